@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/camera/camera_description.h"
+#include "common/status/refusal.h"
+#include "common/target/observation.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+
+// One camera's observations in capture order. Recorded and simulated cameras yield them directly; a
+// camera that yields pictures or events has a detector between it and this interface.
+//
+// Start, Next and the takers are called by one thread; Stop by any.
+class ObservationSource {
+ public:
+  virtual ~ObservationSource() = default;
+
+  // Valid from construction on, never changes.
+  virtual const CameraDescription& description() const = 0;
+
+  // Begins a capture of `target`, from the beginning where there is one.
+  // INVALID_ARGUMENT: this source cannot show that target (a recording with another marker count).
+  virtual absl::Status Start(const Target& target) = 0;
+
+  // The next observation; waits for it where the source has a pace. None: the source has ended or
+  // was stopped. An error ends the capture.
+  virtual absl::StatusOr<std::optional<Observation>> Next() = 0;
+
+  // Makes a waiting and every later Next return none, until the next Start.
+  virtual void Stop() = 0;
+
+  // Readings of the camera's clock since the last call; they belong to the epoch of the observation
+  // yielded last.
+  virtual std::vector<ClockSample> TakeClockSamples() { return {}; }
+
+  // What was refused since Start, by reason. `camera` is left empty.
+  virtual std::vector<Refusal> Refused() const { return {}; }
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+# Every outside library, in one place. All of them are Debian 12 packages; deploy/install-deps.sh installs them.
+find_package(Threads REQUIRED)
+find_package(absl CONFIG REQUIRED)
+find_package(Protobuf REQUIRED) # module mode: Debian ships no CONFIG package for 3.21
+find_package(gRPC CONFIG REQUIRED)
+find_package(Eigen3 CONFIG REQUIRED)
+find_package(Ceres CONFIG REQUIRED)
+find_package(OpenCV CONFIG REQUIRED COMPONENTS core calib3d)
+find_package(spdlog CONFIG REQUIRED)
+find_package(tomlplusplus CONFIG REQUIRED)
+find_package(SQLiteCpp CONFIG REQUIRED)
+find_package(OpenSSL REQUIRED)
+find_package(ZLIB REQUIRED)
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)
+find_package(nlohmann_json REQUIRED)
+find_package(CLI11 REQUIRED)
+if(RIGCAL_BUILD_TESTS OR NOT DEFINED RIGCAL_BUILD_TESTS)
+  find_package(GTest CONFIG REQUIRED)
+  find_package(rapidcheck CONFIG REQUIRED)
+  find_package(benchmark CONFIG REQUIRED)
+endif()

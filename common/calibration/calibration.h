@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/calibration/calibration_options.h"
+#include "common/camera/intrinsics.h"
+#include "common/geometry/rigid_transform.h"
+#include "common/status/refusal.h"
+#include "common/target/target.h"
+
+namespace rigcal {
+
+// Figures of a set of reprojection errors; each error is a Euclidean distance in pixels.
+struct ErrorFigures {
+  double mean_px = 0;
+  double rms_px = 0;
+  double median_px = 0;
+  double p95_px = 0;
+  uint32_t marker_count = 0;
+};
+
+// Over all visible markers of the used instants, outliers included.
+struct Residuals {
+  ErrorFigures all;
+  ErrorFigures inlier;  // markers that are not outliers
+  uint32_t observation_count = 0;
+  uint32_t outlier_count = 0;  // markers
+};
+
+// One sigma each, with the reference camera's pose held fixed.
+struct CameraUncertainty {
+  Eigen::Vector3d rotation_sigma_rad =
+      Eigen::Vector3d::Zero();  // rotation vector in the camera frame
+  Eigen::Vector3d position_sigma_m = Eigen::Vector3d::Zero();  // camera centre in the rig frame
+  double time_offset_sigma_s = 0;
+  double time_rate_sigma_ppm = 0;
+  std::vector<double> intrinsics_sigma;  // fx fy cx cy and the coefficients; empty when fixed
+};
+
+struct CalibratedCamera {
+  std::string camera;
+  ImageSize image_size_px;
+  RigidTransform cam_from_rig;
+  Intrinsics intrinsics;
+  bool intrinsics_refined = false;
+  // rig_time = camera_time + time_offset + time_rate * (camera_time - time_epoch)
+  std::string clock_id;
+  double time_offset_s = 0;  // against the median clock
+  double time_rate_ppm = 0;
+  double time_epoch_s = 0;
+  bool time_offset_estimated = false;
+  Residuals residuals;
+  std::optional<CameraUncertainty> uncertainty;
+  std::optional<ErrorFigures> held_out;
+  std::optional<ErrorFigures> leave_one_out;
+  uint32_t observation_count = 0;
+  uint32_t wand_count = 0;
+};
+
+// Error of one span between neighbouring markers, triangulated without the wand constraint.
+struct SpanError {
+  double length_m = 0;
+  double mean_error_m = 0;
+  double error_rms_m = 0;
+  uint32_t count = 0;
+  double held_out_error_rms_m = 0;
+  uint32_t held_out_count = 0;
+};
+
+struct CalibratedTarget {
+  Target given;
+  std::vector<double> marker_positions_m;
+  bool marker_positions_estimated = false;
+  std::vector<double> marker_position_sigma_m;
+  double scale_sigma_rel = 0;     // 0: not computed
+  double length_error_rms_m = 0;  // over all spans
+  std::vector<SpanError> spans;
+};
+
+struct Finding {
+  std::string kind;
+  std::string camera;  // empty: the whole rig
+  double value = 0;
+  std::string unit;
+  std::string advice;
+};
+
+enum class QualityGrade : uint8_t { kNotJudged = 0, kGood = 1, kUsable = 2, kBad = 3 };
+
+struct Quality {
+  QualityGrade grade = QualityGrade::kNotJudged;
+  std::vector<std::string> reasons;
+};
+
+// What a solve gives: everything of a calibration that depends on the observations and options
+// alone. Two runs on the same set of observations agree in it bit for bit.
+struct CalibrationResult {
+  bool scale_known = false;
+  std::string reference_camera;
+  uint32_t instant_count = 0;
+  std::vector<CalibratedCamera> cameras;  // sorted by name
+  CalibratedTarget target;
+  std::vector<Refusal> refused;
+  std::vector<Finding> findings;
+  Quality quality;
+  std::string observation_digest;
+  uint32_t iteration_count = 0;
+};
+
+}  // namespace rigcal

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+
+namespace rigcal {
+
+// How a part of the calibration is treated.
+enum class Estimate : uint8_t {
+  kDefault = 0,
+  kFixed = 1,    // keep as given
+  kRefined = 2,  // estimate
+  kAuto = 3,     // estimate where held-out data says that it pays
+};
+
+// What to solve.
+struct CalibrationOptions {
+  std::string reference_camera;  // its pose is the rig frame; empty: the lowest name
+  Estimate intrinsics = Estimate::kDefault;
+  Estimate time_offsets = Estimate::kDefault;
+  Estimate marker_positions = Estimate::kDefault;
+  double sigma_px = 0;                 // one sigma of every centre, pixels; 0 = as observed
+  double association_tolerance_s = 0;  // of two observations of one instant; 0 = from the periods
+  uint32_t seed = 0;                   // of every random choice
+
+  friend bool operator==(const CalibrationOptions&, const CalibrationOptions&) = default;
+  absl::Status Validate() const;
+};
+
+}  // namespace rigcal

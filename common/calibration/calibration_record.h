@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/calibration/calibration.h"
+
+namespace rigcal {
+
+enum class CalibrationState : uint8_t { kQueued = 1, kRunning = 2, kSucceeded = 3, kFailed = 4 };
+
+// A calibration as a resource: versioned, and immutable once it has ended.
+struct Calibration {
+  std::string id;
+  std::string rig;
+  uint32_t version = 0;   // counts up within the rig
+  std::string parent_id;  // empty: from observations alone
+  std::vector<std::string> session_ids;
+  CalibrationState state = CalibrationState::kQueued;
+  std::string error;  // why it failed, and what to do
+  std::string progress_stage;
+  double progress_fraction = 0;
+  CalibrationOptions options;
+  std::optional<CalibrationResult> result;  // once succeeded
+  std::vector<Refusal> refused;             // when it failed: what had been left out by then
+
+  int64_t create_utc_ns = 0;
+  int64_t start_utc_ns = 0;  // 0: has not happened
+  int64_t end_utc_ns = 0;
+  double duration_s = 0;
+  std::string software_version;
+};
+
+}  // namespace rigcal

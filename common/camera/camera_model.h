@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "absl/status/statusor.h"
+#include "common/camera/intrinsics.h"
+
+namespace rigcal {
+
+// Projects a point in frame `cam` (x right, y down, z forward, metres) to pixels. False, and
+// `pixel` untouched, for a point that the model cannot see: z <= 0 (or behind the fisheye's
+// sphere), not finite. Brown-Conrady and rational: OpenCV, calib3d, "projectPoints"; fisheye:
+// OpenCV, fisheye module (Kannala and Brandt 2006).
+bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel);
+
+// The same with d pixel / d x_in_cam.
+bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel,
+             Eigen::Matrix<double, 2, 3>* d_pixel_d_point);
+
+// The direction a pixel looks along, as normalised image coordinates (x/z, y/z) without distortion.
+// OUT_OF_RANGE: the distortion model has no inverse there (the pixel is outside the part of the
+// image in which the model is monotone).
+absl::StatusOr<Eigen::Vector2d> Undistort(const Intrinsics& intrinsics,
+                                          const Eigen::Vector2d& pixel);
+
+}  // namespace rigcal

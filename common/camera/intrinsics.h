@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+
+namespace rigcal {
+
+// Lens distortion models, with OpenCV's meaning and order of coefficients.
+enum class DistortionModel : uint8_t {
+  kBrownConrady = 1,  // k1 k2 p1 p2 k3 (OpenCV "plumb_bob")
+  kRational = 2,      // k1 k2 p1 p2 k3 k4 k5 k6
+  kFisheye = 3,       // equidistant k1 k2 k3 k4 (OpenCV's fisheye module)
+};
+
+// Number of coefficients of a model: 5, 8 or 4.
+int CoefficientCount(DistortionModel model);
+// "plumb_bob", "rational_polynomial", "equidistant": the words calibration files use.
+std::string_view DistortionModelName(DistortionModel model);
+
+struct ImageSize {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  friend bool operator==(const ImageSize&, const ImageSize&) = default;
+};
+
+// Pinhole projection with lens distortion. The centre of the first pixel is (0, 0), as in OpenCV.
+struct Intrinsics {
+  DistortionModel model = DistortionModel::kBrownConrady;
+  double fx_px = 0;
+  double fy_px = 0;
+  double cx_px = 0;
+  double cy_px = 0;
+  // CoefficientCount(model) values, or none for zero distortion.
+  std::vector<double> distortion;
+
+  friend bool operator==(const Intrinsics&, const Intrinsics&) = default;
+
+  // Every fault: focal lengths not positive, values not finite, wrong number of coefficients, or a
+  // principal point further outside the image than the image is large.
+  absl::Status Validate(const ImageSize& image_size) const;
+};
+
+}  // namespace rigcal

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/camera/camera_description.h"
+#include "common/session/stream_key.h"
+#include "common/status/refusal.h"
+#include "common/target/target.h"
+
+namespace rigcal {
+
+enum class SessionState : uint8_t { kCreated = 1, kCapturing = 2, kDraining = 3, kFinished = 4 };
+
+// A camera of a session, with its description as it was when the session started.
+struct SessionCamera {
+  CameraDescription description;
+  std::string agent_id;  // empty: described by hand, delivered without an agent
+};
+
+// One wave: owns its target, its camera list and (in the store) its observations.
+struct Session {
+  std::string id;
+  std::string rig;
+  std::string title;
+  SessionState state = SessionState::kCreated;
+  Target target;
+  std::vector<std::string> requested_cameras;  // empty: all that are connected at the start
+  std::vector<SessionCamera> cameras;          // sorted by name; fixed from the start on
+  int64_t create_utc_ns = 0;
+  int64_t start_utc_ns = 0;  // 0: has not happened, as for those below
+  int64_t stop_utc_ns = 0;
+  int64_t finish_utc_ns = 0;
+  int64_t drain_deadline_utc_ns = 0;
+  std::vector<std::string> missing_cameras;  // had not ended when the session finished
+
+  const SessionCamera* FindCamera(std::string_view camera) const {
+    for (const SessionCamera& candidate : cameras) {
+      if (candidate.description.camera == camera) return &candidate;
+    }
+    return nullptr;
+  }
+};
+
+// How far one stream is on disk.
+struct StreamStatus {
+  uint32_t stream_epoch = 1;
+  uint32_t durable_seq = 0;
+  std::optional<uint32_t> last_seq;  // once the end of capture has come
+
+  bool ended() const { return last_seq.has_value() && durable_seq >= *last_seq; }
+};
+
+struct ClockEpochCount {
+  uint32_t clock_epoch = 0;
+  uint32_t observation_count = 0;
+};
+
+// What the store holds of one camera of a session.
+struct SessionCameraCounts {
+  std::string camera;
+  uint32_t observation_count = 0;  // empty and late ones included, refused ones not
+  uint32_t wand_count = 0;         // with at least one visible marker
+  uint32_t late_count = 0;
+  std::vector<ClockEpochCount> clock_epochs;
+  std::vector<StreamStatus> streams;  // by stream_epoch
+  std::vector<Refusal> refused;       // by ingest, and as the agent's reports say
+
+  // The newest stream has ended.
+  bool ended() const { return !streams.empty() && streams.back().ended(); }
+};
+
+}  // namespace rigcal

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/status/refusal.h"
+
+namespace rigcal {
+
+// One life of an agent's spool for one camera of a session. Sequence numbers count up from 1 within
+// it.
+struct StreamKey {
+  std::string session_id;
+  std::string camera;
+  uint32_t stream_epoch = 1;
+
+  friend auto operator<=>(const StreamKey&, const StreamKey&) = default;
+
+  template <typename H>
+  friend H AbslHashValue(H state, const StreamKey& key) {
+    return H::combine(std::move(state), key.session_id, key.camera, key.stream_epoch);
+  }
+};
+
+// Totals of one stream since it began; each report replaces the one before.
+struct CameraReport {
+  StreamKey stream;
+  uint32_t observation_count = 0;  // rows the source yielded
+  std::vector<Refusal> refused;    // by the source itself; `camera` may be empty
+};
+
+// The last word of a stream: nothing after `last_seq` will come.
+struct EndOfCapture {
+  StreamKey stream;
+  uint32_t last_seq = 0;
+  CameraReport report;
+};
+
+// A row that was refused by ingest, and why.
+struct ObservationFault {
+  uint32_t seq = 0;
+  std::string field;   // "x_px[17]"
+  std::string reason;  // as in Refusal
+
+  friend bool operator==(const ObservationFault&, const ObservationFault&) = default;
+};
+
+// Everything of the stream up to `durable_seq` survives kill -9 and power loss.
+struct BatchAck {
+  StreamKey stream;
+  uint32_t durable_seq = 0;
+  uint32_t send_limit_seq = 0;
+  std::vector<ObservationFault> faults;  // at most 16 of them
+  uint32_t fault_count = 0;
+  bool complete = false;  // the end was received, and everything before it is durable
+};
+
+}  // namespace rigcal

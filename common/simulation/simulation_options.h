@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace rigcal {
+
+// One shared world: rig, trajectory and truth follow from these alone, so that every agent process
+// that is given the same options simulates its own camera of the same world.
+struct SimulationOptions {
+  uint32_t seed = 1;
+  int camera_count = 6;         // 2 to 100, in a ring around the volume, neighbours 3 to 5 m apart
+  double duration_s = 60;       // of the wave
+  double rate_hz = 25;          // observations per second and camera
+  double noise_px = 0.3;        // one sigma of each coordinate of a centre
+  double outlier_share = 0.02;  // of markers, put anywhere in the image
+  double dropout_share = 0.05;  // of markers, not seen
+  double swap_share = 0;        // of observations, with the markers' labels reversed
+  double max_speed_m_s = 1.5;   // of the wand's middle
+  double jitter_s = 0;          // one sigma of each stamp
+  double length_error_m = 0;    // added to every span of the true wand, unknown to the solver
+  bool free_running = false;    // each camera begins its period at a phase of its own
+  bool clock_samples =
+      false;  // clocks count from origins of their own, aligned by clock samples only
+  // By camera index; cameras not named have 0. Same sense as in Clock.
+  std::map<int, double> time_offset_s;
+  std::map<int, double> time_rate_ppm;
+  std::map<int, double> camera_rate_hz;  // instead of rate_hz
+
+  friend bool operator==(const SimulationOptions&, const SimulationOptions&) = default;
+  absl::Status Validate() const;
+};
+
+// Reads
+// `seed=1;cameras=6;duration=60;rate=25;noise=0.3;outliers=0.02;dropouts=0.05;swaps=0;speed=1.5;
+// jitter=0;length_error=0;free_running=1;clock_samples=1;offset.2=0.008;rate_ppm.2=50;rate.3=60`;
+// every part may be left out. The error names the part and lists the known ones.
+absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text);
+std::string FormatSimulationOptions(const SimulationOptions& options);
+
+}  // namespace rigcal

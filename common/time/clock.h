@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace rigcal {
+
+// The clock that stamps a camera's observations. Several cameras may share one. For a clock and
+// epoch
+//   rig_time = camera_time + time_offset + time_rate * (camera_time - time_epoch)
+// so a camera whose rows show an earlier moment than their stamps say has a negative offset.
+struct Clock {
+  std::string clock_id;
+  // Name of a time base this clock already follows to within a second ("recording", "ptp"). Empty:
+  // it counts from an origin of its own, and clock samples put it beside the others.
+  std::string timebase;
+
+  friend bool operator==(const Clock&, const Clock&) = default;
+};
+
+// Three clocks read together.
+struct ClockSample {
+  int64_t device_ns = 0;
+  int64_t host_monotonic_ns = 0;
+  int64_t host_utc_ns = 0;
+  uint32_t uncertainty_ns = 0;  // one sigma of the moment of reading; 0 = not known (1 ms assumed)
+
+  friend bool operator==(const ClockSample&, const ClockSample&) = default;
+};
+
+// How far an agent's UTC is from the server's, measured by a ping on the stream.
+struct HostAlignment {
+  int64_t host_monotonic_ns = 0;
+  int64_t server_minus_host_ns = 0;
+  uint32_t uncertainty_ns = 0;  // half the round trip
+
+  friend bool operator==(const HostAlignment&, const HostAlignment&) = default;
+};
+
+// Gives each stamp of one camera, in capture order, its clock epoch: a new one whenever the clock
+// steps backwards. Equal times stay in the epoch (they are duplicates, not a step).
+class ClockEpochCounter {
+ public:
+  uint32_t EpochOf(int64_t time_ns) {
+    if (!first_ && time_ns < last_ns_) ++epoch_;
+    first_ = false;
+    last_ns_ = time_ns;
+    return epoch_;
+  }
+
+ private:
+  bool first_ = true;
+  int64_t last_ns_ = 0;
+  uint32_t epoch_ = 0;
+};
+
+}  // namespace rigcal

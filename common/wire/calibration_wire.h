@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration_record.h"
+#include "rigcal/v1/calibration.pb.h"
+
+namespace rigcal::wire {
+
+v1::Calibration ToProto(const Calibration& calibration);
+absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto);
+absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto);
+v1::CalibrationOptions ToProto(const CalibrationOptions& options);
+
+// The store's form; bytes of equal calibrations are equal.
+std::string SerializeCalibration(const Calibration& calibration);
+absl::StatusOr<Calibration> ParseCalibration(std::string_view bytes);
+
+}  // namespace rigcal::wire

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "common/session/stream_key.h"
+#include "common/target/observation.h"
+#include "rigcal/v1/agent.pb.h"
+#include "rigcal/v1/observation.pb.h"
+
+namespace rigcal::wire {
+
+// FromProto checks form, not values: wrong column sizes, unknown enum values, mask bits beyond the
+// marker count, missing ids are INVALID_ARGUMENT with the field's path. Values (NaN, far outside)
+// pass through. The message's columns are moved or copied as blocks.
+absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto);
+void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto);
+
+v1::StreamKey ToProto(const StreamKey& stream);
+absl::StatusOr<StreamKey> FromProto(const v1::StreamKey& proto);
+v1::CameraReport ToProto(const CameraReport& report);
+absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto);
+v1::EndOfCapture ToProto(const EndOfCapture& end);
+absl::StatusOr<EndOfCapture> FromProto(const v1::EndOfCapture& proto);
+v1::BatchAck ToProto(const BatchAck& ack);
+absl::StatusOr<BatchAck> FromProto(const v1::BatchAck& proto);
+v1::Refusal ToProto(const Refusal& refusal);
+Refusal FromProto(const v1::Refusal& proto);
+
+}  // namespace rigcal::wire

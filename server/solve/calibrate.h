@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "common/calibration/calibration_options.h"
+#include "server/associate/camera_track.h"
+
+namespace rigcal::server {
+
+struct CalibrationInput {
+  Target target;
+  std::vector<CameraTrack> tracks;  // in any order
+  std::vector<Refusal> refused;     // by the agents and by ingest: carried over into the result
+};
+
+struct CalibrationHooks {
+  // Called now and then from the solving thread: stage ("associating") and fraction 0 to 1.
+  std::function<void(std::string_view stage, double fraction)> progress;
+  // Looked at between iterations; true ends the solve with CANCELLED.
+  const std::atomic<bool>* cancelled = nullptr;
+};
+
+struct CalibrationOutcome {
+  absl::StatusOr<CalibrationResult> result;
+  std::vector<Refusal> refused;  // what was left out, also when the solve failed
+};
+
+// The whole solve: sort, associate, start, bundle adjustment, residuals. Depends on the set of
+// observations only, not on their order; bit for bit on one build and CPU. Knows no files, no
+// network.
+//
+// Errors of `result`: INVALID_ARGUMENT (options, target `point`, a camera without intrinsics),
+// FAILED_PRECONDITION (not connected: names the groups and the pair that would best join them; too
+// few instants; no camera), CANCELLED. Each says what to do.
+CalibrationOutcome Calibrate(const CalibrationInput& input, const CalibrationOptions& options,
+                             const CalibrationHooks& hooks = {});
+
+}  // namespace rigcal::server

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "common/calibration/calibration_record.h"
+#include "common/session/session.h"
+#include "common/target/observation.h"
+
+namespace rigcal::server {
+
+// One delivery to a stream: rows, an end, a report, or several of them.
+struct AppendRequest {
+  StreamKey stream;
+  // `rows() == 0` with nothing dropped: no rows in this delivery. Refused rows are in it with their
+  // original values (they count towards durable_seq), and `refused_rows[i]` is true for them. Empty
+  // `refused_rows`: none is refused.
+  ObservationBatch batch;
+  std::vector<bool> refused_rows;
+  std::vector<Refusal> refused;  // what ingest counted for the refused rows
+  std::optional<uint32_t> last_seq;
+  std::optional<CameraReport> report;
+};
+
+// What became of it, once the transaction is durable.
+struct AppendOutcome {
+  uint32_t durable_seq = 0;     // everything up to here is on disk
+  uint32_t stored_rows = 0;     // new in this delivery, refused ones not counted
+  uint32_t duplicate_rows = 0;  // were there already
+  uint32_t refused_rows = 0;    // newly refused
+  bool late = false;            // the session had finished: stored as not used
+  bool complete = false;        // the stream has ended and everything of it is durable
+  bool unknown = false;         // no such session or camera: nothing was stored
+};
+
+// A row range of one stream as it is stored.
+struct StoredBatch {
+  ObservationBatch batch;          // refused rows left out of nothing: see refused_rows
+  std::vector<bool> refused_rows;  // empty: none
+  bool late = false;
+};
+
+struct StoreHealth {
+  std::string kind;  // "sqlite"
+  uint32_t schema_version = 0;
+  uint64_t size_bytes = 0;
+  uint64_t free_bytes = 0;  // on its disk
+};
+
+// Where sessions, observations and calibrations live. Thread-safe. Every write is durable (survives
+// kill -9 and power loss) when the call returns OK; a call that returns an error has changed
+// nothing.
+//
+// Errors common to all: NOT_FOUND (the id is named), RESOURCE_EXHAUSTED (disk full; reads and
+// deletes still work), DATA_LOSS (a record's checksum is wrong; it is named), INTERNAL.
+class Store {
+ public:
+  virtual ~Store() = default;
+
+  // Made with the store, for ever the same.
+  virtual std::string server_id() const = 0;
+  virtual StoreHealth Health() const = 0;
+
+  // --- Sessions ---
+  // An empty id is replaced by a new one ("s-000001"). ALREADY_EXISTS.
+  virtual absl::StatusOr<Session> CreateSession(Session session) = 0;
+  virtual absl::Status UpdateSession(const Session& session) = 0;
+  virtual absl::StatusOr<Session> GetSession(std::string_view id) const = 0;
+  // Newest first, at most `limit`, those older than session `before` (empty: from the newest).
+  virtual absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
+                                                            std::string_view before) const = 0;
+  virtual absl::StatusOr<uint32_t> CountSessions() const = 0;
+  virtual absl::Status DeleteSession(std::string_view id) = 0;
+  // One per camera of the session, in the order of their names.
+  virtual absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
+      std::string_view id) const = 0;
+
+  // --- Observations ---
+  // All requests in one transaction, in their order; one outcome for each. What a stream has
+  // already is cut off in the same transaction: any order and any repetition of deliveries ends in
+  // the same rows.
+  virtual absl::StatusOr<std::vector<AppendOutcome>> Append(
+      absl::Span<const AppendRequest> requests) = 0;
+  // 0 for a stream that has nothing yet. NOT_FOUND: no such session, or no such camera in it.
+  virtual absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const = 0;
+  // Calls `visit` for every stored batch of the session in the order (camera, stream_epoch, seq);
+  // stops at the first error and returns it. Empty `camera`: all.
+  virtual absl::Status ReadObservations(
+      std::string_view session_id, std::string_view camera,
+      const std::function<absl::Status(StoredBatch)>& visit) const = 0;
+
+  // --- Calibrations ---
+  // Fills id ("c-000001") and version.
+  virtual absl::StatusOr<Calibration> CreateCalibration(Calibration calibration) = 0;
+  // FAILED_PRECONDITION: it has ended and is immutable.
+  virtual absl::Status UpdateCalibration(const Calibration& calibration) = 0;
+  virtual absl::StatusOr<Calibration> GetCalibration(std::string_view id) const = 0;
+  // As ListSessions.
+  virtual absl::StatusOr<std::vector<Calibration>> ListCalibrations(
+      std::string_view rig, int limit, std::string_view before) const = 0;
+};
+
+}  // namespace rigcal::server

@@ -1,1 +1,324 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "common/wire/calibration_wire.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "common/wire/camera_wire.h"
+#include "common/wire/observation_wire.h"
+#include "common/wire/timestamp_wire.h"
+
+namespace rigcal::wire {
+namespace {
+
+void SetVector(const Eigen::Vector3d& vector, v1::Vector3* proto) {
+  proto->set_x(vector.x());
+  proto->set_y(vector.y());
+  proto->set_z(vector.z());
+}
+
+Eigen::Vector3d GetVector(const v1::Vector3& proto) { return {proto.x(), proto.y(), proto.z()}; }
+
+v1::ErrorFigures ToProto(const ErrorFigures& figures) {
+  v1::ErrorFigures proto;
+  proto.set_mean_px(figures.mean_px);
+  proto.set_rms_px(figures.rms_px);
+  proto.set_median_px(figures.median_px);
+  proto.set_p95_px(figures.p95_px);
+  proto.set_marker_count(figures.marker_count);
+  return proto;
+}
+
+ErrorFigures FromProto(const v1::ErrorFigures& proto) {
+  return {proto.mean_px(), proto.rms_px(), proto.median_px(), proto.p95_px(), proto.marker_count()};
+}
+
+v1::Residuals ToProto(const Residuals& residuals) {
+  v1::Residuals proto;
+  proto.set_mean_px(residuals.all.mean_px);
+  proto.set_rms_px(residuals.all.rms_px);
+  proto.set_median_px(residuals.all.median_px);
+  proto.set_p95_px(residuals.all.p95_px);
+  proto.set_marker_count(residuals.all.marker_count);
+  proto.set_observation_count(residuals.observation_count);
+  proto.set_outlier_count(residuals.outlier_count);
+  *proto.mutable_inlier() = ToProto(residuals.inlier);
+  return proto;
+}
+
+Residuals FromProto(const v1::Residuals& proto) {
+  Residuals residuals;
+  residuals.all = {proto.mean_px(), proto.rms_px(), proto.median_px(), proto.p95_px(),
+                   proto.marker_count()};
+  residuals.inlier = FromProto(proto.inlier());
+  residuals.observation_count = proto.observation_count();
+  residuals.outlier_count = proto.outlier_count();
+  return residuals;
+}
+
+v1::CameraUncertainty ToProto(const CameraUncertainty& uncertainty) {
+  v1::CameraUncertainty proto;
+  SetVector(uncertainty.rotation_sigma_rad, proto.mutable_rotation_sigma_rad());
+  SetVector(uncertainty.position_sigma_m, proto.mutable_position_sigma_m());
+  proto.set_time_offset_sigma_s(uncertainty.time_offset_sigma_s);
+  proto.set_time_rate_sigma_ppm(uncertainty.time_rate_sigma_ppm);
+  proto.mutable_intrinsics_sigma()->Assign(uncertainty.intrinsics_sigma.begin(),
+                                           uncertainty.intrinsics_sigma.end());
+  return proto;
+}
+
+CameraUncertainty FromProto(const v1::CameraUncertainty& proto) {
+  CameraUncertainty uncertainty;
+  uncertainty.rotation_sigma_rad = GetVector(proto.rotation_sigma_rad());
+  uncertainty.position_sigma_m = GetVector(proto.position_sigma_m());
+  uncertainty.time_offset_sigma_s = proto.time_offset_sigma_s();
+  uncertainty.time_rate_sigma_ppm = proto.time_rate_sigma_ppm();
+  uncertainty.intrinsics_sigma.assign(proto.intrinsics_sigma().begin(),
+                                      proto.intrinsics_sigma().end());
+  return uncertainty;
+}
+
+void FillCamera(const CalibratedCamera& camera, v1::CalibratedCamera* proto) {
+  proto->set_camera(camera.camera);
+  *proto->mutable_image_size_px() = wire::ToProto(camera.image_size_px);
+  *proto->mutable_cam_from_rig() = wire::ToProto(camera.cam_from_rig);
+  *proto->mutable_intrinsics() = wire::ToProto(camera.intrinsics);
+  proto->set_intrinsics_refined(camera.intrinsics_refined);
+  proto->set_clock_id(camera.clock_id);
+  proto->set_time_offset_s(camera.time_offset_s);
+  proto->set_time_rate_ppm(camera.time_rate_ppm);
+  proto->set_time_epoch_s(camera.time_epoch_s);
+  proto->set_time_offset_estimated(camera.time_offset_estimated);
+  *proto->mutable_residuals() = ToProto(camera.residuals);
+  if (camera.uncertainty) *proto->mutable_uncertainty() = ToProto(*camera.uncertainty);
+  if (camera.held_out) *proto->mutable_held_out() = ToProto(*camera.held_out);
+  if (camera.leave_one_out) *proto->mutable_leave_one_out() = ToProto(*camera.leave_one_out);
+  proto->set_observation_count(camera.observation_count);
+  proto->set_wand_count(camera.wand_count);
+}
+
+absl::StatusOr<CalibratedCamera> CameraFromProto(const v1::CalibratedCamera& proto) {
+  CalibratedCamera camera;
+  camera.camera = proto.camera();
+  camera.image_size_px = wire::FromProto(proto.image_size_px());
+  RIGCAL_ASSIGN_OR_RETURN(camera.cam_from_rig, wire::FromProto(proto.cam_from_rig()));
+  RIGCAL_ASSIGN_OR_RETURN(camera.intrinsics, wire::FromProto(proto.intrinsics()));
+  camera.intrinsics_refined = proto.intrinsics_refined();
+  camera.clock_id = proto.clock_id();
+  camera.time_offset_s = proto.time_offset_s();
+  camera.time_rate_ppm = proto.time_rate_ppm();
+  camera.time_epoch_s = proto.time_epoch_s();
+  camera.time_offset_estimated = proto.time_offset_estimated();
+  camera.residuals = FromProto(proto.residuals());
+  if (proto.has_uncertainty()) camera.uncertainty = FromProto(proto.uncertainty());
+  if (proto.has_held_out()) camera.held_out = FromProto(proto.held_out());
+  if (proto.has_leave_one_out()) camera.leave_one_out = FromProto(proto.leave_one_out());
+  camera.observation_count = proto.observation_count();
+  camera.wand_count = proto.wand_count();
+  return camera;
+}
+
+void FillTarget(const CalibratedTarget& target, v1::CalibratedTarget* proto) {
+  *proto->mutable_given() = wire::ToProto(target.given);
+  proto->mutable_marker_positions_m()->Assign(target.marker_positions_m.begin(),
+                                              target.marker_positions_m.end());
+  proto->set_marker_positions_estimated(target.marker_positions_estimated);
+  proto->mutable_marker_position_sigma_m()->Assign(target.marker_position_sigma_m.begin(),
+                                                   target.marker_position_sigma_m.end());
+  proto->set_scale_sigma_rel(target.scale_sigma_rel);
+  proto->set_length_error_rms_m(target.length_error_rms_m);
+  for (const SpanError& span : target.spans) {
+    v1::SpanError* out = proto->add_spans();
+    out->set_length_m(span.length_m);
+    out->set_mean_error_m(span.mean_error_m);
+    out->set_error_rms_m(span.error_rms_m);
+    out->set_count(span.count);
+    out->set_held_out_error_rms_m(span.held_out_error_rms_m);
+    out->set_held_out_count(span.held_out_count);
+  }
+}
+
+absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& proto) {
+  CalibratedTarget target;
+  RIGCAL_ASSIGN_OR_RETURN(target.given, wire::FromProto(proto.given()));
+  target.marker_positions_m.assign(proto.marker_positions_m().begin(),
+                                   proto.marker_positions_m().end());
+  target.marker_positions_estimated = proto.marker_positions_estimated();
+  target.marker_position_sigma_m.assign(proto.marker_position_sigma_m().begin(),
+                                        proto.marker_position_sigma_m().end());
+  target.scale_sigma_rel = proto.scale_sigma_rel();
+  target.length_error_rms_m = proto.length_error_rms_m();
+  for (const v1::SpanError& span : proto.spans()) {
+    target.spans.push_back({span.length_m(), span.mean_error_m(), span.error_rms_m(), span.count(),
+                            span.held_out_error_rms_m(), span.held_out_count()});
+  }
+  return target;
+}
+
+void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
+  proto->set_scale_known(result.scale_known);
+  proto->set_reference_camera(result.reference_camera);
+  proto->set_instant_count(result.instant_count);
+  for (const CalibratedCamera& camera : result.cameras) FillCamera(camera, proto->add_cameras());
+  FillTarget(result.target, proto->mutable_target());
+  for (const Refusal& refusal : result.refused) *proto->add_refused() = wire::ToProto(refusal);
+  for (const Finding& finding : result.findings) {
+    v1::Finding* out = proto->add_findings();
+    out->set_kind(finding.kind);
+    out->set_camera(finding.camera);
+    out->set_value(finding.value);
+    out->set_unit(finding.unit);
+    out->set_advice(finding.advice);
+  }
+  proto->set_observation_digest(result.observation_digest);
+  proto->mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(result.quality.grade));
+  for (const std::string& reason : result.quality.reasons) {
+    proto->mutable_quality()->add_reasons(reason);
+  }
+  proto->mutable_run()->set_iteration_count(result.iteration_count);
+}
+
+absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) {
+  CalibrationResult result;
+  result.scale_known = proto.scale_known();
+  result.reference_camera = proto.reference_camera();
+  result.instant_count = proto.instant_count();
+  for (const v1::CalibratedCamera& camera : proto.cameras()) {
+    RIGCAL_ASSIGN_OR_RETURN(CalibratedCamera parsed, CameraFromProto(camera));
+    result.cameras.push_back(std::move(parsed));
+  }
+  RIGCAL_ASSIGN_OR_RETURN(result.target, TargetFromProto(proto.target()));
+  for (const v1::Refusal& refusal : proto.refused()) {
+    result.refused.push_back(wire::FromProto(refusal));
+  }
+  for (const v1::Finding& finding : proto.findings()) {
+    result.findings.push_back(
+        {finding.kind(), finding.camera(), finding.value(), finding.unit(), finding.advice()});
+  }
+  result.observation_digest = proto.observation_digest();
+  result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
+  result.quality.reasons.assign(proto.quality().reasons().begin(), proto.quality().reasons().end());
+  result.iteration_count = proto.run().iteration_count();
+  return result;
+}
+
+}  // namespace
+
+v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
+  v1::CalibrationOptions proto;
+  proto.set_reference_camera(options.reference_camera);
+  proto.set_intrinsics(static_cast<v1::CalibrationOptions::Estimate>(options.intrinsics));
+  proto.set_time_offsets(static_cast<v1::CalibrationOptions::Estimate>(options.time_offsets));
+  proto.set_marker_positions(
+      static_cast<v1::CalibrationOptions::Estimate>(options.marker_positions));
+  proto.set_sigma_px(options.sigma_px);
+  proto.set_association_tolerance_s(options.association_tolerance_s);
+  proto.set_seed(options.seed);
+  return proto;
+}
+
+absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto) {
+  for (const auto& [field, value] : {std::pair("intrinsics", proto.intrinsics()),
+                                     std::pair("time_offsets", proto.time_offsets()),
+                                     std::pair("marker_positions", proto.marker_positions())}) {
+    if (!v1::CalibrationOptions::Estimate_IsValid(value)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("options.", field, ": ", static_cast<int>(value), " is not known"));
+    }
+  }
+  CalibrationOptions options;
+  options.reference_camera = proto.reference_camera();
+  options.intrinsics = static_cast<Estimate>(proto.intrinsics());
+  options.time_offsets = static_cast<Estimate>(proto.time_offsets());
+  options.marker_positions = static_cast<Estimate>(proto.marker_positions());
+  options.sigma_px = proto.sigma_px();
+  options.association_tolerance_s = proto.association_tolerance_s();
+  options.seed = proto.seed();
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  return options;
+}
+
+v1::Calibration ToProto(const Calibration& calibration) {
+  v1::Calibration proto;
+  proto.set_id(calibration.id);
+  proto.set_rig(calibration.rig);
+  proto.set_version(calibration.version);
+  proto.set_parent_id(calibration.parent_id);
+  for (const std::string& session : calibration.session_ids) proto.add_session_ids(session);
+  proto.set_state(static_cast<v1::Calibration::State>(calibration.state));
+  proto.set_error(calibration.error);
+  proto.mutable_progress()->set_stage(calibration.progress_stage);
+  proto.mutable_progress()->set_fraction(calibration.progress_fraction);
+  *proto.mutable_options() = ToProto(calibration.options);
+  if (calibration.result) {
+    FillResult(*calibration.result, &proto);
+  } else {
+    for (const Refusal& refusal : calibration.refused) *proto.add_refused() = ToProto(refusal);
+  }
+  v1::CalibrationRun* run = proto.mutable_run();
+  if (calibration.create_utc_ns) {
+    *run->mutable_create_time() = ToTimestamp(calibration.create_utc_ns);
+  }
+  if (calibration.start_utc_ns) *run->mutable_start_time() = ToTimestamp(calibration.start_utc_ns);
+  if (calibration.end_utc_ns) *run->mutable_end_time() = ToTimestamp(calibration.end_utc_ns);
+  run->set_duration_s(calibration.duration_s);
+  run->set_software_version(calibration.software_version);
+  return proto;
+}
+
+absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
+  Calibration calibration;
+  calibration.id = proto.id();
+  calibration.rig = proto.rig();
+  calibration.version = proto.version();
+  calibration.parent_id = proto.parent_id();
+  calibration.session_ids.assign(proto.session_ids().begin(), proto.session_ids().end());
+  if (proto.state() < v1::Calibration::QUEUED || proto.state() > v1::Calibration::FAILED) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("calibration ", proto.id(), ": state: not a known state"));
+  }
+  calibration.state = static_cast<CalibrationState>(proto.state());
+  calibration.error = proto.error();
+  calibration.progress_stage = proto.progress().stage();
+  calibration.progress_fraction = proto.progress().fraction();
+  RIGCAL_ASSIGN_OR_RETURN(calibration.options, FromProto(proto.options()));
+  if (calibration.state == CalibrationState::kSucceeded) {
+    RIGCAL_ASSIGN_OR_RETURN(calibration.result, ResultFromProto(proto));
+  } else {
+    for (const v1::Refusal& refusal : proto.refused()) {
+      calibration.refused.push_back(FromProto(refusal));
+    }
+  }
+  const v1::CalibrationRun& run = proto.run();
+  if (run.has_create_time()) calibration.create_utc_ns = FromTimestamp(run.create_time());
+  if (run.has_start_time()) calibration.start_utc_ns = FromTimestamp(run.start_time());
+  if (run.has_end_time()) calibration.end_utc_ns = FromTimestamp(run.end_time());
+  calibration.duration_s = run.duration_s();
+  calibration.software_version = run.software_version();
+  return calibration;
+}
+
+std::string SerializeCalibration(const Calibration& calibration) {
+  std::string bytes;
+  {
+    google::protobuf::io::StringOutputStream stream(&bytes);
+    google::protobuf::io::CodedOutputStream output(&stream);
+    output.SetSerializationDeterministic(true);
+    ToProto(calibration).SerializeToCodedStream(&output);
+  }
+  return bytes;
+}
+
+absl::StatusOr<Calibration> ParseCalibration(std::string_view bytes) {
+  v1::Calibration proto;
+  if (!proto.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+    return absl::DataLossError("a stored calibration cannot be read: its bytes are damaged");
+  }
+  return FromProto(proto);
+}
+
+}  // namespace rigcal::wire

@@ -1,1 +1,331 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "common/wire/observation_wire.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "common/camera/camera_id.h"
+#include "common/status/status_macros.h"
+#include "common/target/target.h"
+
+namespace rigcal::wire {
+namespace {
+
+absl::Status Fault(absl::string_view field, absl::string_view what) {
+  return absl::InvalidArgumentError(absl::StrCat("batch.", field, ": ", what));
+}
+
+absl::Status CheckSize(absl::string_view field, int size, int64_t expected) {
+  if (size == expected) return absl::OkStatus();
+  return Fault(field, absl::StrCat("has ", size, " values, expected ", expected));
+}
+
+absl::Status CheckKey(absl::string_view session_id, absl::string_view camera,
+                      uint32_t stream_epoch) {
+  RIGCAL_RETURN_IF_ERROR(ValidateName("session_id", {session_id.data(), session_id.size()}));
+  RIGCAL_RETURN_IF_ERROR(ValidateName("camera", {camera.data(), camera.size()}));
+  if (stream_epoch == 0) return absl::InvalidArgumentError("stream_epoch: must be at least 1");
+  return absl::OkStatus();
+}
+
+template <typename T, typename Repeated>
+void Copy(const Repeated& from, std::vector<T>* to) {
+  to->assign(from.begin(), from.end());
+}
+
+absl::Status CopyCentreKinds(const v1::ObservationBatch& proto, ObservationBatch* batch) {
+  const int64_t values = static_cast<int64_t>(batch->x_px.size());
+  const int given = proto.centre_kind_size();
+  if (given != 1) RIGCAL_RETURN_IF_ERROR(CheckSize("centre_kind", given, values));
+  batch->centre_kind.resize(batch->x_px.size());
+  for (size_t i = 0; i < batch->centre_kind.size(); ++i) {
+    const int kind = proto.centre_kind(given == 1 ? 0 : static_cast<int>(i));
+    if (kind < 0 || kind > v1::CENTRE_KIND_SPHERE_CENTRE) {
+      return Fault(absl::StrCat("centre_kind[", i, "]"),
+                   absl::StrCat(kind, " is not a known kind of centre"));
+    }
+    batch->centre_kind[i] = static_cast<uint8_t>(kind);
+  }
+  return absl::OkStatus();
+}
+
+// Values of invisible markers mean nothing; as zeros they cannot make equal observations differ.
+absl::Status ApplyVisibility(ObservationBatch* batch) {
+  const uint32_t markers = batch->marker_count;
+  for (size_t row = 0; row < batch->rows(); ++row) {
+    const uint32_t mask = batch->visible_mask[row];
+    if (mask >> markers != 0) {
+      return Fault(absl::StrCat("visible_mask[", row, "]"),
+                   absl::StrCat("has bits beyond the ", markers, " markers"));
+    }
+    for (uint32_t m = 0; m < markers; ++m) {
+      const size_t i = row * markers + m;
+      if ((mask >> m & 1u) != 0) {
+        if (batch->centre_kind[i] == 0) {
+          return Fault(absl::StrCat("centre_kind[", i, "]"), "unspecified for a visible marker");
+        }
+        continue;
+      }
+      batch->x_px[i] = batch->y_px[i] = 0;
+      batch->cov_xx_px2[i] = batch->cov_xy_px2[i] = batch->cov_yy_px2[i] = 0;
+      batch->time_delta_ns[i] = 0;
+      batch->label_confidence[i] = 0;
+      batch->centre_kind[i] = 0;
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckRanges(const v1::ObservationBatch& proto) {
+  if (proto.first_seq() == 0 && proto.time_ns_size() > 0) {
+    return Fault("first_seq", "must be at least 1");
+  }
+  constexpr uint64_t kLast = std::numeric_limits<uint32_t>::max();
+  if (proto.first_seq() + static_cast<uint64_t>(proto.time_ns_size()) > kLast) {
+    return Fault("first_seq", "the numbers of the rows do not fit in 32 bits");
+  }
+  const uint64_t end_seq = proto.first_seq() + static_cast<uint64_t>(proto.time_ns_size());
+  for (int i = 0; i < proto.dropped_size(); ++i) {
+    const v1::DroppedRange& range = proto.dropped(i);
+    const uint64_t end = uint64_t{range.first_seq()} + range.count();
+    if (range.first_seq() == 0 || range.count() == 0 || end > kLast) {
+      return Fault(absl::StrCat("dropped[", i, "]"), "not a range of sequence numbers");
+    }
+    if (range.first_seq() < end_seq && proto.first_seq() < end) {
+      return Fault(absl::StrCat("dropped[", i, "]"), "overlaps the rows of the batch");
+    }
+    if (range.reason().empty() || range.reason().size() > 64) {
+      return Fault(absl::StrCat("dropped[", i, "].reason"), "must have 1 to 64 characters");
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
+  if (absl::Status key = CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch());
+      !key.ok()) {
+    return Fault("key", key.message());
+  }
+  RIGCAL_RETURN_IF_ERROR(CheckRanges(proto));
+  if (proto.marker_count() > static_cast<uint32_t>(kMaxMarkers) ||
+      (proto.marker_count() == 0 && proto.time_ns_size() > 0)) {
+    return Fault("marker_count",
+                 absl::StrCat(proto.marker_count(), " is not within 1 to ", kMaxMarkers));
+  }
+  const int rows = proto.time_ns_size();
+  const int64_t values = static_cast<int64_t>(rows) * proto.marker_count();
+  RIGCAL_RETURN_IF_ERROR(CheckSize("visible_mask", proto.visible_mask_size(), rows));
+  RIGCAL_RETURN_IF_ERROR(CheckSize("x_px", proto.x_px_size(), values));
+  RIGCAL_RETURN_IF_ERROR(CheckSize("y_px", proto.y_px_size(), values));
+  RIGCAL_RETURN_IF_ERROR(CheckSize("cov_xx_px2", proto.cov_xx_px2_size(), values));
+  RIGCAL_RETURN_IF_ERROR(CheckSize("cov_xy_px2", proto.cov_xy_px2_size(), values));
+  RIGCAL_RETURN_IF_ERROR(CheckSize("cov_yy_px2", proto.cov_yy_px2_size(), values));
+  if (proto.time_delta_ns_size() != 0) {
+    RIGCAL_RETURN_IF_ERROR(CheckSize("time_delta_ns", proto.time_delta_ns_size(), values));
+  }
+  if (proto.label_confidence_size() != 0) {
+    RIGCAL_RETURN_IF_ERROR(CheckSize("label_confidence", proto.label_confidence_size(), values));
+  }
+
+  ObservationBatch batch;
+  batch.session_id = proto.session_id();
+  batch.camera = proto.camera();
+  batch.stream_epoch = proto.stream_epoch();
+  batch.first_seq = proto.first_seq();
+  batch.clock_epoch = proto.clock_epoch();
+  batch.marker_count = proto.marker_count();
+  Copy(proto.time_ns(), &batch.time_ns);
+  Copy(proto.visible_mask(), &batch.visible_mask);
+  Copy(proto.x_px(), &batch.x_px);
+  Copy(proto.y_px(), &batch.y_px);
+  Copy(proto.cov_xx_px2(), &batch.cov_xx_px2);
+  Copy(proto.cov_xy_px2(), &batch.cov_xy_px2);
+  Copy(proto.cov_yy_px2(), &batch.cov_yy_px2);
+  Copy(proto.time_delta_ns(), &batch.time_delta_ns);
+  Copy(proto.label_confidence(), &batch.label_confidence);
+  batch.time_delta_ns.resize(static_cast<size_t>(values), 0);
+  batch.label_confidence.resize(static_cast<size_t>(values), 1.0f);
+  if (values > 0) RIGCAL_RETURN_IF_ERROR(CopyCentreKinds(proto, &batch));
+  RIGCAL_RETURN_IF_ERROR(ApplyVisibility(&batch));
+
+  for (const v1::ClockSample& sample : proto.clock_samples()) {
+    batch.clock_samples.push_back({sample.device_ns(), sample.host_monotonic_ns(),
+                                   sample.host_utc_ns(), sample.uncertainty_ns()});
+  }
+  for (const v1::HostAlignment& alignment : proto.host_alignments()) {
+    batch.host_alignments.push_back({alignment.host_monotonic_ns(),
+                                     alignment.server_minus_host_ns(), alignment.uncertainty_ns()});
+  }
+  for (const v1::DroppedRange& range : proto.dropped()) {
+    batch.dropped.push_back({range.first_seq(), range.count(), range.reason()});
+  }
+  return batch;
+}
+
+void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto) {
+  proto->Clear();
+  proto->set_session_id(batch.session_id);
+  proto->set_camera(batch.camera);
+  proto->set_stream_epoch(batch.stream_epoch);
+  proto->set_first_seq(batch.first_seq);
+  proto->set_clock_epoch(batch.clock_epoch);
+  proto->set_marker_count(batch.marker_count);
+  proto->mutable_time_ns()->Assign(batch.time_ns.begin(), batch.time_ns.end());
+  proto->mutable_visible_mask()->Assign(batch.visible_mask.begin(), batch.visible_mask.end());
+  proto->mutable_x_px()->Assign(batch.x_px.begin(), batch.x_px.end());
+  proto->mutable_y_px()->Assign(batch.y_px.begin(), batch.y_px.end());
+  proto->mutable_cov_xx_px2()->Assign(batch.cov_xx_px2.begin(), batch.cov_xx_px2.end());
+  proto->mutable_cov_xy_px2()->Assign(batch.cov_xy_px2.begin(), batch.cov_xy_px2.end());
+  proto->mutable_cov_yy_px2()->Assign(batch.cov_yy_px2.begin(), batch.cov_yy_px2.end());
+  // The two columns that are mostly of one value are left out when they are.
+  const auto not_zero = [](int32_t delta) { return delta != 0; };
+  if (std::any_of(batch.time_delta_ns.begin(), batch.time_delta_ns.end(), not_zero)) {
+    proto->mutable_time_delta_ns()->Assign(batch.time_delta_ns.begin(), batch.time_delta_ns.end());
+  }
+  proto->mutable_label_confidence()->Assign(batch.label_confidence.begin(),
+                                            batch.label_confidence.end());
+  proto->mutable_centre_kind()->Assign(batch.centre_kind.begin(), batch.centre_kind.end());
+  for (const ClockSample& sample : batch.clock_samples) {
+    v1::ClockSample* out = proto->add_clock_samples();
+    out->set_device_ns(sample.device_ns);
+    out->set_host_monotonic_ns(sample.host_monotonic_ns);
+    out->set_host_utc_ns(sample.host_utc_ns);
+    out->set_uncertainty_ns(sample.uncertainty_ns);
+  }
+  for (const HostAlignment& alignment : batch.host_alignments) {
+    v1::HostAlignment* out = proto->add_host_alignments();
+    out->set_host_monotonic_ns(alignment.host_monotonic_ns);
+    out->set_server_minus_host_ns(alignment.server_minus_host_ns);
+    out->set_uncertainty_ns(alignment.uncertainty_ns);
+  }
+  for (const DroppedRange& range : batch.dropped) {
+    v1::DroppedRange* out = proto->add_dropped();
+    out->set_first_seq(range.first_seq);
+    out->set_count(range.count);
+    out->set_reason(range.reason);
+  }
+}
+
+v1::StreamKey ToProto(const StreamKey& stream) {
+  v1::StreamKey proto;
+  proto.set_session_id(stream.session_id);
+  proto.set_camera(stream.camera);
+  proto.set_stream_epoch(stream.stream_epoch);
+  return proto;
+}
+
+absl::StatusOr<StreamKey> FromProto(const v1::StreamKey& proto) {
+  RIGCAL_RETURN_IF_ERROR(CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch()));
+  return StreamKey{proto.session_id(), proto.camera(), proto.stream_epoch()};
+}
+
+v1::Refusal ToProto(const Refusal& refusal) {
+  v1::Refusal proto;
+  proto.set_camera(refusal.camera);
+  proto.set_reason(refusal.reason);
+  proto.set_count(refusal.count);
+  proto.set_example(refusal.example);
+  return proto;
+}
+
+Refusal FromProto(const v1::Refusal& proto) {
+  return {proto.camera(), proto.reason(), proto.count(), proto.example()};
+}
+
+v1::CameraReport ToProto(const CameraReport& report) {
+  v1::CameraReport proto;
+  proto.set_session_id(report.stream.session_id);
+  proto.set_camera(report.stream.camera);
+  proto.set_stream_epoch(report.stream.stream_epoch);
+  proto.set_observation_count(report.observation_count);
+  for (const Refusal& refusal : report.refused) *proto.add_refused() = ToProto(refusal);
+  return proto;
+}
+
+absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto) {
+  if (absl::Status key = CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch());
+      !key.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat("report.", key.message()));
+  }
+  // A source has a few reasons; a report with thousands is a fault, not information.
+  constexpr int kMaxReasons = 256;
+  constexpr size_t kMaxText = 1024;
+  if (proto.refused_size() > kMaxReasons) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("report.refused: ", proto.refused_size(), " entries, at most ", kMaxReasons));
+  }
+  CameraReport report;
+  report.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
+  report.observation_count = proto.observation_count();
+  for (const v1::Refusal& refusal : proto.refused()) {
+    Refusal& added = report.refused.emplace_back(FromProto(refusal));
+    added.reason.resize(std::min(added.reason.size(), size_t{64}));
+    added.example.resize(std::min(added.example.size(), kMaxText));
+  }
+  return report;
+}
+
+v1::EndOfCapture ToProto(const EndOfCapture& end) {
+  v1::EndOfCapture proto;
+  proto.set_session_id(end.stream.session_id);
+  proto.set_camera(end.stream.camera);
+  proto.set_stream_epoch(end.stream.stream_epoch);
+  proto.set_last_seq(end.last_seq);
+  *proto.mutable_report() = ToProto(end.report);
+  return proto;
+}
+
+absl::StatusOr<EndOfCapture> FromProto(const v1::EndOfCapture& proto) {
+  if (absl::Status key = CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch());
+      !key.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat("end_of_capture.", key.message()));
+  }
+  EndOfCapture end;
+  end.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
+  end.last_seq = proto.last_seq();
+  end.report.stream = end.stream;
+  if (proto.has_report()) {
+    RIGCAL_ASSIGN_OR_RETURN(end.report, FromProto(proto.report()));
+    if (end.report.stream != end.stream) {
+      return absl::InvalidArgumentError("end_of_capture.report: of another stream than the end");
+    }
+  }
+  return end;
+}
+
+v1::BatchAck ToProto(const BatchAck& ack) {
+  v1::BatchAck proto;
+  proto.set_session_id(ack.stream.session_id);
+  proto.set_camera(ack.stream.camera);
+  proto.set_stream_epoch(ack.stream.stream_epoch);
+  proto.set_durable_seq(ack.durable_seq);
+  proto.set_send_limit_seq(ack.send_limit_seq);
+  for (const ObservationFault& fault : ack.faults) {
+    v1::ObservationFault* out = proto.add_faults();
+    out->set_seq(fault.seq);
+    out->set_field(fault.field);
+    out->set_reason(fault.reason);
+  }
+  proto.set_fault_count(ack.fault_count);
+  proto.set_complete(ack.complete);
+  return proto;
+}
+
+absl::StatusOr<BatchAck> FromProto(const v1::BatchAck& proto) {
+  RIGCAL_RETURN_IF_ERROR(CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch()));
+  BatchAck ack;
+  ack.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
+  ack.durable_seq = proto.durable_seq();
+  ack.send_limit_seq = proto.send_limit_seq();
+  for (const v1::ObservationFault& fault : proto.faults()) {
+    ack.faults.push_back({fault.seq(), fault.field(), fault.reason()});
+  }
+  ack.fault_count = proto.fault_count();
+  ack.complete = proto.complete();
+  return ack;
+}
+
+}  // namespace rigcal::wire

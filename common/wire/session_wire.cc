@@ -1,1 +1,172 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "common/wire/session_wire.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/camera/camera_id.h"
+#include "common/status/status_macros.h"
+#include "common/wire/camera_wire.h"
+#include "common/wire/observation_wire.h"
+#include "common/wire/timestamp_wire.h"
+
+namespace rigcal::wire {
+namespace {
+
+void FillCounts(const SessionCameraCounts& counts, v1::SessionCamera* camera) {
+  camera->set_observation_count(counts.observation_count);
+  camera->set_wand_count(counts.wand_count);
+  camera->set_late_count(counts.late_count);
+  for (const ClockEpochCount& epoch : counts.clock_epochs) {
+    v1::ClockEpochCount* out = camera->add_clock_epochs();
+    out->set_clock_epoch(epoch.clock_epoch);
+    out->set_observation_count(epoch.observation_count);
+  }
+  for (const StreamStatus& stream : counts.streams) {
+    v1::StreamStatus* out = camera->add_streams();
+    out->set_stream_epoch(stream.stream_epoch);
+    out->set_durable_seq(stream.durable_seq);
+    out->set_last_seq(stream.last_seq.value_or(0));
+    out->set_ended(stream.ended());
+  }
+  for (const Refusal& refusal : counts.refused) *camera->add_refused() = ToProto(refusal);
+  camera->set_ended(counts.ended());
+}
+
+// The fields that a session has of its own, without what the store counts.
+v1::Session OwnFields(const Session& session) {
+  v1::Session proto;
+  proto.set_id(session.id);
+  proto.set_rig(session.rig);
+  proto.set_title(session.title);
+  proto.set_state(static_cast<v1::Session::State>(session.state));
+  *proto.mutable_target() = ToProto(session.target);
+  for (const SessionCamera& camera : session.cameras) {
+    v1::SessionCamera* out = proto.add_cameras();
+    *out->mutable_description() = ToProto(camera.description);
+    out->set_agent_id(camera.agent_id);
+  }
+  if (session.create_utc_ns) *proto.mutable_create_time() = ToTimestamp(session.create_utc_ns);
+  if (session.start_utc_ns) *proto.mutable_start_time() = ToTimestamp(session.start_utc_ns);
+  if (session.stop_utc_ns) *proto.mutable_stop_time() = ToTimestamp(session.stop_utc_ns);
+  if (session.finish_utc_ns) *proto.mutable_finish_time() = ToTimestamp(session.finish_utc_ns);
+  if (session.drain_deadline_utc_ns) {
+    *proto.mutable_drain_deadline() = ToTimestamp(session.drain_deadline_utc_ns);
+  }
+  for (const std::string& camera : session.missing_cameras) proto.add_missing_cameras(camera);
+  for (const std::string& camera : session.requested_cameras) proto.add_requested_cameras(camera);
+  return proto;
+}
+
+int64_t TimeOrZero(bool has, const google::protobuf::Timestamp& timestamp) {
+  return has ? FromTimestamp(timestamp) : 0;
+}
+
+}  // namespace
+
+v1::Session ToProto(const Session& session, const std::vector<SessionCameraCounts>& counts,
+                    const std::vector<std::string>& connected_cameras) {
+  v1::Session proto = OwnFields(session);
+  uint32_t observations = 0;
+  uint32_t wands = 0;
+  uint32_t late = 0;
+  for (v1::SessionCamera& camera : *proto.mutable_cameras()) {
+    const std::string& name = camera.description().camera();
+    const auto found =
+        std::find_if(counts.begin(), counts.end(),
+                     [&](const SessionCameraCounts& count) { return count.camera == name; });
+    if (found != counts.end()) {
+      FillCounts(*found, &camera);
+      observations += found->observation_count;
+      wands += found->wand_count;
+      late += found->late_count;
+    }
+    camera.set_connected(std::find(connected_cameras.begin(), connected_cameras.end(), name) !=
+                         connected_cameras.end());
+  }
+  proto.set_observation_count(observations);
+  proto.set_wand_count(wands);
+  proto.set_late_count(late);
+  return proto;
+}
+
+absl::StatusOr<Session> FromProto(const v1::CreateSessionRequest& proto) {
+  constexpr size_t kMaxTitle = 200;
+  constexpr int kMaxCameras = 256;
+  Session session;
+  session.id = proto.id();
+  if (!session.id.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("session id", session.id));
+  session.rig = proto.rig().empty() ? "rig" : proto.rig();
+  RIGCAL_RETURN_IF_ERROR(ValidateName("rig", session.rig));
+  session.title = proto.title();
+  if (session.title.size() > kMaxTitle) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("title: ", session.title.size(), " bytes, at most ", kMaxTitle));
+  }
+  if (!proto.has_target()) {
+    return absl::InvalidArgumentError("target: missing; give one such as wand:0,0.13,0.39");
+  }
+  RIGCAL_ASSIGN_OR_RETURN(session.target, FromProto(proto.target()));
+  if (proto.cameras_size() > kMaxCameras || proto.camera_names_size() > kMaxCameras) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("cameras: more than ", kMaxCameras, " in one session"));
+  }
+  std::set<std::string> names;
+  for (const std::string& name : proto.camera_names()) {
+    RIGCAL_RETURN_IF_ERROR(ValidateName("camera_names", name));
+    if (!names.insert(name).second) {
+      return absl::InvalidArgumentError(absl::StrCat("camera_names: ", name, " is named twice"));
+    }
+    session.requested_cameras.push_back(name);
+  }
+  for (const v1::CameraDescription& camera : proto.cameras()) {
+    RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, FromProto(camera));
+    if (!names.insert(description.camera).second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("cameras: ", description.camera, " is named twice"));
+    }
+    session.cameras.push_back({std::move(description), ""});
+  }
+  std::sort(session.cameras.begin(), session.cameras.end(),
+            [](const SessionCamera& a, const SessionCamera& b) {
+              return a.description.camera < b.description.camera;
+            });
+  return session;
+}
+
+std::string SerializeSession(const Session& session) {
+  return OwnFields(session).SerializeAsString();
+}
+
+absl::StatusOr<Session> ParseSession(std::string_view bytes) {
+  v1::Session proto;
+  if (!proto.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+    return absl::DataLossError("a stored session cannot be read: its bytes are damaged");
+  }
+  Session session;
+  session.id = proto.id();
+  session.rig = proto.rig();
+  session.title = proto.title();
+  if (proto.state() < v1::Session::CREATED || proto.state() > v1::Session::FINISHED) {
+    return absl::DataLossError(absl::StrCat("stored session ", session.id, " has no known state"));
+  }
+  session.state = static_cast<SessionState>(proto.state());
+  RIGCAL_ASSIGN_OR_RETURN(session.target, FromProto(proto.target()));
+  for (const v1::SessionCamera& camera : proto.cameras()) {
+    RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, FromProto(camera.description()));
+    session.cameras.push_back({std::move(description), camera.agent_id()});
+  }
+  session.create_utc_ns = TimeOrZero(proto.has_create_time(), proto.create_time());
+  session.start_utc_ns = TimeOrZero(proto.has_start_time(), proto.start_time());
+  session.stop_utc_ns = TimeOrZero(proto.has_stop_time(), proto.stop_time());
+  session.finish_utc_ns = TimeOrZero(proto.has_finish_time(), proto.finish_time());
+  session.drain_deadline_utc_ns = TimeOrZero(proto.has_drain_deadline(), proto.drain_deadline());
+  session.missing_cameras.assign(proto.missing_cameras().begin(), proto.missing_cameras().end());
+  session.requested_cameras.assign(proto.requested_cameras().begin(),
+                                   proto.requested_cameras().end());
+  return session;
+}
+
+}  // namespace rigcal::wire

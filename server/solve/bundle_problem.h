@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "common/camera/intrinsics.h"
+#include "common/geometry/rigid_transform.h"
+
+namespace rigcal::server {
+
+// The spatio-temporal bundle adjustment of a line target seen by many cameras:
+//
+//   minimise  1/2 sum over used markers of rho( |r|^2 )  +  1/2 sum of priors
+//   r = L * (p - (u - dt * u')),   p = pi(K_c, cam_from_rig_c * (origin_k + s_m * direction_k))
+//
+// with u the measured centre at the instant's time under the clock alignment the problem was built
+// with, u' its image velocity, L^T L the inverse of u's covariance, s_m the marker's position along
+// the target, and dt = time_offset_s + time_rate * clock_time_s what the camera's clock is still
+// off (same sense as in Clock: negative where rows show an earlier moment than their stamps say).
+//
+// What to solve (BundleProblem, estimates are changed in place), how (BundleOptions) and what came
+// out (BundleSummary) are three structs. Everything refers by index; instants own a contiguous run
+// of observations, observations a contiguous run of markers.
+
+// fx fy cx cy, then the coefficients of the distortion model in OpenCV's order.
+using IntrinsicsVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 12, 1>;
+
+struct BundleCamera {
+  std::string name;
+  RigidTransform cam_from_rig;
+  bool pose_fixed = false;  // the gauge: one camera of a problem, at least
+  int clock = 0;
+
+  DistortionModel model = DistortionModel::kBrownConrady;
+  IntrinsicsVector intrinsics;  // 4 + CoefficientCount(model) values
+  bool intrinsics_fixed = true;
+  // Independent normal priors on refined intrinsics. sigma 0 holds that value fixed.
+  IntrinsicsVector intrinsics_mean;
+  IntrinsicsVector intrinsics_sigma;
+};
+
+struct BundleClock {
+  std::string clock_id;
+  double time_offset_s = 0;  // correction on top of the alignment of the observations
+  double time_rate = 0;      // s/s, likewise
+  bool offset_fixed = true;  // one clock of a problem is fixed, else time has no origin
+  bool rate_fixed = true;
+  // Normal priors around prior_*; sigma 0 means none.
+  double prior_offset_s = 0;
+  double offset_sigma_s = 0;
+  double prior_rate = 0;
+  double rate_sigma = 0;
+};
+
+struct BundleTarget {
+  std::vector<double> marker_positions_m;  // along the target; the first is 0 and never moves
+  bool fixed = true;
+  // Prior of each span between neighbours when estimated: normal around the given span.
+  std::vector<double> given_positions_m;
+  double span_sigma_m = 0.002;
+};
+
+struct BundleMarker {
+  int marker = 0;  // index into marker_positions_m
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d sqrt_information = Eigen::Matrix2d::Identity();  // L, 1/px
+  bool used = true;  // false: no part of the cost (counted out), residual still of interest
+};
+
+struct BundleObservation {
+  int camera = 0;
+  double clock_time_s = 0;  // of this observation on its clock, from the clock's time epoch
+  int first_marker = 0;
+  int marker_count = 0;
+};
+
+// The target at one time: marker m is at origin_m + marker_positions_m[m] * direction.
+struct BundleInstant {
+  Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  // unit, 2 degrees of freedom
+  int first_observation = 0;
+  int observation_count = 0;
+  bool used = true;  // false: no marker of it is part of the cost
+};
+
+struct BundleProblem {
+  std::vector<BundleCamera> cameras;
+  std::vector<BundleClock> clocks;
+  BundleTarget target;
+  std::vector<BundleInstant> instants;
+  std::vector<BundleObservation> observations;
+  std::vector<BundleMarker> markers;
+
+  // INVALID_ARGUMENT: an index out of range, a value that is not finite, no fixed camera, no fixed
+  // clock while others are estimated.
+  absl::Status Validate() const;
+};
+
+enum class BundleLoss : uint8_t { kNone = 0, kHuber = 1, kCauchy = 2 };
+
+struct BundleOptions {
+  BundleLoss loss = BundleLoss::kCauchy;
+  double loss_scale = 2.0;  // in sigmas of a marker's centre, > 0
+  int max_iterations = 100;
+  double function_tolerance = 1e-10;   // relative change of the cost
+  double gradient_tolerance = 1e-10;   // as in Ceres
+  double parameter_tolerance = 1e-10;  // relative change of the parameters
+  // Called after each iteration from the solving thread, with the relative decrease of the cost.
+  std::function<void(int iteration, double cost)> progress;
+  const std::atomic<bool>* cancelled = nullptr;
+
+  // Every fault: values not positive or not finite.
+  absl::Status Validate() const;
+};
+
+struct BundleSummary {
+  double initial_cost = 0;
+  double final_cost = 0;
+  int iterations = 0;
+  bool converged = false;
+  int residual_count = 0;   // scalars, priors not counted
+  int parameter_count = 0;  // free, in the tangent space
+  std::string message;
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what is missing, builds rigcal and calibrates through real processes on this machine.
+#   deploy/demo.sh                    a simulated rig of 6 cameras, compared with its truth
+#   deploy/demo.sh DIR [OPTIONS]      a recorded rig: DIR has <camera>.yaml and <camera>.csv for each camera
+# OPTIONS go to `rigcal local` (deploy/demo.sh DIR -o json). RIGCAL_TARGET names another wand.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+"$root/deploy/install-deps.sh"
+(
+  cd "$root"
+  cmake --preset release -DRIGCAL_BUILD_TESTS=OFF >/dev/null
+  cmake --build --preset release -j "$(nproc)" --target rigcal rigcal-server rigcal-agent
+) >&2
+
+target=${RIGCAL_TARGET:-wand:0,0.13,0.39}
+if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then
+  data=$1
+  shift
+  exec "$root/build/release/bin/rigcal" local --data "$data" --target "$target" "$@"
+fi
+exec "$root/build/release/bin/rigcal" local --simulate "" --target "$target" "$@"

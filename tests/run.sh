@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what is missing, builds everything and runs every test. Lists what was skipped, and why.
+#   tests/run.sh [CTEST OPTIONS]      e.g. tests/run.sh -R server/solve
+#   RIGCAL_PRESET=asan tests/run.sh   another preset of CMakePresets.json (default: release)
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+preset=${RIGCAL_PRESET:-release}
+jobs=$(nproc)
+
+"$root/deploy/install-deps.sh"
+cd "$root"
+warnings=OFF
+[ "${CI:-}" = true ] && warnings=ON
+cmake --preset "$preset" -DRIGCAL_BUILD_TESTS=ON -DRIGCAL_WARNINGS_AS_ERRORS="$warnings" >/dev/null
+cmake --build --preset "$preset" -j "$jobs"
+
+# CHOLMOD and OpenMP stall busy machines; nothing here needs their threads.
+export OMP_THREAD_LIMIT=1
+log=build/$preset/ctest.log
+status=0
+ctest --preset "$preset" -j "$jobs" "$@" 2>&1 | tee "$log" || status=$?
+
+if grep -q '(Skipped)' "$log"; then
+  echo
+  echo "Skipped:"
+  grep '(Skipped)' "$log" | sed 's/^\s*[0-9]* - /  /' | sort -u
+fi
+exit "$status"

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/associate/align_clocks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kDefaultSampleSigmaS = 1e-3;
+
+using ClockKey = std::tuple<std::string, std::string, uint32_t>;  // session, clock, epoch
+
+int64_t Median(std::vector<int64_t> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Server UTC minus host UTC: the median of the pings that were about as good as the best.
+int64_t HostCorrectionNs(const std::vector<HostAlignment>& alignments) {
+  if (alignments.empty()) return 0;
+  uint32_t best = alignments.front().uncertainty_ns;
+  for (const HostAlignment& alignment : alignments) {
+    best = std::min(best, alignment.uncertainty_ns);
+  }
+  std::vector<int64_t> corrections;
+  for (const HostAlignment& alignment : alignments) {
+    if (alignment.uncertainty_ns / 2 <= best) {
+      corrections.push_back(alignment.server_minus_host_ns);
+    }
+  }
+  return Median(std::move(corrections));
+}
+
+struct Offset {
+  int64_t offset_ns = 0;
+  double sigma_s = 0;
+};
+
+std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tracks) {
+  std::map<ClockKey, std::vector<int64_t>> differences;
+  std::map<ClockKey, double> sigmas;
+  for (const CameraTrack& track : tracks) {
+    const int64_t correction = HostCorrectionNs(track.host_alignments);
+    for (const CameraTrack::EpochSample& sample : track.clock_samples) {
+      const ClockKey key = {track.session_id, track.camera.clock.clock_id, sample.clock_epoch};
+      differences[key].push_back(sample.sample.host_utc_ns - sample.sample.device_ns + correction);
+      const double sigma = sample.sample.uncertainty_ns > 0
+                               ? static_cast<double>(sample.sample.uncertainty_ns) * 1e-9
+                               : kDefaultSampleSigmaS;
+      sigmas[key] = std::max(sigmas[key], sigma);
+    }
+  }
+  std::map<ClockKey, Offset> offsets;
+  for (auto& [key, values] : differences) {
+    const int64_t median = Median(values);
+    for (int64_t& value : values) value = std::abs(value - median);
+    const double spread = 1.4826e-9 * static_cast<double>(Median(values));
+    offsets[key] = {median, std::max(sigmas[key], spread)};
+  }
+  return offsets;
+}
+
+// The time base every clock of the session follows, if there is one.
+std::optional<std::string> CommonTimebase(const std::vector<CleanTrack>& clean,
+                                          const std::string& session_id) {
+  std::set<std::string> timebases;
+  for (const CleanTrack& track : clean) {
+    if (track.session_id == session_id) timebases.insert(track.camera.clock.timebase);
+  }
+  if (timebases.size() != 1 || timebases.begin()->empty()) return std::nullopt;
+  return *timebases.begin();
+}
+
+double MedianPeriodS(const std::vector<Observation>& observations) {
+  if (observations.size() < 2) return 0;
+  std::vector<int64_t> steps;
+  for (size_t i = 1; i < observations.size(); ++i) {
+    steps.push_back(observations[i].time_ns - observations[i - 1].time_ns);
+  }
+  return 1e-9 * static_cast<double>(Median(std::move(steps)));
+}
+
+// Index into `clean` of the epoch that stands for each (session, camera) without clock samples.
+std::set<size_t> LargestEpochs(const std::vector<CleanTrack>& clean) {
+  std::map<std::pair<std::string, std::string>, size_t> largest;
+  for (size_t i = 0; i < clean.size(); ++i) {
+    const auto [entry, inserted] =
+        largest.try_emplace({clean[i].session_id, clean[i].camera.camera}, i);
+    // Epochs come in ascending order, so that of equal ones the lowest stays.
+    if (!inserted && clean[i].observations.size() > clean[entry->second].observations.size()) {
+      entry->second = i;
+    }
+  }
+  std::set<size_t> chosen;
+  for (const auto& [key, index] : largest) chosen.insert(index);
+  return chosen;
+}
+
+}  // namespace
+
+std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
+                                      std::vector<CleanTrack> clean, RefusalCounter* refused) {
+  const std::map<ClockKey, Offset> offsets = OffsetsFromSamples(tracks);
+  const std::set<size_t> largest = LargestEpochs(clean);
+  std::map<std::string, bool> has_timebase;
+  for (const CleanTrack& track : clean) {
+    if (!has_timebase.contains(track.session_id)) {
+      has_timebase[track.session_id] = CommonTimebase(clean, track.session_id).has_value();
+    }
+  }
+  std::vector<AlignedTrack> aligned;
+  for (size_t i = 0; i < clean.size(); ++i) {
+    CleanTrack& track = clean[i];
+    Offset offset;
+    if (has_timebase[track.session_id]) {
+      if (!largest.contains(i)) {
+        refused->Add(track.camera.camera, "clock_epoch_without_offset",
+                     static_cast<uint32_t>(track.observations.size()),
+                     absl::StrCat("clock epoch ", track.clock_epoch, " of clock ",
+                                  track.camera.clock.clock_id, ", session ", track.session_id,
+                                  ": the clock jumped back"));
+        continue;
+      }
+    } else {
+      const auto found =
+          offsets.find({track.session_id, track.camera.clock.clock_id, track.clock_epoch});
+      if (found == offsets.end()) {
+        refused->Add(track.camera.camera, "clock_epoch_without_offset",
+                     static_cast<uint32_t>(track.observations.size()),
+                     absl::StrCat("clock epoch ", track.clock_epoch, " of clock ",
+                                  track.camera.clock.clock_id, ", session ", track.session_id,
+                                  ": no clock samples, and no time base that all cameras share"));
+        continue;
+      }
+      offset = found->second;
+    }
+    AlignedTrack result;
+    result.clock_offset_ns = offset.offset_ns;
+    result.offset_sigma_s = offset.sigma_s;
+    result.latency_ns = std::llround(track.camera.latency_s * 1e9);
+    result.period_s = MedianPeriodS(track.observations);
+    result.track = std::move(track);
+    aligned.push_back(std::move(result));
+  }
+  return aligned;
+}
+
+}  // namespace rigcal::server

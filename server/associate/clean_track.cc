@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/associate/clean_track.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <tuple>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace rigcal::server {
+namespace {
+
+// Every value of a marker in one order, so that "equal" and "before" mean the same thing.
+auto Key(const MarkerObservation& marker) {
+  return std::make_tuple(marker.visible, marker.centre_px.x(), marker.centre_px.y(),
+                         marker.covariance_px2(0, 0), marker.covariance_px2(0, 1),
+                         marker.covariance_px2(1, 1), marker.time_delta_ns, marker.label_confidence,
+                         marker.centre_kind);
+}
+
+bool SameValues(const Observation& a, const Observation& b) {
+  return std::equal(a.markers.begin(), a.markers.end(), b.markers.begin(), b.markers.end(),
+                    [](const MarkerObservation& left, const MarkerObservation& right) {
+                      if (!left.visible && !right.visible) return true;
+                      return Key(left) == Key(right);
+                    });
+}
+
+// The word for what makes an observation unusable, or empty.
+std::string_view Fault(const Observation& observation, int marker_count) {
+  // A source that saw nothing may leave the markers out.
+  if (!observation.markers.empty() &&
+      observation.markers.size() != static_cast<size_t>(marker_count)) {
+    return "marker_count_mismatch";
+  }
+  for (const MarkerObservation& marker : observation.markers) {
+    if (!marker.visible) continue;
+    if (!marker.centre_px.allFinite() || !marker.covariance_px2.allFinite()) {
+      return "value_not_finite";
+    }
+    const double variance = marker.covariance_px2(0, 0);
+    if (variance <= 0 || marker.covariance_px2.determinant() <= 0) return "covariance_not_positive";
+  }
+  return {};
+}
+
+std::string Example(const CleanTrack& track, const Observation& observation) {
+  return absl::StrCat("session ", track.session_id, ", time ", observation.time_ns,
+                      " ns, clock epoch ", track.clock_epoch);
+}
+
+void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {
+  std::vector<Observation>& all = track->observations;
+  std::stable_sort(all.begin(), all.end(), [](const Observation& a, const Observation& b) {
+    return a.time_ns < b.time_ns;
+  });
+  std::vector<Observation> kept;
+  kept.reserve(all.size());
+  for (size_t begin = 0; begin < all.size();) {
+    size_t end = begin + 1;
+    bool equal = true;
+    while (end < all.size() && all[end].time_ns == all[begin].time_ns) {
+      equal = equal && SameValues(all[begin], all[end]);
+      ++end;
+    }
+    const auto count = static_cast<uint32_t>(end - begin);
+    if (equal) {
+      refused->Add(track->camera.camera, "duplicate_equal", count - 1, Example(*track, all[begin]));
+      kept.push_back(std::move(all[begin]));
+    } else {
+      refused->Add(track->camera.camera, "duplicate_conflict", count, Example(*track, all[begin]));
+    }
+    begin = end;
+  }
+  all = std::move(kept);
+}
+
+}  // namespace
+
+std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int marker_count,
+                                    RefusalCounter* refused) {
+  std::map<std::tuple<std::string, std::string, uint32_t>, CleanTrack> by_key;
+  // What is refused for its values is counted here and named after sorting, so that the example
+  // does not depend on the order of arrival.
+  std::map<std::pair<std::string, std::string>, std::pair<uint32_t, std::string>> faults;
+  for (const CameraTrack& track : tracks) {
+    for (const Observation& observation : track.observations) {
+      CleanTrack& clean = by_key[{track.session_id, track.camera.camera, observation.clock_epoch}];
+      clean.session_id = track.session_id;
+      clean.camera = track.camera;
+      clean.clock_epoch = observation.clock_epoch;
+      const std::string_view fault = Fault(observation, marker_count);
+      if (fault.empty()) {
+        clean.observations.push_back(observation);
+        continue;
+      }
+      auto& [count, example] = faults[{track.camera.camera, std::string(fault)}];
+      const std::string words = Example(clean, observation);
+      if (count == 0 || words < example) example = words;
+      ++count;
+    }
+  }
+  for (const auto& [key, fault] : faults) {
+    refused->Add(key.first, key.second, fault.first, fault.second);
+  }
+  std::vector<CleanTrack> clean_tracks;
+  for (auto& [key, track] : by_key) {
+    RemoveDuplicates(&track, refused);
+    if (!track.observations.empty()) clean_tracks.push_back(std::move(track));
+  }
+  return clean_tracks;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/camera/camera_description.h"
+#include "common/status/refusal.h"
+#include "common/target/observation.h"
+#include "server/associate/camera_track.h"
+
+namespace rigcal::server {
+
+// One camera in one session and one epoch of its clock: usable observations, ascending in time, no
+// two at one time, empty ones included.
+struct CleanTrack {
+  std::string session_id;
+  CameraDescription camera;
+  uint32_t clock_epoch = 0;
+  std::vector<Observation> observations;
+};
+
+// Sorts what the cameras delivered, and leaves out what cannot be used. The result depends on the
+// set of observations only: tracks come sorted by (session, camera, clock epoch), and several
+// CameraTracks of one session and camera are taken together. Two observations of one camera, epoch
+// and time: equal in every value, one is kept and the others are counted as `duplicate_equal`;
+// else all are left out as `duplicate_conflict`. Also left out and counted: `value_not_finite`,
+// `covariance_not_positive`, `marker_count_mismatch`.
+std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int marker_count,
+                                    RefusalCounter* refused);
+
+}  // namespace rigcal::server

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "server/associate/align_clocks.h"
+
+namespace rigcal::server {
+
+// One camera's observation in an instant.
+struct InstantMember {
+  int track = 0;        // index into the aligned tracks
+  int observation = 0;  // index into that track's observations
+};
+
+// Observations of at least two cameras of one session that belong to one moment.
+struct Instant {
+  int64_t rig_time_ns = 0;             // mean of its members
+  std::vector<InstantMember> members;  // ascending by track, one per camera
+};
+
+struct InstantOptions {
+  // All members of an instant lie within this of each other, seconds. 0: a quarter of the smallest
+  // median period of the session's cameras, the widest that cannot mix neighbouring frames of
+  // cameras that run together.
+  double tolerance_s = 0;
+};
+
+struct InstantList {
+  std::vector<Instant> instants;               // ascending by session, then time
+  std::vector<uint32_t> alone_count;           // by track: wand views that nobody else shares
+  std::vector<uint32_t> instant_count;         // by track: wand views that are part of an instant
+  std::vector<std::vector<int>> shared_count;  // by pair of tracks
+};
+
+// Groups wand views by rig time. `rig_time_ns[t][i]` is the rig time of observation i of track t.
+// Observations without a visible marker take no part. The same views give the same instants
+// whatever their order of arrival was.
+InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
+                         const std::vector<std::vector<int64_t>>& rig_time_ns,
+                         const InstantOptions& options);
+
+// Rig times by the coarse alignment alone.
+std::vector<std::vector<int64_t>> CoarseRigTimes(const std::vector<AlignedTrack>& tracks);
+
+}  // namespace rigcal::server

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/calibration_wire.h"
+
+#include <gmock/gmock.h>
+#include <google/protobuf/util/json_util.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "common/wire/session_wire.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::wire {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::_;
+using ::testing::HasSubstr;
+
+Calibration FilledCalibration() {
+  Calibration calibration;
+  calibration.id = "c-000001";
+  calibration.rig = "rig";
+  calibration.version = 4;
+  calibration.parent_id = "c-000000";
+  calibration.session_ids = {"s-1", "s-2"};
+  calibration.state = CalibrationState::kSucceeded;
+  calibration.options.seed = 9;
+  calibration.options.intrinsics = Estimate::kAuto;
+  calibration.create_utc_ns = 1'700'000'000'123'456'789;
+  calibration.duration_s = 0.25;
+  CalibrationResult result;
+  result.scale_known = true;
+  result.reference_camera = "a";
+  result.instant_count = 614;
+  CalibratedCamera camera;
+  camera.camera = "a";
+  camera.image_size_px = {1280, 1024};
+  camera.cam_from_rig = {Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY())),
+                         Eigen::Vector3d(1, 2, 3)};
+  camera.intrinsics = {DistortionModel::kBrownConrady, 1250, 1251, 640, 512, {-.2, .1, 0, 0, 0}};
+  camera.clock_id = "clock";
+  camera.time_offset_s = -0.00815;
+  camera.residuals.all = {1, 2, 3, 4, 5};
+  camera.residuals.inlier = {6, 7, 8, 9, 10};
+  camera.residuals.outlier_count = 11;
+  camera.uncertainty.emplace();
+  camera.uncertainty->position_sigma_m = {0.001, 0.002, 0.003};
+  camera.leave_one_out = ErrorFigures{0.5, 0.6, 0.4, 1.0, 100};
+  result.cameras.push_back(camera);
+  result.target.given.marker_positions_m = {0, 0.13, 0.39};
+  result.target.marker_positions_m = {0, 0.1301, 0.3902};
+  result.target.spans.push_back({0.13, 0.0001, 0.0005, 300, 0.0006, 100});
+  result.refused.push_back({"a", "csv_field_count", 3, "a.csv:7: 5 fields, expected 7"});
+  result.findings.push_back({"clock_offset", "a", -8.15, "ms", "check the trigger"});
+  result.quality = {QualityGrade::kUsable, {"because"}};
+  result.observation_digest = "abcd";
+  calibration.result = result;
+  return calibration;
+}
+
+TEST(CalibrationWire, StoredFormReadsBackEqual) {
+  const std::string bytes = SerializeCalibration(FilledCalibration());
+  ASSERT_OK_AND_ASSIGN(const Calibration back, ParseCalibration(bytes));
+  EXPECT_EQ(SerializeCalibration(back), bytes);
+  ASSERT_TRUE(back.result.has_value());
+  EXPECT_EQ(back.result->cameras[0].time_offset_s, -0.00815);
+  EXPECT_EQ(back.result->refused, FilledCalibration().result->refused);
+  EXPECT_EQ(back.options, FilledCalibration().options);
+  EXPECT_EQ(back.create_utc_ns, FilledCalibration().create_utc_ns);
+}
+
+TEST(CalibrationWire, FailedOneKeepsItsErrorAndRefusals) {
+  Calibration calibration = FilledCalibration();
+  calibration.state = CalibrationState::kFailed;
+  calibration.result.reset();
+  calibration.error = "not connected";
+  calibration.refused = {{"b", "csv_empty", 1, ""}};
+  ASSERT_OK_AND_ASSIGN(const Calibration back, ParseCalibration(SerializeCalibration(calibration)));
+  EXPECT_EQ(back.error, "not connected");
+  EXPECT_FALSE(back.result.has_value());
+  EXPECT_EQ(back.refused, calibration.refused);
+}
+
+TEST(CalibrationWire, DamagedBytesAreDataLoss) {
+  std::string bytes = SerializeCalibration(FilledCalibration());
+  bytes.resize(bytes.size() - 3);
+  EXPECT_THAT(ParseCalibration(bytes), StatusIs(absl::StatusCode::kDataLoss, _));
+}
+
+TEST(CalibrationWire, JsonHasTheNamesOfTheContract) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.preserve_proto_field_names = true;
+  options.always_print_primitive_fields = true;
+  std::string json;
+  ASSERT_TRUE(
+      google::protobuf::util::MessageToJsonString(ToProto(FilledCalibration()), &json, options)
+          .ok());
+  for (const char* part : {"\"state\":\"SUCCEEDED\"",
+                           "\"scale_known\":true",
+                           "\"instant_count\":614",
+                           "\"image_size_px\":{\"width\":1280,\"height\":1024}",
+                           "\"cam_from_rig\":{\"rotation\":{\"w\":",
+                           "\"translation_m\":{\"x\":1",
+                           "\"model\":\"BROWN_CONRADY\"",
+                           "\"fx_px\":1250",
+                           "\"distortion\":[-0.2",
+                           "\"clock_id\":\"clock\"",
+                           "\"time_offset_s\":-0.00815",
+                           "\"time_rate_ppm\":0",
+                           "\"time_epoch_s\":0",
+                           "\"residuals\":{\"mean_px\":1",
+                           "\"observation_count\":0",
+                           "\"outlier_count\":11",
+                           "\"inlier\":{\"mean_px\":6",
+                           "\"length_error_rms_m\":0",
+                           "\"marker_positions_m\":[0,0.1301,0.3902]",
+                           "\"reason\":\"csv_field_count\",\"count\":3"}) {
+    EXPECT_THAT(json, HasSubstr(part));
+  }
+}
+
+TEST(CalibrationWire, UnknownEstimateIsRefused) {
+  v1::CalibrationOptions options;
+  options.set_intrinsics(static_cast<v1::CalibrationOptions::Estimate>(42));
+  EXPECT_THAT(FromProto(options),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("options.intrinsics")));
+}
+
+TEST(SessionWire, StoredFormReadsBackEqual) {
+  Session session;
+  session.id = "s-1";
+  session.rig = "rig";
+  session.title = "evening";
+  session.state = SessionState::kDraining;
+  session.target.marker_positions_m = {0, 0.13, 0.39};
+  session.requested_cameras = {"a"};
+  CameraDescription camera;
+  camera.camera = "a";
+  camera.image_size_px = {1280, 1024};
+  camera.clock = {"a", "recording"};
+  session.cameras.push_back({camera, "agent-1"});
+  session.start_utc_ns = 1'700'000'000'000'000'001;
+  session.missing_cameras = {"a"};
+  ASSERT_OK_AND_ASSIGN(const Session back, ParseSession(SerializeSession(session)));
+  EXPECT_EQ(back.cameras.at(0).description, camera);
+  EXPECT_EQ(back.cameras.at(0).agent_id, "agent-1");
+  EXPECT_EQ(back.start_utc_ns, session.start_utc_ns);
+  EXPECT_EQ(back.stop_utc_ns, 0);
+  EXPECT_EQ(back.state, SessionState::kDraining);
+  EXPECT_EQ(back.requested_cameras, session.requested_cameras);
+  EXPECT_EQ(SerializeSession(back), SerializeSession(session));
+}
+
+TEST(SessionWire, RefusesWhatCannotBeASession) {
+  v1::CreateSessionRequest request;
+  EXPECT_THAT(FromProto(request),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("target")));
+  request.mutable_target()->set_kind(v1::Target::WAND);
+  request.mutable_target()->add_marker_positions_m(0);
+  EXPECT_THAT(FromProto(request), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("two")));
+  request.mutable_target()->add_marker_positions_m(0.13);
+  EXPECT_THAT(FromProto(request), IsOk());
+  request.add_camera_names("a");
+  request.add_camera_names("a");
+  EXPECT_THAT(FromProto(request), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("twice")));
+}
+
+}  // namespace
+}  // namespace rigcal::wire

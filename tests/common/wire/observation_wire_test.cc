@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/observation_wire.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::wire {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::HasSubstr;
+
+constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
+
+ObservationBatch TwoRows() {
+  ObservationBatch batch;
+  batch.session_id = "s-1";
+  batch.camera = "cam";
+  batch.stream_epoch = 3;
+  batch.first_seq = 17;
+  batch.clock_epoch = 1;
+  batch.marker_count = 3;
+  for (int row = 0; row < 2; ++row) {
+    Observation observation;
+    observation.time_ns = 1'000'000'000 + row * 20'000'000;
+    observation.clock_epoch = 1;
+    for (int m = 0; m < 3; ++m) {
+      MarkerObservation marker;
+      marker.visible = row == 0 || m != 1;
+      if (marker.visible) {
+        marker.centre_px = {100.5 + m, 200.25 + row};
+        marker.covariance_px2 << 0.25, 0.125, 0.125, 0.5;
+        marker.time_delta_ns = -1000 * m;
+        marker.label_confidence = 0.75;
+        marker.centre_kind = CentreKind::kSphereCentre;
+      }
+      observation.markers.push_back(marker);
+    }
+    batch.Append(observation);
+  }
+  batch.clock_samples.push_back({1, 2, 3, 4});
+  batch.host_alignments.push_back({5, -6, 7});
+  batch.dropped.push_back({40, 2, "spool_full"});
+  return batch;
+}
+
+v1::ObservationBatch TwoRowsProto() {
+  v1::ObservationBatch proto;
+  ToProto(TwoRows(), &proto);
+  return proto;
+}
+
+TEST(ObservationWire, KeepsEveryColumn) {
+  const ObservationBatch batch = TwoRows();
+  ASSERT_OK_AND_ASSIGN(const ObservationBatch back, FromProto(TwoRowsProto()));
+  EXPECT_EQ(back.session_id, batch.session_id);
+  EXPECT_EQ(back.camera, batch.camera);
+  EXPECT_EQ(back.stream_epoch, batch.stream_epoch);
+  EXPECT_EQ(back.first_seq, batch.first_seq);
+  EXPECT_EQ(back.clock_epoch, batch.clock_epoch);
+  EXPECT_EQ(back.marker_count, batch.marker_count);
+  EXPECT_EQ(back.time_ns, batch.time_ns);
+  EXPECT_EQ(back.visible_mask, batch.visible_mask);
+  EXPECT_EQ(back.x_px, batch.x_px);
+  EXPECT_EQ(back.y_px, batch.y_px);
+  EXPECT_EQ(back.cov_xx_px2, batch.cov_xx_px2);
+  EXPECT_EQ(back.cov_xy_px2, batch.cov_xy_px2);
+  EXPECT_EQ(back.cov_yy_px2, batch.cov_yy_px2);
+  EXPECT_EQ(back.time_delta_ns, batch.time_delta_ns);
+  EXPECT_EQ(back.centre_kind, batch.centre_kind);
+  EXPECT_EQ(back.clock_samples, batch.clock_samples);
+  EXPECT_EQ(back.host_alignments, batch.host_alignments);
+  EXPECT_EQ(back.dropped, batch.dropped);
+}
+
+TEST(ObservationWire, FillsColumnsThatMayBeLeftOut) {
+  v1::ObservationBatch proto = TwoRowsProto();
+  proto.clear_time_delta_ns();
+  proto.clear_label_confidence();
+  proto.clear_centre_kind();
+  proto.add_centre_kind(v1::CENTRE_KIND_IMAGE_BLOB);
+  ASSERT_OK_AND_ASSIGN(const ObservationBatch batch, FromProto(proto));
+  EXPECT_EQ(batch.Row(0).markers[2].time_delta_ns, 0);
+  EXPECT_EQ(batch.Row(0).markers[2].label_confidence, 1);
+  EXPECT_EQ(batch.Row(1).markers[2].centre_kind, CentreKind::kImageBlob);
+}
+
+TEST(ObservationWire, ValuesOfInvisibleMarkersBecomeZero) {
+  v1::ObservationBatch proto = TwoRowsProto();
+  proto.set_x_px(4, std::numeric_limits<float>::quiet_NaN());  // row 1, marker 1: not visible
+  ASSERT_OK_AND_ASSIGN(const ObservationBatch batch, FromProto(proto));
+  EXPECT_EQ(batch.x_px[4], 0);
+}
+
+TEST(ObservationWire, ValuesPassEvenWhenTheyAreNoNumbers) {
+  v1::ObservationBatch proto = TwoRowsProto();
+  proto.set_x_px(0, std::numeric_limits<float>::quiet_NaN());
+  ASSERT_OK_AND_ASSIGN(const ObservationBatch batch, FromProto(proto));
+  EXPECT_TRUE(std::isnan(batch.x_px[0]));
+}
+
+TEST(ObservationWire, AnEmptyBatchWithDroppedRangesIsWhole) {
+  v1::ObservationBatch proto;
+  proto.set_session_id("s-1");
+  proto.set_camera("cam");
+  proto.set_stream_epoch(1);
+  proto.add_dropped()->set_first_seq(1);
+  proto.mutable_dropped(0)->set_count(5);
+  proto.mutable_dropped(0)->set_reason("spool_full");
+  EXPECT_THAT(FromProto(proto), IsOk());
+}
+
+struct MalformedCase {
+  const char* name;
+  std::function<void(v1::ObservationBatch&)> damage;
+  const char* field;
+};
+
+class MalformedBatch : public ::testing::TestWithParam<MalformedCase> {};
+
+TEST_P(MalformedBatch, IsRefusedNamingTheField) {
+  v1::ObservationBatch proto = TwoRowsProto();
+  GetParam().damage(proto);
+  EXPECT_THAT(FromProto(proto), StatusIs(kInvalid, HasSubstr(GetParam().field)));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    ObservationWire, MalformedBatch,
+    ::testing::Values(
+        MalformedCase{"NoSession", [](auto& p) { p.clear_session_id(); }, "session_id"},
+        MalformedCase{"PathAsCamera", [](auto& p) { p.set_camera("../x"); }, "camera"},
+        MalformedCase{"HugeCamera", [](auto& p) { p.set_camera(std::string(100000, 'a')); },
+                      "camera"},
+        MalformedCase{"NoStreamEpoch", [](auto& p) { p.clear_stream_epoch(); }, "stream_epoch"},
+        MalformedCase{"SeqZero", [](auto& p) { p.set_first_seq(0); }, "first_seq"},
+        MalformedCase{"SeqOverflow", [](auto& p) { p.set_first_seq(0xffffffffu); }, "first_seq"},
+        MalformedCase{"NoMarkers", [](auto& p) { p.set_marker_count(0); }, "marker_count"},
+        MalformedCase{"TooManyMarkers", [](auto& p) { p.set_marker_count(1u << 30); },
+                      "marker_count"},
+        MalformedCase{"ShortX", [](auto& p) { p.mutable_x_px()->RemoveLast(); }, "x_px"},
+        MalformedCase{"LongY", [](auto& p) { p.add_y_px(1); }, "y_px"},
+        MalformedCase{"ShortCovariance", [](auto& p) { p.mutable_cov_xy_px2()->RemoveLast(); },
+                      "cov_xy_px2"},
+        MalformedCase{"ShortMask", [](auto& p) { p.mutable_visible_mask()->RemoveLast(); },
+                      "visible_mask"},
+        MalformedCase{"MaskBeyondMarkers", [](auto& p) { p.set_visible_mask(1, 8); },
+                      "visible_mask[1]"},
+        MalformedCase{"ShortDelta", [](auto& p) { p.mutable_time_delta_ns()->RemoveLast(); },
+                      "time_delta_ns"},
+        MalformedCase{"UnknownCentreKind",
+                      [](auto& p) { p.set_centre_kind(2, static_cast<v1::CentreKind>(77)); },
+                      "centre_kind[2]"},
+        MalformedCase{"UnspecifiedCentreKind",
+                      [](auto& p) { p.set_centre_kind(0, v1::CENTRE_KIND_UNSPECIFIED); },
+                      "centre_kind[0]"},
+        MalformedCase{"DroppedOverlapsRows",
+                      [](auto& p) { p.mutable_dropped(0)->set_first_seq(18); }, "dropped[0]"},
+        MalformedCase{"DroppedNothing", [](auto& p) { p.mutable_dropped(0)->set_count(0); },
+                      "dropped[0]"}),
+    [](const auto& info) { return std::string(info.param.name); });
+
+TEST(ObservationWire, EndOfCaptureMustReportItsOwnStream) {
+  v1::EndOfCapture end;
+  end.set_session_id("s-1");
+  end.set_camera("cam");
+  end.set_stream_epoch(1);
+  EXPECT_THAT(FromProto(end), IsOk());
+  end.mutable_report()->set_session_id("s-1");
+  end.mutable_report()->set_camera("other");
+  end.mutable_report()->set_stream_epoch(1);
+  EXPECT_THAT(FromProto(end), StatusIs(kInvalid, HasSubstr("report")));
+}
+
+}  // namespace
+}  // namespace rigcal::wire

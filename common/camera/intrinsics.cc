@@ -1,1 +1,88 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "common/camera/intrinsics.h"
+
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+
+namespace rigcal {
+namespace {
+
+void CheckFocalLength(const char* name, double value, std::vector<std::string>* faults) {
+  if (!(std::isfinite(value) && value > 0)) {
+    faults->push_back(absl::StrCat(name, " is ", value, ", it must be finite and positive"));
+  }
+}
+
+void CheckPrincipalPoint(const char* name, double value, double image_side,
+                         std::vector<std::string>* faults) {
+  if (!std::isfinite(value)) {
+    faults->push_back(absl::StrCat(name, " is ", value, ", it must be finite"));
+  } else if (image_side > 0 && (value < -image_side || value > 2 * image_side)) {
+    faults->push_back(absl::StrCat(name, " is ", value, " in an image of ", image_side,
+                                   " px, further outside than the image is large"));
+  }
+}
+
+}  // namespace
+
+int CoefficientCount(DistortionModel model) {
+  switch (model) {
+    case DistortionModel::kBrownConrady:
+      return 5;
+    case DistortionModel::kRational:
+      return 8;
+    case DistortionModel::kFisheye:
+      return 4;
+  }
+  return 0;
+}
+
+std::string_view DistortionModelName(DistortionModel model) {
+  switch (model) {
+    case DistortionModel::kBrownConrady:
+      return "plumb_bob";
+    case DistortionModel::kRational:
+      return "rational_polynomial";
+    case DistortionModel::kFisheye:
+      return "equidistant";
+  }
+  return "unknown";
+}
+
+absl::Status ImageSize::Validate() const {
+  if (width >= 1 && width <= kMaxImageSidePx && height >= 1 && height <= kMaxImageSidePx) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat("image size is ", width, " x ", height,
+                                                 " px, each side must be 1 to ", kMaxImageSidePx));
+}
+
+absl::Status Intrinsics::Validate(const ImageSize& image_size) const {
+  std::vector<std::string> faults;
+  CheckFocalLength("fx_px", fx_px, &faults);
+  CheckFocalLength("fy_px", fy_px, &faults);
+  CheckPrincipalPoint("cx_px", cx_px, image_size.width, &faults);
+  CheckPrincipalPoint("cy_px", cy_px, image_size.height, &faults);
+  const size_t count = static_cast<size_t>(CoefficientCount(model));
+  if (count == 0) {
+    faults.push_back(absl::StrCat("distortion model ", static_cast<int>(model), " is unknown"));
+  } else if (!distortion.empty() && distortion.size() != count) {
+    faults.push_back(absl::StrCat(std::string(DistortionModelName(model)), " has ", count,
+                                  " distortion coefficients (or none), not ", distortion.size()));
+  }
+  for (size_t i = 0; i < distortion.size(); ++i) {
+    if (!std::isfinite(distortion[i])) {
+      faults.push_back(
+          absl::StrCat("distortion[", i, "] is ", distortion[i], ", it must be finite"));
+    }
+  }
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+}
+
+}  // namespace rigcal

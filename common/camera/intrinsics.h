@@ -21,10 +21,15 @@ int CoefficientCount(DistortionModel model);
 // "plumb_bob", "rational_polynomial", "equidistant": the words calibration files use.
 std::string_view DistortionModelName(DistortionModel model);
 
+inline constexpr uint32_t kMaxImageSidePx = 65536;
+
 struct ImageSize {
   uint32_t width = 0;
   uint32_t height = 0;
   friend bool operator==(const ImageSize&, const ImageSize&) = default;
+
+  // Each side must be 1 to kMaxImageSidePx.
+  absl::Status Validate() const;
 };
 
 // Pinhole projection with lens distortion. The centre of the first pixel is (0, 0), as in OpenCV.
@@ -40,7 +45,8 @@ struct Intrinsics {
   friend bool operator==(const Intrinsics&, const Intrinsics&) = default;
 
   // Every fault: focal lengths not positive, values not finite, wrong number of coefficients, or a
-  // principal point further outside the image than the image is large.
+  // principal point further outside the image than the image is large (not looked at for a side of
+  // 0 px: size not known).
   absl::Status Validate(const ImageSize& image_size) const;
 };
 

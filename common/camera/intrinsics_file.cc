@@ -1,1 +1,280 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "common/camera/intrinsics_file.h"
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <system_error>
+#include <vector>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+constexpr size_t kMaxFileBytes = 256 * 1024;
+// OpenCV's parser recurses once per level and has no limit of its own.
+constexpr int kMaxNesting = 32;
+
+absl::StatusOr<std::string> ReadText(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) {
+    return absl::NotFoundError(absl::StrCat(path, ": no such calibration file"));
+  }
+  if (!std::filesystem::is_regular_file(status)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": is not a file; name the camera's calibration YAML"));
+  }
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return absl::PermissionDeniedError(absl::StrCat(path, ": cannot open"));
+  std::string text(kMaxFileBytes + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (file.bad()) return absl::DataLossError(absl::StrCat(path, ": cannot read"));
+  text.resize(static_cast<size_t>(file.gcount()));
+  if (text.size() <= kMaxFileBytes) return text;
+  return absl::InvalidArgumentError(absl::StrCat(path, ": is larger than ", kMaxFileBytes,
+                                                 " bytes, too large for the "
+                                                 "calibration of a camera"));
+}
+
+// Refuses what OpenCV's parser is not known to survive: bytes that are not text, and deep nesting.
+absl::Status CheckText(const std::string& path, const std::string& text) {
+  if (text.find_first_not_of(" \t\r\n") == std::string::npos) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
+  }
+  int line = 1;
+  int depth = 0;
+  int dashes = 0;  // "- - - -" nests as well
+  for (const char c : text) {
+    const unsigned char byte = static_cast<unsigned char>(c);
+    if ((byte < 0x20 && c != '\n' && c != '\r' && c != '\t') || byte == 0x7f) {
+      return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": byte 0x",
+                                                     absl::Hex(byte),
+                                                     " is not text; is this a YAML file?"));
+    }
+    if (c == '[' || c == '{') ++depth;
+    if ((c == ']' || c == '}') && depth > 0) --depth;
+    if (c == '-') ++dashes;
+    if (c != '-' && c != ' ') dashes = 0;
+    if (depth > kMaxNesting || dashes > kMaxNesting) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ", line ", line, ": nested more than ", kMaxNesting, " deep"));
+    }
+    if (c == '\n') ++line;
+  }
+  if (!absl::StartsWith(text, "%YAML")) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ", line 1: does not begin with %YAML:1.0, as OpenCV's calibration files do"));
+  }
+  return absl::OkStatus();
+}
+
+// Reads fields by name, and names file, line and field in every error.
+class FieldReader {
+ public:
+  FieldReader(const std::string& path, const std::string& text, const cv::FileNode& root)
+      : path_(path), text_(text), root_(root) {}
+
+  absl::Status Error(const std::string& field, const std::string& why) const {
+    const std::optional<int> line = LineOf(field);
+    return absl::InvalidArgumentError(
+        absl::StrCat(path_, line ? absl::StrCat(", line ", *line) : "", ": ", field, " ", why));
+  }
+
+  absl::StatusOr<cv::FileNode> Field(const std::string& name) const {
+    const cv::FileNode node = root_[name];
+    if (node.empty() || node.isNone()) return Error(name, "is missing");
+    return node;
+  }
+
+  absl::StatusOr<uint32_t> ImageSide(const std::string& name) const {
+    RIGCAL_ASSIGN_OR_RETURN(const cv::FileNode node, Field(name));
+    const std::optional<double> value = Number(node);
+    if (!value || !(*value >= 1 && *value <= kMaxImageSidePx) || *value != std::floor(*value)) {
+      return Error(name,
+                   absl::StrCat("is ", Show(node), ", it must be a whole number of pixels, 1 to ",
+                                kMaxImageSidePx));
+    }
+    return static_cast<uint32_t>(*value);
+  }
+
+  // Values of a matrix, row by row. It may be tagged !!opencv-matrix or be a plain map.
+  struct Matrix {
+    int rows = 0;
+    int cols = 0;
+    std::vector<double> values;
+  };
+  absl::StatusOr<Matrix> ReadMatrix(const std::string& name) const {
+    RIGCAL_ASSIGN_OR_RETURN(const cv::FileNode node, Field(name));
+    if (!node.isMap()) return Error(name, "is not a matrix with rows, cols and data");
+    Matrix matrix;
+    const cv::FileNode data = node["data"];
+    const std::optional<double> rows = Number(node["rows"]);
+    const std::optional<double> cols = Number(node["cols"]);
+    if (!rows || !cols || !data.isSeq()) {
+      return Error(name, "is not a matrix with rows, cols and data");
+    }
+    if (!(*rows >= 1 && *rows <= 64 && *cols >= 1 && *cols <= 64)) {
+      return Error(name, absl::StrCat("has ", *rows, " x ", *cols, " elements"));
+    }
+    matrix.rows = static_cast<int>(*rows);
+    matrix.cols = static_cast<int>(*cols);
+    const size_t expected = static_cast<size_t>(matrix.rows) * static_cast<size_t>(matrix.cols);
+    if (data.size() != expected) {
+      return Error(name, absl::StrCat("says ", matrix.rows, " x ", matrix.cols, " but has ",
+                                      data.size(), " values"));
+    }
+    for (const cv::FileNode& element : data) {
+      const std::optional<double> value = Number(element);
+      if (!value || !std::isfinite(*value)) {
+        return Error(name, absl::StrCat("has the value ", Show(element), " at index ",
+                                        matrix.values.size(), ", it must be a finite number"));
+      }
+      matrix.values.push_back(*value);
+    }
+    return matrix;
+  }
+
+ private:
+  static std::optional<double> Number(const cv::FileNode& node) {
+    if (node.isInt() || node.isReal()) return static_cast<double>(node);
+    return std::nullopt;
+  }
+
+  static std::string Show(const cv::FileNode& node) {
+    if (node.isString()) {
+      return absl::StrCat("\"", absl::CHexEscape(node.string().substr(0, 64)), "\"");
+    }
+    const std::optional<double> number = Number(node);
+    return number ? absl::StrCat(*number) : "a list or map";
+  }
+
+  // The parser keeps no lines; fields of interest stand at the beginning of theirs.
+  std::optional<int> LineOf(const std::string& field) const {
+    int line = 1;
+    for (absl::string_view row : absl::StrSplit(text_, '\n')) {
+      if (absl::StartsWith(row, absl::StrCat(field, ":"))) return line;
+      ++line;
+    }
+    return std::nullopt;
+  }
+
+  const std::string& path_;
+  const std::string& text_;
+  const cv::FileNode root_;
+};
+
+absl::Status ReadCameraMatrix(const FieldReader& reader, Intrinsics* intrinsics) {
+  RIGCAL_ASSIGN_OR_RETURN(const FieldReader::Matrix matrix, reader.ReadMatrix("camera_matrix"));
+  if (matrix.rows != 3 || matrix.cols != 3) {
+    return reader.Error("camera_matrix",
+                        absl::StrCat("is ", matrix.rows, " x ", matrix.cols, ", not 3 x 3"));
+  }
+  const std::vector<double>& m = matrix.values;
+  if (!(m[0] > 0 && m[4] > 0)) {
+    return reader.Error("camera_matrix", absl::StrCat("has focal lengths ", m[0], " and ", m[4],
+                                                      ", they must be positive"));
+  }
+  // A matrix written by rows instead of columns, or one with skew, would be misread silently.
+  const double negligible = 1e-9 * m[0];
+  if (std::abs(m[1]) > negligible || std::abs(m[3]) > negligible || std::abs(m[6]) > negligible ||
+      std::abs(m[7]) > negligible || std::abs(m[8] - 1) > 1e-9) {
+    return reader.Error("camera_matrix",
+                        "must have the form fx 0 cx, 0 fy cy, 0 0 1 (skew is not supported)");
+  }
+  intrinsics->fx_px = m[0];
+  intrinsics->cx_px = m[2];
+  intrinsics->fy_px = m[4];
+  intrinsics->cy_px = m[5];
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<DistortionModel>> ReadModel(const FieldReader& reader) {
+  const absl::StatusOr<cv::FileNode> node = reader.Field("distortion_model");
+  if (!node.ok()) return std::nullopt;
+  const std::string name = node->isString() ? node->string() : "";
+  for (const DistortionModel model :
+       {DistortionModel::kBrownConrady, DistortionModel::kRational, DistortionModel::kFisheye}) {
+    if (name == DistortionModelName(model)) return model;
+  }
+  return reader.Error("distortion_model",
+                      absl::StrCat("is \"", absl::CHexEscape(name.substr(0, 64)),
+                                   "\", known are plumb_bob, rational_polynomial and equidistant"));
+}
+
+absl::Status ReadDistortion(const FieldReader& reader, Intrinsics* intrinsics) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::optional<DistortionModel> model, ReadModel(reader));
+  RIGCAL_ASSIGN_OR_RETURN(const FieldReader::Matrix matrix,
+                          reader.ReadMatrix("distortion_coefficients"));
+  const size_t count = matrix.values.size();
+  if (matrix.rows != 1 && matrix.cols != 1) {
+    return reader.Error(
+        "distortion_coefficients",
+        absl::StrCat("is ", matrix.rows, " x ", matrix.cols, ", not one row or column"));
+  }
+  intrinsics->model =
+      model.value_or(count == 8 ? DistortionModel::kRational : DistortionModel::kBrownConrady);
+  intrinsics->distortion = matrix.values;
+  if (intrinsics->model == DistortionModel::kBrownConrady && count == 4) {
+    intrinsics->distortion.push_back(0);  // OpenCV's short form, without k3
+  }
+  const int expected = CoefficientCount(intrinsics->model);
+  if (intrinsics->distortion.size() != static_cast<size_t>(expected)) {
+    return reader.Error(
+        "distortion_coefficients",
+        absl::StrCat("has ", count, " values, ",
+                     std::string(DistortionModelName(intrinsics->model)), " has ", expected));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<IntrinsicsFile> ReadFields(const FieldReader& reader) {
+  IntrinsicsFile file;
+  RIGCAL_ASSIGN_OR_RETURN(file.image_size_px.width, reader.ImageSide("image_width"));
+  RIGCAL_ASSIGN_OR_RETURN(file.image_size_px.height, reader.ImageSide("image_height"));
+  RIGCAL_RETURN_IF_ERROR(ReadCameraMatrix(reader, &file.intrinsics));
+  RIGCAL_RETURN_IF_ERROR(ReadDistortion(reader, &file.intrinsics));
+  const absl::Status valid = file.intrinsics.Validate(file.image_size_px);
+  if (!valid.ok()) return reader.Error("camera_matrix", std::string(valid.message()));
+  return file;
+}
+
+}  // namespace
+
+absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::string text, ReadText(path));
+  RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
+  try {
+    const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
+    const cv::FileNode root = storage.isOpened() ? storage.root() : cv::FileNode();
+    if (!root.isMap()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": has no fields (image_width, camera_matrix, ...)"));
+    }
+    return ReadFields(FieldReader(path, text, root));
+  } catch (const cv::Exception& exception) {
+    // OpenCV begins parse errors with the line in brackets: "(12): Incorrect indentation".
+    int line = 0;
+    const std::vector<std::string> parts = absl::StrSplit(exception.err, absl::MaxSplits("): ", 1));
+    const bool has_line = parts.size() == 2 && absl::StartsWith(parts[0], "(") &&
+                          absl::SimpleAtoi(parts[0].substr(1), &line);
+    return absl::InvalidArgumentError(
+        has_line ? absl::StrCat(path, ", line ", line, ": ", parts[1])
+                 : absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.err));
+  } catch (const std::exception& exception) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.what()));
+  }
+}
+
+}  // namespace rigcal

@@ -3,10 +3,9 @@
 
 #include <string>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/camera/camera_export.h"
 #include "common/camera/intrinsics.h"
-#include "common/geometry/rigid_transform.h"
 
 namespace rigcal {
 
@@ -16,24 +15,11 @@ struct IntrinsicsFile {
 };
 
 // Reads an OpenCV FileStorage YAML with image_width, image_height, camera_matrix, distortion_model
-// (plumb_bob, rational_polynomial, equidistant; absent: plumb_bob) and distortion_coefficients.
+// (plumb_bob, rational_polynomial, equidistant; absent: by the number of coefficients, 4 or 5 or 8)
+// and distortion_coefficients.
 // What the file says of the camera's name or pose is ignored. NOT_FOUND: no such file.
 // INVALID_ARGUMENT: names the file, the line where the parser knows it, and the missing or
 // malformed field.
 absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path);
-
-// What an exported calibration holds of one camera.
-struct CameraExport {
-  std::string camera;
-  ImageSize image_size_px;
-  Intrinsics intrinsics;
-  RigidTransform cam_from_rig;       // metres
-  double reprojection_error_px = 0;  // mean
-};
-
-// Writes an OpenCV FileStorage YAML with the fields of the eWand result: camera_name, image_width,
-// image_height, camera_matrix, distortion_model, distortion_coefficients, extrinsics (4x4
-// cam_from_rig, metres) and reprojection_error. Replaces the file whole or not at all.
-absl::Status WriteCameraExport(const std::string& path, const CameraExport& camera);
 
 }  // namespace rigcal

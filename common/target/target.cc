@@ -1,1 +1,232 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "common/target/target.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <numeric>
+#include <optional>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+constexpr char kExample[] = "wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002";
+constexpr double kMaxLengthM = 20;  // more is millimetres typed as metres
+constexpr double kMinSpanM = 1e-4;  // closer markers are one marker
+constexpr double kMaxDiameterM = 1;
+constexpr double kMaxBlinkHz = 1e6;
+constexpr double kMaxToleranceM = 1;
+constexpr size_t kMaxTextLength = 4096;
+
+absl::Status Refuse(std::string_view text, std::string_view why) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("target \"", absl::CHexEscape(std::string(text.substr(0, 200))),
+                   "\": ", std::string(why), "; a right one is ", kExample));
+}
+
+absl::Status ParseNumbers(std::string_view part, std::vector<double>* numbers) {
+  for (absl::string_view item : absl::StrSplit(absl::string_view(part.data(), part.size()), ',')) {
+    const std::string word(absl::StripAsciiWhitespace(item));
+    double value = 0;
+    if (!absl::SimpleAtod(word, &value) || !std::isfinite(value)) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "\"", absl::CHexEscape(word.substr(0, 64)), "\" in \"",
+          absl::CHexEscape(std::string(part.substr(0, 100))), "\" is not a finite number"));
+    }
+    numbers->push_back(value);
+  }
+  return absl::OkStatus();
+}
+
+// Sorts the positions along the wand and moves them to begin at 0; frequencies given per marker
+// stay with their markers.
+absl::Status Normalise(Target* target) {
+  std::vector<double>& positions = target->marker_positions_m;
+  std::vector<size_t> order(positions.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::sort(order.begin(), order.end(),
+            [&](size_t a, size_t b) { return positions[a] < positions[b]; });
+  const Target given = *target;
+  for (size_t i = 0; i < order.size(); ++i) {
+    positions[i] = given.marker_positions_m[order[i]] - given.marker_positions_m[order[0]];
+  }
+  if (given.blink_hz.size() == order.size()) {
+    for (size_t i = 0; i < order.size(); ++i) target->blink_hz[i] = given.blink_hz[order[i]];
+  }
+  for (size_t i = 1; i < order.size(); ++i) {
+    const double span = positions[i] - positions[i - 1];
+    if (span < kMinSpanM) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "markers at ", given.marker_positions_m[order[i - 1]], " and ",
+          given.marker_positions_m[order[i]],
+          " are at the same position, a wand needs at least two distinct positions and each only "
+          "once"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ParseOption(std::string_view option, Target* target) {
+  const size_t equals = option.find('=');
+  const std::string_view key = option.substr(0, equals);
+  if (equals == std::string_view::npos ||
+      (key != "diameter" && key != "hz" && key != "tolerance")) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "unknown option \"", absl::CHexEscape(std::string(option.substr(0, 64))),
+        "\", known are diameter=METRES, hz=FREQUENCY (or one per marker: hz=500,600) and "
+        "tolerance=METRES"));
+  }
+  std::vector<double> values;
+  RIGCAL_RETURN_IF_ERROR(ParseNumbers(option.substr(equals + 1), &values));
+  if (key == "hz") {
+    target->blink_hz = std::move(values);
+    return absl::OkStatus();
+  }
+  if (values.size() != 1) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("option \"", std::string(option.substr(0, 64)), "\" takes one number"));
+  }
+  (key == "diameter" ? target->diameter_m : target->span_tolerance_m) = values[0];
+  return absl::OkStatus();
+}
+
+absl::Status ParseParts(std::string_view text, Target* target) {
+  std::vector<std::string> parts;
+  for (absl::string_view part : absl::StrSplit(absl::string_view(text.data(), text.size()), ';')) {
+    parts.emplace_back(absl::StripAsciiWhitespace(part));
+  }
+  constexpr std::string_view kWandPrefix = "wand:";
+  const std::string_view head = parts[0];
+  if (head == "point") {
+    target->kind = TargetKind::kPoint;
+    target->marker_positions_m = {0};
+  } else if (head.substr(0, kWandPrefix.size()) == kWandPrefix) {
+    target->kind = TargetKind::kWand;
+    RIGCAL_RETURN_IF_ERROR(
+        ParseNumbers(head.substr(kWandPrefix.size()), &target->marker_positions_m));
+  } else {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", absl::CHexEscape(std::string(head.substr(0, 64))),
+                     "\" is not a target, it begins with \"wand:\" and positions in metres, or is "
+                     "\"point\""));
+  }
+  std::vector<std::string> seen;
+  for (size_t i = 1; i < parts.size(); ++i) {
+    RIGCAL_RETURN_IF_ERROR(ParseOption(parts[i], target));
+    const std::string key = parts[i].substr(0, parts[i].find('='));
+    if (std::find(seen.begin(), seen.end(), key) != seen.end()) {
+      return absl::InvalidArgumentError(absl::StrCat("option \"", key, "\" is given twice"));
+    }
+    seen.push_back(key);
+  }
+  if (target->marker_count() > kMaxMarkers) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(target->marker_count(), " markers, at most ", kMaxMarkers));
+  }
+  RIGCAL_RETURN_IF_ERROR(Normalise(target));
+  return target->Validate();
+}
+
+std::string ShortestText(double value) {
+  char buffer[64];
+  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value);
+  return std::string(buffer, end.ptr);
+}
+
+std::string Join(const std::vector<double>& values) {
+  return absl::StrJoin(values, ",",
+                       [](std::string* out, double value) { out->append(ShortestText(value)); });
+}
+
+void CheckPositions(const Target& target, std::vector<std::string>* faults) {
+  const std::vector<double>& positions = target.marker_positions_m;
+  if (positions.size() > kMaxMarkers) {
+    faults->push_back(absl::StrCat(positions.size(), " markers, at most ", kMaxMarkers));
+  }
+  if (target.kind == TargetKind::kPoint && positions.size() != 1) {
+    faults->push_back(absl::StrCat("a point has one marker, not ", positions.size()));
+  }
+  if (target.kind == TargetKind::kWand && positions.size() < 2) {
+    faults->push_back("a wand needs at least two distinct marker positions");
+  }
+  if (!positions.empty() && positions[0] != 0) {
+    faults->push_back(absl::StrCat("the first marker is at ", positions[0], " m, it must be at 0"));
+  }
+  for (size_t i = 0; i < positions.size(); ++i) {
+    if (!std::isfinite(positions[i])) {
+      faults->push_back(absl::StrCat("position ", i, " is ", positions[i], ", not finite"));
+    } else if (i > 0 && !(positions[i] - positions[i - 1] >= kMinSpanM)) {
+      faults->push_back(absl::StrCat("positions must increase by at least ", kMinSpanM,
+                                     " m, position ", i, " is ", positions[i], " after ",
+                                     positions[i - 1]));
+    }
+  }
+  if (!positions.empty() && positions.back() > kMaxLengthM) {
+    faults->push_back(absl::StrCat("the wand is ", positions.back(), " m long, at most ",
+                                   kMaxLengthM, ": positions are in metres"));
+  }
+}
+
+void CheckRange(const char* name, double value, double low, double high, bool low_included,
+                std::vector<std::string>* faults) {
+  const bool good = (low_included ? value >= low : value > low) && value <= high;
+  if (!good) {
+    faults->push_back(absl::StrCat(name, " is ", value, ", it must be ",
+                                   low_included ? "at least " : "more than ", low, " and at most ",
+                                   high));
+  }
+}
+
+}  // namespace
+
+absl::Status Target::Validate() const {
+  std::vector<std::string> faults;
+  if (kind != TargetKind::kWand && kind != TargetKind::kPoint) {
+    faults.push_back(absl::StrCat("target kind ", static_cast<int>(kind), " is unknown"));
+  }
+  CheckPositions(*this, &faults);
+  CheckRange("diameter (m)", diameter_m, 0, kMaxDiameterM, true, &faults);
+  CheckRange("tolerance (m)", span_tolerance_m, 0, kMaxToleranceM, false, &faults);
+  if (blink_hz.size() > 1 && blink_hz.size() != marker_positions_m.size()) {
+    faults.push_back(absl::StrCat(blink_hz.size(), " blink frequencies for ",
+                                  marker_positions_m.size(),
+                                  " markers, give one for all or one for each"));
+  }
+  for (double hz : blink_hz) CheckRange("hz", hz, 0, kMaxBlinkHz, false, &faults);
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+}
+
+absl::StatusOr<Target> ParseTarget(std::string_view text) {
+  if (text.size() > kMaxTextLength) return Refuse(text, "too long");
+  Target target;
+  const absl::Status status = ParseParts(text, &target);
+  if (!status.ok()) return Refuse(text, std::string(status.message()));
+  return target;
+}
+
+std::string FormatTarget(const Target& target) {
+  const Target defaults;
+  std::string text = target.kind == TargetKind::kPoint
+                         ? "point"
+                         : absl::StrCat("wand:", Join(target.marker_positions_m));
+  if (target.diameter_m != defaults.diameter_m) {
+    absl::StrAppend(&text, ";diameter=", ShortestText(target.diameter_m));
+  }
+  if (!target.blink_hz.empty()) absl::StrAppend(&text, ";hz=", Join(target.blink_hz));
+  if (target.span_tolerance_m != defaults.span_tolerance_m) {
+    absl::StrAppend(&text, ";tolerance=", ShortestText(target.span_tolerance_m));
+  }
+  return text;
+}
+
+}  // namespace rigcal

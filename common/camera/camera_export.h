@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "common/camera/intrinsics.h"
+#include "common/geometry/rigid_transform.h"
+
+namespace rigcal {
+
+// What an exported calibration holds of one camera.
+struct CameraExport {
+  std::string camera;
+  ImageSize image_size_px;
+  Intrinsics intrinsics;
+  RigidTransform cam_from_rig;       // metres
+  double reprojection_error_px = 0;  // mean
+};
+
+// Writes an OpenCV FileStorage YAML with the fields of the eWand result: camera_name, image_width,
+// image_height, camera_matrix, distortion_model, distortion_coefficients, extrinsics (4x4
+// cam_from_rig, metres) and reprojection_error. Replaces the file whole or not at all.
+absl::Status WriteCameraExport(const std::string& path, const CameraExport& camera);
+
+}  // namespace rigcal

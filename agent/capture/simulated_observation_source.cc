@@ -1,1 +1,100 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/simulated_observation_source.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+// A world holds a whole trajectory; several cameras of one process look at the same one.
+absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const SimulationOptions& options,
+                                                                  const Target& target) {
+  static std::mutex mutex;
+  static auto* const worlds = new std::map<std::string, std::weak_ptr<const SimulatedWorld>>;
+  const std::string key = FormatSimulationOptions(options) + "|" + FormatTarget(target);
+  const std::lock_guard lock(mutex);
+  std::erase_if(*worlds, [](const auto& entry) { return entry.second.expired(); });
+  if (const auto found = worlds->find(key); found != worlds->end()) {
+    if (auto world = found->second.lock()) return world;
+  }
+  RIGCAL_ASSIGN_OR_RETURN(SimulatedWorld made, SimulatedWorld::Create(options, target));
+  auto world = std::make_shared<const SimulatedWorld>(std::move(made));
+  worlds->insert_or_assign(key, world);
+  return world;
+}
+
+}  // namespace
+
+absl::Status SimulatedSourceOptions::Validate() const {
+  std::vector<std::string> faults;
+  if (camera.empty()) faults.push_back("the camera's name is empty");
+  if (const absl::Status status = simulation.Validate(); !status.ok()) {
+    faults.emplace_back(status.message());
+  }
+  if (camera_index < 0 || camera_index >= simulation.camera_count) {
+    faults.push_back(absl::StrCat("camera=", camera_index, ", but the world has cameras 0 to ",
+                                  simulation.camera_count - 1));
+  }
+  if (!(speed > 0)) faults.push_back(absl::StrCat("speed is ", speed, ", but must be above 0"));
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("camera ", camera, ": ", absl::StrJoin(faults, "; ")));
+}
+
+absl::StatusOr<std::unique_ptr<SimulatedObservationSource>> SimulatedObservationSource::Create(
+    SimulatedSourceOptions options) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  // The cameras do not depend on the target, which is known only when a session starts.
+  RIGCAL_ASSIGN_OR_RETURN(const Target any_target, ParseTarget("wand:0,0.13,0.39"));
+  RIGCAL_ASSIGN_OR_RETURN(const auto world, SharedWorld(options.simulation, any_target));
+  CameraDescription description =
+      world->cameras()[static_cast<size_t>(options.camera_index)].description;
+  description.camera = options.camera;
+  description.clock = {.clock_id = options.camera,
+                       .timebase = options.simulation.clock_samples ? "" : "sim"};
+  description.source = absl::StrCat("sim:camera=", options.camera_index);
+  RIGCAL_RETURN_IF_ERROR(description.Validate());
+  return std::unique_ptr<SimulatedObservationSource>(
+      new SimulatedObservationSource(std::move(options), std::move(description)));
+}
+
+SimulatedObservationSource::SimulatedObservationSource(SimulatedSourceOptions options,
+                                                       CameraDescription description)
+    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
+
+absl::Status SimulatedObservationSource::Start(const Target& target) {
+  RIGCAL_ASSIGN_OR_RETURN(world_, SharedWorld(options_.simulation, target));
+  const double rate_hz = world_->cameras()[static_cast<size_t>(options_.camera_index)].rate_hz;
+  frames_per_sample_ = std::max(1, static_cast<int>(std::lround(rate_hz)));
+  frame_ = 0;
+  clock_epochs_ = {};
+  clock_samples_.clear();
+  pacer_.Start();
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<Observation>> SimulatedObservationSource::Next() {
+  if (world_ == nullptr || frame_ >= world_->FrameCount(options_.camera_index)) return std::nullopt;
+  Observation observation = world_->Observe(options_.camera_index, frame_);
+  observation.clock_epoch = clock_epochs_.EpochOf(observation.time_ns);
+  if (!pacer_.Wait(observation.time_ns)) return std::nullopt;
+  if (options_.simulation.clock_samples && frame_ % frames_per_sample_ == 0) {
+    clock_samples_.push_back(world_->SampleClock(options_.camera_index, frame_));
+  }
+  ++frame_;
+  return observation;
+}
+
+std::vector<ClockSample> SimulatedObservationSource::TakeClockSamples() {
+  return std::exchange(clock_samples_, {});
+}
+
+}  // namespace rigcal::agent

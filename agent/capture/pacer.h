@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <limits>
+#include <mutex>
+#include <optional>
+
+namespace rigcal::agent {
+
+// Yield everything at once.
+inline constexpr double kMaxSpeed = std::numeric_limits<double>::infinity();
+
+// When rows with camera times fall due, replayed at `speed` times their own pace. The first row and
+// one that steps backwards are due at once; a gap is shortened to kMaxGap of waiting, so that a
+// damaged time stamp cannot stop a replay for years.
+class PaceSchedule {
+ public:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::seconds kMaxGap{10};
+
+  explicit PaceSchedule(double speed) : speed_(speed) {}
+
+  // Rows in capture order. `now` counts for the first row only.
+  Clock::time_point DueTime(int64_t time_ns, Clock::time_point now);
+
+ private:
+  double speed_;
+  std::optional<int64_t> last_ns_;
+  Clock::time_point last_due_;
+};
+
+// Makes the thread of a source wait until a row is due. Stop may be called by any thread.
+class Pacer {
+ public:
+  explicit Pacer(double speed) : speed_(speed), schedule_(speed) {}
+
+  void Start();  // a new capture: the schedule begins anew
+  void Stop();   // every Wait returns false until the next Start
+  // False: stopped.
+  bool Wait(int64_t time_ns);
+
+ private:
+  const double speed_;
+  PaceSchedule schedule_;
+  std::mutex mutex_;
+  std::condition_variable stopped_changed_;
+  bool stopped_ = true;
+};
+
+}  // namespace rigcal::agent

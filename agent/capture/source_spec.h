@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "absl/status/statusor.h"
+#include "agent/capture/csv_observation_source.h"
+#include "agent/capture/observation_source.h"
+#include "agent/capture/simulated_observation_source.h"
+
+namespace rigcal::agent {
+
+// Where one camera's observations come from.
+using SourceSpec = std::variant<CsvSourceOptions, SimulatedSourceOptions>;
+
+// Reads what a user types behind --source:
+//
+//   [NAME=]csv:PATH[;speed=max|FACTOR][;sigma=0.5][;calibration=FILE]
+//   [NAME=]sim:camera=INDEX[;<simulation options>][;wand_speed=1.5][;speed=max|FACTOR]
+//
+// csv: NAME is the file's stem and FILE the same stem with .yaml beside it, unless given; sigma in
+// pixels. sim: NAME is sim_INDEX unless given; simulation options as in ParseSimulationOptions,
+// except that `speed` is the pace here as it is for csv, and the wand's is `wand_speed` (m/s).
+// speed: times the recorded pace, 1 unless given. PATH and FILE cannot hold a ';'.
+//
+// INVALID_ARGUMENT quotes the part that is wrong and shows a right example.
+absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text);
+
+// "max" or a factor above 0. INVALID_ARGUMENT quotes the text.
+absl::StatusOr<double> ParseSpeed(std::string_view text);
+
+// The camera's name within the rig.
+const std::string& CameraNameOf(const SourceSpec& spec);
+
+// The source itself; opens its files once to see that they are there. The message names the camera,
+// the file and what to do.
+absl::StatusOr<std::unique_ptr<ObservationSource>> CreateSource(const SourceSpec& spec);
+
+}  // namespace rigcal::agent

@@ -2,14 +2,14 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <memory>
-#include <string>
+#include <cstdint>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "common/camera/camera_description.h"
 #include "common/geometry/rigid_transform.h"
 #include "common/simulation/simulation_options.h"
+#include "common/simulation/wand_trajectory.h"
 #include "common/target/observation.h"
 #include "common/target/target.h"
 
@@ -21,6 +21,8 @@ struct SimulatedCamera {
   RigidTransform cam_from_rig;    // frame `rig` of the world: z up, metres
   double time_offset_s = 0;
   double time_rate_ppm = 0;
+  // Its clock shows clock_origin_ns more than the camera time of `Clock`; 0 without clock_samples.
+  int64_t clock_origin_ns = 0;
   double rate_hz = 0;
   double phase_s = 0;  // rig time of the first frame
 };
@@ -64,7 +66,7 @@ class SimulatedWorld {
   Target target_;
   Target true_target_;
   std::vector<SimulatedCamera> cameras_;
-  std::vector<double> trajectory_;  // coefficients, see the source file
+  WandTrajectory trajectory_;
 };
 
 }  // namespace rigcal

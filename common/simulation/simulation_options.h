@@ -23,7 +23,7 @@ struct SimulationOptions {
   double dropout_share = 0.05;  // of markers, not seen
   double swap_share = 0;        // of observations, with the markers' labels reversed
   double max_speed_m_s = 1.5;   // of the wand's middle
-  double jitter_s = 0;          // one sigma of each stamp
+  double jitter_s = 0;          // one sigma of each stamp; at most a tenth of the shortest period
   double length_error_m = 0;    // added to every span of the true wand, unknown to the solver
   bool free_running = false;    // each camera begins its period at a phase of its own
   bool clock_samples =
@@ -34,14 +34,17 @@ struct SimulationOptions {
   std::map<int, double> camera_rate_hz;  // instead of rate_hz
 
   friend bool operator==(const SimulationOptions&, const SimulationOptions&) = default;
+  // Every fault.
   absl::Status Validate() const;
 };
 
 // Reads
-// `seed=1;cameras=6;duration=60;rate=25;noise=0.3;outliers=0.02;dropouts=0.05;swaps=0;speed=1.5;
-// jitter=0;length_error=0;free_running=1;clock_samples=1;offset.2=0.008;rate_ppm.2=50;rate.3=60`;
-// every part may be left out. The error names the part and lists the known ones.
+// `seed=1;cameras=6;duration=60;rate=25;noise=0.3;outliers=0.02;dropouts=0.05;swaps=0;
+// wand_speed=1.5;jitter=0;length_error=0;free_running=1;clock_samples=1;offset.2=0.008;
+// rate_ppm.2=50;rate.3=60`; every part may be left out. The error names the part and lists the
+// known ones.
 absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text);
+// The same notation: seed, cameras, and every part that differs from its default.
 std::string FormatSimulationOptions(const SimulationOptions& options);
 
 }  // namespace rigcal

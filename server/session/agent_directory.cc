@@ -1,1 +1,214 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "server/session/agent_directory.h"
+
+#include <algorithm>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/camera/camera_id.h"
+#include "common/status/status_macros.h"
+#include "server/session/utc_clock.h"
+
+namespace rigcal::server {
+namespace {
+
+std::string Describe(const AgentRecord& agent) {
+  return absl::StrCat("agent '", agent.agent_id, "' on host '", agent.host, "' (incarnation ",
+                      agent.incarnation, ", connection ", agent.connection, ")");
+}
+
+absl::Status CheckAnnouncement(const AgentRecord& agent, size_t max_cameras) {
+  RIGCAL_RETURN_IF_ERROR(ValidateName("agent id", agent.agent_id));
+  RIGCAL_RETURN_IF_ERROR(ValidateName("rig name", agent.rig));
+  if (agent.cameras.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(Describe(agent), " announces no camera; give it at least one source"));
+  }
+  if (agent.cameras.size() > max_cameras) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        Describe(agent), " announces ", agent.cameras.size(), " cameras; at most ", max_cameras,
+        " are allowed for one agent: run several agents, or raise limits.max_cameras_per_agent"));
+  }
+  std::set<std::string_view> names;
+  for (const AnnouncedCamera& camera : agent.cameras) {
+    RIGCAL_RETURN_IF_ERROR(camera.description.Validate());
+    if (camera.stream_epoch == 0) {
+      return absl::InvalidArgumentError(absl::StrCat("camera '", camera.description.camera,
+                                                     "': stream_epoch is 0; it begins at 1"));
+    }
+    if (!names.insert(camera.description.camera).second) {
+      return absl::InvalidArgumentError(absl::StrCat(Describe(agent), " announces the camera '",
+                                                     camera.description.camera, "' twice"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+const AnnouncedCamera* FindCamera(const AgentRecord& agent, std::string_view camera) {
+  const auto found = std::find_if(
+      agent.cameras.begin(), agent.cameras.end(),
+      [&](const AnnouncedCamera& candidate) { return candidate.description.camera == camera; });
+  return found == agent.cameras.end() ? nullptr : &*found;
+}
+
+}  // namespace
+
+absl::Status AgentDirectoryOptions::Validate() const {
+  std::vector<std::string> faults;
+  if (max_connected_agents == 0) faults.push_back("max_connected_agents must be at least 1");
+  if (max_cameras_per_agent == 0) faults.push_back("max_cameras_per_agent must be at least 1");
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+}
+
+AgentDirectory::AgentDirectory(AgentDirectoryOptions options) : options_(std::move(options)) {}
+
+absl::Status AgentDirectory::CheckAgainstConnected(const AgentRecord& agent) const {
+  const auto own = by_agent_id_.find(agent.agent_id);
+  const bool replaces = own != by_agent_id_.end() && own->second.link != nullptr;
+  if (replaces) {
+    const AgentRecord& other = own->second.agent;
+    const auto now = std::tie(agent.incarnation, agent.connection);
+    const auto before = std::tie(other.incarnation, other.connection);
+    if (now < before) {
+      return absl::AbortedError(absl::StrCat(Describe(agent), " is refused: the newer ",
+                                             Describe(other), " is connected"));
+    }
+    if (now == before) {
+      return absl::AlreadyExistsError(
+          absl::StrCat(Describe(agent), " is refused: ", Describe(other),
+                       " is connected with the same id; give each agent its own state directory"));
+    }
+  } else if (connected_count_ >= options_.max_connected_agents) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        Describe(agent), " is refused: ", connected_count_,
+        " agents are connected, which is the limit; raise limits.max_agents on the server"));
+  }
+  for (const auto& [agent_id, entry] : by_agent_id_) {
+    if (!entry.link || agent_id == agent.agent_id || entry.agent.rig != agent.rig) continue;
+    for (const AnnouncedCamera& camera : agent.cameras) {
+      if (FindCamera(entry.agent, camera.description.camera) == nullptr) continue;
+      return absl::AlreadyExistsError(
+          absl::StrCat("camera '", agent.rig, "/", camera.description.camera, "' is announced by ",
+                       Describe(agent), " but held by ", Describe(entry.agent),
+                       "; stop one of the two, or give the camera another name"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<AgentDirectory::Registration> AgentDirectory::Register(
+    AgentRecord agent, std::shared_ptr<AgentLink> link) {
+  RIGCAL_RETURN_IF_ERROR(CheckAnnouncement(agent, options_.max_cameras_per_agent));
+  std::shared_ptr<AgentLink> fenced;
+  std::string fenced_name;
+  const std::string name = Describe(agent);
+  Registration registration = 0;
+  {
+    std::lock_guard lock(mutex_);
+    if (closed_) return absl::UnavailableError("the server is shutting down");
+    RIGCAL_RETURN_IF_ERROR(CheckAgainstConnected(agent));
+    agent.connected = true;
+    agent.connect_utc_ns = UtcNowNs(options_.utc_now_ns);
+    agent.disconnect_utc_ns = 0;
+    Entry& entry = by_agent_id_[agent.agent_id];
+    if (entry.link) {
+      fenced = std::move(entry.link);
+      fenced_name = Describe(entry.agent);
+    } else {
+      ++connected_count_;
+    }
+    registration = ++last_registration_;
+    entry = {.agent = std::move(agent), .link = std::move(link), .registration = registration};
+  }
+  if (fenced) {
+    fenced->Close(absl::AbortedError(
+        absl::StrCat("the stream of ", fenced_name, " is closed: ", name, " took over")));
+  }
+  return registration;
+}
+
+bool AgentDirectory::Unregister(Registration registration) {
+  std::shared_ptr<AgentLink> link;  // released after the lock
+  std::lock_guard lock(mutex_);
+  for (auto& [agent_id, entry] : by_agent_id_) {
+    if (entry.registration != registration || !entry.link) continue;
+    link = std::move(entry.link);
+    entry.agent.connected = false;
+    entry.agent.disconnect_utc_ns = UtcNowNs(options_.utc_now_ns);
+    --connected_count_;
+    ForgetOldest();
+    return true;
+  }
+  return false;
+}
+
+void AgentDirectory::ForgetOldest() {
+  while (by_agent_id_.size() - connected_count_ > options_.max_remembered_agents) {
+    auto oldest = by_agent_id_.end();
+    for (auto it = by_agent_id_.begin(); it != by_agent_id_.end(); ++it) {
+      if (it->second.link) continue;
+      if (oldest == by_agent_id_.end() || it->second.registration < oldest->second.registration) {
+        oldest = it;
+      }
+    }
+    by_agent_id_.erase(oldest);
+  }
+}
+
+std::vector<AgentDirectory::ConnectedCamera> AgentDirectory::ConnectedCameras(
+    std::string_view rig) const {
+  std::vector<ConnectedCamera> cameras;
+  {
+    std::lock_guard lock(mutex_);
+    for (const auto& [agent_id, entry] : by_agent_id_) {
+      if (!entry.link || entry.agent.rig != rig) continue;
+      for (const AnnouncedCamera& camera : entry.agent.cameras) {
+        cameras.push_back({camera, agent_id, entry.link});
+      }
+    }
+  }
+  std::sort(cameras.begin(), cameras.end(), [](const auto& a, const auto& b) {
+    return a.camera.description.camera < b.camera.description.camera;
+  });
+  return cameras;
+}
+
+std::vector<std::string> AgentDirectory::ConnectedCameraNames(std::string_view rig) const {
+  std::vector<std::string> names;
+  for (const ConnectedCamera& camera : ConnectedCameras(rig)) {
+    names.push_back(camera.camera.description.camera);
+  }
+  return names;
+}
+
+std::vector<AgentRecord> AgentDirectory::List(std::string_view rig) const {
+  std::vector<AgentRecord> agents;
+  std::lock_guard lock(mutex_);
+  for (const auto& [agent_id, entry] : by_agent_id_) {
+    if (rig.empty() || entry.agent.rig == rig) agents.push_back(entry.agent);
+  }
+  return agents;
+}
+
+size_t AgentDirectory::ConnectedCount() const {
+  std::lock_guard lock(mutex_);
+  return connected_count_;
+}
+
+void AgentDirectory::CloseAll(const absl::Status& reason) {
+  std::vector<std::shared_ptr<AgentLink>> links;
+  {
+    std::lock_guard lock(mutex_);
+    closed_ = true;
+    for (const auto& [agent_id, entry] : by_agent_id_) {
+      if (entry.link) links.push_back(entry.link);
+    }
+  }
+  for (const auto& link : links) link->Close(reason);
+}
+
+}  // namespace rigcal::server

@@ -1,1 +1,234 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "server/session/session_coordinator.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/status/status_macros.h"
+#include "server/session/session_rules.h"
+#include "server/session/utc_clock.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr int kLoadPageSize = 500;
+
+std::chrono::nanoseconds DrainTimeLeft(const Session& session, int64_t now_utc_ns) {
+  // A clock that was set back while the server was down must not stretch the wait.
+  constexpr std::chrono::nanoseconds kMost = std::chrono::seconds(600);
+  const std::chrono::nanoseconds left(session.drain_deadline_utc_ns - now_utc_ns);
+  return std::clamp(left, std::chrono::nanoseconds::zero(), kMost);
+}
+
+}  // namespace
+
+absl::Status SessionCoordinatorOptions::Validate() const {
+  std::vector<std::string> faults;
+  if (max_sessions == 0) faults.emplace_back("max_sessions must be at least 1");
+  if (max_cameras_per_session == 0) {
+    faults.emplace_back("max_cameras_per_session must be at least 1");
+  }
+  if (send_window == 0) faults.emplace_back("send_window must be at least 1 row");
+  if (store_retry_interval.count() <= 0) {
+    faults.emplace_back("store_retry_interval must be above 0");
+  }
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+}
+
+SessionHold::~SessionHold() {
+  for (const std::string& id : session_ids_) contexts_->RemoveReader(id);
+}
+
+SessionCoordinator::SessionCoordinator(SessionCoordinatorOptions options, Store* store,
+                                       AgentDirectory* directory)
+    : options_(std::move(options)),
+      store_(store),
+      directory_(directory),
+      changes_(options_.max_watches) {}
+
+absl::StatusOr<std::unique_ptr<SessionCoordinator>> SessionCoordinator::Create(
+    SessionCoordinatorOptions options, Store* store, AgentDirectory* directory) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  std::unique_ptr<SessionCoordinator> coordinator(
+      new SessionCoordinator(std::move(options), store, directory));
+  RIGCAL_RETURN_IF_ERROR(coordinator->Load());
+  return coordinator;
+}
+
+SessionCoordinator::~SessionCoordinator() { Shutdown(); }
+
+absl::Status SessionCoordinator::Load() {
+  std::string before;
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::vector<Session> page,
+                            store_->ListSessions("", kLoadPageSize, before));
+    for (const Session& session : page) {
+      contexts_.Put(session);
+      if (session.state != SessionState::kCapturing && session.state != SessionState::kDraining) {
+        continue;
+      }
+      Activate(session);
+      spdlog::info("session {}: goes on after a restart with {} cameras", session.id,
+                   session.cameras.size());
+    }
+    if (page.size() < static_cast<size_t>(kLoadPageSize)) return absl::OkStatus();
+    before = page.back().id;
+  }
+}
+
+void SessionCoordinator::Activate(const Session& session) {
+  contexts_.Put(session);
+  ActiveSession active{.session = session, .check_at = std::nullopt, .finish_at = std::nullopt};
+  if (session.state == SessionState::kDraining) {
+    active.finish_at =
+        std::chrono::steady_clock::now() + DrainTimeLeft(session, UtcNowNs(options_.utc_now_ns));
+  }
+  {
+    std::lock_guard lock(mutex_);
+    active_.insert_or_assign(session.id, std::move(active));
+    finish_checks_.insert(session.id);
+  }
+  wake_.notify_all();
+  changes_.Notify(session.id);
+}
+
+absl::StatusOr<Session> SessionCoordinator::CreateSession(Session session) {
+  RIGCAL_RETURN_IF_ERROR(ValidateNewSession(session, options_.max_cameras_per_session));
+  std::lock_guard change(change_mutex_);
+  if (contexts_.size() >= options_.max_sessions) {
+    return absl::ResourceExhaustedError(absl::StrCat("there are ", contexts_.size(),
+                                                     " sessions, which is the limit; delete some, "
+                                                     "or raise limits.max_sessions on the server"));
+  }
+  session.state = SessionState::kCreated;
+  session.create_utc_ns = UtcNowNs(options_.utc_now_ns);
+  std::sort(session.cameras.begin(), session.cameras.end(), [](const auto& a, const auto& b) {
+    return a.description.camera < b.description.camera;
+  });
+  RIGCAL_ASSIGN_OR_RETURN(session, store_->CreateSession(std::move(session)));
+  contexts_.Put(session);
+  return session;
+}
+
+absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
+  std::lock_guard change(change_mutex_);
+  RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
+  if (session.state == SessionState::kCapturing) return session;
+  if (session.state != SessionState::kCreated) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "session '", session.id, "' cannot start: it has been stopped already; create a new one"));
+  }
+  const auto connected = directory_->ConnectedCameras(session.rig);
+  RIGCAL_ASSIGN_OR_RETURN(session.cameras,
+                          ChooseCameras(session, connected, options_.max_cameras_per_session));
+  RIGCAL_RETURN_IF_ERROR(CheckNotCapturing(session, ActiveSessions()));
+  session.state = SessionState::kCapturing;
+  session.start_utc_ns = UtcNowNs(options_.utc_now_ns);
+  RIGCAL_RETURN_IF_ERROR(store_->UpdateSession(session));
+  Activate(session);
+  spdlog::info("session {}: capturing with {} cameras", session.id, session.cameras.size());
+  QueueOrders(session, OrdersFor(session, connected));
+  return session;
+}
+
+absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id,
+                                                        double drain_timeout_s) {
+  RIGCAL_ASSIGN_OR_RETURN(const double timeout_s, DrainTimeout(drain_timeout_s));
+  std::lock_guard change(change_mutex_);
+  RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
+  if (session.state == SessionState::kCreated) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("session '", session.id, "' cannot be stopped: it has not been started"));
+  }
+  if (session.state != SessionState::kCapturing) return session;
+  session.state = SessionState::kDraining;
+  session.stop_utc_ns = UtcNowNs(options_.utc_now_ns);
+  session.drain_deadline_utc_ns = session.stop_utc_ns + static_cast<int64_t>(timeout_s * 1e9);
+  RIGCAL_RETURN_IF_ERROR(store_->UpdateSession(session));
+  std::set<std::string> told;
+  for (const auto& camera : directory_->ConnectedCameras(session.rig)) {
+    const SessionCamera* own = session.FindCamera(camera.camera.description.camera);
+    if (own == nullptr || own->agent_id != camera.agent_id) continue;
+    if (!told.insert(camera.agent_id).second) continue;
+    Queue([link = camera.link, session_id = session.id] { link->SendStopCapture(session_id); });
+  }
+  Activate(session);
+  spdlog::info("session {}: draining, at most {} s", session.id, timeout_s);
+  return session;
+}
+
+absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
+  std::lock_guard change(change_mutex_);
+  RIGCAL_ASSIGN_OR_RETURN(const Session session, store_->GetSession(id));
+  if (session.state == SessionState::kCapturing || session.state == SessionState::kDraining) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("session '", session.id, "' cannot be deleted: it is ",
+                     session.state == SessionState::kCapturing ? "capturing; stop it first"
+                                                               : "draining; wait for its end"));
+  }
+  RIGCAL_RETURN_IF_ERROR(contexts_.Remove(id));
+  if (absl::Status status = store_->DeleteSession(id); !status.ok()) {
+    contexts_.Put(session);
+    return status;
+  }
+  changes_.Notify(id);
+  spdlog::info("session {}: deleted", session.id);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SessionView> SessionCoordinator::GetSession(std::string_view id) const {
+  RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
+  return Describe(std::move(session));
+}
+
+absl::StatusOr<std::vector<Session>> SessionCoordinator::ListSessions(
+    std::string_view rig, int limit, std::string_view before) const {
+  return store_->ListSessions(rig, limit, before);
+}
+
+absl::StatusOr<SessionView> SessionCoordinator::Describe(Session session) const {
+  SessionView view;
+  RIGCAL_ASSIGN_OR_RETURN(view.counts, store_->GetSessionCounts(session.id));
+  view.connected_cameras = directory_->ConnectedCameraNames(session.rig);
+  view.session = std::move(session);
+  return view;
+}
+
+absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> SessionCoordinator::WatchSession(
+    std::string_view id) {
+  RIGCAL_RETURN_IF_ERROR(store_->GetSession(id).status());
+  return changes_.Add(id);
+}
+
+absl::StatusOr<std::unique_ptr<SessionHold>> SessionCoordinator::HoldSessions(
+    std::vector<std::string> ids) {
+  for (size_t i = 0; i < ids.size(); ++i) {
+    absl::Status status = contexts_.AddReader(ids[i]);
+    if (status.ok()) continue;
+    for (size_t k = 0; k < i; ++k) contexts_.RemoveReader(ids[k]);
+    return status;
+  }
+  return std::make_unique<SessionHold>(&contexts_, std::move(ids));
+}
+
+size_t SessionCoordinator::CapturingCount() const {
+  std::lock_guard lock(mutex_);
+  return static_cast<size_t>(std::count_if(active_.begin(), active_.end(), [](const auto& item) {
+    return item.second.session.state == SessionState::kCapturing;
+  }));
+}
+
+std::vector<Session> SessionCoordinator::ActiveSessions() const {
+  std::vector<Session> sessions;
+  std::lock_guard lock(mutex_);
+  for (const auto& [id, active] : active_) sessions.push_back(active.session);
+  return sessions;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/camera/camera_description.h"
+#include "server/session/agent_link.h"
+
+namespace rigcal::server {
+
+struct AnnouncedCamera {
+  CameraDescription description;
+  uint32_t stream_epoch = 1;  // new observations of this camera carry it
+};
+
+// Who an agent says it is.
+struct AgentRecord {
+  std::string agent_id;
+  uint32_t incarnation = 0;  // grows at each start of the agent
+  uint32_t connection = 0;   // grows at each connection within an incarnation
+  std::string host;
+  std::string software_version;
+  std::string rig;
+  std::vector<AnnouncedCamera> cameras;
+  // Filled by the directory.
+  bool connected = false;
+  int64_t connect_utc_ns = 0;
+  int64_t disconnect_utc_ns = 0;  // 0 while connected
+};
+
+struct AgentDirectoryOptions {
+  size_t max_connected_agents = 256;
+  size_t max_cameras_per_agent = 64;
+  // Agents that have gone and are still listed; the ones gone longest are forgotten first.
+  size_t max_remembered_agents = 256;
+  std::function<int64_t()> utc_now_ns;  // unset: the system's clock
+
+  absl::Status Validate() const;
+};
+
+// Who is connected, and with which cameras. Thread-safe; calls links only with no lock held.
+class AgentDirectory {
+ public:
+  // One successful Register; given back to Unregister. Never 0, never used twice.
+  using Registration = uint64_t;
+
+  // A camera with a live agent.
+  struct ConnectedCamera {
+    AnnouncedCamera camera;
+    std::string agent_id;
+    std::shared_ptr<AgentLink> link;
+  };
+
+  explicit AgentDirectory(AgentDirectoryOptions options = {});
+
+  // Takes the agent in. The same agent_id with a higher (incarnation, connection) replaces its
+  // older stream, which is closed with ABORTED.
+  //   INVALID_ARGUMENT    a name or camera description, the same camera twice, no camera
+  //   ABORTED             a newer stream of the same agent_id is connected; both are named
+  //   ALREADY_EXISTS      a live agent with another agent_id, or another process with the same one,
+  //                       holds a camera; both and the camera are named
+  //   RESOURCE_EXHAUSTED  too many agents, or too many cameras for one agent
+  //   UNAVAILABLE         after CloseAll
+  absl::StatusOr<Registration> Register(AgentRecord agent, std::shared_ptr<AgentLink> link);
+  // Nothing happens when a newer stream has taken the registration's place. True: it was current.
+  bool Unregister(Registration registration);
+
+  // Cameras of `rig` with a live agent, by name.
+  std::vector<ConnectedCamera> ConnectedCameras(std::string_view rig) const;
+  std::vector<std::string> ConnectedCameraNames(std::string_view rig) const;
+  // Connected and remembered ones, by agent_id. Empty `rig`: every rig.
+  std::vector<AgentRecord> List(std::string_view rig) const;
+  size_t ConnectedCount() const;
+
+  // Closes every link with `reason` and takes nobody in from now on.
+  void CloseAll(const absl::Status& reason);
+
+ private:
+  struct Entry {
+    AgentRecord agent;
+    std::shared_ptr<AgentLink> link;  // none: not connected
+    Registration registration = 0;
+  };
+
+  absl::Status CheckAgainstConnected(const AgentRecord& agent) const;
+  void ForgetOldest();
+
+  const AgentDirectoryOptions options_;
+  mutable std::mutex mutex_;
+  std::map<std::string, Entry, std::less<>> by_agent_id_;
+  Registration last_registration_ = 0;
+  size_t connected_count_ = 0;
+  bool closed_ = false;
+};
+
+}  // namespace rigcal::server

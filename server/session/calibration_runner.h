@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration_options.h"
+#include "common/calibration/calibration_record.h"
+#include "server/session/change_notifier.h"
+#include "server/session/session_coordinator.h"
+#include "server/solve/calibrate.h"
+#include "server/store/store.h"
+
+namespace rigcal::server {
+
+// server/solve's Calibrate, or what a test puts in its place.
+using CalibrateFunction = std::function<CalibrationOutcome(
+    const CalibrationInput&, const CalibrationOptions&, const CalibrationHooks&)>;
+
+struct CalibrationRunnerOptions {
+  size_t max_queued = 32;
+  size_t max_sessions_per_calibration = 64;
+  // Observations one calibration may hold in memory, about 250 bytes each.
+  size_t max_observations = 10'000'000;
+  // Clients that watch calibrations at a time.
+  size_t max_watches = 64;
+  // Watchers are not woken more often by progress within a stage.
+  std::chrono::milliseconds progress_interval{100};
+  // How often a calibration is begun that the server did not survive (kill -9, out of memory).
+  int max_attempts = 3;
+  std::string software_version;
+  std::function<int64_t()> utc_now_ns;  // unset: the system's clock
+
+  absl::Status Validate() const;
+};
+
+// Runs calibrations one after the other on a thread of its own. A calibration that was queued or
+// running when the server ended is queued again. Progress is kept in memory only. Thread-safe.
+class CalibrationRunner {
+ public:
+  // `store` and `coordinator` must outlive the runner. Errors: the options', the store's.
+  static absl::StatusOr<std::unique_ptr<CalibrationRunner>> Create(CalibrationRunnerOptions options,
+                                                                   Store* store,
+                                                                   SessionCoordinator* coordinator,
+                                                                   CalibrateFunction calibrate);
+  ~CalibrationRunner();
+
+  void Start();
+  // Stops the running calibration, which is queued again at the next start, and ends every watch.
+  void Shutdown();
+  // Returns when nothing is queued or running. Only between Start and Shutdown.
+  void WaitIdle();
+
+  // Errors of these as in rigcal/v1/calibration.proto.
+  absl::StatusOr<Calibration> CreateCalibration(std::vector<std::string> session_ids,
+                                                CalibrationOptions options);
+  absl::StatusOr<Calibration> GetCalibration(std::string_view id) const;
+  // Newest first, at most `limit`, those older than `before` (empty: from the newest).
+  absl::StatusOr<std::vector<Calibration>> ListCalibrations(std::string_view rig, int limit,
+                                                            std::string_view before) const;
+  absl::StatusOr<Calibration> CancelCalibration(std::string_view id);
+  absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchCalibration(std::string_view id);
+  size_t QueuedCount() const;
+
+ private:
+  struct Job {
+    std::string id;
+    std::unique_ptr<SessionHold> hold;
+  };
+
+  CalibrationRunner(CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
+                    CalibrateFunction calibrate);
+  absl::Status QueueUnfinished();
+  void Run();
+  void RunJob(const Job& job);
+  absl::Status Begin(Calibration* calibration);
+  void Solve(Calibration* calibration);
+  void End(Calibration calibration);
+  void ReportProgress(std::string_view stage, double fraction);
+  Calibration WithMemory(Calibration calibration) const;
+
+  const CalibrationRunnerOptions options_;
+  Store* const store_;
+  SessionCoordinator* const coordinator_;
+  const CalibrateFunction calibrate_;
+  ChangeNotifier changes_;
+
+  std::mutex create_mutex_;  // held over a whole CreateCalibration; taken before mutex_
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  std::condition_variable idle_;
+  std::deque<Job> queue_;
+  std::string running_id_;  // empty: none
+  std::string stage_;
+  double fraction_ = 0;
+  std::chrono::steady_clock::time_point last_notification_;
+  // Ended, but the store refused to take it: shown as failed until the next start tries again.
+  std::map<std::string, Calibration, std::less<>> unsaved_;
+  bool stopping_ = false;
+  bool cancel_asked_ = false;        // by a client
+  std::atomic<bool> interrupted_{};  // by a client or by Shutdown
+  std::thread thread_;
+};
+
+}  // namespace rigcal::server

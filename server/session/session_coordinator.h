@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "common/session/session.h"
+#include "server/ingest/ingest.h"
+#include "server/session/agent_directory.h"
+#include "server/session/agent_link.h"
+#include "server/session/change_notifier.h"
+#include "server/session/stream_context_cache.h"
+#include "server/store/store.h"
+
+namespace rigcal::server {
+
+struct SessionCoordinatorOptions {
+  // Sessions kept at a time, finished ones included.
+  size_t max_sessions = 10000;
+  size_t max_cameras_per_session = 256;
+  // Clients that watch sessions at a time.
+  size_t max_watches = 64;
+  // Rows an agent may have unacknowledged per stream; the same as ingest's.
+  uint32_t send_window = 32768;
+  // After the store refused to finish a session (disk full): how long until the next attempt.
+  std::chrono::milliseconds store_retry_interval{1000};
+  std::function<int64_t()> utc_now_ns;  // unset: the system's clock
+
+  absl::Status Validate() const;
+};
+
+// A session with what the store and the directory know of it now.
+struct SessionView {
+  Session session;
+  std::vector<SessionCameraCounts> counts;
+  std::vector<std::string> connected_cameras;
+};
+
+// Keeps a session from being deleted while it lives. Must not outlive the coordinator.
+class SessionHold {
+ public:
+  SessionHold(StreamContextCache* contexts, std::vector<std::string> session_ids)
+      : contexts_(contexts), session_ids_(std::move(session_ids)) {}
+  ~SessionHold();
+  SessionHold(const SessionHold&) = delete;
+  SessionHold& operator=(const SessionHold&) = delete;
+
+ private:
+  StreamContextCache* const contexts_;
+  const std::vector<std::string> session_ids_;
+};
+
+// The life of sessions: created, capturing, draining, finished. Tells agents what to do through
+// their links, watches acknowledgements for the end of every camera, and keeps drain deadlines.
+// Thread-safe. Calls that change a session are made one after the other and return when the change
+// is durable; links are called on the coordinator's own thread with no lock held, in the order of
+// the changes.
+//
+// Sessions that were capturing or draining when the server ended go on: their agents are told again
+// when they connect.
+class SessionCoordinator final : public StreamContextSource {
+ public:
+  // Reads the sessions from `store`. `store` and `directory` must outlive the coordinator. Errors:
+  // the options', the store's.
+  static absl::StatusOr<std::unique_ptr<SessionCoordinator>> Create(
+      SessionCoordinatorOptions options, Store* store, AgentDirectory* directory);
+  ~SessionCoordinator() override;
+
+  // Starts the thread that sends commands and finishes sessions.
+  void Start();
+  // Ends the thread and every watch. Sessions stay as they are.
+  void Shutdown();
+  // Returns when all commands have been sent and all finished sessions are stored (deadlines not
+  // awaited). Only between Start and Shutdown.
+  void WaitIdle();
+
+  // --- Sessions; errors as in rigcal/v1/session.proto ---
+  absl::StatusOr<Session> CreateSession(Session session);
+  absl::StatusOr<Session> StartSession(std::string_view id);
+  // 0: 10 s.
+  absl::StatusOr<Session> StopSession(std::string_view id, double drain_timeout_s);
+  absl::Status DeleteSession(std::string_view id);
+  absl::StatusOr<SessionView> GetSession(std::string_view id) const;
+  // Newest first, at most `limit`, those older than `before` (empty: from the newest).
+  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
+                                                    std::string_view before) const;
+  absl::StatusOr<SessionView> Describe(Session session) const;
+  // NOT_FOUND, RESOURCE_EXHAUSTED.
+  absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchSession(std::string_view id);
+  // NOT_FOUND names the first session that does not exist.
+  absl::StatusOr<std::unique_ptr<SessionHold>> HoldSessions(std::vector<std::string> ids);
+  size_t SessionCount() const { return contexts_.size(); }
+  size_t CapturingCount() const;
+
+  // --- Agents ---
+  struct AgentConnection {
+    AgentDirectory::Registration registration = 0;
+    std::vector<StreamPosition> positions;  // one for each of `pending`, in its order
+  };
+  // Registers the agent, and tells it of the sessions that run with its cameras. Reads the store:
+  // not for a thread that must not block. Errors as AgentDirectory::Register, and the store's.
+  absl::StatusOr<AgentConnection> ConnectAgent(AgentRecord agent,
+                                               absl::Span<const StreamKey> pending,
+                                               std::shared_ptr<AgentLink> link);
+  // Never blocks on the disk.
+  void DisconnectAgent(AgentDirectory::Registration registration);
+  // PERMISSION_DENIED; see StreamContextCache. Never blocks on the disk.
+  absl::Status CheckDelivery(const StreamKey& stream, std::string_view agent_id,
+                             std::string_view rig) const {
+    return contexts_.CheckAgent(stream, agent_id, rig);
+  }
+
+  // --- Ingest ---
+  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const override {
+    return contexts_.GetStreamContext(stream);
+  }
+  // To be called with every acknowledgement. Never blocks on the disk.
+  void RecordAck(const BatchAck& ack);
+
+ private:
+  using SteadyTime = std::chrono::steady_clock::time_point;
+  struct ActiveSession {
+    Session session;
+    std::optional<SteadyTime> check_at;   // look again whether every camera has ended
+    std::optional<SteadyTime> finish_at;  // finish with what is there then
+  };
+  struct CaptureOrder {
+    std::shared_ptr<AgentLink> link;
+    StartCaptureCommand command;
+  };
+
+  SessionCoordinator(SessionCoordinatorOptions options, Store* store, AgentDirectory* directory);
+  absl::Status Load();
+  void Activate(const Session& session);
+  std::vector<Session> ActiveSessions() const;
+  absl::StatusOr<StreamPosition> PositionOf(const StreamKey& stream) const;
+  // What to tell the agents of those cameras of `session` that are among `connected`, as for a
+  // session without observations.
+  std::vector<CaptureOrder> OrdersFor(
+      const Session& session, absl::Span<const AgentDirectory::ConnectedCamera> connected) const;
+  // The same from the durable positions on, without the cameras that have ended; queues it.
+  absl::Status ResumeCapture(const Session& session,
+                             absl::Span<const AgentDirectory::ConnectedCamera> connected);
+  void QueueOrders(const Session& session, std::vector<CaptureOrder> orders);
+  void Queue(std::function<void()> command);
+  void Run();
+  // With mutex_ held: moves what is due into finish_checks_ and `overdue`; returns when to look
+  // again.
+  std::optional<SteadyTime> TakeDue(std::set<std::string>* overdue);
+  void Work(std::deque<std::function<void()>> commands, const std::set<std::string>& due,
+            const std::set<std::string>& overdue);
+  void FinishIfEnded(const std::string& id, bool overdue);
+
+  const SessionCoordinatorOptions options_;
+  Store* const store_;
+  AgentDirectory* const directory_;
+  StreamContextCache contexts_;
+  ChangeNotifier changes_;
+
+  // Held over a whole change, the store's part included. Taken before mutex_.
+  mutable std::mutex change_mutex_;
+  // Held for moments only.
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  std::condition_variable idle_;
+  std::map<std::string, ActiveSession, std::less<>> active_;  // capturing or draining
+  std::deque<std::function<void()>> commands_;
+  std::set<std::string> finish_checks_;
+  bool working_ = false;
+  bool stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/session/session_rules.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/camera/camera_id.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kDefaultDrainTimeoutS = 10;
+constexpr double kMaxDrainTimeoutS = 600;
+constexpr size_t kMaxTitleBytes = 1024;
+
+void AddFault(const absl::Status& status, std::vector<std::string>* faults) {
+  if (!status.ok()) faults->emplace_back(status.message());
+}
+
+absl::Status TooManyCameras(size_t count, size_t max_cameras) {
+  return absl::ResourceExhaustedError(
+      absl::StrCat(count, " cameras are too many for one session; at most ", max_cameras,
+                   " are allowed: raise limits.max_cameras_per_session on the server"));
+}
+
+std::string QuotedList(const std::vector<std::string>& names) {
+  return absl::StrJoin(names, ", ", [](std::string* out, const std::string& name) {
+    absl::StrAppend(out, "'", name, "'");
+  });
+}
+
+}  // namespace
+
+absl::Status ValidateNewSession(const Session& session, size_t max_cameras) {
+  std::vector<std::string> faults;
+  if (!session.id.empty()) AddFault(ValidateName("session id", session.id), &faults);
+  AddFault(ValidateName("rig name", session.rig), &faults);
+  if (session.title.size() > kMaxTitleBytes) {
+    faults.push_back(absl::StrCat("the title has ", session.title.size(), " bytes; at most ",
+                                  kMaxTitleBytes, " are allowed"));
+  }
+  AddFault(session.target.Validate(), &faults);
+  if (session.target.kind == TargetKind::kPoint) {
+    faults.emplace_back(
+        "a 'point' target is not supported yet; use a wand with two or more markers, like "
+        "wand:0,0.13,0.39");
+  }
+  std::set<std::string> names;
+  for (const std::string& name : session.requested_cameras) {
+    AddFault(ValidateName("camera name", name), &faults);
+    if (!names.insert(name).second) {
+      faults.push_back(absl::StrCat("camera '", name, "' is named twice"));
+    }
+  }
+  for (const SessionCamera& camera : session.cameras) {
+    AddFault(camera.description.Validate(), &faults);
+    if (!names.insert(camera.description.camera).second) {
+      faults.push_back(
+          absl::StrCat("camera '", camera.description.camera, "' is named or described twice"));
+    }
+  }
+  if (!faults.empty()) return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  const size_t count = session.requested_cameras.size() + session.cameras.size();
+  return count > max_cameras ? TooManyCameras(count, max_cameras) : absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<SessionCamera>> ChooseCameras(
+    const Session& session, absl::Span<const AgentDirectory::ConnectedCamera> connected,
+    size_t max_cameras) {
+  std::vector<SessionCamera> cameras;
+  for (const SessionCamera& camera : session.cameras) {
+    if (camera.agent_id.empty()) cameras.push_back(camera);
+  }
+  const bool take_all = session.requested_cameras.empty() && cameras.empty();
+  std::set<std::string> wanted(session.requested_cameras.begin(), session.requested_cameras.end());
+  std::vector<std::string> available;
+  for (const AgentDirectory::ConnectedCamera& camera : connected) {
+    const std::string& name = camera.camera.description.camera;
+    available.push_back(name);
+    if (wanted.erase(name) > 0 || take_all) {
+      cameras.push_back({camera.camera.description, camera.agent_id});
+    }
+  }
+  if (!wanted.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("session '", session.id, "' cannot start: no agent of rig '", session.rig,
+                     "' is connected with camera ", QuotedList({wanted.begin(), wanted.end()}),
+                     available.empty() ? std::string("; no camera of this rig is connected")
+                                       : absl::StrCat("; connected are ", QuotedList(available))));
+  }
+  if (cameras.empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("session '", session.id, "' cannot start: no camera of rig '", session.rig,
+                     "' is connected; start an agent with this rig's name"));
+  }
+  if (cameras.size() > max_cameras) return TooManyCameras(cameras.size(), max_cameras);
+  std::sort(cameras.begin(), cameras.end(), [](const auto& a, const auto& b) {
+    return a.description.camera < b.description.camera;
+  });
+  return cameras;
+}
+
+absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session> active) {
+  for (const Session& other : active) {
+    if (other.rig != starting.rig || other.state != SessionState::kCapturing) continue;
+    for (const SessionCamera& camera : starting.cameras) {
+      if (camera.agent_id.empty() || other.FindCamera(camera.description.camera) == nullptr) {
+        continue;
+      }
+      return absl::FailedPreconditionError(absl::StrCat(
+          "session '", starting.id, "' cannot start: camera '", starting.rig, "/",
+          camera.description.camera, "' captures for session '", other.id, "'; stop that first"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<double> DrainTimeout(double asked_s) {
+  if (asked_s == 0) return kDefaultDrainTimeoutS;
+  if (asked_s > 0 && asked_s <= kMaxDrainTimeoutS) return asked_s;
+  return absl::InvalidArgumentError(absl::StrCat("drain_timeout_s is ", asked_s,
+                                                 "; it must be 0 (10 s) or above 0 and at most ",
+                                                 kMaxDrainTimeoutS));
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "common/session/session.h"
+#include "server/session/agent_directory.h"
+
+namespace rigcal::server {
+
+// What may be asked for when a session is made: names, target, cameras by hand. INVALID_ARGUMENT
+// lists every fault. RESOURCE_EXHAUSTED: more than `max_cameras` cameras.
+absl::Status ValidateNewSession(const Session& session, size_t max_cameras);
+
+// The cameras that take part in `session` from its start on, sorted by name: those described by
+// hand, and of `connected` (cameras of the session's rig with a live agent) the requested ones, or
+// all of them when neither was asked for.
+//   FAILED_PRECONDITION  no camera at all, or a requested one is not connected (all are named)
+//   RESOURCE_EXHAUSTED   more than `max_cameras` cameras
+absl::StatusOr<std::vector<SessionCamera>> ChooseCameras(
+    const Session& session, absl::Span<const AgentDirectory::ConnectedCamera> connected,
+    size_t max_cameras);
+
+// FAILED_PRECONDITION when a camera of `starting` captures for one of `active` already; names both.
+absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session> active);
+
+// How long to drain: the asked time, or the default for 0. INVALID_ARGUMENT: negative, not finite
+// or above the limit of 600 s.
+absl::StatusOr<double> DrainTimeout(double asked_s);
+
+}  // namespace rigcal::server

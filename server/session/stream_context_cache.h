@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/session/session.h"
+#include "server/ingest/ingest.h"
+
+namespace rigcal::server {
+
+// What the path of the data must know of every session, in memory: ingest asks it for each
+// delivery. Also counts who reads a session, so that it is not deleted under a reader. Thread-safe;
+// never touches the disk.
+class StreamContextCache final : public StreamContextSource {
+ public:
+  // Adds or replaces a session.
+  void Put(const Session& session);
+  size_t size() const;
+
+  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const override;
+
+  // OK also for a session or camera that is not known: GetStreamContext says so.
+  // PERMISSION_DENIED: the session is of another rig, or the camera took part with another agent;
+  // all are named.
+  absl::Status CheckAgent(const StreamKey& stream, std::string_view agent_id,
+                          std::string_view rig) const;
+
+  // NOT_FOUND: no such session.
+  absl::Status AddReader(std::string_view session_id);
+  void RemoveReader(std::string_view session_id);
+  // Takes the session out, so that nobody begins to read or deliver. NOT_FOUND.
+  // FAILED_PRECONDITION: somebody is reading it.
+  absl::Status Remove(std::string_view session_id);
+
+ private:
+  struct Camera {
+    ImageSize image_size_px;
+    std::string agent_id;
+  };
+  struct Entry {
+    std::string rig;
+    SessionState state = SessionState::kCreated;
+    int marker_count = 0;
+    std::map<std::string, Camera, std::less<>> cameras;
+    int reader_count = 0;
+  };
+
+  mutable std::mutex mutex_;
+  std::map<std::string, Entry, std::less<>> sessions_;
+};
+
+}  // namespace rigcal::server

@@ -75,3 +75,12 @@ function(rigcal_test path)
     SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]"
     ENVIRONMENT "OMP_THREAD_LIMIT=1")
 endfunction()
+
+# rigcal_bench(<name> [SOURCES ...] DEPS ...): tests/bench/<name>.cc, built as tests/bench.<name>; run by hand.
+function(rigcal_bench name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  add_executable(bench.${name} ${PROJECT_SOURCE_DIR}/tests/bench/${name}.cc ${ARG_SOURCES})
+  set_target_properties(bench.${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
+  target_link_libraries(bench.${name} PRIVATE ${ARG_DEPS} rigcal::testing benchmark::benchmark
+    rigcal_build_flags)
+endfunction()

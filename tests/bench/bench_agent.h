@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace rigcal::bench {
+
+// A load of synthetic agents, each with one camera and one stream of its own.
+struct LoadOptions {
+  std::string address;
+  std::string session_id;
+  int agents = 1;
+  int rows_per_message = 16;
+  uint32_t rows_per_agent = 100'000;
+  double rows_per_s = 0;  // of each agent; 0: as fast as credits allow
+  uint32_t window = 32768;
+};
+
+struct LoadResult {
+  double duration_s = 0;
+  uint64_t rows = 0;
+  std::vector<double>
+      ack_latency_s;  // per message, from its write to the acknowledgement that covers it
+};
+
+// Opens the streams first; `start` is called once all have been greeted (it starts the session).
+absl::StatusOr<LoadResult> RunLoad(const LoadOptions& options,
+                                   const std::function<absl::Status()>& start);
+
+// "bench_<agent>".
+std::string BenchCameraName(int agent);
+
+}  // namespace rigcal::bench

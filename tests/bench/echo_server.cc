@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// The yardstick of ingest_bench: takes the same stream and answers every message at once, storing
+// and checking nothing. Prints its port; ends with its standard input.
+#include <grpcpp/grpcpp.h>
+
+#include <iostream>
+#include <memory>
+#include <string>
+
+#include "rigcal/v1/agent.grpc.pb.h"
+
+namespace rigcal::bench {
+namespace {
+
+class EchoReactor : public grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage> {
+ public:
+  EchoReactor() { StartRead(&message_); }
+
+  void OnReadDone(bool ok) override {
+    if (!ok) return Finish(grpc::Status::OK);
+    if (message_.has_hello()) {
+      answer_.mutable_hello()->set_server_id("echo");
+    } else {
+      const v1::ObservationBatch& batch = message_.batch();
+      v1::BatchAck* ack = answer_.mutable_ack();
+      ack->set_camera(batch.camera());
+      ack->set_durable_seq(batch.first_seq() + static_cast<uint32_t>(batch.time_ns_size()) - 1);
+    }
+    StartWrite(&answer_);
+  }
+  void OnWriteDone(bool ok) override {
+    if (!ok) return Finish(grpc::Status::OK);
+    StartRead(&message_);
+  }
+  void OnDone() override { delete this; }
+
+ private:
+  v1::AgentMessage message_;
+  v1::ServerMessage answer_;
+};
+
+class EchoService : public v1::AgentService::CallbackService {
+ public:
+  grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* Connect(
+      grpc::CallbackServerContext*) override {
+    return new EchoReactor;
+  }
+};
+
+}  // namespace
+}  // namespace rigcal::bench
+
+int main() {
+  rigcal::bench::EchoService service;
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+  builder.RegisterService(&service);
+  const std::unique_ptr<grpc::Server> server = builder.BuildAndStart();
+  if (!server) return 1;
+  std::cout << port << std::endl;
+  std::cin.get();
+  server->Shutdown();
+  return 0;
+}

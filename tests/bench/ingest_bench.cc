@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// Durable ingest of one server over loopback, beside the same stream answered without storing and
+// the time of an fdatasync in the data directory, all in one run:
+//   build/release/tests/bench.ingest_bench
+// Columns: obs/s; ratio to the echo with the same agents and message size; p50 and p99 of the time
+// from a message's write to the acknowledgement that covers it (at full load this is mostly the
+// window of unacknowledged rows; the paced rows show the answer of an unloaded server); CPU of the
+// server process per observation.
+#include <benchmark/benchmark.h>
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "common/target/target.h"
+#include "common/wire/camera_wire.h"
+#include "tests/bench/bench_agent.h"
+#include "tests/testing/process.h"
+#include "tests/testing/server_client.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::bench {
+namespace {
+
+using testing::Process;
+using testing::ServerClient;
+using testing::ServerProcess;
+using testing::TemporaryDirectory;
+
+double CpuSeconds(pid_t pid) {
+  std::ifstream stream("/proc/" + std::to_string(pid) + "/stat");
+  std::string text;
+  std::getline(stream, text);
+  // Fields 14 and 15 (user and system time), counted after the parenthesised name.
+  std::istringstream fields(text.substr(text.rfind(')') + 2));
+  std::string skipped;
+  for (int i = 0; i < 11; ++i) fields >> skipped;
+  double user = 0;
+  double system = 0;
+  fields >> user >> system;
+  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
+}
+
+std::map<std::pair<int, int>, double>& EchoRates() {
+  static auto* const rates = new std::map<std::pair<int, int>, double>;
+  return *rates;
+}
+
+LoadOptions Load(const benchmark::State& state, std::string address) {
+  LoadOptions load;
+  load.address = std::move(address);
+  load.session_id = "bench";
+  load.agents = static_cast<int>(state.range(0));
+  load.rows_per_message = static_cast<int>(state.range(1));
+  const uint32_t messages = 48'000 / static_cast<uint32_t>(load.agents);
+  load.rows_per_agent = messages * static_cast<uint32_t>(load.rows_per_message);
+  return load;
+}
+
+void Report(benchmark::State& state, const LoadResult& result, double cpu_s) {
+  const double rows = static_cast<double>(result.rows);
+  state.SetIterationTime(result.duration_s);
+  state.counters["obs/s"] = rows / result.duration_s;
+  state.counters["cpu_ns/obs"] = cpu_s * 1e9 / rows;
+  const auto quantile = [&](double q) {
+    return 1e3 * result.ack_latency_s[static_cast<size_t>(
+                     q * static_cast<double>(result.ack_latency_s.size() - 1))];
+  };
+  state.counters["ack_p50_ms"] = quantile(0.5);
+  state.counters["ack_p99_ms"] = quantile(0.99);
+}
+
+void BM_Fdatasync(benchmark::State& state) {
+  const TemporaryDirectory directory;
+  const int file = open((directory.path() / "x").c_str(), O_CREAT | O_WRONLY, 0600);
+  const std::string page(4096, 'x');
+  for (auto _ : state) {
+    if (write(file, page.data(), page.size()) != 4096 || fdatasync(file) != 0) {
+      state.SkipWithError("cannot write");
+      break;
+    }
+  }
+  close(file);
+}
+BENCHMARK(BM_Fdatasync)->Unit(benchmark::kMicrosecond);
+
+void BM_Echo(benchmark::State& state) {
+  int to_child[2];
+  int from_child[2];
+  if (pipe(to_child) != 0 || pipe(from_child) != 0) throw std::runtime_error("no pipe");
+  const pid_t pid = fork();
+  if (pid == 0) {
+    dup2(to_child[0], 0);
+    dup2(from_child[1], 1);
+    for (const int end : {to_child[0], to_child[1], from_child[0], from_child[1]}) close(end);
+    execl(RIGCAL_ECHO_SERVER, RIGCAL_ECHO_SERVER, nullptr);
+    _exit(127);
+  }
+  close(to_child[0]);
+  close(from_child[1]);
+  char port[16] = {};
+  if (read(from_child[0], port, sizeof(port) - 1) <= 0) throw std::runtime_error("no echo server");
+  for (auto _ : state) {
+    const auto result = RunLoad(Load(state, "127.0.0.1:" + std::to_string(std::atoi(port))),
+                                [] { return absl::OkStatus(); });
+    if (!result.ok()) {
+      state.SkipWithError(result.status().ToString().c_str());
+      break;
+    }
+    Report(state, *result, CpuSeconds(pid));
+    EchoRates()[{static_cast<int>(state.range(0)), static_cast<int>(state.range(1))}] =
+        static_cast<double>(result->rows) / result->duration_s;
+  }
+  close(to_child[1]);
+  close(from_child[0]);
+}
+
+void RunIngest(benchmark::State& state, double rows_per_s) {
+  for (auto _ : state) {
+    const TemporaryDirectory directory;
+    ServerProcess server(directory.path());
+    ServerClient client(server.address());
+    LoadOptions load = Load(state, server.address());
+    if (rows_per_s > 0) {
+      load.rows_per_s = rows_per_s;
+      load.rows_per_agent = static_cast<uint32_t>(4 * rows_per_s) /
+                            static_cast<uint32_t>(load.rows_per_message) *
+                            static_cast<uint32_t>(load.rows_per_message);
+    }
+    const auto result = RunLoad(load, [&]() -> absl::Status {
+      v1::CreateSessionRequest request;
+      request.set_id(load.session_id);
+      Target target;
+      target.marker_positions_m = {0, 0.13, 0.39};
+      *request.mutable_target() = wire::ToProto(target);
+      if (const auto created = client.CreateSession(request); !created.ok()) {
+        return created.status();
+      }
+      return client.StartSession(load.session_id).status();
+    });
+    if (!result.ok()) {
+      state.SkipWithError((result.status().ToString() + server.process().StandardError()).c_str());
+      break;
+    }
+    Report(state, *result, CpuSeconds(server.process().pid()));
+    const auto echo =
+        EchoRates().find({static_cast<int>(state.range(0)), static_cast<int>(state.range(1))});
+    if (echo != EchoRates().end() && rows_per_s == 0) {
+      state.counters["of_echo"] =
+          static_cast<double>(result->rows) / result->duration_s / echo->second;
+    }
+  }
+}
+
+void BM_Ingest(benchmark::State& state) { RunIngest(state, 0); }
+// Each agent at 500 observations/s, the rate of a fast event camera.
+void BM_IngestPaced(benchmark::State& state) { RunIngest(state, 500); }
+
+#define RIGCAL_LOADS                     \
+  ->ArgNames({"agents", "rows/message"}) \
+      ->Args({1, 16})                    \
+      ->Args({1, 64})                    \
+      ->Args({16, 16})                   \
+      ->Args({16, 64})                   \
+      ->Iterations(1)                    \
+      ->UseManualTime()                  \
+      ->Unit(benchmark::kMillisecond)
+BENCHMARK(BM_Echo) RIGCAL_LOADS;
+BENCHMARK(BM_Ingest) RIGCAL_LOADS;
+BENCHMARK(BM_IngestPaced)
+    ->ArgNames({"agents", "rows/message"})
+    ->Args({1, 16})
+    ->Args({16, 16})
+    ->Iterations(1)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace rigcal::bench
+
+BENCHMARK_MAIN();

@@ -10,6 +10,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -171,8 +172,9 @@ absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text) 
   SimulationOptions options;
   std::set<std::string> seen;
   for (absl::string_view piece : absl::StrSplit(absl::string_view(text.data(), text.size()), ';')) {
-    const std::string part(absl::StripAsciiWhitespace(piece));
+    std::string part(absl::StripAsciiWhitespace(piece));
     if (part.empty()) continue;
+    if (absl::StartsWith(part, "speed=")) part = absl::StrCat("wand_", part);
     if (!seen.insert(part.substr(0, part.find('='))).second) {
       return Refuse(part, "is given twice");
     }

@@ -41,8 +41,9 @@ struct SimulationOptions {
 // Reads
 // `seed=1;cameras=6;duration=60;rate=25;noise=0.3;outliers=0.02;dropouts=0.05;swaps=0;
 // wand_speed=1.5;jitter=0;length_error=0;free_running=1;clock_samples=1;offset.2=0.008;
-// rate_ppm.2=50;rate.3=60`; every part may be left out. The error names the part and lists the
-// known ones.
+// rate_ppm.2=50;rate.3=60`; every part may be left out. `speed` is read as `wand_speed`;
+// where a source has a pace of its own called `speed`, only the longer word means the wand. The
+// error names the part and lists the known ones.
 absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text);
 // The same notation: seed, cameras, and every part that differs from its default.
 std::string FormatSimulationOptions(const SimulationOptions& options);

@@ -62,6 +62,8 @@ class CalibrationRunner {
   void Start();
   // Stops the running calibration, which is queued again at the next start, and ends every watch.
   void Shutdown();
+  // Ends every watch; no new ones begin.
+  void EndWatches() { changes_.Shutdown(); }
   // Returns when nothing is queued or running. Only between Start and Shutdown.
   void WaitIdle();
 

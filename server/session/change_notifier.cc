@@ -50,4 +50,9 @@ ChangeNotifier::Event ChangeNotifier::Watch::Wait(std::chrono::milliseconds time
   return Event::kChanged;
 }
 
+bool ChangeNotifier::Watch::Pause(std::chrono::milliseconds time) {
+  std::unique_lock lock(notifier_->mutex_);
+  return !condition_.wait_for(lock, time, [this] { return notifier_->shutdown_; });
+}
+
 }  // namespace rigcal::server

@@ -29,6 +29,8 @@ class ChangeNotifier {
     Watch& operator=(const Watch&) = delete;
 
     Event Wait(std::chrono::milliseconds timeout);
+    // Waits for the time to pass, however much changes meanwhile. False: shut down.
+    bool Pause(std::chrono::milliseconds time);
 
    private:
     friend class ChangeNotifier;

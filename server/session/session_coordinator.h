@@ -86,6 +86,8 @@ class SessionCoordinator final : public StreamContextSource {
   void Start();
   // Ends the thread and every watch. Sessions stay as they are.
   void Shutdown();
+  // Ends every watch; no new ones begin.
+  void EndWatches() { changes_.Shutdown(); }
   // Returns when all commands have been sent and all finished sessions are stored (deadlines not
   // awaited). Only between Start and Shutdown.
   void WaitIdle();

@@ -97,9 +97,9 @@ absl::Status StreamContextCache::Remove(std::string_view session_id) {
   const auto session = sessions_.find(session_id);
   if (session == sessions_.end()) return NoSuchSession(session_id);
   if (session->second.reader_count > 0) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("session '", session_id,
-                     "' is being read by a calibration; cancel it or wait for its end"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "session '", std::string(session_id),
+        "' is being read, by a calibration or a client; wait for its end, or cancel it"));
   }
   sessions_.erase(session);
   return absl::OkStatus();

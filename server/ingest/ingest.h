@@ -70,14 +70,15 @@ class Ingest {
 
   // Checks `delivery` and queues it. Thread-safe; never blocks.
   //   OK                  taken; `done` is called exactly once, later, on the writer's thread, and
-  //   must
-  //                       not block
+  //                       must not block
   //   INVALID_ARGUMENT    fault in protocol (marker count); the message names the field
   //   NOT_FOUND, FAILED_PRECONDITION   from the StreamContextSource
   //   RESOURCE_EXHAUSTED  the queue is full; `delivery` is untouched, and `on_space` is called once
-  //   when there
-  //                       is room again (on the writer's thread)
+  //                       when there is room again, or at shutdown (on the writer's thread)
   //   UNAVAILABLE         shutting down
+  //   INTERNAL            the store has failed, see IngestStats::problem; a restart is needed
+  // `done` gets NOT_FOUND when the session was deleted meanwhile, RESOURCE_EXHAUSTED when the disk
+  // is full (nothing of the delivery is stored; send it again later), else the store's error.
   // `delivery` is moved from only when OK.
   virtual absl::Status Submit(Delivery& delivery, IngestCallback done,
                               std::function<void()> on_space) = 0;

@@ -17,15 +17,22 @@
 
 namespace rigcal::server {
 
+// A row of a delivery that ingest refused, and why. Both texts are static: a batch full of faults
+// costs no allocations. They say nothing about how rows were cut into batches, so that the counts
+// of a session do not either.
+struct RefusedRow {
+  uint32_t row = 0;         // of the batch, from 0
+  std::string_view reason;  // as in Refusal
+  std::string_view detail;  // in words: "the x of a marker is not finite"
+};
+
 // One delivery to a stream: rows, an end, a report, or several of them.
 struct AppendRequest {
   StreamKey stream;
   // `rows() == 0` with nothing dropped: no rows in this delivery. Refused rows are in it with their
-  // original values (they count towards durable_seq), and `refused_rows[i]` is true for them. Empty
-  // `refused_rows`: none is refused.
+  // original values: they count towards durable_seq.
   ObservationBatch batch;
-  std::vector<bool> refused_rows;
-  std::vector<Refusal> refused;  // what ingest counted for the refused rows
+  std::vector<RefusedRow> refused_rows;  // by row
   std::optional<uint32_t> last_seq;
   std::optional<CameraReport> report;
 };
@@ -41,10 +48,12 @@ struct AppendOutcome {
   bool unknown = false;         // no such session or camera: nothing was stored
 };
 
-// A row range of one stream as it is stored.
+// A row range of one stream as it is stored. Clock samples and alignments come once each, with the
+// first rows of their clock epoch (or with no rows, where that epoch has none). Dropped ranges are
+// in the counts only.
 struct StoredBatch {
-  ObservationBatch batch;          // refused rows left out of nothing: see refused_rows
-  std::vector<bool> refused_rows;  // empty: none
+  ObservationBatch batch;          // refused rows included, see below
+  std::vector<bool> refused_rows;  // one per row; empty: none is refused
   bool late = false;
 };
 
@@ -60,7 +69,9 @@ struct StoreHealth {
 // nothing.
 //
 // Errors common to all: NOT_FOUND (the id is named), RESOURCE_EXHAUSTED (disk full; reads and
-// deletes still work), DATA_LOSS (a record's checksum is wrong; it is named), INTERNAL.
+// deletes still work, and writes again once there is room), DATA_LOSS (a record's checksum is
+// wrong; it is named), UNAVAILABLE (another program holds the store; try again), INTERNAL (an error
+// of the disk: every later write is refused too, until the store is opened again).
 class Store {
  public:
   virtual ~Store() = default;
@@ -70,8 +81,10 @@ class Store {
   virtual StoreHealth Health() const = 0;
 
   // --- Sessions ---
-  // An empty id is replaced by a new one ("s-000001"). ALREADY_EXISTS.
+  // An empty id is replaced by a new one ("s-000001"). ALREADY_EXISTS: also for the id of a deleted
+  // session, as what is still under way to that one must not end in another.
   virtual absl::StatusOr<Session> CreateSession(Session session) = 0;
+  // FAILED_PRECONDITION: it would lose a camera that has observations.
   virtual absl::Status UpdateSession(const Session& session) = 0;
   virtual absl::StatusOr<Session> GetSession(std::string_view id) const = 0;
   // Newest first, at most `limit`, those older than session `before` (empty: from the newest).
@@ -92,7 +105,8 @@ class Store {
   // 0 for a stream that has nothing yet. NOT_FOUND: no such session, or no such camera in it.
   virtual absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const = 0;
   // Calls `visit` for every stored batch of the session in the order (camera, stream_epoch, seq);
-  // stops at the first error and returns it. Empty `camera`: all.
+  // stops at the first error and returns it. Empty `camera`: all. `visit` may take its time and may
+  // call the store; rows that arrive meanwhile may or may not be seen.
   virtual absl::Status ReadObservations(
       std::string_view session_id, std::string_view camera,
       const std::function<absl::Status(StoredBatch)>& visit) const = 0;

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration_record.h"
+
+// Calibrations in the database. Each function runs inside a transaction of the caller's and may
+// throw SQLite::Exception. Errors as in Store.
+namespace rigcal::server {
+
+absl::StatusOr<Calibration> InsertCalibration(SQLite::Database& database, Calibration calibration);
+absl::Status ReplaceCalibration(SQLite::Database& database, const Calibration& calibration);
+absl::StatusOr<Calibration> FindCalibration(SQLite::Database& database, std::string_view id);
+absl::StatusOr<std::vector<Calibration>> ListCalibrations(SQLite::Database& database,
+                                                          std::string_view rig, int limit,
+                                                          std::string_view before);
+
+}  // namespace rigcal::server

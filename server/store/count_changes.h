@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+
+namespace rigcal::server {
+
+// Collects what one transaction adds to the counts of cameras, so that each row of counts is
+// written once however many batches it holds. May throw SQLite::Exception.
+class CountChanges {
+ public:
+  explicit CountChanges(SQLite::Database& database);
+
+  // Observations that were newly stored; refused ones not among them.
+  void AddRows(int64_t camera_id, uint32_t clock_epoch, uint32_t observations, uint32_t wands,
+               bool late);
+  // `first_seq`: of the lowest one counted. The example that stays is of the lowest (stream_epoch,
+  // seq) of all, so that it does not depend on the order of arrival.
+  void AddRefusal(int64_t camera_id, std::string_view reason, uint32_t count, uint32_t stream_epoch,
+                  uint32_t first_seq, std::string_view detail);
+  // Writes everything collected.
+  void Flush();
+  // Drops everything collected.
+  void Clear() { cameras_.clear(); }
+
+ private:
+  struct RefusalChange {
+    uint32_t count = 0;
+    uint32_t stream_epoch = 0;
+    uint32_t seq = 0;
+    std::string detail;
+  };
+  struct CameraChange {
+    uint32_t observations = 0;
+    uint32_t wands = 0;
+    uint32_t late = 0;
+    std::map<uint32_t, uint32_t> clock_epochs;
+    std::map<std::string, RefusalChange, std::less<>> refusals;
+  };
+  void FlushCamera(int64_t camera_id, const CameraChange& change);
+  void FlushRefusal(int64_t camera_id, std::string_view reason, const RefusalChange& change);
+
+  SQLite::Statement add_to_camera_;
+  SQLite::Statement add_to_clock_epoch_;
+  SQLite::Statement add_refusal_;
+  std::map<int64_t, CameraChange> cameras_;
+};
+
+}  // namespace rigcal::server

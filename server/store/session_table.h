@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/session/session.h"
+
+// Sessions in the database. Each function runs inside a transaction of the caller's and may throw
+// SQLite::Exception. Errors as in Store.
+namespace rigcal::server {
+
+absl::StatusOr<Session> InsertSession(SQLite::Database& database, Session session);
+absl::Status ReplaceSession(SQLite::Database& database, const Session& session);
+absl::StatusOr<Session> FindSession(SQLite::Database& database, std::string_view id);
+absl::StatusOr<std::vector<Session>> ListSessions(SQLite::Database& database, std::string_view rig,
+                                                  int limit, std::string_view before);
+uint32_t CountSessions(SQLite::Database& database);
+// Its observations too.
+absl::Status EraseSession(SQLite::Database& database, std::string_view id);
+absl::StatusOr<std::vector<SessionCameraCounts>> ReadSessionCounts(SQLite::Database& database,
+                                                                   std::string_view id);
+
+// NOT_FOUND: "no session s-000001".
+absl::StatusOr<int64_t> SessionNumber(SQLite::Database& database, std::string_view id);
+
+}  // namespace rigcal::server

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/store/store.h"
+
+namespace rigcal::server {
+
+class DataDirectory;
+class ObservationWriter;
+class SqliteReader;
+class SqliteWriter;
+
+struct SqliteStoreOptions {
+  std::filesystem::path data_directory;  // made where it is missing
+  // Room kept on the disk so that sessions can be deleted when it is full.
+  size_t reserve_bytes = 8u << 20;
+  // Name of a registered SQLite VFS; empty: the system's own. For tests of failing disks.
+  std::string vfs;
+
+  absl::Status Validate() const;
+};
+
+// The embedded default: one SQLite database in the data directory, in write-ahead mode with
+// synchronous=FULL. One connection writes, another reads.
+class SqliteStore : public Store {
+ public:
+  //   FAILED_PRECONDITION  another server uses the directory; the database is of a newer version or
+  //                        of another program; the directory cannot be written
+  //   DATA_LOSS            the database is damaged
+  static absl::StatusOr<std::unique_ptr<SqliteStore>> Open(const SqliteStoreOptions& options);
+  ~SqliteStore() override;
+
+  std::string server_id() const override { return server_id_; }
+  StoreHealth Health() const override;
+
+  absl::StatusOr<Session> CreateSession(Session session) override;
+  absl::Status UpdateSession(const Session& session) override;
+  absl::StatusOr<Session> GetSession(std::string_view id) const override;
+  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
+                                                    std::string_view before) const override;
+  absl::StatusOr<uint32_t> CountSessions() const override;
+  absl::Status DeleteSession(std::string_view id) override;
+  absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
+      std::string_view id) const override;
+
+  absl::StatusOr<std::vector<AppendOutcome>> Append(
+      absl::Span<const AppendRequest> requests) override;
+  absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const override;
+  absl::Status ReadObservations(
+      std::string_view session_id, std::string_view camera,
+      const std::function<absl::Status(StoredBatch)>& visit) const override;
+
+  absl::StatusOr<Calibration> CreateCalibration(Calibration calibration) override;
+  absl::Status UpdateCalibration(const Calibration& calibration) override;
+  absl::StatusOr<Calibration> GetCalibration(std::string_view id) const override;
+  absl::StatusOr<std::vector<Calibration>> ListCalibrations(std::string_view rig, int limit,
+                                                            std::string_view before) const override;
+
+ private:
+  explicit SqliteStore(const SqliteStoreOptions& options) : options_(options) {}
+  absl::Status OpenDatabase();
+  // Changes sessions: what the observation writer remembers of them ends with it.
+  absl::Status ChangeSessions(std::string_view what, const std::function<absl::Status()>& change);
+  absl::Status EraseSessionRows(std::string_view id);
+
+  SqliteStoreOptions options_;
+  std::string server_id_;
+  std::unique_ptr<DataDirectory> directory_;  // outlives the connections: it holds the lock
+  std::unique_ptr<SqliteWriter> writer_;
+  std::unique_ptr<SqliteReader> reader_;
+  std::unique_ptr<ObservationWriter> observations_;  // used in the writer's transactions only
+};
+
+}  // namespace rigcal::server

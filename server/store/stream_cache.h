@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "absl/container/flat_hash_map.h"
+#include "common/session/stream_key.h"
+#include "server/store/stream_ledger.h"
+
+namespace rigcal::server {
+
+// What the writer knows of one stream; equal to the database after each commit.
+struct StreamState {
+  int64_t camera_id = 0;
+  int64_t stream_id = 0;  // 0: the stream has no row yet
+  bool session_finished = false;
+  StreamLedger ledger;
+  std::optional<uint32_t> last_seq;
+  uint32_t report_observation_count = 0;
+  uint64_t report_refused_count = 0;
+  bool changed = false;  // must be written back before the commit
+};
+
+// Streams by key, read from the database when first asked for. May throw SQLite::Exception.
+class StreamCache {
+ public:
+  explicit StreamCache(SQLite::Database& database);
+
+  // Null: no such session, or no such camera in it. The pointer is good until the next Forget or
+  // Trim.
+  StreamState* Find(const StreamKey& stream);
+  // After a rollback, and whenever sessions have changed.
+  void Forget() { streams_.clear(); }
+  // Keeps the memory bounded; between transactions only.
+  void Trim();
+
+ private:
+  bool LoadCamera(const StreamKey& stream, StreamState* state);
+  void LoadStream(const StreamKey& stream, StreamState* state);
+  void LoadEarlyRanges(StreamState* state);
+
+  SQLite::Statement find_camera_;
+  SQLite::Statement find_stream_;
+  SQLite::Statement find_ranges_;
+  absl::flat_hash_map<StreamKey, std::unique_ptr<StreamState>> streams_;
+};
+
+}  // namespace rigcal::server

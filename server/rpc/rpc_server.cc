@@ -1,1 +1,178 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "server/rpc/rpc_server.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/resource_quota.h>
+#include <grpcpp/security/server_credentials.h>
+#include <grpcpp/server_builder.h>
+#include <spdlog/spdlog.h>
+
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/status/status_macros.h"
+#include "server/session/utc_clock.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr char kAgentService[] = "rigcal.v1.AgentService";
+constexpr const char* kOtherServices[] = {
+    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService", "rigcal.v1.StatusService"};
+
+// Both plugins are global to the process and must be on before the first server is built.
+void EnableHealthAndReflection() {
+  static const bool enabled = [] {
+    grpc::EnableDefaultHealthCheckService(true);
+    grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+    return true;
+  }();
+  (void)enabled;
+}
+
+void SetLimits(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
+  const auto milliseconds = [](std::chrono::milliseconds time) {
+    return static_cast<int>(time.count());
+  };
+  grpc::ResourceQuota quota("rigcal");
+  quota.Resize(options.memory_limit_bytes);
+  quota.SetMaxThreads(options.max_threads);
+  builder->SetResourceQuota(quota);
+  builder->SetMaxReceiveMessageSize(static_cast<int>(options.agents.max_message_bytes));
+  builder->SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::NUM_CQS, 1);
+  // Two servers on one port would both start and share the connections.
+  builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder->AddChannelArgument("grpc.server_handshake_timeout_ms", 5000);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 128);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, milliseconds(options.keepalive_time));
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
+                              milliseconds(options.keepalive_timeout));
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  // Clients may ask for signs of life as well, idle ones too.
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 1000);
+}
+
+}  // namespace
+
+absl::Status CheckLoopback(const std::string& listen_address) {
+  const size_t colon = listen_address.rfind(':');
+  if (colon == std::string::npos || colon == 0 || colon + 1 == listen_address.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("the listen address '", listen_address,
+                                                   "' is not HOST:PORT; an example is ",
+                                                   "127.0.0.1:7420"));
+  }
+  const std::string host = listen_address.substr(0, colon);
+  const bool four_bytes = host.find_first_not_of("0123456789.") == std::string::npos;
+  if (host == "localhost" || host == "[::1]" || (four_bytes && host.rfind("127.", 0) == 0)) {
+    return absl::OkStatus();
+  }
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the listen address '", listen_address, "' can be reached from other machines, and this ",
+      "server has no certificates to tell friend from foe; listen on 127.0.0.1, and reach it from ",
+      "elsewhere through ssh -L"));
+}
+
+absl::Status RpcServerOptions::Validate() const {
+  std::vector<std::string> faults;
+  if (!listen_address.empty()) {
+    const absl::Status loopback = CheckLoopback(listen_address);
+    if (!loopback.ok()) faults.emplace_back(loopback.message());
+  }
+  if (max_threads < 16) faults.emplace_back("max_threads must be at least 16");
+  if (memory_limit_bytes < agents.max_message_bytes) {
+    faults.emplace_back("memory_limit_bytes must hold one message");
+  }
+  if (keepalive_time.count() < 1 || keepalive_timeout.count() < 1) {
+    faults.emplace_back("keepalive_time and keepalive_timeout must be above 0");
+  }
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+}
+
+RpcServer::RpcServer(RpcServerOptions options, RpcServerParts parts)
+    : options_(std::move(options)),
+      parts_(parts),
+      agent_service_(options_.agents, parts.coordinator, parts.ingest, parts.store->server_id()),
+      session_service_(parts.coordinator, parts.store),
+      calibration_service_(parts.runner),
+      status_service_(parts.store, parts.ingest, parts.directory, parts.coordinator, parts.runner,
+                      options_.ingest_queue_limit_bytes, UtcNowNs({})) {}
+
+absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Create(RpcServerOptions options,
+                                                             RpcServerParts parts) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  return std::unique_ptr<RpcServer>(new RpcServer(std::move(options), parts));
+}
+
+RpcServer::~RpcServer() { Shutdown(std::chrono::milliseconds(1000)); }
+
+absl::StatusOr<int> RpcServer::Start() {
+  EnableHealthAndReflection();
+  grpc::ServerBuilder builder;
+  SetLimits(options_, &builder);
+  int port = 0;
+  if (!options_.listen_address.empty()) {
+    builder.AddListeningPort(options_.listen_address, grpc::InsecureServerCredentials(), &port);
+  }
+  builder.RegisterService(&agent_service_);
+  builder.RegisterService(&session_service_);
+  builder.RegisterService(&calibration_service_);
+  builder.RegisterService(&status_service_);
+  server_ = builder.BuildAndStart();
+  if (!server_ || (!options_.listen_address.empty() && port == 0)) {
+    server_.reset();
+    return absl::UnavailableError(absl::StrCat(
+        "cannot listen on ", options_.listen_address, ": the port is in use (by another ",
+        "rigcal-server?) or not allowed; stop the other program, or choose another port with ",
+        "--listen (port 0 takes any free one)"));
+  }
+  for (const char* service : kOtherServices) {
+    server_->GetHealthCheckService()->SetServingStatus(service, true);
+  }
+  server_->GetHealthCheckService()->SetServingStatus(kAgentService, true);
+  health_thread_ = std::thread([this] { ReportHealth(); });
+  return port;
+}
+
+void RpcServer::ReportHealth() {
+  bool serving = true;
+  std::unique_lock lock(mutex_);
+  while (!stop_.wait_for(lock, options_.health_interval, [this] { return stopping_; })) {
+    const std::string problem = parts_.ingest->Stats().problem;
+    if (problem.empty() == serving) continue;
+    serving = problem.empty();
+    server_->GetHealthCheckService()->SetServingStatus(kAgentService, serving);
+    if (serving) {
+      spdlog::info("ingest takes observations again");
+    } else {
+      spdlog::error("ingest takes no observations: {}", problem);
+    }
+  }
+}
+
+void RpcServer::Shutdown(std::chrono::milliseconds grace) {
+  {
+    std::lock_guard lock(mutex_);
+    if (std::exchange(stopping_, true)) return;
+  }
+  stop_.notify_all();
+  if (health_thread_.joinable()) health_thread_.join();
+  if (!server_) return;
+  server_->GetHealthCheckService()->SetServingStatus(false);
+  parts_.directory->CloseAll(
+      absl::UnavailableError("the server is shutting down; connect again after a moment"));
+  parts_.coordinator->EndWatches();
+  parts_.runner->EndWatches();
+  server_->Shutdown(std::chrono::system_clock::now() + grace);
+}
+
+std::shared_ptr<grpc::Channel> RpcServer::InProcessChannel() {
+  return server_->InProcessChannel(grpc::ChannelArguments());
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <grpcpp/alarm.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "rigcal/v1/agent.pb.h"
+#include "server/ingest/ingest.h"
+#include "server/rpc/agent_messages.h"
+#include "server/rpc/outgoing_messages.h"
+#include "server/rpc/serial_executor.h"
+#include "server/session/session_coordinator.h"
+
+namespace rigcal::server {
+
+// What all agent streams of a server share; outlives them.
+struct AgentStreamEnvironment {
+  SessionCoordinator* coordinator = nullptr;
+  Ingest* ingest = nullptr;
+  SerialExecutor* executor = nullptr;
+  std::string server_id;
+  uint32_t max_message_bytes = 0;
+  uint32_t max_batch_rows = 0;
+  std::chrono::milliseconds hello_timeout{10'000};
+  std::atomic<size_t> open_streams{0};
+};
+
+// One agent's stream: waits for its hello, registers it, then takes deliveries and writes
+// acknowledgements and commands. gRPC calls the reactions, ingest and the coordinator call from
+// their own threads; no call blocks.
+//
+// Reading stops while ingest is full: that is the back-pressure. The stream owns itself until
+// OnDone; everybody else holds it weakly, so that an acknowledgement may come after its end.
+class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>,
+                          public std::enable_shared_from_this<AgentStream> {
+ public:
+  // Begins to read.
+  static grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* Open(
+      AgentStreamEnvironment* environment);
+
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+  void OnCancel() override;
+  void OnDone() override;
+
+  // Queues a command; nothing happens when the stream has ended.
+  void Send(v1::ServerMessage command);
+  void Close(const absl::Status& reason);
+
+ private:
+  explicit AgentStream(AgentStreamEnvironment* environment) : environment_(*environment) {}
+
+  void Begin();
+  void TakeHello();
+  void Register(Hello hello);
+  void TakeMessage();
+  void Deliver(absl::StatusOr<Delivery> delivery);
+  void Submit();
+  void Delivered(absl::StatusOr<BatchAck> ack);
+  void ReadNext();
+
+  // With mutex_ held.
+  void Pump();
+  void FinishWhenAllIsAnswered();
+  void EndWith(const absl::Status& status);
+
+  AgentStreamEnvironment& environment_;
+  std::shared_ptr<AgentStream> self_;  // until OnDone
+  grpc::Alarm hello_alarm_;
+
+  // Of the chain read -> deliver -> read, one step of which runs at a time.
+  v1::AgentMessage request_;
+  Delivery delivery_;
+  std::string agent_id_;
+  std::string rig_;
+  std::set<std::string> cameras_;
+
+  std::mutex mutex_;
+  bool hello_seen_ = false;
+  OutgoingMessages outgoing_;
+  v1::ServerMessage response_;  // being written
+  bool writing_ = false;
+  bool reads_ended_ = false;
+  size_t unanswered_ = 0;  // deliveries with ingest
+  bool ended_ = false;     // Finish has been called
+  bool done_ = false;
+  AgentDirectory::Registration registration_ = 0;
+};
+
+}  // namespace rigcal::server

@@ -53,6 +53,8 @@ absl::StatusOr<std::unique_ptr<SqliteStore>> SqliteStore::Open(const SqliteStore
   return store;
 }
 
+SqliteStore::SqliteStore(const SqliteStoreOptions& options) : options_(options) {}
+
 SqliteStore::~SqliteStore() = default;
 
 absl::Status SqliteStore::OpenDatabase() {

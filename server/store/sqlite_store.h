@@ -64,7 +64,7 @@ class SqliteStore : public Store {
                                                             std::string_view before) const override;
 
  private:
-  explicit SqliteStore(const SqliteStoreOptions& options) : options_(options) {}
+  explicit SqliteStore(const SqliteStoreOptions& options);
   absl::Status OpenDatabase();
   // Changes sessions: what the observation writer remembers of them ends with it.
   absl::Status ChangeSessions(std::string_view what, const std::function<absl::Status()>& change);

@@ -2,6 +2,7 @@
 #include "server/associate/clean_track.h"
 
 #include <algorithm>
+#include <Eigen/LU>
 #include <cmath>
 #include <map>
 #include <tuple>

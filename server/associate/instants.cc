@@ -37,8 +37,7 @@ int64_t ToleranceNs(const std::vector<AlignedTrack>& tracks, const std::vector<i
 }
 
 // Closes the group [begin, end) of one moment; with one camera only it is nobody's instant.
-void Close(const std::vector<AlignedTrack>& tracks, const std::vector<View>& views, size_t begin,
-           size_t end, InstantList* list) {
+void Close(const std::vector<View>& views, size_t begin, size_t end, InstantList* list) {
   if (end - begin < 2) {
     ++list->alone_count[static_cast<size_t>(views[begin].track)];
     return;
@@ -104,7 +103,7 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
         }
         cameras.push_back(&camera);
       }
-      Close(tracks, views, begin, end, &list);
+      Close(views, begin, end, &list);
       begin = end;
     }
   }

@@ -35,7 +35,6 @@ struct BundleCamera {
   std::string name;
   RigidTransform cam_from_rig;
   bool pose_fixed = false;  // the gauge: one camera of a problem, at least
-  int clock = 0;
 
   DistortionModel model = DistortionModel::kBrownConrady;
   IntrinsicsVector intrinsics;  // 4 + CoefficientCount(model) values
@@ -76,6 +75,7 @@ struct BundleMarker {
 
 struct BundleObservation {
   int camera = 0;
+  int clock = 0;            // that stamped it; a camera may have another one in another session
   double clock_time_s = 0;  // of this observation on its clock, from the clock's time epoch
   int first_marker = 0;
   int marker_count = 0;

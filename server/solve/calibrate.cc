@@ -1,1 +1,162 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "server/solve/calibrate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/status/status_macros.h"
+#include "server/associate/align_clocks.h"
+#include "server/associate/clean_track.h"
+#include "server/solve/calibration_report.h"
+#include "server/solve/rig_solver.h"
+
+namespace rigcal::server {
+namespace {
+
+absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  if (input.target.kind == TargetKind::kPoint) {
+    return absl::InvalidArgumentError(
+        "target `point` is not yet supported: a single marker has no length to give the scale; "
+        "use a wand with two or more markers, for example wand:0,0.13,0.39");
+  }
+  RIGCAL_RETURN_IF_ERROR(input.target.Validate());
+  std::vector<std::string> without;
+  for (const CameraTrack& track : input.tracks) {
+    if (!track.camera.intrinsics) {
+      without.push_back(track.camera.camera);
+      continue;
+    }
+    const absl::Status status = track.camera.intrinsics->Validate(track.camera.image_size_px);
+    if (!status.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("camera ", track.camera.camera, ": ", std::string(status.message())));
+    }
+  }
+  if (!without.empty()) {
+    std::sort(without.begin(), without.end());
+    without.erase(std::unique(without.begin(), without.end()), without.end());
+    return absl::InvalidArgumentError(
+        absl::StrCat("no intrinsics of camera ", absl::StrJoin(without, ", "),
+                     ": calibrate its lens first and give its YAML file to the agent"));
+  }
+  return absl::OkStatus();
+}
+
+// What each camera delivered, before anything is left out.
+std::map<std::string, CameraCounts> CountInput(const CalibrationInput& input) {
+  std::map<std::string, CameraCounts> counts;
+  for (const CameraTrack& track : input.tracks) {
+    CameraCounts& count = counts[track.camera.camera];
+    count.observation_count += static_cast<uint32_t>(track.observations.size());
+    for (const Observation& observation : track.observations) {
+      count.wand_count += observation.VisibleCount() > 0 ? 1 : 0;
+    }
+  }
+  return counts;
+}
+
+absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
+                          const CalibrationOptions& options) {
+  if (counts.size() < 2) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("a rig needs at least two cameras, this one has ", counts.size(),
+                     counts.empty() ? "" : absl::StrCat(" (", counts.begin()->first, ")"),
+                     ": record with every camera of the rig in one session"));
+  }
+  for (const auto& [camera, count] : counts) {
+    if (count.wand_count > 0) continue;
+    return absl::FailedPreconditionError(absl::StrCat(
+        "camera ", camera, " never saw the wand (", count.observation_count,
+        " observations, 0 with a visible marker): wave the wand where it can see it, check its "
+        "detector, or calibrate without it"));
+  }
+  if (!options.reference_camera.empty() && !counts.contains(options.reference_camera)) {
+    return absl::InvalidArgumentError(absl::StrCat("reference camera ", options.reference_camera,
+                                                   " is none of the cameras of these sessions"));
+  }
+  return absl::OkStatus();
+}
+
+// Cameras of which nothing is left after cleaning and aligning.
+absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts) {
+  for (const auto& [camera, count] : counts) {
+    const bool left = std::any_of(
+        index.cameras.begin(), index.cameras.end(),
+        [&name = camera](const CameraDescription& entry) { return entry.camera == name; });
+    if (left) continue;
+    return absl::FailedPreconditionError(absl::StrCat(
+        "camera ", camera, ": none of its ", count.observation_count,
+        " observations can be used (see what was left out); if its clock cannot be put beside the "
+        "others, let its agent send clock samples or name a common time base"));
+  }
+  return absl::OkStatus();
+}
+
+int ReferenceIndex(const RigIndex& index, const std::string& name) {
+  for (size_t c = 0; c < index.cameras.size(); ++c) {
+    if (index.cameras[c].camera == name) return static_cast<int>(c);
+  }
+  return 0;
+}
+
+absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
+                                      const CalibrationOptions& options,
+                                      const CalibrationHooks& hooks, RefusalCounter* refused) {
+  RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
+  const auto progress = [&hooks](std::string_view stage, double fraction) {
+    if (hooks.progress) hooks.progress(stage, fraction);
+  };
+  progress("associating", 0);
+  const std::map<std::string, CameraCounts> counts = CountInput(input);
+  RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
+  RigObservations rig;
+  rig.target = input.target;
+  rig.tracks = AlignClocks(
+      input.tracks, CleanTracks(input.tracks, input.target.marker_count(), refused), refused);
+  std::vector<ClockCorrection> clocks;
+  rig.index = IndexRig(rig.tracks, &clocks);
+  RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
+
+  RigSolveOptions solve;
+  solve.reference_camera = ReferenceIndex(rig.index, options.reference_camera);
+  solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
+  solve.refine_intrinsics = options.intrinsics == Estimate::kRefined;
+  solve.estimate_marker_positions = options.marker_positions == Estimate::kRefined;
+  solve.sigma_px = options.sigma_px;
+  solve.tolerance_s = options.association_tolerance_s;
+  solve.seed = options.seed;
+  solve.progress = progress;
+  solve.cancelled = hooks.cancelled;
+  for (const auto& [camera, count] : counts) {
+    solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const RigSolution solution, SolveRig(rig, clocks, solve));
+  progress("judging", 0.9);
+  return ReportCalibration({rig, solution, options, solve, counts}, refused);
+}
+
+}  // namespace
+
+CalibrationOutcome Calibrate(const CalibrationInput& input, const CalibrationOptions& options,
+                             const CalibrationHooks& hooks) {
+  RefusalCounter refused;
+  for (const Refusal& refusal : input.refused) refused.Add(refusal);
+  CalibrationOutcome outcome{absl::UnknownError("not run"), {}};
+  try {
+    outcome.result = Run(input, options, hooks, &refused);
+  } catch (const std::exception& error) {
+    outcome.result = absl::InternalError(absl::StrCat("calibration: ", error.what()));
+  }
+  outcome.refused = refused.List();
+  if (outcome.result.ok()) outcome.result->refused = outcome.refused;
+  return outcome;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/bundle_adjuster.h"
+
+#include <ceres/ceres.h>
+
+#include <exception>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/marker_cost.h"
+#include "server/solve/projection_jacobian.h"
+
+namespace rigcal::server {
+namespace {
+
+using TargetManifold =
+    ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
+
+// The problem's estimates as Ceres wants them: one array per parameter block.
+struct ParameterBlocks {
+  std::vector<Eigen::Quaterniond> rotations;
+  std::vector<Eigen::Vector3d> translations;
+  std::vector<IntrinsicsVector> intrinsics;
+  std::vector<double> offsets, rates, positions;
+  std::vector<Eigen::Matrix<double, 6, 1>> targets;
+
+  explicit ParameterBlocks(const BundleProblem& problem)
+      : positions(problem.target.marker_positions_m) {
+    for (const BundleCamera& camera : problem.cameras) {
+      rotations.push_back(camera.cam_from_rig.rotation.normalized());
+      translations.push_back(camera.cam_from_rig.translation_m);
+      intrinsics.push_back(camera.intrinsics);
+    }
+    for (const BundleClock& clock : problem.clocks) {
+      offsets.push_back(clock.time_offset_s);
+      rates.push_back(clock.time_rate);
+    }
+    for (const BundleInstant& instant : problem.instants) {
+      Eigen::Matrix<double, 6, 1> target;
+      target << instant.origin_m, instant.direction.normalized();
+      targets.push_back(target);
+    }
+  }
+
+  void Store(BundleProblem* problem) const {
+    for (size_t c = 0; c < problem->cameras.size(); ++c) {
+      problem->cameras[c].cam_from_rig = {rotations[c].normalized(), translations[c]};
+      problem->cameras[c].intrinsics = intrinsics[c];
+    }
+    for (size_t k = 0; k < problem->clocks.size(); ++k) {
+      problem->clocks[k].time_offset_s = offsets[k];
+      problem->clocks[k].time_rate = rates[k];
+    }
+    problem->target.marker_positions_m = positions;
+    for (size_t i = 0; i < problem->instants.size(); ++i) {
+      problem->instants[i].origin_m = targets[i].head<3>();
+      problem->instants[i].direction = targets[i].tail<3>().normalized();
+    }
+  }
+};
+
+class Callback final : public ceres::IterationCallback {
+ public:
+  explicit Callback(const BundleOptions& options) : options_(options) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    if (options_.progress) options_.progress(summary.iteration, summary.cost);
+    const bool stop = options_.cancelled != nullptr && options_.cancelled->load();
+    return stop ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const BundleOptions& options_;
+};
+
+std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleOptions& options) {
+  switch (options.loss) {
+    case BundleLoss::kHuber:
+      return std::make_unique<ceres::HuberLoss>(options.loss_scale);
+    case BundleLoss::kCauchy:
+      return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
+    case BundleLoss::kNone:
+      break;
+  }
+  return nullptr;
+}
+
+// Adds the markers of all used instants; counts residuals.
+int AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, ParameterBlocks* blocks,
+               ceres::Problem* ceres_problem) {
+  int count = 0;
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const BundleInstant& instant = problem.instants[i];
+    if (!instant.used) continue;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const BundleObservation& observation =
+          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      const auto c = static_cast<size_t>(observation.camera);
+      const auto k = static_cast<size_t>(observation.clock);
+      for (int m = 0; m < observation.marker_count; ++m) {
+        const BundleMarker& marker =
+            problem.markers[static_cast<size_t>(observation.first_marker + m)];
+        if (!marker.used) continue;
+        ceres_problem->AddResidualBlock(
+            new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
+            blocks->rotations[c].coeffs().data(), blocks->translations[c].data(),
+            blocks->intrinsics[c].data(), &blocks->offsets[k], &blocks->rates[k],
+            &blocks->positions[static_cast<size_t>(marker.marker)], blocks->targets[i].data());
+        count += 2;
+      }
+    }
+  }
+  return count;
+}
+
+void HoldIntrinsics(const BundleCamera& camera, double* values, ceres::Problem* ceres_problem) {
+  const int size = static_cast<int>(camera.intrinsics.size());
+  std::vector<int> held;
+  for (int i = 0; i < size; ++i) {
+    if (!(camera.intrinsics_sigma[i] > 0)) held.push_back(i);
+  }
+  if (static_cast<int>(held.size()) == size) {
+    ceres_problem->SetParameterBlockConstant(values);
+    return;
+  }
+  if (!held.empty()) ceres_problem->SetManifold(values, new ceres::SubsetManifold(size, held));
+  ceres_problem->AddResidualBlock(
+      new VectorPriorCost(camera.intrinsics_mean, camera.intrinsics_sigma), nullptr, values);
+}
+
+void ConstrainCameras(const BundleProblem& problem, ParameterBlocks* blocks,
+                      ceres::Problem* ceres_problem) {
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const BundleCamera& camera = problem.cameras[c];
+    double* rotation = blocks->rotations[c].coeffs().data();
+    if (!ceres_problem->HasParameterBlock(rotation)) continue;  // sees nothing
+    ceres_problem->SetManifold(rotation, new ceres::EigenQuaternionManifold);
+    if (camera.pose_fixed) {
+      ceres_problem->SetParameterBlockConstant(rotation);
+      ceres_problem->SetParameterBlockConstant(blocks->translations[c].data());
+    }
+    if (camera.intrinsics_fixed) {
+      ceres_problem->SetParameterBlockConstant(blocks->intrinsics[c].data());
+    } else {
+      HoldIntrinsics(camera, blocks->intrinsics[c].data(), ceres_problem);
+    }
+  }
+}
+
+void ConstrainScalar(bool fixed, double mean, double sigma, double* value,
+                     ceres::Problem* ceres_problem) {
+  if (!ceres_problem->HasParameterBlock(value)) return;
+  if (fixed) {
+    ceres_problem->SetParameterBlockConstant(value);
+  } else if (sigma > 0) {
+    ceres_problem->AddResidualBlock(new ScalarPriorCost(mean, sigma), nullptr, value);
+  }
+}
+
+void ConstrainTarget(const BundleTarget& target, ParameterBlocks* blocks,
+                     ceres::Problem* ceres_problem) {
+  std::vector<double>& positions = blocks->positions;
+  for (double& position : positions) {
+    if (!ceres_problem->HasParameterBlock(&position))
+      ceres_problem->AddParameterBlock(&position, 1);
+    if (target.fixed) ceres_problem->SetParameterBlockConstant(&position);
+  }
+  if (target.fixed || positions.empty()) return;
+  ceres_problem->SetParameterBlockConstant(&positions.front());
+  for (size_t m = 1; m < positions.size(); ++m) {
+    const double span_m = target.given_positions_m[m] - target.given_positions_m[m - 1];
+    ceres_problem->AddResidualBlock(new SpanPriorCost(span_m, target.span_sigma_m), nullptr,
+                                    &positions[m - 1], &positions[m]);
+  }
+}
+
+ceres::Solver::Options SolverOptions(const BundleOptions& options, ParameterBlocks* blocks,
+                                     const ceres::Problem& ceres_problem) {
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = ceres::DENSE_SCHUR;
+  solver.num_threads = 1;
+  solver.max_num_iterations = options.max_iterations;
+  solver.function_tolerance = options.function_tolerance;
+  solver.gradient_tolerance = options.gradient_tolerance;
+  solver.parameter_tolerance = options.parameter_tolerance;
+  solver.logging_type = ceres::SILENT;
+  // The order in which blocks were added decides sums, so it is stated instead of found.
+  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  std::vector<double*> all;
+  ceres_problem.GetParameterBlocks(&all);
+  std::set<const double*> instants;
+  for (auto& target : blocks->targets) instants.insert(target.data());
+  for (double* block : all) ordering->AddElementToGroup(block, instants.contains(block) ? 0 : 1);
+  solver.linear_solver_ordering = std::move(ordering);
+  return solver;
+}
+
+absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem* problem) {
+  ParameterBlocks blocks(*problem);
+  const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(options);
+  ceres::Problem::Options problem_options;
+  problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem ceres_problem(problem_options);
+  BundleSummary result;
+  result.residual_count = AddMarkers(*problem, loss.get(), &blocks, &ceres_problem);
+  if (result.residual_count == 0) {
+    return absl::FailedPreconditionError("bundle adjustment: no marker is used");
+  }
+  for (auto& target : blocks.targets) {
+    if (ceres_problem.HasParameterBlock(target.data())) {
+      ceres_problem.SetManifold(target.data(), new TargetManifold);
+    }
+  }
+  ConstrainCameras(*problem, &blocks, &ceres_problem);
+  for (size_t k = 0; k < problem->clocks.size(); ++k) {
+    const BundleClock& clock = problem->clocks[k];
+    ConstrainScalar(clock.offset_fixed, clock.prior_offset_s, clock.offset_sigma_s,
+                    &blocks.offsets[k], &ceres_problem);
+    ConstrainScalar(clock.rate_fixed, clock.prior_rate, clock.rate_sigma, &blocks.rates[k],
+                    &ceres_problem);
+  }
+  ConstrainTarget(problem->target, &blocks, &ceres_problem);
+
+  ceres::Solver::Options solver_options = SolverOptions(options, &blocks, ceres_problem);
+  Callback callback(options);
+  solver_options.callbacks.push_back(&callback);
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver_options, &ceres_problem, &summary);
+  if (summary.termination_type == ceres::USER_FAILURE) {
+    return absl::CancelledError("the calibration was cancelled");
+  }
+  if (!summary.IsSolutionUsable() || !std::isfinite(summary.final_cost)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("bundle adjustment failed: ", summary.message));
+  }
+  blocks.Store(problem);
+  result.initial_cost = summary.initial_cost;
+  result.final_cost = summary.final_cost;
+  result.iterations = static_cast<int>(summary.iterations.size()) - 1;
+  result.converged = summary.termination_type == ceres::CONVERGENCE;
+  result.parameter_count = summary.num_effective_parameters_reduced;
+  result.message = summary.message;
+  return result;
+}
+
+}  // namespace
+
+absl::StatusOr<BundleSummary> SolveBundle(const BundleOptions& options, BundleProblem* problem) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  RIGCAL_RETURN_IF_ERROR(problem->Validate());
+  try {
+    return Solve(options, problem);
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
+  }
+}
+
+bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant,
+                      const BundleObservation& observation, const BundleMarker& marker,
+                      Eigen::Vector2d* residual_px) {
+  const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+  const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
+  const double position = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+  Eigen::Vector2d pixel;
+  if (!ProjectWithJacobian(camera.model, camera.intrinsics.data(),
+                           camera.cam_from_rig * (instant.origin_m + position * instant.direction),
+                           &pixel, nullptr, nullptr)) {
+    return false;
+  }
+  const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
+  *residual_px = pixel - (marker.centre_px - dt * marker.velocity_px_s);
+  return true;
+}
+
+}  // namespace rigcal::server

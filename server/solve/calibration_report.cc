@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/calibration_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/error_figures.h"
+#include "server/solve/length_error.h"
+#include "server/solve/observation_digest.h"
+#include "server/solve/projection_jacobian.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr int kMinObservations = 5;
+
+// The first track of a camera; tracks are sorted by session.
+size_t FirstTrack(const RigIndex& index, size_t camera) {
+  for (size_t t = 0; t < index.camera_of_track.size(); ++t) {
+    if (index.camera_of_track[t] == static_cast<int>(camera)) return t;
+  }
+  return 0;
+}
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const size_t middle = values.size() / 2;
+  return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
+}
+
+// Offsets and rates of the clocks against the median clock of their session.
+struct ClockReport {
+  std::vector<double> offset_s, rate;
+};
+
+ClockReport ReportClocks(const ReportInput& input) {
+  const size_t count = input.solution.clocks.size();
+  std::vector<int64_t> coarse_ns(count, 0);
+  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
+    coarse_ns[static_cast<size_t>(input.rig.index.clock_of_track[t])] =
+        input.rig.tracks[t].clock_offset_ns;
+  }
+  ClockReport report;
+  for (size_t k = 0; k < count; ++k) {
+    const ClockCorrection& correction = input.solution.clocks[k];
+    const BundleClock& rest = input.solution.built.problem.clocks[k];
+    // Coarse offsets are as large as UTC: whole nanoseconds are taken off before they become
+    // doubles.
+    size_t first = k;
+    for (size_t j = 0; j < k; ++j) {
+      if (input.solution.clocks[j].session_id == correction.session_id) {
+        first = j;
+        break;
+      }
+    }
+    report.offset_s.push_back(1e-9 * static_cast<double>(coarse_ns[k] - coarse_ns[first]) +
+                              correction.time_offset_s + rest.time_offset_s);
+    report.rate.push_back(correction.time_rate + rest.time_rate);
+  }
+  std::map<std::string, std::vector<size_t>> sessions;
+  for (size_t k = 0; k < count; ++k) {
+    sessions[input.solution.clocks[k].session_id].push_back(k);
+  }
+  for (const auto& [session, clocks] : sessions) {
+    std::vector<double> offsets, rates;
+    for (const size_t k : clocks) {
+      offsets.push_back(report.offset_s[k]);
+      rates.push_back(report.rate[k]);
+    }
+    const double offset = Median(offsets), rate = Median(rates);
+    for (const size_t k : clocks) {
+      report.offset_s[k] -= offset;
+      report.rate[k] -= rate;
+    }
+  }
+  return report;
+}
+
+void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
+  const RigIndex& index = input.rig.index;
+  const BundleProblem& problem = input.solution.built.problem;
+  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
+    refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
+                 "alone_in_instant", input.solution.instants.alone_count[t],
+                 "no other camera saw the wand at that moment");
+  }
+  for (const BundleInstant& instant : problem.instants) {
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const BundleObservation& observation =
+          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      const std::string& camera = problem.cameras[static_cast<size_t>(observation.camera)].name;
+      if (!instant.used) {
+        refused->Add(camera, "instant_without_pose", 1,
+                     "too few markers in common to place the wand");
+        continue;
+      }
+      uint32_t outliers = 0;
+      for (int m = 0; m < observation.marker_count; ++m) {
+        outliers += problem.markers[static_cast<size_t>(observation.first_marker + m)].used ? 0 : 1;
+      }
+      refused->Add(camera, "gross_outlier", outliers, "markers far from where the others put them");
+    }
+  }
+}
+
+std::string Digest(const ReportInput& input) {
+  std::vector<std::vector<bool>> used;
+  for (const AlignedTrack& track : input.rig.tracks) {
+    used.emplace_back(track.track.observations.size(), false);
+  }
+  const std::vector<Instant>& instants = input.solution.instants.instants;
+  for (size_t i = 0; i < instants.size(); ++i) {
+    if (!input.solution.built.problem.instants[i].used) continue;
+    for (const InstantMember& member : instants[i].members) {
+      used[static_cast<size_t>(member.track)][static_cast<size_t>(member.observation)] = true;
+    }
+  }
+  return ObservationDigest(input.options, input.rig.target, input.rig.tracks, used);
+}
+
+CalibratedTarget ReportTarget(const ReportInput& input) {
+  const BundleProblem& problem = input.solution.built.problem;
+  CalibratedTarget target;
+  target.given = input.rig.target;
+  target.marker_positions_m = problem.target.marker_positions_m;
+  target.marker_positions_estimated = !problem.target.fixed;
+  const LengthErrors lengths = MeasureLengths(problem, target.marker_positions_m, 2);
+  target.spans = SummariseSpans(lengths, target.marker_positions_m);
+  target.length_error_rms_m = OverallRms(lengths);
+  return target;
+}
+
+}  // namespace
+
+absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
+                                                    RefusalCounter* refused) {
+  const BundleProblem& problem = input.solution.built.problem;
+  CountWhatWasLeftOut(input, refused);
+  const std::vector<Residuals> residuals = ComputeResiduals(problem);
+  const ClockReport clocks = ReportClocks(input);
+  CalibrationResult result;
+  result.scale_known = true;
+  result.reference_camera =
+      problem.cameras[static_cast<size_t>(input.solve_options.reference_camera)].name;
+  result.iteration_count = static_cast<uint32_t>(input.solution.iterations);
+  for (const BundleInstant& instant : problem.instants) {
+    result.instant_count += instant.used ? 1 : 0;
+  }
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    const BundleCamera& solved = problem.cameras[c];
+    const CameraDescription& description = input.rig.index.cameras[c];
+    const size_t track = FirstTrack(input.rig.index, c);
+    const auto k = static_cast<size_t>(input.rig.index.clock_of_track[track]);
+    CalibratedCamera camera;
+    camera.camera = solved.name;
+    camera.image_size_px = description.image_size_px;
+    camera.cam_from_rig = solved.cam_from_rig;
+    camera.cam_from_rig.rotation = Canonical(camera.cam_from_rig.rotation);
+    camera.intrinsics = solved.intrinsics_fixed ? *description.intrinsics
+                                                : FromVector(solved.model, solved.intrinsics);
+    camera.intrinsics_refined = !solved.intrinsics_fixed;
+    camera.clock_id = description.clock.clock_id;
+    camera.time_offset_s = clocks.offset_s[k];
+    camera.time_rate_ppm = 1e6 * clocks.rate[k];
+    camera.time_epoch_s = 1e-9 * static_cast<double>(input.solution.clocks[k].time_epoch_ns);
+    camera.time_offset_estimated = input.solve_options.estimate_time_offsets;
+    camera.residuals = residuals[c];
+    const CameraCounts& counts = input.counts.at(solved.name);
+    camera.observation_count = counts.observation_count;
+    camera.wand_count = counts.wand_count;
+    if (camera.residuals.observation_count < kMinObservations ||
+        !camera.cam_from_rig.translation_m.allFinite() ||
+        !camera.cam_from_rig.rotation.coeffs().allFinite()) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "camera ", camera.camera, " could not be placed: ", camera.residuals.observation_count,
+          " of its ", counts.wand_count,
+          " wand views agree with the other cameras; wave the wand longer where it and another "
+          "camera both see it"));
+    }
+    result.cameras.push_back(std::move(camera));
+  }
+  result.target = ReportTarget(input);
+  result.observation_digest = Digest(input);
+  return result;
+}
+
+}  // namespace rigcal::server

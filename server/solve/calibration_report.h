@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "common/calibration/calibration_options.h"
+#include "server/solve/rig_solver.h"
+
+namespace rigcal::server {
+
+// What one camera delivered over all sessions.
+struct CameraCounts {
+  uint32_t observation_count = 0;
+  uint32_t wand_count = 0;
+};
+
+struct ReportInput {
+  const RigObservations& rig;
+  const RigSolution& solution;
+  const CalibrationOptions& options;
+  const RigSolveOptions& solve_options;
+  const std::map<std::string, CameraCounts>& counts;  // by camera
+};
+
+// Turns a solution into a calibration: poses, clocks against the median clock, residuals, length
+// errors, digest. A camera with clocks in several sessions reports the one of the session with the
+// lowest id. Adds to `refused` what the solve left out: `alone_in_instant` (wand views nobody else
+// shares), `instant_without_pose`, `gross_outlier` (markers).
+// FAILED_PRECONDITION where a camera has no pose that can be vouched for.
+absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
+                                                    RefusalCounter* refused);
+
+}  // namespace rigcal::server

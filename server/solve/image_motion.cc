@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/image_motion.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+namespace rigcal::server {
+namespace {
+
+constexpr Eigen::Index kMaxPoints = 15;
+
+using Powers = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxPoints, 6>;
+using Weights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxPoints, 1>;
+
+// Weights over the points so that their sum over the values is P(t) - P(0), and P'(t), for the
+// least-squares polynomial of this degree.
+struct FitWeights {
+  Weights displacement, velocity;
+};
+
+FitWeights WeightsOf(const Weights& times, Eigen::Index degree, double t) {
+  // Scaled to order one, as powers of hundredths of a second would lose their digits.
+  const double scale = std::max(times.cwiseAbs().maxCoeff(), 1e-9);
+  Powers powers(times.size(), degree + 1);
+  for (Eigen::Index i = 0; i < times.size(); ++i) {
+    double power = 1;
+    for (Eigen::Index k = 0; k <= degree; ++k, power *= times[i] / scale) powers(i, k) = power;
+  }
+  Eigen::VectorXd at = Eigen::VectorXd::Zero(degree + 1), slope = Eigen::VectorXd::Zero(degree + 1);
+  double power = 1;
+  for (Eigen::Index k = 1; k <= degree; ++k) {
+    slope[k] = static_cast<double>(k) * power / scale;
+    power *= t / scale;
+    at[k] = power;
+  }
+  const Eigen::MatrixXd inverse =
+      Eigen::MatrixXd(powers).completeOrthogonalDecomposition().pseudoInverse();
+  return {inverse.transpose() * at, inverse.transpose() * slope};
+}
+
+}  // namespace
+
+ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
+                         const ImageMotionOptions& options)
+    : options_(options),
+      period_s_(track.period_s),
+      samples_(static_cast<size_t>(marker_count)),
+      sample_of_row_(static_cast<size_t>(marker_count),
+                     std::vector<int>(track.track.observations.size(), -1)) {
+  for (size_t row = 0; row < track.track.observations.size(); ++row) {
+    const Observation& observation = track.track.observations[row];
+    for (size_t m = 0; m < observation.markers.size(); ++m) {
+      const MarkerObservation& marker = observation.markers[m];
+      if (!marker.visible) continue;
+      sample_of_row_[m][row] = static_cast<int>(samples_[m].size());
+      samples_[m].push_back({static_cast<int>(row), observation.time_ns + marker.time_delta_ns,
+                             marker.centre_px, marker.covariance_px2});
+    }
+  }
+  std::vector<double> speeds;
+  for (const std::vector<Sample>& samples : samples_) {
+    for (size_t i = 1; i < samples.size(); ++i) {
+      const double step_s = 1e-9 * static_cast<double>(samples[i].time_ns - samples[i - 1].time_ns);
+      if (step_s <= 0 || step_s > options_.max_gap_periods * period_s_) continue;
+      speeds.push_back((samples[i].centre_px - samples[i - 1].centre_px).norm() / step_s);
+    }
+  }
+  if (speeds.empty()) return;
+  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
+  std::nth_element(speeds.begin(), middle, speeds.end());
+  typical_speed_px_s_ = *middle;
+}
+
+void ImageMotion::Exclude(int observation, int marker) {
+  const int index = sample_of_row_[static_cast<size_t>(marker)][static_cast<size_t>(observation)];
+  if (index >= 0) samples_[static_cast<size_t>(marker)][static_cast<size_t>(index)].excluded = true;
+}
+
+ImageMotion::Neighbourhood ImageMotion::Around(const std::vector<Sample>& samples,
+                                               size_t own) const {
+  const double window_s = std::max(options_.window_s, 2.5 * period_s_);
+  const double gap_s = options_.max_gap_periods * period_s_;
+  const auto seconds = [&samples](size_t a, size_t b) {
+    return 1e-9 * static_cast<double>(samples[b].time_ns - samples[a].time_ns);
+  };
+  Neighbourhood around{own, own + 1, own};
+  const size_t reach = static_cast<size_t>(kMaxPoints) / 2;
+  while (around.begin > 0 && own - around.begin < reach &&
+         seconds(around.begin - 1, own) <= window_s &&
+         seconds(around.begin - 1, around.begin) <= gap_s) {
+    --around.begin;
+  }
+  while (around.end < samples.size() && around.end - own <= reach &&
+         seconds(own, around.end) <= window_s && seconds(around.end - 1, around.end) <= gap_s) {
+    ++around.end;
+  }
+  return around;
+}
+
+MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const {
+  const std::vector<Sample>& samples = samples_[static_cast<size_t>(marker)];
+  const auto own = static_cast<size_t>(
+      sample_of_row_[static_cast<size_t>(marker)][static_cast<size_t>(observation)]);
+  const Neighbourhood around = Around(samples, own);
+  std::vector<const Sample*> points;
+  Eigen::Index before = 0, after = 0, own_index = -1;
+  for (size_t i = around.begin; i < around.end; ++i) {
+    if (i != own && samples[i].excluded) continue;
+    if (i == own) own_index = static_cast<Eigen::Index>(points.size());
+    before += i < own ? 1 : 0;
+    after += i > own ? 1 : 0;
+    points.push_back(&samples[i]);
+  }
+  MarkerMotion motion;
+  motion.centre_px = samples[own].centre_px;
+  motion.covariance_px2 = samples[own].covariance_px2;
+  const auto count = static_cast<Eigen::Index>(points.size());
+  if (count < 2) {
+    const double drift_px = typical_speed_px_s_ * shift_s;
+    motion.covariance_px2 += drift_px * drift_px * Eigen::Matrix2d::Identity();
+    return motion;
+  }
+  motion.has_velocity = true;
+  Weights times(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    times[i] =
+        1e-9 * static_cast<double>(points[static_cast<size_t>(i)]->time_ns - samples[own].time_ns);
+  }
+  // High orders are for rows between neighbours; at an end they run away.
+  const Eigen::Index max_degree = std::min(before, after) >= 2   ? options_.max_degree
+                                  : std::min(before, after) >= 1 ? std::min(3, options_.max_degree)
+                                                                 : std::min(2, options_.max_degree);
+  const Eigen::Index degree = std::min(count - 1, max_degree);
+  const FitWeights weights = WeightsOf(times, degree, shift_s);
+  Eigen::Vector2d lower = Eigen::Vector2d::Zero(), displacement = Eigen::Vector2d::Zero();
+  const Weights lower_weights = degree > 1 ? WeightsOf(times, degree - 1, shift_s).displacement
+                                           : Weights(Weights::Zero(count));
+  motion.covariance_px2.setZero();
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Sample& point = *points[static_cast<size_t>(i)];
+    // Differences to the own row: the weights sum to zero, and small numbers keep their digits.
+    const Eigen::Vector2d value = point.centre_px - samples[own].centre_px;
+    displacement += weights.displacement[i] * value;
+    motion.velocity_px_s += weights.velocity[i] * value;
+    lower += lower_weights[i] * value;
+    const double weight = weights.displacement[i] + (i == own_index ? 1 : 0);
+    motion.covariance_px2 += weight * weight * point.covariance_px2;
+  }
+  motion.centre_px += displacement;
+  const double left_out_px = 0.5 * (displacement - lower).norm();
+  motion.covariance_px2 += left_out_px * left_out_px * Eigen::Matrix2d::Identity();
+  return motion;
+}
+
+}  // namespace rigcal::server

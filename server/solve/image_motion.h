@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "server/associate/align_clocks.h"
+
+namespace rigcal::server {
+
+// Where a marker's image is and how it moves, at a time near one of its rows.
+struct MarkerMotion {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
+  Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
+  bool has_velocity = false;
+};
+
+struct ImageMotionOptions {
+  // Rows within this of the row asked about take part in the fit; at least 2.5 periods do.
+  double window_s = 0.045;
+  // A longer pause, in periods, ends the neighbourhood.
+  double max_gap_periods = 3.5;
+  int max_degree = 4;
+};
+
+// The motion of the markers in one camera's image, from local polynomial fits to its rows. The row
+// asked about is moved along the fitted polynomial, u(t) = u_row + P(t) - P(t_row), so that it
+// keeps its own noise, and a row without neighbours stays where it is. The covariance is that of
+// exactly this linear combination of rows, plus what the fit's highest order contributes as a
+// measure of what it leaves out.
+class ImageMotion {
+ public:
+  ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options);
+
+  // Takes a marker of a row out of its neighbours' fits: it is an outlier.
+  void Exclude(int observation, int marker);
+
+  // Of a visible marker of `observation`, `shift_s` after its own time (camera clock).
+  MarkerMotion At(int observation, int marker, double shift_s) const;
+
+  // Median speed of the visible markers, px/s; 0 where nothing is known.
+  double typical_speed_px_s() const { return typical_speed_px_s_; }
+
+ private:
+  struct Sample {
+    int observation;
+    int64_t time_ns;
+    Eigen::Vector2d centre_px;
+    Eigen::Matrix2d covariance_px2;
+    bool excluded = false;
+  };
+  struct Neighbourhood {
+    size_t begin, end, own;  // into samples of the marker
+  };
+  Neighbourhood Around(const std::vector<Sample>& samples, size_t own) const;
+
+  ImageMotionOptions options_;
+  double period_s_;
+  std::vector<std::vector<Sample>> samples_;     // by marker, ascending in time
+  std::vector<std::vector<int>> sample_of_row_;  // by marker, then observation; -1 = not visible
+  double typical_speed_px_s_ = 0;
+};
+
+}  // namespace rigcal::server

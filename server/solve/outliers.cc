@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/outliers.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "server/solve/bundle_adjuster.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kMedianOfRayleigh = 1.17741;
+
+// Calls visit(observation, marker, whitened norm); infinite where the camera cannot see it.
+template <typename Problem, typename Visit>
+void ForEachResidual(Problem& problem, Visit visit) {
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const BundleObservation& observation =
+          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      for (int m = 0; m < observation.marker_count; ++m) {
+        auto& marker = problem.markers[static_cast<size_t>(observation.first_marker + m)];
+        Eigen::Vector2d residual;
+        double norm = std::numeric_limits<double>::infinity();
+        if (MarkerResidualPx(problem, instant, observation, marker, &residual)) {
+          norm = (marker.sqrt_information * residual).norm();
+        }
+        visit(observation, marker, norm);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOptions& options) {
+  std::vector<std::vector<double>> norms(problem.cameras.size());
+  ForEachResidual(problem,
+                  [&norms](const BundleObservation& observation, const BundleMarker&, double norm) {
+                    norms[static_cast<size_t>(observation.camera)].push_back(norm);
+                  });
+  std::vector<double> scales;
+  for (std::vector<double>& values : norms) {
+    double scale = options.min_scale;
+    if (!values.empty()) {
+      const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+      std::nth_element(values.begin(), middle, values.end());
+      scale = std::max(scale, *middle / kMedianOfRayleigh);
+    }
+    scales.push_back(scale);
+  }
+  return scales;
+}
+
+int ClassifyOutliers(const OutlierOptions& options, BundleProblem* problem) {
+  const std::vector<double> scales = CameraScales(*problem, options);
+  int changed = 0;
+  ForEachResidual(
+      *problem, [&](const BundleObservation& observation, BundleMarker& marker, double norm) {
+        const bool used = norm <= options.sigmas * scales[static_cast<size_t>(observation.camera)];
+        changed += used != marker.used ? 1 : 0;
+        marker.used = used;
+      });
+  return changed;
+}
+
+}  // namespace rigcal::server

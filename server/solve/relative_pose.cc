@@ -1,0 +1,341 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/relative_pose.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <random>
+#include <utility>
+
+#include "server/solve/bundle_adjuster.h"
+#include "server/solve/triangulation.h"
+#include "server/solve/wand_fit.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kKeptEssentials = 4;
+constexpr size_t kRefinedPoses = 3;
+constexpr double kMaxLogScale = 0.35;  // how far one instant's size may be from the median's
+
+struct ScoredEssential {
+  double cost = std::numeric_limits<double>::infinity();
+  int inliers = 0;
+  Eigen::Matrix3d matrix;
+};
+
+struct ScoredPose {
+  double cost = std::numeric_limits<double>::infinity();
+  RigidTransform b_from_a;
+};
+
+std::vector<PairInstant> EvenlyChosen(const std::vector<PairInstant>& instants, int max_instants) {
+  const size_t limit = static_cast<size_t>(max_instants);
+  if (instants.size() <= limit) return instants;
+  std::vector<PairInstant> chosen;
+  for (size_t i = 0; i < limit; ++i) chosen.push_back(instants[i * instants.size() / limit]);
+  return chosen;
+}
+
+double SampsonSquared(const Eigen::Matrix3d& essential, const PairMarker& marker) {
+  const Eigen::Vector3d a = marker.ray_a.homogeneous(), b = marker.ray_b.homogeneous();
+  const Eigen::Vector3d line_b = essential * a, line_a = essential.transpose() * b;
+  const double error = b.dot(line_b);
+  return error * error / (line_b.head<2>().squaredNorm() + line_a.head<2>().squaredNorm() + 1e-30);
+}
+
+ScoredEssential ScoreEssential(const std::vector<PairInstant>& instants,
+                               const Eigen::Matrix3d& essential, double threshold) {
+  ScoredEssential scored;
+  scored.matrix = essential;
+  scored.cost = 0;
+  const double limit = threshold * threshold;
+  for (const PairInstant& instant : instants) {
+    for (const PairMarker& marker : instant) {
+      const double distance = SampsonSquared(essential, marker);
+      if (distance < limit) {
+        ++scored.inliers;
+        scored.cost += distance / limit;
+      } else {
+        scored.cost += 1;
+      }
+    }
+  }
+  return scored;
+}
+
+std::vector<Eigen::Matrix3d> EssentialsOfFive(const std::vector<PairMarker>& five) {
+  std::vector<cv::Point2d> a, b;
+  for (const PairMarker& marker : five) {
+    a.emplace_back(marker.ray_a.x(), marker.ray_a.y());
+    b.emplace_back(marker.ray_b.x(), marker.ray_b.y());
+  }
+  std::vector<Eigen::Matrix3d> essentials;
+  cv::Mat stacked;
+  try {
+    // With just five points OpenCV gives every solution, one below the other.
+    stacked = cv::findEssentialMat(a, b, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.999, 1.0);
+  } catch (const cv::Exception&) {
+    return essentials;  // a degenerate sample
+  }
+  for (int first = 0; first + 3 <= stacked.rows; first += 3) {
+    Eigen::Matrix3d essential;
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        essential(row, column) = stacked.at<double>(first + row, column);
+      }
+    }
+    if (essential.allFinite() && essential.norm() > 0) {
+      essentials.push_back(essential / essential.norm());
+    }
+  }
+  return essentials;
+}
+
+void Keep(const ScoredEssential& candidate, std::vector<ScoredEssential>* kept) {
+  const auto position = std::upper_bound(
+      kept->begin(), kept->end(), candidate,
+      [](const ScoredEssential& a, const ScoredEssential& b) { return a.cost < b.cost; });
+  kept->insert(position, candidate);
+  if (kept->size() > kKeptEssentials) kept->pop_back();
+}
+
+std::vector<ScoredEssential> SampleEssentials(const std::vector<PairInstant>& instants,
+                                              const RelativePoseOptions& options) {
+  const double threshold = options.threshold_px * 2 / (options.focal_a_px + options.focal_b_px);
+  int marker_count = 0;
+  for (const PairInstant& instant : instants) marker_count += static_cast<int>(instant.size());
+  std::mt19937_64 random(options.seed);
+  std::vector<ScoredEssential> kept;
+  int needed = options.max_samples;
+  for (int sample = 0; sample < std::max(options.min_samples, needed); ++sample) {
+    std::vector<size_t> chosen;
+    while (chosen.size() < 5) {
+      const size_t index = random() % instants.size();
+      if (std::find(chosen.begin(), chosen.end(), index) == chosen.end()) chosen.push_back(index);
+    }
+    std::vector<PairMarker> five;
+    for (const size_t index : chosen) {
+      five.push_back(instants[index][random() % instants[index].size()]);
+    }
+    for (const Eigen::Matrix3d& essential : EssentialsOfFive(five)) {
+      const ScoredEssential scored = ScoreEssential(instants, essential, threshold);
+      if (kept.empty() || scored.cost < kept.front().cost) {
+        const double share = static_cast<double>(scored.inliers) / marker_count;
+        const double all_good = std::min(std::pow(share, 5), 1 - 1e-9);
+        if (all_good > 1e-6) {
+          needed = std::min(options.max_samples,
+                            static_cast<int>(std::log(1e-4) / std::log1p(-all_good)) + 1);
+        }
+      }
+      Keep(scored, &kept);
+    }
+  }
+  return kept;
+}
+
+std::vector<RigidTransform> Decompose(const Eigen::Matrix3d& essential) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(essential, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d u = svd.matrixU(), v = svd.matrixV();
+  if (u.determinant() < 0) u.col(2) = -u.col(2);
+  if (v.determinant() < 0) v.col(2) = -v.col(2);
+  Eigen::Matrix3d w;
+  w << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  std::vector<RigidTransform> poses;
+  for (const Eigen::Matrix3d& rotation : {Eigen::Matrix3d(u * w * v.transpose()),
+                                          Eigen::Matrix3d(u * w.transpose() * v.transpose())}) {
+    const Eigen::Quaterniond quaternion = Eigen::Quaterniond(rotation).normalized();
+    poses.emplace_back(quaternion, u.col(2));
+    poses.emplace_back(quaternion, -u.col(2));
+  }
+  return poses;
+}
+
+double ReprojectionPx(const RigidTransform& cam_from_a, const Eigen::Vector3d& x_in_a,
+                      const Eigen::Vector2d& ray, double focal_px) {
+  return focal_px * ((cam_from_a * x_in_a).hnormalized() - ray).norm();
+}
+
+// What one instant says about a pose with a baseline of unit length: how far it is from agreeing
+// with it (0 to 1), and the scale that gives the target its size. No scale: it disagrees, or shows
+// one marker only.
+struct InstantVerdict {
+  double reprojection = 1;  // squared share of the threshold, at most 1
+  std::optional<double> log_scale;
+};
+
+InstantVerdict Judge(const PairInstant& instant, const RigidTransform& b_from_a,
+                     const RelativePoseOptions& options) {
+  InstantVerdict verdict;
+  std::vector<std::pair<double, Eigen::Vector3d>> points;
+  double sum = 0;
+  for (const PairMarker& marker : instant) {
+    Eigen::Vector3d point;
+    double error = options.threshold_px;
+    if (TriangulatePair({RigidTransform::Identity(), marker.ray_a}, {b_from_a, marker.ray_b},
+                        &point)) {
+      error = std::max(
+          ReprojectionPx(RigidTransform::Identity(), point, marker.ray_a, options.focal_a_px),
+          ReprojectionPx(b_from_a, point, marker.ray_b, options.focal_b_px));
+    }
+    sum += std::min(1.0, error * error / (options.threshold_px * options.threshold_px));
+    if (error < options.threshold_px) {
+      points.emplace_back(options.marker_positions_m[static_cast<size_t>(marker.marker)], point);
+    }
+  }
+  verdict.reprojection = sum / static_cast<double>(instant.size());
+  if (points.size() == instant.size() && points.size() >= 2) {
+    const double span_m = std::abs(points.back().first - points.front().first);
+    const double length = (points.back().second - points.front().second).norm();
+    if (length > 0 && span_m > 0) verdict.log_scale = std::log(span_m / length);
+  }
+  return verdict;
+}
+
+ScoredPose ScorePose(const std::vector<PairInstant>& instants, const RigidTransform& unit_pose,
+                     const RelativePoseOptions& options) {
+  std::vector<InstantVerdict> verdicts;
+  std::vector<double> log_scales;
+  for (const PairInstant& instant : instants) {
+    verdicts.push_back(Judge(instant, unit_pose, options));
+    if (verdicts.back().log_scale) log_scales.push_back(*verdicts.back().log_scale);
+  }
+  ScoredPose scored;
+  if (log_scales.empty()) return scored;
+  const auto middle = log_scales.begin() + static_cast<std::ptrdiff_t>(log_scales.size() / 2);
+  std::nth_element(log_scales.begin(), middle, log_scales.end());
+  scored.cost = 0;
+  for (const InstantVerdict& verdict : verdicts) {
+    double deviation = 1;
+    if (verdict.log_scale) {
+      deviation = std::min(1.0, std::abs(*verdict.log_scale - *middle) / kMaxLogScale);
+    }
+    scored.cost += 0.5 * verdict.reprojection + 0.5 * deviation * deviation;
+  }
+  scored.b_from_a = {unit_pose.rotation, unit_pose.translation_m * std::exp(*middle)};
+  return scored;
+}
+
+// Two cameras without distortion and the rigid target, as a bundle adjustment.
+BundleProblem PairProblem(const std::vector<PairInstant>& instants,
+                          const RelativePoseOptions& options) {
+  BundleProblem problem;
+  problem.clocks.resize(1);
+  problem.target.marker_positions_m = options.marker_positions_m;
+  for (const double focal_px : {options.focal_a_px, options.focal_b_px}) {
+    BundleCamera camera;
+    camera.name = problem.cameras.empty() ? "a" : "b";
+    camera.pose_fixed = problem.cameras.empty();
+    camera.intrinsics = IntrinsicsVector::Zero(9);
+    camera.intrinsics[0] = camera.intrinsics[1] = focal_px;
+    problem.cameras.push_back(camera);
+  }
+  for (const PairInstant& pair : instants) {
+    BundleInstant instant;
+    instant.first_observation = static_cast<int>(problem.observations.size());
+    instant.observation_count = 2;
+    for (int c = 0; c < 2; ++c) {
+      problem.observations.push_back(
+          {c, 0, 0, static_cast<int>(problem.markers.size()), static_cast<int>(pair.size())});
+      for (const PairMarker& marker : pair) {
+        BundleMarker entry;
+        entry.marker = marker.marker;
+        entry.centre_px =
+            c == 0 ? marker.ray_a * options.focal_a_px : marker.ray_b * options.focal_b_px;
+        problem.markers.push_back(entry);
+      }
+    }
+    problem.instants.push_back(instant);
+  }
+  return problem;
+}
+
+std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& instants,
+                                             const RigidTransform& b_from_a,
+                                             const RelativePoseOptions& options) {
+  BundleProblem problem = PairProblem(instants, options);
+  const std::vector<Eigen::Vector2d> rays = UndistortMarkers(problem);
+  problem.cameras[1].cam_from_rig = b_from_a;
+  const std::vector<bool> has_pose(2, true);
+  WandFitOptions fit;
+  fit.truncation_px = 2 * options.threshold_px;
+  RelativePose result;
+  result.instant_count = static_cast<int>(instants.size());
+  for (int round = 0; round < 2; ++round) {
+    int used = 0;
+    for (BundleInstant& instant : problem.instants) {
+      int inliers = 0, markers = 0;
+      instant.used = FitWand(problem, has_pose, rays, fit, &instant, &inliers, &markers) &&
+                     inliers * 2 > markers;
+      used += instant.used ? 1 : 0;
+    }
+    if (used < options.min_inlier_instants) return std::nullopt;
+    BundleOptions bundle;
+    bundle.loss_scale = options.threshold_px / 2;
+    bundle.max_iterations = 30;
+    bundle.function_tolerance = 1e-6;
+    if (!SolveBundle(bundle, &problem).ok()) return std::nullopt;
+  }
+  std::vector<double> errors;
+  for (const BundleInstant& instant : problem.instants) {
+    double worst = 0;
+    for (int o = 0; o < 2; ++o) {
+      const BundleObservation& observation =
+          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      for (int m = 0; m < observation.marker_count; ++m) {
+        Eigen::Vector2d residual;
+        const bool seen =
+            instant.used &&
+            MarkerResidualPx(problem, instant, observation,
+                             problem.markers[static_cast<size_t>(observation.first_marker + m)],
+                             &residual);
+        errors.push_back(seen ? residual.norm() : std::numeric_limits<double>::infinity());
+        worst = std::max(worst, errors.back());
+      }
+    }
+    result.inlier_count += worst < options.threshold_px ? 1 : 0;
+  }
+  if (result.inlier_count < options.min_inlier_instants) return std::nullopt;
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  result.median_px = *middle;
+  result.b_from_a = problem.cameras[1].cam_from_rig;
+  return result;
+}
+
+}  // namespace
+
+std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>& all,
+                                                 const RelativePoseOptions& options) {
+  const std::vector<PairInstant> instants = EvenlyChosen(all, options.max_instants);
+  if (static_cast<int>(instants.size()) < std::max(5, options.min_inlier_instants)) {
+    return std::nullopt;
+  }
+  std::vector<ScoredPose> poses;
+  for (const ScoredEssential& essential : SampleEssentials(instants, options)) {
+    for (const RigidTransform& pose : Decompose(essential.matrix)) {
+      const ScoredPose scored = ScorePose(instants, pose, options);
+      if (std::isfinite(scored.cost)) poses.push_back(scored);
+    }
+  }
+  std::stable_sort(poses.begin(), poses.end(),
+                   [](const ScoredPose& a, const ScoredPose& b) { return a.cost < b.cost; });
+  if (poses.size() > kRefinedPoses) poses.resize(kRefinedPoses);
+  std::optional<RelativePose> best;
+  for (const ScoredPose& pose : poses) {
+    const std::optional<RelativePose> refined = RefineWithTarget(instants, pose.b_from_a, options);
+    if (!refined) continue;
+    if (!best || refined->inlier_count > best->inlier_count ||
+        (refined->inlier_count == best->inlier_count && refined->median_px < best->median_px)) {
+      best = refined;
+    }
+  }
+  return best;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "common/geometry/rigid_transform.h"
+
+namespace rigcal::server {
+
+// One marker that two cameras show at one instant, as normalised coordinates without distortion.
+struct PairMarker {
+  int marker = 0;
+  Eigen::Vector2d ray_a = Eigen::Vector2d::Zero();
+  Eigen::Vector2d ray_b = Eigen::Vector2d::Zero();
+};
+
+// What two cameras share of one instant; at least one marker.
+using PairInstant = std::vector<PairMarker>;
+
+struct RelativePoseOptions {
+  std::vector<double> marker_positions_m;
+  double focal_a_px = 1;  // mean focal lengths: turn normalised distances into pixels
+  double focal_b_px = 1;
+  double threshold_px = 3;  // of an epipolar distance, and of a marker's reprojection error
+  uint32_t seed = 0;
+  int min_samples = 60;
+  int max_samples = 800;
+  int max_instants = 200;  // evenly chosen from those given
+  int min_inlier_instants = 8;
+};
+
+struct RelativePose {
+  RigidTransform b_from_a;  // metric, from the marker spacing
+  int instant_count = 0;    // looked at
+  int inlier_count = 0;     // of those: seen before both cameras, within the threshold, right size
+  double median_px = 0;     // reprojection error of the rigid target over all markers looked at
+};
+
+// The pose between two cameras from what they share: essential matrices of random samples of five
+// (Nister 2004; each marker from another instant, as three on one wand lie on a line), scored by
+// truncated Sampson distance; the best few are decomposed, given their metric scale by the target's
+// spacing, and judged again by what no essential matrix knows: that the target is rigid. This tells
+// the true solution from the mirrored one and from the second one of a planar motion. The winner is
+// refined with the rigid target. None where too few instants agree. Same input, same bits.
+std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>& instants,
+                                                 const RelativePoseOptions& options);
+
+}  // namespace rigcal::server

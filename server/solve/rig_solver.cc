@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/bundle_adjuster.h"
+#include "server/solve/image_motion.h"
+#include "server/solve/intrinsics_prior.h"
+#include "server/solve/start.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kWeakOffsetSigmaS = 1;
+constexpr double kWeakRateSigma = 1e-3;
+
+using MarkerKey = std::pair<std::pair<int, int>, int>;  // track, observation, marker
+
+// The steps of SolveRig with what they share.
+class RigSolver {
+ public:
+  RigSolver(const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
+            const RigSolveOptions& options)
+      : rig_(rig), options_(options) {
+    solution_.clocks = clocks;
+    for (const AlignedTrack& track : rig_.tracks) {
+      motions_.emplace_back(track, rig_.target.marker_count(), ImageMotionOptions{});
+    }
+  }
+
+  absl::StatusOr<RigSolution> Run(const RigStart* start) {
+    if (start != nullptr) solution_.clocks = start->clocks;
+    Build();
+    if (problem().instants.empty()) return NoInstants();
+    if (start != nullptr) {
+      Adopt(*start);
+      PlaceInstants(options_.start_threshold_px, &problem());
+    } else {
+      RIGCAL_RETURN_IF_ERROR(FindStart(StartOptionsOf(), &problem()));
+    }
+    for (int round = 0; round < options_.max_rounds; ++round) {
+      RIGCAL_RETURN_IF_ERROR(Adjust(round));
+      const int changed = ClassifyOutliers(options_.outliers, &problem());
+      const double moved_s = ClockMovement();
+      solution_.converged = changed == 0 && moved_s < options_.time_tolerance_s;
+      if (solution_.converged) break;
+      if (round + 1 < options_.max_rounds && moved_s >= options_.time_tolerance_s) Rebuild();
+    }
+    return std::move(solution_);
+  }
+
+ private:
+  BundleProblem& problem() { return solution_.built.problem; }
+
+  void Build() {
+    const auto times = RigTimes(rig_.tracks, rig_.index, solution_.clocks);
+    solution_.instants = FindInstants(rig_.tracks, times, {options_.tolerance_s});
+    if (options_.keep_instant) {
+      std::erase_if(solution_.instants.instants, [this](const Instant& instant) {
+        return !options_.keep_instant(instant.rig_time_ns);
+      });
+    }
+    solution_.built = BuildProblem(rig_.target, rig_.tracks, motions_, rig_.index, solution_.clocks,
+                                   solution_.instants.instants, options_.sigma_px);
+    FreeParameters();
+  }
+
+  void FreeParameters() {
+    problem().cameras[static_cast<size_t>(options_.reference_camera)].pose_fixed = true;
+    problem().target.fixed = !options_.estimate_marker_positions;
+    if (options_.refine_intrinsics) {
+      for (size_t c = 0; c < problem().cameras.size(); ++c) {
+        SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c]);
+      }
+    }
+    const std::set<int> fixed = FixedClocks();
+    for (size_t k = 0; k < problem().clocks.size(); ++k) {
+      BundleClock& clock = problem().clocks[k];
+      const bool is_fixed = fixed.contains(static_cast<int>(k));
+      clock.offset_fixed = is_fixed || !options_.estimate_time_offsets;
+      clock.rate_fixed = is_fixed || !options_.estimate_time_rates;
+      clock.prior_offset_s = -solution_.clocks[k].time_offset_s;
+      clock.offset_sigma_s = kWeakOffsetSigmaS;
+      clock.prior_rate = -solution_.clocks[k].time_rate;
+      clock.rate_sigma = kWeakRateSigma;
+    }
+  }
+
+  // One clock of each session.
+  std::set<int> FixedClocks() const {
+    std::set<int> fixed;
+    std::set<std::string> done;
+    for (const bool only_reference : {true, false}) {
+      for (size_t t = 0; t < rig_.tracks.size(); ++t) {
+        const std::string& session = rig_.tracks[t].track.session_id;
+        if (done.contains(session)) continue;
+        if (only_reference && rig_.index.camera_of_track[t] != options_.reference_camera) continue;
+        fixed.insert(rig_.index.clock_of_track[t]);
+        done.insert(session);
+      }
+    }
+    return fixed;
+  }
+
+  absl::Status NoInstants() const {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "no moment at which two cameras saw the wand: ", rig_.tracks.size(),
+        " camera tracks share no time within the tolerance; check that the "
+        "cameras ran at the same time, and their clocks (a clock that does not follow a common "
+        "time base needs clock samples)"));
+  }
+
+  StartOptions StartOptionsOf() const {
+    StartOptions start;
+    start.threshold_px = options_.start_threshold_px;
+    start.seed = options_.seed;
+    start.camera_notes = options_.camera_notes;
+    start.cancelled = options_.cancelled;
+    if (options_.progress) {
+      start.progress = [this](double fraction) { options_.progress("finding a start", fraction); };
+    }
+    return start;
+  }
+
+  void Adopt(const RigStart& start) {
+    for (size_t c = 0; c < problem().cameras.size(); ++c) {
+      problem().cameras[c].cam_from_rig = start.cameras[c].cam_from_rig;
+      problem().cameras[c].intrinsics = start.cameras[c].intrinsics;
+    }
+    problem().target.marker_positions_m = start.marker_positions_m;
+    for (BundleInstant& instant : problem().instants) instant.used = false;
+  }
+
+  absl::Status Adjust(int round) {
+    BundleOptions bundle;
+    bundle.loss_scale = options_.loss_scale;
+    bundle.function_tolerance = options_.function_tolerance;
+    bundle.cancelled = options_.cancelled;
+    if (options_.progress) {
+      bundle.progress = [this, round](int iteration, double) {
+        const double within = iteration / (iteration + 10.0);
+        options_.progress("adjusting", (round + within) / (round + 2.0));
+      };
+    }
+    RIGCAL_ASSIGN_OR_RETURN(const BundleSummary summary, SolveBundle(bundle, &problem()));
+    solution_.iterations += summary.iterations;
+    solution_.final_cost = summary.final_cost;
+    return absl::OkStatus();
+  }
+
+  // How far the clock that moved most moved in the bundle adjustment, in seconds over its rows.
+  double ClockMovement() {
+    double moved_s = 0;
+    std::vector<double> span_s(problem().clocks.size(), 0);
+    for (const BundleObservation& observation : problem().observations) {
+      double& span = span_s[static_cast<size_t>(observation.clock)];
+      span = std::max(span, std::abs(observation.clock_time_s));
+    }
+    for (size_t k = 0; k < problem().clocks.size(); ++k) {
+      const BundleClock& clock = problem().clocks[k];
+      moved_s =
+          std::max(moved_s, std::abs(clock.time_offset_s) + std::abs(clock.time_rate) * span_s[k]);
+    }
+    return moved_s;
+  }
+
+  void Rebuild() {
+    std::set<MarkerKey> outliers;
+    for (size_t m = 0; m < problem().markers.size(); ++m) {
+      const MarkerSource& source = solution_.built.sources[m];
+      if (problem().markers[m].used) continue;
+      outliers.insert({{source.track, source.observation}, problem().markers[m].marker});
+      motions_[static_cast<size_t>(source.track)].Exclude(source.observation,
+                                                          problem().markers[m].marker);
+    }
+    for (size_t k = 0; k < problem().clocks.size(); ++k) {
+      solution_.clocks[k].time_offset_s += problem().clocks[k].time_offset_s;
+      solution_.clocks[k].time_rate += problem().clocks[k].time_rate;
+    }
+    RigStart start;
+    start.cameras = problem().cameras;
+    start.marker_positions_m = problem().target.marker_positions_m;
+    Build();
+    Adopt(start);
+    for (size_t m = 0; m < problem().markers.size(); ++m) {
+      const MarkerSource& source = solution_.built.sources[m];
+      problem().markers[m].used =
+          !outliers.contains({{source.track, source.observation}, problem().markers[m].marker});
+    }
+    PlaceInstants(options_.start_threshold_px, &problem());
+  }
+
+  const RigObservations& rig_;
+  const RigSolveOptions& options_;
+  std::vector<ImageMotion> motions_;
+  RigSolution solution_;
+};
+
+}  // namespace
+
+absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
+                                     const std::vector<ClockCorrection>& clocks,
+                                     const RigSolveOptions& options, const RigStart* start) {
+  return RigSolver(rig, clocks, options).Run(start);
+}
+
+}  // namespace rigcal::server

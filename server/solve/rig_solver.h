@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/target/target.h"
+#include "server/associate/align_clocks.h"
+#include "server/associate/instants.h"
+#include "server/solve/bundle_problem.h"
+#include "server/solve/outliers.h"
+#include "server/solve/problem_builder.h"
+
+namespace rigcal::server {
+
+// What is solved: cameras, clocks and their rows.
+struct RigObservations {
+  Target target;
+  std::vector<AlignedTrack> tracks;
+  RigIndex index;
+};
+
+struct RigSolveOptions {
+  int reference_camera = 0;  // into the index; its pose is the rig frame
+  bool estimate_time_offsets = true;
+  bool estimate_time_rates = false;
+  bool refine_intrinsics = false;
+  bool estimate_marker_positions = false;
+  double sigma_px = 0;     // instead of the observed covariances; 0 = as observed
+  double tolerance_s = 0;  // of an instant; 0 = from the periods
+  uint32_t seed = 0;
+  double start_threshold_px = 3;  // of markers that agree while poses are looked for
+  double loss_scale = 2;          // of the Cauchy loss, in sigmas
+  double function_tolerance = 1e-9;
+  OutlierOptions outliers;
+  int max_rounds = 8;                                     // of solve, classify, interpolate again
+  double time_tolerance_s = 2e-6;                         // offsets that move less have settled
+  std::vector<std::string> camera_notes;                  // for error messages
+  std::function<bool(int64_t rig_time_ns)> keep_instant;  // none: all
+  std::function<void(std::string_view stage, double fraction)> progress;
+  const std::atomic<bool>* cancelled = nullptr;
+};
+
+struct RigSolution {
+  BuiltProblem built;                   // solved; markers not used are the outliers
+  std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
+  InstantList instants;
+  int iterations = 0;
+  double final_cost = 0;
+  bool converged = false;
+};
+
+// Where a solve begins instead of from nothing.
+struct RigStart {
+  std::vector<BundleCamera> cameras;  // poses and intrinsics
+  std::vector<double> marker_positions_m;
+  std::vector<ClockCorrection> clocks;
+};
+
+// Associates, finds a start unless one is given, and alternates bundle adjustment, classification
+// of outliers, and interpolation at the new clock corrections until nothing moves. In each session
+// the clock of the reference camera (or else the first) keeps its correction: time has no origin.
+//
+// FAILED_PRECONDITION: no instants, not connected, cannot be placed. CANCELLED.
+absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
+                                     const std::vector<ClockCorrection>& clocks,
+                                     const RigSolveOptions& options,
+                                     const RigStart* start = nullptr);
+
+}  // namespace rigcal::server

@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/start.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/bundle_adjuster.h"
+#include "server/solve/overlap_graph.h"
+#include "server/solve/relative_pose.h"
+#include "server/solve/wand_fit.h"
+
+namespace rigcal::server {
+namespace {
+
+using Rays = std::vector<Eigen::Vector2d>;
+
+double MeanFocalPx(const BundleCamera& camera) {
+  return 0.5 * (camera.intrinsics[0] + camera.intrinsics[1]);
+}
+
+bool IsCancelled(const StartOptions& options) {
+  return options.cancelled != nullptr && options.cancelled->load();
+}
+
+// The instants two cameras share, with the markers both show.
+std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays& rays, int a,
+                                        int b) {
+  std::vector<PairInstant> shared;
+  for (const BundleInstant& instant : problem.instants) {
+    const BundleObservation *left = nullptr, *right = nullptr;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const BundleObservation& observation =
+          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      if (observation.camera == a) left = &observation;
+      if (observation.camera == b) right = &observation;
+    }
+    if (left == nullptr || right == nullptr) continue;
+    PairInstant pair;
+    for (int i = 0; i < left->marker_count; ++i) {
+      for (int j = 0; j < right->marker_count; ++j) {
+        const auto l = static_cast<size_t>(left->first_marker + i);
+        const auto r = static_cast<size_t>(right->first_marker + j);
+        if (problem.markers[l].marker == problem.markers[r].marker && problem.markers[l].used &&
+            problem.markers[r].used && rays[l].allFinite() && rays[r].allFinite()) {
+          pair.push_back({problem.markers[l].marker, rays[l], rays[r]});
+        }
+      }
+    }
+    if (!pair.empty()) shared.push_back(std::move(pair));
+  }
+  return shared;
+}
+
+OverlapGraph MakeGraph(const BundleProblem& problem, const StartOptions& options) {
+  OverlapGraph graph;
+  graph.notes = options.camera_notes;
+  graph.min_shared = options.min_instants;
+  const size_t count = problem.cameras.size();
+  for (const BundleCamera& camera : problem.cameras) graph.cameras.push_back(camera.name);
+  graph.view_counts.assign(count, 0);
+  graph.shared_counts.assign(count, std::vector<int>(count, 0));
+  for (const BundleInstant& instant : problem.instants) {
+    for (int i = 0; i < instant.observation_count; ++i) {
+      const auto first = static_cast<size_t>(instant.first_observation);
+      const auto a =
+          static_cast<size_t>(problem.observations[first + static_cast<size_t>(i)].camera);
+      ++graph.view_counts[a];
+      for (int j = 0; j < instant.observation_count; ++j) {
+        const auto b =
+            static_cast<size_t>(problem.observations[first + static_cast<size_t>(j)].camera);
+        if (a != b) ++graph.shared_counts[a][b];
+      }
+    }
+  }
+  return graph;
+}
+
+absl::StatusOr<std::vector<OverlapEdge>> FindEdges(const StartOptions& options, const Rays& rays,
+                                                   const BundleProblem& problem) {
+  const OverlapGraph graph = MakeGraph(problem, options);
+  int looked_at = 0;
+  const auto estimate = [&](int a, int b) -> absl::StatusOr<std::optional<RelativePose>> {
+    if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
+    if (options.progress) {
+      ++looked_at;
+      const double cameras = static_cast<double>(problem.cameras.size());
+      options.progress(0.8 * looked_at / (looked_at + cameras));
+    }
+    RelativePoseOptions pair;
+    pair.marker_positions_m = problem.target.marker_positions_m;
+    pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
+    pair.focal_b_px = MeanFocalPx(problem.cameras[static_cast<size_t>(b)]);
+    pair.threshold_px = options.threshold_px;
+    pair.min_inlier_instants = options.min_instants;
+    // The pair's own seed, so that looking at one pair more changes no other.
+    pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
+    return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
+  };
+  return FindSpanningTree(graph, estimate);
+}
+
+// Walks the tree from the fixed camera.
+void ChainPoses(const std::vector<OverlapEdge>& edges, BundleProblem* problem) {
+  std::vector<bool> done(problem->cameras.size(), false);
+  for (size_t c = 0; c < problem->cameras.size(); ++c) done[c] = problem->cameras[c].pose_fixed;
+  for (size_t round = 0; round < edges.size(); ++round) {
+    for (const OverlapEdge& edge : edges) {
+      const auto a = static_cast<size_t>(edge.a), b = static_cast<size_t>(edge.b);
+      if (done[a] == done[b]) continue;
+      RigidTransform& pose_a = problem->cameras[a].cam_from_rig;
+      RigidTransform& pose_b = problem->cameras[b].cam_from_rig;
+      if (done[a]) {
+        pose_b = edge.pose.b_from_a * pose_a;
+      } else {
+        pose_a = edge.pose.b_from_a.Inverse() * pose_b;
+      }
+      done[a] = done[b] = true;
+    }
+  }
+}
+
+double RobustCost(const BundleProblem& problem, const BundleInstant& instant, double limit_px) {
+  double cost = 0;
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const BundleMarker& marker =
+          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      if (!marker.used) continue;
+      Eigen::Vector2d residual;
+      const bool seen = MarkerResidualPx(problem, instant, observation, marker, &residual);
+      cost += seen ? std::min(residual.squaredNorm(), limit_px * limit_px) : limit_px * limit_px;
+    }
+  }
+  return cost;
+}
+
+// A used marker behind its camera would stop the bundle adjustment; such an instant is not placed.
+bool IsBeforeItsCameras(const BundleProblem& problem, const BundleInstant& instant) {
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const BundleMarker& marker =
+          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      Eigen::Vector2d residual;
+      if (marker.used && !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Evenly chosen instants of a problem whose others are put aside.
+std::vector<bool> ThinOut(int max_instants, BundleProblem* problem) {
+  std::vector<bool> was_used;
+  int used = 0;
+  for (const BundleInstant& instant : problem->instants) {
+    was_used.push_back(instant.used);
+    used += instant.used ? 1 : 0;
+  }
+  if (used <= max_instants) return was_used;
+  int index = 0;
+  for (BundleInstant& instant : problem->instants) {
+    if (!instant.used) continue;
+    const int64_t before = static_cast<int64_t>(index) * max_instants / used;
+    const int64_t after = static_cast<int64_t>(index + 1) * max_instants / used;
+    instant.used = after > before;
+    ++index;
+  }
+  return was_used;
+}
+
+absl::Status SettlePoses(const StartOptions& options, BundleProblem* problem) {
+  const std::vector<bool> was_used = ThinOut(options.max_instants, problem);
+  BundleOptions bundle;
+  bundle.loss_scale = options.threshold_px;
+  bundle.max_iterations = 30;
+  bundle.function_tolerance = 1e-5;
+  bundle.cancelled = options.cancelled;
+  const absl::StatusOr<BundleSummary> summary = SolveBundle(bundle, problem);
+  for (size_t i = 0; i < was_used.size(); ++i) problem->instants[i].used = was_used[i];
+  return summary.status();
+}
+
+}  // namespace
+
+int PlaceInstants(double threshold_px, BundleProblem* problem) {
+  const Rays rays = UndistortMarkers(*problem);
+  const std::vector<bool> has_pose(problem->cameras.size(), true);
+  WandFitOptions fit;
+  fit.truncation_px = 2 * threshold_px;
+  int placed = 0;
+  for (BundleInstant& instant : problem->instants) {
+    BundleInstant candidate = instant;
+    const bool had_pose = instant.used && IsBeforeItsCameras(*problem, instant);
+    const bool found = FitWand(*problem, has_pose, rays, fit, &candidate) &&
+                       IsBeforeItsCameras(*problem, candidate);
+    if (found && (!had_pose || RobustCost(*problem, candidate, fit.truncation_px) <
+                                   RobustCost(*problem, instant, fit.truncation_px))) {
+      instant = candidate;
+    }
+    instant.used = found || had_pose;
+    placed += instant.used ? 1 : 0;
+  }
+  return placed;
+}
+
+absl::Status FindStart(const StartOptions& options, BundleProblem* problem) {
+  const Rays rays = UndistortMarkers(*problem);
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<OverlapEdge> edges, FindEdges(options, rays, *problem));
+  ChainPoses(edges, problem);
+  for (BundleInstant& instant : problem->instants) instant.used = false;
+  for (int round = 0; round < 2; ++round) {
+    // Poses that were chained over several pairs are coarse: the first round is generous.
+    const double threshold_px = round == 0 ? 4 * options.threshold_px : options.threshold_px;
+    if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
+    if (PlaceInstants(threshold_px, problem) == 0) {
+      return absl::FailedPreconditionError(
+          "no instant of the wand can be placed from two cameras: check the target's marker "
+          "positions and the cameras' intrinsics");
+    }
+    RIGCAL_RETURN_IF_ERROR(SettlePoses(options, problem));
+    if (options.progress) options.progress(0.8 + 0.1 * (round + 1));
+  }
+  PlaceInstants(options.threshold_px, problem);
+  return absl::OkStatus();
+}
+
+}  // namespace rigcal::server

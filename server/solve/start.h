@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "server/solve/bundle_problem.h"
+
+namespace rigcal::server {
+
+struct StartOptions {
+  double threshold_px = 3;                // of markers that agree with a pose
+  uint32_t seed = 0;                      // of every random choice
+  int min_instants = 8;                   // that two cameras must share to be joined
+  int max_instants = 400;                 // used while the cameras' poses are found
+  std::vector<std::string> camera_notes;  // for error messages
+  std::function<void(double fraction)> progress;
+  const std::atomic<bool>* cancelled = nullptr;
+};
+
+// Finds poses of all cameras and all instants from nothing: relative poses over the spanning tree
+// of the overlap graph, chained from the camera whose pose is fixed (and stays as it is), then a
+// robust bundle adjustment over some of the instants. Instants whose target cannot be placed are
+// marked not used.
+//
+// FAILED_PRECONDITION: the cameras are not connected (names the groups, the pair that would best
+// join them), or a camera does not agree with the others. CANCELLED.
+absl::Status FindStart(const StartOptions& options, BundleProblem* problem);
+
+// Places the target in every instant again from the cameras' poses, keeping the better of the old
+// and the new pose. Returns the number of instants that have one; the others are not used.
+int PlaceInstants(double threshold_px, BundleProblem* problem);
+
+}  // namespace rigcal::server

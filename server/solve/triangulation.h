@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "common/geometry/rigid_transform.h"
+
+namespace rigcal::server {
+
+// One camera's view of a point: normalised coordinates (x/z, y/z) without distortion.
+struct PointView {
+  RigidTransform cam_from_rig;
+  Eigen::Vector2d ray;
+};
+
+// The point that two or more views see, by the linear method (Hartley and Zisserman, Multiple View
+// Geometry, section 12.2) followed by Gauss-Newton on the normalised residuals. False with fewer
+// than two views, where it is not before every camera, or where the rays are too parallel to meet.
+bool Triangulate(const std::vector<PointView>& views, Eigen::Vector3d* x_in_rig);
+
+// The same for two views, linear method only.
+bool TriangulatePair(const PointView& a, const PointView& b, Eigen::Vector3d* x_in_rig);
+
+}  // namespace rigcal::server

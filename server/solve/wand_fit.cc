@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/wand_fit.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "common/camera/camera_model.h"
+#include "server/solve/bundle_adjuster.h"
+#include "server/solve/projection_jacobian.h"
+#include "server/solve/triangulation.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kMaxPairs = 12;
+constexpr int kRefineSteps = 8;
+
+struct Score {
+  double cost = std::numeric_limits<double>::infinity();
+  int inliers = 0;
+  int markers = 0;
+};
+
+// Calls visit(observation, marker, marker's index) for each used marker of posed cameras.
+template <typename Visit>
+void ForEachMarker(const BundleProblem& problem, const std::vector<bool>& has_pose,
+                   const BundleInstant& instant, Visit visit) {
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const auto index = static_cast<size_t>(observation.first_marker + m);
+      if (problem.markers[index].used) visit(observation, problem.markers[index], index);
+    }
+  }
+}
+
+Score Evaluate(const BundleProblem& problem, const std::vector<bool>& has_pose,
+               const WandFitOptions& options, const BundleInstant& instant) {
+  Score score;
+  score.cost = 0;
+  const double limit = options.truncation_px * options.truncation_px;
+  ForEachMarker(problem, has_pose, instant,
+                [&](const BundleObservation& observation, const BundleMarker& marker, size_t) {
+                  Eigen::Vector2d residual;
+                  ++score.markers;
+                  if (!MarkerResidualPx(problem, instant, observation, marker, &residual) ||
+                      !(residual.squaredNorm() < limit)) {
+                    score.cost += limit;
+                    return;
+                  }
+                  ++score.inliers;
+                  score.cost += residual.squaredNorm();
+                });
+  return score;
+}
+
+struct MarkerPoint {
+  double position_m;
+  Eigen::Vector3d x_in_rig;
+};
+
+// The markers both observations show, triangulated.
+std::vector<MarkerPoint> CommonMarkers(const BundleProblem& problem,
+                                       const std::vector<Eigen::Vector2d>& rays,
+                                       const BundleObservation& a, const BundleObservation& b) {
+  std::vector<MarkerPoint> points;
+  const auto pose = [&problem](const BundleObservation& observation) -> const RigidTransform& {
+    return problem.cameras[static_cast<size_t>(observation.camera)].cam_from_rig;
+  };
+  for (int i = 0; i < a.marker_count; ++i) {
+    const auto index_a = static_cast<size_t>(a.first_marker + i);
+    for (int j = 0; j < b.marker_count; ++j) {
+      const auto index_b = static_cast<size_t>(b.first_marker + j);
+      const BundleMarker& marker_a = problem.markers[index_a];
+      const BundleMarker& marker_b = problem.markers[index_b];
+      if (marker_a.marker != marker_b.marker || !marker_a.used || !marker_b.used) continue;
+      if (!rays[index_a].allFinite() || !rays[index_b].allFinite()) continue;
+      Eigen::Vector3d point;
+      if (TriangulatePair({pose(a), rays[index_a]}, {pose(b), rays[index_b]}, &point)) {
+        points.push_back(
+            {problem.target.marker_positions_m[static_cast<size_t>(marker_a.marker)], point});
+      }
+    }
+  }
+  return points;
+}
+
+std::optional<BundleInstant> Hypothesis(const BundleInstant& instant, const MarkerPoint& a,
+                                        const MarkerPoint& b, double span_share) {
+  const Eigen::Vector3d difference = b.x_in_rig - a.x_in_rig;
+  const double span_m = b.position_m - a.position_m;
+  const double length_m = difference.norm();
+  if (span_m == 0 || std::abs(length_m - std::abs(span_m)) > span_share * std::abs(span_m)) {
+    return std::nullopt;
+  }
+  BundleInstant result = instant;
+  result.direction = difference / (span_m > 0 ? length_m : -length_m);
+  result.origin_m =
+      0.5 * (a.x_in_rig + b.x_in_rig) - 0.5 * (a.position_m + b.position_m) * result.direction;
+  return result;
+}
+
+std::vector<std::pair<int, int>> ObservationPairs(const BundleProblem& problem,
+                                                  const std::vector<bool>& has_pose,
+                                                  const BundleInstant& instant) {
+  std::vector<int> posed;
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const int index = instant.first_observation + o;
+    if (has_pose[static_cast<size_t>(problem.observations[static_cast<size_t>(index)].camera)]) {
+      posed.push_back(index);
+    }
+  }
+  std::vector<std::pair<int, int>> pairs;
+  // By distance in the list, so that a cut at kMaxPairs still touches every camera.
+  for (size_t step = 1; step < posed.size() && pairs.size() < kMaxPairs; ++step) {
+    for (size_t i = 0; i + step < posed.size() && pairs.size() < kMaxPairs; ++i) {
+      pairs.emplace_back(posed[i], posed[i + step]);
+    }
+  }
+  return pairs;
+}
+
+// Gauss-Newton on the 5 degrees of freedom with Cauchy weights.
+void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, double scale_px,
+            BundleInstant* instant) {
+  for (int step = 0; step < kRefineSteps; ++step) {
+    Eigen::Matrix<double, 3, 2> tangent;
+    const Eigen::Vector3d& direction = instant->direction;
+    tangent.col(0) = direction.unitOrthogonal();
+    tangent.col(1) = direction.cross(tangent.col(0));
+    Eigen::Matrix<double, 5, 5> hessian = Eigen::Matrix<double, 5, 5>::Identity() * 1e-9;
+    Eigen::Matrix<double, 5, 1> gradient = Eigen::Matrix<double, 5, 1>::Zero();
+    ForEachMarker(
+        problem, has_pose, *instant,
+        [&](const BundleObservation& observation, const BundleMarker& marker, size_t) {
+          const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+          const double s = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+          Eigen::Vector2d pixel, residual;
+          Eigen::Matrix<double, 2, 3> d_point;
+          const Eigen::Vector3d x_in_cam =
+              camera.cam_from_rig * (instant->origin_m + s * direction);
+          if (!MarkerResidualPx(problem, *instant, observation, marker, &residual) ||
+              !ProjectWithJacobian(camera.model, camera.intrinsics.data(), x_in_cam, &pixel,
+                                   &d_point, nullptr)) {
+            return;
+          }
+          const double weight = 1 / (1 + residual.squaredNorm() / (scale_px * scale_px));
+          Eigen::Matrix<double, 2, 5> jacobian;
+          jacobian.leftCols<3>() = d_point * camera.cam_from_rig.rotation.toRotationMatrix();
+          jacobian.rightCols<2>() = s * jacobian.leftCols<3>() * tangent;
+          hessian += weight * jacobian.transpose() * jacobian;
+          gradient += weight * jacobian.transpose() * residual;
+        });
+    const Eigen::Matrix<double, 5, 1> delta = hessian.ldlt().solve(gradient);
+    if (!delta.allFinite()) return;
+    instant->origin_m -= delta.head<3>();
+    instant->direction = (direction - tangent * delta.tail<2>()).normalized();
+    if (delta.norm() < 1e-9) return;
+  }
+}
+
+}  // namespace
+
+std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  std::vector<Eigen::Vector2d> rays(problem.markers.size(), Eigen::Vector2d(nan, nan));
+  std::vector<Intrinsics> intrinsics;
+  for (const BundleCamera& camera : problem.cameras) {
+    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
+  }
+  for (const BundleObservation& observation : problem.observations) {
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const auto index = static_cast<size_t>(observation.first_marker + m);
+      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(
+          intrinsics[static_cast<size_t>(observation.camera)], problem.markers[index].centre_px);
+      if (ray.ok()) rays[index] = *ray;
+    }
+  }
+  return rays;
+}
+
+bool FitWand(const BundleProblem& problem, const std::vector<bool>& has_pose,
+             const std::vector<Eigen::Vector2d>& rays, const WandFitOptions& options,
+             BundleInstant* instant, int* inlier_count, int* marker_count) {
+  Score best;
+  BundleInstant best_instant = *instant;
+  std::vector<MarkerPoint> points;
+  const auto consider = [&](const MarkerPoint& a, const MarkerPoint& b) {
+    const std::optional<BundleInstant> candidate = Hypothesis(*instant, a, b, options.span_share);
+    if (!candidate) return;
+    const Score score = Evaluate(problem, has_pose, options, *candidate);
+    if (score.cost < best.cost) {
+      best = score;
+      best_instant = *candidate;
+    }
+  };
+  for (const auto& [a, b] : ObservationPairs(problem, has_pose, *instant)) {
+    const std::vector<MarkerPoint> common =
+        CommonMarkers(problem, rays, problem.observations[static_cast<size_t>(a)],
+                      problem.observations[static_cast<size_t>(b)]);
+    for (size_t i = 0; i < common.size(); ++i) {
+      for (size_t j = i + 1; j < common.size(); ++j) consider(common[i], common[j]);
+    }
+    points.insert(points.end(), common.begin(), common.end());
+  }
+  if (!std::isfinite(best.cost)) {
+    // No one pair shows two markers; markers from different pairs may.
+    for (size_t i = 0; i < points.size(); ++i) {
+      for (size_t j = i + 1; j < points.size(); ++j) consider(points[i], points[j]);
+    }
+  }
+  if (!std::isfinite(best.cost)) return false;
+  BundleInstant refined = best_instant;
+  Refine(problem, has_pose, options.truncation_px / 3, &refined);
+  const Score score = Evaluate(problem, has_pose, options, refined);
+  if (refined.origin_m.allFinite() && refined.direction.allFinite() && score.cost <= best.cost) {
+    best = score;
+    best_instant = refined;
+  }
+  *instant = best_instant;
+  if (inlier_count != nullptr) *inlier_count = best.inliers;
+  if (marker_count != nullptr) *marker_count = best.markers;
+  return true;
+}
+
+}  // namespace rigcal::server

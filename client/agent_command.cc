@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/agent_command.h"
+
+#include "absl/strings/str_cat.h"
+#include "client/output.h"
+#include "client/quantities.h"
+#include "client/server_connection.h"
+#include "client/text_table.h"
+
+namespace rigcal::client {
+namespace {
+
+std::string ImageSizeText(const v1::CameraDescription& camera) {
+  if (!camera.has_image_size_px()) return "-";
+  return absl::StrCat(camera.image_size_px().width(), "x", camera.image_size_px().height());
+}
+
+std::string FormatAgents(const v1::ListAgentsResponse& response) {
+  if (response.agents().empty()) return "no agents\n";
+  TextTable table({{"agent"},
+                   {"host"},
+                   {"rig"},
+                   {"state"},
+                   {"since"},
+                   {"version"},
+                   {"camera"},
+                   {"image (px)", TextTable::Align::kRight},
+                   {"intrinsics"},
+                   {"source"}});
+  for (const v1::Agent& agent : response.agents()) {
+    std::vector<std::string> cells = {
+        agent.agent_id(),
+        agent.host(),
+        agent.rig(),
+        agent.connected() ? "connected" : "gone",
+        agent.connected() ? FormatTime(agent.has_connect_time(), agent.connect_time())
+                          : FormatTime(agent.has_disconnect_time(), agent.disconnect_time()),
+        agent.software_version()};
+    const size_t agent_cells = cells.size();
+    if (agent.cameras().empty()) table.AddRow(cells);
+    for (const v1::CameraDescription& camera : agent.cameras()) {
+      cells.resize(agent_cells);
+      cells.insert(cells.end(), {camera.camera(), ImageSizeText(camera),
+                                 camera.has_intrinsics() ? "yes" : "no", camera.source()});
+      table.AddRow(cells);
+      // What is the same for all cameras of an agent stands in its first line only.
+      cells.assign(agent_cells, "");
+    }
+  }
+  return table.Format();
+}
+
+}  // namespace
+
+ExitCode ListAgents(const std::string& rig, CommandContext& context) {
+  ServerConnection server(context.server);
+  v1::ListAgentsRequest request;
+  request.set_rig(rig);
+  const auto agents = server.Call(server.status(), &v1::StatusService::Stub::ListAgents, request);
+  if (!agents.ok()) return context.Fail(agents.status());
+  if (context.console.format == OutputFormat::kJson) {
+    PrintJson(context.console, *agents);
+  } else {
+    context.console.out << FormatAgents(*agents);
+  }
+  return ExitCode::kOk;
+}
+
+}  // namespace rigcal::client

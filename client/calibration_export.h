@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "rigcal/v1/calibration.pb.h"
+
+namespace rigcal::client {
+
+// Both write into `directory`, which is made where missing, replace files of the same names, and
+// return the files written. FAILED_PRECONDITION: the calibration has no result.
+
+// OpenCV FileStorage, one `<camera>.yaml` per camera: camera_matrix, distortion_coefficients,
+// extrinsics (4x4 cam_from_rig, metres), reprojection_error (mean, px). FAILED_PRECONDITION also
+// where the scale is not known, for the file says metres.
+absl::StatusOr<std::vector<std::filesystem::path>> ExportOpenCv(
+    const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory);
+
+// The calibration as `calibration.json`.
+absl::StatusOr<std::vector<std::filesystem::path>> ExportJson(
+    const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory);
+
+// FAILED_PRECONDITION unless it has succeeded.
+absl::Status CheckHasResult(const rigcal::v1::Calibration& calibration);
+
+}  // namespace rigcal::client

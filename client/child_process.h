@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace rigcal::client {
+
+struct ChildProcessOptions {
+  std::string name;  // for messages: "agent of camera left"
+  std::filesystem::path program;
+  std::vector<std::string> arguments;  // without the program itself
+  std::filesystem::path log;           // gets stdout and stderr
+};
+
+// A program started by this one, which does not outlive it: the kernel kills it when the thread
+// that started it ends, however that ends (start children on the main thread). Signals go only to a
+// process that has not been waited for, so never to a stranger with its number. Used by one thread.
+class ChildProcess {
+ public:
+  // NOT_FOUND: no such program, or it cannot be run.  FAILED_PRECONDITION: no log, no process.
+  static absl::StatusOr<ChildProcess> Start(ChildProcessOptions options);
+
+  ChildProcess(ChildProcess&& other) noexcept;
+  ChildProcess& operator=(ChildProcess&& other) noexcept;
+  // Kills it where it still runs, and waits for it.
+  ~ChildProcess();
+
+  pid_t pid() const { return pid_; }
+  const std::string& name() const { return options_.name; }
+  const std::filesystem::path& log() const { return options_.log; }
+
+  // How it ended ("exited with code 3", "was ended by signal 9 (Killed)"); none while it runs.
+  std::optional<std::string> Ended();
+  // OK while it runs. ABORTED: how it ended, with the last lines of its log.
+  absl::Status CheckRunning();
+
+  // Asks it to end (SIGTERM) and returns at once.
+  void RequestStop();
+  // Waits until `deadline`, kills it if it has not ended by then, and waits for it.
+  void Finish(std::chrono::steady_clock::time_point deadline);
+
+  // The last lines of the log.
+  std::string LogTail(size_t lines) const;
+
+ private:
+  ChildProcess(ChildProcessOptions options, pid_t pid) : options_(std::move(options)), pid_(pid) {}
+  void Kill();
+
+  ChildProcessOptions options_;
+  pid_t pid_ = -1;
+  std::optional<std::string> ended_;
+};
+
+}  // namespace rigcal::client

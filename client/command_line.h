@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/console.h"
+#include "client/exit_code.h"
+
+namespace rigcal::client {
+
+// Reads what a user typed behind `rigcal`, and does it. Call it on the main thread.
+ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& console);
+
+}  // namespace rigcal::client

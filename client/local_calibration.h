@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/console.h"
+#include "client/local_rig.h"
+#include "client/stop_signal.h"
+#include "common/calibration/calibration_options.h"
+#include "common/target/target.h"
+#include "rigcal/v1/calibration.pb.h"
+
+namespace rigcal::client {
+
+struct LocalCalibrationOptions {
+  std::vector<LocalCamera> cameras;
+  Target target;
+  CalibrationOptions calibration;
+  bool paced = false;  // the sources keep a pace of their own: pauses in them are no fault
+};
+
+// Starts `rig`, captures one session with it and calibrates from that; shows progress. What comes
+// back has succeeded or failed. CANCELLED: a signal came.  ABORTED: a process died; with its last
+// words.  DEADLINE_EXCEEDED: nothing moves any more; names what is missing.
+absl::StatusOr<rigcal::v1::Calibration> CalibrateLocally(const LocalCalibrationOptions& options,
+                                                         LocalRig& rig, const StopSignals& signals,
+                                                         Console& console);
+
+}  // namespace rigcal::client

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/local_command.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "client/calibrate_command.h"
+#include "client/calibration_export.h"
+#include "client/local_calibration.h"
+#include "client/local_plan.h"
+#include "client/local_rig.h"
+#include "client/recorded_folder.h"
+#include "client/run_folder.h"
+#include "client/stop_signal.h"
+#include "client/truth_comparison.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::client {
+namespace {
+
+absl::Status Export(const v1::Calibration& calibration, const RunFolder& folder) {
+  RIGCAL_RETURN_IF_ERROR(ExportJson(calibration, folder.Export()).status());
+  if (!calibration.scale_known()) return absl::OkStatus();
+  return ExportOpenCv(calibration, folder.Export()).status();
+}
+
+// Everything between the first process and the last.
+absl::StatusOr<v1::Calibration> Run(const LocalOptions& options, const LocalPlan& plan,
+                                    const RunFolder& folder, const StopSignals& signals,
+                                    Console& console) {
+  std::filesystem::path programs = options.programs;
+  if (programs.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(programs, ProgramDirectory());
+  }
+  LocalRig rig(programs, folder);
+  return CalibrateLocally({.cameras = plan.cameras,
+                           .target = options.target,
+                           .calibration = options.calibration,
+                           .paced = options.speed != "max"},
+                          rig, signals, console);
+}
+
+// The result as far as it has come. Nothing runs any more.
+ExitCode Conclude(v1::Calibration calibration, const LocalPlan& plan, const RunFolder& folder,
+                  CommandContext& context) {
+  ExitCode code = ExitCode::kOk;
+  const bool succeeded = calibration.state() == v1::Calibration::SUCCEEDED;
+  if (succeeded && plan.world.has_value()) {
+    if (auto truth = CompareWithTruth(calibration, *plan.world); truth.ok()) {
+      *calibration.mutable_truth() = *std::move(truth);
+    } else {
+      code = context.Fail(truth.status());
+    }
+  }
+  if (succeeded && folder.stays()) {
+    if (const absl::Status status = Export(calibration, folder); !status.ok()) {
+      code = context.Fail(status);
+    }
+  }
+  const ExitCode shown = ShowCalibration(calibration, context);
+  return code == ExitCode::kOk ? shown : code;
+}
+
+}  // namespace
+
+ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
+  const StopSignals signals;
+  // A wrong folder is said before one for the run is made.
+  absl::StatusOr<RecordedFolder> recorded = RecordedFolder();
+  if (!options.simulation.has_value()) {
+    recorded = ReadRecordedFolder(options.data);
+    if (!recorded.ok()) return context.Fail(recorded.status());
+    for (const std::string& warning : recorded->warnings) context.console.Message(warning);
+  }
+  const absl::StatusOr<RunFolder> folder = RunFolder::Create(options.keep);
+  if (!folder.ok()) return context.Fail(folder.status());
+  const absl::StatusOr<LocalPlan> plan =
+      options.simulation.has_value()
+          ? PlanSimulated(*options.simulation, options.target, options.speed)
+          : PlanRecorded(*recorded, options.speed, folder->path());
+  if (!plan.ok()) return context.Fail(plan.status());
+
+  absl::StatusOr<v1::Calibration> calibration =
+      Run(options, *plan, *folder, signals, context.console);
+  ExitCode code = ExitCode::kOk;
+  if (calibration.ok()) {
+    code = Conclude(*std::move(calibration), *plan, *folder, context);
+  } else {
+    // Not ExitCodeOf: a server of our own that cannot be reached is a failure like any other.
+    context.console.Error(calibration.status());
+    code = ExitCode::kFailed;
+  }
+  if (folder->stays()) {
+    context.console.Message(absl::StrCat("the store, the logs",
+                                         code == ExitCode::kFailed ? "" : " and an export",
+                                         " are kept in ", folder->path().string()));
+  }
+  return code;
+}
+
+}  // namespace rigcal::client

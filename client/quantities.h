@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <google/protobuf/timestamp.pb.h>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <string>
+
+namespace rigcal::client {
+
+// How quantities are written for people.
+
+// With so many digits after the point; never "-0.000"; "nan" and "inf" as such.
+std::string FormatFixed(double value, int digits);
+// Local time, to the second; "-" for a time that is not set.
+std::string FormatTime(bool is_set, const google::protobuf::Timestamp& time);
+// "0.82 s", "3 min 20 s".
+std::string FormatDuration(double seconds);
+// "1 camera", "4 cameras".
+std::string FormatCount(uint64_t count, const char* singular, const char* plural);
+// "1.2 GiB" from KiB.
+std::string FormatKib(double kib);
+
+double DegreesFromRadians(double radians);
+// Angle of a rotation, 0 to pi; exact for small angles.
+double RotationAngleRad(const Eigen::Quaterniond& rotation);
+// Axis times angle, radians.
+Eigen::Vector3d RotationVectorRad(const Eigen::Quaterniond& rotation);
+
+}  // namespace rigcal::client

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace rigcal::client {
+
+// A recorded camera of a folder: `<camera>.csv` with the markers, `<camera>.yaml` with the
+// intrinsics.
+struct RecordedCamera {
+  std::string camera;
+  std::filesystem::path csv;
+  std::filesystem::path yaml;
+};
+
+struct RecordedFolder {
+  std::filesystem::path path;           // absolute
+  std::vector<RecordedCamera> cameras;  // by name
+  // What is odd but no reason to stop, for people: a YAML file without its CSV file.
+  std::vector<std::string> warnings;
+};
+
+// Looks through a folder, and reads its intrinsics, before anything is started. NOT_FOUND: no such
+// folder. INVALID_ARGUMENT: names every fault at once: no recording, a single camera, a missing or
+// malformed YAML file, a file name that cannot be a camera's name.
+absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::filesystem::path& path);
+
+}  // namespace rigcal::client

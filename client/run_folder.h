@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+
+#include "absl/status/statusor.h"
+
+namespace rigcal::client {
+
+// Where one `rigcal local` puts its store and logs: a folder of its own under the system's
+// temporary one, removed with the object, or a folder the user names, which stays.
+class RunFolder {
+ public:
+  // `keep` empty: a temporary folder. Else it is made where missing; FAILED_PRECONDITION where it
+  // cannot be, or is not empty: runs are not mixed.
+  static absl::StatusOr<RunFolder> Create(const std::filesystem::path& keep);
+
+  RunFolder(RunFolder&& other) noexcept;
+  RunFolder& operator=(RunFolder&&) = delete;
+  ~RunFolder();
+
+  const std::filesystem::path& path() const { return path_; }
+  bool stays() const { return stays_; }
+
+  std::filesystem::path Store() const { return path_ / "store"; }
+  std::filesystem::path Logs() const { return path_ / "logs"; }
+  std::filesystem::path Agents() const { return path_ / "agents"; }
+  std::filesystem::path Export() const { return path_ / "export"; }
+
+ private:
+  RunFolder(std::filesystem::path path, bool stays) : path_(std::move(path)), stays_(stays) {}
+
+  std::filesystem::path path_;  // absolute; empty once moved from
+  bool stays_;
+};
+
+}  // namespace rigcal::client

@@ -1,1 +1,158 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <csignal>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "agent/capture/source_spec.h"
+#include "agent/uplink/agent_state.h"
+#include "agent/uplink/memory_spool.h"
+#include "agent/uplink/uplink.h"
+#include "common/config/agent_config.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kExitFailed = 1;
+constexpr int kExitUsage = 2;
+constexpr std::chrono::seconds kPatienceAtEnd{2};
+
+constexpr char kDescription[] =
+    "Streams what the cameras of this PC see of the wand to a rigcal server.";
+constexpr char kFooter[] =
+    "SPEC is [NAME=]csv:PATH[;speed=max|FACTOR][;sigma=PX][;calibration=FILE]\n"
+    "     or [NAME=]sim:camera=INDEX[;OPTION=VALUE...][;speed=max|FACTOR]\n"
+    "Examples:\n"
+    "  rigcal-agent --source csv:rig/left.csv --source csv:rig/right.csv\n"
+    "  rigcal-agent --server 10.0.0.5:7420 --source 'sim:camera=0;cameras=6;seed=1'\n"
+    "SIGTERM or SIGINT ends captures, delivers what is there for up to 2 s, and exits with 0.\n"
+    "Exit codes: 0 ended by signal, 1 failed, 2 usage.";
+
+struct Flags {
+  std::string config;
+  std::string server;
+  std::string rig;
+  std::string agent_id;
+  std::string state_dir;
+  std::string log_level;
+  std::vector<std::string> sources;
+};
+
+void AddFlags(CLI::App& app, Flags& flags) {
+  app.add_option("--config", flags.config, "TOML file; flags go before what it says");
+  app.add_option("--server", flags.server, "HOST:PORT of the server [127.0.0.1:7420]");
+  app.add_option("--rig", flags.rig, "Rig the cameras belong to [rig]");
+  app.add_option("--agent-id", flags.agent_id, "Name of this agent [kept in the state directory]");
+  app.add_option("--state-dir", flags.state_dir,
+                 "Folder of this agent alone [~/.local/state/rigcal/agent/AGENT_ID]");
+  app.add_option("--source", flags.sources,
+                 "SPEC of a camera; repeatable; instead of the cameras of the file");
+  app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error, off [info]");
+  app.footer(kFooter);
+}
+
+absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
+  AgentConfig config;
+  if (!flags.config.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(config, ReadAgentConfig(flags.config));
+  }
+  if (!flags.server.empty()) config.server = flags.server;
+  if (!flags.rig.empty()) config.rig = flags.rig;
+  if (!flags.agent_id.empty()) config.agent_id = flags.agent_id;
+  if (!flags.state_dir.empty()) config.state_dir = flags.state_dir;
+  if (!flags.log_level.empty()) config.log_level = flags.log_level;
+  RIGCAL_RETURN_IF_ERROR(config.Validate());
+  return config;
+}
+
+// Every source that is wrong, at once.
+absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
+    const Flags& flags, const AgentConfig& config) {
+  std::vector<absl::StatusOr<SourceSpec>> specs;
+  for (const std::string& text : flags.sources) specs.push_back(ParseSourceSpec(text));
+  if (specs.empty()) {
+    for (const CameraConfig& camera : config.cameras) specs.push_back(ParseSourceSpec(camera));
+  }
+  std::vector<std::unique_ptr<ObservationSource>> sources;
+  std::vector<std::string> faults;
+  for (const absl::StatusOr<SourceSpec>& spec : specs) {
+    auto source = spec.ok() ? CreateSource(*spec) : spec.status();
+    if (source.ok()) {
+      sources.push_back(*std::move(source));
+    } else {
+      faults.emplace_back(source.status().message());
+    }
+  }
+  if (faults.empty()) return sources;
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
+}
+
+absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
+  RIGCAL_ASSIGN_OR_RETURN(AgentConfig config, MakeConfig(flags));
+  spdlog::set_level(spdlog::level::from_str(config.log_level));
+  RIGCAL_ASSIGN_OR_RETURN(auto sources, MakeSources(flags, config));
+  if (config.state_dir.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto directory, AgentState::DefaultDirectory(config.agent_id));
+    config.state_dir = directory.string();
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const AgentState state,
+                          AgentState::Open(config.state_dir, config.agent_id));
+  const AgentIdentity& identity = state.identity();
+
+  MemorySpool spool({.limit_bytes = config.spool_limit_mb << 20});
+  UplinkOptions options;
+  options.server = config.server;
+  options.agent_id = identity.agent_id;
+  options.incarnation = identity.incarnation;
+  options.stream_epoch = identity.stream_epoch;
+  options.host = HostName();
+  options.rig = config.rig;
+  RIGCAL_ASSIGN_OR_RETURN(const auto uplink, Uplink::Create(std::move(options), std::move(sources),
+                                                            &spool, [server = config.server] {
+                                                              return Uplink::MakeChannel(server);
+                                                            }));
+  uplink->Start();
+  int signal = 0;
+  sigwait(&signals, &signal);
+  spdlog::info("signal {}: ending captures", signal);
+  uplink->Shutdown(kPatienceAtEnd);
+  return absl::OkStatus();
+}
+
+int Main(int argc, char** argv) {
+  // Before any thread: all of them inherit the mask, and the signals wait for sigwait.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  spdlog::set_default_logger(spdlog::stderr_color_mt("rigcal-agent"));
+
+  CLI::App app(kDescription, "rigcal-agent");
+  Flags flags;
+  AddFlags(app, flags);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitUsage;
+  }
+  const absl::Status status = RunAgent(flags, signals);
+  if (status.ok()) return 0;
+  spdlog::error("{}", std::string(status.message()));
+  return kExitFailed;
+}
+
+}  // namespace
+}  // namespace rigcal::agent
+
+int main(int argc, char** argv) { return rigcal::agent::Main(argc, argv); }

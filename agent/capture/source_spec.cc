@@ -112,8 +112,7 @@ absl::StatusOr<SourceSpec> ParseSim(std::string_view name, std::string_view body
     } else if (part.key == "speed") {
       RIGCAL_ASSIGN_OR_RETURN(options.speed, ParseSpeed(part.value));
     } else {
-      const std::string& key = part.key == "wand_speed" ? "speed" : part.key;
-      world.push_back(absl::StrCat(key, "=", part.value));
+      world.push_back(absl::StrCat(part.key, "=", part.value));
     }
   }
   if (!has_index) return absl::InvalidArgumentError("there is no camera=INDEX");
@@ -159,6 +158,31 @@ absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text) {
   if (!spec.ok()) return Fault(text, std::string(spec.status().message()), example);
   if (const absl::Status status = ValidateName("camera name", CameraNameOf(*spec)); !status.ok()) {
     return Fault(text, std::string(status.message()), example);
+  }
+  return spec;
+}
+
+absl::StatusOr<SourceSpec> ParseSourceSpec(const CameraConfig& camera) {
+  const std::string text =
+      camera.name.empty() ? camera.source : absl::StrCat(camera.name, "=", camera.source);
+  absl::StatusOr<SourceSpec> spec = ParseSourceSpec(text);
+  if (!spec.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(camera.where, ": ", std::string(spec.status().message())));
+  }
+  const double speed = camera.speed.value_or(0);
+  if (auto* csv = std::get_if<CsvSourceOptions>(&*spec)) {
+    if (camera.speed) csv->speed = speed;
+    if (camera.sigma_px) csv->sigma_px = *camera.sigma_px;
+    if (!camera.calibration.empty()) csv->calibration_path = camera.calibration;
+    return spec;
+  }
+  if (camera.speed) std::get<SimulatedSourceOptions>(*spec).speed = speed;
+  if (camera.sigma_px || !camera.calibration.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(camera.where,
+                     ": a simulated camera has neither sigma nor calibration; its noise is the "
+                     "option noise of its source"));
   }
   return spec;
 }

@@ -1,1 +1,164 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "common/config/agent_config.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/camera/camera_id.h"
+#include "common/config/toml_section.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+constexpr std::array kLogLevels = {"trace", "debug", "info", "warn", "error", "off"};
+constexpr int64_t kMaxSpoolMb = 1 << 20;
+
+// Empty: right. Else what is wrong with the value, behind its key.
+using Fault = std::string;
+
+Fault NameFault(std::string_view what, const std::string& name) {
+  const absl::Status status = ValidateName(what, name);
+  return status.ok() ? "" : absl::StrCat("is refused: ", std::string(status.message()));
+}
+
+Fault ServerFault(const std::string& server) {
+  const size_t colon = server.rfind(':');
+  int port = 0;
+  const bool is_address = colon != std::string::npos && colon > 0 &&
+                          absl::SimpleAtoi(server.substr(colon + 1), &port) && port > 0 &&
+                          port < 65536;
+  return is_address ? "" : absl::StrCat("\"", server, "\" is not HOST:PORT, as 127.0.0.1:7420 is");
+}
+
+Fault LogLevelFault(const std::string& level) {
+  if (std::find(kLogLevels.begin(), kLogLevels.end(), level) != kLogLevels.end()) return "";
+  return absl::StrCat("\"", level, "\" is not one of ", absl::StrJoin(kLogLevels, ", "));
+}
+
+Fault SpoolFault(int64_t limit_mb) {
+  if (limit_mb >= 1 && limit_mb <= kMaxSpoolMb) return "";
+  return absl::StrCat(limit_mb, " is not within 1 to ", kMaxSpoolMb);
+}
+
+void NoteFault(TomlSection& section, std::string_view key, const Fault& fault) {
+  if (!fault.empty()) section.AddFault(key, fault);
+}
+
+// Relative to the folder of the configuration file.
+std::string Resolved(const std::string& folder, const std::string& path) {
+  return path.empty() ? path : (std::filesystem::path(folder) / path).lexically_normal().string();
+}
+
+std::string ResolvedSource(const std::string& folder, const std::string& source) {
+  constexpr std::string_view kCsv = "csv:";
+  if (!source.starts_with(kCsv)) return source;
+  return absl::StrCat("csv:", Resolved(folder, source.substr(kCsv.size())));
+}
+
+CameraConfig ReadCamera(TomlFile* file, const toml::table& table, const std::string& folder) {
+  TomlSection section(file, table);
+  CameraConfig camera;
+  camera.where = absl::StrCat(file->path, ":", table.source().begin.line);
+  if (section.Take("name", &camera.name)) {
+    NoteFault(section, "name", NameFault("camera name", camera.name));
+  }
+  if (section.Take("source", &camera.source)) {
+    if (!camera.source.starts_with("csv:") && !camera.source.starts_with("sim:")) {
+      section.AddFault("source",
+                       absl::StrCat("\"", camera.source, "\" begins with neither csv: nor sim:"));
+    }
+    camera.source = ResolvedSource(folder, camera.source);
+  } else if (!table.contains("source")) {
+    file->AddFault(table, "a camera without source; example: source = \"csv:left.csv\"");
+  }
+  section.Take("calibration", &camera.calibration);
+  camera.calibration = Resolved(folder, camera.calibration);
+  if (double sigma_px = 0; section.Take("sigma", &sigma_px)) {
+    if (!(sigma_px > 0)) section.AddFault("sigma", "must be above 0 pixels");
+    camera.sigma_px = sigma_px;
+  }
+  const toml::node* speed = section.TakeNode("speed");
+  if (speed != nullptr && speed->value<std::string>() == "max") {
+    camera.speed = std::numeric_limits<double>::infinity();
+  } else if (speed != nullptr) {
+    camera.speed = speed->is_number() ? speed->value<double>() : std::nullopt;
+    if (!camera.speed || !(*camera.speed > 0 && *camera.speed <= 1e6)) {
+      section.AddFault("speed", "must be \"max\" or a factor above 0");
+    }
+  }
+  section.RefuseOtherKeys();
+  return camera;
+}
+
+void ReadCameras(TomlFile* file, TomlSection& section, const std::string& folder,
+                 AgentConfig* config) {
+  const toml::node* node = section.TakeNode("camera");
+  if (node == nullptr) return;
+  const toml::array* array = node->as_array();
+  if (array == nullptr || !array->is_homogeneous<toml::table>()) {
+    section.AddFault("camera", "must be written as [[camera]]");
+    return;
+  }
+  std::set<std::string> names;
+  for (const toml::node& entry : *array) {
+    CameraConfig camera = ReadCamera(file, *entry.as_table(), folder);
+    if (!camera.name.empty() && !names.insert(camera.name).second) {
+      file->AddFault(entry, absl::StrCat("camera ", camera.name, " is there twice"));
+    }
+    config->cameras.push_back(std::move(camera));
+  }
+}
+
+}  // namespace
+
+absl::Status AgentConfig::Validate() const {
+  std::vector<std::string> faults;
+  const auto note = [&faults](std::string_view what, const Fault& fault) {
+    if (!fault.empty()) faults.push_back(absl::StrCat(std::string(what), " ", fault));
+  };
+  note("server", ServerFault(server));
+  note("rig", NameFault("rig", rig));
+  if (!agent_id.empty()) note("agent_id", NameFault("agent_id", agent_id));
+  note("log_level", LogLevelFault(log_level));
+  note("spool_limit_mb", SpoolFault(static_cast<int64_t>(spool_limit_mb)));
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
+}
+
+absl::StatusOr<AgentConfig> ReadAgentConfig(const std::string& path) {
+  RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
+  const toml::table root = std::exchange(file.root, {});
+  AgentConfig config;
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  TomlSection section(&file, root);
+  if (section.Take("server", &config.server)) {
+    NoteFault(section, "server", ServerFault(config.server));
+  }
+  if (section.Take("rig", &config.rig)) NoteFault(section, "rig", NameFault("rig", config.rig));
+  if (section.Take("agent_id", &config.agent_id)) {
+    NoteFault(section, "agent_id", NameFault("agent_id", config.agent_id));
+  }
+  section.Take("state_dir", &config.state_dir);
+  config.state_dir = Resolved(folder, config.state_dir);
+  if (section.Take("log_level", &config.log_level)) {
+    NoteFault(section, "log_level", LogLevelFault(config.log_level));
+  }
+  if (int64_t limit_mb = 0; section.Take("spool_limit_mb", &limit_mb)) {
+    NoteFault(section, "spool_limit_mb", SpoolFault(limit_mb));
+    config.spool_limit_mb = static_cast<size_t>(limit_mb);
+  }
+  ReadCameras(&file, section, folder, &config);
+  section.RefuseOtherKeys();
+  RIGCAL_RETURN_IF_ERROR(file.Result());
+  return config;
+}
+
+}  // namespace rigcal

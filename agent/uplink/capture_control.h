@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/capture/observation_source.h"
+#include "agent/uplink/camera_pipeline.h"
+#include "agent/uplink/observation_spool.h"
+
+namespace rigcal::agent {
+
+// The agent's cameras, each with its pipeline. Any thread may call.
+class CaptureControl {
+ public:
+  // INVALID_ARGUMENT: no camera, or two of one name. `spool` outlives this object. `on_progress` as
+  // for CameraPipeline.
+  static absl::StatusOr<std::unique_ptr<CaptureControl>> Create(
+      std::vector<std::unique_ptr<ObservationSource>> sources, ObservationSpool* spool,
+      std::function<void()> on_progress);
+
+  void Start();
+  void Shutdown();
+
+  // By name.
+  std::vector<CameraDescription> cameras() const;
+
+  // As CameraPipeline::Begin. NOT_FOUND: the agent has no such camera.
+  absl::Status Begin(const StreamKey& stream, const Target& target, uint32_t first_seq);
+  void End(const std::string& session_id);
+  void EndStream(const StreamKey& stream);
+  void EndAll();
+  // Of the captures that run.
+  std::vector<CameraReport> RunningReports() const;
+  void WaitUntilIdle();
+
+ private:
+  CaptureControl() = default;
+  std::map<std::string, std::unique_ptr<CameraPipeline>> pipelines_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/session/stream_key.h"
+#include "common/target/observation.h"
+#include "common/time/clock.h"
+
+namespace rigcal::agent {
+
+// What a spool holds of one stream.
+struct SpooledStream {
+  StreamKey stream;
+  uint32_t first_seq = 1;           // the oldest observation that is kept
+  uint32_t end_seq = 1;             // one past the newest
+  std::optional<EndOfCapture> end;  // once the capture has ended
+};
+
+// Where observations wait from the camera until the server has them on its disk. Numbers the
+// observations of each stream, and frees nothing that has not been acknowledged.
+//
+// Bounded by bytes over all streams: a full spool makes Append wait, and so the source. Kept in
+// memory now; a spool on disk takes this place without a change to its users. Thread-safe; one
+// thread appends to a stream.
+class ObservationSpool {
+ public:
+  virtual ~ObservationSpool() = default;
+
+  // Begins a stream of observations with `marker_count` markers, numbered from `first_seq` (>= 1).
+  // ALREADY_EXISTS: it is open.
+  virtual absl::Status Open(const StreamKey& stream, int marker_count, uint32_t first_seq) = 0;
+
+  // Takes the stream's next observation and the clock samples read with it; returns its number.
+  // Waits while the spool is full.
+  // NOT_FOUND: no such stream, or it was discarded while waiting.  INVALID_ARGUMENT: marker count.
+  // FAILED_PRECONDITION: the stream has ended.  CANCELLED: Shutdown was called.
+  virtual absl::StatusOr<uint32_t> Append(const StreamKey& stream, const Observation& observation,
+                                          const std::vector<ClockSample>& clock_samples) = 0;
+
+  // Ends a stream after what was appended. `report.stream` and its observation_count are filled in
+  // here. NOT_FOUND: no such stream.
+  virtual absl::Status Finish(const StreamKey& stream, CameraReport report) = 0;
+
+  // At most `max_rows` (>= 1) observations from number `from_seq` on, all of one clock epoch, with
+  // the clock samples read with them. Fewer rows are given where that is cheaper. Numbers between
+  // `from_seq` and the first row that are not there any more are in `dropped`; no rows and nothing
+  // dropped: there is nothing from `from_seq` on. NOT_FOUND: no such stream.
+  virtual absl::StatusOr<ObservationBatch> Read(const StreamKey& stream, uint32_t from_seq,
+                                                size_t max_rows) const = 0;
+
+  // Everything up to `durable_seq` is safe at the server and may be freed. Numbers that were never
+  // appended are not acknowledged by it.
+  virtual void Acknowledge(const StreamKey& stream, uint32_t durable_seq) = 0;
+
+  // Forgets a stream; returns how many observations that were not acknowledged are lost with it.
+  virtual uint32_t Discard(const StreamKey& stream) = 0;
+
+  virtual std::optional<SpooledStream> Find(const StreamKey& stream) const = 0;
+  // All of them, in the order of their keys.
+  virtual std::vector<SpooledStream> Streams() const = 0;
+
+  // Ends every waiting and later Append; what is held can still be read and acknowledged.
+  virtual void Shutdown() = 0;
+};
+
+}  // namespace rigcal::agent

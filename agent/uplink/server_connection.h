@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "rigcal/v1/agent.grpc.pb.h"
+
+namespace rigcal::agent {
+
+// One Connect stream to the server: takes one message at a time to be written, keeps what arrives
+// until it is taken, and says when the stream is over. `on_event` is called on gRPC's threads
+// whenever one of these changes; it must neither block nor call back.
+//
+// Write, TakeMessages and the getters are for one thread.
+class ServerConnection : private grpc::ClientBidiReactor<v1::AgentMessage, v1::ServerMessage> {
+ public:
+  ServerConnection(std::shared_ptr<grpc::Channel> channel, std::function<void()> on_event);
+  // Cancels what still runs, and waits for gRPC to let go.
+  ~ServerConnection() override;
+  ServerConnection(const ServerConnection&) = delete;
+  ServerConnection& operator=(const ServerConnection&) = delete;
+
+  // The message before is on its way, and the stream still stands.
+  bool CanWrite() const;
+  // Only while CanWrite() is true.
+  void Write(v1::AgentMessage message);
+  // What has arrived, in order. Reading goes on only when it is taken.
+  std::vector<v1::ServerMessage> TakeMessages();
+  // Once the stream is over and everything that had arrived is taken.
+  std::optional<absl::Status> Result() const;
+
+  // Says that nothing more will be written.
+  void FinishWriting();
+  void Cancel() { context_.TryCancel(); }
+
+ private:
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+  void OnDone(const grpc::Status& status) override;
+  void ResumeReadingLocked();
+
+  const std::function<void()> on_event_;
+  grpc::ClientContext context_;
+  std::unique_ptr<v1::AgentService::Stub> stub_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable done_changed_;
+  v1::AgentMessage outgoing_;
+  v1::ServerMessage incoming_;
+  std::deque<v1::ServerMessage> inbox_;
+  bool writing_ = false;
+  bool reading_ = false;
+  bool broken_ = false;  // no more reads, and no more writes are of use
+  bool finished_writing_ = false;
+  std::optional<absl::Status> result_;
+};
+
+}  // namespace rigcal::agent

@@ -249,6 +249,21 @@ absl::StatusOr<IntrinsicsFile> ReadFields(const FieldReader& reader) {
   return file;
 }
 
+// OpenCV begins parse errors with the line in brackets, "(12): Incorrect indentation", and its
+// version 4.6 puts that text where the function's name belongs.
+absl::Status ParseError(const std::string& path, const cv::Exception& exception) {
+  for (const std::string& text : {exception.err, exception.func}) {
+    int line = 0;
+    const std::vector<std::string> parts = absl::StrSplit(text, absl::MaxSplits("): ", 1));
+    if (parts.size() == 2 && absl::StartsWith(parts[0], "(") &&
+        absl::SimpleAtoi(parts[0].substr(1), &line)) {
+      return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", parts[1]));
+    }
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.err));
+}
+
 }  // namespace
 
 absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path) {
@@ -263,14 +278,7 @@ absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path) {
     }
     return ReadFields(FieldReader(path, text, root));
   } catch (const cv::Exception& exception) {
-    // OpenCV begins parse errors with the line in brackets: "(12): Incorrect indentation".
-    int line = 0;
-    const std::vector<std::string> parts = absl::StrSplit(exception.err, absl::MaxSplits("): ", 1));
-    const bool has_line = parts.size() == 2 && absl::StartsWith(parts[0], "(") &&
-                          absl::SimpleAtoi(parts[0].substr(1), &line);
-    return absl::InvalidArgumentError(
-        has_line ? absl::StrCat(path, ", line ", line, ": ", parts[1])
-                 : absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.err));
+    return ParseError(path, exception);
   } catch (const std::exception& exception) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.what()));

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/target/target.h"
+
+#include <limits>
+#include <string>
+
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+TEST(ParseTarget, ReadsAWand) {
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39"));
+  EXPECT_EQ(target.kind, TargetKind::kWand);
+  EXPECT_THAT(target.marker_positions_m, ElementsAre(0, 0.13, 0.39));
+  EXPECT_EQ(target.span_tolerance_m, 0.002);
+  EXPECT_EQ(target.diameter_m, 0);
+  EXPECT_TRUE(target.blink_hz.empty());
+}
+
+TEST(ParseTarget, ReadsEveryOption) {
+  ASSERT_OK_AND_ASSIGN(
+      const Target target,
+      ParseTarget(" wand:0, 0.13 ,0.39 ; diameter=0.04;hz=500,600,700;tolerance=0.001 "));
+  EXPECT_EQ(target.diameter_m, 0.04);
+  EXPECT_THAT(target.blink_hz, ElementsAre(500, 600, 700));
+  EXPECT_EQ(target.span_tolerance_m, 0.001);
+}
+
+TEST(ParseTarget, SortsAlongTheWandAndBeginsAtZero) {
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0.75,-0.25,0.25;hz=3,1,2"));
+  EXPECT_THAT(target.marker_positions_m, ElementsAre(0, 0.5, 1));
+  EXPECT_THAT(target.blink_hz, ElementsAre(1, 2, 3)) << "a frequency stays with its marker";
+}
+
+TEST(ParseTarget, ReadsAPoint) {
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("point;diameter=0.04"));
+  EXPECT_EQ(target.kind, TargetKind::kPoint);
+  EXPECT_THAT(target.marker_positions_m, ElementsAre(0));
+  EXPECT_EQ(target.diameter_m, 0.04);
+}
+
+TEST(ParseTarget, RefusesAWandWithoutTwoDistinctPositions) {
+  for (const char* text : {"wand:", "wand:0", "wand:0.13", "wand:0,0", "wand:0.13,0.13,0.13"}) {
+    EXPECT_THAT(ParseTarget(text),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("wand:0,0.13,0.39")))
+        << text;
+  }
+  EXPECT_THAT(ParseTarget("wand:0.13,0.13"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("two distinct positions")));
+  EXPECT_THAT(ParseTarget("wand:0"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("two distinct")));
+}
+
+TEST(ParseTarget, RefusesAPositionGivenTwice) {
+  EXPECT_THAT(ParseTarget("wand:0,0,0.13"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("same position")));
+  EXPECT_THAT(ParseTarget("wand:0,0.13,0.13000001"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("same position")));
+}
+
+TEST(ParseTarget, QuotesWhatIsWrongAndShowsARightExample) {
+  const struct {
+    const char* text;
+    const char* quoted;
+  } cases[] = {
+      {"", "is not a target"},
+      {"stick:0,1", "stick"},
+      {"Wand:0,0.1", "Wand"},
+      {"wand:0,abc,0.4", "\"abc\""},
+      {"wand:0,,0.4", "\"\""},
+      {"wand:0,0.13,", "\"\""},
+      {"wand:0,nan", "\"nan\""},
+      {"wand:0,inf", "\"inf\""},
+      {"wand:0,1e999", "\"1e999\""},
+      {"wand:0,0.13 0.39", "0.13 0.39"},
+      {"wand:0,0.13;colour=red", "colour=red"},
+      {"wand:0,0.13;", "unknown option \"\""},
+      {"wand:0,0.13;tolerance", "tolerance"},
+      {"wand:0,0.13;tolerance=-0.001", "tolerance"},
+      {"wand:0,0.13;tolerance=0", "tolerance"},
+      {"wand:0,0.13;tolerance=nan", "nan"},
+      {"wand:0,0.13;tolerance=0.1,0.2", "takes one number"},
+      {"wand:0,0.13;diameter=-1", "diameter"},
+      {"wand:0,0.13;hz=0", "hz"},
+      {"wand:0,0.13;hz=-5", "hz"},
+      {"wand:0,0.13;hz=1,2,3", "3 blink frequencies"},
+      {"wand:0,0.13;hz=500;hz=600", "given twice"},
+      {"wand:0,130,390", "metres"},
+      {"wand:0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16", "17 markers"},
+      {"point:1", "point:1"},
+      {"point;hz=1,2", "frequencies"},
+  };
+  for (const auto& c : cases) {
+    EXPECT_THAT(ParseTarget(c.text),
+                StatusIs(absl::StatusCode::kInvalidArgument,
+                         AllOf(HasSubstr(c.quoted), HasSubstr("wand:0,0.13,0.39"))))
+        << c.text;
+  }
+}
+
+TEST(ParseTarget, AcceptsUpToSixteenMarkers) {
+  EXPECT_THAT(ParseTarget("wand:0,1,2,3,4,5,6,7,8,9,10,11,12,13,14,15"), IsOk());
+}
+
+TEST(ParseTarget, RefusesLongAndBinaryTextWithAShortMessage) {
+  for (const std::string& text : {std::string(1 << 20, '7'), "wand:" + std::string(3000, 'x'),
+                                  std::string("wand:\0\1\2", 8)}) {
+    const absl::StatusOr<Target> target = ParseTarget(text);
+    ASSERT_FALSE(target.ok());
+    EXPECT_LT(target.status().message().size(), 1500u);
+    EXPECT_EQ(target.status().message().find('\0'), absl::string_view::npos);
+  }
+}
+
+TEST(FormatTarget, IsReadBackWithEveryDigit) {
+  Target third;
+  third.marker_positions_m = {0, 1.0 / 3, 0.1 + 0.7};
+  third.diameter_m = 0.1 / 3;
+  third.blink_hz = {1e5 / 3};
+  third.span_tolerance_m = 1e-5 / 7;
+  Target point;
+  point.kind = TargetKind::kPoint;
+  point.marker_positions_m = {0};
+  Target per_marker;
+  per_marker.marker_positions_m = {0, 0.2};
+  per_marker.blink_hz = {600, 500};
+  for (const Target& target : {third, point, per_marker}) {
+    ASSERT_OK_AND_ASSIGN(const Target again, ParseTarget(FormatTarget(target)));
+    EXPECT_EQ(again, target) << FormatTarget(target);
+  }
+  ASSERT_OK_AND_ASSIGN(const Target plain, ParseTarget("wand:0,0.13,0.39"));
+  EXPECT_EQ(FormatTarget(plain), "wand:0,0.13,0.39");
+}
+
+TEST(Target, ListsEveryFault) {
+  Target target;
+  target.marker_positions_m = {0.1, 0.05, std::numeric_limits<double>::quiet_NaN()};
+  target.diameter_m = -1;
+  target.span_tolerance_m = std::numeric_limits<double>::infinity();
+  EXPECT_THAT(target.Validate(), StatusIs(absl::StatusCode::kInvalidArgument,
+                                          AllOf(HasSubstr("must be at 0"),
+                                                HasSubstr("must increase"), HasSubstr("not finite"),
+                                                HasSubstr("diameter"), HasSubstr("tolerance"))));
+  EXPECT_FALSE(Target{}.Validate().ok()) << "no markers";
+}
+
+}  // namespace
+}  // namespace rigcal

@@ -12,6 +12,7 @@ namespace rigcal {
 namespace {
 
 constexpr uint64_t kPurpose = 0x726967;
+constexpr uint64_t kLensPurpose = 0x6c656e73;
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kFullRing = 6;
 constexpr int kMaxPerRing = 10;
@@ -78,6 +79,23 @@ Intrinsics MakeIntrinsics(RandomStream* random) {
   return intrinsics;
 }
 
+// What the lens truly is when `given` is only what somebody measured. Brown-Conrady.
+Intrinsics DrawTrueIntrinsics(const Intrinsics& given, const SimulationOptions& options,
+                              RandomStream random) {
+  Intrinsics drawn = given;
+  drawn.fx_px *= 1 + options.focal_sigma_rel * random.Gaussian();
+  drawn.fy_px *= 1 + options.focal_sigma_rel * random.Gaussian();
+  drawn.cx_px += options.centre_sigma_px * random.Gaussian();
+  drawn.cy_px += options.centre_sigma_px * random.Gaussian();
+  for (const size_t radial : {0, 1, 4}) {
+    drawn.distortion[radial] += options.radial_sigma * random.Gaussian();
+  }
+  for (const size_t tangential : {2, 3}) {
+    drawn.distortion[tangential] += options.tangential_sigma * random.Gaussian();
+  }
+  return drawn;
+}
+
 double ValueOr(const std::map<int, double>& values, int index, double otherwise) {
   const auto found = values.find(index);
   return found == values.end() ? otherwise : found->second;
@@ -95,6 +113,9 @@ std::vector<SimulatedCamera> MakeSimulatedCameras(const SimulationOptions& optio
     camera.description.camera = absl::StrCat("sim_", i);
     camera.description.image_size_px = kImageSize;
     camera.description.intrinsics = MakeIntrinsics(&random);
+    camera.true_intrinsics =
+        DrawTrueIntrinsics(*camera.description.intrinsics, options,
+                           RandomStream{options.seed, kLensPurpose, static_cast<uint64_t>(i)});
     camera.description.clock.clock_id = camera.description.camera;
     camera.description.clock.timebase = options.clock_samples ? "" : "sim";
     camera.description.sensor = SensorKind::kFrame;
@@ -102,6 +123,7 @@ std::vector<SimulatedCamera> MakeSimulatedCameras(const SimulationOptions& optio
     camera.time_offset_s = ValueOr(options.time_offset_s, i, 0);
     camera.time_rate_ppm = ValueOr(options.time_rate_ppm, i, 0);
     camera.rate_hz = ValueOr(options.camera_rate_hz, i, options.rate_hz);
+    camera.outlier_share = ValueOr(options.camera_outlier_share, i, options.outlier_share);
     const double phase_s = random.Uniform() / camera.rate_hz;
     if (options.free_running) camera.phase_s = phase_s;
     // As if each had been switched on at another hour.

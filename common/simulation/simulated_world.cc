@@ -18,6 +18,7 @@ namespace {
 constexpr uint64_t kObservePurpose = 0x6f6273;
 constexpr uint64_t kMarkerPurpose = 0x6d61726b;
 constexpr uint64_t kClockPurpose = 0x636c6f636b;
+constexpr uint64_t kLengthPurpose = 0x6c656e677468;
 constexpr double kMinSigmaPx = 0.05;  // a covariance of zero could not be weighed
 constexpr double kMaxJitterSigmas = 4;
 constexpr uint32_t kClockReadingSigmaNs = 200000;
@@ -31,7 +32,7 @@ bool InsideImage(const ImageSize& size, const Eigen::Vector2d& pixel) {
 // would come back into the picture at a wrong place; a lens does not do that.
 bool SeesMarker(const SimulatedCamera& camera, const Eigen::Vector3d& x_in_rig,
                 Eigen::Vector2d* pixel) {
-  const Intrinsics& intrinsics = *camera.description.intrinsics;
+  const Intrinsics& intrinsics = camera.true_intrinsics;
   const Eigen::Vector3d x_in_cam = camera.cam_from_rig * x_in_rig;
   if (!Project(intrinsics, x_in_cam, pixel)) return false;
   if (!InsideImage(camera.description.image_size_px, *pixel)) return false;
@@ -56,13 +57,16 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
   world.options_ = options;
   world.target_ = target;
   world.true_target_ = target;
+  double longer_m = 0;
   for (size_t i = 1; i < target.marker_positions_m.size(); ++i) {
-    world.true_target_.marker_positions_m[i] += static_cast<double>(i) * options.length_error_m;
+    RandomStream random{options.seed, kLengthPurpose, i};
+    longer_m += options.length_error_m + options.length_sigma_m * random.Gaussian();
+    world.true_target_.marker_positions_m[i] += longer_m;
   }
   if (const absl::Status valid = world.true_target_.Validate(); !valid.ok()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("a length_error of ", options.length_error_m,
-                     " m makes a wand that cannot be: ", std::string(valid.message())));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "a length_error of ", options.length_error_m, " m and a length_sigma of ",
+        options.length_sigma_m, " m make a wand that cannot be: ", std::string(valid.message())));
   }
   world.cameras_ = MakeSimulatedCameras(options);
   world.trajectory_ = WandTrajectory(options.seed, MakeWaveVolume(options), options.duration_s,
@@ -98,6 +102,8 @@ Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is
   const WandPose wand = WandAt(rig_time_s);
   const ImageSize& size = c.description.image_size_px;
   const double sigma_px = std::max(options_.noise_px, kMinSigmaPx);
+  const double gap_time_s = rig_time_s - options_.gap_start_s;
+  const bool in_gap = gap_time_s >= 0 && gap_time_s < options_.gap_duration_s;
   const size_t marker_count = true_target_.marker_positions_m.size();
 
   RandomStream random{options_.seed, kObservePurpose, frame_key[0], frame_key[1]};
@@ -114,7 +120,7 @@ Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is
     // others as they were.
     RandomStream draw{options_.seed, kMarkerPurpose, frame_key[0], frame_key[1], m};
     const bool dropped = draw.Uniform() < options_.dropout_share;
-    const bool outlier = draw.Uniform() < options_.outlier_share;
+    const bool outlier = draw.Uniform() < c.outlier_share;
     const double anywhere_x = draw.Uniform(0, size.width - 1.0);
     const double anywhere_y = draw.Uniform(0, size.height - 1.0);
     const double noise_x = draw.Gaussian();
@@ -122,7 +128,7 @@ Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is
     Eigen::Vector2d pixel;
     const Eigen::Vector3d x_in_rig =
         wand.origin_m + true_target_.marker_positions_m[m] * wand.direction;
-    if (dropped || !SeesMarker(c, x_in_rig, &pixel)) continue;
+    if (in_gap || dropped || !SeesMarker(c, x_in_rig, &pixel)) continue;
     pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
     if (outlier) pixel = {anywhere_x, anywhere_y};
     if (!InsideImage(size, pixel)) continue;

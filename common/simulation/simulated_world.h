@@ -17,13 +17,15 @@ namespace rigcal {
 
 // The truth about one simulated camera.
 struct SimulatedCamera {
-  CameraDescription description;  // named "sim_0", "sim_1", ..., true intrinsics
+  CameraDescription description;  // named "sim_0", "sim_1", ..., as the solver is told
+  Intrinsics true_intrinsics;     // those described, unless the options draw them away
   RigidTransform cam_from_rig;    // frame `rig` of the world: z up, metres
   double time_offset_s = 0;
   double time_rate_ppm = 0;
   // Its clock shows clock_origin_ns more than the camera time of `Clock`; 0 without clock_samples.
   int64_t clock_origin_ns = 0;
   double rate_hz = 0;
+  double outlier_share = 0;
   double phase_s = 0;  // rig time of the first frame
 };
 
@@ -43,7 +45,7 @@ class SimulatedWorld {
 
   const SimulationOptions& options() const { return options_; }
   const Target& target() const { return target_; }            // as the solver is told
-  const Target& true_target() const { return true_target_; }  // with length_error_m
+  const Target& true_target() const { return true_target_; }  // with its errors of length
   const std::vector<SimulatedCamera>& cameras() const { return cameras_; }
 
   // Smooth, with continuous acceleration.

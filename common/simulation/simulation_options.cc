@@ -21,7 +21,9 @@ namespace {
 
 constexpr char kKnown[] =
     "seed, cameras, duration, rate, noise, outliers, dropouts, swaps, wand_speed, jitter, "
-    "length_error, free_running, clock_samples, and for camera N offset.N, rate_ppm.N, rate.N";
+    "length_error, length_sigma, focal_sigma, centre_sigma, radial_sigma, tangential_sigma, "
+    "gap_start, gap, free_running, clock_samples, and for camera N offset.N, rate_ppm.N, rate.N, "
+    "outliers.N";
 
 struct NumberOption {
   const char* name;
@@ -37,6 +39,13 @@ constexpr NumberOption kNumbers[] = {
     {"wand_speed", &SimulationOptions::max_speed_m_s},
     {"jitter", &SimulationOptions::jitter_s},
     {"length_error", &SimulationOptions::length_error_m},
+    {"length_sigma", &SimulationOptions::length_sigma_m},
+    {"focal_sigma", &SimulationOptions::focal_sigma_rel},
+    {"centre_sigma", &SimulationOptions::centre_sigma_px},
+    {"radial_sigma", &SimulationOptions::radial_sigma},
+    {"tangential_sigma", &SimulationOptions::tangential_sigma},
+    {"gap_start", &SimulationOptions::gap_start_s},
+    {"gap", &SimulationOptions::gap_duration_s},
 };
 
 struct SwitchOption {
@@ -56,6 +65,7 @@ constexpr CameraOption kCameraOptions[] = {
     {"offset", &SimulationOptions::time_offset_s},
     {"rate_ppm", &SimulationOptions::time_rate_ppm},
     {"rate", &SimulationOptions::camera_rate_hz},
+    {"outliers", &SimulationOptions::camera_outlier_share},
 };
 
 absl::Status Refuse(const std::string& part, const std::string& why) {
@@ -158,9 +168,17 @@ absl::Status SimulationOptions::Validate() const {
   checker.Check("swaps (share)", swap_share, 0, 1);
   checker.Check("wand_speed (m/s)", max_speed_m_s, 0.01, 20);
   checker.Check("length_error (m)", length_error_m, -0.1, 0.1);
+  checker.Check("length_sigma (m)", length_sigma_m, 0, 0.02);
+  checker.Check("focal_sigma (relative)", focal_sigma_rel, 0, 0.05);
+  checker.Check("centre_sigma (px)", centre_sigma_px, 0, 100);
+  checker.Check("radial_sigma", radial_sigma, 0, 0.1);
+  checker.Check("tangential_sigma", tangential_sigma, 0, 0.01);
+  checker.Check("gap_start (s)", gap_start_s, 0, 86400);
+  checker.Check("gap (s)", gap_duration_s, 0, 86400);
   checker.CheckCameras("offset", time_offset_s, camera_count, -3600, 3600);
   checker.CheckCameras("rate_ppm", time_rate_ppm, camera_count, -10000, 10000);
   checker.CheckCameras("rate", camera_rate_hz, camera_count, kMinRateHz, kMaxRateHz);
+  checker.CheckCameras("outliers", camera_outlier_share, camera_count, 0, 1);
   double fastest_hz = std::clamp(rate_hz, kMinRateHz, kMaxRateHz);
   for (const auto& [index, hz] : camera_rate_hz) fastest_hz = std::max(fastest_hz, hz);
   // So that stamps with jitter still increase.

@@ -28,7 +28,7 @@ Eigen::Vector2d TruePixel(const SimulatedWorld& world, int camera, int index, si
   const SimulatedCamera& c = world.cameras()[static_cast<size_t>(camera)];
   Eigen::Vector2d pixel(-1e9, -1e9);
   Project(
-      *c.description.intrinsics,
+      c.true_intrinsics,
       c.cam_from_rig * (wand.origin_m + world.true_target().marker_positions_m[m] * wand.direction),
       &pixel);
   return pixel;
@@ -147,6 +147,82 @@ TEST(SimulatedWorld, NoiseOutliersAndDropoutsHaveTheirShares) {
   outlier_mean /= outliers;
   EXPECT_NEAR(outlier_mean.x(), 639.5, 5 * 370 / std::sqrt(outliers));
   EXPECT_NEAR(outlier_mean.y(), 511.5, 5 * 296 / std::sqrt(outliers));
+}
+
+TEST(SimulatedWorld, OneCameraMayHaveOutliersOfItsOwn) {
+  const SimulatedWorld even = MakeWorld("outliers=0.01");
+  const SimulatedWorld world = MakeWorld("outliers=0.01;outliers.2=0.3");
+  std::vector<double> outliers(6, 0), markers(6, 0);
+  ForEachMarker(world, [&](int c, int, size_t, const MarkerObservation&, bool outlier) {
+    markers[static_cast<size_t>(c)] += 1;
+    outliers[static_cast<size_t>(c)] += outlier ? 1 : 0;
+  });
+  for (size_t c = 0; c < 6; ++c) {
+    const double share = c == 2 ? 0.3 : 0.01;
+    EXPECT_NEAR(outliers[c] / markers[c], share, 5 * std::sqrt(share / markers[c])) << c;
+  }
+  for (int k = 0; k < 100; ++k) ExpectSame(world.Observe(3, k), even.Observe(3, k));
+}
+
+TEST(SimulatedWorld, NobodySeesTheWandInTheGap) {
+  const SimulatedWorld whole = MakeWorld("free_running=1");
+  const SimulatedWorld world = MakeWorld("free_running=1;gap_start=20;gap=10");
+  for (int c = 0; c < 6; ++c) {
+    int before = 0, after = 0;
+    for (int k = 0; k < world.FrameCount(c); ++k) {
+      const double rig_time_s = world.FrameRigTime(c, k);
+      const Observation observation = world.Observe(c, k);
+      if (rig_time_s >= 20 && rig_time_s < 30) {
+        EXPECT_EQ(observation.VisibleCount(), 0);
+        continue;
+      }
+      ExpectSame(observation, whole.Observe(c, k));
+      (rig_time_s < 20 ? before : after) += observation.VisibleCount();
+    }
+    EXPECT_GT(before, 300);
+    EXPECT_GT(after, 300);
+  }
+}
+
+// Bounds: five sigma of a mean and of a standard deviation over that many draws.
+TEST(SimulatedWorld, TruthIsDrawnFromItsPriorsAndWhatIsToldStays) {
+  const std::string drawn =
+      ";cameras=10;duration=1;length_error=0.001;length_sigma=0.002;focal_sigma=0.005;"
+      "centre_sigma=6.4;radial_sigma=0.03;tangential_sigma=0.001";
+  std::vector<std::vector<double>> in_sigmas(4);
+  std::vector<double> spans;
+  for (int seed = 1; seed <= 100; ++seed) {
+    const std::string start = "seed=" + std::to_string(seed);
+    const SimulatedWorld world = MakeWorld(start + drawn), plain = MakeWorld(start + ";cameras=10");
+    EXPECT_EQ(world.target(), Wand());
+    const std::vector<double>& positions = world.true_target().marker_positions_m;
+    spans.push_back((positions[1] - 0.131) / 0.002);
+    spans.push_back((positions[2] - positions[1] - 0.261) / 0.002);
+    for (size_t c = 0; c < 10; ++c) {
+      const Intrinsics& given = *world.cameras()[c].description.intrinsics;
+      const Intrinsics& truth = world.cameras()[c].true_intrinsics;
+      EXPECT_EQ(given, *plain.cameras()[c].description.intrinsics);
+      EXPECT_EQ(given, plain.cameras()[c].true_intrinsics);
+      in_sigmas[0].push_back((truth.fx_px / given.fx_px - 1) / 0.005);
+      in_sigmas[0].push_back((truth.fy_px / given.fy_px - 1) / 0.005);
+      in_sigmas[1].push_back((truth.cx_px - given.cx_px) / 6.4);
+      in_sigmas[1].push_back((truth.cy_px - given.cy_px) / 6.4);
+      for (const size_t i : {0, 1, 4}) {
+        in_sigmas[2].push_back((truth.distortion[i] - given.distortion[i]) / 0.03);
+      }
+      for (const size_t i : {2, 3}) {
+        in_sigmas[3].push_back((truth.distortion[i] - given.distortion[i]) / 0.001);
+      }
+    }
+  }
+  in_sigmas.push_back(spans);
+  for (const std::vector<double>& values : in_sigmas) {
+    const double n = static_cast<double>(values.size());
+    const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+    const double squares = std::inner_product(values.begin(), values.end(), values.begin(), 0.0);
+    EXPECT_NEAR(mean, 0, 5 / std::sqrt(n));
+    EXPECT_NEAR(std::sqrt(squares / n), 1, 5 / std::sqrt(2 * n));
+  }
 }
 
 TEST(SimulatedWorld, EveryCentreIsInsideTheImageAndSeenFromInFront) {

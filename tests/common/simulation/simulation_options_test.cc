@@ -26,8 +26,10 @@ TEST(ParseSimulationOptions, ReadsEveryPart) {
                        ParseSimulationOptions(
                            "seed=7;cameras=12;duration=30;rate=20;noise=0.5;outliers=0.1; "
                            "dropouts=0.2;swaps=0.05;wand_speed=2;jitter=0.0001;length_error=0.003;"
+                           "length_sigma=0.002;focal_sigma=0.005;centre_sigma=6.4;"
+                           "radial_sigma=0.03;tangential_sigma=0.001;gap_start=12;gap=10;"
                            "free_running=1;clock_samples=1;offset.2=0.008;rate_ppm.2=-50;"
-                           "rate.3=60"));
+                           "rate.3=60;outliers.4=0.3"));
   SimulationOptions expected;
   expected.seed = 7;
   expected.camera_count = 12;
@@ -40,11 +42,19 @@ TEST(ParseSimulationOptions, ReadsEveryPart) {
   expected.max_speed_m_s = 2;
   expected.jitter_s = 0.0001;
   expected.length_error_m = 0.003;
+  expected.length_sigma_m = 0.002;
+  expected.focal_sigma_rel = 0.005;
+  expected.centre_sigma_px = 6.4;
+  expected.radial_sigma = 0.03;
+  expected.tangential_sigma = 0.001;
+  expected.gap_start_s = 12;
+  expected.gap_duration_s = 10;
   expected.free_running = true;
   expected.clock_samples = true;
   expected.time_offset_s = {{2, 0.008}};
   expected.time_rate_ppm = {{2, -50}};
   expected.camera_rate_hz = {{3, 60}};
+  expected.camera_outlier_share = {{4, 0.3}};
   EXPECT_EQ(options, expected);
   EXPECT_THAT(ParseSimulationOptions(FormatSimulationOptions(options)), IsOk());
   EXPECT_EQ(*ParseSimulationOptions(FormatSimulationOptions(options)), expected);
@@ -99,6 +109,14 @@ TEST(ParseSimulationOptions, NamesThePartThatIsWrong) {
       {"jitter=0.1", "jitter"},
       {"rate.0=1000;jitter=0.001", "jitter"},
       {"length_error=5", "length_error"},
+      {"length_sigma=-0.001", "length_sigma"},
+      {"focal_sigma=1", "focal_sigma"},
+      {"centre_sigma=-1", "centre_sigma"},
+      {"radial_sigma=1", "radial_sigma"},
+      {"tangential_sigma=1", "tangential_sigma"},
+      {"gap_start=-1", "gap_start"},
+      {"gap=-1", "gap"},
+      {"outliers.0=2", "outliers.0"},
       {"free_running=2", "0 or 1"},
       {"clock_samples=1.0", "0 or 1"},
       {"offset=0.1", "known are"},

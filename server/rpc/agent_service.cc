@@ -55,11 +55,8 @@ grpc::ServerUnaryReactor* AgentService::UploadBatch(grpc::CallbackServerContext*
   // The call, and with it the response, lives until Finish; ingest always answers.
   const absl::Status status = environment_.ingest->Submit(
       *delivery,
-      [reactor, response, coordinator = environment_.coordinator](absl::StatusOr<BatchAck> ack) {
-        if (ack.ok()) {
-          coordinator->RecordAck(*ack);
-          *response->mutable_ack() = wire::ToProto(*ack);
-        }
+      [reactor, response](absl::StatusOr<BatchAck> ack) {
+        if (ack.ok()) *response->mutable_ack() = wire::ToProto(*ack);
         reactor->Finish(wire::ToGrpc(ack.status()));
       },
       [] {});

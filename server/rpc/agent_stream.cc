@@ -187,9 +187,7 @@ void AgentStream::Submit() {
   }
   const absl::Status status = environment_.ingest->Submit(
       delivery_,
-      [weak = weak_from_this(),
-       coordinator = environment_.coordinator](absl::StatusOr<BatchAck> ack) {
-        if (ack.ok()) coordinator->RecordAck(*ack);
+      [weak = weak_from_this()](absl::StatusOr<BatchAck> ack) {
         if (const auto stream = weak.lock()) stream->Delivered(std::move(ack));
       },
       [weak = weak_from_this()] {

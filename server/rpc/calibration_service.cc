@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_wire.h"
 #include "server/rpc/call_guard.h"
@@ -43,16 +42,12 @@ grpc::Status CalibrationService::ListCalibrations(grpc::ServerContext* /*context
                                                   v1::ListCalibrationsResponse* response) {
   return GuardedCall("ListCalibrations", [&]() -> absl::Status {
     const std::string& token = request->page_token();
-    if (!token.empty() && absl::IsNotFound(runner_.GetCalibration(token).status())) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("page_token: '", token, "' is not from this list; begin anew"));
-    }
     const int page_size = PageSize(request->page_size());
     // One more than asked for, to know whether there is another page.
-    RIGCAL_ASSIGN_OR_RETURN(const std::vector<Calibration> calibrations,
-                            runner_.ListCalibrations(request->rig(), page_size + 1, token));
+    const auto calibrations = runner_.ListCalibrations(request->rig(), page_size + 1, token);
+    if (!calibrations.ok()) return PageError(calibrations.status(), token);
     size_t bytes = 0;
-    for (const Calibration& calibration : calibrations) {
+    for (const Calibration& calibration : *calibrations) {
       if (response->calibrations_size() == page_size || bytes > kMaxPageBytes) {
         response->set_next_page_token(response->calibrations().rbegin()->id());
         break;

@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 
 namespace rigcal::server {
 
@@ -14,6 +18,13 @@ inline constexpr size_t kMaxPageBytes = 1u << 20;
 
 inline int PageSize(uint32_t asked) {
   return static_cast<int>(asked == 0 ? kDefaultPageSize : std::min(asked, kMaxPageSize));
+}
+
+// What a client is told when listing from `token` on failed.
+inline absl::Status PageError(const absl::Status& status, const std::string& token) {
+  if (!absl::IsNotFound(status)) return status;
+  return absl::InvalidArgumentError(
+      absl::StrCat("page_token: '", token, "' is not from this list; begin with an empty one"));
 }
 
 }  // namespace rigcal::server

@@ -60,16 +60,12 @@ grpc::Status SessionService::ListSessions(grpc::ServerContext* /*context*/,
                                           v1::ListSessionsResponse* response) {
   return GuardedCall("ListSessions", [&]() -> absl::Status {
     const std::string& token = request->page_token();
-    if (!token.empty() && absl::IsNotFound(store_.GetSession(token).status())) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "page_token: '", token, "' is not from this list (or was deleted); begin anew"));
-    }
     const int page_size = PageSize(request->page_size());
     // One more than asked for, to know whether there is another page.
-    RIGCAL_ASSIGN_OR_RETURN(const std::vector<Session> sessions,
-                            coordinator_.ListSessions(request->rig(), page_size + 1, token));
+    const auto sessions = store_.ListSessions(request->rig(), page_size + 1, token);
+    if (!sessions.ok()) return PageError(sessions.status(), token);
     size_t bytes = 0;
-    for (const Session& session : sessions) {
+    for (const Session& session : *sessions) {
       if (response->sessions_size() == page_size || bytes > kMaxPageBytes) {
         response->set_next_page_token(response->sessions().rbegin()->id());
         break;

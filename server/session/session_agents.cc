@@ -117,16 +117,15 @@ void SessionCoordinator::DisconnectAgent(AgentDirectory::Registration registrati
   for (const Session& session : ActiveSessions()) changes_.Notify(session.id);
 }
 
-void SessionCoordinator::RecordAck(const BatchAck& ack) {
-  if (ack.complete) {
+void SessionCoordinator::RecordProgress(const StreamKey& stream, const AppendOutcome& outcome) {
+  if (outcome.complete) {
     {
       std::lock_guard lock(mutex_);
-      if (!active_.contains(ack.stream.session_id)) return;
-      finish_checks_.insert(ack.stream.session_id);
+      if (active_.contains(stream.session_id)) finish_checks_.insert(stream.session_id);
     }
     wake_.notify_all();
   }
-  changes_.Notify(ack.stream.session_id);
+  changes_.Notify(stream.session_id);
 }
 
 void SessionCoordinator::Queue(std::function<void()> command) {

@@ -187,11 +187,6 @@ absl::StatusOr<SessionView> SessionCoordinator::GetSession(std::string_view id) 
   return Describe(std::move(session));
 }
 
-absl::StatusOr<std::vector<Session>> SessionCoordinator::ListSessions(
-    std::string_view rig, int limit, std::string_view before) const {
-  return store_->ListSessions(rig, limit, before);
-}
-
 absl::StatusOr<SessionView> SessionCoordinator::Describe(Session session) const {
   SessionView view;
   RIGCAL_ASSIGN_OR_RETURN(view.counts, store_->GetSessionCounts(session.id));

@@ -99,9 +99,6 @@ class SessionCoordinator final : public StreamContextSource {
   absl::StatusOr<Session> StopSession(std::string_view id, double drain_timeout_s);
   absl::Status DeleteSession(std::string_view id);
   absl::StatusOr<SessionView> GetSession(std::string_view id) const;
-  // Newest first, at most `limit`, those older than `before` (empty: from the newest).
-  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
-                                                    std::string_view before) const;
   absl::StatusOr<SessionView> Describe(Session session) const;
   // NOT_FOUND, RESOURCE_EXHAUSTED.
   absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchSession(std::string_view id);
@@ -132,8 +129,8 @@ class SessionCoordinator final : public StreamContextSource {
   absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const override {
     return contexts_.GetStreamContext(stream);
   }
-  // To be called with every acknowledgement. Never blocks on the disk.
-  void RecordAck(const BatchAck& ack);
+  // What a commit has brought to a stream. Never blocks on the disk.
+  void RecordProgress(const StreamKey& stream, const AppendOutcome& outcome);
 
  private:
   using SteadyTime = std::chrono::steady_clock::time_point;

@@ -46,7 +46,7 @@ absl::Status ValidateNewSession(const Session& session, size_t max_cameras) {
   AddFault(session.target.Validate(), &faults);
   if (session.target.kind == TargetKind::kPoint) {
     faults.emplace_back(
-        "a 'point' target is not supported yet; use a wand with two or more markers, like "
+        "a 'point' target is not yet supported; use a wand with two or more markers, like "
         "wand:0,0.13,0.39");
   }
   std::set<std::string> names;

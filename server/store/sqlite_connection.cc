@@ -15,9 +15,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kBusyTimeoutMs = 10000;
-// 16 MB of log: fewer checkpoints than SQLite's 1000 pages cost less in total, as pages that are
-// written again and again (positions, counts) go to the database once.
-constexpr int kCheckpointPages = 4000;
+constexpr size_t kPageBytes = 4096;
 
 int RememberLogPages(void* log_pages, sqlite3*, const char*, int pages) {
   *static_cast<int*>(log_pages) = pages;
@@ -61,8 +59,11 @@ uint32_t ColumnUint32(SQLite::Statement& statement, int index) {
 }
 
 absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::filesystem::path& file,
-                                                                 const std::string& vfs) {
+                                                                 const std::string& vfs,
+                                                                 size_t checkpoint_bytes) {
   std::unique_ptr<SqliteWriter> writer(new SqliteWriter());
+  writer->checkpoint_pages_ = static_cast<int>(
+      std::min<size_t>(checkpoint_bytes / kPageBytes, std::numeric_limits<int>::max()));
   try {
     writer->database_ = std::make_unique<SQLite::Database>(
         file.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLite::OPEN_NOMUTEX,
@@ -148,7 +149,7 @@ void SqliteWriter::RollBack() {
 }
 
 void SqliteWriter::CheckpointWhenDue() {
-  if (log_pages_ < kCheckpointPages) return;
+  if (log_pages_ < checkpoint_pages_) return;
   const int result = sqlite3_wal_checkpoint_v2(database_->getHandle(), nullptr,
                                                SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
   // The transaction itself is durable, so its caller hears nothing of it. A full disk or a busy

@@ -37,9 +37,11 @@ uint32_t ColumnUint32(SQLite::Statement& statement, int index);
 // may throw SQLite::Exception, which becomes a status that begins with `what`.
 class SqliteWriter {
  public:
-  // Opens or creates `file` with WAL and synchronous=FULL. `vfs`: empty for the system's own.
+  // Opens or creates `file` with WAL and synchronous=FULL. `vfs`: empty for the system's own. The
+  // log is moved into the database whenever it has grown to `checkpoint_bytes`.
   static absl::StatusOr<std::unique_ptr<SqliteWriter>> Open(const std::filesystem::path& file,
-                                                            const std::string& vfs);
+                                                            const std::string& vfs,
+                                                            size_t checkpoint_bytes);
   ~SqliteWriter();
   SqliteWriter(const SqliteWriter&) = delete;
   SqliteWriter& operator=(const SqliteWriter&) = delete;
@@ -66,6 +68,7 @@ class SqliteWriter {
   std::unique_ptr<SQLite::Statement> begin_;
   std::unique_ptr<SQLite::Statement> commit_;
   int log_pages_ = 0;
+  int checkpoint_pages_ = 0;
   absl::Status broken_;  // not OK after a disk failure
 };
 

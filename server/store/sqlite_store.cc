@@ -41,6 +41,7 @@ auto ReadValue(SqliteReader& reader, std::string_view what, const Query& query)
 
 absl::Status SqliteStoreOptions::Validate() const {
   if (data_directory.empty()) return absl::InvalidArgumentError("data_directory is empty");
+  if (checkpoint_bytes == 0) return absl::InvalidArgumentError("checkpoint_bytes is 0");
   return absl::OkStatus();
 }
 
@@ -59,7 +60,8 @@ SqliteStore::~SqliteStore() = default;
 
 absl::Status SqliteStore::OpenDatabase() {
   const std::filesystem::path file = directory_->database_file();
-  RIGCAL_ASSIGN_OR_RETURN(writer_, SqliteWriter::Open(file, options_.vfs));
+  RIGCAL_ASSIGN_OR_RETURN(writer_,
+                          SqliteWriter::Open(file, options_.vfs, options_.checkpoint_bytes));
   const absl::Status prepared = writer_->Transact("preparing the database", [&]() -> absl::Status {
     RIGCAL_RETURN_IF_ERROR(PrepareSchema(writer_->database(), file.string()));
     RIGCAL_ASSIGN_OR_RETURN(server_id_, ReadServerId(writer_->database()));

@@ -21,6 +21,9 @@ struct SqliteStoreOptions {
   std::filesystem::path data_directory;  // made where it is missing
   // Room kept on the disk so that sessions can be deleted when it is full.
   size_t reserve_bytes = 8u << 20;
+  // Size of the log at which it is moved into the database. Pages that are written again and again
+  // (positions, counts) are moved once each time, so a large one costs less.
+  size_t checkpoint_bytes = 16u << 20;
   // Name of a registered SQLite VFS; empty: the system's own. For tests of failing disks.
   std::string vfs;
 

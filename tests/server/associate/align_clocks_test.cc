@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/associate/align_clocks.h"
+
+#include <gtest/gtest.h>
+
+namespace rigcal::server {
+namespace {
+
+CameraTrack Track(const std::string& camera, const std::string& timebase,
+                  const std::vector<std::pair<int64_t, uint32_t>>& rows) {
+  CameraTrack track;
+  track.session_id = "s";
+  track.camera.camera = camera;
+  track.camera.clock = {camera + "-clock", timebase};
+  for (const auto& [time_ns, epoch] : rows) {
+    Observation observation;
+    observation.time_ns = time_ns;
+    observation.clock_epoch = epoch;
+    track.observations.push_back(observation);
+  }
+  return track;
+}
+
+std::vector<AlignedTrack> Align(const std::vector<CameraTrack>& tracks, RefusalCounter* refused) {
+  return AlignClocks(tracks, CleanTracks(tracks, 1, refused), refused);
+}
+
+TEST(AlignClocks, KeepsTheLargestEpochOfACommonTimebase) {
+  RefusalCounter refused;
+  const auto aligned = Align({Track("a", "recording", {{10, 0}, {20, 0}, {30, 0}, {5, 1}, {15, 1}}),
+                              Track("b", "recording", {{10, 0}})},
+                             &refused);
+  ASSERT_EQ(aligned.size(), 2u);
+  EXPECT_EQ(aligned[0].track.clock_epoch, 0u);
+  EXPECT_EQ(aligned[0].clock_offset_ns, 0);
+  ASSERT_EQ(refused.List().size(), 1u);
+  EXPECT_EQ(refused.List()[0].reason, "clock_epoch_without_offset");
+  EXPECT_EQ(refused.List()[0].camera, "a");
+  EXPECT_EQ(refused.List()[0].count, 2u);
+}
+
+TEST(AlignClocks, KeepsTheLowestOfEqualEpochs) {
+  RefusalCounter refused;
+  const auto aligned = Align({Track("a", "ptp", {{10, 0}, {20, 0}, {5, 1}, {15, 1}})}, &refused);
+  ASSERT_EQ(aligned.size(), 1u);
+  EXPECT_EQ(aligned[0].track.clock_epoch, 0u);
+}
+
+TEST(AlignClocks, AlignsEveryEpochWithSamples) {
+  CameraTrack track = Track("a", "", {{10, 0}, {20, 0}, {5, 1}, {7, 2}});
+  const int64_t utc = 1'700'000'000'000'000'000;
+  for (const int64_t wrong : {0, 3, -2, 0, 900'000'000}) {
+    track.clock_samples.push_back({0, {100, 0, utc + 100 + wrong, 0}});
+  }
+  track.clock_samples.push_back({1, {100, 0, utc + 5000, 0}});
+  track.host_alignments = {{0, 1'000'000, 900}, {0, 7, 10}};
+  RefusalCounter refused;
+  const auto aligned = Align({track}, &refused);
+  ASSERT_EQ(aligned.size(), 2u);
+  // The median of the samples, and the better of the two pings.
+  EXPECT_EQ(aligned[0].clock_offset_ns, utc + 7);
+  EXPECT_EQ(aligned[1].clock_offset_ns, utc + 4900 + 7);
+  ASSERT_EQ(refused.List().size(), 1u);
+  EXPECT_EQ(refused.List()[0].reason, "clock_epoch_without_offset");
+  EXPECT_EQ(refused.List()[0].count, 1u);
+}
+
+TEST(AlignClocks, CamerasOnOneClockShareItsSamples) {
+  CameraTrack a = Track("a", "", {{10, 0}}), b = Track("b", "", {{10, 0}});
+  b.camera.clock.clock_id = a.camera.clock.clock_id;
+  a.clock_samples.push_back({0, {0, 0, 1000, 0}});
+  RefusalCounter refused;
+  const auto aligned = Align({a, b}, &refused);
+  ASSERT_EQ(aligned.size(), 2u);
+  EXPECT_EQ(aligned[1].clock_offset_ns, 1000);
+}
+
+TEST(AlignClocks, LatencyMakesRowsEarlier) {
+  CameraTrack track = Track("a", "ptp", {{1'000'000, 0}});
+  track.camera.latency_s = 0.0004;
+  RefusalCounter refused;
+  const auto aligned = Align({track}, &refused);
+  EXPECT_EQ(aligned[0].CoarseRigTimeNs(aligned[0].track.observations[0]), 600'000);
+}
+
+TEST(AlignClocks, PeriodIsTheMedianStep) {
+  RefusalCounter refused;
+  const auto aligned = Align({Track("a", "ptp", {{0, 0}, {10, 0}, {20, 0}, {500, 0}})}, &refused);
+  EXPECT_DOUBLE_EQ(aligned[0].period_s, 10e-9);
+}
+
+}  // namespace
+}  // namespace rigcal::server

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/associate/instants.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <tuple>
+
+namespace rigcal::server {
+namespace {
+
+constexpr int64_t kMs = 1'000'000;
+
+AlignedTrack Track(const std::string& session, const std::string& camera,
+                   const std::vector<int64_t>& times_ms, double period_s = 0.1) {
+  AlignedTrack track;
+  track.track.session_id = session;
+  track.track.camera.camera = camera;
+  track.period_s = period_s;
+  for (const int64_t time_ms : times_ms) {
+    Observation observation;
+    observation.time_ns = time_ms * kMs;
+    MarkerObservation marker;
+    marker.visible = true;
+    observation.markers.push_back(marker);
+    track.track.observations.push_back(observation);
+  }
+  return track;
+}
+
+InstantList Find(const std::vector<AlignedTrack>& tracks, double tolerance_s = 0) {
+  return FindInstants(tracks, CoarseRigTimes(tracks), {tolerance_s});
+}
+
+TEST(FindInstants, GroupsByTimeNotByRow) {
+  const auto list = Find({Track("s", "a", {0, 100, 200, 300}), Track("s", "b", {102, 201, 401})});
+  ASSERT_EQ(list.instants.size(), 2u);
+  EXPECT_EQ(list.instants[0].rig_time_ns, 101 * kMs);
+  EXPECT_EQ(list.instants[0].members[0].observation, 1);
+  EXPECT_EQ(list.instants[0].members[1].observation, 0);
+  EXPECT_EQ(list.alone_count, (std::vector<uint32_t>{2, 1}));
+  EXPECT_EQ(list.shared_count[0][1], 2);
+}
+
+TEST(FindInstants, ToleranceIsAQuarterOfTheSmallestPeriod) {
+  const std::vector<AlignedTrack> tracks = {Track("s", "a", {0, 1000}, 0.1),
+                                            Track("s", "b", {24, 1026}, 0.2)};
+  EXPECT_EQ(Find(tracks).instants.size(), 1u);
+  EXPECT_EQ(Find(tracks, 0.03).instants.size(), 2u);
+  EXPECT_EQ(Find(tracks, 0.01).instants.size(), 0u);
+}
+
+TEST(FindInstants, EmptyObservationsTakeNoPart) {
+  std::vector<AlignedTrack> tracks = {Track("s", "a", {0}), Track("s", "b", {0})};
+  tracks[1].track.observations[0].markers[0].visible = false;
+  const auto list = Find(tracks);
+  EXPECT_TRUE(list.instants.empty());
+  EXPECT_EQ(list.alone_count, (std::vector<uint32_t>{1, 0}));
+}
+
+TEST(FindInstants, NeverMixesSessions) {
+  const auto list = Find(
+      {Track("s", "a", {0}), Track("s", "b", {0}), Track("t", "a", {0}), Track("t", "c", {500})});
+  ASSERT_EQ(list.instants.size(), 1u);
+  EXPECT_EQ(list.instants[0].members.size(), 2u);
+  EXPECT_EQ(list.alone_count, (std::vector<uint32_t>{0, 0, 1, 1}));
+}
+
+TEST(FindInstants, HasEachCameraOnceEvenWithAWideTolerance) {
+  const auto list =
+      Find({Track("s", "a", {0, 10, 20, 30}, 0.01), Track("s", "b", {1, 11, 21, 31}, 0.01)}, 1.0);
+  for (const Instant& instant : list.instants) {
+    std::set<int> tracks;
+    for (const InstantMember& member : instant.members) {
+      EXPECT_TRUE(tracks.insert(member.track).second);
+    }
+  }
+  EXPECT_EQ(list.instants.size(), 4u);
+}
+
+TEST(FindInstants, EveryWandViewIsInAnInstantOrAlone) {
+  const std::vector<AlignedTrack> tracks = {
+      Track("s", "a", {0, 90, 130, 170}), Track("s", "b", {5, 80, 260}), Track("s", "c", {7, 500})};
+  const auto list = Find(tracks);
+  for (size_t t = 0; t < tracks.size(); ++t) {
+    EXPECT_EQ(list.alone_count[t] + list.instant_count[t], tracks[t].track.observations.size());
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::server

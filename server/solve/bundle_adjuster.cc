@@ -3,9 +3,9 @@
 
 #include <ceres/ceres.h>
 
+#include <algorithm>
 #include <exception>
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -20,47 +20,72 @@ namespace {
 using TargetManifold =
     ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
 
-// The problem's estimates as Ceres wants them: one array per parameter block.
-struct ParameterBlocks {
-  std::vector<Eigen::Quaterniond> rotations;
-  std::vector<Eigen::Vector3d> translations;
-  std::vector<IntrinsicsVector> intrinsics;
-  std::vector<double> offsets, rates, positions;
-  std::vector<Eigen::Matrix<double, 6, 1>> targets;
-
-  explicit ParameterBlocks(const BundleProblem& problem)
-      : positions(problem.target.marker_positions_m) {
+// The problem's estimates as Ceres wants them: one array per parameter block. All of them lie in
+// one allocation, in the order of the problem: Ceres orders the blocks of an elimination group by
+// their addresses, and two allocations lie in another order in every process, which changes sums.
+class ParameterBlocks {
+ public:
+  explicit ParameterBlocks(const BundleProblem& problem) {
     for (const BundleCamera& camera : problem.cameras) {
-      rotations.push_back(camera.cam_from_rig.rotation.normalized());
-      translations.push_back(camera.cam_from_rig.translation_m);
-      intrinsics.push_back(camera.intrinsics);
+      cameras_.push_back(values_.size());
+      Append(camera.cam_from_rig.rotation.normalized().coeffs());
+      Append(camera.cam_from_rig.translation_m);
+      Append(camera.intrinsics);
     }
+    clocks_ = values_.size();
     for (const BundleClock& clock : problem.clocks) {
-      offsets.push_back(clock.time_offset_s);
-      rates.push_back(clock.time_rate);
+      values_.push_back(clock.time_offset_s);
+      values_.push_back(clock.time_rate);
     }
+    positions_ = values_.size();
+    values_.insert(values_.end(), problem.target.marker_positions_m.begin(),
+                   problem.target.marker_positions_m.end());
+    instants_ = values_.size();
     for (const BundleInstant& instant : problem.instants) {
-      Eigen::Matrix<double, 6, 1> target;
-      target << instant.origin_m, instant.direction.normalized();
-      targets.push_back(target);
+      Append(instant.origin_m);
+      Append(instant.direction.normalized());
     }
   }
 
-  void Store(BundleProblem* problem) const {
+  double* rotation(size_t camera) { return &values_[cameras_[camera]]; }  // x y z w
+  double* translation(size_t camera) { return rotation(camera) + 4; }
+  double* intrinsics(size_t camera) { return rotation(camera) + 7; }
+  double* offset(size_t clock) { return &values_[clocks_ + 2 * clock]; }
+  double* rate(size_t clock) { return offset(clock) + 1; }
+  double* position(size_t marker) { return &values_[positions_ + marker]; }
+  double* instant(size_t instant) { return &values_[instants_ + 6 * instant]; }
+  // Instants lie behind everything else.
+  bool IsInstant(const double* block) const { return block >= values_.data() + instants_; }
+
+  void Store(BundleProblem* problem) {
     for (size_t c = 0; c < problem->cameras.size(); ++c) {
-      problem->cameras[c].cam_from_rig = {rotations[c].normalized(), translations[c]};
-      problem->cameras[c].intrinsics = intrinsics[c];
+      BundleCamera& camera = problem->cameras[c];
+      const Eigen::Quaterniond rotation_read(rotation(c));
+      camera.cam_from_rig = {rotation_read.normalized(), Eigen::Vector3d(translation(c))};
+      std::copy_n(intrinsics(c), camera.intrinsics.size(), camera.intrinsics.data());
     }
     for (size_t k = 0; k < problem->clocks.size(); ++k) {
-      problem->clocks[k].time_offset_s = offsets[k];
-      problem->clocks[k].time_rate = rates[k];
+      problem->clocks[k].time_offset_s = *offset(k);
+      problem->clocks[k].time_rate = *rate(k);
     }
-    problem->target.marker_positions_m = positions;
+    for (size_t m = 0; m < problem->target.marker_positions_m.size(); ++m) {
+      problem->target.marker_positions_m[m] = *position(m);
+    }
     for (size_t i = 0; i < problem->instants.size(); ++i) {
-      problem->instants[i].origin_m = targets[i].head<3>();
-      problem->instants[i].direction = targets[i].tail<3>().normalized();
+      problem->instants[i].origin_m = Eigen::Vector3d(instant(i));
+      problem->instants[i].direction = Eigen::Vector3d(instant(i) + 3).normalized();
     }
   }
+
+ private:
+  template <typename Derived>
+  void Append(const Eigen::MatrixBase<Derived>& vector) {
+    for (Eigen::Index i = 0; i < vector.size(); ++i) values_.push_back(vector[i]);
+  }
+
+  std::vector<double> values_;
+  std::vector<size_t> cameras_;  // where each camera begins
+  size_t clocks_ = 0, positions_ = 0, instants_ = 0;
 };
 
 class Callback final : public ceres::IterationCallback {
@@ -106,9 +131,9 @@ int AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, Paramete
         if (!marker.used) continue;
         ceres_problem->AddResidualBlock(
             new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
-            blocks->rotations[c].coeffs().data(), blocks->translations[c].data(),
-            blocks->intrinsics[c].data(), &blocks->offsets[k], &blocks->rates[k],
-            &blocks->positions[static_cast<size_t>(marker.marker)], blocks->targets[i].data());
+            blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c), blocks->offset(k),
+            blocks->rate(k), blocks->position(static_cast<size_t>(marker.marker)),
+            blocks->instant(i));
         count += 2;
       }
     }
@@ -135,17 +160,17 @@ void ConstrainCameras(const BundleProblem& problem, ParameterBlocks* blocks,
                       ceres::Problem* ceres_problem) {
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     const BundleCamera& camera = problem.cameras[c];
-    double* rotation = blocks->rotations[c].coeffs().data();
+    double* rotation = blocks->rotation(c);
     if (!ceres_problem->HasParameterBlock(rotation)) continue;  // sees nothing
     ceres_problem->SetManifold(rotation, new ceres::EigenQuaternionManifold);
     if (camera.pose_fixed) {
       ceres_problem->SetParameterBlockConstant(rotation);
-      ceres_problem->SetParameterBlockConstant(blocks->translations[c].data());
+      ceres_problem->SetParameterBlockConstant(blocks->translation(c));
     }
     if (camera.intrinsics_fixed) {
-      ceres_problem->SetParameterBlockConstant(blocks->intrinsics[c].data());
+      ceres_problem->SetParameterBlockConstant(blocks->intrinsics(c));
     } else {
-      HoldIntrinsics(camera, blocks->intrinsics[c].data(), ceres_problem);
+      HoldIntrinsics(camera, blocks->intrinsics(c), ceres_problem);
     }
   }
 }
@@ -162,18 +187,19 @@ void ConstrainScalar(bool fixed, double mean, double sigma, double* value,
 
 void ConstrainTarget(const BundleTarget& target, ParameterBlocks* blocks,
                      ceres::Problem* ceres_problem) {
-  std::vector<double>& positions = blocks->positions;
-  for (double& position : positions) {
-    if (!ceres_problem->HasParameterBlock(&position))
-      ceres_problem->AddParameterBlock(&position, 1);
-    if (target.fixed) ceres_problem->SetParameterBlockConstant(&position);
+  const size_t count = target.marker_positions_m.size();
+  for (size_t m = 0; m < count; ++m) {
+    if (!ceres_problem->HasParameterBlock(blocks->position(m))) {
+      ceres_problem->AddParameterBlock(blocks->position(m), 1);
+    }
+    if (target.fixed) ceres_problem->SetParameterBlockConstant(blocks->position(m));
   }
-  if (target.fixed || positions.empty()) return;
-  ceres_problem->SetParameterBlockConstant(&positions.front());
-  for (size_t m = 1; m < positions.size(); ++m) {
+  if (target.fixed || count == 0) return;
+  ceres_problem->SetParameterBlockConstant(blocks->position(0));
+  for (size_t m = 1; m < count; ++m) {
     const double span_m = target.given_positions_m[m] - target.given_positions_m[m - 1];
     ceres_problem->AddResidualBlock(new SpanPriorCost(span_m, target.span_sigma_m), nullptr,
-                                    &positions[m - 1], &positions[m]);
+                                    blocks->position(m - 1), blocks->position(m));
   }
 }
 
@@ -191,9 +217,7 @@ ceres::Solver::Options SolverOptions(const BundleOptions& options, ParameterBloc
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   std::vector<double*> all;
   ceres_problem.GetParameterBlocks(&all);
-  std::set<const double*> instants;
-  for (auto& target : blocks->targets) instants.insert(target.data());
-  for (double* block : all) ordering->AddElementToGroup(block, instants.contains(block) ? 0 : 1);
+  for (double* block : all) ordering->AddElementToGroup(block, blocks->IsInstant(block) ? 0 : 1);
   solver.linear_solver_ordering = std::move(ordering);
   return solver;
 }
@@ -209,17 +233,17 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
   if (result.residual_count == 0) {
     return absl::FailedPreconditionError("bundle adjustment: no marker is used");
   }
-  for (auto& target : blocks.targets) {
-    if (ceres_problem.HasParameterBlock(target.data())) {
-      ceres_problem.SetManifold(target.data(), new TargetManifold);
+  for (size_t i = 0; i < problem->instants.size(); ++i) {
+    if (ceres_problem.HasParameterBlock(blocks.instant(i))) {
+      ceres_problem.SetManifold(blocks.instant(i), new TargetManifold);
     }
   }
   ConstrainCameras(*problem, &blocks, &ceres_problem);
   for (size_t k = 0; k < problem->clocks.size(); ++k) {
     const BundleClock& clock = problem->clocks[k];
     ConstrainScalar(clock.offset_fixed, clock.prior_offset_s, clock.offset_sigma_s,
-                    &blocks.offsets[k], &ceres_problem);
-    ConstrainScalar(clock.rate_fixed, clock.prior_rate, clock.rate_sigma, &blocks.rates[k],
+                    blocks.offset(k), &ceres_problem);
+    ConstrainScalar(clock.rate_fixed, clock.prior_rate, clock.rate_sigma, blocks.rate(k),
                     &ceres_problem);
   }
   ConstrainTarget(problem->target, &blocks, &ceres_problem);

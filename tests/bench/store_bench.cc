@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// What storing costs, without the network: Append of 1, 64 and 512 batches to a transaction,
+// reading them back, and the way through validation, queue and writer.
+//   build/release/tests/bench.store_bench            (TMPDIR on the disk in question)
+
+#include <benchmark/benchmark.h>
+
+#include <condition_variable>
+#include <cstdlib>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/ingest/batch_validation.h"
+#include "server/ingest/queued_ingest.h"
+#include "server/store/batch_blob.h"
+#include "server/store/sqlite_store.h"
+#include "tests/server/store/store_fixture.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::server {
+namespace {
+
+using ::rigcal::testing::CapturingSession;
+using ::rigcal::testing::KeyOf;
+using ::rigcal::testing::MakeBatch;
+using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::TemporaryDirectory;
+
+struct OpenStore {
+  OpenStore() {
+    SqliteStoreOptions options;
+    options.data_directory = directory.path();
+    store = *SqliteStore::Open(options);
+    if (!store->CreateSession(CapturingSession({"a", "b", "c", "d"})).ok()) std::abort();
+  }
+  TemporaryDirectory directory;
+  std::unique_ptr<SqliteStore> store;
+};
+
+// The batch a stream of equal batches would send next.
+void Advance(ObservationBatch* batch) {
+  const auto rows = static_cast<uint32_t>(batch->rows());
+  batch->first_seq += rows;
+  for (int64_t& time_ns : batch->time_ns) time_ns += int64_t{rows} * 10'000'000;
+}
+
+void Append(benchmark::State& state) {
+  OpenStore open;
+  const auto group = static_cast<size_t>(state.range(0));
+  const auto rows = static_cast<uint32_t>(state.range(1));
+  ObservationBatch next = MakeBatch(KeyOf("a"), 1, rows);
+  std::vector<AppendRequest> requests(group);
+  for (auto _ : state) {
+    state.PauseTiming();
+    for (AppendRequest& request : requests) {
+      request = MakeRequest(next);
+      Advance(&next);
+    }
+    state.ResumeTiming();
+    if (!open.store->Append(requests).ok()) std::abort();
+  }
+  state.SetItemsProcessed(state.iterations() * static_cast<int64_t>(group * rows));
+}
+BENCHMARK(Append)
+    ->ArgNames({"batches", "rows"})
+    ->Args({1, 16})
+    ->Args({64, 16})
+    ->Args({512, 16})
+    ->Args({1, 1600})
+    ->UseRealTime();
+
+void Encode(benchmark::State& state) {
+  const ObservationBatch batch = MakeBatch(KeyOf("a"), 1, 16);
+  std::string blob;
+  for (auto _ : state) {
+    EncodeBatch(batch, {}, 0, 16, &blob);
+    benchmark::DoNotOptimize(blob.data());
+  }
+  state.SetItemsProcessed(state.iterations() * 16);
+  state.counters["bytes"] = static_cast<double>(blob.size());
+}
+BENCHMARK(Encode);
+
+void Validate(benchmark::State& state) {
+  const ObservationBatch batch = MakeBatch(KeyOf("a"), 1, 16);
+  const StreamContext context{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
+  BatchFaults faults;
+  for (auto _ : state) {
+    if (!ValidateBatch(context, batch, &faults).ok() || !faults.rows.empty()) std::abort();
+  }
+  state.SetItemsProcessed(state.iterations() * 16);
+}
+BENCHMARK(Validate);
+
+class OneContext : public StreamContextSource {
+ public:
+  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey&) const override {
+    return StreamContext{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
+  }
+};
+
+// One sender that keeps at most 512 batches of 16 rows unacknowledged.
+void Ingest(benchmark::State& state) {
+  OpenStore open;
+  const OneContext contexts;
+  auto ingest = *QueuedIngest::Create(IngestOptions{}, open.store.get(), &contexts, nullptr);
+  ingest->Start();
+  std::mutex mutex;
+  std::condition_variable acknowledged;
+  int under_way = 0;
+  ObservationBatch next = MakeBatch(KeyOf("a"), 1, 16);
+  for (auto _ : state) {
+    {
+      std::unique_lock lock(mutex);
+      acknowledged.wait(lock, [&] { return under_way < 512; });
+      ++under_way;
+    }
+    Delivery delivery;
+    delivery.stream = KeyOf("a");
+    delivery.batch = next;
+    Advance(&next);
+    const auto done = [&](const absl::StatusOr<BatchAck>& ack) {
+      if (!ack.ok()) std::abort();
+      const std::lock_guard lock(mutex);
+      if (under_way-- == 512) acknowledged.notify_one();
+    };
+    if (!ingest->Submit(delivery, done, nullptr).ok()) std::abort();
+  }
+  ingest->WaitIdle();
+  state.SetItemsProcessed(state.iterations() * 16);
+  state.counters["rows_per_commit"] =
+      static_cast<double>(ingest->Stats().stored_observation_count) / ingest->Stats().commit_count;
+  ingest->Shutdown();
+}
+BENCHMARK(Ingest)->UseRealTime();
+
+void Read(benchmark::State& state) {
+  OpenStore open;
+  std::vector<AppendRequest> requests;
+  for (uint32_t i = 0; i < 4096; ++i) {
+    requests.push_back(MakeRequest(MakeBatch(KeyOf("a"), 1 + 16 * i, 16 + 16 * i)));
+  }
+  if (!open.store->Append(requests).ok()) std::abort();
+  for (auto _ : state) {
+    size_t rows = 0;
+    const auto visit = [&](const StoredBatch& stored) {
+      rows += stored.batch.rows();
+      return absl::OkStatus();
+    };
+    if (!open.store->ReadObservations("s-test", "", visit).ok() || rows != 65536) std::abort();
+  }
+  state.SetItemsProcessed(state.iterations() * 65536);
+}
+BENCHMARK(Read)->UseRealTime();
+
+}  // namespace
+}  // namespace rigcal::server
+
+BENCHMARK_MAIN();

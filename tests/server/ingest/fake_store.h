@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "server/store/store.h"
+#include "server/store/stream_ledger.h"
+
+namespace rigcal::testing {
+
+// A store in memory that takes observations only, and does with them as a test says. Thread-safe.
+class FakeStore : public server::Store {
+ public:
+  // Holds the next Append until Release; returns when one is held.
+  void Hold() {
+    const std::lock_guard lock(mutex_);
+    held_ = true;
+  }
+  void WaitUntilHeld() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return waiting_ > 0; });
+  }
+  void Release() {
+    {
+      const std::lock_guard lock(mutex_);
+      held_ = false;
+    }
+    changed_.notify_all();
+  }
+  // What every Append answers from now on; OK: it stores.
+  void SetStatus(absl::Status status) {
+    const std::lock_guard lock(mutex_);
+    status_ = std::move(status);
+  }
+  void SetFreeBytes(uint64_t bytes) {
+    const std::lock_guard lock(mutex_);
+    free_bytes_ = bytes;
+  }
+  void SetUnknownSession(std::string id) {
+    const std::lock_guard lock(mutex_);
+    unknown_session_ = std::move(id);
+  }
+
+  // Requests of each Append so far, failed ones included.
+  std::vector<size_t> group_sizes() const {
+    const std::lock_guard lock(mutex_);
+    return group_sizes_;
+  }
+  std::vector<server::AppendRequest> requests() const {
+    const std::lock_guard lock(mutex_);
+    return requests_;
+  }
+
+  absl::StatusOr<std::vector<server::AppendOutcome>> Append(
+      absl::Span<const server::AppendRequest> requests) override {
+    std::unique_lock lock(mutex_);
+    group_sizes_.push_back(requests.size());
+    ++waiting_;
+    changed_.notify_all();
+    changed_.wait(lock, [this] { return !held_; });
+    --waiting_;
+    if (!status_.ok()) return status_;
+    std::vector<server::AppendOutcome> outcomes;
+    for (const server::AppendRequest& request : requests) {
+      requests_.push_back(request);
+      outcomes.push_back(Store(request));
+    }
+    return outcomes;
+  }
+  server::StoreHealth Health() const override {
+    const std::lock_guard lock(mutex_);
+    server::StoreHealth health;
+    health.free_bytes = free_bytes_;
+    return health;
+  }
+
+  std::string server_id() const override { return "fake"; }
+  absl::StatusOr<Session> CreateSession(Session) override { return None(); }
+  absl::Status UpdateSession(const Session&) override { return None(); }
+  absl::StatusOr<Session> GetSession(std::string_view) const override { return None(); }
+  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view, int,
+                                                    std::string_view) const override {
+    return None();
+  }
+  absl::StatusOr<uint32_t> CountSessions() const override { return None(); }
+  absl::Status DeleteSession(std::string_view) override { return None(); }
+  absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
+      std::string_view) const override {
+    return None();
+  }
+  absl::StatusOr<StreamStatus> GetStream(const StreamKey&) const override { return None(); }
+  absl::Status ReadObservations(
+      std::string_view, std::string_view,
+      const std::function<absl::Status(server::StoredBatch)>&) const override {
+    return None();
+  }
+  absl::StatusOr<Calibration> CreateCalibration(Calibration) override { return None(); }
+  absl::Status UpdateCalibration(const Calibration&) override { return None(); }
+  absl::StatusOr<Calibration> GetCalibration(std::string_view) const override { return None(); }
+  absl::StatusOr<std::vector<Calibration>> ListCalibrations(std::string_view, int,
+                                                            std::string_view) const override {
+    return None();
+  }
+
+ private:
+  static absl::Status None() { return absl::UnimplementedError("the fake store has none"); }
+
+  server::AppendOutcome Store(const server::AppendRequest& request) {
+    server::AppendOutcome outcome;
+    if (request.stream.session_id == unknown_session_) {
+      outcome.unknown = true;
+      return outcome;
+    }
+    Stream& stream = streams_[request.stream];
+    const server::SeqRange rows{request.batch.first_seq, request.batch.end_seq()};
+    for (const server::SeqRange& range : stream.ledger.Missing(rows)) {
+      outcome.stored_rows += range.size();
+      stream.ledger.Add(range);
+    }
+    outcome.duplicate_rows = static_cast<uint32_t>(request.batch.rows()) - outcome.stored_rows;
+    outcome.refused_rows = static_cast<uint32_t>(request.refused_rows.size());
+    outcome.stored_rows -= outcome.refused_rows;
+    for (const DroppedRange& dropped : request.batch.dropped) {
+      stream.ledger.Add({dropped.first_seq, dropped.first_seq + dropped.count});
+    }
+    if (request.last_seq) stream.last_seq = request.last_seq;
+    outcome.durable_seq = stream.ledger.durable_seq();
+    outcome.complete = stream.last_seq && outcome.durable_seq >= *stream.last_seq;
+    return outcome;
+  }
+
+  struct Stream {
+    server::StreamLedger ledger;
+    std::optional<uint32_t> last_seq;
+  };
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  bool held_ = false;
+  int waiting_ = 0;
+  absl::Status status_;
+  uint64_t free_bytes_ = 0;
+  std::string unknown_session_;
+  std::vector<size_t> group_sizes_;
+  std::vector<server::AppendRequest> requests_;
+  std::map<StreamKey, Stream> streams_;
+};
+
+}  // namespace rigcal::testing

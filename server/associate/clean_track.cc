@@ -48,8 +48,8 @@ std::string_view Fault(const Observation& observation, int marker_count) {
 }
 
 std::string Example(const CleanTrack& track, const Observation& observation) {
-  return absl::StrCat("session ", track.session_id, ", time ", observation.time_ns,
-                      " ns, clock epoch ", track.clock_epoch);
+  // Not the session's id: the same observations in another session give the same calibration.
+  return absl::StrCat("time ", observation.time_ns, " ns, clock epoch ", track.clock_epoch);
 }
 
 void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {

@@ -97,9 +97,12 @@ std::string ObservationDigest(const CalibrationOptions& options, const Target& t
   hasher.Add(target.diameter_m);
   hasher.Add(target.blink_hz);
   hasher.Add(target.span_tolerance_m);
+  // Sessions by their place, not their id: the same observations in another session are the same.
+  uint64_t session = 0;
   for (size_t t = 0; t < tracks.size(); ++t) {
     const CleanTrack& track = tracks[t].track;
-    hasher.Add(track.session_id);
+    if (t > 0 && track.session_id != tracks[t - 1].track.session_id) ++session;
+    hasher.Add(session);
     AddCamera(track.camera, &hasher);
     hasher.Add(static_cast<uint64_t>(track.clock_epoch));
     hasher.Add(tracks[t].clock_offset_ns);

@@ -171,11 +171,14 @@ TEST_F(LocalCommandFiles, ClockThatJumpsBackIsACountedEpoch) {
   EXPECT_EQ(RefusedCount(json::parse(result.output), "sim_0", "clock_epoch_without_offset"), 1u);
 }
 
-TEST_F(LocalCommandFiles, EmptyFileNamesTheCameraAndTheGroups) {
+TEST_F(LocalCommandFiles, EmptyFileIsNamedWithItsCamera) {
   WriteFile("sim_2.csv", "");
   const CommandResult result = Local();
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_THAT(result.output + result.error, AllOf(HasSubstr("sim_2"), HasSubstr("sim_0")));
+  EXPECT_THAT(result.error, AllOf(HasSubstr("sim_2"), HasSubstr("never saw the wand")));
+  const json calibration = json::parse(result.output);
+  EXPECT_EQ(calibration["state"], "FAILED");
+  EXPECT_EQ(RefusedCount(calibration, "sim_2", "csv_empty"), 1u);
 }
 
 TEST_F(LocalCommandFiles, CameraWithoutOverlapNamesTheGroups) {

@@ -93,13 +93,14 @@ absl::Status CsvObservationSource::CheckMarkerCount(int marker_count) const {
 }
 
 absl::Status CsvObservationSource::Start(const Target& target) {
+  refused_ = {};
+  reader_.reset();
   RIGCAL_RETURN_IF_ERROR(CheckMarkerCount(target.marker_count()));
   RIGCAL_ASSIGN_OR_RETURN(reader_, LineReader::Open(options_.path));
   marker_count_ = target.marker_count();
   has_content_ = false;
   clock_epochs_ = {};
   clock_epoch_ = 0;
-  refused_ = {};
   pacer_.Start();
   return absl::OkStatus();
 }

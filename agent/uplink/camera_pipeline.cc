@@ -46,12 +46,10 @@ absl::Status CameraPipeline::Begin(const StreamKey& stream, const Target& target
     const std::lock_guard lock(mutex_);
     if (shut_down_) return absl::CancelledError("the agent shuts down");
     RIGCAL_RETURN_IF_ERROR(spool_->Open(stream, target.marker_count(), first_seq));
-    for (size_t i = 0; i < captures_.size(); ++i) {
-      if (!captures_[i].stop) {
-        spdlog::warn("camera {}: session {} ends its capture here, because session {} begins one",
-                     stream.camera, captures_[i].stream.session_id, stream.session_id);
-      }
-      StopLocked(captures_[i], i == 0 && running_);
+    if (!captures_.empty()) {
+      spdlog::info(
+          "camera {}: the capture for session {} waits until that for session {} has ended",
+          stream.camera, stream.session_id, captures_.front().stream.session_id);
     }
     captures_.push_back({.stream = stream, .target = target});
   }
@@ -60,20 +58,40 @@ absl::Status CameraPipeline::Begin(const StreamKey& stream, const Target& target
 }
 
 void CameraPipeline::End(const std::string& session_id) {
-  const std::lock_guard lock(mutex_);
-  for (size_t i = 0; i < captures_.size(); ++i) {
-    if (captures_[i].stream.session_id == session_id) StopLocked(captures_[i], i == 0 && running_);
-  }
+  EndIf([&](const Capture& capture) { return capture.stream.session_id == session_id; });
 }
 
 void CameraPipeline::EndAll() {
-  const std::lock_guard lock(mutex_);
-  for (size_t i = 0; i < captures_.size(); ++i) StopLocked(captures_[i], i == 0 && running_);
+  EndIf([](const Capture&) { return true; });
 }
 
-void CameraPipeline::StopLocked(Capture& capture, bool running) {
-  capture.stop = true;
-  if (running) source_->Stop();
+void CameraPipeline::EndIf(const std::function<bool(const Capture&)>& condition) {
+  const std::lock_guard lock(mutex_);
+  for (auto capture = captures_.begin(); capture != captures_.end();) {
+    const bool runs = running_ && capture == captures_.begin();
+    if (!condition(*capture)) {
+      ++capture;
+    } else if (runs) {
+      capture->stop = true;
+      source_->Stop();
+      ++capture;
+    } else {
+      // Fails only for a stream that was discarded, of which nobody awaits the end.
+      spool_->Finish(capture->stream, {}).IgnoreError();
+      capture = captures_.erase(capture);
+      on_progress_();
+    }
+  }
+  changed_.notify_all();
+}
+
+std::vector<std::string> CameraPipeline::Sessions() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> sessions;
+  for (const Capture& capture : captures_) {
+    if (!capture.stop) sessions.push_back(capture.stream.session_id);
+  }
+  return sessions;
 }
 
 std::optional<CameraReport> CameraPipeline::RunningReport() const {
@@ -111,8 +129,10 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
   absl::Status status;
   CameraReport report;
   try {
-    if (!StopRequested()) status = MoveObservations(stream, target);
-    report.refused = source_->Refused();
+    if (!StopRequested()) {
+      status = MoveObservations(stream, target);
+      report.refused = source_->Refused();
+    }
   } catch (const std::exception& error) {
     status = absl::InternalError(absl::StrCat("the source failed: ", error.what()));
   }

@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "agent/capture/observation_source.h"
@@ -18,15 +19,14 @@
 namespace rigcal::agent {
 
 // One camera at work: a thread that moves what the source yields into the spool, and ends the
-// stream there with a report of what the source refused. One capture at a time: a new one ends the
-// one that runs and begins when that has ended, because the server starts a second capture of a
-// camera only when it no longer waits for the first.
+// stream there with a report of what the source refused. One capture at a time: a second one waits
+// its turn.
 //
 // Knows no network. Begin, End and the getters may be called by any thread.
 class CameraPipeline {
  public:
-  // `on_progress` is called on the pipeline's thread now and then, and at each end of a capture;
-  // it must not block. `spool` outlives the pipeline.
+  // `on_progress` is called on any thread now and then, and at each end of a capture; it must
+  // neither block nor call back. `spool` outlives the pipeline.
   CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
                  std::function<void()> on_progress);
   ~CameraPipeline();
@@ -43,10 +43,13 @@ class CameraPipeline {
   // Opens `stream` in the spool, numbered from `first_seq`, and captures `target` into it.
   // ALREADY_EXISTS: the stream is in the spool, so this has been done before.
   absl::Status Begin(const StreamKey& stream, const Target& target, uint32_t first_seq);
-  // Ends the capture of this session, or of every session, whether it runs or waits its turn. Each
-  // stream still gets its end. Unknown sessions change nothing.
+  // Ends the capture of this session, or of every session. One that runs ends soon, one that waits
+  // its turn at once and empty; each stream gets its end in the spool. Unknown sessions change
+  // nothing.
   void End(const std::string& session_id);
   void EndAll();
+  // Sessions with a capture that runs or waits and has not been told to end.
+  std::vector<std::string> Sessions() const;
 
   // Totals of the capture that runs, at most about a second old.
   std::optional<CameraReport> RunningReport() const;
@@ -64,7 +67,7 @@ class CameraPipeline {
   absl::Status MoveObservations(const StreamKey& stream, const Target& target);
   bool StopRequested() const;
   void PublishReport(uint32_t observation_count);
-  void StopLocked(Capture& capture, bool running);
+  void EndIf(const std::function<bool(const Capture&)>& condition);
 
   const std::unique_ptr<ObservationSource> source_;
   ObservationSpool* const spool_;

@@ -65,6 +65,11 @@ void CaptureControl::EndAll() {
   for (const auto& [name, pipeline] : pipelines_) pipeline->EndAll();
 }
 
+std::vector<std::string> CaptureControl::SessionsOf(const std::string& camera) const {
+  const auto found = pipelines_.find(camera);
+  return found == pipelines_.end() ? std::vector<std::string>() : found->second->Sessions();
+}
+
 std::vector<CameraReport> CaptureControl::RunningReports() const {
   std::vector<CameraReport> reports;
   for (const auto& [name, pipeline] : pipelines_) {

@@ -36,6 +36,8 @@ class CaptureControl {
   void End(const std::string& session_id);
   void EndStream(const StreamKey& stream);
   void EndAll();
+  // As CameraPipeline::Sessions; empty for an unknown camera.
+  std::vector<std::string> SessionsOf(const std::string& camera) const;
   // Of the captures that run.
   std::vector<CameraReport> RunningReports() const;
   void WaitUntilIdle();

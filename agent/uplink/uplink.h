@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -130,7 +131,10 @@ class Uplink {
   Backoff backoff_;
   uint32_t connection_ = 0;
   std::string server_id_;
-  std::vector<StreamKey> pending_;        // as the hello of this connection named them
+  std::vector<StreamKey> pending_;  // as the hello of this connection named them
+  // Sessions the server has told to capture, and not to stop, on this connection. One that captures
+  // here from an earlier connection and is not among them ended while this agent was away.
+  std::set<std::string> live_sessions_;
   std::map<StreamKey, size_t> reported_;  // refusals in the last report of each stream
   std::string last_error_;                // not to repeat it at each attempt
 

@@ -81,6 +81,7 @@ void Uplink::HandleHello(Connected& connected, const v1::ServerHello& hello) {
   last_error_.clear();
   spdlog::info("server {}: connected as {} (incarnation {}, connection {})", options_.server,
                options_.agent_id, options_.incarnation, connection_);
+  live_sessions_.clear();
   plan_.BeginConnection(BatchRows(options_.max_batch_rows, hello));
   for (int i = 0; i < hello.positions_size(); ++i) {
     HandlePosition(pending_[static_cast<size_t>(i)], hello.positions(i));
@@ -107,6 +108,7 @@ void Uplink::HandleStartCapture(const v1::StartCapture& command) {
                   command.session_id(), std::string(target.status().message()));
     return;
   }
+  live_sessions_.insert(command.session_id());
   for (const v1::StreamPosition& position : command.cameras()) {
     const absl::StatusOr<StreamKey> stream = wire::FromProto(position.stream());
     if (!stream.ok() || stream->session_id != command.session_id()) {
@@ -129,6 +131,14 @@ void Uplink::BeginCapture(const StreamKey& stream, const Target& target, uint32_
                  stream.camera, stream.session_id, stream.stream_epoch, options_.stream_epoch);
     return;
   }
+  for (const std::string& session_id : captures_->SessionsOf(stream.camera)) {
+    if (live_sessions_.contains(session_id)) continue;
+    spdlog::warn(
+        "camera {}: session {} has ended while the server was away; its capture ends, and "
+        "session {} follows",
+        stream.camera, session_id, stream.session_id);
+    captures_->EndStream({.session_id = session_id, .camera = stream.camera});
+  }
   // Numbers of an earlier life that had lost its state: under the same ones, what is captured now
   // would be taken for a repetition.
   if (durable_seq > 0) {
@@ -145,6 +155,7 @@ void Uplink::BeginCapture(const StreamKey& stream, const Target& target, uint32_
 
 void Uplink::HandleStopCapture(const v1::StopCapture& command) {
   spdlog::info("server {}: session {} stops", options_.server, command.session_id());
+  live_sessions_.erase(command.session_id());
   captures_->End(command.session_id());
 }
 

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/uplink/agent_state.h"
+
+#include <cstdlib>
+#include <fstream>
+#include <string>
+
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::agent {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::rigcal::testing::TemporaryDirectory;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class AgentStateTest : public ::testing::Test {
+ protected:
+  AgentIdentity OpenAndClose(const std::string& agent_id = "") {
+    const auto state = AgentState::Open(Directory(), agent_id);
+    EXPECT_THAT(state, IsOk());
+    return state.ok() ? state->identity() : AgentIdentity{};
+  }
+  std::filesystem::path Directory() const { return directory_.path() / "deep" / "state"; }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(AgentStateTest, KeepsTheIdAndCountsStarts) {
+  const AgentIdentity first = OpenAndClose();
+  EXPECT_FALSE(first.agent_id.empty());
+  EXPECT_EQ(first.incarnation, 1u);
+  EXPECT_EQ(first.stream_epoch, 1u);
+  const AgentIdentity second = OpenAndClose();
+  EXPECT_EQ(second.agent_id, first.agent_id);
+  EXPECT_EQ(second.incarnation, 2u);
+  EXPECT_EQ(second.stream_epoch, 2u);
+}
+
+TEST_F(AgentStateTest, TakesAGivenIdFromThenOn) {
+  const AgentIdentity first = OpenAndClose();
+  EXPECT_NE(first.agent_id, "pc-7");
+  EXPECT_EQ(OpenAndClose("pc-7").agent_id, "pc-7");
+  const AgentIdentity third = OpenAndClose();
+  EXPECT_EQ(third.agent_id, "pc-7");
+  EXPECT_EQ(third.incarnation, 3u);
+  EXPECT_THAT(AgentState::Open(Directory(), "no name"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("agent_id")));
+}
+
+TEST_F(AgentStateTest, MakesDifferentIdsForDifferentFolders) {
+  const TemporaryDirectory other;
+  const auto state = AgentState::Open(other.path(), "");
+  ASSERT_THAT(state, IsOk());
+  EXPECT_NE(OpenAndClose().agent_id, state->identity().agent_id);
+}
+
+TEST_F(AgentStateTest, KeepsASecondAgentOut) {
+  {
+    auto state = AgentState::Open(Directory(), "");
+    ASSERT_THAT(state, IsOk());
+    const AgentState moved = *std::move(state);
+    EXPECT_THAT(AgentState::Open(Directory(), ""),
+                StatusIs(absl::StatusCode::kAlreadyExists,
+                         AllOf(HasSubstr(Directory().string()), HasSubstr("--state-dir"))));
+  }
+  EXPECT_EQ(OpenAndClose().incarnation, 2u);
+}
+
+TEST_F(AgentStateTest, RefusesADamagedFileInsteadOfBeginningAnew) {
+  OpenAndClose();
+  for (const char* text : {"", "agent_id=pc\n", "agent_id=pc\nincarnation=x\n", "incarnation=3\n",
+                           "agent_id=p c\nincarnation=3\n", "agent_id=pc\nincarnation=-3\n",
+                           "agent_id=pc\nincarnation=4294967295\n"}) {
+    std::ofstream(Directory() / "agent.state", std::ios::trunc) << text;
+    EXPECT_THAT(AgentState::Open(Directory(), ""),
+                StatusIs(absl::StatusCode::kDataLoss, HasSubstr("agent.state")))
+        << text;
+  }
+}
+
+TEST_F(AgentStateTest, IgnoresWhatAnInterruptedStartLeftBehind) {
+  OpenAndClose();
+  std::ofstream(Directory() / "agent.state.new") << "agent_id=half";
+  EXPECT_EQ(OpenAndClose().incarnation, 2u);
+}
+
+TEST_F(AgentStateTest, NamesAFolderThatCannotBeMade) {
+  const std::string file = directory_.WriteFile("file", "").string();
+  EXPECT_THAT(AgentState::Open(std::filesystem::path(file) / "state", ""),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr(file)));
+}
+
+TEST(AgentStateDefaultDirectory, FollowsTheEnvironment) {
+  setenv("XDG_STATE_HOME", "/x/state", 1);
+  setenv("HOME", "/home/u", 1);
+  EXPECT_EQ(*AgentState::DefaultDirectory(""), "/x/state/rigcal/agent/default");
+  EXPECT_EQ(*AgentState::DefaultDirectory("pc"), "/x/state/rigcal/agent/pc");
+  setenv("XDG_STATE_HOME", "relative", 1);
+  EXPECT_EQ(*AgentState::DefaultDirectory(""), "/home/u/.local/state/rigcal/agent/default");
+  unsetenv("XDG_STATE_HOME");
+  unsetenv("HOME");
+  EXPECT_THAT(AgentState::DefaultDirectory(""),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("--state-dir")));
+}
+
+TEST(HostName, CanBePartOfAnAgentId) {
+  EXPECT_FALSE(HostName().empty());
+  EXPECT_EQ(HostName().find_first_not_of(
+                "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace rigcal::agent

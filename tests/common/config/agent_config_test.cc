@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/config/agent_config.h"
+
+#include <cmath>
+#include <string>
+
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::rigcal::testing::TemporaryDirectory;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class AgentConfigTest : public ::testing::Test {
+ protected:
+  absl::StatusOr<AgentConfig> Read(const std::string& text) {
+    return ReadAgentConfig(directory_.WriteFile("agent.toml", text).string());
+  }
+  std::string Path(const std::string& name) const { return (directory_.path() / name).string(); }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(AgentConfigTest, HasADefaultForEverything) {
+  ASSERT_OK_AND_ASSIGN(const AgentConfig config, Read(""));
+  EXPECT_EQ(config.server, "127.0.0.1:7420");
+  EXPECT_EQ(config.rig, "rig");
+  EXPECT_EQ(config.agent_id, "");
+  EXPECT_EQ(config.state_dir, "");
+  EXPECT_EQ(config.log_level, "info");
+  EXPECT_EQ(config.spool_limit_mb, 256u);
+  EXPECT_TRUE(config.cameras.empty());
+  EXPECT_THAT(config.Validate(), IsOk());
+}
+
+TEST_F(AgentConfigTest, ReadsEveryKey) {
+  ASSERT_OK_AND_ASSIGN(const AgentConfig config, Read(R"(
+server = "10.0.0.5:7000"
+rig = "hall"
+agent_id = "pc-1"
+state_dir = "/var/lib/rigcal-agent"
+log_level = "debug"
+spool_limit_mb = 64
+
+[[camera]]
+name = "left"
+source = "csv:data/left.csv;sigma=1"
+calibration = "left.yaml"
+speed = "max"
+sigma = 0.25
+
+[[camera]]
+source = "sim:camera=1;seed=2"
+speed = 2
+)"));
+  EXPECT_EQ(config.server, "10.0.0.5:7000");
+  EXPECT_EQ(config.rig, "hall");
+  EXPECT_EQ(config.agent_id, "pc-1");
+  EXPECT_EQ(config.state_dir, "/var/lib/rigcal-agent");
+  EXPECT_EQ(config.log_level, "debug");
+  EXPECT_EQ(config.spool_limit_mb, 64u);
+  ASSERT_EQ(config.cameras.size(), 2u);
+  const CameraConfig& left = config.cameras[0];
+  EXPECT_EQ(left.name, "left");
+  EXPECT_EQ(left.source, "csv:" + Path("data/left.csv;sigma=1"));
+  EXPECT_EQ(left.calibration, Path("left.yaml"));
+  ASSERT_TRUE(left.speed.has_value());
+  EXPECT_TRUE(std::isinf(*left.speed));
+  EXPECT_EQ(left.sigma_px, 0.25);
+  EXPECT_EQ(left.where, Path("agent.toml") + ":9");
+  const CameraConfig& simulated = config.cameras[1];
+  EXPECT_EQ(simulated.name, "");
+  EXPECT_EQ(simulated.source, "sim:camera=1;seed=2");
+  EXPECT_EQ(simulated.calibration, "");
+  EXPECT_EQ(simulated.speed, 2.0);
+  EXPECT_FALSE(simulated.sigma_px.has_value());
+}
+
+TEST_F(AgentConfigTest, KeepsAbsolutePaths) {
+  ASSERT_OK_AND_ASSIGN(const AgentConfig config,
+                       Read("state_dir = \"state\"\n[[camera]]\nsource = \"csv:/data/f.csv\"\n"));
+  EXPECT_EQ(config.state_dir, Path("state"));
+  EXPECT_EQ(config.cameras.at(0).source, "csv:/data/f.csv");
+}
+
+TEST_F(AgentConfigTest, ListsEveryFaultWithItsLine) {
+  const auto config = Read(R"(server = "nowhere"
+rig = "two words"
+agent_id = 7
+state_dirr = "x"
+log_level = "loud"
+spool_limit_mb = 0
+[[camera]]
+name = "left"
+speed = "fast"
+sigma = -1
+[[camera]]
+name = "left"
+source = "usb:0"
+speed = 0
+sigma = nan
+exposure = 3
+)");
+  const std::string file = Path("agent.toml");
+  EXPECT_THAT(config, StatusIs(absl::StatusCode::kInvalidArgument,
+                               AllOf(HasSubstr(file + ":1: server "), HasSubstr(file + ":2: rig "),
+                                     HasSubstr(file + ":3: agent_id "),
+                                     HasSubstr(file + ":4: unknown key state_dirr"),
+                                     HasSubstr(file + ":5: log_level "),
+                                     HasSubstr(file + ":6: spool_limit_mb "),
+                                     HasSubstr(file + ":7: a camera without source"))));
+  EXPECT_THAT(config,
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr(file + ":9: speed "), HasSubstr(file + ":10: sigma "),
+                             HasSubstr(file + ":11: camera left is there twice"),
+                             HasSubstr(file + ":13: source "), HasSubstr(file + ":14: speed "),
+                             HasSubstr(file + ":15: sigma "),
+                             HasSubstr(file + ":16: unknown key exposure"))));
+  EXPECT_THAT(config, StatusIs(absl::StatusCode::kInvalidArgument, Not(HasSubstr(":12:"))));
+}
+
+TEST_F(AgentConfigTest, RefusesServersThatAreNoAddress) {
+  for (const char* server : {"", "host", ":7420", "host:", "host:0", "host:65536", "host:x"}) {
+    EXPECT_THAT(Read("server = \"" + std::string(server) + "\""),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("HOST:PORT")))
+        << server;
+  }
+  EXPECT_THAT(Read("server = \"[::1]:7420\""), IsOk());
+}
+
+TEST_F(AgentConfigTest, RefusesACameraThatIsNoTable) {
+  EXPECT_THAT(Read("camera = \"left\""),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("[[camera]]")));
+  EXPECT_THAT(Read("camera = [1, 2]"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("[[camera]]")));
+  EXPECT_THAT(Read("[camera]\nsource = \"sim:camera=0\""),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("[[camera]]")));
+}
+
+TEST_F(AgentConfigTest, NamesFileAndLineOfWhatIsNoToml) {
+  EXPECT_THAT(Read("rig = \"a\"\nserver = \n"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("agent.toml:2: ")));
+  EXPECT_THAT(Read("rig = \"a\"\nrig = \"b\"\n"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("agent.toml:2: ")));
+  EXPECT_THAT(ReadAgentConfig(Path("missing.toml")),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("missing.toml")));
+  EXPECT_THAT(ReadAgentConfig(directory_.path().string()),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("configuration file")));
+}
+
+TEST_F(AgentConfigTest, ChecksWhatFlagsHavePutOverTheFile) {
+  AgentConfig config;
+  config.server = "nowhere";
+  config.rig = "two words";
+  config.agent_id = "/";
+  config.log_level = "loud";
+  config.spool_limit_mb = 0;
+  EXPECT_THAT(config.Validate(),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("server "), HasSubstr("rig "), HasSubstr("agent_id "),
+                             HasSubstr("log_level "), HasSubstr("spool_limit_mb "))));
+}
+
+}  // namespace
+}  // namespace rigcal

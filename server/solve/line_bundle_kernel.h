@@ -5,8 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/camera/intrinsics.h"
-#include "server/solve/bundle_problem.h"
+#include "server/solve/line_bundle_projection.h"
 
 namespace rigcal::server {
 
@@ -15,7 +14,8 @@ namespace rigcal::server {
 // the reduced system (line_bundle_layout.h); an array of lanes holds its eight doubles in a row.
 //
 // Whatever the instruction set, the same operations happen in the same order and nothing is fused:
-// every set gives the same bits.
+// every set gives the same bits. This header is compiled for instruction sets that the CPU may not
+// have, so it includes nothing that could leave code behind for others to link.
 
 inline constexpr int kGroupSize = 8;        // instants side by side
 inline constexpr int kInstantColumns = 5;   // origin x y z, direction in its tangent basis
@@ -34,6 +34,8 @@ inline constexpr int kPoseLanes = 6;
 // the damped block, the block's diagonal without damping (5), the gradient (5).
 inline constexpr int kFactorLanes = 25;
 
+enum class KernelLoss : uint8_t { kNone, kHuber, kCauchy };
+
 // The observations of one view (a camera under one clock) in one group.
 struct KernelEntry {
   int view = 0;
@@ -44,7 +46,7 @@ struct KernelEntry {
 
 // A view at the present estimates. rotation: row by row, cam_from_rig.
 struct KernelView {
-  DistortionModel model = DistortionModel::kBrownConrady;
+  KernelModel model = KernelModel::kBrownConrady;
   double rotation[9] = {};
   double translation[3] = {};
   double intrinsics[12] = {};
@@ -70,12 +72,14 @@ struct KernelColumns {
 
 // What does not change while a problem is solved.
 struct KernelInput {
-  BundleLoss loss = BundleLoss::kNone;
+  KernelLoss loss = KernelLoss::kNone;
   double loss_scale = 1;
   int marker_count = 0;
   int column_count = 0;     // n; column n of the accumulated system is the gradient
   int spacing_column = -1;  // of marker 1; -1: fixed
   int group_count = 0;
+  int batch_groups = 1;  // room for so many groups in the coupling
+  int view_count = 0;
   const KernelColumns* columns = nullptr;  // by view
   const KernelEntry* entries = nullptr;    // by group, by view within a group
   const uint32_t* first_entry = nullptr;   // by group, group_count + 1
@@ -117,7 +121,7 @@ struct LineBundleKernel {
 
   // Linearises groups [first, last) of one batch at `estimate`. Writes `factors`, adds to
   // `view_sums` (per view: lower triangle of its local columns, lanes) and fills `coupling`: for
-  // each tile of columns, each group of the batch: [column][instant column][lane].
+  // each tile of columns, each group of a batch: [column][instant column][lane].
   void (*linearise)(const KernelInput& input, const KernelEstimate& estimate, double damping,
                     int first, int last, double* factors, double* const* view_sums,
                     double* coupling, KernelLinearisation* result);

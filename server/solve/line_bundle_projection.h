@@ -2,8 +2,7 @@
 #pragma once
 
 #include <cmath>
-
-#include "common/camera/intrinsics.h"
+#include <cstdint>
 
 // The projections of common/camera/camera_model.h with their derivatives by the point, the focal
 // lengths, the centre and the coefficients, for any number type: plain doubles, or eight lanes at
@@ -15,6 +14,7 @@
 
 namespace rigcal::server {
 
+enum class KernelModel : uint8_t { kBrownConrady, kRational, kFisheye };
 inline constexpr int kMaxIntrinsics = 12;
 
 inline double Select(bool which, double yes, double no) { return which ? yes : no; }
@@ -159,19 +159,15 @@ __attribute__((always_inline)) inline void ProjectFisheye(const double* intrinsi
 }
 
 template <bool kPointDerivatives, bool kIntrinsicsDerivatives, typename T>
-__attribute__((always_inline)) inline void ProjectWith(DistortionModel model,
-                                                       const double* intrinsics,
+__attribute__((always_inline)) inline void ProjectWith(KernelModel model, const double* intrinsics,
                                                        const T (&x_in_cam)[3],
                                                        ProjectedPoint<T>* out) {
-  switch (model) {
-    case DistortionModel::kBrownConrady:
-      return ProjectPolynomial<false, kPointDerivatives, kIntrinsicsDerivatives>(intrinsics,
-                                                                                 x_in_cam, out);
-    case DistortionModel::kRational:
-      return ProjectPolynomial<true, kPointDerivatives, kIntrinsicsDerivatives>(intrinsics,
-                                                                                x_in_cam, out);
-    case DistortionModel::kFisheye:
-      return ProjectFisheye<kPointDerivatives, kIntrinsicsDerivatives>(intrinsics, x_in_cam, out);
+  if (model == KernelModel::kFisheye) {
+    ProjectFisheye<kPointDerivatives, kIntrinsicsDerivatives>(intrinsics, x_in_cam, out);
+  } else if (model == KernelModel::kRational) {
+    ProjectPolynomial<true, kPointDerivatives, kIntrinsicsDerivatives>(intrinsics, x_in_cam, out);
+  } else {
+    ProjectPolynomial<false, kPointDerivatives, kIntrinsicsDerivatives>(intrinsics, x_in_cam, out);
   }
 }
 

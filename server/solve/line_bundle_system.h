@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "server/solve/bundle_problem.h"
+#include "server/solve/line_bundle_layout.h"
+
+namespace rigcal::server {
+
+// What a line bundle estimates, as the kernel reads it: cameras, clocks and target as in the
+// problem, the instants' poses in lanes.
+class LineBundleEstimate {
+ public:
+  LineBundleEstimate(const BundleProblem& problem, const LineBundleLayout& layout,
+                     const PackedMarkers& packed);
+
+  KernelEstimate View() const { return {views_.data(), positions_.data(), poses_.data()}; }
+  double* poses() { return poses_.data(); }
+
+  // Becomes `from` with the reduced parameters stepped; the poses stay what they are.
+  void MoveReduced(const LineBundleEstimate& from, const Eigen::VectorXd& step);
+  double PriorCost() const;
+  // Adds the priors' part, lower triangle.
+  void AddPriors(Eigen::MatrixXd* matrix, Eigen::VectorXd* gradient) const;
+  double ReducedNorm2() const;
+  void Store(const PackedMarkers& packed, BundleProblem* problem) const;
+
+ private:
+  double Value(int column) const;
+  double PriorResidual(const ReducedPrior& prior) const;
+  void RefreshViews();
+
+  const LineBundleLayout* layout_;
+  std::vector<BundleCamera> cameras_;
+  std::vector<BundleClock> clocks_;
+  std::vector<double> positions_;
+  std::vector<KernelView> views_;
+  AlignedBuffer poses_;
+};
+
+// The normal equations of a line bundle: accumulated with the instants eliminated on the way, and
+// solved. Keeps its memory from one iteration to the next.
+class LineBundleSystem {
+ public:
+  LineBundleSystem(const BundleOptions& options, const LineBundleLayout& layout,
+                   const PackedMarkers& packed, const LineBundleKernel& kernel,
+                   LineBundleTimes* times);
+
+  // False where a used marker cannot be seen. `damping` scales the diagonal that is added.
+  bool Linearise(const LineBundleEstimate& estimate, double damping);
+  double cost() const { return cost_; }                  // priors included
+  double gradient_max() const { return gradient_max_; }  // over all parameters, instants included
+  const Eigen::MatrixXd& matrix() const { return matrix_; }  // lower triangle, instants eliminated
+
+  struct Move {
+    bool valid = false;
+    double cost = 0;
+    double model_decrease = 0;
+    double step_norm = 0;
+    double norm = 0;
+  };
+  // The step from the last linearisation and the cost there, into `moved`. Not valid: the matrix is
+  // not positive definite, the step not finite, or a marker no longer in sight. Destroys matrix().
+  Move Solve(const LineBundleEstimate& estimate, LineBundleEstimate* moved);
+  // Infinite where a used marker cannot be seen.
+  double Cost(const LineBundleEstimate& estimate) const;
+
+ private:
+  void AccumulateBatch(const LineBundleEstimate& estimate, int first, int last,
+                       KernelLinearisation* result);
+  void Assemble(const LineBundleEstimate& estimate);
+  void ScatterViewSums();
+
+  const LineBundleLayout& layout_;
+  const PackedMarkers& packed_;
+  const LineBundleKernel& kernel_;
+  LineBundleTimes* times_;
+  KernelInput input_;
+  int batch_groups_;
+  std::vector<uint64_t> masks_;  // by batch, by tile
+  AlignedBuffer coupling_, tiles_, factors_, view_sums_;
+  std::vector<double*> view_sums_of_;
+  Eigen::MatrixXd matrix_;
+  Eigen::VectorXd gradient_, reduced_gradient_, diagonal_, step_;
+  double damping_ = 0;
+  double cost_ = 0;
+  double gradient_max_ = 0;
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/camera/intrinsics.h"
+#include "server/solve/bundle_problem.h"
+
+namespace rigcal::testing {
+
+// A bundle adjustment made up from numbers: cameras in a ring look at a wand in random poses. Its
+// measured centres obey the residual of bundle_problem.h exactly but for noise and outliers.
+struct BundleSceneOptions {
+  uint32_t seed = 1;
+  int camera_count = 4;
+  int instant_count = 40;
+  std::vector<double> marker_positions_m = {0, 0.13, 0.39};
+  std::vector<DistortionModel> models = {DistortionModel::kBrownConrady};  // taken in turns
+  double noise_px = 0.3;
+  double outlier_share = 0;  // of markers, put anywhere in the image
+  double hidden_share = 0;   // of observations
+  double dropout_share = 0;  // of markers
+  int clock_count = 0;       // cameras take clocks in turns; 0: each its own
+  double offset_s = 0.004;   // one sigma of the true offsets
+  double rate = 2e-5;        // one sigma of the true rates
+  double start_error = 1;    // 1: 0.01 rad, 2 cm for cameras; 3 cm, 0.05 rad for instants
+
+  bool free_poses = true;
+  bool free_offsets = true;
+  bool free_rates = false;
+  bool free_intrinsics = false;
+  bool free_spacing = false;
+};
+
+struct BundleScene {
+  server::BundleProblem start;
+  server::BundleProblem truth;
+};
+
+BundleScene MakeBundleScene(const BundleSceneOptions& options);
+
+}  // namespace rigcal::testing

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
 #include "server/associate/align_clocks.h"
@@ -18,6 +19,16 @@
 
 namespace rigcal::server {
 namespace {
+
+// Of the image's width; half of all views within this of one place determine nothing.
+constexpr double kMinSpreadShare = 0.01;
+
+double Median(std::vector<double>* values) {
+  if (values->empty()) return 0;
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
 
 absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
@@ -99,6 +110,39 @@ absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, Came
   return absl::OkStatus();
 }
 
+// How far a camera's view of the wand moves about in its image, in pixels: the median distance of a
+// marker from its median place.
+double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& index, int camera) {
+  std::vector<double> x, y, distance;
+  for (const bool measure : {false, true}) {
+    const Eigen::Vector2d middle(measure ? Median(&x) : 0, measure ? Median(&y) : 0);
+    for (size_t t = 0; t < tracks.size(); ++t) {
+      if (index.camera_of_track[t] != camera) continue;
+      for (const Observation& row : tracks[t].track.observations) {
+        if (row.markers.empty() || !row.markers.front().visible) continue;
+        const Eigen::Vector2d& centre_px = row.markers.front().centre_px;
+        if (measure) distance.push_back((centre_px - middle).norm());
+        if (!measure) x.push_back(centre_px.x());
+        if (!measure) y.push_back(centre_px.y());
+      }
+    }
+  }
+  return Median(&distance);
+}
+
+absl::Status CheckMotion(const std::vector<AlignedTrack>& tracks, const RigIndex& index) {
+  for (size_t c = 0; c < index.cameras.size(); ++c) {
+    const double spread_px = ImageSpreadPx(tracks, index, static_cast<int>(c));
+    const double needed_px = kMinSpreadShare * index.cameras[c].image_size_px.width;
+    if (spread_px >= needed_px) continue;
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "camera %s saw the wand in nearly one place (it moved by %.1f px, at least %.0f px are "
+        "needed): wave the wand through all of what the cameras see, near and far, and turn it",
+        index.cameras[c].camera, spread_px, needed_px));
+  }
+  return absl::OkStatus();
+}
+
 int ReferenceIndex(const RigIndex& index, const std::string& name) {
   for (size_t c = 0; c < index.cameras.size(); ++c) {
     if (index.cameras[c].camera == name) return static_cast<int>(c);
@@ -123,6 +167,7 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
+  RIGCAL_RETURN_IF_ERROR(CheckMotion(rig.tracks, rig.index));
 
   RigSolveOptions solve;
   solve.reference_camera = ReferenceIndex(rig.index, options.reference_camera);

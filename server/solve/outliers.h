@@ -8,15 +8,14 @@
 namespace rigcal::server {
 
 // The rule by which a marker is a gross outlier:
-//   a camera's scale is the median of its markers' whitened residual norms |r|, over 1.1774 (the
-//   median norm of a standard normal 2-vector), but at least 1 sigma of what was observed is
-//   assumed where the camera is better than that, times `min_scale`;
+//   a camera's scale is the median of its markers' whitened residual norms |r| over 1.1774 (the
+//   median norm of a standard normal 2-vector), and never less than `min_scale`;
 //   a marker is out when |r| > sigmas * scale, or when its camera cannot see where it should be.
 // The scale follows the camera, so that one whose clock or intrinsics are off keeps its markers;
-// nothing is dropped by share.
+// nothing is dropped by share. Errors below that are the robust loss's business.
 struct OutlierOptions {
-  double sigmas = 6;
-  double min_scale = 0.5;
+  double sigmas = 8;
+  double min_scale = 1;
 };
 
 // Whitened robust scale of each camera over the markers of placed instants.

@@ -14,6 +14,10 @@
 namespace rigcal::server {
 namespace {
 
+// An edge that keeps this share (inverse) of its views is as good as any: looking at all edges of a
+// large rig to find slightly heavier ones would cost more than it gives.
+constexpr double kGoodEnough = 1.3;
+
 // Disjoint sets of cameras.
 class Groups {
  public:
@@ -118,7 +122,7 @@ absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
     survivors[{a, b}] = static_cast<int>(share * bound);
     if (share * bound < graph.min_shared) continue;
     poses[{a, b}] = *pose;
-    queue.push({share * bound, a, b, true});
+    queue.push({std::min(bound, kGoodEnough * share * bound), a, b, true});
   }
   if (static_cast<int>(tree.size()) + 1 < count) return NotConnected(graph, groups, survivors);
   return tree;

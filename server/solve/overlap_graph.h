@@ -28,7 +28,7 @@ struct OverlapEdge {
 
 // The spanning tree with the greatest weights. Relative poses are only estimated where they can
 // matter: an edge is looked at when nothing heavier is left, its shared instants being the most it
-// can weigh. `estimate(a, b)` gives the pose of a pair, or none where it cannot be had.
+// can weigh; edges that keep three quarters of their views count as keeping all. `estimate(a, b)` gives the pose of a pair, or none where it cannot be had.
 //
 // FAILED_PRECONDITION where the cameras are not connected: names the groups, the pair that would
 // best join them, and what to do. Errors of `estimate` are passed on (cancellation).

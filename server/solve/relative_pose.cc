@@ -21,6 +21,7 @@ namespace {
 
 constexpr size_t kKeptEssentials = 4;
 constexpr size_t kRefinedPoses = 3;
+constexpr double kConvincingShare = 0.7;
 constexpr double kMaxLogScale = 0.35;  // how far one instant's size may be from the median's
 
 struct ScoredEssential {
@@ -333,6 +334,11 @@ std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>&
     if (!best || refined->inlier_count > best->inlier_count ||
         (refined->inlier_count == best->inlier_count && refined->median_px < best->median_px)) {
       best = refined;
+    }
+    // A wrong solution does not agree with so many.
+    if (best->inlier_count > kConvincingShare * best->instant_count &&
+        best->median_px < options.threshold_px / 3) {
+      break;
     }
   }
   return best;

@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 1e-3;
+constexpr double kWildPx = 15;
 
 using MarkerKey = std::pair<std::pair<int, int>, int>;  // track, observation, marker
 
@@ -170,14 +171,36 @@ class RigSolver {
     return moved_s;
   }
 
+  // Keeps wild centres out of their neighbours' image motion. Those that are a few pixels off say
+  // more about the motion than their absence would.
+  void ExcludeFromMotion() {
+    for (const BundleInstant& instant : problem().instants) {
+      if (!instant.used) continue;
+      for (int o = 0; o < instant.observation_count; ++o) {
+        const BundleObservation& observation =
+            problem().observations[static_cast<size_t>(instant.first_observation + o)];
+        for (int m = 0; m < observation.marker_count; ++m) {
+          const auto index = static_cast<size_t>(observation.first_marker + m);
+          const BundleMarker& marker = problem().markers[index];
+          Eigen::Vector2d residual;
+          if (MarkerResidualPx(problem(), instant, observation, marker, &residual) &&
+              residual.norm() < kWildPx) {
+            continue;
+          }
+          const MarkerSource& source = solution_.built.sources[index];
+          motions_[static_cast<size_t>(source.track)].Exclude(source.observation, marker.marker);
+        }
+      }
+    }
+  }
+
   void Rebuild() {
+    ExcludeFromMotion();
     std::set<MarkerKey> outliers;
     for (size_t m = 0; m < problem().markers.size(); ++m) {
       const MarkerSource& source = solution_.built.sources[m];
       if (problem().markers[m].used) continue;
       outliers.insert({{source.track, source.observation}, problem().markers[m].marker});
-      motions_[static_cast<size_t>(source.track)].Exclude(source.observation,
-                                                          problem().markers[m].marker);
     }
     for (size_t k = 0; k < problem().clocks.size(); ++k) {
       solution_.clocks[k].time_offset_s += problem().clocks[k].time_offset_s;

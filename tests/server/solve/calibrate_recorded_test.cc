@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "server/solve/calibrate.h"
+#include "tests/server/solve/simulated_input.h"
+#include "tests/testing/recorded_data.h"
+#include "tests/testing/recorded_tracks.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server {
+namespace {
+
+using ::rigcal::testing::IsOk;
+
+CalibrationInput Recording(const std::filesystem::path& folder) {
+  const auto cameras = rigcal::testing::LoadRecordedTracks(folder / "ewand");
+  EXPECT_THAT(cameras, IsOk());
+  CalibrationInput input;
+  input.target = WandTarget();
+  for (const auto& camera : *cameras) {
+    CameraTrack track;
+    track.session_id = "s";
+    track.camera = camera.description;
+    track.observations = camera.observations;
+    input.tracks.push_back(std::move(track));
+  }
+  return input;
+}
+
+uint32_t Refused(const CalibrationResult& result, const std::string& camera,
+                 const std::string& reason) {
+  for (const Refusal& refusal : result.refused) {
+    if (refusal.camera == camera && refusal.reason == reason) return refusal.count;
+  }
+  return 0;
+}
+
+TEST(RecordedRig, WithoutTimeOffsetsEveryCameraKeepsItsMarkers) {
+  RIGCAL_REQUIRE_RECORDED_DATA(folder);
+  CalibrationOptions options;
+  options.time_offsets = Estimate::kFixed;
+  options.intrinsics = Estimate::kFixed;
+  const CalibrationOutcome outcome = Calibrate(Recording(folder), options);
+  ASSERT_THAT(outcome.result, IsOk());
+  const CalibrationResult& result = *outcome.result;
+  EXPECT_EQ(result.instant_count, 614u);
+  EXPECT_EQ(Refused(result, "frame_0", "clock_epoch_without_offset"), 6u);
+  double mean = 0;
+  for (const CalibratedCamera& camera : result.cameras) {
+    mean += camera.residuals.all.mean_px / 4;
+    EXPECT_LE(camera.residuals.all.mean_px, 3.0) << camera.camera;
+  }
+  EXPECT_LE(mean, 1.5);
+  // Its clock is 8 ms off, which is no reason to drop it.
+  EXPECT_LE(result.cameras[0].residuals.outlier_count, 17u);
+  EXPECT_GE(result.cameras[0].residuals.all.marker_count, 1600u);
+}
+
+TEST(RecordedRig, TimeOffsetsNameTheCameraWhoseClockIsLate) {
+  RIGCAL_REQUIRE_RECORDED_DATA(folder);
+  const CalibrationOutcome outcome = Calibrate(Recording(folder), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  const CalibrationResult& result = *outcome.result;
+  EXPECT_GE(result.instant_count, 600u);
+  EXPECT_GE(result.cameras[0].time_offset_s, -8.6e-3);
+  EXPECT_LE(result.cameras[0].time_offset_s, -7.7e-3);
+  for (size_t c = 1; c < 4; ++c) EXPECT_LE(std::abs(result.cameras[c].time_offset_s), 0.3e-3);
+}
+
+TEST(RecordedRig, PermutedDeliveryGivesTheSameBits) {
+  RIGCAL_REQUIRE_RECORDED_DATA(folder);
+  const CalibrationInput input = Recording(folder);
+  CalibrationInput permuted = input;
+  std::reverse(permuted.tracks.begin(), permuted.tracks.end());
+  std::mt19937 random(1);
+  for (CameraTrack& track : permuted.tracks) {
+    std::shuffle(track.observations.begin(), track.observations.end(), random);
+  }
+  const CalibrationOutcome a = Calibrate(input, {}), b = Calibrate(permuted, {});
+  ASSERT_THAT(a.result, IsOk());
+  ASSERT_THAT(b.result, IsOk());
+  EXPECT_EQ(a.result->observation_digest, b.result->observation_digest);
+  EXPECT_EQ(a.refused, b.refused);
+  for (size_t c = 0; c < 4; ++c) {
+    EXPECT_EQ(a.result->cameras[c].cam_from_rig.Matrix(),
+              b.result->cameras[c].cam_from_rig.Matrix());
+    EXPECT_EQ(a.result->cameras[c].time_offset_s, b.result->cameras[c].time_offset_s);
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::server

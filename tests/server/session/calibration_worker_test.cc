@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// What becomes of a calibration on the runner's own thread.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <new>
+#include <string>
+
+#include "server/session/calibration_runner.h"
+#include "tests/server/session/runner_fixture.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+class CalibrationWorker : public RunnerFixture {
+ protected:
+  void SetUp() override {
+    RunnerFixture::SetUp();
+    FinishByHand("wave", {"left"});
+  }
+  std::string Create() {
+    const auto created = runner().CreateCalibration({"wave"}, {});
+    EXPECT_THAT(created, IsOk());
+    return created.ok() ? created->id : "";
+  }
+};
+
+TEST_F(CalibrationWorker, FailingSolveSaysWhyAndWhatWasLeftOut) {
+  solver_.SetOutcome(absl::FailedPreconditionError("groups {left} and {right} share no instant"),
+                     {{.camera = "left", .reason = "alone", .count = 20, .example = ""}});
+  const Calibration ended = AwaitEnd(Create());
+  EXPECT_EQ(ended.state, CalibrationState::kFailed);
+  EXPECT_THAT(ended.error, HasSubstr("share no instant"));
+  EXPECT_FALSE(ended.result.has_value());
+  ASSERT_THAT(ended.refused, SizeIs(1));
+  EXPECT_EQ(ended.refused[0].reason, "alone");
+}
+
+TEST_F(CalibrationWorker, LateRowsAppearInTheResult) {
+  Deliver({"wave", "left", 2}, 1, 4);
+  const Calibration ended = AwaitEnd(Create());
+  ASSERT_EQ(ended.state, CalibrationState::kSucceeded);
+  ASSERT_THAT(ended.result->refused, SizeIs(1));
+  EXPECT_EQ(ended.result->refused[0].reason, "late");
+  EXPECT_EQ(ended.result->refused[0].count, 4u);
+}
+
+TEST_F(CalibrationWorker, ReadingErrorIsAFailureThatKeepsTheServerGoing) {
+  faulty().Fail("ReadObservations", absl::DataLossError("checksum of batch 3 is wrong"));
+  const Calibration ended = AwaitEnd(Create());
+  EXPECT_EQ(ended.state, CalibrationState::kFailed);
+  EXPECT_THAT(ended.error, HasSubstr("checksum of batch 3"));
+  faulty().Fail("ReadObservations", absl::OkStatus());
+  EXPECT_EQ(AwaitEnd(Create()).state, CalibrationState::kSucceeded);
+}
+
+TEST_F(CalibrationWorker, ExceptionsOfTheSolveAreFailures) {
+  solver_.SetBody([](const server::CalibrationHooks&) { throw std::bad_alloc(); });
+  const Calibration ended = AwaitEnd(Create());
+  EXPECT_EQ(ended.state, CalibrationState::kFailed);
+  EXPECT_THAT(ended.error, HasSubstr("bad_alloc"));
+}
+
+TEST_F(CalibrationWorker, AResultThatCannotBeStoredIsAFailureUntilTheNextStart) {
+  solver_.SetBody([this](const server::CalibrationHooks&) {
+    faulty().Fail("UpdateCalibration", absl::ResourceExhaustedError("disk full"));
+  });
+  const std::string id = Create();
+  const Calibration ended = AwaitEnd(id);
+  EXPECT_EQ(ended.state, CalibrationState::kFailed);
+  EXPECT_THAT(ended.error, AllOf(HasSubstr("cannot be stored"), HasSubstr("disk full")));
+  solver_.SetBody({});
+  RestartAll();
+  EXPECT_EQ(AwaitEnd(id).state, CalibrationState::kSucceeded);
+}
+
+TEST_F(CalibrationWorker, OneThatCannotBeBegunFailsWithTheReason) {
+  faulty().Fail("UpdateCalibration", absl::ResourceExhaustedError("disk full"));
+  const Calibration ended = AwaitEnd(Create());
+  EXPECT_EQ(ended.state, CalibrationState::kFailed);
+  EXPECT_THAT(ended.error, HasSubstr("disk full"));
+}
+
+TEST_F(CalibrationWorker, ProgressIsShownButNotWritten) {
+  std::atomic<int> writes_before = 0;
+  std::atomic<int> writes_after = 0;
+  std::string id;
+  std::atomic<bool> seen = false;
+  solver_.SetBody([&](const server::CalibrationHooks& hooks) {
+    writes_before = faulty().CallCount("UpdateCalibration");
+    for (int i = 0; i <= 1000; ++i) hooks.progress("bundle adjustment", i / 1000.0);
+    hooks.progress("residuals", 0.75);
+    writes_after = faulty().CallCount("UpdateCalibration");
+    const auto calibrations = runner().ListCalibrations("", 1, "");
+    seen = calibrations.ok() && calibrations->at(0).state == CalibrationState::kRunning &&
+           calibrations->at(0).progress_stage == "residuals" &&
+           calibrations->at(0).progress_fraction == 0.75;
+  });
+  const Calibration ended = AwaitEnd(Create());
+  EXPECT_EQ(ended.state, CalibrationState::kSucceeded);
+  EXPECT_TRUE(seen);
+  EXPECT_EQ(writes_before, writes_after);
+  EXPECT_EQ(ended.progress_fraction, 1);
+}
+
+TEST_F(CalibrationWorker, ShutdownEndsWatches) {
+  solver_.Hold();
+  const std::string id = Create();
+  ASSERT_OK_AND_ASSIGN(const auto watch, runner().WatchCalibration(id));
+  solver_.AwaitBegun(1);
+  runner().Shutdown();
+  EXPECT_EQ(watch->Wait(std::chrono::seconds(60)), server::ChangeNotifier::Event::kShutdown);
+}
+
+}  // namespace
+}  // namespace rigcal::testing

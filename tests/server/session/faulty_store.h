@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "server/store/store.h"
+
+namespace rigcal::testing {
+
+// A store in front of another one; calls fail as a test asks for. Thread-safe.
+class FaultyStore : public server::Store {
+ public:
+  explicit FaultyStore(server::Store* store) : store_(*store) {}
+
+  // From now on `method` ("UpdateSession") returns `status`; OK: works again.
+  void Fail(const std::string& method, absl::Status status) {
+    std::lock_guard lock(mutex_);
+    faults_[method] = std::move(status);
+  }
+  // `hook` runs at the beginning of every call of `method`.
+  void OnCall(const std::string& method, std::function<void()> hook) {
+    std::lock_guard lock(mutex_);
+    hooks_[method] = std::move(hook);
+  }
+  int CallCount(const std::string& method) const {
+    std::lock_guard lock(mutex_);
+    const auto count = counts_.find(method);
+    return count == counts_.end() ? 0 : count->second;
+  }
+
+  std::string server_id() const override { return store_.server_id(); }
+  server::StoreHealth Health() const override { return store_.Health(); }
+
+  absl::StatusOr<Session> CreateSession(Session session) override {
+    if (absl::Status status = Enter("CreateSession"); !status.ok()) return status;
+    return store_.CreateSession(std::move(session));
+  }
+  absl::Status UpdateSession(const Session& session) override {
+    if (absl::Status status = Enter("UpdateSession"); !status.ok()) return status;
+    return store_.UpdateSession(session);
+  }
+  absl::StatusOr<Session> GetSession(std::string_view id) const override {
+    if (absl::Status status = Enter("GetSession"); !status.ok()) return status;
+    return store_.GetSession(id);
+  }
+  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
+                                                    std::string_view before) const override {
+    if (absl::Status status = Enter("ListSessions"); !status.ok()) return status;
+    return store_.ListSessions(rig, limit, before);
+  }
+  absl::StatusOr<uint32_t> CountSessions() const override { return store_.CountSessions(); }
+  absl::Status DeleteSession(std::string_view id) override {
+    if (absl::Status status = Enter("DeleteSession"); !status.ok()) return status;
+    return store_.DeleteSession(id);
+  }
+  absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
+      std::string_view id) const override {
+    if (absl::Status status = Enter("GetSessionCounts"); !status.ok()) return status;
+    return store_.GetSessionCounts(id);
+  }
+  absl::StatusOr<std::vector<server::AppendOutcome>> Append(
+      absl::Span<const server::AppendRequest> requests) override {
+    if (absl::Status status = Enter("Append"); !status.ok()) return status;
+    return store_.Append(requests);
+  }
+  absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const override {
+    if (absl::Status status = Enter("GetStream"); !status.ok()) return status;
+    return store_.GetStream(stream);
+  }
+  absl::Status ReadObservations(
+      std::string_view session_id, std::string_view camera,
+      const std::function<absl::Status(server::StoredBatch)>& visit) const override {
+    if (absl::Status status = Enter("ReadObservations"); !status.ok()) return status;
+    return store_.ReadObservations(session_id, camera, visit);
+  }
+  absl::StatusOr<Calibration> CreateCalibration(Calibration calibration) override {
+    if (absl::Status status = Enter("CreateCalibration"); !status.ok()) return status;
+    return store_.CreateCalibration(std::move(calibration));
+  }
+  absl::Status UpdateCalibration(const Calibration& calibration) override {
+    if (absl::Status status = Enter("UpdateCalibration"); !status.ok()) return status;
+    return store_.UpdateCalibration(calibration);
+  }
+  absl::StatusOr<Calibration> GetCalibration(std::string_view id) const override {
+    if (absl::Status status = Enter("GetCalibration"); !status.ok()) return status;
+    return store_.GetCalibration(id);
+  }
+  absl::StatusOr<std::vector<Calibration>> ListCalibrations(
+      std::string_view rig, int limit, std::string_view before) const override {
+    if (absl::Status status = Enter("ListCalibrations"); !status.ok()) return status;
+    return store_.ListCalibrations(rig, limit, before);
+  }
+
+ private:
+  absl::Status Enter(const std::string& method) const {
+    std::function<void()> hook;
+    absl::Status status;
+    {
+      std::lock_guard lock(mutex_);
+      ++counts_[method];
+      if (const auto found = hooks_.find(method); found != hooks_.end()) hook = found->second;
+      if (const auto found = faults_.find(method); found != faults_.end()) status = found->second;
+    }
+    if (hook) hook();
+    return status;
+  }
+
+  server::Store& store_;
+  mutable std::mutex mutex_;
+  std::map<std::string, absl::Status> faults_;
+  std::map<std::string, std::function<void()>> hooks_;
+  mutable std::map<std::string, int> counts_;
+};
+
+}  // namespace rigcal::testing

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "server/session/agent_link.h"
+
+namespace rigcal::testing {
+
+// Remembers what an agent was told, one line each: "start s-1 left/1=12 right/1=0", "stop s-1",
+// "close ABORTED: ...". Thread-safe.
+class RecordingLink : public server::AgentLink {
+ public:
+  void SendStartCapture(const server::StartCaptureCommand& command) override;
+  void SendStopCapture(const std::string& session_id) override;
+  void Close(const absl::Status& reason) override;
+
+  std::vector<std::string> Lines() const;
+  // OK: not closed.
+  absl::Status closed() const;
+
+ private:
+  void Add(std::string line);
+
+  mutable std::mutex mutex_;
+  std::vector<std::string> lines_;
+  absl::Status closed_;
+};
+
+}  // namespace rigcal::testing

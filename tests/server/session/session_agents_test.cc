@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+// What agents are told, and when.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/session/session_coordinator.h"
+#include "tests/server/session/session_fixture.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::testing {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+class SessionAgents : public SessionFixture {
+ protected:
+  // "wave" with one agent each for left and right, capturing.
+  void StartWave() {
+    left_ = Connect(MakeAgent("pc-left", {"left"}));
+    right_ = Connect(MakeAgent("pc-right", {"right"}));
+    ASSERT_THAT(coordinator().CreateSession(NewSession("wave")), IsOk());
+    ASSERT_THAT(coordinator().StartSession("wave"), IsOk());
+    coordinator().WaitIdle();
+  }
+
+  ConnectedAgent left_;
+  ConnectedAgent right_;
+};
+
+TEST_F(SessionAgents, AreToldToStartAndToStopInOrder) {
+  StartWave();
+  ASSERT_THAT(coordinator().StopSession("wave", 60), IsOk());
+  coordinator().WaitIdle();
+  EXPECT_THAT(left_.link->Lines(), ElementsAre("start wave left/1=0", "stop wave"));
+  EXPECT_THAT(right_.link->Lines(), ElementsAre("start wave right/1=0", "stop wave"));
+}
+
+TEST_F(SessionAgents, HearNothingOfSessionsOfOtherCamerasAndRigs) {
+  server::AgentRecord elsewhere = MakeAgent("pc-other", {"left"});
+  elsewhere.rig = "other";
+  const auto other = Connect(std::move(elsewhere));
+  StartWave();
+  const auto late = Connect(MakeAgent("pc-top", {"top"}));
+  ASSERT_THAT(coordinator().StopSession("wave", 60), IsOk());
+  coordinator().WaitIdle();
+  EXPECT_THAT(other.link->Lines(), IsEmpty());
+  EXPECT_THAT(late.link->Lines(), IsEmpty());
+}
+
+TEST_F(SessionAgents, OneAgentGetsOneCommandForAllItsCameras) {
+  const auto agent = Connect(MakeAgent("pc", {"right", "left"}));
+  ASSERT_THAT(coordinator().CreateSession(NewSession("wave")), IsOk());
+  ASSERT_THAT(coordinator().StartSession("wave"), IsOk());
+  coordinator().WaitIdle();
+  EXPECT_THAT(agent.link->Lines(), ElementsAre("start wave left/1=0 right/1=0"));
+}
+
+TEST_F(SessionAgents, GoOnFromTheDurablePositionWhenTheyComeBack) {
+  StartWave();
+  Deliver({"wave", "left", 1}, 1, 25);
+  const auto back = Connect(MakeAgent("pc-left", {"left"}, 1, 2), {{"wave", "left", 1}});
+  coordinator().WaitIdle();
+  EXPECT_THAT(left_.link->closed(), StatusIs(absl::StatusCode::kAborted, HasSubstr("pc-left")));
+  EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=25"));
+  ASSERT_THAT(back.positions, SizeIs(1));
+  EXPECT_EQ(back.positions[0].durable_seq, 25u);
+  EXPECT_EQ(back.positions[0].send_limit_seq, 25u + options_.send_window);
+  EXPECT_FALSE(back.positions[0].unknown);
+}
+
+TEST_F(SessionAgents, GoOnAfterTheServerRestarted) {
+  StartWave();
+  Deliver({"wave", "left", 1}, 1, 25);
+  Restart();
+  const auto back = Connect(MakeAgent("pc-left", {"left"}, 1, 2));
+  coordinator().WaitIdle();
+  EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=25"));
+}
+
+TEST_F(SessionAgents, ANewLifeOfTheSpoolBeginsAtItsOwnPosition) {
+  StartWave();
+  Deliver({"wave", "left", 1}, 1, 25);
+  server::AgentRecord restarted = MakeAgent("pc-left", {"left"}, 2, 1);
+  restarted.cameras[0].stream_epoch = 2;
+  const auto back = Connect(std::move(restarted));
+  coordinator().WaitIdle();
+  EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/2=0"));
+}
+
+TEST_F(SessionAgents, WhileDrainingAreToldToStartAndAtOnceToStop) {
+  StartWave();
+  Deliver({"wave", "left", 1}, 1, 25);
+  ASSERT_THAT(coordinator().StopSession("wave", 60), IsOk());
+  const auto back = Connect(MakeAgent("pc-left", {"left"}, 1, 2));
+  coordinator().WaitIdle();
+  EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=25", "stop wave"));
+}
+
+TEST_F(SessionAgents, ACameraThatHasEndedDoesNotBeginAgain) {
+  StartWave();
+  Deliver({"wave", "left", 1}, 1, 25);
+  DeliverEnd({"wave", "left", 1}, 25);
+  server::AgentRecord restarted = MakeAgent("pc-left", {"left"}, 2, 1);
+  restarted.cameras[0].stream_epoch = 2;
+  const auto back = Connect(std::move(restarted));
+  coordinator().WaitIdle();
+  EXPECT_THAT(back.link->Lines(), IsEmpty());
+}
+
+TEST_F(SessionAgents, AnotherAgentDoesNotTakeARunningCameraOver) {
+  StartWave();
+  Deliver({"wave", "left", 1}, 1, 25);
+  coordinator().DisconnectAgent(left_.registration);
+  // Its stream epoch counts from 1 as well; going on in the stream of the other would mix the two.
+  const auto other = Connect(MakeAgent("pc-new", {"left"}), {{"wave", "left", 1}});
+  coordinator().WaitIdle();
+  EXPECT_THAT(other.link->Lines(), IsEmpty());
+  EXPECT_TRUE(other.positions[0].unknown);
+  EXPECT_THAT(coordinator().CheckDelivery({"wave", "left", 1}, "pc-new", "rig"),
+              StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("pc-left")));
+}
+
+TEST_F(SessionAgents, PendingStreamsThatNobodyKnowsAreSaidToBeUnknown) {
+  StartWave();
+  FinishByHand("gone", {"left"});
+  ASSERT_THAT(coordinator().DeleteSession("gone"), IsOk());
+  const auto back =
+      Connect(MakeAgent("pc-left", {"left"}, 1, 2),
+              {{"gone", "left", 1}, {"wave", "left", 1}, {"wave", "right", 1}, {"wave", "top", 1}});
+  ASSERT_THAT(back.positions, SizeIs(4));
+  EXPECT_TRUE(back.positions[0].unknown);
+  EXPECT_FALSE(back.positions[1].unknown);
+  EXPECT_TRUE(back.positions[2].unknown) << "announced by another agent";
+  EXPECT_TRUE(back.positions[3].unknown) << "not in the session";
+  EXPECT_EQ(back.positions[3].stream.camera, "top");
+}
+
+TEST_F(SessionAgents, AStoreThatCannotBeReadRefusesTheAgentWhole) {
+  StartWave();
+  faulty().Fail("GetSessionCounts", absl::DataLossError("checksum"));
+  const auto link = std::make_shared<RecordingLink>();
+  EXPECT_THAT(coordinator().ConnectAgent(MakeAgent("pc-left", {"left"}, 1, 2), {}, link),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("checksum")));
+  EXPECT_THAT(directory_of_agents_->ConnectedCameraNames("rig"), ElementsAre("right"));
+  faulty().Fail("GetSessionCounts", absl::OkStatus());
+  const auto back = Connect(MakeAgent("pc-left", {"left"}, 1, 3));
+  coordinator().WaitIdle();
+  EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=0"));
+}
+
+TEST_F(SessionAgents, ComingAndGoingWakesWatchers) {
+  StartWave();
+  ASSERT_OK_AND_ASSIGN(const auto watch, coordinator().WatchSession("wave"));
+  watch->Wait(std::chrono::seconds(0));
+  coordinator().DisconnectAgent(left_.registration);
+  EXPECT_EQ(watch->Wait(std::chrono::seconds(60)), server::ChangeNotifier::Event::kChanged);
+  ASSERT_OK_AND_ASSIGN(const server::SessionView view, coordinator().GetSession("wave"));
+  EXPECT_THAT(view.connected_cameras, ElementsAre("right"));
+}
+
+}  // namespace
+}  // namespace rigcal::testing

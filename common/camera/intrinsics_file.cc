@@ -16,14 +16,13 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/camera/single_yaml_document.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
 
 constexpr size_t kMaxFileBytes = 256 * 1024;
-// OpenCV's parser recurses once per level and has no limit of its own.
-constexpr int kMaxNesting = 32;
 
 absl::StatusOr<std::string> ReadText(const std::string& path) {
   std::error_code error;
@@ -47,36 +46,8 @@ absl::StatusOr<std::string> ReadText(const std::string& path) {
                                                  "calibration of a camera"));
 }
 
-// Refuses what OpenCV's parser is not known to survive: bytes that are not text, and deep nesting.
-absl::Status CheckText(const std::string& path, const std::string& text) {
-  if (text.find_first_not_of(" \t\r\n") == std::string::npos) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
-  }
-  int line = 1;
-  int depth = 0;
-  int dashes = 0;  // "- - - -" nests as well
-  for (const char c : text) {
-    const unsigned char byte = static_cast<unsigned char>(c);
-    if ((byte < 0x20 && c != '\n' && c != '\r' && c != '\t') || byte == 0x7f) {
-      return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": byte 0x",
-                                                     absl::Hex(byte),
-                                                     " is not text; is this a YAML file?"));
-    }
-    if (c == '[' || c == '{') ++depth;
-    if ((c == ']' || c == '}') && depth > 0) --depth;
-    if (c == '-') ++dashes;
-    if (c != '-' && c != ' ') dashes = 0;
-    if (depth > kMaxNesting || dashes > kMaxNesting) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(path, ", line ", line, ": nested more than ", kMaxNesting, " deep"));
-    }
-    if (c == '\n') ++line;
-  }
-  if (!absl::StartsWith(text, "%YAML")) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        path, ", line 1: does not begin with %YAML:1.0, as OpenCV's calibration files do"));
-  }
-  return absl::OkStatus();
+absl::Status LineError(const std::string& path, int line, const std::string& why) {
+  return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
 }
 
 // Reads fields by name, and names file, line and field in every error.
@@ -257,7 +228,7 @@ absl::Status ParseError(const std::string& path, const cv::Exception& exception)
     const std::vector<std::string> parts = absl::StrSplit(text, absl::MaxSplits("): ", 1));
     if (parts.size() == 2 && absl::StartsWith(parts[0], "(") &&
         absl::SimpleAtoi(parts[0].substr(1), &line)) {
-      return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", parts[1]));
+      return LineError(path, line, parts[1]);
     }
   }
   return absl::InvalidArgumentError(
@@ -267,8 +238,8 @@ absl::Status ParseError(const std::string& path, const cv::Exception& exception)
 }  // namespace
 
 absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::string text, ReadText(path));
-  RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
+  RIGCAL_ASSIGN_OR_RETURN(const std::string content, ReadText(path));
+  RIGCAL_ASSIGN_OR_RETURN(const std::string text, SingleDocument(path, content));
   try {
     const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
     const cv::FileNode root = storage.isOpened() ? storage.root() : cv::FileNode();

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/camera/intrinsics.h"
+#include "common/geometry/rigid_transform.h"
+#include "common/simulation/simulated_world.h"
+
+namespace rigcal::accuracy {
+
+// Everything that decides how well a rig can be known from what its cameras saw of a line target,
+// at the truth.
+struct TrueCamera {
+  RigidTransform cam_from_rig;
+  Intrinsics intrinsics;
+};
+struct SeenMarker {
+  int camera = 0;
+  int marker = 0;
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
+};
+struct TrueInstant {
+  WandPose wand;
+  // How fast the wand's marker 0 and its direction move; for time offsets.
+  Eigen::Vector3d origin_velocity_m_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d direction_velocity_rad_s = Eigen::Vector3d::Zero();
+  std::vector<SeenMarker> markers;
+};
+struct TrueRig {
+  std::vector<TrueCamera> cameras;
+  std::vector<double> marker_positions_m;
+  std::vector<TrueInstant> instants;
+  int reference_camera = 0;  // its pose is known and its clock is the time
+};
+
+// What is estimated besides the poses of the cameras and of the target in every instant, and what
+// is known of it beforehand (one sigma; must be positive).
+struct InformationOptions {
+  bool marker_positions = false;
+  double span_sigma_m = 0.002;
+  bool time_offsets = false;         // of every camera but the reference, nothing known beforehand
+  bool intrinsics = false;           // of every camera
+  Eigen::VectorXd intrinsics_sigma;  // fx fy cx cy and the coefficients
+};
+
+// The Cramer-Rao bound: the inverse of the Fisher information of Gaussian centres, with the
+// instants' five degrees of freedom eliminated. What fewer than two cameras saw takes no part.
+// With priors it is the bound for an average over truths drawn from them.
+struct RigBound {
+  // Of the parameters in this order: per camera but the reference three of its rotation (vector in
+  // the camera frame) and three of its centre (rig frame, metres); the positions of markers 1, 2,
+  // ...; per camera but the reference its time offset; per camera its intrinsics.
+  Eigen::MatrixXd covariance;
+  int reference_camera = 0;
+  int camera_count = 0;
+  int first_marker_position = 0;  // index of the first of each group; of use if it is estimated
+  int first_time_offset = 0;
+  int first_intrinsics = 0;
+
+  // Index of the first of a camera's values; -1 for the reference.
+  int PoseIndex(int camera) const;
+  int TimeOffsetIndex(int camera) const;
+  Eigen::Matrix3d PositionCovariance(int camera) const {
+    return covariance.block<3, 3>(PoseIndex(camera) + 3, PoseIndex(camera) + 3);
+  }
+};
+
+// FAILED_PRECONDITION: the observations do not determine the parameters, or a marker is not before
+// its camera.
+absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOptions& options);
+
+// The true rig behind the frames of cameras that run together (equal rates, no free running, no
+// reversed labels): what was visible and is no outlier. Poses in the rig frame of `reference`.
+TrueRig MakeTrueRig(const SimulatedWorld& world, int reference);
+
+}  // namespace rigcal::accuracy

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "common/calibration/calibration.h"
+#include "common/simulation/simulated_world.h"
+#include "server/solve/calibrate.h"
+
+namespace rigcal::accuracy {
+
+// What the agents of a simulated world would have delivered, row i of a camera being its frame i.
+server::CalibrationInput MakeInput(const SimulatedWorld& world);
+
+// Of one frame of one camera.
+struct FrameTruth {
+  std::vector<bool> is_outlier;  // by marker, as labelled in the row
+  bool reversed = false;         // the row's labels are
+};
+// By camera and frame.
+std::vector<std::vector<FrameTruth>> MakeFrameTruth(const SimulatedWorld& world);
+
+// Index of the world's camera of this name; -1 for none.
+int CameraIndex(const SimulatedWorld& world, const std::string& name);
+
+// Error of one camera's pose in the gauge of CameraUncertainty: the reference camera's pose is the
+// rig frame.
+struct PoseError {
+  Eigen::Vector3d rotation_rad;  // estimated rotation = exp(rotation_rad) * true one
+  Eigen::Vector3d position_m;    // of the camera's centre, in the rig frame
+};
+PoseError ErrorOf(const RigidTransform& estimated_cam_from_rig,
+                  const RigidTransform& true_cam_from_rig);
+
+// The pose that a perfect calibration would give: cam_from_rig with the rig frame of `reference`.
+RigidTransform TruePose(const SimulatedWorld& world, int camera, int reference);
+
+}  // namespace rigcal::accuracy

@@ -29,6 +29,7 @@ server::CalibrationOutcome ScriptedSolver::Solve(const server::CalibrationInput&
   if (result_.ok()) {
     CalibrationResult result = *result_;
     result.refused = input.refused;
+    result.target.given = input.target;
     return {std::move(result), input.refused};
   }
   return {result_, refused_};

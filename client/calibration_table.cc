@@ -71,7 +71,11 @@ std::string FormatPoses(const v1::Calibration& calibration) {
                    Number("z", orientation),
                    Number("offset (ms)", "time"),
                    Number("rate (ppm)", "time")});
-  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+  const auto& cameras = calibration.cameras();
+  const bool all_estimated = std::all_of(cameras.begin(), cameras.end(), [](const auto& camera) {
+    return camera.time_offset_estimated();
+  });
+  for (const v1::CalibratedCamera& camera : cameras) {
     std::vector<std::string> cells = {camera.camera()};
     const absl::StatusOr<RigidTransform> cam_from_rig = wire::FromProto(camera.cam_from_rig());
     if (cam_from_rig.ok()) {
@@ -86,15 +90,13 @@ std::string FormatPoses(const v1::Calibration& calibration) {
     } else {
       cells.insert(cells.end(), 6, "-");
     }
-    const std::string mark = camera.time_offset_estimated() ? "" : "*";
+    const char* mark = all_estimated ? "" : camera.time_offset_estimated() ? " " : "*";
     cells.push_back(FormatFixed(camera.time_offset_s() * kMsPerS, 3) + mark);
-    cells.push_back(FormatFixed(camera.time_rate_ppm(), 2) + mark);
+    cells.push_back(FormatFixed(camera.time_rate_ppm(), 2));
     table.AddRow(std::move(cells));
   }
   std::string text = table.Format(2);
-  const auto& cameras = calibration.cameras();
-  if (std::any_of(cameras.begin(), cameras.end(),
-                  [](const auto& camera) { return !camera.time_offset_estimated(); })) {
+  if (!all_estimated) {
     text += "  * as aligned beforehand, not estimated from the images\n";
   }
   return text;
@@ -135,7 +137,7 @@ std::string FormatJudgement(const v1::Calibration& calibration) {
     }
     table.AddRow(std::move(cells));
   }
-  return absl::StrCat("\nUncertainty, with ", calibration.reference_camera(),
+  return absl::StrCat("\nUncertainty, with ", Printable(calibration.reference_camera()),
                       " held fixed; errors on observations and by cameras that were not used\n",
                       table.Format(2));
 }
@@ -149,15 +151,13 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
   }
   absl::StrAppend(&text, FormatFixed(target.length_error_rms_m() * kMmPerM, 3), " mm rms");
   if (count > 0) absl::StrAppend(&text, " over ", FormatCount(count, "span", "spans"));
-  std::vector<std::string> spans;
-  for (const v1::SpanError& span : target.spans()) {
-    spans.push_back(absl::StrCat(FormatFixed(span.length_m() * kMmPerM, 1),
-                                 " mm: ", FormatFixed(span.error_rms_m() * kMmPerM, 3),
-                                 " mm rms, mean ", span.mean_error_m() > 0 ? "+" : "",
-                                 FormatFixed(span.mean_error_m() * kMmPerM, 3)));
-  }
-  if (!spans.empty()) absl::StrAppend(&text, " (", absl::StrJoin(spans, "; "), ")");
   text += "\n";
+  for (const v1::SpanError& span : target.spans()) {
+    absl::StrAppend(&text, "  span of ", FormatFixed(span.length_m() * kMmPerM, 1),
+                    " mm: ", FormatFixed(span.error_rms_m() * kMmPerM, 3), " mm rms, mean ",
+                    span.mean_error_m() > 0 ? "+" : "",
+                    FormatFixed(span.mean_error_m() * kMmPerM, 3), " mm\n");
+  }
   if (target.marker_positions_estimated()) {
     absl::StrAppend(&text, "marker positions   ",
                     absl::StrJoin(target.marker_positions_m(), ", ",

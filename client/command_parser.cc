@@ -143,6 +143,10 @@ ExitCode CommandParser::Run(const std::vector<std::string>& arguments) {
   } catch (const CLI::Success& help) {
     app_.exit(help, console_.out, console_.err);
     return ExitCode::kOk;
+  } catch (const CLI::RequiredError& error) {
+    // It complains of the missing before the unknown, which is mostly why it is missing.
+    const std::vector<std::string> unknown = app_.remaining(/*recurse=*/true);
+    return Usage(unknown.empty() ? error.what() : absl::StrCat("'", unknown[0], "' is not known"));
   } catch (const CLI::ParseError& error) {
     return Usage(error.what());
   }

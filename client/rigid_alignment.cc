@@ -2,6 +2,7 @@
 #include "client/rigid_alignment.h"
 
 #include <Eigen/SVD>
+#include <algorithm>
 
 #include "client/quantities.h"
 
@@ -9,6 +10,8 @@ namespace rigcal::client {
 namespace {
 
 constexpr double kOrientationWeight = 1e-6;
+// Below a micrometre centres are one place, apart only by rounding.
+constexpr double kMinSpreadM2 = 1e-12;
 
 Eigen::Vector3d Centre(const RigidTransform& cam_from_frame) {
   return cam_from_frame.SourceFromTargetTranslation();
@@ -46,7 +49,7 @@ absl::StatusOr<RigidTransform> AlignRigidly(const std::vector<PosePair>& cameras
         (camera.cam_from_b.rotation.conjugate() * camera.cam_from_a.rotation).toRotationMatrix();
     spread_m2 += a.squaredNorm() / count;
   }
-  correlation += (spread_m2 > 0 ? kOrientationWeight * spread_m2 : 1.0) * orientation;
+  correlation += kOrientationWeight * std::max(spread_m2, kMinSpreadM2) * orientation;
 
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(correlation,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);

@@ -16,16 +16,19 @@ namespace {
 
 // A calibration of a large rig, or a session with thousands of refusals.
 constexpr int kMaxMessageBytes = 64 << 20;
-constexpr int kFirstReconnectMs = 100;
-constexpr int kLastReconnectMs = 1000;
+// How long one attempt may take, and the pause before the next.
+constexpr int kConnectMs = 10'000;
+constexpr int kFirstPauseMs = 100;
+constexpr int kLastPauseMs = 1000;
 
 std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kFirstReconnectMs);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLastReconnectMs);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstPauseMs);
+  // In spite of its name: the least time given to an attempt.
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLastPauseMs);
   return grpc::CreateCustomChannel("dns:///" + address, grpc::InsecureChannelCredentials(),
                                    arguments);
 }

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/client/fake_server.h"
+
+#include <grpcpp/ext/health_check_service_server_builder_option.h>
+#include <grpcpp/health_check_service_interface.h>
+
+#include <stdexcept>
+#include <utility>
+
+namespace rigcal::testing {
+namespace {
+
+grpc::Status NotFound(const std::string& what, const std::string& id) {
+  return grpc::Status(grpc::StatusCode::NOT_FOUND, "there is no " + what + " " + id);
+}
+
+// The page that begins at `token`, as [begin, end), and the token of the next one.
+template <typename Request>
+std::pair<size_t, size_t> Page(const Request& request, int page_size, size_t count,
+                               std::string* next) {
+  const size_t begin = request.page_token().empty() ? 0 : std::stoul(request.page_token());
+  const size_t size = page_size > 0 ? static_cast<size_t>(page_size) : request.page_size();
+  const size_t end = std::min(count, begin + size);
+  if (end < count) *next = std::to_string(end);
+  return {begin, end};
+}
+
+}  // namespace
+
+class FakeServer::Sessions : public v1::SessionService::Service {
+ public:
+  explicit Sessions(FakeServer& fake) : fake_(fake) {}
+
+  grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest* request,
+                             v1::Session* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (auto failure = fake_.FailureOf("CreateSession"); !failure.ok()) return failure;
+    fake_.created_session = *request;
+    response->set_id(request->id().empty() ? "made" : request->id());
+    response->set_rig(request->rig());
+    response->set_title(request->title());
+    response->set_state(v1::Session::CREATED);
+    *response->mutable_target() = request->target();
+    fake_.sessions[response->id()] = *response;
+    return grpc::Status::OK;
+  }
+  grpc::Status StartSession(grpc::ServerContext*, const v1::StartSessionRequest* request,
+                            v1::Session* response) override {
+    return Change("StartSession", request->id(), v1::Session::CAPTURING, response);
+  }
+  grpc::Status StopSession(grpc::ServerContext*, const v1::StopSessionRequest* request,
+                           v1::Session* response) override {
+    {
+      const std::lock_guard lock(fake_.mutex);
+      fake_.stopped_session = *request;
+    }
+    return Change("StopSession", request->id(), v1::Session::DRAINING, response);
+  }
+  grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
+                          v1::Session* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (auto failure = fake_.FailureOf("GetSession"); !failure.ok()) return failure;
+    const auto found = fake_.sessions.find(request->id());
+    if (found == fake_.sessions.end()) return NotFound("session", request->id());
+    if (fake_.on_get_session) fake_.on_get_session(found->second);
+    *response = found->second;
+    return grpc::Status::OK;
+  }
+  grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
+                            v1::ListSessionsResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (auto failure = fake_.FailureOf("ListSessions"); !failure.ok()) return failure;
+    std::vector<v1::Session> all;
+    for (const auto& [id, session] : fake_.sessions) {
+      if (request->rig().empty() || session.rig() == request->rig()) all.push_back(session);
+    }
+    const auto [begin, end] =
+        Page(*request, fake_.page_size, all.size(), response->mutable_next_page_token());
+    for (size_t i = begin; i < end; ++i) *response->add_sessions() = all[i];
+    return grpc::Status::OK;
+  }
+  grpc::Status DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
+                             v1::DeleteSessionResponse*) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (fake_.sessions.erase(request->id()) == 0) return NotFound("session", request->id());
+    return grpc::Status::OK;
+  }
+  grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest* request,
+                            grpc::ServerWriter<v1::Session>* writer) override {
+    Watch watch;
+    {
+      const std::lock_guard lock(fake_.mutex);
+      if (fake_.watches.empty()) return NotFound("session", request->id());
+      watch = std::move(fake_.watches.front());
+      fake_.watches.pop_front();
+    }
+    for (const v1::Session& message : watch.messages) writer->Write(message);
+    return watch.end;
+  }
+  grpc::Status ReadObservations(grpc::ServerContext*, const v1::ReadObservationsRequest* request,
+                                grpc::ServerWriter<v1::ObservationBatch>* writer) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.read_observations = *request;
+    for (const v1::ObservationBatch& batch : fake_.observations) writer->Write(batch);
+    return fake_.FailureOf("ReadObservations");
+  }
+
+ private:
+  grpc::Status Change(const std::string& method, const std::string& id, v1::Session::State state,
+                      v1::Session* response) {
+    const std::lock_guard lock(fake_.mutex);
+    if (auto failure = fake_.FailureOf(method); !failure.ok()) return failure;
+    const auto found = fake_.sessions.find(id);
+    if (found == fake_.sessions.end()) return NotFound("session", id);
+    found->second.set_state(state);
+    *response = found->second;
+    return grpc::Status::OK;
+  }
+
+  FakeServer& fake_;
+};
+
+class FakeServer::Calibrations : public v1::CalibrationService::Service {
+ public:
+  explicit Calibrations(FakeServer& fake) : fake_(fake) {}
+
+  grpc::Status CreateCalibration(grpc::ServerContext*, const v1::CreateCalibrationRequest* request,
+                                 v1::Calibration* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (auto failure = fake_.FailureOf("CreateCalibration"); !failure.ok()) return failure;
+    fake_.created_calibration = *request;
+    response->set_id("cal-new");
+    response->set_state(v1::Calibration::QUEUED);
+    *response->mutable_session_ids() = request->session_ids();
+    // What it will become, where a test has said so.
+    fake_.calibrations.try_emplace(response->id(), *response);
+    return grpc::Status::OK;
+  }
+  grpc::Status GetCalibration(grpc::ServerContext*, const v1::GetCalibrationRequest* request,
+                              v1::Calibration* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (auto failure = fake_.FailureOf("GetCalibration"); !failure.ok()) return failure;
+    const auto found = fake_.calibrations.find(request->id());
+    if (found == fake_.calibrations.end()) return NotFound("calibration", request->id());
+    if (fake_.on_get_calibration) fake_.on_get_calibration(found->second);
+    *response = found->second;
+    return grpc::Status::OK;
+  }
+  grpc::Status ListCalibrations(grpc::ServerContext*, const v1::ListCalibrationsRequest* request,
+                                v1::ListCalibrationsResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    std::vector<v1::Calibration> all;
+    for (const auto& [id, calibration] : fake_.calibrations) all.push_back(calibration);
+    const auto [begin, end] =
+        Page(*request, fake_.page_size, all.size(), response->mutable_next_page_token());
+    for (size_t i = begin; i < end; ++i) *response->add_calibrations() = all[i];
+    return grpc::Status::OK;
+  }
+  grpc::Status CancelCalibration(grpc::ServerContext*, const v1::CancelCalibrationRequest* request,
+                                 v1::Calibration* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    const auto found = fake_.calibrations.find(request->id());
+    if (found == fake_.calibrations.end()) return NotFound("calibration", request->id());
+    found->second.set_state(v1::Calibration::FAILED);
+    found->second.set_error("cancelled");
+    *response = found->second;
+    return grpc::Status::OK;
+  }
+
+ private:
+  FakeServer& fake_;
+};
+
+class FakeServer::Status : public v1::StatusService::Service {
+ public:
+  explicit Status(FakeServer& fake) : fake_(fake) {}
+
+  grpc::Status GetStatus(grpc::ServerContext*, const v1::GetStatusRequest*,
+                         v1::ServerStatus* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    *response = fake_.status;
+    return fake_.FailureOf("GetStatus");
+  }
+  grpc::Status ListAgents(grpc::ServerContext*, const v1::ListAgentsRequest*,
+                          v1::ListAgentsResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    *response = fake_.agents;
+    return fake_.FailureOf("ListAgents");
+  }
+
+ private:
+  FakeServer& fake_;
+};
+
+FakeServer::FakeServer()
+    : session_service_(std::make_unique<Sessions>(*this)),
+      calibration_service_(std::make_unique<Calibrations>(*this)),
+      status_service_(std::make_unique<Status>(*this)) {
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::ServerBuilder builder;
+  builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+  builder.RegisterService(session_service_.get());
+  builder.RegisterService(calibration_service_.get());
+  builder.RegisterService(status_service_.get());
+  server_ = builder.BuildAndStart();
+  if (server_ == nullptr) throw std::runtime_error("the fake server does not start");
+  SetServing(true);
+  address_ = "127.0.0.1:" + std::to_string(port_);
+}
+
+FakeServer::~FakeServer() { server_->Shutdown(std::chrono::system_clock::now()); }
+
+void FakeServer::SetServing(bool serving) {
+  server_->GetHealthCheckService()->SetServingStatus(serving);
+}
+
+grpc::Status FakeServer::FailureOf(const std::string& method) {
+  const auto found = failures.find(method);
+  return found == failures.end() ? grpc::Status::OK : found->second;
+}
+
+}  // namespace rigcal::testing

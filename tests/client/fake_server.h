@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "rigcal/v1/calibration.grpc.pb.h"
+#include "rigcal/v1/session.grpc.pb.h"
+#include "rigcal/v1/status.grpc.pb.h"
+
+namespace rigcal::testing {
+
+// A real gRPC server in this process, on a free loopback port, that answers with what a test has
+// put into it and notes what it was asked. Sessions and calibrations that do not exist are
+// NOT_FOUND, with the id.
+class FakeServer {
+ public:
+  FakeServer();
+  ~FakeServer();
+
+  const std::string& address() const { return address_; }
+  int port() const { return port_; }
+  // Every health question is answered with it; true at the beginning.
+  void SetServing(bool serving);
+
+  // Answers of the services; held by `mutex` while a call looks at them.
+  std::mutex mutex;
+  std::map<std::string, v1::Session> sessions;
+  std::map<std::string, v1::Calibration> calibrations;
+  v1::ListAgentsResponse agents;
+  v1::ServerStatus status;
+  std::vector<v1::ObservationBatch> observations;
+  // Calls of these methods ("GetSession") end with this status.
+  std::map<std::string, grpc::Status> failures;
+  // What WatchSession sends, stream by stream; a stream ends with the status after its messages.
+  struct Watch {
+    std::vector<v1::Session> messages;
+    grpc::Status end;
+  };
+  std::deque<Watch> watches;
+  // Entries per page of a list, whatever is asked. 0: as asked.
+  int page_size = 0;
+  // Called with a session or calibration before it is returned by Get, to let it go on.
+  std::function<void(v1::Session&)> on_get_session;
+  std::function<void(v1::Calibration&)> on_get_calibration;
+
+  // What was asked last.
+  v1::CreateSessionRequest created_session;
+  v1::StopSessionRequest stopped_session;
+  v1::CreateCalibrationRequest created_calibration;
+  v1::ReadObservationsRequest read_observations;
+
+ private:
+  class Sessions;
+  class Calibrations;
+  class Status;
+  grpc::Status FailureOf(const std::string& method);
+
+  std::unique_ptr<Sessions> session_service_;
+  std::unique_ptr<Calibrations> calibration_service_;
+  std::unique_ptr<Status> status_service_;
+  std::unique_ptr<grpc::Server> server_;
+  int port_ = 0;
+  std::string address_;
+};
+
+}  // namespace rigcal::testing

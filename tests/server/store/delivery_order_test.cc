@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "server/store/sqlite_store.h"
+#include "tests/server/store/faulty_vfs.h"
 #include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
@@ -22,6 +23,7 @@ namespace {
 using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::CountsText;
 using ::rigcal::testing::EndRequest;
+using ::rigcal::testing::FaultyVfs;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
@@ -72,6 +74,7 @@ Stored Deliver(const std::vector<AppendRequest>& requests, size_t group, size_t 
   SqliteStoreOptions options;
   options.data_directory = directory.path();
   options.reserve_bytes = 0;
+  options.vfs = FaultyVfs::Get().name();  // without faults: for not waiting for the disk
   auto store = SqliteStore::Open(options);
   EXPECT_THAT(store, IsOk());
   EXPECT_THAT((*store)->CreateSession(CapturingSession({"a", "b"})), IsOk());

@@ -75,7 +75,7 @@ class Durability : public ::testing::Test {
   void SetUp() override {
     options_.data_directory = directory_.path();
     options_.reserve_bytes = 0;
-    options_.checkpoint_bytes = 256 << 10;  // often, so that some die in it
+    options_.checkpoint_bytes = 64 << 10;  // often, so that some die in it
     ASSERT_OK_AND_ASSIGN(const auto store, SqliteStore::Open(options_));
     ASSERT_THAT(store->CreateSession(CapturingSession(Cameras())), IsOk());
   }
@@ -136,7 +136,7 @@ class Durability : public ::testing::Test {
 TEST_F(Durability, LosesNothingAcknowledgedAndStoresNothingTwiceWhenKilled) {
   std::mt19937 random(20);
   for (int kill = 0; kill < kKills && !HasFailure(); ++kill) {
-    const int ack_count = 1 + static_cast<int>(random() % 300);
+    const int ack_count = 1 + static_cast<int>(random() % 90);
     const unsigned delay_us = static_cast<unsigned>(random() % 2000);
     SCOPED_TRACE(::testing::Message() << "kill " << kill << " after " << ack_count
                                       << " acknowledgements and " << delay_us << " us");

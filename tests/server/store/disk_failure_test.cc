@@ -7,6 +7,7 @@
 #include <sqlite3.h>
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -94,6 +95,26 @@ class DiskFailure : public ::testing::Test {
   SqliteStoreOptions options_;
   std::unique_ptr<SqliteStore> store_;
 };
+
+// A process that is killed leaves what it has written to the system; a power cut only what was
+// synced.
+TEST_F(DiskFailure, SyncsBeforeItAnswers) {
+  OpenNewStore();
+  const auto expect_sync = [this](const char* what, const std::function<absl::Status()>& write) {
+    const int64_t before = vfs_.sync_count();
+    EXPECT_THAT(write(), IsOk());
+    EXPECT_GT(vfs_.sync_count(), before) << what;
+  };
+  for (uint32_t batch = 0; batch < 20; ++batch) {
+    expect_sync("observations", [&] { return AppendNext(1 + 10 * batch, 10).status(); });
+  }
+  Session session = CapturingSession({"a"});
+  expect_sync("session", [&] { return store_->UpdateSession(session); });
+  Calibration calibration;
+  calibration.rig = "rig";
+  expect_sync("calibration", [&] { return store_->CreateCalibration(calibration).status(); });
+  expect_sync("deletion", [&] { return store_->DeleteSession("s-test"); });
+}
 
 TEST_F(DiskFailure, StopsWritingAfterAFailedWriteOrSyncAndKeepsWhatWasAcknowledged) {
   int failures = 0;

@@ -39,6 +39,7 @@ int Sync(sqlite3_file*, int) {
   if (const int fault = FaultyVfs::Get().NextFault(); fault != 0) {
     return FaultyVfs::Get().SyncCode(fault);
   }
+  FaultyVfs::Get().NoteSync();
   return SQLITE_OK;
 }
 int FileSize(sqlite3_file* file, sqlite3_int64* size) {

@@ -28,11 +28,13 @@ class FaultyVfs {
   void Heal();
 
   int64_t operation_count() const { return operation_count_; }
+  int64_t sync_count() const { return sync_count_; }
   // Faults that have happened since FailAt.
   int64_t fault_count() const { return fault_count_; }
 
-  // For the file functions. 0: go on.
-  int NextFault();
+  // For the file functions.
+  void NoteSync() { ++sync_count_; }
+  int NextFault();  // 0: go on
   int SyncCode(int code) const { return sync_code_ != 0 ? sync_code_.load() : code; }
   bool MayGrow() const { return growth_allowed_ == nullptr || growth_allowed_(); }
 
@@ -41,6 +43,7 @@ class FaultyVfs {
 
   std::string name_;
   std::atomic<int64_t> operation_count_ = 0;
+  std::atomic<int64_t> sync_count_ = 0;
   std::atomic<int64_t> fault_count_ = 0;
   std::atomic<int64_t> fail_at_ = 0;  // 0: never
   std::atomic<int> code_ = 0;

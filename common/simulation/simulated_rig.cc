@@ -11,6 +11,10 @@
 namespace rigcal {
 namespace {
 
+// What the clocks of one time base show when the rig time is 0: no stamp is negative, whatever
+// offset a clock is given.
+constexpr int64_t kSharedOriginNs = 10'000'000'000;
+
 constexpr uint64_t kPurpose = 0x726967;
 constexpr uint64_t kLensPurpose = 0x6c656e73;
 constexpr double kPi = 3.14159265358979323846;
@@ -128,6 +132,7 @@ std::vector<SimulatedCamera> MakeSimulatedCameras(const SimulationOptions& optio
     if (options.free_running) camera.phase_s = phase_s;
     // As if each had been switched on at another hour.
     const double hours = 2.0 * i + random.Uniform(1.0, 2.0);
+    camera.clock_origin_ns = kSharedOriginNs;
     if (options.clock_samples) {
       camera.clock_origin_ns = static_cast<int64_t>(hours * 3600 * 1e6) * 1000;
     }

@@ -22,7 +22,8 @@ struct SimulatedCamera {
   RigidTransform cam_from_rig;    // frame `rig` of the world: z up, metres
   double time_offset_s = 0;
   double time_rate_ppm = 0;
-  // Its clock shows clock_origin_ns more than the camera time of `Clock`; 0 without clock_samples.
+  // Its clock shows clock_origin_ns more than the camera time of `Clock`; 10 s for all cameras
+  // without clock_samples.
   int64_t clock_origin_ns = 0;
   double rate_hz = 0;
   double outlier_share = 0;

@@ -83,7 +83,7 @@ TEST(SimulatedRig, ClocksFollowTheOptions) {
   EXPECT_EQ(cameras[0].rate_hz, 25);
   for (const SimulatedCamera& camera : cameras) {
     EXPECT_EQ(camera.phase_s, 0);
-    EXPECT_EQ(camera.clock_origin_ns, 0);
+    EXPECT_EQ(camera.clock_origin_ns, 10'000'000'000);
     EXPECT_EQ(camera.description.clock.timebase, "sim");
     EXPECT_EQ(camera.description.clock.clock_id, camera.description.camera);
   }

@@ -263,7 +263,8 @@ TEST(SimulatedWorld, StampsFollowTheClocksFormula) {
   for (const int c : {0, 1, 2}) {
     const SimulatedCamera& camera = world.cameras()[static_cast<size_t>(c)];
     for (const int k : {0, 1, 700, 1400}) {
-      const double camera_time_s = 1e-9 * static_cast<double>(world.Observe(c, k).time_ns);
+      const double camera_time_s =
+          1e-9 * static_cast<double>(world.Observe(c, k).time_ns - camera.clock_origin_ns);
       const double rig_time_s =
           camera_time_s + camera.time_offset_s + 1e-6 * camera.time_rate_ppm * camera_time_s;
       EXPECT_NEAR(rig_time_s, world.FrameRigTime(c, k), 1e-9);

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// The line bundle against the plain reference (reference_bundle.h) and against Ceres with analytic
+// derivatives and DENSE_SCHUR, in one run, one thread:
+//
+//   OMP_THREAD_LIMIT=1 build/release/tests/bench.solve_bench [--benchmark_filter=24x1000]
+//
+// Time is that of one iteration. Counters: ms per iteration of each (ms, analytic_ms, plain_ms),
+// how many times faster the line bundle is (vs_analytic, vs_plain), iterations, setup_ms, the share
+// of an iteration that goes into each stage (in %), and how much lower than the line bundle's the
+// reference's cost is, relative (excess; must be below 1e-9). With more than 24 cameras the
+// reference is timed over three iterations and then started at the line bundle's optimum.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <string>
+
+#include "server/solve/bundle_adjuster.h"
+#include "server/solve/line_bundle.h"
+#include "tests/bench/reference_bundle.h"
+#include "tests/testing/bundle_scene.h"
+
+namespace rigcal::testing {
+namespace {
+
+using server::BundleOptions;
+using server::BundleProblem;
+using server::BundleSummary;
+using server::LineBundleTimes;
+
+constexpr int kMaxCamerasOfWholeReference = 24;
+constexpr int kTimedIterations = 3;
+
+BundleScene MakeScene(int cameras, int instants, bool everything) {
+  BundleSceneOptions options;
+  options.camera_count = cameras;
+  options.instant_count = instants;
+  options.outlier_share = 0.02;
+  options.dropout_share = 0.05;
+  options.free_spacing = true;
+  options.free_intrinsics = everything;
+  options.free_rates = everything;
+  return MakeBundleScene(options);
+}
+
+template <typename T>
+T Must(absl::StatusOr<T> result) {
+  if (!result.ok()) {
+    std::fprintf(stderr, "%s\n", result.status().ToString().c_str());
+    std::exit(1);
+  }
+  return *std::move(result);
+}
+
+double PerIteration(double seconds, const BundleSummary& summary) {
+  return seconds / std::max(1, summary.iterations);
+}
+
+struct LineRun {
+  BundleSummary summary;
+  LineBundleTimes times;
+  BundleProblem problem;
+};
+
+LineRun RunLine(const BundleOptions& options, const BundleProblem& start) {
+  LineRun run;
+  run.problem = start;
+  run.summary = Must(server::SolveLineBundle(options, &run.problem, &run.times));
+  return run;
+}
+
+void ReportLine(const LineRun& run, benchmark::State& state) {
+  const LineBundleTimes& times = run.times;
+  const double solving_s = times.total_s - times.setup_s;
+  state.SetIterationTime(PerIteration(solving_s, run.summary));
+  state.counters["ms"] = 1e3 * PerIteration(solving_s, run.summary);
+  state.counters["iterations"] = run.summary.iterations;
+  state.counters["setup_ms"] = 1e3 * times.setup_s;
+  state.counters["linearise"] = 100 * times.linearise_s / solving_s;
+  state.counters["eliminate"] = 100 * times.eliminate_s / solving_s;
+  state.counters["solve"] = 100 * times.solve_s / solving_s;
+  state.counters["step"] = 100 * times.step_s / solving_s;
+}
+
+// Of SolveBundle, which does not tell its preparation apart: from a short and a long run.
+double AnalyticPerIteration(BundleOptions options, const BundleProblem& start) {
+  double seconds[2];
+  int iterations[2];
+  for (int run = 0; run < 2; ++run) {
+    BundleProblem problem = start;
+    BundleOptions limited = options;
+    if (run == 0) limited.max_iterations = 1;
+    const auto begin = std::chrono::steady_clock::now();
+    iterations[run] = Must(server::SolveBundle(limited, &problem)).iterations;
+    seconds[run] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+  return (seconds[1] - seconds[0]) / std::max(1, iterations[1] - iterations[0]);
+}
+
+void RunAgainstReference(benchmark::State& state, bool everything) {
+  const int cameras = static_cast<int>(state.range(0));
+  const BundleScene scene = MakeScene(cameras, static_cast<int>(state.range(1)), everything);
+  const bool whole = cameras <= kMaxCamerasOfWholeReference;
+  const BundleOptions options;
+  BundleOptions timed = options;
+  if (!whole) timed.max_iterations = kTimedIterations;
+  for (auto _ : state) {
+    const LineRun run = RunLine(options, scene.start);
+    ReportLine(run, state);
+    const double line_s = PerIteration(run.times.total_s - run.times.setup_s, run.summary);
+
+    const double analytic_s = AnalyticPerIteration(timed, scene.start);
+    double plain_s = 0;
+    BundleProblem problem = scene.start;
+    BundleSummary summary = Must(SolveReferenceBundle(timed, &problem, &plain_s));
+    plain_s = PerIteration(plain_s, summary);
+    if (!whole) {
+      problem = run.problem;
+      summary = Must(SolveReferenceBundle(timed, &problem));
+    }
+    state.counters["analytic_ms"] = 1e3 * analytic_s;
+    state.counters["plain_ms"] = 1e3 * plain_s;
+    state.counters["vs_analytic"] = analytic_s / line_s;
+    state.counters["vs_plain"] = plain_s / line_s;
+    state.counters["excess"] = (run.summary.final_cost - summary.final_cost) / summary.final_cost;
+    if (!run.summary.converged) state.SkipWithError("not converged");
+  }
+}
+
+void PosesOffsetsSpacing(benchmark::State& state) { RunAgainstReference(state, false); }
+BENCHMARK(PosesOffsetsSpacing)
+    ->ArgNames({"cameras", "instants"})
+    ->Args({6, 1000})
+    ->Args({6, 5000})
+    ->Args({24, 1000})
+    ->Args({24, 5000})
+    ->Args({100, 1000})
+    ->Args({100, 5000})
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
+
+void Everything(benchmark::State& state) { RunAgainstReference(state, true); }
+BENCHMARK(Everything)
+    ->ArgNames({"cameras", "instants"})
+    ->Args({6, 1000})
+    ->Args({24, 1000})
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
+
+// Kilobytes of a field of /proc/self/status.
+double StatusKb(const std::string& field) {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  double value = 0;
+  while (status >> word) {
+    if (word == field + ":") status >> value;
+  }
+  return value;
+}
+
+// Peak of the whole process while it solves, and what of it was the problem itself.
+void Memory(benchmark::State& state) {
+  const BundleScene scene =
+      MakeScene(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)), true);
+  for (auto _ : state) {
+    BundleProblem problem = scene.start;
+    const double before_kb = StatusKb("VmRSS");
+    std::ofstream("/proc/self/clear_refs") << "5";  // the peak begins anew
+    LineBundleTimes times;
+    const BundleSummary summary = Must(server::SolveLineBundle({}, &problem, &times));
+    state.SetIterationTime(PerIteration(times.total_s - times.setup_s, summary));
+    state.counters["solver_mb"] = (StatusKb("VmHWM") - before_kb) / 1024;
+    state.counters["problem_mb"] =
+        static_cast<double>(problem.markers.size() * sizeof(server::BundleMarker) +
+                            problem.observations.size() * sizeof(server::BundleObservation) +
+                            problem.instants.size() * sizeof(server::BundleInstant)) /
+        (1024 * 1024);
+  }
+}
+BENCHMARK(Memory)
+    ->ArgNames({"cameras", "instants"})
+    ->Args({24, 20000})
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace rigcal::testing
+
+BENCHMARK_MAIN();

@@ -15,7 +15,7 @@
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
 #include "server/solve/calibration_report.h"
-#include "server/solve/rig_solver.h"
+#include "server/solve/judged_solve.h"
 
 namespace rigcal::server {
 namespace {
@@ -172,8 +172,7 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   RigSolveOptions solve;
   solve.reference_camera = ReferenceIndex(rig.index, options.reference_camera);
   solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
-  solve.refine_intrinsics = options.intrinsics == Estimate::kRefined;
-  solve.estimate_marker_positions = options.marker_positions == Estimate::kRefined;
+  solve.estimate_marker_positions = options.marker_positions != Estimate::kFixed;
   solve.sigma_px = options.sigma_px;
   solve.tolerance_s = options.association_tolerance_s;
   solve.seed = options.seed;
@@ -182,9 +181,10 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   for (const auto& [camera, count] : counts) {
     solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const RigSolution solution, SolveRig(rig, clocks, solve));
-  progress("judging", 0.9);
-  return ReportCalibration({rig, solution, options, solve, counts}, refused);
+  RIGCAL_ASSIGN_OR_RETURN(const JudgedSolution judged, SolveAndJudge(rig, clocks, solve, options));
+  progress("reporting", 1);
+  if (hooks.solved) hooks.solved(rig, judged.solution);
+  return ReportCalibration({rig, judged, options, counts}, refused);
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ struct ClockReport {
 };
 
 ClockReport ReportClocks(const ReportInput& input) {
-  const size_t count = input.solution.clocks.size();
+  const size_t count = input.judged.solution.clocks.size();
   std::vector<int64_t> coarse_ns(count, 0);
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     coarse_ns[static_cast<size_t>(input.rig.index.clock_of_track[t])] =
@@ -45,13 +45,13 @@ ClockReport ReportClocks(const ReportInput& input) {
   }
   ClockReport report;
   for (size_t k = 0; k < count; ++k) {
-    const ClockCorrection& correction = input.solution.clocks[k];
-    const BundleClock& rest = input.solution.built.problem.clocks[k];
+    const ClockCorrection& correction = input.judged.solution.clocks[k];
+    const BundleClock& rest = input.judged.solution.built.problem.clocks[k];
     // Coarse offsets are as large as UTC: whole nanoseconds are taken off before they become
     // doubles.
     size_t first = k;
     for (size_t j = 0; j < k; ++j) {
-      if (input.solution.clocks[j].session_id == correction.session_id) {
+      if (input.judged.solution.clocks[j].session_id == correction.session_id) {
         first = j;
         break;
       }
@@ -62,7 +62,7 @@ ClockReport ReportClocks(const ReportInput& input) {
   }
   std::map<std::string, std::vector<size_t>> sessions;
   for (size_t k = 0; k < count; ++k) {
-    sessions[input.solution.clocks[k].session_id].push_back(k);
+    sessions[input.judged.solution.clocks[k].session_id].push_back(k);
   }
   for (const auto& [session, clocks] : sessions) {
     std::vector<double> offsets, rates;
@@ -81,10 +81,10 @@ ClockReport ReportClocks(const ReportInput& input) {
 
 void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
   const RigIndex& index = input.rig.index;
-  const BundleProblem& problem = input.solution.built.problem;
+  const BundleProblem& problem = input.judged.solution.built.problem;
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 "alone_in_instant", input.solution.instants.alone_count[t],
+                 "alone_in_instant", input.judged.solution.instants.alone_count[t],
                  "no other camera saw the wand at that moment");
   }
   for (const BundleInstant& instant : problem.instants) {
@@ -111,9 +111,9 @@ std::string Digest(const ReportInput& input) {
   for (const AlignedTrack& track : input.rig.tracks) {
     used.emplace_back(track.track.observations.size(), false);
   }
-  const std::vector<Instant>& instants = input.solution.instants.instants;
+  const std::vector<Instant>& instants = input.judged.solution.instants.instants;
   for (size_t i = 0; i < instants.size(); ++i) {
-    if (!input.solution.built.problem.instants[i].used) continue;
+    if (!input.judged.solution.built.problem.instants[i].used) continue;
     for (const InstantMember& member : instants[i].members) {
       used[static_cast<size_t>(member.track)][static_cast<size_t>(member.observation)] = true;
     }
@@ -122,7 +122,7 @@ std::string Digest(const ReportInput& input) {
 }
 
 CalibratedTarget ReportTarget(const ReportInput& input) {
-  const BundleProblem& problem = input.solution.built.problem;
+  const BundleProblem& problem = input.judged.solution.built.problem;
   CalibratedTarget target;
   target.given = input.rig.target;
   target.marker_positions_m = problem.target.marker_positions_m;
@@ -130,6 +130,14 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
   const LengthErrors lengths = MeasureLengths(problem, target.marker_positions_m, 2);
   target.spans = SummariseSpans(lengths, target.marker_positions_m);
   target.length_error_rms_m = OverallRms(lengths);
+  if (input.judged.held_out) {
+    const std::vector<SpanError> held_out =
+        SummariseSpans(input.judged.held_out->lengths, target.marker_positions_m);
+    for (size_t s = 0; s < target.spans.size(); ++s) {
+      target.spans[s].held_out_error_rms_m = held_out[s].error_rms_m;
+      target.spans[s].held_out_count = held_out[s].count;
+    }
+  }
   return target;
 }
 
@@ -137,15 +145,15 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
 
 absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
                                                     RefusalCounter* refused) {
-  const BundleProblem& problem = input.solution.built.problem;
+  const BundleProblem& problem = input.judged.solution.built.problem;
   CountWhatWasLeftOut(input, refused);
   const std::vector<Residuals> residuals = ComputeResiduals(problem);
   const ClockReport clocks = ReportClocks(input);
   CalibrationResult result;
   result.scale_known = true;
   result.reference_camera =
-      problem.cameras[static_cast<size_t>(input.solve_options.reference_camera)].name;
-  result.iteration_count = static_cast<uint32_t>(input.solution.iterations);
+      problem.cameras[static_cast<size_t>(input.judged.options.reference_camera)].name;
+  result.iteration_count = static_cast<uint32_t>(input.judged.solution.iterations);
   for (const BundleInstant& instant : problem.instants) {
     result.instant_count += instant.used ? 1 : 0;
   }
@@ -165,9 +173,16 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.clock_id = description.clock.clock_id;
     camera.time_offset_s = clocks.offset_s[k];
     camera.time_rate_ppm = 1e6 * clocks.rate[k];
-    camera.time_epoch_s = 1e-9 * static_cast<double>(input.solution.clocks[k].time_epoch_ns);
-    camera.time_offset_estimated = input.solve_options.estimate_time_offsets;
+    camera.time_epoch_s = 1e-9 * static_cast<double>(input.judged.solution.clocks[k].time_epoch_ns);
+    camera.time_offset_estimated = input.judged.options.estimate_time_offsets;
     camera.residuals = residuals[c];
+    if (input.judged.held_out) {
+      const JudgedErrors& held_out = *input.judged.held_out;
+      camera.held_out = Figures(held_out.reprojection_px[c]);
+      if (!held_out.leave_one_out_px[c].empty()) {
+        camera.leave_one_out = Figures(held_out.leave_one_out_px[c]);
+      }
+    }
     const CameraCounts& counts = input.counts.at(solved.name);
     camera.observation_count = counts.observation_count;
     camera.wand_count = counts.wand_count;
@@ -183,6 +198,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     result.cameras.push_back(std::move(camera));
   }
   result.target = ReportTarget(input);
+  result.findings = input.judged.findings;
   result.observation_digest = Digest(input);
   return result;
 }

@@ -7,7 +7,7 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
-#include "server/solve/rig_solver.h"
+#include "server/solve/judged_solve.h"
 
 namespace rigcal::server {
 
@@ -19,9 +19,8 @@ struct CameraCounts {
 
 struct ReportInput {
   const RigObservations& rig;
-  const RigSolution& solution;
+  const JudgedSolution& judged;
   const CalibrationOptions& options;
-  const RigSolveOptions& solve_options;
   const std::map<std::string, CameraCounts>& counts;  // by camera
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/image_motion.h"
 
-#include <Eigen/QR>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -10,33 +10,43 @@ namespace {
 
 constexpr Eigen::Index kMaxPoints = 15;
 
-using Powers = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxPoints, 6>;
-using Weights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxPoints, 1>;
+constexpr int kMaxTerms = 5;  // of a polynomial of degree 4
 
-// Weights over the points so that their sum over the values is P(t) - P(0), and P'(t), for the
-// least-squares polynomial of this degree.
+using Weights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxPoints, 1>;
+using Powers = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxPoints, kMaxTerms>;
+using Terms = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxTerms, 1>;
+using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTerms, kMaxTerms>;
+
+// Weights over the points so that their sum over the values is, for the least-squares polynomials
+// of a degree and of one degree less, P(t) - P(0); and P'(t).
 struct FitWeights {
-  Weights displacement, velocity;
+  Weights displacement, lower_displacement, velocity;
 };
 
+// Times are scaled to order one, where the normal equations of so few powers lose few digits.
 FitWeights WeightsOf(const Weights& times, Eigen::Index degree, double t) {
-  // Scaled to order one, as powers of hundredths of a second would lose their digits.
   const double scale = std::max(times.cwiseAbs().maxCoeff(), 1e-9);
   Powers powers(times.size(), degree + 1);
   for (Eigen::Index i = 0; i < times.size(); ++i) {
     double power = 1;
     for (Eigen::Index k = 0; k <= degree; ++k, power *= times[i] / scale) powers(i, k) = power;
   }
-  Eigen::VectorXd at = Eigen::VectorXd::Zero(degree + 1), slope = Eigen::VectorXd::Zero(degree + 1);
+  Terms at = Terms::Zero(degree + 1), slope = Terms::Zero(degree + 1);
   double power = 1;
   for (Eigen::Index k = 1; k <= degree; ++k) {
     slope[k] = static_cast<double>(k) * power / scale;
     power *= t / scale;
     at[k] = power;
   }
-  const Eigen::MatrixXd inverse =
-      Eigen::MatrixXd(powers).completeOrthogonalDecomposition().pseudoInverse();
-  return {inverse.transpose() * at, inverse.transpose() * slope};
+  const Normal normal = powers.transpose() * powers;
+  const Eigen::LDLT<Normal> factor(normal);
+  FitWeights weights;
+  weights.displacement = powers * factor.solve(at);
+  weights.velocity = powers * factor.solve(slope);
+  const Normal lower = normal.topLeftCorner(degree, degree);
+  weights.lower_displacement =
+      powers.leftCols(degree) * Eigen::LDLT<Normal>(lower).solve(Terms(at.head(degree)));
+  return weights;
 }
 
 }  // namespace
@@ -134,8 +144,6 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
   const Eigen::Index degree = std::min(count - 1, max_degree);
   const FitWeights weights = WeightsOf(times, degree, shift_s);
   Eigen::Vector2d lower = Eigen::Vector2d::Zero(), displacement = Eigen::Vector2d::Zero();
-  const Weights lower_weights = degree > 1 ? WeightsOf(times, degree - 1, shift_s).displacement
-                                           : Weights(Weights::Zero(count));
   motion.covariance_px2.setZero();
   for (Eigen::Index i = 0; i < count; ++i) {
     const Sample& point = *points[static_cast<size_t>(i)];
@@ -143,7 +151,7 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
     const Eigen::Vector2d value = point.centre_px - samples[own].centre_px;
     displacement += weights.displacement[i] * value;
     motion.velocity_px_s += weights.velocity[i] * value;
-    lower += lower_weights[i] * value;
+    lower += weights.lower_displacement[i] * value;
     const double weight = weights.displacement[i] + (i == own_index ? 1 : 0);
     motion.covariance_px2 += weight * weight * point.covariance_px2;
   }

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "server/solve/bundle_adjuster.h"
+#include "server/solve/line_bundle.h"
 #include "server/solve/triangulation.h"
 #include "server/solve/wand_fit.h"
 
@@ -280,7 +281,7 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
     bundle.loss_scale = options.threshold_px / 2;
     bundle.max_iterations = 30;
     bundle.function_tolerance = 1e-6;
-    if (!SolveBundle(bundle, &problem).ok()) return std::nullopt;
+    if (!SolveLineBundle(bundle, &problem).ok()) return std::nullopt;
   }
   std::vector<double> errors;
   for (const BundleInstant& instant : problem.instants) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -12,6 +13,7 @@
 #include "server/solve/bundle_adjuster.h"
 #include "server/solve/image_motion.h"
 #include "server/solve/intrinsics_prior.h"
+#include "server/solve/line_bundle.h"
 #include "server/solve/start.h"
 
 namespace rigcal::server {
@@ -31,7 +33,7 @@ class RigSolver {
       : rig_(rig), options_(options) {
     solution_.clocks = clocks;
     for (const AlignedTrack& track : rig_.tracks) {
-      motions_.emplace_back(track, rig_.target.marker_count(), ImageMotionOptions{});
+      solution_.motions.emplace_back(track, rig_.target.marker_count(), ImageMotionOptions{});
     }
   }
 
@@ -67,8 +69,9 @@ class RigSolver {
         return !options_.keep_instant(instant.rig_time_ns);
       });
     }
-    solution_.built = BuildProblem(rig_.target, rig_.tracks, motions_, rig_.index, solution_.clocks,
-                                   solution_.instants.instants, options_.sigma_px);
+    solution_.built =
+        BuildProblem(rig_.target, rig_.tracks, solution_.motions, rig_.index, solution_.clocks,
+                     solution_.instants.instants, options_.sigma_px);
     FreeParameters();
   }
 
@@ -135,7 +138,13 @@ class RigSolver {
       problem().cameras[c].intrinsics = start.cameras[c].intrinsics;
     }
     problem().target.marker_positions_m = start.marker_positions_m;
-    for (BundleInstant& instant : problem().instants) instant.used = false;
+    for (size_t i = 0; i < problem().instants.size(); ++i) {
+      BundleInstant& instant = problem().instants[i];
+      const InstantMember& first = solution_.instants.instants[i].members.front();
+      const auto known = start.instants.find({first.track, first.observation});
+      instant.used = known != start.instants.end();
+      if (instant.used) std::tie(instant.origin_m, instant.direction) = known->second;
+    }
   }
 
   absl::Status Adjust(int round) {
@@ -149,7 +158,7 @@ class RigSolver {
         options_.progress("adjusting", (round + within) / (round + 2.0));
       };
     }
-    RIGCAL_ASSIGN_OR_RETURN(const BundleSummary summary, SolveBundle(bundle, &problem()));
+    RIGCAL_ASSIGN_OR_RETURN(const BundleSummary summary, SolveLineBundle(bundle, &problem()));
     solution_.iterations += summary.iterations;
     solution_.final_cost = summary.final_cost;
     return absl::OkStatus();
@@ -188,7 +197,8 @@ class RigSolver {
             continue;
           }
           const MarkerSource& source = solution_.built.sources[index];
-          motions_[static_cast<size_t>(source.track)].Exclude(source.observation, marker.marker);
+          solution_.motions[static_cast<size_t>(source.track)].Exclude(source.observation,
+                                                                       marker.marker);
         }
       }
     }
@@ -202,13 +212,8 @@ class RigSolver {
       if (problem().markers[m].used) continue;
       outliers.insert({{source.track, source.observation}, problem().markers[m].marker});
     }
-    for (size_t k = 0; k < problem().clocks.size(); ++k) {
-      solution_.clocks[k].time_offset_s += problem().clocks[k].time_offset_s;
-      solution_.clocks[k].time_rate += problem().clocks[k].time_rate;
-    }
-    RigStart start;
-    start.cameras = problem().cameras;
-    start.marker_positions_m = problem().target.marker_positions_m;
+    const RigStart start = StartFrom(solution_);
+    solution_.clocks = start.clocks;
     Build();
     Adopt(start);
     for (size_t m = 0; m < problem().markers.size(); ++m) {
@@ -221,11 +226,29 @@ class RigSolver {
 
   const RigObservations& rig_;
   const RigSolveOptions& options_;
-  std::vector<ImageMotion> motions_;
   RigSolution solution_;
 };
 
 }  // namespace
+
+RigStart StartFrom(const RigSolution& solution) {
+  const BundleProblem& problem = solution.built.problem;
+  RigStart start;
+  start.cameras = problem.cameras;
+  start.marker_positions_m = problem.target.marker_positions_m;
+  start.clocks = solution.clocks;
+  for (size_t k = 0; k < start.clocks.size(); ++k) {
+    start.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;
+    start.clocks[k].time_rate += problem.clocks[k].time_rate;
+  }
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    if (!problem.instants[i].used) continue;
+    const InstantMember& first = solution.instants.instants[i].members.front();
+    start.instants[{first.track, first.observation}] = {problem.instants[i].origin_m,
+                                                        problem.instants[i].direction};
+  }
+  return start;
+}
 
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
                                      const std::vector<ClockCorrection>& clocks,

@@ -4,7 +4,9 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -48,18 +50,25 @@ struct RigSolveOptions {
 struct RigSolution {
   BuiltProblem built;                   // solved; markers not used are the outliers
   std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
+  std::vector<ImageMotion> motions;     // by track, wild centres taken out
   InstantList instants;
   int iterations = 0;
   double final_cost = 0;
   bool converged = false;
 };
 
+// The target's pose at an instant, known by its first member.
+using InstantPoses = std::map<std::pair<int, int>, std::pair<Eigen::Vector3d, Eigen::Vector3d>>;
+
 // Where a solve begins instead of from nothing.
 struct RigStart {
   std::vector<BundleCamera> cameras;  // poses and intrinsics
   std::vector<double> marker_positions_m;
   std::vector<ClockCorrection> clocks;
+  InstantPoses instants;  // origin and direction; those not named are placed anew
 };
+
+RigStart StartFrom(const RigSolution& solution);
 
 // Associates, finds a start unless one is given, and alternates bundle adjustment, classification
 // of outliers, and interpolation at the new clock corrections until nothing moves. In each session

@@ -9,7 +9,9 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle_adjuster.h"
+#include "server/solve/line_bundle.h"
 #include "server/solve/overlap_graph.h"
+#include "server/solve/projection_jacobian.h"
 #include "server/solve/relative_pose.h"
 #include "server/solve/wand_fit.h"
 
@@ -157,6 +159,24 @@ bool IsBeforeItsCameras(const BundleProblem& problem, const BundleInstant& insta
   return true;
 }
 
+// Every used marker is within the threshold.
+bool Agrees(const BundleProblem& problem, const BundleInstant& instant, double threshold_px) {
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const BundleMarker& marker =
+          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      Eigen::Vector2d residual;
+      if (marker.used && (!MarkerResidualPx(problem, instant, observation, marker, &residual) ||
+                          !(residual.norm() < threshold_px))) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
 // Evenly chosen instants of a problem whose others are put aside.
 std::vector<bool> ThinOut(int max_instants, BundleProblem* problem) {
   std::vector<bool> was_used;
@@ -184,7 +204,7 @@ absl::Status SettlePoses(const StartOptions& options, BundleProblem* problem) {
   bundle.max_iterations = 30;
   bundle.function_tolerance = 1e-5;
   bundle.cancelled = options.cancelled;
-  const absl::StatusOr<BundleSummary> summary = SolveBundle(bundle, problem);
+  const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, problem);
   for (size_t i = 0; i < was_used.size(); ++i) problem->instants[i].used = was_used[i];
   return summary.status();
 }
@@ -192,21 +212,28 @@ absl::Status SettlePoses(const StartOptions& options, BundleProblem* problem) {
 }  // namespace
 
 int PlaceInstants(double threshold_px, BundleProblem* problem) {
-  const Rays rays = UndistortMarkers(*problem);
+  Rays rays(problem->markers.size());
+  std::vector<Intrinsics> intrinsics;
+  for (const BundleCamera& camera : problem->cameras) {
+    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
+  }
   const std::vector<bool> has_pose(problem->cameras.size(), true);
   WandFitOptions fit;
   fit.truncation_px = 2 * threshold_px;
   int placed = 0;
   for (BundleInstant& instant : problem->instants) {
-    BundleInstant candidate = instant;
     const bool had_pose = instant.used && IsBeforeItsCameras(*problem, instant);
-    const bool found = FitWand(*problem, has_pose, rays, fit, &candidate) &&
+    instant.used = had_pose;
+    if (!had_pose || !Agrees(*problem, instant, threshold_px)) {
+      UndistortInstant(*problem, intrinsics, instant, &rays);
+      BundleInstant candidate = instant;
+      candidate.used = FitWand(*problem, has_pose, rays, fit, &candidate) &&
                        IsBeforeItsCameras(*problem, candidate);
-    if (found && (!had_pose || RobustCost(*problem, candidate, fit.truncation_px) <
-                                   RobustCost(*problem, instant, fit.truncation_px))) {
-      instant = candidate;
+      if (candidate.used && (!had_pose || RobustCost(*problem, candidate, fit.truncation_px) <
+                                              RobustCost(*problem, instant, fit.truncation_px))) {
+        instant = candidate;
+      }
     }
-    instant.used = found || had_pose;
     placed += instant.used ? 1 : 0;
   }
   return placed;

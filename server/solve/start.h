@@ -32,7 +32,8 @@ struct StartOptions {
 absl::Status FindStart(const StartOptions& options, BundleProblem* problem);
 
 // Places the target in every instant again from the cameras' poses, keeping the better of the old
-// and the new pose. Returns the number of instants that have one; the others are not used.
+// and the new pose; an old one that agrees with every marker is not looked at again. Returns the
+// number of instants that have one; the others are not used.
 int PlaceInstants(double threshold_px, BundleProblem* problem);
 
 }  // namespace rigcal::server

@@ -166,20 +166,29 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
 
 }  // namespace
 
-std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  std::vector<Eigen::Vector2d> rays(problem.markers.size(), Eigen::Vector2d(nan, nan));
-  std::vector<Intrinsics> intrinsics;
-  for (const BundleCamera& camera : problem.cameras) {
-    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
-  }
-  for (const BundleObservation& observation : problem.observations) {
+void UndistortInstant(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
+                      const BundleInstant& instant, std::vector<Eigen::Vector2d>* rays) {
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
     for (int m = 0; m < observation.marker_count; ++m) {
       const auto index = static_cast<size_t>(observation.first_marker + m);
       const absl::StatusOr<Eigen::Vector2d> ray = Undistort(
           intrinsics[static_cast<size_t>(observation.camera)], problem.markers[index].centre_px);
-      if (ray.ok()) rays[index] = *ray;
+      (*rays)[index] =
+          ray.ok() ? *ray : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
     }
+  }
+}
+
+std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem) {
+  std::vector<Eigen::Vector2d> rays(problem.markers.size());
+  std::vector<Intrinsics> intrinsics;
+  for (const BundleCamera& camera : problem.cameras) {
+    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
+  }
+  for (const BundleInstant& instant : problem.instants) {
+    UndistortInstant(problem, intrinsics, instant, &rays);
   }
   return rays;
 }

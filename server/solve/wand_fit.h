@@ -13,6 +13,10 @@ namespace rigcal::server {
 // is not applied.
 std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem);
 
+// The same for the markers of one instant, into `rays`; `intrinsics` by camera.
+void UndistortInstant(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
+                      const BundleInstant& instant, std::vector<Eigen::Vector2d>* rays);
+
 struct WandFitOptions {
   // Residuals beyond this count as this much, pixels.
   double truncation_px = 6;

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/held_out.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+#include "common/camera/camera_model.h"
+#include "server/solve/bundle_adjuster.h"
+#include "server/solve/outliers.h"
+#include "server/solve/projection_jacobian.h"
+#include "server/solve/start.h"
+#include "server/solve/triangulation.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kMinErrorsToChoose = 30;
+
+int64_t BlockOf(const TimeBlocks& blocks, int64_t rig_time_ns) {
+  const int64_t since = rig_time_ns - blocks.origin_ns;
+  return since >= 0 ? since / blocks.block_ns : -1 - (-since - 1) / blocks.block_ns;
+}
+
+// The instants of the problem, with the estimates of the solution, none of them placed yet.
+BuiltProblem BuildForJudging(const RigObservations& rig, const RigSolution& solution,
+                             const RigSolveOptions& options,
+                             const std::function<bool(int64_t)>& select) {
+  InstantList list = FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks),
+                                  {options.tolerance_s});
+  std::erase_if(list.instants,
+                [&select](const Instant& instant) { return !select(instant.rig_time_ns); });
+  BuiltProblem built = BuildProblem(rig.target, rig.tracks, solution.motions, rig.index,
+                                    solution.clocks, list.instants, options.sigma_px);
+  built.problem.cameras = solution.built.problem.cameras;
+  built.problem.clocks = solution.built.problem.clocks;
+  built.problem.target = solution.built.problem.target;
+  for (BundleInstant& instant : built.problem.instants) instant.used = false;
+  return built;
+}
+
+struct LooView {
+  size_t camera;
+  int marker;
+  Eigen::Vector2d pixel;
+  PointView view;
+  bool has_ray;
+};
+
+std::vector<LooView> InlierViews(const BundleProblem& problem,
+                                 const std::vector<Intrinsics>& intrinsics,
+                                 const BundleInstant& instant) {
+  std::vector<LooView> views;
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    const auto camera = static_cast<size_t>(observation.camera);
+    const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
+    const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const BundleMarker& marker =
+          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      if (!marker.used) continue;
+      const Eigen::Vector2d pixel = marker.centre_px - dt * marker.velocity_px_s;
+      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics[camera], pixel);
+      views.push_back(
+          {camera,
+           marker.marker,
+           pixel,
+           {problem.cameras[camera].cam_from_rig, ray.ok() ? *ray : Eigen::Vector2d::Zero()},
+           ray.ok()});
+    }
+  }
+  return views;
+}
+
+void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
+                 const BundleInstant& instant, JudgedErrors* errors) {
+  const std::vector<LooView> views = InlierViews(problem, intrinsics, instant);
+  for (const LooView& left_out : views) {
+    std::vector<PointView> others;
+    for (const LooView& view : views) {
+      if (view.marker == left_out.marker && view.camera != left_out.camera && view.has_ray) {
+        others.push_back(view.view);
+      }
+    }
+    Eigen::Vector3d point;
+    Eigen::Vector2d pixel;
+    if (others.size() < 2 || !Triangulate(others, &point) ||
+        !Project(intrinsics[left_out.camera], left_out.view.cam_from_rig * point, &pixel)) {
+      continue;
+    }
+    errors->leave_one_out_px[left_out.camera].push_back((pixel - left_out.pixel).norm());
+  }
+}
+
+double MeanOfMeans(const std::vector<std::vector<double>>& errors) {
+  double sum = 0;
+  int cameras = 0;
+  for (const std::vector<double>& camera : errors) {
+    if (camera.empty()) continue;
+    std::vector<double> sorted = camera;
+    std::sort(sorted.begin(), sorted.end());
+    sum += std::accumulate(sorted.begin(), sorted.end(), 0.0) / static_cast<double>(sorted.size());
+    ++cameras;
+  }
+  return cameras == 0 ? std::numeric_limits<double>::infinity() : sum / cameras;
+}
+
+size_t CountAll(const std::vector<std::vector<double>>& errors) {
+  size_t count = 0;
+  for (const std::vector<double>& camera : errors) count += camera.size();
+  return count;
+}
+
+}  // namespace
+
+bool TimeBlocks::IsHeldOut(int64_t rig_time_ns, int remainder) const {
+  const int64_t block = BlockOf(*this, rig_time_ns);
+  return ((block % period) + period) % period == remainder;
+}
+
+bool TimeBlocks::IsKept(int64_t rig_time_ns, int remainder) const {
+  return !IsHeldOut(rig_time_ns, remainder) && !IsHeldOut(rig_time_ns - guard_ns, remainder) &&
+         !IsHeldOut(rig_time_ns + guard_ns, remainder);
+}
+
+JudgedErrors Judge(const RigObservations& rig, const RigSolution& solution,
+                   const RigSolveOptions& options,
+                   const std::function<bool(int64_t rig_time_ns)>& select) {
+  BuiltProblem built = BuildForJudging(rig, solution, options, select);
+  BundleProblem& problem = built.problem;
+  JudgedErrors errors;
+  errors.reprojection_px.resize(problem.cameras.size());
+  errors.leave_one_out_px.resize(problem.cameras.size());
+  errors.instant_count = PlaceInstants(options.start_threshold_px, &problem);
+  ClassifyOutliers(options.outliers, &problem);
+  std::vector<Intrinsics> intrinsics;
+  for (const BundleCamera& camera : problem.cameras) {
+    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
+  }
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const BundleObservation& observation =
+          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      for (int m = 0; m < observation.marker_count; ++m) {
+        const BundleMarker& marker =
+            problem.markers[static_cast<size_t>(observation.first_marker + m)];
+        Eigen::Vector2d residual;
+        if (!marker.used || !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
+          continue;
+        }
+        errors.reprojection_px[static_cast<size_t>(observation.camera)].push_back(residual.norm());
+      }
+    }
+    LeaveOneOut(problem, intrinsics, instant, &errors);
+  }
+  errors.lengths = MeasureLengths(problem, problem.target.marker_positions_m, 3);
+  return errors;
+}
+
+double ChoiceScorePx(const JudgedErrors& errors) {
+  if (CountAll(errors.leave_one_out_px) >= kMinErrorsToChoose) {
+    return MeanOfMeans(errors.leave_one_out_px);
+  }
+  if (CountAll(errors.reprojection_px) >= kMinErrorsToChoose) {
+    return MeanOfMeans(errors.reprojection_px);
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/judged_solve.h"
+
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr int kMinHeldOutInstants = 20;
+// A refinement must make the held-out error smaller by this share to be kept.
+constexpr double kMustGain = 0.02;
+
+std::function<void(std::string_view, double)> Stage(const RigSolveOptions& options,
+                                                    std::string_view name) {
+  if (!options.progress) return {};
+  return [progress = options.progress, name = std::string(name)](
+             std::string_view, double fraction) { progress(name, fraction); };
+}
+
+// Solves on what `keep` keeps and judges on what `judge` selects.
+absl::StatusOr<JudgedErrors> SolveAndMeasure(const RigObservations& rig, const RigStart& start,
+                                             RigSolveOptions options,
+                                             const std::function<bool(int64_t)>& keep,
+                                             const std::function<bool(int64_t)>& judge) {
+  options.keep_instant = keep;
+  RIGCAL_ASSIGN_OR_RETURN(const RigSolution solution, SolveRig(rig, start.clocks, options, &start));
+  JudgedErrors errors = Judge(rig, solution, options, judge);
+  if (errors.instant_count < kMinHeldOutInstants) {
+    return absl::FailedPreconditionError("too few instants are held out");
+  }
+  return errors;
+}
+
+// Held-out errors of the two ways to treat intrinsics, summed over the folds that had both.
+struct IntrinsicsScores {
+  double given_px = 0;
+  double refined_px = 0;
+  int folds = 0;
+
+  bool RefinedPays() const { return folds > 0 && refined_px < (1 - kMustGain) * given_px; }
+  void Add(const IntrinsicsScores& other) {
+    given_px += other.given_px;
+    refined_px += other.refined_px;
+    folds += other.folds;
+  }
+};
+
+// Within what fold `outer` leaves: two solves without blocks `inner`, judged on those.
+absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig, const RigStart& start,
+                                                 const TimeBlocks& blocks,
+                                                 const RigSolveOptions& base, int outer) {
+  const int inner = (outer + 2) % blocks.period;
+  const auto keep = [&blocks, outer, inner](int64_t t) {
+    return blocks.IsKept(t, outer) && blocks.IsKept(t, inner);
+  };
+  const auto judge = [&blocks, outer, inner](int64_t t) {
+    return blocks.IsHeldOut(t, inner) && blocks.IsKept(t, outer);
+  };
+  double score_px[2] = {INFINITY, INFINITY};
+  for (const bool refine : {false, true}) {
+    RigSolveOptions options = base;
+    options.refine_intrinsics = refine;
+    options.progress = Stage(base, "choosing");
+    const absl::StatusOr<JudgedErrors> errors = SolveAndMeasure(rig, start, options, keep, judge);
+    if (absl::IsCancelled(errors.status())) return errors.status();
+    if (errors.ok()) score_px[refine ? 1 : 0] = ChoiceScorePx(*errors);
+  }
+  if (!std::isfinite(score_px[0]) || !std::isfinite(score_px[1])) return IntrinsicsScores{};
+  return IntrinsicsScores{score_px[0], score_px[1], 1};
+}
+
+Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
+  if (scores.folds == 0) {
+    return {"intrinsics_kept", "", 0, "px",
+            "too little data to judge refined intrinsics; the given ones are kept. Record longer, "
+            "or ask for refinement"};
+  }
+  const bool pays = scores.RefinedPays();
+  const double given_px = scores.given_px / scores.folds;
+  const double refined_px = scores.refined_px / scores.folds;
+  return {pays ? "intrinsics_refined" : "intrinsics_kept", "", pays ? refined_px : given_px, "px",
+          absl::StrFormat("held-out error %.3f px with the given intrinsics, %.3f px with refined "
+                          "ones; the %s are used",
+                          given_px, refined_px, pays ? "refined ones" : "given ones")};
+}
+
+void Append(const JudgedErrors& from, JudgedErrors* to) {
+  to->reprojection_px.resize(from.reprojection_px.size());
+  to->leave_one_out_px.resize(from.leave_one_out_px.size());
+  to->lengths.errors_m.resize(from.lengths.errors_m.size());
+  const auto append = [](const std::vector<double>& source, std::vector<double>* target) {
+    target->insert(target->end(), source.begin(), source.end());
+  };
+  for (size_t c = 0; c < from.reprojection_px.size(); ++c) {
+    append(from.reprojection_px[c], &to->reprojection_px[c]);
+    append(from.leave_one_out_px[c], &to->leave_one_out_px[c]);
+  }
+  for (size_t s = 0; s < from.lengths.errors_m.size(); ++s) {
+    append(from.lengths.errors_m[s], &to->lengths.errors_m[s]);
+  }
+  to->instant_count += from.instant_count;
+}
+
+}  // namespace
+
+absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
+                                             const std::vector<ClockCorrection>& clocks,
+                                             const RigSolveOptions& base,
+                                             const CalibrationOptions& options) {
+  JudgedSolution result;
+  result.options = base;
+  RigSolveOptions first = base;
+  first.refine_intrinsics = options.intrinsics == Estimate::kRefined;
+  const bool choose =
+      options.intrinsics == Estimate::kDefault || options.intrinsics == Estimate::kAuto;
+  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first));
+  const RigStart start = StartFrom(result.solution);
+  TimeBlocks blocks;
+  blocks.origin_ns = result.solution.built.instant_time_ns.front();
+
+  IntrinsicsScores scores;
+  JudgedErrors held_out;
+  for (int fold = 0; fold < blocks.period; ++fold) {
+    RigSolveOptions judged = first;
+    judged.progress = Stage(base, "judging");
+    if (choose) {
+      RIGCAL_ASSIGN_OR_RETURN(const IntrinsicsScores own,
+                              ScoreIntrinsics(rig, start, blocks, base, fold));
+      judged.refine_intrinsics = own.RefinedPays();
+      scores.Add(own);
+    }
+    const absl::StatusOr<JudgedErrors> errors = SolveAndMeasure(
+        rig, start, judged, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); },
+        [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
+    if (absl::IsCancelled(errors.status())) return errors.status();
+    if (errors.ok()) Append(*errors, &held_out);
+  }
+  if (held_out.instant_count > 0) {
+    result.held_out = std::move(held_out);
+  } else {
+    result.findings.push_back({"not_judged", "", 0, "",
+                               "too little data to hold any out: the errors are those of the data "
+                               "that was solved. Record a minute or more"});
+  }
+  result.options.refine_intrinsics = choose ? scores.RefinedPays() : first.refine_intrinsics;
+  if (choose) result.findings.push_back(IntrinsicsFinding(scores));
+  if (result.options.refine_intrinsics != first.refine_intrinsics) {
+    RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, start.clocks, result.options, &start));
+  }
+  return result;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "common/calibration/calibration_options.h"
+#include "server/solve/held_out.h"
+#include "server/solve/rig_solver.h"
+
+namespace rigcal::server {
+
+struct JudgedSolution {
+  RigSolution solution;                  // of everything
+  RigSolveOptions options;               // as chosen
+  std::optional<JudgedErrors> held_out;  // none: too little to hold anything out
+  std::vector<Finding> findings;         // about what was chosen, and why
+};
+
+// Solves the rig and judges it on data that the judged solve did not use: time in blocks of 2 s,
+// with guards of 0.2 s; every fourth block stays out of a solve and is judged by it, four times, so
+// that each block is judged once. A choice (`auto`) is made for each of the four anew within its
+// rest, on blocks of it that stay out of two solves in the same way; it never sees the blocks that
+// judge. What is published is then solved on everything, with the choice the four make together.
+// The judged solves begin at the estimates of the first solve, and end at the optimum of their own
+// data.
+absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
+                                             const std::vector<ClockCorrection>& clocks,
+                                             const RigSolveOptions& base,
+                                             const CalibrationOptions& options);
+
+}  // namespace rigcal::server

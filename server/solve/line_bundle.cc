@@ -126,7 +126,7 @@ class Solver {
   absl::Status Run(BundleSummary* summary);
 
  private:
-  enum class Outcome { kGoOn, kConverged, kGivenUp };
+  enum class Outcome { kGoOn, kConverged, kGivenUp, kBroken };
 
   Outcome Iterate(BundleSummary* summary);
   Outcome Judge(const LineBundleSystem::Move& move, BundleSummary* summary);
@@ -180,7 +180,7 @@ Solver::Outcome Solver::Iterate(BundleSummary* summary) {
   }
   if (region_.exhausted()) {
     summary->message = "no step lowers the cost any more";
-    return Outcome::kGivenUp;
+    return move.valid ? Outcome::kGivenUp : Outcome::kBroken;
   }
   return Outcome::kGoOn;
 }
@@ -192,6 +192,11 @@ absl::Status Solver::Run(BundleSummary* summary) {
       return absl::CancelledError("the calibration was cancelled");
     }
     const Outcome outcome = Iterate(summary);
+    if (outcome == Outcome::kBroken) {
+      return absl::FailedPreconditionError(
+          "bundle adjustment: the linear system cannot be solved however small the step; some "
+          "camera or clock is held by no observation");
+    }
     summary->converged = outcome == Outcome::kConverged;
     if (options_.progress) options_.progress(summary->iterations, summary->final_cost);
     if (outcome != Outcome::kGoOn) break;

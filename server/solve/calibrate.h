@@ -13,6 +13,9 @@
 
 namespace rigcal::server {
 
+struct RigObservations;
+struct RigSolution;
+
 struct CalibrationInput {
   Target target;
   std::vector<CameraTrack> tracks;  // in any order
@@ -24,6 +27,10 @@ struct CalibrationHooks {
   std::function<void(std::string_view stage, double fraction)> progress;
   // Looked at between iterations; true ends the solve with CANCELLED.
   const std::atomic<bool>* cancelled = nullptr;
+  // Called once from the solving thread with the solve that is published, before it is reported:
+  // every marker with what became of it, and the problem whose information is the covariance
+  // (line_bundle.h).
+  std::function<void(const RigObservations& rig, const RigSolution& solution)> solved;
 };
 
 struct CalibrationOutcome {

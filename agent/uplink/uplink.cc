@@ -119,6 +119,7 @@ uint32_t Uplink::Shutdown(std::chrono::milliseconds patience) {
   for (const SpooledStream& spooled : spool_->Streams()) {
     const uint32_t count = spool_->Discard(spooled.stream);
     lost += count;
+    if (count == 0) continue;
     spdlog::warn("camera {}: {} observations of session {} were not acknowledged and are lost",
                  spooled.stream.camera, count, spooled.stream.session_id);
   }

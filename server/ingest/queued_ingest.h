@@ -18,6 +18,9 @@
 
 namespace rigcal::server {
 
+// "session s-000001, camera left", for messages.
+std::string StreamName(const StreamKey& stream);
+
 // Called on the writer's thread after a commit, once for each stream in it: the counts of its
 // deliveries added up, the rest as after the last one. Must not block for long: no other commit
 // begins meanwhile.
@@ -79,7 +82,7 @@ class QueuedIngest : public Ingest {
   bool HasWork() const;
   std::vector<std::function<void()>> TakeSpaceWaiters();
   Group TakeGroup();
-  void Write(Group group);
+  void Write(const Group& group);
   absl::StatusOr<std::vector<AppendOutcome>> Append(const Group& group);
   void NoteResult(const absl::StatusOr<std::vector<AppendOutcome>>& outcomes);
   void Answer(const Group& group, const std::vector<AppendOutcome>& outcomes) const;

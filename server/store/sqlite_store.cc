@@ -62,7 +62,7 @@ absl::Status SqliteStore::OpenDatabase() {
   const std::filesystem::path file = directory_->database_file();
   RIGCAL_ASSIGN_OR_RETURN(writer_,
                           SqliteWriter::Open(file, options_.vfs, options_.checkpoint_bytes));
-  const absl::Status prepared = writer_->Transact("preparing the database", [&]() -> absl::Status {
+  absl::Status prepared = writer_->Transact("preparing the database", [&]() -> absl::Status {
     RIGCAL_RETURN_IF_ERROR(PrepareSchema(writer_->database(), file.string()));
     RIGCAL_ASSIGN_OR_RETURN(server_id_, ReadServerId(writer_->database()));
     return absl::OkStatus();

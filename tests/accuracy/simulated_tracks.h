@@ -27,8 +27,9 @@ int CameraIndex(const SimulatedWorld& world, const std::string& name);
 // Error of one camera's pose in the gauge of CameraUncertainty: the reference camera's pose is the
 // rig frame.
 struct PoseError {
-  Eigen::Vector3d rotation_rad;  // estimated rotation = exp(rotation_rad) * true one
-  Eigen::Vector3d position_m;    // of the camera's centre, in the rig frame
+  Eigen::Vector3d rotation_rad =
+      Eigen::Vector3d::Zero();  // estimated rotation = exp(rotation_rad) * true one
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  // of the camera's centre, in the rig frame
 };
 PoseError ErrorOf(const RigidTransform& estimated_cam_from_rig,
                   const RigidTransform& true_cam_from_rig);

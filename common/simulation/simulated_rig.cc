@@ -92,7 +92,8 @@ Intrinsics DrawTrueIntrinsics(const Intrinsics& given, const SimulationOptions& 
   drawn.cx_px += options.centre_sigma_px * random.Gaussian();
   drawn.cy_px += options.centre_sigma_px * random.Gaussian();
   for (const size_t radial : {0, 1, 4}) {
-    drawn.distortion[radial] += options.radial_sigma * random.Gaussian();
+    const double sigma = radial == 4 ? options.radial_high_sigma : options.radial_sigma;
+    drawn.distortion[radial] += sigma * random.Gaussian();
   }
   for (const size_t tangential : {2, 3}) {
     drawn.distortion[tangential] += options.tangential_sigma * random.Gaussian();

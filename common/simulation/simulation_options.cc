@@ -21,7 +21,8 @@ namespace {
 
 constexpr char kKnown[] =
     "seed, cameras, duration, rate, noise, outliers, dropouts, swaps, wand_speed, jitter, "
-    "length_error, length_sigma, focal_sigma, centre_sigma, radial_sigma, tangential_sigma, "
+    "length_error, length_sigma, focal_sigma, centre_sigma, radial_sigma, radial_high_sigma, "
+    "tangential_sigma, "
     "gap_start, gap, free_running, clock_samples, and for camera N offset.N, rate_ppm.N, rate.N, "
     "outliers.N";
 
@@ -43,6 +44,7 @@ constexpr NumberOption kNumbers[] = {
     {"focal_sigma", &SimulationOptions::focal_sigma_rel},
     {"centre_sigma", &SimulationOptions::centre_sigma_px},
     {"radial_sigma", &SimulationOptions::radial_sigma},
+    {"radial_high_sigma", &SimulationOptions::radial_high_sigma},
     {"tangential_sigma", &SimulationOptions::tangential_sigma},
     {"gap_start", &SimulationOptions::gap_start_s},
     {"gap", &SimulationOptions::gap_duration_s},
@@ -171,7 +173,8 @@ absl::Status SimulationOptions::Validate() const {
   checker.Check("length_sigma (m)", length_sigma_m, 0, 0.02);
   checker.Check("focal_sigma (relative)", focal_sigma_rel, 0, 0.05);
   checker.Check("centre_sigma (px)", centre_sigma_px, 0, 100);
-  checker.Check("radial_sigma", radial_sigma, 0, 0.1);
+  checker.Check("radial_sigma", radial_sigma, 0, 0.2);
+  checker.Check("radial_high_sigma", radial_high_sigma, 0, 0.2);
   checker.Check("tangential_sigma", tangential_sigma, 0, 0.01);
   checker.Check("gap_start (s)", gap_start_s, 0, 86400);
   checker.Check("gap (s)", gap_duration_s, 0, 86400);

@@ -27,11 +27,12 @@ struct SimulationOptions {
   double length_error_m = 0;    // added to every span of the true wand, unknown to the solver
   double length_sigma_m = 0;    // one sigma of what is drawn and added to each span besides
   // One sigma of what each camera's true intrinsics are away from those it is described with, drawn
-  // for each value by itself: of fx and fy, relative; of cx and cy; of the radial coefficients; of
-  // the tangential ones.
+  // for each value by itself: of fx and fy, relative; of cx and cy; of k1 and k2; of k3; of p1 and
+  // p2.
   double focal_sigma_rel = 0;
   double centre_sigma_px = 0;
   double radial_sigma = 0;
+  double radial_high_sigma = 0;
   double tangential_sigma = 0;
   // From this rig time on, and for how long, no camera sees the wand.
   double gap_start_s = 0;
@@ -53,7 +54,7 @@ struct SimulationOptions {
 // Reads
 // `seed=1;cameras=6;duration=60;rate=25;noise=0.3;outliers=0.02;dropouts=0.05;swaps=0;
 // wand_speed=1.5;jitter=0;length_error=0;length_sigma=0;focal_sigma=0;centre_sigma=0;
-// radial_sigma=0;tangential_sigma=0;gap_start=0;gap=0;free_running=1;clock_samples=1;
+// radial_sigma=0;radial_high_sigma=0;tangential_sigma=0;gap_start=0;gap=0;free_running=1;clock_samples=1;
 // offset.2=0.008;rate_ppm.2=50;rate.3=60;outliers.4=0.3`; every part may be left out. `speed` is
 // read as `wand_speed`; where a source has a pace of its own called `speed`, only the longer word
 // means the wand. The error names the part and lists the known ones.

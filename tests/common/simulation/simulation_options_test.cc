@@ -22,14 +22,15 @@ TEST(ParseSimulationOptions, NothingMeansTheDefaults) {
 }
 
 TEST(ParseSimulationOptions, ReadsEveryPart) {
-  ASSERT_OK_AND_ASSIGN(const SimulationOptions options,
-                       ParseSimulationOptions(
-                           "seed=7;cameras=12;duration=30;rate=20;noise=0.5;outliers=0.1; "
-                           "dropouts=0.2;swaps=0.05;wand_speed=2;jitter=0.0001;length_error=0.003;"
-                           "length_sigma=0.002;focal_sigma=0.005;centre_sigma=6.4;"
-                           "radial_sigma=0.03;tangential_sigma=0.001;gap_start=12;gap=10;"
-                           "free_running=1;clock_samples=1;offset.2=0.008;rate_ppm.2=-50;"
-                           "rate.3=60;outliers.4=0.3"));
+  ASSERT_OK_AND_ASSIGN(
+      const SimulationOptions options,
+      ParseSimulationOptions(
+          "seed=7;cameras=12;duration=30;rate=20;noise=0.5;outliers=0.1; "
+          "dropouts=0.2;swaps=0.05;wand_speed=2;jitter=0.0001;length_error=0.003;"
+          "length_sigma=0.002;focal_sigma=0.005;centre_sigma=6.4;"
+          "radial_sigma=0.03;radial_high_sigma=0.1;tangential_sigma=0.001;gap_start=12;gap=10;"
+          "free_running=1;clock_samples=1;offset.2=0.008;rate_ppm.2=-50;"
+          "rate.3=60;outliers.4=0.3"));
   SimulationOptions expected;
   expected.seed = 7;
   expected.camera_count = 12;
@@ -46,6 +47,7 @@ TEST(ParseSimulationOptions, ReadsEveryPart) {
   expected.focal_sigma_rel = 0.005;
   expected.centre_sigma_px = 6.4;
   expected.radial_sigma = 0.03;
+  expected.radial_high_sigma = 0.1;
   expected.tangential_sigma = 0.001;
   expected.gap_start_s = 12;
   expected.gap_duration_s = 10;
@@ -113,6 +115,7 @@ TEST(ParseSimulationOptions, NamesThePartThatIsWrong) {
       {"focal_sigma=1", "focal_sigma"},
       {"centre_sigma=-1", "centre_sigma"},
       {"radial_sigma=1", "radial_sigma"},
+      {"radial_high_sigma=1", "radial_high_sigma"},
       {"tangential_sigma=1", "tangential_sigma"},
       {"gap_start=-1", "gap_start"},
       {"gap=-1", "gap"},

@@ -68,6 +68,10 @@ void AgentStream::OnReadDone(bool ok) {
     std::lock_guard lock(mutex_);
     if (!ok) {
       reads_ended_ = true;
+      if (!hello_seen_) {
+        return EndWith(absl::InvalidArgumentError(
+            "hello: the stream ended without one, or with bytes that are no message"));
+      }
       FinishWhenAllIsAnswered();
       return;
     }

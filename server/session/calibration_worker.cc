@@ -149,10 +149,11 @@ void CalibrationRunner::Solve(Calibration* calibration) {
     return Fail(absl::StrCat("the observations cannot be read: ", input.status().message()),
                 calibration);
   }
-  const CalibrationHooks hooks{
-      .progress = [this](std::string_view stage,
-                         double fraction) { ReportProgress(stage, fraction); },
-      .cancelled = &interrupted_};
+  CalibrationHooks hooks;
+  hooks.progress = [this](std::string_view stage, double fraction) {
+    ReportProgress(stage, fraction);
+  };
+  hooks.cancelled = &interrupted_;
   const auto start = std::chrono::steady_clock::now();
   CalibrationOutcome outcome = calibrate_(*input, calibration->options, hooks);
   calibration->duration_s =

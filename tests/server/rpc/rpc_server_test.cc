@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/rpc/rpc_server.h"
+
+#include <gmock/gmock.h>
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
+#include <google/protobuf/message.h>
+#include <google/protobuf/text_format.h>
+#include <grpc/health/v1/health.pb.h>
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "common/wire/grpc_status.h"
+#include "tests/server/rpc/rpc_fixture.h"
+#include "tests/testing/process.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+// Sends one message to any method and returns the first answer, as a client without our stubs does.
+absl::StatusOr<std::string> Call(const std::shared_ptr<grpc::Channel>& channel,
+                                 const std::string& method, const std::string& request) {
+  grpc::GenericStub stub(channel);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+  grpc::CompletionQueue queue;
+  const auto call = stub.PrepareCall(&context, method, &queue);
+  const auto next = [&queue] {
+    void* tag = nullptr;
+    bool ok = false;
+    return queue.Next(&tag, &ok) && ok;
+  };
+  call->StartCall(nullptr);
+  next();
+  const grpc::Slice slice(request);
+  call->Write(grpc::ByteBuffer(&slice, 1), nullptr);
+  next();
+  call->WritesDone(nullptr);
+  next();
+  grpc::ByteBuffer answer;
+  call->Read(&answer, nullptr);
+  const bool answered = next();
+  grpc::Status status;
+  call->Finish(&status, nullptr);
+  next();
+  if (!answered) {
+    return status.ok() ? absl::UnknownError("ended without an answer") : wire::FromGrpc(status);
+  }
+  grpc::Slice whole;
+  answer.DumpToSingleSlice(&whole);
+  return std::string(reinterpret_cast<const char*>(whole.begin()), whole.size());
+}
+
+class RpcServer : public RpcFixture {
+ protected:
+  std::string Health(const std::string& service) {
+    grpc::health::v1::HealthCheckRequest request;
+    request.set_service(service);
+    const auto answer =
+        Call(channel(), "/grpc.health.v1.Health/Check", request.SerializeAsString());
+    if (!answer.ok()) return answer.status().ToString();
+    grpc::health::v1::HealthCheckResponse response;
+    EXPECT_TRUE(response.ParseFromString(*answer));
+    return grpc::health::v1::HealthCheckResponse::ServingStatus_Name(response.status());
+  }
+
+  // Asks the reflection service; the request in text format, and the answer too.
+  std::string Reflect(const std::string& request_text) {
+    const auto make = [](const std::string& name) {
+      const auto* type = google::protobuf::DescriptorPool::generated_pool()->FindMessageTypeByName(
+          "grpc.reflection.v1alpha." + name);
+      const auto* prototype =
+          google::protobuf::MessageFactory::generated_factory()->GetPrototype(type);
+      return std::unique_ptr<google::protobuf::Message>(prototype->New());
+    };
+    const auto request = make("ServerReflectionRequest");
+    EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(request_text, request.get()));
+    const auto answer =
+        Call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+             request->SerializeAsString());
+    if (!answer.ok()) return answer.status().ToString();
+    const auto response = make("ServerReflectionResponse");
+    EXPECT_TRUE(response->ParseFromString(*answer));
+    return response->DebugString();
+  }
+};
+
+TEST_F(RpcServer, HealthKnowsEveryService) {
+  EXPECT_EQ(Health(""), "SERVING");
+  for (const char* service :
+       {"AgentService", "SessionService", "CalibrationService", "StatusService"}) {
+    EXPECT_EQ(Health(std::string("rigcal.v1.") + service), "SERVING") << service;
+  }
+  EXPECT_THAT(Health("rigcal.v1.Nobody"), HasSubstr("NOT_FOUND"));
+}
+
+TEST_F(RpcServer, HealthTellsWhenIngestTakesNothing) {
+  rpc_options_.health_interval = std::chrono::milliseconds(5);
+  RestartServer();
+  StartWave({"left"});
+  faulty().Fail("Append", absl::ResourceExhaustedError("disk full"));
+  EXPECT_FALSE(client().Upload(MakeBatch({"wave", "left", 1}, 1, 3)).ok());
+  EXPECT_TRUE(WaitFor([&] { return Health("rigcal.v1.AgentService") == "NOT_SERVING"; }));
+  EXPECT_EQ(Health("rigcal.v1.SessionService"), "SERVING") << "reads and deletes still work";
+  faulty().Fail("Append", absl::OkStatus());
+  EXPECT_THAT(client().Upload(MakeBatch({"wave", "left", 1}, 1, 3)), IsOk());
+  EXPECT_TRUE(WaitFor([&] { return Health("rigcal.v1.AgentService") == "SERVING"; }));
+}
+
+TEST_F(RpcServer, ReflectionListsAndDescribesServices) {
+  EXPECT_THAT(Reflect("list_services: ''"),
+              AllOf(HasSubstr("rigcal.v1.AgentService"), HasSubstr("rigcal.v1.StatusService"),
+                    HasSubstr("grpc.health.v1.Health")));
+  EXPECT_THAT(Reflect("file_containing_symbol: 'rigcal.v1.AgentService'"),
+              AllOf(HasSubstr("file_descriptor_proto"), HasSubstr("agent.proto")));
+  // gRPC's own health service is not described unless its descriptor is linked in.
+  EXPECT_THAT(Reflect("file_containing_symbol: 'grpc.health.v1.Health'"),
+              AllOf(HasSubstr("file_descriptor_proto"), HasSubstr("health.proto")));
+  EXPECT_THAT(Reflect("file_containing_symbol: 'rigcal.v1.Nobody'"), HasSubstr("error_response"));
+}
+
+TEST_F(RpcServer, ServesOnAPortOfItsOwnAndNamesOneInUse) {
+  rpc_options_.listen_address = "127.0.0.1:0";
+  RestartServer();
+  ASSERT_GT(port_, 0);
+  const std::string address = "127.0.0.1:" + std::to_string(port_);
+  EXPECT_THAT(ServerClient(address).ListAgents(), IsOk());
+
+  server::RpcServerOptions options = rpc_options_;
+  options.listen_address = address;
+  ASSERT_OK_AND_ASSIGN(const auto second,
+                       server::RpcServer::Create(options, {.store = faulty_.get(),
+                                                           .ingest = ingest_.get(),
+                                                           .directory = directory_of_agents_.get(),
+                                                           .coordinator = coordinator_.get(),
+                                                           .runner = runner_.get()}));
+  EXPECT_THAT(second->Start(), StatusIs(absl::StatusCode::kUnavailable,
+                                        AllOf(HasSubstr(address), HasSubstr("--listen"))));
+  EXPECT_THAT(ServerClient(address).ListAgents(), IsOk()) << "the first one goes on";
+}
+
+TEST_F(RpcServer, AMethodThatDoesNotExistIsUnimplemented) {
+  EXPECT_THAT(Call(channel(), "/rigcal.v1.SessionService/Nothing", ""),
+              StatusIs(absl::StatusCode::kUnimplemented, HasSubstr("")));
+}
+
+TEST_F(RpcServer, GarbageInsteadOfAMessageIsRefused) {
+  for (const char* method :
+       {"/rigcal.v1.AgentService/UploadBatch", "/rigcal.v1.SessionService/CreateSession",
+        "/rigcal.v1.CalibrationService/CreateCalibration"}) {
+    EXPECT_FALSE(Call(channel(), method, std::string(100, '\xff')).ok()) << method;
+  }
+  EXPECT_THAT(Call(channel(), "/rigcal.v1.AgentService/Connect", std::string(100, '\xff')),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("hello")));
+  EXPECT_THAT(client().ListAgents(), IsOk());
+}
+
+TEST(CheckLoopback, TakesLoopbackOnly) {
+  for (const char* good : {"127.0.0.1:7420", "127.1.2.3:0", "localhost:1", "[::1]:7420"}) {
+    EXPECT_THAT(server::CheckLoopback(good), IsOk()) << good;
+  }
+  for (const char* open : {"0.0.0.0:7420", "[::]:7420", "192.168.1.4:1", "example.org:1",
+                           "127.0.0.1.example.org:1", "128.0.0.1:1"}) {
+    EXPECT_THAT(server::CheckLoopback(open),
+                StatusIs(absl::StatusCode::kFailedPrecondition,
+                         AllOf(HasSubstr(open), HasSubstr("certificates"))));
+  }
+  for (const char* malformed : {"", "7420", "127.0.0.1", ":7420", "127.0.0.1:"}) {
+    EXPECT_THAT(server::CheckLoopback(malformed),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("HOST:PORT")));
+  }
+}
+
+TEST(RpcServerOptions, ListsEveryFault) {
+  server::RpcServerOptions options;
+  options.listen_address = "0.0.0.0:1";
+  options.max_threads = 1;
+  options.keepalive_time = std::chrono::milliseconds(0);
+  EXPECT_THAT(options.Validate(), StatusIs(absl::StatusCode::kInvalidArgument,
+                                           AllOf(HasSubstr("0.0.0.0:1"), HasSubstr("max_threads"),
+                                                 HasSubstr("keepalive_time"))));
+}
+
+}  // namespace
+}  // namespace rigcal::testing

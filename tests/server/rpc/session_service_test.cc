@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/rpc/session_service.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <set>
+#include <string>
+#include <thread>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "common/wire/camera_wire.h"
+#include "common/wire/grpc_status.h"
+#include "common/wire/observation_wire.h"
+#include "tests/server/rpc/rpc_fixture.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+class SessionService : public RpcFixture {
+ protected:
+  void SetUp() override {
+    RpcFixture::SetUp();
+    stub_ = v1::SessionService::NewStub(channel());
+  }
+  static void SetDeadline(grpc::ClientContext* context) {
+    context->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+  }
+  absl::StatusOr<v1::ListSessionsResponse> List(uint32_t page_size, const std::string& token,
+                                                const std::string& rig = "") {
+    grpc::ClientContext context;
+    SetDeadline(&context);
+    v1::ListSessionsRequest request;
+    request.set_page_size(page_size);
+    request.set_page_token(token);
+    request.set_rig(rig);
+    v1::ListSessionsResponse response;
+    const absl::Status status = wire::FromGrpc(stub_->ListSessions(&context, request, &response));
+    if (!status.ok()) return status;
+    return response;
+  }
+  absl::Status Delete(const std::string& id) {
+    grpc::ClientContext context;
+    SetDeadline(&context);
+    v1::DeleteSessionRequest request;
+    request.set_id(id);
+    v1::DeleteSessionResponse response;
+    return wire::FromGrpc(stub_->DeleteSession(&context, request, &response));
+  }
+  // What ReadObservations gives, as (camera, first_seq, rows).
+  absl::StatusOr<std::vector<std::tuple<std::string, uint32_t, int>>> ReadRuns(
+      const v1::ReadObservationsRequest& request) {
+    grpc::ClientContext context;
+    SetDeadline(&context);
+    const auto reader = stub_->ReadObservations(&context, request);
+    std::vector<std::tuple<std::string, uint32_t, int>> runs;
+    v1::ObservationBatch batch;
+    while (reader->Read(&batch)) {
+      runs.emplace_back(batch.camera(), batch.first_seq(), batch.time_ns_size());
+    }
+    const absl::Status status = wire::FromGrpc(reader->Finish());
+    if (!status.ok()) return status;
+    return runs;
+  }
+
+  std::unique_ptr<v1::SessionService::Stub> stub_;
+};
+
+TEST_F(SessionService, RefusesWhatIsWrongWithARequest) {
+  v1::CreateSessionRequest request = WaveRequest("a b");
+  EXPECT_THAT(client().CreateSession(request),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("id")));
+  request = WaveRequest("wave");
+  request.clear_target();
+  EXPECT_THAT(client().CreateSession(request),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("target")));
+  request = WaveRequest("wave");
+  request.mutable_target()->set_marker_positions_m(1, std::numeric_limits<double>::quiet_NaN());
+  EXPECT_THAT(client().CreateSession(request),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("target")));
+  request = WaveRequest("wave");
+  request.add_cameras()->set_camera("left");
+  EXPECT_THAT(client().CreateSession(request),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("left")));
+  request = WaveRequest("wave");
+  request.mutable_target()->set_kind(v1::Target::POINT);
+  request.mutable_target()->clear_marker_positions_m();
+  request.mutable_target()->add_marker_positions_m(0);
+  EXPECT_THAT(client().CreateSession(request),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not yet supported")));
+}
+
+TEST_F(SessionService, NamesSessionsThatDoNotExist) {
+  EXPECT_THAT(client().StartSession("nobody"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  EXPECT_THAT(client().StopSession("nobody", 0),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  EXPECT_THAT(client().GetSession("nobody"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  EXPECT_THAT(client().WaitUntilFinished("nobody"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  EXPECT_THAT(Delete("nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  v1::ReadObservationsRequest request;
+  request.set_session_id("nobody");
+  EXPECT_THAT(ReadRuns(request), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+}
+
+TEST_F(SessionService, DeletingACapturingSessionIsRefused) {
+  StartWave({"left"});
+  EXPECT_THAT(Delete("wave"),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("capturing")));
+  ASSERT_THAT(client().StopSession("wave", 0.01), IsOk());
+  const v1::Session finished = AwaitState("wave", v1::Session::FINISHED);
+  EXPECT_THAT(finished.missing_cameras(), ElementsAre("left"));
+  EXPECT_THAT(Delete("wave"), IsOk());
+  EXPECT_THAT(client().GetSession("wave"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
+}
+
+TEST_F(SessionService, ListsPageByPageNewestFirst) {
+  std::vector<std::string> created;
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_OK_AND_ASSIGN(const v1::Session session, client().CreateSession(WaveRequest("")));
+    created.push_back(session.id());
+  }
+  v1::CreateSessionRequest elsewhere = WaveRequest("");
+  elsewhere.set_rig("other");
+  ASSERT_THAT(client().CreateSession(elsewhere), IsOk());
+
+  std::vector<std::string> listed;
+  std::string token;
+  int pages = 0;
+  do {
+    ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse page, List(2, token, "rig"));
+    for (const v1::Session& session : page.sessions()) listed.push_back(session.id());
+    EXPECT_LE(page.sessions_size(), 2);
+    token = page.next_page_token();
+    ASSERT_LE(++pages, 3);
+  } while (!token.empty());
+  EXPECT_EQ(pages, 3);
+  EXPECT_EQ(listed, std::vector<std::string>(created.rbegin(), created.rend()));
+
+  // A page that is exactly full is the last one when there is nothing behind it.
+  ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse whole, List(5, "", "rig"));
+  EXPECT_EQ(whole.sessions_size(), 5);
+  EXPECT_EQ(whole.next_page_token(), "");
+  ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse every_rig, List(0, ""));
+  EXPECT_EQ(every_rig.sessions_size(), 6);
+  EXPECT_THAT(List(2, "garbage"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("page_token")));
+}
+
+TEST_F(SessionService, PagingGoesOnAfterTheTokensSessionWasDeleted) {
+  std::vector<std::string> created;
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_OK_AND_ASSIGN(const v1::Session session, client().CreateSession(WaveRequest("")));
+    created.push_back(session.id());
+  }
+  ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse first, List(1, ""));
+  ASSERT_THAT(Delete(first.next_page_token()), IsOk());
+  ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse rest, List(5, first.next_page_token()));
+  ASSERT_EQ(rest.sessions_size(), 2);
+  EXPECT_EQ(rest.sessions(1).id(), created[0]);
+}
+
+TEST_F(SessionService, PagesStayBelowWhatAClientTakes) {
+  // 40 sessions of 256 cameras each: far more than the 4 MiB of a client's default.
+  v1::CreateSessionRequest request = WaveRequest("");
+  for (int i = 0; i < 256; ++i) {
+    *request.add_cameras() = wire::ToProto(MakeCamera("camera_" + std::to_string(i)));
+  }
+  for (v1::CameraDescription& camera : *request.mutable_cameras()) {
+    camera.set_source(std::string(200, 'x'));
+  }
+  for (int i = 0; i < 40; ++i) ASSERT_THAT(client().CreateSession(request), IsOk());
+  std::set<std::string> ids;
+  std::string token;
+  do {
+    ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse page, List(1000, token));
+    for (const v1::Session& session : page.sessions()) ids.insert(session.id());
+    token = page.next_page_token();
+  } while (!token.empty() && ids.size() < 100);
+  EXPECT_THAT(ids, SizeIs(40));
+}
+
+TEST_F(SessionService, WatchShowsEveryStateAndEndsWithFinished) {
+  ASSERT_THAT(client().CreateSession(WaveRequest("wave")), IsOk());
+  TestAgent agent(channel(), MakeHello("pc", {"left"}));
+  agent.ReadHello();
+  grpc::ClientContext context;
+  SetDeadline(&context);
+  v1::WatchSessionRequest request;
+  request.set_id("wave");
+  const auto reader = stub_->WatchSession(&context, request);
+  v1::Session session;
+  // Each state is reached after the one before has been seen.
+  ASSERT_TRUE(reader->Read(&session));
+  EXPECT_EQ(session.state(), v1::Session::CREATED);
+  ASSERT_THAT(client().StartSession("wave"), IsOk());
+  while (session.state() == v1::Session::CREATED) ASSERT_TRUE(reader->Read(&session));
+  EXPECT_EQ(session.state(), v1::Session::CAPTURING);
+  agent.SendBatch(MakeBatch({"wave", "left", 1}, 1, 10));
+  while (session.observation_count() == 0) ASSERT_TRUE(reader->Read(&session));
+  EXPECT_EQ(session.observation_count(), 10u);
+  EXPECT_TRUE(session.cameras(0).connected());
+  ASSERT_THAT(client().StopSession("wave", 60), IsOk());
+  while (session.state() == v1::Session::CAPTURING) ASSERT_TRUE(reader->Read(&session));
+  EXPECT_EQ(session.state(), v1::Session::DRAINING);
+  agent.Send(EndMessage({"wave", "left", 1}, 10));
+  while (session.state() == v1::Session::DRAINING) ASSERT_TRUE(reader->Read(&session));
+  EXPECT_EQ(session.state(), v1::Session::FINISHED);
+  EXPECT_FALSE(reader->Read(&session));
+  EXPECT_THAT(wire::FromGrpc(reader->Finish()), IsOk());
+}
+
+TEST_F(SessionService, WatchOfADeletedSessionEnds) {
+  ASSERT_THAT(client().CreateSession(WaveRequest("wave")), IsOk());
+  grpc::ClientContext context;
+  SetDeadline(&context);
+  v1::WatchSessionRequest request;
+  request.set_id("wave");
+  const auto reader = stub_->WatchSession(&context, request);
+  v1::Session session;
+  ASSERT_TRUE(reader->Read(&session));
+  ASSERT_THAT(Delete("wave"), IsOk());
+  EXPECT_FALSE(reader->Read(&session));
+  EXPECT_THAT(wire::FromGrpc(reader->Finish()),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
+}
+
+TEST_F(SessionService, WatchesAreLimitedAndEndWithTheServer) {
+  options_.max_watches = 1;
+  RestartServerOnPort();
+  stub_ = v1::SessionService::NewStub(channel());
+  ASSERT_THAT(client().CreateSession(WaveRequest("wave")), IsOk());
+  v1::WatchSessionRequest request;
+  request.set_id("wave");
+  grpc::ClientContext first_context;
+  SetDeadline(&first_context);
+  const auto first = stub_->WatchSession(&first_context, request);
+  v1::Session session;
+  ASSERT_TRUE(first->Read(&session));
+  grpc::ClientContext second_context;
+  SetDeadline(&second_context);
+  const auto second = stub_->WatchSession(&second_context, request);
+  EXPECT_FALSE(second->Read(&session));
+  EXPECT_THAT(wire::FromGrpc(second->Finish()),
+              StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("watching")));
+  std::thread closer([this] { rpc_->Shutdown(std::chrono::seconds(5)); });
+  EXPECT_FALSE(first->Read(&session));
+  EXPECT_THAT(wire::FromGrpc(first->Finish()),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("shutting down")));
+  closer.join();
+}
+
+TEST_F(SessionService, ReadsObservationsInTheirOrderWithoutRefusedAndLateOnes) {
+  StartWave({"left", "right"});
+  for (const char* camera : {"right", "left"}) {
+    ObservationBatch batch = MakeBatch({"wave", camera, 1}, 1, 10);
+    batch.visible_mask[4] = 7;
+    for (size_t i = 12; i < 15; ++i) batch.centre_kind[i] = 1;
+    batch.x_px[12] = std::numeric_limits<float>::infinity();
+    ASSERT_THAT(client().Upload(batch), IsOk());
+    ASSERT_THAT(client().UploadEnd("wave", camera, 1, 10), IsOk());
+  }
+  AwaitState("wave", v1::Session::FINISHED);
+  ASSERT_THAT(client().Upload(MakeBatch({"wave", "left", 2}, 1, 3)), IsOk());
+
+  v1::ReadObservationsRequest request;
+  request.set_session_id("wave");
+  ASSERT_OK_AND_ASSIGN(const auto runs, ReadRuns(request));
+  int rows = 0;
+  for (const auto& run : runs) rows += std::get<2>(run);
+  EXPECT_EQ(rows, 18);
+  EXPECT_EQ(std::get<0>(runs.front()), "left");
+  EXPECT_EQ(std::get<0>(runs.back()), "right");
+  for (const auto& [camera, first_seq, count] : runs) {
+    EXPECT_FALSE(first_seq <= 5 && 5 < first_seq + static_cast<uint32_t>(count)) << "row 5";
+  }
+  request.set_camera("left");
+  request.set_include_late(true);
+  ASSERT_OK_AND_ASSIGN(const auto left, ReadRuns(request));
+  rows = 0;
+  for (const auto& run : left) rows += std::get<2>(run);
+  EXPECT_EQ(rows, 12);
+  request.set_camera("top");
+  EXPECT_THAT(ReadRuns(request), StatusIs(absl::StatusCode::kNotFound, HasSubstr("top")));
+}
+
+}  // namespace
+}  // namespace rigcal::testing

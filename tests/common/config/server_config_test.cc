@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/config/server_config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <string>
+
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class ServerConfigTest : public ::testing::Test {
+ protected:
+  absl::StatusOr<ServerConfig> Read(const std::string& text) {
+    return ReadServerConfig(directory_.WriteFile("server.toml", text).string());
+  }
+  TemporaryDirectory directory_;
+};
+
+TEST_F(ServerConfigTest, AnEmptyFileIsTheDefault) {
+  ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(""));
+  EXPECT_EQ(config.listen, "127.0.0.1:7420");
+  EXPECT_EQ(config.data_dir, "");
+  EXPECT_EQ(config.log_level, "info");
+  EXPECT_EQ(config.limits, ServerLimits());
+}
+
+TEST_F(ServerConfigTest, TakesEveryKey) {
+  ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(R"(
+listen = "[::1]:0"
+data_dir = "data"
+log_level = "debug"
+[limits]
+max_agents = 1
+max_cameras_per_agent = 2
+max_sessions = 3
+max_cameras_per_session = 4
+max_watches = 5
+max_queued_calibrations = 6
+max_calibration_observations = 7
+ingest_queue_mb = 8
+send_window_rows = 9
+rpc_memory_mb = 10
+)"));
+  EXPECT_EQ(config.listen, "[::1]:0");
+  EXPECT_EQ(config.data_dir, (directory_.path() / "data").string());
+  EXPECT_EQ(config.log_level, "debug");
+  const ServerLimits expected{.max_agents = 1,
+                              .max_cameras_per_agent = 2,
+                              .max_sessions = 3,
+                              .max_cameras_per_session = 4,
+                              .max_watches = 5,
+                              .max_queued_calibrations = 6,
+                              .max_calibration_observations = 7,
+                              .ingest_queue_mb = 8,
+                              .send_window_rows = 9,
+                              .rpc_memory_mb = 10};
+  EXPECT_EQ(config.limits, expected);
+}
+
+TEST_F(ServerConfigTest, AnAbsoluteDataDirectoryStays) {
+  ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read("data_dir = \"/var/lib/rigcal\""));
+  EXPECT_EQ(config.data_dir, "/var/lib/rigcal");
+}
+
+TEST_F(ServerConfigTest, ListsEveryFaultWithFileAndLine) {
+  EXPECT_THAT(Read("listen = 7420\n"
+                   "data_dri = \"x\"\n"
+                   "log_level = \"loud\"\n"
+                   "[limits]\n"
+                   "max_agents = 0\n"
+                   "max_sessions = \"many\"\n"
+                   "max_wathces = 1\n"),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("server.toml:1: listen"), HasSubstr("server.toml:2: "),
+                             HasSubstr("data_dri"), HasSubstr("server.toml:3: log_level"),
+                             HasSubstr("server.toml:5: max_agents is 0"),
+                             HasSubstr("server.toml:6: max_sessions"), HasSubstr("server.toml:7: "),
+                             HasSubstr("max_wathces"))));
+}
+
+TEST_F(ServerConfigTest, RefusesValuesThatCannotBeMeant) {
+  for (const char* listen : {"", "7420", ":7420", "localhost", "localhost:", "localhost:x",
+                             "localhost:65536", "localhost:999999999999"}) {
+    EXPECT_THAT(Read("listen = \"" + std::string(listen) + "\""),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("server.toml:1: listen")))
+        << listen;
+  }
+  EXPECT_THAT(Read("data_dir = \"\""),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("data_dir")));
+  EXPECT_THAT(Read("limits = 3"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("[limits]")));
+  EXPECT_THAT(Read("[limits]\nsend_window_rows = 4294967297"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("send_window_rows")));
+  EXPECT_THAT(Read("[limits]\nmax_agents = 2.5"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("max_agents")));
+}
+
+TEST_F(ServerConfigTest, NamesAFileThatIsMissingOrNoToml) {
+  EXPECT_THAT(ReadServerConfig("/nowhere/server.toml"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("/nowhere/server.toml")));
+  EXPECT_THAT(Read("listen = \"127.0.0.1:1\"\n[limits\n"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("server.toml:2")));
+}
+
+// Environment variables, put back at the end.
+class DefaultDataDirectoryTest : public ::testing::Test {
+ protected:
+  ~DefaultDataDirectoryTest() override {
+    Set("XDG_DATA_HOME", data_home_);
+    Set("HOME", home_);
+  }
+  static std::string Get(const char* name) {
+    const char* value = std::getenv(name);
+    return value == nullptr ? "" : value;
+  }
+  static void Set(const char* name, const std::string& value) {
+    if (value.empty()) {
+      unsetenv(name);
+    } else {
+      setenv(name, value.c_str(), 1);
+    }
+  }
+  const std::string data_home_ = Get("XDG_DATA_HOME");
+  const std::string home_ = Get("HOME");
+};
+
+TEST_F(DefaultDataDirectoryTest, FollowsTheEnvironment) {
+  Set("HOME", "/home/somebody");
+  Set("XDG_DATA_HOME", "/data");
+  ASSERT_OK_AND_ASSIGN(const std::string from_data_home, DefaultDataDirectory());
+  EXPECT_EQ(from_data_home, "/data/rigcal");
+  for (const char* ignored : {"", "relative/path"}) {
+    Set("XDG_DATA_HOME", ignored);
+    ASSERT_OK_AND_ASSIGN(const std::string from_home, DefaultDataDirectory());
+    EXPECT_EQ(from_home, "/home/somebody/.local/share/rigcal");
+  }
+  Set("HOME", "");
+  EXPECT_THAT(DefaultDataDirectory(),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("--data-dir")));
+}
+
+}  // namespace
+}  // namespace rigcal::testing

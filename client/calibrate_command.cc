@@ -18,7 +18,13 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
       server.Call(server.calibrations(), &Stub::CreateCalibration,
                   MakeCalibrationRequest(options.sessions, options.calibration));
   if (!calibration.ok()) return context.Fail(calibration.status());
-  if (!options.wait) return ShowCalibration(*calibration, context);
+  if (!options.wait) {
+    if (context.console.format == OutputFormat::kTable) {
+      context.console.Message(
+          absl::StrCat("rigcal calibration get ", calibration->id(), " shows how far it is"));
+    }
+    return ShowCalibration(*calibration, context);
+  }
 
   v1::GetCalibrationRequest request;
   request.set_id(calibration->id());

@@ -47,13 +47,17 @@ std::string FormatResiduals(const v1::Calibration& calibration) {
                    Number("mean", "reprojection error (px)"),
                    Number("rms", "reprojection error (px)"),
                    Number("median", "reprojection error (px)"),
-                   Number("p95", "reprojection error (px)")});
+                   Number("p95", "reprojection error (px)"),
+                   Number("mean", "of inliers (px)"),
+                   Number("rms", "of inliers (px)")});
   for (const v1::CalibratedCamera& camera : calibration.cameras()) {
     const v1::Residuals& residuals = camera.residuals();
     table.AddRow({camera.camera(), absl::StrCat(residuals.observation_count()),
                   absl::StrCat(residuals.marker_count()), absl::StrCat(residuals.outlier_count()),
                   FormatFixed(residuals.mean_px(), 3), FormatFixed(residuals.rms_px(), 3),
-                  FormatFixed(residuals.median_px(), 3), FormatFixed(residuals.p95_px(), 3)});
+                  FormatFixed(residuals.median_px(), 3), FormatFixed(residuals.p95_px(), 3),
+                  FormatFixed(residuals.inlier().mean_px(), 3),
+                  FormatFixed(residuals.inlier().rms_px(), 3)});
   }
   return table.Format(2);
 }
@@ -102,44 +106,53 @@ std::string FormatPoses(const v1::Calibration& calibration) {
   return text;
 }
 
-// What only a judged calibration has.
-std::string FormatJudgement(const v1::Calibration& calibration) {
-  const auto& cameras = calibration.cameras();
-  if (std::none_of(cameras.begin(), cameras.end(), [](const v1::CalibratedCamera& camera) {
-        return camera.has_uncertainty() || camera.has_held_out() || camera.has_leave_one_out();
-      })) {
-    return "";
-  }
+double Norm(const v1::Vector3& vector) {
+  return Eigen::Vector3d(vector.x(), vector.y(), vector.z()).norm();
+}
+
+std::string FormatUncertainty(const v1::Calibration& calibration) {
   TextTable table({{"camera"},
                    Number("position (mm)", "one sigma"),
                    Number("rotation (deg)", "one sigma"),
-                   Number("mean", "held out (px)"),
-                   Number("p95", "held out (px)"),
-                   Number("mean", "left out (px)"),
-                   Number("p95", "left out (px)")});
-  const auto norm = [](const v1::Vector3& vector) {
-    return Eigen::Vector3d(vector.x(), vector.y(), vector.z()).norm();
-  };
-  for (const v1::CalibratedCamera& camera : cameras) {
+                   Number("time offset (ms)", "one sigma")});
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    if (!camera.has_uncertainty()) continue;
+    const v1::CameraUncertainty& sigma = camera.uncertainty();
+    table.AddRow({camera.camera(), FormatFixed(Norm(sigma.position_sigma_m()) * kMmPerM, 3),
+                  FormatFixed(DegreesFromRadians(Norm(sigma.rotation_sigma_rad())), 4),
+                  FormatFixed(sigma.time_offset_sigma_s() * kMsPerS, 3)});
+  }
+  if (table.empty()) return "";
+  return absl::StrCat("\nUncertainty, with ", Printable(calibration.reference_camera()),
+                      " held fixed\n", table.Format(2));
+}
+
+// Errors on what was not used for the solve.
+std::string FormatHeldOut(const v1::Calibration& calibration) {
+  TextTable table({{"camera"},
+                   Number("mean", "held-out error (px)"),
+                   Number("rms", "held-out error (px)"),
+                   Number("p95", "held-out error (px)"),
+                   Number("mean", "left-out error (px)"),
+                   Number("rms", "left-out error (px)"),
+                   Number("p95", "left-out error (px)")});
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    if (!camera.has_held_out() && !camera.has_leave_one_out()) continue;
     std::vector<std::string> cells = {camera.camera()};
-    if (camera.has_uncertainty()) {
-      const v1::CameraUncertainty& sigma = camera.uncertainty();
-      cells.push_back(FormatFixed(norm(sigma.position_sigma_m()) * kMmPerM, 3));
-      cells.push_back(FormatFixed(DegreesFromRadians(norm(sigma.rotation_sigma_rad())), 4));
-    } else {
-      cells.insert(cells.end(), 2, "-");
-    }
     for (const auto& [is_set, figures] :
          {std::pair(camera.has_held_out(), &camera.held_out()),
           std::pair(camera.has_leave_one_out(), &camera.leave_one_out())}) {
-      cells.push_back(is_set ? FormatFixed(figures->mean_px(), 3) : "-");
-      cells.push_back(is_set ? FormatFixed(figures->p95_px(), 3) : "-");
+      for (const double value_px : {figures->mean_px(), figures->rms_px(), figures->p95_px()}) {
+        cells.push_back(is_set ? FormatFixed(value_px, 3) : "-");
+      }
     }
     table.AddRow(std::move(cells));
   }
-  return absl::StrCat("\nUncertainty, with ", Printable(calibration.reference_camera()),
-                      " held fixed; errors on observations and by cameras that were not used\n",
-                      table.Format(2));
+  if (table.empty()) return "";
+  return "\nErrors on observations kept out of the solve (held out), and of each camera against "
+         "the\n"
+         "others alone (left out)\n" +
+         table.Format(2);
 }
 
 std::string FormatWand(const v1::CalibratedTarget& target) {
@@ -220,8 +233,11 @@ std::string FormatResult(const v1::Calibration& calibration) {
   std::string text = "\nResiduals over the instants used, outliers included\n";
   text += FormatResiduals(calibration);
   absl::StrAppend(&text, "\nCameras in the rig frame, which is the frame of ",
-                  Printable(calibration.reference_camera()), " (x right, y down, z forward)\n",
-                  FormatPoses(calibration), FormatJudgement(calibration), "\n");
+                  Printable(calibration.reference_camera()),
+                  " (x right, y down, z forward):\n"
+                  "centre, and orientation as axis times angle of rig_from_cam\n",
+                  FormatPoses(calibration), FormatUncertainty(calibration),
+                  FormatHeldOut(calibration), "\n");
   absl::StrAppend(&text, "instants used      ", calibration.instant_count(), "\n",
                   FormatWand(calibration.target()));
   if (!calibration.scale_known()) {

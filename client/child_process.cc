@@ -36,7 +36,8 @@ absl::Status Errno(const std::string& what) {
 
 // What the child does between fork and exec: nothing but system calls. Other threads of the parent
 // may have held any lock.
-[[noreturn]] void BecomeProgram(char* const* arguments, int log, int status_pipe, pid_t parent) {
+[[noreturn]] void BecomeProgram(char* const* arguments, char* const* environment, int log,
+                                int status_pipe, pid_t parent) {
   const auto fail = [&] {
     const int error = errno;
     [[maybe_unused]] const ssize_t ignored = write(status_pipe, &error, sizeof(error));
@@ -59,9 +60,30 @@ absl::Status Errno(const std::string& what) {
   // Connections of ours must not stay open in it. Kernels before 5.11 do not know this; there, what
   // was opened with O_CLOEXEC closes by itself.
   close_range(STDERR_FILENO + 1, ~0U, kCloseRangeCloexec);
-  execv(arguments[0], arguments);
+  execve(arguments[0], arguments, environment);
   fail();
   _exit(127);
+}
+
+// As exec takes them.
+std::vector<char*> Pointers(std::vector<std::string>& words) {
+  std::vector<char*> pointers;
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  return pointers;
+}
+
+std::vector<std::string> Environment(const std::vector<std::string>& first) {
+  std::vector<std::string> all = first;
+  for (char** entry = environ; entry != nullptr && *entry != nullptr; ++entry) {
+    const std::string inherited = *entry;
+    const std::string name = inherited.substr(0, inherited.find('=') + 1);
+    const bool replaced = std::any_of(first.begin(), first.end(), [&](const std::string& own) {
+      return !name.empty() && own.starts_with(name);
+    });
+    if (!replaced) all.push_back(inherited);
+  }
+  return all;
 }
 
 std::string EndOf(int status) {
@@ -83,13 +105,16 @@ absl::StatusOr<ChildProcess> ChildProcess::Start(ChildProcessOptions options) {
   }
   std::vector<std::string> words = {options.program.string()};
   words.insert(words.end(), options.arguments.begin(), options.arguments.end());
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
+  std::vector<std::string> environment = Environment(options.environment);
+  const std::vector<char*> argument_pointers = Pointers(words);
+  const std::vector<char*> environment_pointers = Pointers(environment);
 
   const pid_t parent = getpid();
   const pid_t pid = fork();
-  if (pid == 0) BecomeProgram(arguments.data(), log, status_pipe[1], parent);
+  if (pid == 0) {
+    BecomeProgram(argument_pointers.data(), environment_pointers.data(), log, status_pipe[1],
+                  parent);
+  }
   absl::Status forked =
       pid < 0 ? Errno(absl::StrCat("cannot start the ", options.name)) : absl::OkStatus();
   close(log);

@@ -19,6 +19,8 @@ struct ChildProcessOptions {
   std::filesystem::path program;
   std::vector<std::string> arguments;  // without the program itself
   std::filesystem::path log;           // gets stdout and stderr
+  // NAME=VALUE, besides and before what it inherits.
+  std::vector<std::string> environment = {};
 };
 
 // A program started by this one, which does not outlive it: the kernel kills it when the thread

@@ -112,15 +112,19 @@ Check CheckAgents(const v1::ListAgentsResponse& agents) {
 }
 
 Check CheckIntrinsics(const v1::ListAgentsResponse& agents) {
+  size_t connected = 0;
   std::vector<std::string> without;
   for (const v1::Agent& agent : agents.agents()) {
     if (!agent.connected()) continue;
     for (const v1::CameraDescription& camera : agent.cameras()) {
+      ++connected;
       if (!camera.has_intrinsics()) without.push_back(agent.rig() + "/" + camera.camera());
     }
   }
   if (without.empty()) {
-    return {CheckLevel::kOk, "intrinsics", "every connected camera has intrinsics", ""};
+    return {CheckLevel::kOk, "intrinsics",
+            connected == 0 ? "no camera is connected" : "every connected camera has intrinsics",
+            ""};
   }
   return {CheckLevel::kWarn, "intrinsics",
           absl::StrCat("without intrinsics: ", absl::StrJoin(without, ", ")),

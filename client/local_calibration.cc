@@ -95,7 +95,8 @@ class LocalCalibration {
     if (missing.empty()) return absl::OkStatus();
     return absl::DeadlineExceededError(
         absl::StrCat("after ", kConnectLimit.count(), " s no agent has connected for ",
-                     absl::StrJoin(missing, ", "), "; --keep DIR keeps the agents' logs"));
+                     absl::StrJoin(missing, ", "), "; the last lines of the log of ",
+                     *missing.begin(), ":\n", rig_.AgentLogTail(*missing.begin())));
   }
 
   absl::Status Capture(ServerConnection& server, const std::string& id) {
@@ -134,9 +135,14 @@ class LocalCalibration {
       for (const v1::SessionCamera& camera : session.cameras()) {
         if (!camera.ended()) waiting.push_back(camera.description().camera());
       }
+      if (waiting.empty()) {
+        return absl::DeadlineExceededError(
+            "every camera has delivered everything, but the session does not finish");
+      }
       return absl::DeadlineExceededError(absl::StrCat(
           "nothing has come for ", limit.count(), " s, and ", absl::StrJoin(waiting, ", "),
-          " had more to send; --keep DIR keeps the agents' logs"));
+          " had more to send; the last lines of the log of ", waiting[0], ":\n",
+          rig_.AgentLogTail(waiting[0])));
     }
     if (!session.missing_cameras().empty()) {
       progress_.Clear();

@@ -21,6 +21,14 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kStartLimit{60};
 constexpr std::chrono::seconds kStopLimit{10};
 constexpr std::chrono::milliseconds kLook{10};
+constexpr size_t kTailLines = 8;
+
+// A proxy that the user's environment names has no part in what stays on this machine.
+const char kNoProxy[] = "no_grpc_proxy=127.0.0.1";
+
+std::string AgentName(const std::string& camera) {
+  return absl::StrCat("agent of camera ", camera);
+}
 
 std::optional<int> ReadPort(const fs::path& file) {
   std::ifstream stream(file);
@@ -48,7 +56,8 @@ absl::Status LocalRig::StartServer(
        .program = programs_ / "rigcal-server",
        .arguments = {"--listen", "127.0.0.1:0", "--data-dir", folder_.Store().string(),
                      "--port-file", port_file.string()},
-       .log = folder_.Logs() / "server.log"});
+       .log = folder_.Logs() / "server.log",
+       .environment = {kNoProxy}});
   if (!server.ok()) return server.status();
   server_.push_back(*std::move(server));
   const Clock::time_point deadline = Clock::now() + kStartLimit;
@@ -61,7 +70,7 @@ absl::Status LocalRig::StartServer(
     if (Clock::now() > deadline) {
       return absl::DeadlineExceededError(
           absl::StrCat("the server did not come up within ", kStartLimit.count(),
-                       " s; the last lines of its log:\n", server_[0].LogTail(8)));
+                       " s; the last lines of its log:\n", server_[0].LogTail(kTailLines)));
     }
     RIGCAL_RETURN_IF_ERROR(wait(kLook));
   }
@@ -70,12 +79,13 @@ absl::Status LocalRig::StartServer(
 absl::Status LocalRig::StartAgents(const std::vector<LocalCamera>& cameras) {
   for (const LocalCamera& camera : cameras) {
     absl::StatusOr<ChildProcess> agent = ChildProcess::Start(
-        {.name = absl::StrCat("agent of camera ", camera.name),
+        {.name = AgentName(camera.name),
          .program = programs_ / "rigcal-agent",
          .arguments = {"--server", address_, "--agent-id", absl::StrCat("local-", camera.name),
                        "--state-dir", (folder_.Agents() / camera.name).string(), "--source",
                        camera.source},
-         .log = folder_.Logs() / absl::StrCat("agent_", camera.name, ".log")});
+         .log = folder_.Logs() / absl::StrCat("agent_", camera.name, ".log"),
+         .environment = {kNoProxy}});
     if (!agent.ok()) return agent.status();
     agents_.push_back(*std::move(agent));
   }
@@ -87,6 +97,13 @@ absl::Status LocalRig::CheckRunning() {
     for (ChildProcess& process : *processes) RIGCAL_RETURN_IF_ERROR(process.CheckRunning());
   }
   return absl::OkStatus();
+}
+
+std::string LocalRig::AgentLogTail(const std::string& camera) const {
+  for (const ChildProcess& agent : agents_) {
+    if (agent.name() == AgentName(camera)) return agent.LogTail(kTailLines);
+  }
+  return "";
 }
 
 void LocalRig::Stop() {

@@ -40,6 +40,8 @@ class LocalRig {
   const std::string& address() const { return address_; }
   // OK while every process runs.
   absl::Status CheckRunning();
+  // The last lines of the log of a camera's agent.
+  std::string AgentLogTail(const std::string& camera) const;
   // Ends agents and server, and waits for them. May be called again.
   void Stop();
 

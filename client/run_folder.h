@@ -8,7 +8,8 @@
 namespace rigcal::client {
 
 // Where one `rigcal local` puts its store and logs: a folder of its own under the system's
-// temporary one, removed with the object, or a folder the user names, which stays.
+// temporary one, removed with the object, or a folder the user names, which stays. A temporary one
+// is locked while its run lives; those that killed runs have left behind are removed by the next.
 class RunFolder {
  public:
   // `keep` empty: a temporary folder. Else it is made where missing; FAILED_PRECONDITION where it
@@ -28,10 +29,12 @@ class RunFolder {
   std::filesystem::path Export() const { return path_ / "export"; }
 
  private:
-  RunFolder(std::filesystem::path path, bool stays) : path_(std::move(path)), stays_(stays) {}
+  RunFolder(std::filesystem::path path, bool stays, int lock)
+      : path_(std::move(path)), stays_(stays), lock_(lock) {}
 
   std::filesystem::path path_;  // absolute; empty once moved from
   bool stays_;
+  int lock_;  // descriptor, -1 with none
 };
 
 }  // namespace rigcal::client

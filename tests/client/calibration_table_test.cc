@@ -21,8 +21,9 @@ using ::testing::Not;
 TEST(FormatCalibration, ShowsResidualsOfEachCamera) {
   const std::string text = FormatCalibration(FullCalibration());
   EXPECT_THAT(text, ContainsRegex("camera +observations +markers +outliers +mean +rms +median +p95"
-                                  "\n"));
-  EXPECT_THAT(text, ContainsRegex("left +600 +1800 +12 +0.500 +0.750 +0.250 +1.500\n"));
+                                  " +mean +rms\n"));
+  EXPECT_THAT(text, ContainsRegex("left +600 +1800 +12 +0.500 +0.750 +0.250 +1.500 "
+                                  "+0.250 +0.375\n"));
   EXPECT_THAT(text, HasSubstr("reprojection error (px)"));
 }
 
@@ -32,7 +33,7 @@ TEST(FormatCalibration, ShowsWhereTheCamerasAre) {
   EXPECT_THAT(text, ContainsRegex("left +0.0000 +0.0000 +0.0000 +0.000 +0.000 +0.000"));
   EXPECT_THAT(text, ContainsRegex("right +3.0000 +0.0000 +1.5000 +0.000 +-90.000 +0.000"));
   EXPECT_THAT(text, AllOf(HasSubstr("position (m)"), HasSubstr("rotation vector (deg)"),
-                          HasSubstr("frame of left")));
+                          HasSubstr("frame of left"), HasSubstr("rig_from_cam")));
   EXPECT_THAT(text, HasSubstr("-8.150"));
 }
 
@@ -47,15 +48,21 @@ TEST(FormatCalibration, ShowsInstantsWandTimeAndRefusals) {
 }
 
 TEST(FormatCalibration, ShowsTheJudgementWhereThereIsOne) {
-  EXPECT_THAT(FormatCalibration(FullCalibration()),
-              ContainsRegex("left +0.500 +0.0057 +0.500 +1.500 +0.750 +2.250\n"));
-  v1::Calibration plain = FullCalibration();
-  for (v1::CalibratedCamera& camera : *plain.mutable_cameras()) {
+  v1::Calibration calibration = FullCalibration();
+  EXPECT_THAT(
+      FormatCalibration(calibration),
+      AllOf(HasSubstr("with left held fixed"), ContainsRegex("left +0.500 +0.0057 +0.000\n"),
+            ContainsRegex("left +0.500 +0.750 +1.500 +0.750 +1.125 +2.250\n")));
+  calibration.mutable_cameras(0)->clear_held_out();
+  EXPECT_THAT(FormatCalibration(calibration),
+              ContainsRegex("left +- +- +- +0.750 +1.125 +2.250\n"));
+  for (v1::CalibratedCamera& camera : *calibration.mutable_cameras()) {
     camera.clear_uncertainty();
     camera.clear_held_out();
     camera.clear_leave_one_out();
   }
-  EXPECT_THAT(FormatCalibration(plain), Not(HasSubstr("held out")));
+  EXPECT_THAT(FormatCalibration(calibration),
+              AllOf(Not(HasSubstr("held out")), Not(HasSubstr("held fixed"))));
 }
 
 TEST(FormatCalibration, MarksOffsetsThatAreNoEstimates) {

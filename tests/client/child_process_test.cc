@@ -115,6 +115,23 @@ TEST_F(ChildProcessTest, ArgumentsArriveAsTheyAre) {
   EXPECT_EQ(Log(), "[a b][;][$HOME][][']");
 }
 
+TEST_F(ChildProcessTest, EnvironmentIsInheritedExceptForWhatIsGiven) {
+  setenv("RIGCAL_TEST_ONE", "inherited", 1);
+  setenv("RIGCAL_TEST_TWO", "inherited", 1);
+  const auto started = ChildProcess::Start(
+      {.name = "helper",
+       .program = "/bin/sh",
+       .arguments = {"-c",
+                     "echo $RIGCAL_TEST_ONE $RIGCAL_TEST_TWO $RIGCAL_TEST_THREE; "
+                     "env | grep -c RIGCAL_TEST_"},
+       .log = directory_.path() / "log",
+       .environment = {"RIGCAL_TEST_TWO=given", "RIGCAL_TEST_THREE=new"}});
+  unsetenv("RIGCAL_TEST_ONE");
+  unsetenv("RIGCAL_TEST_TWO");
+  ASSERT_THAT(started, IsOk());
+  ASSERT_TRUE(WaitFor([&] { return Log() == "inherited given new\n3\n"; })) << Log();
+}
+
 TEST_F(ChildProcessTest, StopsWhenAsked) {
   ASSERT_OK_AND_ASSIGN(
       ChildProcess child,

@@ -155,6 +155,13 @@ TEST_F(LocalCommand, StartsAServerOnAnyPortAndAnAgentPerCamera) {
               ::testing::ElementsAre("sim_0", "sim_1", "sim_2"));
 }
 
+TEST_F(LocalCommand, NoProxyStandsBetweenItsProcesses) {
+  WriteProgram("rigcal-agent", "env | grep no_grpc_proxy >> " +
+                                   (directory_.path() / "arguments").string() + "\n" + kStay);
+  ASSERT_EQ(Local().exit_code, 0);
+  EXPECT_THAT(ReadFile("arguments"), HasSubstr("\nno_grpc_proxy=127.0.0.1\n"));
+}
+
 TEST_F(LocalCommand, KeepsStoreLogsAndExportAndSaysWhere) {
   const fs::path keep = directory_.path() / "keep this";
   const Outcome outcome = Local(OutputFormat::kTable, keep);
@@ -272,6 +279,10 @@ TEST_F(LocalProgram, LeavesNoProcessWhenItIsKilled) {
   process.Signal(SIGKILL);
   process.Wait();
   EXPECT_TRUE(WaitFor([&] { return Running().empty(); }));
+  // Its folder is all that stays, until the next run.
+  EXPECT_FALSE(fs::is_empty(Temporary()));
+  fake_.on_get_session = [](v1::Session& session) { session.set_state(v1::Session::FINISHED); };
+  EXPECT_EQ(Local().exit_code, 0);
 }
 
 TEST_F(LocalProgram, AServerKilledInTheMiddleIsReported) {

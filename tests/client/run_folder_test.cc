@@ -4,6 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <string>
+
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -43,6 +46,44 @@ TEST(RunFolder, EachHasItsOwn) {
   ASSERT_OK_AND_ASSIGN(const RunFolder a, RunFolder::Create(""));
   ASSERT_OK_AND_ASSIGN(const RunFolder b, RunFolder::Create(""));
   EXPECT_NE(a.path(), b.path());
+}
+
+class TemporaryRuns : public ::testing::Test {
+ protected:
+  TemporaryRuns() { setenv("TMPDIR", directory_.path().c_str(), 1); }
+  ~TemporaryRuns() override {
+    if (has_before_) {
+      setenv("TMPDIR", before_.c_str(), 1);
+    } else {
+      unsetenv("TMPDIR");
+    }
+  }
+
+  const rigcal::testing::TemporaryDirectory directory_;
+  const bool has_before_ = getenv("TMPDIR") != nullptr;
+  const std::string before_ = has_before_ ? getenv("TMPDIR") : "";
+};
+
+TEST_F(TemporaryRuns, WhatAKilledRunLeftIsRemovedByTheNext) {
+  directory_.WriteFile("rigcal-local-abcdef/lock", "");
+  directory_.WriteFile("rigcal-local-abcdef/store/rigcal.db", "");
+  ASSERT_THAT(RunFolder::Create(""), rigcal::testing::IsOk());
+  EXPECT_TRUE(fs::is_empty(directory_.path()));
+}
+
+TEST_F(TemporaryRuns, RunsThatLiveAndFoldersOfOthersStay) {
+  ASSERT_OK_AND_ASSIGN(const RunFolder alive, RunFolder::Create(""));
+  // Just made, not locked yet; not ours; another thing altogether.
+  directory_.WriteFile("rigcal-local-abcdef/store/rigcal.db", "");
+  directory_.WriteFile("rigcal-local-abcdef-of-mine/lock", "");
+  directory_.WriteFile("somebody/lock", "");
+  fs::create_directory_symlink(directory_.path() / "somebody",
+                               directory_.path() / "rigcal-local-ghijkl");
+  { ASSERT_THAT(RunFolder::Create(""), rigcal::testing::IsOk()); }
+  EXPECT_TRUE(fs::is_directory(alive.Store()));
+  EXPECT_TRUE(fs::exists(directory_.path() / "rigcal-local-abcdef" / "store" / "rigcal.db"));
+  EXPECT_TRUE(fs::exists(directory_.path() / "rigcal-local-abcdef-of-mine" / "lock"));
+  EXPECT_TRUE(fs::exists(directory_.path() / "somebody" / "lock"));
 }
 
 TEST(RunFolder, KeptOneStays) {

@@ -148,9 +148,10 @@ v1::Calibration TrueCalibration(const SimulatedWorld& world) {
   for (const SimulatedCamera& truth : world.cameras()) {
     AddCamera(truth.description.camera, truth.cam_from_rig * world_from_rig, &calibration);
     v1::CalibratedCamera* camera = calibration.mutable_cameras(calibration.cameras_size() - 1);
-    // At its epoch, as the solver gives it, the clock having run off by its rate since 0.
-    camera->set_time_offset_s(truth.time_offset_s +
-                              truth.time_rate_ppm * 1e-6 * camera->time_epoch_s());
+    // At its epoch, as the solver gives it, the clock having run off by its rate since its origin.
+    const double since_origin_s =
+        camera->time_epoch_s() - static_cast<double>(truth.clock_origin_ns) * 1e-9;
+    camera->set_time_offset_s(truth.time_offset_s + truth.time_rate_ppm * 1e-6 * since_origin_s);
     camera->set_time_rate_ppm(truth.time_rate_ppm);
   }
   return calibration;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <spdlog/spdlog.h>
+
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -12,6 +14,10 @@
 #include "agent/capture/observation_source.h"
 
 namespace rigcal::agent {
+
+// Made before any thread: the library that makes it is not built with the thread sanitizer, which
+// would take two threads that log for the first time for a race.
+inline spdlog::logger* const kLoggerMadeEarly = spdlog::default_logger_raw();
 
 inline Observation MakeObservation(int64_t time_ns, uint32_t clock_epoch = 0,
                                    size_t marker_count = 1) {

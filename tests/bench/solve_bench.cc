@@ -17,9 +17,13 @@
 #include <cstdlib>
 #include <fstream>
 #include <string>
+#include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "server/solve/bundle_adjuster.h"
 #include "server/solve/line_bundle.h"
+#include "server/solve/line_bundle_kernel.h"
+#include "server/solve/line_bundle_system.h"
 #include "tests/bench/reference_bundle.h"
 #include "tests/testing/bundle_scene.h"
 
@@ -133,6 +137,7 @@ void RunAgainstReference(benchmark::State& state, bool everything) {
 void PosesOffsetsSpacing(benchmark::State& state) { RunAgainstReference(state, false); }
 BENCHMARK(PosesOffsetsSpacing)
     ->ArgNames({"cameras", "instants"})
+    ->Args({4, 614})
     ->Args({6, 1000})
     ->Args({6, 5000})
     ->Args({24, 1000})
@@ -151,6 +156,33 @@ BENCHMARK(Everything)
     ->UseManualTime()
     ->Iterations(1)
     ->Unit(benchmark::kMillisecond);
+
+// One iteration with each instruction set this CPU has.
+void Iteration(benchmark::State& state, const server::LineBundleKernel* kernel, int cameras,
+               int instants) {
+  const BundleScene scene = MakeScene(cameras, instants, false);
+  const BundleOptions options;
+  LineBundleTimes times;
+  server::LineBundleLayout layout = server::LayOut(scene.start);
+  const server::PackedMarkers packed = server::Pack(scene.start, &layout);
+  server::LineBundleSystem system(options, layout, packed, *kernel, &times);
+  const server::LineBundleEstimate estimate(scene.start, layout, packed);
+  server::LineBundleEstimate moved(scene.start, layout, packed);
+  for (auto _ : state) {
+    if (!system.Linearise(estimate, 1e-4) || !system.Solve(estimate, &moved).valid) std::exit(1);
+  }
+}
+
+void RegisterIterations() {
+  for (const server::LineBundleKernel* kernel : server::AvailableLineBundleKernels()) {
+    for (const auto& [cameras, instants] : {std::pair(6, 1000), {24, 1000}, {100, 1000}}) {
+      const std::string name =
+          absl::StrCat("Iteration/", kernel->name, "/cameras:", cameras, "/instants:", instants);
+      benchmark::RegisterBenchmark(name.c_str(), Iteration, kernel, cameras, instants)
+          ->Unit(benchmark::kMillisecond);
+    }
+  }
+}
 
 // Kilobytes of a field of /proc/self/status.
 double StatusKb(const std::string& field) {
@@ -192,4 +224,10 @@ BENCHMARK(Memory)
 }  // namespace
 }  // namespace rigcal::testing
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  rigcal::testing::RegisterIterations();
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

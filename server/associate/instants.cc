@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <cstdlib>
+#include <iterator>
 #include <map>
 #include <string>
 #include <tuple>
@@ -13,6 +14,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kPeriodShare = 0.25;
+// Cameras run freely when instants a whole period wide have so many more cameras each.
+constexpr double kFreeRunningGain = 1.25;
 // For cameras with one row each, which have no period.
 constexpr double kToleranceWithoutPeriodS = 0.005;
 
@@ -22,21 +25,29 @@ struct View {
   int observation;
 };
 
-int64_t ToleranceNs(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                    const InstantOptions& options) {
-  double tolerance_s = options.tolerance_s;
-  if (tolerance_s <= 0) {
-    double period_s = std::numeric_limits<double>::infinity();
-    for (const int track : members) {
-      const double own = tracks[static_cast<size_t>(track)].period_s;
-      if (own > 0) period_s = std::min(period_s, own);
-    }
-    tolerance_s = std::isfinite(period_s) ? kPeriodShare * period_s : kToleranceWithoutPeriodS;
-  }
-  return std::llround(tolerance_s * 1e9);
+const std::string* CameraOf(const std::vector<AlignedTrack>& tracks, const View& view) {
+  return &tracks[static_cast<size_t>(view.track)].track.camera.camera;
 }
 
-// Closes the group [begin, end) of one moment; with one camera only it is nobody's instant.
+// Median periods of the slowest and the fastest of these tracks; 0 where none has one.
+struct Periods {
+  double shortest_s = 0, longest_s = 0;
+};
+
+Periods PeriodsOf(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members) {
+  Periods periods;
+  for (const int track : members) {
+    const double own_s = tracks[static_cast<size_t>(track)].period_s;
+    if (own_s <= 0) continue;
+    if (periods.shortest_s == 0 || own_s < periods.shortest_s) periods.shortest_s = own_s;
+    periods.longest_s = std::max(periods.longest_s, own_s);
+  }
+  return periods;
+}
+
+int64_t Nanoseconds(double seconds) { return std::llround(seconds * 1e9); }
+
+// Makes an instant of the group [begin, end); with one camera only it is nobody's instant.
 void Close(const std::vector<View>& views, size_t begin, size_t end, InstantList* list) {
   if (end - begin < 2) {
     ++list->alone_count[static_cast<size_t>(views[begin].track)];
@@ -62,21 +73,112 @@ void Close(const std::vector<View>& views, size_t begin, size_t end, InstantList
   list->instants.push_back(std::move(instant));
 }
 
+// Cameras that run together: a group ends at the tolerance, or where a camera comes again.
+void GroupTogether(const std::vector<AlignedTrack>& tracks, const std::vector<View>& views,
+                   int64_t tolerance_ns, InstantList* list) {
+  for (size_t begin = 0; begin < views.size();) {
+    size_t end = begin + 1;
+    std::vector<const std::string*> cameras = {CameraOf(tracks, views[begin])};
+    for (; end < views.size() && views[end].time_ns - views[begin].time_ns <= tolerance_ns; ++end) {
+      const std::string* camera = CameraOf(tracks, views[end]);
+      if (std::any_of(cameras.begin(), cameras.end(),
+                      [camera](const std::string* name) { return *name == *camera; })) {
+        break;
+      }
+      cameras.push_back(camera);
+    }
+    Close(views, begin, end, list);
+    begin = end;
+  }
+}
+
+// Cameras that run freely: of each camera the view nearest the middle of the group's time.
+void GroupNearest(const std::vector<AlignedTrack>& tracks, const std::vector<View>& views,
+                  int64_t window_ns, InstantList* list) {
+  for (size_t begin = 0; begin < views.size();) {
+    size_t end = begin + 1;
+    while (end < views.size() && views[end].time_ns - views[begin].time_ns < window_ns) ++end;
+    const int64_t middle_ns = views[begin].time_ns + window_ns / 2;
+    std::map<std::string, View> nearest;
+    for (size_t i = begin; i < end; ++i) {
+      const auto [entry, inserted] = nearest.try_emplace(*CameraOf(tracks, views[i]), views[i]);
+      if (inserted) continue;
+      const View& other = entry->second;
+      const bool nearer =
+          std::abs(views[i].time_ns - middle_ns) < std::abs(other.time_ns - middle_ns);
+      ++list->skipped_count[static_cast<size_t>(nearer ? other.track : views[i].track)];
+      if (nearer) entry->second = views[i];
+    }
+    std::vector<View> group;
+    for (const auto& [camera, view] : nearest) group.push_back(view);
+    Close(group, 0, group.size(), list);
+    begin = end;
+  }
+}
+
+InstantList EmptyList(size_t tracks) {
+  InstantList list;
+  list.alone_count.assign(tracks, 0);
+  list.instant_count.assign(tracks, 0);
+  list.skipped_count.assign(tracks, 0);
+  list.shared_count.assign(tracks, std::vector<int>(tracks, 0));
+  return list;
+}
+
+size_t MemberCount(const InstantList& list) {
+  size_t count = 0;
+  for (const Instant& instant : list.instants) count += instant.members.size();
+  return count;
+}
+
+void Append(InstantList from, InstantList* to) {
+  for (size_t t = 0; t < from.alone_count.size(); ++t) {
+    to->alone_count[t] += from.alone_count[t];
+    to->instant_count[t] += from.instant_count[t];
+    to->skipped_count[t] += from.skipped_count[t];
+    for (size_t u = 0; u < from.alone_count.size(); ++u) {
+      to->shared_count[t][u] += from.shared_count[t][u];
+    }
+  }
+  std::move(from.instants.begin(), from.instants.end(), std::back_inserter(to->instants));
+}
+
+// Mean number of cameras per instant.
+double CamerasPerInstant(const InstantList& list) {
+  return list.instants.empty()
+             ? 0
+             : static_cast<double>(MemberCount(list)) / static_cast<double>(list.instants.size());
+}
+
+InstantList FindInSession(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
+                          const std::vector<View>& views, const InstantOptions& options) {
+  const Periods periods = PeriodsOf(tracks, members);
+  double tolerance_s = options.tolerance_s;
+  if (tolerance_s <= 0) {
+    tolerance_s =
+        periods.shortest_s > 0 ? kPeriodShare * periods.shortest_s : kToleranceWithoutPeriodS;
+  }
+  InstantList together = EmptyList(tracks.size());
+  GroupTogether(tracks, views, Nanoseconds(tolerance_s), &together);
+  if (options.tolerance_s > 0 || periods.longest_s <= 0) return together;
+  InstantList nearest = EmptyList(tracks.size());
+  GroupNearest(tracks, views, Nanoseconds(periods.longest_s), &nearest);
+  const bool run_freely =
+      CamerasPerInstant(nearest) > kFreeRunningGain * CamerasPerInstant(together);
+  return run_freely ? nearest : together;
+}
+
 }  // namespace
 
 InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
                          const std::vector<std::vector<int64_t>>& rig_time_ns,
                          const InstantOptions& options) {
-  InstantList list;
-  list.alone_count.assign(tracks.size(), 0);
-  list.instant_count.assign(tracks.size(), 0);
-  list.shared_count.assign(tracks.size(), std::vector<int>(tracks.size(), 0));
+  InstantList list = EmptyList(tracks.size());
   std::map<std::string, std::vector<int>> sessions;
   for (size_t t = 0; t < tracks.size(); ++t) {
     sessions[tracks[t].track.session_id].push_back(static_cast<int>(t));
   }
   for (const auto& [session_id, members] : sessions) {
-    const int64_t tolerance_ns = ToleranceNs(tracks, members, options);
     std::vector<View> views;
     for (const int t : members) {
       const std::vector<Observation>& rows = tracks[static_cast<size_t>(t)].track.observations;
@@ -89,23 +191,7 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
       return std::tie(a.time_ns, a.track, a.observation) <
              std::tie(b.time_ns, b.track, b.observation);
     });
-    for (size_t begin = 0; begin < views.size();) {
-      size_t end = begin + 1;
-      std::vector<const std::string*> cameras = {
-          &tracks[static_cast<size_t>(views[begin].track)].track.camera.camera};
-      for (; end < views.size() && views[end].time_ns - views[begin].time_ns <= tolerance_ns;
-           ++end) {
-        const std::string& camera =
-            tracks[static_cast<size_t>(views[end].track)].track.camera.camera;
-        if (std::any_of(cameras.begin(), cameras.end(),
-                        [&camera](const std::string* name) { return *name == camera; })) {
-          break;
-        }
-        cameras.push_back(&camera);
-      }
-      Close(views, begin, end, &list);
-      begin = end;
-    }
+    Append(FindInSession(tracks, members, views, options), &list);
   }
   return list;
 }

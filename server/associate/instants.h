@@ -21,16 +21,21 @@ struct Instant {
 };
 
 struct InstantOptions {
-  // All members of an instant lie within this of each other, seconds. 0: a quarter of the smallest
-  // median period of the session's cameras, the widest that cannot mix neighbouring frames of
-  // cameras that run together.
+  // All members of an instant lie within this of each other, seconds. 0: from the cameras' periods,
+  // session by session. Cameras that run together: a quarter of the smallest median period, the
+  // widest that cannot mix neighbouring frames. Where that leaves most views alone, the cameras run
+  // freely: then an instant takes what lies within one median period of the slowest camera, of each
+  // camera the view nearest its middle, and it is for whoever uses the instants to move each view
+  // to the instant's time.
   double tolerance_s = 0;
 };
 
 struct InstantList {
-  std::vector<Instant> instants;               // ascending by session, then time
-  std::vector<uint32_t> alone_count;           // by track: wand views that nobody else shares
-  std::vector<uint32_t> instant_count;         // by track: wand views that are part of an instant
+  std::vector<Instant> instants;        // ascending by session, then time
+  std::vector<uint32_t> alone_count;    // by track: wand views that nobody else shares
+  std::vector<uint32_t> instant_count;  // by track: wand views that are part of an instant
+  // By track: wand views of freely running cameras with a nearer one in their instant.
+  std::vector<uint32_t> skipped_count;
   std::vector<std::vector<int>> shared_count;  // by pair of tracks
 };
 

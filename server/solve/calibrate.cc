@@ -16,6 +16,7 @@
 #include "server/associate/clean_track.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/judged_solve.h"
+#include "server/solve/time_search.h"
 
 namespace rigcal::server {
 namespace {
@@ -180,6 +181,12 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   solve.cancelled = hooks.cancelled;
   for (const auto& [camera, count] : counts) {
     solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
+  }
+  if (solve.estimate_time_offsets) {
+    TimeSearchOptions search;
+    search.cancelled = hooks.cancelled;
+    search.progress = [&progress](double fraction) { progress("searching times", fraction); };
+    RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, search, &clocks));
   }
   RIGCAL_ASSIGN_OR_RETURN(const JudgedSolution judged, SolveAndJudge(rig, clocks, solve, options));
   progress("reporting", 1);

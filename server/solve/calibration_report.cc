@@ -86,6 +86,9 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
                  "alone_in_instant", input.judged.solution.instants.alone_count[t],
                  "no other camera saw the wand at that moment");
+    refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
+                 "not_nearest_in_instant", input.judged.solution.instants.skipped_count[t],
+                 "cameras run freely, and this one saw the wand again nearer the same moment");
   }
   for (const BundleInstant& instant : problem.instants) {
     for (int o = 0; o < instant.observation_count; ++o) {

@@ -10,6 +10,8 @@ namespace {
 
 constexpr Eigen::Index kMaxPoints = 15;
 
+constexpr double kWildPx = 15;
+constexpr double kWildTimesUsual = 12;
 constexpr int kMaxTerms = 5;  // of a polynomial of degree 4
 
 using Weights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxPoints, 1>;
@@ -49,6 +51,12 @@ FitWeights WeightsOf(const Weights& times, Eigen::Index degree, double t) {
   return weights;
 }
 
+double Median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
 }  // namespace
 
 ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
@@ -68,6 +76,7 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
                              marker.centre_px, marker.covariance_px2});
     }
   }
+  for (std::vector<Sample>& samples : samples_) ExcludeWild(&samples);
   std::vector<double> speeds;
   for (const std::vector<Sample>& samples : samples_) {
     for (size_t i = 1; i < samples.size(); ++i) {
@@ -77,9 +86,42 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
     }
   }
   if (speeds.empty()) return;
-  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
-  std::nth_element(speeds.begin(), middle, speeds.end());
-  typical_speed_px_s_ = *middle;
+  typical_speed_px_s_ = Median(&speeds);
+}
+
+void ImageMotion::ExcludeWild(std::vector<Sample>* samples) const {
+  const double gap_s = options_.max_gap_periods * period_s_;
+  std::vector<double> deviations(samples->size(), 0);
+  for (size_t i = 0; i < samples->size(); ++i) {
+    // Up to two neighbours on each side; every two of them predict the centre, by a line.
+    std::vector<const Sample*> near;
+    for (const ptrdiff_t step : {-2, -1, 1, 2}) {
+      const ptrdiff_t j = static_cast<ptrdiff_t>(i) + step;
+      if (j < 0 || j >= static_cast<ptrdiff_t>(samples->size())) continue;
+      const Sample& other = (*samples)[static_cast<size_t>(j)];
+      const double away_s =
+          1e-9 * std::abs(static_cast<double>(other.time_ns - (*samples)[i].time_ns));
+      if (away_s <= std::abs(static_cast<double>(step)) * gap_s) near.push_back(&other);
+    }
+    std::vector<double> errors;
+    for (size_t a = 0; a < near.size(); ++a) {
+      for (size_t b = a + 1; b < near.size(); ++b) {
+        const double span = static_cast<double>(near[b]->time_ns - near[a]->time_ns);
+        const double share = static_cast<double>((*samples)[i].time_ns - near[a]->time_ns) / span;
+        const Eigen::Vector2d predicted =
+            near[a]->centre_px + share * (near[b]->centre_px - near[a]->centre_px);
+        errors.push_back(((*samples)[i].centre_px - predicted).norm());
+      }
+    }
+    if (errors.size() < 3) continue;
+    // The lower median: one wild neighbour spoils half of six predictions.
+    std::sort(errors.begin(), errors.end());
+    deviations[i] = errors[(errors.size() - 1) / 2];
+  }
+  if (deviations.empty()) return;
+  std::vector<double> copy = deviations;
+  const double limit_px = std::max(kWildPx, kWildTimesUsual * Median(&copy));
+  for (size_t i = 0; i < samples->size(); ++i) (*samples)[i].excluded = deviations[i] > limit_px;
 }
 
 void ImageMotion::Exclude(int observation, int marker) {
@@ -116,7 +158,8 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
   std::vector<const Sample*> points;
   Eigen::Index before = 0, after = 0, own_index = -1;
   for (size_t i = around.begin; i < around.end; ++i) {
-    if (i != own && samples[i].excluded) continue;
+    // A wild row moves as its neighbours say, and stays wild.
+    if (samples[i].excluded) continue;
     if (i == own) own_index = static_cast<Eigen::Index>(points.size());
     before += i < own ? 1 : 0;
     after += i > own ? 1 : 0;
@@ -155,6 +198,7 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
     const double weight = weights.displacement[i] + (i == own_index ? 1 : 0);
     motion.covariance_px2 += weight * weight * point.covariance_px2;
   }
+  if (own_index < 0) motion.covariance_px2 += samples[own].covariance_px2;
   motion.centre_px += displacement;
   const double left_out_px = 0.5 * (displacement - lower).norm();
   motion.covariance_px2 += left_out_px * left_out_px * Eigen::Matrix2d::Identity();

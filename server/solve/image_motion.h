@@ -30,6 +30,9 @@ struct ImageMotionOptions {
 // keeps its own noise, and a row without neighbours stays where it is. The covariance is that of
 // exactly this linear combination of rows, plus what the fit's highest order contributes as a
 // measure of what it leaves out.
+//
+// A centre that lies far from where its neighbours say it should be (15 px, and 12 times what is
+// usual for the camera) takes no part in its neighbours' fits.
 class ImageMotion {
  public:
   ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options);
@@ -55,6 +58,7 @@ class ImageMotion {
     size_t begin, end, own;  // into samples of the marker
   };
   Neighbourhood Around(const std::vector<Sample>& samples, size_t own) const;
+  void ExcludeWild(std::vector<Sample>* samples) const;
 
   ImageMotionOptions options_;
   double period_s_;

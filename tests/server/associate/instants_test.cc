@@ -78,12 +78,28 @@ TEST(FindInstants, HasEachCameraOnceEvenWithAWideTolerance) {
   EXPECT_EQ(list.instants.size(), 4u);
 }
 
+TEST(FindInstants, CamerasThatRunFreelyShareAPeriodOfTheSlowest) {
+  std::vector<int64_t> slow, other, fast;
+  for (int64_t t = 0; t < 2000; t += 100) slow.push_back(t + 45), other.push_back(t + 85);
+  for (int64_t t = 0; t < 2000; t += 40) fast.push_back(t + 15);
+  const auto list =
+      Find({Track("s", "a", slow, 0.1), Track("s", "b", fast, 0.04), Track("s", "c", other, 0.1)});
+  EXPECT_GE(list.instants.size(), 19u);
+  EXPECT_GT(list.skipped_count[1], 20u);
+  for (const Instant& instant : list.instants) {
+    for (const InstantMember& member : instant.members) {
+      EXPECT_LT(member.track, 3);
+    }
+  }
+}
+
 TEST(FindInstants, EveryWandViewIsInAnInstantOrAlone) {
   const std::vector<AlignedTrack> tracks = {
       Track("s", "a", {0, 90, 130, 170}), Track("s", "b", {5, 80, 260}), Track("s", "c", {7, 500})};
   const auto list = Find(tracks);
   for (size_t t = 0; t < tracks.size(); ++t) {
-    EXPECT_EQ(list.alone_count[t] + list.instant_count[t], tracks[t].track.observations.size());
+    EXPECT_EQ(list.alone_count[t] + list.instant_count[t] + list.skipped_count[t],
+              tracks[t].track.observations.size());
   }
 }
 

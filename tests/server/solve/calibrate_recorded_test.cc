@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "server/solve/calibrate.h"
@@ -89,6 +90,44 @@ TEST(RecordedRig, DefaultsReachWhatIsAskedOfThem) {
     EXPECT_GT(span.held_out_count, 400u);
   }
 }
+
+struct Shift {
+  size_t camera;
+  double shift_s;
+  bool every_third_row_missing;
+};
+
+class ShiftedRecording : public ::testing::TestWithParam<Shift> {};
+
+// The offset that comes out differs from the unshifted run's by the shift, to 0.3 ms.
+TEST_P(ShiftedRecording, FindsTheShift) {
+  RIGCAL_REQUIRE_RECORDED_DATA(folder);
+  const CalibrationInput input = Recording(folder);
+  CalibrationInput shifted = input;
+  CameraTrack& track = shifted.tracks[GetParam().camera];
+  std::vector<Observation> rows;
+  for (size_t i = 0; i < track.observations.size(); ++i) {
+    if (GetParam().every_third_row_missing && i % 3 == 2) continue;
+    rows.push_back(track.observations[i]);
+    rows.back().time_ns += std::llround(1e9 * GetParam().shift_s);
+  }
+  track.observations = rows;
+  const CalibrationOutcome before = Calibrate(input, {}), after = Calibrate(shifted, {});
+  ASSERT_THAT(before.result, IsOk());
+  ASSERT_THAT(after.result, IsOk());
+  const size_t other = GetParam().camera == 3 ? 1 : 3;
+  const auto against_other = [&](const CalibrationResult& result) {
+    return result.cameras[GetParam().camera].time_offset_s - result.cameras[other].time_offset_s;
+  };
+  // Stamps that are later by the shift need an offset that is less by it.
+  EXPECT_NEAR(against_other(*after.result) - against_other(*before.result), -GetParam().shift_s,
+              0.3e-3);
+}
+
+INSTANTIATE_TEST_SUITE_P(RecordedRig, ShiftedRecording,
+                         ::testing::Values(Shift{1, 0.003, false}, Shift{1, 0.06, false},
+                                           Shift{2, -0.7, false}, Shift{0, -0.7, true},
+                                           Shift{3, 0, true}));
 
 TEST(RecordedRig, PermutedDeliveryGivesTheSameBits) {
   RIGCAL_REQUIRE_RECORDED_DATA(folder);

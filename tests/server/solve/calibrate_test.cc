@@ -265,6 +265,25 @@ TEST(Calibrate, ClocksWithOriginsOfTheirOwnAreAlignedBySamples) {
   EXPECT_LT(ComparePoses(*outcome.result, world).worst_position_m, 0.002);
 }
 
+TEST(Calibrate, FreelyRunningCamerasAreInterpolated) {
+  const SimulatedWorld world = World(
+      "free_running=1;jitter=0.00002;wand_speed=2;duration=30;rate.0=50;rate.1=60;rate.2=120;rate."
+      "3=50;"
+      "rate.4=60;rate.5=120;offset.1=0.5;offset.2=-0.3;offset.5=0.01");
+  const CalibrationOutcome outcome = Calibrate(InputOf(world), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  EXPECT_LT(ComparePoses(*outcome.result, world).worst_position_m, 0.002);
+  const double zero_s = outcome.result->cameras[0].time_offset_s;
+  for (size_t c = 1; c < 6; ++c) {
+    const CalibratedCamera& camera = outcome.result->cameras[c];
+    const auto truth = world.options().time_offset_s.find(static_cast<int>(c));
+    EXPECT_NEAR(camera.time_offset_s - zero_s,
+                truth == world.options().time_offset_s.end() ? 0 : truth->second, 1e-4)
+        << camera.camera;
+    EXPECT_LT(camera.residuals.inlier.mean_px, 0.45);
+  }
+}
+
 TEST(Calibrate, CarriesOverWhatOthersRefused) {
   CalibrationInput input = InputOf(World("cameras=2;duration=20"));
   input.refused.push_back({"sim_1", "not_a_number", 3, "line 4"});

@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/time_search.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "common/camera/camera_model.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kMinMatches = 40;
+constexpr int kReweightings = 4;
+constexpr double kMaxGapPeriods = 3.5;
+constexpr int kTriesPerJoin = 3;
+
+// One marker of one camera over time, as normalised coordinates.
+struct RayPath {
+  std::vector<double> time_s;
+  std::vector<Eigen::Vector2d> ray;
+};
+
+struct TrackPaths {
+  std::vector<RayPath> markers;
+  double focal_px = 1;
+  double gap_s = 0;
+};
+
+TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_ns,
+                   int64_t origin_ns, int marker_count) {
+  TrackPaths paths;
+  const Intrinsics& intrinsics = *track.track.camera.intrinsics;
+  paths.focal_px = 0.5 * (intrinsics.fx_px + intrinsics.fy_px);
+  paths.gap_s = kMaxGapPeriods * track.period_s;
+  paths.markers.resize(static_cast<size_t>(marker_count));
+  for (size_t i = 0; i < track.track.observations.size(); ++i) {
+    const Observation& row = track.track.observations[i];
+    for (size_t m = 0; m < row.markers.size(); ++m) {
+      if (!row.markers[m].visible) continue;
+      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics, row.markers[m].centre_px);
+      if (!ray.ok()) continue;
+      paths.markers[m].time_s.push_back(
+          1e-9 * static_cast<double>(times_ns[i] - origin_ns + row.markers[m].time_delta_ns));
+      paths.markers[m].ray.push_back(*ray);
+    }
+  }
+  return paths;
+}
+
+// Cubic through the four rows around a time; none where they do not follow each other closely.
+std::optional<Eigen::Vector2d> At(const RayPath& path, double time_s, double gap_s) {
+  const auto after = std::lower_bound(path.time_s.begin(), path.time_s.end(), time_s);
+  const auto index = static_cast<size_t>(after - path.time_s.begin());
+  if (index < 2 || index + 2 > path.time_s.size()) return std::nullopt;
+  for (size_t i = index - 1; i <= index + 1; ++i) {
+    if (path.time_s[i] - path.time_s[i - 1] > gap_s) return std::nullopt;
+  }
+  Eigen::Vector2d value = Eigen::Vector2d::Zero();
+  for (size_t i = index - 2; i < index + 2; ++i) {
+    double weight = 1;
+    for (size_t j = index - 2; j < index + 2; ++j) {
+      if (j != i) weight *= (time_s - path.time_s[j]) / (path.time_s[i] - path.time_s[j]);
+    }
+    value += weight * path.ray[i];
+  }
+  return value;
+}
+
+struct Match {
+  Eigen::Vector2d a, b;
+};
+
+std::vector<Match> Matches(const TrackPaths& a, const TrackPaths& b, double offset_s,
+                           int max_samples) {
+  std::vector<Match> matches;
+  for (size_t m = 0; m < a.markers.size(); ++m) {
+    const RayPath& path = a.markers[m];
+    const size_t count = path.time_s.size();
+    const size_t samples = std::min(count, static_cast<size_t>(max_samples));
+    for (size_t k = 0; k < samples; ++k) {
+      const size_t i = k * count / samples;
+      const auto ray = At(b.markers[m], path.time_s[i] - offset_s, b.gap_s);
+      if (ray) matches.push_back({path.ray[i], *ray});
+    }
+  }
+  return matches;
+}
+
+double MedianOf(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Moves and scales one camera's coordinates to order one, in which the eight-point algorithm is
+// well conditioned.
+void Normalise(std::vector<Match>* matches, Eigen::Vector2d Match::*side, double* scale) {
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (const Match& match : *matches) mean += match.*side / static_cast<double>(matches->size());
+  double squares = 0;
+  for (const Match& match : *matches) squares += (match.*side - mean).squaredNorm();
+  *scale = std::sqrt(2 * static_cast<double>(matches->size()) / std::max(squares, 1e-12));
+  for (Match& match : *matches) match.*side = (match.*side - mean) * *scale;
+}
+
+double Score(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples) {
+  std::vector<Match> matches = Matches(a, b, offset_s, max_samples);
+  if (static_cast<int>(matches.size()) < kMinMatches) return kInfinity;
+  double scale_a = 1, scale_b = 1;
+  Normalise(&matches, &Match::a, &scale_a);
+  Normalise(&matches, &Match::b, &scale_b);
+  std::vector<double> weights(matches.size(), 1), distances(matches.size(), 0);
+  double median = kInfinity;
+  for (int round = 0; round < kReweightings; ++round) {
+    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
+    for (size_t i = 0; i < matches.size(); ++i) {
+      const Eigen::Vector3d x = matches[i].a.homogeneous(), y = matches[i].b.homogeneous();
+      Eigen::Matrix<double, 9, 1> row;
+      row << y[0] * x, y[1] * x, y[2] * x;
+      normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weights[i]);
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(normal);
+    const Eigen::Matrix<double, 9, 1> f = solver.eigenvectors().col(0);
+    Eigen::Matrix3d matrix;
+    matrix << f.segment<3>(0).transpose(), f.segment<3>(3).transpose(), f.segment<3>(6).transpose();
+    for (size_t i = 0; i < matches.size(); ++i) {
+      const Eigen::Vector3d x = matches[i].a.homogeneous(), y = matches[i].b.homogeneous();
+      const Eigen::Vector3d line_b = matrix * x, line_a = matrix.transpose() * y;
+      const double slope = std::sqrt(line_a.head<2>().squaredNorm() * scale_a * scale_a +
+                                     line_b.head<2>().squaredNorm() * scale_b * scale_b);
+      distances[i] = std::abs(y.dot(line_b)) / std::max(slope, 1e-12);
+    }
+    median = MedianOf(distances);
+    for (size_t i = 0; i < matches.size(); ++i) {
+      const double share = distances[i] / std::max(1.5 * median, 1e-12);
+      weights[i] = 1 / (1 + share * share);
+    }
+  }
+  return median * 0.5 * (a.focal_px + b.focal_px);
+}
+
+// The offset of b against a, if one convinces.
+std::optional<double> FindOffset(const TrackPaths& a, const TrackPaths& b,
+                                 const TimeSearchOptions& options) {
+  const auto score = [&](double offset_s) { return Score(a, b, offset_s, options.max_samples); };
+  std::vector<double> wrong;
+  for (const double share : {-0.85, -0.6, -0.35, 0.35, 0.6, 0.85}) {
+    const double value = score(share * options.reach_s);
+    if (std::isfinite(value)) wrong.push_back(value);
+  }
+  const double here = score(0);
+  if (wrong.empty()) return std::isfinite(here) ? std::optional<double>(0) : std::nullopt;
+  if (here < options.convincing_share * MedianOf(wrong)) return 0;
+
+  double best = kInfinity, best_s = 0;
+  std::vector<double> all;
+  const auto consider = [&](double offset_s) {
+    const double value = score(offset_s);
+    if (value < best) {
+      best = value;
+      best_s = offset_s;
+    }
+    return value;
+  };
+  const int steps = static_cast<int>(options.reach_s / options.step_s);
+  for (int i = -steps; i <= steps; ++i) {
+    const double value = consider(i * options.step_s);
+    if (std::isfinite(value)) all.push_back(value);
+  }
+  if (all.empty()) return std::nullopt;
+  const double coarse_s = best_s;
+  const int fine = static_cast<int>(options.step_s / options.fine_step_s);
+  for (int i = -fine; i <= fine; ++i) consider(coarse_s + i * options.fine_step_s);
+  if (!(best < options.convincing_share * MedianOf(all))) return std::nullopt;
+  return best_s;
+}
+
+// Two tracks on different clocks, and how much they have seen at the same time.
+struct ClockPair {
+  int weight;
+  int a, b;
+};
+
+std::vector<ClockPair> PairsOf(const RigObservations& rig, const std::vector<TrackPaths>& paths,
+                               int max_samples) {
+  std::vector<ClockPair> pairs;
+  for (size_t a = 0; a < paths.size(); ++a) {
+    for (size_t b = a + 1; b < paths.size(); ++b) {
+      if (rig.tracks[a].track.session_id != rig.tracks[b].track.session_id ||
+          rig.index.clock_of_track[a] == rig.index.clock_of_track[b]) {
+        continue;
+      }
+      const int weight = static_cast<int>(Matches(paths[a], paths[b], 0, max_samples).size());
+      if (weight > 0) pairs.push_back({weight, static_cast<int>(a), static_cast<int>(b)});
+    }
+  }
+  std::stable_sort(pairs.begin(), pairs.end(), [](const ClockPair& left, const ClockPair& right) {
+    return left.weight > right.weight;
+  });
+  return pairs;
+}
+
+// Offsets of clocks within groups that are known to each other.
+class ClockGroups {
+ public:
+  explicit ClockGroups(size_t clocks) : group_(clocks), offset_s_(clocks, 0) {
+    std::iota(group_.begin(), group_.end(), 0);
+  }
+  bool Joined(int a, int b) const { return group_[Index(a)] == group_[Index(b)]; }
+  // Rows of clock b show moments `offset_s` later than those of a, on top of what is known.
+  void Join(int a, int b, double offset_s) {
+    const int from = group_[Index(b)], to = group_[Index(a)];
+    const double shift_s = offset_s_[Index(a)] + offset_s - offset_s_[Index(b)];
+    for (size_t k = 0; k < group_.size(); ++k) {
+      if (group_[k] != from) continue;
+      group_[k] = to;
+      offset_s_[k] += shift_s;
+    }
+  }
+  double Between(int a, int b) const { return offset_s_[Index(b)] - offset_s_[Index(a)]; }
+
+ private:
+  static size_t Index(int clock) { return static_cast<size_t>(clock); }
+  std::vector<int> group_;
+  std::vector<double> offset_s_;
+};
+
+std::vector<TrackPaths> AllPaths(const RigObservations& rig,
+                                 const std::vector<std::vector<int64_t>>& times_ns) {
+  std::vector<TrackPaths> paths;
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    // Of tracks of one session only differences matter; an origin keeps the digits of UTC.
+    size_t first = 0;
+    while (rig.tracks[first].track.session_id != rig.tracks[t].track.session_id) ++first;
+    paths.push_back(
+        PathsOf(rig.tracks[t], times_ns[t], times_ns[first].front(), rig.target.marker_count()));
+  }
+  return paths;
+}
+
+}  // namespace
+
+double EpipolarScorePx(const RigObservations& rig,
+                       const std::vector<std::vector<int64_t>>& times_ns, int track_a, int track_b,
+                       double offset_s, int max_samples) {
+  const auto a = static_cast<size_t>(track_a), b = static_cast<size_t>(track_b);
+  const int64_t origin_ns = times_ns[a].front();
+  const int markers = rig.target.marker_count();
+  return Score(PathsOf(rig.tracks[a], times_ns[a], origin_ns, markers),
+               PathsOf(rig.tracks[b], times_ns[b], origin_ns, markers), offset_s, max_samples);
+}
+
+absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
+                               const TimeSearchOptions& options,
+                               std::vector<ClockCorrection>* clocks) {
+  const std::vector<TrackPaths> paths = AllPaths(rig, RigTimes(rig.tracks, rig.index, *clocks));
+  const std::vector<ClockPair> pairs = PairsOf(rig, paths, options.max_samples);
+  ClockGroups groups(clocks->size());
+  std::vector<int> tries(clocks->size() * clocks->size(), 0);
+  double done = 0;
+  for (const ClockPair& pair : pairs) {
+    const auto a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
+    const int clock_a = rig.index.clock_of_track[a], clock_b = rig.index.clock_of_track[b];
+    int& count =
+        tries[static_cast<size_t>(clock_a) * clocks->size() + static_cast<size_t>(clock_b)];
+    if (groups.Joined(clock_a, clock_b) || ++count > kTriesPerJoin) continue;
+    if (options.cancelled != nullptr && options.cancelled->load()) {
+      return absl::CancelledError("the calibration was cancelled");
+    }
+    const std::optional<double> offset_s = FindOffset(paths[a], paths[b], options);
+    if (offset_s) groups.Join(clock_a, clock_b, *offset_s);
+    if (options.progress)
+      options.progress(std::min(1.0, ++done / static_cast<double>(pairs.size())));
+  }
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    // The clock the others of its session are measured against.
+    size_t reference = t;
+    for (size_t r = 0; r < rig.tracks.size(); ++r) {
+      if (rig.tracks[r].track.session_id != rig.tracks[t].track.session_id) continue;
+      if (rig.index.camera_of_track[r] == reference_camera) reference = r;
+    }
+    const int from = rig.index.clock_of_track[reference], to = rig.index.clock_of_track[t];
+    // Once for each clock: by its first track.
+    bool first = true;
+    for (size_t r = 0; r < t; ++r) first = first && rig.index.clock_of_track[r] != to;
+    if (first && groups.Joined(from, to)) {
+      (*clocks)[static_cast<size_t>(to)].time_offset_s += groups.Between(from, to);
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace rigcal::server

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "client/server_connection.h"
+#include "client/utf8.h"
 #include "common/wire/protocol_version.h"
 
 namespace rigcal::client {
@@ -117,7 +118,7 @@ CLI::App* CommandParser::AddGroup(const std::string& name, const std::string& de
 CLI::App* CommandParser::AddServerlessCommand(const std::string& name,
                                               const std::string& description, Command command) {
   CLI::App* app = app_.add_subcommand(name, description);
-  app->callback([this, command = std::move(command)] { chosen_ = command; });
+  app->callback([this, command = std::move(command)] { Choose(command, false); });
   AddFormatOption(app);
   return app;
 }
@@ -125,10 +126,15 @@ CLI::App* CommandParser::AddServerlessCommand(const std::string& name,
 CLI::App* CommandParser::AddCommand(CLI::App* parent, const std::string& name,
                                     const std::string& description, Command command) {
   CLI::App* app = (parent == nullptr ? &app_ : parent)->add_subcommand(name, description);
-  app->callback([this, command = std::move(command)] { chosen_ = command; });
+  app->callback([this, command = std::move(command)] { Choose(command, true); });
   AddFormatOption(app);
   AddServerOption(app);
   return app;
+}
+
+void CommandParser::Choose(const Command& command, bool asks_server) {
+  chosen_ = command;
+  asks_server_ = asks_server;
 }
 
 ExitCode CommandParser::Usage(const std::string& message) {
@@ -137,6 +143,9 @@ ExitCode CommandParser::Usage(const std::string& message) {
 }
 
 ExitCode CommandParser::Run(const std::vector<std::string>& arguments) {
+  for (const std::string& argument : arguments) {
+    if (!IsUtf8(argument)) return Usage(absl::StrCat("'", argument, "' is not UTF-8"));
+  }
   try {
     // CLI11 takes them from the back.
     app_.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
@@ -150,7 +159,7 @@ ExitCode CommandParser::Run(const std::vector<std::string>& arguments) {
   } catch (const CLI::ParseError& error) {
     return Usage(error.what());
   }
-  if (const absl::Status status = ValidateServerAddress(server_); !status.ok()) {
+  if (const absl::Status status = ValidateServerAddress(server_); asks_server_ && !status.ok()) {
     return Usage(std::string(status.message()));
   }
   CommandContext context{console_, server_};

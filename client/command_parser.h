@@ -33,12 +33,14 @@ class CommandParser {
  private:
   void AddServerOption(CLI::App* app);
   void AddFormatOption(CLI::App* app);
+  void Choose(const Command& command, bool asks_server);
   ExitCode Usage(const std::string& message);
 
   CLI::App app_;
   Console& console_;
   std::string server_;
   Command chosen_;
+  bool asks_server_ = true;
 };
 
 // Each file of commands adds its own.

@@ -86,6 +86,11 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
         "the server at ", address_, " does not know this call (", status.error_message(),
         "): it is another program or another version; rigcal doctor compares the versions"));
   }
+  if (status.error_message().empty()) {
+    const absl::Status named = wire::FromGrpc(status);
+    return absl::Status(named.code(), absl::StrCat("the server at ", address_, " refused: ",
+                                                   absl::StatusCodeToString(named.code())));
+  }
   return wire::FromGrpc(status);
 }
 

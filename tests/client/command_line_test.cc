@@ -39,6 +39,8 @@ TEST(CommandLine, UsageErrorsExitWithTwoAndSayWhatIsWrong) {
       {{"session", "stop", "a", "--drain-timeout", "601"}, "601"},
       {{"session", "stop", "a", "--drain-timeout", "nan"}, "nan"},
       {{"session", "list", "-o", "xml"}, "xml"},
+      {{"session", "get", "bad\xff"}, "not UTF-8"},
+      {{"session", "get", "cut\xc3"}, "not UTF-8"},
       {{"session", "list", "--server", "nowhere"}, "nowhere"},
       {{"session", "list", "--server", ""}, "HOST:PORT"},
       {{"session", "list", "--frobnicate"}, "--frobnicate"},
@@ -158,6 +160,8 @@ TEST(CommandLine, ServerComesFromTheEnvironmentUnlessNamed) {
   EXPECT_EQ(Rigcal({"session", "list", "--server", "127.0.0.1:1"}).exit_code, 6);
   setenv("RIGCAL_SERVER", "nonsense", 1);
   EXPECT_EQ(Rigcal({"session", "list"}).exit_code, 2);
+  // A command that asks no server does not mind: this one fails for its folder.
+  EXPECT_EQ(Rigcal({"local", "--data", "/nowhere", "--target", "wand:0,1"}).exit_code, 1);
   unsetenv("RIGCAL_SERVER");
 }
 

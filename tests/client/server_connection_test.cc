@@ -84,6 +84,14 @@ TEST(ServerConnection, AnotherProgramsServerIsNamed) {
   EXPECT_THAT(Get(server, "x"), StatusIs(absl::StatusCode::kUnimplemented, HasSubstr("version")));
 }
 
+TEST(ServerConnection, ARefusalWithoutWordsGetsSome) {
+  FakeServer fake;
+  fake.failures["GetSession"] = grpc::Status(grpc::StatusCode::INTERNAL, "");
+  ServerConnection server(fake.address());
+  EXPECT_THAT(Get(server, "x"), StatusIs(absl::StatusCode::kInternal,
+                                         AllOf(HasSubstr(fake.address()), HasSubstr("INTERNAL"))));
+}
+
 TEST(ServerConnection, IgnoresProxiesOfTheEnvironment) {
   FakeServer fake;
   fake.sessions["wave"] = FullSession("wave");

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "server/solve/line_bundle_estimate.h"
+
 #include <Eigen/Geometry>
 #include <algorithm>
-
-#include "server/solve/line_bundle_system.h"
 
 namespace rigcal::server {
 namespace {

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <cstddef>
-#include <cstdlib>
-#include <memory>
 #include <vector>
 
 #include "server/solve/bundle_problem.h"
@@ -12,25 +9,6 @@
 #include "server/solve/line_bundle_kernel.h"
 
 namespace rigcal::server {
-
-// Doubles that begin on a cache line, zero at first.
-class AlignedBuffer {
- public:
-  AlignedBuffer() = default;
-  explicit AlignedBuffer(size_t size);
-
-  double* data() { return data_.get(); }
-  const double* data() const { return data_.get(); }
-  size_t size() const { return size_; }
-  void Fill(double value);
-
- private:
-  struct Free {
-    void operator()(double* data) const { std::free(data); }
-  };
-  std::unique_ptr<double, Free> data_;
-  size_t size_ = 0;
-};
 
 // A normal prior on a free parameter, or on the difference of two: (plus - minus - mean) / sigma.
 struct ReducedPrior {
@@ -64,20 +42,22 @@ struct LineBundleLayout {
   }
 };
 
-// The problem's used markers in groups of eight instants, as the kernel reads them. Instants
-// without a used marker are left out.
-struct PackedMarkers {
-  std::vector<int> instants;  // of the problem, in the order of lanes
-  std::vector<KernelEntry> entries;
-  std::vector<uint32_t> first_entry;
-  AlignedBuffer data;
-  int marker_count = 0;
-
-  int group_count() const { return static_cast<int>(first_entry.size()) - 1; }
-};
-
 LineBundleLayout LayOut(const BundleProblem& problem);
-// Marks as shared those columns of the layout that several entries of one group reach.
-PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout);
+
+// Calls function(observation, marker) for what of an instant is part of the cost.
+template <typename Function>
+void ForEachUsedMarker(const BundleProblem& problem, int instant, const Function& function) {
+  const BundleInstant& owner = problem.instants[static_cast<size_t>(instant)];
+  if (!owner.used) return;
+  for (int o = 0; o < owner.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(owner.first_observation + o)];
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const BundleMarker& marker =
+          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      if (marker.used) function(observation, marker);
+    }
+  }
+}
 
 }  // namespace rigcal::server

@@ -5,40 +5,11 @@
 #include <vector>
 
 #include "server/solve/bundle_problem.h"
+#include "server/solve/line_bundle_estimate.h"
 #include "server/solve/line_bundle_layout.h"
+#include "server/solve/line_bundle_packing.h"
 
 namespace rigcal::server {
-
-// What a line bundle estimates, as the kernel reads it: cameras, clocks and target as in the
-// problem, the instants' poses in lanes.
-class LineBundleEstimate {
- public:
-  LineBundleEstimate(const BundleProblem& problem, const LineBundleLayout& layout,
-                     const PackedMarkers& packed);
-
-  KernelEstimate View() const { return {views_.data(), positions_.data(), poses_.data()}; }
-  double* poses() { return poses_.data(); }
-
-  // Becomes `from` with the reduced parameters stepped; the poses stay what they are.
-  void MoveReduced(const LineBundleEstimate& from, const Eigen::VectorXd& step);
-  double PriorCost() const;
-  // Adds the priors' part, lower triangle.
-  void AddPriors(Eigen::MatrixXd* matrix, Eigen::VectorXd* gradient) const;
-  double ReducedNorm2() const;
-  void Store(const PackedMarkers& packed, BundleProblem* problem) const;
-
- private:
-  double Value(int column) const;
-  double PriorResidual(const ReducedPrior& prior) const;
-  void RefreshViews();
-
-  const LineBundleLayout* layout_;
-  std::vector<BundleCamera> cameras_;
-  std::vector<BundleClock> clocks_;
-  std::vector<double> positions_;
-  std::vector<KernelView> views_;
-  AlignedBuffer poses_;
-};
 
 // The normal equations of a line bundle: accumulated with the instants eliminated on the way, and
 // solved. Keeps its memory from one iteration to the next.

@@ -188,4 +188,23 @@ class Builder {
 
 BundleScene MakeBundleScene(const BundleSceneOptions& options) { return Builder(options).Build(); }
 
+BundleSceneOptions SmallBundleScene() {
+  BundleSceneOptions options;
+  options.camera_count = 4;
+  options.instant_count = 27;
+  options.models = {DistortionModel::kBrownConrady, DistortionModel::kFisheye,
+                    DistortionModel::kRational};
+  options.dropout_share = 0.1;
+  return options;
+}
+
+server::BundleOptions TightTolerances() {
+  server::BundleOptions options;
+  options.max_iterations = 300;
+  options.function_tolerance = 1e-14;
+  options.gradient_tolerance = 1e-12;
+  options.parameter_tolerance = 1e-14;
+  return options;
+}
+
 }  // namespace rigcal::testing

@@ -40,4 +40,10 @@ struct BundleScene {
 
 BundleScene MakeBundleScene(const BundleSceneOptions& options);
 
+// Four cameras with all lens models, a number of instants that fills no group of eight.
+BundleSceneOptions SmallBundleScene();
+
+// Tolerances that leave nothing to rounding but the last digits.
+server::BundleOptions TightTolerances();
+
 }  // namespace rigcal::testing

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "server/solve/calibrate.h"
+
+namespace rigcal::accuracy {
+
+// The real recording `ewand` in the folder of the real recordings, its wand with the spacing that
+// its authors give.
+absl::StatusOr<server::CalibrationInput> LoadRecording(const std::filesystem::path& data);
+
+// What is done to one camera's rows.
+struct ClockChange {
+  std::string camera;
+  double shift_s = 0;   // added to every stamp: the offset becomes smaller by as much
+  double rate_ppm = 0;  // its clock runs fast by this: the rate becomes smaller by as much
+  bool drop_every_third = false;  // of its rows
+};
+// NOT_FOUND: no such camera.
+absl::StatusOr<server::CalibrationInput> Change(const server::CalibrationInput& input,
+                                                const ClockChange& change);
+
+// Offset, at this moment of the camera's own clock, and rate of one camera, both against the mean
+// of the other cameras: one camera that moves does not move what it is compared with. NaN for no
+// such camera.
+double OffsetAgainstOthersS(const CalibrationResult& result, const std::string& camera,
+                            double camera_time_s);
+double RateAgainstOthersPpm(const CalibrationResult& result, const std::string& camera);
+
+}  // namespace rigcal::accuracy

@@ -25,9 +25,9 @@ struct ClockChange {
 absl::StatusOr<server::CalibrationInput> Change(const server::CalibrationInput& input,
                                                 const ClockChange& change);
 
-// Offset, at this moment of the camera's own clock, and rate of one camera, both against the mean
-// of the other cameras: one camera that moves does not move what it is compared with. NaN for no
-// such camera.
+// Offset, at this moment of the camera's own clock, and rate of one camera, both against the
+// median of the other cameras: one camera that moves does not move what it is compared with. NaN
+// for no such camera.
 double OffsetAgainstOthersS(const CalibrationResult& result, const std::string& camera,
                             double camera_time_s);
 double RateAgainstOthersPpm(const CalibrationResult& result, const std::string& camera);

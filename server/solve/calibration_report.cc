@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/solve/error_figures.h"
+#include "server/solve/findings.h"
 #include "server/solve/length_error.h"
 #include "server/solve/observation_digest.h"
 #include "server/solve/projection_jacobian.h"
@@ -34,7 +35,22 @@ double Median(std::vector<double> values) {
 // Offsets and rates of the clocks against the median clock of their session.
 struct ClockReport {
   std::vector<double> offset_s, rate;
+  std::vector<double> offset_sigma_s, rate_sigma;  // zeros without an uncertainty
 };
+
+// One sigma of clock k against the mean of the clocks that make the median.
+double SigmaAgainstMedian(const RigUncertainty& uncertainty, ReducedParameterKind kind, size_t k,
+                          const std::vector<size_t>& clocks, const std::vector<double>& values) {
+  std::vector<size_t> order = clocks;
+  std::stable_sort(order.begin(), order.end(),
+                   [&values](size_t a, size_t b) { return values[a] < values[b]; });
+  std::vector<double> weights(values.size(), 0);
+  weights[k] += 1;
+  const size_t middle = order.size() / 2;
+  weights[order[middle]] -= 0.5;
+  weights[order[order.size() % 2 == 1 ? middle : middle - 1]] -= 0.5;
+  return uncertainty.ClockSigma(kind, weights);
+}
 
 ClockReport ReportClocks(const ReportInput& input) {
   const size_t count = input.judged.solution.clocks.size();
@@ -64,7 +80,18 @@ ClockReport ReportClocks(const ReportInput& input) {
   for (size_t k = 0; k < count; ++k) {
     sessions[input.judged.solution.clocks[k].session_id].push_back(k);
   }
+  report.offset_sigma_s.assign(count, 0);
+  report.rate_sigma.assign(count, 0);
   for (const auto& [session, clocks] : sessions) {
+    if (input.judged.uncertainty) {
+      for (const size_t k : clocks) {
+        report.offset_sigma_s[k] =
+            SigmaAgainstMedian(*input.judged.uncertainty, ReducedParameterKind::kTimeOffset, k,
+                               clocks, report.offset_s);
+        report.rate_sigma[k] = SigmaAgainstMedian(
+            *input.judged.uncertainty, ReducedParameterKind::kTimeRate, k, clocks, report.rate);
+      }
+    }
     std::vector<double> offsets, rates;
     for (const size_t k : clocks) {
       offsets.push_back(report.offset_s[k]);
@@ -133,6 +160,10 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
   const LengthErrors lengths = MeasureLengths(problem, target.marker_positions_m, 2);
   target.spans = SummariseSpans(lengths, target.marker_positions_m);
   target.length_error_rms_m = OverallRms(lengths);
+  if (input.judged.uncertainty) {
+    target.marker_position_sigma_m = input.judged.uncertainty->marker_position_sigma_m;
+    target.scale_sigma_rel = input.judged.uncertainty->scale_sigma_rel;
+  }
   if (input.judged.held_out) {
     const std::vector<SpanError> held_out =
         SummariseSpans(input.judged.held_out->lengths, target.marker_positions_m);
@@ -186,6 +217,11 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
         camera.leave_one_out = Figures(held_out.leave_one_out_px[c]);
       }
     }
+    if (input.judged.uncertainty) {
+      camera.uncertainty = input.judged.uncertainty->cameras[c];
+      camera.uncertainty->time_offset_sigma_s = clocks.offset_sigma_s[k];
+      camera.uncertainty->time_rate_sigma_ppm = 1e6 * clocks.rate_sigma[k];
+    }
     const CameraCounts& counts = input.counts.at(solved.name);
     camera.observation_count = counts.observation_count;
     camera.wand_count = counts.wand_count;
@@ -201,7 +237,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     result.cameras.push_back(std::move(camera));
   }
   result.target = ReportTarget(input);
-  result.findings = input.judged.findings;
+  result.findings = FindCauses(input.rig, input.judged, result);
   result.observation_digest = Digest(input);
   return result;
 }

@@ -59,6 +59,43 @@ double Median(std::vector<double>* values) {
 
 }  // namespace
 
+std::vector<bool> FindWildCentres(const std::vector<int64_t>& times_ns,
+                                  const std::vector<Eigen::Vector2d>& centres_px, double gap_s) {
+  const auto count = static_cast<ptrdiff_t>(times_ns.size());
+  std::vector<double> deviations(times_ns.size(), 0);
+  for (ptrdiff_t i = 0; i < count; ++i) {
+    const auto own = static_cast<size_t>(i);
+    // Up to two neighbours on each side; every two of them predict the centre, by a line.
+    std::vector<size_t> near;
+    for (const ptrdiff_t step : {-2, -1, 1, 2}) {
+      if (i + step < 0 || i + step >= count) continue;
+      const auto other = static_cast<size_t>(i + step);
+      const double away_s = 1e-9 * std::abs(static_cast<double>(times_ns[other] - times_ns[own]));
+      if (away_s <= static_cast<double>(std::abs(step)) * gap_s) near.push_back(other);
+    }
+    std::vector<double> errors;
+    for (size_t a = 0; a < near.size(); ++a) {
+      for (size_t b = a + 1; b < near.size(); ++b) {
+        const double share = static_cast<double>(times_ns[own] - times_ns[near[a]]) /
+                             static_cast<double>(times_ns[near[b]] - times_ns[near[a]]);
+        errors.push_back((centres_px[own] - centres_px[near[a]] -
+                          share * (centres_px[near[b]] - centres_px[near[a]]))
+                             .norm());
+      }
+    }
+    if (errors.size() < 3) continue;
+    // The lower median: one wild neighbour spoils half of six predictions.
+    std::sort(errors.begin(), errors.end());
+    deviations[own] = errors[(errors.size() - 1) / 2];
+  }
+  std::vector<bool> wild(times_ns.size(), false);
+  if (deviations.empty()) return wild;
+  std::vector<double> copy = deviations;
+  const double limit_px = std::max(kWildPx, kWildTimesUsual * Median(&copy));
+  for (size_t i = 0; i < deviations.size(); ++i) wild[i] = deviations[i] > limit_px;
+  return wild;
+}
+
 ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
                          const ImageMotionOptions& options)
     : options_(options),
@@ -76,7 +113,17 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
                              marker.centre_px, marker.covariance_px2});
     }
   }
-  for (std::vector<Sample>& samples : samples_) ExcludeWild(&samples);
+  for (std::vector<Sample>& samples : samples_) {
+    std::vector<int64_t> times_ns;
+    std::vector<Eigen::Vector2d> centres_px;
+    for (const Sample& sample : samples) {
+      times_ns.push_back(sample.time_ns);
+      centres_px.push_back(sample.centre_px);
+    }
+    const std::vector<bool> wild =
+        FindWildCentres(times_ns, centres_px, options_.max_gap_periods * period_s_);
+    for (size_t i = 0; i < samples.size(); ++i) samples[i].excluded = wild[i];
+  }
   std::vector<double> speeds;
   for (const std::vector<Sample>& samples : samples_) {
     for (size_t i = 1; i < samples.size(); ++i) {
@@ -87,41 +134,6 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
   }
   if (speeds.empty()) return;
   typical_speed_px_s_ = Median(&speeds);
-}
-
-void ImageMotion::ExcludeWild(std::vector<Sample>* samples) const {
-  const double gap_s = options_.max_gap_periods * period_s_;
-  std::vector<double> deviations(samples->size(), 0);
-  for (size_t i = 0; i < samples->size(); ++i) {
-    // Up to two neighbours on each side; every two of them predict the centre, by a line.
-    std::vector<const Sample*> near;
-    for (const ptrdiff_t step : {-2, -1, 1, 2}) {
-      const ptrdiff_t j = static_cast<ptrdiff_t>(i) + step;
-      if (j < 0 || j >= static_cast<ptrdiff_t>(samples->size())) continue;
-      const Sample& other = (*samples)[static_cast<size_t>(j)];
-      const double away_s =
-          1e-9 * std::abs(static_cast<double>(other.time_ns - (*samples)[i].time_ns));
-      if (away_s <= std::abs(static_cast<double>(step)) * gap_s) near.push_back(&other);
-    }
-    std::vector<double> errors;
-    for (size_t a = 0; a < near.size(); ++a) {
-      for (size_t b = a + 1; b < near.size(); ++b) {
-        const double span = static_cast<double>(near[b]->time_ns - near[a]->time_ns);
-        const double share = static_cast<double>((*samples)[i].time_ns - near[a]->time_ns) / span;
-        const Eigen::Vector2d predicted =
-            near[a]->centre_px + share * (near[b]->centre_px - near[a]->centre_px);
-        errors.push_back(((*samples)[i].centre_px - predicted).norm());
-      }
-    }
-    if (errors.size() < 3) continue;
-    // The lower median: one wild neighbour spoils half of six predictions.
-    std::sort(errors.begin(), errors.end());
-    deviations[i] = errors[(errors.size() - 1) / 2];
-  }
-  if (deviations.empty()) return;
-  std::vector<double> copy = deviations;
-  const double limit_px = std::max(kWildPx, kWildTimesUsual * Median(&copy));
-  for (size_t i = 0; i < samples->size(); ++i) (*samples)[i].excluded = deviations[i] > limit_px;
 }
 
 void ImageMotion::Exclude(int observation, int marker) {

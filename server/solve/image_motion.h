@@ -17,6 +17,12 @@ struct MarkerMotion {
   bool has_velocity = false;
 };
 
+// Which centres of one marker lie far from where their neighbours say they should be: further than
+// 15 px, and 12 times what is usual. Neighbours further away than `gap_s` say nothing; a centre
+// with fewer than three of them is believed. Times ascend.
+std::vector<bool> FindWildCentres(const std::vector<int64_t>& times_ns,
+                                  const std::vector<Eigen::Vector2d>& centres_px, double gap_s);
+
 struct ImageMotionOptions {
   // Rows within this of the row asked about take part in the fit; at least 2.5 periods do.
   double window_s = 0.045;
@@ -31,8 +37,7 @@ struct ImageMotionOptions {
 // exactly this linear combination of rows, plus what the fit's highest order contributes as a
 // measure of what it leaves out.
 //
-// A centre that lies far from where its neighbours say it should be (15 px, and 12 times what is
-// usual for the camera) takes no part in its neighbours' fits.
+// A wild centre takes no part in its neighbours' fits.
 class ImageMotion {
  public:
   ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options);
@@ -58,7 +63,6 @@ class ImageMotion {
     size_t begin, end, own;  // into samples of the marker
   };
   Neighbourhood Around(const std::vector<Sample>& samples, size_t own) const;
-  void ExcludeWild(std::vector<Sample>* samples) const;
 
   ImageMotionOptions options_;
   double period_s_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/judged_solve.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -14,6 +15,8 @@ namespace {
 constexpr int kMinHeldOutInstants = 20;
 // A refinement must make the held-out error smaller by this share to be kept.
 constexpr double kMustGain = 0.02;
+constexpr double kSignificantSigmas = 5;
+constexpr double kMinDriftS = 4e-4;  // over the session; less moves no marker by a noticeable part
 
 std::function<void(std::string_view, double)> Stage(const RigSolveOptions& options,
                                                     std::string_view name) {
@@ -89,6 +92,44 @@ Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
                           given_px, refined_px, pays ? "refined ones" : "given ones")};
 }
 
+// From the first to the last observation of a clock.
+double ClockSpanS(const BundleProblem& problem, int clock) {
+  double first_s = INFINITY, last_s = -INFINITY;
+  for (const BundleObservation& observation : problem.observations) {
+    if (observation.clock != clock) continue;
+    first_s = std::min(first_s, observation.clock_time_s);
+    last_s = std::max(last_s, observation.clock_time_s);
+  }
+  return last_s > first_s ? last_s - first_s : 0;
+}
+
+// Estimates the clocks' rates, and keeps them if any is significant and makes a difference.
+absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigSolution* solution) {
+  const RigStart start = StartFrom(*solution);
+  RigSolveOptions with_rates = *options;
+  with_rates.estimate_time_rates = true;
+  absl::StatusOr<RigSolution> tried = SolveRig(rig, start.clocks, with_rates, &start);
+  if (absl::IsCancelled(tried.status())) return tried.status();
+  if (!tried.ok()) return absl::OkStatus();
+  const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, with_rates);
+  if (!uncertainty.ok()) return absl::OkStatus();
+  bool significant = false;
+  for (size_t k = 0; k < tried->clocks.size(); ++k) {
+    std::vector<double> weights(tried->clocks.size(), 0);
+    weights[k] = 1;
+    const double sigma = uncertainty->ClockSigma(ReducedParameterKind::kTimeRate, weights);
+    const double rate = tried->clocks[k].time_rate + tried->built.problem.clocks[k].time_rate;
+    const double drift_s = std::abs(rate) * ClockSpanS(tried->built.problem, static_cast<int>(k));
+    significant = significant || (sigma > 0 && std::abs(rate) > kSignificantSigmas * sigma &&
+                                  drift_s > kMinDriftS);
+  }
+  if (significant) {
+    *options = with_rates;
+    *solution = *std::move(tried);
+  }
+  return absl::OkStatus();
+}
+
 void Append(const JudgedErrors& from, JudgedErrors* to) {
   to->reprojection_px.resize(from.reprojection_px.size());
   to->leave_one_out_px.resize(from.leave_one_out_px.size());
@@ -119,6 +160,12 @@ absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
   const bool choose =
       options.intrinsics == Estimate::kDefault || options.intrinsics == Estimate::kAuto;
   RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first));
+  if (base.estimate_time_offsets) {
+    RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
+  }
+  result.options.estimate_time_rates = first.estimate_time_rates;
+  RigSolveOptions chosen_from = base;
+  chosen_from.estimate_time_rates = first.estimate_time_rates;
   const RigStart start = StartFrom(result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
@@ -130,7 +177,7 @@ absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
     judged.progress = Stage(base, "judging");
     if (choose) {
       RIGCAL_ASSIGN_OR_RETURN(const IntrinsicsScores own,
-                              ScoreIntrinsics(rig, start, blocks, base, fold));
+                              ScoreIntrinsics(rig, start, blocks, chosen_from, fold));
       judged.refine_intrinsics = own.RefinedPays();
       scores.Add(own);
     }
@@ -152,6 +199,8 @@ absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
   if (result.options.refine_intrinsics != first.refine_intrinsics) {
     RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, start.clocks, result.options, &start));
   }
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
+  if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
   return result;
 }
 

@@ -9,14 +9,16 @@
 #include "common/calibration/calibration_options.h"
 #include "server/solve/held_out.h"
 #include "server/solve/rig_solver.h"
+#include "server/solve/uncertainty.h"
 
 namespace rigcal::server {
 
 struct JudgedSolution {
-  RigSolution solution;                  // of everything
-  RigSolveOptions options;               // as chosen
-  std::optional<JudgedErrors> held_out;  // none: too little to hold anything out
-  std::vector<Finding> findings;         // about what was chosen, and why
+  RigSolution solution;                       // of everything
+  RigSolveOptions options;                    // as chosen
+  std::optional<JudgedErrors> held_out;       // none: too little to hold anything out
+  std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
+  std::vector<Finding> findings;              // about what was chosen, and why
 };
 
 // Solves the rig and judges it on data that the judged solve did not use: time in blocks of 2 s,
@@ -26,6 +28,8 @@ struct JudgedSolution {
 // judge. What is published is then solved on everything, with the choice the four make together.
 // The judged solves begin at the estimates of the first solve, and end at the optimum of their own
 // data.
+//
+// Clock rates are estimated where the data can tell at least one of them from zero.
 absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
                                              const std::vector<ClockCorrection>& clocks,
                                              const RigSolveOptions& base,

@@ -7,15 +7,18 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "common/camera/camera_model.h"
+#include "server/solve/image_motion.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMinMatches = 40;
-constexpr int kReweightings = 4;
+constexpr double kMinMatchShare = 0.6;
+constexpr int kReweightings = 6;
 constexpr double kMaxGapPeriods = 3.5;
 constexpr int kTriesPerJoin = 3;
 
@@ -37,17 +40,27 @@ TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_
   const Intrinsics& intrinsics = *track.track.camera.intrinsics;
   paths.focal_px = 0.5 * (intrinsics.fx_px + intrinsics.fy_px);
   paths.gap_s = kMaxGapPeriods * track.period_s;
-  paths.markers.resize(static_cast<size_t>(marker_count));
-  for (size_t i = 0; i < track.track.observations.size(); ++i) {
-    const Observation& row = track.track.observations[i];
-    for (size_t m = 0; m < row.markers.size(); ++m) {
-      if (!row.markers[m].visible) continue;
-      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics, row.markers[m].centre_px);
-      if (!ray.ok()) continue;
-      paths.markers[m].time_s.push_back(
-          1e-9 * static_cast<double>(times_ns[i] - origin_ns + row.markers[m].time_delta_ns));
-      paths.markers[m].ray.push_back(*ray);
+  for (int m = 0; m < marker_count; ++m) {
+    std::vector<int64_t> seen_ns;
+    std::vector<Eigen::Vector2d> centres_px;
+    for (size_t i = 0; i < track.track.observations.size(); ++i) {
+      const Observation& row = track.track.observations[i];
+      if (static_cast<int>(row.markers.size()) <= m) continue;
+      const MarkerObservation& marker = row.markers[static_cast<size_t>(m)];
+      if (!marker.visible) continue;
+      seen_ns.push_back(times_ns[i] + marker.time_delta_ns);
+      centres_px.push_back(marker.centre_px);
     }
+    const std::vector<bool> wild = FindWildCentres(seen_ns, centres_px, paths.gap_s);
+    RayPath path;
+    for (size_t i = 0; i < seen_ns.size(); ++i) {
+      if (wild[i]) continue;
+      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics, centres_px[i]);
+      if (!ray.ok()) continue;
+      path.time_s.push_back(1e-9 * static_cast<double>(seen_ns[i] - origin_ns));
+      path.ray.push_back(*ray);
+    }
+    paths.markers.push_back(std::move(path));
   }
   return paths;
 }
@@ -108,9 +121,10 @@ void Normalise(std::vector<Match>* matches, Eigen::Vector2d Match::*side, double
   for (Match& match : *matches) match.*side = (match.*side - mean) * *scale;
 }
 
-double Score(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples) {
+double Score(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples,
+             int min_matches = kMinMatches) {
   std::vector<Match> matches = Matches(a, b, offset_s, max_samples);
-  if (static_cast<int>(matches.size()) < kMinMatches) return kInfinity;
+  if (static_cast<int>(matches.size()) < min_matches) return kInfinity;
   double scale_a = 1, scale_b = 1;
   Normalise(&matches, &Match::a, &scale_a);
   Normalise(&matches, &Match::b, &scale_b);
@@ -147,7 +161,12 @@ double Score(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_
 // The offset of b against a, if one convinces.
 std::optional<double> FindOffset(const TrackPaths& a, const TrackPaths& b,
                                  const TimeSearchOptions& options) {
-  const auto score = [&](double offset_s) { return Score(a, b, offset_s, options.max_samples); };
+  // A matrix with eight degrees of freedom fits few matches at any offset.
+  const auto here_count = static_cast<double>(Matches(a, b, 0, options.max_samples).size());
+  const int min_matches = std::max(kMinMatches, static_cast<int>(kMinMatchShare * here_count));
+  const auto score = [&](double offset_s) {
+    return Score(a, b, offset_s, options.max_samples, min_matches);
+  };
   std::vector<double> wrong;
   for (const double share : {-0.85, -0.6, -0.35, 0.35, 0.6, 0.85}) {
     const double value = score(share * options.reach_s);
@@ -155,7 +174,7 @@ std::optional<double> FindOffset(const TrackPaths& a, const TrackPaths& b,
   }
   const double here = score(0);
   if (wrong.empty()) return std::isfinite(here) ? std::optional<double>(0) : std::nullopt;
-  if (here < options.convincing_share * MedianOf(wrong)) return 0;
+  if (here < options.aligned_px || here < options.convincing_share * MedianOf(wrong)) return 0;
 
   double best = kInfinity, best_s = 0;
   std::vector<double> all;
@@ -176,8 +195,9 @@ std::optional<double> FindOffset(const TrackPaths& a, const TrackPaths& b,
   const double coarse_s = best_s;
   const int fine = static_cast<int>(options.step_s / options.fine_step_s);
   for (int i = -fine; i <= fine; ++i) consider(coarse_s + i * options.fine_step_s);
-  if (!(best < options.convincing_share * MedianOf(all))) return std::nullopt;
-  return best_s;
+  const bool convinces = best < options.convincing_share * MedianOf(all) &&
+                         best < options.convincing_px && !(best > 0.5 * here);
+  return convinces ? std::optional<double>(best_s) : std::nullopt;
 }
 
 // Two tracks on different clocks, and how much they have seen at the same time.

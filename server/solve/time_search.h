@@ -18,6 +18,8 @@ struct TimeSearchOptions {
   int max_samples = 250;       // wand views of one camera that are compared with another's
   // An offset is believed when its score is below this share of what wrong offsets score.
   double convincing_share = 0.3;
+  double convincing_px = 4;  // and it must score better than this
+  double aligned_px = 1.2;   // clocks that score this at offset 0 are aligned
   std::function<void(double fraction)> progress;
   const std::atomic<bool>* cancelled = nullptr;
 };

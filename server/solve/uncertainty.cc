@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/uncertainty.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "common/status/status_macros.h"
+#include "server/solve/bundle_adjuster.h"
+
+namespace rigcal::server {
+namespace {
+
+double InverseSquare(double sigma) { return sigma > 0 ? 1 / (sigma * sigma) : 0; }
+
+// What the priors put into the information.
+Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
+                                 const std::vector<ReducedParameter>& parameters) {
+  const auto size = static_cast<Eigen::Index>(parameters.size());
+  Eigen::MatrixXd prior = Eigen::MatrixXd::Zero(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const ReducedParameter& parameter = parameters[static_cast<size_t>(i)];
+    const auto index = static_cast<size_t>(parameter.index);
+    switch (parameter.kind) {
+      case ReducedParameterKind::kIntrinsic:
+        prior(i, i) = InverseSquare(problem.cameras[index].intrinsics_sigma[parameter.component]);
+        break;
+      case ReducedParameterKind::kTimeOffset:
+        prior(i, i) = InverseSquare(problem.clocks[index].offset_sigma_s);
+        break;
+      case ReducedParameterKind::kTimeRate:
+        prior(i, i) = InverseSquare(problem.clocks[index].rate_sigma);
+        break;
+      case ReducedParameterKind::kMarkerPosition: {
+        const double weight = InverseSquare(problem.target.span_sigma_m);
+        const bool last = index + 1 == problem.target.marker_positions_m.size();
+        prior(i, i) = last ? weight : 2 * weight;
+        for (Eigen::Index j = 0; j < size; ++j) {
+          const ReducedParameter& other = parameters[static_cast<size_t>(j)];
+          if (other.kind == parameter.kind && std::abs(other.index - parameter.index) == 1) {
+            prior(i, j) = -weight;
+          }
+        }
+        break;
+      }
+      default:
+        break;
+    }
+  }
+  return prior;
+}
+
+// The factor of uncertainty.h, for the Cauchy loss of the solve.
+double VarianceFactor(const BundleProblem& problem, double loss_scale, Eigen::Index free) {
+  const double c2 = loss_scale * loss_scale;
+  double weight = 0, slope = 0, square = 0, count = 0, instants = 0;
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    bool any = false;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const BundleObservation& observation =
+          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      for (int m = 0; m < observation.marker_count; ++m) {
+        const BundleMarker& marker =
+            problem.markers[static_cast<size_t>(observation.first_marker + m)];
+        Eigen::Vector2d residual;
+        if (!marker.used || !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
+          continue;
+        }
+        const double s = (marker.sqrt_information * residual).squaredNorm();
+        const double w = 1 / (1 + s / c2);
+        weight += w;
+        slope += w - w * w * s / c2;
+        square += 0.5 * w * w * s;
+        count += 1;
+        any = true;
+      }
+    }
+    instants += any ? 1 : 0;
+  }
+  const double freedom = 2 * count - 5 * instants - static_cast<double>(free);
+  if (!(freedom > 0) || !(slope > 0)) return 1;
+  return (weight / count) * (square * 2 / freedom) / ((slope / count) * (slope / count));
+}
+
+// Symmetric inverse by Cholesky of the matrix with a unit diagonal: parameters of very different
+// units share it.
+absl::StatusOr<Eigen::MatrixXd> Inverse(const Eigen::MatrixXd& information) {
+  const Eigen::VectorXd diagonal = information.diagonal();
+  if (!(diagonal.minCoeff() > 0)) {
+    return absl::InternalError("uncertainty: a parameter is not determined by the data");
+  }
+  const Eigen::VectorXd scale = diagonal.cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  if (factor.info() != Eigen::Success) {
+    return absl::InternalError("uncertainty: the parameters are not determined by the data");
+  }
+  const Eigen::MatrixXd inverse =
+      factor.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
+  if (!inverse.allFinite()) return absl::InternalError("uncertainty: not finite");
+  return Eigen::MatrixXd(scale.asDiagonal() * inverse * scale.asDiagonal());
+}
+
+CameraUncertainty OfCamera(const BundleProblem& problem, int index, const RigUncertainty& rig) {
+  const BundleCamera& camera = problem.cameras[static_cast<size_t>(index)];
+  CameraUncertainty result;
+  const Eigen::Index rotation = rig.Row({ReducedParameterKind::kRotation, index, 0});
+  if (rotation >= 0) {
+    // The centre -R^T t under t + dt and exp([w]x) R moves by -R^T dt - R^T [t]x w.
+    const Eigen::Vector3d& t = camera.cam_from_rig.translation_m;
+    Eigen::Matrix3d cross;
+    cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+    const Eigen::Matrix3d rig_from_cam =
+        camera.cam_from_rig.rotation.toRotationMatrix().transpose();
+    Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(3, rig.shape_covariance.cols());
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Index w = rig.Row({ReducedParameterKind::kRotation, index, i});
+      const Eigen::Index d = rig.Row({ReducedParameterKind::kTranslation, index, i});
+      result.rotation_sigma_rad[i] = std::sqrt(std::max(0.0, rig.shape_covariance(w, w)));
+      jacobian.col(w) = -rig_from_cam * cross.col(i);
+      jacobian.col(d) = -rig_from_cam.col(i);
+    }
+    result.position_sigma_m =
+        (jacobian * rig.shape_covariance * jacobian.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+  }
+  if (camera.intrinsics_fixed) return result;
+  for (int i = 0; i < static_cast<int>(camera.intrinsics.size()); ++i) {
+    const Eigen::Index row = rig.Row({ReducedParameterKind::kIntrinsic, index, i});
+    result.intrinsics_sigma.push_back(
+        row < 0 ? 0 : std::sqrt(std::max(0.0, rig.shape_covariance(row, row))));
+  }
+  return result;
+}
+
+void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
+  const std::vector<double>& positions = problem.target.marker_positions_m;
+  const int last = static_cast<int>(positions.size()) - 1;
+  rig->shape_covariance = rig->covariance;
+  const Eigen::Index row = rig->Row({ReducedParameterKind::kMarkerPosition, last, 0});
+  if (row < 0) {
+    // Not estimated: the tolerance of the spans is all that is known.
+    rig->scale_sigma_rel = std::sqrt(last) * problem.target.span_sigma_m / positions.back();
+    rig->marker_position_sigma_m.assign(positions.size(), 0);
+    return;
+  }
+  const double variance = rig->covariance(row, row);
+  rig->scale_sigma_rel = std::sqrt(variance) / positions.back();
+  const Eigen::VectorXd column = rig->covariance.col(row);
+  rig->shape_covariance -= column * column.transpose() / variance;
+  for (int m = 0; m <= last; ++m) {
+    const Eigen::Index own = rig->Row({ReducedParameterKind::kMarkerPosition, m, 0});
+    rig->marker_position_sigma_m.push_back(own < 0 ? 0 : std::sqrt(rig->covariance(own, own)));
+  }
+}
+
+}  // namespace
+
+Eigen::Index RigUncertainty::Row(const ReducedParameter& parameter) const {
+  const auto found = std::find(parameters.begin(), parameters.end(), parameter);
+  return found == parameters.end() ? -1 : found - parameters.begin();
+}
+
+double RigUncertainty::ClockSigma(ReducedParameterKind kind,
+                                  const std::vector<double>& weights) const {
+  Eigen::VectorXd row = Eigen::VectorXd::Zero(covariance.cols());
+  for (size_t k = 0; k < weights.size(); ++k) {
+    const Eigen::Index own = Row({kind, static_cast<int>(k), 0});
+    if (own >= 0) row[own] = weights[k];
+  }
+  return std::sqrt(std::max(0.0, row.dot(covariance * row)));
+}
+
+absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
+                                                  const RigSolveOptions& options) {
+  const BundleProblem& problem = solution.built.problem;
+  BundleOptions bundle;
+  bundle.loss_scale = options.loss_scale;
+  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
+                          ComputeReducedInformation(bundle, problem));
+  RigUncertainty result;
+  result.parameters = information.parameters;
+  const Eigen::MatrixXd prior = PriorInformation(problem, result.parameters);
+  result.variance_factor =
+      VarianceFactor(problem, options.loss_scale, information.information.rows());
+  RIGCAL_ASSIGN_OR_RETURN(
+      result.covariance,
+      Inverse((information.information - prior) / result.variance_factor + prior));
+  DescribeScale(problem, &result);
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    result.cameras.push_back(OfCamera(problem, static_cast<int>(c), result));
+  }
+  return result;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "server/solve/line_bundle.h"
+#include "server/solve/rig_solver.h"
+
+namespace rigcal::server {
+
+// What a solution is worth. The reference camera's pose and, in each session, one clock are held
+// fixed (rig_solver.h).
+struct RigUncertainty {
+  std::vector<ReducedParameter> parameters;  // the rows of the covariances
+  Eigen::MatrixXd covariance;                // scale included
+  Eigen::MatrixXd shape_covariance;          // the target's whole length held fixed
+  double variance_factor = 1;                // what the residuals say about the stated sigmas
+  double scale_sigma_rel = 0;                // of the target's length
+  std::vector<CameraUncertainty> cameras;    // poses and intrinsics; of the shape
+  std::vector<double> marker_position_sigma_m;
+
+  // Row of a parameter, or -1 where it is held fixed.
+  Eigen::Index Row(const ReducedParameter& parameter) const;
+  // One sigma of a sum of offsets (or rates), `weights` by clock.
+  double ClockSigma(ReducedParameterKind kind, const std::vector<double>& weights) const;
+};
+
+// From the information of the bundle adjustment at its optimum. The data's part of it is scaled by
+// the variance factor of an M-estimator (Huber, Robust Statistics, section 6.3; here for residuals
+// of two dimensions): with psi = rho'(s) r, s = |r|^2, it is E[rho'] E[rho'^2 s] / 2 /
+// E[rho' + rho'' s]^2, with the residuals' means for the expectations and the sum of squares over
+// its degrees of freedom. Priors count as given.
+// INTERNAL: a parameter is not determined by the data.
+absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
+                                                  const RigSolveOptions& options);
+
+}  // namespace rigcal::server

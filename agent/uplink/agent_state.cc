@@ -40,7 +40,7 @@ absl::StatusOr<int> Lock(const std::filesystem::path& directory) {
   if (fd < 0) return Errno("open", path);
   // The kernel gives it up with the process, however that ends.
   if (flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
-  const absl::Status status =
+  absl::Status status =
       errno == EWOULDBLOCK ? absl::AlreadyExistsError(absl::StrCat(
                                  "another agent runs with the state directory ", directory.string(),
                                  "; stop it, or give this one another --state-dir"))

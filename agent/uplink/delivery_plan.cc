@@ -29,7 +29,14 @@ void DeliveryPlan::BeginConnection(size_t max_batch_rows) {
 void DeliveryPlan::SetPosition(const StreamKey& stream, uint32_t durable_seq,
                                uint32_t send_limit_seq) {
   if (const auto found = over_.find(stream); found != over_.end()) {
-    if (found->second) ends_to_repeat_.push_back(*found->second);
+    if (!found->second) return;
+    if (durable_seq < found->second->last_seq) {
+      spdlog::error(
+          "camera {}: the server has only {} of {} observations of session {}, all of which it had "
+          "acknowledged; they are no longer here",
+          stream.camera, durable_seq, found->second->last_seq, stream.session_id);
+    }
+    ends_to_repeat_.push_back(*found->second);
     return;
   }
   progress_.try_emplace(stream);

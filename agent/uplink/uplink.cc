@@ -232,8 +232,8 @@ Backoff::Duration Uplink::WaitAfter(const Connected& connected, const absl::Stat
     return backoff_.Next();
   }
   if (IsRefusal(status.code())) {
-    if (is_news)
-      spdlog::error("{}; trying again every {} ms", message, options_.refused_wait.count());
+    spdlog::log(is_news ? spdlog::level::err : spdlog::level::debug, "{}; trying again in {} ms",
+                message, options_.refused_wait.count());
     return options_.refused_wait;
   }
   const Backoff::Duration wait = backoff_.Next();

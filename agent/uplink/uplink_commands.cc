@@ -19,7 +19,7 @@ namespace {
 // Rows that fit the server's limits whatever the number of markers.
 size_t BatchRows(size_t wanted, const v1::ServerHello& hello) {
   constexpr size_t kRowBytes = 13 + 29 * kMaxMarkers;
-  constexpr size_t kOtherBytes = 16 * 1024;
+  constexpr size_t kOtherBytes = size_t{16} * 1024;
   size_t rows = wanted;
   if (hello.max_batch_observations() > 0) {
     rows = std::min<size_t>(rows, hello.max_batch_observations());

@@ -91,9 +91,9 @@ ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
     code = ExitCode::kFailed;
   }
   if (folder->stays()) {
-    context.console.Message(absl::StrCat("the store, the logs",
-                                         code == ExitCode::kFailed ? "" : " and an export",
-                                         " are kept in ", folder->path().string()));
+    const char* what =
+        code == ExitCode::kFailed ? "the store and the logs" : "the store, the logs and an export";
+    context.console.Message(absl::StrCat(what, " are kept in ", folder->path().string()));
   }
   return code;
 }

@@ -281,7 +281,10 @@ TEST_F(LocalProgram, LeavesNoProcessWhenItIsKilled) {
   EXPECT_TRUE(WaitFor([&] { return Running().empty(); }));
   // Its folder is all that stays, until the next run.
   EXPECT_FALSE(fs::is_empty(Temporary()));
-  fake_.on_get_session = [](v1::Session& session) { session.set_state(v1::Session::FINISHED); };
+  {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.on_get_session = [](v1::Session& session) { session.set_state(v1::Session::FINISHED); };
+  }
   EXPECT_EQ(Local().exit_code, 0);
 }
 

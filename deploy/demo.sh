@@ -8,6 +8,8 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 "$root/deploy/install-deps.sh"
+# Two checkouts of the same sources share what ccache has compiled.
+export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 (
   cd "$root"
   cmake --preset release -DRIGCAL_BUILD_TESTS=OFF >/dev/null

@@ -9,6 +9,8 @@ preset=${RIGCAL_PRESET:-release}
 jobs=$(nproc)
 
 "$root/deploy/install-deps.sh"
+# Two checkouts of the same sources share what ccache has compiled.
+export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 cd "$root"
 warnings=OFF
 [ "${CI:-}" = true ] && warnings=ON

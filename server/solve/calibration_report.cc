@@ -12,6 +12,7 @@
 #include "server/solve/length_error.h"
 #include "server/solve/observation_digest.h"
 #include "server/solve/projection_jacobian.h"
+#include "server/solve/quality_gate.h"
 
 namespace rigcal::server {
 namespace {
@@ -238,6 +239,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   }
   result.target = ReportTarget(input);
   result.findings = FindCauses(input.rig, input.judged, result);
+  result.quality = JudgeQuality(result);
   result.observation_digest = Digest(input);
   return result;
 }

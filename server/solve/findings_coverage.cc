@@ -16,7 +16,7 @@ constexpr int kColumns = 6, kRows = 5;
 // A side counts as not covered when so many of its cells hold no marker; the camera is named when
 // so many of all cells do.
 constexpr double kEmptyShareOfSide = 0.8;
-constexpr double kEmptyShareOfImage = 0.25;
+constexpr double kEmptyShareOfImage = 0.4;
 constexpr int kFewInstants = 50;
 
 using Cells = std::array<std::array<int, kColumns>, kRows>;

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/quality_gate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace rigcal::server {
+namespace {
+
+// Collects what speaks against each grade.
+class Judge {
+ public:
+  // `what` reads "camera c: held-out error"; `scale` and `unit` are for people.
+  void Measure(const std::string& what, double value, const QualityLimit& limit, double scale,
+               const std::string& unit) {
+    if (value <= limit.good) return;
+    // NaN is bad, too.
+    const bool usable = value <= limit.usable;
+    const double passed = usable ? limit.good : limit.usable;
+    Add(usable ? QualityGrade::kUsable : QualityGrade::kBad,
+        absl::StrFormat("%s is %.3g %s, more than %.3g %s", what, scale * value, unit,
+                        scale * passed, unit));
+  }
+  void Add(QualityGrade grade, std::string reason) {
+    (grade == QualityGrade::kBad ? bad_ : usable_).push_back(std::move(reason));
+  }
+  Quality Result(std::string reason_for_good) && {
+    if (!bad_.empty()) return {QualityGrade::kBad, std::move(bad_)};
+    if (!usable_.empty()) return {QualityGrade::kUsable, std::move(usable_)};
+    return {QualityGrade::kGood, {std::move(reason_for_good)}};
+  }
+
+ private:
+  std::vector<std::string> bad_, usable_;
+};
+
+void JudgeCamera(const CalibratedCamera& camera, const QualityLimits& limits, Judge* judge) {
+  const std::string name = absl::StrCat("camera ", camera.camera, ": ");
+  const bool held_out =
+      camera.held_out && camera.held_out->marker_count >= limits.min_held_out_count;
+  if (held_out) {
+    judge->Measure(name + "held-out mean error", camera.held_out->mean_px, limits.held_out_mean_px,
+                   1, "px");
+  } else {
+    judge->Add(QualityGrade::kUsable,
+               absl::StrCat(name, "too little of it could be held out to judge it (",
+                            camera.held_out ? camera.held_out->marker_count : 0, " markers, ",
+                            limits.min_held_out_count, " are needed); record longer"));
+    judge->Measure(name + "mean error", camera.residuals.inlier.mean_px, limits.inlier_mean_px, 1,
+                   "px");
+  }
+  if (camera.leave_one_out && camera.leave_one_out->marker_count >= limits.min_held_out_count) {
+    judge->Measure(name + "mean error where the other cameras put the markers",
+                   camera.leave_one_out->mean_px, limits.leave_one_out_mean_px, 1, "px");
+  }
+  const uint32_t markers = camera.residuals.outlier_count + camera.residuals.inlier.marker_count;
+  judge->Measure(name + "share of outliers",
+                 static_cast<double>(camera.residuals.outlier_count) / std::max(1u, markers),
+                 limits.outlier_share, 100, "%");
+}
+
+void JudgeFinding(const Finding& finding, Judge* judge) {
+  const std::string who =
+      finding.camera.empty() ? "the rig" : absl::StrCat("camera ", finding.camera);
+  if (finding.kind == "camera_moved") {
+    judge->Add(QualityGrade::kBad, absl::StrCat(who, " moved while it was recorded"));
+  } else if (finding.kind == "wrong_intrinsics") {
+    judge->Add(QualityGrade::kUsable, absl::StrCat(who, " has wrong intrinsics (see findings)"));
+  } else if (finding.kind == "rolling_shutter") {
+    judge->Add(QualityGrade::kUsable, absl::StrCat(who, " has a rolling shutter (see findings)"));
+  } else if (finding.kind == "wrong_wand_length") {
+    judge->Add(QualityGrade::kUsable, "the wand is not as it was given (see findings)");
+  } else if (finding.kind == "weak_link") {
+    judge->Add(QualityGrade::kUsable, absl::StrCat(who, " hangs on few instants (see findings)"));
+  }
+}
+
+void JudgeTarget(const CalibratedTarget& target, const QualityLimits& limits, Judge* judge) {
+  const double whole_m = target.marker_positions_m.empty() ? 0 : target.marker_positions_m.back();
+  if (!(whole_m > 0)) return;
+  for (size_t s = 0; s < target.spans.size(); ++s) {
+    const SpanError& span = target.spans[s];
+    if (span.held_out_count < limits.min_held_out_count) continue;
+    judge->Measure(
+        absl::StrCat("held-out error of the wand's span ", s + 1, " against the wand's length"),
+        span.held_out_error_rms_m / whole_m, limits.length_error_rel, 100, "%");
+  }
+}
+
+}  // namespace
+
+Quality JudgeQuality(const CalibrationResult& result, const QualityLimits& limits) {
+  Judge judge;
+  double worst_px = 0;
+  for (const CalibratedCamera& camera : result.cameras) {
+    JudgeCamera(camera, limits, &judge);
+    if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
+  }
+  JudgeTarget(result.target, limits, &judge);
+  for (const Finding& finding : result.findings) {
+    JudgeFinding(finding, &judge);
+    if (finding.kind != "clock_offset") continue;
+    const bool kept = std::any_of(
+        result.cameras.begin(), result.cameras.end(), [&finding](const CalibratedCamera& camera) {
+          return camera.camera == finding.camera && !camera.time_offset_estimated;
+        });
+    if (kept) {
+      judge.Add(QualityGrade::kUsable,
+                absl::StrCat("camera ", finding.camera, "'s clock is off, and was kept as given"));
+    }
+  }
+  return std::move(judge).Result(
+      absl::StrFormat("every camera's held-out mean error is at most %.2f px", worst_px));
+}
+
+}  // namespace rigcal::server

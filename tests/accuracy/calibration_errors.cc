@@ -64,6 +64,11 @@ void TakeOutScale(CalibrationErrors* errors) {
 
 double Median(std::vector<double> values) { return Quantile(std::move(values), 0.5); }
 
+Eigen::Vector3d CalibrationErrors::PositionErrorAtTrueLengthM(size_t camera) const {
+  const CameraError& error = cameras[camera];
+  return error.pose.position_m - target_length_rel * error.true_position_m;
+}
+
 double CalibrationErrors::PositionRmsM() const {
   double sum = 0;
   int count = 0;
@@ -109,6 +114,8 @@ absl::StatusOr<CalibrationErrors> CompareWithTruth(const SimulatedWorld& world,
   errors.marker_positions_m =
       Difference(result.target.marker_positions_m, world.true_target().marker_positions_m);
   errors.marker_positions_m.erase(errors.marker_positions_m.begin());
+  errors.target_length_rel =
+      result.target.marker_positions_m.back() / world.true_target().marker_positions_m.back() - 1;
   TakeOutScale(&errors);
   return errors;
 }

@@ -32,11 +32,14 @@ struct CalibrationErrors {
   std::vector<CameraError> cameras;
   int reference = 0;                       // index of the world's camera
   std::vector<double> marker_positions_m;  // of markers 1, 2, ...
+  double target_length_rel = 0;            // of the whole target
   // The common factor that brings the camera positions closest to the true ones, less 1, and what
   // is left of the position errors without it.
   double scale_rel = 0;
   std::vector<Eigen::Vector3d> shape_m;  // by entry of `cameras`
 
+  // The position error of an entry of `cameras` as it would be with the target's true length.
+  Eigen::Vector3d PositionErrorAtTrueLengthM(size_t camera) const;
   // Root mean square over the cameras but the reference.
   double PositionRmsM() const;
 };

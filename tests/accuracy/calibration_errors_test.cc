@@ -79,6 +79,7 @@ TEST(CompareWithTruth, MeasuresEachErrorByItself) {
   EXPECT_NEAR(errors.cameras[0].time_offset_s, 0, 1e-12);
   EXPECT_NEAR(errors.cameras[3].time_rate_ppm - errors.cameras[0].time_rate_ppm, -7, 1e-9);
   EXPECT_NEAR(errors.marker_positions_m[1], 0.004, 1e-12);
+  EXPECT_NEAR(errors.target_length_rel, 0.004 / world.true_target().marker_positions_m[2], 1e-12);
 }
 
 TEST(CompareWithTruth, ScaleIsApartFromShapeAndTheRigFrameDoesNotMatter) {
@@ -93,6 +94,10 @@ TEST(CompareWithTruth, ScaleIsApartFromShapeAndTheRigFrameDoesNotMatter) {
   EXPECT_NEAR(errors.scale_rel, 0.01, 1e-9);
   for (const Eigen::Vector3d& shape : errors.shape_m) EXPECT_LT(shape.norm(), 1e-9);
   EXPECT_GT(errors.PositionRmsM(), 0.02);
+  for (double& position_m : result.target.marker_positions_m) position_m *= 1.01;
+  ASSERT_OK_AND_ASSIGN(const CalibrationErrors longer, CompareWithTruth(world, result));
+  EXPECT_NEAR(longer.target_length_rel, 0.01, 1e-12);
+  for (size_t c = 0; c < 4; ++c) EXPECT_LT(longer.PositionErrorAtTrueLengthM(c).norm(), 1e-9);
 }
 
 TEST(CompareWithTruth, RefusesAResultWithoutACamera) {

@@ -50,11 +50,14 @@ void Append(double error, double sigma, std::vector<double>* squares) {
 
 void CompareWithSigmas(const CalibrationErrors& errors, const CalibrationResult& result,
                        HonestyTrial* trial) {
-  for (const CameraError& camera : errors.cameras) {
+  for (size_t c = 0; c < errors.cameras.size(); ++c) {
+    const CameraError& camera = errors.cameras[c];
     if (!camera.sigma) continue;
+    // The sigmas of the poses are of the shape; that of the scale stands by itself.
+    const Eigen::Vector3d position_m = errors.PositionErrorAtTrueLengthM(c);
     for (int i = 0; i < 3; ++i) {
       Append(camera.pose.rotation_rad[i], camera.sigma->rotation_sigma_rad[i], &trial->rotation);
-      Append(camera.pose.position_m[i], camera.sigma->position_sigma_m[i], &trial->position);
+      Append(position_m[i], camera.sigma->position_sigma_m[i], &trial->position);
     }
     Append(camera.time_offset_s, camera.sigma->time_offset_sigma_s, &trial->time_offset);
     const std::vector<double>& sigmas = camera.sigma->intrinsics_sigma;
@@ -62,7 +65,7 @@ void CompareWithSigmas(const CalibrationErrors& errors, const CalibrationResult&
       Append(camera.intrinsics[i], sigmas[i], &trial->intrinsics);
     }
   }
-  Append(errors.scale_rel, result.target.scale_sigma_rel, &trial->scale);
+  Append(errors.target_length_rel, result.target.scale_sigma_rel, &trial->scale);
 }
 
 absl::Status Measure(const SimulatedWorld& world, HonestyTrial* trial) {

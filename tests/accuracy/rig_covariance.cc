@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/rig_covariance.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <functional>
@@ -9,6 +8,7 @@
 
 #include "common/status/status_macros.h"
 #include "server/solve/line_bundle.h"
+#include "server/solve/uncertainty.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -191,27 +191,15 @@ RigCovariance FromBound(const RigBound& bound, const InformationOptions& options
 absl::StatusOr<RigCovariance> FromSolution(const SimulatedWorld& world,
                                            const server::RigSolution& solution) {
   const server::BundleProblem& problem = solution.built.problem;
-  server::BundleOptions options;
-  options.loss_scale = server::RigSolveOptions{}.loss_scale;
-  RIGCAL_ASSIGN_OR_RETURN(const server::ReducedInformation reduced,
-                          server::ComputeReducedInformation(options, problem));
+  RIGCAL_ASSIGN_OR_RETURN(const server::RigUncertainty stated,
+                          server::ComputeUncertainty(solution, server::RigSolveOptions{}));
   std::vector<int> camera_of_clock;
   for (const server::BundleClock& clock : problem.clocks) {
     camera_of_clock.push_back(CameraIndex(world, clock.clock_id));
   }
-  ColumnMap map = MapColumns(world, problem, reduced.parameters, camera_of_clock);
-  const Eigen::VectorXd scale = reduced.information.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * reduced.information *
-                                            scale.asDiagonal());
-  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0)) {
-    return absl::FailedPreconditionError("the solver's information has no inverse");
-  }
-  const auto size = reduced.information.rows();
-  const Eigen::MatrixXd inverse = scale.asDiagonal() *
-                                  factor.solve(Eigen::MatrixXd::Identity(size, size)).eval() *
-                                  scale.asDiagonal();
+  ColumnMap map = MapColumns(world, problem, stated.parameters, camera_of_clock);
   return RigCovariance{std::move(map.parameters),
-                       map.ours_from_solver * inverse * map.ours_from_solver.transpose()};
+                       map.ours_from_solver * stated.covariance * map.ours_from_solver.transpose()};
 }
 
 RigNees NormaliseErrors(const CalibrationErrors& errors, const RigCovariance& covariance) {

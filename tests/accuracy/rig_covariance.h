@@ -38,8 +38,8 @@ struct RigCovariance {
 
 RigCovariance FromBound(const RigBound& bound, const InformationOptions& options);
 
-// What the solver says of itself: the inverse of the information at its estimates, the instants
-// eliminated. One session, a clock for each camera.
+// What the solver says of itself (uncertainty.h), scale included. One session, a clock for each
+// camera.
 absl::StatusOr<RigCovariance> FromSolution(const SimulatedWorld& world,
                                            const server::RigSolution& solution);
 

@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "client/calibrate_command.h"
+#include "client/calibration_accuracy_command.h"
 #include "client/calibration_command.h"
 #include "client/command_parser.h"
 
@@ -67,6 +68,32 @@ void AddCompare(CommandParser& parser, CLI::App* group) {
   app->add_option("B", ids->second, "Id of another")->type_name("")->required();
 }
 
+void AddAccuracy(CommandParser& parser, CLI::App* group) {
+  const auto options = std::make_shared<AccuracyCommandOptions>();
+  CLI::App* app = parser.AddCommand(
+      group, "accuracy", "How well points can be triangulated with a calibration",
+      [options](CommandContext& context) { return ShowAccuracy(*options, context); });
+  app->add_option("ID", options->id, "Id of the calibration")->type_name("")->required();
+  app->add_option("--point", options->points,
+                  "At this point of the rig frame, metres; may be repeated. Without points and "
+                  "--grid: on a grid where the wand was")
+      ->type_name("X,Y,Z")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->check([](const std::string& text) {
+        const absl::StatusOr<v1::Vector3> point = ParsePoint(text);
+        return point.ok() ? std::string() : std::string(point.status().message());
+      });
+  app->add_option("--grid", options->grid_step_m,
+                  "On a grid of this spacing where the wand was, metres")
+      ->type_name("STEP_M")
+      ->check(CLI::PositiveNumber.description(""));
+  app->add_option("--sigma-px", options->sigma_px,
+                  "One sigma of each coordinate of a marker's centre, pixels (default 0.3)")
+      ->type_name("PX")
+      ->check(CLI::PositiveNumber.description(""));
+}
+
 }  // namespace
 
 void AddCalibrationCommands(CommandParser& parser) {
@@ -90,6 +117,7 @@ void AddCalibrationCommands(CommandParser& parser) {
   }
   AddExport(parser, group);
   AddCompare(parser, group);
+  AddAccuracy(parser, group);
 }
 
 }  // namespace rigcal::client

@@ -97,6 +97,13 @@ struct Quality {
   std::vector<std::string> reasons;
 };
 
+// The box, along the axes of the rig frame, in which nearly all of the wand's ends were (the
+// first to the 99th percentile of each coordinate).
+struct WandVolume {
+  Eigen::Vector3d min_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d max_m = Eigen::Vector3d::Zero();
+};
+
 // What a solve gives: everything of a calibration that depends on the observations and options
 // alone. Two runs on the same set of observations agree in it bit for bit.
 struct CalibrationResult {
@@ -110,6 +117,12 @@ struct CalibrationResult {
   Quality quality;
   std::string observation_digest;
   uint32_t iteration_count = 0;
+  std::optional<WandVolume> wand_volume;
+  // Joint covariance of all cameras, scale excluded, lower triangle row by row. Rows, camera by
+  // camera: rotation vector in the camera frame (3, applied from the left, radians) and translation
+  // of cam_from_rig (3, metres) unless it is the reference camera; then, if they were refined, its
+  // intrinsics (fx fy cx cy and the coefficients). Empty: not computed.
+  std::vector<double> camera_covariance;
 };
 
 }  // namespace rigcal

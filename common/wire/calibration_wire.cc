@@ -180,6 +180,10 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
     proto->mutable_quality()->add_reasons(reason);
   }
   proto->mutable_run()->set_iteration_count(result.iteration_count);
+  if (result.wand_volume) {
+    SetVector(result.wand_volume->min_m, proto->mutable_wand_volume()->mutable_min_m());
+    SetVector(result.wand_volume->max_m, proto->mutable_wand_volume()->mutable_max_m());
+  }
 }
 
 absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) {
@@ -203,6 +207,12 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
   result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   result.quality.reasons.assign(proto.quality().reasons().begin(), proto.quality().reasons().end());
   result.iteration_count = proto.run().iteration_count();
+  if (proto.has_wand_volume()) {
+    result.wand_volume = {GetVector(proto.wand_volume().min_m()),
+                          GetVector(proto.wand_volume().max_m())};
+  }
+  result.camera_covariance.assign(proto.camera_covariance().packed().begin(),
+                                  proto.camera_covariance().packed().end());
   return result;
 }
 
@@ -308,7 +318,12 @@ std::string SerializeCalibration(const Calibration& calibration) {
     google::protobuf::io::StringOutputStream stream(&bytes);
     google::protobuf::io::CodedOutputStream output(&stream);
     output.SetSerializationDeterministic(true);
-    ToProto(calibration).SerializeToCodedStream(&output);
+    v1::Calibration proto = ToProto(calibration);
+    if (calibration.result && !calibration.result->camera_covariance.empty()) {
+      const std::vector<double>& packed = calibration.result->camera_covariance;
+      proto.mutable_camera_covariance()->mutable_packed()->Assign(packed.begin(), packed.end());
+    }
+    proto.SerializeToCodedStream(&output);
   }
   return bytes;
 }

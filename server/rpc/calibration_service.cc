@@ -7,6 +7,7 @@
 
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_wire.h"
+#include "server/rpc/accuracy_messages.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/page.h"
 #include "server/rpc/watch_loop.h"
@@ -86,6 +87,16 @@ grpc::Status CalibrationService::WatchCalibration(grpc::ServerContext* context,
       return calibration.state == CalibrationState::kSucceeded ||
              calibration.state == CalibrationState::kFailed;
     });
+  });
+}
+
+grpc::Status CalibrationService::GetAccuracy(grpc::ServerContext* /*context*/,
+                                             const v1::GetAccuracyRequest* request,
+                                             v1::GetAccuracyResponse* response) {
+  return GuardedCall("GetAccuracy", [&]() -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(request->id()));
+    RIGCAL_ASSIGN_OR_RETURN(*response, AccuracyOf(calibration, *request));
+    return absl::OkStatus();
   });
 }
 

@@ -26,6 +26,8 @@ class CalibrationService final : public v1::CalibrationService::Service {
   grpc::Status WatchCalibration(grpc::ServerContext* context,
                                 const v1::WatchCalibrationRequest* request,
                                 grpc::ServerWriter<v1::Calibration>* writer) override;
+  grpc::Status GetAccuracy(grpc::ServerContext* context, const v1::GetAccuracyRequest* request,
+                           v1::GetAccuracyResponse* response) override;
 
  private:
   CalibrationRunner& runner_;

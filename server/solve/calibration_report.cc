@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/solve/camera_covariance.h"
 #include "server/solve/error_figures.h"
 #include "server/solve/findings.h"
 #include "server/solve/length_error.h"
@@ -238,6 +239,11 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     result.cameras.push_back(std::move(camera));
   }
   result.target = ReportTarget(input);
+  result.wand_volume = MeasureWandVolume(problem);
+  if (input.judged.uncertainty) {
+    result.camera_covariance = PackCameraCovariance(
+        problem, input.judged.options.reference_camera, *input.judged.uncertainty);
+  }
   result.findings = FindCauses(input.rig, input.judged, result);
   result.quality = JudgeQuality(result);
   result.observation_digest = Digest(input);

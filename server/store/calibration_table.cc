@@ -120,6 +120,8 @@ absl::StatusOr<std::vector<Calibration>> ListCalibrations(SQLite::Database& data
   std::vector<Calibration> calibrations;
   while (query.executeStep()) {
     RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, ParseRow(query));
+    // Megabytes each with many cameras; only a calibration asked for by its id needs it.
+    if (calibration.result) calibration.result->camera_covariance = {};
     calibrations.push_back(std::move(calibration));
   }
   return calibrations;

@@ -13,6 +13,8 @@
 namespace rigcal::server {
 namespace {
 
+constexpr size_t kMaxKeptBytes = 256u << 10;
+
 // The coordinator's way to a stream that may have ended.
 class StreamLink final : public AgentLink {
  public:
@@ -132,7 +134,7 @@ void AgentStream::Register(Hello hello) {
       registration_ = connection->registration;
       outgoing_.SetHello(std::move(answer));
       Pump();
-      if (!ended_) StartRead(&request_);
+      ReadNext();
       spdlog::info("agent {} on {} connected with {} cameras of rig {}", agent_id_, host,
                    camera_count, rig_);
       return;
@@ -154,7 +156,7 @@ void AgentStream::TakeMessage() {
       std::lock_guard lock(mutex_);
       outgoing_.AddPing(request_.time_ping().host_monotonic_ns());
       Pump();
-      if (!ended_) StartRead(&request_);
+      ReadNext();
       return;
     }
     case v1::AgentMessage::kHello:
@@ -206,7 +208,7 @@ void AgentStream::Submit() {
       });
   std::lock_guard lock(mutex_);
   if (status.ok()) {
-    if (!ended_) StartRead(&request_);
+    ReadNext();
     return;
   }
   --unanswered_;
@@ -240,6 +242,13 @@ void AgentStream::Send(v1::ServerMessage command) {
 void AgentStream::Close(const absl::Status& reason) {
   std::lock_guard lock(mutex_);
   EndWith(reason);
+}
+
+void AgentStream::ReadNext() {
+  if (ended_) return;
+  // A message keeps its memory for the next one, which is good up to a point.
+  if (request_.SpaceUsedLong() > kMaxKeptBytes) request_ = v1::AgentMessage();
+  StartRead(&request_);
 }
 
 void AgentStream::Pump() {

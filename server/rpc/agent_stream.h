@@ -70,9 +70,9 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::S
   void Deliver(absl::StatusOr<Delivery> delivery);
   void Submit();
   void Delivered(absl::StatusOr<BatchAck> ack);
-  void ReadNext();
 
   // With mutex_ held.
+  void ReadNext();
   void Pump();
   void FinishWhenAllIsAnswered();
   void EndWith(const absl::Status& status);

@@ -167,7 +167,7 @@ std::vector<AgentDirectory::ConnectedCamera> AgentDirectory::ConnectedCameras(
     for (const auto& [agent_id, entry] : by_agent_id_) {
       if (!entry.link || entry.agent.rig != rig) continue;
       for (const AnnouncedCamera& camera : entry.agent.cameras) {
-        cameras.push_back({camera, agent_id, entry.link});
+        cameras.push_back({camera, agent_id, entry.link, entry.registration});
       }
     }
   }

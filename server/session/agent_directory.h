@@ -59,6 +59,7 @@ class AgentDirectory {
     AnnouncedCamera camera;
     std::string agent_id;
     std::shared_ptr<AgentLink> link;
+    Registration registration = 0;
   };
 
   explicit AgentDirectory(AgentDirectoryOptions options = {});

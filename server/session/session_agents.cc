@@ -112,7 +112,28 @@ void SessionCoordinator::QueueOrders(const Session& session, std::vector<Capture
   }
 }
 
+void SessionCoordinator::StopLateCapture(const StreamKey& stream) {
+  const std::optional<StreamContextCache::Owner> owner = contexts_.FindOwner(stream);
+  if (!owner) return;
+  for (const AgentDirectory::ConnectedCamera& camera : directory_->ConnectedCameras(owner->rig)) {
+    if (camera.camera.description.camera != stream.camera || camera.agent_id != owner->agent_id) {
+      continue;
+    }
+    {
+      std::lock_guard lock(mutex_);
+      if (!told_to_stop_.emplace(camera.registration, stream.session_id).second) return;
+    }
+    spdlog::info("session {}: agent {} still captures for it, and is told to stop",
+                 stream.session_id, owner->agent_id);
+    camera.link->SendStopCapture(stream.session_id);
+  }
+}
+
 void SessionCoordinator::DisconnectAgent(AgentDirectory::Registration registration) {
+  {
+    std::lock_guard lock(mutex_);
+    std::erase_if(told_to_stop_, [&](const auto& told) { return told.first == registration; });
+  }
   if (!directory_->Unregister(registration)) return;
   for (const Session& session : ActiveSessions()) changes_.Notify(session.id);
 }
@@ -125,6 +146,8 @@ void SessionCoordinator::RecordProgress(const StreamKey& stream, const AppendOut
     }
     wake_.notify_all();
   }
+  // It was away when the session was stopped, and came back after its end.
+  if (outcome.late && !outcome.complete) Queue([this, stream] { StopLateCapture(stream); });
   changes_.Notify(stream.session_id);
 }
 

@@ -15,6 +15,7 @@
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -157,6 +158,8 @@ class SessionCoordinator final : public StreamContextSource {
   absl::Status ResumeCapture(const Session& session,
                              absl::Span<const AgentDirectory::ConnectedCamera> connected);
   void QueueOrders(const Session& session, std::vector<CaptureOrder> orders);
+  // Tells the agent of a stream whose session has finished to stop, once per connection.
+  void StopLateCapture(const StreamKey& stream);
   void Queue(std::function<void()> command);
   void Run();
   // With mutex_ held: moves what is due into finish_checks_ and `overdue`; returns when to look
@@ -181,6 +184,8 @@ class SessionCoordinator final : public StreamContextSource {
   std::map<std::string, ActiveSession, std::less<>> active_;  // capturing or draining
   std::deque<std::function<void()>> commands_;
   std::set<std::string> finish_checks_;
+  // Connected agents that were told to stop when they delivered late.
+  std::set<std::pair<AgentDirectory::Registration, std::string>> told_to_stop_;
   bool working_ = false;
   bool stopping_ = false;
   std::thread thread_;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kDefaultDrainTimeoutS = 10;
 constexpr double kMaxDrainTimeoutS = 600;
-constexpr size_t kMaxTitleBytes = 1024;
+constexpr size_t kMaxTitleBytes = 200;
 
 void AddFault(const absl::Status& status, std::vector<std::string>* faults) {
   if (!status.ok()) faults->emplace_back(status.message());

@@ -78,6 +78,18 @@ absl::Status StreamContextCache::CheckAgent(const StreamKey& stream, std::string
                    "' to session '", stream.session_id, "': there the camera ", owner));
 }
 
+std::optional<StreamContextCache::Owner> StreamContextCache::FindOwner(
+    const StreamKey& stream) const {
+  std::lock_guard lock(mutex_);
+  const auto session = sessions_.find(stream.session_id);
+  if (session == sessions_.end()) return std::nullopt;
+  const auto camera = session->second.cameras.find(stream.camera);
+  if (camera == session->second.cameras.end() || camera->second.agent_id.empty()) {
+    return std::nullopt;
+  }
+  return Owner{session->second.rig, camera->second.agent_id};
+}
+
 absl::Status StreamContextCache::AddReader(std::string_view session_id) {
   std::lock_guard lock(mutex_);
   const auto session = sessions_.find(session_id);

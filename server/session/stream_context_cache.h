@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +32,13 @@ class StreamContextCache final : public StreamContextSource {
   // all are named.
   absl::Status CheckAgent(const StreamKey& stream, std::string_view agent_id,
                           std::string_view rig) const;
+
+  // Which agent delivers a stream's camera, and in which rig. None: nobody, or not known.
+  struct Owner {
+    std::string rig;
+    std::string agent_id;
+  };
+  std::optional<Owner> FindOwner(const StreamKey& stream) const;
 
   // NOT_FOUND: no such session.
   absl::Status AddReader(std::string_view session_id);

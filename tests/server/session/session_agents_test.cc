@@ -103,6 +103,26 @@ TEST_F(SessionAgents, WhileDrainingAreToldToStartAndAtOnceToStop) {
   EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=25", "stop wave"));
 }
 
+TEST_F(SessionAgents, ThatComeBackAfterTheEndAreToldToStopOnce) {
+  StartWave();
+  coordinator().DisconnectAgent(left_.registration);
+  ASSERT_THAT(coordinator().StopSession("wave", 0.01), IsOk());
+  AwaitFinished("wave");
+  const auto back = Connect(MakeAgent("pc-left", {"left"}, 1, 2));
+  Deliver({"wave", "left", 1}, 1, 5);
+  Deliver({"wave", "left", 1}, 6, 9);
+  coordinator().WaitIdle();
+  EXPECT_THAT(back.link->Lines(), ElementsAre("stop wave"));
+  coordinator().DisconnectAgent(back.registration);
+  const auto again = Connect(MakeAgent("pc-left", {"left"}, 1, 3));
+  Deliver({"wave", "left", 1}, 10, 12);
+  coordinator().WaitIdle();
+  EXPECT_THAT(again.link->Lines(), ElementsAre("stop wave"));
+  DeliverEnd({"wave", "left", 1}, 12);
+  coordinator().WaitIdle();
+  EXPECT_THAT(again.link->Lines(), SizeIs(1));
+}
+
 TEST_F(SessionAgents, ACameraThatHasEndedDoesNotBeginAgain) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);

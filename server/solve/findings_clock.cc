@@ -161,10 +161,7 @@ Repair RepairClocks(const CauseInput& input) {
       problem.clocks[k].offset_sigma_s = 0;
     }
   }
-  // Under the narrow loss what is far off does not pull: wide first.
-  TrialProblem wide = input.trial;
-  wide.bundle.loss_scale *= 10;
-  if (SolveTrial(wide, &problem).ok() && SolveTrial(input.trial, &problem).ok()) {
+  if (SolveTrialFromAfar(input.trial, &problem).ok()) {
     repair.causes = CausesOf(input, problem, false);
   }
   return repair;

@@ -98,17 +98,11 @@ void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {
                      &problem->cameras[camera], kWidePrior);
 }
 
-bool SolveWideThenNarrow(const TrialProblem& how, BundleProblem* problem) {
-  TrialProblem wide = how;
-  wide.bundle.loss_scale *= 20;
-  return SolveTrial(wide, problem).ok() && SolveTrial(how, problem).ok();
-}
-
 // Cameras whose intrinsics, all of them free, go away from the given ones for a reason.
 std::vector<size_t> Suspects(const CauseInput& input) {
   BundleProblem problem = input.trial.problem;
   for (size_t c = 0; c < problem.cameras.size(); ++c) Free(input, c, &problem);
-  if (!SolveWideThenNarrow(input.trial, &problem)) return {};
+  if (!SolveTrialFromAfar(input.trial, &problem).ok()) return {};
   const auto sigmas = ComputeSigmas(input.trial, problem);
   if (!sigmas.ok()) return {};
   std::vector<size_t> suspects;
@@ -134,7 +128,7 @@ Repair RepairIntrinsics(const CauseInput& input) {
   repair.repaired = input.trial;
   BundleProblem& problem = repair.repaired.problem;
   for (const size_t c : suspects) Free(input, c, &problem);
-  if (!SolveWideThenNarrow(input.trial, &problem)) return repair;
+  if (!SolveTrialFromAfar(input.trial, &problem).ok()) return repair;
   const std::vector<ErrorChange> changes = CompareErrors(input.trial.problem, problem);
   for (const size_t c : suspects) {
     const BundleCamera& camera = problem.cameras[c];
@@ -176,7 +170,7 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
     BundleProblem given = solved;
     given.cameras[c].intrinsics = camera.intrinsics_mean;
     given.cameras[c].intrinsics_fixed = true;
-    if (!SolveWideThenNarrow(input.trial, &given)) continue;
+    if (!SolveTrialFromAfar(input.trial, &given).ok()) continue;
     const ErrorChange change_px = CompareErrors(given, solved)[c];
     if (change_px.gain() < kMinGain) continue;
     causes.push_back(

@@ -47,11 +47,13 @@ std::vector<Cause> FindSwappedMarkers(const CauseInput& input) {
     for (int o = 0; o < instant.observation_count; ++o) {
       const BundleObservation& observation =
           problem.observations[static_cast<size_t>(instant.first_observation + o)];
-      if (observation.marker_count < 2) continue;
+      const bool turned = IsTurned(input.judged.solution, observation);
+      if (observation.marker_count < 2 && !turned) continue;
       const auto c = static_cast<size_t>(observation.camera);
       const double limit = input.trial.outliers.sigmas * scales[c];
       ++counts[c].observations;
-      counts[c].reversed += FitsReversed(problem, instant, observation, limit) ? 1 : 0;
+      const bool fits_reversed = turned || FitsReversed(problem, instant, observation, limit);
+      counts[c].reversed += fits_reversed ? 1 : 0;
     }
   }
   std::vector<Cause> causes;

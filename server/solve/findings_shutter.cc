@@ -21,8 +21,11 @@ double ImageHeightPx(const CauseInput& input, size_t camera) {
 }
 
 // Every marker becomes an observation of its own, stamped by a clock of its camera whose time is
-// the marker's image row: the clock's rate is then the line time.
-BundleProblem WithRowClocks(const CauseInput& input, std::vector<int>* camera_of_clock) {
+// the marker's image row: the clock's rate is then the line time. `keep_drift` false: the rates
+// that the solve gave to the clocks are taken back; over a short recording the rows' times look
+// like a drift.
+BundleProblem WithRowClocks(const CauseInput& input, bool keep_drift,
+                            std::vector<int>* camera_of_clock) {
   const BundleProblem& from = input.trial.problem;
   BundleProblem problem = from;
   problem.clocks.clear();
@@ -43,7 +46,11 @@ BundleProblem WithRowClocks(const CauseInput& input, std::vector<int>* camera_of
         problem.clocks.back().rate_sigma = 0;
         camera_of_clock->push_back(observation.camera);
       }
-      const double drift_s = clock.time_rate * observation.clock_time_s;
+      const double rate_to_take_out =
+          keep_drift
+              ? clock.time_rate
+              : -input.judged.solution.clocks[static_cast<size_t>(observation.clock)].time_rate;
+      const double drift_s = rate_to_take_out * observation.clock_time_s;
       const double middle_row = 0.5 * ImageHeightPx(input, static_cast<size_t>(observation.camera));
       observation.clock = entry->second;
       const int first_marker = observation.first_marker, markers = observation.marker_count;
@@ -59,6 +66,8 @@ BundleProblem WithRowClocks(const CauseInput& input, std::vector<int>* camera_of
     instant.observation_count =
         static_cast<int>(problem.observations.size()) - instant.first_observation;
   }
+  // A problem wants a clock that is wholly fixed; nothing is stamped by this one.
+  problem.clocks.emplace_back();
   return problem;
 }
 
@@ -66,6 +75,14 @@ BundleProblem WithRowClocks(const CauseInput& input, std::vector<int>* camera_of
 BundleProblem WithoutRowTimes(const BundleProblem& plain, const BundleProblem& by_row,
                               const std::vector<bool>& apply) {
   BundleProblem problem = plain;
+  for (size_t m = 0; m < problem.markers.size(); ++m) {
+    problem.markers[m].centre_px = by_row.markers[m].centre_px;
+  }
+  // The drift is in the centres, one way or the other.
+  for (BundleClock& clock : problem.clocks) {
+    clock.time_rate = 0;
+    clock.rate_fixed = true;
+  }
   ForEachMarker(by_row, [&](size_t, const BundleObservation& observation, size_t m) {
     const auto k = static_cast<size_t>(observation.clock);
     if (!apply[k]) return;
@@ -90,13 +107,21 @@ std::string Advice(double line_time_s, double sigma_s, double rows, const ErrorC
 Repair RepairRollingShutters(const CauseInput& input) {
   Repair repair;
   std::vector<int> camera_of_clock;
-  BundleProblem by_row = WithRowClocks(input, &camera_of_clock);
-  if (!SolveTrial(input.trial, &by_row).ok()) return repair;
+  BundleProblem by_row = WithRowClocks(input, true, &camera_of_clock);
+  if (!SolveTrialFromAfar(input.trial, &by_row).ok()) return repair;
+  if (input.judged.options.estimate_time_rates) {
+    std::vector<int> same;
+    BundleProblem undone = WithRowClocks(input, false, &same);
+    if (SolveTrialFromAfar(input.trial, &undone).ok() &&
+        Overall(CompareErrors(by_row, undone)).gain_px() > 0) {
+      by_row = std::move(undone);
+    }
+  }
   const auto sigmas = ComputeSigmas(input.trial, by_row);
   if (!sigmas.ok()) return repair;
   const std::vector<ErrorChange> changes = CompareErrors(input.trial.problem, by_row);
   std::vector<bool> apply(by_row.clocks.size(), false);
-  for (size_t k = 0; k < by_row.clocks.size(); ++k) {
+  for (size_t k = 0; k < camera_of_clock.size(); ++k) {
     const auto c = static_cast<size_t>(camera_of_clock[k]);
     const double line_time_s = by_row.clocks[k].time_rate;
     const double sigma_s = sigmas->Of({ReducedParameterKind::kTimeRate, static_cast<int>(k), 0});

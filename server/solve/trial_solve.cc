@@ -12,7 +12,8 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kMaxRounds = 3;
+constexpr int kMaxRounds = 4;
+constexpr double kWideLoss = 20;
 constexpr double kUnseenPx = 100;
 constexpr double kMedianOfRayleigh = 1.17741;
 
@@ -88,6 +89,15 @@ absl::Status SolveTrial(const TrialProblem& how, BundleProblem* problem) {
     if (ClassifyOutliers(how.outliers, problem) == 0) break;
   }
   return absl::OkStatus();
+}
+
+absl::Status SolveTrialFromAfar(const TrialProblem& how, BundleProblem* problem) {
+  TrialProblem wide;
+  wide.bundle = how.bundle;
+  wide.bundle.loss_scale *= kWideLoss;
+  wide.outliers = how.outliers;
+  RIGCAL_RETURN_IF_ERROR(SolveTrial(wide, problem));
+  return SolveTrial(how, problem);
 }
 
 std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const BundleProblem& after) {

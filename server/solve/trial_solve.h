@@ -32,6 +32,9 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
 // most). Errors as of SolveLineBundle; `problem` is then worth nothing.
 absl::Status SolveTrial(const TrialProblem& how, BundleProblem* problem);
 
+// The same, first under a loss so wide that what is far off pulls, too.
+absl::Status SolveTrialFromAfar(const TrialProblem& how, BundleProblem* problem);
+
 // Mean reprojection errors before and after, over the markers that are inliers in either.
 struct ErrorChange {
   double before_px = 0;

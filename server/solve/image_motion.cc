@@ -13,6 +13,9 @@ constexpr Eigen::Index kMaxPoints = 15;
 constexpr double kWildPx = 15;
 constexpr double kWildTimesUsual = 12;
 constexpr int kMaxTerms = 5;  // of a polynomial of degree 4
+// Markers with times of their own can come closer than rows; points nearer than this determine no
+// further term.
+constexpr double kMinApartPeriods = 0.1;
 
 using Weights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxPoints, 1>;
 using Powers = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxPoints, kMaxTerms>;
@@ -51,6 +54,16 @@ FitWeights WeightsOf(const Weights& times, Eigen::Index degree, double t) {
   return weights;
 }
 
+Eigen::Index CountDistinct(const Weights& times, double apart_s) {
+  Eigen::Index count = times.size() == 0 ? 0 : 1, last = 0;
+  for (Eigen::Index i = 1; i < times.size(); ++i) {
+    if (std::abs(times[i] - times[last]) <= apart_s) continue;
+    last = i;
+    ++count;
+  }
+  return count;
+}
+
 double Median(std::vector<double>* values) {
   const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
   std::nth_element(values->begin(), middle, values->end());
@@ -76,6 +89,7 @@ std::vector<bool> FindWildCentres(const std::vector<int64_t>& times_ns,
     std::vector<double> errors;
     for (size_t a = 0; a < near.size(); ++a) {
       for (size_t b = a + 1; b < near.size(); ++b) {
+        if (times_ns[near[a]] == times_ns[near[b]]) continue;  // no line through them
         const double share = static_cast<double>(times_ns[own] - times_ns[near[a]]) /
                              static_cast<double>(times_ns[near[b]] - times_ns[near[a]]);
         errors.push_back((centres_px[own] - centres_px[near[a]] -
@@ -181,22 +195,23 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
   motion.centre_px = samples[own].centre_px;
   motion.covariance_px2 = samples[own].covariance_px2;
   const auto count = static_cast<Eigen::Index>(points.size());
-  if (count < 2) {
-    const double drift_px = typical_speed_px_s_ * shift_s;
-    motion.covariance_px2 += drift_px * drift_px * Eigen::Matrix2d::Identity();
-    return motion;
-  }
-  motion.has_velocity = true;
   Weights times(count);
   for (Eigen::Index i = 0; i < count; ++i) {
     times[i] =
         1e-9 * static_cast<double>(points[static_cast<size_t>(i)]->time_ns - samples[own].time_ns);
   }
+  const Eigen::Index distinct = CountDistinct(times, kMinApartPeriods * period_s_);
+  if (distinct < 2) {
+    const double drift_px = typical_speed_px_s_ * shift_s;
+    motion.covariance_px2 += drift_px * drift_px * Eigen::Matrix2d::Identity();
+    return motion;
+  }
+  motion.has_velocity = true;
   // High orders are for rows between neighbours; at an end they run away.
   const Eigen::Index max_degree = std::min(before, after) >= 2   ? options_.max_degree
                                   : std::min(before, after) >= 1 ? std::min(3, options_.max_degree)
                                                                  : std::min(2, options_.max_degree);
-  const Eigen::Index degree = std::min(count - 1, max_degree);
+  const Eigen::Index degree = std::min(distinct - 1, max_degree);
   const FitWeights weights = WeightsOf(times, degree, shift_s);
   Eigen::Vector2d lower = Eigen::Vector2d::Zero(), displacement = Eigen::Vector2d::Zero();
   motion.covariance_px2.setZero();

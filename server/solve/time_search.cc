@@ -71,7 +71,9 @@ std::optional<Eigen::Vector2d> At(const RayPath& path, double time_s, double gap
   const auto index = static_cast<size_t>(after - path.time_s.begin());
   if (index < 2 || index + 2 > path.time_s.size()) return std::nullopt;
   for (size_t i = index - 1; i <= index + 1; ++i) {
-    if (path.time_s[i] - path.time_s[i - 1] > gap_s) return std::nullopt;
+    const double step_s = path.time_s[i] - path.time_s[i - 1];
+    // Markers with times of their own may meet: no cubic goes through two rows at one time.
+    if (step_s <= 0 || step_s > gap_s) return std::nullopt;
   }
   Eigen::Vector2d value = Eigen::Vector2d::Zero();
   for (size_t i = index - 2; i < index + 2; ++i) {

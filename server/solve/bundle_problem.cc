@@ -99,6 +99,11 @@ absl::Status BundleProblem::Validate() const {
       return absl::InvalidArgumentError("bundle adjustment: a marker position is not finite");
     }
   }
+  if (!target.fixed && (target.given_positions_m.size() != target.marker_positions_m.size() ||
+                        !(target.span_sigma_m > 0))) {
+    return absl::InvalidArgumentError(
+        "bundle adjustment: the target's spacing is to be estimated but has no prior");
+  }
   for (size_t i = 0; i < instants.size(); ++i) {
     if (absl::Status status = ValidateInstant(*this, i); !status.ok()) return status;
   }

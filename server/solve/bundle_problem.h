@@ -99,7 +99,7 @@ struct BundleProblem {
   std::vector<BundleMarker> markers;
 
   // INVALID_ARGUMENT: an index out of range, a value that is not finite, no fixed camera, no fixed
-  // clock while others are estimated.
+  // clock while others are estimated, a target that is estimated without a prior.
   absl::Status Validate() const;
 };
 

@@ -52,11 +52,6 @@ absl::Status CheckInput(const BundleOptions& options, const BundleProblem& probl
         absl::StrCat("bundle adjustment: the target has ", target.marker_positions_m.size(),
                      " markers, at most ", kMaxLineMarkers, " can be solved"));
   }
-  if (!target.fixed && (target.given_positions_m.size() != target.marker_positions_m.size() ||
-                        !(target.span_sigma_m > 0))) {
-    return absl::InvalidArgumentError(
-        "bundle adjustment: the target's spacing is to be estimated but has no prior");
-  }
   return absl::OkStatus();
 }
 

@@ -129,6 +129,8 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
                      "too few markers in common to place the wand");
         continue;
       }
+      refused->Add(camera, "label_turned", IsTurned(input.judged.solution, observation) ? 1 : 0,
+                   "labels fit the other cameras when counted from the other end");
       uint32_t outliers = 0;
       for (int m = 0; m < observation.marker_count; ++m) {
         outliers += problem.markers[static_cast<size_t>(observation.first_marker + m)].used ? 0 : 1;

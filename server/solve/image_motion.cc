@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace rigcal::server {
 namespace {
@@ -111,9 +112,10 @@ std::vector<bool> FindWildCentres(const std::vector<int64_t>& times_ns,
 }
 
 ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
-                         const ImageMotionOptions& options)
+                         const ImageMotionOptions& options, std::vector<bool> turned)
     : options_(options),
       period_s_(track.period_s),
+      turned_(std::move(turned)),
       samples_(static_cast<size_t>(marker_count)),
       sample_of_row_(static_cast<size_t>(marker_count),
                      std::vector<int>(track.track.observations.size(), -1)) {
@@ -122,9 +124,10 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
     for (size_t m = 0; m < observation.markers.size(); ++m) {
       const MarkerObservation& marker = observation.markers[m];
       if (!marker.visible) continue;
-      sample_of_row_[m][row] = static_cast<int>(samples_[m].size());
-      samples_[m].push_back({static_cast<int>(row), observation.time_ns + marker.time_delta_ns,
-                             marker.centre_px, marker.covariance_px2});
+      const size_t label = IsTurned(static_cast<int>(row)) ? observation.markers.size() - 1 - m : m;
+      sample_of_row_[label][row] = static_cast<int>(samples_[label].size());
+      samples_[label].push_back({static_cast<int>(row), observation.time_ns + marker.time_delta_ns,
+                                 marker.centre_px, marker.covariance_px2});
     }
   }
   for (std::vector<Sample>& samples : samples_) {

@@ -40,12 +40,20 @@ struct ImageMotionOptions {
 // A wild centre takes no part in its neighbours' fits.
 class ImageMotion {
  public:
-  ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options);
+  // Observations of which `turned` is true (empty: none is) have their labels counted from the
+  // target's other end, here and by whoever asks IsTurned().
+  ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options,
+              std::vector<bool> turned = {});
+
+  bool IsTurned(int observation) const {
+    return !turned_.empty() && turned_[static_cast<size_t>(observation)];
+  }
 
   // Takes a marker of a row out of its neighbours' fits: it is an outlier.
   void Exclude(int observation, int marker);
 
-  // Of a visible marker of `observation`, `shift_s` after its own time (camera clock).
+  // Of a marker of `observation` that is visible under this label, `shift_s` after its own time
+  // (camera clock).
   MarkerMotion At(int observation, int marker, double shift_s) const;
 
   // Median speed of the visible markers, px/s; 0 where nothing is known.
@@ -66,6 +74,7 @@ class ImageMotion {
 
   ImageMotionOptions options_;
   double period_s_;
+  std::vector<bool> turned_;                     // by observation
   std::vector<std::vector<Sample>> samples_;     // by marker, ascending in time
   std::vector<std::vector<int>> sample_of_row_;  // by marker, then observation; -1 = not visible
   double typical_speed_px_s_ = 0;

@@ -32,6 +32,22 @@ void ForEachResidual(Problem& problem, Visit visit) {
   }
 }
 
+bool SaysSomething(const BundleProblem& problem, const BundleInstant& instant,
+                   const OutlierOptions& options) {
+  int inliers = 0, outliers = 0, cameras = 0;
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    const int before = inliers;
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const bool used = problem.markers[static_cast<size_t>(observation.first_marker + m)].used;
+      ++(used ? inliers : outliers);
+    }
+    cameras += inliers > before ? 1 : 0;
+  }
+  return outliers == 0 || (inliers >= options.min_markers && cameras >= 2);
+}
+
 }  // namespace
 
 std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOptions& options) {
@@ -62,6 +78,11 @@ int ClassifyOutliers(const OutlierOptions& options, BundleProblem* problem) {
         changed += used != marker.used ? 1 : 0;
         marker.used = used;
       });
+  for (BundleInstant& instant : problem->instants) {
+    if (!instant.used || SaysSomething(*problem, instant, options)) continue;
+    instant.used = false;
+    ++changed;
+  }
   return changed;
 }
 

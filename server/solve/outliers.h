@@ -12,16 +12,21 @@ namespace rigcal::server {
 //   median norm of a standard normal 2-vector), and never less than `min_scale`;
 //   a marker is out when |r| > sigmas * scale, or when its camera cannot see where it should be.
 // The scale follows the camera, so that one whose clock or intrinsics are off keeps its markers;
-// nothing is dropped by share. Errors below that are the robust loss's business.
+// nothing is dropped by share;
+//   an instant with outliers says nothing when less than `min_markers` of it are left, or those of
+// one camera only: that many fit a target somewhere whichever is wrong.
+// Errors below that are the robust loss's business.
 struct OutlierOptions {
   double sigmas = 8;
   double min_scale = 1;
+  int min_markers = 4;
 };
 
 // Whitened robust scale of each camera over the markers of placed instants.
 std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOptions& options);
 
-// Sets `used` of every marker of every placed instant by the rule. Returns how many changed.
+// Sets `used` of every marker of every placed instant by the rule, and of the instants that say
+// nothing. Returns how many changed.
 int ClassifyOutliers(const OutlierOptions& options, BundleProblem* problem);
 
 }  // namespace rigcal::server

@@ -29,10 +29,11 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
     const int64_t coarse_ns = track.CoarseRigTimeNs(row) + row.markers[m].time_delta_ns;
     const double shift_s =
         1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
-    MarkerMotion moved = motion.At(member.observation, static_cast<int>(m), shift_s);
+    const size_t label = motion.IsTurned(member.observation) ? row.markers.size() - 1 - m : m;
+    MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s);
     if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     BundleMarker marker;
-    marker.marker = static_cast<int>(m);
+    marker.marker = static_cast<int>(label);
     marker.centre_px = moved.centre_px;
     marker.velocity_px_s = moved.velocity_px_s;
     marker.sqrt_information = SqrtInformation(moved.covariance_px2);

@@ -56,8 +56,9 @@ struct BuiltProblem {
 };
 
 // The bundle adjustment of these instants: every visible marker moved to its instant's time along
-// its image motion. Cameras have their given intrinsics and no pose; clocks are fixed, as are
-// intrinsics and target. `sigma_px` > 0 replaces the observed covariances.
+// its image motion, with the label that the motion gives it. Cameras have their given intrinsics
+// and no pose; clocks are fixed, as are intrinsics and target. `sigma_px` > 0 replaces the observed
+// covariances.
 BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>& tracks,
                           const std::vector<ImageMotion>& motions, const RigIndex& index,
                           const std::vector<ClockCorrection>& clocks,

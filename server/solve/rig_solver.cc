@@ -22,6 +22,7 @@ namespace {
 constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 1e-3;
 constexpr double kWildPx = 15;
+constexpr int kMaxTurns = 2;  // there and back
 
 using MarkerKey = std::pair<std::pair<int, int>, int>;  // track, observation, marker
 
@@ -34,6 +35,7 @@ class RigSolver {
     solution_.clocks = clocks;
     for (const AlignedTrack& track : rig_.tracks) {
       solution_.motions.emplace_back(track, rig_.target.marker_count(), ImageMotionOptions{});
+      turns_.emplace_back(track.track.observations.size(), 0);
     }
   }
 
@@ -47,13 +49,16 @@ class RigSolver {
     } else {
       RIGCAL_RETURN_IF_ERROR(FindStart(StartOptionsOf(), &problem()));
     }
+    if (TurnReversed() > 0) Rebuild();
     for (int round = 0; round < options_.max_rounds; ++round) {
       RIGCAL_RETURN_IF_ERROR(Adjust(round));
+      const bool is_last = round + 1 == options_.max_rounds;
+      const int turned = is_last ? 0 : TurnReversed();
       const int changed = ClassifyOutliers(options_.outliers, &problem());
       const double moved_s = ClockMovement();
-      solution_.converged = changed == 0 && moved_s < options_.time_tolerance_s;
+      solution_.converged = turned == 0 && changed == 0 && moved_s < options_.time_tolerance_s;
       if (solution_.converged) break;
-      if (round + 1 < options_.max_rounds && moved_s >= options_.time_tolerance_s) Rebuild();
+      if (!is_last && (turned > 0 || moved_s >= options_.time_tolerance_s)) Rebuild();
     }
     return std::move(solution_);
   }
@@ -204,6 +209,34 @@ class RigSolver {
     }
   }
 
+  // Turns labels round in the problem and in the image motion that the next one is built with.
+  // Returns the number of observations.
+  int TurnReversed() {
+    std::set<int> touched;
+    int count = 0;
+    for (const int index : FindReversedLabels(options_.labels, options_.outliers, problem(),
+                                              solution_.built.instant_time_ns)) {
+      const BundleObservation& observation = problem().observations[static_cast<size_t>(index)];
+      const MarkerSource& source =
+          solution_.built.sources[static_cast<size_t>(observation.first_marker)];
+      int& turns =
+          turns_[static_cast<size_t>(source.track)][static_cast<size_t>(source.observation)];
+      if (turns == kMaxTurns) continue;
+      ++turns;
+      ++count;
+      touched.insert(source.track);
+      TurnLabels(index, &problem());
+    }
+    for (const int t : touched) {
+      std::vector<bool> turned;
+      for (const int turns : turns_[static_cast<size_t>(t)]) turned.push_back(turns % 2 == 1);
+      solution_.motions[static_cast<size_t>(t)] =
+          ImageMotion(rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(),
+                      ImageMotionOptions{}, std::move(turned));
+    }
+    return count;
+  }
+
   void Rebuild() {
     ExcludeFromMotion();
     std::set<MarkerKey> outliers;
@@ -227,9 +260,17 @@ class RigSolver {
   const RigObservations& rig_;
   const RigSolveOptions& options_;
   RigSolution solution_;
+  std::vector<std::vector<int>> turns_;  // by track and observation
 };
 
 }  // namespace
+
+bool IsTurned(const RigSolution& solution, const BundleObservation& observation) {
+  if (observation.marker_count == 0) return false;
+  const MarkerSource& source =
+      solution.built.sources[static_cast<size_t>(observation.first_marker)];
+  return solution.motions[static_cast<size_t>(source.track)].IsTurned(source.observation);
+}
 
 RigStart StartFrom(const RigSolution& solution) {
   const BundleProblem& problem = solution.built.problem;

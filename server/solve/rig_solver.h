@@ -14,6 +14,7 @@
 #include "server/associate/align_clocks.h"
 #include "server/associate/instants.h"
 #include "server/solve/bundle_problem.h"
+#include "server/solve/labels.h"
 #include "server/solve/outliers.h"
 #include "server/solve/problem_builder.h"
 
@@ -39,6 +40,7 @@ struct RigSolveOptions {
   double loss_scale = 2;          // of the Cauchy loss, in sigmas
   double function_tolerance = 1e-9;
   OutlierOptions outliers;
+  LabelOptions labels;
   int max_rounds = 8;                                     // of solve, classify, interpolate again
   double time_tolerance_s = 2e-6;                         // offsets that move less have settled
   std::vector<std::string> camera_notes;                  // for error messages
@@ -50,12 +52,15 @@ struct RigSolveOptions {
 struct RigSolution {
   BuiltProblem built;                   // solved; markers not used are the outliers
   std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
-  std::vector<ImageMotion> motions;     // by track, wild centres taken out
+  std::vector<ImageMotion> motions;     // by track, wild centres taken out, labels turned
   InstantList instants;
   int iterations = 0;
   double final_cost = 0;
   bool converged = false;
 };
+
+// The labels of this observation were given counted from the target's other end.
+bool IsTurned(const RigSolution& solution, const BundleObservation& observation);
 
 // The target's pose at an instant, known by its first member.
 using InstantPoses = std::map<std::pair<int, int>, std::pair<Eigen::Vector3d, Eigen::Vector3d>>;
@@ -70,9 +75,11 @@ struct RigStart {
 
 RigStart StartFrom(const RigSolution& solution);
 
-// Associates, finds a start unless one is given, and alternates bundle adjustment, classification
-// of outliers, and interpolation at the new clock corrections until nothing moves. In each session
-// the clock of the reference camera (or else the first) keeps its correction: time has no origin.
+// Associates, finds a start unless one is given, and alternates bundle adjustment, turning of
+// labels, classification of outliers, and interpolation at the new clock corrections until nothing
+// moves. Which observations are turned is found anew in each solve, from what it keeps. In each
+// session the clock of the reference camera (or else the first) keeps its correction: time has no
+// origin.
 //
 // FAILED_PRECONDITION: no instants, not connected, cannot be placed. CANCELLED.
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,

@@ -64,13 +64,21 @@ void JudgeCamera(const CalibratedCamera& camera, const QualityLimits& limits, Ju
                  limits.outlier_share, 100, "%");
 }
 
-void JudgeFinding(const Finding& finding, Judge* judge) {
+void JudgeFinding(const CalibrationResult& result, const Finding& finding, Judge* judge) {
+  const auto found = std::find_if(
+      result.cameras.begin(), result.cameras.end(),
+      [&finding](const CalibratedCamera& camera) { return camera.camera == finding.camera; });
+  const CalibratedCamera* camera = found == result.cameras.end() ? nullptr : &*found;
   const std::string who =
       finding.camera.empty() ? "the rig" : absl::StrCat("camera ", finding.camera);
+  // What the solve has taken out itself is no fault of the calibration.
   if (finding.kind == "camera_moved") {
     judge->Add(QualityGrade::kBad, absl::StrCat(who, " moved while it was recorded"));
-  } else if (finding.kind == "wrong_intrinsics") {
+  } else if (finding.kind == "wrong_intrinsics" && !(camera && camera->intrinsics_refined)) {
     judge->Add(QualityGrade::kUsable, absl::StrCat(who, " has wrong intrinsics (see findings)"));
+  } else if (finding.kind == "clock_offset" && camera && !camera->time_offset_estimated) {
+    judge->Add(QualityGrade::kUsable,
+               absl::StrCat("the clock of ", who, " is off, and was kept as given"));
   } else if (finding.kind == "rolling_shutter") {
     judge->Add(QualityGrade::kUsable, absl::StrCat(who, " has a rolling shutter (see findings)"));
   } else if (finding.kind == "wrong_wand_length") {
@@ -102,18 +110,7 @@ Quality JudgeQuality(const CalibrationResult& result, const QualityLimits& limit
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
   JudgeTarget(result.target, limits, &judge);
-  for (const Finding& finding : result.findings) {
-    JudgeFinding(finding, &judge);
-    if (finding.kind != "clock_offset") continue;
-    const bool kept = std::any_of(
-        result.cameras.begin(), result.cameras.end(), [&finding](const CalibratedCamera& camera) {
-          return camera.camera == finding.camera && !camera.time_offset_estimated;
-        });
-    if (kept) {
-      judge.Add(QualityGrade::kUsable,
-                absl::StrCat("camera ", finding.camera, "'s clock is off, and was kept as given"));
-    }
-  }
+  for (const Finding& finding : result.findings) JudgeFinding(result, finding, &judge);
   return std::move(judge).Result(
       absl::StrFormat("every camera's held-out mean error is at most %.2f px", worst_px));
 }

@@ -36,9 +36,8 @@ struct QualityLimits {
 //   bad     a limit for `usable` is passed, or a camera moved while it was recorded: its pose is
 //           that of neither time
 //   usable  a limit for `good` is passed, nothing could be held out or too little of a camera, or
-//           a finding says that a fix would make the error clearly smaller (wrong_intrinsics,
-//           rolling_shutter, wrong_wand_length, clock_offset where times were kept as given,
-//           weak_link)
+//           a finding names what the solve has not taken out (wrong_intrinsics and clock_offset
+//           where these were kept as given, rolling_shutter, wrong_wand_length, weak_link)
 //   good    otherwise
 // The reasons are those for the grade, by camera, with figure and limit; for `good` they are the
 // worst figures.

@@ -166,6 +166,16 @@ class FakeServer::Calibrations : public v1::CalibrationService::Service {
     *response = found->second;
     return grpc::Status::OK;
   }
+  grpc::Status GetAccuracy(grpc::ServerContext*, const v1::GetAccuracyRequest* request,
+                           v1::GetAccuracyResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (!fake_.calibrations.contains(request->id())) {
+      return NotFound("calibration", request->id());
+    }
+    fake_.asked_accuracy = *request;
+    *response = fake_.accuracy;
+    return grpc::Status::OK;
+  }
 
  private:
   FakeServer& fake_;

@@ -34,6 +34,7 @@ class FakeServer {
   std::mutex mutex;
   std::map<std::string, v1::Session> sessions;
   std::map<std::string, v1::Calibration> calibrations;
+  v1::GetAccuracyResponse accuracy;  // of any calibration that exists
   v1::ListAgentsResponse agents;
   v1::ServerStatus status;
   std::vector<v1::ObservationBatch> observations;
@@ -56,6 +57,7 @@ class FakeServer {
   v1::StopSessionRequest stopped_session;
   v1::CreateCalibrationRequest created_calibration;
   v1::ReadObservationsRequest read_observations;
+  v1::GetAccuracyRequest asked_accuracy;
 
  private:
   class Sessions;

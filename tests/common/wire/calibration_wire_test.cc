@@ -71,6 +71,20 @@ TEST(CalibrationWire, StoredFormReadsBackEqual) {
   EXPECT_EQ(back.create_utc_ns, FilledCalibration().create_utc_ns);
 }
 
+TEST(CalibrationWire, CovarianceIsForTheStoreAlone) {
+  Calibration calibration = FilledCalibration();
+  calibration.result->camera_covariance = {1e-6, 2e-7, 3e-6};
+  calibration.result->wand_volume = WandVolume{{-1, -2, 3}, {1, 2, 5}};
+  ASSERT_OK_AND_ASSIGN(const Calibration back, ParseCalibration(SerializeCalibration(calibration)));
+  EXPECT_EQ(back.result->camera_covariance, calibration.result->camera_covariance);
+  ASSERT_TRUE(back.result->wand_volume.has_value());
+  EXPECT_EQ(back.result->wand_volume->min_m, Eigen::Vector3d(-1, -2, 3));
+  EXPECT_EQ(back.result->wand_volume->max_m, Eigen::Vector3d(1, 2, 5));
+  const v1::Calibration sent = ToProto(back);
+  EXPECT_FALSE(sent.has_camera_covariance());
+  EXPECT_EQ(sent.wand_volume().max_m().z(), 5);
+}
+
 TEST(CalibrationWire, FailedOneKeepsItsErrorAndRefusals) {
   Calibration calibration = FilledCalibration();
   calibration.state = CalibrationState::kFailed;

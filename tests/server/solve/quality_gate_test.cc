@@ -105,6 +105,10 @@ TEST(QualityGate, FindingsCount) {
   // Taken out by the solve, or not.
   EXPECT_EQ(with("clock_offset"), QualityGrade::kGood);
   EXPECT_EQ(with("clock_offset", false), QualityGrade::kUsable);
+  CalibrationResult refined = Sound();
+  refined.cameras[0].intrinsics_refined = true;
+  refined.findings.push_back({"wrong_intrinsics", "a", 30, "px", ""});
+  EXPECT_EQ(JudgeQuality(refined).grade, QualityGrade::kGood);
   for (const char* kind : {"intrinsics_kept", "edge_coverage", "swapped_markers"}) {
     EXPECT_EQ(with(kind), QualityGrade::kGood) << kind;
   }

@@ -70,6 +70,8 @@ void AddCamera(const CameraDescription& camera, Hasher* hasher) {
   hasher->Add(camera.clock.clock_id);
   hasher->Add(camera.clock.timebase);
   hasher->Add(camera.latency_s);
+  hasher->Add(static_cast<uint64_t>(camera.image_size_px.width));
+  hasher->Add(static_cast<uint64_t>(camera.image_size_px.height));
   if (!camera.intrinsics) return;
   const Intrinsics& intrinsics = *camera.intrinsics;
   hasher->Add(static_cast<uint64_t>(intrinsics.model));

@@ -2,6 +2,7 @@
 #include "server/solve/outliers.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "server/solve/bundle_adjuster.h"
@@ -54,6 +55,8 @@ std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOpti
   std::vector<std::vector<double>> norms(problem.cameras.size());
   ForEachResidual(problem,
                   [&norms](const BundleObservation& observation, const BundleMarker&, double norm) {
+                    // Markers the camera cannot see say nothing of how well it measures.
+                    if (!std::isfinite(norm)) return;
                     norms[static_cast<size_t>(observation.camera)].push_back(norm);
                   });
   std::vector<double> scales;

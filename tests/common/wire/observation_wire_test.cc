@@ -165,7 +165,7 @@ INSTANTIATE_TEST_SUITE_P(
                       [](auto& p) { p.mutable_dropped(0)->set_first_seq(18); }, "dropped[0]"},
         MalformedCase{"DroppedNothing", [](auto& p) { p.mutable_dropped(0)->set_count(0); },
                       "dropped[0]"}),
-    [](const auto& info) { return std::string(info.param.name); });
+    [](const auto& param_info) { return std::string(param_info.param.name); });
 
 TEST(ObservationWire, EndOfCaptureMustReportItsOwnStream) {
   v1::EndOfCapture end;

@@ -16,6 +16,8 @@ namespace {
 constexpr double kPeriodShare = 0.25;
 // Cameras run freely when instants a whole period wide have so many more cameras each.
 constexpr double kFreeRunningGain = 1.25;
+// Or when a camera has so many more instants.
+constexpr uint32_t kStarvedTrackGain = 2;
 // For cameras with one row each, which have no period.
 constexpr double kToleranceWithoutPeriodS = 0.005;
 
@@ -150,6 +152,18 @@ double CamerasPerInstant(const InstantList& list) {
              : static_cast<double>(MemberCount(list)) / static_cast<double>(list.instants.size());
 }
 
+// A camera that runs at the others' rate, but some constant time beside them, has no part in
+// instants that are narrower than that; among many cameras the mean hardly shows it.
+bool StarvesTrack(const InstantList& together, const InstantList& nearest) {
+  for (size_t t = 0; t < together.instant_count.size(); ++t) {
+    if (nearest.instant_count[t] > kStarvedTrackGain * together.instant_count[t] &&
+        together.alone_count[t] > together.instant_count[t]) {
+      return true;
+    }
+  }
+  return false;
+}
+
 InstantList FindInSession(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
                           const std::vector<View>& views, const InstantOptions& options) {
   const Periods periods = PeriodsOf(tracks, members);
@@ -164,7 +178,8 @@ InstantList FindInSession(const std::vector<AlignedTrack>& tracks, const std::ve
   InstantList nearest = EmptyList(tracks.size());
   GroupNearest(tracks, views, Nanoseconds(periods.longest_s), &nearest);
   const bool run_freely =
-      CamerasPerInstant(nearest) > kFreeRunningGain * CamerasPerInstant(together);
+      CamerasPerInstant(nearest) > kFreeRunningGain * CamerasPerInstant(together) ||
+      StarvesTrack(together, nearest);
   return run_freely ? nearest : together;
 }
 

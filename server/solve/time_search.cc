@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -21,6 +22,11 @@ constexpr double kMinMatchShare = 0.6;
 constexpr int kReweightings = 6;
 constexpr double kMaxGapPeriods = 3.5;
 constexpr int kTriesPerJoin = 3;
+constexpr size_t kDescents = 8;
+constexpr double kTellingS = 0.1;  // so far off a score must be worse
+constexpr double kTellingPx = 0.1;
+// Clocks that agree to this share of a period are left as they are: half the width of an instant.
+constexpr double kLeftAlonePeriods = 0.125;
 
 // One marker of one camera over time, as normalised coordinates.
 struct RayPath {
@@ -32,6 +38,7 @@ struct TrackPaths {
   std::vector<RayPath> markers;
   double focal_px = 1;
   double gap_s = 0;
+  double period_s = 0;
 };
 
 TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_ns,
@@ -40,6 +47,7 @@ TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_
   const Intrinsics& intrinsics = *track.track.camera.intrinsics;
   paths.focal_px = 0.5 * (intrinsics.fx_px + intrinsics.fy_px);
   paths.gap_s = kMaxGapPeriods * track.period_s;
+  paths.period_s = track.period_s;
   for (int m = 0; m < marker_count; ++m) {
     std::vector<int64_t> seen_ns;
     std::vector<Eigen::Vector2d> centres_px;
@@ -160,46 +168,77 @@ double Score(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_
   return median * 0.5 * (a.focal_px + b.focal_px);
 }
 
+// How well a pair's offsets explain it. Scores are kept: searches overlap.
+class PairScores {
+ public:
+  PairScores(const TrackPaths& a, const TrackPaths& b, const TimeSearchOptions& options)
+      : a_(a), b_(b), options_(options) {
+    // A matrix with eight degrees of freedom fits few matches at any offset.
+    const auto here = static_cast<double>(Matches(a, b, 0, options.max_samples).size());
+    min_matches_ = std::max(kMinMatches, static_cast<int>(kMinMatchShare * here));
+  }
+
+  double At(double offset_s) {
+    const auto [entry, inserted] = known_.try_emplace(std::llround(offset_s * 1e6), kInfinity);
+    if (inserted) entry->second = Score(a_, b_, offset_s, options_.max_samples, min_matches_);
+    return entry->second;
+  }
+
+  // Downhill from an offset by a step, then by ever smaller ones.
+  double Descend(double offset_s) {
+    for (double step_s = options_.step_s; step_s >= options_.fine_step_s; step_s *= 0.5) {
+      for (const double direction_s : {step_s, -step_s}) {
+        while (std::abs(offset_s + direction_s) <= options_.reach_s &&
+               At(offset_s + direction_s) < At(offset_s)) {
+          offset_s += direction_s;
+        }
+      }
+    }
+    return offset_s;
+  }
+
+ private:
+  const TrackPaths& a_;
+  const TrackPaths& b_;
+  const TimeSearchOptions& options_;
+  int min_matches_ = 0;
+  std::map<int64_t, double> known_;  // by microseconds
+};
+
 // The offset of b against a, if one convinces.
 std::optional<double> FindOffset(const TrackPaths& a, const TrackPaths& b,
                                  const TimeSearchOptions& options) {
-  // A matrix with eight degrees of freedom fits few matches at any offset.
-  const auto here_count = static_cast<double>(Matches(a, b, 0, options.max_samples).size());
-  const int min_matches = std::max(kMinMatches, static_cast<int>(kMinMatchShare * here_count));
-  const auto score = [&](double offset_s) {
-    return Score(a, b, offset_s, options.max_samples, min_matches);
+  PairScores scores(a, b, options);
+  // A wand at rest looks the same at any offset.
+  const auto tells = [&scores](double offset_s) {
+    return scores.At(offset_s) + kTellingPx <
+           std::max(scores.At(offset_s - kTellingS), scores.At(offset_s + kTellingS));
   };
-  std::vector<double> wrong;
-  for (const double share : {-0.85, -0.6, -0.35, 0.35, 0.6, 0.85}) {
-    const double value = score(share * options.reach_s);
-    if (std::isfinite(value)) wrong.push_back(value);
-  }
-  const double here = score(0);
-  if (wrong.empty()) return std::isfinite(here) ? std::optional<double>(0) : std::nullopt;
-  if (here < options.aligned_px || here < options.convincing_share * MedianOf(wrong)) return 0;
-
-  double best = kInfinity, best_s = 0;
-  std::vector<double> all;
-  const auto consider = [&](double offset_s) {
-    const double value = score(offset_s);
-    if (value < best) {
-      best = value;
-      best_s = offset_s;
+  // Of clocks that agree nearly, the lowest score is nearby.
+  const double near_s = scores.Descend(0);
+  double best = scores.At(near_s), best_s = near_s;
+  if (best >= options.aligned_px) {
+    std::vector<std::pair<double, double>> all;
+    const int steps = static_cast<int>(options.reach_s / options.step_s);
+    for (int i = -steps; i <= steps; ++i) {
+      const double value = scores.At(i * options.step_s);
+      if (std::isfinite(value)) all.emplace_back(value, i * options.step_s);
     }
-    return value;
-  };
-  const int steps = static_cast<int>(options.reach_s / options.step_s);
-  for (int i = -steps; i <= steps; ++i) {
-    const double value = consider(i * options.step_s);
-    if (std::isfinite(value)) all.push_back(value);
+    if (all.empty()) return std::nullopt;
+    std::sort(all.begin(), all.end());
+    // At its first steps a narrow valley may look worse than a wide wrong one.
+    for (size_t i = 0; i < std::min<size_t>(all.size(), kDescents); ++i) {
+      const double bottom_s = scores.Descend(all[i].second);
+      if (!(scores.At(bottom_s) < best)) continue;
+      best = scores.At(bottom_s);
+      best_s = bottom_s;
+    }
+    const bool convinces =
+        best < options.convincing_px && best < options.convincing_share * all[all.size() / 2].first;
+    if (!convinces) return std::nullopt;
   }
-  if (all.empty()) return std::nullopt;
-  const double coarse_s = best_s;
-  const int fine = static_cast<int>(options.step_s / options.fine_step_s);
-  for (int i = -fine; i <= fine; ++i) consider(coarse_s + i * options.fine_step_s);
-  const bool convinces = best < options.convincing_share * MedianOf(all) &&
-                         best < options.convincing_px && !(best > 0.5 * here);
-  return convinces ? std::optional<double>(best_s) : std::nullopt;
+  if (best_s != 0 && !tells(best_s)) return std::nullopt;
+  return std::abs(best_s) <= kLeftAlonePeriods * std::min(a.period_s, b.period_s) ? 0 : best_s;
 }
 
 // Two tracks on different clocks, and how much they have seen at the same time.

@@ -14,12 +14,12 @@ namespace rigcal::server {
 struct TimeSearchOptions {
   double reach_s = 1.0;        // offsets between two clocks are looked for up to this
   double step_s = 0.01;        // first steps; what follows needs to be within about 10 ms
-  double fine_step_s = 0.002;  // around the best of them
+  double fine_step_s = 0.001;  // around the best of them
   int max_samples = 250;       // wand views of one camera that are compared with another's
   // An offset is believed when its score is below this share of what wrong offsets score.
   double convincing_share = 0.3;
   double convincing_px = 4;  // and it must score better than this
-  double aligned_px = 1.2;   // clocks that score this at offset 0 are aligned
+  double aligned_px = 1.2;   // a nearby offset that scores this is believed at once
   std::function<void(double fraction)> progress;
   const std::atomic<bool>* cancelled = nullptr;
 };
@@ -35,8 +35,8 @@ double EpipolarScorePx(const RigObservations& rig,
 
 // Finds offsets between clocks that are too large to be estimated (the first order in time holds
 // for some tens of milliseconds), and adds them to `clocks`. Along a tree of pairs of cameras on
-// different clocks; a pair that already agrees at offset 0 is left at once, so that well aligned
-// clocks cost next to nothing and stay exactly as they are. The reference camera's clock keeps its
+// different clocks; of a pair that nearly agrees only offsets nearby are looked at, and clocks that
+// agree to an eighth of a period stay exactly as they are. The reference camera's clock keeps its
 // correction. A clock for which no offset convinces stays too. CANCELLED.
 absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
                                const TimeSearchOptions& options,

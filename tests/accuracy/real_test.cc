@@ -50,7 +50,8 @@ TEST(RealTest, OffsetsFollowKnownShifts) {
   const server::CalibrationOutcome base = server::Calibrate(input, {});
   ASSERT_THAT(base.result, IsOk());
   for (const ClockChange& change :
-       {ClockChange{"frame_1", 0.003, 0, true}, ClockChange{"frame_0", -0.7, 0, true}}) {
+       {ClockChange{"frame_1", 0.003, 0, true}, ClockChange{"frame_2", 0.060, 0, true},
+        ClockChange{"frame_0", -0.7, 0, true}}) {
     ASSERT_OK_AND_ASSIGN(const server::CalibrationInput changed, Change(input, change));
     const server::CalibrationOutcome outcome = server::Calibrate(changed, {});
     ASSERT_THAT(outcome.result, IsOk());

@@ -93,6 +93,19 @@ TEST(FindInstants, CamerasThatRunFreelyShareAPeriodOfTheSlowest) {
   }
 }
 
+// One camera among many that runs beside the others would be left alone for good.
+TEST(FindInstants, ACameraThatRunsBesideTheOthersIsNotStarved) {
+  std::vector<AlignedTrack> tracks;
+  for (const char* camera : {"a", "b", "c", "d", "e"}) {
+    tracks.push_back(Track("s", camera, {0, 100, 200, 300, 400, 500}));
+  }
+  tracks.push_back(Track("s", "f", {40, 140, 240, 340, 440, 540}));
+  const InstantList list = Find(tracks);
+  EXPECT_EQ(list.instants.size(), 6u);
+  EXPECT_EQ(list.shared_count[0][5], 6);
+  EXPECT_EQ(list.shared_count[0][1], 6);
+}
+
 TEST(FindInstants, EveryWandViewIsInAnInstantOrAlone) {
   const std::vector<AlignedTrack> tracks = {
       Track("s", "a", {0, 90, 130, 170}), Track("s", "b", {5, 80, 260}), Track("s", "c", {7, 500})};

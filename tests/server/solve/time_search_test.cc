@@ -35,6 +35,19 @@ TEST(SearchTimeOffsets, FindsOffsetsWithinTheReachOfTheFirstOrder) {
   EXPECT_NEAR(clocks[3].time_offset_s, -0.8, 0.01);
 }
 
+// Those between what an instant may be wide and what looks like another wave included.
+TEST(SearchTimeOffsets, FindsOffsetsOfEverySize) {
+  for (const double offset_s : {0.012, -0.02, 0.033, -0.06, 0.085, -0.15, 0.3, -0.97}) {
+    std::vector<ClockCorrection> clocks;
+    const RigObservations rig =
+        Rig("cameras=4;duration=30;offset.2=" + std::to_string(offset_s), &clocks);
+    ASSERT_THAT(SearchTimeOffsets(rig, 0, {}, &clocks), IsOk());
+    for (size_t k = 0; k < clocks.size(); ++k) {
+      EXPECT_NEAR(clocks[k].time_offset_s, k == 2 ? offset_s : 0, 0.004) << offset_s << ", " << k;
+    }
+  }
+}
+
 TEST(SearchTimeOffsets, LeavesAlignedClocksExactlyAsTheyAre) {
   std::vector<ClockCorrection> clocks;
   const RigObservations rig = Rig("cameras=4;duration=30;offset.2=0.004", &clocks);

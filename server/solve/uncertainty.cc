@@ -11,6 +11,9 @@
 namespace rigcal::server {
 namespace {
 
+// Of two cameras that see one marker each nothing is left to judge by.
+constexpr double kMaxLeverage = 0.8;
+
 double InverseSquare(double sigma) { return sigma > 0 ? 1 / (sigma * sigma) : 0; }
 
 // What the priors put into the information.
@@ -50,37 +53,57 @@ Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
   return prior;
 }
 
+// |r|^2 of the whitened residuals of an instant's markers that are used.
+std::vector<double> SquaredNorms(const BundleProblem& problem, const BundleInstant& instant) {
+  std::vector<double> squares;
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const BundleObservation& observation =
+        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (int m = 0; m < observation.marker_count; ++m) {
+      const BundleMarker& marker =
+          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      Eigen::Vector2d residual;
+      if (marker.used && MarkerResidualPx(problem, instant, observation, marker, &residual)) {
+        squares.push_back((marker.sqrt_information * residual).squaredNorm());
+      }
+    }
+  }
+  return squares;
+}
+
 // The factor of uncertainty.h, for the Cauchy loss of the solve.
 double VarianceFactor(const BundleProblem& problem, double loss_scale, Eigen::Index free) {
   const double c2 = loss_scale * loss_scale;
-  double weight = 0, slope = 0, square = 0, count = 0, instants = 0;
+  std::vector<std::vector<double>> instants;
+  double count = 0;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    bool any = false;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
-      for (int m = 0; m < observation.marker_count; ++m) {
-        const BundleMarker& marker =
-            problem.markers[static_cast<size_t>(observation.first_marker + m)];
-        Eigen::Vector2d residual;
-        if (!marker.used || !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-          continue;
-        }
-        const double s = (marker.sqrt_information * residual).squaredNorm();
-        const double w = 1 / (1 + s / c2);
-        weight += w;
-        slope += w - w * w * s / c2;
-        square += 0.5 * w * w * s;
-        count += 1;
-        any = true;
-      }
-    }
-    instants += any ? 1 : 0;
+    instants.push_back(SquaredNorms(problem, instant));
+    count += static_cast<double>(instants.back().size());
   }
-  const double freedom = 2 * count - 5 * instants - static_cast<double>(free);
-  if (!(freedom > 0) || !(slope > 0)) return 1;
-  return (weight / count) * (square * 2 / freedom) / ((slope / count) * (slope / count));
+  const double shared = count > 0 ? static_cast<double>(free) / (2 * count) : 1;
+  double weight = 0, slope = 0, slope_square = 0, square = 0, taken = 0;
+  for (const std::vector<double>& squares : instants) {
+    const double leverage = std::min(
+        kMaxLeverage, shared + 2.5 / static_cast<double>(std::max<size_t>(1, squares.size())));
+    for (const double raw : squares) {
+      weight += 1 / (1 + raw / c2);
+      const double s = raw / (1 - leverage);
+      const double w = 1 / (1 + s / c2);
+      // The derivative of psi has the eigenvalues w, across the residual, and 2 w^2 - w along it.
+      slope += w * w;
+      slope_square += w * w * (1 + 2 * w * (w - 1));
+      taken += leverage;
+      square += 0.5 * w * w * s;
+    }
+  }
+  if (2 * count <= 5 * static_cast<double>(instants.size()) + static_cast<double>(free) ||
+      !(slope > 0)) {
+    return 1;
+  }
+  const double spread = slope_square * count / (slope * slope) - 1;
+  const double correction = 1 + taken / count * spread;
+  return correction * correction * weight * square / (slope * slope);
 }
 
 // Symmetric inverse by Cholesky of the matrix with a unit diagonal: parameters of very different

@@ -28,11 +28,15 @@ struct RigUncertainty {
   double ClockSigma(ReducedParameterKind kind, const std::vector<double>& weights) const;
 };
 
-// From the information of the bundle adjustment at its optimum. The data's part of it is scaled by
-// the variance factor of an M-estimator (Huber, Robust Statistics, section 6.3; here for residuals
-// of two dimensions): with psi = rho'(s) r, s = |r|^2, it is E[rho'] E[rho'^2 s] / 2 /
-// E[rho' + rho'' s]^2, with the residuals' means for the expectations and the sum of squares over
-// its degrees of freedom. Priors count as given.
+// From the information of the bundle adjustment at its optimum. The data's part of it, in which
+// rho' weighs the markers, is scaled by the variance factor of an M-estimator (Huber, Robust
+// Statistics, section 7.6), here for residuals of two dimensions: with psi = rho'(s) e, s = |e|^2,
+//   K^2 * E[rho'] * E[rho'^2 s] / 2 / E[psi']^2,   K = 1 + h Var[psi'] / E[psi']^2,
+// with means over the markers for the expectations; psi' stands for the two eigenvalues of the
+// derivative, h for the share of free parameters in the numbers that determine them. Residuals are
+// smaller than errors: they are divided by sqrt(1 - h) first, with h of their own instant (Cook and
+// Weisberg, Residuals and Influence in Regression, section 2.1). For normal errors and the Cauchy
+// loss at 2 sigmas the covariance comes to 1.092 times the Cramer-Rao bound. Priors count as given.
 // INTERNAL: a parameter is not determined by the data.
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options);

@@ -67,6 +67,32 @@ TEST(Uncertainty, FollowsTheResidualsNotTheStatedSigma) {
   EXPECT_NEAR(b / a, 1, 0.15);
 }
 
+// What the Cauchy loss at 2 sigmas costs under normal errors, by integration over s = |e|^2 of
+// density exp(-s / 2) / 2, is 1.0919 of variance, whatever share of the errors the fit takes.
+TEST(Uncertainty, LossCostsWhatItMust) {
+  for (const char* cameras : {"2", "6"}) {
+    const SimulatedWorld world =
+        World(std::string("cameras=") + cameras + ";duration=120;outliers=0;seed=5");
+    CalibrationOptions options;
+    options.intrinsics = options.time_offsets = options.marker_positions = Estimate::kFixed;
+    CalibrationHooks hooks;
+    int calls = 0;
+    hooks.solved = [&](const RigObservations&, const RigSolution& solution) {
+      ++calls;
+      ASSERT_OK_AND_ASSIGN(const RigUncertainty stated, ComputeUncertainty(solution, {}));
+      BundleOptions without_loss;
+      without_loss.loss = BundleLoss::kNone;
+      ASSERT_OK_AND_ASSIGN(const ReducedInformation information,
+                           ComputeReducedInformation(without_loss, solution.built.problem));
+      const Eigen::MatrixXd bound = information.information.inverse();
+      const double ratio = stated.covariance.diagonal().cwiseQuotient(bound.diagonal()).mean();
+      EXPECT_NEAR(ratio, 1.0919, 0.03) << cameras << " cameras";
+    };
+    EXPECT_THAT(Calibrate(InputOf(world), options, hooks).result, IsOk());
+    EXPECT_EQ(calls, 1);
+  }
+}
+
 TEST(Uncertainty, ScaleIsThatOfTheTargetAndApartFromTheShape) {
   CalibrationInput input = InputOf(World("cameras=4;duration=20"));
   input.target.span_tolerance_m = 0.004;

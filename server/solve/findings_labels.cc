@@ -33,13 +33,6 @@ bool FitsReversed(const BundleProblem& problem, const BundleInstant& instant,
   return !fits_as_is;
 }
 
-// Turned round by the solve already.
-bool WasTurned(const RigSolution& solution, const BundleObservation& observation) {
-  const MarkerSource& source =
-      solution.built.sources[static_cast<size_t>(observation.first_marker)];
-  return solution.motions[static_cast<size_t>(source.track)].IsTurned(source.observation);
-}
-
 }  // namespace
 
 std::vector<Cause> FindSwappedMarkers(const CauseInput& input) {

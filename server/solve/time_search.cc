@@ -22,6 +22,7 @@ constexpr double kMinMatchShare = 0.6;
 constexpr int kReweightings = 6;
 constexpr double kMaxGapPeriods = 3.5;
 constexpr int kTriesPerJoin = 3;
+constexpr int kPartners = 3;  // of each clock, whose agreements are compared
 constexpr size_t kDescents = 8;
 constexpr double kTellingS = 0.1;  // so far off a score must be worse
 constexpr double kTellingPx = 0.1;
@@ -205,9 +206,13 @@ class PairScores {
   std::map<int64_t, double> known_;  // by microseconds
 };
 
+struct FoundOffset {
+  double score_px, offset_s;
+};
+
 // The offset of b against a, if one convinces.
-std::optional<double> FindOffset(const TrackPaths& a, const TrackPaths& b,
-                                 const TimeSearchOptions& options) {
+std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b,
+                                      const TimeSearchOptions& options) {
   PairScores scores(a, b, options);
   // A wand at rest looks the same at any offset.
   const auto tells = [&scores](double offset_s) {
@@ -238,7 +243,8 @@ std::optional<double> FindOffset(const TrackPaths& a, const TrackPaths& b,
     if (!convinces) return std::nullopt;
   }
   if (best_s != 0 && !tells(best_s)) return std::nullopt;
-  return std::abs(best_s) <= kLeftAlonePeriods * std::min(a.period_s, b.period_s) ? 0 : best_s;
+  const bool leave = std::abs(best_s) <= kLeftAlonePeriods * std::min(a.period_s, b.period_s);
+  return FoundOffset{best, leave ? 0 : best_s};
 }
 
 // Two tracks on different clocks, and how much they have seen at the same time.
@@ -322,21 +328,45 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
   const std::vector<TrackPaths> paths = AllPaths(rig, RigTimes(rig.tracks, rig.index, *clocks));
   const std::vector<ClockPair> pairs = PairsOf(rig, paths, options.max_samples);
   ClockGroups groups(clocks->size());
-  std::vector<int> tries(clocks->size() * clocks->size(), 0);
+  std::vector<int> tries(clocks->size() * clocks->size(), 0), partners(clocks->size(), 0);
+  std::vector<std::pair<ClockPair, FoundOffset>> found;
+  std::vector<bool> searched(pairs.size(), false);
   double done = 0;
-  for (const ClockPair& pair : pairs) {
-    const auto a = static_cast<size_t>(pair.a), b = static_cast<size_t>(pair.b);
-    const int clock_a = rig.index.clock_of_track[a], clock_b = rig.index.clock_of_track[b];
-    int& count =
-        tries[static_cast<size_t>(clock_a) * clocks->size() + static_cast<size_t>(clock_b)];
-    if (groups.Joined(clock_a, clock_b) || ++count > kTriesPerJoin) continue;
-    if (options.cancelled != nullptr && options.cancelled->load()) {
-      return absl::CancelledError("the calibration was cancelled");
+  // First some partners of each clock, whose best agreements are joined: a wrong valley that
+  // convinces one pair is never as low as the right one of another. Then whatever joins the rest.
+  for (const bool is_first : {true, false}) {
+    for (size_t p = 0; p < pairs.size(); ++p) {
+      const auto a = static_cast<size_t>(pairs[p].a), b = static_cast<size_t>(pairs[p].b);
+      const int clock_a = rig.index.clock_of_track[a], clock_b = rig.index.clock_of_track[b];
+      const auto k = static_cast<size_t>(clock_a), l = static_cast<size_t>(clock_b);
+      if (searched[p] || groups.Joined(clock_a, clock_b)) continue;
+      if (is_first && partners[k] >= kPartners && partners[l] >= kPartners) continue;
+      if (++tries[k * clocks->size() + l] > kTriesPerJoin) continue;
+      if (options.cancelled != nullptr && options.cancelled->load()) {
+        return absl::CancelledError("the calibration was cancelled");
+      }
+      searched[p] = true;
+      const std::optional<FoundOffset> offset = FindOffset(paths[a], paths[b], options);
+      if (options.progress) {
+        options.progress(std::min(1.0, ++done / static_cast<double>(pairs.size())));
+      }
+      if (!offset) continue;
+      if (is_first) {
+        ++partners[k], ++partners[l];
+        found.emplace_back(pairs[p], *offset);
+      } else {
+        groups.Join(clock_a, clock_b, offset->offset_s);
+      }
     }
-    const std::optional<double> offset_s = FindOffset(paths[a], paths[b], options);
-    if (offset_s) groups.Join(clock_a, clock_b, *offset_s);
-    if (options.progress)
-      options.progress(std::min(1.0, ++done / static_cast<double>(pairs.size())));
+    if (!is_first) break;
+    std::stable_sort(found.begin(), found.end(), [](const auto& left, const auto& right) {
+      return left.second.score_px < right.second.score_px;
+    });
+    for (const auto& [pair, offset] : found) {
+      const int clock_a = rig.index.clock_of_track[static_cast<size_t>(pair.a)];
+      const int clock_b = rig.index.clock_of_track[static_cast<size_t>(pair.b)];
+      if (!groups.Joined(clock_a, clock_b)) groups.Join(clock_a, clock_b, offset.offset_s);
+    }
   }
   for (size_t t = 0; t < rig.tracks.size(); ++t) {
     // The clock the others of its session are measured against.

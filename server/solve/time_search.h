@@ -35,9 +35,10 @@ double EpipolarScorePx(const RigObservations& rig,
 
 // Finds offsets between clocks that are too large to be estimated (the first order in time holds
 // for some tens of milliseconds), and adds them to `clocks`. Along a tree of pairs of cameras on
-// different clocks; of a pair that nearly agrees only offsets nearby are looked at, and clocks that
-// agree to an eighth of a period stay exactly as they are. The reference camera's clock keeps its
-// correction. A clock for which no offset convinces stays too. CANCELLED.
+// different clocks, of those that agree best among some partners of each; of a pair that nearly
+// agrees only offsets nearby are looked at, and clocks that agree to an eighth of a period stay
+// exactly as they are. The reference camera's clock keeps its correction. A clock for which no
+// offset convinces stays too. CANCELLED.
 absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
                                const TimeSearchOptions& options,
                                std::vector<ClockCorrection>* clocks);

@@ -103,7 +103,7 @@ class FakeServer : public v1::AgentService::CallbackService {
   FakeBehaviour behaviour_;
   State state_;
   Connection* newest_ = nullptr;
-  int port_ = -1;  // -1: in this process only
+  int port_ = 0;  // 0: any, until it listens
   std::unique_ptr<grpc::Server> server_;
 };
 

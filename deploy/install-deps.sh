@@ -12,6 +12,8 @@ packages=(
   libgrpc++-dev protobuf-compiler-grpc libprotobuf-dev protobuf-compiler grpc-proto libabsl-dev
   # geometry and solving
   libeigen3-dev libceres-dev libopencv-dev
+  # cameras (libaravis-dev forgets to ask for libusb's headers)
+  libaravis-dev libusb-1.0-0-dev
   # store, configuration, command line, logging
   libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev
   libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/capture/aravis_options.h"
 
-#include <string_view>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -12,7 +11,7 @@ namespace {
 
 // Written so that NaN is a fault.
 template <typename T>
-void CheckRange(std::string_view what, T value, T lowest, T highest, std::string_view unit,
+void CheckRange(const char* what, T value, T lowest, T highest, const char* unit,
                 std::vector<std::string>* faults) {
   if (value >= lowest && value <= highest) return;
   faults->push_back(

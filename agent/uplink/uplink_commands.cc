@@ -50,6 +50,8 @@ void Uplink::Handle(Connected& connected, const v1::ServerMessage& message) {
       return HandleAck(connected, message.ack());
     case v1::ServerMessage::kTimePong:
       return HandlePong(connected, message.time_pong());
+    case v1::ServerMessage::kPreviewRequest:
+      return;
     case v1::ServerMessage::MESSAGE_NOT_SET:
       // A server one minor version newer may say things that are not known here.
       spdlog::debug("server {}: a message of a kind that is not known here", options_.server);

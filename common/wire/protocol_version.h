@@ -10,7 +10,7 @@
 namespace rigcal::wire {
 
 inline constexpr uint32_t kProtocolMajor = 1;
-inline constexpr uint32_t kProtocolMinor = 0;
+inline constexpr uint32_t kProtocolMinor = 1;
 inline constexpr std::string_view kSoftwareVersion = "0.1.0";
 
 v1::ProtocolVersion OwnProtocolVersion();

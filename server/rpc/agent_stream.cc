@@ -159,6 +159,11 @@ void AgentStream::TakeMessage() {
       ReadNext();
       return;
     }
+    case v1::AgentMessage::kPreview: {
+      std::lock_guard lock(mutex_);
+      ReadNext();
+      return;
+    }
     case v1::AgentMessage::kHello:
       return Close(absl::InvalidArgumentError("hello: was sent already on this stream"));
     case v1::AgentMessage::MESSAGE_NOT_SET:

@@ -229,6 +229,7 @@ std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
             std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
       }
       break;
+    case v1::AgentMessage::kPreview:
     case v1::AgentMessage::MESSAGE_NOT_SET:
       break;
   }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "common/wire/observation_wire.h"
+#include "common/wire/protocol_version.h"
 #include "tests/server/rpc/test_agent.h"
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
@@ -37,10 +38,12 @@ TEST(ParseHello, TakesEveryField) {
 
 TEST(ParseHello, TakesOneMinorVersionApartAndNoMore) {
   v1::AgentHello proto = MakeHello("pc", {"left"});
-  proto.mutable_protocol_version()->set_minor(1);
+  proto.mutable_protocol_version()->set_minor(wire::kProtocolMinor - 1);
   EXPECT_THAT(ParseHello(proto), IsOk());
-  proto.mutable_protocol_version()->set_minor(2);
-  EXPECT_THAT(ParseHello(proto), StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("1.2")));
+  proto.mutable_protocol_version()->set_minor(wire::kProtocolMinor + 1);
+  EXPECT_THAT(ParseHello(proto), IsOk());
+  proto.mutable_protocol_version()->set_minor(wire::kProtocolMinor + 2);
+  EXPECT_THAT(ParseHello(proto), StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("1.3")));
   proto.clear_protocol_version();
   EXPECT_THAT(ParseHello(proto), StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("0.0")));
 }

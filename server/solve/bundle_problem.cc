@@ -118,6 +118,9 @@ absl::Status BundleOptions::Validate() const {
           "bundle adjustment: loss scale and tolerances must be positive");
     }
   }
+  if (threads < 1 || threads > 64) {
+    return absl::InvalidArgumentError("bundle adjustment: threads must be 1 to 64");
+  }
   if (max_iterations < 0) {
     return absl::InvalidArgumentError("bundle adjustment: max_iterations must not be negative");
   }

@@ -112,6 +112,7 @@ struct BundleOptions {
   double function_tolerance = 1e-10;   // relative change of the cost
   double gradient_tolerance = 1e-10;   // as in Ceres
   double parameter_tolerance = 1e-10;  // relative change of the parameters
+  int threads = 1;  // of SolveLineBundle, 1 to 64; they change the time it takes and nothing else
   // Called after each iteration from the solving thread, with the relative decrease of the cost.
   std::function<void(int iteration, double cost)> progress;
   const std::atomic<bool>* cancelled = nullptr;

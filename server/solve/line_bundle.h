@@ -24,8 +24,8 @@ struct LineBundleTimes {
 // block is eliminated as soon as it is accumulated, its coupling to the cameras is recomputed
 // instead of kept, and eight instants go through the same instructions side by side. Reaches the
 // optimum of SolveBundle (bundle_adjuster.h), which stays the reference for it; the damping and the
-// stopping rules are Ceres's. One thread, sums in a fixed order: equal problems give equal bits,
-// whatever vector instructions the CPU has.
+// stopping rules are Ceres's. Sums in a fixed order: equal problems give equal bits, whatever
+// vector instructions the CPU has and however many threads share the work.
 //
 // A step that would put a used marker behind its camera (or onto a pole of the rational model) is
 // rejected, like one that raises the cost.

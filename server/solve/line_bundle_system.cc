@@ -10,8 +10,9 @@
 namespace rigcal::server {
 namespace {
 
-// A batch's coupling should stay in the second-level cache while it is multiplied with itself.
-constexpr size_t kBatchBytes = 512 * 1024;
+// Enough to share among the threads of one machine; each part has a reduced matrix of its own.
+constexpr int kMaxParts = 8;
+constexpr int kMinGroupsPerPart = 16;
 
 // Adds the time of its life to a counter.
 class ScopedTimer {
@@ -57,20 +58,22 @@ double SumLanes(const double* lanes) {
          ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]));
 }
 
-// Columns of the reduced system in the order of a view's sums; the gradient's is column_count.
-std::vector<int> LocalColumns(const KernelInput& input, const KernelColumns& columns) {
-  std::vector<int> local;
-  for (int i = 0; i < columns.pose_count(); ++i) local.push_back(columns.pose + i);
-  for (int i = 0; i < columns.base_count; ++i) local.push_back(columns.base_column[i]);
-  local.push_back(input.column_count);
-  for (int i = static_cast<int>(local.size()); i < input.LocalCount(columns); ++i) {
-    local.push_back(input.spacing_column + i - columns.pose_count() - columns.base_count - 1);
+// One to kMaxParts, by the number of groups alone.
+std::vector<LineBundlePart> CutIntoParts(const KernelInput& input, const LineBundleLayout& layout) {
+  const int count = std::clamp(input.group_count / kMinGroupsPerPart, 1, kMaxParts);
+  std::vector<LineBundlePart> parts;
+  parts.reserve(static_cast<size_t>(count));
+  for (int part = 0; part < count; ++part) {
+    parts.emplace_back(input, layout, input.group_count * part / count,
+                       input.group_count * (part + 1) / count);
   }
-  return local;
+  return parts;
 }
 
-void SetBits(int column, uint64_t bits, uint64_t* masks) {
-  if (column >= 0) masks[column / kTileSize] |= bits;
+void AddTo(AlignedBuffer* sum, const AlignedBuffer& part) {
+  double* const to = sum->data();
+  const double* const from = part.data();
+  for (size_t i = 0; i < part.size(); ++i) to[i] += from[i];
 }
 
 }  // namespace
@@ -78,7 +81,7 @@ void SetBits(int column, uint64_t bits, uint64_t* masks) {
 LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundleLayout& layout,
                                    const PackedMarkers& packed, const LineBundleKernel& kernel,
                                    LineBundleTimes* times)
-    : layout_(layout), packed_(packed), kernel_(kernel), times_(times) {
+    : layout_(layout), packed_(packed), kernel_(kernel), times_(times), team_(options.threads) {
   input_.loss = ToKernelLoss(options.loss);
   input_.loss_scale = options.loss_scale;
   input_.marker_count = packed.marker_count;
@@ -90,40 +93,11 @@ LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundl
   input_.entries = packed.entries.data();
   input_.first_entry = packed.first_entry.data();
   input_.data = packed.data.data();
-
-  const auto tiles = static_cast<size_t>(input_.tile_count());
-  const size_t panel = static_cast<size_t>(kTileSize * kInstantColumns * kGroupSize);
-  batch_groups_ = static_cast<int>(
-      std::clamp<size_t>(kBatchBytes / (tiles * panel * sizeof(double)), 1, kMaxBatchGroups));
-  input_.batch_groups = batch_groups_;
-  coupling_ = AlignedBuffer(tiles * panel * static_cast<size_t>(batch_groups_));
-  tiles_ = AlignedBuffer(tiles * (tiles + 1) / 2 * kTileSize * kTileSize);
+  parts_ = CutIntoParts(input_, layout);
   factors_ = AlignedBuffer(static_cast<size_t>(input_.group_count * kFactorLanes * kGroupSize));
+  tiles_ = AlignedBuffer(parts_.front().tiles().size());
+  view_sums_ = AlignedBuffer(parts_.front().view_sums().size());
 
-  size_t sums = 0;
-  std::vector<size_t> offsets;
-  for (const KernelColumns& columns : layout.columns) {
-    const auto count = static_cast<size_t>(input_.LocalCount(columns));
-    offsets.push_back(sums);
-    sums += count * (count + 1) / 2 * kGroupSize;
-  }
-  view_sums_ = AlignedBuffer(sums);
-  for (const size_t offset : offsets) view_sums_of_.push_back(view_sums_.data() + offset);
-
-  const int batches = (input_.group_count + batch_groups_ - 1) / batch_groups_;
-  masks_.assign(static_cast<size_t>(batches) * tiles, 0);
-  for (int group = 0; group < input_.group_count; ++group) {
-    uint64_t* const masks = masks_.data() + static_cast<size_t>(group / batch_groups_) * tiles;
-    for (uint32_t e = input_.first_entry[group]; e < input_.first_entry[group + 1]; ++e) {
-      const KernelEntry& entry = input_.entries[e];
-      const uint64_t bits = static_cast<uint64_t>(entry.lanes)
-                            << (group % batch_groups_ * kGroupSize);
-      for (const int column :
-           LocalColumns(input_, layout.columns[static_cast<size_t>(entry.view)])) {
-        SetBits(column, bits, masks);
-      }
-    }
-  }
   const int n = layout.column_count();
   matrix_.resize(n, n);
   gradient_.resize(n);
@@ -132,26 +106,11 @@ LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundl
   step_.resize(n);
 }
 
-void LineBundleSystem::AccumulateBatch(const LineBundleEstimate& estimate, int first, int last,
-                                       KernelLinearisation* result) {
-  const auto tiles = static_cast<size_t>(input_.tile_count());
-  {
-    const ScopedTimer timer(&times_->linearise_s);
-    kernel_.linearise(input_, estimate.View(), damping_, first, last, factors_.data(),
-                      view_sums_of_.data(), coupling_.data(), result);
-  }
-  const ScopedTimer timer(&times_->eliminate_s);
-  kernel_.whiten(input_, first, last, factors_.data(), coupling_.data());
-  kernel_.eliminate(input_.tile_count(), batch_groups_,
-                    masks_.data() + static_cast<size_t>(first / batch_groups_) * tiles,
-                    coupling_.data(), tiles_.data());
-}
-
 void LineBundleSystem::ScatterViewSums() {
   const int n = input_.column_count;
-  for (size_t view = 0; view < layout_.columns.size(); ++view) {
-    const std::vector<int> local = LocalColumns(input_, layout_.columns[view]);
-    const double* lanes = view_sums_of_[view];
+  const double* lanes = view_sums_.data();
+  for (const KernelColumns& columns : layout_.columns) {
+    const std::vector<int> local = LocalColumns(input_, columns);
     for (size_t i = 0; i < local.size(); ++i) {
       for (size_t j = 0; j <= i; ++j, lanes += kGroupSize) {
         const int row = std::max(local[i], local[j]), column = std::min(local[i], local[j]);
@@ -183,19 +142,54 @@ void LineBundleSystem::Assemble(const LineBundleEstimate& estimate) {
   if (n > 0) gradient_max_ = std::max(gradient_max_, gradient_.cwiseAbs().maxCoeff());
 }
 
-bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damping) {
-  damping_ = damping;
+void LineBundleSystem::SumParts() {
   tiles_.Fill(0);
   view_sums_.Fill(0);
-  KernelLinearisation result;
-  for (int first = 0; first < input_.group_count; first += batch_groups_) {
-    AccumulateBatch(estimate, first, std::min(first + batch_groups_, input_.group_count), &result);
+  for (const LineBundlePart& part : parts_) {
+    AddTo(&tiles_, part.tiles());
+    AddTo(&view_sums_, part.view_sums());
   }
-  gradient_max_ = result.gradient_max;
-  cost_ = result.cost + estimate.PriorCost();
+}
+
+bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damping) {
+  damping_ = damping;
+  double wall_s = 0, linearise_s = 0, eliminate_s = 0;
+  {
+    const ScopedTimer timer(&wall_s);
+    team_.Run(static_cast<int>(parts_.size()), [&](int part) {
+      parts_[static_cast<size_t>(part)].Linearise(kernel_, estimate.View(), damping,
+                                                  factors_.data());
+    });
+  }
+  bool valid = true;
+  gradient_max_ = 0;
+  cost_ = estimate.PriorCost();
+  for (const LineBundlePart& part : parts_) {
+    valid = valid && part.linearisation().valid;
+    gradient_max_ = std::max(gradient_max_, part.linearisation().gradient_max);
+    cost_ += part.linearisation().cost;
+    linearise_s += part.linearise_s();
+    eliminate_s += part.eliminate_s();
+  }
+  const double share = wall_s / std::max(linearise_s + eliminate_s, 1e-12);
+  times_->linearise_s += share * linearise_s;
+  times_->eliminate_s += share * eliminate_s;
   const ScopedTimer timer(&times_->solve_s);
+  SumParts();
   Assemble(estimate);
-  return result.valid && std::isfinite(cost_);
+  return valid && std::isfinite(cost_);
+}
+
+KernelStepResult LineBundleSystem::SumSteps() const {
+  KernelStepResult sum;
+  for (const LineBundlePart& part : parts_) {
+    sum.cost += part.step().cost;
+    sum.valid = sum.valid && part.step().valid;
+    sum.model_decrease += part.step().model_decrease;
+    sum.step_norm2 += part.step().step_norm2;
+    sum.norm2 += part.step().norm2;
+  }
+  return sum;
 }
 
 LineBundleSystem::Move LineBundleSystem::Solve(const LineBundleEstimate& estimate,
@@ -211,9 +205,11 @@ LineBundleSystem::Move LineBundleSystem::Solve(const LineBundleEstimate& estimat
   if (!step_.allFinite()) return move;
   const ScopedTimer timer(&times_->step_s);
   moved->MoveReduced(estimate, step_);
-  KernelStepResult result;
-  kernel_.step(input_, estimate.View(), damping_, step_.data(), factors_.data(), moved->View(),
-               moved->poses(), &result);
+  team_.Run(static_cast<int>(parts_.size()), [&](int part) {
+    parts_[static_cast<size_t>(part)].Step(kernel_, estimate.View(), damping_, step_.data(),
+                                           factors_.data(), moved->View(), moved->poses());
+  });
+  const KernelStepResult result = SumSteps();
   move.cost = result.cost + moved->PriorCost();
   move.model_decrease =
       result.model_decrease +
@@ -225,9 +221,11 @@ LineBundleSystem::Move LineBundleSystem::Solve(const LineBundleEstimate& estimat
   return move;
 }
 
-double LineBundleSystem::Cost(const LineBundleEstimate& estimate) const {
-  KernelStepResult result;
-  kernel_.evaluate(input_, estimate.View(), &result);
+double LineBundleSystem::Cost(const LineBundleEstimate& estimate) {
+  team_.Run(static_cast<int>(parts_.size()), [&](int part) {
+    parts_[static_cast<size_t>(part)].Evaluate(kernel_, estimate.View());
+  });
+  const KernelStepResult result = SumSteps();
   return result.valid ? result.cost + estimate.PriorCost()
                       : std::numeric_limits<double>::infinity();
 }

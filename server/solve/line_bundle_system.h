@@ -8,11 +8,14 @@
 #include "server/solve/line_bundle_estimate.h"
 #include "server/solve/line_bundle_layout.h"
 #include "server/solve/line_bundle_packing.h"
+#include "server/solve/line_bundle_part.h"
+#include "server/solve/worker_team.h"
 
 namespace rigcal::server {
 
 // The normal equations of a line bundle: accumulated with the instants eliminated on the way, and
-// solved. Keeps its memory from one iteration to the next.
+// solved. Keeps its memory from one iteration to the next. `options.threads` share the work; how
+// many they are changes no bit of the result.
 class LineBundleSystem {
  public:
   LineBundleSystem(const BundleOptions& options, const LineBundleLayout& layout,
@@ -36,23 +39,22 @@ class LineBundleSystem {
   // not positive definite, the step not finite, or a marker no longer in sight. Destroys matrix().
   Move Solve(const LineBundleEstimate& estimate, LineBundleEstimate* moved);
   // Infinite where a used marker cannot be seen.
-  double Cost(const LineBundleEstimate& estimate) const;
+  double Cost(const LineBundleEstimate& estimate);
 
  private:
-  void AccumulateBatch(const LineBundleEstimate& estimate, int first, int last,
-                       KernelLinearisation* result);
+  void SumParts();
   void Assemble(const LineBundleEstimate& estimate);
   void ScatterViewSums();
+  KernelStepResult SumSteps() const;
 
   const LineBundleLayout& layout_;
   const PackedMarkers& packed_;
   const LineBundleKernel& kernel_;
   LineBundleTimes* times_;
   KernelInput input_;
-  int batch_groups_;
-  std::vector<uint64_t> masks_;  // by batch, by tile
-  AlignedBuffer coupling_, tiles_, factors_, view_sums_;
-  std::vector<double*> view_sums_of_;
+  std::vector<LineBundlePart> parts_;
+  WorkerTeam team_;
+  AlignedBuffer factors_, tiles_, view_sums_;
   Eigen::MatrixXd matrix_;
   Eigen::VectorXd gradient_, reduced_gradient_, diagonal_, step_;
   double damping_ = 0;

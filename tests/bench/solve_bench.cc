@@ -9,6 +9,8 @@
 // of an iteration that goes into each stage (in %), and how much lower than the line bundle's the
 // reference's cost is, relative (excess; must be below 1e-9). With more than 24 cameras the
 // reference is timed over three iterations and then started at the line bundle's optimum.
+// `all_threads`: ms per iteration with every core of this machine, vs_one how many times faster
+// that is, same: 1 when it ends at the same bits.
 #include <benchmark/benchmark.h>
 #include <malloc.h>
 
@@ -18,6 +20,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -105,6 +108,29 @@ double AnalyticPerIteration(BundleOptions options, const BundleProblem& start) {
   return (seconds[1] - seconds[0]) / std::max(1, iterations[1] - iterations[0]);
 }
 
+bool SameBits(const BundleProblem& a, const BundleProblem& b) {
+  for (size_t c = 0; c < a.cameras.size(); ++c) {
+    if (a.cameras[c].cam_from_rig.rotation.coeffs() !=
+            b.cameras[c].cam_from_rig.rotation.coeffs() ||
+        a.cameras[c].cam_from_rig.translation_m != b.cameras[c].cam_from_rig.translation_m) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void ReportThreads(const BundleScene& scene, const LineRun& one, benchmark::State& state) {
+  BundleOptions options;
+  options.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 64u));
+  const LineRun all = RunLine(options, scene.start);
+  const double one_s = PerIteration(one.times.total_s - one.times.setup_s, one.summary);
+  const double all_s = PerIteration(all.times.total_s - all.times.setup_s, all.summary);
+  state.counters["threads"] = options.threads;
+  state.counters["all_threads"] = 1e3 * all_s;
+  state.counters["vs_one"] = one_s / all_s;
+  state.counters["same"] = SameBits(one.problem, all.problem) ? 1 : 0;
+}
+
 void RunAgainstReference(benchmark::State& state, bool everything) {
   const int cameras = static_cast<int>(state.range(0));
   const BundleScene scene = MakeScene(cameras, static_cast<int>(state.range(1)), everything);
@@ -115,6 +141,7 @@ void RunAgainstReference(benchmark::State& state, bool everything) {
   for (auto _ : state) {
     const LineRun run = RunLine(options, scene.start);
     ReportLine(run, state);
+    ReportThreads(scene, run, state);
     const double line_s = PerIteration(run.times.total_s - run.times.setup_s, run.summary);
 
     const double analytic_s = AnalyticPerIteration(timed, scene.start);

@@ -269,5 +269,38 @@ TEST(LineBundle, RepeatsItselfBitForBit) {
   }
 }
 
+TEST(LineBundle, ThreadsChangeNoBit) {
+  BundleSceneOptions scene_options = SmallBundleScene();
+  scene_options.instant_count = 1000;  // enough for several parts
+  scene_options.free_intrinsics = scene_options.free_rates = scene_options.free_spacing = true;
+  const BundleScene scene = MakeBundleScene(scene_options);
+  BundleProblem one = scene.start;
+  ASSERT_OK_AND_ASSIGN(const BundleSummary first, SolveLineBundle({}, &one));
+  for (const int threads : {2, 3, 8}) {
+    BundleOptions options;
+    options.threads = threads;
+    BundleProblem several = scene.start;
+    ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveLineBundle(options, &several));
+    EXPECT_EQ(summary.final_cost, first.final_cost);
+    for (size_t c = 0; c < one.cameras.size(); ++c) {
+      EXPECT_EQ(one.cameras[c].cam_from_rig.rotation.coeffs(),
+                several.cameras[c].cam_from_rig.rotation.coeffs());
+      EXPECT_EQ(one.cameras[c].intrinsics, several.cameras[c].intrinsics);
+    }
+    for (size_t i = 0; i < one.instants.size(); ++i) {
+      EXPECT_EQ(one.instants[i].origin_m, several.instants[i].origin_m);
+    }
+  }
+}
+
+TEST(LineBundle, RefusesNoThreads) {
+  BundleProblem problem = MakeBundleScene(SmallBundleScene()).start;
+  BundleOptions options;
+  options.threads = 0;
+  EXPECT_THAT(SolveLineBundle(options, &problem),
+              ::rigcal::testing::StatusIs(absl::StatusCode::kInvalidArgument,
+                                          ::testing::HasSubstr("threads must be 1 to 64")));
+}
+
 }  // namespace
 }  // namespace rigcal::server

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "agent/detect/image_view.h"
 #include "common/camera/camera_description.h"
+#include "common/camera/frame_counts.h"
 #include "common/status/refusal.h"
 #include "common/target/target.h"
 #include "common/time/clock.h"
@@ -23,13 +24,7 @@ struct Frame {
   double exposure_s = 0;  // 0: not known
 };
 
-// Since Start. received + damaged + lost is what the camera sent, as far as it can be told.
-struct FrameCounts {
-  uint64_t received = 0;  // whole
-  uint64_t damaged = 0;   // missing packets, truncated or corrupt files; not yielded
-  uint64_t lost = 0;      // numbers that never came
-  uint64_t reconnects = 0;
-};
+using rigcal::FrameCounts;
 
 // One camera's pictures in capture order. Start, Next, TakeClockSamples and the getters are called
 // by one thread; Stop by any.
@@ -53,6 +48,7 @@ class FrameSource {
 
   // Readings of the camera's clock since the last call.
   virtual std::vector<ClockSample> TakeClockSamples() { return {}; }
+  // Since Start.
   virtual FrameCounts counts() const = 0;
   // Since Start, by reason. `camera` is left empty.
   virtual std::vector<Refusal> Refused() const { return {}; }

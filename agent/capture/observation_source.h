@@ -7,16 +7,20 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/camera/camera_description.h"
+#include "common/camera/frame_counts.h"
 #include "common/status/refusal.h"
+#include "common/target/detection_outcome.h"
 #include "common/target/observation.h"
 #include "common/target/target.h"
 
 namespace rigcal::agent {
 
+class PreviewTap;
+
 // One camera's observations in capture order. Recorded and simulated cameras yield them directly; a
 // camera that yields pictures or events has a detector between it and this interface.
 //
-// Start, Next and the takers are called by one thread; Stop by any.
+// Start, Next, the takers and the getters are called by one thread; Stop and preview_tap by any.
 class ObservationSource {
  public:
   virtual ~ObservationSource() = default;
@@ -41,6 +45,15 @@ class ObservationSource {
 
   // What was refused since Start, by reason. `camera` is left empty.
   virtual std::vector<Refusal> Refused() const { return {}; }
+
+  // What became of the pictures since Start, and what the detector made of them. None: the source
+  // has no pictures, or no detector.
+  virtual std::optional<FrameCounts> frame_counts() const { return std::nullopt; }
+  virtual std::optional<DetectionCounts> detection_counts() const { return std::nullopt; }
+
+  // Where a picture can be asked for, by any thread; lives as long as the source. Null: the source
+  // has no pictures.
+  virtual PreviewTap* preview_tap() { return nullptr; }
 };
 
 }  // namespace rigcal::agent

@@ -4,20 +4,12 @@
 #include <cstdint>
 
 #include "agent/detect/image_view.h"
+#include "common/target/detection_outcome.h"
 #include "common/target/observation.h"
 
 namespace rigcal::agent {
 
-// What one picture gave.
-enum class DetectionOutcome : uint8_t {
-  kWand = 1,
-  kNoBlob,        // no pixel in range formed a blob
-  kNoWand,        // blobs, but no triple that can be the wand
-  kAmbiguous,     // several triples as good as each other
-  kTooManyBlobs,  // more than the finder keeps, and no wand among those kept
-  kBlack,         // the picture is black: lens cap, exposure, no light
-  kSaturated,     // most of the picture is at its brightest
-};
+using rigcal::DetectionOutcome;
 
 struct Detection {
   DetectionOutcome outcome = DetectionOutcome::kNoBlob;

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "common/camera/camera_settings.h"
 #include "common/camera/intrinsics.h"
 #include "common/time/clock.h"
 
@@ -22,6 +23,9 @@ struct CameraDescription {
   double latency_s = 0;  // from the moment a row shows to its stamp, known beforehand
   SensorKind sensor = SensorKind::kUnknown;
   std::string source;  // for people: "csv:frame_0.csv"
+  // As the camera said when it was opened; none: a source without settings. For people: no result
+  // depends on it.
+  std::optional<CameraSettings> settings;
 
   friend bool operator==(const CameraDescription&, const CameraDescription&) = default;
 

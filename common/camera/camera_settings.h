@@ -3,6 +3,8 @@
 
 #include <string>
 
+#include "absl/status/status.h"
+
 namespace rigcal {
 
 // How a camera was set when its agent opened it, read back from the camera. Empty and 0: not known.
@@ -16,6 +18,10 @@ struct CameraSettings {
   bool ptp = false;     // its clock follows IEEE 1588
 
   friend bool operator==(const CameraSettings&, const CameraSettings&) = default;
+
+  // INVALID_ARGUMENT with every fault: texts of more than 256 bytes or with control characters,
+  // numbers that are not finite, a negative exposure or rate.
+  absl::Status Validate() const;
 };
 
 }  // namespace rigcal

@@ -68,6 +68,9 @@ struct SessionCameraCounts {
   std::vector<ClockEpochCount> clock_epochs;
   std::vector<StreamStatus> streams;  // by stream_epoch
   std::vector<Refusal> refused;       // by ingest, and as the agent's reports say
+  // Of all streams, as the agent's reports say; none: nothing was said.
+  std::optional<FrameCounts> frames;
+  std::optional<DetectionCounts> detections;
 
   // The newest stream has ended.
   bool ended() const { return !streams.empty() && streams.back().ended(); }

@@ -3,10 +3,13 @@
 
 #include <compare>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "common/camera/frame_counts.h"
 #include "common/status/refusal.h"
+#include "common/target/detection_outcome.h"
 
 namespace rigcal {
 
@@ -28,8 +31,10 @@ struct StreamKey {
 // Totals of one stream since it began; each report replaces the one before.
 struct CameraReport {
   StreamKey stream;
-  uint32_t observation_count = 0;  // rows the source yielded
-  std::vector<Refusal> refused;    // by the source itself; `camera` may be empty
+  uint32_t observation_count = 0;             // rows the source yielded
+  std::vector<Refusal> refused;               // by the source itself; `camera` may be empty
+  std::optional<FrameCounts> frames;          // none: the source yields no pictures
+  std::optional<DetectionCounts> detections;  // none: no detector looks at pictures
 };
 
 // The last word of a stream: nothing after `last_seq` will come.

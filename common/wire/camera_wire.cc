@@ -59,6 +59,23 @@ absl::StatusOr<Intrinsics> FromProto(const v1::Intrinsics& proto) {
   return intrinsics;
 }
 
+v1::CameraSettings ToProto(const CameraSettings& settings) {
+  v1::CameraSettings proto;
+  proto.set_model(settings.model);
+  proto.set_pixel_format(settings.pixel_format);
+  proto.set_exposure_s(settings.exposure_s);
+  proto.set_gain_db(settings.gain_db);
+  proto.set_frame_rate_hz(settings.frame_rate_hz);
+  proto.set_trigger(settings.trigger);
+  proto.set_ptp(settings.ptp);
+  return proto;
+}
+
+CameraSettings FromProto(const v1::CameraSettings& proto) {
+  return {proto.model(),         proto.pixel_format(), proto.exposure_s(), proto.gain_db(),
+          proto.frame_rate_hz(), proto.trigger(),      proto.ptp()};
+}
+
 v1::CameraDescription ToProto(const CameraDescription& camera) {
   v1::CameraDescription proto;
   proto.set_camera(camera.camera);
@@ -69,6 +86,7 @@ v1::CameraDescription ToProto(const CameraDescription& camera) {
   proto.set_latency_s(camera.latency_s);
   proto.set_sensor(static_cast<v1::CameraDescription::Sensor>(camera.sensor));
   proto.set_source(camera.source);
+  if (camera.settings) *proto.mutable_settings() = ToProto(*camera.settings);
   return proto;
 }
 
@@ -97,6 +115,7 @@ absl::StatusOr<CameraDescription> FromProto(const v1::CameraDescription& proto) 
                                                      " is not a known kind of sensor"));
   }
   camera.source = proto.source();
+  if (proto.has_settings()) camera.settings = FromProto(proto.settings());
   RIGCAL_RETURN_IF_ERROR(camera.Validate());
   return camera;
 }

@@ -14,6 +14,8 @@ namespace rigcal::wire {
 // FromProto validates: INVALID_ARGUMENT names the field's path within the message.
 v1::CameraDescription ToProto(const CameraDescription& camera);
 absl::StatusOr<CameraDescription> FromProto(const v1::CameraDescription& proto);
+v1::CameraSettings ToProto(const CameraSettings& settings);
+CameraSettings FromProto(const v1::CameraSettings& proto);
 v1::Intrinsics ToProto(const Intrinsics& intrinsics);
 absl::StatusOr<Intrinsics> FromProto(const v1::Intrinsics& proto);
 v1::ImageSize ToProto(const ImageSize& size);

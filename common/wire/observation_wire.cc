@@ -29,6 +29,11 @@ absl::Status CheckKey(absl::string_view session_id, absl::string_view camera,
   return absl::OkStatus();
 }
 
+// 32 bits are counted in half a year at 250 Hz; a stuck total is better than one that begins anew.
+uint32_t Count(uint64_t count) {
+  return static_cast<uint32_t>(std::min<uint64_t>(count, UINT32_MAX));
+}
+
 template <typename T, typename Repeated>
 void Copy(const Repeated& from, std::vector<T>* to) {
   to->assign(from.begin(), from.end());
@@ -235,6 +240,43 @@ Refusal FromProto(const v1::Refusal& proto) {
   return {proto.camera(), proto.reason(), proto.count(), proto.example()};
 }
 
+v1::FrameCounts ToProto(const FrameCounts& counts) {
+  v1::FrameCounts proto;
+  proto.set_received(Count(counts.received));
+  proto.set_damaged(Count(counts.damaged));
+  proto.set_lost(Count(counts.lost));
+  proto.set_reconnects(Count(counts.reconnects));
+  return proto;
+}
+
+FrameCounts FromProto(const v1::FrameCounts& proto) {
+  return {proto.received(), proto.damaged(), proto.lost(), proto.reconnects()};
+}
+
+v1::DetectionCounts ToProto(const DetectionCounts& counts) {
+  v1::DetectionCounts proto;
+  proto.set_wand(Count(counts.Of(DetectionOutcome::kWand)));
+  proto.set_no_blob(Count(counts.Of(DetectionOutcome::kNoBlob)));
+  proto.set_no_wand(Count(counts.Of(DetectionOutcome::kNoWand)));
+  proto.set_ambiguous(Count(counts.Of(DetectionOutcome::kAmbiguous)));
+  proto.set_too_many_blobs(Count(counts.Of(DetectionOutcome::kTooManyBlobs)));
+  proto.set_black(Count(counts.Of(DetectionOutcome::kBlack)));
+  proto.set_saturated(Count(counts.Of(DetectionOutcome::kSaturated)));
+  return proto;
+}
+
+DetectionCounts FromProto(const v1::DetectionCounts& proto) {
+  DetectionCounts counts;
+  counts.Add(DetectionOutcome::kWand, proto.wand());
+  counts.Add(DetectionOutcome::kNoBlob, proto.no_blob());
+  counts.Add(DetectionOutcome::kNoWand, proto.no_wand());
+  counts.Add(DetectionOutcome::kAmbiguous, proto.ambiguous());
+  counts.Add(DetectionOutcome::kTooManyBlobs, proto.too_many_blobs());
+  counts.Add(DetectionOutcome::kBlack, proto.black());
+  counts.Add(DetectionOutcome::kSaturated, proto.saturated());
+  return counts;
+}
+
 v1::CameraReport ToProto(const CameraReport& report) {
   v1::CameraReport proto;
   proto.set_session_id(report.stream.session_id);
@@ -242,6 +284,8 @@ v1::CameraReport ToProto(const CameraReport& report) {
   proto.set_stream_epoch(report.stream.stream_epoch);
   proto.set_observation_count(report.observation_count);
   for (const Refusal& refusal : report.refused) *proto.add_refused() = ToProto(refusal);
+  if (report.frames) *proto.mutable_frames() = ToProto(*report.frames);
+  if (report.detections) *proto.mutable_detections() = ToProto(*report.detections);
   return proto;
 }
 
@@ -265,6 +309,8 @@ absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto) {
     added.reason.resize(std::min(added.reason.size(), size_t{64}));
     added.example.resize(std::min(added.example.size(), kMaxText));
   }
+  if (proto.has_frames()) report.frames = FromProto(proto.frames());
+  if (proto.has_detections()) report.detections = FromProto(proto.detections());
   return report;
 }
 

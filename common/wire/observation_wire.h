@@ -23,6 +23,10 @@ v1::EndOfCapture ToProto(const EndOfCapture& end);
 absl::StatusOr<EndOfCapture> FromProto(const v1::EndOfCapture& proto);
 v1::BatchAck ToProto(const BatchAck& ack);
 absl::StatusOr<BatchAck> FromProto(const v1::BatchAck& proto);
+v1::FrameCounts ToProto(const FrameCounts& counts);
+FrameCounts FromProto(const v1::FrameCounts& proto);
+v1::DetectionCounts ToProto(const DetectionCounts& counts);
+DetectionCounts FromProto(const v1::DetectionCounts& proto);
 v1::Refusal ToProto(const Refusal& refusal);
 Refusal FromProto(const v1::Refusal& proto);
 

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/camera/intrinsics.h"
+#include "common/target/detection_outcome.h"
+
+namespace rigcal {
+
+// Asks an agent for the next picture of a camera, with what its detector sees in it.
+struct PreviewRequest {
+  uint32_t request_id = 0;  // >= 1
+  std::string camera;
+  uint32_t max_jpeg_bytes = 0;
+  uint32_t max_wait_ms = 0;
+};
+
+// Why there is no picture; the values are the wire's.
+enum class PreviewRefusal : uint8_t {
+  kNone = 0,
+  kDisabled = 1,
+  kUnknownCamera = 2,
+  kNoPictures = 3,
+  kNotCapturing = 4,
+  kTooOften = 5,
+  kTimedOut = 6,
+  kFailed = 7,
+};
+
+// What a preview shows.
+struct PreviewInfo {
+  std::string camera;
+  int64_t time_ns = 0;  // the camera's clock, the middle of the exposure
+  uint32_t clock_epoch = 0;
+  ImageSize image_size_px;
+  ImageSize jpeg_size_px;  // smaller where the whole picture would have been too large to send
+  DetectionOutcome outcome = DetectionOutcome::kNoBlob;
+  double confidence = 0;  // 0 to 1
+  uint32_t visible_marker_count = 0;
+  uint32_t blob_count = 0;
+  bool tracked = false;
+
+  friend bool operator==(const PreviewInfo&, const PreviewInfo&) = default;
+};
+
+// The answer to a PreviewRequest.
+struct Preview {
+  uint32_t request_id = 0;
+  PreviewRefusal refusal = PreviewRefusal::kNone;
+  std::string message;  // with a refusal: why, and what to do
+  PreviewInfo info;     // without one
+  std::string jpeg;
+};
+
+}  // namespace rigcal

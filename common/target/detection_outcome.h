@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace rigcal {
+
+// What one picture gave.
+enum class DetectionOutcome : uint8_t {
+  kWand = 1,
+  kNoBlob,        // no pixel in range formed a blob
+  kNoWand,        // blobs, but no triple that can be the wand
+  kAmbiguous,     // several triples as good as each other
+  kTooManyBlobs,  // more than the finder keeps, and no wand among those kept
+  kBlack,         // the picture is black: lens cap, exposure, no light
+  kSaturated,     // most of the picture is at its brightest
+};
+
+inline constexpr std::array kDetectionOutcomes = {
+    DetectionOutcome::kWand,      DetectionOutcome::kNoBlob,       DetectionOutcome::kNoWand,
+    DetectionOutcome::kAmbiguous, DetectionOutcome::kTooManyBlobs, DetectionOutcome::kBlack,
+    DetectionOutcome::kSaturated};
+
+// For people and tables: "wand", "no blob".
+constexpr std::string_view DetectionOutcomeText(DetectionOutcome outcome) {
+  switch (outcome) {
+    case DetectionOutcome::kWand:
+      return "wand";
+    case DetectionOutcome::kNoBlob:
+      return "no blob";
+    case DetectionOutcome::kNoWand:
+      return "no wand";
+    case DetectionOutcome::kAmbiguous:
+      return "ambiguous";
+    case DetectionOutcome::kTooManyBlobs:
+      return "too many blobs";
+    case DetectionOutcome::kBlack:
+      return "black";
+    case DetectionOutcome::kSaturated:
+      return "saturated";
+  }
+  return "unknown";
+}
+
+// How many pictures had which outcome.
+class DetectionCounts {
+ public:
+  void Add(DetectionOutcome outcome, uint64_t count = 1) { counts_[Index(outcome)] += count; }
+  uint64_t Of(DetectionOutcome outcome) const { return counts_[Index(outcome)]; }
+
+  friend bool operator==(const DetectionCounts&, const DetectionCounts&) = default;
+  DetectionCounts& operator+=(const DetectionCounts& other) {
+    for (size_t i = 0; i < counts_.size(); ++i) counts_[i] += other.counts_[i];
+    return *this;
+  }
+
+ private:
+  static size_t Index(DetectionOutcome outcome) { return static_cast<size_t>(outcome) - 1; }
+
+  std::array<uint64_t, kDetectionOutcomes.size()> counts_{};
+};
+
+}  // namespace rigcal

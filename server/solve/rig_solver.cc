@@ -22,6 +22,10 @@ namespace {
 constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 1e-3;
 constexpr double kWildPx = 15;
+// Relative change of the cost that ends an adjustment whose result is only a stage; and below how
+// many times the tolerance in time the clocks must have moved for the next one to be exact.
+constexpr double kCoarseTolerance = 1e-5;
+constexpr double kExactBelow = 10;
 constexpr int kMaxTurns = 2;  // there and back
 
 using MarkerKey = std::pair<std::pair<int, int>, int>;  // track, observation, marker
@@ -50,14 +54,18 @@ class RigSolver {
       RIGCAL_RETURN_IF_ERROR(FindStart(StartOptionsOf(), &problem()));
     }
     if (TurnReversed() > 0) Rebuild();
+    bool exact = false;
     for (int round = 0; round < options_.max_rounds; ++round) {
-      RIGCAL_RETURN_IF_ERROR(Adjust(round));
       const bool is_last = round + 1 == options_.max_rounds;
+      exact = exact || is_last;
+      RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
       const int turned = is_last ? 0 : TurnReversed();
       const int changed = ClassifyOutliers(options_.outliers, &problem());
       const double moved_s = ClockMovement();
-      solution_.converged = turned == 0 && changed == 0 && moved_s < options_.time_tolerance_s;
+      const bool settled = turned == 0 && changed == 0 && moved_s < options_.time_tolerance_s;
+      solution_.converged = settled && exact;
       if (solution_.converged) break;
+      exact = settled || moved_s < kExactBelow * options_.time_tolerance_s;
       if (!is_last && (turned > 0 || moved_s >= options_.time_tolerance_s)) Rebuild();
     }
     return std::move(solution_);
@@ -152,10 +160,12 @@ class RigSolver {
     }
   }
 
-  absl::Status Adjust(int round) {
+  // Not `exact`: only so far that what follows, outliers and clocks, can be seen.
+  absl::Status Adjust(int round, bool exact) {
     BundleOptions bundle;
     bundle.loss_scale = options_.loss_scale;
-    bundle.function_tolerance = options_.function_tolerance;
+    bundle.function_tolerance = exact ? options_.function_tolerance
+                                      : std::max(kCoarseTolerance, options_.function_tolerance);
     bundle.cancelled = options_.cancelled;
     if (options_.progress) {
       bundle.progress = [this, round](int iteration, double) {

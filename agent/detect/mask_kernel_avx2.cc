@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+// Only intrinsics and functions of this file: code of others compiled here could end up being used
+// on a CPU without AVX2.
+#include <immintrin.h>
+
+#include "agent/detect/mask_kernel.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kLanes = 32;
+constexpr int kBlock = 64;  // pixels of a word
+constexpr int kPrefetchBytes = 2048;
+
+__m256i Load(const uint8_t* bytes) {
+  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(bytes));
+}
+
+__m256i LoadHalves(const uint8_t* low, const uint8_t* high) {
+  return _mm256_inserti128_si256(
+      _mm256_castsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(low))),
+      _mm_loadu_si128(reinterpret_cast<const __m128i*>(high)), 1);
+}
+
+// Places whose number modulo 3 is 0, 1, 2, in either half.
+__m256i Places(int remainder) {
+  const __m256i places = _mm256_setr_epi8(0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 0, 1, 2,
+                                          0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0);
+  return _mm256_cmpeq_epi8(places, _mm256_set1_epi8(static_cast<char>(remainder)));
+}
+
+struct Planes {
+  __m256i channel[3];
+};
+
+// 32 pixels. In 48 bytes (16 pixels) the bytes of one channel lie at places that differ in each of
+// the three vectors, so that blending brings them together and one shuffle sorts them.
+void Deinterleave(const uint8_t* pixels, Planes* planes) {
+  const __m256i a = LoadHalves(pixels, pixels + 48);
+  const __m256i b = LoadHalves(pixels + 16, pixels + 64);
+  const __m256i c = LoadHalves(pixels + 32, pixels + 80);
+  const __m256i ones = Places(1);
+  const __m256i twos = Places(2);
+  const __m256i blue = _mm256_blendv_epi8(_mm256_blendv_epi8(a, b, twos), c, ones);
+  const __m256i green = _mm256_blendv_epi8(_mm256_blendv_epi8(b, a, ones), c, twos);
+  const __m256i red = _mm256_blendv_epi8(_mm256_blendv_epi8(c, b, ones), a, twos);
+  const __m256i blue_order = _mm256_setr_epi8(0, 3, 6, 9, 12, 15, 2, 5, 8, 11, 14, 1, 4, 7, 10, 13,
+                                              0, 3, 6, 9, 12, 15, 2, 5, 8, 11, 14, 1, 4, 7, 10, 13);
+  const __m256i green_order =
+      _mm256_setr_epi8(1, 4, 7, 10, 13, 0, 3, 6, 9, 12, 15, 2, 5, 8, 11, 14, 1, 4, 7, 10, 13, 0, 3,
+                       6, 9, 12, 15, 2, 5, 8, 11, 14);
+  const __m256i red_order = _mm256_setr_epi8(2, 5, 8, 11, 14, 1, 4, 7, 10, 13, 0, 3, 6, 9, 12, 15,
+                                             2, 5, 8, 11, 14, 1, 4, 7, 10, 13, 0, 3, 6, 9, 12, 15);
+  planes->channel[kBlue] = _mm256_shuffle_epi8(blue, blue_order);
+  planes->channel[kGreen] = _mm256_shuffle_epi8(green, green_order);
+  planes->channel[kRed] = _mm256_shuffle_epi8(red, red_order);
+}
+
+__m256i Low(__m256i bytes) { return _mm256_unpacklo_epi8(bytes, _mm256_setzero_si256()); }
+__m256i High(__m256i bytes) { return _mm256_unpackhi_epi8(bytes, _mm256_setzero_si256()); }
+
+__m256i InHalfPlane16(__m256i plus, __m256i minus, __m256i slope_plus, __m256i slope_minus,
+                      __m256i slope) {
+  const __m256i run = _mm256_sub_epi16(slope_plus, slope_minus);
+  return _mm256_cmpgt_epi16(_mm256_sub_epi16(plus, minus), _mm256_mulhi_epi16(run, slope));
+}
+
+__m256i InHalfPlane(const HueHalfPlane& plane, const Planes& planes) {
+  const __m256i plus = planes.channel[plane.plus];
+  const __m256i minus = planes.channel[plane.minus];
+  const __m256i slope_plus = planes.channel[plane.slope_plus];
+  const __m256i slope_minus = planes.channel[plane.slope_minus];
+  const __m256i slope = _mm256_set1_epi16(plane.slope);
+  return _mm256_packs_epi16(
+      InHalfPlane16(Low(plus), Low(minus), Low(slope_plus), Low(slope_minus), slope),
+      InHalfPlane16(High(plus), High(minus), High(slope_plus), High(slope_minus), slope));
+}
+
+// Bytes are 0 exactly where `bytes` are not larger than `below`.
+__m256i Above(__m256i bytes, __m256i below) { return _mm256_subs_epu8(bytes, below); }
+
+uint32_t Mask32(const IntegerColourRange& range, const uint8_t* pixels) {
+  Planes planes;
+  Deinterleave(pixels, &planes);
+  const __m256i blue = planes.channel[kBlue];
+  const __m256i green = planes.channel[kGreen];
+  const __m256i red = planes.channel[kRed];
+  const __m256i value = _mm256_max_epu8(_mm256_max_epu8(blue, green), red);
+  const __m256i smallest = _mm256_min_epu8(_mm256_min_epu8(blue, green), red);
+  const __m256i zero = _mm256_setzero_si256();
+
+  const __m256i share = _mm256_set1_epi16(static_cast<int16_t>(range.grey_share));
+  const __m256i limit = _mm256_packus_epi16(_mm256_mulhi_epu16(Low(value), share),
+                                            _mm256_mulhi_epu16(High(value), share));
+  const __m256i dull = Above(smallest, limit);
+  const __m256i hue =
+      _mm256_and_si256(InHalfPlane(range.from, planes), InHalfPlane(range.to, planes));
+  const __m256i hue_in_range = _mm256_xor_si256(hue, _mm256_set1_epi8(range.outside ? -1 : 0));
+  const __m256i coloured = _mm256_and_si256(_mm256_cmpeq_epi8(dull, zero), hue_in_range);
+
+  const __m256i grey = _mm256_and_si256(_mm256_cmpeq_epi8(smallest, value),
+                                        _mm256_set1_epi8(range.takes_grey ? -1 : 0));
+  const __m256i washed_out_below = _mm256_set1_epi8(static_cast<char>(range.washed_out_below));
+  const __m256i not_washed_out = _mm256_cmpeq_epi8(Above(smallest, washed_out_below), zero);
+  const __m256i value_below = _mm256_set1_epi8(static_cast<char>(range.value_below));
+  const __m256i dark = _mm256_cmpeq_epi8(Above(value, value_below), zero);
+  const __m256i refused = _mm256_andnot_si256(_mm256_or_si256(coloured, grey), not_washed_out);
+  return ~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_or_si256(refused, dark)));
+}
+
+bool AnyAbove(__m256i bytes, __m256i below) {
+  const __m256i above = Above(bytes, below);
+  return _mm256_testz_si256(above, above) == 0;
+}
+
+// A word's pixels are first asked together, channels mixed, whether any is bright enough.
+uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, int word_count,
+                 uint64_t* words) {
+  const __m256i below = _mm256_set1_epi8(static_cast<char>(range.value_below));
+  uint64_t all = 0;
+  for (int i = 0; i < word_count; ++i, pixels += 3 * kBlock) {
+    for (int line = 0; line < 3; ++line) {
+      _mm_prefetch(reinterpret_cast<const char*>(pixels) + kPrefetchBytes + 64 * line, _MM_HINT_T0);
+    }
+    const __m256i first = _mm256_max_epu8(_mm256_max_epu8(Load(pixels), Load(pixels + kLanes)),
+                                          Load(pixels + 2 * kLanes));
+    const __m256i second =
+        _mm256_max_epu8(_mm256_max_epu8(Load(pixels + 3 * kLanes), Load(pixels + 4 * kLanes)),
+                        Load(pixels + 5 * kLanes));
+    words[i] = 0;
+    if (!AnyAbove(_mm256_max_epu8(first, second), below)) continue;
+    uint64_t word = 0;
+    if (AnyAbove(first, below)) word = Mask32(range, pixels);
+    if (AnyAbove(second, below)) word |= uint64_t{Mask32(range, pixels + 3 * kLanes)} << kLanes;
+    words[i] = word;
+    all |= word;
+  }
+  return all;
+}
+
+uint32_t MaskMono32(__m256i grey, __m256i below) {
+  const __m256i dark = _mm256_cmpeq_epi8(Above(grey, below), _mm256_setzero_si256());
+  return ~static_cast<uint32_t>(_mm256_movemask_epi8(dark));
+}
+
+uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, int word_count,
+                  uint64_t* words) {
+  const __m256i below = _mm256_set1_epi8(static_cast<char>(range.value_below));
+  uint64_t all = 0;
+  for (int i = 0; i < word_count; ++i, pixels += kBlock) {
+    words[i] = MaskMono32(Load(pixels), below) | uint64_t{MaskMono32(Load(pixels + kLanes), below)}
+                                                     << kLanes;
+    all |= words[i];
+  }
+  return all;
+}
+
+}  // namespace
+
+extern const MaskKernel kAvx2MaskKernel;
+const MaskKernel kAvx2MaskKernel = {"avx2", MaskBgr, MaskMono};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace rigcal::agent {
+
+// One change of brightness at one pixel, eight bytes; its time counts from the block it stands in.
+struct PackedEvent {
+  uint32_t time_us;     // since EventBlock::base_time_us
+  uint16_t x;           // column
+  uint16_t y_polarity;  // row in bits 0 to 14; bit 15: brighter
+  uint16_t y() const { return y_polarity & 0x7fff; }
+  bool on() const { return (y_polarity & 0x8000) != 0; }
+};
+static_assert(sizeof(PackedEvent) == 8);
+
+// An edge at an external-trigger input of the sensor.
+struct TriggerEvent {
+  int64_t time_us = 0;  // the sensor's clock, overflows taken out
+  uint8_t channel = 0;
+  bool rising = false;
+};
+
+// How a stream of events is encoded. Words are little-endian.
+enum class EventFormat : uint8_t {
+  kEvt2 = 1,   // 32-bit words, Prophesee EVT 2.0
+  kEvt21 = 2,  // 64-bit words, Prophesee EVT 2.1
+  kEvt3 = 3,   // 16-bit words, Prophesee EVT 3.0
+};
+
+// What was wrong in a stream; everything good around it is kept.
+struct EventFaults {
+  uint64_t unknown_words = 0;     // of a type the format does not have
+  uint64_t outside_geometry = 0;  // pixels the sensor does not have
+  uint64_t before_time = 0;       // events before the first word that tells the time
+  uint64_t time_steps_back = 0;   // the sensor's clock stepped backwards: a new clock epoch
+  uint64_t truncated_bytes = 0;   // at the end, less than a word
+
+  friend bool operator==(const EventFaults&, const EventFaults&) = default;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/event/event.h"
+#include "common/camera/camera_description.h"
+#include "common/status/refusal.h"
+#include "common/target/target.h"
+#include "common/time/clock.h"
+
+namespace rigcal::agent {
+
+// A piece of an encoded stream, cut at a word's border. Decoding and filtering are one pass over
+// it, so sources hand on bytes, not events. The view is valid until the source's next Next or
+// Start.
+struct EventChunk {
+  EventFormat format = EventFormat::kEvt3;
+  std::span<const uint8_t> bytes;
+  uint64_t byte_offset = 0;  // of the first byte in its file or stream, for messages
+};
+
+// One event camera's stream in capture order. Start, Next and the getters are called by one thread;
+// Stop by any.
+class EventSource {
+ public:
+  virtual ~EventSource() = default;
+
+  // Valid from construction on, never changes.
+  virtual const CameraDescription& description() const = 0;
+  // Begins a capture, from the beginning where there is one. The target is what the world of a
+  // simulated camera shows; the others ignore it.
+  virtual absl::Status Start(const Target& target) = 0;
+  // The next piece, at most a few milliseconds or one megabyte of it; waits for it. None: the
+  // source has ended or was stopped.
+  virtual absl::StatusOr<std::optional<EventChunk>> Next() = 0;
+  // Makes a waiting and every later Next return none, until the next Start.
+  virtual void Stop() = 0;
+  virtual std::vector<ClockSample> TakeClockSamples() { return {}; }
+  // Since Start, by reason. `camera` is left empty.
+  virtual std::vector<Refusal> Refused() const { return {}; }
+};
+
+}  // namespace rigcal::agent

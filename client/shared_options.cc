@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <map>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "client/command_parser.h"
 
 namespace rigcal::client {
@@ -21,6 +23,30 @@ void AddEstimateOption(CLI::App* app, const std::string& name, const std::string
       ->type_name("fixed|refined|auto")
       ->check(CLI::IsMember({"fixed", "refined", "auto"}).description(""))
       ->group("Calibration");
+}
+
+// "A,B,METRES" or "A,B,METRES,SIGMA_M".
+KnownDistance ParseDistance(const std::string& text) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  const auto fail = [&text](const std::string& why) {
+    throw CLI::ValidationError("--distance " + text, why);
+  };
+  KnownDistance known;
+  if (parts.size() != 3 && parts.size() != 4) {
+    fail("wants two cameras and metres between them, like cam0,cam1,1.25 or cam0,cam1,1.25,0.001");
+  }
+  known.camera_a = parts[0];
+  known.camera_b = parts[1];
+  if (!absl::SimpleAtod(parts[2], &known.distance_m)) fail("'" + parts[2] + "' is not a number");
+  if (parts.size() == 4 && !(absl::SimpleAtod(parts[3], &known.sigma_m) && known.sigma_m > 0)) {
+    fail("the sigma '" + parts[3] + "' is not a positive number of metres");
+  }
+  CalibrationOptions options;
+  options.known_distance = known;
+  if (const absl::Status status = options.Validate(); !status.ok()) {
+    fail(std::string(status.message()));
+  }
+  return known;
 }
 
 }  // namespace
@@ -47,7 +73,7 @@ void AddTargetOption(CLI::App* app, bool required, Target* target) {
            *target = *std::move(parsed);
          },
          "What is waved: marker positions in metres along the wand, and after ';' diameter (m), "
-         "hz, tolerance (m): \"wand:0,0.13,0.39;diameter=0.04;hz=500\"")
+         "hz, tolerance (m): \"wand:0,0.13,0.39;diameter=0.04;hz=500\"; or \"point\", one marker")
       ->type_name("TARGET")
       ->required(required);
 }
@@ -73,6 +99,13 @@ void AddCalibrationOptions(CLI::App* app, CalibrationOptions* options) {
          "cameras' own periods")
       ->type_name("MS")
       ->check(NumberBetween(1e-6, 1e6))
+      ->group("Calibration");
+  app->add_option_function<std::string>(
+         "--distance",
+         [options](const std::string& text) { options->known_distance = ParseDistance(text); },
+         "Measured distance between the optical centres of two cameras, metres, and its one sigma "
+         "(default 0.002): the scale, with --target point")
+      ->type_name("CAMERA,CAMERA,METRES[,SIGMA_M]")
       ->group("Calibration");
   app->add_option("--seed", options->seed, "Seed of every random choice")
       ->type_name("NUMBER")

@@ -108,6 +108,9 @@ struct WandVolume {
 // alone. Two runs on the same set of observations agree in it bit for bit.
 struct CalibrationResult {
   bool scale_known = false;
+  // Where the scale is not known: its distance from the reference camera is 1, the unit of every
+  // length of the result, whatever the field is called.
+  std::string unit_camera;
   std::string reference_camera;
   uint32_t instant_count = 0;
   std::vector<CalibratedCamera> cameras;  // sorted by name

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "absl/status/status.h"
@@ -16,6 +17,18 @@ enum class Estimate : uint8_t {
   kAuto = 3,     // estimate where held-out data says that it pays
 };
 
+// The measured distance between the optical centres of two cameras.
+struct KnownDistance {
+  static constexpr double kDefaultSigmaM = 0.002;
+
+  std::string camera_a, camera_b;
+  double distance_m = 0;  // > 0
+  double sigma_m = 0;     // one sigma; 0 = kDefaultSigmaM
+
+  double SigmaM() const { return sigma_m > 0 ? sigma_m : kDefaultSigmaM; }
+  friend bool operator==(const KnownDistance&, const KnownDistance&) = default;
+};
+
 // What to solve.
 struct CalibrationOptions {
   std::string reference_camera;  // its pose is the rig frame; empty: the lowest name
@@ -25,6 +38,7 @@ struct CalibrationOptions {
   double sigma_px = 0;                 // one sigma of every centre, pixels; 0 = as observed
   double association_tolerance_s = 0;  // of two observations of one instant; 0 = from the periods
   uint32_t seed = 0;                   // of every random choice
+  std::optional<KnownDistance> known_distance;  // the scale, for a target of one marker
 
   friend bool operator==(const CalibrationOptions&, const CalibrationOptions&) = default;
   absl::Status Validate() const;

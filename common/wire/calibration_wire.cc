@@ -161,6 +161,7 @@ absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& pro
 
 void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   proto->set_scale_known(result.scale_known);
+  proto->set_unit_camera(result.unit_camera);
   proto->set_reference_camera(result.reference_camera);
   proto->set_instant_count(result.instant_count);
   for (const CalibratedCamera& camera : result.cameras) FillCamera(camera, proto->add_cameras());
@@ -189,6 +190,7 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
 absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) {
   CalibrationResult result;
   result.scale_known = proto.scale_known();
+  result.unit_camera = proto.unit_camera();
   result.reference_camera = proto.reference_camera();
   result.instant_count = proto.instant_count();
   for (const v1::CalibratedCamera& camera : proto.cameras()) {
@@ -228,6 +230,13 @@ v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
   proto.set_sigma_px(options.sigma_px);
   proto.set_association_tolerance_s(options.association_tolerance_s);
   proto.set_seed(options.seed);
+  if (options.known_distance) {
+    v1::KnownDistance* known = proto.mutable_known_distance();
+    known->set_camera_a(options.known_distance->camera_a);
+    known->set_camera_b(options.known_distance->camera_b);
+    known->set_distance_m(options.known_distance->distance_m);
+    known->set_sigma_m(options.known_distance->sigma_m);
+  }
   return proto;
 }
 
@@ -248,6 +257,11 @@ absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto
   options.sigma_px = proto.sigma_px();
   options.association_tolerance_s = proto.association_tolerance_s();
   options.seed = proto.seed();
+  if (proto.has_known_distance()) {
+    const v1::KnownDistance& known = proto.known_distance();
+    options.known_distance = {known.camera_a(), known.camera_b(), known.distance_m(),
+                              known.sigma_m()};
+  }
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   return options;
 }

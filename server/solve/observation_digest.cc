@@ -94,6 +94,12 @@ std::string ObservationDigest(const CalibrationOptions& options, const Target& t
   hasher.Add(options.sigma_px);
   hasher.Add(options.association_tolerance_s);
   hasher.Add(static_cast<uint64_t>(options.seed));
+  if (options.known_distance) {
+    hasher.Add(options.known_distance->camera_a);
+    hasher.Add(options.known_distance->camera_b);
+    hasher.Add(options.known_distance->distance_m);
+    hasher.Add(options.known_distance->SigmaM());
+  }
   hasher.Add(static_cast<uint64_t>(target.kind));
   hasher.Add(target.marker_positions_m);
   hasher.Add(target.diameter_m);

@@ -3,36 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <mutex>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "agent/capture/shared_world.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
-namespace {
-
-// A world holds a whole trajectory; several cameras of one process look at the same one.
-absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const SimulationOptions& options,
-                                                                  const Target& target) {
-  static std::mutex mutex;
-  static auto* const worlds = new std::map<std::string, std::weak_ptr<const SimulatedWorld>>;
-  const std::string key = FormatSimulationOptions(options) + "|" + FormatTarget(target);
-  const std::lock_guard lock(mutex);
-  std::erase_if(*worlds, [](const auto& entry) { return entry.second.expired(); });
-  if (const auto found = worlds->find(key); found != worlds->end()) {
-    if (auto world = found->second.lock()) return world;
-  }
-  RIGCAL_ASSIGN_OR_RETURN(SimulatedWorld made, SimulatedWorld::Create(options, target));
-  auto world = std::make_shared<const SimulatedWorld>(std::move(made));
-  worlds->insert_or_assign(key, world);
-  return world;
-}
-
-}  // namespace
-
 absl::Status SimulatedSourceOptions::Validate() const {
   std::vector<std::string> faults;
   if (camera.empty()) faults.push_back("the camera's name is empty");
@@ -52,16 +30,9 @@ absl::Status SimulatedSourceOptions::Validate() const {
 absl::StatusOr<std::unique_ptr<SimulatedObservationSource>> SimulatedObservationSource::Create(
     SimulatedSourceOptions options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  // The cameras do not depend on the target, which is known only when a session starts.
-  RIGCAL_ASSIGN_OR_RETURN(const Target any_target, ParseTarget("wand:0,0.13,0.39"));
-  RIGCAL_ASSIGN_OR_RETURN(const auto world, SharedWorld(options.simulation, any_target));
-  CameraDescription description =
-      world->cameras()[static_cast<size_t>(options.camera_index)].description;
-  description.camera = options.camera;
-  description.clock = {.clock_id = options.camera,
-                       .timebase = options.simulation.clock_samples ? "" : "sim"};
-  description.source = absl::StrCat("sim:camera=", options.camera_index);
-  RIGCAL_RETURN_IF_ERROR(description.Validate());
+  RIGCAL_ASSIGN_OR_RETURN(
+      CameraDescription description,
+      DescribeSimulatedCamera(options.simulation, options.camera_index, options.camera));
   return std::unique_ptr<SimulatedObservationSource>(
       new SimulatedObservationSource(std::move(options), std::move(description)));
 }

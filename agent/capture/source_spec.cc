@@ -18,7 +18,6 @@ namespace {
 
 constexpr std::string_view kCsvExample = "left=csv:rig/left.csv;speed=max;sigma=0.5";
 constexpr std::string_view kSimExample = "sim:camera=0;seed=1;cameras=6;speed=max";
-constexpr double kMaxFactor = 1e6;
 
 absl::Status Fault(std::string_view text, const std::string& what, std::string_view example) {
   return absl::InvalidArgumentError(absl::StrCat("source \"", std::string(text), "\": ", what,
@@ -126,17 +125,6 @@ bool BeginsWithKind(std::string_view text) {
 }
 
 }  // namespace
-
-absl::StatusOr<double> ParseSpeed(std::string_view text) {
-  if (text == "max") return kMaxSpeed;
-  double factor = 0;
-  if (!absl::SimpleAtod(std::string(text), &factor) || !std::isfinite(factor) || factor <= 0 ||
-      factor > kMaxFactor) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("speed=", std::string(text), " is neither max nor a factor above 0"));
-  }
-  return factor;
-}
 
 absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text) {
   std::string_view name;

@@ -10,6 +10,7 @@
 #include "agent/capture/csv_observation_source.h"
 #include "agent/capture/observation_source.h"
 #include "agent/capture/simulated_observation_source.h"
+#include "agent/capture/source_options.h"
 #include "common/config/agent_config.h"
 
 namespace rigcal::agent {
@@ -33,9 +34,6 @@ absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text);
 // The same from a [[camera]] of the configuration file, whose keys go before what its source says.
 // INVALID_ARGUMENT begins with file and line.
 absl::StatusOr<SourceSpec> ParseSourceSpec(const CameraConfig& camera);
-
-// "max" or a factor above 0. INVALID_ARGUMENT quotes the text.
-absl::StatusOr<double> ParseSpeed(std::string_view text);
 
 // The camera's name within the rig.
 const std::string& CameraNameOf(const SourceSpec& spec);

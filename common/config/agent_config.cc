@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <filesystem>
 #include <limits>
 #include <set>
@@ -57,10 +58,59 @@ std::string Resolved(const std::string& folder, const std::string& path) {
   return path.empty() ? path : (std::filesystem::path(folder) / path).lexically_normal().string();
 }
 
+const SourceKindName* FindSourceKind(const std::string& source) {
+  const auto* const found =
+      std::find_if(kSourceKindNames.begin(), kSourceKindNames.end(),
+                   [&](const SourceKindName& kind) { return source.starts_with(kind.prefix); });
+  return found == kSourceKindNames.end() ? nullptr : found;
+}
+
 std::string ResolvedSource(const std::string& folder, const std::string& source) {
-  constexpr std::string_view kCsv = "csv:";
-  if (!source.starts_with(kCsv)) return source;
-  return absl::StrCat("csv:", Resolved(folder, source.substr(kCsv.size())));
+  const SourceKindName* kind = FindSourceKind(source);
+  if (kind == nullptr || !kind->is_path) return source;
+  const std::string body = source.substr(kind->prefix.size());
+  const size_t end = std::min(body.find(';'), body.size());
+  return absl::StrCat(std::string(kind->prefix), Resolved(folder, body.substr(0, end)),
+                      body.substr(end));
+}
+
+// Empty: a table or an array, which no option is.
+std::string OptionText(const toml::node& node) {
+  if (const auto* text = node.as_string()) return text->get();
+  if (const auto* flag = node.as_boolean()) return flag->get() ? "1" : "0";
+  if (const auto* whole = node.as_integer()) return absl::StrCat(whole->get());
+  if (const auto* number = node.as_floating_point()) {
+    char buffer[64];
+    const auto end = std::to_chars(buffer, buffer + sizeof(buffer), number->get());
+    return std::string(buffer, end.ptr);
+  }
+  return "";
+}
+
+// A table whose keys the source knows.
+void ReadOptions(TomlFile* file, TomlSection& section, std::string_view key,
+                 const std::string& folder, CameraConfig* camera) {
+  const toml::node* node = section.TakeNode(key);
+  if (node == nullptr) return;
+  const toml::table* table = node->as_table();
+  if (table == nullptr) {
+    section.AddFault(key, absl::StrCat("must be written as [camera.", std::string(key), "]"));
+    return;
+  }
+  for (const auto& [name, value] : *table) {
+    SourceOption option{.key = std::string(name.str()),
+                        .value = OptionText(value),
+                        .where = absl::StrCat(file->path, ":", value.source().begin.line)};
+    if (option.value.empty()) {
+      file->AddFault(value, absl::StrCat(option.key, " must be a number, true, false or a text"));
+      continue;
+    }
+    constexpr std::array kPaths = {"mask", "timestamps"};
+    if (std::find(kPaths.begin(), kPaths.end(), option.key) != kPaths.end()) {
+      option.value = Resolved(folder, option.value);
+    }
+    camera->options.push_back(std::move(option));
+  }
 }
 
 CameraConfig ReadCamera(TomlFile* file, const toml::table& table, const std::string& folder) {
@@ -71,9 +121,9 @@ CameraConfig ReadCamera(TomlFile* file, const toml::table& table, const std::str
     NoteFault(section, "name", NameFault("camera name", camera.name));
   }
   if (section.Take("source", &camera.source)) {
-    if (!camera.source.starts_with("csv:") && !camera.source.starts_with("sim:")) {
-      section.AddFault("source",
-                       absl::StrCat("\"", camera.source, "\" begins with neither csv: nor sim:"));
+    if (FindSourceKind(camera.source) == nullptr) {
+      section.AddFault("source", absl::StrCat("\"", camera.source, "\" begins with none of ",
+                                              ListOfSourceKinds()));
     }
     camera.source = ResolvedSource(folder, camera.source);
   } else if (!table.contains("source")) {
@@ -94,6 +144,8 @@ CameraConfig ReadCamera(TomlFile* file, const toml::table& table, const std::str
       section.AddFault("speed", "must be \"max\" or a factor above 0");
     }
   }
+  ReadOptions(file, section, "settings", folder, &camera);
+  ReadOptions(file, section, "detector", folder, &camera);
   section.RefuseOtherKeys();
   return camera;
 }
@@ -118,6 +170,12 @@ void ReadCameras(TomlFile* file, TomlSection& section, const std::string& folder
 }
 
 }  // namespace
+
+std::string ListOfSourceKinds() {
+  return absl::StrJoin(kSourceKindNames, ", ", [](std::string* out, const SourceKindName& kind) {
+    absl::StrAppend(out, std::string(kind.prefix));
+  });
+}
 
 absl::Status AgentConfig::Validate() const {
   std::vector<std::string> faults;

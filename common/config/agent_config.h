@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -11,14 +13,38 @@
 
 namespace rigcal {
 
+// What a source can begin with.
+struct SourceKindName {
+  std::string_view prefix;
+  bool is_path = false;  // what follows is a path, up to the first ';'
+};
+inline constexpr std::array kSourceKindNames = {
+    SourceKindName{"csv:", true},   SourceKindName{"sim:"},    SourceKindName{"images:", true},
+    SourceKindName{"video:", true}, SourceKindName{"aravis:"},
+};
+// "csv:, sim:, ...": for messages.
+std::string ListOfSourceKinds();
+
+// One `key=value` for a source, as text whatever its type was.
+struct SourceOption {
+  std::string key;
+  std::string value;
+  std::string where;  // "agent.toml:12", for messages; empty: typed behind --source
+
+  friend bool operator==(const SourceOption&, const SourceOption&) = default;
+};
+
 // One [[camera]] of an agent's configuration. What is not set is as the source's own notation says.
 struct CameraConfig {
-  std::string source;              // `csv:PATH` or `sim:camera=INDEX`, as for --source
+  std::string source;              // `csv:PATH`, `sim:camera=INDEX`, ..., as for --source
   std::string name;                // within the rig; empty: from the source
   std::string calibration;         // OpenCV YAML with the intrinsics; empty: from the source
   std::optional<double> speed;     // times the recorded pace; infinity for "max"
   std::optional<double> sigma_px;  // of each centre, pixels
-  std::string where;               // "agent.toml:12", for messages
+  // The tables [camera.settings] and [camera.detector]. Which keys there are is the source's to
+  // say: making it refuses the others with their file and line.
+  std::vector<SourceOption> options;
+  std::string where;  // "agent.toml:12", for messages
 };
 
 // What an agent's TOML file holds:
@@ -37,7 +63,16 @@ struct CameraConfig {
 //   speed = "max"            # or a factor
 //   sigma = 0.5
 //
-// Every key may be left out, except a camera's source. Paths are relative to the file's folder.
+//   [[camera]]
+//   source = "aravis:192.168.1.5"
+//   [camera.settings]         # of the camera itself
+//   exposure = 0.004          # s
+//   [camera.detector]         # how the wand is found in its pictures
+//   hue_min = 345             # degrees
+//   mask = "left_mask.png"
+//
+// deploy/agent.toml shows every key of the two tables. Every key may be left out, except a camera's
+// source. Paths are relative to the file's folder.
 struct AgentConfig {
   std::string server = "127.0.0.1:7420";  // HOST:PORT
   std::string rig = "rig";                // of all cameras

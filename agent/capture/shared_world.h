@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/camera/camera_description.h"
+#include "common/simulation/simulated_world.h"
+#include "common/simulation/simulation_options.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+
+// The world of these options, as long as anybody holds it. It holds a whole trajectory; several
+// cameras of one process look at the same one. Any thread.
+absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const SimulationOptions& options,
+                                                                  const Target& target);
+
+// How the world's camera `index` is described under the name `camera`; the target makes no
+// difference.
+absl::StatusOr<CameraDescription> DescribeSimulatedCamera(const SimulationOptions& options,
+                                                          int index, const std::string& camera);
+
+}  // namespace rigcal::agent

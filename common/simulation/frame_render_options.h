@@ -64,7 +64,6 @@ struct FrameRenderOptions {
 // defocus, defocus_disc, vignetting, bloom, bloom_radius, black, read_noise, electrons_per_grey,
 // lux, reflectance, clutter, reflection, occlusion. The error names the part and lists the known
 // ones.
-// the known ones.
 absl::StatusOr<FrameRenderOptions> ParseFrameRenderOptions(std::string_view text);
 // The same notation: every part that differs from its default.
 std::string FormatFrameRenderOptions(const FrameRenderOptions& options);

@@ -16,6 +16,11 @@ namespace rigcal::agent {
 
 // A picture with what the detector made of it, copied so that the camera goes on meanwhile.
 struct PreviewFrame {
+  PreviewFrame() = default;
+  // A copy's `image` would still be that of the original.
+  PreviewFrame(PreviewFrame&&) = default;
+  PreviewFrame& operator=(PreviewFrame&&) = default;
+
   std::vector<uint8_t> pixels;  // rows without padding
   ImageView image;              // of `pixels`
   int64_t time_ns = 0;          // the camera's clock

@@ -132,6 +132,8 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
     if (!StopRequested()) {
       status = MoveObservations(stream, target);
       report.refused = source_->Refused();
+      report.frames = source_->frame_counts();
+      report.detections = source_->detection_counts();
     }
   } catch (const std::exception& error) {
     status = absl::InternalError(absl::StrCat("the source failed: ", error.what()));
@@ -182,9 +184,13 @@ bool CameraPipeline::StopRequested() const {
 
 void CameraPipeline::PublishReport(uint32_t observation_count) {
   std::vector<Refusal> refused = source_->Refused();
+  const std::optional<FrameCounts> frames = source_->frame_counts();
+  const std::optional<DetectionCounts> detections = source_->detection_counts();
   const std::lock_guard lock(mutex_);
   report_.observation_count = observation_count;
   report_.refused = std::move(refused);
+  report_.frames = frames;
+  report_.detections = detections;
 }
 
 }  // namespace rigcal::agent

@@ -39,6 +39,8 @@ class CameraPipeline {
   void Shutdown();
 
   const CameraDescription& description() const { return source_->description(); }
+  // As ObservationSource::preview_tap.
+  PreviewTap* preview_tap() const { return source_->preview_tap(); }
 
   // Opens `stream` in the spool, numbered from `first_seq`, and captures `target` into it.
   // ALREADY_EXISTS: the stream is in the spool, so this has been done before.

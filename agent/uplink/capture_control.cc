@@ -70,6 +70,14 @@ std::vector<std::string> CaptureControl::SessionsOf(const std::string& camera) c
   return found == pipelines_.end() ? std::vector<std::string>() : found->second->Sessions();
 }
 
+PreviewSubject CaptureControl::PreviewSubjectOf(const std::string& camera) const {
+  const auto found = pipelines_.find(camera);
+  if (found == pipelines_.end()) return {};
+  return {.known = true,
+          .capturing = !found->second->Sessions().empty(),
+          .tap = found->second->preview_tap()};
+}
+
 std::vector<CameraReport> CaptureControl::RunningReports() const {
   std::vector<CameraReport> reports;
   for (const auto& [name, pipeline] : pipelines_) {

@@ -13,6 +13,7 @@
 #include "agent/capture/observation_source.h"
 #include "agent/uplink/camera_pipeline.h"
 #include "agent/uplink/observation_spool.h"
+#include "agent/capture/preview_worker.h"
 
 namespace rigcal::agent {
 
@@ -38,6 +39,8 @@ class CaptureControl {
   void EndAll();
   // As CameraPipeline::Sessions; empty for an unknown camera.
   std::vector<std::string> SessionsOf(const std::string& camera) const;
+  // What a preview of this camera would show.
+  PreviewSubject PreviewSubjectOf(const std::string& camera) const;
   // Of the captures that run.
   std::vector<CameraReport> RunningReports() const;
   void WaitUntilIdle();

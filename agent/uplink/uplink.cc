@@ -17,6 +17,7 @@
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
+#include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
 
 namespace rigcal::agent {
@@ -42,6 +43,16 @@ bool IsRefusal(absl::StatusCode code) {
   }
 }
 
+// Totals only grow, and so does their sum.
+uint64_t CountedIn(const CameraReport& report) {
+  uint64_t sum = 0;
+  for (const Refusal& refusal : report.refused) sum += refusal.count;
+  if (const auto& frames = report.frames) {
+    sum += frames->received + frames->damaged + frames->lost + frames->reconnects;
+  }
+  return sum;
+}
+
 }  // namespace
 
 absl::Status UplinkOptions::Validate() const {
@@ -61,6 +72,9 @@ absl::Status UplinkOptions::Validate() const {
     if (const absl::Status status = ValidateName(what, name); !status.ok()) {
       faults.emplace_back(status.message());
     }
+  }
+  if (const absl::Status status = previews.Validate(); !status.ok()) {
+    faults.emplace_back(status.message());
   }
   if (faults.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("uplink: ", absl::StrJoin(faults, "; ")));
@@ -86,6 +100,8 @@ absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
   RIGCAL_ASSIGN_OR_RETURN(
       uplink->captures_,
       CaptureControl::Create(std::move(sources), spool, [raw = uplink.get()] { raw->Wake(); }));
+  uplink->previews_ = std::make_unique<PreviewWorker>(uplink->options_.previews,
+                                                      [raw = uplink.get()] { raw->Wake(); });
   for (const CameraDescription& camera : uplink->captures_->cameras()) {
     if (camera.clock.timebase.empty()) uplink->plan_.RequireAlignment(camera.camera);
   }
@@ -115,6 +131,7 @@ uint32_t Uplink::Shutdown(std::chrono::milliseconds patience) {
   if (captures_) captures_->EndAll();
   Wake();
   if (thread_.joinable()) thread_.join();
+  if (previews_) previews_->Shutdown();
   spool_->Shutdown();
   if (captures_) captures_->Shutdown();
   uint32_t lost = 0;
@@ -165,6 +182,8 @@ absl::Status Uplink::Serve(Connected& connected) {
   ServerConnection& connection = *connected.connection;
   connected.start = connected.last_heard = connected.next_ping = connected.next_report =
       Clock::now();
+  // Whoever asked over an earlier connection waits no more.
+  previews_->Forget();
   connection.Write(MakeHello());
   while (true) {
     for (const v1::ServerMessage& message : connection.TakeMessages()) Handle(connected, message);
@@ -282,7 +301,13 @@ std::optional<v1::AgentMessage> Uplink::NextMessage(Connected& connected) {
     connected.next_report = now + options_.report_interval;
   }
   std::optional<DeliveryPlan::Message> next = plan_.Next(now);
-  if (!next) return std::nullopt;
+  if (!next) {
+    // Only when there is nothing else to say.
+    std::optional<Preview> preview = previews_->TakeAnswer();
+    if (!preview) return std::nullopt;
+    *message.mutable_preview() = wire::ToProto(*std::move(preview));
+    return message;
+  }
   if (const auto* batch = std::get_if<ObservationBatch>(&*next)) {
     wire::ToProto(*batch, message.mutable_batch());
   } else {
@@ -294,9 +319,8 @@ std::optional<v1::AgentMessage> Uplink::NextMessage(Connected& connected) {
 std::optional<v1::AgentMessage> Uplink::NextReport() {
   if (plan_.SendsOneAtATime()) return std::nullopt;
   for (const CameraReport& report : captures_->RunningReports()) {
-    size_t refused = 0;
-    for (const Refusal& refusal : report.refused) refused += refusal.count;
-    if (refused == 0 || std::exchange(reported_[report.stream], refused) == refused) continue;
+    const uint64_t counted = CountedIn(report);
+    if (counted == 0 || std::exchange(reported_[report.stream], counted) == counted) continue;
     v1::AgentMessage message;
     *message.mutable_report() = wire::ToProto(report);
     return message;

@@ -21,6 +21,7 @@
 #include "agent/uplink/capture_control.h"
 #include "agent/uplink/delivery_plan.h"
 #include "agent/uplink/observation_spool.h"
+#include "agent/capture/preview_worker.h"
 #include "rigcal/v1/agent.pb.h"
 
 namespace grpc {
@@ -54,6 +55,8 @@ struct UplinkOptions {
   std::chrono::milliseconds lowest_wait{200};
   std::chrono::milliseconds highest_wait{30'000};
   std::chrono::milliseconds refused_wait{30'000};
+
+  PreviewOptions previews;
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
@@ -110,6 +113,7 @@ class Uplink {
   void HandleStopCapture(const v1::StopCapture& command);
   void HandleAck(Connected& connected, const v1::BatchAck& ack);
   void HandlePong(Connected& connected, const v1::TimePong& pong);
+  void HandlePreviewRequest(const v1::PreviewRequest& request);
   void HandlePosition(const StreamKey& stream, const v1::StreamPosition& position);
   void BeginCapture(const StreamKey& stream, const Target& target, uint32_t durable_seq);
   std::optional<v1::AgentMessage> NextMessage(Connected& connected);
@@ -127,6 +131,7 @@ class Uplink {
   ObservationSpool* const spool_;
   const ChannelFactory make_channel_;
   std::unique_ptr<CaptureControl> captures_;
+  std::unique_ptr<PreviewWorker> previews_;  // uses the sources of captures_
   DeliveryPlan plan_;
   Backoff backoff_;
   uint32_t connection_ = 0;
@@ -135,8 +140,8 @@ class Uplink {
   // Sessions the server has told to capture, and not to stop, on this connection. One that captures
   // here from an earlier connection and is not among them ended while this agent was away.
   std::set<std::string> live_sessions_;
-  std::map<StreamKey, size_t> reported_;  // refusals in the last report of each stream
-  std::string last_error_;                // not to repeat it at each attempt
+  std::map<StreamKey, uint64_t> reported_;  // sum of what the last report of each stream counts
+  std::string last_error_;                  // not to repeat it at each attempt
 
   mutable std::mutex mutex_;
   std::condition_variable woken_changed_;

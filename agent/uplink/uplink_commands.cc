@@ -11,6 +11,7 @@
 #include "agent/uplink/uplink.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
+#include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
 
 namespace rigcal::agent {
@@ -51,7 +52,7 @@ void Uplink::Handle(Connected& connected, const v1::ServerMessage& message) {
     case v1::ServerMessage::kTimePong:
       return HandlePong(connected, message.time_pong());
     case v1::ServerMessage::kPreviewRequest:
-      return;
+      return HandlePreviewRequest(message.preview_request());
     case v1::ServerMessage::MESSAGE_NOT_SET:
       // A server one minor version newer may say things that are not known here.
       spdlog::debug("server {}: a message of a kind that is not known here", options_.server);
@@ -88,6 +89,16 @@ void Uplink::HandleHello(Connected& connected, const v1::ServerHello& hello) {
   for (int i = 0; i < hello.positions_size(); ++i) {
     HandlePosition(pending_[static_cast<size_t>(i)], hello.positions(i));
   }
+}
+
+void Uplink::HandlePreviewRequest(const v1::PreviewRequest& request) {
+  const absl::StatusOr<PreviewRequest> asked = wire::FromProto(request);
+  if (!asked.ok()) {
+    spdlog::warn("server {}: a request for a preview is refused: {}", options_.server,
+                 std::string(asked.status().message()));
+    return;
+  }
+  previews_->Request(*asked, captures_->PreviewSubjectOf(asked->camera));
 }
 
 void Uplink::HandlePosition(const StreamKey& stream, const v1::StreamPosition& position) {

@@ -42,7 +42,7 @@ const std::map<std::string, std::set<std::string>>& AllowedFolders() {
         "common/target", "common/time"}},
       {"agent/capture",
        {"agent/detect", "agent/event", "common/camera", "common/config", "common/geometry",
-        "common/simulation", "common/status", "common/target", "common/time"}},
+        "common/session", "common/simulation", "common/status", "common/target", "common/time"}},
       {"agent/event", {"common/camera", "common/status", "common/target", "common/time"}},
       {"agent/detect",
        {"agent/event", "common/camera", "common/geometry", "common/status", "common/target",

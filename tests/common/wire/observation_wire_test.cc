@@ -167,6 +167,28 @@ INSTANTIATE_TEST_SUITE_P(
                       "dropped[0]"}),
     [](const auto& param_info) { return std::string(param_info.param.name); });
 
+TEST(ObservationWire, AReportKeepsItsCounts) {
+  CameraReport report;
+  report.stream = {"s-1", "cam", 2};
+  report.observation_count = 12;
+  ASSERT_OK_AND_ASSIGN(const CameraReport bare, FromProto(ToProto(report)));
+  EXPECT_FALSE(bare.frames || bare.detections);
+
+  report.frames = FrameCounts{.received = 1, .damaged = 2, .lost = 3, .reconnects = 4};
+  report.detections.emplace();
+  for (const DetectionOutcome outcome : kDetectionOutcomes) {
+    report.detections->Add(outcome, 10 + static_cast<uint64_t>(outcome));
+  }
+  ASSERT_OK_AND_ASSIGN(const CameraReport back, FromProto(ToProto(report)));
+  EXPECT_EQ(back.frames, report.frames);
+  EXPECT_EQ(back.detections, report.detections);
+}
+
+TEST(ObservationWire, CountsStopAtTheirLargestInsteadOfBeginningAnew) {
+  const v1::FrameCounts proto = ToProto(FrameCounts{.received = uint64_t{1} << 40});
+  EXPECT_EQ(proto.received(), UINT32_MAX);
+}
+
 TEST(ObservationWire, EndOfCaptureMustReportItsOwnStream) {
   v1::EndOfCapture end;
   end.set_session_id("s-1");

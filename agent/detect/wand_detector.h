@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -15,22 +13,11 @@
 #include "agent/detect/image_view.h"
 #include "agent/detect/pixel_mask.h"
 #include "common/camera/camera_description.h"
+#include "common/target/detection_outcome.h"
 #include "common/target/observation.h"
 #include "common/target/target.h"
 
 namespace rigcal::agent {
-
-// What one picture gave.
-enum class DetectionOutcome : uint8_t {
-  kWand = 1,
-  kNoBlob,        // no pixel in range formed a blob
-  kNoWand,        // blobs, but no triple that can be the wand
-  kAmbiguous,     // several triples as good as each other
-  kTooManyBlobs,  // more than the finder keeps, and no wand among those kept
-  kBlack,         // the picture is black: lens cap, exposure, no light
-  kSaturated,     // most of the picture is at its brightest
-};
-inline constexpr int kDetectionOutcomeCount = 7;
 
 struct Detection {
   DetectionOutcome outcome = DetectionOutcome::kNoBlob;
@@ -70,9 +57,7 @@ struct WandDetectorCounts {
   uint64_t wands = 0;
   uint64_t tracked = 0;  // of `wands`
   uint64_t covered_markers = 0;
-  std::array<uint64_t, kDetectionOutcomeCount + 1> by_outcome{};  // index: DetectionOutcome
-
-  uint64_t Of(DetectionOutcome outcome) const { return by_outcome[static_cast<size_t>(outcome)]; }
+  DetectionCounts by_outcome;
 };
 
 // Finds the wand in the pictures of one camera: blobs of its colour, sets of them that can be the

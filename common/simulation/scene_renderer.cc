@@ -14,8 +14,8 @@
 #include "common/simulation/random_stream.h"
 #include "common/simulation/ray_grid.h"
 #include "common/simulation/room_background.h"
+#include "common/simulation/scene_canvas.h"
 #include "common/simulation/scene_truth.h"
-#include "common/simulation/sensor_noise.h"
 #include "common/simulation/sphere_image.h"
 #include "common/status/status_macros.h"
 
@@ -49,14 +49,6 @@ bool IsFinite(std::span<const SphereMotion> spheres) {
   });
 }
 
-// The LED's colour dims with its own share; none of it casts light on the room.
-struct SphereLight {
-  Bgr led{};         // grey of a pixel lit during the whole exposure
-  double shell = 0;  // grey of the ambient light on it
-  double cover = 1;  // how much of what is behind it goes: 0 for a mirror image
-  double halo = 0;   // of `led` times the share lit, at the rim
-};
-
 }  // namespace
 
 SphereMotion WandMotion::Marker(double position_m) const {
@@ -84,70 +76,8 @@ struct SceneRenderer::Impl {
         rays(std::move(rays_in)),
         profile(options_in.defocus_px, options_in.defocus_disc_px),
         floor_profile(std::hypot(options_in.defocus_px, kFloorBlurPx), options_in.defocus_disc_px),
-        noise(options_in.read_noise_grey, options_in.electrons_per_grey),
         imager(&intrinsics, size_in, &rays),
-        scene(RenderRoom(size_in, options_in, light, profile)),
-        sigma(scene.size()) {
-    noise.Sigma(scene, sigma);
-  }
-
-  size_t PixelIndex(int x, int y) const {
-    return 3 * (static_cast<size_t>(y) * size.width + static_cast<size_t>(x));
-  }
-  std::span<int16_t> PatchRow(const ImagePatch& patch, int row) {
-    return {&scene[PixelIndex(patch.x, patch.y + row)], 3 * static_cast<size_t>(patch.width)};
-  }
-
-  // Keeps what is behind a patch, for Restore.
-  void Keep(const ImagePatch& patch) {
-    kept_patches.push_back(patch);
-    for (int row = 0; row < patch.height; ++row) {
-      const auto pixels = PatchRow(patch, row);
-      kept.insert(kept.end(), pixels.begin(), pixels.end());
-    }
-  }
-  void UpdateSigma(const ImagePatch& patch) {
-    for (int row = 0; row < patch.height; ++row) {
-      const auto pixels = PatchRow(patch, row);
-      noise.Sigma(pixels, {&sigma[PixelIndex(patch.x, patch.y + row)], pixels.size()});
-    }
-  }
-  // Takes the wand out of the room again, last patch first: they may overlap.
-  void Restore() {
-    for (; !kept_patches.empty(); kept_patches.pop_back()) {
-      const ImagePatch& patch = kept_patches.back();
-      for (int row = patch.height - 1; row >= 0; --row) {
-        const auto pixels = PatchRow(patch, row);
-        std::copy(kept.end() - static_cast<ptrdiff_t>(pixels.size()), kept.end(), pixels.begin());
-        kept.resize(kept.size() - pixels.size());
-      }
-      UpdateSigma(patch);
-    }
-  }
-
-  double Passed(int x, int y) const { return VignettingAt(size, options.vignetting, x, y); }
-
-  void Blend(const SphereImage& sphere, const SphereLight& its_light, double lit_share) {
-    Keep(sphere.patch);
-    size_t i = 0;
-    for (int row = 0; row < sphere.patch.height; ++row) {
-      int16_t* pixel = PatchRow(sphere.patch, row).data();
-      for (int column = 0; column < sphere.patch.width; ++column, ++i, pixel += 3) {
-        const double cover = its_light.cover * static_cast<double>(sphere.cover[i]);
-        const double lit = static_cast<double>(sphere.lit[i]) +
-                           its_light.halo * lit_share * static_cast<double>(sphere.halo[i]);
-        if (cover <= 0 && lit <= 0) continue;
-        const double passed = Passed(sphere.patch.x + column, sphere.patch.y + row);
-        const double shell = options.black_grey + passed * its_light.shell;
-        for (size_t channel = 0; channel < 3; ++channel) {
-          const double behind = static_cast<double>(pixel[channel]) / kLinearPerGrey;
-          pixel[channel] = ToLinear((1 - cover) * behind + cover * shell +
-                                    lit * passed * its_light.led[channel]);
-        }
-      }
-    }
-    UpdateSigma(sphere.patch);
-  }
+        canvas(size_in, options_in, light, RenderRoom(size_in, options_in, light, profile)) {}
 
   BlinkTiming Blink(const SceneFrame& frame, size_t marker) const {
     BlinkTiming blink{BlinkHz(target, options, marker), options.blink_duty, 0};
@@ -158,7 +88,7 @@ struct SceneRenderer::Impl {
 
   // Returns the share of the exposure during which the LED shone.
   double DrawSphere(const SceneFrame& frame, size_t marker, const SphereMotion& sphere,
-                    const EdgeProfile& blur, const SphereLight& its_light) {
+                    const EdgeProfile& blur, SphereLight its_light) {
     Eigen::Vector2d ends[2];
     double travel_px = 0;
     const double half_s = 0.5 * options.exposure_s;
@@ -172,19 +102,18 @@ struct SceneRenderer::Impl {
     const double steps = travel_px < 0.02 ? 1 : std::max(2.0, travel_px / kLongestStepPx);
     const auto parts =
         PlanExposure(options.exposure_s, Blink(frame, marker), 1.0001 * options.exposure_s / steps);
-    double lit_share = 0;
-    for (const ExposurePart& part : parts) lit_share += part.lit_share;
+    for (const ExposurePart& part : parts) its_light.lit_share += part.lit_share;
     const SphereImageOptions how{radius_m, options.limb,
                                  its_light.halo > 0 ? options.bloom_radius_px : 0};
     if (imager.Draw(sphere, parts, blur, how, &sphere_image)) {
-      Blend(sphere_image, its_light, lit_share);
+      canvas.AddSphere(sphere_image, its_light);
     }
-    return lit_share;
+    return its_light.lit_share;
   }
 
   void DrawReflections(const SceneFrame& frame, std::span<const SphereMotion> spheres) {
     const Eigen::Vector4d floor = frame.floor.value_or(Eigen::Vector4d(0, 1, 0, kUsualFloorM));
-    SphereLight mirrored{light.led_grey, 0, 0, 0};
+    SphereLight mirrored{light.led_grey, 0, 0, 0, 0};
     for (double& grey : mirrored.led) grey *= options.reflection;
     for (size_t m = 0; m < spheres.size(); ++m) {
       DrawSphere(frame, m, MirroredIn(floor, spheres[m]), floor_profile, mirrored);
@@ -201,37 +130,10 @@ struct SceneRenderer::Impl {
     double lit_share = 0;
     for (const size_t m : order) {
       const double share = DrawSphere(frame, m, spheres[m], profile,
-                                      {light.led_grey, light.shell_grey, 1, options.bloom});
+                                      {light.led_grey, light.shell_grey, 1, options.bloom, 0});
       if (m == 0) lit_share = share;
     }
     return lit_share;
-  }
-
-  void DrawBar(const OccludingBar& bar) {
-    const double reach =
-        std::hypot(bar.half_width_px, bar.half_length_px) + static_cast<double>(profile.reach_px());
-    const Eigen::Array2d last(size.width - 1.0, size.height - 1.0);
-    const Eigen::Array2d low = (bar.centre_px.array() - reach).max(0.0).min(last);
-    const Eigen::Array2d high = (bar.centre_px.array() + reach).max(0.0).min(last);
-    const ImagePatch patch{static_cast<int>(low.x()), static_cast<int>(low.y()),
-                           static_cast<int>(high.x()) - static_cast<int>(low.x()) + 1,
-                           static_cast<int>(high.y()) - static_cast<int>(low.y()) + 1};
-    Keep(patch);
-    const double grey = light.grey_per_cd_m2 * light.room_cd_m2 * bar.reflectance;
-    for (int row = 0; row < patch.height; ++row) {
-      int16_t* pixel = PatchRow(patch, row).data();
-      for (int column = 0; column < patch.width; ++column, pixel += 3) {
-        const Eigen::Vector2d at(patch.x + column, patch.y + row);
-        const auto cover = static_cast<double>(profile.At(static_cast<float>(bar.InsidePx(at))));
-        if (cover <= 0) continue;
-        const double its_grey = options.black_grey + grey * Passed(patch.x + column, patch.y + row);
-        for (int channel = 0; channel < 3; ++channel) {
-          const double behind = static_cast<double>(pixel[channel]) / kLinearPerGrey;
-          pixel[channel] = ToLinear((1 - cover) * behind + cover * its_grey);
-        }
-      }
-    }
-    UpdateSigma(patch);
   }
 
   // A bar over one of the markers in the picture, in a share of the pictures.
@@ -253,18 +155,8 @@ struct SceneRenderer::Impl {
     if (bar) truth.markers = TruthOf(intrinsics, size, spheres, radius_m, &*bar);
     if (options.reflection > 0) DrawReflections(frame, spheres);
     truth.lit_share = DrawSpheres(frame, spheres);
-    if (bar) DrawBar(*bar);
+    if (bar) canvas.AddBar(*bar, profile);
     return truth;
-  }
-
-  void Expose(uint64_t frame_seed, std::span<uint8_t> bgr) const {
-    const size_t row_size = size_t{3} * size.width;
-    const uint64_t seed = RandomStream{options.seed, kFramePurpose, frame_seed}.Bits();
-    for (uint32_t y = 0; y < size.height; ++y) {
-      const size_t at = y * row_size;
-      noise.Expose({&scene[at], row_size}, {&sigma[at], row_size}, seed, static_cast<int>(y),
-                   bgr.subspan(at, row_size));
-    }
   }
 
   const Intrinsics intrinsics;
@@ -276,13 +168,8 @@ struct SceneRenderer::Impl {
   const RayGrid rays;
   const EdgeProfile profile;
   const EdgeProfile floor_profile;
-  const SensorNoise noise;
   SphereImager imager;
-  // The room, and while a picture is made what is before it; sigma goes along.
-  std::vector<int16_t> scene;
-  std::vector<uint8_t> sigma;
-  std::vector<ImagePatch> kept_patches;
-  std::vector<int16_t> kept;
+  SceneCanvas canvas;
   SphereImage sphere_image;
 };
 
@@ -310,7 +197,7 @@ absl::StatusOr<SceneRenderer> SceneRenderer::Create(const Intrinsics& intrinsics
       std::make_unique<Impl>(intrinsics, image_size, target, options, std::move(rays)));
 }
 
-size_t SceneRenderer::buffer_size() const { return impl_->scene.size(); }
+size_t SceneRenderer::buffer_size() const { return impl_->canvas.size(); }
 const ImageSize& SceneRenderer::image_size() const { return impl_->size; }
 const FrameRenderOptions& SceneRenderer::options() const { return impl_->options; }
 
@@ -340,8 +227,8 @@ absl::StatusOr<FrameTruth> SceneRenderer::Render(const SceneFrame& frame,
     return absl::InvalidArgumentError("the wand's motion is not finite");
   }
   FrameTruth truth = impl_->Draw(frame, spheres);
-  impl_->Expose(frame.seed, bgr);
-  impl_->Restore();
+  impl_->canvas.Expose(RandomStream{impl_->options.seed, kFramePurpose, frame.seed}.Bits(), bgr);
+  impl_->canvas.Reset();
   return truth;
 }
 

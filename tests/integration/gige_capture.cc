@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Captures test pictures from a GigE Vision camera for some seconds, looks at every byte of them,
+// and prints one line: what came, and what did not.
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <thread>
+
+#include "agent/capture/aravis_frame_source.h"
+#include "tests/testing/fake_gige_camera.h"
+
+int main(int argc, char** argv) {
+  rigcal::agent::AravisSourceOptions options;
+  options.camera = "gige";
+  options.device = "127.0.0.1";
+  options.frame_rate_hz = 50;
+  double seconds = 20;
+  CLI::App app("Captures test pictures of a fake GigE Vision camera.");
+  app.add_option("--device", options.device, "address or id")->capture_default_str();
+  app.add_option("--interface", options.network_interface, "network interface");
+  app.add_option("--rate", options.frame_rate_hz, "pictures a second");
+  app.add_option("--trigger", options.trigger, "free or software")->capture_default_str();
+  app.add_option("--packet-size", options.packet_size, "bytes")->capture_default_str();
+  app.add_option("--seconds", seconds, "how long")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("gige-capture"));
+
+  auto source = rigcal::agent::AravisFrameSource::Create(options);
+  if (!source.ok()) {
+    std::fprintf(stderr, "%s\n", std::string(source.status().message()).c_str());
+    return 1;
+  }
+  const absl::Status started = (*source)->Start({});
+  if (!started.ok()) {
+    std::fprintf(stderr, "%s\n", std::string(started.message()).c_str());
+    return 1;
+  }
+  std::thread end([&] {
+    std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+    (*source)->Stop();
+  });
+  unsigned long long yielded = 0;
+  unsigned long long wrong = 0;
+  while (true) {
+    const auto frame = (*source)->Next();
+    if (!frame.ok() || !frame->has_value()) break;
+    ++yielded;
+    const rigcal::agent::ImageView& image = (*frame)->image;
+    const size_t size = static_cast<size_t>(image.width) * static_cast<size_t>(image.height);
+    if (!rigcal::testing::TestPictureIndex({image.data, size})) ++wrong;
+  }
+  end.join();
+  const rigcal::agent::FrameCounts counts = (*source)->counts();
+  std::printf("received %llu damaged %llu lost %llu reconnects %llu yielded %llu wrong %llu\n",
+              static_cast<unsigned long long>(counts.received),
+              static_cast<unsigned long long>(counts.damaged),
+              static_cast<unsigned long long>(counts.lost),
+              static_cast<unsigned long long>(counts.reconnects), yielded, wrong);
+  return 0;
+}

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <bit>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/detect/image_view.h"
+#include "agent/detect/run_labeller.h"
+#include "agent/event/event_decoder.h"
+
+namespace rigcal::agent {
+
+struct BlinkFilterOptions {
+  SensorGeometry geometry;
+  double blink_hz = 500;    // 20 to 5000; markers are lit for half of each period
+  double band_rel = 0.15;   // periods within this share of the nominal one are the wand's
+  int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
+  int min_blob_pixels = 8;  // seeds, side by side
+  int reach_px = 40;        // from the seeds, as far as a burst is followed
+
+  // Every fault.
+  absl::Status Validate() const;
+};
+
+// A marker in one burst of light.
+struct BlinkBlob {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second_moment_px2 = Eigen::Matrix2d::Zero();  // about the centre
+  int area_px = 0;                                              // pixels that lit up in this burst
+  double time_us = 0;    // the sensor's clock, lower 32 bits: when the marker was at the centre
+  double period_us = 0;  // between the last two bursts, mean over the pixels
+  PixelRect box;
+  bool touches_border = false;
+};
+
+// Finds pixels that blink with the wand's frequency, in one pass with decoding: a sink of the event
+// decoders (event_decoder.h).
+//
+// A pixel's brightness, rebuilt from its changes of polarity, crosses zero upwards where an ON
+// event follows an OFF event; the time between two such crossings is the blink period (Pfrommer,
+// "Frequency Cam: imaging periodic signals in real-time", arXiv 2211.00198, section 3, which
+// filters the polarities with a second-order IIR first; a wand is high contrast, so the filter is
+// left out and a crossing is asked to come at least 0.3 periods after the last one instead). Four
+// bytes of state per pixel: the time of the last crossing, the time between the last two, how many
+// periods in a row were the wand's, and the last polarity.
+//
+// A marker that moves is where its pixels light up, and a pixel is known to blink only periods
+// after the marker has come to it. So blinking pixels are only where to look: the centre is that of
+// all pixels around them that lit up in the last burst that is over. A disc that moves while it
+// shines reaches an area that is symmetric about its place in the middle of that time; that is the
+// time the centre is given.
+class BlinkFilter {
+ public:
+  // INVALID_ARGUMENT: see Validate.
+  static absl::StatusOr<BlinkFilter> Create(const BlinkFilterOptions& options);
+
+  void Row(uint32_t) {}
+  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
+    Update(x, y, on, time_us >> shift_, time_us);
+  }
+  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
+    const uint32_t now = time_us >> shift_;
+    for (; mask != 0; mask &= mask - 1) {
+      Update(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, now, time_us);
+    }
+  }
+  void Trigger(const TriggerEvent&) {}
+  // Forgets everything: the clock begins anew.
+  void TimeStepBack(int64_t time_us);
+
+  // To be called with a time at least every 30 periods: forgets pixels that have been silent.
+  void Sweep(uint32_t time_us);
+
+  // Markers as they were in the last burst that was over at `time_us`, from top to bottom.
+  const std::vector<BlinkBlob>& FindBlobs(uint32_t time_us);
+
+  double period_us() const { return period_us_; }
+  static constexpr int kBytesPerPixel = 4;
+
+ private:
+  // 16 bits: time of the last upward crossing; 12: units between the last two; 1: brighter; 3:
+  // periods in a row. Units of 2^shift_ microseconds, 512 to 1024 of them in a period.
+  static constexpr uint32_t kOnBit = 8;
+  static constexpr uint32_t kPeriodsMask = 7;
+  static constexpr uint32_t kMaxGap = 0xfff;
+  static constexpr int kTileShift = 4;
+
+  explicit BlinkFilter(const BlinkFilterOptions& options);
+
+  void Update(uint32_t x, uint32_t y, bool on, uint32_t now, uint32_t time_us) {
+    uint32_t& state = states_[y * stride_ + x];
+    const uint32_t old = state;
+    if (!on) {
+      state = old & ~kOnBit;
+      return;
+    }
+    const uint32_t gap = (now - (old >> 16)) & 0xffff;
+    if ((old & kOnBit) != 0 || gap < min_gap_) {
+      state = old | kOnBit;
+      return;
+    }
+    const bool good = gap - low_gap_ <= band_gap_;
+    const uint32_t count = old & kPeriodsMask;
+    const uint32_t periods = good ? count + (count < kPeriodsMask ? 1u : 0u) : 0u;
+    state = now << 16 | (gap < kMaxGap ? gap : kMaxGap) << 4 | kOnBit | periods;
+    if (periods >= min_periods_) {
+      tiles_[(y >> kTileShift) * tile_columns_ + (x >> kTileShift)] = time_us | 1;
+    }
+  }
+
+  struct Burst {
+    double start_units = 0;  // before `now`
+    double period_us = 0;
+    bool found = false;
+  };
+  void MarkSeeds(uint32_t time_us);
+  bool IsSeed(uint32_t state, uint32_t now) const;
+  // Units since the pixel lit up in the last burst that is over; negative: it did not.
+  int UnitsSinceBurst(uint32_t state, uint32_t now) const;
+  // In the last burst or in the one before.
+  bool LitUpBetween(uint32_t state, uint32_t now, uint32_t newest, uint32_t oldest) const;
+  Burst FindBurst(const ComponentSums& seeds, uint32_t now);
+  // The pixels that lit up between these ages and are connected with a seed, into lit_.
+  void Grow(const ComponentSums& seeds, uint32_t now, uint32_t newest, uint32_t oldest);
+  void Measure(const ComponentSums& seeds, const Burst& burst, uint32_t time_us);
+
+  BlinkFilterOptions options_;
+  double period_us_;
+  int shift_;
+  uint32_t period_units_, min_gap_, low_gap_, band_gap_, min_periods_, lit_units_;
+  uint32_t stride_, tile_columns_, tile_rows_;
+  std::vector<uint32_t> states_;
+  std::vector<uint32_t> tiles_;  // time at which a pixel of it was found to blink; 0: never
+  std::vector<uint64_t> seed_words_;
+  std::vector<int> ages_;
+  std::vector<uint8_t> seen_;
+  std::vector<std::pair<int, int>> lit_;
+  RunLabeller labeller_;
+  std::vector<BlinkBlob> blobs_;
+};
+
+}  // namespace rigcal::agent

@@ -17,6 +17,7 @@ namespace {
 
 constexpr int kMaxPendingStreams = 4096;
 constexpr size_t kMaxWordBytes = 256;
+constexpr uint32_t kFirstMinorWithPreviews = 1;
 
 absl::Status InField(absl::string_view field, const absl::Status& status) {
   return absl::Status(status.code(), absl::StrCat(field, ": ", status.message()));
@@ -48,6 +49,7 @@ absl::StatusOr<Hello> ParseHello(const v1::AgentHello& proto) {
   hello.agent.host = proto.host();
   hello.agent.software_version = proto.software_version();
   hello.agent.rig = proto.rig();
+  hello.agent.takes_preview_requests = proto.protocol_version().minor() >= kFirstMinorWithPreviews;
   for (int i = 0; i < proto.cameras_size(); ++i) {
     const v1::AnnouncedCamera& camera = proto.cameras(i);
     const std::string field = absl::StrCat("hello.cameras[", i, "]");

@@ -20,10 +20,11 @@ class RefusedStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1:
 }  // namespace
 
 AgentService::AgentService(AgentServiceOptions options, SessionCoordinator* coordinator,
-                           Ingest* ingest, std::string server_id)
+                           Ingest* ingest, PreviewBroker* previews, std::string server_id)
     : options_(options) {
   environment_.coordinator = coordinator;
   environment_.ingest = ingest;
+  environment_.previews = previews;
   environment_.executor = &executor_;
   environment_.server_id = std::move(server_id);
   environment_.max_message_bytes = options_.max_message_bytes;

@@ -26,7 +26,7 @@ struct AgentServiceOptions {
 class AgentService final : public v1::AgentService::CallbackService {
  public:
   AgentService(AgentServiceOptions options, SessionCoordinator* coordinator, Ingest* ingest,
-               std::string server_id);
+               PreviewBroker* previews, std::string server_id);
   // After the server has ended every stream.
   ~AgentService() override;
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/wire/grpc_status.h"
+#include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
 #include "server/session/utc_clock.h"
 
@@ -28,6 +29,11 @@ class StreamLink final : public AgentLink {
   void SendStopCapture(const std::string& session_id) override {
     v1::ServerMessage message;
     message.mutable_stop_capture()->set_session_id(session_id);
+    if (const auto stream = stream_.lock()) stream->Send(std::move(message));
+  }
+  void SendPreviewRequest(const PreviewRequest& request) override {
+    v1::ServerMessage message;
+    *message.mutable_preview_request() = wire::ToProto(request);
     if (const auto stream = stream_.lock()) stream->Send(std::move(message));
   }
   void Close(const absl::Status& reason) override {
@@ -159,16 +165,28 @@ void AgentStream::TakeMessage() {
       ReadNext();
       return;
     }
-    case v1::AgentMessage::kPreview: {
-      std::lock_guard lock(mutex_);
-      ReadNext();
-      return;
-    }
+    case v1::AgentMessage::kPreview:
+      return TakePreview();
     case v1::AgentMessage::kHello:
       return Close(absl::InvalidArgumentError("hello: was sent already on this stream"));
     case v1::AgentMessage::MESSAGE_NOT_SET:
       return Close(absl::InvalidArgumentError("message: is not set, or unknown to this server"));
   }
+}
+
+void AgentStream::TakePreview() {
+  absl::StatusOr<Preview> preview = wire::FromProto(std::move(*request_.mutable_preview()));
+  if (!preview.ok()) {
+    spdlog::warn("agent {}: {}", agent_id_, std::string(preview.status().message()));
+    return Close(preview.status());
+  }
+  AgentDirectory::Registration registration = 0;
+  {
+    std::lock_guard lock(mutex_);
+    registration = registration_;
+    ReadNext();
+  }
+  environment_.previews->TakeAnswer(registration, *std::move(preview));
 }
 
 void AgentStream::Deliver(absl::StatusOr<Delivery> delivery) {
@@ -295,6 +313,7 @@ void AgentStream::OnDone() {
   hello_alarm_.Cancel();
   if (registration != 0) {
     environment_.coordinator->DisconnectAgent(registration);
+    environment_.previews->AgentGone(registration);
     spdlog::info("agent {} disconnected", agent_id_);
   }
   --environment_.open_streams;

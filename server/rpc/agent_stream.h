@@ -22,6 +22,7 @@
 #include "server/rpc/agent_messages.h"
 #include "server/rpc/outgoing_messages.h"
 #include "server/rpc/serial_executor.h"
+#include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
 
 namespace rigcal::server {
@@ -30,6 +31,7 @@ namespace rigcal::server {
 struct AgentStreamEnvironment {
   SessionCoordinator* coordinator = nullptr;
   Ingest* ingest = nullptr;
+  PreviewBroker* previews = nullptr;
   SerialExecutor* executor = nullptr;
   std::string server_id;
   uint32_t max_message_bytes = 0;
@@ -67,6 +69,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::S
   void TakeHello();
   void Register(Hello hello);
   void TakeMessage();
+  void TakePreview();
   void Deliver(absl::StatusOr<Delivery> delivery);
   void Submit();
   void Delivered(absl::StatusOr<BatchAck> ack);

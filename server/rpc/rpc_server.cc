@@ -90,6 +90,12 @@ absl::Status RpcServerOptions::Validate() const {
   if (keepalive_time.count() < 1 || keepalive_timeout.count() < 1) {
     faults.emplace_back("keepalive_time and keepalive_timeout must be above 0");
   }
+  if (const absl::Status status = previews.Validate(); !status.ok()) {
+    faults.emplace_back(status.message());
+  }
+  if (agents.max_message_bytes < previews.max_jpeg_bytes + 4096) {
+    faults.emplace_back("agents.max_message_bytes must hold a preview and 4096 bytes more");
+  }
   if (faults.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
 }
@@ -97,11 +103,13 @@ absl::Status RpcServerOptions::Validate() const {
 RpcServer::RpcServer(RpcServerOptions options, RpcServerParts parts)
     : options_(std::move(options)),
       parts_(parts),
-      agent_service_(options_.agents, parts.coordinator, parts.ingest, parts.store->server_id()),
+      previews_(options_.previews, parts.directory),
+      agent_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
+                     parts.store->server_id()),
       session_service_(parts.coordinator, parts.store),
       calibration_service_(parts.runner),
       status_service_(parts.store, parts.ingest, parts.directory, parts.coordinator, parts.runner,
-                      options_.ingest_queue_limit_bytes, UtcNowNs({})) {}
+                      &previews_, options_.ingest_queue_limit_bytes, UtcNowNs({})) {}
 
 absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Create(RpcServerOptions options,
                                                              RpcServerParts parts) {
@@ -164,6 +172,7 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   if (health_thread_.joinable()) health_thread_.join();
   if (!server_) return;
   server_->GetHealthCheckService()->SetServingStatus(false);
+  previews_.Shutdown();
   parts_.directory->CloseAll(
       absl::UnavailableError("the server is shutting down; connect again after a moment"));
   parts_.coordinator->EndWatches();

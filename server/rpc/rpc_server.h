@@ -22,6 +22,7 @@
 #include "server/rpc/status_service.h"
 #include "server/session/agent_directory.h"
 #include "server/session/calibration_runner.h"
+#include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
 #include "server/store/store.h"
 
@@ -32,6 +33,7 @@ struct RpcServerOptions {
   // InProcessChannel.
   std::string listen_address = "127.0.0.1:7420";
   AgentServiceOptions agents;
+  PreviewBrokerOptions previews;
   // Memory gRPC may hold for messages and connections, in all.
   size_t memory_limit_bytes = size_t{512} << 20;
   // Threads for calls that may block, watches included.
@@ -83,6 +85,7 @@ class RpcServer {
 
   const RpcServerOptions options_;
   const RpcServerParts parts_;
+  PreviewBroker previews_;
   AgentService agent_service_;
   SessionService session_service_;
   CalibrationService calibration_service_;

@@ -2,8 +2,12 @@
 #include "server/rpc/status_service.h"
 
 #include <algorithm>
+#include <chrono>
 #include <string>
+#include <utility>
 
+#include "common/status/status_macros.h"
+#include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
 #include "common/wire/timestamp_wire.h"
 #include "server/rpc/agent_messages.h"
@@ -58,6 +62,22 @@ grpc::Status StatusService::ListAgents(grpc::ServerContext* /*context*/,
     for (const AgentRecord& agent : directory_.List(request->rig())) {
       *response->add_agents() = ToProto(agent);
     }
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status StatusService::GetPreview(grpc::ServerContext* context,
+                                       const v1::GetPreviewRequest* request,
+                                       v1::GetPreviewResponse* response) {
+  return GuardedCall("GetPreview", [&]() -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(PreviewBroker::CameraPreview picture,
+                            previews_.Get(request->rig(), request->camera(),
+                                          std::chrono::milliseconds(request->max_wait_ms()),
+                                          [context] { return context->IsCancelled(); }));
+    response->set_agent_id(picture.agent_id);
+    response->set_rig(picture.rig);
+    *response->mutable_info() = wire::ToProto(picture.preview.info, picture.preview.jpeg.size());
+    response->set_jpeg(std::move(picture.preview.jpeg));
     return absl::OkStatus();
   });
 }

@@ -8,6 +8,7 @@
 #include "server/ingest/ingest.h"
 #include "server/session/agent_directory.h"
 #include "server/session/calibration_runner.h"
+#include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
 #include "server/store/store.h"
 
@@ -18,12 +19,13 @@ class StatusService final : public v1::StatusService::Service {
  public:
   StatusService(const Store* store, const Ingest* ingest, const AgentDirectory* directory,
                 const SessionCoordinator* coordinator, const CalibrationRunner* runner,
-                size_t ingest_queue_limit_bytes, int64_t start_utc_ns)
+                PreviewBroker* previews, size_t ingest_queue_limit_bytes, int64_t start_utc_ns)
       : store_(*store),
         ingest_(*ingest),
         directory_(*directory),
         coordinator_(*coordinator),
         runner_(*runner),
+        previews_(*previews),
         ingest_queue_limit_bytes_(ingest_queue_limit_bytes),
         start_utc_ns_(start_utc_ns) {}
 
@@ -31,6 +33,8 @@ class StatusService final : public v1::StatusService::Service {
                          v1::ServerStatus* response) override;
   grpc::Status ListAgents(grpc::ServerContext* context, const v1::ListAgentsRequest* request,
                           v1::ListAgentsResponse* response) override;
+  grpc::Status GetPreview(grpc::ServerContext* context, const v1::GetPreviewRequest* request,
+                          v1::GetPreviewResponse* response) override;
 
  private:
   const Store& store_;
@@ -38,6 +42,7 @@ class StatusService final : public v1::StatusService::Service {
   const AgentDirectory& directory_;
   const SessionCoordinator& coordinator_;
   const CalibrationRunner& runner_;
+  PreviewBroker& previews_;
   const size_t ingest_queue_limit_bytes_;
   const int64_t start_utc_ns_;
 };

@@ -32,6 +32,7 @@ struct AgentRecord {
   std::string software_version;
   std::string rig;
   std::vector<AnnouncedCamera> cameras;
+  bool takes_preview_requests = false;  // its wire version has them
   // Filled by the directory.
   bool connected = false;
   int64_t connect_utc_ns = 0;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/session/preview.h"
 #include "common/session/stream_key.h"
 #include "common/target/target.h"
 
@@ -33,6 +34,7 @@ class AgentLink {
   virtual ~AgentLink() = default;
   virtual void SendStartCapture(const StartCaptureCommand& command) = 0;
   virtual void SendStopCapture(const std::string& session_id) = 0;
+  virtual void SendPreviewRequest(const PreviewRequest& request) = 0;
   // Ends the stream with `reason`.
   virtual void Close(const absl::Status& reason) = 0;
 };

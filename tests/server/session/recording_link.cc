@@ -20,6 +20,10 @@ void RecordingLink::SendStopCapture(const std::string& session_id) {
   Add(absl::StrCat("stop ", session_id));
 }
 
+void RecordingLink::SendPreviewRequest(const PreviewRequest& request) {
+  Add(absl::StrCat("preview ", request.camera));
+}
+
 void RecordingLink::Close(const absl::Status& reason) {
   Add(absl::StrCat("close ", reason.ToString()));
   std::lock_guard lock(mutex_);

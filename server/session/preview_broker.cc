@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/session/preview_broker.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/camera/camera_id.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr std::chrono::milliseconds kCancellationInterval{250};
+constexpr size_t kMaxListedCameras = 32;
+
+bool Announces(const AgentRecord& agent, const std::string& camera) {
+  return std::any_of(agent.cameras.begin(), agent.cameras.end(),
+                     [&](const auto& announced) { return announced.description.camera == camera; });
+}
+
+// "rig/left, rig/right", of agents that are connected.
+std::string ConnectedText(const std::vector<AgentRecord>& agents) {
+  std::set<std::string> names;
+  for (const AgentRecord& agent : agents) {
+    if (!agent.connected) continue;
+    for (const AnnouncedCamera& camera : agent.cameras) {
+      names.insert(absl::StrCat(agent.rig, "/", camera.description.camera));
+    }
+  }
+  if (names.empty()) return "no agent is connected";
+  const size_t count = names.size();
+  while (names.size() > kMaxListedCameras) names.erase(std::prev(names.end()));
+  return absl::StrCat("connected are ", absl::StrJoin(names, ", "),
+                      count > names.size() ? " and others" : "");
+}
+
+absl::StatusCode CodeOf(PreviewRefusal refusal) {
+  switch (refusal) {
+    case PreviewRefusal::kNone:
+      return absl::StatusCode::kOk;
+    case PreviewRefusal::kDisabled:
+    case PreviewRefusal::kNoPictures:
+    case PreviewRefusal::kNotCapturing:
+      return absl::StatusCode::kFailedPrecondition;
+    case PreviewRefusal::kUnknownCamera:
+      return absl::StatusCode::kNotFound;
+    case PreviewRefusal::kTooOften:
+      return absl::StatusCode::kResourceExhausted;
+    case PreviewRefusal::kTimedOut:
+      return absl::StatusCode::kAborted;
+    case PreviewRefusal::kFailed:
+      break;
+  }
+  return absl::StatusCode::kInternal;
+}
+
+}  // namespace
+
+absl::Status PreviewBrokerOptions::Validate() const {
+  if (max_waiting >= 1 && default_wait.count() >= 1 && longest_wait >= default_wait &&
+      answer_grace.count() >= 0 && max_jpeg_bytes >= 1) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      "previews: max_waiting, default_wait and max_jpeg_bytes must be above 0, longest_wait not "
+      "below default_wait, answer_grace not below 0");
+}
+
+PreviewBroker::PreviewBroker(PreviewBrokerOptions options, const AgentDirectory* directory)
+    : options_(options), directory_(*directory) {}
+
+absl::StatusOr<AgentDirectory::ConnectedCamera> PreviewBroker::Find(const std::string& rig,
+                                                                    const std::string& camera,
+                                                                    std::string* found_rig) const {
+  const std::vector<AgentRecord> agents = directory_.List(rig);
+  std::set<std::string> rigs;
+  const AgentRecord* away = nullptr;
+  const AgentRecord* here = nullptr;
+  for (const AgentRecord& agent : agents) {
+    if (!Announces(agent, camera)) continue;
+    if (agent.connected) {
+      here = &agent;
+      rigs.insert(agent.rig);
+    } else {
+      away = &agent;
+    }
+  }
+  if (rigs.size() > 1) {
+    return absl::InvalidArgumentError(absl::StrCat("several rigs have a camera '", camera,
+                                                   "': ", absl::StrJoin(rigs, ", "),
+                                                   "; name one of them"));
+  }
+  if (here == nullptr && away != nullptr) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("agent '", away->agent_id, "' on host '", away->host, "', which has camera '",
+                     away->rig, "/", camera, "', is not connected; start it again"));
+  }
+  if (here == nullptr) {
+    return absl::NotFoundError(absl::StrCat("no agent has a camera '", rig, rig.empty() ? "" : "/",
+                                            camera, "'; ", ConnectedText(directory_.List(""))));
+  }
+  if (!here->takes_preview_requests) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("agent '", here->agent_id, "' on host '", here->host, "' is of release ",
+                     here->software_version, ", which has no previews; update it"));
+  }
+  *found_rig = here->rig;
+  for (AgentDirectory::ConnectedCamera& connected : directory_.ConnectedCameras(here->rig)) {
+    if (connected.camera.description.camera == camera) return std::move(connected);
+  }
+  return absl::AbortedError(
+      absl::StrCat("agent '", here->agent_id, "' has disconnected; ask again"));
+}
+
+absl::StatusOr<uint32_t> PreviewBroker::Enter(const std::string& rig, const std::string& camera,
+                                              AgentDirectory::Registration registration) {
+  const std::string rig_and_camera = absl::StrCat(rig, "/", camera);
+  const std::lock_guard lock(mutex_);
+  if (shut_down_) return absl::UnavailableError("the server is shutting down");
+  for (const auto& [id, waiting] : waiting_) {
+    if (waiting.rig_and_camera != rig_and_camera) continue;
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "a preview of camera '", rig_and_camera, "' is under way; ask again when it ", "is there"));
+  }
+  if (waiting_.size() >= options_.max_waiting) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        waiting_.size(), " previews are under way, which is the limit; ask again in a moment"));
+  }
+  do {
+    ++last_id_;
+  } while (last_id_ == 0 || waiting_.contains(last_id_));
+  waiting_[last_id_] = {
+      .rig_and_camera = rig_and_camera, .registration = registration, .outcome = {}};
+  return last_id_;
+}
+
+absl::StatusOr<Preview> PreviewBroker::Await(uint32_t id, std::chrono::milliseconds longest,
+                                             const std::function<bool()>& is_cancelled) {
+  const auto give_up = std::chrono::steady_clock::now() + longest;
+  std::unique_lock lock(mutex_);
+  Waiting& waiting = waiting_[id];
+  absl::StatusOr<Preview> outcome =
+      absl::AbortedError(absl::StrCat("the agent of camera '", waiting.rig_and_camera,
+                                      "' did not answer within ", longest.count(), " ms"));
+  while (!waiting.outcome && std::chrono::steady_clock::now() < give_up) {
+    if (is_cancelled()) {
+      outcome = absl::CancelledError("nobody waits for the preview any more");
+      break;
+    }
+    const auto look_again = std::chrono::steady_clock::now() + kCancellationInterval;
+    changed_.wait_until(lock, std::min(give_up, look_again));
+  }
+  if (waiting.outcome) outcome = *std::move(waiting.outcome);
+  waiting_.erase(id);
+  return outcome;
+}
+
+absl::StatusOr<PreviewBroker::CameraPreview> PreviewBroker::Get(
+    const std::string& rig, const std::string& camera, std::chrono::milliseconds wait,
+    const std::function<bool()>& is_cancelled) {
+  RIGCAL_RETURN_IF_ERROR(ValidateName("camera", camera));
+  if (!rig.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("rig", rig));
+  if (wait.count() <= 0) wait = options_.default_wait;
+  if (wait > options_.longest_wait) {
+    return absl::InvalidArgumentError(absl::StrCat("max_wait_ms is ", wait.count(), ", at most ",
+                                                   options_.longest_wait.count(), " are allowed"));
+  }
+  CameraPreview result;
+  RIGCAL_ASSIGN_OR_RETURN(const AgentDirectory::ConnectedCamera connected,
+                          Find(rig, camera, &result.rig));
+  result.agent_id = connected.agent_id;
+  RIGCAL_ASSIGN_OR_RETURN(const uint32_t id, Enter(result.rig, camera, connected.registration));
+  connected.link->SendPreviewRequest({.request_id = id,
+                                      .camera = camera,
+                                      .max_jpeg_bytes = options_.max_jpeg_bytes,
+                                      .max_wait_ms = static_cast<uint32_t>(wait.count())});
+  RIGCAL_ASSIGN_OR_RETURN(result.preview, Await(id, wait + options_.answer_grace, is_cancelled));
+  const Preview& preview = result.preview;
+  if (preview.refusal != PreviewRefusal::kNone) {
+    return absl::Status(CodeOf(preview.refusal), preview.message);
+  }
+  if (preview.info.camera != camera || preview.jpeg.size() > options_.max_jpeg_bytes) {
+    return absl::InternalError(absl::StrCat("agent '", result.agent_id, "' answered with ",
+                                            preview.jpeg.size(), " bytes of camera '",
+                                            preview.info.camera, "', which was not asked for"));
+  }
+  return result;
+}
+
+void PreviewBroker::TakeAnswer(AgentDirectory::Registration registration, Preview preview) {
+  const std::lock_guard lock(mutex_);
+  const auto found = waiting_.find(preview.request_id);
+  if (found == waiting_.end() || found->second.registration != registration) return;
+  if (!found->second.outcome) found->second.outcome = std::move(preview);
+  changed_.notify_all();
+}
+
+void PreviewBroker::AgentGone(AgentDirectory::Registration registration) {
+  const std::lock_guard lock(mutex_);
+  for (auto& [id, waiting] : waiting_) {
+    if (waiting.registration != registration || waiting.outcome) continue;
+    waiting.outcome = absl::AbortedError(absl::StrCat(
+        "the agent of camera '", waiting.rig_and_camera, "' disconnected before it answered"));
+  }
+  changed_.notify_all();
+}
+
+void PreviewBroker::Shutdown() {
+  const std::lock_guard lock(mutex_);
+  shut_down_ = true;
+  for (auto& [id, waiting] : waiting_) {
+    if (!waiting.outcome) waiting.outcome = absl::UnavailableError("the server is shutting down");
+  }
+  changed_.notify_all();
+}
+
+}  // namespace rigcal::server

@@ -18,7 +18,7 @@ uint64_t ColourMasker::MaskRow(const ImageView& picture, int y, int first_word, 
   const int word_bytes = kMaskWordBits * BytesPerPixel(picture.format);
   const uint8_t* pixels = picture.Row(y) + static_cast<ptrdiff_t>(first_word) * word_bytes;
   const int whole_words = std::min(word_count, picture.width / kMaskWordBits - first_word);
-  uint64_t all = mask(range_, pixels, whole_words, words);
+  uint64_t all = mask(range_, pixels, picture.stride_bytes, whole_words, words);
   if (whole_words == word_count) return all;
 
   // The last word's columns end within it: nobody may read on. Black is never taken.
@@ -26,7 +26,7 @@ uint64_t ColourMasker::MaskRow(const ImageView& picture, int y, int first_word, 
   const int columns = picture.width % kMaskWordBits;
   std::memcpy(padded, pixels + static_cast<ptrdiff_t>(whole_words) * word_bytes,
               static_cast<size_t>(columns * BytesPerPixel(picture.format)));
-  all |= mask(range_, padded, 1, words + whole_words);
+  all |= mask(range_, padded, 0, 1, words + whole_words);
   return all;
 }
 

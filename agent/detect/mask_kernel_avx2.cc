@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kLanes = 32;
 constexpr int kBlock = 64;  // pixels of a word
-constexpr int kPrefetchBytes = 2048;
+constexpr int kCacheLine = 64;
 
 __m256i Load(const uint8_t* bytes) {
   return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(bytes));
@@ -79,6 +79,12 @@ __m256i InHalfPlane(const HueHalfPlane& plane, const Planes& planes) {
 // Bytes are 0 exactly where `bytes` are not larger than `below`.
 __m256i Above(__m256i bytes, __m256i below) { return _mm256_subs_epu8(bytes, below); }
 
+// All bits of bytes that are not larger than `below`.
+__m256i NotAbove(__m256i bytes, __m256i below) {
+  return _mm256_cmpeq_epi8(Above(bytes, below), _mm256_setzero_si256());
+}
+
+// Most bright pixels have too little colour: only where one has enough is its hue asked for.
 uint32_t Mask32(const IntegerColourRange& range, const uint8_t* pixels) {
   Planes planes;
   Deinterleave(pixels, &planes);
@@ -87,25 +93,24 @@ uint32_t Mask32(const IntegerColourRange& range, const uint8_t* pixels) {
   const __m256i red = planes.channel[kRed];
   const __m256i value = _mm256_max_epu8(_mm256_max_epu8(blue, green), red);
   const __m256i smallest = _mm256_min_epu8(_mm256_min_epu8(blue, green), red);
-  const __m256i zero = _mm256_setzero_si256();
+  const __m256i dark = NotAbove(value, _mm256_set1_epi8(static_cast<char>(range.value_below)));
+  const __m256i washed_out_below = _mm256_set1_epi8(static_cast<char>(range.washed_out_below));
+  const __m256i grey = _mm256_and_si256(_mm256_cmpeq_epi8(smallest, value),
+                                        _mm256_set1_epi8(range.takes_grey ? -1 : 0));
+  const __m256i refused = _mm256_andnot_si256(grey, NotAbove(smallest, washed_out_below));
+  uint32_t taken = ~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_or_si256(refused, dark)));
 
   const __m256i share = _mm256_set1_epi16(static_cast<int16_t>(range.grey_share));
   const __m256i limit = _mm256_packus_epi16(_mm256_mulhi_epu16(Low(value), share),
                                             _mm256_mulhi_epu16(High(value), share));
-  const __m256i dull = Above(smallest, limit);
-  const __m256i hue =
-      _mm256_and_si256(InHalfPlane(range.from, planes), InHalfPlane(range.to, planes));
-  const __m256i hue_in_range = _mm256_xor_si256(hue, _mm256_set1_epi8(range.outside ? -1 : 0));
-  const __m256i coloured = _mm256_and_si256(_mm256_cmpeq_epi8(dull, zero), hue_in_range);
-
-  const __m256i grey = _mm256_and_si256(_mm256_cmpeq_epi8(smallest, value),
-                                        _mm256_set1_epi8(range.takes_grey ? -1 : 0));
-  const __m256i washed_out_below = _mm256_set1_epi8(static_cast<char>(range.washed_out_below));
-  const __m256i not_washed_out = _mm256_cmpeq_epi8(Above(smallest, washed_out_below), zero);
-  const __m256i value_below = _mm256_set1_epi8(static_cast<char>(range.value_below));
-  const __m256i dark = _mm256_cmpeq_epi8(Above(value, value_below), zero);
-  const __m256i refused = _mm256_andnot_si256(_mm256_or_si256(coloured, grey), not_washed_out);
-  return ~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_or_si256(refused, dark)));
+  const __m256i coloured = _mm256_andnot_si256(dark, NotAbove(smallest, limit));
+  if (_mm256_testz_si256(coloured, coloured) == 0) {
+    const __m256i inside =
+        _mm256_and_si256(InHalfPlane(range.from, planes), InHalfPlane(range.to, planes));
+    const __m256i in_range = _mm256_xor_si256(inside, _mm256_set1_epi8(range.outside ? -1 : 0));
+    taken |= static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_and_si256(coloured, in_range)));
+  }
+  return taken;
 }
 
 bool AnyAbove(__m256i bytes, __m256i below) {
@@ -113,15 +118,22 @@ bool AnyAbove(__m256i bytes, __m256i below) {
   return _mm256_testz_si256(above, above) == 0;
 }
 
+// The lines that lie `ahead` bytes after `count` bytes, where no object need be.
+void Prefetch(const uint8_t* bytes, ptrdiff_t ahead, int count) {
+  const uintptr_t first = reinterpret_cast<uintptr_t>(bytes) + static_cast<uintptr_t>(ahead);
+  for (int i = 0; i < count; i += kCacheLine) {
+    const uintptr_t address = first + static_cast<uintptr_t>(i);
+    _mm_prefetch(reinterpret_cast<const char*>(address), _MM_HINT_T0);
+  }
+}
+
 // A word's pixels are first asked together, channels mixed, whether any is bright enough.
-uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, int word_count,
-                 uint64_t* words) {
+uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                 int word_count, uint64_t* words) {
   const __m256i below = _mm256_set1_epi8(static_cast<char>(range.value_below));
   uint64_t all = 0;
   for (int i = 0; i < word_count; ++i, pixels += 3 * kBlock) {
-    for (int line = 0; line < 3; ++line) {
-      _mm_prefetch(reinterpret_cast<const char*>(pixels) + kPrefetchBytes + 64 * line, _MM_HINT_T0);
-    }
+    Prefetch(pixels, next_row, 3 * kBlock);
     const __m256i first = _mm256_max_epu8(_mm256_max_epu8(Load(pixels), Load(pixels + kLanes)),
                                           Load(pixels + 2 * kLanes));
     const __m256i second =
@@ -143,11 +155,12 @@ uint32_t MaskMono32(__m256i grey, __m256i below) {
   return ~static_cast<uint32_t>(_mm256_movemask_epi8(dark));
 }
 
-uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, int word_count,
-                  uint64_t* words) {
+uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                  int word_count, uint64_t* words) {
   const __m256i below = _mm256_set1_epi8(static_cast<char>(range.value_below));
   uint64_t all = 0;
   for (int i = 0; i < word_count; ++i, pixels += kBlock) {
+    Prefetch(pixels, next_row, kBlock);
     words[i] = MaskMono32(Load(pixels), below) | uint64_t{MaskMono32(Load(pixels + kLanes), below)}
                                                      << kLanes;
     all |= words[i];

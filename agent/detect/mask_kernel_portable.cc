@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kLanes = 16;
 constexpr int kBlock = 64;  // pixels of a word
+constexpr int kCacheLine = 64;
 
 using Bytes = uint8_t __attribute__((vector_size(kLanes)));
 
@@ -76,7 +77,8 @@ struct Planes {
   alignas(64) uint8_t channel[3][kBlock];
 };
 
-void InHalfPlane(const HueHalfPlane& plane, const Planes& planes, uint8_t* inside) {
+// inside[i] becomes 0 where the hue lies in another half plane.
+void KeepHalfPlane(const HueHalfPlane& plane, const Planes& planes, uint8_t* inside) {
   const uint8_t* plus = planes.channel[plane.plus];
   const uint8_t* minus = planes.channel[plane.minus];
   const uint8_t* slope_plus = planes.channel[plane.slope_plus];
@@ -85,56 +87,76 @@ void InHalfPlane(const HueHalfPlane& plane, const Planes& planes, uint8_t* insid
   for (int i = 0; i < kBlock; ++i) {
     const auto run = static_cast<int16_t>(slope_plus[i] - slope_minus[i]);
     const auto rise = static_cast<int16_t>(plus[i] - minus[i]);
-    inside[i] = rise > static_cast<int16_t>(run * slope >> 16) ? 1 : 0;
+    const uint8_t above = rise > static_cast<int16_t>(run * slope >> 16) ? 1 : 0;
+    inside[i] &= above;
   }
 }
 
+uint64_t HueInRange(const IntegerColourRange& range, const Planes& planes) {
+  alignas(64) uint8_t inside[kBlock];
+  std::fill(inside, inside + kBlock, uint8_t{1});
+  KeepHalfPlane(range.from, planes, inside);
+  KeepHalfPlane(range.to, planes, inside);
+  return Pack(inside) ^ (range.outside ? ~uint64_t{0} : 0);
+}
+
+// Most bright pixels have too little colour: only where one has enough is its hue asked for.
 uint64_t MaskBlock(const IntegerColourRange& range, const uint8_t* pixels) {
   Planes planes;
   for (int i = 0; i < kBlock; i += kLanes) {
-    Deinterleave(pixels + 3 * i, planes.channel[0] + i, planes.channel[1] + i,
-                 planes.channel[2] + i);
+    Deinterleave(pixels + 3 * i, planes.channel[kBlue] + i, planes.channel[kGreen] + i,
+                 planes.channel[kRed] + i);
   }
-  alignas(64) uint8_t from[kBlock];
-  alignas(64) uint8_t to[kBlock];
-  alignas(64) uint8_t taken[kBlock];
-  InHalfPlane(range.from, planes, from);
-  InHalfPlane(range.to, planes, to);
-  const uint8_t outside = range.outside ? 1 : 0;
+  alignas(64) uint8_t coloured[kBlock];  // and bright enough
+  alignas(64) uint8_t plain[kBlock];     // taken whatever the hue
   const uint8_t takes_grey = range.takes_grey ? 1 : 0;
   const uint8_t value_below = range.value_below;
   const uint8_t washed_out_below = range.washed_out_below;
   const uint16_t grey_share = range.grey_share;
   for (int i = 0; i < kBlock; ++i) {
-    const uint8_t b = planes.channel[0][i], g = planes.channel[1][i], r = planes.channel[2][i];
-    const uint8_t value = std::max(std::max(b, g), r);
-    const uint8_t smallest = std::min(std::min(b, g), r);
-    const auto limit =
-        static_cast<uint8_t>(static_cast<uint16_t>(uint32_t{value} * grey_share >> 16));
-    const uint8_t coloured = static_cast<uint8_t>(smallest <= limit ? 1 : 0) &
-                             static_cast<uint8_t>((from[i] & to[i]) ^ outside);
-    const uint8_t grey = static_cast<uint8_t>(smallest == value ? 1 : 0) & takes_grey;
+    const uint8_t blue = planes.channel[kBlue][i];
+    const uint8_t green = planes.channel[kGreen][i];
+    const uint8_t red = planes.channel[kRed][i];
+    const uint8_t value = std::max(std::max(blue, green), red);
+    const uint8_t smallest = std::min(std::min(blue, green), red);
+    const auto limit = static_cast<uint8_t>(uint32_t{value} * grey_share >> 16);
+    const uint8_t bright = value > value_below ? 1 : 0;
+    const uint8_t colourful = smallest <= limit ? 1 : 0;
+    const uint8_t colourless = smallest == value ? 1 : 0;
     const uint8_t washed_out = smallest > washed_out_below ? 1 : 0;
-    taken[i] = static_cast<uint8_t>((coloured | grey | washed_out) &
-                                    static_cast<uint8_t>(value > value_below ? 1 : 0));
+    coloured[i] = bright & colourful;
+    plain[i] = bright & (washed_out | (colourless & takes_grey));
   }
-  return Pack(taken);
+  const uint64_t candidates = Pack(coloured);
+  const uint64_t in_range = candidates == 0 ? 0 : HueInRange(range, planes);
+  return (candidates & in_range) | Pack(plain);
 }
 
-uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, int word_count,
-                 uint64_t* words) {
+// The lines that lie `ahead` bytes after `count` bytes, where no object need be.
+void Prefetch(const uint8_t* bytes, ptrdiff_t ahead, int count) {
+  const uintptr_t first = reinterpret_cast<uintptr_t>(bytes) + static_cast<uintptr_t>(ahead);
+  for (int i = 0; i < count; i += kCacheLine) {
+    const uintptr_t address = first + static_cast<uintptr_t>(i);
+    __builtin_prefetch(reinterpret_cast<const void*>(address));
+  }
+}
+
+uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                 int word_count, uint64_t* words) {
   uint64_t all = 0;
   for (int i = 0; i < word_count; ++i, pixels += 3 * kBlock) {
+    Prefetch(pixels, next_row, 3 * kBlock);
     words[i] = AnyAbove(pixels, 3 * kBlock, range.value_below) ? MaskBlock(range, pixels) : 0;
     all |= words[i];
   }
   return all;
 }
 
-uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, int word_count,
-                  uint64_t* words) {
+uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                  int word_count, uint64_t* words) {
   uint64_t all = 0;
   for (int i = 0; i < word_count; ++i, pixels += kBlock) {
+    Prefetch(pixels, next_row, kBlock);
     words[i] = 0;
     if (!AnyAbove(pixels, kBlock, range.value_below)) continue;
     uint8_t taken[kBlock];

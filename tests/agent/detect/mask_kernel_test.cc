@@ -28,7 +28,7 @@ void ExpectSame(const IntegerColourRange& range, const std::vector<uint8_t>& pix
   for (const MaskKernel* kernel : AvailableMaskKernels()) {
     std::vector<uint64_t> words(kWords, 0x123456789abcdef0);
     const auto mask = colour ? kernel->bgr : kernel->mono;
-    ASSERT_EQ(mask(range, pixels.data(), kWords, words.data()), expected_all) << kernel->name;
+    ASSERT_EQ(mask(range, pixels.data(), 500, kWords, words.data()), expected_all) << kernel->name;
     ASSERT_EQ(words, expected) << kernel->name;
   }
 }
@@ -69,8 +69,8 @@ TEST(MaskKernel, FindsASinglePixelAnywhere) {
 
 TEST(MaskKernel, NoWordsGiveNothing) {
   for (const MaskKernel* kernel : AvailableMaskKernels()) {
-    EXPECT_EQ(kernel->bgr(IntegerColourRange{}, nullptr, 0, nullptr), 0u);
-    EXPECT_EQ(kernel->mono(IntegerColourRange{}, nullptr, 0, nullptr), 0u);
+    EXPECT_EQ(kernel->bgr(IntegerColourRange{}, nullptr, 0, 0, nullptr), 0u);
+    EXPECT_EQ(kernel->mono(IntegerColourRange{}, nullptr, 0, 0, nullptr), 0u);
   }
 }
 

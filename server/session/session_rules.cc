@@ -44,11 +44,6 @@ absl::Status ValidateNewSession(const Session& session, size_t max_cameras) {
                                   kMaxTitleBytes, " are allowed"));
   }
   AddFault(session.target.Validate(), &faults);
-  if (session.target.kind == TargetKind::kPoint) {
-    faults.emplace_back(
-        "a 'point' target is not yet supported; use a wand with two or more markers, like "
-        "wand:0,0.13,0.39");
-  }
   std::set<std::string> names;
   for (const std::string& name : session.requested_cameras) {
     AddFault(ValidateName("camera name", name), &faults);

@@ -167,6 +167,8 @@ void ConstrainCameras(const BundleProblem& problem, ParameterBlocks* blocks,
       ceres_problem->SetParameterBlockConstant(rotation);
       ceres_problem->SetParameterBlockConstant(blocks->translation(c));
     }
+    // Of a camera that only a distance holds there are none.
+    if (!ceres_problem->HasParameterBlock(blocks->intrinsics(c))) continue;
     if (camera.intrinsics_fixed) {
       ceres_problem->SetParameterBlockConstant(blocks->intrinsics(c));
     } else {
@@ -201,6 +203,16 @@ void ConstrainTarget(const BundleTarget& target, ParameterBlocks* blocks,
     ceres_problem->AddResidualBlock(new SpanPriorCost(span_m, target.span_sigma_m), nullptr,
                                     blocks->position(m - 1), blocks->position(m));
   }
+}
+
+void ConstrainDistance(const BundleProblem& problem, ParameterBlocks* blocks,
+                       ceres::Problem* ceres_problem) {
+  if (!problem.distance) return;
+  const BundleDistance& distance = *problem.distance;
+  const auto a = static_cast<size_t>(distance.camera_a), b = static_cast<size_t>(distance.camera_b);
+  ceres_problem->AddResidualBlock(new DistancePriorCost(distance.distance_m, distance.sigma_m),
+                                  nullptr, blocks->rotation(a), blocks->translation(a),
+                                  blocks->rotation(b), blocks->translation(b));
 }
 
 ceres::Solver::Options SolverOptions(const BundleOptions& options, ParameterBlocks* blocks,
@@ -238,6 +250,7 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
       ceres_problem.SetManifold(blocks.instant(i), new TargetManifold);
     }
   }
+  ConstrainDistance(*problem, &blocks, &ceres_problem);
   ConstrainCameras(*problem, &blocks, &ceres_problem);
   for (size_t k = 0; k < problem->clocks.size(); ++k) {
     const BundleClock& clock = problem->clocks[k];

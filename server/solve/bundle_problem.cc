@@ -18,6 +18,15 @@ bool IsRun(int first, int count, size_t size) {
          static_cast<size_t>(first) + static_cast<size_t>(count) <= size;
 }
 
+bool IsValid(const BundleDistance& distance, size_t camera_count) {
+  const auto is_camera = [camera_count](int camera) {
+    return camera >= 0 && static_cast<size_t>(camera) < camera_count;
+  };
+  return is_camera(distance.camera_a) && is_camera(distance.camera_b) &&
+         distance.camera_a != distance.camera_b && std::isfinite(distance.distance_m) &&
+         distance.distance_m > 0 && std::isfinite(distance.sigma_m) && distance.sigma_m > 0;
+}
+
 absl::Status ValidateCamera(const BundleCamera& camera) {
   const Eigen::Index size = IntrinsicsSize(camera.model);
   if (!IsFinite(camera.cam_from_rig) || !camera.intrinsics.allFinite()) {
@@ -103,6 +112,11 @@ absl::Status BundleProblem::Validate() const {
                         !(target.span_sigma_m > 0))) {
     return absl::InvalidArgumentError(
         "bundle adjustment: the target's spacing is to be estimated but has no prior");
+  }
+  if (distance && !IsValid(*distance, cameras.size())) {
+    return absl::InvalidArgumentError(
+        "bundle adjustment: the distance that holds the scale is not between two cameras, or it or "
+        "its sigma is not positive");
   }
   for (size_t i = 0; i < instants.size(); ++i) {
     if (absl::Status status = ValidateInstant(*this, i); !status.ok()) return status;

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -81,6 +82,15 @@ struct BundleObservation {
   int marker_count = 0;
 };
 
+// Holds the scale where the target, with its one marker, has none: a normal prior on the distance
+// between two cameras' centres. The scale is free of everything else, so the solution has this
+// distance whatever the sigma, which only keeps the problem well conditioned.
+struct BundleDistance {
+  int camera_a = 0, camera_b = 0;
+  double distance_m = 1;
+  double sigma_m = 1e-4;
+};
+
 // The target at one time: marker m is at origin_m + marker_positions_m[m] * direction.
 struct BundleInstant {
   Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();
@@ -97,9 +107,11 @@ struct BundleProblem {
   std::vector<BundleInstant> instants;
   std::vector<BundleObservation> observations;
   std::vector<BundleMarker> markers;
+  std::optional<BundleDistance> distance;
 
   // INVALID_ARGUMENT: an index out of range, a value that is not finite, no fixed camera, no fixed
-  // clock while others are estimated, a target that is estimated without a prior.
+  // clock while others are estimated, a target that is estimated without a prior, a distance that
+  // is not positive or not between two cameras.
   absl::Status Validate() const;
 };
 

@@ -23,6 +23,8 @@ namespace {
 
 // Of the image's width; half of all views within this of one place determine nothing.
 constexpr double kMinSpreadShare = 0.01;
+// Sigma, as a share of a known distance, with which the solver holds it.
+constexpr double kDistanceHold = 1e-4;
 
 double Median(std::vector<double>* values) {
   if (values->empty()) return 0;
@@ -33,12 +35,14 @@ double Median(std::vector<double>* values) {
 
 absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  if (input.target.kind == TargetKind::kPoint) {
-    return absl::InvalidArgumentError(
-        "target `point` is not yet supported: a single marker has no length to give the scale; "
-        "use a wand with two or more markers, for example wand:0,0.13,0.39");
-  }
   RIGCAL_RETURN_IF_ERROR(input.target.Validate());
+  if (options.known_distance && input.target.marker_count() > 1) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "a known distance (of cameras ", options.known_distance->camera_a, " and ",
+        options.known_distance->camera_b,
+        ") is for a target of one marker; this wand has lengths of its own, and two scales would "
+        "contradict each other: leave the distance out, and compare it with the result"));
+  }
   std::vector<std::string> without;
   for (const CameraTrack& track : input.tracks) {
     if (!track.camera.intrinsics) {
@@ -88,6 +92,17 @@ absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
         "camera ", camera, " never saw the wand (", count.observation_count,
         " observations, 0 with a visible marker): wave the wand where it can see it, check its "
         "detector, or calibrate without it"));
+  }
+  if (options.known_distance) {
+    for (const std::string* camera :
+         {&options.known_distance->camera_a, &options.known_distance->camera_b}) {
+      if (counts.contains(*camera)) continue;
+      std::vector<std::string> names;
+      for (const auto& [name, count] : counts) names.push_back(name);
+      return absl::InvalidArgumentError(absl::StrCat("known distance: camera ", *camera,
+                                                     " is none of the cameras of these sessions (",
+                                                     absl::StrJoin(names, ", "), ")"));
+    }
   }
   if (!options.reference_camera.empty() && !counts.contains(options.reference_camera)) {
     return absl::InvalidArgumentError(absl::StrCat("reference camera ", options.reference_camera,
@@ -144,7 +159,8 @@ absl::Status CheckMotion(const std::vector<AlignedTrack>& tracks, const RigIndex
   return absl::OkStatus();
 }
 
-int ReferenceIndex(const RigIndex& index, const std::string& name) {
+// 0 for none.
+int CameraIndex(const RigIndex& index, const std::string& name) {
   for (size_t c = 0; c < index.cameras.size(); ++c) {
     if (index.cameras[c].camera == name) return static_cast<int>(c);
   }
@@ -194,9 +210,17 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   RIGCAL_RETURN_IF_ERROR(CheckMotion(rig.tracks, rig.index));
 
   RigSolveOptions solve;
-  solve.reference_camera = ReferenceIndex(rig.index, options.reference_camera);
+  solve.reference_camera = CameraIndex(rig.index, options.reference_camera);
   solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
-  solve.estimate_marker_positions = options.marker_positions != Estimate::kFixed;
+  solve.estimate_marker_positions =
+      options.marker_positions != Estimate::kFixed && input.target.marker_count() > 1;
+  if (options.known_distance) {
+    const KnownDistance& known = *options.known_distance;
+    solve.known_distance = BundleDistance{CameraIndex(rig.index, known.camera_a),
+                                          CameraIndex(rig.index, known.camera_b), known.distance_m,
+                                          kDistanceHold * known.distance_m};
+    solve.known_distance_sigma_m = known.SigmaM();
+  }
   solve.sigma_px = options.sigma_px;
   solve.tolerance_s = options.association_tolerance_s;
   solve.seed = options.seed;

@@ -42,9 +42,9 @@ struct CalibrationOutcome {
 // observations only, not on their order; bit for bit on one build and CPU. Knows no files, no
 // network.
 //
-// Errors of `result`: INVALID_ARGUMENT (options, target `point`, a camera without intrinsics),
-// FAILED_PRECONDITION (not connected: names the groups and the pair that would best join them; too
-// few instants; no camera), CANCELLED. Each says what to do.
+// Errors of `result`: INVALID_ARGUMENT (options, a known distance with a wand, a camera without
+// intrinsics), FAILED_PRECONDITION (not connected: names the groups and the pair that would best
+// join them; too few instants; no camera), CANCELLED. Each says what to do.
 CalibrationOutcome Calibrate(const CalibrationInput& input, const CalibrationOptions& options,
                              const CalibrationHooks& hooks = {});
 

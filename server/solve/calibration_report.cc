@@ -159,6 +159,13 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
   const BundleProblem& problem = input.judged.solution.built.problem;
   CalibratedTarget target;
   target.given = input.rig.target;
+  if (problem.target.marker_positions_m.size() == 1) {
+    // No lengths: only what a known distance says.
+    if (input.judged.uncertainty) {
+      target.scale_sigma_rel = input.judged.uncertainty->scale_sigma_rel;
+    }
+    return target;
+  }
   target.marker_positions_m = problem.target.marker_positions_m;
   target.marker_positions_estimated = !problem.target.fixed;
   const LengthErrors lengths = MeasureLengths(problem, target.marker_positions_m, 2);
@@ -188,7 +195,10 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   const std::vector<Residuals> residuals = ComputeResiduals(problem);
   const ClockReport clocks = ReportClocks(input);
   CalibrationResult result;
-  result.scale_known = true;
+  result.scale_known = !problem.distance || input.options.known_distance;
+  if (!result.scale_known) {
+    result.unit_camera = problem.cameras[static_cast<size_t>(problem.distance->camera_b)].name;
+  }
   result.reference_camera =
       problem.cameras[static_cast<size_t>(input.judged.options.reference_camera)].name;
   result.iteration_count = static_cast<uint32_t>(input.judged.solution.iterations);
@@ -243,8 +253,8 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   result.target = ReportTarget(input);
   result.wand_volume = MeasureWandVolume(problem);
   if (input.judged.uncertainty) {
-    result.camera_covariance = PackCameraCovariance(
-        problem, input.judged.options.reference_camera, *input.judged.uncertainty);
+    result.camera_covariance = PackCameraCovariance(problem, input.judged.options.reference_camera,
+                                                    *input.judged.uncertainty);
   }
   result.findings = FindCauses(input.rig, input.judged, result);
   result.quality = JudgeQuality(result);

@@ -35,6 +35,7 @@ BuiltProblem BuildForJudging(const RigObservations& rig, const RigSolution& solu
   built.problem.cameras = solution.built.problem.cameras;
   built.problem.clocks = solution.built.problem.clocks;
   built.problem.target = solution.built.problem.target;
+  built.problem.distance = solution.built.problem.distance;
   for (BundleInstant& instant : built.problem.instants) instant.used = false;
   return built;
 }

@@ -23,36 +23,67 @@ using Powers = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxPoin
 using Terms = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxTerms, 1>;
 using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTerms, kMaxTerms>;
 
+// A velocity without the centre's noise may be this much noisier, in variance, before a lower
+// degree is taken.
+constexpr double kMaxNoiseGain = 2;
+
 // Weights over the points so that their sum over the values is, for the least-squares polynomials
-// of a degree and of one degree less, P(t) - P(0); and P'(t).
+// of a degree and of one degree less, P(t) - P(0).
 struct FitWeights {
-  Weights displacement, lower_displacement, velocity;
+  Weights displacement, lower_displacement;
 };
 
-// Times are scaled to order one, where the normal equations of so few powers lose few digits.
-FitWeights WeightsOf(const Weights& times, Eigen::Index degree, double t) {
-  const double scale = std::max(times.cwiseAbs().maxCoeff(), 1e-9);
+// Times scaled to order one, where the normal equations of so few powers lose few digits.
+Powers PowersOf(const Weights& times, double scale, Eigen::Index degree) {
   Powers powers(times.size(), degree + 1);
   for (Eigen::Index i = 0; i < times.size(); ++i) {
     double power = 1;
     for (Eigen::Index k = 0; k <= degree; ++k, power *= times[i] / scale) powers(i, k) = power;
   }
-  Terms at = Terms::Zero(degree + 1), slope = Terms::Zero(degree + 1);
+  return powers;
+}
+
+FitWeights WeightsOf(const Weights& times, Eigen::Index degree, double t) {
+  const double scale = std::max(times.cwiseAbs().maxCoeff(), 1e-9);
+  const Powers powers = PowersOf(times, scale, degree);
+  Terms at = Terms::Zero(degree + 1);
   double power = 1;
-  for (Eigen::Index k = 1; k <= degree; ++k) {
-    slope[k] = static_cast<double>(k) * power / scale;
-    power *= t / scale;
-    at[k] = power;
-  }
+  for (Eigen::Index k = 1; k <= degree; ++k) at[k] = power *= t / scale;
   const Normal normal = powers.transpose() * powers;
-  const Eigen::LDLT<Normal> factor(normal);
   FitWeights weights;
-  weights.displacement = powers * factor.solve(at);
-  weights.velocity = powers * factor.solve(slope);
+  weights.displacement = powers * Eigen::LDLT<Normal>(normal).solve(at);
   const Normal lower = normal.topLeftCorner(degree, degree);
   weights.lower_displacement =
       powers.leftCols(degree) * Eigen::LDLT<Normal>(lower).solve(Terms(at.head(degree)));
   return weights;
+}
+
+// Weights of P'(t), orthogonal to those of the centre where a polynomial of some degree up to
+// `degree` leaves the room.
+Weights VelocityWeights(const Weights& times, Eigen::Index degree, double t,
+                        const Weights& centre) {
+  const double scale = std::max(times.cwiseAbs().maxCoeff(), 1e-9);
+  Weights plain;
+  for (; degree >= 1; --degree) {
+    const Powers powers = PowersOf(times, scale, degree);
+    const Normal normal = powers.transpose() * powers;
+    const Eigen::LDLT<Normal> factor(normal);
+    Terms slope = Terms::Zero(degree + 1);
+    double power = 1 / scale;
+    for (Eigen::Index k = 1; k <= degree; ++k, power *= t / scale) {
+      slope[k] = static_cast<double>(k) * power;
+    }
+    const Weights velocity = powers * factor.solve(slope);
+    if (plain.size() == 0) plain = velocity;
+    const Weights rest = centre - powers * factor.solve(Terms(powers.transpose() * centre));
+    const double shared = centre.dot(velocity);
+    if (shared * shared > (kMaxNoiseGain - 1) * velocity.squaredNorm() * rest.squaredNorm()) {
+      continue;
+    }
+    if (shared == 0) return velocity;
+    return velocity - shared / rest.squaredNorm() * rest;
+  }
+  return plain;
 }
 
 Eigen::Index CountDistinct(const Weights& times, double apart_s) {
@@ -216,20 +247,25 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
                                                                  : std::min(2, options_.max_degree);
   const Eigen::Index degree = std::min(distinct - 1, max_degree);
   const FitWeights weights = WeightsOf(times, degree, shift_s);
+  Weights centre = weights.displacement;
+  if (own_index >= 0) centre[own_index] += 1;
+  const Weights velocity = VelocityWeights(times, degree, shift_s, centre);
   Eigen::Vector2d lower = Eigen::Vector2d::Zero(), displacement = Eigen::Vector2d::Zero();
-  motion.covariance_px2.setZero();
+  Eigen::Matrix2d own_noise = Eigen::Matrix2d::Zero();
   for (Eigen::Index i = 0; i < count; ++i) {
     const Sample& point = *points[static_cast<size_t>(i)];
     // Differences to the own row: the weights sum to zero, and small numbers keep their digits.
     const Eigen::Vector2d value = point.centre_px - samples[own].centre_px;
     displacement += weights.displacement[i] * value;
-    motion.velocity_px_s += weights.velocity[i] * value;
+    motion.velocity_px_s += velocity[i] * value;
     lower += weights.lower_displacement[i] * value;
-    const double weight = weights.displacement[i] + (i == own_index ? 1 : 0);
-    motion.covariance_px2 += weight * weight * point.covariance_px2;
+    own_noise += centre[i] * centre[i] * point.covariance_px2;
   }
-  if (own_index < 0) motion.covariance_px2 += samples[own].covariance_px2;
+  if (own_index < 0) own_noise += samples[own].covariance_px2;
   motion.centre_px += displacement;
+  const double share = own_noise.trace() / motion.covariance_px2.trace();
+  motion.covariance_px2 *= std::max(1.0, share);
+  motion.noise_share = std::min(1.0, share);
   const double left_out_px = 0.5 * (displacement - lower).norm();
   motion.covariance_px2 += left_out_px * left_out_px * Eigen::Matrix2d::Identity();
   return motion;

@@ -12,7 +12,10 @@ namespace rigcal::server {
 // Where a marker's image is and how it moves, at a time near one of its rows.
 struct MarkerMotion {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  // To weigh the centre with beside those of the neighbouring instants (ImageMotion says how).
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
+  // The centre's own variance, by that: below 1 where it is a mean of several rows.
+  double noise_share = 1;
   Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
   bool has_velocity = false;
 };
@@ -33,9 +36,21 @@ struct ImageMotionOptions {
 
 // The motion of the markers in one camera's image, from local polynomial fits to its rows. The row
 // asked about is moved along the fitted polynomial, u(t) = u_row + P(t) - P(t_row), so that it
-// keeps its own noise, and a row without neighbours stays where it is. The covariance is that of
-// exactly this linear combination of rows, plus what the fit's highest order contributes as a
-// measure of what it leaves out.
+// keeps its own noise, and a row without neighbours stays where it is.
+//
+// The centre is a sum of rows, u = sum_i w_i u_i with sum_i w_i = 1. Its own variance,
+// sum_i w_i^2 S_i, is down to half a row's between two rows; but then the next instant's centre is
+// a sum of the same rows, and the two share their noise. To parameters that change slowly against
+// the frames a run of n such centres is worth as much as its n rows, not more: the variance of
+// their mean is their spectrum at frequency zero, |sum_i w_i|^2 S / n (Whittle 1953). So what is
+// stated is the row's covariance, times tr(sum w_i^2 S_i) / tr(S) where that is above 1 (beyond the
+// last row), plus half of what the fit's highest order contributes, squared, as a measure of what
+// the fit leaves out.
+//
+// The velocity is a sum of rows as well, sum_i v_i u_i. It multiplies the residual in the time
+// offset's gradient, so a noise it shared with the centre, S sum_i v_i w_i, would pull the offset.
+// Its weights are those of the least-squares polynomial among v with sum_i v_i w_i = 0, where there
+// are rows enough: an instrument in the sense of errors in variables (Fuller 1987, 2.4).
 //
 // A wild centre takes no part in its neighbours' fits.
 class ImageMotion {

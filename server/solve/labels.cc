@@ -34,6 +34,7 @@ class LabelJudge {
 
   std::vector<int> Run() {
     std::vector<int> reversed;
+    if (last_label_ < 1) return reversed;  // one marker has one order
     for (size_t i = 0; i < problem_.instants.size(); ++i) {
       const BundleInstant& instant = problem_.instants[i];
       std::vector<int> found;

@@ -3,6 +3,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 namespace rigcal::server {
 namespace {
@@ -134,10 +136,52 @@ double LineBundleEstimate::PriorCost() const {
     const double residual = PriorResidual(prior);
     cost += 0.5 * residual * residual;
   }
+  if (layout_->distance) {
+    const ReducedDistance& distance = *layout_->distance;
+    const double residual = (Difference(distance).norm() - distance.mean) * distance.inverse_sigma;
+    cost += 0.5 * residual * residual;
+  }
   return cost;
 }
 
+Eigen::Vector3d LineBundleEstimate::Difference(const ReducedDistance& distance) const {
+  const auto centre = [this](int camera) {
+    return cameras_[static_cast<size_t>(camera)].cam_from_rig.SourceFromTargetTranslation();
+  };
+  return centre(distance.camera_b) - centre(distance.camera_a);
+}
+
+void LineBundleEstimate::AddDistance(const ReducedDistance& distance, Eigen::MatrixXd* matrix,
+                                     Eigen::VectorXd* gradient) const {
+  const Eigen::Vector3d difference = Difference(distance);
+  const double length = difference.norm();
+  if (!(length > 0)) return;
+  const double residual = (length - distance.mean) * distance.inverse_sigma;
+  std::vector<std::pair<int, double>> row;  // derivatives of the residual, by column
+  for (const bool is_a : {true, false}) {
+    const int pose = is_a ? distance.pose_a : distance.pose_b;
+    if (pose < 0) continue;
+    const RigidTransform& cam_from_rig =
+        cameras_[static_cast<size_t>(is_a ? distance.camera_a : distance.camera_b)].cam_from_rig;
+    // The centre -R^T t under exp([w]x) R and t + dt moves by -R^T (dt + t x w).
+    const Eigen::Vector3d outward =
+        (is_a ? -1 : 1) * distance.inverse_sigma / length * (cam_from_rig.rotation * difference);
+    const Eigen::Vector3d turn = cam_from_rig.translation_m.cross(outward);
+    for (int i = 0; i < 3; ++i) {
+      row.emplace_back(pose + i, turn[i]);
+      row.emplace_back(pose + 3 + i, -outward[i]);
+    }
+  }
+  for (const auto& [i, d_i] : row) {
+    (*gradient)[i] += residual * d_i;
+    for (const auto& [j, d_j] : row) {
+      if (j <= i) (*matrix)(i, j) += d_i * d_j;
+    }
+  }
+}
+
 void LineBundleEstimate::AddPriors(Eigen::MatrixXd* matrix, Eigen::VectorXd* gradient) const {
+  if (layout_->distance) AddDistance(*layout_->distance, matrix, gradient);
   for (const ReducedPrior& prior : layout_->priors) {
     const double residual = PriorResidual(prior);
     const double information = prior.inverse_sigma * prior.inverse_sigma;

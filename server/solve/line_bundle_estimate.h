@@ -31,6 +31,10 @@ class LineBundleEstimate {
  private:
   double Value(int column) const;
   double PriorResidual(const ReducedPrior& prior) const;
+  // From the centre of camera a to that of b.
+  Eigen::Vector3d Difference(const ReducedDistance& distance) const;
+  void AddDistance(const ReducedDistance& distance, Eigen::MatrixXd* matrix,
+                   Eigen::VectorXd* gradient) const;
   void RefreshViews();
 
   const LineBundleLayout* layout_;

@@ -116,6 +116,15 @@ LineBundleLayout LayOut(const BundleProblem& problem) {
     layout.columns.push_back(columns);
   }
   AppendTarget(problem.target, &layout);
+  if (problem.distance) {
+    const BundleDistance& distance = *problem.distance;
+    const auto pose = [&cameras](int camera) {
+      const auto found = cameras.find(camera);
+      return found == cameras.end() ? -1 : found->second.pose;
+    };
+    layout.distance = {distance.camera_a,       distance.camera_b,   pose(distance.camera_a),
+                       pose(distance.camera_b), distance.distance_m, 1 / distance.sigma_m};
+  }
   return layout;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "server/solve/bundle_problem.h"
@@ -18,6 +19,14 @@ struct ReducedPrior {
   double inverse_sigma = 0;
 };
 
+// A normal prior on the distance between the centres of two cameras.
+struct ReducedDistance {
+  int camera_a = 0, camera_b = 0;
+  int pose_a = -1, pose_b = -1;  // first of six columns; -1: fixed
+  double mean = 0;
+  double inverse_sigma = 0;
+};
+
 // The free parameters besides the instants, in columns: camera by camera its pose, its intrinsics
 // and the clocks it is the first to use, then the marker positions.
 struct LineBundleLayout {
@@ -27,6 +36,7 @@ struct LineBundleLayout {
   };
   std::vector<ReducedParameter> parameters;
   std::vector<ReducedPrior> priors;
+  std::optional<ReducedDistance> distance;
   std::vector<View> views;
   std::vector<KernelColumns> columns;  // by view
   int spacing_column = -1;

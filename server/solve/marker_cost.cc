@@ -126,6 +126,46 @@ bool SpanPriorCost::Evaluate(double const* const* parameters, double* residuals,
   return true;
 }
 
+DistancePriorCost::DistancePriorCost(double distance_m, double sigma_m)
+    : distance_m_(distance_m), sigma_m_(sigma_m) {
+  set_num_residuals(1);
+  *mutable_parameter_block_sizes() = {4, 3, 4, 3};
+}
+
+bool DistancePriorCost::Evaluate(double const* const* parameters, double* residuals,
+                                 double** jacobians) const {
+  Eigen::Vector3d centres[2];
+  for (int i = 0; i < 2; ++i) {
+    const Eigen::Map<const Eigen::Quaterniond> rotation(parameters[2 * i]);
+    const Eigen::Map<const Eigen::Vector3d> translation(parameters[2 * i + 1]);
+    centres[i] = -(rotation.toRotationMatrix().transpose() * translation);
+  }
+  const Eigen::Vector3d difference = centres[1] - centres[0];
+  const double distance_m = difference.norm();
+  if (!(distance_m > 0)) return false;
+  residuals[0] = (distance_m - distance_m_) / sigma_m_;
+  if (jacobians == nullptr) return true;
+  for (int i = 0; i < 2; ++i) {
+    const Eigen::Map<const Eigen::Quaterniond> rotation(parameters[2 * i]);
+    const Eigen::Map<const Eigen::Vector3d> translation(parameters[2 * i + 1]);
+    // Along which the centre makes the distance longer.
+    const Eigen::Vector3d outward = (i == 0 ? -1 : 1) / (distance_m * sigma_m_) * difference;
+    if (jacobians[2 * i] != nullptr) {
+      // The centre is -R(conj q) t.
+      Eigen::Matrix<double, 3, 4> d_centre =
+          RotatedByQuaternion(-rotation.vec(), rotation.w(), translation);
+      d_centre.col(3) *= -1;
+      Eigen::Map<Eigen::RowVector4d> d_rotation(jacobians[2 * i]);
+      d_rotation = outward.transpose() * d_centre;
+    }
+    if (jacobians[2 * i + 1] != nullptr) {
+      Eigen::Map<Eigen::RowVector3d> d_translation(jacobians[2 * i + 1]);
+      d_translation = -(rotation.toRotationMatrix() * outward).transpose();
+    }
+  }
+  return true;
+}
+
 VectorPriorCost::VectorPriorCost(const IntrinsicsVector& mean, const IntrinsicsVector& sigma)
     : mean_(mean), inverse_sigma_(IntrinsicsVector::Zero(sigma.size())) {
   for (Eigen::Index i = 0; i < sigma.size(); ++i) {

@@ -66,4 +66,17 @@ class VectorPriorCost final : public ceres::CostFunction {
   IntrinsicsVector mean_, inverse_sigma_;
 };
 
+// (|c_b - c_a| - distance) / sigma, with c the centres of two cameras. Parameter blocks: rotation
+// (4) and translation (3) of cam_from_rig of a, then of b, as in MarkerCost. Fails where the
+// centres are one place, from which there is no direction to step to.
+class DistancePriorCost final : public ceres::CostFunction {
+ public:
+  DistancePriorCost(double distance_m, double sigma_m);
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  double distance_m_, sigma_m_;
+};
+
 }  // namespace rigcal::server

@@ -46,7 +46,10 @@ bool SaysSomething(const BundleProblem& problem, const BundleInstant& instant,
     }
     cameras += inliers > before ? 1 : 0;
   }
-  return outliers == 0 || (inliers >= options.min_markers && cameras >= 2);
+  // Of a point there are never more than one of each camera.
+  const bool is_point = problem.target.marker_positions_m.size() == 1;
+  const int needed = is_point ? std::min(2, options.min_markers) : options.min_markers;
+  return outliers == 0 || (inliers >= needed && cameras >= 2);
 }
 
 }  // namespace

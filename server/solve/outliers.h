@@ -14,7 +14,8 @@ namespace rigcal::server {
 // The scale follows the camera, so that one whose clock or intrinsics are off keeps its markers;
 // nothing is dropped by share;
 //   an instant with outliers says nothing when less than `min_markers` of it are left, or those of
-// one camera only: that many fit a target somewhere whichever is wrong.
+// one camera only: that many fit a target somewhere whichever is wrong. Of a target of one marker,
+// of which a camera shows no more, two are enough.
 // Errors below that are the robust loss's business.
 struct OutlierOptions {
   double sigmas = 8;

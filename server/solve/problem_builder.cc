@@ -38,7 +38,7 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
     marker.velocity_px_s = moved.velocity_px_s;
     marker.sqrt_information = SqrtInformation(moved.covariance_px2);
     built->problem.markers.push_back(marker);
-    built->sources.push_back({member.track, member.observation});
+    built->sources.push_back({member.track, member.observation, moved.noise_share});
   }
 }
 

@@ -47,6 +47,8 @@ std::vector<std::vector<int64_t>> RigTimes(const std::vector<AlignedTrack>& trac
 struct MarkerSource {
   int track = 0;
   int observation = 0;
+  // Variance of the centre by the one the problem states for it: MarkerMotion::noise_share.
+  double noise_share = 1;
 };
 
 struct BuiltProblem {

@@ -25,6 +25,8 @@ constexpr size_t kRefinedPoses = 3;
 constexpr double kConvincingShare = 0.7;
 constexpr double kMaxLogScale = 0.35;  // how far one instant's size may be from the median's
 
+bool IsPoint(const RelativePoseOptions& options) { return options.marker_positions_m.size() < 2; }
+
 struct ScoredEssential {
   double cost = std::numeric_limits<double>::infinity();
   int inliers = 0;
@@ -208,6 +210,12 @@ ScoredPose ScorePose(const std::vector<PairInstant>& instants, const RigidTransf
     if (verdicts.back().log_scale) log_scales.push_back(*verdicts.back().log_scale);
   }
   ScoredPose scored;
+  if (IsPoint(options)) {
+    scored.cost = 0;
+    for (const InstantVerdict& verdict : verdicts) scored.cost += verdict.reprojection;
+    scored.b_from_a = unit_pose;
+    return scored;
+  }
   if (log_scales.empty()) return scored;
   const auto middle = log_scales.begin() + static_cast<std::ptrdiff_t>(log_scales.size() / 2);
   std::nth_element(log_scales.begin(), middle, log_scales.end());
@@ -229,6 +237,7 @@ BundleProblem PairProblem(const std::vector<PairInstant>& instants,
   BundleProblem problem;
   problem.clocks.resize(1);
   problem.target.marker_positions_m = options.marker_positions_m;
+  if (IsPoint(options)) problem.distance = BundleDistance{0, 1, 1};
   for (const double focal_px : {options.focal_a_px, options.focal_b_px}) {
     BundleCamera camera;
     camera.name = problem.cameras.empty() ? "a" : "b";
@@ -307,6 +316,7 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
   std::nth_element(errors.begin(), middle, errors.end());
   result.median_px = *middle;
   result.b_from_a = problem.cameras[1].cam_from_rig;
+  if (IsPoint(options)) result.b_from_a.translation_m.normalize();
   return result;
 }
 

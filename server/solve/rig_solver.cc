@@ -91,6 +91,7 @@ class RigSolver {
   void FreeParameters() {
     problem().cameras[static_cast<size_t>(options_.reference_camera)].pose_fixed = true;
     problem().target.fixed = !options_.estimate_marker_positions;
+    problem().distance = options_.known_distance;
     if (options_.refine_intrinsics) {
       for (size_t c = 0; c < problem().cameras.size(); ++c) {
         SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c]);
@@ -151,6 +152,7 @@ class RigSolver {
       problem().cameras[c].intrinsics = start.cameras[c].intrinsics;
     }
     problem().target.marker_positions_m = start.marker_positions_m;
+    problem().distance = start.distance;
     for (size_t i = 0; i < problem().instants.size(); ++i) {
       BundleInstant& instant = problem().instants[i];
       const InstantMember& first = solution_.instants.instants[i].members.front();
@@ -287,6 +289,7 @@ RigStart StartFrom(const RigSolution& solution) {
   RigStart start;
   start.cameras = problem.cameras;
   start.marker_positions_m = problem.target.marker_positions_m;
+  start.distance = problem.distance;
   start.clocks = solution.clocks;
   for (size_t k = 0; k < start.clocks.size(); ++k) {
     start.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -33,8 +34,12 @@ struct RigSolveOptions {
   bool estimate_time_rates = false;
   bool refine_intrinsics = false;
   bool estimate_marker_positions = false;
-  double sigma_px = 0;     // instead of the observed covariances; 0 = as observed
-  double tolerance_s = 0;  // of an instant; 0 = from the periods
+  // Between two cameras of the index, in metres: the scale of a target of one marker. None: its
+  // unit is the distance from the reference camera of the one that the start puts farthest from it.
+  std::optional<BundleDistance> known_distance;
+  double known_distance_sigma_m = 0;  // of the measurement
+  double sigma_px = 0;                // instead of the observed covariances; 0 = as observed
+  double tolerance_s = 0;             // of an instant; 0 = from the periods
   uint32_t seed = 0;
   double start_threshold_px = 3;  // of markers that agree while poses are looked for
   double loss_scale = 2;          // of the Cauchy loss, in sigmas
@@ -69,6 +74,7 @@ using InstantPoses = std::map<std::pair<int, int>, std::pair<Eigen::Vector3d, Ei
 struct RigStart {
   std::vector<BundleCamera> cameras;  // poses and intrinsics
   std::vector<double> marker_positions_m;
+  std::optional<BundleDistance> distance;
   std::vector<ClockCorrection> clocks;
   InstantPoses instants;  // origin and direction; those not named are placed anew
 };

@@ -11,6 +11,7 @@
 #include "server/solve/bundle_adjuster.h"
 #include "server/solve/line_bundle.h"
 #include "server/solve/overlap_graph.h"
+#include "server/solve/point_chain.h"
 #include "server/solve/projection_jacobian.h"
 #include "server/solve/relative_pose.h"
 #include "server/solve/wand_fit.h"
@@ -81,11 +82,13 @@ OverlapGraph MakeGraph(const BundleProblem& problem, const StartOptions& options
   return graph;
 }
 
-absl::StatusOr<std::vector<OverlapEdge>> FindEdges(const StartOptions& options, const Rays& rays,
-                                                   const BundleProblem& problem) {
-  const OverlapGraph graph = MakeGraph(problem, options);
-  int looked_at = 0;
-  const auto estimate = [&](int a, int b) -> absl::StatusOr<std::optional<RelativePose>> {
+using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>;
+
+// What is referred to must outlive it. a < b.
+PairEstimate MakePairEstimate(const StartOptions& options, const Rays& rays,
+                              const BundleProblem& problem) {
+  return [&options, &rays, &problem, looked_at = 0](
+             int a, int b) mutable -> absl::StatusOr<std::optional<RelativePose>> {
     if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
     if (options.progress) {
       ++looked_at;
@@ -102,7 +105,6 @@ absl::StatusOr<std::vector<OverlapEdge>> FindEdges(const StartOptions& options, 
     pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
     return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
   };
-  return FindSpanningTree(graph, estimate);
 }
 
 // Walks the tree from the fixed camera.
@@ -241,8 +243,15 @@ int PlaceInstants(double threshold_px, BundleProblem* problem) {
 
 absl::Status FindStart(const StartOptions& options, BundleProblem* problem) {
   const Rays rays = UndistortMarkers(*problem);
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<OverlapEdge> edges, FindEdges(options, rays, *problem));
-  ChainPoses(edges, problem);
+  const PairEstimate estimate = MakePairEstimate(options, rays, *problem);
+  const OverlapGraph graph = MakeGraph(*problem, options);
+  if (problem->target.marker_positions_m.size() == 1) {
+    RIGCAL_RETURN_IF_ERROR(ChainPointPoses(graph, options.threshold_px, rays, estimate, problem));
+  } else {
+    RIGCAL_ASSIGN_OR_RETURN(const std::vector<OverlapEdge> edges,
+                            FindSpanningTree(graph, estimate));
+    ChainPoses(edges, problem);
+  }
   for (BundleInstant& instant : problem->instants) instant.used = false;
   for (int round = 0; round < 2; ++round) {
     // Poses that were chained over several pairs are coarse: the first round is generous.

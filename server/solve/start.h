@@ -24,11 +24,14 @@ struct StartOptions {
 
 // Finds poses of all cameras and all instants from nothing: relative poses over the spanning tree
 // of the overlap graph, chained from the camera whose pose is fixed (and stays as it is), then a
-// robust bundle adjustment over some of the instants. Instants whose target cannot be placed are
-// marked not used.
+// robust bundle adjustment over some of the instants. A target of one marker has no size: its poses
+// have the problem's `distance`, or, where it has none, the farthest camera from the fixed one is
+// put at distance 1 and the problem's `distance` says so. Instants whose target cannot be placed
+// are marked not used.
 //
 // FAILED_PRECONDITION: the cameras are not connected (names the groups, the pair that would best
-// join them), or a camera does not agree with the others. CANCELLED.
+// join them; of one marker, which cameras have to see it at once), or a camera does not agree with
+// the others. CANCELLED.
 absl::Status FindStart(const StartOptions& options, BundleProblem* problem);
 
 // Places the target in every instant again from the cameras' poses, keeping the better of the old

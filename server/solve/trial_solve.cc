@@ -61,6 +61,7 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
   trial.problem.cameras = from.cameras;
   trial.problem.clocks = from.clocks;
   trial.problem.target = from.target;
+  trial.problem.distance = from.distance;
   for (size_t c = 0; c < from.cameras.size(); ++c) trial.rig_camera.push_back(c);
   const size_t stride = 1 + from.observations.size() / std::max<size_t>(1, max_observations);
   size_t placed = 0;

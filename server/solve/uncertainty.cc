@@ -11,6 +11,8 @@
 namespace rigcal::server {
 namespace {
 
+// Freedom of a line and of a point.
+constexpr int kLineParameters = 5, kPointParameters = 3;
 // Of two cameras that see one marker each nothing is left to judge by.
 constexpr double kMaxLeverage = 0.8;
 
@@ -54,17 +56,22 @@ Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
 }
 
 // |r|^2 of the whitened residuals of an instant's markers that are used.
-std::vector<double> SquaredNorms(const BundleProblem& problem, const BundleInstant& instant) {
-  std::vector<double> squares;
+struct SquaredNorm {
+  double value, noise_share;
+};
+std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleInstant& instant) {
+  const BundleProblem& problem = built.problem;
+  std::vector<SquaredNorm> squares;
   for (int o = 0; o < instant.observation_count; ++o) {
     const BundleObservation& observation =
         problem.observations[static_cast<size_t>(instant.first_observation + o)];
     for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      const auto index = static_cast<size_t>(observation.first_marker + m);
+      const BundleMarker& marker = problem.markers[index];
       Eigen::Vector2d residual;
       if (marker.used && MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-        squares.push_back((marker.sqrt_information * residual).squaredNorm());
+        squares.push_back({(marker.sqrt_information * residual).squaredNorm(),
+                           built.sources[index].noise_share});
       }
     }
   }
@@ -72,23 +79,27 @@ std::vector<double> SquaredNorms(const BundleProblem& problem, const BundleInsta
 }
 
 // The factor of uncertainty.h, for the Cauchy loss of the solve.
-double VarianceFactor(const BundleProblem& problem, double loss_scale, Eigen::Index free) {
+double VarianceFactor(const BuiltProblem& built, double loss_scale, Eigen::Index free) {
+  const BundleProblem& problem = built.problem;
   const double c2 = loss_scale * loss_scale;
-  std::vector<std::vector<double>> instants;
+  const int own =
+      problem.target.marker_positions_m.size() == 1 ? kPointParameters : kLineParameters;
+  std::vector<std::vector<SquaredNorm>> instants;
   double count = 0;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    instants.push_back(SquaredNorms(problem, instant));
+    instants.push_back(SquaredNorms(built, instant));
     count += static_cast<double>(instants.back().size());
   }
   const double shared = count > 0 ? static_cast<double>(free) / (2 * count) : 1;
   double weight = 0, slope = 0, slope_square = 0, square = 0, taken = 0;
-  for (const std::vector<double>& squares : instants) {
-    const double leverage = std::min(
-        kMaxLeverage, shared + 2.5 / static_cast<double>(std::max<size_t>(1, squares.size())));
-    for (const double raw : squares) {
+  for (const std::vector<SquaredNorm>& squares : instants) {
+    const double leverage =
+        std::min(kMaxLeverage,
+                 shared + 0.5 * own / static_cast<double>(std::max<size_t>(1, squares.size())));
+    for (const auto& [raw, noise_share] : squares) {
       weight += 1 / (1 + raw / c2);
-      const double s = raw / (1 - leverage);
+      const double s = raw / (noise_share * (1 - leverage));
       const double w = 1 / (1 + s / c2);
       // The derivative of psi has the eigenvalues w, across the residual, and 2 w^2 - w along it.
       slope += w * w;
@@ -97,7 +108,7 @@ double VarianceFactor(const BundleProblem& problem, double loss_scale, Eigen::In
       square += 0.5 * w * w * s;
     }
   }
-  if (2 * count <= 5 * static_cast<double>(instants.size()) + static_cast<double>(free) ||
+  if (2 * count <= own * static_cast<double>(instants.size()) + static_cast<double>(free) ||
       !(slope > 0)) {
     return 1;
   }
@@ -156,6 +167,40 @@ CameraUncertainty OfCamera(const BundleProblem& problem, int index, const RigUnc
   return result;
 }
 
+// Derivatives of the distance that gives the scale, by row.
+Eigen::VectorXd DistanceGradient(const BundleProblem& problem, const RigUncertainty& rig) {
+  const BundleDistance& distance = *problem.distance;
+  const RigidTransform& a = problem.cameras[static_cast<size_t>(distance.camera_a)].cam_from_rig;
+  const RigidTransform& b = problem.cameras[static_cast<size_t>(distance.camera_b)].cam_from_rig;
+  const Eigen::Vector3d direction =
+      (b.SourceFromTargetTranslation() - a.SourceFromTargetTranslation()).normalized();
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(rig.covariance.rows());
+  for (const bool is_a : {true, false}) {
+    const int camera = is_a ? distance.camera_a : distance.camera_b;
+    const RigidTransform& pose = is_a ? a : b;
+    const Eigen::Vector3d outward = pose.rotation * Eigen::Vector3d(is_a ? -direction : direction);
+    const Eigen::Vector3d turn = pose.translation_m.cross(outward);
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Index w = rig.Row({ReducedParameterKind::kRotation, camera, i});
+      const Eigen::Index d = rig.Row({ReducedParameterKind::kTranslation, camera, i});
+      if (w >= 0) gradient[w] = turn[i];
+      if (d >= 0) gradient[d] = -outward[i];
+    }
+  }
+  return gradient;
+}
+
+// The solver's hold on the distance is not what is known of it: that is `sigma_m`, 0 for a unit.
+void DescribeDistance(const BundleProblem& problem, double sigma_m, RigUncertainty* rig) {
+  const Eigen::VectorXd gradient = DistanceGradient(problem, *rig);
+  const Eigen::VectorXd column = rig->covariance * gradient;
+  const double variance = gradient.dot(column);
+  rig->shape_covariance = rig->covariance - column * column.transpose() / variance;
+  const double share = sigma_m / variance;
+  rig->covariance = rig->shape_covariance + share * share * column * column.transpose();
+  rig->scale_sigma_rel = sigma_m / problem.distance->distance_m;
+}
+
 void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
   const std::vector<double>& positions = problem.target.marker_positions_m;
   const int last = static_cast<int>(positions.size()) - 1;
@@ -205,11 +250,15 @@ absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
   result.parameters = information.parameters;
   const Eigen::MatrixXd prior = PriorInformation(problem, result.parameters);
   result.variance_factor =
-      VarianceFactor(problem, options.loss_scale, information.information.rows());
+      VarianceFactor(solution.built, options.loss_scale, information.information.rows());
   RIGCAL_ASSIGN_OR_RETURN(
       result.covariance,
       Inverse((information.information - prior) / result.variance_factor + prior));
-  DescribeScale(problem, &result);
+  if (problem.distance) {
+    DescribeDistance(problem, options.known_distance_sigma_m, &result);
+  } else {
+    DescribeScale(problem, &result);
+  }
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     result.cameras.push_back(OfCamera(problem, static_cast<int>(c), result));
   }

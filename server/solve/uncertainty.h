@@ -11,14 +11,15 @@
 
 namespace rigcal::server {
 
-// What a solution is worth. The reference camera's pose and, in each session, one clock are held
-// fixed (rig_solver.h).
+// What a solution is worth. The scale is that of the target's whole length, or with one marker that
+// of the distance of the problem (where it only names the unit, both covariances are the same). The
+// reference camera's pose and, in each session, one clock are held fixed (rig_solver.h).
 struct RigUncertainty {
   std::vector<ReducedParameter> parameters;  // the rows of the covariances
   Eigen::MatrixXd covariance;                // scale included
-  Eigen::MatrixXd shape_covariance;          // the target's whole length held fixed
+  Eigen::MatrixXd shape_covariance;          // the length that gives the scale held fixed
   double variance_factor = 1;                // what the residuals say about the stated sigmas
-  double scale_sigma_rel = 0;                // of the target's length
+  double scale_sigma_rel = 0;                // of that length; 0: the scale is not known
   std::vector<CameraUncertainty> cameras;    // poses and intrinsics; of the shape
   std::vector<double> marker_position_sigma_m;
 
@@ -35,9 +36,10 @@ struct RigUncertainty {
 // with means over the markers for the expectations; psi' stands for the two eigenvalues of the
 // derivative, h for the share of free parameters in the numbers that determine them. Residuals are
 // smaller than errors: they are divided by sqrt(1 - h) first, with h of their own instant (Cook and
-// Weisberg, Residuals and Influence in Regression, section 2.1). For normal errors and the Cauchy
-// loss at 2 sigmas the covariance comes to 1.092 times the Cramer-Rao bound. Priors count as given.
-// INTERNAL: a parameter is not determined by the data.
+// Weisberg, Residuals and Influence in Regression, section 2.1), and those of interpolated centres
+// by their noise_share (ImageMotion). For normal errors and the Cauchy loss at 2 sigmas the
+// covariance comes to 1.092 times the Cramer-Rao bound. Priors count as given. INTERNAL: a
+// parameter is not determined by the data.
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options);
 

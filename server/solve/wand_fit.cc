@@ -105,6 +105,13 @@ std::optional<BundleInstant> Hypothesis(const BundleInstant& instant, const Mark
   return result;
 }
 
+// Of a target of one marker.
+BundleInstant PointHypothesis(const BundleInstant& instant, const MarkerPoint& point) {
+  BundleInstant result = instant;
+  result.origin_m = point.x_in_rig - point.position_m * instant.direction;
+  return result;
+}
+
 std::vector<std::pair<int, int>> ObservationPairs(const BundleProblem& problem,
                                                   const std::vector<bool>& has_pose,
                                                   const BundleInstant& instant) {
@@ -199,20 +206,24 @@ bool FitWand(const BundleProblem& problem, const std::vector<bool>& has_pose,
   Score best;
   BundleInstant best_instant = *instant;
   std::vector<MarkerPoint> points;
-  const auto consider = [&](const MarkerPoint& a, const MarkerPoint& b) {
-    const std::optional<BundleInstant> candidate = Hypothesis(*instant, a, b, options.span_share);
-    if (!candidate) return;
-    const Score score = Evaluate(problem, has_pose, options, *candidate);
+  const auto try_pose = [&](const BundleInstant& candidate) {
+    const Score score = Evaluate(problem, has_pose, options, candidate);
     if (score.cost < best.cost) {
       best = score;
-      best_instant = *candidate;
+      best_instant = candidate;
     }
   };
+  const auto consider = [&](const MarkerPoint& a, const MarkerPoint& b) {
+    const std::optional<BundleInstant> candidate = Hypothesis(*instant, a, b, options.span_share);
+    if (candidate) try_pose(*candidate);
+  };
+  const bool is_point = problem.target.marker_positions_m.size() == 1;
   for (const auto& [a, b] : ObservationPairs(problem, has_pose, *instant)) {
     const std::vector<MarkerPoint> common =
         CommonMarkers(problem, rays, problem.observations[static_cast<size_t>(a)],
                       problem.observations[static_cast<size_t>(b)]);
     for (size_t i = 0; i < common.size(); ++i) {
+      if (is_point) try_pose(PointHypothesis(*instant, common[i]));
       for (size_t j = i + 1; j < common.size(); ++j) consider(common[i], common[j]);
     }
     points.insert(points.end(), common.begin(), common.end());

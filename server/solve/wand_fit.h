@@ -28,7 +28,8 @@ struct WandFitOptions {
 // there before: hypotheses from pairs of cameras and pairs of markers, the best by truncated
 // reprojection error over all views, refined. `has_pose[c]` says which cameras may be used.
 // `rays` as of UndistortMarkers; markers that are not used take no part. False, and the instant
-// untouched, where no two such cameras see two markers in common that can be triangulated.
+// untouched, where no two such cameras see two markers in common that can be triangulated; of a
+// target of one marker, that one. Its direction stays as it is.
 // `inlier_count` and `marker_count`, if given: markers within the truncation, and all of them.
 bool FitWand(const BundleProblem& problem, const std::vector<bool>& has_pose,
              const std::vector<Eigen::Vector2d>& rays, const WandFitOptions& options,

@@ -213,10 +213,10 @@ TEST_F(LocalCommand, ProgramsThatAreMissingAreNamed) {
 
 TEST_F(LocalCommand, ATargetTheServerRefusesIsRefusedBeforeAgentsStart) {
   fake_.failures["CreateSession"] =
-      grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "point is not yet supported");
+      grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "the wand is too long");
   const Outcome outcome = Local();
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.err, HasSubstr("not yet supported"));
+  EXPECT_THAT(outcome.err, HasSubstr("too long"));
   EXPECT_THAT(ReadFile("arguments"), Not(HasSubstr("rigcal-agent")));
 }
 

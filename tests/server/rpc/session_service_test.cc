@@ -97,8 +97,9 @@ TEST_F(SessionService, RefusesWhatIsWrongWithARequest) {
   request.mutable_target()->set_kind(v1::Target::POINT);
   request.mutable_target()->clear_marker_positions_m();
   request.mutable_target()->add_marker_positions_m(0);
+  request.mutable_target()->add_marker_positions_m(0.1);
   EXPECT_THAT(client().CreateSession(request),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not yet supported")));
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("point")));
 }
 
 TEST_F(SessionService, NamesSessionsThatDoNotExist) {

@@ -44,13 +44,14 @@ TEST(ValidateNewSession, ListsEveryFaultAtOnce) {
                              HasSubstr("5000 bytes"), HasSubstr("position"))));
 }
 
-TEST(ValidateNewSession, RefusesAPointAsNotYetSupported) {
+TEST(ValidateNewSession, TakesAPointOfOneMarkerOnly) {
   Session session = NewSession("p");
   session.target.kind = TargetKind::kPoint;
   session.target.marker_positions_m = {0};
+  EXPECT_THAT(server::ValidateNewSession(session, 10), IsOk());
+  session.target.marker_positions_m = {0, 0.1};
   EXPECT_THAT(server::ValidateNewSession(session, 10),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("point"), HasSubstr("not yet supported"))));
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("point")));
 }
 
 TEST(ValidateNewSession, RefusesACameraBothNamedAndDescribed) {

@@ -176,11 +176,6 @@ TEST(Calibrate, RefusesWhatCannotBeSolved) {
   EXPECT_THAT(Calibrate({}, {}).result,
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("marker positions")));
   CalibrationInput input = good;
-  input.target.kind = TargetKind::kPoint;
-  input.target.marker_positions_m = {0};
-  EXPECT_THAT(Calibrate(input, {}).result,
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("point")));
-  input = good;
   input.tracks.resize(1);
   EXPECT_THAT(Calibrate(input, {}).result,
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("two cameras")));

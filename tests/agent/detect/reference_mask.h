@@ -69,7 +69,7 @@ inline std::vector<ColourRange> ManyRanges() {
     ranges.push_back(range);
   }
   for (const double saturation : {0.0, 1.0, 0.5, 1.0 / 3, 1e-12, 0.9999}) {
-    for (ColourRange range : {Hues(0, 50), Hues(100, 200), Hues(300, 200)}) {
+    for (ColourRange range : {Hues(0, 50), Hues(100, 200), Hues(300, 200), Hues(300, 360)}) {
       range.saturation_min = saturation;
       range.value_min = saturation == 0.5 ? 1 : 60;
       range.washed_out_min = 256;

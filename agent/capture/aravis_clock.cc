@@ -35,12 +35,12 @@ bool DeviceClock::ReadingIsDue(int64_t host_monotonic_ns) const {
 }
 
 bool DeviceClock::AddReading(const ClockSample& sample) {
-  last_reading_ns_ = sample.host_monotonic_ns;
   const int64_t device_minus_host_ns = sample.device_ns - sample.host_monotonic_ns;
   if (device_minus_host_ns_ &&
       std::abs(device_minus_host_ns - *device_minus_host_ns_) > kImplausibleReadingNs) {
     return false;
   }
+  last_reading_ns_ = sample.host_monotonic_ns;
   if (samples_.size() >= kMostSamples) samples_.erase(samples_.begin());
   samples_.push_back(sample);
   return true;

@@ -54,11 +54,15 @@ struct InterfaceAddress {
   std::string name;
   in_addr address{};
   in_addr mask{};
+  bool has_broadcast = false;
 
   bool Contains(in_addr other) const {
     return (address.s_addr & mask.s_addr) == (other.s_addr & mask.s_addr);
   }
-  in_addr Broadcast() const { return {address.s_addr | ~mask.s_addr}; }
+  // Loopback has no broadcast; a camera that is a program listens at the address itself.
+  in_addr Everybody() const {
+    return has_broadcast ? in_addr{address.s_addr | ~mask.s_addr} : address;
+  }
 };
 
 std::vector<InterfaceAddress> InterfaceAddresses() {
@@ -71,7 +75,8 @@ std::vector<InterfaceAddress> InterfaceAddresses() {
     if (entry->ifa_addr->sa_family != AF_INET || (entry->ifa_flags & IFF_UP) == 0) continue;
     addresses.push_back({entry->ifa_name,
                          reinterpret_cast<const sockaddr_in*>(entry->ifa_addr)->sin_addr,
-                         reinterpret_cast<const sockaddr_in*>(entry->ifa_netmask)->sin_addr});
+                         reinterpret_cast<const sockaddr_in*>(entry->ifa_netmask)->sin_addr,
+                         (entry->ifa_flags & IFF_BROADCAST) != 0});
   }
   return addresses;
 }
@@ -194,15 +199,16 @@ absl::StatusOr<std::string> LocalAddressFor(std::string_view address,
 }
 
 absl::StatusOr<std::vector<FoundCamera>> FindCameras(const std::string& network_interface) {
-  constexpr std::chrono::milliseconds kLimit(1000);
+  constexpr std::chrono::milliseconds kLimit(500);
   std::vector<FoundCamera> found;
   if (!network_interface.empty()) {
     bool is_there = false;
     for (const InterfaceAddress& entry : InterfaceAddresses()) {
       if (entry.name != network_interface) continue;
       is_there = true;
-      RIGCAL_ASSIGN_OR_RETURN(const std::vector<FoundCamera> answers,
-                              Ask(entry.address, entry.Broadcast(), true, kMostAnswers, kLimit));
+      RIGCAL_ASSIGN_OR_RETURN(
+          const std::vector<FoundCamera> answers,
+          Ask(entry.address, entry.Everybody(), entry.has_broadcast, kMostAnswers, kLimit));
       found.insert(found.end(), answers.begin(), answers.end());
     }
     if (!is_there) return NoSuchInterface(network_interface);

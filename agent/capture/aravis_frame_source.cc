@@ -121,15 +121,17 @@ absl::Status AravisFrameSource::BeginStream() {
 void AravisFrameSource::EndStream() {
   if (!stream_) return;
   if (held_ != nullptr) stream_->GiveBack(std::exchange(held_, nullptr));
-  stream_->Finish();
-  while (ArvBuffer* const buffer = stream_->TryPop()) {
-    Count(buffer);
-    stream_->GiveBack(buffer);
-  }
+  stream_->StopCamera();
+  do {
+    while (ArvBuffer* const buffer = stream_->TryPop()) {
+      Count(buffer);
+      stream_->GiveBack(buffer);
+    }
+  } while (stream_->WaitForLast());
   const uint64_t without_buffer = stream_->underruns();
   refused_.Add("", "frame_no_buffer", static_cast<uint32_t>(without_buffer),
                "every buffer was in use; the detector is slower than the camera");
-  // Those without a buffer leave a gap in the numbers, except for the last ones.
+  // Those without a buffer leave a gap in the numbers, except at the end.
   lost_before_ += std::max(lost_by_id_, without_buffer);
   lost_by_id_ = 0;
   counts_.lost = lost_before_;

@@ -21,7 +21,10 @@ constexpr uint64_t kMostBufferBytes = uint64_t{4} << 30;
 constexpr std::chrono::milliseconds kQuiet(60);
 // Aravis gives an incomplete picture up after 100 ms.
 constexpr std::chrono::milliseconds kGivenUp(400);
-constexpr int kMostWaits = 100;
+// A camera that does not stop sending is not waited for.
+constexpr std::chrono::seconds kLongestEnd(1);
+// Of IP, UDP and stream headers in each packet (GigE Vision 1).
+constexpr uint64_t kPacketOverheadBytes = 36;
 constexpr int kReceiverNiceness = -10;
 
 // The kernel cuts what is asked to this, without an error.
@@ -57,6 +60,12 @@ absl::StatusOr<std::unique_ptr<AravisStream>> AravisStream::Start(
     return absl::UnavailableError(absl::StrCat(prefix, "cannot receive a stream"));
   }
   if (ARV_IS_GV_STREAM(stream->stream_.get())) {
+    // Aravis counts the packets of such pictures, not the pictures.
+    const uint64_t packet_bytes = arv_camera_gv_get_packet_size(camera->get(), error.out());
+    if (error.ok() && packet_bytes > kPacketOverheadBytes) {
+      const uint64_t data_bytes = packet_bytes - kPacketOverheadBytes;
+      stream->packets_per_picture_ = (payload_bytes + data_bytes - 1) / data_bytes + 2;
+    }
     WarnOfSmallSocketBuffer(options.camera, options.socket_buffer_bytes);
     g_object_set(stream->stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                  "socket-buffer-size", options.socket_buffer_bytes, "packet-resend",
@@ -97,14 +106,17 @@ void AravisStream::GiveBack(ArvBuffer* buffer) {
   arv_stream_push_buffer(stream_.get(), buffer);
 }
 
-void AravisStream::Finish() {
+void AravisStream::StopCamera() {
+  last_wait_ends_ = std::chrono::steady_clock::now() + kLongestEnd;
   if (camera_->control_lost()) return;
   GErrorSlot error;
   arv_camera_stop_acquisition(camera_->get(), error.out());
   if (!error.ok()) spdlog::debug("a camera could not be stopped: {}", error.message());
-  for (int waits = 0; waits < kMostWaits; ++waits) {
-    if (!bell_->Wait(done_ < begun_ ? kGivenUp : kQuiet)) break;
-  }
+}
+
+bool AravisStream::WaitForLast() {
+  if (camera_->control_lost() || std::chrono::steady_clock::now() > last_wait_ends_) return false;
+  return bell_->Wait(done_ < begun_ ? kGivenUp : kQuiet);
 }
 
 uint64_t AravisStream::underruns() const {
@@ -112,7 +124,7 @@ uint64_t AravisStream::underruns() const {
   guint64 failures = 0;
   guint64 underruns = 0;
   arv_stream_get_statistics(stream_.get(), &completed, &failures, &underruns);
-  return underruns;
+  return underruns / packets_per_picture_;
 }
 
 }  // namespace rigcal::agent

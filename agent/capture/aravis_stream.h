@@ -56,11 +56,13 @@ class AravisStream {
   ArvBuffer* TryPop() { return arv_stream_try_pop_buffer(stream_.get()); }
   void GiveBack(ArvBuffer* buffer);
 
-  // Tells the camera to send no more and waits until what is on its way has come. TryPop still
-  // works afterwards.
-  void Finish();
+  // Tells the camera to send no more. What is on its way comes yet: TryPop until WaitForLast says
+  // that nothing more can come.
+  void StopCamera();
+  // Waits for the next picture; false: that was all.
+  bool WaitForLast();
 
-  // Pictures that came while every buffer was in use.
+  // Pictures that came while every buffer was in use, as far as their packets tell.
   uint64_t underruns() const;
 
  private:
@@ -71,6 +73,8 @@ class AravisStream {
   CaptureBell* const bell_;
   std::atomic<uint64_t> begun_ = 0;  // pictures
   std::atomic<uint64_t> done_ = 0;
+  uint64_t packets_per_picture_ = 1;
+  std::chrono::steady_clock::time_point last_wait_ends_;
   GObjectPtr<ArvStream> stream_;
 };
 

@@ -7,10 +7,25 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
+#include <fstream>
+#include <string>
 #include <thread>
 
 #include "agent/capture/aravis_frame_source.h"
 #include "tests/testing/fake_gige_camera.h"
+
+namespace {
+
+// Whether this process may open packet sockets (capabilities(7), bit 13).
+bool HasCapNetRaw() {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.rfind("CapEff:", 0) == 0) return std::stoull(line.substr(7), nullptr, 16) >> 13 & 1;
+  }
+  return false;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   rigcal::agent::AravisSourceOptions options;
@@ -54,10 +69,11 @@ int main(int argc, char** argv) {
   }
   end.join();
   const rigcal::agent::FrameCounts counts = (*source)->counts();
-  std::printf("received %llu damaged %llu lost %llu reconnects %llu yielded %llu wrong %llu\n",
-              static_cast<unsigned long long>(counts.received),
-              static_cast<unsigned long long>(counts.damaged),
-              static_cast<unsigned long long>(counts.lost),
-              static_cast<unsigned long long>(counts.reconnects), yielded, wrong);
+  std::printf(
+      "received %llu damaged %llu lost %llu reconnects %llu yielded %llu wrong %llu "
+      "cap_net_raw %d\n",
+      static_cast<unsigned long long>(counts.received),
+      static_cast<unsigned long long>(counts.damaged), static_cast<unsigned long long>(counts.lost),
+      static_cast<unsigned long long>(counts.reconnects), yielded, wrong, HasCapNetRaw() ? 1 : 0);
   return 0;
 }

@@ -76,8 +76,9 @@ FakeGigeCamera::FakeGigeCamera(FakeGigeCameraOptions options)
     : options_(std::move(options)), impl_(std::make_unique<Impl>()) {}
 
 FakeGigeCamera::~FakeGigeCamera() {
-  // Its thread calls us until it is gone.
-  impl_->camera.reset();
+  // Its thread calls us, and we ask it for its registers, until it is gone.
+  if (impl_->camera) g_object_unref(impl_->camera.get());
+  impl_->camera.release();
 }
 
 absl::StatusOr<std::unique_ptr<FakeGigeCamera>> FakeGigeCamera::Create(

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/wand_detector.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "agent/detect/picture_exposure.h"
+#include "agent/detect/wand_finder.h"
+#include "agent/detect/wand_judge.h"
+#include "agent/detect/wand_track.h"
+#include "common/camera/sphere_projection.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+// What is not noise: sampling, the clipped coverage, the lens between calibration points.
+constexpr double kModelSigmaPx = 0.01;
+
+BlobFinderOptions BlobOptions(const WandDetectorOptions& options) {
+  BlobFinderOptions result;
+  result.colour = options.colour;
+  result.min_area_px = options.min_area_px;
+  result.max_area_px = options.max_area_px;
+  result.max_blobs = options.max_blobs;
+  return result;
+}
+
+WandFinderOptions FinderOptions(const WandDetectorOptions& options) {
+  WandFinderOptions result;
+  result.min_distance_m = options.min_distance_m;
+  result.max_distance_m = options.max_distance_m;
+  result.max_tilt_deg = options.max_tilt_deg;
+  return result;
+}
+
+// A blob that a window inside the picture may have cut.
+bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
+  return (box.x <= window.x && window.x > bounds.x) || (box.y <= window.y && window.y > bounds.y) ||
+         (box.x + box.width >= window.x + window.width &&
+          window.x + window.width < bounds.x + bounds.width) ||
+         (box.y + box.height >= window.y + window.height &&
+          window.y + window.height < bounds.y + bounds.height);
+}
+
+}  // namespace
+
+absl::Status WandDetectorOptions::Validate() const {
+  std::vector<std::string> faults;
+  if (const absl::Status status = BlobOptions(*this).Validate(); !status.ok()) {
+    faults.emplace_back(status.message());
+  }
+  const auto check = [&faults](const char* name, double value, double low, double high) {
+    if (value >= low && value <= high) return;
+    faults.push_back(absl::StrCat(name, " is ", value, ", it must be ", low, " to ", high));
+  };
+  check("max_blobs", max_blobs, 2, 4096);
+  check("min_distance", min_distance_m, 0.01, 1000);
+  check("max_distance", max_distance_m, 0.01, 1000);
+  if (!(min_distance_m < max_distance_m)) {
+    faults.push_back(absl::StrCat("min_distance (", min_distance_m,
+                                  " m) must be less than max_distance (", max_distance_m, " m)"));
+  }
+  check("max_tilt", max_tilt_deg, 10, 89);
+  check("min_confidence", min_confidence, 0, 1);
+  check("exposure", exposure_s, 0, 10);
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("wand detector: ", absl::StrJoin(faults, "; ")));
+}
+
+struct WandDetector::Impl {
+  Impl(const WandDetectorOptions& options_in, const Target& target_in,
+       const CameraDescription& camera_in, BlobFinder blob_finder_in)
+      : options(options_in),
+        target(target_in),
+        camera(camera_in),
+        blob_finder(std::move(blob_finder_in)),
+        wand_finder(FinderOptions(options_in), target_in, camera_in),
+        judge(options_in.min_confidence),
+        light_sigma_s(LightTimeSigma(options_in.exposure_s, target_in)) {}
+
+  Judgement Search(const ImageView& image, const PixelRect& part);
+  std::optional<JudgedWand> SearchTracked(const ImageView& image, int64_t time_ns,
+                                          uint32_t clock_epoch);
+  MarkerObservation Observe(const JudgedWand& wand, size_t marker) const;
+  void Follow(const JudgedWand& wand, Detection* detection);
+  DetectionOutcome WhyNone(const ImageView& image, const Judgement& judgement) const;
+
+  const WandDetectorOptions options;
+  const Target target;
+  const CameraDescription camera;
+  BlobFinder blob_finder;
+  WandFinder wand_finder;
+  WandJudge judge;
+  const double light_sigma_s;
+  WandTrack track;
+  WandDetectorCounts counts;
+  PixelRect window;
+  const BlobResult* blobs = nullptr;
+};
+
+Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& part) {
+  window = part;
+  blobs = &blob_finder.Find(image, part);
+  return judge.Judge(image, blobs->blobs, wand_finder, wand_finder.Find(blobs->blobs));
+}
+
+std::optional<JudgedWand> WandDetector::Impl::SearchTracked(const ImageView& image, int64_t time_ns,
+                                                            uint32_t clock_epoch) {
+  const auto part = track.Window(time_ns, clock_epoch, image.Bounds());
+  if (!part.has_value()) return std::nullopt;
+  const Judgement judgement = Search(image, *part);
+  if (!judgement.wand.has_value() || judgement.wand->CoveredCount() > 0) return std::nullopt;
+  for (const int blob : judgement.wand->blobs) {
+    if (TouchesEdge(blobs->blobs[static_cast<size_t>(blob)].box, *part, image.Bounds())) {
+      return std::nullopt;
+    }
+  }
+  return judgement.wand;
+}
+
+MarkerObservation WandDetector::Impl::Observe(const JudgedWand& wand, size_t k) const {
+  MarkerObservation marker;
+  marker.label_confidence = static_cast<float>(wand.label_confidence);
+  if (!wand.whole[k]) return marker;
+  const MarkerCentre& centre = wand.centres[k];
+  marker.visible = true;
+  marker.centre_px = centre.centre_px;
+  marker.covariance_px2 =
+      centre.covariance_px2 + kModelSigmaPx * kModelSigmaPx * Eigen::Matrix2d::Identity();
+  if (const auto velocity = track.Velocity(k); velocity.has_value()) {
+    const Eigen::Vector2d spread_px = light_sigma_s * *velocity;
+    marker.covariance_px2 += spread_px * spread_px.transpose();
+  }
+  if (!camera.intrinsics.has_value() || !(target.diameter_m > 0) || wand.blobs.size() < 2) {
+    return marker;
+  }
+  const double share = wand_finder.shares()[k];
+  const double distance_m =
+      (wand.fit.first_m + share * (wand.fit.last_m - wand.fit.first_m)).norm();
+  if (SphereCentreFromCentroid(*camera.intrinsics, centre.centre_px, distance_m, target.diameter_m,
+                               &marker.centre_px)) {
+    marker.centre_kind = CentreKind::kSphereCentre;
+  }
+  return marker;
+}
+
+void WandDetector::Impl::Follow(const JudgedWand& wand, Detection* detection) {
+  Observation& observation = detection->observation;
+  detection->confidence = wand.confidence;
+  detection->covered_markers = wand.CoveredCount();
+  WandTrack::Points centres;
+  double radius_px = 0;
+  for (const MarkerCentre& centre : wand.centres) {
+    centres.push_back(centre.centre_px);
+    radius_px = std::max(radius_px, centre.radius_px);
+  }
+  track.Add(observation.time_ns, observation.clock_epoch, centres, radius_px);
+  for (size_t k = 0; k < wand.blobs.size(); ++k) observation.markers[k] = Observe(wand, k);
+}
+
+DetectionOutcome WandDetector::Impl::WhyNone(const ImageView& image,
+                                             const Judgement& judgement) const {
+  const PictureExposure exposure = LookAtExposure(image);
+  if (exposure == PictureExposure::kSaturated) return DetectionOutcome::kSaturated;
+  if (judgement.ambiguous) return DetectionOutcome::kAmbiguous;
+  if (blobs->over_limit > 0) return DetectionOutcome::kTooManyBlobs;
+  if (!blobs->blobs.empty()) return DetectionOutcome::kNoWand;
+  return exposure == PictureExposure::kBlack ? DetectionOutcome::kBlack : DetectionOutcome::kNoBlob;
+}
+
+WandDetector::WandDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+WandDetector::WandDetector(WandDetector&&) noexcept = default;
+WandDetector& WandDetector::operator=(WandDetector&&) noexcept = default;
+WandDetector::~WandDetector() = default;
+
+absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& options,
+                                                  const Target& target,
+                                                  const CameraDescription& camera) {
+  const auto named = [&camera](const absl::Status& status) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
+  };
+  if (const auto status = options.Validate(); !status.ok()) return named(status);
+  if (const auto status = target.Validate(); !status.ok()) return named(status);
+  if (camera.intrinsics.has_value()) {
+    const auto status = camera.intrinsics->Validate(camera.image_size_px);
+    if (!status.ok()) return named(status);
+  }
+  auto blob_finder = BlobFinder::Create(BlobOptions(options));
+  if (!blob_finder.ok()) return named(blob_finder.status());
+  return WandDetector(std::make_unique<Impl>(options, target, camera, *std::move(blob_finder)));
+}
+
+absl::Status WandDetector::SetIgnored(PixelMask ignored) {
+  const ImageSize size = impl_->camera.image_size_px;
+  if (ignored.width() != static_cast<int>(size.width) ||
+      ignored.height() != static_cast<int>(size.height)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("camera ", impl_->camera.camera, ": the mask has ", ignored.width(), "x",
+                     ignored.height(), " pixels, the pictures ", size.width, "x", size.height,
+                     "; learn it again with `rigcal-agent mask`"));
+  }
+  impl_->blob_finder.SetIgnored(std::move(ignored));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t time_ns,
+                                               uint32_t clock_epoch) {
+  const ImageSize size = impl_->camera.image_size_px;
+  if (image.data == nullptr || image.width != static_cast<int>(size.width) ||
+      image.height != static_cast<int>(size.height)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "camera ", impl_->camera.camera, ": a picture of ", image.width, "x", image.height,
+        " pixels", image.data == nullptr ? " without data" : "", ", its description says ",
+        size.width, "x", size.height, "; set the camera's region or its calibration right"));
+  }
+  Detection detection;
+  detection.observation.time_ns = time_ns;
+  detection.observation.clock_epoch = clock_epoch;
+  detection.observation.markers.resize(static_cast<size_t>(impl_->target.marker_count()));
+
+  std::optional<JudgedWand> wand;
+  if (impl_->options.tracking) wand = impl_->SearchTracked(image, time_ns, clock_epoch);
+  detection.tracked = wand.has_value();
+  detection.outcome = DetectionOutcome::kWand;
+  if (!wand.has_value()) {
+    const Judgement judgement = impl_->Search(image, image.Bounds());
+    wand = judgement.wand;
+    if (!wand.has_value()) detection.outcome = impl_->WhyNone(image, judgement);
+  }
+  detection.blob_count = static_cast<int>(impl_->blobs->blobs.size());
+  if (wand.has_value()) {
+    impl_->Follow(*wand, &detection);
+  } else {
+    impl_->track.Forget();
+  }
+  WandDetectorCounts& counts = impl_->counts;
+  ++counts.frames;
+  counts.wands += wand.has_value() ? 1 : 0;
+  counts.tracked += detection.tracked ? 1 : 0;
+  counts.covered_markers += static_cast<uint64_t>(detection.covered_markers);
+  counts.by_outcome.Add(detection.outcome);
+  return detection;
+}
+
+PixelRect WandDetector::window() const { return impl_->window; }
+absl::Span<const Blob> WandDetector::blobs() const {
+  if (impl_->blobs == nullptr) return {};
+  return impl_->blobs->blobs;
+}
+void WandDetector::ForgetTrack() { impl_->track.Forget(); }
+const WandDetectorCounts& WandDetector::counts() const { return impl_->counts; }
+const WandDetectorOptions& WandDetector::options() const { return impl_->options; }
+
+}  // namespace rigcal::agent

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "agent/detect/wand_detector.h"
+#include "common/camera/camera_description.h"
+#include "common/simulation/frame_render_options.h"
+#include "common/simulation/random_wand_pose.h"
+#include "common/target/target.h"
+
+namespace rigcal::accuracy {
+
+// Single pictures of a wand that stands anywhere, or of none.
+struct DetectionOptions {
+  CameraDescription camera;  // with intrinsics
+  Target target;
+  FrameRenderOptions render;
+  RandomWandPoseOptions pose;
+  agent::WandDetectorOptions detector;
+  bool with_wand = true;
+  int pictures = 100;
+  int pictures_per_room = 25;  // each room has clutter of its own
+  uint32_t seed = 1;
+  int threads = 2;
+};
+
+// The camera of the paper's rig: 1280x1024 with barrel distortion; and its wand.
+DetectionOptions PaperDetection();
+
+// One marker that was seen, against the truth.
+struct CentreError {
+  Eigen::Vector2d error_px = Eigen::Vector2d::Zero();
+  double nees = 0;  // e^T C^-1 e, of 2 degrees of freedom
+  Eigen::Vector2d truth_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d motion = Eigen::Vector2d::Zero();  // unit, in the image; zero without motion
+  double distance_m = 0;
+  double radial_px = 0;        // of the error, away from the image's middle
+  double image_radius_px = 0;  // of the truth, from the image's middle
+};
+
+struct PictureResult {
+  absl::Status status;
+  bool shown = false;       // the truth holds a wand, fully visible
+  bool found = false;       // and it was found, all markers within 1 px
+  bool false_wand = false;  // a wand where there is none, or off by more than 3 px, or turned round
+  DetectionOutcome outcome = DetectionOutcome::kNoBlob;
+  int covered_markers = 0;
+  double confidence = 0;
+  double milliseconds = 0;  // of Detect
+  uint64_t seed = 0;
+  double tilt_deg = 0, distance_m = 0;
+  std::vector<CentreError> centres;
+};
+
+std::vector<PictureResult> RunDetection(const DetectionOptions& options);
+
+struct DetectionSummary {
+  int failures = 0, shown = 0, found = 0, false_wands = 0, pictures = 0;
+  double rms_px = 0;          // of each coordinate
+  double motion_bias_px = 0;  // mean error along the motion
+  double nees = 0;            // per degree of freedom
+  double median_ms = 0;
+};
+DetectionSummary Summarise(const std::vector<PictureResult>& results);
+
+// Mean radial error of the centres in a bin; none of fewer than `count`.
+struct RadialBin {
+  double distance_m = 0, image_radius_px = 0;  // upper ends
+  int count = 0;
+  double mean_px = 0;
+  double sigma_px = 0;  // of the mean
+};
+std::vector<RadialBin> RadialBins(const std::vector<PictureResult>& results);
+
+}  // namespace rigcal::accuracy

@@ -76,6 +76,8 @@ __m256i InHalfPlane(const HueHalfPlane& plane, const Planes& planes) {
       InHalfPlane16(High(plus), High(minus), High(slope_plus), High(slope_minus), slope));
 }
 
+__m256i Spread(uint8_t level) { return _mm256_set1_epi8(static_cast<char>(level)); }
+
 // Bytes are 0 exactly where `bytes` are not larger than `below`.
 __m256i Above(__m256i bytes, __m256i below) { return _mm256_subs_epu8(bytes, below); }
 
@@ -84,31 +86,50 @@ __m256i NotAbove(__m256i bytes, __m256i below) {
   return _mm256_cmpeq_epi8(Above(bytes, below), _mm256_setzero_si256());
 }
 
-// Most bright pixels have too little colour: only where one has enough is its hue asked for.
-uint32_t Mask32(const IntegerColourRange& range, const uint8_t* pixels) {
-  Planes planes;
-  Deinterleave(pixels, &planes);
+uint64_t Bits(__m256i first, __m256i second) {
+  return static_cast<uint32_t>(_mm256_movemask_epi8(first)) |
+         uint64_t{static_cast<uint32_t>(_mm256_movemask_epi8(second))} << kLanes;
+}
+
+// 32 pixels, but for their hue. All bits of a byte are set where it is true.
+struct Brightness {
+  __m256i coloured;   // bright enough and with enough colour
+  __m256i not_plain;  // not taken without regard to the hue
+};
+
+Brightness AskBrightness(const IntegerColourRange& range, const Planes& planes) {
   const __m256i blue = planes.channel[kBlue];
   const __m256i green = planes.channel[kGreen];
   const __m256i red = planes.channel[kRed];
   const __m256i value = _mm256_max_epu8(_mm256_max_epu8(blue, green), red);
   const __m256i smallest = _mm256_min_epu8(_mm256_min_epu8(blue, green), red);
-  const __m256i dark = NotAbove(value, _mm256_set1_epi8(static_cast<char>(range.value_below)));
-  const __m256i washed_out_below = _mm256_set1_epi8(static_cast<char>(range.washed_out_below));
-  const __m256i grey = _mm256_and_si256(_mm256_cmpeq_epi8(smallest, value),
-                                        _mm256_set1_epi8(range.takes_grey ? -1 : 0));
-  const __m256i refused = _mm256_andnot_si256(grey, NotAbove(smallest, washed_out_below));
-  uint32_t taken = ~static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_or_si256(refused, dark)));
-
+  const __m256i dark = NotAbove(value, Spread(range.value_below));
+  const __m256i grey =
+      _mm256_and_si256(_mm256_cmpeq_epi8(smallest, value), Spread(range.takes_grey ? 255 : 0));
+  const __m256i refused =
+      _mm256_andnot_si256(grey, NotAbove(smallest, Spread(range.washed_out_below)));
   const __m256i share = _mm256_set1_epi16(static_cast<int16_t>(range.grey_share));
   const __m256i limit = _mm256_packus_epi16(_mm256_mulhi_epu16(Low(value), share),
                                             _mm256_mulhi_epu16(High(value), share));
-  const __m256i coloured = _mm256_andnot_si256(dark, NotAbove(smallest, limit));
-  if (_mm256_testz_si256(coloured, coloured) == 0) {
-    const __m256i inside =
-        _mm256_and_si256(InHalfPlane(range.from, planes), InHalfPlane(range.to, planes));
-    const __m256i in_range = _mm256_xor_si256(inside, _mm256_set1_epi8(range.outside ? -1 : 0));
-    taken |= static_cast<uint32_t>(_mm256_movemask_epi8(_mm256_and_si256(coloured, in_range)));
+  return {_mm256_andnot_si256(dark, NotAbove(smallest, limit)), _mm256_or_si256(refused, dark)};
+}
+
+__m256i InBothHalfPlanes(const IntegerColourRange& range, const Planes& planes) {
+  return _mm256_and_si256(InHalfPlane(range.from, planes), InHalfPlane(range.to, planes));
+}
+
+// Most bright pixels have too little colour: only where one has enough is its hue asked for.
+uint64_t MaskBlock(const IntegerColourRange& range, const uint8_t* pixels) {
+  Planes first, second;
+  Deinterleave(pixels, &first);
+  Deinterleave(pixels + 3 * kLanes, &second);
+  const Brightness a = AskBrightness(range, first);
+  const Brightness b = AskBrightness(range, second);
+  uint64_t taken = ~Bits(a.not_plain, b.not_plain);
+  const uint64_t coloured = Bits(a.coloured, b.coloured);
+  if (coloured != 0) {
+    const uint64_t inside = Bits(InBothHalfPlanes(range, first), InBothHalfPlanes(range, second));
+    taken |= coloured & (inside ^ (range.outside ? ~uint64_t{0} : 0));
   }
   return taken;
 }
@@ -130,7 +151,7 @@ void Prefetch(const uint8_t* bytes, ptrdiff_t ahead, int count) {
 // A word's pixels are first asked together, channels mixed, whether any is bright enough.
 uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
                  int word_count, uint64_t* words) {
-  const __m256i below = _mm256_set1_epi8(static_cast<char>(range.value_below));
+  const __m256i below = Spread(range.value_below);
   uint64_t all = 0;
   for (int i = 0; i < word_count; ++i, pixels += 3 * kBlock) {
     Prefetch(pixels, next_row, 3 * kBlock);
@@ -139,30 +160,19 @@ uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff
     const __m256i second =
         _mm256_max_epu8(_mm256_max_epu8(Load(pixels + 3 * kLanes), Load(pixels + 4 * kLanes)),
                         Load(pixels + 5 * kLanes));
-    words[i] = 0;
-    if (!AnyAbove(_mm256_max_epu8(first, second), below)) continue;
-    uint64_t word = 0;
-    if (AnyAbove(first, below)) word = Mask32(range, pixels);
-    if (AnyAbove(second, below)) word |= uint64_t{Mask32(range, pixels + 3 * kLanes)} << kLanes;
-    words[i] = word;
-    all |= word;
+    words[i] = AnyAbove(_mm256_max_epu8(first, second), below) ? MaskBlock(range, pixels) : 0;
+    all |= words[i];
   }
   return all;
 }
 
-uint32_t MaskMono32(__m256i grey, __m256i below) {
-  const __m256i dark = _mm256_cmpeq_epi8(Above(grey, below), _mm256_setzero_si256());
-  return ~static_cast<uint32_t>(_mm256_movemask_epi8(dark));
-}
-
 uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
                   int word_count, uint64_t* words) {
-  const __m256i below = _mm256_set1_epi8(static_cast<char>(range.value_below));
+  const __m256i below = Spread(range.value_below);
   uint64_t all = 0;
   for (int i = 0; i < word_count; ++i, pixels += kBlock) {
     Prefetch(pixels, next_row, kBlock);
-    words[i] = MaskMono32(Load(pixels), below) | uint64_t{MaskMono32(Load(pixels + kLanes), below)}
-                                                     << kLanes;
+    words[i] = ~Bits(NotAbove(Load(pixels), below), NotAbove(Load(pixels + kLanes), below));
     all |= words[i];
   }
   return all;

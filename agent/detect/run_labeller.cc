@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <utility>
 
 namespace rigcal::agent {
 namespace {
@@ -44,10 +45,12 @@ void AddRun(int64_t y, int64_t begin, int64_t end, ComponentSums* sums) {
 }  // namespace
 
 void RunLabeller::Start(int max_words) {
-  const size_t max_runs = static_cast<size_t>(max_words) * (kWordBits / 2) + 2;
-  if (row_.size() < max_runs) {
-    row_.resize(max_runs);
-    above_.resize(max_runs);
+  const size_t max_runs = static_cast<size_t>(max_words) * (kWordBits / 2) + 1;
+  if (row_.labels.size() < max_runs) {
+    for (Row* row : {&row_, &above_}) {
+      row->edges.resize(2 * max_runs);
+      row->labels.resize(max_runs);
+    }
   }
   above_y_ = kNoRow;
   parent_.clear();
@@ -55,31 +58,20 @@ void RunLabeller::Start(int max_words) {
 }
 
 int RunLabeller::FindRuns(int first_column, const uint64_t* words, int word_count) {
-  Run* run = row_.data();
-  bool open = false;  // the last run goes on into this word
+  int32_t* const edges = row_.edges.data();
+  int32_t* next = edges;
+  uint64_t last = 0;  // the pixel before this word
   for (int i = 0; i < word_count; ++i) {
     const uint64_t word = words[i];
-    if (!open && word == 0) continue;
+    // A bit where a run begins or ends, by turns: the pixel differs from the one before.
+    uint64_t changes = word ^ (word << 1 | last);
+    last = word >> (kWordBits - 1);
     const int column = first_column + kWordBits * i;
-    // A bit where a run begins or ends: the pixel differs from the one before.
-    uint64_t edges = word ^ (word << 1 | (open ? 1 : 0));
-    while (edges != 0) {
-      const int edge = column + std::countr_zero(edges);
-      edges &= edges - 1;
-      if (open) {
-        run->end = edge;
-        ++run;
-      } else {
-        run->begin = edge;
-      }
-      open = !open;
-    }
+    for (; changes != 0; changes &= changes - 1) *next++ = column + std::countr_zero(changes);
   }
-  if (open) {
-    run->end = first_column + kWordBits * word_count;
-    ++run;
-  }
-  return static_cast<int>(run - row_.data());
+  if (last != 0) *next++ = first_column + kWordBits * word_count;
+  next[0] = next[1] = kNowhere;
+  return static_cast<int>((next - edges) / 2);
 }
 
 int32_t RunLabeller::Root(int32_t label) {
@@ -100,30 +92,32 @@ int32_t RunLabeller::Join(int32_t a, int32_t b) {
 }
 
 void RunLabeller::Link(int y, int run_count) {
-  const Run* above = above_.data();
+  const int32_t* above = above_.edges.data();
+  const int32_t* above_label = above_.labels.data();
   for (int i = 0; i < run_count; ++i) {
-    Run& run = row_[static_cast<size_t>(i)];
-    while (above->end < run.begin) ++above;
-    if (above->begin > run.end) {
-      run.label = static_cast<int32_t>(parent_.size());
-      parent_.push_back(run.label);
+    const int32_t begin = row_.edges[static_cast<size_t>(2 * i)];
+    const int32_t end = row_.edges[static_cast<size_t>(2 * i + 1)];
+    for (; above[1] < begin; above += 2) ++above_label;
+    int32_t label = *above_label;
+    if (above[0] > end) {
+      label = static_cast<int32_t>(parent_.size());
+      parent_.push_back(label);
       sums_.emplace_back();
     } else {
-      run.label = above->label;
       // A run above that reaches past this one may touch the next one too.
-      while (above[1].begin <= run.end) run.label = Join(run.label, (++above)->label);
+      for (; above[2] <= end; above += 2) label = Join(label, *++above_label);
     }
-    AddRun(y, run.begin, run.end, &sums_[static_cast<size_t>(run.label)]);
+    row_.labels[static_cast<size_t>(i)] = label;
+    AddRun(y, begin, end, &sums_[static_cast<size_t>(label)]);
   }
 }
 
 void RunLabeller::AddRow(int y, int first_column, const uint64_t* words, int word_count) {
   const int run_count = FindRuns(first_column, words, word_count);
   if (run_count == 0) return;
-  if (above_y_ != y - 1) above_[0] = {kNowhere, kNowhere, 0};
+  if (above_y_ != y - 1) above_.edges[0] = above_.edges[1] = kNowhere;
   Link(y, run_count);
-  row_[static_cast<size_t>(run_count)] = {kNowhere, kNowhere, 0};
-  row_.swap(above_);
+  std::swap(row_, above_);
   above_y_ = y;
 }
 

@@ -37,10 +37,11 @@ class RunLabeller {
   const std::vector<ComponentSums>& Finish();
 
  private:
-  struct Run {
-    int32_t begin = 0;
-    int32_t end = 0;  // past the last column
-    int32_t label = 0;
+  // The runs of a row. Run i covers columns [edges[2 i], edges[2 i + 1]); behind the last one
+  // stands one that nothing touches.
+  struct Row {
+    std::vector<int32_t> edges;
+    std::vector<int32_t> labels;
   };
 
   // Returns how many runs went into row_.
@@ -49,8 +50,8 @@ class RunLabeller {
   int32_t Root(int32_t label);
   int32_t Join(int32_t a, int32_t b);
 
-  std::vector<Run> above_;  // runs of row y_, and one that nothing touches
-  std::vector<Run> row_;
+  Row above_;  // row above_y_
+  Row row_;
   int above_y_ = 0;
   std::vector<int32_t> parent_;      // by label, never larger than the label
   std::vector<ComponentSums> sums_;  // by label

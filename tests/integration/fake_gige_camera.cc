@@ -1,26 +1,89 @@
 // SPDX-License-Identifier: Apache-2.0
-// A GigE Vision camera that is a program: test pictures over the true protocol, on this machine.
-// Prints "ready" when it answers, and what it has sent when it is told to end.
+// A GigE Vision camera that is a program: pictures over the true protocol, on this machine. Prints
+// "ready" when it answers, and what it has sent when it is told to end.
 #include "tests/testing/fake_gige_camera.h"
 
 #include <signal.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <memory>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "tests/testing/rendered_pictures.h"
+
+namespace {
+
+using rigcal::testing::FakeGigeCamera;
+using rigcal::testing::FakeGigeCameraOptions;
+using rigcal::testing::RenderedPictures;
+using rigcal::testing::RenderedPicturesOptions;
+
+// "camera=2;seed=3;lux=50" as for the agent's sim: the world's parts and the picture's.
+absl::Status ParseSimulation(const std::string& text, RenderedPicturesOptions* options) {
+  std::vector<std::string> world;
+  std::vector<std::string> picture;
+  for (const absl::string_view part : absl::StrSplit(text, ';', absl::SkipEmpty())) {
+    const std::string name(part.substr(0, part.find('=')));
+    if (name == "camera") {
+      options->camera_index = std::atoi(std::string(part.substr(part.find('=') + 1)).c_str());
+      continue;
+    }
+    const bool of_picture = rigcal::IsFrameRenderOption(name);
+    if (of_picture) picture.emplace_back(part);
+    if (!of_picture || name == "seed") world.emplace_back(part);
+  }
+  auto simulation = rigcal::ParseSimulationOptions(absl::StrJoin(world, ";"));
+  if (!simulation.ok()) return simulation.status();
+  auto rendering = rigcal::ParseFrameRenderOptions(absl::StrJoin(picture, ";"));
+  if (!rendering.ok()) return rendering.status();
+  if (options->camera_index < 0 || options->camera_index >= simulation->camera_count) {
+    return absl::InvalidArgumentError(absl::StrCat("no camera ", options->camera_index,
+                                                   " in a world of ", simulation->camera_count));
+  }
+  options->simulation = *simulation;
+  options->rendering = *rendering;
+  return absl::OkStatus();
+}
+
+int Fail(const absl::Status& status) {
+  std::fprintf(stderr, "%s\n", std::string(status.message()).c_str());
+  return 1;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
-  rigcal::testing::FakeGigeCameraOptions options;
-  CLI::App app("A GigE Vision camera without hardware, on an address of this machine.");
+  FakeGigeCameraOptions options;
+  RenderedPicturesOptions rendered;
+  std::string simulation;
+  std::string target = "wand:0,0.13,0.39";
+  std::string calibration_path;
+  CLI::App app(
+      "A GigE Vision camera without hardware, on an address of this machine. Sends test pictures, "
+      "or what a camera of a simulated world sees.");
   app.add_option("--address", options.address, "its address, and with it the interface")
       ->capture_default_str();
   app.add_option("--serial", options.serial, "its serial number")->capture_default_str();
-  app.add_option("--width", options.width, "pixels")->capture_default_str();
-  app.add_option("--height", options.height, "pixels")->capture_default_str();
-  app.add_option("--pixel-format", options.pixel_format, "Mono8, BayerRG8 or RGB8")
+  app.add_option("--width", options.width, "pixels, of test pictures")->capture_default_str();
+  app.add_option("--height", options.height, "pixels, of test pictures")->capture_default_str();
+  app.add_option("--pixel-format", options.pixel_format, "Mono8, BayerRG8 (GR, GB, BG) or RGB8")
       ->capture_default_str();
-  app.add_option("--rate", options.frame_rate_hz, "pictures a second")->capture_default_str();
+  app.add_option("--rate", options.frame_rate_hz, "test pictures a second")->capture_default_str();
   app.add_option("--lose-packets", options.lost_packet_share, "share of packets not sent")
       ->capture_default_str();
+  app.add_option(
+      "--simulation", simulation,
+      "pictures of this world and camera: \"camera=0;seed=1;cameras=4;rate=50;lux=200\"");
+  app.add_option("--target", target, "what is waved in it")->capture_default_str();
+  app.add_option("--threads", rendered.threads, "that render")->capture_default_str();
+  app.add_option("--ahead", rendered.ahead, "pictures rendered before they are due")
+      ->capture_default_str();
+  app.add_option("--write-calibration", calibration_path,
+                 "where to write the simulated camera's intrinsics and pose (YAML)");
   CLI11_PARSE(app, argc, argv);
 
   // Before any thread, so that all of them leave these two signals to sigwait.
@@ -30,15 +93,40 @@ int main(int argc, char** argv) {
   sigaddset(&ending, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &ending, nullptr);
 
-  auto camera = rigcal::testing::FakeGigeCamera::Create(options);
-  if (!camera.ok()) {
-    std::fprintf(stderr, "%s\n", std::string(camera.status().message()).c_str());
-    return 1;
+  std::unique_ptr<RenderedPictures> pictures;
+  if (!simulation.empty()) {
+    auto parsed_target = rigcal::ParseTarget(target);
+    if (!parsed_target.ok()) return Fail(parsed_target.status());
+    rendered.target = *parsed_target;
+    rendered.pixel_format = options.pixel_format;
+    if (const absl::Status status = ParseSimulation(simulation, &rendered); !status.ok()) {
+      return Fail(status);
+    }
+    auto created = RenderedPictures::Create(rendered);
+    if (!created.ok()) return Fail(created.status());
+    pictures = *std::move(created);
+    options.width = static_cast<int>(pictures->image_size_px().width);
+    options.height = static_cast<int>(pictures->image_size_px().height);
+    options.frame_rate_hz = pictures->rate_hz();
+    options.exposure_s = rendered.rendering.exposure_s;
+    options.fill = [&](uint64_t, double exposure_s, std::span<uint8_t> pixels) {
+      return pictures->TakeNow(exposure_s, pixels);
+    };
+    if (!calibration_path.empty()) {
+      const absl::Status status =
+          rigcal::WriteCameraExport(calibration_path, pictures->Export(options.serial));
+      if (!status.ok()) return Fail(status);
+    }
   }
+  auto camera = FakeGigeCamera::Create(options);
+  if (!camera.ok()) return Fail(camera.status());
   std::printf("ready %s at %s\n", (*camera)->id().c_str(), options.address.c_str());
   std::fflush(stdout);
   int signal = 0;
   sigwait(&ending, &signal);
-  std::printf("sent %llu\n", static_cast<unsigned long long>((*camera)->sent()));
+  const auto sent = static_cast<unsigned long long>((*camera)->sent());
+  camera->reset();
+  std::printf("sent %llu late %llu\n", sent,
+              static_cast<unsigned long long>(pictures ? pictures->late() : 0));
   return 0;
 }

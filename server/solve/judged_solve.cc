@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
+#include "server/solve/clock_rates.h"
 
 namespace rigcal::server {
 namespace {
@@ -15,8 +16,7 @@ namespace {
 constexpr int kMinHeldOutInstants = 20;
 // A refinement must make the held-out error smaller by this share to be kept.
 constexpr double kMustGain = 0.02;
-constexpr double kSignificantSigmas = 5;
-constexpr double kMinDriftS = 4e-4;  // over the session; less moves no marker by a noticeable part
+constexpr int kMaxRateTries = 4;
 
 std::function<void(std::string_view, double)> Stage(const RigSolveOptions& options,
                                                     std::string_view name) {
@@ -103,29 +103,48 @@ double ClockSpanS(const BundleProblem& problem, int clock) {
   return last_s > first_s ? last_s - first_s : 0;
 }
 
-// Estimates the clocks' rates, and keeps them if any is significant and makes a difference.
+// Which of the clocks with a rate have one of their own.
+std::vector<bool> OwnRates(const RigSolution& solution, const RigUncertainty& uncertainty) {
+  std::vector<RateEstimate> rates;
+  for (size_t k = 0; k < solution.clocks.size(); ++k) {
+    const BundleProblem& problem = solution.built.problem;
+    rates.push_back({solution.clocks[k].session_id,
+                     solution.clocks[k].time_rate + problem.clocks[k].time_rate,
+                     ClockSpanS(problem, static_cast<int>(k))});
+  }
+  const auto sigma_between = [&](size_t k, size_t l) {
+    std::vector<double> weights(solution.clocks.size(), 0);
+    weights[k] = 1;
+    weights[l] = -1;
+    return uncertainty.ClockSigma(ReducedParameterKind::kTimeRate, weights);
+  };
+  return FindOwnRates(rates, sigma_between, RateTestOptions{});
+}
+
+// Gives rates to the clocks that are seen to run differently: all are tried, then those that stood
+// out alone, until all of them still do. What could not be solved has no rates.
 absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigSolution* solution) {
-  const RigStart start = StartFrom(*solution);
   RigSolveOptions with_rates = *options;
   with_rates.estimate_time_rates = true;
-  absl::StatusOr<RigSolution> tried = SolveRig(rig, start.clocks, with_rates, &start);
-  if (absl::IsCancelled(tried.status())) return tried.status();
-  if (!tried.ok()) return absl::OkStatus();
-  const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, with_rates);
-  if (!uncertainty.ok()) return absl::OkStatus();
-  bool significant = false;
-  for (size_t k = 0; k < tried->clocks.size(); ++k) {
-    std::vector<double> weights(tried->clocks.size(), 0);
-    weights[k] = 1;
-    const double sigma = uncertainty->ClockSigma(ReducedParameterKind::kTimeRate, weights);
-    const double rate = tried->clocks[k].time_rate + tried->built.problem.clocks[k].time_rate;
-    const double drift_s = std::abs(rate) * ClockSpanS(tried->built.problem, static_cast<int>(k));
-    significant = significant || (sigma > 0 && std::abs(rate) > kSignificantSigmas * sigma &&
-                                  drift_s > kMinDriftS);
-  }
-  if (significant) {
-    *options = with_rates;
-    *solution = *std::move(tried);
+  for (int i = 0; i < kMaxRateTries; ++i) {
+    RigStart start = StartFrom(*solution);
+    absl::StatusOr<RigSolution> tried = SolveRig(rig, start.clocks, with_rates, &start);
+    if (absl::IsCancelled(tried.status())) return tried.status();
+    if (!tried.ok()) return absl::OkStatus();
+    const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, with_rates);
+    if (!uncertainty.ok()) return absl::OkStatus();
+    std::vector<bool> own = OwnRates(*tried, *uncertainty);
+    if (std::find(own.begin(), own.end(), true) == own.end()) return absl::OkStatus();
+    if (own == with_rates.own_rates) {
+      *options = std::move(with_rates);
+      *solution = *std::move(tried);
+      return absl::OkStatus();
+    }
+    // Those that once were found to run alike stay so.
+    for (size_t k = 0; k < with_rates.own_rates.size(); ++k) {
+      own[k] = own[k] && with_rates.own_rates[k];
+    }
+    with_rates.own_rates = std::move(own);
   }
   return absl::OkStatus();
 }
@@ -164,8 +183,10 @@ absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
   }
   result.options.estimate_time_rates = first.estimate_time_rates;
+  result.options.own_rates = first.own_rates;
   RigSolveOptions chosen_from = base;
   chosen_from.estimate_time_rates = first.estimate_time_rates;
+  chosen_from.own_rates = first.own_rates;
   const RigStart start = StartFrom(result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();

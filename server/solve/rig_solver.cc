@@ -102,7 +102,8 @@ class RigSolver {
       BundleClock& clock = problem().clocks[k];
       const bool is_fixed = fixed.contains(static_cast<int>(k));
       clock.offset_fixed = is_fixed || !options_.estimate_time_offsets;
-      clock.rate_fixed = is_fixed || !options_.estimate_time_rates;
+      clock.rate_fixed = !options_.estimate_time_rates ||
+                         (options_.own_rates.empty() ? is_fixed : !options_.own_rates[k]);
       clock.prior_offset_s = -solution_.clocks[k].time_offset_s;
       clock.offset_sigma_s = kWeakOffsetSigmaS;
       clock.prior_rate = -solution_.clocks[k].time_rate;

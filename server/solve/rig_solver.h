@@ -31,7 +31,10 @@ struct RigObservations {
 struct RigSolveOptions {
   int reference_camera = 0;  // into the index; its pose is the rig frame
   bool estimate_time_offsets = true;
+  // Of every clock but one of each session (the reference camera's); or of those of `own_rates`, by
+  // clock, alone: at least one of each session is not.
   bool estimate_time_rates = false;
+  std::vector<bool> own_rates;
   bool refine_intrinsics = false;
   bool estimate_marker_positions = false;
   // Between two cameras of the index, in metres: the scale of a target of one marker. None: its

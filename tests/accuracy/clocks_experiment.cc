@@ -21,11 +21,11 @@ SimulationOptions DrawWorld(const ClocksOptions& options, uint32_t seed) {
   simulation.duration_s = options.duration_s;
   simulation.jitter_s = options.jitter_s;
   simulation.max_speed_m_s = options.wand_speed_m_s;
-  simulation.free_running = true;
+  simulation.free_running = options.free_running;
   simulation.clock_samples = options.clock_samples;
   RandomStream random{seed, kClockPurpose};
   for (int c = 0; c < options.camera_count; ++c) {
-    simulation.camera_rate_hz[c] = kRatesHz[c % 3];
+    if (options.free_running) simulation.camera_rate_hz[c] = kRatesHz[c % 3];
     simulation.time_offset_s[c] =
         random.Uniform(-options.largest_offset_s, options.largest_offset_s);
     simulation.time_rate_ppm[c] =

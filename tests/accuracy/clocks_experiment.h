@@ -20,6 +20,7 @@ struct ClocksOptions {
   double wand_speed_m_s = 2;
   double largest_offset_s = 0.5;  // uniform in +-
   double largest_rate_ppm = 0;    // uniform in +-
+  bool free_running = true;       // else 50 fps, exposed together
   bool clock_samples = false;     // clocks of unknown origin, put beside each other by samples
 };
 

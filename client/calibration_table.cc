@@ -85,8 +85,9 @@ std::string FormatPoses(const v1::Calibration& calibration) {
     if (cam_from_rig.ok()) {
       const RigidTransform rig_from_cam = cam_from_rig->Inverse();
       const Eigen::Vector3d rotation = RotationVectorRad(rig_from_cam.rotation);
+      const int digits = calibration.scale_known() ? 4 : 5;
       for (int i = 0; i < 3; ++i) {
-        cells.push_back(FormatFixed(rig_from_cam.translation_m[i], 4));
+        cells.push_back(FormatFixed(rig_from_cam.translation_m[i], digits));
       }
       for (int i = 0; i < 3; ++i) {
         cells.push_back(FormatFixed(DegreesFromRadians(rotation[i]), 3));
@@ -111,14 +112,17 @@ double Norm(const v1::Vector3& vector) {
 }
 
 std::string FormatUncertainty(const v1::Calibration& calibration) {
+  const bool metric = calibration.scale_known();
   TextTable table({{"camera"},
-                   Number("position (mm)", "one sigma"),
+                   Number(metric ? "position (mm)" : "position (unknown scale)", "one sigma"),
                    Number("rotation (deg)", "one sigma"),
                    Number("time offset (ms)", "one sigma")});
   for (const v1::CalibratedCamera& camera : calibration.cameras()) {
     if (!camera.has_uncertainty()) continue;
     const v1::CameraUncertainty& sigma = camera.uncertainty();
-    table.AddRow({camera.camera(), FormatFixed(Norm(sigma.position_sigma_m()) * kMmPerM, 3),
+    const double position = Norm(sigma.position_sigma_m());
+    table.AddRow({camera.camera(),
+                  metric ? FormatFixed(position * kMmPerM, 3) : FormatFixed(position, 6),
                   FormatFixed(DegreesFromRadians(Norm(sigma.rotation_sigma_rad())), 4),
                   FormatFixed(sigma.time_offset_sigma_s() * kMsPerS, 3)});
   }
@@ -155,7 +159,26 @@ std::string FormatHeldOut(const v1::Calibration& calibration) {
          table.Format(2);
 }
 
+// Where a target of one marker has its lengths from.
+std::string FormatScale(const v1::Calibration& calibration) {
+  if (!calibration.scale_known()) {
+    std::string text = "scale              NOT KNOWN: no length here is in metres";
+    if (!calibration.unit_camera().empty()) {
+      absl::StrAppend(&text, ";\n                   the unit is the distance from ",
+                      calibration.reference_camera(), " to ", calibration.unit_camera());
+    }
+    return Printable(text + "\n");
+  }
+  if (!calibration.options().has_known_distance()) return "";
+  const v1::KnownDistance& known = calibration.options().known_distance();
+  return Printable(
+      absl::StrCat("scale              from the distance of ", known.camera_a(), " and ",
+                   known.camera_b(), ", ", FormatFixed(known.distance_m(), 4), " m, one sigma ",
+                   FormatFixed(100 * calibration.target().scale_sigma_rel(), 3), " %\n"));
+}
+
 std::string FormatWand(const v1::CalibratedTarget& target) {
+  if (target.given().kind() == v1::Target::POINT) return "";  // has no length
   uint64_t count = 0;
   for (const v1::SpanError& span : target.spans()) count += span.count();
   std::string text = "wand length error  ";
@@ -214,7 +237,13 @@ std::string FormatTruth(const v1::TruthComparison& truth) {
   }
   table.AddRow({"largest", FormatFixed(truth.max_position_error_m() * kMmPerM, 3),
                 FormatFixed(truth.max_rotation_error_deg(), 4), ""});
-  return "\nAgainst the truth, after rigid alignment of the camera positions\n" + table.Format(2);
+  std::string how = "rigid alignment of the camera positions";
+  if (truth.unit_length_m() > 0) {
+    how = absl::StrCat("the similarity that fits the camera positions best: the\n",
+                       "scale is not known, and its unit taken as ",
+                       FormatFixed(truth.unit_length_m(), 4), " m");
+  }
+  return absl::StrCat("\nAgainst the truth, after ", how, "\n", table.Format(2));
 }
 
 std::string FormatHead(const v1::Calibration& calibration) {
@@ -240,10 +269,7 @@ std::string FormatResult(const v1::Calibration& calibration) {
                   FormatHeldOut(calibration), "\n");
   absl::StrAppend(&text, "instants used      ", calibration.instant_count(), "\n",
                   FormatWand(calibration.target()));
-  if (!calibration.scale_known()) {
-    text += "scale              NOT KNOWN: no length here is in metres\n";
-  }
-  return text;
+  return text + FormatScale(calibration);
 }
 
 }  // namespace

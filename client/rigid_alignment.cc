@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "client/quantities.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::client {
 namespace {
@@ -58,6 +59,25 @@ absl::StatusOr<RigidTransform> AlignRigidly(const std::vector<PosePair>& cameras
   const Eigen::Quaterniond rotation(
       Eigen::Matrix3d(svd.matrixU() * reflection * svd.matrixV().transpose()));
   return RigidTransform(rotation.normalized(), mean_b - rotation.normalized() * mean_a);
+}
+
+absl::StatusOr<double> FindScale(const std::vector<PosePair>& cameras) {
+  RIGCAL_ASSIGN_OR_RETURN(const RigidTransform b_from_a, AlignRigidly(cameras));
+  Eigen::Vector3d mean_a = Eigen::Vector3d::Zero(), mean_b = Eigen::Vector3d::Zero();
+  for (const PosePair& camera : cameras) {
+    mean_a += Centre(camera.cam_from_a) / static_cast<double>(cameras.size());
+    mean_b += Centre(camera.cam_from_b) / static_cast<double>(cameras.size());
+  }
+  double product = 0, square = 0;
+  for (const PosePair& camera : cameras) {
+    const Eigen::Vector3d a = Centre(camera.cam_from_a) - mean_a;
+    product += (Centre(camera.cam_from_b) - mean_b).dot(b_from_a.rotation * a);
+    square += a.squaredNorm();
+  }
+  if (!(square > kMinSpreadM2) || !(product > 0)) {
+    return absl::InvalidArgumentError("the camera centres do not tell the scale");
+  }
+  return product / square;
 }
 
 PoseDifference DifferenceAfter(const RigidTransform& b_from_a, const PosePair& camera) {

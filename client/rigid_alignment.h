@@ -22,6 +22,11 @@ struct PosePair {
 // centres decide. INVALID_ARGUMENT: no cameras, or values that are not finite.
 absl::StatusOr<RigidTransform> AlignRigidly(const std::vector<PosePair>& cameras);
 
+// How long b's lengths are in a's: the factor of the similarity that brings the camera centres
+// together best (Umeyama 1991, equation 42), for an a whose unit is not known. INVALID_ARGUMENT: as
+// AlignRigidly; centres of a that are all in one place; a similarity that would turn a inside out.
+absl::StatusOr<double> FindScale(const std::vector<PosePair>& cameras);
+
 // What is left of one camera's difference after the alignment.
 struct PoseDifference {
   double position_m = 0;

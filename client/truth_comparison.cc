@@ -37,9 +37,9 @@ double Median(std::vector<double> values) {
 absl::StatusOr<v1::TruthComparison> CompareWithTruth(const v1::Calibration& calibration,
                                                      const SimulatedWorld& world) {
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
-  if (!calibration.scale_known() || calibration.cameras().empty()) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "calibration ", calibration.id(), " has no metric scale to compare with the truth"));
+  if (calibration.cameras().empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("calibration ", calibration.id(), " has no camera to compare with the truth"));
   }
   std::vector<PosePair> poses;
   std::vector<double> estimated_offsets_s;
@@ -58,10 +58,16 @@ absl::StatusOr<v1::TruthComparison> CompareWithTruth(const v1::Calibration& cali
     true_offsets_s.push_back(TrueOffset(*truth, camera.time_epoch_s()));
   }
 
+  double unit_length_m = 0;
+  if (!calibration.scale_known()) {
+    RIGCAL_ASSIGN_OR_RETURN(unit_length_m, FindScale(poses));
+    for (PosePair& pair : poses) pair.cam_from_a.translation_m *= unit_length_m;
+  }
   RIGCAL_ASSIGN_OR_RETURN(const RigidTransform world_from_rig, AlignRigidly(poses));
   const double estimated_median_s = Median(estimated_offsets_s);
   const double true_median_s = Median(true_offsets_s);
   v1::TruthComparison comparison;
+  comparison.set_unit_length_m(unit_length_m);
   for (size_t i = 0; i < poses.size(); ++i) {
     const PoseDifference difference = DifferenceAfter(world_from_rig, poses[i]);
     const double rotation_deg = DegreesFromRadians(difference.rotation_rad);

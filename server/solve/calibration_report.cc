@@ -251,7 +251,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     result.cameras.push_back(std::move(camera));
   }
   result.target = ReportTarget(input);
-  result.wand_volume = MeasureWandVolume(problem);
+  if (result.scale_known) result.wand_volume = MeasureWandVolume(problem);
   if (input.judged.uncertainty) {
     result.camera_covariance = PackCameraCovariance(problem, input.judged.options.reference_camera,
                                                     *input.judged.uncertainty);

@@ -143,15 +143,18 @@ Repair RepairMovedCamera(const CauseInput& input) {
   const double time_s =
       1e-9 * static_cast<double>(candidate->change.rig_time_ns -
                                  input.judged.solution.built.instant_time_ns.front());
-  const double distance_mm = 1e3 * move.centre_m;
+  const bool metric =
+      !input.trial.problem.distance || input.judged.options.known_distance.has_value();
+  const std::string distance =
+      metric ? absl::StrFormat("%.1f mm and ", 1e3 * move.centre_m) : std::string();
   const double angle_deg = kDegreesPerRadian * move.rotation_rad;
   repair.causes.push_back(
       {{"camera_moved", input.trial.problem.cameras[candidate->camera].name, move.image_px, "px",
         absl::StrFormat(
-            "it moved %.1f s after the first wand view by %.1f mm and %.3f deg, which moved its "
+            "it moved %.1f s after the first wand view by %s%.3f deg, which moved its "
             "image by %.1f px; its error is %.2f px, and %.2f px with a pose of its own from then "
             "on. Fix its mount and record again, or calibrate what was recorded after it moved",
-            time_s, distance_mm, angle_deg, move.image_px, change.before_px, change.after_px)},
+            time_s, distance, angle_deg, move.image_px, change.before_px, change.after_px)},
        change.gain_px()});
   return repair;
 }

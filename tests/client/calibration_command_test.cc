@@ -57,6 +57,16 @@ TEST_F(CalibrationCommand, CalibrateSendsEveryOption) {
   EXPECT_EQ(json::parse(outcome.out).at("state"), "QUEUED");
 }
 
+TEST_F(CalibrationCommand, CalibrateSendsAKnownDistance) {
+  const CommandOutcome outcome = Rigcal({"calibrate", "a", "--distance", "left,right,1.25,0.001"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const v1::KnownDistance& known = fake_.created_calibration.options().known_distance();
+  EXPECT_EQ(known.camera_a(), "left");
+  EXPECT_EQ(known.camera_b(), "right");
+  EXPECT_EQ(known.distance_m(), 1.25);
+  EXPECT_EQ(known.sigma_m(), 0.001);
+}
+
 TEST_F(CalibrationCommand, CalibrateLeavesTheDefaultsToTheServer) {
   ASSERT_EQ(Rigcal({"calibrate", "a"}).exit_code, 0);
   const v1::CalibrationOptions& options = fake_.created_calibration.options();

@@ -81,6 +81,24 @@ TEST(FormatCalibration, NeverCallsUnknownScaleMetres) {
   const std::string text = FormatCalibration(calibration);
   EXPECT_THAT(text, AllOf(HasSubstr("unknown scale"), HasSubstr("NOT KNOWN")));
   EXPECT_THAT(text, Not(HasSubstr("position (m)")));
+  EXPECT_THAT(text, Not(HasSubstr("position (mm)")));
+  calibration.set_reference_camera("left");
+  calibration.set_unit_camera("right");
+  EXPECT_THAT(FormatCalibration(calibration),
+              HasSubstr("the unit is the distance from left to right"));
+}
+
+TEST(FormatCalibration, OfOneMarkerSaysWhereTheScaleIsFrom) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_target()->mutable_given()->set_kind(v1::Target::POINT);
+  calibration.mutable_target()->set_scale_sigma_rel(0.0008);
+  v1::KnownDistance* known = calibration.mutable_options()->mutable_known_distance();
+  known->set_camera_a("left");
+  known->set_camera_b("right");
+  known->set_distance_m(1.25);
+  const std::string text = FormatCalibration(calibration);
+  EXPECT_THAT(text, HasSubstr("from the distance of left and right, 1.2500 m, one sigma 0.080 %"));
+  EXPECT_THAT(text, Not(HasSubstr("wand length")));
 }
 
 TEST(FormatCalibration, OfAFailedOneSaysWhyAndWhatWasLeftOut) {

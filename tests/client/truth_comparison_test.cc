@@ -34,6 +34,27 @@ TEST(CompareWithTruth, TheTruthHasNoError) {
   EXPECT_LT(truth.max_position_error_m(), 1e-9);
 }
 
+TEST(CompareWithTruth, AlignsAnUnknownScaleAndSaysSo) {
+  const SimulatedWorld world = World("cameras=6");
+  v1::Calibration calibration = TrueCalibration(world);
+  ASSERT_OK_AND_ASSIGN(const v1::TruthComparison metric, CompareWithTruth(calibration, world));
+  EXPECT_EQ(metric.unit_length_m(), 0);
+  calibration.set_scale_known(false);
+  for (v1::CalibratedCamera& camera : *calibration.mutable_cameras()) {
+    RigidTransform cam_from_rig = *wire::FromProto(camera.cam_from_rig());
+    cam_from_rig.translation_m /= 2.5;
+    *camera.mutable_cam_from_rig() = wire::ToProto(cam_from_rig);
+  }
+  ASSERT_OK_AND_ASSIGN(const v1::TruthComparison truth, CompareWithTruth(calibration, world));
+  EXPECT_NEAR(truth.unit_length_m(), 2.5, 1e-9);
+  EXPECT_LT(truth.max_position_error_m(), 1e-9);
+  EXPECT_LT(truth.max_rotation_error_deg(), 1e-6);
+  // The same in metres is wrong by more than the half of everything.
+  calibration.set_scale_known(true);
+  ASSERT_OK_AND_ASSIGN(const v1::TruthComparison shrunk, CompareWithTruth(calibration, world));
+  EXPECT_GT(shrunk.max_position_error_m(), 1);
+}
+
 TEST(CompareWithTruth, FindsTheErrorOfOneCamera) {
   const SimulatedWorld world = World("cameras=6");
   v1::Calibration calibration = TrueCalibration(world);
@@ -105,10 +126,6 @@ TEST(CompareWithTruth, RefusesWhatCannotBeCompared) {
   failed.set_state(v1::Calibration::FAILED);
   EXPECT_THAT(CompareWithTruth(failed, world),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("failed")));
-  v1::Calibration unscaled = TrueCalibration(world);
-  unscaled.set_scale_known(false);
-  EXPECT_THAT(CompareWithTruth(unscaled, world),
-              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("scale")));
   v1::Calibration stranger = TrueCalibration(world);
   stranger.mutable_cameras(1)->set_camera("other");
   EXPECT_THAT(CompareWithTruth(stranger, world),

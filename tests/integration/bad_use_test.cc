@@ -103,20 +103,25 @@ TEST_F(BadUse, DataDirectoryInUseIsNamed) {
   EXPECT_THAT(result.error, HasSubstr(store));
 }
 
-TEST_F(BadUse, PointTargetIsRefusedAsNotYetSupported) {
+TEST_F(BadUse, PointOfMoreThanOneMarkerIsRefused) {
+  const CommandResult result =
+      Rigcal({"session", "create", "--target", "point:0,0.1", "--id", "p", "--start"});
+  EXPECT_NE(result.exit_code, 0);
+  EXPECT_THAT(result.error, HasSubstr("point"));
+}
+
+TEST_F(BadUse, DistanceBesideAWandIsRefused) {
   Process first(Agent("a", "sim:camera=0;cameras=2;duration=2;speed=max"));
   Process second(Agent("b", "sim:camera=1;cameras=2;duration=2;speed=max"));
   ASSERT_TRUE(WaitFor([&] { return ConnectedCount() == 2; }));
+  ASSERT_EQ(Rigcal({"session", "create", "--target", "wand:0,0.13,0.39", "--id", "p", "--start"})
+                .exit_code,
+            0);
+  ASSERT_THAT(ServerClient(server_.address()).WaitUntilFinished("p"), IsOk());
   const CommandResult result =
-      Rigcal({"session", "create", "--target", "point", "--id", "p", "--start"});
-  std::string said = result.output + result.error;
-  if (result.exit_code == 0) {
-    ASSERT_THAT(ServerClient(server_.address()).WaitUntilFinished("p"), IsOk());
-    const CommandResult calibrated = Rigcal({"calibrate", "p", "--wait"});
-    EXPECT_EQ(calibrated.exit_code, 1);
-    said = calibrated.output + calibrated.error;
-  }
-  EXPECT_THAT(said, AllOf(HasSubstr("point"), HasSubstr("not yet supported")));
+      Rigcal({"calibrate", "p", "--wait", "--distance", "sim_0,sim_1,2.5"});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.output + result.error, AllOf(HasSubstr("wand"), HasSubstr("distance")));
 }
 
 TEST(ServerUnreachable, ExitsWithSixAndTheAddress) {

@@ -37,6 +37,25 @@ TEST(CalibrationOptions, RefusesValuesOutOfRangeAndNotFinite) {
   }
 }
 
+TEST(CalibrationOptions, ADistanceIsBetweenTwoCamerasAndPositive) {
+  CalibrationOptions options;
+  options.known_distance = KnownDistance{"left", "right", 1.25, 0};
+  EXPECT_THAT(options.Validate(), IsOk());
+  EXPECT_EQ(options.known_distance->SigmaM(), KnownDistance::kDefaultSigmaM);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const KnownDistance& wrong :
+       {KnownDistance{"left", "left", 1, 0}, KnownDistance{"", "right", 1, 0},
+        KnownDistance{"left", "ri ght/", 1, 0}, KnownDistance{"left", "right", 0, 0},
+        KnownDistance{"left", "right", -1, 0}, KnownDistance{"left", "right", nan, 0},
+        KnownDistance{"left", "right", infinity, 0}, KnownDistance{"left", "right", 1, -0.1},
+        KnownDistance{"left", "right", 1, nan}, KnownDistance{"left", "right", 1, 1}}) {
+    options.known_distance = wrong;
+    EXPECT_THAT(options.Validate(),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("known_distance")));
+  }
+}
+
 TEST(CalibrationOptions, ListsEveryFault) {
   CalibrationOptions options;
   options.reference_camera = "no such/name";

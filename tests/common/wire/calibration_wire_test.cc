@@ -27,11 +27,13 @@ Calibration FilledCalibration() {
   calibration.session_ids = {"s-1", "s-2"};
   calibration.state = CalibrationState::kSucceeded;
   calibration.options.seed = 9;
+  calibration.options.known_distance = KnownDistance{"left", "right", 1.25, 0.003};
   calibration.options.intrinsics = Estimate::kAuto;
   calibration.create_utc_ns = 1'700'000'000'123'456'789;
   calibration.duration_s = 0.25;
   CalibrationResult result;
   result.scale_known = true;
+  result.unit_camera = "right";
   result.reference_camera = "a";
   result.instant_count = 614;
   CalibratedCamera camera;

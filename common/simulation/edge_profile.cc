@@ -78,7 +78,8 @@ double Share(double t, double gaussian_px, const Spread& disc) {
 
 }  // namespace
 
-EdgeProfile::EdgeProfile(double gaussian_px, double disc_px) {
+EdgeProfile::EdgeProfile(double gaussian_px, double disc_px)
+    : variance_px2_(gaussian_px * gaussian_px + disc_px * disc_px / 4 + 1.0 / 12) {
   const double reach = 0.75 + kGaussianReach * gaussian_px + disc_px;
   const auto half = static_cast<size_t>(std::ceil(reach * kStepsPerPx));
   reach_px_ = static_cast<float>(half) / kStepsPerPx;

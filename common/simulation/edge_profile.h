@@ -26,9 +26,13 @@ class EdgeProfile {
   }
   // Beyond this distance At is 0 or 1.
   float reach_px() const { return reach_px_; }
+  // Of the whole blur, along one axis. A curved edge of radius r looks as if it lay
+  // variance / (2 r) nearer to its centre of curvature.
+  double variance_px2() const { return variance_px2_; }
 
  private:
   static constexpr float kStepsPerPx = 64;
+  double variance_px2_ = 0;
   float reach_px_ = 0;
   float last_ = 0;
   std::vector<float> table_;

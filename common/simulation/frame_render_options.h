@@ -51,7 +51,7 @@ struct FrameRenderOptions {
   double lux = 200;                     // 0 to 1e5
   double background_reflectance = 0.2;  // mean, 0 to 1
   double clutter = 0;     // 0 none, 0.5 moderate, 1 much, up to 5: warm patches, wood, lamps
-  double reflection = 0;  // 0 to 1: brightness of a mirrored wand in the floor
+  double reflection = 0;  // 0 to 1: brightness of a mirrored wand, see SceneFrame
   double occlusion = 0;   // 0 to 1: share of frames with an opaque bar over one marker
 
   friend bool operator==(const FrameRenderOptions&, const FrameRenderOptions&) = default;

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <utility>
 
@@ -24,13 +25,26 @@ namespace {
 
 constexpr uint64_t kFramePurpose = 0x6672616d65;
 constexpr double kUsualDiameterM = 0.04;
-constexpr double kUsualFloorM = 1.3;
 constexpr double kLongestStepPx = 0.4;  // of a sphere's image between two parts of an exposure
 constexpr double kFloorBlurPx = 2;      // a floor is no mirror
 
 double BlinkHz(const Target& target, const FrameRenderOptions& options, size_t marker) {
   if (target.blink_hz.empty()) return options.blink_hz;
   return target.blink_hz[std::min(marker, target.blink_hz.size() - 1)];
+}
+
+// A glossy surface beside the wand: a table, a cupboard. Its mirror images are seen next to the
+// wand, and no sphere is in it.
+Eigen::Vector4d SurfaceBeside(std::span<const SphereMotion> spheres, RandomStream random) {
+  const Eigen::Vector3d middle = 0.5 * (spheres.front().centre_m + spheres.back().centre_m);
+  const Eigen::Vector3d sight = middle.normalized();
+  const double turn = random.Uniform(0, 2 * std::numbers::pi);
+  const Eigen::Vector3d across = sight.unitOrthogonal();
+  const Eigen::Vector3d beside = std::cos(turn) * across + std::sin(turn) * sight.cross(across);
+  const Eigen::Vector3d normal = (beside - random.Uniform(0, 0.4) * sight).normalized();
+  const double reach_m = std::abs(normal.dot(spheres.front().centre_m - middle));
+  const double offset_m = normal.dot(middle) - reach_m - random.Uniform(0.08, 0.3);
+  return {normal.x(), normal.y(), normal.z(), offset_m};
 }
 
 SphereMotion MirroredIn(const Eigen::Vector4d& floor, const SphereMotion& sphere) {
@@ -112,7 +126,8 @@ struct SceneRenderer::Impl {
   }
 
   void DrawReflections(const SceneFrame& frame, std::span<const SphereMotion> spheres) {
-    const Eigen::Vector4d floor = frame.floor.value_or(Eigen::Vector4d(0, 1, 0, kUsualFloorM));
+    const Eigen::Vector4d floor = frame.floor.value_or(
+        SurfaceBeside(spheres, RandomStream{options.seed, kFramePurpose, frame.seed, 3}));
     SphereLight mirrored{light.led_grey, 0, 0, 0, 0};
     for (double& grey : mirrored.led) grey *= options.reflection;
     for (size_t m = 0; m < spheres.size(); ++m) {

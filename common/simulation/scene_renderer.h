@@ -61,7 +61,8 @@ struct SceneFrame {
   // Time on the LEDs' oscillator at mid exposure, s; an LED is on during the first `duty` of each
   // period. None: drawn from `seed`.
   std::optional<double> led_time_s;
-  // Reflecting floor in frame `cam`: normal . x = offset. None: 1.3 m below an upright camera.
+  // Reflecting floor in frame `cam`: normal . x = offset. None: a glossy surface
+  // beside the wand, drawn from `seed`.
   std::optional<Eigen::Vector4d> floor;  // unit normal, offset_m
 };
 

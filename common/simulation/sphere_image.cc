@@ -15,6 +15,8 @@ namespace {
 
 constexpr int kRimPoints = 16;
 constexpr double kNearestRadii = 1.5;
+// A spot smaller than the blur is no edge any more; it stays a spot.
+constexpr double kMaxCurveShare = 0.4;
 constexpr double kHaloReach = 5;  // radii; what is left is below one per cent
 
 Eigen::Vector3d CentreAt(const SphereMotion& sphere, double dt_s) {
@@ -126,9 +128,12 @@ void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposureP
             row > 0 ? rays_[i] - rays_[i - width] : rays_[i + width] - rays_[i];
         const double slope_squared = std::pow(away.dot(across), 2) + std::pow(away.dot(down), 2);
         if (slope_squared > 0) {
-          const double distance = std::sqrt(squared);
+          const double px_per_unit = std::sqrt(squared / slope_squared);
+          const double radius_px = cone.rim * px_per_unit;
+          const double curved_px =
+              std::min(profile.variance_px2() / (2 * radius_px), kMaxCurveShare * radius_px);
           cover = profile.At(
-              static_cast<float>((cone.rim - distance) * distance / std::sqrt(slope_squared)));
+              static_cast<float>((cone.rim - std::sqrt(squared)) * px_per_unit - curved_px));
         }
       }
       const auto height_over_rim =

@@ -10,6 +10,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/aravis_discovery.h"
+#include "agent/capture/aravis_features.h"
+#include "agent/capture/aravis_ptp.h"
 #include "agent/capture/aravis_settings.h"
 #include "common/status/status_macros.h"
 
@@ -30,7 +32,9 @@ int64_t NowNs(clockid_t clock) {
 // Aravis' camera without a network, for trying things out.
 bool IsAravisFake(const std::string& device) { return device.rfind("Fake_", 0) == 0; }
 
-absl::Status NotThere(const std::string& what, const AravisSourceOptions& options) {
+absl::Status NotThere(const std::string& what, const AravisSourceOptions& options,
+                      bool list_others) {
+  if (!list_others) return absl::NotFoundError(what);
   const absl::StatusOr<std::vector<FoundCamera>> present = FindCameras(options.network_interface);
   if (!present.ok()) {
     return absl::Status(
@@ -58,7 +62,7 @@ absl::StatusOr<GObjectPtr<ArvDevice>> OpenByAddress(const std::string& prefix,
 
 absl::StatusOr<GObjectPtr<ArvDevice>> OpenDevice(const std::string& prefix,
                                                  const AravisSourceOptions& options,
-                                                 std::string* id) {
+                                                 bool list_others, std::string* id) {
   *id = options.device;
   if (IsAravisFake(options.device)) {
     arv_enable_interface("Fake");
@@ -70,7 +74,8 @@ absl::StatusOr<GObjectPtr<ArvDevice>> OpenDevice(const std::string& prefix,
                           absl::StrCat(prefix, std::string(answer.status().message())));
     }
     if (!answer->has_value()) {
-      return NotThere(absl::StrCat(prefix, "no camera answers at ", options.device), options);
+      return NotThere(absl::StrCat(prefix, "no camera answers at ", options.device), options,
+                      list_others);
     }
     *id = (*answer)->id;
     return OpenByAddress(prefix, options, options.device);
@@ -91,7 +96,7 @@ absl::StatusOr<GObjectPtr<ArvDevice>> OpenDevice(const std::string& prefix,
   GErrorSlot error;
   GObjectPtr<ArvDevice> device(arv_open_device(id->c_str(), error.out()));
   RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix, "cannot open ", *id)));
-  if (!device) return NotThere(absl::StrCat(prefix, "cannot open ", *id), options);
+  if (!device) return NotThere(absl::StrCat(prefix, "cannot open ", *id), options, list_others);
   return device;
 }
 
@@ -115,19 +120,19 @@ absl::Status CheckControl(const std::string& prefix, ArvDevice* device, const st
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<AravisCamera>> AravisCamera::Open(
-    const AravisSourceOptions& options) {
+absl::StatusOr<std::unique_ptr<AravisCamera>> AravisCamera::Open(const AravisSourceOptions& options,
+                                                                 bool list_others) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   std::unique_ptr<AravisCamera> camera(new AravisCamera);
   camera->prefix_ = absl::StrCat("camera ", options.camera, ": ");
-  RIGCAL_RETURN_IF_ERROR(camera->Connect(options));
+  RIGCAL_RETURN_IF_ERROR(camera->Connect(options, list_others));
   RIGCAL_RETURN_IF_ERROR(camera->Configure(options));
   return camera;
 }
 
-absl::Status AravisCamera::Connect(const AravisSourceOptions& options) {
+absl::Status AravisCamera::Connect(const AravisSourceOptions& options, bool list_others) {
   RIGCAL_ASSIGN_OR_RETURN(const GObjectPtr<ArvDevice> device,
-                          OpenDevice(prefix_, options, &device_id_));
+                          OpenDevice(prefix_, options, list_others, &device_id_));
   RIGCAL_RETURN_IF_ERROR(CheckControl(prefix_, device.get(), device_id_));
   GErrorSlot error;
   camera_.reset(arv_camera_new_with_device(device.get(), error.out()));
@@ -187,10 +192,7 @@ absl::StatusOr<uint32_t> AravisCamera::PayloadBytes() const {
 }
 
 void AravisCamera::FindClock() {
-  const auto has = [&](const char* feature) {
-    GErrorSlot error;
-    return arv_camera_is_feature_available(camera_.get(), feature, error.out()) && error.ok();
-  };
+  const auto has = [&](const char* feature) { return FeatureIsAvailable(camera_.get(), feature); };
   if (has("TimestampLatch") && has("TimestampLatchValue")) {
     latch_command_ = "TimestampLatch";
     latch_value_ = "TimestampLatchValue";

@@ -23,7 +23,9 @@ class AravisCamera {
   // NOT_FOUND: no such camera; lists those that are there. FAILED_PRECONDITION: another program
   // holds it; names the host where that is known. INVALID_ARGUMENT: it cannot be set that way.
   // UNAVAILABLE: it does not answer.
-  static absl::StatusOr<std::unique_ptr<AravisCamera>> Open(const AravisSourceOptions& options);
+  // `list_others`: look for others where it does not answer, which takes up to a second more.
+  static absl::StatusOr<std::unique_ptr<AravisCamera>> Open(const AravisSourceOptions& options,
+                                                            bool list_others);
   ~AravisCamera();
   AravisCamera(const AravisCamera&) = delete;
   AravisCamera& operator=(const AravisCamera&) = delete;
@@ -47,7 +49,7 @@ class AravisCamera {
 
  private:
   AravisCamera() = default;
-  absl::Status Connect(const AravisSourceOptions& options);
+  absl::Status Connect(const AravisSourceOptions& options, bool list_others);
   absl::Status Configure(const AravisSourceOptions& options);
   void FindClock();
   static void OnControlLost(ArvDevice* device, void* self);

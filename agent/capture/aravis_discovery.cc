@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <cstring>
 #include <memory>
+#include <mutex>
 #include <set>
 
 #include "absl/status/status.h"
@@ -214,6 +215,9 @@ absl::StatusOr<std::vector<FoundCamera>> FindCameras(const std::string& network_
     if (!is_there) return NoSuchInterface(network_interface);
     return found;
   }
+  // Aravis has one list; several cameras may be looked for at a time.
+  static std::mutex aravis_list_mutex;
+  const std::lock_guard lock(aravis_list_mutex);
   arv_update_device_list();
   for (unsigned int i = 0; i < arv_get_n_devices(); ++i) {
     found.push_back({.id = OrEmpty(arv_get_device_id(i)),

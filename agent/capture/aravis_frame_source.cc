@@ -72,7 +72,8 @@ absl::StatusOr<std::unique_ptr<AravisFrameSource>> AravisFrameSource::Create(
     calibrated_px = calibration->image_size_px;
     description.intrinsics = std::move(calibration->intrinsics);
   }
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<AravisCamera> camera, AravisCamera::Open(options));
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<AravisCamera> camera,
+                          AravisCamera::Open(options, /*list_others=*/true));
   if (calibrated_px && options.check_image_size) {
     RIGCAL_RETURN_IF_ERROR(CheckImageSize(options.camera, camera->image_size_px(), *calibrated_px,
                                           options.calibration_path));
@@ -97,8 +98,15 @@ absl::StatusOr<std::unique_ptr<AravisFrameSource>> AravisFrameSource::Create(
 
 AravisFrameSource::~AravisFrameSource() { EndStream(); }
 
-absl::Status AravisFrameSource::Start(const Target&) {
+absl::Status AravisFrameSource::Start(const Target& target) {
   EndStream();
+  if (!target.blink_hz.empty()) {
+    const double slowest_hz = *std::min_element(target.blink_hz.begin(), target.blink_hz.end());
+    const double exposure_s = description_.settings ? description_.settings->exposure_s : 0;
+    if (const auto warning = ShortExposureWarning(options_.camera, exposure_s, slowest_hz)) {
+      spdlog::warn("{}", *warning);
+    }
+  }
   counts_ = {};
   refused_ = {};
   lost_before_ = 0;

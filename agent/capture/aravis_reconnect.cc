@@ -46,7 +46,7 @@ bool AravisFrameSource::Reconnect() {
 }
 
 absl::Status AravisFrameSource::OpenAgain() {
-  RIGCAL_ASSIGN_OR_RETURN(camera_, AravisCamera::Open(options_));
+  RIGCAL_ASSIGN_OR_RETURN(camera_, AravisCamera::Open(options_, /*list_others=*/false));
   absl::Status status;
   // What was told about this camera must still hold.
   if (camera_->image_size_px() != description_.image_size_px) {

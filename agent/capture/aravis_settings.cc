@@ -2,35 +2,21 @@
 #include "agent/capture/aravis_settings.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "agent/capture/aravis_features.h"
+#include "agent/capture/aravis_ptp.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr std::chrono::seconds kPtpLimit(20);
-constexpr std::chrono::milliseconds kPtpInterval(200);
 constexpr double kMicro = 1e-6;
 
 std::string Prefix(const AravisSourceOptions& options) {
   return absl::StrCat("camera ", options.camera, ": ");
-}
-
-bool IsAvailable(ArvCamera* camera, const char* feature) {
-  GErrorSlot error;
-  return arv_camera_is_feature_available(camera, feature, error.out()) && error.ok();
-}
-
-std::string ReadString(ArvCamera* camera, const char* feature) {
-  if (!IsAvailable(camera, feature)) return "";
-  GErrorSlot error;
-  const char* text = arv_camera_get_string(camera, feature, error.out());
-  return text == nullptr || !error.ok() ? "" : text;
 }
 
 std::vector<std::string> ToVector(const char** list, unsigned int count) {
@@ -87,7 +73,7 @@ absl::Status SetPixelFormat(ArvCamera* camera, const AravisSourceOptions& option
 absl::Status SetTrigger(ArvCamera* camera, const AravisSourceOptions& options) {
   GErrorSlot error;
   if (options.trigger == "free") {
-    if (IsAvailable(camera, "TriggerMode")) arv_camera_clear_triggers(camera, error.out());
+    if (FeatureIsAvailable(camera, "TriggerMode")) arv_camera_clear_triggers(camera, error.out());
     return error.ToStatus(absl::StrCat(Prefix(options), "cannot switch the trigger off"));
   }
   const std::string wanted = options.trigger == "software" ? "Software" : options.trigger;
@@ -176,48 +162,6 @@ absl::Status SetQuantities(ArvCamera* camera, const AravisSourceOptions& options
   return absl::OkStatus();
 }
 
-// Cameras name the same thing by the feature convention of their time.
-const char* FirstAvailable(ArvCamera* camera, std::initializer_list<const char*> names) {
-  for (const char* name : names) {
-    if (IsAvailable(camera, name)) return name;
-  }
-  return nullptr;
-}
-
-std::string PtpStatus(ArvCamera* camera) {
-  if (IsAvailable(camera, "PtpDataSetLatch")) {
-    GErrorSlot error;
-    arv_camera_execute_command(camera, "PtpDataSetLatch", error.out());
-  }
-  const char* feature = FirstAvailable(camera, {"PtpStatus", "GevIEEE1588Status"});
-  return feature == nullptr ? "" : ReadString(camera, feature);
-}
-
-bool IsLocked(const std::string& status) { return status == "Slave" || status == "Master"; }
-
-absl::Status SwitchPtpOn(ArvCamera* camera, const AravisSourceOptions& options) {
-  const char* feature = FirstAvailable(camera, {"PtpEnable", "GevIEEE1588"});
-  if (feature == nullptr) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(Prefix(options),
-                     "the camera has no PTP (neither PtpEnable nor GevIEEE1588); leave ptp out"));
-  }
-  GErrorSlot error;
-  arv_camera_set_boolean(camera, feature, TRUE, error.out());
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(Prefix(options), "cannot switch PTP on")));
-  const auto deadline = std::chrono::steady_clock::now() + kPtpLimit;
-  std::string status = PtpStatus(camera);
-  while (!IsLocked(status) && std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(kPtpInterval);
-    status = PtpStatus(camera);
-  }
-  if (IsLocked(status)) return absl::OkStatus();
-  return absl::UnavailableError(
-      absl::StrCat(Prefix(options), "PTP did not lock within ", kPtpLimit.count(), " s (status ",
-                   status.empty() ? "unknown" : status,
-                   "); is there a PTP clock on this network? Or leave ptp out"));
-}
-
 }  // namespace
 
 absl::Status ApplySettings(ArvCamera* camera, const AravisSourceOptions& options) {
@@ -226,7 +170,7 @@ absl::Status ApplySettings(ArvCamera* camera, const AravisSourceOptions& options
   arv_camera_set_acquisition_mode(camera, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
   RIGCAL_RETURN_IF_ERROR(SetTrigger(camera, options));
   RIGCAL_RETURN_IF_ERROR(SetQuantities(camera, options));
-  return options.ptp ? SwitchPtpOn(camera, options) : absl::OkStatus();
+  return options.ptp ? SwitchPtpOn(camera, Prefix(options)) : absl::OkStatus();
 }
 
 absl::StatusOr<GenicamPixelFormat> CurrentPixelFormat(ArvCamera* camera, const std::string& name) {
@@ -255,20 +199,6 @@ bool ExposureIsAutomatic(ArvCamera* camera) {
          error.ok();
 }
 
-std::string PtpClockId(ArvCamera* camera) {
-  const char* enabled = FirstAvailable(camera, {"PtpEnable", "GevIEEE1588"});
-  GErrorSlot error;
-  if (enabled == nullptr || !arv_camera_get_boolean(camera, enabled, error.out()) || !error.ok() ||
-      !IsLocked(PtpStatus(camera))) {
-    return "";
-  }
-  // What keeps the time tells two PTP domains apart.
-  const char* master = FirstAvailable(camera, {"PtpGrandmasterClockID", "GevIEEE1588ClockId"});
-  if (master == nullptr || std::string(master) != "PtpGrandmasterClockID") return "ptp";
-  const int64_t id = arv_camera_get_integer(camera, master, error.out());
-  return error.ok() ? absl::StrCat("ptp-", absl::Hex(static_cast<uint64_t>(id))) : "ptp";
-}
-
 CameraSettings ReadSettings(ArvCamera* camera) {
   GErrorSlot error;
   const auto text = [](const char* value) { return std::string(value == nullptr ? "" : value); };
@@ -287,27 +217,33 @@ CameraSettings ReadSettings(ArvCamera* camera) {
     const double rate_hz = arv_camera_get_frame_rate(camera, error.out());
     if (error.ok() && std::isfinite(rate_hz)) settings.frame_rate_hz = rate_hz;
   }
-  const std::string mode = ReadString(camera, "TriggerMode");
+  const std::string mode = ReadStringFeature(camera, "TriggerMode");
   settings.trigger = "free";
   if (mode == "On") {
-    const std::string source = ReadString(camera, "TriggerSource");
+    const std::string source = ReadStringFeature(camera, "TriggerSource");
     settings.trigger = source == "Software" ? "software" : source;
   }
   settings.ptp = !PtpClockId(camera).empty();
   return settings;
 }
 
+std::optional<std::string> ShortExposureWarning(const std::string& camera, double exposure_s,
+                                                double blink_hz) {
+  if (exposure_s <= 0 || blink_hz <= 0 || exposure_s * blink_hz >= 1) return std::nullopt;
+  return absl::StrCat("camera ", camera, ": an exposure of ", exposure_s * 1e3,
+                      " ms is shorter than one blink of the wand (", 1e3 / blink_hz, " ms at ",
+                      blink_hz,
+                      " Hz): markers will be missing or dark in some pictures; set "
+                      "exposure to at least ",
+                      1e3 / blink_hz, " ms");
+}
+
 std::vector<std::string> SettingWarnings(ArvCamera* camera, const AravisSourceOptions& options,
                                          const CameraSettings& settings) {
   std::vector<std::string> warnings;
   const double exposure_s = settings.exposure_s;
-  if (exposure_s > 0 && options.blink_hz > 0 && exposure_s * options.blink_hz < 1) {
-    warnings.push_back(absl::StrCat(
-        Prefix(options), "an exposure of ", exposure_s * 1e3,
-        " ms is shorter than one blink of the wand (", 1e3 / options.blink_hz, " ms at ",
-        options.blink_hz,
-        " Hz): markers will be missing or dark in some pictures; set exposure to at least ",
-        1e3 / options.blink_hz, " ms"));
+  if (auto warning = ShortExposureWarning(options.camera, exposure_s, options.blink_hz)) {
+    warnings.push_back(*std::move(warning));
   }
   if (exposure_s <= 0) {
     warnings.push_back(

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,11 @@ CameraSettings ReadSettings(ArvCamera* camera);
 std::vector<std::string> SettingWarnings(ArvCamera* camera, const AravisSourceOptions& options,
                                          const CameraSettings& settings);
 
+// The paper's rule: an exposure must not be shorter than one period of the wand's blinking. None:
+// it is not, or one of the two is not known (0).
+std::optional<std::string> ShortExposureWarning(const std::string& camera, double exposure_s,
+                                                double blink_hz);
+
 // The camera's pixel format. INVALID_ARGUMENT: not supported; lists what is, and what of it the
 // camera offers.
 absl::StatusOr<GenicamPixelFormat> CurrentPixelFormat(ArvCamera* camera, const std::string& name);
@@ -33,8 +39,5 @@ absl::StatusOr<GenicamPixelFormat> CurrentPixelFormat(ArvCamera* camera, const s
 // Seconds of the exposure that is set now; 0: the camera does not say.
 double ExposureSeconds(ArvCamera* camera);
 bool ExposureIsAutomatic(ArvCamera* camera);
-
-// The clock that PTP keeps ("ptp-<grandmaster>", "ptp"), or empty if it does not.
-std::string PtpClockId(ArvCamera* camera);
 
 }  // namespace rigcal::agent

@@ -26,6 +26,7 @@ namespace {
 constexpr uint64_t kFramePurpose = 0x6672616d65;
 constexpr double kUsualDiameterM = 0.04;
 constexpr double kLongestStepPx = 0.4;  // of a sphere's image between two parts of an exposure
+constexpr double kMostSteps = 1000;     // bounds the work where the motion is absurd
 constexpr double kFloorBlurPx = 2;      // a floor is no mirror
 
 double BlinkHz(const Target& target, const FrameRenderOptions& options, size_t marker) {
@@ -113,7 +114,8 @@ struct SceneRenderer::Impl {
       travel_px = 1000 * options.exposure_s * sphere.velocity_m_s.norm() / sphere.centre_m.norm();
     }
     // A sphere that stands still is drawn once.
-    const double steps = travel_px < 0.02 ? 1 : std::max(2.0, travel_px / kLongestStepPx);
+    const double steps =
+        travel_px < 0.02 ? 1 : std::clamp(travel_px / kLongestStepPx, 2.0, kMostSteps);
     const auto parts =
         PlanExposure(options.exposure_s, Blink(frame, marker), 1.0001 * options.exposure_s / steps);
     for (const ExposurePart& part : parts) its_light.lit_share += part.lit_share;

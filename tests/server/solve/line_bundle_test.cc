@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
 
+#include "server/solve/bundle_adjuster.h"
 #include "tests/bench/reference_bundle.h"
 #include "tests/testing/bundle_scene.h"
 #include "tests/testing/status_matchers.h"
@@ -18,7 +20,9 @@ using ::rigcal::testing::IsOk;
 using ::rigcal::testing::MakeBundleScene;
 using ::rigcal::testing::SmallBundleScene;
 using ::rigcal::testing::SolveReferenceBundle;
+using ::rigcal::testing::StatusIs;
 using ::rigcal::testing::TightTolerances;
+using ::testing::HasSubstr;
 
 constexpr double kRelativeCost = 1e-9;  // what "the same optimum" means, by the issue
 
@@ -101,6 +105,65 @@ TEST(LineBundle, ReachesTheReferencesOptimumWithManyCameras) {
   options.function_tolerance = 1e-12;
   BundleProblem solved, reference;
   ExpectReferenceOptimum(options, MakeBundleScene(scene_options).start, &solved, &reference);
+}
+
+// The first marker of each observation alone, and a distance that holds the scale.
+BundleProblem OnePointOf(const BundleProblem& wand, double distance_m) {
+  BundleProblem point = wand;
+  point.target.marker_positions_m = point.target.given_positions_m = {0};
+  point.target.fixed = true;
+  point.markers.clear();
+  for (BundleObservation& observation : point.observations) {
+    const int first = observation.first_marker;
+    observation.first_marker = static_cast<int>(point.markers.size());
+    int count = 0;
+    for (int m = first; m < first + observation.marker_count; ++m) {
+      if (wand.markers[static_cast<size_t>(m)].marker != 0) continue;
+      point.markers.push_back(wand.markers[static_cast<size_t>(m)]);
+      ++count;
+    }
+    observation.marker_count = count;
+  }
+  point.distance = BundleDistance{1, 2, distance_m, 1e-4 * distance_m};
+  return point;
+}
+
+double DistanceOf(const BundleProblem& problem) {
+  return (problem.cameras[1].cam_from_rig.SourceFromTargetTranslation() -
+          problem.cameras[2].cam_from_rig.SourceFromTargetTranslation())
+      .norm();
+}
+
+TEST(LineBundle, ReachesTheOptimumOfCeresWithOneMarkerAndADistance) {
+  for (const bool free_intrinsics : {false, true}) {
+    BundleSceneOptions scene_options = SmallBundleScene();
+    scene_options.free_spacing = false;
+    scene_options.free_intrinsics = free_intrinsics;
+    const BundleScene scene = MakeBundleScene(scene_options);
+    const BundleProblem start = OnePointOf(scene.start, 1.2 * DistanceOf(scene.start));
+    BundleProblem solved = start, ceres = start;
+    ASSERT_OK_AND_ASSIGN(const BundleSummary mine, SolveLineBundle(TightTolerances(), &solved));
+    ASSERT_OK_AND_ASSIGN(const BundleSummary theirs, SolveBundle(TightTolerances(), &ceres));
+    EXPECT_NEAR(mine.initial_cost, theirs.initial_cost, 1e-12 * theirs.initial_cost);
+    EXPECT_NEAR(mine.final_cost, theirs.final_cost, kRelativeCost * theirs.final_cost);
+    ExpectSameEstimates(solved, ceres);
+    // Nothing contradicts the distance, so both have it whatever the sigma.
+    EXPECT_NEAR(DistanceOf(solved), start.distance->distance_m, 1e-9);
+    EXPECT_NEAR(DistanceOf(ceres), start.distance->distance_m, 1e-9);
+  }
+}
+
+TEST(LineBundle, RefusesADistanceThatIsNone) {
+  const BundleProblem wand = MakeBundleScene(SmallBundleScene()).start;
+  for (const BundleDistance& wrong :
+       {BundleDistance{1, 1, 1, 1}, BundleDistance{-1, 1, 1, 1}, BundleDistance{0, 99, 1, 1},
+        BundleDistance{0, 1, 0, 1}, BundleDistance{0, 1, std::nan(""), 1},
+        BundleDistance{0, 1, 1, 0}}) {
+    BundleProblem problem = OnePointOf(wand, 1);
+    problem.distance = wrong;
+    EXPECT_THAT(SolveLineBundle({}, &problem),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("distance")));
+  }
 }
 
 TEST(LineBundle, CountsWhatTheReferenceCounts) {

@@ -195,5 +195,26 @@ TEST(PriorCosts, AgreeWithDifferences) {
   EXPECT_LT((residuals - Eigen::Vector3d(-1, 0, 0.5)).norm(), 1e-12);
 }
 
+TEST(PriorCosts, OfADistanceAgreesWithDifferences) {
+  const Eigen::Quaterniond turn_a(Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, -1).normalized()));
+  const Eigen::Quaterniond turn_b(Eigen::AngleAxisd(-1.1, Eigen::Vector3d(0, 1, 2).normalized()));
+  const std::vector<double> at_a = {0.3, -0.2, 1}, at_b = {-1, 0.5, 0.2};
+  const DistancePriorCost distance(1.5, 0.01);
+  const ceres::EigenQuaternionManifold unit;
+  const std::vector<const ceres::Manifold*> manifolds = {&unit, nullptr, &unit, nullptr};
+  std::vector<const double*> parameters = {turn_a.coeffs().data(), at_a.data(),
+                                           turn_b.coeffs().data(), at_b.data()};
+  EXPECT_TRUE(ceres::GradientChecker(&distance, &manifolds, ceres::NumericDiffOptions())
+                  .Probe(parameters.data(), 1e-6, nullptr));
+  double residual = 0;
+  ASSERT_TRUE(distance.Evaluate(parameters.data(), &residual, nullptr));
+  const Eigen::Vector3d a = turn_a.conjugate() * -Eigen::Vector3d(at_a.data());
+  const Eigen::Vector3d b = turn_b.conjugate() * -Eigen::Vector3d(at_b.data());
+  EXPECT_NEAR(residual, ((b - a).norm() - 1.5) / 0.01, 1e-9);
+  // In one place there is no direction to step to.
+  parameters = {turn_a.coeffs().data(), at_a.data(), turn_a.coeffs().data(), at_a.data()};
+  EXPECT_FALSE(distance.Evaluate(parameters.data(), &residual, nullptr));
+}
+
 }  // namespace
 }  // namespace rigcal::server

@@ -73,6 +73,38 @@ void ExpectNear(const std::optional<RelativePose>& pose, const RigidTransform& t
   EXPECT_LT(pose->b_from_a.rotation.angularDistance(truth.rotation), angle_rad);
 }
 
+// The first marker alone.
+std::vector<PairInstant> PointsOf(std::vector<PairInstant> instants) {
+  for (PairInstant& instant : instants) instant.resize(1);
+  return instants;
+}
+
+RelativePoseOptions PointOptions() {
+  RelativePoseOptions options = Options();
+  options.marker_positions_m = {0};
+  return options;
+}
+
+TEST(EstimateRelativePose, OfOneMarkerHasABaselineOfLengthOne) {
+  Waving waving;
+  waving.instants = 200;
+  waving.outlier_share = 0.2;
+  const auto pose = EstimateRelativePose(PointsOf(Wave(SideBySide(), waving)), PointOptions());
+  RigidTransform truth = SideBySide();
+  truth.translation_m.normalize();
+  ExpectNear(pose, truth, 0.01, 0.005);
+  EXPECT_NEAR(pose->b_from_a.translation_m.norm(), 1, 1e-12);
+}
+
+TEST(EstimateRelativePose, OfOneMarkerThatContradictsItselfIsNone) {
+  Waving waving;
+  waving.outlier_share = 1;
+  const auto pose = EstimateRelativePose(PointsOf(Wave(SideBySide(), waving)), PointOptions());
+  // Any two rays nearly meet somewhere for some of them.
+  if (!pose) return;
+  EXPECT_LT(pose->inlier_count, pose->instant_count / 2);
+}
+
 TEST(EstimateRelativePose, FindsTheMetricPose) {
   const auto pose = EstimateRelativePose(Wave(SideBySide(), {}), Options());
   ExpectNear(pose, SideBySide(), 0.02, 0.005);

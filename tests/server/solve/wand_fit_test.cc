@@ -148,5 +148,23 @@ TEST(FitWand, KeepsTheDirectionOfAWandNearlyAlongTheView) {
   EXPECT_GT(fit.instant.direction.dot(along.direction.normalized()), 1 - 1e-9);
 }
 
+TEST(FitWand, OfOneMarkerIsThePlaceWhereTwoCamerasSeeIt) {
+  BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {kWand});
+  problem.target.marker_positions_m = problem.target.given_positions_m = {0};
+  for (BundleObservation& observation : problem.observations) observation.marker_count = 1;
+  Fit fit = FitFirst(problem);
+  ASSERT_TRUE(fit.found);
+  EXPECT_LT((fit.instant.origin_m - kWand.origin_m).norm(), 1e-6);
+  EXPECT_EQ(fit.instant.direction, Eigen::Vector3d(Eigen::Vector3d::UnitZ()));
+  EXPECT_EQ(fit.inliers, 3);
+  // One camera that is wrong is outvoted; one that is alone says nothing.
+  problem.markers[static_cast<size_t>(problem.observations[2].first_marker)].centre_px.y() += 200;
+  fit = FitFirst(problem);
+  ASSERT_TRUE(fit.found);
+  EXPECT_LT((fit.instant.origin_m - kWand.origin_m).norm(), 1e-3);
+  EXPECT_EQ(fit.inliers, 2);
+  ExpectNothing(FitFirst(problem, {true, false, false}, UndistortMarkers(problem)));
+}
+
 }  // namespace
 }  // namespace rigcal::server

@@ -9,20 +9,32 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kMarginPx = 2.5;    // around the blob, for what its threshold left out
+constexpr double kMarginPx = 1.75;   // around the blob, for what its threshold left out
 constexpr double kGapPx = 1.0;       // from there to the ring
 constexpr double kClip = 0.8;        // coverage from which on a pixel counts as covered
 constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
-constexpr double kMinContrast = 12;  // grey levels
+constexpr double kMinContrast = 20;  // grey levels
+constexpr double kArcPx = 3;         // length of an arc of the ring
+constexpr int kMinArcs = 16, kMaxArcs = 64;
+constexpr float kAlike = 0.4f;  // of the contrast: as near as this is the marker's colour
+// What is this bright further than this outside of the blob is something else.
+constexpr double kOwnPx = 1.5;
+constexpr float kForeign = 0.4f;
 constexpr int kMinRingPixels = 24;
 constexpr int kMaxIterations = 12;
+constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
 
-float Grey(const uint8_t* pixel, int channel) { return static_cast<float>(pixel[channel]); }
+Eigen::Vector3f Grey(const ImageView& image, int x, int y) {
+  const uint8_t* row = image.Row(y);
+  if (image.format == PixelFormat::kMono8) return {static_cast<float>(row[x]), 0, 0};
+  const uint8_t* pixel = row + 3 * x;
+  return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2])};
+}
 
-double Median(std::vector<float>* values) {
+float Median(std::vector<float>* values) {
   const auto middle = values->begin() + static_cast<ptrdiff_t>(values->size() / 2);
   std::nth_element(values->begin(), middle, values->end());
-  return static_cast<double>(*middle);
+  return *middle;
 }
 
 }  // namespace
@@ -64,141 +76,205 @@ struct MarkerMeter::Aperture {
   Eigen::Matrix2d axes_;
 };
 
-bool MarkerMeter::Combine(const ImageView& image, const Aperture& aperture, MarkerCentre* centre) {
+bool MarkerMeter::PlaceWindow(const ImageView& image, const Aperture& aperture,
+                              MarkerCentre* centre) {
   const double reach = aperture.Reach();
-  const int x0 = static_cast<int>(std::floor(aperture.centre_px.x() - reach));
-  const int y0 = static_cast<int>(std::floor(aperture.centre_px.y() - reach));
-  const int x1 = static_cast<int>(std::ceil(aperture.centre_px.x() + reach)) + 1;
-  const int y1 = static_cast<int>(std::ceil(aperture.centre_px.y() + reach)) + 1;
+  const Eigen::Vector2d& at = aperture.centre_px;
   // The ring may be cut, what is summed may not.
   const double need = aperture.a + 1;
-  centre->cut = aperture.centre_px.x() - need < 0 || aperture.centre_px.y() - need < 0 ||
-                aperture.centre_px.x() + need > image.width - 1 ||
-                aperture.centre_px.y() + need > image.height - 1;
-  window_ = {std::max(x0, 0), std::max(y0, 0), 0, 0};
-  window_.width = std::min(x1, image.width) - window_.x;
-  window_.height = std::min(y1, image.height) - window_.y;
-  if (window_.empty()) return false;
+  centre->cut = at.x() - need < 0 || at.y() - need < 0 || at.x() + need > image.width - 1 ||
+                at.y() + need > image.height - 1;
+  window_.x = std::max(static_cast<int>(std::floor(at.x() - reach)), 0);
+  window_.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
+  window_.width =
+      std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - window_.x;
+  window_.height =
+      std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - window_.y;
+  return !window_.empty();
+}
 
-  const int channels = image.format == PixelFormat::kBgr8 ? 3 : 1;
+bool MarkerMeter::ReadPlateau(const ImageView& image, const Aperture& aperture,
+                              MarkerCentre* centre) const {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  int count = 0;
+  for (int y = window_.y; y < window_.y + window_.height; ++y) {
+    for (int x = window_.x; x < window_.x + window_.width; ++x) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      if (d.dot(aperture.shape * d) >= kCore * kCore) continue;
+      sum += Grey(image, x, y);
+      ++count;
+    }
+  }
+  if (count == 0) return false;
+  centre->plateau_grey = (sum / static_cast<float>(count)).cast<double>();
+  return true;
+}
+
+Eigen::Vector3f MarkerMeter::Background(const Eigen::Vector2d& offset, size_t* arc) const {
+  const auto count = static_cast<double>(arcs_.size());
+  const double turn =
+      (std::atan2(offset.y(), offset.x()) / (2 * std::numbers::pi) + 0.5) * count - 0.5;
+  const double low = std::floor(turn);
+  const auto share = static_cast<float>(turn - low);
+  const auto first = static_cast<size_t>(low + count) % arcs_.size();
+  const size_t second = (first + 1) % arcs_.size();
+  *arc = share < 0.5f ? first : second;
+  return (1 - share) * arcs_[first].background + share * arcs_[second].background;
+}
+
+bool MarkerMeter::ReadBackground(const ImageView& image, const Aperture& aperture,
+                                 MarkerCentre* centre) {
   const Eigen::Matrix2d ring = aperture.Grown(kMarginPx + kGapPx);
   const Eigen::Matrix2d edge = aperture.Grown(kMarginPx + kGapPx + aperture.ring_px);
-  Eigen::Vector3d contrast = Eigen::Vector3d::Zero();
-  for (int k = 0; k < channels; ++k) {
-    values_.clear();
-    double core = 0;
-    int core_count = 0;
-    for (int y = window_.y; y < window_.y + window_.height; ++y) {
-      const uint8_t* row = image.Row(y);
-      for (int x = window_.x; x < window_.x + window_.width; ++x) {
-        const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-        const float value = Grey(row + x * channels, k);
-        if (d.dot(aperture.shape * d) < kCore * kCore) {
-          core += static_cast<double>(value);
-          ++core_count;
-        } else if (d.dot(ring * d) > 1 && d.dot(edge * d) < 1) {
-          values_.push_back(value);
-        }
+  const int count = std::clamp(
+      static_cast<int>(2 * std::numbers::pi * (aperture.b + kMarginPx + kGapPx) / kArcPx), kMinArcs,
+      kMaxArcs);
+  arcs_.assign(static_cast<size_t>(count), Arc());
+  struct RingPixel {
+    float turn;  // 0 to count
+    Eigen::Vector3f grey;
+  };
+  std::vector<RingPixel> pixels;
+  for (int y = window_.y; y < window_.y + window_.height; ++y) {
+    for (int x = window_.x; x < window_.x + window_.width; ++x) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      if (d.dot(ring * d) <= 1 || d.dot(edge * d) >= 1) continue;
+      const double turn = (std::atan2(d.y(), d.x()) / (2 * std::numbers::pi) + 0.5) * count;
+      pixels.push_back({static_cast<float>(turn), Grey(image, x, y)});
+    }
+  }
+  if (pixels.size() < kMinRingPixels) return false;
+  const int channels = image.format == PixelFormat::kMono8 ? 1 : 3;
+  // What looks like the marker in its ring is the next marker.
+  Eigen::Vector3f middle = Eigen::Vector3f::Zero();
+  for (int c = 0; c < channels; ++c) {
+    residuals_.clear();
+    for (const RingPixel& pixel : pixels) residuals_.push_back(pixel.grey[c]);
+    middle[c] = Median(&residuals_);
+  }
+  const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
+  const float alike = kAlike * (plateau - middle).norm();
+  std::erase_if(pixels, [&](const RingPixel& p) { return (p.grey - plateau).norm() < alike; });
+  if (pixels.size() < kMinRingPixels / 2) return false;
+  residuals_.clear();
+  for (int k = 0; k < count; ++k) {
+    for (auto& values : values_) values.clear();
+    for (const RingPixel& pixel : pixels) {
+      const float away =
+          std::remainder(pixel.turn - static_cast<float>(k) - 0.5f, static_cast<float>(count));
+      if (std::abs(away) > 0.8f) continue;
+      for (int c = 0; c < channels; ++c) values_[c].push_back(pixel.grey[c]);
+    }
+    Arc& arc = arcs_[static_cast<size_t>(k)];
+    arc.pixels = static_cast<int>(values_[0].size());
+    if (arc.pixels == 0) continue;
+    for (int c = 0; c < channels; ++c) {
+      arc.background[c] = Median(&values_[c]);
+      for (const float value : values_[c]) {
+        residuals_.push_back(std::abs(value - arc.background[c]));
       }
     }
-    if (values_.size() < kMinRingPixels || core_count == 0) return false;
-    contrast[k] = std::max(0.0, core / core_count - Median(&values_));
   }
-  if (!(contrast.maxCoeff() > kMinContrast)) return false;
-  centre->colour = contrast.normalized();
-  const Eigen::Vector3f weight = (contrast / contrast.sum()).cast<float>();
-  grey_.resize(static_cast<size_t>(window_.width) * static_cast<size_t>(window_.height));
+  // Arcs without a pixel, outside of the picture or hidden by a neighbour, are like the nearest
+  // one.
+  const std::vector<Arc> read = arcs_;
+  for (int k = 0; k < count; ++k) {
+    for (int step = 0; step <= count / 2 && arcs_[static_cast<size_t>(k)].pixels == 0; ++step) {
+      const Arc& before = read[static_cast<size_t>((k - step + count) % count)];
+      const Arc& after = read[static_cast<size_t>((k + step) % count)];
+      arcs_[static_cast<size_t>(k)] = before.pixels >= after.pixels ? before : after;
+    }
+  }
+  // Residuals against a median of few are small by their own share in it; whole numbers hide what
+  // is less than half a step.
+  const double median = static_cast<double>(Median(&residuals_));
+  centre->noise_grey = std::max(0.5, 1.4826 * (median + 0.25));
+  return true;
+}
+
+bool MarkerMeter::Cover(const ImageView& image, const Aperture& aperture, MarkerCentre* centre) {
+  const auto size = static_cast<size_t>(window_.width) * static_cast<size_t>(window_.height);
+  coverage_.resize(size);
+  gain_.resize(size);
+  arc_of_.resize(size);
+  const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
+  double contrast = 0;
+  for (const Arc& arc : arcs_) {
+    contrast += static_cast<double>((plateau - arc.background).norm());
+  }
+  centre->contrast_grey = contrast / static_cast<double>(arcs_.size());
+  if (!(centre->contrast_grey > kMinContrast)) return false;
+  const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   size_t i = 0;
   for (int y = window_.y; y < window_.y + window_.height; ++y) {
-    const uint8_t* pixel = image.Row(y) + window_.x * channels;
-    for (int x = 0; x < window_.width; ++x, pixel += channels, ++i) {
-      grey_[i] = channels == 1 ? Grey(pixel, 0)
-                               : weight[0] * Grey(pixel, 0) + weight[1] * Grey(pixel, 1) +
-                                     weight[2] * Grey(pixel, 2);
+    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      size_t arc = 0;
+      const Eigen::Vector3f background = Background(d, &arc);
+      const Eigen::Vector3f range = plateau - background;
+      const float squared = std::max(range.squaredNorm(), least * least);
+      const float share =
+          (Grey(image, x, y) - background).dot(range) / squared / static_cast<float>(kClip);
+      coverage_[i] = std::min(share, 1.0f);
+      gain_[i] = share < 1 ? 1 / (std::sqrt(squared) * static_cast<float>(kClip)) : 0;
+      arc_of_[i] = static_cast<uint16_t>(arc);
     }
   }
   return true;
 }
 
-bool MarkerMeter::FitBackground(const Aperture& aperture, MarkerCentre* centre) {
-  const Eigen::Matrix2d ring = aperture.Grown(kMarginPx + kGapPx);
-  const Eigen::Matrix2d edge = aperture.Grown(kMarginPx + kGapPx + aperture.ring_px);
-  const auto for_ring = [&](auto&& visit) {
+bool MarkerMeter::Outline(const Aperture& aperture, Blob* blob) const {
+  const Eigen::Matrix2d grown = aperture.Grown(1);
+  const auto half = static_cast<float>(0.5 / kClip);
+  double count = 0;
+  Eigen::Vector2d first = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  size_t i = 0;
+  for (int y = window_.y; y < window_.y + window_.height; ++y) {
+    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      if (coverage_[i] < half || d.dot(grown * d) > 1) continue;
+      ++count;
+      first += d;
+      second += d * d.transpose();
+    }
+  }
+  if (count < 4) return false;
+  first /= count;
+  blob->centre_px = aperture.centre_px + first;
+  blob->second_moment_px2 = second / count - first * first.transpose();
+  blob->area_px = static_cast<int>(count);
+  return true;
+}
+
+void MarkerMeter::Block(const Aperture& aperture) {
+  const Eigen::Matrix2d own = aperture.Grown(kOwnPx), reach = aperture.Grown(kMarginPx + kGapPx);
+  const auto for_outside = [&](auto&& visit) {
     size_t i = 0;
     for (int y = window_.y; y < window_.y + window_.height; ++y) {
       for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
         const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-        if (d.dot(ring * d) > 1 && d.dot(edge * d) < 1) visit(d, static_cast<double>(grey_[i]));
+        if (d.dot(own * d) > 1 && d.dot(reach * d) < 1) visit(i);
       }
     }
   };
-  plane_.setZero();
-  double limit = 0, sigma = 0;
-  int used = 0;
-  constexpr int kRounds = 4;
-  for (int round = 0; round < kRounds; ++round) {
-    values_.clear();
-    for_ring([&](const Eigen::Vector2d& d, double grey) {
-      values_.push_back(static_cast<float>(grey - plane_[1] * d.x() - plane_[2] * d.y()));
-    });
-    const double middle = round == 0 ? Median(&values_) : plane_[0];
-    for (float& value : values_) value = std::abs(value - static_cast<float>(middle));
-    sigma = std::max(0.5, 1.4826 * Median(&values_));
-    limit = 2.5 * sigma;
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    double squares = 0;
-    used = 0;
-    for_ring([&](const Eigen::Vector2d& d, double grey) {
-      const double residual = grey - middle - plane_[1] * d.x() - plane_[2] * d.y();
-      if (std::abs(residual) > limit) return;
-      const Eigen::Vector3d row(1, d.x(), d.y());
-      normal += row * row.transpose();
-      right += row * grey;
-      squares += residual * residual;
-      ++used;
-    });
-    if (used < kMinRingPixels / 2) return false;
-    // A plane only where the ring surrounds the marker well enough to hold one.
-    const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
-    plane_ = solver.solve(right);
-    gradient_covariance_ = solver.solve(Eigen::Matrix3d::Identity()).bottomRightCorner<2, 2>();
-    // What a cut at 2.5 sigma leaves of a Gaussian's variance is 0.92.
-    sigma = std::sqrt(squares / used / 0.92);
-  }
-  centre->noise_grey = std::max(sigma, 0.3);
-  return plane_.allFinite();
+  const size_t count = arcs_.size();
+  for_outside([&](size_t i) {
+    if (std::abs(coverage_[i]) < kForeign) return;
+    for (const size_t side : {size_t{0}, count / 2}) {
+      for (size_t k = count - 1; k <= count + 1; ++k) {
+        arcs_[(arc_of_[i] + side + k) % count].blocked = true;
+      }
+    }
+  });
+  for_outside([&](size_t i) {
+    if (arcs_[arc_of_[i]].blocked) coverage_[i] = gain_[i] = 0;
+  });
 }
 
 bool MarkerMeter::FindCentroid(Aperture* aperture, MarkerCentre* centre) {
-  double core = 0, behind = 0;
-  int core_count = 0;
-  size_t i = 0;
   const Eigen::Vector2d origin = aperture->centre_px;
-  for (int y = window_.y; y < window_.y + window_.height; ++y) {
-    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
-      const Eigen::Vector2d d(x - origin.x(), y - origin.y());
-      if (d.dot(aperture->shape * d) >= kCore * kCore) continue;
-      core += static_cast<double>(grey_[i]);
-      behind += plane_[0] + plane_[1] * d.x() + plane_[2] * d.y();
-      ++core_count;
-    }
-  }
-  plateau_grey_ = core / core_count;
-  centre->contrast_grey = plateau_grey_ - behind / core_count;
-  if (!(centre->contrast_grey > kMinContrast)) return false;
-
-  coverage_.resize(grey_.size());
-  i = 0;
-  for (int y = window_.y; y < window_.y + window_.height; ++y) {
-    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
-      const double background =
-          plane_[0] + plane_[1] * (x - origin.x()) + plane_[2] * (y - origin.y());
-      const double range = std::max(plateau_grey_ - background, 0.25 * centre->contrast_grey);
-      const double share = (static_cast<double>(grey_[i]) - background) / range;
-      coverage_[i] = static_cast<float>(std::min(share / kClip, 1.0));
-    }
-  }
+  size_t i = 0;
   const Eigen::Matrix2d grown = aperture->Grown(kMarginPx);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     double sum = 0;
@@ -226,8 +302,8 @@ void MarkerMeter::MeasureShape(const Aperture& aperture, MarkerCentre* centre) {
   const Eigen::Matrix2d grown = aperture.Grown(kMarginPx);
   double sum = 0, noise6 = 0;
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero(), noise = Eigen::Matrix2d::Zero();
-  Eigen::Matrix2d leverage = Eigen::Matrix2d::Zero();
   Eigen::Vector4d third = Eigen::Vector4d::Zero();  // xxx, xxy, xyy, yyy
+  std::vector<Eigen::Vector2d> by_arc(arcs_.size(), Eigen::Vector2d::Zero());
   size_t i = 0;
   for (int y = window_.y; y < window_.y + window_.height; ++y) {
     for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
@@ -240,34 +316,48 @@ void MarkerMeter::MeasureShape(const Aperture& aperture, MarkerCentre* centre) {
       second += share * square;
       third += share * Eigen::Vector4d(d.x() * square(0, 0), d.y() * square(0, 0),
                                        d.x() * square(1, 1), d.y() * square(1, 1));
-      if (coverage >= 1) continue;  // clipped: its noise does not count
-      noise += weight * weight * square;
-      leverage += weight * (1 - kClip * std::max(coverage, 0.0)) * square;
-      noise6 += weight * weight * std::pow(d.squaredNorm(), 3);
+      const double gain = weight * static_cast<double>(gain_[i]);
+      noise += gain * gain * square;
+      noise6 += gain * gain * std::pow(d.squaredNorm(), 3);
+      by_arc[arc_of_[i]] += gain * (1 - kClip * std::max(coverage, 0.0)) * d;
     }
   }
-  const double per_grey = 1 / (kClip * centre->contrast_grey * sum);
+  // What the background's own noise does, which all pixels of an arc share; neighbouring arcs
+  // overlap.
+  constexpr double kOverlap = 1.6;
+  for (size_t k = 0; k < arcs_.size(); ++k) {
+    noise += kOverlap * kMedianVariance / std::max(1, arcs_[k].pixels) * by_arc[k] *
+             by_arc[k].transpose();
+  }
   const double variance = centre->noise_grey * centre->noise_grey;
-  centre->covariance_px2 = variance * per_grey * per_grey *
-                           (noise + leverage * gradient_covariance_ * leverage.transpose());
+  centre->covariance_px2 = variance / (sum * sum) * noise;
   centre->second_moment_px2 = second / sum;
   centre->radius_px = std::sqrt(sum / std::numbers::pi);
   const double scale = 1 / (sum * std::pow(centre->radius_px, 3));
   // Each mixed moment stands for three equal ones of the tensor.
   centre->skewness = scale * std::sqrt(third.dot(third.cwiseProduct(Eigen::Vector4d(1, 3, 3, 1))));
-  centre->skewness_sigma = std::sqrt(variance * noise6) * per_grey / std::pow(centre->radius_px, 3);
+  centre->skewness_sigma = std::sqrt(variance * noise6) * scale;
   centre->spread = 4 * std::numbers::pi *
                    std::sqrt(std::max(0.0, centre->second_moment_px2.determinant())) / sum;
 }
 
 bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre) {
-  Aperture aperture(blob);
   *centre = MarkerCentre();
-  if (!Combine(image, aperture, centre) || !FitBackground(aperture, centre) ||
-      !FindCentroid(&aperture, centre)) {
-    return false;
+  Blob outlined = blob;
+  for (const bool last : {false, true}) {
+    Aperture aperture(outlined);
+    if (!PlaceWindow(image, aperture, centre) || !ReadPlateau(image, aperture, centre) ||
+        !ReadBackground(image, aperture, centre) || !Cover(image, aperture, centre)) {
+      return false;
+    }
+    if (!last) {
+      if (!Outline(aperture, &outlined)) return false;
+      continue;
+    }
+    Block(aperture);
+    if (!FindCentroid(&aperture, centre)) return false;
+    MeasureShape(aperture, centre);
   }
-  MeasureShape(aperture, centre);
   return centre->centre_px.allFinite() && centre->covariance_px2.allFinite() &&
          std::isfinite(centre->skewness) && std::isfinite(centre->spread);
 }

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "agent/detect/blob_finder.h"
@@ -24,20 +26,21 @@ struct MarkerCentre {
   // Squared area of the ellipse of the same second moment over the area: 1 for an ellipse, more
   // with blur and for anything else.
   double spread = 1;
-  double contrast_grey = 0;  // of the plateau against the background, channels weighted
-  Eigen::Vector3d colour = Eigen::Vector3d::Zero();  // contrast of each channel, unit length
-  double noise_grey = 0;                             // one sigma of one pixel, channels weighted
-  bool cut = false;  // the image's border cuts what had to be looked at
+  Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
+  double contrast_grey = 0;  // of the plateau against the background, over all channels
+  double noise_grey = 0;     // one sigma of one pixel and channel
+  bool cut = false;          // the image's border cuts what had to be looked at
 };
 
 // Measures the blob's centre. Buffers are kept; one thread at a time.
 //
-// The background is a plane fitted to a ring around the blob, robust against what else is there.
-// Where the marker covers a pixel by a share `a` the pixel is a * plateau + (1 - a) * background,
-// which holds for blur, motion and defocus; so `a` is computed for each pixel and the centroid of
-// `a` is taken. It is clipped from above below the plateau, so that neither noise, shading nor
-// saturation inside the marker counts, which leaves a symmetric image symmetric. The ellipse in
-// which it is summed follows the centroid until it rests.
+// The background is read in a ring around the blob, as medians over short arcs, so that patches of
+// different colours may lie behind. Where the marker covers a pixel by a share `a` the pixel is
+// a * plateau + (1 - a) * background in every channel, which holds for blur, motion and defocus; so
+// `a` is computed for each pixel (least squares over the channels, with the background of its arc)
+// and the centroid of `a` is taken. It is clipped from above below the plateau, so that neither
+// noise, shading nor saturation inside the marker counts, which leaves a symmetric image symmetric.
+// The ellipse in which it is summed follows the centroid until it rests.
 class MarkerMeter {
  public:
   // False where there is nothing to measure: no contrast, or a window without background.
@@ -45,18 +48,30 @@ class MarkerMeter {
 
  private:
   struct Aperture;
-  bool FitBackground(const Aperture& aperture, MarkerCentre* centre);
-  bool Combine(const ImageView& image, const Aperture& aperture, MarkerCentre* centre);
+  struct Arc {
+    Eigen::Vector3f background = Eigen::Vector3f::Zero();
+    int pixels = 0;
+    bool blocked = false;  // something else is near, here or on the opposite side
+  };
+  bool PlaceWindow(const ImageView& image, const Aperture& aperture, MarkerCentre* centre);
+  bool ReadPlateau(const ImageView& image, const Aperture& aperture, MarkerCentre* centre) const;
+  bool ReadBackground(const ImageView& image, const Aperture& aperture, MarkerCentre* centre);
+  bool Cover(const ImageView& image, const Aperture& aperture, MarkerCentre* centre);
+  // The blob of what is more marker than background: without what its mask has grown together with.
+  bool Outline(const Aperture& aperture, Blob* blob) const;
+  void Block(const Aperture& aperture);
   bool FindCentroid(Aperture* aperture, MarkerCentre* centre);
   void MeasureShape(const Aperture& aperture, MarkerCentre* centre);
+  // The background behind a pixel, between the two arcs next to its direction.
+  Eigen::Vector3f Background(const Eigen::Vector2d& offset, size_t* arc) const;
 
   PixelRect window_;
-  std::vector<float> grey_;                          // of the window, channels weighted
-  std::vector<float> coverage_;                      // of the window, clipped
-  std::vector<float> values_;                        // of the ring
-  Eigen::Vector3d plane_ = Eigen::Vector3d::Zero();  // background: value, d/dx, d/dy at the blob
-  Eigen::Matrix2d gradient_covariance_ = Eigen::Matrix2d::Zero();  // per unit noise variance
-  double plateau_grey_ = 0;
+  std::vector<Arc> arcs_;        // around the blob
+  std::vector<float> coverage_;  // of the window, clipped
+  std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
+  std::vector<uint16_t> arc_of_;  // of the window
+  std::vector<float> values_[3];  // of one arc
+  std::vector<float> residuals_;
 };
 
 }  // namespace rigcal::agent

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "agent/detect/blob_contrast.h"
 #include "agent/detect/picture_exposure.h"
 #include "agent/detect/wand_finder.h"
 #include "agent/detect/wand_judge.h"
@@ -69,6 +70,7 @@ absl::Status WandDetectorOptions::Validate() const {
   }
   check("max_tilt", max_tilt_deg, 10, 89);
   check("min_confidence", min_confidence, 0, 1);
+  check("min_contrast", min_contrast_grey, 1, 441);
   check("exposure", exposure_s, 0, 10);
   if (faults.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("wand detector: ", absl::StrJoin(faults, "; ")));
@@ -103,12 +105,17 @@ struct WandDetector::Impl {
   WandDetectorCounts counts;
   PixelRect window;
   const BlobResult* blobs = nullptr;
+  std::vector<Blob> standing_out;  // of them
 };
 
 Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& part) {
   window = part;
   blobs = &blob_finder.Find(image, part);
-  return judge.Judge(image, blobs->blobs, wand_finder, wand_finder.Find(blobs->blobs));
+  standing_out.clear();
+  for (const Blob& blob : blobs->blobs) {
+    if (StandsOut(image, blob, options.min_contrast_grey)) standing_out.push_back(blob);
+  }
+  return judge.Judge(image, standing_out, wand_finder, wand_finder.Find(standing_out));
 }
 
 std::optional<JudgedWand> WandDetector::Impl::SearchTracked(const ImageView& image, int64_t time_ns,
@@ -118,7 +125,7 @@ std::optional<JudgedWand> WandDetector::Impl::SearchTracked(const ImageView& ima
   const Judgement judgement = Search(image, *part);
   if (!judgement.wand.has_value() || judgement.wand->CoveredCount() > 0) return std::nullopt;
   for (const int blob : judgement.wand->blobs) {
-    if (TouchesEdge(blobs->blobs[static_cast<size_t>(blob)].box, *part, image.Bounds())) {
+    if (TouchesEdge(standing_out[static_cast<size_t>(blob)].box, *part, image.Bounds())) {
       return std::nullopt;
     }
   }

@@ -32,9 +32,10 @@ struct Detection {
 
 struct WandDetectorOptions {
   ColourRange colour;
-  int min_area_px = 6;      // of a blob, >= 1
-  int max_area_px = 20000;  // of a blob
-  int max_blobs = 512;      // the largest ones are looked at, 2 to 4096
+  int min_area_px = 6;            // of a blob, >= 1
+  int max_area_px = 20000;        // of a blob
+  int max_blobs = 512;            // the largest ones are looked at, 2 to 4096
+  double min_contrast_grey = 40;  // of a marker against what is around it, all channels, 1 to 441
   // Of every marker, where camera and target tell (intrinsics and spacing); metres.
   double min_distance_m = 0.3;
   double max_distance_m = 20;

@@ -19,7 +19,7 @@ struct WandFinderOptions {
   double min_distance_m = 0.3;
   double max_distance_m = 20;
   double max_tilt_deg = 82;
-  int max_candidates = 24;  // those of least cost are told
+  int max_candidates = 40;  // those of least cost are told
   // Bounds the work with hundreds of blobs: pairs of possible ends, most alike in size first.
   int max_pairs = 20000;
 };

@@ -10,9 +10,9 @@ namespace {
 
 constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kRadiusPx = 0.15, kRadiusShare = 0.04;
-constexpr double kContrastSigma = 0.25;  // of its logarithm
-constexpr double kColourSigma = 0.15;    // rad
-constexpr double kHalfCost = 24;         // confidence 0.5
+constexpr double kBrightnessSigma = 0.2;  // of its logarithm
+constexpr double kColourSigma = 0.12;     // rad
+constexpr double kHalfCost = 24;          // confidence 0.5
 constexpr double kCostScale = 5;
 constexpr double kCoveredCost = 6;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
@@ -32,14 +32,14 @@ double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
   double mean = 0;
   Eigen::Vector3d colour = Eigen::Vector3d::Zero();
   for (const MarkerCentre& centre : centres) {
-    mean += std::log(centre.contrast_grey) / static_cast<double>(centres.size());
-    colour += centre.colour;
+    mean += std::log(centre.plateau_grey.norm()) / static_cast<double>(centres.size());
+    colour += centre.plateau_grey.normalized();
   }
   colour.normalize();
   double cost = 0;
   for (const MarkerCentre& centre : centres) {
-    cost += Square((std::log(centre.contrast_grey) - mean) / kContrastSigma);
-    cost += (centre.colour - colour).squaredNorm() / Square(kColourSigma);
+    cost += Square((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma);
+    cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / Square(kColourSigma);
   }
   return cost;
 }
@@ -54,9 +54,9 @@ bool Disjoint(const JudgedWand& a, const JudgedWand& b) {
   });
 }
 
-double MeanContrast(const JudgedWand& wand) {
+double MeanBrightness(const JudgedWand& wand) {
   double sum = 0;
-  for (const MarkerCentre& centre : wand.centres) sum += centre.contrast_grey;
+  for (const MarkerCentre& centre : wand.centres) sum += centre.plateau_grey.norm();
   return sum / static_cast<double>(wand.centres.size());
 }
 
@@ -121,7 +121,7 @@ Judgement WandJudge::Choose() {
     const JudgedWand &now = judged_[best], &other = judged_[i];
     if (other.confidence < min_confidence_ || SameBlobs(now, other)) continue;
     if (Disjoint(now, other)) {
-      const double ratio = MeanContrast(other) / MeanContrast(now);
+      const double ratio = MeanBrightness(other) / MeanBrightness(now);
       if (ratio > kBrighter) best = i;
       if (ratio > kBrighter || ratio < 1 / kBrighter) continue;
     }

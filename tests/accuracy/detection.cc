@@ -38,6 +38,12 @@ std::vector<PictureResult> PrintCase(const std::string& name, const DetectionOpt
   if (!verbose) return results;
   for (const PictureResult& result : results) {
     if (!result.status.ok()) fmt::print("  {}\n", result.status.ToString());
+    for (const CentreError& centre : result.centres) {
+      if (centre.error_px.norm() < 0.15) continue;
+      fmt::print("  picture {}: a centre {:.2f} px off, NEES {:.0f}, {:.2f} m, tilt {:.0f} deg\n",
+                 result.seed, centre.error_px.norm(), centre.nees, centre.distance_m,
+                 result.tilt_deg);
+    }
     if ((result.found || !result.shown) && !result.false_wand) continue;
     fmt::print("  picture {}: {}{}, {} covered, confidence {:.2f}, {:.2f} m, tilt {:.0f} deg\n",
                result.seed, DetectionOutcomeText(result.outcome),
@@ -95,7 +101,7 @@ int main(int argc, char** argv) {
   PrintCase("defocus 1.5 px", defocused, arguments.verbose);
 
   DetectionOptions bright = plain;
-  bright.render.led_grey = 500;
+  bright.render.led_grey = 350;
   PrintCase("saturated", bright, arguments.verbose);
 
   DetectionOptions dim = plain;

@@ -60,9 +60,10 @@ TEST(ImageMotion, OfTwoRowsIsALine) {
   EXPECT_TRUE(at.has_velocity);
   EXPECT_LT((at.centre_px - Line(0.01)).norm(), 1e-9);
   EXPECT_LT((at.velocity_px_s - Eigen::Vector2d(300, -100)).norm(), 1e-6);
-  // Half way between two rows: each counts half.
-  EXPECT_NEAR(at.covariance_px2(1, 1) - 0.5 * 0.09, 0.25 * (Line(0.01) - Line(0)).squaredNorm(),
-              1e-6);
+  // Half way between two rows each counts half, which a neighbour's centre does as well: what is
+  // stated is a row's.
+  EXPECT_NEAR(at.noise_share, 0.5, 1e-6);
+  EXPECT_NEAR(at.covariance_px2(1, 1) - 0.09, 0.25 * (Line(0.01) - Line(0)).squaredNorm(), 1e-6);
 }
 
 TEST(ImageMotion, MovesAlongALineExactlyAtItsEndsToo) {

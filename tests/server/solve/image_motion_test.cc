@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "common/simulation/random_stream.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -91,6 +93,60 @@ TEST(ImageMotion, NeighboursUncertaintyIsAccountedFor) {
   EXPECT_NE(here, between);
   EXPECT_GT(between, 0.1);
   EXPECT_LT(between, 0.5);
+}
+
+// A row's noise of its own, by row and time step, without a path.
+AlignedTrack Noise(int rows, double period_s, uint64_t seed) {
+  AlignedTrack track = Track(rows, period_s);
+  RandomStream random{seed};
+  for (Observation& row : track.track.observations) {
+    const double x = random.Gaussian(), y = random.Gaussian();
+    row.markers[0].centre_px = 0.5 * Eigen::Vector2d(x, y);
+  }
+  return track;
+}
+
+// Between the rows each centre is a mean of several, but a run of them is worth as much as its
+// rows.
+TEST(ImageMotion, RowsInterpolatedInARowAreWorthAsMuchAsTheRows) {
+  constexpr int kRuns = 400, kRows = 30;
+  double square = 0, mean_square = 0, stated = 0, share = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    const ImageMotion motion(Noise(kRows + 20, 0.02, static_cast<uint64_t>(run)), 1, {});
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    for (int i = 10; i < 10 + kRows; ++i) {
+      const MarkerMotion at = motion.At(i, 0, 0.0099);
+      mean += at.centre_px / kRows;
+      square += at.centre_px.squaredNorm() / (2 * kRuns * kRows);
+      share += at.noise_share / (kRuns * kRows);
+    }
+    mean_square += kRows * mean.squaredNorm() / (2 * kRuns);
+    stated = motion.At(20, 0, 0.0099).covariance_px2(0, 0);
+  }
+  // 3 sigma of 800 squares are 15 %. What the fit leaves out is stated on top.
+  EXPECT_NEAR(mean_square, 0.25, 0.04);
+  EXPECT_GT(stated, 0.25 - 1e-9);
+  EXPECT_LT(stated, 0.35);
+  EXPECT_LT(square, 0.8 * 0.25);
+  EXPECT_NEAR(share * 0.25, square, 0.01);
+}
+
+// Else the product of the two, which the time offset follows, has a mean.
+TEST(ImageMotion, TheVelocityHasNoneOfTheCentresNoise) {
+  for (const double period_s : {1.0 / 120, 1.0 / 50}) {
+    for (const double share : {-0.45, 0.2, 0.45}) {
+      double product = 0, centre = 0, velocity = 0;
+      for (int run = 0; run < 4000; ++run) {
+        const ImageMotion motion(Noise(20, period_s, static_cast<uint64_t>(run)), 1, {});
+        const MarkerMotion at = motion.At(10, 0, share * period_s);
+        product += at.centre_px.dot(at.velocity_px_s);
+        centre += at.centre_px.squaredNorm();
+        velocity += at.velocity_px_s.squaredNorm();
+      }
+      // 4.5 sigma of 8000 products.
+      EXPECT_LT(std::abs(product), 0.05 * std::sqrt(centre * velocity)) << period_s << " " << share;
+    }
+  }
 }
 
 }  // namespace

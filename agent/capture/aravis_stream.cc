@@ -2,8 +2,6 @@
 #include "agent/capture/aravis_stream.h"
 
 #include <spdlog/spdlog.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -25,7 +23,6 @@ constexpr std::chrono::milliseconds kGivenUp(400);
 constexpr std::chrono::seconds kLongestEnd(1);
 // Of IP, UDP and stream headers in each packet (GigE Vision 1).
 constexpr uint64_t kPacketOverheadBytes = 36;
-constexpr int kReceiverNiceness = -10;
 
 // The kernel cuts what is asked to this, without an error.
 void WarnOfSmallSocketBuffer(const std::string& camera, int asked_bytes) {
@@ -89,10 +86,6 @@ AravisStream::~AravisStream() = default;
 
 void AravisStream::OnEvent(void* self, ArvStreamCallbackType type, ArvBuffer*) {
   auto* const stream = static_cast<AravisStream*>(self);
-  if (type == ARV_STREAM_CALLBACK_TYPE_INIT) {
-    // Late packets are lost packets. Refused to most users, and then it goes without.
-    setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kReceiverNiceness);
-  }
   if (type == ARV_STREAM_CALLBACK_TYPE_START_BUFFER) ++stream->begun_;
   if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) {
     ++stream->done_;

@@ -9,9 +9,11 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kMarginPx = 1.75;   // around the blob, for what its threshold left out
-constexpr double kGapPx = 1.0;       // from there to the ring
-constexpr double kClip = 0.8;        // coverage from which on a pixel counts as covered
+constexpr double kMarginPx = 1.75;  // around the blob, for what its threshold left out
+constexpr double kGapPx = 1.0;      // from there to the ring
+// Coverage up to which a pixel counts as free, and from which on as covered.
+constexpr float kFree = 0.22f, kCovered = 0.8f;
+constexpr float kStrange = 0.3f;     // of the contrast: away from all mixtures of the two colours
 constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
 constexpr double kMinContrast = 20;  // grey levels
 constexpr double kArcPx = 3;         // length of an arc of the ring
@@ -20,6 +22,7 @@ constexpr float kAlike = 0.4f;  // of the contrast: as near as this is the marke
 // What is this bright further than this outside of the blob is something else.
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
+enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMinRingPixels = 24;
 constexpr int kMaxIterations = 12;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
@@ -126,9 +129,10 @@ bool MarkerMeter::ReadBackground(const ImageView& image, const Aperture& apertur
                                  MarkerCentre* centre) {
   const Eigen::Matrix2d ring = aperture.Grown(kMarginPx + kGapPx);
   const Eigen::Matrix2d edge = aperture.Grown(kMarginPx + kGapPx + aperture.ring_px);
-  const int count = std::clamp(
-      static_cast<int>(2 * std::numbers::pi * (aperture.b + kMarginPx + kGapPx) / kArcPx), kMinArcs,
-      kMaxArcs);
+  const int count =
+      2 * std::clamp(  // each has an opposite one
+              static_cast<int>(std::numbers::pi * (aperture.b + kMarginPx + kGapPx) / kArcPx),
+              kMinArcs / 2, kMaxArcs / 2);
   arcs_.assign(static_cast<size_t>(count), Arc());
   struct RingPixel {
     float turn;  // 0 to count
@@ -197,6 +201,7 @@ bool MarkerMeter::Cover(const ImageView& image, const Aperture& aperture, Marker
   coverage_.resize(size);
   gain_.resize(size);
   arc_of_.resize(size);
+  foreign_.resize(size);
   const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
   double contrast = 0;
   for (const Arc& arc : arcs_) {
@@ -205,6 +210,7 @@ bool MarkerMeter::Cover(const ImageView& image, const Aperture& aperture, Marker
   centre->contrast_grey = contrast / static_cast<double>(arcs_.size());
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
+  const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
   size_t i = 0;
   for (int y = window_.y; y < window_.y + window_.height; ++y) {
     for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
@@ -213,10 +219,13 @@ bool MarkerMeter::Cover(const ImageView& image, const Aperture& aperture, Marker
       const Eigen::Vector3f background = Background(d, &arc);
       const Eigen::Vector3f range = plateau - background;
       const float squared = std::max(range.squaredNorm(), least * least);
-      const float share =
-          (Grey(image, x, y) - background).dot(range) / squared / static_cast<float>(kClip);
-      coverage_[i] = std::min(share, 1.0f);
-      gain_[i] = share < 1 ? 1 / (std::sqrt(squared) * static_cast<float>(kClip)) : 0;
+      const Eigen::Vector3f above = Grey(image, x, y) - background;
+      const float share = above.dot(range) / squared;
+      const float counted = (share - kFree) / (kCovered - kFree);
+      coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
+      gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
+      foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
+      if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
       arc_of_[i] = static_cast<uint16_t>(arc);
     }
   }
@@ -225,7 +234,7 @@ bool MarkerMeter::Cover(const ImageView& image, const Aperture& aperture, Marker
 
 bool MarkerMeter::Outline(const Aperture& aperture, Blob* blob) const {
   const Eigen::Matrix2d grown = aperture.Grown(1);
-  const auto half = static_cast<float>(0.5 / kClip);
+  const float half = (0.5f - kFree) / (kCovered - kFree);
   double count = 0;
   Eigen::Vector2d first = Eigen::Vector2d::Zero();
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
@@ -233,7 +242,9 @@ bool MarkerMeter::Outline(const Aperture& aperture, Blob* blob) const {
   for (int y = window_.y; y < window_.y + window_.height; ++y) {
     for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
       const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-      if (coverage_[i] < half || d.dot(grown * d) > 1) continue;
+      if (coverage_[i] < half || (foreign_[i] & kOtherColour) != 0 || d.dot(grown * d) > 1) {
+        continue;
+      }
       ++count;
       first += d;
       second += d * d.transpose();
@@ -248,26 +259,27 @@ bool MarkerMeter::Outline(const Aperture& aperture, Blob* blob) const {
 }
 
 void MarkerMeter::Block(const Aperture& aperture) {
-  const Eigen::Matrix2d own = aperture.Grown(kOwnPx), reach = aperture.Grown(kMarginPx + kGapPx);
+  const Eigen::Matrix2d outline = aperture.Grown(0), own = aperture.Grown(kOwnPx);
+  const Eigen::Matrix2d reach = aperture.Grown(kMarginPx + kGapPx);
   const auto for_outside = [&](auto&& visit) {
     size_t i = 0;
     for (int y = window_.y; y < window_.y + window_.height; ++y) {
       for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
         const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-        if (d.dot(own * d) > 1 && d.dot(reach * d) < 1) visit(i);
+        if (d.dot(outline * d) > 1 && d.dot(reach * d) < 1) visit(i, d.dot(own * d) > 1);
       }
     }
   };
   const size_t count = arcs_.size();
-  for_outside([&](size_t i) {
-    if (std::abs(coverage_[i]) < kForeign) return;
+  for_outside([&](size_t i, bool beyond) {
+    if ((foreign_[i] & kOtherColour) == 0 && !(beyond && foreign_[i] != 0)) return;
     for (const size_t side : {size_t{0}, count / 2}) {
       for (size_t k = count - 1; k <= count + 1; ++k) {
         arcs_[(arc_of_[i] + side + k) % count].blocked = true;
       }
     }
   });
-  for_outside([&](size_t i) {
+  for_outside([&](size_t i, bool) {
     if (arcs_[arc_of_[i]].blocked) coverage_[i] = gain_[i] = 0;
   });
 }
@@ -319,7 +331,9 @@ void MarkerMeter::MeasureShape(const Aperture& aperture, MarkerCentre* centre) {
       const double gain = weight * static_cast<double>(gain_[i]);
       noise += gain * gain * square;
       noise6 += gain * gain * std::pow(d.squaredNorm(), 3);
-      by_arc[arc_of_[i]] += gain * (1 - kClip * std::max(coverage, 0.0)) * d;
+      by_arc[arc_of_[i]] +=
+          gain *
+          (1 - static_cast<double>(kFree) - static_cast<double>(kCovered - kFree) * coverage) * d;
     }
   }
   // What the background's own noise does, which all pixels of an arc share; neighbouring arcs

@@ -38,9 +38,11 @@ struct MarkerCentre {
 // different colours may lie behind. Where the marker covers a pixel by a share `a` the pixel is
 // a * plateau + (1 - a) * background in every channel, which holds for blur, motion and defocus; so
 // `a` is computed for each pixel (least squares over the channels, with the background of its arc)
-// and the centroid of `a` is taken. It is clipped from above below the plateau, so that neither
-// noise, shading nor saturation inside the marker counts, which leaves a symmetric image symmetric.
-// The ellipse in which it is summed follows the centroid until it rests.
+// and the centroid of `a` is taken, clipped well below 1, so that neither noise, shading nor
+// saturation inside the marker counts, and well above 0, so that what the background is not quite
+// like counts little. Both leave a symmetric image symmetric. Where something else is near, its
+// side and the opposite one are cut at the marker's outline. The ellipse in which it is summed
+// follows the centroid until it rests.
 class MarkerMeter {
  public:
   // False where there is nothing to measure: no contrast, or a window without background.
@@ -69,6 +71,7 @@ class MarkerMeter {
   std::vector<Arc> arcs_;        // around the blob
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
+  std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
   std::vector<uint16_t> arc_of_;  // of the window
   std::vector<float> values_[3];  // of one arc
   std::vector<float> residuals_;

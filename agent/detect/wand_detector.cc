@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/detect/blob_contrast.h"
+#include "agent/detect/blob_splitter.h"
 #include "agent/detect/picture_exposure.h"
 #include "agent/detect/wand_finder.h"
 #include "agent/detect/wand_judge.h"
@@ -105,15 +106,30 @@ struct WandDetector::Impl {
   WandDetectorCounts counts;
   PixelRect window;
   const BlobResult* blobs = nullptr;
-  std::vector<Blob> standing_out;  // of them
+  BlobSplitter splitter;
+  std::vector<Blob> standing_out;  // of them or their pieces
+  std::vector<bool> cut;           // of these: the window may have cut it
 };
 
 Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& part) {
   window = part;
   blobs = &blob_finder.Find(image, part);
   standing_out.clear();
+  cut.clear();
+  const auto keep = [&](const Blob& blob, bool is_cut) {
+    if (!StandsOut(image, blob, options.min_contrast_grey)) return;
+    standing_out.push_back(blob);
+    cut.push_back(is_cut);
+  };
   for (const Blob& blob : blobs->blobs) {
-    if (StandsOut(image, blob, options.min_contrast_grey)) standing_out.push_back(blob);
+    const bool is_cut = TouchesEdge(blob.box, part, image.Bounds());
+    if (IsRound(blob)) {
+      keep(blob, is_cut);
+      continue;
+    }
+    for (const Blob& piece : splitter.Split(image, blob, options.min_area_px)) {
+      keep(piece, is_cut);
+    }
   }
   return judge.Judge(image, standing_out, wand_finder, wand_finder.Find(standing_out));
 }
@@ -125,9 +141,7 @@ std::optional<JudgedWand> WandDetector::Impl::SearchTracked(const ImageView& ima
   const Judgement judgement = Search(image, *part);
   if (!judgement.wand.has_value() || judgement.wand->CoveredCount() > 0) return std::nullopt;
   for (const int blob : judgement.wand->blobs) {
-    if (TouchesEdge(standing_out[static_cast<size_t>(blob)].box, *part, image.Bounds())) {
-      return std::nullopt;
-    }
+    if (cut[static_cast<size_t>(blob)]) return std::nullopt;
   }
   return judgement.wand;
 }

@@ -24,7 +24,7 @@ struct WandFitOptions {
   double max_distance_m = 20;
   double max_tilt_rad = 1.43;  // out of the plane across the line of sight
   // What blur and threshold make of all radii alike: mean and sigma.
-  double radius_bias_px = 0.2;
+  double radius_bias_px = 0.1;
   double radius_bias_sigma_px = 0.8;
 };
 

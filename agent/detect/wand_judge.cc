@@ -12,9 +12,9 @@ constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kRadiusPx = 0.15, kRadiusShare = 0.04;
 constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 24;          // confidence 0.5
-constexpr double kCostScale = 5;
-constexpr double kCoveredCost = 6;
+constexpr double kHalfCost = 16;          // confidence 0.5
+constexpr double kCostScale = 3;
+constexpr double kCoveredCost = 8;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
@@ -125,6 +125,8 @@ Judgement WandJudge::Choose() {
       if (ratio > kBrighter) best = i;
       if (ratio > kBrighter || ratio < 1 / kBrighter) continue;
     }
+    // A part of the wand with something else beside it.
+    if (!Disjoint(now, other) && other.CoveredCount() > now.CoveredCount()) continue;
     judgement.ambiguous |= other.cost < now.cost + kMargin;
   }
   JudgedWand& wand = judged_[best];

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <utility>
@@ -118,6 +119,16 @@ Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& pa
   cut.clear();
   const auto keep = [&](const Blob& blob, bool is_cut) {
     if (!StandsOut(image, blob, options.min_contrast_grey)) return;
+    // The box of one blob may hold a part of another's pieces.
+    for (size_t i = 0; i < standing_out.size(); ++i) {
+      Blob& known = standing_out[i];
+      const double squared_px2 = (known.centre_px - blob.centre_px).squaredNorm();
+      if (squared_px2 * std::numbers::pi >= std::max(known.area_px, blob.area_px)) continue;
+      if (blob.area_px <= known.area_px) return;
+      known = blob;
+      cut[i] = is_cut;
+      return;
+    }
     standing_out.push_back(blob);
     cut.push_back(is_cut);
   };

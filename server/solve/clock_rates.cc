@@ -2,6 +2,8 @@
 #include "server/solve/clock_rates.h"
 
 #include <cmath>
+#include <map>
+#include <utility>
 
 namespace rigcal::server {
 namespace {
@@ -44,6 +46,16 @@ std::vector<bool> FindOwnRates(const std::vector<RateEstimate>& clocks,
     const double sigma = sigma_between(k, middle);
     own[k] = std::isfinite(rate) && std::isfinite(sigma) && sigma > 0 &&
              rate > options.sigmas * sigma && rate * clocks[k].span_s > options.min_drift_s;
+  }
+  std::map<std::string, std::pair<int, int>> counts;  // that stand out, that were estimated
+  for (size_t k = 0; k < clocks.size(); ++k) {
+    auto& [standing_out, estimated] = counts[clocks[k].session_id];
+    standing_out += own[k] ? 1 : 0;
+    estimated += clocks[k].estimated ? 1 : 0;
+  }
+  for (size_t k = 0; k < clocks.size(); ++k) {
+    const auto& [standing_out, estimated] = counts[clocks[k].session_id];
+    if (standing_out >= 2 && 3 * standing_out >= estimated) own[k] = clocks[k].estimated;
   }
   return own;
 }

@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
 #include "server/solve/clock_rates.h"
+#include "server/solve/time_check.h"
 
 namespace rigcal::server {
 namespace {
@@ -17,6 +18,8 @@ constexpr int kMinHeldOutInstants = 20;
 // A refinement must make the held-out error smaller by this share to be kept.
 constexpr double kMustGain = 0.02;
 constexpr int kMaxRateTries = 4;
+constexpr int kMaxTimeRepairs = 3;
+constexpr double kMayLoseInliers = 0.05;  // of all markers
 
 std::function<void(std::string_view, double)> Stage(const RigSolveOptions& options,
                                                     std::string_view name) {
@@ -92,6 +95,13 @@ Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
                           given_px, refined_px, pays ? "refined ones" : "given ones")};
 }
 
+// Of the markers, those that take part.
+double InlierShare(const RigSolution& solution) {
+  double used = 0;
+  for (const BundleMarker& marker : solution.built.problem.markers) used += marker.used ? 1 : 0;
+  return used / static_cast<double>(std::max<size_t>(1, solution.built.problem.markers.size()));
+}
+
 // From the first to the last observation of a clock.
 double ClockSpanS(const BundleProblem& problem, int clock) {
   double first_s = INFINITY, last_s = -INFINITY;
@@ -110,7 +120,7 @@ std::vector<bool> OwnRates(const RigSolution& solution, const RigUncertainty& un
     const BundleProblem& problem = solution.built.problem;
     rates.push_back({solution.clocks[k].session_id,
                      solution.clocks[k].time_rate + problem.clocks[k].time_rate,
-                     ClockSpanS(problem, static_cast<int>(k))});
+                     ClockSpanS(problem, static_cast<int>(k)), !problem.clocks[k].rate_fixed});
   }
   const auto sigma_between = [&](size_t k, size_t l) {
     std::vector<double> weights(solution.clocks.size(), 0);
@@ -119,6 +129,44 @@ std::vector<bool> OwnRates(const RigSolution& solution, const RigUncertainty& un
     return uncertainty.ClockSigma(ReducedParameterKind::kTimeRate, weights);
   };
   return FindOwnRates(rates, sigma_between, RateTestOptions{});
+}
+
+// Restarts a solve from another offset of a clock that fits the other clocks' cameras much better
+// there.
+absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& options,
+                           JudgedSolution* result) {
+  for (int i = 0; i < kMaxTimeRepairs; ++i) {
+    if (!result->solution.converged) {
+      // Clocks that still move are on their way to where they match.
+      const RigStart start = StartFrom(result->solution);
+      absl::StatusOr<RigSolution> further = SolveRig(rig, start.clocks, options, &start);
+      if (absl::IsCancelled(further.status())) return further.status();
+      if (further.ok()) result->solution = *std::move(further);
+    }
+    const auto doubt = FindBetterOffset(rig, result->solution, TimeCheckOptions{});
+    if (!doubt) return absl::OkStatus();
+    std::vector<ClockCorrection> clocks = StartFrom(result->solution).clocks;
+    clocks[static_cast<size_t>(doubt->clock)].time_offset_s += doubt->offset_s;
+    absl::StatusOr<RigSolution> again = SolveRig(rig, clocks, options);
+    if (absl::IsCancelled(again.status())) return again.status();
+    // Another time groups other views; only a fit that breaks is a reason to stay.
+    if (!again.ok() || InlierShare(*again) < InlierShare(result->solution) - kMayLoseInliers) {
+      return absl::OkStatus();
+    }
+    result->solution = *std::move(again);
+    for (size_t t = 0; t < rig.tracks.size(); ++t) {
+      if (rig.index.clock_of_track[t] != doubt->clock) continue;
+      result->findings.push_back(
+          {"time_match_corrected", rig.tracks[t].track.camera.camera, 1e3 * doubt->offset_s, "ms",
+           absl::StrFormat("the search had matched its clock with another moment of the wave: "
+                           "against the other cameras it fitted to %.1f px, %.0f ms away to %.1f "
+                           "px, from where the rig was solved again. A wave that repeats itself "
+                           "looks alike at several times: wave without a rhythm",
+                           doubt->here_px, 1e3 * doubt->offset_s, doubt->there_px)});
+      break;
+    }
+  }
+  return absl::OkStatus();
 }
 
 // Gives rates to the clocks that are seen to run differently: all are tried, then those that stood
@@ -135,7 +183,12 @@ absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigS
     if (!uncertainty.ok()) return absl::OkStatus();
     std::vector<bool> own = OwnRates(*tried, *uncertainty);
     if (std::find(own.begin(), own.end(), true) == own.end()) return absl::OkStatus();
-    if (own == with_rates.own_rates) {
+    std::vector<bool> estimated;
+    for (const BundleClock& clock : tried->built.problem.clocks) {
+      estimated.push_back(!clock.rate_fixed);
+    }
+    if (own == estimated) {
+      with_rates.own_rates = std::move(own);
       *options = std::move(with_rates);
       *solution = *std::move(tried);
       return absl::OkStatus();
@@ -180,6 +233,7 @@ absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
       options.intrinsics == Estimate::kDefault || options.intrinsics == Estimate::kAuto;
   RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first));
   if (base.estimate_time_offsets) {
+    RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
   }
   result.options.estimate_time_rates = first.estimate_time_rates;

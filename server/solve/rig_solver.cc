@@ -20,7 +20,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kWeakOffsetSigmaS = 1;
-constexpr double kWeakRateSigma = 1e-3;
+constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
 constexpr double kWildPx = 15;
 // Relative change of the cost that ends an adjustment whose result is only a stage; and below how
 // many times the tolerance in time the clocks must have moved for the next one to be exact.

@@ -35,6 +35,12 @@ TEST(FindOwnRates, OfTwoClocksTheOneWithoutARateKeepsNone) {
   EXPECT_EQ(Find(Clocks({-50, 0})), (std::vector<bool>{true, false}));
 }
 
+TEST(FindOwnRates, WhereManyStandOutAllAreOscillatorsOfTheirOwn) {
+  std::vector<RateEstimate> clocks = Clocks({0, 2, -20, 3, 40});
+  clocks[0].estimated = false;
+  EXPECT_EQ(Find(clocks), (std::vector<bool>{false, true, true, true, true}));
+}
+
 TEST(FindOwnRates, SessionsAreHeldApart) {
   std::vector<RateEstimate> clocks = Clocks({0, 50, 50}, "a");
   for (const RateEstimate& other : Clocks({0, 1, 0}, "b")) clocks.push_back(other);

@@ -40,6 +40,20 @@ float Median(std::vector<float>* values) {
   return *middle;
 }
 
+// One sigma of values around medians of some ten of them, without what does not belong to them.
+double NoiseSigma(std::vector<float>* residuals) {
+  const float limit = 2.5f * 1.4826f * (Median(residuals) + 0.5f);
+  double squares = 0;
+  int count = 0;
+  for (const float residual : *residuals) {
+    if (residual > limit) continue;
+    squares += static_cast<double>(residual * residual);
+    ++count;
+  }
+  // The cut leaves 0.95 of a Gaussian's variance; a median of few takes 5 % of it along.
+  return std::max(0.5, std::sqrt(squares / (0.9 * std::max(1, count))));
+}
+
 }  // namespace
 
 // An ellipse of semi-axes `a` >= `b`, and how far the looked at pixels lie from it.
@@ -189,10 +203,7 @@ bool MarkerMeter::ReadBackground(const ImageView& image, const Aperture& apertur
       arcs_[static_cast<size_t>(k)] = before.pixels >= after.pixels ? before : after;
     }
   }
-  // Residuals against a median of few are small by their own share in it; whole numbers hide what
-  // is less than half a step.
-  const double median = static_cast<double>(Median(&residuals_));
-  centre->noise_grey = std::max(0.5, 1.4826 * (median + 0.25));
+  centre->noise_grey = NoiseSigma(&residuals_);
   return true;
 }
 

@@ -24,7 +24,9 @@ namespace rigcal::agent {
 namespace {
 
 // What is not noise: sampling, the clipped coverage, the lens between calibration points.
-constexpr double kModelSigmaPx = 0.01;
+constexpr double kModelSigmaPx = 0.006;
+constexpr int kLargeAreaPx = 800;
+constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 
 BlobFinderOptions BlobOptions(const WandDetectorOptions& options) {
   BlobFinderOptions result;
@@ -124,6 +126,9 @@ Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& pa
       Blob& known = standing_out[i];
       const double squared_px2 = (known.centre_px - blob.centre_px).squaredNorm();
       if (squared_px2 * std::numbers::pi >= std::max(known.area_px, blob.area_px)) continue;
+      if (kPart * std::min(known.area_px, blob.area_px) < std::max(known.area_px, blob.area_px)) {
+        continue;  // not the same thing
+      }
       if (blob.area_px <= known.area_px) return;
       known = blob;
       cut[i] = is_cut;
@@ -134,10 +139,10 @@ Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& pa
   };
   for (const Blob& blob : blobs->blobs) {
     const bool is_cut = TouchesEdge(blob.box, part, image.Bounds());
-    if (IsRound(blob)) {
-      keep(blob, is_cut);
-      continue;
-    }
+    const bool round = IsRound(blob);
+    if (round) keep(blob, is_cut);
+    // Of a large round one a marker may be a part: a sphere in front of a warm lampshade.
+    if (round && blob.area_px < kLargeAreaPx) continue;
     for (const Blob& piece : splitter.Split(image, blob, options.min_area_px)) {
       keep(piece, is_cut);
     }

@@ -33,7 +33,7 @@ struct Detection {
 struct WandDetectorOptions {
   ColourRange colour;
   int min_area_px = 6;            // of a blob, >= 1
-  int max_area_px = 20000;        // of a blob
+  int max_area_px = 100000;       // of a blob; markers are looked for in large ones too
   int max_blobs = 512;            // the largest ones are looked at, 2 to 4096
   double min_contrast_grey = 40;  // of a marker against what is around it, all channels, 1 to 441
   // Of every marker, where camera and target tell (intrinsics and spacing); metres.

@@ -25,6 +25,8 @@ constexpr float kForeign = 0.4f;
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMinRingPixels = 24;
 constexpr int kMaxIterations = 12;
+// Radii of the centroid per skewness, found on rendered pictures.
+constexpr double kShiftPerSkewness = 4;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
 
 Eigen::Vector3f Grey(const ImageView& image, int x, int y) {
@@ -362,6 +364,11 @@ void MarkerMeter::MeasureShape(const Aperture& aperture, MarkerCentre* centre) {
   // Each mixed moment stands for three equal ones of the tensor.
   centre->skewness = scale * std::sqrt(third.dot(third.cwiseProduct(Eigen::Vector4d(1, 3, 3, 1))));
   centre->skewness_sigma = std::sqrt(variance * noise6) * scale;
+  // What makes a sphere's image lopsided, such as an edge of the background along its outline, has
+  // moved its centroid too.
+  const double disturbed_px = kShiftPerSkewness * centre->radius_px *
+                              std::max(0.0, centre->skewness - 2.5 * centre->skewness_sigma);
+  centre->covariance_px2 += disturbed_px * disturbed_px * Eigen::Matrix2d::Identity();
   centre->spread = 4 * std::numbers::pi *
                    std::sqrt(std::max(0.0, centre->second_moment_px2.determinant())) / sum;
 }

@@ -15,7 +15,7 @@ namespace rigcal::agent {
 // the marker's light covers: 0 background, 1 marker.
 struct MarkerCentre {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // centroid of the marker's image
-  // From the picture's noise alone.
+  // From the picture's noise, and from what makes the image lopsided.
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
   double radius_px = 0;                                             // of a disc of the same area
   Eigen::Matrix2d second_moment_px2 = Eigen::Matrix2d::Identity();  // of the coverage

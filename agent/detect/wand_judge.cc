@@ -12,9 +12,9 @@ constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kRadiusPx = 0.15, kRadiusShare = 0.04;
 constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 16;          // confidence 0.5
-constexpr double kCostScale = 3;
-constexpr double kCoveredCost = 10;
+constexpr double kHalfCost = 13;          // confidence 0.5
+constexpr double kCostScale = 2.5;
+constexpr double kCoveredCost = 9;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;

@@ -11,7 +11,7 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kMaxBoxPx = 1 << 18;
+constexpr int kMaxBoxPx = 1 << 20;
 constexpr double kLowLevel = 0.6, kHighLevel = 0.82;  // of the brightest pixels
 constexpr int kBrightest = 6;  // that many pixels are at least as bright: one may be noise
 constexpr size_t kMaxParts = 32;

@@ -88,7 +88,7 @@ struct WandDetector::Impl {
         camera(camera_in),
         blob_finder(std::move(blob_finder_in)),
         wand_finder(FinderOptions(options_in), target_in, camera_in),
-        judge(options_in.min_confidence),
+        judge(options_in.min_confidence, options_in.min_contrast_grey),
         light_sigma_s(LightTimeSigma(options_in.exposure_s, target_in)) {}
 
   Judgement Search(const ImageView& image, const PixelRect& part);

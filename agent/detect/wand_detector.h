@@ -33,9 +33,9 @@ struct Detection {
 struct WandDetectorOptions {
   ColourRange colour;
   int min_area_px = 6;            // of a blob, >= 1
-  int max_area_px = 100000;       // of a blob; markers are looked for in large ones too
+  int max_area_px = 600000;       // of a blob; markers are looked for in large ones too
   int max_blobs = 512;            // the largest ones are looked at, 2 to 4096
-  double min_contrast_grey = 40;  // of a marker against what is around it, all channels, 1 to 441
+  double min_contrast_grey = 50;  // of a marker against what is around it, all channels, 1 to 441
   // Of every marker, where camera and target tell (intrinsics and spacing); metres.
   double min_distance_m = 0.3;
   double max_distance_m = 20;

@@ -14,6 +14,7 @@ constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
 constexpr double kHalfCost = 13;          // confidence 0.5
 constexpr double kCostScale = 2.5;
+constexpr double kSkewness = 0.012;
 constexpr double kCoveredCost = 9;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
@@ -28,6 +29,12 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
          centre.spread < 1.15 + 4 / Square(centre.radius_px) && centre.spread > 0.9;
 }
 
+// The cost of a marker that is not quite symmetric, at most that of a covered one.
+double Lopsidedness(const MarkerCentre& centre) {
+  const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
+  return std::min(Square(excess / kSkewness), kCoveredCost);
+}
+
 double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
   double mean = 0;
   Eigen::Vector3d colour = Eigen::Vector3d::Zero();
@@ -38,6 +45,7 @@ double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
   colour.normalize();
   double cost = 0;
   for (const MarkerCentre& centre : centres) {
+    cost += Lopsidedness(centre);
     cost += Square((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma);
     cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / Square(kColourSigma);
   }
@@ -73,7 +81,8 @@ const WandJudge::Measured& WandJudge::Measure(const ImageView& image, absl::Span
   }
   Measured& measured = measured_.emplace_back();
   measured.blob = blob;
-  measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre);
+  measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre) &&
+                  measured.centre.contrast_grey >= min_contrast_grey_;
   return measured;
 }
 
@@ -106,7 +115,10 @@ std::optional<JudgedWand> WandJudge::JudgeOne(const ImageView& image, absl::Span
       !FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand.fit)) {
     return std::nullopt;
   }
-  wand.cost = wand.fit.cost + kCoveredCost * covered + Likeness(wand.centres);
+  wand.cost = wand.fit.cost + Likeness(wand.centres);
+  for (size_t k = 0; k < wand.whole.size(); ++k) {
+    if (!wand.whole[k]) wand.cost += kCoveredCost - Lopsidedness(wand.centres[k]);
+  }
   wand.confidence = 1 / (1 + std::exp((wand.cost - kHalfCost) / kCostScale));
   return wand;
 }

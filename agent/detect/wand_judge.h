@@ -38,7 +38,8 @@ struct Judgement {
 // reflection in a floor or a window); others are ambiguous. One thread at a time.
 class WandJudge {
  public:
-  explicit WandJudge(double min_confidence) : min_confidence_(min_confidence) {}
+  WandJudge(double min_confidence, double min_contrast_grey)
+      : min_confidence_(min_confidence), min_contrast_grey_(min_contrast_grey) {}
 
   Judgement Judge(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
                   absl::Span<const WandCandidate> candidates);
@@ -55,6 +56,7 @@ class WandJudge {
   Judgement Choose();
 
   double min_confidence_;
+  double min_contrast_grey_;
   MarkerMeter meter_;
   std::vector<Measured> measured_;
   std::vector<JudgedWand> judged_;

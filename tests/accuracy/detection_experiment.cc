@@ -163,10 +163,11 @@ DetectionSummary Summarise(const std::vector<PictureResult>& results) {
       ++centres;
     }
   }
+  summary.median_ms = Quantile(milliseconds, 0.5);
+  if (centres == 0) return summary;
   summary.rms_px = std::sqrt(squares / (2 * centres));
   summary.motion_bias_px = along / centres;
   summary.nees = nees / (2 * centres);
-  summary.median_ms = Quantile(milliseconds, 0.5);
   return summary;
 }
 

@@ -25,7 +25,7 @@ struct CameraDescription {
   std::string source;  // for people: "csv:frame_0.csv"
   // As the camera said when it was opened; none: a source without settings. For people: no result
   // depends on it.
-  std::optional<CameraSettings> settings;
+  std::optional<CameraSettings> settings = {};
 
   friend bool operator==(const CameraDescription&, const CameraDescription&) = default;
 

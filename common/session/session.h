@@ -69,8 +69,8 @@ struct SessionCameraCounts {
   std::vector<StreamStatus> streams;  // by stream_epoch
   std::vector<Refusal> refused;       // by ingest, and as the agent's reports say
   // Of all streams, as the agent's reports say; none: nothing was said.
-  std::optional<FrameCounts> frames;
-  std::optional<DetectionCounts> detections;
+  std::optional<FrameCounts> frames = {};
+  std::optional<DetectionCounts> detections = {};
 
   // The newest stream has ended.
   bool ended() const { return !streams.empty() && streams.back().ended(); }

@@ -31,10 +31,10 @@ struct StreamKey {
 // Totals of one stream since it began; each report replaces the one before.
 struct CameraReport {
   StreamKey stream;
-  uint32_t observation_count = 0;             // rows the source yielded
-  std::vector<Refusal> refused;               // by the source itself; `camera` may be empty
-  std::optional<FrameCounts> frames;          // none: the source yields no pictures
-  std::optional<DetectionCounts> detections;  // none: no detector looks at pictures
+  uint32_t observation_count = 0;                  // rows the source yielded
+  std::vector<Refusal> refused = {};               // by the source itself; `camera` may be empty
+  std::optional<FrameCounts> frames = {};          // none: the source yields no pictures
+  std::optional<DetectionCounts> detections = {};  // none: no detector looks at pictures
 };
 
 // The last word of a stream: nothing after `last_seq` will come.

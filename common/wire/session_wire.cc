@@ -32,6 +32,8 @@ void FillCounts(const SessionCameraCounts& counts, v1::SessionCamera* camera) {
     out->set_ended(stream.ended());
   }
   for (const Refusal& refusal : counts.refused) *camera->add_refused() = ToProto(refusal);
+  if (counts.frames) *camera->mutable_frames() = ToProto(*counts.frames);
+  if (counts.detections) *camera->mutable_detections() = ToProto(*counts.detections);
   camera->set_ended(counts.ended());
 }
 

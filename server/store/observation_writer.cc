@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/store/batch_blob.h"
+#include "server/store/report_counts.h"
 #include "server/store/sqlite_connection.h"
 
 namespace rigcal::server {
@@ -75,7 +76,9 @@ ObservationWriter::ObservationWriter(SQLite::Database& database)
       delete_report_(database, "DELETE FROM report_refusal WHERE stream_id=?"),
       insert_report_(
           database,
-          "INSERT INTO report_refusal(stream_id, reason, count, example) VALUES(?,?,?,?)") {}
+          "INSERT INTO report_refusal(stream_id, reason, count, example) VALUES(?,?,?,?)"),
+      replace_report_count_(
+          database, "INSERT OR REPLACE INTO report_count(stream_id, name, count) VALUES(?,?,?)") {}
 
 void ObservationWriter::Forget() {
   changed_.clear();
@@ -217,13 +220,17 @@ void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraRepor
     refused_count += refusal.count;
     refusals.Add("", refusal.reason, refusal.count, refusal.example);
   }
-  if (std::tie(report.observation_count, refused_count) <=
-      std::tie(state->report_observation_count, state->report_refused_count)) {
+  uint64_t counted = 0;
+  for (const auto& [name, count] : NamedCounts(report)) counted += count;
+  if (std::tie(report.observation_count, refused_count, counted) <=
+      std::tie(state->report_observation_count, state->report_refused_count,
+               state->report_counted)) {
     return;
   }
   Touch(stream, state);
   state->report_observation_count = report.observation_count;
   state->report_refused_count = refused_count;
+  state->report_counted = counted;
   {
     const StatementScope scope(delete_report_);
     delete_report_.bind(1, state->stream_id);
@@ -236,6 +243,13 @@ void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraRepor
     insert_report_.bind(3, refusal.count);
     BindText(insert_report_, 4, refusal.example);
     insert_report_.exec();
+  }
+  for (const auto& [name, count] : NamedCounts(report)) {
+    const StatementScope scope(replace_report_count_);
+    replace_report_count_.bind(1, state->stream_id);
+    BindText(replace_report_count_, 2, name);
+    replace_report_count_.bind(3, static_cast<int64_t>(std::min<uint64_t>(count, INT64_MAX)));
+    replace_report_count_.exec();
   }
 }
 

@@ -50,6 +50,7 @@ class ObservationWriter {
   SQLite::Statement insert_host_alignment_;
   SQLite::Statement delete_report_;
   SQLite::Statement insert_report_;
+  SQLite::Statement replace_report_count_;
 };
 
 // Columns that contradict each other, numbers outside of 1 to kMaxSeq, refused rows that are not of

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/status/status_macros.h"
+#include "server/store/report_counts.h"
 #include "server/store/session_table.h"
 #include "server/store/sqlite_connection.h"
 
@@ -57,6 +59,18 @@ std::vector<Refusal> ReadRefusals(SQLite::Database& database, int64_t camera_id,
   return refusals.List();
 }
 
+void ReadReportCounts(SQLite::Database& database, int64_t camera_id, SessionCameraCounts* camera) {
+  SQLite::Statement query(database,
+                          "SELECT r.name, sum(r.count) FROM report_count r "
+                          "JOIN stream s ON r.stream_id=s.id WHERE s.camera_id=? GROUP BY r.name");
+  query.bind(1, camera_id);
+  while (query.executeStep()) {
+    AddNamedCount(query.getColumn(0).getString(),
+                  static_cast<uint64_t>(std::max<int64_t>(0, query.getColumn(1).getInt64())),
+                  camera);
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<SessionCameraCounts>> ReadSessionCounts(SQLite::Database& database,
@@ -77,6 +91,7 @@ absl::StatusOr<std::vector<SessionCameraCounts>> ReadSessionCounts(SQLite::Datab
     camera.clock_epochs = ReadClockEpochs(database, camera_id);
     camera.streams = ReadStreams(database, camera_id);
     camera.refused = ReadRefusals(database, camera_id, camera.camera);
+    ReadReportCounts(database, camera_id, &camera);
     counts.push_back(std::move(camera));
   }
   return counts;

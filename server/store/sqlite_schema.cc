@@ -126,6 +126,16 @@ CREATE TABLE calibration(
 CREATE INDEX calibration_of_rig ON calibration(rig, number);
 )sql";
 
+// New in version 2: what the reports of a stream count beside refusals.
+constexpr char kReportCountTable[] = R"sql(
+CREATE TABLE IF NOT EXISTS report_count(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  name TEXT NOT NULL,
+  count INTEGER NOT NULL,
+  PRIMARY KEY(stream_id, name)
+) WITHOUT ROWID;
+)sql";
+
 std::string RandomId() {
   std::random_device device;
   return absl::StrFormat("%08x%08x%08x%08x", device(), device(), device(), device());
@@ -137,6 +147,7 @@ int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
 
 void CreateTables(SQLite::Database& database) {
   database.exec(kTables);
+  database.exec(kReportCountTable);
   SQLite::Statement identity(database, "INSERT INTO identity(server_id) VALUES(?)");
   identity.bind(1, RandomId());
   identity.exec();
@@ -168,6 +179,10 @@ absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
   if (version < 1) {
     return absl::DataLossError(absl::StrCat(name, " has no valid schema version (", version,
                                             "); restore a backup or give another --data-dir"));
+  }
+  if (version < static_cast<int32_t>(kSchemaVersion)) {
+    database.exec(kReportCountTable);
+    database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
   }
   return absl::OkStatus();
 }

@@ -12,9 +12,10 @@
 
 namespace rigcal::server {
 
-inline constexpr uint32_t kSchemaVersion = 1;
+inline constexpr uint32_t kSchemaVersion = 2;
 
-// Creates the tables in an empty database, inside a transaction of the caller's.
+// Creates the tables in an empty database, and those that are new in one of an older version,
+// inside a transaction of the caller's.
 //   FAILED_PRECONDITION  the database is of another program, or of a newer version of this one
 //   DATA_LOSS            the identity in it is missing
 // `file` is for messages.

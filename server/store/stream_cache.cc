@@ -22,6 +22,8 @@ StreamCache::StreamCache(SQLite::Database& database)
       find_stream_(database,
                    "SELECT id, durable_seq, last_seq, report_observation_count, "
                    "report_refused_count FROM stream WHERE camera_id=? AND stream_epoch=?"),
+      find_report_counts_(database,
+                          "SELECT coalesce(sum(count), 0) FROM report_count WHERE stream_id=?"),
       find_ranges_(database,
                    "SELECT id & 0xffffffff, row_count FROM batch "
                    "WHERE id > (?1<<32) + ?2 AND id <= (?1<<32) + 0xffffffff "
@@ -62,7 +64,16 @@ void StreamCache::LoadStream(const StreamKey& stream, StreamState* state) {
   state->report_observation_count = ColumnUint32(find_stream_, 3);
   state->report_refused_count =
       static_cast<uint64_t>(std::max<int64_t>(0, find_stream_.getColumn(4).getInt64()));
+  LoadReportCounts(state);
   LoadEarlyRanges(state);
+}
+
+void StreamCache::LoadReportCounts(StreamState* state) {
+  const StatementScope scope(find_report_counts_);
+  find_report_counts_.bind(1, state->stream_id);
+  find_report_counts_.executeStep();
+  state->report_counted =
+      static_cast<uint64_t>(std::max<int64_t>(0, find_report_counts_.getColumn(0).getInt64()));
 }
 
 void StreamCache::LoadEarlyRanges(StreamState* state) {

@@ -22,7 +22,8 @@ struct StreamState {
   std::optional<uint32_t> last_seq;
   uint32_t report_observation_count = 0;
   uint64_t report_refused_count = 0;
-  bool changed = false;  // must be written back before the commit
+  uint64_t report_counted = 0;  // sum of what the report counts beside refusals
+  bool changed = false;         // must be written back before the commit
 };
 
 // Streams by key, read from the database when first asked for. May throw SQLite::Exception.
@@ -41,10 +42,12 @@ class StreamCache {
  private:
   bool LoadCamera(const StreamKey& stream, StreamState* state);
   void LoadStream(const StreamKey& stream, StreamState* state);
+  void LoadReportCounts(StreamState* state);
   void LoadEarlyRanges(StreamState* state);
 
   SQLite::Statement find_camera_;
   SQLite::Statement find_stream_;
+  SQLite::Statement find_report_counts_;
   SQLite::Statement find_ranges_;
   absl::flat_hash_map<StreamKey, std::unique_ptr<StreamState>> streams_;
 };

@@ -58,7 +58,7 @@ TEST_F(AgentStream, RefusesOtherVersionsNamingBoth) {
   TestAgent agent(channel(), hello);
   EXPECT_THAT(agent.AwaitEnd(),
               StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("'pc'"), HasSubstr("9.0"), HasSubstr("1.0"))));
+                       AllOf(HasSubstr("'pc'"), HasSubstr("9.1"), HasSubstr("1.1"))));
 }
 
 TEST_F(AgentStream, RefusesMalformedHellosWithTheField) {

@@ -258,6 +258,31 @@ TEST_F(ObservationWriterTest, KeepsTheLargestReportOfEachStream) {
   EXPECT_EQ(CountsOf("a").refused[0].count, 5u);
 }
 
+TEST_F(ObservationWriterTest, AddsUpTheCountsOfAllStreams) {
+  const auto report = [this](uint32_t epoch, uint32_t observations, uint64_t lost) {
+    AppendRequest request;
+    request.stream = KeyOf("a", epoch);
+    request.report = CameraReport{.stream = request.stream, .observation_count = observations};
+    request.report->frames = FrameCounts{.received = observations, .lost = lost};
+    request.report->detections.emplace().Add(DetectionOutcome::kWand, observations);
+    Append(request);
+  };
+  EXPECT_FALSE(CountsOf("a").frames || CountsOf("a").detections);
+  report(1, 10, 2);
+  report(1, 10, 5);  // no further observation, but further losses
+  report(1, 10, 4);  // overtaken on its way
+  EXPECT_EQ(CountsOf("a").frames, (FrameCounts{.received = 10, .lost = 5}));
+  Reopen();
+  report(1, 10, 5);
+  report(1, 10, 4);
+  report(2, 7, 1);
+  EXPECT_EQ(CountsOf("a").frames, (FrameCounts{.received = 17, .lost = 6}));
+  ASSERT_TRUE(CountsOf("a").detections);
+  EXPECT_EQ(CountsOf("a").detections->Of(DetectionOutcome::kWand), 17u);
+  EXPECT_EQ(CountsOf("a").detections->Of(DetectionOutcome::kNoWand), 0u);
+  EXPECT_FALSE(CountsOf("b").frames) << "another camera";
+}
+
 TEST_F(ObservationWriterTest, StoresClockReadingsAsASet) {
   AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 4, 1));
   request.batch.clock_samples = {{.device_ns = 5, .host_monotonic_ns = 7, .host_utc_ns = 9},

@@ -71,6 +71,17 @@ TEST_F(SqliteStoreTest, RefusesANewerSchemaAndLeavesItAlone) {
   EXPECT_THAT(SqliteStore::Open(Options()), IsOk());
 }
 
+TEST_F(SqliteStoreTest, BringsAnOlderSchemaUpToDate) {
+  const std::string id = store().server_id();
+  Close();
+  Execute("DROP TABLE report_count; PRAGMA user_version=1");
+  ASSERT_OK_AND_ASSIGN(const auto again, SqliteStore::Open(Options()));
+  EXPECT_EQ(again->server_id(), id);
+  SQLite::Database database(File().string());
+  EXPECT_EQ(database.execAndGet("PRAGMA user_version").getUInt(), kSchemaVersion);
+  EXPECT_EQ(database.execAndGet("SELECT count(*) FROM report_count").getInt(), 0);
+}
+
 TEST_F(SqliteStoreTest, RefusesADatabaseOfAnotherProgram) {
   Close();
   std::filesystem::remove(File());

@@ -24,7 +24,7 @@ constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
 constexpr double kWildPx = 15;
 // Relative change of the cost that ends an adjustment whose result is only a stage; and below how
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
-constexpr double kCoarseTolerance = 1e-5;
+constexpr double kCoarseTolerance = 1e-7;
 constexpr double kExactBelow = 10;
 constexpr int kMaxTurns = 2;  // there and back
 

@@ -59,17 +59,11 @@ class BlinkFilter {
   // INVALID_ARGUMENT: see Validate.
   static absl::StatusOr<BlinkFilter> Create(const BlinkFilterOptions& options);
 
-  void Row(uint32_t) {}
-  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
-    Update(x, y, on, time_us >> shift_, time_us);
-  }
-  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
-    const uint32_t now = time_us >> shift_;
-    for (; mask != 0; mask &= mask - 1) {
-      Update(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, now, time_us);
-    }
-  }
-  void Trigger(const TriggerEvent&) {}
+  // The sink for one chunk, at least one every 30 periods: pass it to Decode by itself. It holds
+  // what every event needs, so that no store of a state makes the compiler read it again.
+  class Pass;
+  Pass BeginPass();
+
   // Forgets everything: the clock begins anew.
   void TimeStepBack(int64_t time_us);
 
@@ -91,27 +85,6 @@ class BlinkFilter {
   static constexpr int kTileShift = 4;
 
   explicit BlinkFilter(const BlinkFilterOptions& options);
-
-  void Update(uint32_t x, uint32_t y, bool on, uint32_t now, uint32_t time_us) {
-    uint32_t& state = states_[y * stride_ + x];
-    const uint32_t old = state;
-    if (!on) {
-      state = old & ~kOnBit;
-      return;
-    }
-    const uint32_t gap = (now - (old >> 16)) & 0xffff;
-    if ((old & kOnBit) != 0 || gap < min_gap_) {
-      state = old | kOnBit;
-      return;
-    }
-    const bool good = gap - low_gap_ <= band_gap_;
-    const uint32_t count = old & kPeriodsMask;
-    const uint32_t periods = good ? count + (count < kPeriodsMask ? 1u : 0u) : 0u;
-    state = now << 16 | (gap < kMaxGap ? gap : kMaxGap) << 4 | kOnBit | periods;
-    if (periods >= min_periods_) {
-      tiles_[(y >> kTileShift) * tile_columns_ + (x >> kTileShift)] = time_us | 1;
-    }
-  }
 
   struct Burst {
     double start_units = 0;  // before `now`
@@ -143,5 +116,63 @@ class BlinkFilter {
   RunLabeller labeller_;
   std::vector<BlinkBlob> blobs_;
 };
+
+class BlinkFilter::Pass {
+ public:
+  void Row(uint32_t) {}
+  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
+    Update(x, y, on, time_us >> shift_, time_us);
+  }
+  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
+    const uint32_t now = time_us >> shift_;
+    for (; mask != 0; mask &= mask - 1) {
+      Update(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, now, time_us);
+    }
+  }
+  void Trigger(const TriggerEvent&) {}
+  void TimeStepBack(int64_t time_us) { filter_->TimeStepBack(time_us); }
+
+ private:
+  friend class BlinkFilter;
+  Pass() = default;
+
+  void Update(uint32_t x, uint32_t y, bool on, uint32_t now, uint32_t time_us) {
+    uint32_t& state = states_[y * stride_ + x];
+    const uint32_t old = state;
+    const uint32_t gap = (now - (old >> 16)) & 0xffff;
+    const uint32_t count = old & kPeriodsMask;
+    const bool good = gap - low_gap_ <= band_gap_;
+    const uint32_t periods = good ? count + (count < kPeriodsMask ? 1u : 0u) : 0u;
+    const uint32_t crossed = now << 16 | (gap < kMaxGap ? gap : kMaxGap) << 4 | kOnBit | periods;
+    // Without a branch: which of the three an event is cannot be foretold.
+    const bool crosses = on & ((old & kOnBit) == 0) & (gap >= min_gap_);
+    const uint32_t stays = on ? old | kOnBit : old & ~kOnBit;
+    state = crosses ? crossed : stays;
+    if (crosses & (periods >= min_periods_)) {
+      tiles_[(y >> kTileShift) * tile_columns_ + (x >> kTileShift)] = time_us | 1;
+    }
+  }
+
+  BlinkFilter* filter_;
+  uint32_t* states_;
+  uint32_t* tiles_;
+  int shift_;
+  uint32_t stride_, tile_columns_, low_gap_, band_gap_, min_gap_, min_periods_;
+};
+
+inline BlinkFilter::Pass BlinkFilter::BeginPass() {
+  Pass pass;
+  pass.filter_ = this;
+  pass.states_ = states_.data();
+  pass.tiles_ = tiles_.data();
+  pass.shift_ = shift_;
+  pass.stride_ = stride_;
+  pass.tile_columns_ = tile_columns_;
+  pass.low_gap_ = low_gap_;
+  pass.band_gap_ = band_gap_;
+  pass.min_gap_ = min_gap_;
+  pass.min_periods_ = min_periods_;
+  return pass;
+}
 
 }  // namespace rigcal::agent

@@ -74,14 +74,9 @@ class Evt3Decoder {
 
   template <typename Sink>
   void TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end, Sink& sink);
-  template <typename Sink>
-  void TakeVector(uint32_t mask, uint32_t length, Sink& sink);
-  bool CanPlace() {
-    if (row_ok_ && time_high_.known()) return true;
-    ++(time_high_.known() ? faults_.outside_geometry : faults_.before_time);
-    return false;
+  void CountUnplaced(uint64_t count) {
+    (time_high_.known() ? faults_.outside_geometry : faults_.before_time) += count;
   }
-  uint32_t Now() const { return static_cast<uint32_t>(high_us_ + time_low_); }
 
   SensorGeometry geometry_;
   EventFaults faults_;
@@ -124,57 +119,60 @@ void Evt3Decoder::TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_
 }
 
 template <typename Sink>
-void Evt3Decoder::TakeVector(uint32_t mask, uint32_t length, Sink& sink) {
-  const uint32_t x = base_x_;
-  base_x_ += length;
-  if (mask == 0 || !CanPlace()) return;
-  if (x + length > geometry_.width) {
-    const uint32_t inside = x >= geometry_.width ? 0 : (1u << (geometry_.width - x)) - 1;
-    faults_.outside_geometry += static_cast<uint64_t>(std::popcount(mask & ~inside));
-    mask &= inside;
-    if (mask == 0) return;
-  }
-  sink.Vector(x, y_, base_on_, Now(), mask);
-}
-
-template <typename Sink>
 void Evt3Decoder::Decode(std::span<const uint8_t> bytes, Sink& sink) {
   const uint8_t* at = bytes.data();
   const uint8_t* const end = at + bytes.size() / kWordBytes * kWordBytes;
   faults_.truncated_bytes += bytes.size() % kWordBytes;
+  // What every event needs stands in variables that no store of the sink can touch. `width` is that
+  // of the rows that events can be placed in, or 0 where they cannot.
+  uint32_t y = y_, base_x = base_x_, base_on = base_on_ ? 1 : 0;
+  uint32_t now = static_cast<uint32_t>(high_us_) + time_low_;
+  uint32_t width = row_ok_ && time_high_.known() ? geometry_.width : 0;
+  const uint32_t full_width = geometry_.width, height = geometry_.height;
   for (; at != end; at += kWordBytes) {
     const uint32_t word = event_words::Load<uint16_t>(at);
     switch (word >> 12) {
       case kAddressX: {
         const uint32_t x = word & 0x7ff;
-        if (!CanPlace()) break;
-        if (x < geometry_.width) {
-          sink.Event(x, y_, (word & 0x800) != 0, Now());
+        if (x < width) {
+          sink.Event(x, y, (word & 0x800) != 0, now);
         } else {
-          ++faults_.outside_geometry;
+          CountUnplaced(1);
         }
         break;
       }
       case kAddressY:
-        y_ = word & 0x7ff;
-        row_ok_ = y_ < geometry_.height;
-        if (row_ok_) sink.Row(y_);
+        y = word & 0x7ff;
+        row_ok_ = y < height;
+        width = row_ok_ && time_high_.known() ? full_width : 0;
+        if (row_ok_) sink.Row(y);
         break;
       case kVectorBase:
-        base_x_ = word & 0x7ff;
-        base_on_ = (word & 0x800) != 0;
+        base_x = word & 0x7ff;
+        base_on = word >> 11 & 1;
         break;
       case kVector12:
-        TakeVector(word & 0xfff, 12, sink);
+      case kVector8: {
+        const uint32_t length = word >> 12 == kVector12 ? 12 : 8;
+        uint32_t mask = word & ((1u << length) - 1);
+        const uint32_t x = base_x;
+        base_x += length;
+        if (x + length > width) {
+          const uint32_t inside = x >= width ? 0 : (1u << (width - x)) - 1;
+          CountUnplaced(static_cast<uint64_t>(std::popcount(mask & ~inside)));
+          mask &= inside;
+        }
+        if (mask != 0) sink.Vector(x, y, base_on != 0, now, mask);
         break;
-      case kVector8:
-        TakeVector(word & 0xff, 8, sink);
-        break;
+      }
       case kTimeLow:
         time_low_ = word & 0xfff;
+        now = static_cast<uint32_t>(high_us_) + time_low_;
         break;
       case kTimeHigh:
         TakeTimeHigh(word & 0xfff, at + kWordBytes, end, sink);
+        now = static_cast<uint32_t>(high_us_) + time_low_;
+        width = row_ok_ ? full_width : 0;
         break;
       case kExternalTrigger:
         if (time_high_.known()) {
@@ -193,6 +191,9 @@ void Evt3Decoder::Decode(std::span<const uint8_t> bytes, Sink& sink) {
         ++faults_.unknown_words;
     }
   }
+  y_ = y;
+  base_x_ = base_x;
+  base_on_ = base_on != 0;
 }
 
 // 32-bit words, each event by itself.

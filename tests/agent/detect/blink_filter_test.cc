@@ -81,9 +81,10 @@ BlinkFilter MakeFilter(double hz = 500) {
 
 std::vector<BlinkBlob> Feed(BlinkFilter* filter, const std::vector<Event>& events,
                             uint32_t until_us, uint32_t origin_us = 0) {
+  BlinkFilter::Pass pass = filter->BeginPass();
   for (const Event& event : events) {
     if (event.time_us > until_us) break;
-    filter->Event(event.x, event.y, event.on, event.time_us + origin_us);
+    pass.Event(event.x, event.y, event.on, event.time_us + origin_us);
   }
   return filter->FindBlobs(until_us + origin_us);
 }

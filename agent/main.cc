@@ -5,6 +5,9 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <csignal>
+#include <exception>
+#include <functional>
+#include <iostream>
 #include <memory>
 #include <string>
 #include <utility>
@@ -13,6 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/capture/source_spec.h"
+#include "agent/command/subcommands.h"
 #include "agent/uplink/agent_state.h"
 #include "agent/uplink/memory_spool.h"
 #include "agent/uplink/uplink.h"
@@ -22,20 +26,28 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kExitFailed = 1;
-constexpr int kExitUsage = 2;
 constexpr std::chrono::seconds kPatienceAtEnd{2};
 
 constexpr char kDescription[] =
     "Streams what the cameras of this PC see of the wand to a rigcal server.";
 constexpr char kFooter[] =
-    "SPEC is [NAME=]csv:PATH[;speed=max|FACTOR][;sigma=PX][;calibration=FILE]\n"
-    "     or [NAME=]sim:camera=INDEX[;OPTION=VALUE...][;speed=max|FACTOR]\n"
+    "SPEC is [NAME=]KIND and what it needs:\n"
+    "  csv:PATH[;sigma=PX]                          recorded markers\n"
+    "  images:FOLDER[;fps=RATE][;timestamps=FILE]   recorded pictures\n"
+    "  video:FILE[;fps=RATE][;timestamps=FILE]      the same\n"
+    "  aravis:DEVICE[;exposure=S][;gain=DB][;frame_rate=HZ][;trigger=software|LINE]\n"
+    "        [;pixel_format=NAME][;ptp=1]           a GenICam camera, by id, serial or address\n"
+    "  sim:camera=INDEX[;pixels=1][;OPTION=VALUE]   a simulated camera, with pictures or without\n"
+    "  All but sim: [;calibration=FILE]. All that is recorded or simulated: [;speed=max|FACTOR].\n"
+    "  All with pictures: [;hue_min=DEG][;hue_max=DEG][;saturation_min=0..1][;value_min=1..255]\n"
+    "        [;min_area=PX][;max_area=PX][;tracking=0][;mask=FILE][;learn_mask=S]; see the\n"
+    "        commands tune and mask, and deploy/agent.toml for the rest.\n"
     "Examples:\n"
     "  rigcal-agent --source csv:rig/left.csv --source csv:rig/right.csv\n"
-    "  rigcal-agent --server 10.0.0.5:7420 --source 'sim:camera=0;cameras=6;seed=1'\n"
+    "  rigcal-agent --server 10.0.0.5:7420 --source 'left=aravis:192.168.1.5;exposure=0.004'\n"
+    "  rigcal-agent --source 'sim:camera=0;cameras=4;pixels=1'\n"
     "SIGTERM or SIGINT ends captures, delivers what is there for up to 2 s, and exits with 0.\n"
-    "Exit codes: 0 ended by signal, 1 failed, 2 usage.";
+    "Exit codes: 0 ended by signal or the command is done, 1 failed, 2 usage.";
 
 struct Flags {
   std::string config;
@@ -128,6 +140,28 @@ absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
   return absl::OkStatus();
 }
 
+int Run(const Flags& flags, const sigset_t& signals) {
+  const absl::Status status = RunAgent(flags, signals);
+  if (status.ok()) return kExitOk;
+  spdlog::error("{}", std::string(status.message()));
+  return kExitFailed;
+}
+
+int RunSubcommand(const std::function<absl::Status()>& run, const sigset_t& signals) {
+  // What is written is written as it goes: a signal may end it at once.
+  pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  absl::Status status;
+  try {
+    status = run();
+  } catch (const std::exception& error) {
+    status = absl::InternalError(error.what());
+  }
+  std::cout.flush();
+  if (status.ok() && !std::cout) status = absl::DataLossError("cannot write to stdout");
+  if (!status.ok()) std::cerr << "rigcal-agent: " << std::string(status.message()) << std::endl;
+  return ExitCodeOf(status);
+}
+
 int Main(int argc, char** argv) {
   // Before any thread: all of them inherit the mask, and the signals wait for sigwait.
   sigset_t signals;
@@ -141,15 +175,14 @@ int Main(int argc, char** argv) {
   CLI::App app(kDescription, "rigcal-agent");
   Flags flags;
   AddFlags(app, flags);
+  Subcommands subcommands(std::cout);
+  subcommands.AddTo(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitUsage;
+    return app.exit(error) == 0 ? kExitOk : kExitUsage;
   }
-  const absl::Status status = RunAgent(flags, signals);
-  if (status.ok()) return 0;
-  spdlog::error("{}", std::string(status.message()));
-  return kExitFailed;
+  return subcommands.Chosen() ? RunSubcommand(subcommands.Chosen(), signals) : Run(flags, signals);
 }
 
 }  // namespace

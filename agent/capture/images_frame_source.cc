@@ -146,6 +146,9 @@ absl::Status ImagesFrameSource::Describe() {
       return last;
     }
     description_ = *std::move(description);
+    if (options_.exposure_s > 0) {
+      description_.settings.emplace().exposure_s = options_.exposure_s;
+    }
     description_.source = absl::StrCat("images:", fs::path(options_.path).filename().string());
     return description_.Validate();
   }

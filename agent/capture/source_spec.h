@@ -5,31 +5,57 @@
 #include <string>
 #include <string_view>
 #include <variant>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "agent/capture/aravis_options.h"
 #include "agent/capture/csv_observation_source.h"
+#include "agent/capture/detecting_observation_source.h"
+#include "agent/capture/frame_source.h"
+#include "agent/capture/images_frame_source.h"
 #include "agent/capture/observation_source.h"
+#include "agent/capture/simulated_frame_source.h"
 #include "agent/capture/simulated_observation_source.h"
 #include "agent/capture/source_options.h"
+#include "agent/capture/video_frame_source.h"
 #include "common/config/agent_config.h"
 
 namespace rigcal::agent {
 
+// Where one camera's pictures come from, and how the wand is found in them.
+struct PictureSourceSpec {
+  std::variant<ImagesSourceOptions, VideoSourceOptions, SimulatedFrameSourceOptions,
+               AravisSourceOptions>
+      frames;
+  DetectingOptions detecting;
+};
+
 // Where one camera's observations come from.
-using SourceSpec = std::variant<CsvSourceOptions, SimulatedSourceOptions>;
+using SourceSpec = std::variant<CsvSourceOptions, SimulatedSourceOptions, PictureSourceSpec>;
 
 // Reads what a user types behind --source:
 //
 //   [NAME=]csv:PATH[;speed=max|FACTOR][;sigma=0.5][;calibration=FILE]
 //   [NAME=]sim:camera=INDEX[;<simulation options>][;speed=max|FACTOR]
+//   [NAME=]sim:camera=INDEX;pixels=1[;<simulation options>][;<rendering options>][;speed=...]
+//   [NAME=]images:FOLDER[;timestamps=FILE][;fps=RATE][;exposure=S][;calibration=FILE][;speed=...]
+//   [NAME=]video:FILE, with the same options
+//   [NAME=]aravis:DEVICE[;exposure=S][;gain=DB][;frame_rate=HZ][;trigger=...][;pixel_format=...]
+//          [;ptp=1][;calibration=FILE][;...]
 //
-// csv: NAME is the file's stem and FILE the same stem with .yaml beside it, unless given; sigma in
-// pixels. sim: NAME is sim_INDEX unless given; simulation options as in ParseSimulationOptions, but
-// the wand's speed only as `wand_speed`, since `speed` is the pace, as it is for csv.
-// speed: times the recorded pace, 1 unless given. PATH and FILE cannot hold a ';'.
+// NAME is the path's stem, sim_INDEX or DEVICE unless given. csv, images and video: FILE is the
+// path with .yaml for its ending unless given; images and video do with calibration=none. sigma in
+// pixels. Simulation and rendering options as in ParseSimulationOptions and
+// ParseFrameRenderOptions, but the wand's speed only as `wand_speed`, since `speed` is the pace.
+// speed: times the recorded pace, 1 unless given. Every source of pictures takes the detector's
+// options too, see TakeDetectingOptions. Neither path nor FILE can hold a ';'.
 //
-// INVALID_ARGUMENT quotes the part that is wrong and shows a right example.
+// INVALID_ARGUMENT quotes the parts that are wrong and shows a right example.
 absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text);
+
+// The same, where `options` go before what the text says.
+absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text,
+                                           const std::vector<SourceOption>& options);
 
 // The same from a [[camera]] of the configuration file, whose keys go before what its source says.
 // INVALID_ARGUMENT begins with file and line.
@@ -37,9 +63,13 @@ absl::StatusOr<SourceSpec> ParseSourceSpec(const CameraConfig& camera);
 
 // The camera's name within the rig.
 const std::string& CameraNameOf(const SourceSpec& spec);
+const std::string& CameraNameOf(const PictureSourceSpec& spec);
 
 // The source itself; opens its files once to see that they are there. The message names the camera,
 // the file and what to do.
 absl::StatusOr<std::unique_ptr<ObservationSource>> CreateSource(const SourceSpec& spec);
+
+// Its pictures alone.
+absl::StatusOr<std::unique_ptr<FrameSource>> CreateFrameSource(const PictureSourceSpec& spec);
 
 }  // namespace rigcal::agent

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <opencv2/core/utils/logger.hpp>
 #include <system_error>
 #include <utility>
 
@@ -27,6 +28,16 @@ std::string SidecarOf(const VideoSourceOptions& options) {
   std::error_code error;
   return fs::exists(usual, error) ? usual : "";
 }
+
+// OpenCV prints what a backend cannot open, even where the next one can; our message says enough.
+class QuietOpenCv {
+ public:
+  QuietOpenCv() : level_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
+  ~QuietOpenCv() { cv::utils::logging::setLogLevel(level_); }
+
+ private:
+  const cv::utils::logging::LogLevel level_;
+};
 
 }  // namespace
 
@@ -72,6 +83,7 @@ absl::Status VideoFrameSource::Open() {
   read_ = 0;
   last_ns_.reset();
   // Named, because OpenCV would otherwise take a name with digits for a series of pictures.
+  const QuietOpenCv quiet;
   for (const int backend : {cv::CAP_FFMPEG, cv::CAP_GSTREAMER}) {
     try {
       if (!video_.open(options_.path, backend)) continue;
@@ -94,6 +106,9 @@ absl::Status VideoFrameSource::Describe() {
   RIGCAL_ASSIGN_OR_RETURN(description_,
                           DescribeRecordedCamera(options_.camera, options_.calibration_path,
                                                  picture_.size(), options_.path));
+  if (options_.exposure_s > 0) {
+    description_.settings.emplace().exposure_s = options_.exposure_s;
+  }
   description_.source = absl::StrCat("video:", fs::path(options_.path).filename().string());
   const std::optional<int64_t> first_ns = TimeOfPicture();
   RIGCAL_ASSIGN_OR_RETURN(const bool has_second, Read());

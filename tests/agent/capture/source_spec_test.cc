@@ -78,9 +78,9 @@ TEST_P(BadSpecTest, IsRefusedWithThePartAndAnExample) {
 INSTANTIATE_TEST_SUITE_P(
     All, BadSpecTest,
     ::testing::Values(
-        BadSpec{"", "begins with neither csv: nor sim:"},
-        BadSpec{"frame_0.csv", "begins with neither csv: nor sim:"},
-        BadSpec{"left=frame_0.csv", "\"frame_0.csv\" begins with neither"},
+        BadSpec{"", "begins with none of csv:, sim:"},
+        BadSpec{"frame_0.csv", "begins with none of csv:, sim:"},
+        BadSpec{"left=frame_0.csv", "\"frame_0.csv\" begins with none of"},
         BadSpec{"=csv:a.csv", "no name before '='"}, BadSpec{"csv:", "no path behind csv:"},
         BadSpec{"csv:;speed=1", "no path behind csv:"},
         BadSpec{"csv:a.csv;speed=fast", "speed=fast"}, BadSpec{"csv:a.csv;speed=0", "speed=0"},
@@ -94,7 +94,134 @@ INSTANTIATE_TEST_SUITE_P(
         BadSpec{"csv:\xff.csv", "not UTF-8"}, BadSpec{"csv:/data/my camera.csv", "camera name"},
         BadSpec{"a/b=csv:a.csv", "camera name"}, BadSpec{"sim:", "no camera=INDEX"},
         BadSpec{"sim:camera=x", "camera=x"}, BadSpec{"sim:camera=-1", "camera=-1"},
-        BadSpec{"sim:camera=0;colour=red", "colour"}, BadSpec{"sim:camera=0;noise=much", "noise"}));
+        BadSpec{"sim:camera=0;colour=red", "colour"}, BadSpec{"sim:camera=0;noise=much", "noise"},
+        BadSpec{"images:", "no path behind images:"}, BadSpec{"video:", "no path behind video:"},
+        BadSpec{"images:a;fps=0", "fps=0"}, BadSpec{"images:a;exposure=-1", "exposure=-1"},
+        BadSpec{"images:a;tracking=maybe", "tracking=maybe"},
+        BadSpec{"images:a;value_min=0", "value_min=0"},
+        BadSpec{"images:a;value_min=1.5", "value_min=1.5"},
+        BadSpec{"images:a;hue_min=nan", "hue_min=nan"},
+        BadSpec{"images:a;sigma=1", "\"sigma\" is not known"},
+        BadSpec{"sim:camera=0;lux=10", "lux"}, BadSpec{"sim:camera=0;pixels=2", "pixels=2"},
+        BadSpec{"sim:camera=0;pixels=1;fps=3", "fps"}, BadSpec{"aravis:", "device"},
+        BadSpec{"aravis:1.2.3.4;gain=loud", "gain=loud"}));
+
+TEST(ParseSourceSpec, TakesEveryPartOfPicturesInFiles) {
+  ASSERT_OK_AND_ASSIGN(
+      const SourceSpec spec,
+      ParseSourceSpec("l=images:rig/left/;timestamps=t.csv;fps=30;exposure=0.005;speed=2;"
+                      "calibration=none;hue_min=340;hue_max=40;saturation_min=0.2;value_min=70;"
+                      "washed_out_min=256;min_area=4;max_area=900;max_blobs=64;min_distance=1;"
+                      "max_distance=9;max_tilt=70;min_confidence=0.6;tracking=0;mask=m.png;"
+                      "learn_mask=2"));
+  const auto& pictures = std::get<PictureSourceSpec>(spec);
+  const auto& images = std::get<ImagesSourceOptions>(pictures.frames);
+  EXPECT_EQ(CameraNameOf(spec), "l");
+  EXPECT_EQ(images.path, "rig/left/");
+  EXPECT_EQ(images.calibration_path, "");
+  EXPECT_EQ(images.timestamps_path, "t.csv");
+  EXPECT_EQ(images.fps, 30);
+  EXPECT_EQ(images.exposure_s, 0.005);
+  EXPECT_EQ(images.speed, 2);
+  const WandDetectorOptions& detector = pictures.detecting.detector;
+  EXPECT_EQ(detector.colour, (ColourRange{340, 40, 0.2, 70, 256}));
+  EXPECT_EQ(detector.min_area_px, 4);
+  EXPECT_EQ(detector.max_area_px, 900);
+  EXPECT_EQ(detector.max_blobs, 64);
+  EXPECT_EQ(detector.min_distance_m, 1);
+  EXPECT_EQ(detector.max_distance_m, 9);
+  EXPECT_EQ(detector.max_tilt_deg, 70);
+  EXPECT_EQ(detector.min_confidence, 0.6);
+  EXPECT_FALSE(detector.tracking);
+  EXPECT_EQ(pictures.detecting.mask_path, "m.png");
+  EXPECT_EQ(pictures.detecting.learn_mask_s, 2);
+}
+
+TEST(ParseSourceSpec, FillsInWhatFilesOfPicturesLeaveOut) {
+  ASSERT_OK_AND_ASSIGN(const SourceSpec folder, ParseSourceSpec("images:rig/left/"));
+  EXPECT_EQ(CameraNameOf(folder), "left");
+  const auto& images = std::get<ImagesSourceOptions>(std::get<PictureSourceSpec>(folder).frames);
+  EXPECT_EQ(images.calibration_path, "rig/left.yaml");
+  EXPECT_EQ(images.speed, 1);
+  ASSERT_OK_AND_ASSIGN(const SourceSpec film, ParseSourceSpec("video:rig/right.mkv"));
+  EXPECT_EQ(CameraNameOf(film), "right");
+  EXPECT_EQ(std::get<VideoSourceOptions>(std::get<PictureSourceSpec>(film).frames).calibration_path,
+            "rig/right.yaml");
+}
+
+TEST(ParseSourceSpec, TellsTheWorldsPartsFromThePictures) {
+  ASSERT_OK_AND_ASSIGN(
+      const SourceSpec spec,
+      ParseSourceSpec("sim:camera=1;pixels=1;seed=7;cameras=4;lux=50;exposure=0.004;"
+                      "wand_speed=2;clutter=0.5;offset.1=0.003;hue_max=45;"
+                      "speed=max"));
+  const auto& pictures = std::get<PictureSourceSpec>(spec);
+  const auto& sim = std::get<SimulatedFrameSourceOptions>(pictures.frames);
+  EXPECT_EQ(sim.camera, "sim_1");
+  EXPECT_EQ(sim.camera_index, 1);
+  EXPECT_EQ(sim.speed, kMaxSpeed);
+  EXPECT_EQ(sim.simulation.seed, 7u);
+  EXPECT_EQ(sim.rendering.seed, 7u);
+  EXPECT_EQ(sim.simulation.camera_count, 4);
+  EXPECT_EQ(sim.simulation.max_speed_m_s, 2);
+  EXPECT_EQ(sim.simulation.time_offset_s.at(1), 0.003);
+  EXPECT_EQ(sim.rendering.lux, 50);
+  EXPECT_EQ(sim.rendering.exposure_s, 0.004);
+  EXPECT_EQ(sim.rendering.clutter, 0.5);
+  EXPECT_EQ(pictures.detecting.detector.colour.hue_max_deg, 45);
+  ASSERT_OK_AND_ASSIGN(const SourceSpec without, ParseSourceSpec("sim:camera=1;pixels=0"));
+  EXPECT_TRUE(std::holds_alternative<SimulatedSourceOptions>(without));
+}
+
+TEST(ParseSourceSpec, TakesEveryPartOfAGenicamCamera) {
+  ASSERT_OK_AND_ASSIGN(
+      const SourceSpec spec,
+      ParseSourceSpec("aravis:192.168.1.5;calibration=l.yaml;pixel_format=BayerRG8;exposure=0.004;"
+                      "gain=6;frame_rate=50;trigger=software;ptp=1;latency=0.001;buffers=8;"
+                      "packet_size=1440;packet_resend=0;socket_buffer=100000;interface=eth1;"
+                      "tracking=false"));
+  const auto& pictures = std::get<PictureSourceSpec>(spec);
+  const auto& aravis = std::get<AravisSourceOptions>(pictures.frames);
+  EXPECT_EQ(aravis.camera, "192.168.1.5");
+  EXPECT_EQ(aravis.device, "192.168.1.5");
+  EXPECT_EQ(aravis.calibration_path, "l.yaml");
+  EXPECT_EQ(aravis.pixel_format, "BayerRG8");
+  EXPECT_EQ(aravis.exposure_s, 0.004);
+  EXPECT_EQ(aravis.gain_db, 6.0);
+  EXPECT_EQ(aravis.frame_rate_hz, 50.0);
+  EXPECT_EQ(aravis.trigger, "software");
+  EXPECT_TRUE(aravis.ptp);
+  EXPECT_EQ(aravis.latency_s, 0.001);
+  EXPECT_EQ(aravis.buffer_count, 8);
+  EXPECT_EQ(aravis.packet_size, 1440);
+  EXPECT_FALSE(aravis.packet_resend);
+  EXPECT_EQ(aravis.socket_buffer_bytes, 100000);
+  EXPECT_EQ(aravis.network_interface, "eth1");
+  EXPECT_FALSE(pictures.detecting.detector.tracking);
+}
+
+TEST(ParseSourceSpec, NamesEveryFaultOfTheTablesWithItsLine) {
+  CameraConfig camera;
+  camera.where = "agent.toml:12";
+  camera.source = "images:left";
+  camera.options = {{"hue_min", "red", "agent.toml:15"},
+                    {"exposure", "99", "agent.toml:16"},
+                    {"colour", "1", "agent.toml:17"}};
+  EXPECT_THAT(ParseSourceSpec(camera),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("agent.toml:15: hue_min=red"),
+                             HasSubstr("agent.toml:16: exposure=99"),
+                             HasSubstr("agent.toml:17: part \"colour\" is not known"))));
+}
+
+TEST(ParseSourceSpec, KnowsTheKindsThatTheConfigurationKnows) {
+  for (const SourceKindName& kind : kSourceKindNames) {
+    const absl::StatusOr<SourceSpec> spec = ParseSourceSpec(std::string(kind.prefix));
+    EXPECT_THAT(spec, StatusIs(absl::StatusCode::kInvalidArgument,
+                               ::testing::Not(HasSubstr("begins with none of"))))
+        << kind.prefix;
+  }
+}
 
 TEST(ParseSourceSpec, LetsTheKeysOfAConfigurationGoBeforeItsSource) {
   CameraConfig camera;
@@ -121,7 +248,8 @@ TEST(ParseSourceSpec, NamesTheLineOfTheConfiguration) {
   camera.source = "sim:camera=0";
   camera.sigma_px = 0.5;
   EXPECT_THAT(ParseSourceSpec(camera),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("neither sigma")));
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(StartsWith("agent.toml:12: "), HasSubstr("sigma=0.5"))));
 }
 
 TEST(CreateSource, MakesEachKind) {

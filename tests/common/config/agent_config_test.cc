@@ -16,6 +16,7 @@ using ::rigcal::testing::TemporaryDirectory;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::UnorderedElementsAre;
 
 class AgentConfigTest : public ::testing::Test {
  protected:
@@ -87,6 +88,41 @@ TEST_F(AgentConfigTest, KeepsAbsolutePaths) {
                        Read("state_dir = \"state\"\n[[camera]]\nsource = \"csv:/data/f.csv\"\n"));
   EXPECT_EQ(config.state_dir, Path("state"));
   EXPECT_EQ(config.cameras.at(0).source, "csv:/data/f.csv");
+}
+
+TEST_F(AgentConfigTest, HandsTheTablesOfACameraToItsSourceAsWords) {
+  ASSERT_OK_AND_ASSIGN(const AgentConfig config, Read(R"([[camera]]
+source = "images:data/left;fps=25"
+[camera.settings]
+exposure = 0.004
+ptp = true
+trigger = "Line0"
+[camera.detector]
+hue_min = 345
+mask = "left_mask.png"
+
+[[camera]]
+source = "video:/v.mkv"
+)"));
+  ASSERT_EQ(config.cameras.size(), 2u);
+  EXPECT_EQ(config.cameras[0].source, "images:" + Path("data/left") + ";fps=25");
+  const std::string file = Path("agent.toml");
+  EXPECT_THAT(config.cameras[0].options,
+              UnorderedElementsAre(SourceOption{"exposure", "0.004", file + ":4"},
+                                   SourceOption{"ptp", "1", file + ":5"},
+                                   SourceOption{"trigger", "Line0", file + ":6"},
+                                   SourceOption{"hue_min", "345", file + ":8"},
+                                   SourceOption{"mask", Path("left_mask.png"), file + ":9"}));
+  EXPECT_EQ(config.cameras[1].source, "video:/v.mkv");
+  EXPECT_TRUE(config.cameras[1].options.empty());
+}
+
+TEST_F(AgentConfigTest, RefusesTablesOfACameraThatAreNone) {
+  EXPECT_THAT(Read("[[camera]]\nsource = \"sim:camera=0\"\ndetector = 3\n"
+                   "[camera.settings]\ngain = [1, 2]\n"),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr(":3: detector must be written as [camera.detector]"),
+                             HasSubstr(":5: gain must be a number"))));
 }
 
 TEST_F(AgentConfigTest, ListsEveryFaultWithItsLine) {

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/detecting_observation_source.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr std::chrono::seconds kWarnInterval{10};
+constexpr double kMaxLearnMaskS = 600;
+
+// The longest one, which an exposure has to hold.
+double BlinkPeriodS(const Target& target) {
+  if (target.blink_hz.empty()) return 0;
+  const double slowest_hz = *std::min_element(target.blink_hz.begin(), target.blink_hz.end());
+  return slowest_hz > 0 ? 1 / slowest_hz : 0;
+}
+
+struct Advice {
+  DetectionOutcome outcome;
+  std::string_view reason;
+  std::string_view what;
+};
+constexpr Advice kAdvice[] = {
+    {DetectionOutcome::kBlack, "picture_black",
+     "the picture is black: lens cap, too short an exposure, or no light"},
+    {DetectionOutcome::kSaturated, "picture_saturated",
+     "most of the picture is at its brightest: shorten the exposure or turn the gain down"},
+    {DetectionOutcome::kTooManyBlobs, "too_many_blobs",
+     "the colour range takes far too much of the picture: learn it with rigcal-agent tune, and "
+     "static spots with rigcal-agent mask"},
+};
+
+}  // namespace
+
+absl::Status DetectingOptions::Validate() const {
+  std::vector<std::string> faults;
+  if (const absl::Status status = detector.Validate(); !status.ok()) {
+    faults.emplace_back(status.message());
+  }
+  if (!(learn_mask_s >= 0 && learn_mask_s <= kMaxLearnMaskS)) {
+    faults.push_back(
+        absl::StrCat("learn_mask is ", learn_mask_s, " s, not within 0 to ", kMaxLearnMaskS));
+  }
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+}
+
+absl::StatusOr<std::unique_ptr<DetectingObservationSource>> DetectingObservationSource::Create(
+    std::unique_ptr<FrameSource> frames, DetectingOptions options) {
+  const CameraDescription& camera = frames->description();
+  const auto named = [&](const absl::Status& status) {
+    return absl::Status(
+        status.code(), absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
+  };
+  if (const absl::Status status = options.Validate(); !status.ok()) return named(status);
+  PixelMask mask;
+  if (!options.mask_path.empty()) {
+    absl::StatusOr<PixelMask> read = ReadMask(options.mask_path, camera.image_size_px);
+    if (!read.ok()) return named(read.status());
+    mask = *std::move(read);
+  }
+  return std::unique_ptr<DetectingObservationSource>(
+      new DetectingObservationSource(std::move(frames), std::move(options), std::move(mask)));
+}
+
+DetectingObservationSource::DetectingObservationSource(std::unique_ptr<FrameSource> frames,
+                                                       DetectingOptions options, PixelMask mask)
+    : frames_(std::move(frames)), options_(std::move(options)), mask_(std::move(mask)) {}
+
+absl::Status DetectingObservationSource::Start(const Target& target) {
+  const CameraDescription& camera = description();
+  WandDetectorOptions options = options_.detector;
+  if (options.exposure_s <= 0 && camera.settings) options.exposure_s = camera.settings->exposure_s;
+  RIGCAL_ASSIGN_OR_RETURN(detector_, WandDetector::Create(options, target, camera));
+  if (mask_.width() > 0) RIGCAL_RETURN_IF_ERROR(detector_->SetIgnored(mask_));
+  learner_.reset();
+  learn_until_ns_.reset();
+  if (options_.learn_mask_s > 0) {
+    RIGCAL_ASSIGN_OR_RETURN(
+        learner_, StaticMaskLearner::Create(options_.detector.colour, camera.image_size_px));
+  }
+  marker_count_ = target.marker_count();
+  blink_period_s_ = BlinkPeriodS(target);
+  exposure_checked_ = false;
+  detection_ = {};
+  detections_ = {};
+  refused_ = {};
+  warned_.clear();
+  return frames_->Start(target);
+}
+
+absl::StatusOr<std::optional<Observation>> DetectingObservationSource::Next() {
+  RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames_->Next());
+  if (!frame) return std::nullopt;
+  CheckExposure(*frame);
+  RIGCAL_ASSIGN_OR_RETURN(const bool learns, LearnsMask(*frame));
+  if (learns) {
+    Observation empty;
+    empty.time_ns = frame->time_ns;
+    empty.clock_epoch = frame->clock_epoch;
+    empty.markers.resize(static_cast<size_t>(marker_count_));
+    return empty;
+  }
+  RIGCAL_ASSIGN_OR_RETURN(detection_,
+                          detector_->Detect(frame->image, frame->time_ns, frame->clock_epoch));
+  Note(*frame);
+  preview_tap_.Offer(frame->image, frame->time_ns, frame->clock_epoch, detection_,
+                     detector_->window(), detector_->blobs());
+  return detection_.observation;
+}
+
+absl::StatusOr<bool> DetectingObservationSource::LearnsMask(const Frame& frame) {
+  if (!learner_) return false;
+  if (!learn_until_ns_) {
+    learn_until_ns_ = frame.time_ns + static_cast<int64_t>(options_.learn_mask_s * 1e9);
+  }
+  // A clock that jumps back ends the learning too.
+  if (frame.time_ns < *learn_until_ns_ && frame.clock_epoch == 0) {
+    learner_->Add(frame.image);
+    return true;
+  }
+  PixelMask learnt = learner_->Learn();
+  for (int y = 0; y < std::min(mask_.height(), learnt.height()); ++y) {
+    for (int i = 0; i < learnt.words_per_row(); ++i) learnt.MutableRow(y)[i] |= mask_.Row(y)[i];
+  }
+  spdlog::info("camera {}: learnt from {} pictures to ignore {} pixels that do not move",
+               description().camera, learner_->picture_count(), learnt.CountPixels());
+  learner_.reset();
+  RIGCAL_RETURN_IF_ERROR(detector_->SetIgnored(std::move(learnt)));
+  return false;
+}
+
+void DetectingObservationSource::CheckExposure(const Frame& frame) {
+  if (std::exchange(exposure_checked_, true)) return;
+  if (frame.exposure_s <= 0 || blink_period_s_ <= 0 || frame.exposure_s >= blink_period_s_) return;
+  spdlog::warn(
+      "camera {}: the exposure of {} ms is shorter than one blink of the target ({} ms): in some "
+      "pictures its markers are dark. Lengthen the exposure, or let the target blink faster",
+      description().camera, frame.exposure_s * 1e3, blink_period_s_ * 1e3);
+}
+
+void DetectingObservationSource::Note(const Frame& frame) {
+  detections_.Add(detection_.outcome);
+  const auto example = [&](std::string_view what) {
+    return absl::StrCat("picture at ", frame.time_ns, " ns: ", std::string(what));
+  };
+  for (const Advice& advice : kAdvice) {
+    if (detection_.outcome != advice.outcome) continue;
+    refused_.Add("", advice.reason, 1, example(advice.what));
+    Warn(advice.reason, example(advice.what));
+  }
+  if (detection_.covered_markers > 0) {
+    refused_.Add("", "marker_covered", static_cast<uint32_t>(detection_.covered_markers),
+                 example("a sphere is half hidden"));
+  }
+}
+
+void DetectingObservationSource::Warn(std::string_view reason, const std::string& what) {
+  const auto now = std::chrono::steady_clock::now();
+  const auto last = warned_.find(reason);
+  if (last != warned_.end() && now - last->second < kWarnInterval) return;
+  warned_.insert_or_assign(std::string(reason), now);
+  spdlog::warn("camera {}: {}", description().camera, what);
+}
+
+std::vector<Refusal> DetectingObservationSource::Refused() const {
+  RefusalCounter all = refused_;
+  for (const Refusal& refusal : frames_->Refused()) all.Add(refusal);
+  return all.List();
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/command/detection_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
+
+namespace rigcal::agent {
+namespace {
+
+void AppendCount(std::string* text, std::string_view what, uint64_t count, uint64_t of) {
+  const double percent = of > 0 ? 100.0 * static_cast<double>(count) / static_cast<double>(of) : 0;
+  absl::StrAppendFormat(text, "  %-28s %8d  %6.2f %%\n", std::string(what), count, percent);
+}
+
+void AppendTimes(std::string* text, std::string_view what, const Durations& times) {
+  absl::StrAppendFormat(text, "  %-28s %8.2f  %8.2f  %8.2f\n", std::string(what), times.MeanMs(),
+                        times.QuantileMs(0.5), times.QuantileMs(0.95));
+}
+
+nlohmann::json TimesJson(const Durations& times) {
+  return {
+      {"mean", times.MeanMs()}, {"median", times.QuantileMs(0.5)}, {"p95", times.QuantileMs(0.95)}};
+}
+
+}  // namespace
+
+double Durations::MeanMs() const {
+  if (seconds_.empty()) return 0;
+  return 1e3 * std::accumulate(seconds_.begin(), seconds_.end(), 0.0) /
+         static_cast<double>(seconds_.size());
+}
+
+double Durations::QuantileMs(double share) const {
+  if (seconds_.empty()) return 0;
+  std::vector<double> sorted = seconds_;
+  const auto index =
+      std::lround(std::clamp(share, 0.0, 1.0) * static_cast<double>(sorted.size() - 1));
+  const auto middle = sorted.begin() + index;
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  return 1e3 * *middle;
+}
+
+uint64_t DetectionReport::looked_at() const {
+  uint64_t count = 0;
+  for (const DetectionOutcome outcome : kDetectionOutcomes) count += detections.Of(outcome);
+  return count;
+}
+
+double DetectionReport::detection_rate() const {
+  const uint64_t count = looked_at();
+  return count > 0 ? static_cast<double>(detections.Of(DetectionOutcome::kWand)) /
+                         static_cast<double>(count)
+                   : 0;
+}
+
+double DetectionReport::pictures_per_s() const {
+  return wall_s > 0 ? static_cast<double>(frames.received) / wall_s : 0;
+}
+
+std::string FormatReport(const DetectionReport& report) {
+  const uint64_t looked_at = report.looked_at();
+  std::string text = absl::StrFormat("%-30s %8d\n", "pictures looked at", looked_at);
+  for (const DetectionOutcome outcome : kDetectionOutcomes) {
+    const uint64_t count = report.detections.Of(outcome);
+    if (count == 0 && outcome != DetectionOutcome::kWand) continue;
+    AppendCount(&text, DetectionOutcomeText(outcome), count, looked_at);
+  }
+  AppendCount(&text, "found by tracking", report.tracked, looked_at);
+  if (report.learning > 0) {
+    absl::StrAppendFormat(&text, "%-30s %8d\n", "pictures for the mask only", report.learning);
+  }
+  if (report.frames.damaged + report.frames.lost > 0) {
+    absl::StrAppendFormat(&text, "%-30s %8d\n", "pictures damaged, not used",
+                          report.frames.damaged);
+    absl::StrAppendFormat(&text, "%-30s %8d\n", "pictures lost", report.frames.lost);
+  }
+  absl::StrAppendFormat(&text, "%-30s %8s  %8s  %8s\n", "ms per picture", "mean", "median", "p95");
+  AppendTimes(&text, "reading", report.reading);
+  AppendTimes(&text, "detecting", report.detecting);
+  absl::StrAppendFormat(&text, "%-30s %8.1f\n", "pictures/s, all together",
+                        report.pictures_per_s());
+  for (const Refusal& refusal : report.refused) {
+    absl::StrAppend(&text, refusal.reason, " x ", refusal.count, ", first: ", refusal.example,
+                    "\n");
+  }
+  return text;
+}
+
+std::string ReportJson(const DetectionReport& report) {
+  nlohmann::ordered_json json;
+  json["pictures"] = report.looked_at();
+  json["damaged"] = report.frames.damaged;
+  json["lost"] = report.frames.lost;
+  json["learning"] = report.learning;
+  json["outcomes"] = nlohmann::ordered_json::object();
+  for (const DetectionOutcome outcome : kDetectionOutcomes) {
+    const std::string word =
+        absl::StrReplaceAll(std::string(DetectionOutcomeText(outcome)), {{" ", "_"}});
+    json["outcomes"][word] = report.detections.Of(outcome);
+  }
+  json["detection_rate"] = report.detection_rate();
+  json["tracked"] = report.tracked;
+  json["refused"] = nlohmann::ordered_json::array();
+  for (const Refusal& refusal : report.refused) {
+    json["refused"].push_back(
+        {{"reason", refusal.reason}, {"count", refusal.count}, {"example", refusal.example}});
+  }
+  json["reading_ms"] = TimesJson(report.reading);
+  json["detecting_ms"] = TimesJson(report.detecting);
+  json["pictures_per_s"] = report.pictures_per_s();
+  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace rigcal::agent

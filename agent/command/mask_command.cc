@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "agent/capture/static_mask.h"
+#include "agent/command/picture_input.h"
+#include "agent/command/subcommands.h"
+#include "agent/command/timed_frame_source.h"
+#include "common/status/status_macros.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+namespace {
+
+struct MaskFlags {
+  PictureInput input;
+  std::string out;
+  std::string target = "wand:0,0.13,0.39";
+  uint64_t pictures = 100;
+  std::string format = "table";
+};
+
+absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
+  RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
+  RIGCAL_ASSIGN_OR_RETURN(const PictureSourceSpec spec, ResolvePictureInput(flags.input));
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, CreateFrameSource(spec));
+  TimedFrameSource frames(std::move(source), flags.pictures);
+  RIGCAL_ASSIGN_OR_RETURN(StaticMaskLearner learner,
+                          StaticMaskLearner::Create(spec.detecting.detector.colour,
+                                                    frames.description().image_size_px));
+  RIGCAL_RETURN_IF_ERROR(frames.Start(target));
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames.Next());
+    if (!frame) break;
+    learner.Add(frame->image);
+  }
+  if (learner.picture_count() == 0) {
+    return absl::FailedPreconditionError("there was no picture to learn from");
+  }
+  const PixelMask mask = learner.Learn();
+  RIGCAL_RETURN_IF_ERROR(WriteMask(mask, flags.out));
+  const int64_t ignored = mask.CountPixels();
+  const double share = static_cast<double>(ignored) / (1.0 * mask.width() * mask.height());
+  if (flags.format == "json") {
+    const nlohmann::ordered_json json = {{"pictures", learner.picture_count()},
+                                         {"ignored_pixels", ignored},
+                                         {"ignored_share", share},
+                                         {"mask", flags.out}};
+    out << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+    return absl::OkStatus();
+  }
+  out << absl::StrCat("learnt from ", learner.picture_count(), " pictures to ignore ", ignored,
+                      " pixels (", share * 100, " %)\n\n", "[camera.detector]\nmask = \"",
+                      flags.out, "\"\n");
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
+  CLI::App* const command = app.add_subcommand(
+      "mask", "Learns which bright spots stand still, so that the detector ignores them");
+  const auto flags = std::make_shared<MaskFlags>();
+  AddPictureInput(*command, &flags->input);
+  command->add_option("--out", flags->out, "Picture of the camera's size, white where to ignore")
+      ->required();
+  command->add_option("--target", flags->target, "What a simulated camera shows");
+  command->add_option("--pictures", flags->pictures, "At most so many; 0: all [100]");
+  command->add_option("-o,--output", flags->format, "table or json [table]")
+      ->check(CLI::IsMember({"table", "json"}));
+  command->footer(
+      "Show it the room without the wand, or with one that moves. Example:\n"
+      "  rigcal-agent mask aravis:192.168.1.5 --out left_mask.png\n"
+      "Exit codes: 0 ok, 1 failed, 2 usage.");
+  command->callback(
+      [flags, chosen, &out] { *chosen = [flags, &out] { return LearnMask(*flags, out); }; });
+}
+
+}  // namespace rigcal::agent

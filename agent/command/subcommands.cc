@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/command/subcommands.h"
+
+namespace rigcal::agent {
+
+void Subcommands::AddTo(CLI::App& app) {
+  app.require_subcommand(0, 1);
+  AddDetectCommand(app, out_, &chosen_);
+  AddTuneCommand(app, out_, &chosen_);
+  AddMaskCommand(app, out_, &chosen_);
+}
+
+}  // namespace rigcal::agent

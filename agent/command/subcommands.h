@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <memory>
+#include <ostream>
+#include <vector>
+
+#include "absl/status/status.h"
+
+namespace rigcal::agent {
+
+inline constexpr int kExitOk = 0;
+inline constexpr int kExitFailed = 1;
+inline constexpr int kExitUsage = 2;
+
+// INVALID_ARGUMENT is what was typed; everything else that is not OK has failed.
+inline int ExitCodeOf(const absl::Status& status) {
+  if (status.ok()) return kExitOk;
+  return absl::IsInvalidArgument(status) ? kExitUsage : kExitFailed;
+}
+
+// What rigcal-agent can do besides being an agent: detect, tune, mask. Add before parsing; after
+// it, Chosen runs what was asked for. `out` outlives the object.
+class Subcommands {
+ public:
+  explicit Subcommands(std::ostream& out) : out_(out) {}
+  void AddTo(CLI::App& app);
+  // Empty: none was asked for.
+  const std::function<absl::Status()>& Chosen() const { return chosen_; }
+
+ private:
+  std::ostream& out_;
+  std::function<absl::Status()> chosen_;
+};
+
+// Each adds one subcommand whose run is put into `chosen` when it is asked for.
+void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
+void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
+void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
+
+}  // namespace rigcal::agent

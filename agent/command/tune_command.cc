@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "agent/command/picture_input.h"
+#include "agent/command/subcommands.h"
+#include "agent/command/timed_frame_source.h"
+#include "agent/detect/colour_tuning.h"
+#include "common/status/status_macros.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+namespace {
+
+struct TuneFlags {
+  PictureInput input;
+  std::string target;
+  std::string out;
+  uint64_t pictures = 50;
+  std::string format = "table";
+};
+
+absl::StatusOr<TunedColour> LearnColour(const TuneFlags& flags) {
+  RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
+  RIGCAL_ASSIGN_OR_RETURN(const PictureSourceSpec spec, ResolvePictureInput(flags.input));
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, CreateFrameSource(spec));
+  TimedFrameSource frames(std::move(source), flags.pictures);
+  RIGCAL_ASSIGN_OR_RETURN(ColourTuner tuner, ColourTuner::Create(target, frames.description()));
+  RIGCAL_RETURN_IF_ERROR(frames.Start(target));
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames.Next());
+    if (!frame) break;
+    RIGCAL_RETURN_IF_ERROR(tuner.Add(frame->image));
+  }
+  return tuner.Result();
+}
+
+// What to paste into a configuration; the same options, in the words of a SPEC, as its comment.
+std::string Snippet(const ColourRange& colour) {
+  std::string spec;
+  std::string toml;
+  const auto add = [&](std::string_view key, const std::string& value) {
+    absl::StrAppend(&spec, ";", std::string(key), "=", value);
+    absl::StrAppend(&toml, std::string(key), " = ", value, "\n");
+  };
+  add("hue_min", absl::StrFormat("%.1f", colour.hue_min_deg));
+  add("hue_max", absl::StrFormat("%.1f", colour.hue_max_deg));
+  add("saturation_min", absl::StrFormat("%.3f", colour.saturation_min));
+  add("value_min", absl::StrCat(colour.value_min));
+  add("washed_out_min", absl::StrCat(colour.washed_out_min));
+  return absl::StrCat("# Behind --source: ", spec, "\n[camera.detector]\n", toml);
+}
+
+std::string TunedJson(const TunedColour& tuned) {
+  const ColourRange& colour = tuned.colour;
+  const nlohmann::ordered_json json = {
+      {"pictures", tuned.pictures},
+      {"wands", tuned.wands},
+      {"median",
+       {{"hue_deg", tuned.hue_deg}, {"saturation", tuned.saturation}, {"value", tuned.value}}},
+      {"detector",
+       {{"hue_min", colour.hue_min_deg},
+        {"hue_max", colour.hue_max_deg},
+        {"saturation_min", colour.saturation_min},
+        {"value_min", colour.value_min},
+        {"washed_out_min", colour.washed_out_min}}}};
+  return json.dump(2) + "\n";
+}
+
+absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
+  RIGCAL_ASSIGN_OR_RETURN(const TunedColour tuned, LearnColour(flags));
+  const std::string snippet = Snippet(tuned.colour);
+  if (!flags.out.empty()) {
+    std::ofstream stream(flags.out, std::ios::binary | std::ios::trunc);
+    stream << snippet;
+    stream.close();
+    if (!stream) return absl::PermissionDeniedError(absl::StrCat("cannot write ", flags.out));
+  }
+  if (flags.format == "json") {
+    out << TunedJson(tuned);
+    return absl::OkStatus();
+  }
+  out << absl::StrFormat(
+             "# The wand was found in %d of %d pictures; its colour in the middle: hue %.0f deg, "
+             "saturation %.2f, value %.0f\n",
+             tuned.wands, tuned.pictures, tuned.hue_deg, tuned.saturation, tuned.value)
+      << snippet;
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
+  CLI::App* const command =
+      app.add_subcommand("tune", "Learns the wand's colour from pictures that show it");
+  const auto flags = std::make_shared<TuneFlags>();
+  AddPictureInput(*command, &flags->input);
+  command->add_option("--target", flags->target, "wand:0,0.13,0.39;diameter=0.04;hz=500")
+      ->required();
+  command->add_option("--out", flags->out, "File for what is to be pasted into a configuration");
+  command->add_option("--pictures", flags->pictures, "At most so many; 0: all [50]");
+  command->add_option("-o,--output", flags->format, "table (TOML to paste) or json [table]")
+      ->check(CLI::IsMember({"table", "json"}));
+  command->footer(
+      "Hold the wand before the camera, near and far. Example:\n"
+      "  rigcal-agent tune aravis:192.168.1.5 --target wand:0,0.13,0.39 >> agent.toml\n"
+      "Exit codes: 0 ok, 1 failed (the wand was not found), 2 usage.");
+  command->callback(
+      [flags, chosen, &out] { *chosen = [flags, &out] { return Tune(*flags, out); }; });
+}
+
+}  // namespace rigcal::agent

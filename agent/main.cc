@@ -128,6 +128,9 @@ absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
   options.stream_epoch = identity.stream_epoch;
   options.host = HostName();
   options.rig = config.rig;
+  options.previews.enabled = config.preview.enabled;
+  options.previews.max_rate_hz = config.preview.max_rate_hz;
+  options.previews.max_jpeg_bytes = static_cast<size_t>(config.preview.max_kb) << 10;
   RIGCAL_ASSIGN_OR_RETURN(const auto uplink, Uplink::Create(std::move(options), std::move(sources),
                                                             &spool, [server = config.server] {
                                                               return Uplink::MakeChannel(server);

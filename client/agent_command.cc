@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/agent_command.h"
 
+#include <string>
+#include <vector>
+
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "client/output.h"
 #include "client/quantities.h"
 #include "client/server_connection.h"
@@ -15,6 +20,23 @@ std::string ImageSizeText(const v1::CameraDescription& camera) {
   return absl::StrCat(camera.image_size_px().width(), "x", camera.image_size_px().height());
 }
 
+// "BayerRG8, 5 ms, 6 dB, 50 Hz, Line0, PTP"; the model is left to JSON.
+std::string SettingsText(const v1::CameraDescription& camera) {
+  const v1::CameraSettings& settings = camera.settings();
+  std::vector<std::string> parts;
+  if (!settings.pixel_format().empty()) parts.push_back(settings.pixel_format());
+  if (settings.exposure_s() > 0) {
+    parts.push_back(absl::StrFormat("%.4g ms", settings.exposure_s() * 1e3));
+  }
+  if (settings.gain_db() != 0) parts.push_back(absl::StrFormat("%.4g dB", settings.gain_db()));
+  if (settings.frame_rate_hz() > 0) {
+    parts.push_back(absl::StrFormat("%.4g Hz", settings.frame_rate_hz()));
+  }
+  if (!settings.trigger().empty()) parts.push_back(settings.trigger());
+  if (settings.ptp()) parts.emplace_back("PTP");
+  return parts.empty() ? "-" : absl::StrJoin(parts, ", ");
+}
+
 std::string FormatAgents(const v1::ListAgentsResponse& response) {
   if (response.agents().empty()) return "no agents\n";
   TextTable table({{"agent"},
@@ -26,6 +48,7 @@ std::string FormatAgents(const v1::ListAgentsResponse& response) {
                    {"camera"},
                    {"image (px)", TextTable::Align::kRight},
                    {"intrinsics"},
+                   {"settings"},
                    {"source"}});
   for (const v1::Agent& agent : response.agents()) {
     std::vector<std::string> cells = {
@@ -40,8 +63,9 @@ std::string FormatAgents(const v1::ListAgentsResponse& response) {
     if (agent.cameras().empty()) table.AddRow(cells);
     for (const v1::CameraDescription& camera : agent.cameras()) {
       cells.resize(agent_cells);
-      cells.insert(cells.end(), {camera.camera(), ImageSizeText(camera),
-                                 camera.has_intrinsics() ? "yes" : "no", camera.source()});
+      cells.insert(cells.end(),
+                   {camera.camera(), ImageSizeText(camera), camera.has_intrinsics() ? "yes" : "no",
+                    SettingsText(camera), camera.source()});
       table.AddRow(cells);
       // What is the same for all cameras of an agent stands in its first line only.
       cells.assign(agent_cells, "");

@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "client/agent_command.h"
+#include "client/agent_preview_command.h"
 #include "client/command_parser.h"
 #include "client/session_command.h"
 #include "client/session_observations_command.h"
@@ -69,6 +70,22 @@ void AddObservations(CommandParser& parser, CLI::App* group) {
                 "Also what came after the session was finished");
 }
 
+void AddPreview(CommandParser& parser, CLI::App* group) {
+  const auto options = std::make_shared<AgentPreviewOptions>();
+  CLI::App* command = parser.AddCommand(
+      group, "preview",
+      "What a camera that captures sees now, with what its agent's detector makes of it, as a JPEG "
+      "file. Previews are off unless the agent's configuration says enabled = true under [preview]",
+      [options](CommandContext& context) { return PreviewCamera(*options, context); });
+  command->add_option("camera", options->camera, "Name of the camera")
+      ->required()
+      ->type_name("CAMERA");
+  command->add_option("--out", options->file, "File to write; without it CAMERA.jpg")
+      ->type_name("FILE");
+  command->add_option("--rig", options->rig, "Rig of the camera, if several have one of that name")
+      ->type_name("RIG");
+}
+
 }  // namespace
 
 void AddSessionCommands(CommandParser& parser) {
@@ -91,13 +108,15 @@ void AddSessionCommands(CommandParser& parser) {
                WatchSession);
   AddObservations(parser, group);
 
-  CLI::App* agents = parser.AddGroup("agent", "Agents: the programs beside the cameras (list)");
+  CLI::App* agents =
+      parser.AddGroup("agent", "Agents: the programs beside the cameras (list, preview)");
   const auto agent_rig = std::make_shared<std::string>();
   parser
       .AddCommand(agents, "list", "Agents that are or were connected, with their cameras",
                   [agent_rig](CommandContext& context) { return ListAgents(*agent_rig, context); })
       ->add_option("--rig", *agent_rig, "Of this rig only")
       ->type_name("RIG");
+  AddPreview(parser, agents);
 }
 
 }  // namespace rigcal::client

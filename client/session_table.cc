@@ -45,6 +45,43 @@ std::string FormatCameras(const v1::Session& session) {
   return table.Format(2);
 }
 
+// Cameras that take pictures, if there are any.
+std::string FormatPictures(const v1::Session& session) {
+  TextTable table({{"camera"},
+                   {"received", Align::kRight, "pictures"},
+                   {"damaged", Align::kRight, "pictures"},
+                   {"lost", Align::kRight, "pictures"},
+                   {"reconnects", Align::kRight},
+                   {"wand", Align::kRight, "detector"},
+                   {"no wand", Align::kRight, "detector"},
+                   {"no blob", Align::kRight, "detector"},
+                   {"ambiguous", Align::kRight, "detector"},
+                   {"too many", Align::kRight, "detector"},
+                   {"black", Align::kRight, "detector"},
+                   {"saturated", Align::kRight, "detector"}});
+  for (const v1::SessionCamera& camera : session.cameras()) {
+    if (!camera.has_frames() && !camera.has_detections()) continue;
+    const v1::FrameCounts& frames = camera.frames();
+    const v1::DetectionCounts& seen = camera.detections();
+    std::vector<std::string> cells = {camera.description().camera()};
+    for (const uint32_t count :
+         {frames.received(), frames.damaged(), frames.lost(), frames.reconnects(), seen.wand(),
+          seen.no_wand(), seen.no_blob(), seen.ambiguous(), seen.too_many_blobs(), seen.black(),
+          seen.saturated()}) {
+      cells.push_back(absl::StrCat(count));
+    }
+    table.AddRow(std::move(cells));
+  }
+  return table.empty() ? "" : absl::StrCat("\n", table.Format(2));
+}
+
+// " (3 of 50 pictures lost)": damaged ones count as lost to who waits for them.
+std::string LostText(const v1::FrameCounts& frames) {
+  const uint64_t lost = uint64_t{frames.damaged()} + frames.lost();
+  if (lost == 0) return "";
+  return absl::StrCat(" (", lost, " of ", lost + frames.received(), " pictures lost)");
+}
+
 }  // namespace
 
 std::string SessionStateName(v1::Session::State state) {
@@ -108,7 +145,7 @@ std::string FormatSession(const v1::Session& session) {
   if (session.cameras().empty()) {
     text += "\nno cameras yet; the list is taken down when the session starts\n";
   } else {
-    text += "\n" + FormatCameras(session);
+    text += "\n" + FormatCameras(session) + FormatPictures(session);
   }
 
   google::protobuf::RepeatedPtrField<v1::Refusal> refused;
@@ -127,11 +164,11 @@ std::string FormatSession(const v1::Session& session) {
 std::string FormatSessionLine(const v1::Session& session) {
   std::vector<std::string> cameras;
   for (const v1::SessionCamera& camera : session.cameras()) {
-    cameras.push_back(absl::StrCat(camera.description().camera(), " ", camera.observation_count(),
-                                   camera.ended() ? " complete"
-                                   : camera.connected() || session.state() == v1::Session::FINISHED
-                                       ? ""
-                                       : " away"));
+    cameras.push_back(absl::StrCat(
+        camera.description().camera(), " ", camera.observation_count(), LostText(camera.frames()),
+        camera.ended()                                                   ? " complete"
+        : camera.connected() || session.state() == v1::Session::FINISHED ? ""
+                                                                         : " away"));
   }
   return Printable(absl::StrCat(SessionStateName(session.state()), cameras.empty() ? "" : ": ",
                                 absl::StrJoin(cameras, ", ")));

@@ -21,6 +21,9 @@ namespace {
 
 constexpr std::array kLogLevels = {"trace", "debug", "info", "warn", "error", "off"};
 constexpr int64_t kMaxSpoolMb = 1 << 20;
+constexpr double kMaxPreviewRateHz = 10;
+constexpr int64_t kMinPreviewKb = 8;
+constexpr int64_t kMaxPreviewKb = 1024;
 
 // Empty: right. Else what is wrong with the value, behind its key.
 using Fault = std::string;
@@ -47,6 +50,16 @@ Fault LogLevelFault(const std::string& level) {
 Fault SpoolFault(int64_t limit_mb) {
   if (limit_mb >= 1 && limit_mb <= kMaxSpoolMb) return "";
   return absl::StrCat(limit_mb, " is not within 1 to ", kMaxSpoolMb);
+}
+
+Fault PreviewRateFault(double rate_hz) {
+  if (rate_hz > 0 && rate_hz <= kMaxPreviewRateHz) return "";
+  return absl::StrCat(rate_hz, " is not above 0 and at most ", kMaxPreviewRateHz);
+}
+
+Fault PreviewSizeFault(int64_t max_kb) {
+  if (max_kb >= kMinPreviewKb && max_kb <= kMaxPreviewKb) return "";
+  return absl::StrCat(max_kb, " is not within ", kMinPreviewKb, " to ", kMaxPreviewKb);
 }
 
 void NoteFault(TomlSection& section, std::string_view key, const Fault& fault) {
@@ -130,7 +143,7 @@ CameraConfig ReadCamera(TomlFile* file, const toml::table& table, const std::str
     file->AddFault(table, "a camera without source; example: source = \"csv:left.csv\"");
   }
   section.Take("calibration", &camera.calibration);
-  camera.calibration = Resolved(folder, camera.calibration);
+  if (camera.calibration != "none") camera.calibration = Resolved(folder, camera.calibration);
   if (double sigma_px = 0; section.Take("sigma", &sigma_px)) {
     if (!(sigma_px > 0)) section.AddFault("sigma", "must be above 0 pixels");
     camera.sigma_px = sigma_px;
@@ -148,6 +161,25 @@ CameraConfig ReadCamera(TomlFile* file, const toml::table& table, const std::str
   ReadOptions(file, section, "detector", folder, &camera);
   section.RefuseOtherKeys();
   return camera;
+}
+
+void ReadPreview(TomlFile* file, TomlSection& section, PreviewConfig* preview) {
+  const toml::node* node = section.TakeNode("preview");
+  if (node == nullptr) return;
+  const toml::table* table = node->as_table();
+  if (table == nullptr) {
+    section.AddFault("preview", "must be a table: [preview], and enabled = true below it");
+    return;
+  }
+  TomlSection own(file, *table);
+  own.Take("enabled", &preview->enabled);
+  if (own.Take("max_rate_hz", &preview->max_rate_hz)) {
+    NoteFault(own, "max_rate_hz", PreviewRateFault(preview->max_rate_hz));
+  }
+  if (own.Take("max_kb", &preview->max_kb)) {
+    NoteFault(own, "max_kb", PreviewSizeFault(preview->max_kb));
+  }
+  own.RefuseOtherKeys();
 }
 
 void ReadCameras(TomlFile* file, TomlSection& section, const std::string& folder,
@@ -187,6 +219,8 @@ absl::Status AgentConfig::Validate() const {
   if (!agent_id.empty()) note("agent_id", NameFault("agent_id", agent_id));
   note("log_level", LogLevelFault(log_level));
   note("spool_limit_mb", SpoolFault(static_cast<int64_t>(spool_limit_mb)));
+  note("preview.max_rate_hz", PreviewRateFault(preview.max_rate_hz));
+  note("preview.max_kb", PreviewSizeFault(preview.max_kb));
   if (faults.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
 }
@@ -213,6 +247,7 @@ absl::StatusOr<AgentConfig> ReadAgentConfig(const std::string& path) {
     NoteFault(section, "spool_limit_mb", SpoolFault(limit_mb));
     config.spool_limit_mb = static_cast<size_t>(limit_mb);
   }
+  ReadPreview(&file, section, &config.preview);
   ReadCameras(&file, section, folder, &config);
   section.RefuseOtherKeys();
   RIGCAL_RETURN_IF_ERROR(file.Result());

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -38,13 +39,21 @@ struct SourceOption {
 struct CameraConfig {
   std::string source;              // `csv:PATH`, `sim:camera=INDEX`, ..., as for --source
   std::string name;                // within the rig; empty: from the source
-  std::string calibration;         // OpenCV YAML with the intrinsics; empty: from the source
+  std::string calibration;         // OpenCV YAML with the intrinsics, or "none"; empty: from the
+                                   // source
   std::optional<double> speed;     // times the recorded pace; infinity for "max"
   std::optional<double> sigma_px;  // of each centre, pixels
   // The tables [camera.settings] and [camera.detector]. Which keys there are is the source's to
   // say: making it refuses the others with their file and line.
   std::vector<SourceOption> options;
   std::string where;  // "agent.toml:12", for messages
+};
+
+// [preview]: pictures for people, with what the detector sees drawn in.
+struct PreviewConfig {
+  bool enabled = false;    // pictures leave the PC only where somebody allowed it
+  double max_rate_hz = 1;  // per camera, above 0 to 10
+  int64_t max_kb = 256;    // KiB of one picture, 8 to 1024
 };
 
 // What an agent's TOML file holds:
@@ -55,6 +64,11 @@ struct CameraConfig {
 //   state_dir = "/var/lib/rigcal-agent"
 //   log_level = "info"
 //   spool_limit_mb = 256
+//
+//   [preview]
+//   enabled = true
+//   max_rate_hz = 1           # of each camera
+//   max_kb = 256              # of one picture
 //
 //   [[camera]]
 //   name = "left"
@@ -80,6 +94,7 @@ struct AgentConfig {
   std::string state_dir;                  // empty: the user's default
   std::string log_level = "info";         // trace, debug, info, warn, error, off
   size_t spool_limit_mb = 256;            // MiB of observations that are not acknowledged
+  PreviewConfig preview;
   std::vector<CameraConfig> cameras;
 
   // Also what flags have put over the file: INVALID_ARGUMENT with every fault.

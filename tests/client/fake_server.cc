@@ -197,6 +197,13 @@ class FakeServer::Status : public v1::StatusService::Service {
     *response = fake_.agents;
     return fake_.FailureOf("ListAgents");
   }
+  grpc::Status GetPreview(grpc::ServerContext*, const v1::GetPreviewRequest* request,
+                          v1::GetPreviewResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.asked_preview = *request;
+    *response = fake_.preview;
+    return fake_.FailureOf("GetPreview");
+  }
 
  private:
   FakeServer& fake_;

@@ -37,6 +37,7 @@ class FakeServer {
   v1::GetAccuracyResponse accuracy;  // of any calibration that exists
   v1::ListAgentsResponse agents;
   v1::ServerStatus status;
+  v1::GetPreviewResponse preview;
   std::vector<v1::ObservationBatch> observations;
   // Calls of these methods ("GetSession") end with this status.
   std::map<std::string, grpc::Status> failures;
@@ -58,6 +59,7 @@ class FakeServer {
   v1::CreateCalibrationRequest created_calibration;
   v1::ReadObservationsRequest read_observations;
   v1::GetAccuracyRequest asked_accuracy;
+  v1::GetPreviewRequest asked_preview;
 
  private:
   class Sessions;

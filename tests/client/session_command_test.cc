@@ -260,11 +260,21 @@ TEST_F(SessionCommand, AgentListShowsCameras) {
   agent->mutable_cameras(0)->mutable_image_size_px()->set_height(1024);
   agent->mutable_cameras(0)->mutable_intrinsics();
   agent->mutable_cameras(0)->set_source("csv:left.csv");
+  v1::CameraSettings* settings = agent->mutable_cameras(1)->mutable_settings();
+  settings->set_model("Maker One 123");
+  settings->set_pixel_format("BayerRG8");
+  settings->set_exposure_s(0.005);
+  settings->set_gain_db(6);
+  settings->set_frame_rate_hz(50);
+  settings->set_trigger("Line0");
+  settings->set_ptp(true);
   const std::string text = Rigcal({"agent", "list"}).out;
-  EXPECT_THAT(text, ::testing::ContainsRegex("pc-1 .*connected .*left +1280x1024 +yes +csv:left"));
-  EXPECT_THAT(text, ::testing::ContainsRegex("\n +right +- +no\n"));
+  EXPECT_THAT(text, ::testing::ContainsRegex("pc-1 .*connected .*left +1280x1024 +yes +- +csv:left"));
+  EXPECT_THAT(text, ::testing::ContainsRegex("\n +right +- +no +BayerRG8, 5 ms, 6 dB, 50 Hz, Line0, PTP\n"));
   const json list = json::parse(Rigcal({"agent", "list", "-o", "json"}).out);
   EXPECT_EQ(list.at("agents").at(0).at("agent_id"), "pc-1");
+  EXPECT_EQ(list.at("agents").at(0).at("cameras").at(1).at("settings").at("model"),
+            "Maker One 123");
 }
 
 }  // namespace

@@ -83,6 +83,25 @@ speed = 2
   EXPECT_FALSE(simulated.sigma_px.has_value());
 }
 
+TEST_F(AgentConfigTest, PreviewsAreOffUntilTheyAreSwitchedOn) {
+  ASSERT_OK_AND_ASSIGN(const AgentConfig silent, Read("[preview]\nmax_kb = 8\n"));
+  EXPECT_FALSE(silent.preview.enabled);
+  ASSERT_OK_AND_ASSIGN(const AgentConfig config,
+                       Read("[preview]\nenabled = true\nmax_rate_hz = 0.5\nmax_kb = 1024\n"));
+  EXPECT_TRUE(config.preview.enabled);
+  EXPECT_EQ(config.preview.max_rate_hz, 0.5);
+  EXPECT_EQ(config.preview.max_kb, 1024);
+}
+
+TEST_F(AgentConfigTest, NamesEveryFaultOfPreviews) {
+  EXPECT_THAT(Read("[preview]\nenabled = 1\nmax_rate_hz = 0\nmax_kb = 2000\nquality = 3\n"),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("agent.toml:2"), HasSubstr("max_rate_hz"),
+                             HasSubstr("max_kb"), HasSubstr("quality"))));
+  EXPECT_THAT(Read("preview = true"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("[preview]")));
+}
+
 TEST_F(AgentConfigTest, KeepsAbsolutePaths) {
   ASSERT_OK_AND_ASSIGN(const AgentConfig config,
                        Read("state_dir = \"state\"\n[[camera]]\nsource = \"csv:/data/f.csv\"\n"));

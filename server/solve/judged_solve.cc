@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
 #include "server/solve/clock_rates.h"
+#include "server/solve/restart.h"
 #include "server/solve/time_check.h"
 
 namespace rigcal::server {
@@ -169,6 +170,21 @@ absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& op
   return absl::OkStatus();
 }
 
+// Times come first: markers of another moment agree with no pose.
+absl::Status LeaveWrongMinimum(const RigObservations& rig,
+                               const std::vector<ClockCorrection>& clocks,
+                               const RigSolveOptions& options, JudgedSolution* result) {
+  // A wrong pose may have dragged its clock along; what a repair has found stays.
+  const bool repaired = !result->findings.empty();
+  RIGCAL_ASSIGN_OR_RETURN(
+      const std::optional<Finding> restarted,
+      RestartIfWrong(rig, repaired ? StartFrom(result->solution).clocks : clocks, options,
+                     RestartOptions{}, &result->solution));
+  if (!restarted) return absl::OkStatus();
+  result->findings.push_back(*restarted);
+  return options.estimate_time_offsets ? RepairOffsets(rig, options, result) : absl::OkStatus();
+}
+
 // Gives rates to the clocks that are seen to run differently: all are tried, then those that stood
 // out alone, until all of them still do. What could not be solved has no rates.
 absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigSolution* solution) {
@@ -224,16 +240,18 @@ void Append(const JudgedErrors& from, JudgedErrors* to) {
 absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
                                              const std::vector<ClockCorrection>& clocks,
                                              const RigSolveOptions& base,
-                                             const CalibrationOptions& options) {
+                                             const CalibrationOptions& options,
+                                             const RigStart* first_start) {
   JudgedSolution result;
   result.options = base;
   RigSolveOptions first = base;
   first.refine_intrinsics = options.intrinsics == Estimate::kRefined;
   const bool choose =
       options.intrinsics == Estimate::kDefault || options.intrinsics == Estimate::kAuto;
-  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first));
+  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first, first_start));
+  if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
+  RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
   if (base.estimate_time_offsets) {
-    RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
   }
   result.options.estimate_time_rates = first.estimate_time_rates;

@@ -30,9 +30,12 @@ struct JudgedSolution {
 // data.
 //
 // Clock rates are estimated where the data can tell at least one of them from zero.
+// The first solve begins at `first_start`, if given, else from nothing. It is checked for clocks
+// matched with the wrong moment (time_check.h) and for a wrong minimum (restart.h).
 absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
                                              const std::vector<ClockCorrection>& clocks,
                                              const RigSolveOptions& base,
-                                             const CalibrationOptions& options);
+                                             const CalibrationOptions& options,
+                                             const RigStart* first_start = nullptr);
 
 }  // namespace rigcal::server

@@ -17,6 +17,8 @@ namespace {
 // An edge that keeps this share (inverse) of its views is as good as any: looking at all edges of a
 // large rig to find slightly heavier ones would cost more than it gives.
 constexpr double kGoodEnough = 1.3;
+// What is left of the weight of an edge to be avoided: less than any other edge.
+constexpr double kAvoidedShare = 1e-6;
 
 // Disjoint sets of cameras.
 class Groups {
@@ -101,7 +103,10 @@ absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
   for (int a = 0; a < count; ++a) {
     for (int b = a + 1; b < count; ++b) {
       const int shared = graph.shared_counts[static_cast<size_t>(a)][static_cast<size_t>(b)];
-      if (shared >= graph.min_shared) queue.push({static_cast<double>(shared), a, b, false});
+      if (shared < graph.min_shared) continue;
+      const bool avoided = std::find(graph.avoided.begin(), graph.avoided.end(),
+                                     std::make_pair(a, b)) != graph.avoided.end();
+      queue.push({avoided ? kAvoidedShare * shared : shared, a, b, false});
     }
   }
   std::map<std::pair<int, int>, RelativePose> poses;
@@ -119,8 +124,10 @@ absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
     }
     RIGCAL_ASSIGN_OR_RETURN(const std::optional<RelativePose> pose, estimate(a, b));
     const double share = pose ? static_cast<double>(pose->inlier_count) / pose->instant_count : 0;
-    survivors[{a, b}] = static_cast<int>(share * bound);
-    if (share * bound < graph.min_shared) continue;
+    const double agreeing =
+        share * graph.shared_counts[static_cast<size_t>(a)][static_cast<size_t>(b)];
+    survivors[{a, b}] = static_cast<int>(agreeing);
+    if (agreeing < graph.min_shared) continue;
     poses[{a, b}] = *pose;
     queue.push({std::min(bound, kGoodEnough * share * bound), a, b, true});
   }

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -18,6 +19,8 @@ struct OverlapGraph {
   std::vector<std::string> notes;               // by camera, for error messages; may be empty
   std::vector<std::vector<int>> shared_counts;  // instants that two cameras share, symmetric
   int min_shared = 8;                           // fewer do not make an edge
+  // Edges (a < b) that have misled before: taken only where nothing else joins their cameras.
+  std::vector<std::pair<int, int>> avoided;
 };
 
 struct OverlapEdge {
@@ -28,7 +31,8 @@ struct OverlapEdge {
 
 // The spanning tree with the greatest weights. Relative poses are only estimated where they can
 // matter: an edge is looked at when nothing heavier is left, its shared instants being the most it
-// can weigh; edges that keep three quarters of their views count as keeping all. `estimate(a, b)` gives the pose of a pair, or none where it cannot be had.
+// can weigh; edges that keep three quarters of their views count as keeping all. `estimate(a, b)`
+// gives the pose of a pair, or none where it cannot be had.
 //
 // FAILED_PRECONDITION where the cameras are not connected: names the groups, the pair that would
 // best join them, and what to do. Errors of `estimate` are passed on (cancellation).

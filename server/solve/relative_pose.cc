@@ -22,6 +22,7 @@ namespace {
 
 constexpr size_t kKeptEssentials = 4;
 constexpr size_t kRefinedPoses = 3;
+constexpr double kSamePoseRad = 0.1;  // between rotations, and between directions of the baseline
 constexpr double kConvincingShare = 0.7;
 constexpr double kMaxLogScale = 0.35;  // how far one instant's size may be from the median's
 
@@ -320,6 +321,47 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
   return result;
 }
 
+bool IsSamePose(const RigidTransform& a, const RigidTransform& b) {
+  const double cosine =
+      a.translation_m.normalized().dot(b.translation_m.normalized());  // 0 where one is zero
+  return a.rotation.angularDistance(b.rotation) < kSamePoseRad && cosine > std::cos(kSamePoseRad);
+}
+
+bool IsBetter(const RelativePose& a, const RelativePose& b) {
+  return a.inlier_count > b.inlier_count ||
+         (a.inlier_count == b.inlier_count && a.median_px < b.median_px);
+}
+
+// The pose of this rank among those that differ, best first.
+std::optional<RelativePose> RankedPose(const std::vector<PairInstant>& instants,
+                                       const std::vector<ScoredPose>& poses,
+                                       const RelativePoseOptions& options) {
+  const size_t rank = static_cast<size_t>(options.rank);
+  std::vector<RigidTransform> starts;
+  std::vector<RelativePose> found;
+  for (const ScoredPose& pose : poses) {
+    if (starts.size() == kRefinedPoses * (rank + 1)) break;
+    const auto same = [&pose](const RigidTransform& other) {
+      return IsSamePose(pose.b_from_a, other);
+    };
+    if (std::any_of(starts.begin(), starts.end(), same)) continue;
+    starts.push_back(pose.b_from_a);
+    const std::optional<RelativePose> refined = RefineWithTarget(instants, pose.b_from_a, options);
+    if (!refined) continue;
+    const auto known = std::find_if(found.begin(), found.end(), [&](const RelativePose& other) {
+      return IsSamePose(refined->b_from_a, other.b_from_a);
+    });
+    if (known == found.end()) {
+      found.push_back(*refined);
+    } else if (IsBetter(*refined, *known)) {
+      *known = *refined;
+    }
+  }
+  if (found.empty()) return std::nullopt;
+  std::stable_sort(found.begin(), found.end(), IsBetter);
+  return found[std::min(rank, found.size() - 1)];
+}
+
 }  // namespace
 
 std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>& all,
@@ -337,15 +379,13 @@ std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>&
   }
   std::stable_sort(poses.begin(), poses.end(),
                    [](const ScoredPose& a, const ScoredPose& b) { return a.cost < b.cost; });
+  if (options.rank > 0) return RankedPose(instants, poses, options);
   if (poses.size() > kRefinedPoses) poses.resize(kRefinedPoses);
   std::optional<RelativePose> best;
   for (const ScoredPose& pose : poses) {
     const std::optional<RelativePose> refined = RefineWithTarget(instants, pose.b_from_a, options);
     if (!refined) continue;
-    if (!best || refined->inlier_count > best->inlier_count ||
-        (refined->inlier_count == best->inlier_count && refined->median_px < best->median_px)) {
-      best = refined;
-    }
+    if (!best || IsBetter(*refined, *best)) best = refined;
     // A wrong solution does not agree with so many.
     if (best->inlier_count > kConvincingShare * best->instant_count &&
         best->median_px < options.threshold_px / 3) {

@@ -30,6 +30,9 @@ struct RelativePoseOptions {
   int max_samples = 800;
   int max_instants = 200;  // evenly chosen from those given
   int min_inlier_instants = 8;
+  // 0 = the best pose, 1 = the second of those that differ, and so on; the last where there are
+  // fewer.
+  int rank = 0;
 };
 
 struct RelativePose {

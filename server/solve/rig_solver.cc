@@ -51,7 +51,7 @@ class RigSolver {
       Adopt(*start);
       PlaceInstants(options_.start_threshold_px, &problem());
     } else {
-      RIGCAL_RETURN_IF_ERROR(FindStart(StartOptionsOf(), &problem()));
+      RIGCAL_RETURN_IF_ERROR(FindStart(StartOptionsOf(), &problem(), &solution_.start_tree));
     }
     if (TurnReversed() > 0) Rebuild();
     bool exact = false;
@@ -139,6 +139,7 @@ class RigSolver {
     StartOptions start;
     start.threshold_px = options_.start_threshold_px;
     start.seed = options_.seed;
+    start.avoided_pairs = options_.avoided_pairs;
     start.camera_notes = options_.camera_notes;
     start.cancelled = options_.cancelled;
     if (options_.progress) {

@@ -45,7 +45,9 @@ struct RigSolveOptions {
   double tolerance_s = 0;             // of an instant; 0 = from the periods
   uint32_t seed = 0;
   double start_threshold_px = 3;  // of markers that agree while poses are looked for
-  double loss_scale = 2;          // of the Cauchy loss, in sigmas
+  std::vector<std::pair<int, int>>
+      avoided_pairs;      // of cameras, while poses are looked for: start.h
+  double loss_scale = 2;  // of the Cauchy loss, in sigmas
   double function_tolerance = 1e-9;
   OutlierOptions outliers;
   LabelOptions labels;
@@ -62,6 +64,7 @@ struct RigSolution {
   std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
   std::vector<ImageMotion> motions;     // by track, wild centres taken out, labels turned
   InstantList instants;
+  std::vector<std::pair<int, int>> start_tree;  // of cameras; none where a start was given
   int iterations = 0;
   double final_cost = 0;
   bool converged = false;

@@ -62,6 +62,7 @@ OverlapGraph MakeGraph(const BundleProblem& problem, const StartOptions& options
   OverlapGraph graph;
   graph.notes = options.camera_notes;
   graph.min_shared = options.min_instants;
+  graph.avoided = options.avoided_pairs;
   const size_t count = problem.cameras.size();
   for (const BundleCamera& camera : problem.cameras) graph.cameras.push_back(camera.name);
   graph.view_counts.assign(count, 0);
@@ -103,6 +104,8 @@ PairEstimate MakePairEstimate(const StartOptions& options, const Rays& rays,
     pair.min_inlier_instants = options.min_instants;
     // The pair's own seed, so that looking at one pair more changes no other.
     pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
+    pair.rank = static_cast<int>(std::count(options.avoided_pairs.begin(),
+                                            options.avoided_pairs.end(), std::make_pair(a, b)));
     return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
   };
 }
@@ -241,7 +244,8 @@ int PlaceInstants(double threshold_px, BundleProblem* problem) {
   return placed;
 }
 
-absl::Status FindStart(const StartOptions& options, BundleProblem* problem) {
+absl::Status FindStart(const StartOptions& options, BundleProblem* problem,
+                       std::vector<std::pair<int, int>>* tree) {
   const Rays rays = UndistortMarkers(*problem);
   const PairEstimate estimate = MakePairEstimate(options, rays, *problem);
   const OverlapGraph graph = MakeGraph(*problem, options);
@@ -251,6 +255,10 @@ absl::Status FindStart(const StartOptions& options, BundleProblem* problem) {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<OverlapEdge> edges,
                             FindSpanningTree(graph, estimate));
     ChainPoses(edges, problem);
+    if (tree != nullptr) {
+      tree->clear();
+      for (const OverlapEdge& edge : edges) tree->emplace_back(edge.a, edge.b);
+    }
   }
   for (BundleInstant& instant : problem->instants) instant.used = false;
   for (int round = 0; round < 2; ++round) {

@@ -126,6 +126,14 @@ TEST(FindSpanningTree, NamesTheGroupsAndThePairThatWouldBestJoinThem) {
   EXPECT_EQ(estimator.asked(), (std::vector<Pair>{{0, 1}, {2, 3}}));
 }
 
+TEST(FindSpanningTree, AvoidsAnEdgeUnlessNothingElseJoins) {
+  OverlapGraph graph = Graph(4, {{{0, 1}, 90}, {{1, 2}, 80}, {{0, 2}, 8}, {{2, 3}, 10}});
+  graph.avoided = {{0, 1}, {2, 3}};
+  Estimator estimator;
+  ASSERT_OK_AND_ASSIGN(const auto tree, FindSpanningTree(graph, std::ref(estimator)));
+  EXPECT_EQ(PairsOf(tree), (std::vector<Pair>{{1, 2}, {0, 2}, {2, 3}}));
+}
+
 TEST(FindSpanningTree, SaysThatSharedViewsDidNotAgree) {
   Estimator estimator({{{0, 1}, 0.0}});
   EXPECT_THAT(FindSpanningTree(Graph(2, {{{0, 1}, 400}}), std::ref(estimator)),

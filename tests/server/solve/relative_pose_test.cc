@@ -143,6 +143,27 @@ TEST(EstimateRelativePose, FindsThePoseFromAWandKeptInOnePlane) {
 }
 
 // Opposite cameras: the mirrored pose has the wand behind them.
+// A plane has two poses that agree with it, as long as the wand's direction tells little.
+TEST(EstimateRelativePose, GivesTheNextBestPoseWhenAskedForIt) {
+  Waving waving;
+  waving.depth_m = 0;
+  waving.turn = 0;
+  const std::vector<PairInstant> instants = Wave(SideBySide(), waving);
+  RelativePoseOptions options = Options();
+  const auto best = EstimateRelativePose(instants, options);
+  options.rank = 1;
+  const auto second = EstimateRelativePose(instants, options);
+  ASSERT_TRUE(best && second);
+  EXPECT_GT(best->b_from_a.rotation.angularDistance(second->b_from_a.rotation), 0.1);
+  EXPECT_LE(second->inlier_count, best->inlier_count);
+}
+
+TEST(EstimateRelativePose, GivesTheLastPoseWhereThereAreFewer) {
+  RelativePoseOptions options = Options();
+  options.rank = 5;
+  ExpectNear(EstimateRelativePose(Wave(SideBySide(), {}), options), SideBySide(), 0.02, 0.005);
+}
+
 TEST(EstimateRelativePose, FindsACameraThatLooksBackAtTheFirst) {
   const Eigen::Quaterniond rotation(Eigen::AngleAxisd(M_PI - 0.2, Eigen::Vector3d::UnitY()));
   const RigidTransform opposite(rotation, rotation * -Eigen::Vector3d(0.5, 0.2, 8));

@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+// rigcal-agent's commands, as a user types them, on rendered pictures.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "common/camera/camera_model.h"
+#include "common/simulation/frame_renderer.h"
+#include "common/simulation/simulated_world.h"
+#include "tests/testing/process.h"
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::testing {
+namespace {
+
+using nlohmann::json;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr char kTarget[] = "wand:0,0.13,0.39;diameter=0.04;hz=500";
+constexpr int kCamera = 2;
+constexpr int kPictures = 12;
+
+class AgentCommands : public ::testing::Test {
+ protected:
+  // Pictures of a simulated camera as a folder, named by their times.
+  void SetUp() override {
+    SimulationOptions options;
+    options.camera_count = 4;
+    options.duration_s = 30;
+    options.rate_hz = 10;
+    auto world = SimulatedWorld::Create(options, *ParseTarget(kTarget));
+    ASSERT_THAT(world, IsOk());
+    world_ = std::make_shared<const SimulatedWorld>(*std::move(world));
+    auto renderer = FrameRenderer::Create(world_, kCamera, {});
+    ASSERT_THAT(renderer, IsOk());
+    fs::create_directory(folder());
+    cv::Mat picture(1024, 1280, CV_8UC3);
+    for (int i = 0; i < kPictures; ++i) {
+      ASSERT_THAT(renderer->Render(i, {picture.data, renderer->buffer_size()}), IsOk());
+      const std::string time = std::to_string(world_->Observe(kCamera, i).time_ns);
+      cv::imwrite((folder() / ("f" + std::to_string(i) + "_" + time + ".png")).string(), picture);
+    }
+  }
+  fs::path folder() const { return directory_.path() / "my left"; }
+  fs::path Path(const std::string& name) const { return directory_.path() / name; }
+  Eigen::Vector2d TrueCentre(int frame, int marker) const {
+    const SimulatedCamera& camera = world_->cameras()[kCamera];
+    const WandPose wand = world_->WandAt(world_->FrameRigTime(kCamera, frame));
+    const double along_m = world_->true_target().marker_positions_m[static_cast<size_t>(marker)];
+    Eigen::Vector2d pixel;
+    EXPECT_TRUE(Project(
+        camera.true_intrinsics,
+        camera.cam_from_rig * Eigen::Vector3d(wand.origin_m + along_m * wand.direction), &pixel));
+    return pixel;
+  }
+  static std::vector<std::vector<double>> ReadCsv(const fs::path& path) {
+    std::vector<std::vector<double>> rows;
+    std::ifstream stream(path);
+    for (std::string line; std::getline(stream, line);) {
+      std::stringstream fields(line);
+      rows.emplace_back();
+      for (std::string field; std::getline(fields, field, ';');) {
+        rows.back().push_back(std::stod(field));
+      }
+    }
+    return rows;
+  }
+
+  TemporaryDirectory directory_;
+  std::shared_ptr<const SimulatedWorld> world_;
+};
+
+TEST_F(AgentCommands, DetectFindsTheWandInAFolder) {
+  const CommandResult result =
+      RunCommand({"rigcal-agent", "detect", folder().string(), "--target", kTarget, "--out",
+                  Path("left.csv").string(), "--annotate", Path("seen").string(), "-o", "json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const json report = json::parse(result.output);
+  EXPECT_EQ(report["pictures"], kPictures);
+  EXPECT_EQ(report["outcomes"]["wand"], kPictures);
+  EXPECT_EQ(report["detection_rate"], 1.0);
+  EXPECT_GT(report["tracked"], kPictures / 2);
+  const auto rows = ReadCsv(Path("left.csv"));
+  ASSERT_EQ(rows.size(), size_t{kPictures});
+  for (int i = 0; i < kPictures; ++i) {
+    const std::vector<double>& row = rows[static_cast<size_t>(i)];
+    ASSERT_EQ(row.size(), 7u);
+    EXPECT_EQ(row[0], static_cast<double>(world_->Observe(kCamera, i).time_ns));
+    for (int m = 0; m < 3; ++m) {
+      const Eigen::Vector2d truth = TrueCentre(i, m);
+      // The centre of an image is up to 0.2 px from that of its sphere: no calibration was given.
+      EXPECT_NEAR(row[static_cast<size_t>(1 + 2 * m)], truth.x(), 0.5);
+      EXPECT_NEAR(row[static_cast<size_t>(2 + 2 * m)], truth.y(), 0.5);
+    }
+  }
+  int annotated = 0;
+  for (const auto& entry : fs::directory_iterator(Path("seen"))) {
+    EXPECT_EQ(cv::imread(entry.path().string()).size(), cv::Size(1280, 1024));
+    ++annotated;
+  }
+  EXPECT_EQ(annotated, kPictures);
+}
+
+TEST_F(AgentCommands, DetectFindsTheSameWithoutTracking) {
+  const auto run = [&](std::vector<std::string> more) {
+    std::vector<std::string> command = {"rigcal-agent", "detect", folder().string(),     "--target",
+                                        kTarget,        "--out",  Path("a.csv").string()};
+    command.insert(command.end(), more.begin(), more.end());
+    const CommandResult result = RunCommand(command);
+    EXPECT_EQ(result.exit_code, 0) << result.error;
+    EXPECT_THAT(result.output, AllOf(HasSubstr("100.00 %"), HasSubstr("pictures/s")));
+    return ReadCsv(Path("a.csv"));
+  };
+  const auto tracked = run({});
+  const auto searched = run({"--no-tracking"});
+  ASSERT_EQ(tracked.size(), searched.size());
+  for (size_t i = 0; i < tracked.size(); ++i) {
+    for (size_t k = 0; k < tracked[i].size(); ++k) EXPECT_NEAR(tracked[i][k], searched[i][k], 1e-4);
+  }
+}
+
+TEST_F(AgentCommands, DetectGoesOnAfterDamagedPictures) {
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(folder())) pictures.push_back(entry.path());
+  fs::resize_file(pictures[0], fs::file_size(pictures[0]) / 2);
+  cv::imwrite(pictures[1].string(), cv::Mat(1024, 1280, CV_8UC3, cv::Scalar(0, 0, 0)));
+  cv::imwrite(pictures[2].string(), cv::Mat(1024, 1280, CV_8UC3, cv::Scalar::all(255)));
+  cv::imwrite(pictures[3].string(), cv::Mat(480, 640, CV_8UC3, cv::Scalar(0, 0, 0)));
+  const CommandResult result =
+      RunCommand({"rigcal-agent", "detect", folder().string(), "--target", kTarget, "-o", "json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const json report = json::parse(result.output);
+  EXPECT_EQ(report["damaged"], 2);
+  EXPECT_EQ(report["pictures"], kPictures - 2);
+  EXPECT_EQ(report["outcomes"]["black"], 1);
+  EXPECT_EQ(report["outcomes"]["saturated"], 1);
+  EXPECT_EQ(report["outcomes"]["wand"], kPictures - 4);
+}
+
+TEST_F(AgentCommands, TuneLearnsARangeThatFindsTheWand) {
+  const CommandResult tuned = RunCommand({"rigcal-agent", "tune", folder().string(), "--target",
+                                          kTarget, "--out", Path("detector.toml").string()});
+  ASSERT_EQ(tuned.exit_code, 0) << tuned.error;
+  std::ifstream stream(Path("detector.toml"));
+  const std::string snippet(std::istreambuf_iterator<char>(stream), {});
+  EXPECT_THAT(tuned.output, HasSubstr(snippet));
+  // As somebody would paste it.
+  std::ofstream(Path("agent.toml")) << "[[camera]]\nsource = \"images:my left\"\nname = \"left\"\n"
+                                    << "calibration = \"none\"\nspeed = \"max\"\n"
+                                    << snippet;
+  const CommandResult result =
+      RunCommand({"rigcal-agent", "detect", "--config", Path("agent.toml").string(), "--target",
+                  kTarget, "-o", "json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_EQ(json::parse(result.output)["detection_rate"], 1.0);
+}
+
+TEST_F(AgentCommands, MaskHidesWhatStandsStill) {
+  // A folder in which nothing moves but the last pictures' wand.
+  const fs::path still = Path("still");
+  fs::create_directory(still);
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(folder())) pictures.push_back(entry.path());
+  for (int i = 0; i < 4; ++i) {
+    fs::copy_file(pictures[0], still / ("000000000" + std::to_string(i) + "0000000.png"));
+  }
+  const std::string mask = Path("mask.png").string();
+  const CommandResult learnt =
+      RunCommand({"rigcal-agent", "mask", still.string(), "--out", mask, "-o", "json"});
+  ASSERT_EQ(learnt.exit_code, 0) << learnt.error;
+  EXPECT_EQ(json::parse(learnt.output)["pictures"], 4);
+  EXPECT_GT(json::parse(learnt.output)["ignored_pixels"], 100);
+  const CommandResult hidden = RunCommand({"rigcal-agent", "detect", still.string(), "--target",
+                                           kTarget, "--set", "mask=" + mask, "-o", "json"});
+  ASSERT_EQ(hidden.exit_code, 0) << hidden.error;
+  EXPECT_EQ(json::parse(hidden.output)["outcomes"]["wand"], 0);
+}
+
+TEST_F(AgentCommands, SayWhatIsWrongAndExitWithOneOrTwo) {
+  struct Case {
+    std::vector<std::string> arguments;
+    int exit_code;
+    std::string what;
+  };
+  const std::string left = folder().string();
+  const std::string empty = Path("empty").string();
+  fs::create_directory(empty);
+  const std::string text = directory_.WriteFile("text.mkv", "no video").string();
+  const std::vector<Case> cases = {
+      {{"detect", left}, 2, "--target"},
+      {{"detect", left, "--target", "stick"}, 2, "stick"},
+      {{"detect", "--target", kTarget}, 2, "which pictures"},
+      {{"detect", left, "--target", kTarget, "-o", "xml"}, 2, "xml"},
+      {{"detect", left, "--target", kTarget, "--set", "hue_min=red"}, 2, "hue_min=red"},
+      {{"detect", left, "--target", kTarget, "--annotate", Path("one.png").string()}, 2, "several"},
+      {{"detect", "/nowhere", "--target", kTarget}, 1, "/nowhere"},
+      {{"detect", empty, "--target", kTarget}, 1, "no picture"},
+      {{"detect", text, "--target", kTarget}, 1, "no video"},
+      {{"detect", left, "--target", kTarget, "--out", "/nowhere/a.csv"}, 1, "/nowhere/a.csv"},
+      {{"mask", left}, 2, "--out"},
+      {{"mask", left, "--out", "/nowhere/m.png"}, 1, "/nowhere/m.png"},
+      {{"tune", empty, "--target", kTarget}, 1, "no picture"},
+      {{"dance"}, 2, "dance"},
+  };
+  for (const Case& one : cases) {
+    std::vector<std::string> command = {"rigcal-agent"};
+    command.insert(command.end(), one.arguments.begin(), one.arguments.end());
+    const CommandResult result = RunCommand(command);
+    EXPECT_EQ(result.exit_code, one.exit_code) << one.what << "\n" << result.error;
+    EXPECT_THAT(result.error, HasSubstr(one.what));
+    EXPECT_EQ(result.output, "") << one.what;
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::testing

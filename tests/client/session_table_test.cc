@@ -25,6 +25,27 @@ TEST(FormatSession, ShowsCamerasAndRefusals) {
   EXPECT_THAT(text, ContainsRegex("right +csv_field_count +2 +right.csv:17: 6 fields"));
 }
 
+TEST(FormatSession, ShowsWhatBecameOfPicturesWhereThereAreAny) {
+  v1::Session session = FullSession();
+  EXPECT_THAT(FormatSession(session), Not(HasSubstr("pictures")));
+  v1::FrameCounts* frames = session.mutable_cameras(1)->mutable_frames();
+  frames->set_received(610);
+  frames->set_damaged(2);
+  frames->set_lost(7);
+  frames->set_reconnects(1);
+  v1::DetectionCounts* seen = session.mutable_cameras(1)->mutable_detections();
+  seen->set_wand(600);
+  seen->set_no_wand(5);
+  seen->set_no_blob(4);
+  seen->set_ambiguous(3);
+  seen->set_too_many_blobs(8);
+  seen->set_black(9);
+  seen->set_saturated(11);
+  EXPECT_THAT(FormatSession(session),
+              ContainsRegex("right +610 +2 +7 +1 +600 +5 +4 +3 +8 +9 +11\n"));
+  EXPECT_THAT(FormatSessionLine(session), HasSubstr("right 619 (9 of 619 pictures lost)"));
+}
+
 TEST(FormatSession, NamesMissingCameras) {
   v1::Session session = FullSession();
   EXPECT_THAT(FormatSession(session), Not(HasSubstr("missing")));

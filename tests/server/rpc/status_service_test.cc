@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <future>
 #include <string>
 
 #include "common/wire/grpc_status.h"
@@ -14,6 +15,8 @@
 
 namespace rigcal::testing {
 namespace {
+
+using ::testing::HasSubstr;
 
 class StatusService : public RpcFixture {
  protected:
@@ -79,6 +82,69 @@ TEST_F(StatusService, ListsAgentsThatAreThereAndThatWere) {
   EXPECT_FALSE(agents[0].has_disconnect_time());
   EXPECT_FALSE(agents[1].connected());
   EXPECT_TRUE(agents[1].has_disconnect_time());
+}
+
+class PreviewService : public RpcFixture {
+ protected:
+  absl::StatusOr<v1::GetPreviewResponse> Get(const std::string& camera) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+    v1::GetPreviewRequest request;
+    request.set_camera(camera);
+    v1::GetPreviewResponse response;
+    const absl::Status status = wire::FromGrpc(
+        v1::StatusService::NewStub(channel())->GetPreview(&context, request, &response));
+    if (!status.ok()) return status;
+    return response;
+  }
+  // What the agent says to the next request.
+  static v1::AgentMessage Answer(TestAgent& agent) {
+    const v1::PreviewRequest request =
+        agent.ReadUntil(v1::ServerMessage::kPreviewRequest).preview_request();
+    EXPECT_EQ(request.camera(), "left");
+    v1::AgentMessage message;
+    v1::Preview* preview = message.mutable_preview();
+    preview->set_request_id(request.request_id());
+    preview->set_jpeg("jpeg");
+    preview->mutable_info()->set_camera("left");
+    preview->mutable_info()->set_outcome(v1::DETECTION_OUTCOME_WAND);
+    return message;
+  }
+};
+
+TEST_F(PreviewService, BringsThePictureOfAnAgentOverItsStream) {
+  TestAgent agent(channel(), MakeHello("pc", {"left"}));
+  agent.ReadHello();
+  std::future<absl::StatusOr<v1::GetPreviewResponse>> preview =
+      std::async(std::launch::async, [&] { return Get("left"); });
+  agent.Send(Answer(agent));
+  ASSERT_OK_AND_ASSIGN(const v1::GetPreviewResponse response, preview.get());
+  EXPECT_EQ(response.agent_id(), "pc");
+  EXPECT_EQ(response.jpeg(), "jpeg");
+  EXPECT_EQ(response.info().jpeg_bytes(), 4u);
+  EXPECT_EQ(response.info().outcome(), v1::DETECTION_OUTCOME_WAND);
+  EXPECT_THAT(Get("right"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("rig/left")));
+}
+
+TEST_F(PreviewService, AMalformedAnswerEndsTheStreamAndTheWait) {
+  TestAgent agent(channel(), MakeHello("pc", {"left"}));
+  agent.ReadHello();
+  std::future<absl::StatusOr<v1::GetPreviewResponse>> preview =
+      std::async(std::launch::async, [&] { return Get("left"); });
+  v1::AgentMessage answer = Answer(agent);
+  answer.mutable_preview()->clear_jpeg();
+  agent.Send(answer);
+  EXPECT_THAT(agent.AwaitEnd(),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("preview.jpeg")));
+  EXPECT_THAT(preview.get(), StatusIs(absl::StatusCode::kAborted, HasSubstr("disconnected")));
+}
+
+TEST_F(PreviewService, AnOldAgentIsNotAsked) {
+  v1::AgentHello hello = MakeHello("pc", {"left"});
+  hello.mutable_protocol_version()->set_minor(0);
+  TestAgent agent(channel(), hello);
+  agent.ReadHello();
+  EXPECT_THAT(Get("left"), StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("update")));
 }
 
 }  // namespace

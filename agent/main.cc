@@ -32,7 +32,7 @@ constexpr char kDescription[] =
     "Streams what the cameras of this PC see of the wand to a rigcal server.";
 constexpr char kFooter[] =
     "SPEC is [NAME=]KIND and what it needs:\n"
-    "  csv:PATH[;sigma=PX]                          recorded markers\n"
+    "  csv:PATH[;sigma=PX][;centres=blob|sphere]    recorded markers\n"
     "  images:FOLDER[;fps=RATE][;timestamps=FILE]   recorded pictures\n"
     "  video:FILE[;fps=RATE][;timestamps=FILE]      the same\n"
     "  aravis:DEVICE[;exposure=S][;gain=DB][;frame_rate=HZ][;trigger=software|LINE]\n"

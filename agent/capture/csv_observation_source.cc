@@ -130,6 +130,9 @@ absl::StatusOr<std::optional<Observation>> CsvObservationSource::Next() {
       Refuse(fault->reason, line->number, fault->what);
       continue;
     }
+    for (MarkerObservation& marker : observation.markers) {
+      marker.centre_kind = options_.centre_kind;
+    }
     AssignClockEpoch(line->number, &observation);
     if (!pacer_.Wait(observation.time_ns)) break;
     return observation;

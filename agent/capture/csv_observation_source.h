@@ -23,7 +23,10 @@ struct CsvSourceOptions {
   std::string path;              // lines `timestamp_ns;x0;y0;x1;y1;...`, see csv_line.h
   std::string calibration_path;  // OpenCV YAML with the camera's intrinsics and image size
   double sigma_px = 0.5;         // one sigma of each coordinate of every centre, > 0
-  double speed = 1;              // times the recorded pace, > 0; kMaxSpeed: no waiting
+  // What the centres of the file are; sphere centres are what `rigcal-agent detect` writes where it
+  // knows the camera's intrinsics and the spheres' diameter.
+  CentreKind centre_kind = CentreKind::kImageBlob;
+  double speed = 1;  // times the recorded pace, > 0; kMaxSpeed: no waiting
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;

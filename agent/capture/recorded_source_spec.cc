@@ -83,6 +83,13 @@ absl::StatusOr<SourceSpec> ParseCsvSource(SourceText text) {
   given.TakeSpeed(&options.speed);
   given.Take("sigma", "a number of pixels above 0", kTiny, kLargest, &options.sigma_px);
   given.Take("calibration", &options.calibration_path);
+  std::string centres = "blob";
+  given.Take("centres", &centres);
+  if (centres == "sphere") {
+    options.centre_kind = CentreKind::kSphereCentre;
+  } else if (centres != "blob") {
+    given.AddFault("centres", "is neither blob nor sphere");
+  }
   RIGCAL_RETURN_IF_ERROR(given.Finish());
   return options;
 }

@@ -35,7 +35,7 @@ using SourceSpec = std::variant<CsvSourceOptions, SimulatedSourceOptions, Pictur
 
 // Reads what a user types behind --source:
 //
-//   [NAME=]csv:PATH[;speed=max|FACTOR][;sigma=0.5][;calibration=FILE]
+//   [NAME=]csv:PATH[;speed=max|FACTOR][;sigma=0.5][;centres=blob|sphere][;calibration=FILE]
 //   [NAME=]sim:camera=INDEX[;<simulation options>][;speed=max|FACTOR]
 //   [NAME=]sim:camera=INDEX;pixels=1[;<simulation options>][;<rendering options>][;speed=...]
 //   [NAME=]images:FOLDER[;timestamps=FILE][;fps=RATE][;exposure=S][;calibration=FILE][;speed=...]
@@ -45,10 +45,11 @@ using SourceSpec = std::variant<CsvSourceOptions, SimulatedSourceOptions, Pictur
 //
 // NAME is the path's stem, sim_INDEX or DEVICE unless given. csv, images and video: FILE is the
 // path with .yaml for its ending unless given; images and video do with calibration=none. sigma in
-// pixels. Simulation and rendering options as in ParseSimulationOptions and
-// ParseFrameRenderOptions, but the wand's speed only as `wand_speed`, since `speed` is the pace.
-// speed: times the recorded pace, 1 unless given. Every source of pictures takes the detector's
-// options too, see TakeDetectingOptions. Neither path nor FILE can hold a ';'.
+// pixels. centres: what the file's centres are, the image's (blob) or the sphere's. Simulation and
+// rendering options as in ParseSimulationOptions and ParseFrameRenderOptions, but the wand's speed
+// only as `wand_speed`, since `speed` is the pace. speed: times the recorded pace, 1 unless given.
+// Every source of pictures takes the detector's options too, see TakeDetectingOptions. Neither path
+// nor FILE can hold a ';'.
 //
 // INVALID_ARGUMENT quotes the parts that are wrong and shows a right example.
 absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text);

@@ -95,6 +95,10 @@ class Detecting {
       report_.reading.Add(frames_->read_time().count());
       report_.detections = *source_->detection_counts();
       if (csv != nullptr) csv->Write(*observation);
+      for (const MarkerObservation& marker : observation->markers) {
+        if (!marker.visible) continue;
+        report_.centres = marker.centre_kind == CentreKind::kSphereCentre ? "sphere" : "blob";
+      }
       if (report_.looked_at() == seen_before) {
         ++report_.learning;
         continue;

@@ -72,6 +72,9 @@ std::string FormatReport(const DetectionReport& report) {
     AppendCount(&text, DetectionOutcomeText(outcome), count, looked_at);
   }
   AppendCount(&text, "found by tracking", report.tracked, looked_at);
+  if (!report.centres.empty()) {
+    absl::StrAppendFormat(&text, "%-30s %8s\n", "centres (csv:PATH;centres=...)", report.centres);
+  }
   if (report.learning > 0) {
     absl::StrAppendFormat(&text, "%-30s %8d\n", "pictures for the mask only", report.learning);
   }
@@ -106,6 +109,7 @@ std::string ReportJson(const DetectionReport& report) {
   }
   json["detection_rate"] = report.detection_rate();
   json["tracked"] = report.tracked;
+  json["centres"] = report.centres;
   json["refused"] = nlohmann::ordered_json::array();
   for (const Refusal& refusal : report.refused) {
     json["refused"].push_back(

@@ -28,6 +28,8 @@ struct DetectionReport {
   DetectionCounts detections;
   uint64_t learning = 0;  // pictures that went into the mask only
   uint64_t tracked = 0;   // wands found in the predicted window
+  // "sphere" or "blob", as csv: is to be told with ;centres=; empty: no marker was seen.
+  std::string centres;
   std::vector<Refusal> refused;
   Durations reading;  // from file or camera, decoding or rendering included
   Durations detecting;
@@ -41,7 +43,7 @@ struct DetectionReport {
 // For people: counts and rates, then times.
 std::string FormatReport(const DetectionReport& report);
 // The same as one JSON object, a contract: pictures, damaged, lost, learning, outcomes{word:
-// count}, detection_rate, tracked, refused[{reason, count, example}], reading_ms and
+// count}, detection_rate, tracked, centres, refused[{reason, count, example}], reading_ms and
 // detecting_ms{mean, median, p95}, pictures_per_s.
 std::string ReportJson(const DetectionReport& report);
 

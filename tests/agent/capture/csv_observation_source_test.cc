@@ -61,6 +61,16 @@ class CsvObservationSourceTest : public ::testing::Test {
   TemporaryDirectory directory_;
 };
 
+TEST_F(CsvObservationSourceTest, SaysWhatItWasToldThatTheCentresAre) {
+  for (const CentreKind kind : {CentreKind::kImageBlob, CentreKind::kSphereCentre}) {
+    CsvSourceOptions options = Options("1;2;3\n");
+    options.centre_kind = kind;
+    ASSERT_OK_AND_ASSIGN(const auto source, CsvObservationSource::Create(options));
+    ASSERT_THAT(source->Start(WandOf(1)), IsOk());
+    EXPECT_EQ(Drain(*source).at(0).markers[0].centre_kind, kind);
+  }
+}
+
 TEST_F(CsvObservationSourceTest, DescribesTheCameraByItsNameAndCalibration) {
   ASSERT_OK_AND_ASSIGN(const auto source, CsvObservationSource::Create(Options("1;2;3\n")));
   const CameraDescription& camera = source->description();

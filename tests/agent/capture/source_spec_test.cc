@@ -31,11 +31,13 @@ TEST(ParseSourceSpec, FillsInWhatACsvSourceLeavesOut) {
 TEST(ParseSourceSpec, TakesEveryPartOfACsvSource) {
   ASSERT_OK_AND_ASSIGN(
       const SourceSpec spec,
-      ParseSourceSpec("left=csv:x=1/f.csv;speed=max;sigma=0.25;calibration=c/left.yml"));
+      ParseSourceSpec("left=csv:x=1/f.csv;speed=max;sigma=0.25;calibration=c/left.yml;"
+                      "centres=sphere"));
   const auto& csv = std::get<CsvSourceOptions>(spec);
   EXPECT_EQ(CameraNameOf(spec), "left");
   EXPECT_EQ(csv.path, "x=1/f.csv");
   EXPECT_EQ(csv.calibration_path, "c/left.yml");
+  EXPECT_EQ(csv.centre_kind, CentreKind::kSphereCentre);
   EXPECT_EQ(csv.speed, kMaxSpeed);
   EXPECT_EQ(csv.sigma_px, 0.25);
 }
@@ -89,6 +91,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadSpec{"csv:a.csv;sigma=nan", "sigma=nan"}, BadSpec{"csv:a.csv;sigma", "\"sigma\""},
         BadSpec{"csv:a.csv;calibration=", "\"calibration=\""},
         BadSpec{"csv:a.csv;", "part \"\" is not KEY=VALUE"},
+        BadSpec{"csv:a.csv;centres=round", "centres=round"},
         BadSpec{"csv:a.csv;gamma=2", "\"gamma\" is not known"},
         BadSpec{"csv:a.csv;speed=1;speed=2", "speed is given twice"},
         BadSpec{"csv:\xff.csv", "not UTF-8"}, BadSpec{"csv:/data/my camera.csv", "camera name"},

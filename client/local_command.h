@@ -7,7 +7,7 @@
 
 #include "client/command_context.h"
 #include "common/calibration/calibration_options.h"
-#include "common/simulation/simulation_options.h"
+#include "common/simulation/simulated_rig_options.h"
 #include "common/target/target.h"
 
 namespace rigcal::client {
@@ -17,7 +17,7 @@ inline constexpr const char* kDefaultTarget = "wand:0,0.13,0.39";
 struct LocalOptions {
   // Exactly one of the two.
   std::filesystem::path data;
-  std::optional<SimulationOptions> simulation;
+  std::optional<SimulatedRigOptions> simulation;
 
   Target target;
   std::filesystem::path keep;  // empty: nothing stays

@@ -25,7 +25,7 @@ void AddSimulateOption(CLI::App* app, LocalOptions* options) {
   app->add_option_function<std::string>(
          "--simulate",
          [options](const std::string& text) {
-           absl::StatusOr<SimulationOptions> parsed = ParseSimulationOptions(text);
+           absl::StatusOr<SimulatedRigOptions> parsed = ParseSimulatedRigOptions(text);
            if (!parsed.ok()) {
              throw CLI::ValidationError("--simulate " + text,
                                         std::string(parsed.status().message()));
@@ -33,7 +33,9 @@ void AddSimulateOption(CLI::App* app, LocalOptions* options) {
            options->simulation = *std::move(parsed);
          },
          "A simulated rig instead, compared with its truth afterwards; \"\" or such as "
-         "\"cameras=6;seed=1;duration=60;noise=0.3;outliers=0.02;offset.2=0.008\"")
+         "\"cameras=6;seed=1;duration=60;noise=0.3;outliers=0.02;offset.2=0.008\"; with pixels=1 "
+         "its "
+         "agents find the wand in rendered pictures: \"cameras=4;pixels=1;clutter=0.5;lux=300\"")
       ->type_name("OPTIONS");
 }
 

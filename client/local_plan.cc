@@ -3,7 +3,9 @@
 
 #include <system_error>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::client {
@@ -31,6 +33,16 @@ absl::StatusOr<fs::path> ReachableFolder(const fs::path& folder, const fs::path&
   return link;
 }
 
+// `seed` belongs to both, and the world's stands there already.
+std::string WithPictures(std::string options, const FrameRenderOptions& pictures) {
+  absl::StrAppend(&options, ";pixels=1");
+  for (const auto part :
+       absl::StrSplit(FormatFrameRenderOptions(pictures), ';', absl::SkipEmpty())) {
+    if (!absl::StartsWith(part, "seed=")) absl::StrAppend(&options, ";", part);
+  }
+  return options;
+}
+
 }  // namespace
 
 absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
@@ -47,11 +59,12 @@ absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::
   return plan;
 }
 
-absl::StatusOr<LocalPlan> PlanSimulated(const SimulationOptions& simulation, const Target& target,
+absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
                                         const std::string& speed) {
   LocalPlan plan;
-  RIGCAL_ASSIGN_OR_RETURN(plan.world, SimulatedWorld::Create(simulation, target));
-  const std::string options = FormatSimulationOptions(simulation);
+  RIGCAL_ASSIGN_OR_RETURN(plan.world, SimulatedWorld::Create(rig.world, target));
+  std::string options = FormatSimulationOptions(rig.world);
+  if (rig.pictures) options = WithPictures(options, *rig.pictures);
   for (size_t i = 0; i < plan.world->cameras().size(); ++i) {
     const std::string& name = plan.world->cameras()[i].description.camera;
     plan.cameras.push_back(

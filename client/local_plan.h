@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "client/local_rig.h"
 #include "client/recorded_folder.h"
+#include "common/simulation/simulated_rig_options.h"
 #include "common/simulation/simulated_world.h"
 #include "common/target/target.h"
 
@@ -25,7 +26,7 @@ struct LocalPlan {
 // INVALID_ARGUMENT where that path has one, too.
 absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
                                        const std::filesystem::path& link_in);
-absl::StatusOr<LocalPlan> PlanSimulated(const SimulationOptions& simulation, const Target& target,
+absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
                                         const std::string& speed);
 
 }  // namespace rigcal::client

@@ -100,7 +100,7 @@ class LocalCommand : public ::testing::Test {
     Console console{.out = out, .err = err, .err_is_terminal = terminal, .format = format};
     CommandContext context{console, "127.0.0.1:1"};
     LocalOptions options;
-    options.simulation = *ParseSimulationOptions(kSimulation);
+    options.simulation = *ParseSimulatedRigOptions(kSimulation);
     options.target = *ParseTarget(kDefaultTarget);
     options.keep = keep;
     options.programs = Programs();
@@ -124,8 +124,8 @@ class LocalCommand : public ::testing::Test {
   // The stand-ins stay until they are asked to go.
   static constexpr const char* kStay = "echo started\nexec sleep 1000\n";
 
-  const SimulatedWorld world_ =
-      *SimulatedWorld::Create(*ParseSimulationOptions(kSimulation), *ParseTarget(kDefaultTarget));
+  const SimulatedWorld world_ = *SimulatedWorld::Create(
+      ParseSimulatedRigOptions(kSimulation)->world, *ParseTarget(kDefaultTarget));
   const rigcal::testing::TemporaryDirectory directory_;
   FakeServer fake_;
 };

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "common/simulation/frame_render_options.h"
+#include "common/simulation/simulation_options.h"
+
+namespace rigcal {
+
+// A simulated rig as people type it: the world, and with `pixels=1` the pictures its cameras take.
+struct SimulatedRigOptions {
+  SimulationOptions world;
+  std::optional<FrameRenderOptions> pictures;  // none: the cameras yield markers
+};
+
+// Reads `cameras=4;seed=1;pixels=1;clutter=0.5`: the parts of ParseSimulationOptions, and with
+// `pixels=1` those of ParseFrameRenderOptions; `seed` is that of both.
+absl::StatusOr<SimulatedRigOptions> ParseSimulatedRigOptions(std::string_view text);
+
+}  // namespace rigcal

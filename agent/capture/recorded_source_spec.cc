@@ -33,14 +33,6 @@ bool IsUtf8(std::string_view text) {
   return true;
 }
 
-absl::Status CheckPath(std::string_view kind, const std::string& path) {
-  if (path.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("there is no path behind ", std::string(kind)));
-  }
-  if (!IsUtf8(path)) return absl::InvalidArgumentError("the path is not UTF-8; rename it");
-  return absl::OkStatus();
-}
-
 // "rig/left/" is the folder "rig/left".
 std::filesystem::path WithoutSlash(const std::string& path) {
   const std::filesystem::path with(path);
@@ -50,7 +42,7 @@ std::filesystem::path WithoutSlash(const std::string& path) {
 // What folders of pictures and videos have in common.
 template <typename Options>
 absl::StatusOr<SourceSpec> ParsePictures(std::string_view kind, SourceText text) {
-  RIGCAL_RETURN_IF_ERROR(CheckPath(kind, text.subject));
+  RIGCAL_RETURN_IF_ERROR(CheckSourcePath(kind, text.subject));
   Options options;
   options.path = text.subject;
   std::filesystem::path beside = WithoutSlash(text.subject);
@@ -72,8 +64,16 @@ absl::StatusOr<SourceSpec> ParsePictures(std::string_view kind, SourceText text)
 
 }  // namespace
 
+absl::Status CheckSourcePath(std::string_view kind, const std::string& path) {
+  if (path.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("there is no path behind ", std::string(kind)));
+  }
+  if (!IsUtf8(path)) return absl::InvalidArgumentError("the path is not UTF-8; rename it");
+  return absl::OkStatus();
+}
+
 absl::StatusOr<SourceSpec> ParseCsvSource(SourceText text) {
-  RIGCAL_RETURN_IF_ERROR(CheckPath("csv:", text.subject));
+  RIGCAL_RETURN_IF_ERROR(CheckSourcePath("csv:", text.subject));
   CsvSourceOptions options;
   options.path = text.subject;
   const std::filesystem::path path(options.path);

@@ -30,10 +30,16 @@ absl::StatusOr<SourceSpec> ParseCsvSource(SourceText text);
 absl::StatusOr<SourceSpec> ParseImagesSource(SourceText text);
 absl::StatusOr<SourceSpec> ParseVideoSource(SourceText text);
 absl::StatusOr<SourceSpec> ParseAravisSource(SourceText text);
+absl::StatusOr<SourceSpec> ParseRawSource(SourceText text);
 // Observations, or with pixels=1 pictures and a detector.
 absl::StatusOr<SourceSpec> ParseSimulatedSource(SourceText text);
 
 // What every source of pictures takes: how the wand is found in them.
 void TakeDetectingOptions(SourceOptions* options, DetectingOptions* detecting);
+// What every source of events takes.
+void TakeBlinkOptions(SourceOptions* options, BlinkWandDetectorOptions* detector);
+
+// INVALID_ARGUMENT: no path, or one that is not UTF-8. `kind` with its colon.
+absl::Status CheckSourcePath(std::string_view kind, const std::string& path);
 
 }  // namespace rigcal::agent

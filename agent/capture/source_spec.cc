@@ -24,6 +24,7 @@ constexpr std::array kKinds = {
     SourceKind{"images:", true, "left=images:rig/left;fps=25;hue_max=40", ParseImagesSource},
     SourceKind{"video:", true, "left=video:rig/left.mkv;speed=max", ParseVideoSource},
     SourceKind{"aravis:", true, "left=aravis:192.168.1.5;exposure=0.004", ParseAravisSource},
+    SourceKind{"raw:", true, "left=raw:rig/left.raw;rate=200;trigger=rising", ParseRawSource},
 };
 static_assert(kKinds.size() == kSourceKindNames.size());
 
@@ -114,6 +115,10 @@ struct Maker {
     RIGCAL_ASSIGN_OR_RETURN(auto frames, CreateFrameSource(spec));
     return DetectingObservationSource::Create(std::move(frames), spec.detecting);
   }
+  Result operator()(const EventSourceSpec& spec) const {
+    RIGCAL_ASSIGN_OR_RETURN(auto events, RawEventSource::Create(spec.events));
+    return EventObservationSource::Create(std::move(events), spec.detector);
+  }
 };
 
 }  // namespace
@@ -148,6 +153,7 @@ const std::string& CameraNameOf(const PictureSourceSpec& spec) {
 
 const std::string& CameraNameOf(const SourceSpec& spec) {
   if (const auto* pictures = std::get_if<PictureSourceSpec>(&spec)) return CameraNameOf(*pictures);
+  if (const auto* events = std::get_if<EventSourceSpec>(&spec)) return events->events.camera;
   if (const auto* csv = std::get_if<CsvSourceOptions>(&spec)) return csv->camera;
   return std::get<SimulatedSourceOptions>(spec).camera;
 }

@@ -11,9 +11,11 @@
 #include "agent/capture/aravis_options.h"
 #include "agent/capture/csv_observation_source.h"
 #include "agent/capture/detecting_observation_source.h"
+#include "agent/capture/event_observation_source.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/images_frame_source.h"
 #include "agent/capture/observation_source.h"
+#include "agent/capture/raw_event_source.h"
 #include "agent/capture/simulated_frame_source.h"
 #include "agent/capture/simulated_observation_source.h"
 #include "agent/capture/source_options.h"
@@ -30,8 +32,15 @@ struct PictureSourceSpec {
   DetectingOptions detecting;
 };
 
+// Where one camera's events come from, and how the wand is found in them.
+struct EventSourceSpec {
+  RawSourceOptions events;
+  BlinkWandDetectorOptions detector;
+};
+
 // Where one camera's observations come from.
-using SourceSpec = std::variant<CsvSourceOptions, SimulatedSourceOptions, PictureSourceSpec>;
+using SourceSpec =
+    std::variant<CsvSourceOptions, SimulatedSourceOptions, PictureSourceSpec, EventSourceSpec>;
 
 // Reads what a user types behind --source:
 //
@@ -42,14 +51,18 @@ using SourceSpec = std::variant<CsvSourceOptions, SimulatedSourceOptions, Pictur
 //   [NAME=]video:FILE, with the same options
 //   [NAME=]aravis:DEVICE[;exposure=S][;gain=DB][;frame_rate=HZ][;trigger=...][;pixel_format=...]
 //          [;ptp=1][;calibration=FILE][;...]
+//   [NAME=]raw:FILE[;geometry=WxH][;clock=ID][;calibration=FILE][;speed=max|FACTOR]
+//          [;rate=HZ][;trigger=rising|falling|middle|none][;trigger_channel=N][;band=SHARE][;...]
 //
-// NAME is the path's stem, sim_INDEX or DEVICE unless given. csv, images and video: FILE is the
-// path with .yaml for its ending unless given; images and video do with calibration=none. sigma in
-// pixels. centres: what the file's centres are, the image's (blob) or the sphere's. Simulation and
-// rendering options as in ParseSimulationOptions and ParseFrameRenderOptions, but the wand's speed
-// only as `wand_speed`, since `speed` is the pace. speed: times the recorded pace, 1 unless given.
-// Every source of pictures takes the detector's options too, see TakeDetectingOptions. Neither path
-// nor FILE can hold a ';'.
+// raw: reads events of an event camera and tells where the wand is `rate` times a second (200
+// unless a trigger is named, 10 to 1000), at external triggers, or both; sensors on one sync cable
+// name one clock. NAME is the path's stem, sim_INDEX or DEVICE unless given. csv, images, video and
+// raw: FILE is the path with .yaml for its ending unless given; images, video and raw do with
+// calibration=none. sigma in pixels. centres: what the file's centres are, the image's (blob) or
+// the sphere's. Simulation and rendering options as in ParseSimulationOptions and
+// ParseFrameRenderOptions, but the wand's speed only as `wand_speed`, since `speed` is the pace.
+// speed: times the recorded pace, 1 unless given. Every source of pictures takes the detector's
+// options too, see TakeDetectingOptions. Neither path nor FILE can hold a ';'.
 //
 // INVALID_ARGUMENT quotes the parts that are wrong and shows a right example.
 absl::StatusOr<SourceSpec> ParseSourceSpec(std::string_view text);

@@ -21,6 +21,7 @@ namespace rigcal::agent {
 // Start.
 struct EventChunk {
   EventFormat format = EventFormat::kEvt3;
+  bool halves_swapped = false;  // EVT 2.1 as an IMX636 sends it
   std::span<const uint8_t> bytes;
   uint64_t byte_offset = 0;  // of the first byte in its file or stream, for messages
 };

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/capture/observation_source.h"
+#include "agent/detect/blink_wand_detector.h"
+#include "agent/event/event_source.h"
+#include "common/status/refusal.h"
+
+namespace rigcal::agent {
+
+// A detector behind a camera that yields events: one observation for each answer of
+// BlinkWandDetector, empty where the wand is not found. Counts among the refused what was wrong in
+// the stream: event_unknown_word, event_outside_geometry, event_before_time,
+// event_truncated_bytes, and of its answers event_trigger_too_dense and event_out_of_order.
+class EventObservationSource : public ObservationSource {
+ public:
+  // INVALID_ARGUMENT: the options; the message begins with the camera's name.
+  static absl::StatusOr<std::unique_ptr<EventObservationSource>> Create(
+      std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options);
+
+  const CameraDescription& description() const override { return events_->description(); }
+  absl::Status Start(const Target& target) override;
+  absl::StatusOr<std::optional<Observation>> Next() override;
+  void Stop() override { events_->Stop(); }
+  std::vector<ClockSample> TakeClockSamples() override { return events_->TakeClockSamples(); }
+  std::vector<Refusal> Refused() const override;
+  std::optional<DetectionCounts> detection_counts() const override;
+
+ private:
+  EventObservationSource(std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options);
+  // More answers; false: there will be none.
+  absl::StatusOr<bool> TakeChunk();
+
+  const std::unique_ptr<EventSource> events_;
+  const BlinkWandDetectorOptions options_;
+  Target target_;
+  std::optional<BlinkWandDetector> detector_;  // from the first chunk on, which tells the format
+  std::vector<Detection> found_;
+  size_t next_ = 0;  // of found_
+  bool ended_ = true;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/capture/pacer.h"
+#include "agent/capture/raw_event_file.h"
+#include "agent/event/event_decoder.h"
+#include "agent/event/event_source.h"
+
+namespace rigcal::agent {
+
+struct RawSourceOptions {
+  std::string camera;                      // name within the rig
+  std::string path;                        // RAW file, EVT 2.0, 2.1 or 3.0
+  std::string calibration_path;            // OpenCV YAML; empty: none
+  std::optional<SensorGeometry> geometry;  // where the file does not say; 1 to 2048 each way
+  std::string clock_id;  // of the sensor; sensors on one sync cable share one; empty: the camera
+  double speed = 1;      // times the recorded pace, > 0; kMaxSpeed: no waiting
+
+  // INVALID_ARGUMENT with every fault.
+  absl::Status Validate() const;
+};
+
+// The events of a RAW file, in order, in pieces of some milliseconds. What is damaged in them is
+// for the decoder to count.
+class RawEventSource : public EventSource {
+ public:
+  // NOT_FOUND, FAILED_PRECONDITION: no such file, or none that can be read. INVALID_ARGUMENT: not a
+  // RAW file, an unknown format, no geometry, or one that contradicts the options or the
+  // calibration. Each names the camera, the file and what to do.
+  static absl::StatusOr<std::unique_ptr<RawEventSource>> Create(RawSourceOptions options);
+
+  const CameraDescription& description() const override { return description_; }
+  absl::Status Start(const Target& target) override;
+  absl::StatusOr<std::optional<EventChunk>> Next() override;
+  void Stop() override;
+
+ private:
+  using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder>;
+
+  RawEventSource(RawSourceOptions options, CameraDescription description);
+  absl::StatusOr<std::optional<EventChunk>> NextPaced();
+
+  const RawSourceOptions options_;
+  const CameraDescription description_;
+  Pacer pacer_;
+  std::atomic<bool> stopped_ = true;
+  std::optional<RawEventFile> file_;
+  std::optional<Decoder> timer_;  // tells what time it is in the file
+  std::vector<uint8_t> piece_;
+};
+
+}  // namespace rigcal::agent

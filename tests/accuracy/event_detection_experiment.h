@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "agent/detect/blink_filter.h"
+#include "common/camera/camera_description.h"
+#include "common/simulation/event_render_options.h"
+#include "common/simulation/frame_render_options.h"
+#include "common/simulation/random_wand_pose.h"
+#include "common/target/target.h"
+
+namespace rigcal::accuracy {
+
+// Streams of a wand that moves through the image of a simulated event camera, or of none, encoded
+// as EVT 3.0, decoded and filtered.
+struct EventDetectionOptions {
+  CameraDescription camera;  // with intrinsics
+  Target target;
+  FrameRenderOptions scene;
+  EventRenderOptions sensor;
+  RandomWandPoseOptions pose;   // speed_m_s is drawn from 0 to pose.speed_m_s for each stream
+  double max_speed_px_s = 1e9;  // slower where the wand would move faster in the image
+  agent::BlinkFilterOptions filter;
+  bool with_wand = true;
+  int streams = 20;
+  double warm_up_s = 0.03;  // before the first output
+  int outputs = 10;         // of each stream
+  double output_hz = 50;
+  uint32_t seed = 1;
+  int threads = 2;
+};
+
+// 1280x720, the wand of the paper, 5 Mev/s of background noise, bars and lamps.
+EventDetectionOptions PaperEventDetection();
+
+// A marker at an output.
+struct EventCentre {
+  bool found = false;  // a blob within 3 px of the truth at the blob's own time
+  Eigen::Vector2d error_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
+  double distance_m = 0;
+  double radius_px = 0;
+};
+
+struct EventOutput {
+  uint64_t seed = 0;
+  bool shown = false;                // the wand is fully within the image
+  bool found = false;                // all its markers are
+  int false_blobs = 0;               // more than 3 px away from every marker
+  std::vector<EventCentre> centres;  // by marker
+};
+
+struct EventStreamResult {
+  absl::Status status;
+  uint64_t events = 0;
+  double rendered_s = 0, render_wall_s = 0;  // simulated, and the time it took
+  uint64_t lost_events = 0;
+  std::vector<EventOutput> outputs;
+};
+
+std::vector<EventStreamResult> RunEventDetection(const EventDetectionOptions& options);
+
+struct EventDetectionSummary {
+  int failures = 0, outputs = 0, shown = 0, found = 0;
+  int markers = 0, markers_found = 0, false_blobs = 0;
+  double latency_us = 0;      // mean of error along the motion over speed
+  double rms_px = 0;          // of each coordinate, with that latency taken out
+  double raw_rms_px = 0;      // as it is
+  double motion_bias_px = 0;  // mean error along the motion at 450 to 650 px/s, latency taken out
+  int motion_centres = 0;     // in that mean
+  double mev_per_s = 0;       // events of a second of the streams
+  double render_ratio = 0;    // wall time over simulated time, one thread
+};
+EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results);
+
+}  // namespace rigcal::accuracy

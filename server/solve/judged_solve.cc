@@ -6,10 +6,12 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/status/status_macros.h"
 #include "server/solve/clock_rates.h"
 #include "server/solve/restart.h"
+#include "server/solve/shared_views.h"
 #include "server/solve/time_check.h"
 
 namespace rigcal::server {
@@ -21,6 +23,7 @@ constexpr double kMustGain = 0.02;
 constexpr int kMaxRateTries = 4;
 constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
+constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
 
 std::function<void(std::string_view, double)> Stage(const RigSolveOptions& options,
                                                     std::string_view name) {
@@ -185,6 +188,13 @@ absl::Status LeaveWrongMinimum(const RigObservations& rig,
   return options.estimate_time_offsets ? RepairOffsets(rig, options, result) : absl::OkStatus();
 }
 
+// A camera that agrees with nobody has a pose that says nothing.
+absl::Status CheckHeld(const BundleProblem& problem) {
+  const std::string lost = DescribeLostCameras(problem, kMinAgreeingViews);
+  if (lost.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat("the rig cannot be solved as one. ", lost));
+}
+
 // Gives rates to the clocks that are seen to run differently: all are tried, then those that stood
 // out alone, until all of them still do. What could not be solved has no rates.
 absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigSolution* solution) {
@@ -251,6 +261,7 @@ absl::StatusOr<JudgedSolution> SolveAndJudge(const RigObservations& rig,
   RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first, first_start));
   if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
   RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
+  RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
   if (base.estimate_time_offsets) {
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
   }

@@ -19,6 +19,8 @@ namespace {
 constexpr double kGoodEnough = 1.3;
 // What is left of the weight of an edge to be avoided: less than any other edge.
 constexpr double kAvoidedShare = 1e-6;
+// Shared views beyond which their number is no reason for a pose that cannot be had.
+constexpr int kManyShared = 40;
 
 // Disjoint sets of cameras.
 class Groups {
@@ -83,13 +85,23 @@ absl::Status NotConnected(const OverlapGraph& graph, const Groups& groups,
   if (tried != survivors.end()) {
     absl::StrAppend(&why, ", of which ", tried->second, " agree on a relative pose");
   }
+  const std::string where = graph.describe ? graph.describe(a, b) : "";
+  // Many views that contradict each other are not cured by more of them.
+  const bool contradict =
+      tried != survivors.end() && shared >= kManyShared && tried->second * 2 < shared;
   return absl::FailedPreconditionError(absl::StrCat(
-      "the cameras are not connected: ", members.size(),
-      " groups share too few wand views: ", absl::StrJoin(names, " and "), "; ",
+      "the cameras are not connected: ", members.size(), " groups share too few wand views",
+      contradict ? " that agree: " : ": ", absl::StrJoin(names, " and "), "; ",
       graph.cameras[static_cast<size_t>(a)], " and ", graph.cameras[static_cast<size_t>(b)],
-      " would best join them (", why, "; at least ", graph.min_shared,
-      " are needed): wave the wand where both of them see it at the same time, turning and moving "
-      "it in depth, and calibrate again"));
+      " would best join them (", why, "; at least ", graph.min_shared, " are needed",
+      where.empty() ? "" : "; ", where, "): ",
+      contradict
+          ? "so many that disagree come from clocks that are apart, from intrinsics of another "
+            "lens, from wrong marker positions, or from a wand that was hardly moved: check the "
+            "clocks and YAML files of these two and the target, then "
+          : "",
+      "wave the wand where both of them see it at the same time, turning and moving it in depth, "
+      "and calibrate again"));
 }
 
 }  // namespace

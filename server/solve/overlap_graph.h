@@ -21,6 +21,8 @@ struct OverlapGraph {
   int min_shared = 8;                           // fewer do not make an edge
   // Edges (a < b) that have misled before: taken only where nothing else joins their cameras.
   std::vector<std::pair<int, int>> avoided;
+  // Where two cameras saw the target together, for error messages; may be none.
+  std::function<std::string(int a, int b)> describe;
 };
 
 struct OverlapEdge {

@@ -14,6 +14,7 @@
 #include "server/solve/image_motion.h"
 #include "server/solve/intrinsics_prior.h"
 #include "server/solve/line_bundle.h"
+#include "server/solve/shared_views.h"
 #include "server/solve/start.h"
 
 namespace rigcal::server {
@@ -130,9 +131,10 @@ class RigSolver {
   absl::Status NoInstants() const {
     return absl::FailedPreconditionError(absl::StrCat(
         "no moment at which two cameras saw the wand: ", rig_.tracks.size(),
-        " camera tracks share no time within the tolerance; check that the "
-        "cameras ran at the same time, and their clocks (a clock that does not follow a common "
-        "time base needs clock samples)"));
+        " camera tracks share no time within the tolerance",
+        DescribeNearestViews(rig_.tracks, RigTimes(rig_.tracks, rig_.index, solution_.clocks)),
+        "; check that the cameras ran at the same time, and their clocks (a clock that does not "
+        "follow a common time base needs clock samples)"));
   }
 
   StartOptions StartOptionsOf() const {
@@ -177,9 +179,15 @@ class RigSolver {
         options_.progress("adjusting", (round + within) / (round + 2.0));
       };
     }
-    RIGCAL_ASSIGN_OR_RETURN(const BundleSummary summary, SolveLineBundle(bundle, &problem()));
-    solution_.iterations += summary.iterations;
-    solution_.final_cost = summary.final_cost;
+    const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, &problem());
+    if (absl::IsFailedPrecondition(summary.status())) {
+      const std::string lost = DescribeLostCameras(problem(), 1);
+      return absl::FailedPreconditionError(
+          absl::StrCat(std::string(summary.status().message()), lost.empty() ? "" : ". ", lost));
+    }
+    RIGCAL_RETURN_IF_ERROR(summary.status());
+    solution_.iterations += summary->iterations;
+    solution_.final_cost = summary->final_cost;
     return absl::OkStatus();
   }
 

@@ -14,6 +14,7 @@
 #include "server/solve/point_chain.h"
 #include "server/solve/projection_jacobian.h"
 #include "server/solve/relative_pose.h"
+#include "server/solve/shared_views.h"
 #include "server/solve/wand_fit.h"
 
 namespace rigcal::server {
@@ -63,6 +64,7 @@ OverlapGraph MakeGraph(const BundleProblem& problem, const StartOptions& options
   graph.notes = options.camera_notes;
   graph.min_shared = options.min_instants;
   graph.avoided = options.avoided_pairs;
+  graph.describe = [&problem](int a, int b) { return DescribeSharedViews(problem, a, b); };
   const size_t count = problem.cameras.size();
   for (const BundleCamera& camera : problem.cameras) graph.cameras.push_back(camera.name);
   graph.view_counts.assign(count, 0);
@@ -268,7 +270,8 @@ absl::Status FindStart(const StartOptions& options, BundleProblem* problem,
     if (PlaceInstants(threshold_px, problem) == 0) {
       return absl::FailedPreconditionError(
           "no instant of the wand can be placed from two cameras: check the target's marker "
-          "positions and the cameras' intrinsics");
+          "positions and the cameras' intrinsics. " +
+          DescribeLostCameras(*problem, 1));
     }
     RIGCAL_RETURN_IF_ERROR(SettlePoses(options, problem));
     if (options.progress) options.progress(0.8 + 0.1 * (round + 1));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -56,6 +57,25 @@ TEST(RobustnessTest, ReversedLabelsAreTurnedOrRemoved) {
   EXPECT_GE(fates.ReversedRecall(), 0.95);
   EXPECT_LE(fates.straight_turned, 2);
   EXPECT_GT(fates.reversed_turned + fates.reversed_removed, 500);
+}
+
+// The whole of it, where the lost information alone costs 1.57.
+TEST(RobustnessTest, EverythingAtOnceCostsLittleMoreThanTheInformationThatIsLost) {
+  const std::vector<RobustnessTrial> bad = RunSeeds("all of them");
+  FateCounts fates;
+  double squares = 0, bound_squares = 0;
+  for (const RobustnessTrial& trial : bad) {
+    ASSERT_TRUE(trial.fates);
+    fates += *trial.fates;
+    squares += trial.position_rms_m * trial.position_rms_m;
+    bound_squares += trial.bound_rms_m * trial.bound_rms_m;
+  }
+  EXPECT_GE(fates.OutlierPrecision(), 0.95);
+  EXPECT_GE(fates.OutlierRecall(), 0.95);
+  EXPECT_GE(fates.ReversedRecall(), 0.95);
+  EXPECT_GT(fates.outlier_removed, 500);
+  // The scale, common to all positions of a seed, rules the ratio of so few.
+  EXPECT_LT(std::sqrt(squares / bound_squares), 1.6);
 }
 
 }  // namespace

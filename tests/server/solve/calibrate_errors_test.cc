@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a calibration says about recordings from which no rig can be solved: who, with whom, and
+// what to do.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "server/solve/calibrate.h"
+#include "tests/server/solve/simulated_input.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+CalibrationInput Input(const std::string& options) {
+  const auto world = SimulatedWorld::Create(*ParseSimulationOptions(options), WandTarget());
+  EXPECT_THAT(world, IsOk());
+  return InputOf(*world);
+}
+
+// The wand hangs still in the room while it sways by some pixels in every image.
+TEST(CalibrateErrors, AWandThatWasHardlyMovedIsNamedWithWhereItWas) {
+  CalibrationInput input = Input("cameras=3;duration=20");
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0, 0.3);
+  for (CameraTrack& track : input.tracks) {
+    const auto seen = std::find_if(track.observations.begin(), track.observations.end(),
+                                   [](const Observation& row) { return row.VisibleCount() == 3; });
+    ASSERT_NE(seen, track.observations.end());
+    const auto markers = seen->markers;
+    for (size_t i = 0; i < track.observations.size(); ++i) {
+      const double t = static_cast<double>(i);
+      const Eigen::Vector2d sway_px(40 * std::sin(0.13 * t), 40 * std::sin(0.0771 * t));
+      track.observations[i].markers = markers;
+      for (MarkerObservation& marker : track.observations[i].markers) {
+        marker.centre_px += sway_px + Eigen::Vector2d(noise(random), noise(random));
+      }
+    }
+  }
+  EXPECT_THAT(Calibrate(input, {}).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("not connected"), HasSubstr("would best join them"),
+                             HasSubstr("hardly moved"), HasSubstr(" degrees)"),
+                             HasSubstr("turning and moving it in depth"))));
+}
+
+TEST(CalibrateErrors, ACameraThatContradictsAllOthersIsNamedWithTheLikelyCauses) {
+  CalibrationInput input = Input("cameras=4;duration=20");
+  input.tracks[2].observations = Input("cameras=4;duration=20;seed=9").tracks[2].observations;
+  EXPECT_THAT(Calibrate(input, {}).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("{sim_2 (500 wand views)}"), HasSubstr("and sim_2 would"),
+                             HasSubstr("clocks that are apart"), HasSubstr("intrinsics"),
+                             HasSubstr("marker positions"))));
+}
+
+TEST(CalibrateErrors, CamerasThatRanAtOtherTimesAreNamedWithTheTimeBetween) {
+  CalibrationInput input = Input("cameras=2;duration=20");
+  for (Observation& row : input.tracks[1].observations) row.time_ns += 100'000'000'000;
+  EXPECT_THAT(Calibrate(input, {}).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("cameras sim_0 and sim_1 come nearest"),
+                             HasSubstr("80.04 s apart"), HasSubstr("at the same time"))));
+}
+
+// All over its image, but six times only.
+TEST(CalibrateErrors, TooFewSharedInstantsAreCountedAndPlaced) {
+  CalibrationInput input = Input("cameras=3;duration=20");
+  for (size_t i = 0; i < input.tracks[2].observations.size(); ++i) {
+    if (i % 84 != 0) input.tracks[2].observations[i].markers.clear();
+  }
+  EXPECT_THAT(
+      Calibrate(input, {}).result,
+      StatusIs(
+          absl::StatusCode::kFailedPrecondition,
+          AllOf(HasSubstr("sim_2 (6 wand views)"), HasSubstr("they share 6 wand views"),
+                HasSubstr("at least 8 are needed"), HasSubstr("of sim_2's image"),
+                HasSubstr("wave the wand where both of them see it"), Not(HasSubstr("disagree")))));
+}
+
+}  // namespace
+}  // namespace rigcal::server

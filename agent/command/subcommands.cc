@@ -8,6 +8,7 @@ void Subcommands::AddTo(CLI::App& app) {
   AddDetectCommand(app, out_, &chosen_);
   AddTuneCommand(app, out_, &chosen_);
   AddMaskCommand(app, out_, &chosen_);
+  AddInfoCommand(app, out_, &chosen_);
 }
 
 }  // namespace rigcal::agent

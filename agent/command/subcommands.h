@@ -21,7 +21,7 @@ inline int ExitCodeOf(const absl::Status& status) {
   return absl::IsInvalidArgument(status) ? kExitUsage : kExitFailed;
 }
 
-// What rigcal-agent can do besides being an agent: detect, tune, mask. Add before parsing; after
+// What rigcal-agent can do besides being an agent: detect, tune, mask, info. Add before parsing; after
 // it, Chosen runs what was asked for. `out` outlives the object.
 class Subcommands {
  public:
@@ -37,6 +37,7 @@ class Subcommands {
 
 // Each adds one subcommand whose run is put into `chosen` when it is asked for.
 void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
+void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/command/event_file_info.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+
+#include "absl/strings/str_cat.h"
+#include "agent/capture/raw_event_file.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kPieceBytes = size_t{64} << 10;
+constexpr SensorGeometry kEveryPixel{2048, 2048};
+
+// Counts. Times of CD events are 32 bits; the decoder's own time leads to all 64.
+template <typename Decoder>
+class InfoSink {
+ public:
+  InfoSink(const Decoder* decoder, EventFileInfo* info) : decoder_(*decoder), info_(*info) {}
+
+  void Row(uint32_t) {}
+  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) { Vector(x, y, on, time_us, 1); }
+  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
+    const auto count = static_cast<uint64_t>(std::popcount(mask));
+    info_.cd_events += count;
+    info_.on_events += on ? count : 0;
+    info_.sum_y += y * count;
+    info_.largest_y = std::max(info_.largest_y, y);
+    const auto last = 31 - static_cast<uint32_t>(std::countl_zero(mask));
+    info_.largest_x = std::max(info_.largest_x, x + last);
+    for (; mask != 0; mask &= mask - 1) {
+      info_.sum_x += x + static_cast<uint32_t>(std::countr_zero(mask));
+    }
+    const int64_t near_us = decoder_.time_us();
+    See(near_us + static_cast<int32_t>(time_us - static_cast<uint32_t>(near_us)));
+  }
+  void Trigger(const TriggerEvent& trigger) {
+    ++info_.trigger_events;
+    TriggerEdges& edges = (trigger.rising ? info_.rising : info_.falling)[trigger.channel];
+    if (edges.count++ == 0) {
+      edges.first_us = trigger.time_us;
+    } else if (trigger.time_us > edges.last_us) {
+      const int64_t gap_us = trigger.time_us - edges.last_us;
+      edges.shortest_gap_us =
+          edges.shortest_gap_us == 0 ? gap_us : std::min(edges.shortest_gap_us, gap_us);
+      edges.longest_gap_us = std::max(edges.longest_gap_us, gap_us);
+    }
+    edges.last_us = trigger.time_us;
+    See(trigger.time_us);
+  }
+  void TimeStepBack(int64_t time_us) {
+    EndEpoch();
+    now_us_ = time_us;
+  }
+
+  void EndEpoch() {
+    if (in_epoch_) info_.duration_us += now_us_ - epoch_first_us_;
+    in_epoch_ = false;
+  }
+
+ private:
+  void See(int64_t time_us) {
+    if (!info_.first_us) info_.first_us = time_us;
+    if (!in_epoch_) epoch_first_us_ = now_us_ = time_us;
+    in_epoch_ = true;
+    now_us_ = std::max(now_us_, time_us);
+    info_.last_us = now_us_;
+  }
+
+  const Decoder& decoder_;
+  EventFileInfo& info_;
+  int64_t now_us_ = 0;
+  bool in_epoch_ = false;
+  int64_t epoch_first_us_ = 0;
+};
+
+template <typename Decoder>
+absl::Status CountAll(Decoder decoder, RawEventFile* file, EventFileInfo* info) {
+  InfoSink sink(&decoder, info);
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kPieceBytes));
+    if (bytes.empty()) break;
+    decoder.Decode(bytes, sink);
+  }
+  sink.EndEpoch();
+  info->faults = decoder.faults();
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::string EventFormatName(EventFormat format) {
+  switch (format) {
+    case EventFormat::kEvt2:
+      return "EVT2";
+    case EventFormat::kEvt21:
+      return "EVT21";
+    case EventFormat::kEvt3:
+      return "EVT3";
+  }
+  return "unknown";
+}
+
+absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
+                                                std::optional<SensorGeometry> geometry) {
+  RIGCAL_ASSIGN_OR_RETURN(RawEventFile file, RawEventFile::Open(path));
+  EventFileInfo info;
+  info.path = path;
+  info.byte_count = file.byte_count();
+  info.header = file.header();
+  if (geometry && info.header.geometry && *geometry != *info.header.geometry) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": the header says ", info.header.geometry->width, "x", info.header.geometry->height,
+        " pixels, not ", geometry->width, "x", geometry->height));
+  }
+  const SensorGeometry taken = info.header.geometry.value_or(geometry.value_or(kEveryPixel));
+  switch (info.header.format) {
+    case EventFormat::kEvt2:
+      RIGCAL_RETURN_IF_ERROR(CountAll(Evt2Decoder(taken), &file, &info));
+      break;
+    case EventFormat::kEvt21:
+      RIGCAL_RETURN_IF_ERROR(
+          CountAll(Evt21Decoder(taken, info.header.halves_swapped), &file, &info));
+      break;
+    case EventFormat::kEvt3:
+      RIGCAL_RETURN_IF_ERROR(CountAll(Evt3Decoder(taken), &file, &info));
+      break;
+  }
+  return info;
+}
+
+}  // namespace rigcal::agent

@@ -49,6 +49,8 @@ BlinkFilter::BlinkFilter(const BlinkFilterOptions& options)
   period_units_ = static_cast<uint32_t>(std::lround(units));
   // Longer, and lights of twice the frequency would have every other crossing counted.
   min_gap_ = 3 * period_units_ / 10;
+  // The ON events of one burst come within half a period.
+  again_gap_ = 11 * period_units_ / 20;
   low_gap_ = static_cast<uint32_t>(std::lround(units * (1 - options.band_rel)));
   band_gap_ = static_cast<uint32_t>(std::lround(units * (1 + options.band_rel))) - low_gap_;
   min_periods_ = static_cast<uint32_t>(options.min_periods);

@@ -45,9 +45,12 @@ struct BlinkBlob {
 // event follows an OFF event; the time between two such crossings is the blink period (Pfrommer,
 // "Frequency Cam: imaging periodic signals in real-time", arXiv 2211.00198, section 3, which
 // filters the polarities with a second-order IIR first; a wand is high contrast, so the filter is
-// left out and a crossing is asked to come at least 0.3 periods after the last one instead). Four
-// bytes of state per pixel: the time of the last crossing, the time between the last two, how many
-// periods in a row were the wand's, and the last polarity.
+// left out and a crossing is asked to come at least 0.3 periods after the last one instead). A
+// pixel that lights up late in a burst is still held in reset when the LED goes out and tells no
+// OFF; so an ON event more than half a period after the last crossing is one too, but proves no
+// period: without it the front of a moving marker is missing and its centre lags by a millisecond.
+// Four bytes of state per pixel: the time of the last crossing, the time between the last two, how
+// many periods in a row were the wand's, and the last polarity.
 //
 // A marker that moves is where its pixels light up, and a pixel is known to blink only periods
 // after the marker has come to it. So blinking pixels are only where to look: the centre is that of
@@ -105,7 +108,7 @@ class BlinkFilter {
   BlinkFilterOptions options_;
   double period_us_;
   int shift_;
-  uint32_t period_units_, min_gap_, low_gap_, band_gap_, min_periods_, lit_units_;
+  uint32_t period_units_, min_gap_, again_gap_, low_gap_, band_gap_, min_periods_, lit_units_;
   uint32_t stride_, tile_columns_, tile_rows_;
   std::vector<uint32_t> states_;
   std::vector<uint32_t> tiles_;  // time at which a pixel of it was found to blink; 0: never
@@ -141,11 +144,12 @@ class BlinkFilter::Pass {
     const uint32_t old = state;
     const uint32_t gap = (now - (old >> 16)) & 0xffff;
     const uint32_t count = old & kPeriodsMask;
-    const bool good = gap - low_gap_ <= band_gap_;
+    const bool was_on = (old & kOnBit) != 0;
+    const bool good = (gap - low_gap_ <= band_gap_) & !was_on;
     const uint32_t periods = good ? count + (count < kPeriodsMask ? 1u : 0u) : 0u;
     const uint32_t crossed = now << 16 | (gap < kMaxGap ? gap : kMaxGap) << 4 | kOnBit | periods;
     // Without a branch: which of the three an event is cannot be foretold.
-    const bool crosses = on & ((old & kOnBit) == 0) & (gap >= min_gap_);
+    const bool crosses = on & (gap >= (was_on ? again_gap_ : min_gap_));
     const uint32_t stays = on ? old | kOnBit : old & ~kOnBit;
     state = crosses ? crossed : stays;
     if (crosses & (periods >= min_periods_)) {
@@ -157,7 +161,7 @@ class BlinkFilter::Pass {
   uint32_t* states_;
   uint32_t* tiles_;
   int shift_;
-  uint32_t stride_, tile_columns_, low_gap_, band_gap_, min_gap_, min_periods_;
+  uint32_t stride_, tile_columns_, low_gap_, band_gap_, min_gap_, again_gap_, min_periods_;
 };
 
 inline BlinkFilter::Pass BlinkFilter::BeginPass() {
@@ -171,6 +175,7 @@ inline BlinkFilter::Pass BlinkFilter::BeginPass() {
   pass.low_gap_ = low_gap_;
   pass.band_gap_ = band_gap_;
   pass.min_gap_ = min_gap_;
+  pass.again_gap_ = again_gap_;
   pass.min_periods_ = min_periods_;
   return pass;
 }

@@ -57,25 +57,36 @@ double EventClutter::Bar::CentreAt(double time_s) const {
   return way < range_px ? way : 2 * range_px - way;
 }
 
-float EventClutter::LightAt(uint32_t x, uint32_t y, double time_s) const {
+EventClutter::Moment EventClutter::MomentAt(double time_s) const {
+  Moment moment;
+  for (const Bar& bar : bars_) moment.bar_px.push_back(bar.CentreAt(time_s));
+  for (const Lamp& lamp : lamps_) {
+    const double turn = 2 * std::numbers::pi * (lamp.hz * time_s + lamp.phase);
+    moment.lamp_light.push_back(lamp.light *
+                                (1 + lamp.modulation * static_cast<float>(std::sin(turn))));
+  }
+  return moment;
+}
+
+float EventClutter::LightAt(uint32_t x, uint32_t y, const Moment& moment) const {
   float light = room_[static_cast<size_t>(y) * size_.width + x];
   const auto column = static_cast<int>(x), row = static_cast<int>(y);
-  for (const Bar& bar : bars_) {
+  for (size_t i = 0; i < bars_.size(); ++i) {
+    const Bar& bar = bars_[i];
     if (row < bar.y_begin || row >= bar.y_end) continue;
-    const double middle = bar.CentreAt(time_s) + bar.slant * (row - bar.y_begin);
+    const double middle = moment.bar_px[i] + bar.slant * (row - bar.y_begin);
     const double inside = (bar.half_width_px - std::abs(column - middle)) * bar.cosine;
     light *= 1 + bar.factor * profile_->At(static_cast<float>(inside));
   }
-  for (const Lamp& lamp : lamps_) {
+  for (size_t i = 0; i < lamps_.size(); ++i) {
+    const Lamp& lamp = lamps_[i];
     if (column < lamp.patch.x || column >= lamp.patch.x + lamp.patch.width || row < lamp.patch.y ||
         row >= lamp.patch.y + lamp.patch.height) {
       continue;
     }
     const double away = std::hypot(column - lamp.x, row - lamp.y);
     const float cover = profile_->At(static_cast<float>(lamp.radius_px - away));
-    const double turn = 2 * std::numbers::pi * (lamp.hz * time_s + lamp.phase);
-    const float now = lamp.light * (1 + lamp.modulation * static_cast<float>(std::sin(turn)));
-    light += cover * (now - light);
+    light += cover * (moment.lamp_light[i] - light);
   }
   return light;
 }

@@ -21,20 +21,31 @@ class EventClutter {
   EventClutter(const ImageSize& size, const EventRenderOptions& options, std::vector<float> room,
                float lamp_light, const EdgeProfile* profile);
 
+  // Where the bars are and how bright the lamps.
+  struct Moment {
+    std::vector<double> bar_px;
+    std::vector<float> lamp_light;
+  };
+  Moment MomentAt(double time_s) const;
   // Light of a pixel.
-  float LightAt(uint32_t x, uint32_t y, double time_s) const;
+  float LightAt(uint32_t x, uint32_t y, const Moment& moment) const;
 
-  // Calls visit(x, y) for every pixel whose light may change between these times, some twice.
+  // Calls visit(x, y) for every pixel whose light changes by the lamps.
   template <typename Visit>
-  void ForChanging(double begin_s, double end_s, Visit visit) const {
+  void ForLamps(Visit visit) const {
     for (const Lamp& lamp : lamps_) {
       for (int y = lamp.patch.y; y < lamp.patch.y + lamp.patch.height; ++y) {
         for (int x = lamp.patch.x; x < lamp.patch.x + lamp.patch.width; ++x) visit(x, y);
       }
     }
-    for (const Bar& bar : bars_) {
-      const double at = bar.CentreAt(begin_s), then = bar.CentreAt(end_s);
-      const double reach = profile_->reach_px() / bar.cosine + 2;
+  }
+  // And by the bars between two moments, some twice.
+  template <typename Visit>
+  void ForBars(const Moment& begin, const Moment& end, Visit visit) const {
+    for (size_t i = 0; i < bars_.size(); ++i) {
+      const Bar& bar = bars_[i];
+      const double at = begin.bar_px[i], then = end.bar_px[i];
+      const double reach = profile_->reach_px() / bar.cosine + 1;
       for (int y = bar.y_begin; y < bar.y_end; ++y) {
         for (const double side : {-bar.half_width_px, bar.half_width_px}) {
           const double shift = side + bar.slant * (y - bar.y_begin);

@@ -125,9 +125,10 @@ struct EventRenderer::Impl {
     for (int i = 0; i < static_cast<int>(options.hot_pixels); ++i) {
       hot.push_back(static_cast<uint32_t>(draw.Uniform() * static_cast<double>(stamps.size())));
     }
+    clutter_then = clutter_now = clutter.MomentAt(0);
     for (uint32_t y = 0; y < size.height; ++y) {
       for (uint32_t x = 0; x < size.width; ++x) {
-        pixels.Settle(x, y, std::log(clutter.LightAt(x, y, 0)));
+        pixels.Settle(x, y, std::log(clutter.LightAt(x, y, clutter_now)));
       }
     }
   }
@@ -209,7 +210,7 @@ struct EventRenderer::Impl {
     return true;
   }
 
-  void FollowSpheres(double begin_s, double end_s) {
+  void FollowSpheres() {
     for (const Marker& drawn : markers) {
       const ImagePatch& patch = drawn.patch;
       for (int y = patch.y; y < patch.y + patch.height; ++y) {
@@ -217,8 +218,8 @@ struct EventRenderer::Impl {
           if (!Claim(x, y)) continue;
           const Marker& marker = Owner(x, y, drawn);
           const auto column = static_cast<uint32_t>(x), row = static_cast<uint32_t>(y);
-          const float behind = clutter.LightAt(column, row, begin_s);
-          const float then = clutter.LightAt(column, row, end_s);
+          const float behind = clutter.LightAt(column, row, clutter_now);
+          const float then = clutter.LightAt(column, row, clutter_then);
           PixelLight seen;
           seen.dark_begin = std::log(SphereLight(marker.before, x, y, behind, false));
           seen.lit_begin = std::log(SphereLight(marker.before, x, y, behind, true));
@@ -231,15 +232,17 @@ struct EventRenderer::Impl {
     }
   }
 
-  void FollowClutter(double begin_s, double end_s) {
-    clutter.ForChanging(begin_s, end_s, [&](int x, int y) {
+  void FollowClutter() {
+    const auto follow = [&](int x, int y) {
       if (!Claim(x, y)) return;
       const auto column = static_cast<uint32_t>(x), row = static_cast<uint32_t>(y);
       PixelLight seen;
-      seen.dark_begin = seen.lit_begin = std::log(clutter.LightAt(column, row, begin_s));
-      seen.dark_end = seen.lit_end = std::log(clutter.LightAt(column, row, end_s));
+      seen.dark_begin = seen.lit_begin = std::log(clutter.LightAt(column, row, clutter_now));
+      seen.dark_end = seen.lit_end = std::log(clutter.LightAt(column, row, clutter_then));
       pixels.Follow(column, row, seen, static_cast<double>(now_us), plain_steps, &requests);
-    });
+    };
+    clutter.ForLamps(follow);
+    clutter.ForBars(clutter_now, clutter_then, follow);
   }
 
   void MakeNoise() {
@@ -275,11 +278,13 @@ struct EventRenderer::Impl {
       marker.patch = Union(marker.before.patch, marker.after.patch, size);
       if (!marker.patch.empty()) PlanSteps(&marker);
     }
+    clutter_then = clutter.MomentAt(end_s);
     MakeNoise();
-    FollowSpheres(begin_s, end_s);
-    FollowClutter(begin_s, end_s);
+    FollowSpheres();
+    FollowClutter();
     readout.Read(&requests, static_cast<double>(now_us + kCellUs), events);
     for (Marker& marker : markers) std::swap(marker.before, marker.after);
+    std::swap(clutter_now, clutter_then);
     now_us += kCellUs;
     return absl::OkStatus();
   }
@@ -306,6 +311,7 @@ struct EventRenderer::Impl {
   float led, dark;
   SphereImageOptions sphere_options;
   EventClutter clutter;
+  EventClutter::Moment clutter_now, clutter_then;
   EventPixels pixels;
   EventReadout readout;
   std::vector<uint32_t> stamps;  // cell in which a pixel was followed last

@@ -9,6 +9,7 @@
 #include "server/solve/bundle_adjuster.h"
 #include "server/solve/outliers.h"
 #include "server/solve/projection_jacobian.h"
+#include "server/solve/sphere_centres.h"
 #include "server/solve/start.h"
 #include "server/solve/triangulation.h"
 
@@ -135,6 +136,7 @@ JudgedErrors Judge(const RigObservations& rig, const RigSolution& solution,
   errors.reprojection_px.resize(problem.cameras.size());
   errors.leave_one_out_px.resize(problem.cameras.size());
   errors.instant_count = PlaceInstants(options.start_threshold_px, &problem);
+  CorrectSphereCentres(rig.target, rig.tracks, solution.motions, IsMetric(rig, options), &built);
   ClassifyOutliers(options.outliers, &problem);
   std::vector<Intrinsics> intrinsics;
   for (const BundleCamera& camera : problem.cameras) {

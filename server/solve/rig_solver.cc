@@ -15,6 +15,7 @@
 #include "server/solve/intrinsics_prior.h"
 #include "server/solve/line_bundle.h"
 #include "server/solve/shared_views.h"
+#include "server/solve/sphere_centres.h"
 #include "server/solve/start.h"
 
 namespace rigcal::server {
@@ -54,6 +55,8 @@ class RigSolver {
     } else {
       RIGCAL_RETURN_IF_ERROR(FindStart(StartOptionsOf(), &problem(), &solution_.start_tree));
     }
+    // By the distances of a start, which are rough.
+    bool rough_centres = CorrectCentres() > 0;
     if (TurnReversed() > 0) Rebuild();
     bool exact = false;
     for (int round = 0; round < options_.max_rounds; ++round) {
@@ -63,11 +66,15 @@ class RigSolver {
       const int turned = is_last ? 0 : TurnReversed();
       const int changed = ClassifyOutliers(options_.outliers, &problem());
       const double moved_s = ClockMovement();
-      const bool settled = turned == 0 && changed == 0 && moved_s < options_.time_tolerance_s;
+      const bool settled = turned == 0 && changed == 0 && !rough_centres &&
+                           moved_s < options_.time_tolerance_s;
       solution_.converged = settled && exact;
       if (solution_.converged) break;
       exact = settled || moved_s < kExactBelow * options_.time_tolerance_s;
-      if (!is_last && (turned > 0 || moved_s >= options_.time_tolerance_s)) Rebuild();
+      if (!is_last && (turned > 0 || rough_centres || moved_s >= options_.time_tolerance_s)) {
+        Rebuild();
+        rough_centres = false;
+      }
     }
     return std::move(solution_);
   }
@@ -110,6 +117,13 @@ class RigSolver {
       clock.prior_rate = -solution_.clocks[k].time_rate;
       clock.rate_sigma = kWeakRateSigma;
     }
+  }
+
+  // After each Build, whose centres are as they were observed, once its instants are placed.
+  // Returns how many moved.
+  int CorrectCentres() {
+    return CorrectSphereCentres(rig_.target, rig_.tracks, solution_.motions,
+                                IsMetric(rig_, options_), &solution_.built);
   }
 
   // One clock of each session.
@@ -277,6 +291,7 @@ class RigSolver {
           !outliers.contains({{source.track, source.observation}, problem().markers[m].marker});
     }
     PlaceInstants(options_.start_threshold_px, &problem());
+    CorrectCentres();
   }
 
   const RigObservations& rig_;
@@ -286,6 +301,10 @@ class RigSolver {
 };
 
 }  // namespace
+
+bool IsMetric(const RigObservations& rig, const RigSolveOptions& options) {
+  return rig.target.marker_count() > 1 || options.known_distance.has_value();
+}
 
 bool IsTurned(const RigSolution& solution, const BundleObservation& observation) {
   if (observation.marker_count == 0) return false;

@@ -70,6 +70,9 @@ struct RigSolution {
   bool converged = false;
 };
 
+// The unit of length of the solution is the metre, not the distance of two cameras.
+bool IsMetric(const RigObservations& rig, const RigSolveOptions& options);
+
 // The labels of this observation were given counted from the target's other end.
 bool IsTurned(const RigSolution& solution, const BundleObservation& observation);
 

@@ -17,6 +17,20 @@ namespace {
 constexpr uint32_t kForgetUnits = 0x8000;
 // Of a period: pixels light up around the burst's middle by at most this much (latency, readout).
 constexpr double kJitterShare = 0.12;
+// Ratio of second moments that one marker does not have: a disc that moves by its radius has 1.3.
+constexpr double kLongRatio = 1.6;
+
+bool IsLong(const PixelList& pixels) {
+  double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
+  for (const auto& [x, y] : pixels) {
+    const double dx = x - pixels.front().first, dy = y - pixels.front().second;
+    sx += dx, sy += dy, sxx += dx * dx, sxy += dx * dy, syy += dy * dy;
+  }
+  const auto count = static_cast<double>(pixels.size());
+  const double xx = sxx - sx * sx / count, xy = sxy - sx * sy / count, yy = syy - sy * sy / count;
+  const double mean = 0.5 * (xx + yy), apart = std::hypot(0.5 * (xx - yy), xy);
+  return mean + apart > kLongRatio * (mean - apart);
+}
 
 }  // namespace
 
@@ -126,21 +140,28 @@ void BlinkFilter::Measure(const ComponentSums& seeds, const Burst& burst, uint32
       static_cast<uint32_t>(std::max(0L, std::lround(burst.start_units - lit_units_)));
   Grow(seeds, time_us >> shift_, newest, oldest);
   if (static_cast<int>(lit_.size()) < options_.min_blob_pixels) return;
+  if (!IsLong(lit_)) return AddBlob(lit_, burst, time_us);
+  for (const PixelList& part : splitter_.Split(lit_, options_.min_blob_pixels)) {
+    AddBlob(part, burst, time_us);
+  }
+}
 
+void BlinkFilter::AddBlob(const PixelList& pixels, const Burst& burst, uint32_t time_us) {
   double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
   int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
-  for (const auto& [x, y] : lit_) {
-    const double dx = x - seeds.min_x, dy = y - seeds.min_y;
+  const auto [x0, y0] = pixels.front();
+  for (const auto& [x, y] : pixels) {
+    const double dx = x - x0, dy = y - y0;
     sx += dx, sy += dy;
     sxx += dx * dx, sxy += dx * dy, syy += dy * dy;
     min_x = std::min(min_x, x), max_x = std::max(max_x, x);
     min_y = std::min(min_y, y), max_y = std::max(max_y, y);
   }
-  const auto count = static_cast<double>(lit_.size());
+  const auto count = static_cast<double>(pixels.size());
   const double mx = sx / count, my = sy / count;
   const double unit_us = 1 << shift_;
   BlinkBlob blob;
-  blob.centre_px = {seeds.min_x + mx, seeds.min_y + my};
+  blob.centre_px = {x0 + mx, y0 + my};
   blob.second_moment_px2 << sxx / count - mx * mx, sxy / count - mx * my, sxy / count - mx * my,
       syy / count - my * my;
   blob.area_px = static_cast<int>(count);
@@ -151,6 +172,10 @@ void BlinkFilter::Measure(const ComponentSums& seeds, const Burst& burst, uint32
   blob.touches_border = min_x == 0 || min_y == 0 ||
                         max_x + 1 == static_cast<int>(options_.geometry.width) ||
                         max_y + 1 == static_cast<int>(options_.geometry.height);
+  // Markers that have grown together are found from the seeds of each.
+  for (const BlinkBlob& other : blobs_) {
+    if ((other.centre_px - blob.centre_px).squaredNorm() < 4) return;
+  }
   blobs_.push_back(blob);
 }
 

@@ -4,11 +4,11 @@
 #include <Eigen/Core>
 #include <bit>
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "agent/detect/disc_splitter.h"
 #include "agent/detect/image_view.h"
 #include "agent/detect/run_labeller.h"
 #include "agent/event/event_decoder.h"
@@ -104,6 +104,7 @@ class BlinkFilter {
   // The pixels that lit up between these ages and are connected with a seed, into lit_.
   void Grow(const ComponentSums& seeds, uint32_t now, uint32_t newest, uint32_t oldest);
   void Measure(const ComponentSums& seeds, const Burst& burst, uint32_t time_us);
+  void AddBlob(const PixelList& pixels, const Burst& burst, uint32_t time_us);
 
   BlinkFilterOptions options_;
   double period_us_;
@@ -115,7 +116,8 @@ class BlinkFilter {
   std::vector<uint64_t> seed_words_;
   std::vector<int> ages_;
   std::vector<uint8_t> seen_;
-  std::vector<std::pair<int, int>> lit_;
+  PixelList lit_;
+  DiscSplitter splitter_;
   RunLabeller labeller_;
   std::vector<BlinkBlob> blobs_;
 };

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/disc_splitter.h"
+
+#include <algorithm>
+#include <climits>
+#include <cstddef>
+
+namespace rigcal::agent {
+
+void DiscSplitter::MeasureDepth(const PixelList& pixels) {
+  int x1 = INT_MIN, y1 = INT_MIN;
+  x0_ = y0_ = INT_MAX;
+  for (const auto& [x, y] : pixels) {
+    x0_ = std::min(x0_, x), x1 = std::max(x1, x);
+    y0_ = std::min(y0_, y), y1 = std::max(y1, y);
+  }
+  // A frame of pixels outside saves every look at a border.
+  --x0_, --y0_;
+  width_ = x1 - x0_ + 2, height_ = y1 - y0_ + 2;
+  const size_t size = static_cast<size_t>(width_) * static_cast<size_t>(height_);
+  depth_.assign(size, 0);
+  for (const auto& [x, y] : pixels) {
+    depth_[static_cast<size_t>((y - y0_) * width_ + x - x0_)] = INT_MAX / 2;
+  }
+  const auto lower = [this](int at, int by, int cost) {
+    int& depth = depth_[static_cast<size_t>(at)];
+    depth = std::min(depth, depth_[static_cast<size_t>(at + by)] + cost);
+  };
+  const int first = width_ + 1, last = width_ * (height_ - 1) - 2;
+  for (int at = first; at <= last; ++at) {
+    lower(at, -1, 3), lower(at, -width_, 3), lower(at, -width_ - 1, 4), lower(at, -width_ + 1, 4);
+  }
+  deepest_ = 0;
+  for (int at = last; at >= first; --at) {
+    lower(at, 1, 3), lower(at, width_, 3), lower(at, width_ + 1, 4), lower(at, width_ - 1, 4);
+    deepest_ = std::max(deepest_, depth_[static_cast<size_t>(at)]);
+  }
+}
+
+int DiscSplitter::MarkParts(const PixelList& pixels, int level, int min_depth) {
+  part_.assign(depth_.size(), 0);
+  int count = 0;
+  const int around[] = {-1, 1, -width_, width_, -width_ - 1, -width_ + 1, width_ - 1, width_ + 1};
+  for (const auto& [x, y] : pixels) {
+    const int start = (y - y0_) * width_ + x - x0_;
+    // A part begins only where it is thick enough, and its thinner pixels join it from there.
+    if (depth_[static_cast<size_t>(start)] < min_depth || part_[static_cast<size_t>(start)] != 0) {
+      continue;
+    }
+    part_[static_cast<size_t>(start)] = ++count;
+    pending_.assign(1, start);
+    while (!pending_.empty()) {
+      const int at = pending_.back();
+      pending_.pop_back();
+      for (const int by : around) {
+        const auto next = static_cast<size_t>(at + by);
+        if (depth_[next] <= level || part_[next] != 0) continue;
+        part_[next] = count;
+        pending_.push_back(at + by);
+      }
+    }
+  }
+  return count;
+}
+
+void DiscSplitter::Spread(const PixelList& pixels) {
+  pending_.clear();
+  for (const auto& [x, y] : pixels) {
+    const int at = (y - y0_) * width_ + x - x0_;
+    if (part_[static_cast<size_t>(at)] != 0) pending_.push_back(at);
+  }
+  const int around[] = {-1, 1, -width_, width_, -width_ - 1, -width_ + 1, width_ - 1, width_ + 1};
+  for (size_t i = 0; i < pending_.size(); ++i) {
+    for (const int by : around) {
+      const auto next = static_cast<size_t>(pending_[i] + by);
+      if (depth_[next] == 0 || part_[next] != 0) continue;
+      part_[next] = part_[static_cast<size_t>(pending_[i])];
+      pending_.push_back(pending_[i] + by);
+    }
+  }
+}
+
+const std::vector<PixelList>& DiscSplitter::Split(const PixelList& pixels, int min_pixels) {
+  parts_.clear();
+  if (pixels.empty()) return parts_;
+  MeasureDepth(pixels);
+  const int min_depth = std::max(4, deepest_ / 2);
+  int best_level = 0, most = 1;
+  for (int level = 1; level < deepest_; ++level) {
+    const int count = MarkParts(pixels, level, std::max(min_depth, level + 1));
+    if (count > most) most = count, best_level = level;
+  }
+  if (most == 1) {
+    parts_.push_back(pixels);
+    return parts_;
+  }
+  MarkParts(pixels, best_level, std::max(min_depth, best_level + 1));
+  Spread(pixels);
+  parts_.resize(static_cast<size_t>(most));
+  for (const auto& [x, y] : pixels) {
+    const int part = part_[static_cast<size_t>((y - y0_) * width_ + x - x0_)];
+    if (part > 0) parts_[static_cast<size_t>(part - 1)].emplace_back(x, y);
+  }
+  std::erase_if(parts_, [min_pixels](const PixelList& part) {
+    return static_cast<int>(part.size()) < min_pixels;
+  });
+  return parts_;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace rigcal::agent {
+
+using PixelList = std::vector<std::pair<int, int>>;  // x, y
+
+// Takes apart connected pixels that two or more discs fill, as neighbouring markers of a wand that
+// points at the camera do: the set is eroded until it falls into parts each at least half as thick
+// as the thickest, and every pixel is given to the part it is nearest to. Buffers are kept; one
+// thread at a time.
+class DiscSplitter {
+ public:
+  // Parts of at least `min_pixels`; `pixels` itself where it does not fall apart. Until the next
+  // call.
+  const std::vector<PixelList>& Split(const PixelList& pixels, int min_pixels);
+
+ private:
+  void MeasureDepth(const PixelList& pixels);
+  // Parts deeper than `level`, marked in part_ by 1, 2, ...
+  int MarkParts(const PixelList& pixels, int level, int min_depth);
+  void Spread(const PixelList& pixels);
+
+  int x0_ = 0, y0_ = 0, width_ = 0, height_ = 0;
+  int deepest_ = 0;
+  std::vector<int> depth_;  // of the box: chamfer distance to the outside, 3 a pixel
+  std::vector<int> part_;
+  std::vector<int> pending_;
+  std::vector<PixelList> parts_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+// A wand that blinks in front of an event camera, from a RAW file through raw: to observations.
+#include "agent/capture/event_observation_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "agent/capture/raw_event_source.h"
+#include "agent/capture/source_spec.h"
+#include "tests/testing/blinking_wand.h"
+#include "tests/testing/status_matchers.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::agent {
+namespace {
+
+using ::rigcal::testing::BlinkingWand;
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+class EventObservationSourceTest : public ::testing::Test {
+ protected:
+  absl::StatusOr<std::unique_ptr<ObservationSource>> Open(const std::vector<uint8_t>& bytes,
+                                                          const std::string& options) {
+    const std::string path = (directory_.path() / "left.raw").string();
+    testing::WriteBytes(path, bytes);
+    absl::StatusOr<SourceSpec> spec =
+        ParseSourceSpec("raw:" + path + ";calibration=none;speed=max" + options);
+    if (!spec.ok()) return spec.status();
+    return CreateSource(*spec);
+  }
+
+  std::vector<Observation> Observe(const std::vector<uint8_t>& bytes, const std::string& options,
+                                   std::vector<Refusal>* refused = nullptr) {
+    auto source = Open(bytes, options);
+    EXPECT_THAT(source, IsOk());
+    if (!source.ok()) return {};
+    EXPECT_THAT((*source)->Start(*ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500")), IsOk());
+    std::vector<Observation> observations;
+    while (true) {
+      auto next = (*source)->Next();
+      EXPECT_THAT(next, IsOk());
+      if (!next.ok() || !*next) break;
+      observations.push_back(**next);
+    }
+    if (refused != nullptr) *refused = (*source)->Refused();
+    return observations;
+  }
+
+  testing::TemporaryDirectory directory_;
+};
+
+struct Errors {
+  int wands = 0;
+  double squared_px2 = 0;
+  double along_px = 0;  // sum of errors in x, the way the wand moves
+  double worst_px = 0;
+  double chi_squared = 0;
+  double rms_px() const { return std::sqrt(squared_px2 / (6 * wands)); }
+};
+
+// Of all markers, against where the wand was at the very time each centre is said to be of.
+Errors ErrorsOf(const BlinkingWand& wand, const std::vector<Observation>& observations) {
+  Errors errors;
+  for (const Observation& observation : observations) {
+    if (observation.VisibleCount() < 3) continue;
+    ++errors.wands;
+    for (int k = 0; k < 3; ++k) {
+      const MarkerObservation& marker = observation.markers[static_cast<size_t>(k)];
+      const double time_s = static_cast<double>(observation.time_ns + marker.time_delta_ns) * 1e-9;
+      const Eigen::Vector2d error = marker.centre_px - wand.CentreAt(k, time_s);
+      errors.squared_px2 += error.squaredNorm();
+      errors.along_px += error.x();
+      errors.worst_px = std::max(errors.worst_px, error.norm());
+      errors.chi_squared += error.dot(marker.covariance_px2.ldlt().solve(error));
+    }
+  }
+  return errors;
+}
+
+TEST_F(EventObservationSourceTest, FindsTheWandAtAFixedRate) {
+  for (const double rate_hz : {50.0, 200.0, 500.0}) {
+    const BlinkingWand wand;
+    const auto observations =
+        Observe(wand.RawFile(), ";rate=" + std::to_string(static_cast<int>(rate_hz)));
+    const double expected = wand.duration_s * rate_hz;
+    EXPECT_NEAR(static_cast<double>(observations.size()), expected, 2) << rate_hz;
+    const Errors errors = ErrorsOf(wand, observations);
+    EXPECT_GE(errors.wands, 0.95 * expected - 3) << rate_hz;
+    EXPECT_LT(errors.rms_px(), 0.25) << rate_hz;
+    EXPECT_LT(errors.worst_px, 1) << rate_hz;
+    EXPECT_LT(std::abs(errors.along_px / (3 * errors.wands)), 0.04) << rate_hz;
+    // Two coordinates for each marker. A sensor is worse than these discs, so its sigma is larger.
+    const double chi = errors.chi_squared / (6 * errors.wands);
+    EXPECT_GT(chi, 1.0 / 16) << rate_hz;
+    EXPECT_LT(chi, 2) << rate_hz;
+    for (size_t i = 1; i < observations.size(); ++i) {
+      ASSERT_GT(observations[i].time_ns, observations[i - 1].time_ns);
+    }
+  }
+}
+
+TEST_F(EventObservationSourceTest, AFasterRateThanTheWandBlinksTellsEachBurstOnce) {
+  const BlinkingWand wand;
+  const auto observations = Observe(wand.RawFile(), ";rate=1000");
+  const Errors errors = ErrorsOf(wand, observations);
+  EXPECT_NEAR(errors.wands, wand.duration_s * wand.blink_hz, 6);
+  EXPECT_LT(errors.rms_px(), 0.25);
+  for (size_t i = 1; i < observations.size(); ++i) {
+    ASSERT_GT(observations[i].time_ns, observations[i - 1].time_ns);
+  }
+}
+
+TEST_F(EventObservationSourceTest, AnswersAtTriggersWithTheTimeOfTheLight) {
+  BlinkingWand wand;
+  for (int i = 0; i < 14; ++i) {
+    const int64_t time_us = 13'333 + 20'000 * i;
+    wand.triggers.push_back({.time_us = time_us, .channel = 0, .rising = true});
+    wand.triggers.push_back({.time_us = time_us + 4000, .channel = 0, .rising = false});
+  }
+  struct Case {
+    std::string option;
+    int64_t after_us;
+  };
+  for (const auto& [option, after_us] :
+       {Case{"rising", 0}, Case{"falling", 4000}, Case{"middle", 2000}}) {
+    const auto observations = Observe(wand.RawFile(), ";trigger=" + option);
+    ASSERT_THAT(observations, SizeIs(14)) << option;
+    for (size_t i = 0; i < observations.size(); ++i) {
+      EXPECT_EQ(observations[i].time_ns,
+                (13'333 + after_us + 20'000 * static_cast<int64_t>(i)) * 1000);
+      ASSERT_EQ(observations[i].VisibleCount(), 3) << option << " " << i;
+      for (const MarkerObservation& marker : observations[i].markers) {
+        EXPECT_LE(std::abs(marker.time_delta_ns), 1'300'000);
+      }
+    }
+    const Errors errors = ErrorsOf(wand, observations);
+    EXPECT_LT(errors.rms_px(), 0.25) << option;
+    EXPECT_LT(std::abs(errors.along_px / (3 * errors.wands)), 0.06) << option;
+  }
+  // Of another channel nobody knows.
+  EXPECT_THAT(Observe(wand.RawFile(), ";trigger=rising;trigger_channel=1"), IsEmpty());
+  // Both: times still grow.
+  const auto both = Observe(wand.RawFile(), ";trigger=rising;rate=200");
+  EXPECT_GT(both.size(), 60u);
+  for (size_t i = 1; i < both.size(); ++i) ASSERT_GT(both[i].time_ns, both[i - 1].time_ns);
+}
+
+TEST_F(EventObservationSourceTest, NoiseAloneIsNoWand) {
+  BlinkingWand wand;
+  wand.visible = false;
+  wand.noise_per_s = 3e6;
+  const auto observations = Observe(wand.RawFile(), ";rate=200");
+  EXPECT_NEAR(static_cast<double>(observations.size()), 60, 2);
+  for (const Observation& observation : observations) EXPECT_EQ(observation.VisibleCount(), 0);
+}
+
+TEST_F(EventObservationSourceTest, LongTimesOfTheSensorDoNotMatter) {
+  BlinkingWand wand;
+  wand.duration_s = 0.2;
+  const auto early = ErrorsOf(wand, Observe(wand.RawFile(), ";rate=200"));
+  // EVT 3.0 tells 24 bits of time: the overflow is passed on the way.
+  wand.first_s = 16.7;
+  const auto observations = Observe(wand.RawFile(), ";rate=200");
+  const Errors late = ErrorsOf(wand, observations);
+  EXPECT_NEAR(late.wands, early.wands, 2);
+  EXPECT_LT(late.rms_px(), 0.25);
+  EXPECT_GT(observations.back().time_ns, 16'850'000'000);
+  for (const Observation& observation : observations) EXPECT_EQ(observation.clock_epoch, 0u);
+}
+
+TEST_F(EventObservationSourceTest, AClockThatStepsBackBeginsAnEpoch) {
+  BlinkingWand wand;
+  wand.duration_s = 0.15;
+  wand.first_s = 5;
+  std::vector<uint8_t> bytes = wand.RawFile();
+  wand.first_s = 1;
+  const std::vector<uint8_t> again = wand.RawFile();
+  const size_t header_size = Evt3Header(wand.geometry, "1").size();
+  bytes.insert(bytes.end(), again.begin() + static_cast<std::ptrdiff_t>(header_size), again.end());
+  const auto observations = Observe(bytes, ";rate=200");
+  int wands[2] = {0, 0};
+  for (const Observation& observation : observations) {
+    ASSERT_LE(observation.clock_epoch, 1u);
+    if (observation.VisibleCount() == 3) ++wands[observation.clock_epoch];
+    EXPECT_EQ(observation.clock_epoch == 0, observation.time_ns > 4'000'000'000);
+  }
+  EXPECT_GE(wands[0], 24);
+  EXPECT_GE(wands[1], 24);
+}
+
+TEST_F(EventObservationSourceTest, StartsAnew) {
+  const BlinkingWand wand;
+  ASSERT_OK_AND_ASSIGN(auto source, Open(wand.RawFile(), ";rate=100"));
+  const Target target = *ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500");
+  std::vector<int64_t> times[2];
+  for (std::vector<int64_t>& run : times) {
+    ASSERT_THAT(source->Start(target), IsOk());
+    while (true) {
+      ASSERT_OK_AND_ASSIGN(const std::optional<Observation> next, source->Next());
+      if (!next) break;
+      run.push_back(next->time_ns);
+    }
+  }
+  EXPECT_EQ(times[0], times[1]);
+  EXPECT_GT(times[0].size(), 20u);
+  ASSERT_THAT(source->Start(target), IsOk());
+  source->Stop();
+  ASSERT_OK_AND_ASSIGN(const std::optional<Observation> stopped, source->Next());
+  EXPECT_FALSE(stopped);
+}
+
+TEST_F(EventObservationSourceTest, TheRecordedPaceChangesNothing) {
+  BlinkingWand wand;
+  wand.duration_s = 0.1;
+  const auto fast = Observe(wand.RawFile(), ";rate=200");
+  const std::string path = (directory_.path() / "left.raw").string();
+  ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+                       ParseSourceSpec("raw:" + path + ";calibration=none;speed=1000;rate=200"));
+  ASSERT_OK_AND_ASSIGN(const auto source, CreateSource(spec));
+  ASSERT_THAT(source->Start(*ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500")), IsOk());
+  size_t count = 0;
+  for (;; ++count) {
+    ASSERT_OK_AND_ASSIGN(const std::optional<Observation> next, source->Next());
+    if (!next) break;
+    ASSERT_LT(count, fast.size());
+    EXPECT_EQ(next->time_ns, fast[count].time_ns);
+    EXPECT_EQ(next->VisibleCount(), fast[count].VisibleCount());
+  }
+  EXPECT_EQ(count, fast.size());
+}
+
+TEST_F(EventObservationSourceTest, KeepsWhatIsGoodInADamagedFile) {
+  const BlinkingWand wand;
+  std::vector<uint8_t> bytes = wand.RawFile();
+  bytes.pop_back();
+  const size_t header_size = Evt3Header(wand.geometry, "1").size();
+  const size_t middle = header_size + (bytes.size() - header_size) / 4 * 2;
+  bytes[middle + 1] = 0x15;  // a type that EVT 3.0 does not have
+  std::vector<Refusal> refused;
+  const auto observations = Observe(bytes, ";rate=200", &refused);
+  EXPECT_GE(ErrorsOf(wand, observations).wands, 52);
+  std::vector<std::string> reasons;
+  for (const Refusal& refusal : refused) reasons.push_back(refusal.reason);
+  EXPECT_THAT(reasons, ::testing::ElementsAre("event_truncated_bytes", "event_unknown_word"));
+}
+
+TEST_F(EventObservationSourceTest, RefusesWhatItCannotDo) {
+  const BlinkingWand wand;
+  EXPECT_THAT(Open(wand.RawFile(), ";rate=5000"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rate=5000")));
+  EXPECT_THAT(Open(wand.RawFile(), ";trigger=up"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rising, falling, middle")));
+  EXPECT_THAT(Open(wand.RawFile(), ";rate=0"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("neither a rate")));
+  EXPECT_THAT(Open(wand.RawFile(), ";geometry=1280x720"),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       ::testing::AllOf(HasSubstr("640x480"), HasSubstr("1280x720"))));
+  EXPECT_THAT(Open(wand.RawFile(), ";geometry=huge"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("WIDTHxHEIGHT")));
+  ASSERT_OK_AND_ASSIGN(auto source, Open(wand.RawFile(), ""));
+  EXPECT_THAT(source->Start(*ParseTarget("wand:0,0.13,0.39;hz=400,500,600")),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("400")));
+}
+
+}  // namespace
+}  // namespace rigcal::agent

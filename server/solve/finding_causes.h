@@ -43,5 +43,7 @@ std::vector<Cause> FindSwappedMarkers(const CauseInput& input);
 std::vector<Cause> FindWrongWandLength(const CauseInput& input);
 std::vector<Cause> FindUncoveredEdges(const CauseInput& input);
 std::vector<Cause> FindWeakLinks(const CauseInput& input);
+std::vector<Cause> FindNarrowBaselines(const CauseInput& input);
+std::vector<Cause> FindLoosePoses(const CauseInput& input);
 
 }  // namespace rigcal::server

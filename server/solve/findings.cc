@@ -16,7 +16,8 @@ constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics, RepairMov
                                        RepairRollingShutters};
 using CauseFunction = std::vector<Cause> (*)(const CauseInput&);
 constexpr CauseFunction kCauses[] = {FindClockOffsets,    FindFarIntrinsics,  FindSwappedMarkers,
-                                     FindWrongWandLength, FindUncoveredEdges, FindWeakLinks};
+                                     FindWrongWandLength, FindUncoveredEdges, FindWeakLinks,
+                                     FindNarrowBaselines, FindLoosePoses};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));

@@ -83,6 +83,12 @@ void JudgeFinding(const CalibrationResult& result, const Finding& finding, Judge
     judge->Add(QualityGrade::kUsable, absl::StrCat(who, " has a rolling shutter (see findings)"));
   } else if (finding.kind == "wrong_wand_length") {
     judge->Add(QualityGrade::kUsable, "the wand is not as it was given (see findings)");
+  } else if (finding.kind == "narrow_baseline") {
+    judge->Add(QualityGrade::kUsable,
+               absl::StrCat(who, " sees the wand from the same direction as the others"));
+  } else if (finding.kind == "loose_pose") {
+    judge->Add(QualityGrade::kUsable,
+               absl::StrFormat("%s: its position is known to %.0f mm only", who, finding.value));
   } else if (finding.kind == "weak_link") {
     judge->Add(QualityGrade::kUsable, absl::StrCat(who, " hangs on few instants (see findings)"));
   }

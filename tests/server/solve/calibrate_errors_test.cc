@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a calibration says about recordings from which no rig can be solved: who, with whom, and
-// what to do.
+// What a calibration says about recordings from which no rig can be solved, or only badly: who,
+// with whom, and what to do.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <string>
+#include <vector>
 
 #include "server/solve/calibrate.h"
 #include "tests/server/solve/simulated_input.h"
@@ -18,6 +20,8 @@ namespace {
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -85,6 +89,61 @@ TEST(CalibrateErrors, TooFewSharedInstantsAreCountedAndPlaced) {
           AllOf(HasSubstr("sim_2 (6 wand views)"), HasSubstr("they share 6 wand views"),
                 HasSubstr("at least 8 are needed"), HasSubstr("of sim_2's image"),
                 HasSubstr("wave the wand where both of them see it"), Not(HasSubstr("disagree")))));
+}
+
+std::vector<std::string> KindsOf(const CalibrationResult& result) {
+  std::vector<std::string> kinds;
+  for (const Finding& finding : result.findings) kinds.push_back(finding.kind);
+  return kinds;
+}
+
+// The second camera stands where the first one does.
+TEST(CalibrateErrors, CamerasInOnePlaceAreCalibratedAndNamed) {
+  CalibrationInput input = Input("cameras=2;duration=20");
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0, 0.3);
+  input.tracks[1].observations = input.tracks[0].observations;
+  input.tracks[1].camera.intrinsics = input.tracks[0].camera.intrinsics;
+  for (Observation& row : input.tracks[1].observations) {
+    for (MarkerObservation& marker : row.markers) {
+      marker.centre_px += Eigen::Vector2d(noise(random), noise(random));
+    }
+  }
+  const CalibrationOutcome outcome = Calibrate(input, {});
+  ASSERT_THAT(outcome.result, IsOk());
+  EXPECT_THAT(KindsOf(*outcome.result), Contains("narrow_baseline").Times(1));
+  EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
+  EXPECT_THAT(outcome.result->quality.reasons, Contains(HasSubstr("the same direction")));
+}
+
+TEST(CalibrateErrors, ALongWaveHasNoSuchFindings) {
+  const CalibrationOutcome outcome = Calibrate(Input("cameras=3;duration=20"), {});
+  ASSERT_THAT(outcome.result, IsOk());
+  EXPECT_THAT(KindsOf(*outcome.result),
+              AllOf(Not(Contains("narrow_baseline")), Not(Contains("loose_pose")),
+                    Not(Contains("restarted"))));
+}
+
+// It takes part in less than half a second of the wave.
+TEST(CalibrateErrors, APoseThatIsHeldLooselyIsNamedWithWhereToWave) {
+  CalibrationInput input = Input("cameras=3;duration=20");
+  std::vector<Observation>& rows = input.tracks[2].observations;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (i < 100 || i >= 110) rows[i].markers.clear();
+  }
+  const CalibrationOutcome outcome = Calibrate(input, {});
+  ASSERT_THAT(outcome.result, IsOk());
+  std::vector<std::string> loose, advice;
+  for (const Finding& finding : outcome.result->findings) {
+    if (finding.kind != "loose_pose") continue;
+    loose.push_back(finding.camera);
+    advice.push_back(finding.advice);
+    EXPECT_GT(finding.value, 15);
+  }
+  EXPECT_THAT(loose, ElementsAre("sim_2"));
+  EXPECT_THAT(advice, Contains(AllOf(HasSubstr("of sim_2's image ("), HasSubstr("and in the "),
+                                     HasSubstr("Wave the wand where it and sim_"))));
+  EXPECT_THAT(outcome.result->quality.reasons, Contains(HasSubstr("sim_2: its position is known")));
 }
 
 }  // namespace

@@ -98,8 +98,8 @@ TEST(QualityGate, FindingsCount) {
     return JudgeQuality(result).grade;
   };
   EXPECT_EQ(with("camera_moved"), QualityGrade::kBad);
-  for (const char* kind :
-       {"wrong_intrinsics", "rolling_shutter", "wrong_wand_length", "weak_link"}) {
+  for (const char* kind : {"wrong_intrinsics", "rolling_shutter", "wrong_wand_length", "weak_link",
+                           "narrow_baseline", "loose_pose"}) {
     EXPECT_EQ(with(kind), QualityGrade::kUsable) << kind;
   }
   // Taken out by the solve, or not.

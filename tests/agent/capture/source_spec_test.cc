@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/capture/source_spec.h"
 
+#include <fstream>
 #include <limits>
+#include <regex>
 #include <string>
 
 #include "tests/agent/capture/camera_yaml.h"
@@ -253,6 +255,27 @@ TEST(ParseSourceSpec, NamesTheLineOfTheConfiguration) {
   EXPECT_THAT(ParseSourceSpec(camera),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(StartsWith("agent.toml:12: "), HasSubstr("sigma=0.5"))));
+}
+
+// deploy/agent.toml shows defaults behind a '#': a key that no longer exists must not stay there.
+TEST(ParseSourceSpec, KnowsEveryKeyOfTheSampleConfiguration) {
+  std::ifstream stream(std::string(RIGCAL_SOURCE_DIR) + "/deploy/agent.toml");
+  std::string text;
+  int uncommented = 0;
+  for (std::string line; std::getline(stream, line);) {
+    static const std::regex kDefault(R"(^#([a-z_]+ = |\[).*)");
+    if (std::regex_match(line, kDefault)) {
+      line.erase(0, 1);
+      ++uncommented;
+    }
+    text += line + "\n";
+  }
+  EXPECT_GT(uncommented, 25);
+  const TemporaryDirectory directory;
+  ASSERT_OK_AND_ASSIGN(const AgentConfig config,
+                       ReadAgentConfig(directory.WriteFile("agent.toml", text).string()));
+  ASSERT_EQ(config.cameras.size(), 2u);
+  for (const CameraConfig& camera : config.cameras) EXPECT_THAT(ParseSourceSpec(camera), IsOk());
 }
 
 TEST(CreateSource, MakesEachKind) {

@@ -14,6 +14,8 @@ packages=(
   libeigen3-dev libceres-dev libopencv-dev
   # cameras (libaravis-dev forgets to ask for libusb's headers)
   libaravis-dev libusb-1.0-0-dev
+  # a network of its own for the GigE demo
+  iproute2
   # store, configuration, command line, logging
   libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev
   libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev

@@ -240,7 +240,8 @@ uint32_t BlinkWandDetector::Impl::StepBack(int64_t time_us) {
 void BlinkWandDetector::Impl::AdvanceTo(int64_t time_us) {
   if (!begun) Begin(time_us);
   if (time_us - reached_us > OutputSchedule::kMaxGapUs) {
-    Run(reached_us + OutputSchedule::kMaxGapUs / 2);
+    // What was asked before is still answered.
+    Run(reached_us + static_cast<int64_t>(2 * kHoldPeriods * period_us));
     schedule.Skip(reached_us, time_us);
     filter.TimeStepBack(time_us);
     next_sweep_us = time_us + sweep_us;

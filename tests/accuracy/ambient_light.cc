@@ -27,6 +27,10 @@ void PrintSetting(const AmbientLightOptions& options) {
       "sphere; LED {} cd/m^2, black {} grey, read noise {} grey, defocus {} px; wand {} to {} m\n",
       1e3 * render.exposure_s, render.led_grey, render.led_cd_m2, render.black_grey,
       render.read_noise_grey, render.defocus_px, pose.min_distance_m, pose.max_distance_m);
+  const agent::ColourRange& colour = options.detection.detector.colour;
+  fmt::print("detector: hue {} to {} degrees, saturation from {}, value from {}, white from {}\n",
+             colour.hue_min_deg, colour.hue_max_deg, colour.saturation_min, colour.value_min,
+             colour.washed_out_min);
   fmt::print(
       "\n                                            gain   wands  found  error px  false\n"
       "case                                lux  grey m^2/cd   shown      %       rms  wands\n");
@@ -82,6 +86,11 @@ int main(int argc, char** argv) {
                  "of each case and lux, with a wand; as many without one")
       ->check(CLI::Range(1, 100000));
   app.add_option("--seed", seed, "of rooms, poses and noise")->check(CLI::Range(0, 4000000));
+  app.add_option("--lux", options.lux, "levels of light, ascending")->check(CLI::Range(0.0, 1e5));
+  rigcal::agent::ColourRange& colour = options.detection.detector.colour;
+  app.add_option("--hue-min", colour.hue_min_deg, "of the detector, degrees, as tune finds it")
+      ->check(CLI::Range(0.0, 360.0));
+  app.add_option("--hue-max", colour.hue_max_deg, "likewise")->check(CLI::Range(0.0, 360.0));
   app.add_option("--threads", options.detection.threads, "rooms at the same time")
       ->check(CLI::Range(1, 256));
   CLI11_PARSE(app, argc, argv);

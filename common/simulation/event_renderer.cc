@@ -108,7 +108,8 @@ struct EventRenderer::Impl {
                 &profile),
         pixels(size, options, std::log(std::max(led, dark))),
         readout(size.height, 1e-3 * options.row_ns, 1e-3 * options.event_ns),
-        stamps(static_cast<size_t>(size.width) * size.height, 0) {
+        stamps(static_cast<size_t>(size.width) * size.height, 0),
+        last_seen(stamps.size()) {
     sphere_options.radius_m = 0.5 * (target.diameter_m > 0 ? target.diameter_m : kDefaultDiameterM);
     sphere_options.limb = scene.limb;
     for (int k = 0; k < target.marker_count(); ++k) {
@@ -237,8 +238,12 @@ struct EventRenderer::Impl {
       if (!Claim(x, y)) return;
       const auto column = static_cast<uint32_t>(x), row = static_cast<uint32_t>(y);
       PixelLight seen;
-      seen.dark_begin = seen.lit_begin = std::log(clutter.LightAt(column, row, clutter_now));
+      Seen& last = last_seen[static_cast<size_t>(y) * size.width + static_cast<size_t>(x)];
+      if (last.cell == 0 || last.cell + 1 != cell)
+        last.light = std::log(clutter.LightAt(column, row, clutter_now));
+      seen.dark_begin = seen.lit_begin = last.light;
       seen.dark_end = seen.lit_end = std::log(clutter.LightAt(column, row, clutter_then));
+      last = {cell, seen.dark_end};
       pixels.Follow(column, row, seen, static_cast<double>(now_us), plain_steps, &requests);
     };
     clutter.ForLamps(follow);
@@ -316,6 +321,12 @@ struct EventRenderer::Impl {
   EventReadout readout;
   std::vector<uint32_t> stamps;  // cell in which a pixel was followed last
   uint32_t cell = 0;
+  // What the clutter showed at the end of that cell.
+  struct Seen {
+    uint32_t cell = 0;
+    float light = 0;
+  };
+  std::vector<Seen> last_seen;
   std::vector<Marker> markers;
   std::vector<uint32_t> hot;
   std::vector<PixelRequest> requests;

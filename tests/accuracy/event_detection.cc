@@ -10,6 +10,7 @@
 // about 550 px/s once a constant latency is taken out.
 #include <fmt/core.h>
 
+#include <cstdio>
 #include <string>
 
 #include "tests/accuracy/event_detection_experiment.h"
@@ -26,6 +27,11 @@ void PrintCase(const std::string& name, const EventDetectionOptions& options, bo
       name, s.outputs, s.failures, s.shown > 0 ? 100.0 * s.found / s.shown : 0.0,
       s.markers > 0 ? 100.0 * s.markers_found / s.markers : 0.0, s.false_blobs, s.rms_px,
       s.raw_rms_px, s.latency_us, s.motion_bias_px, s.mev_per_s, s.render_ratio);
+  fmt::print("{:22} {:7} answers, {:.2f} % of wands, {} false ({:.2f} %), rms {:.4f} px\n",
+             "  wand detector", s.answers,
+             s.wands_shown > 0 ? 100.0 * s.wands_found / s.wands_shown : 0.0, s.false_wands,
+             s.answers > 0 ? 100.0 * s.false_wands / s.answers : 0.0, s.wand_rms_px);
+  std::fflush(stdout);
   if (!verbose) return;
   for (const EventStreamResult& result : results) {
     if (!result.status.ok()) fmt::print("  {}\n", result.status.ToString());

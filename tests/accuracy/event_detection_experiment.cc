@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "agent/detect/blink_wand_detector.h"
 #include "agent/event/event_decoder.h"
 #include "agent/event/evt3_writer.h"
 #include "common/camera/camera_model.h"
@@ -94,11 +95,48 @@ EventOutput Judge(const EventRenderer& renderer, const WandPath& path, double no
   return output;
 }
 
+void JudgeWand(const EventRenderer& renderer, const WandPath& path,
+               const agent::Detection& detection, EventWands* wands) {
+  ++wands->answers;
+  const bool is_wand = detection.outcome == DetectionOutcome::kWand;
+  const Observation& seen = detection.observation;
+  const double time_s = 1e-9 * static_cast<double>(seen.time_ns);
+  const auto wand = path ? path(time_s) : std::nullopt;
+  if (!wand.has_value()) {
+    wands->false_wands += is_wand ? 1 : 0;
+    return;
+  }
+  const bool shown = FrameTruth{renderer.TruthOf(*wand), 0}.WandVisible();
+  wands->shown += shown ? 1 : 0;
+  if (!is_wand) return;
+  bool good = true;
+  for (size_t k = 0; k < seen.markers.size(); ++k) {
+    if (!seen.markers[k].visible) {
+      good = false;
+      continue;
+    }
+    const double at_s = time_s + 1e-9 * seen.markers[k].time_delta_ns;
+    const MarkerTruth then = renderer.TruthOf(*path(at_s))[k];
+    EventCentre centre;
+    centre.error_px = seen.markers[k].centre_px - then.centre_px;
+    centre.velocity_px_s =
+        1e3 * (renderer.TruthOf(*path(at_s + 1e-3))[k].centre_px - then.centre_px);
+    centre.found = centre.error_px.norm() < kFoundPx;
+    if (!centre.found) {
+      ++wands->false_wands;
+      return;
+    }
+    if (shown) wands->centres.push_back(centre);
+  }
+  wands->found += shown && good ? 1 : 0;
+}
+
 // Renders up to a time and passes it on to the filter as a sensor would.
 class Chain {
  public:
-  Chain(EventRenderer* renderer, agent::BlinkFilter* filter, agent::SensorGeometry geometry)
-      : renderer_(renderer), filter_(filter), decoder_(geometry) {}
+  Chain(EventRenderer* renderer, agent::BlinkFilter* filter, agent::BlinkWandDetector* detector,
+        agent::SensorGeometry geometry)
+      : renderer_(renderer), filter_(filter), detector_(detector), decoder_(geometry) {}
 
   absl::Status RunTo(int64_t end_us, const WandPath& path, EventStreamResult* result) {
     while (renderer_->time_us() < end_us) {
@@ -120,13 +158,17 @@ class Chain {
       auto pass = filter_->BeginPass();
       decoder_.Decode(bytes_, pass);
       filter_->Sweep(static_cast<uint32_t>(to_us));
+      detector_->Take(bytes_, &detections_);
     }
     return absl::OkStatus();
   }
+  const std::vector<agent::Detection>& detections() const { return detections_; }
 
  private:
   EventRenderer* renderer_;
   agent::BlinkFilter* filter_;
+  agent::BlinkWandDetector* detector_;
+  std::vector<agent::Detection> detections_;
   agent::Evt3Decoder decoder_;
   agent::Evt3Writer writer_;
   std::vector<SimulatedEvent> events_;
@@ -147,10 +189,14 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
   auto renderer = EventRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
                                         options.target, scene, sensor);
   auto filter = agent::BlinkFilter::Create(options.filter);
-  if (!renderer.ok() || !filter.ok()) {
-    result.status = renderer.ok() ? filter.status() : renderer.status();
-    return result;
+  agent::BlinkWandDetectorOptions wand_options;
+  wand_options.output.rate_hz = options.output_hz;
+  auto detector = agent::BlinkWandDetector::Create(wand_options, options.target, options.camera,
+                                                   agent::EventFormat::kEvt3, false);
+  for (const absl::Status& status : {renderer.status(), filter.status(), detector.status()}) {
+    result.status.Update(status);
   }
+  if (!result.status.ok()) return result;
   const double middle_s = options.warm_up_s + 0.5 * options.outputs / options.output_hz;
   WandPath path;
   if (options.with_wand) {
@@ -158,7 +204,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     if (!wand.has_value()) return result;
     path = [at = *wand, middle_s](double time_s) { return MovedBy(at, time_s - middle_s); };
   }
-  Chain chain(&*renderer, &*filter, options.filter.geometry);
+  Chain chain(&*renderer, &*filter, &*detector, options.filter.geometry);
   for (int k = 0; k < options.outputs; ++k) {
     const double now_s = options.warm_up_s + k / options.output_hz;
     const auto cells = std::llround(1e6 * now_s / EventRenderer::kCellUs);
@@ -168,6 +214,10 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     result.outputs.push_back(Judge(*renderer, path, 1e-6 * static_cast<double>(now_us),
                                    filter->FindBlobs(static_cast<uint32_t>(now_us))));
     result.outputs.back().seed = seed;
+  }
+  for (const agent::Detection& detection : chain.detections()) {
+    if (1e-9 * static_cast<double>(detection.observation.time_ns) < options.warm_up_s) continue;
+    JudgeWand(*renderer, path, detection, &result.wands);
   }
   result.rendered_s = 1e-6 * static_cast<double>(renderer->time_us());
   result.lost_events = renderer->lost_events();
@@ -216,6 +266,10 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
     rendered_s += result.rendered_s;
     wall_s += result.render_wall_s;
     events += static_cast<double>(result.events);
+    summary.answers += result.wands.answers;
+    summary.wands_shown += result.wands.shown;
+    summary.wands_found += result.wands.found;
+    summary.false_wands += result.wands.false_wands;
     for (const EventOutput& output : result.outputs) {
       ++summary.outputs;
       summary.false_blobs += output.false_blobs;
@@ -251,6 +305,14 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
   summary.rms_px = std::sqrt(squares / (2 * count));
   summary.raw_rms_px = std::sqrt(raw_squares / (2 * count));
   if (summary.motion_centres > 0) summary.motion_bias_px = along / summary.motion_centres;
+  double wand_squares = 0, wand_centres = 0;
+  for (const EventStreamResult& result : results) {
+    for (const EventCentre& centre : result.wands.centres) {
+      wand_squares += (centre.error_px + latency_s * centre.velocity_px_s).squaredNorm();
+      ++wand_centres;
+    }
+  }
+  if (wand_centres > 0) summary.wand_rms_px = std::sqrt(wand_squares / (2 * wand_centres));
   return summary;
 }
 

@@ -54,8 +54,18 @@ struct EventOutput {
   std::vector<EventCentre> centres;  // by marker
 };
 
+// What agent::BlinkWandDetector made of a stream, from the warm-up on.
+struct EventWands {
+  int answers = 0;
+  int shown = 0;        // the wand was fully within the image at the answer's time
+  int found = 0;        // and all its markers are within 3 px
+  int false_wands = 0;  // a marker further away, or a wand where there is none
+  std::vector<EventCentre> centres;
+};
+
 struct EventStreamResult {
   absl::Status status;
+  EventWands wands;
   uint64_t events = 0;
   double rendered_s = 0, render_wall_s = 0;  // simulated, and the time it took
   uint64_t lost_events = 0;
@@ -72,8 +82,10 @@ struct EventDetectionSummary {
   double raw_rms_px = 0;      // as it is
   double motion_bias_px = 0;  // mean error along the motion at 450 to 650 px/s, latency taken out
   int motion_centres = 0;     // in that mean
-  double mev_per_s = 0;       // events of a second of the streams
-  double render_ratio = 0;    // wall time over simulated time, one thread
+  int answers = 0, wands_shown = 0, wands_found = 0, false_wands = 0;  // of the detector
+  double wand_rms_px = 0;   // of its centres, each coordinate, that latency taken out
+  double mev_per_s = 0;     // events of a second of the streams
+  double render_ratio = 0;  // wall time over simulated time, one thread
 };
 EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results);
 

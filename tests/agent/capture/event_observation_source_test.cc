@@ -12,6 +12,7 @@
 #include "agent/capture/raw_event_source.h"
 #include "agent/capture/source_spec.h"
 #include "tests/testing/blinking_wand.h"
+#include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -268,6 +269,41 @@ TEST_F(EventObservationSourceTest, RefusesWhatItCannotDo) {
   ASSERT_OK_AND_ASSIGN(auto source, Open(wand.RawFile(), ""));
   EXPECT_THAT(source->Start(*ParseTarget("wand:0,0.13,0.39;hz=400,500,600")),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("400")));
+}
+
+// No wand is in them.
+TEST_F(EventObservationSourceTest, RealRecordingsAreAnsweredAtTheirTriggers) {
+  RIGCAL_REQUIRE_RECORDED_DATA(data);
+  struct Case {
+    std::string file, options;
+    size_t least, most;
+  };
+  for (const auto& [file, options, least, most] :
+       {Case{"evt3_640x480_trigger_1khz.raw", ";trigger=rising;trigger_channel=6", 2079, 2079},
+        Case{"evt3_640x480_trigger_1khz.raw", ";rate=500", 1036, 1040},
+        Case{"evt2_gen3.raw", ";rate=500", 46, 49}}) {
+    ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+                         ParseSourceSpec("left=raw:" + (data / "events" / file).string() +
+                                         ";calibration=none;speed=max" + options));
+    ASSERT_OK_AND_ASSIGN(const auto source, CreateSource(spec));
+    ASSERT_THAT(source->Start(*ParseTarget("wand:0,0.13,0.39;hz=500")), IsOk());
+    size_t count = 0;
+    int64_t first_ns = 0, last_ns = 0;
+    while (true) {
+      ASSERT_OK_AND_ASSIGN(const std::optional<Observation> next, source->Next());
+      if (!next) break;
+      EXPECT_EQ(next->VisibleCount(), 0);
+      if (count++ == 0) first_ns = next->time_ns;
+      ASSERT_TRUE(count == 1 || next->time_ns > last_ns);
+      last_ns = next->time_ns;
+    }
+    EXPECT_GE(count, least) << file << options;
+    EXPECT_LE(count, most) << file << options;
+    EXPECT_THAT(source->Refused(), IsEmpty());
+    if (count != 2079) continue;
+    EXPECT_EQ(first_ns, 7'139'840'000);
+    EXPECT_EQ(last_ns, 9'217'840'000);
+  }
 }
 
 }  // namespace

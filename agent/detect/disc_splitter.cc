@@ -63,21 +63,27 @@ int DiscSplitter::MarkParts(const PixelList& pixels, int level, int min_depth) {
   return count;
 }
 
-void DiscSplitter::Spread(const PixelList& pixels) {
-  pending_.clear();
+void DiscSplitter::FitDiscs(const PixelList& pixels, int count) {
+  discs_.assign(static_cast<size_t>(count), {});
   for (const auto& [x, y] : pixels) {
-    const int at = (y - y0_) * width_ + x - x0_;
-    if (part_[static_cast<size_t>(at)] != 0) pending_.push_back(at);
+    const auto at = static_cast<size_t>((y - y0_) * width_ + x - x0_);
+    if (part_[at] == 0) continue;
+    Disc& disc = discs_[static_cast<size_t>(part_[at] - 1)];
+    disc.x += x, disc.y += y, disc.count += 1;
+    disc.radius = std::max(disc.radius, depth_[at] / 3.0);
   }
-  const int around[] = {-1, 1, -width_, width_, -width_ - 1, -width_ + 1, width_ - 1, width_ + 1};
-  for (size_t i = 0; i < pending_.size(); ++i) {
-    for (const int by : around) {
-      const auto next = static_cast<size_t>(pending_[i] + by);
-      if (depth_[next] == 0 || part_[next] != 0) continue;
-      part_[next] = part_[static_cast<size_t>(pending_[i])];
-      pending_.push_back(pending_[i] + by);
-    }
+  for (Disc& disc : discs_) disc.x /= disc.count, disc.y /= disc.count;
+}
+
+size_t DiscSplitter::Nearest(int x, int y) const {
+  size_t nearest = 0;
+  double least = 0;
+  for (size_t i = 0; i < discs_.size(); ++i) {
+    const double dx = x - discs_[i].x, dy = y - discs_[i].y;
+    const double power = dx * dx + dy * dy - discs_[i].radius * discs_[i].radius;
+    if (i == 0 || power < least) nearest = i, least = power;
   }
+  return nearest;
 }
 
 const std::vector<PixelList>& DiscSplitter::Split(const PixelList& pixels, int min_pixels) {
@@ -95,12 +101,9 @@ const std::vector<PixelList>& DiscSplitter::Split(const PixelList& pixels, int m
     return parts_;
   }
   MarkParts(pixels, best_level, std::max(min_depth, best_level + 1));
-  Spread(pixels);
+  FitDiscs(pixels, most);
   parts_.resize(static_cast<size_t>(most));
-  for (const auto& [x, y] : pixels) {
-    const int part = part_[static_cast<size_t>((y - y0_) * width_ + x - x0_)];
-    if (part > 0) parts_[static_cast<size_t>(part - 1)].emplace_back(x, y);
-  }
+  for (const auto& [x, y] : pixels) parts_[Nearest(x, y)].emplace_back(x, y);
   std::erase_if(parts_, [min_pixels](const PixelList& part) {
     return static_cast<int>(part.size()) < min_pixels;
   });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -11,8 +11,8 @@ using PixelList = std::vector<std::pair<int, int>>;  // x, y
 
 // Takes apart connected pixels that two or more discs fill, as neighbouring markers of a wand that
 // points at the camera do: the set is eroded until it falls into parts each at least half as thick
-// as the thickest, and every pixel is given to the part it is nearest to. Buffers are kept; one
-// thread at a time.
+// as the thickest, and every pixel is given to the disc in whose terms (distance squared less
+// radius squared) it is nearest. Buffers are kept; one thread at a time.
 class DiscSplitter {
  public:
   // Parts of at least `min_pixels`; `pixels` itself where it does not fall apart. Until the next
@@ -23,13 +23,18 @@ class DiscSplitter {
   void MeasureDepth(const PixelList& pixels);
   // Parts deeper than `level`, marked in part_ by 1, 2, ...
   int MarkParts(const PixelList& pixels, int level, int min_depth);
-  void Spread(const PixelList& pixels);
+  struct Disc {
+    double x = 0, y = 0, radius = 0, count = 0;
+  };
+  void FitDiscs(const PixelList& pixels, int count);
+  size_t Nearest(int x, int y) const;
 
   int x0_ = 0, y0_ = 0, width_ = 0, height_ = 0;
   int deepest_ = 0;
   std::vector<int> depth_;  // of the box: chamfer distance to the outside, 3 a pixel
   std::vector<int> part_;
   std::vector<int> pending_;
+  std::vector<Disc> discs_;
   std::vector<PixelList> parts_;
 };
 

@@ -33,6 +33,7 @@ class Scene {
   double radius_px = 12;
   double hz = 500;
   double noise_per_s = 0;
+  uint32_t refractory_us = 0;  // in which a pixel tells no change and is where it was at its end
   uint32_t duration_us = 40'000;
   Eigen::Vector2d start_px{100.3, 80.6};
 
@@ -43,6 +44,7 @@ class Scene {
   std::vector<Event> Events() const {
     std::vector<Event> events;
     std::vector<bool> bright(kWidth * kHeight, false);
+    std::vector<uint32_t> ready_us(kWidth * kHeight, 0);
     std::mt19937 random(5);
     for (uint32_t t = 0; t < duration_us; t += 50) {
       const double phase = static_cast<double>(t) * hz / 1e6;
@@ -54,6 +56,8 @@ class Scene {
               lit && (Eigen::Vector2d(x, y) - centre).squaredNorm() < radius_px * radius_px;
           if (now == bright[y * kWidth + x]) continue;
           bright[y * kWidth + x] = now;
+          if (t < ready_us[y * kWidth + x]) continue;
+          ready_us[y * kWidth + x] = t + refractory_us;
           events.push_back({t + static_cast<uint32_t>(random() % 50), x, y, now});
         }
       }
@@ -119,6 +123,24 @@ TEST(BlinkFilter, DoesNotLagBehindAMovingDisc) {
     ++count;
   }
   EXPECT_LT(std::abs(along / count), 0.06);
+}
+
+TEST(BlinkFilter, KeepsTheFrontThatWasInResetWhenTheLightWentOut) {
+  Scene scene;
+  scene.speed_px_s = 1000;
+  scene.refractory_us = 700;
+  const std::vector<Event> events = scene.Events();
+  double along = 0;
+  int count = 0;
+  for (uint32_t t = 12'000; t < 40'000; t += 370) {
+    BlinkFilter filter = MakeFilter();
+    for (const BlinkBlob& blob : Feed(&filter, events, t)) {
+      along += (blob.centre_px - scene.CentreAt(blob.time_us)).x();
+      ++count;
+    }
+  }
+  ASSERT_GE(count, 70);  // of 76
+  EXPECT_LT(std::abs(along / count), 0.1);
 }
 
 TEST(BlinkFilter, OtherFrequenciesAndEdgesAreNotTheWand) {

@@ -146,12 +146,13 @@ class BlinkFilter::Pass {
     const uint32_t old = state;
     const uint32_t gap = (now - (old >> 16)) & 0xffff;
     const uint32_t count = old & kPeriodsMask;
-    const bool was_on = (old & kOnBit) != 0;
-    const bool good = (gap - low_gap_ <= band_gap_) & !was_on;
+    static_assert(kOnBit == 8);
+    const uint32_t was_on = old >> 3 & 1;
+    const bool good = (gap - low_gap_ <= band_gap_) & (was_on == 0);
     const uint32_t periods = good ? count + (count < kPeriodsMask ? 1u : 0u) : 0u;
     const uint32_t crossed = now << 16 | (gap < kMaxGap ? gap : kMaxGap) << 4 | kOnBit | periods;
     // Without a branch: which of the three an event is cannot be foretold.
-    const bool crosses = on & (gap >= (was_on ? again_gap_ : min_gap_));
+    const bool crosses = on & (gap >= min_gap_ + (again_gap_ & (0u - was_on)));
     const uint32_t stays = on ? old | kOnBit : old & ~kOnBit;
     state = crosses ? crossed : stays;
     if (crosses & (periods >= min_periods_)) {
@@ -163,6 +164,7 @@ class BlinkFilter::Pass {
   uint32_t* states_;
   uint32_t* tiles_;
   int shift_;
+  // again_gap_: what an ON after an ON must be later than min_gap_.
   uint32_t stride_, tile_columns_, low_gap_, band_gap_, min_gap_, again_gap_, min_periods_;
 };
 
@@ -177,7 +179,7 @@ inline BlinkFilter::Pass BlinkFilter::BeginPass() {
   pass.low_gap_ = low_gap_;
   pass.band_gap_ = band_gap_;
   pass.min_gap_ = min_gap_;
-  pass.again_gap_ = again_gap_;
+  pass.again_gap_ = again_gap_ - min_gap_;
   pass.min_periods_ = min_periods_;
   return pass;
 }

@@ -34,8 +34,9 @@ absl::StatusOr<fs::path> ReachableFolder(const fs::path& folder, const fs::path&
 }
 
 // `seed` belongs to both, and the world's stands there already.
-std::string WithPictures(std::string options, const FrameRenderOptions& pictures) {
-  absl::StrAppend(&options, ";pixels=1");
+std::string WithPictures(std::string options, const char* kind,
+                         const FrameRenderOptions& pictures) {
+  absl::StrAppend(&options, ";", kind, "=1");
   for (const auto part :
        absl::StrSplit(FormatFrameRenderOptions(pictures), ';', absl::SkipEmpty())) {
     if (!absl::StartsWith(part, "seed=")) absl::StrAppend(&options, ";", part);
@@ -63,12 +64,17 @@ absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Ta
                                         const std::string& speed) {
   LocalPlan plan;
   RIGCAL_ASSIGN_OR_RETURN(plan.world, SimulatedWorld::Create(rig.world, target));
-  std::string options = FormatSimulationOptions(rig.world);
-  if (rig.pictures) options = WithPictures(options, *rig.pictures);
+  const std::string options = FormatSimulationOptions(rig.world);
+  const size_t first_event_camera =
+      plan.world->cameras().size() - static_cast<size_t>(rig.event_cameras);
   for (size_t i = 0; i < plan.world->cameras().size(); ++i) {
     const std::string& name = plan.world->cameras()[i].description.camera;
+    const std::string its_options =
+        rig.pictures
+            ? WithPictures(options, i < first_event_camera ? "pixels" : "events", *rig.pictures)
+            : options;
     plan.cameras.push_back(
-        {name, absl::StrCat(name, "=sim:camera=", i, ";", options, ";speed=", speed)});
+        {name, absl::StrCat(name, "=sim:camera=", i, ";", its_options, ";speed=", speed)});
   }
   return plan;
 }

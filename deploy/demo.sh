@@ -3,6 +3,7 @@
 # Installs what is missing, builds rigcal and calibrates through real processes on this machine.
 #   deploy/demo.sh                    a simulated rig of 6 cameras, compared with its truth
 #   deploy/demo.sh --pixels           four simulated cameras whose agents find the wand in rendered pictures
+#   deploy/demo.sh --events           four such cameras and two event cameras (rendering events takes a minute or two)
 #   deploy/demo.sh --gige             the same pictures over GigE Vision, from fake cameras on loopback
 #   deploy/demo.sh DIR [OPTIONS]      a recorded rig: DIR has <camera>.yaml and <camera>.csv for each camera
 # OPTIONS go to `rigcal local` (deploy/demo.sh DIR -o json). RIGCAL_TARGET names another wand.
@@ -31,6 +32,12 @@ if [ "${1:-}" = --pixels ]; then
   shift
   exec "$root/build/release/bin/rigcal" local \
     --simulate "cameras=4;duration=20;pixels=1;clutter=0.5;lux=300" \
+    --target "wand:0,0.13,0.39;diameter=0.04;hz=500" "$@"
+fi
+if [ "${1:-}" = --events ]; then
+  shift
+  exec "$root/build/release/bin/rigcal" local \
+    --simulate "cameras=6;duration=15;pixels=1;events=2;lux=300" \
     --target "wand:0,0.13,0.39;diameter=0.04;hz=500" "$@"
 fi
 

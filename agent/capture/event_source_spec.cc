@@ -63,7 +63,7 @@ void TakeBlinkOptions(SourceOptions* given, BlinkWandDetectorOptions* detector) 
 absl::StatusOr<SourceSpec> ParseRawSource(SourceText text) {
   RIGCAL_RETURN_IF_ERROR(CheckSourcePath("raw:", text.subject));
   EventSourceSpec spec;
-  RawSourceOptions& options = spec.events;
+  RawSourceOptions options;
   options.path = text.subject;
   const std::filesystem::path path(options.path);
   options.camera = text.name.empty() ? path.stem().string() : text.name;
@@ -78,6 +78,7 @@ absl::StatusOr<SourceSpec> ParseRawSource(SourceText text) {
   RIGCAL_RETURN_IF_ERROR(given.Finish());
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   RIGCAL_RETURN_IF_ERROR(spec.detector.Validate());
+  spec.events = std::move(options);
   return spec;
 }
 

@@ -73,11 +73,42 @@ absl::StatusOr<SourceSpec> ParsePictures(SourceText text) {
   return spec;
 }
 
+// `rate` is the world's; how often the wand is looked for in the events is `output`.
+absl::StatusOr<SourceSpec> ParseEvents(SourceText text) {
+  SimulatedEventSourceOptions options;
+  EventSourceSpec spec;
+  CameraOfWorld camera = TakeCamera(&text);
+  spec.detector.output.rate_hz = 200;
+  text.options.Take("output", "a rate of 10 to 1000 Hz", 10.0, 1000.0,
+                    &spec.detector.output.rate_hz);
+  std::vector<SourceOption> world, scene, sensor;
+  for (const SourceOption& option : text.options.TakeRest()) {
+    const bool is_seed = option.key == "seed";
+    const bool of_sensor = IsEventRenderOption(option.key);
+    const bool of_scene = IsFrameRenderOption(option.key);
+    if (is_seed || (!of_sensor && !of_scene)) world.push_back(option);
+    if (is_seed || of_scene) scene.push_back(option);
+    if (is_seed || (of_sensor && !of_scene)) sensor.push_back(option);
+  }
+  RIGCAL_RETURN_IF_ERROR(text.options.Finish());
+  options.camera = std::move(camera.camera);
+  options.camera_index = camera.camera_index;
+  options.speed = camera.speed;
+  RIGCAL_ASSIGN_OR_RETURN(options.simulation, ParseSimulationOptions(Joined(world)));
+  RIGCAL_ASSIGN_OR_RETURN(options.scene, ParseFrameRenderOptions(Joined(scene)));
+  RIGCAL_ASSIGN_OR_RETURN(options.rendering, ParseEventRenderOptions(Joined(sensor)));
+  spec.events = std::move(options);
+  return spec;
+}
+
 }  // namespace
 
 absl::StatusOr<SourceSpec> ParseSimulatedSource(SourceText text) {
   bool pixels = false;
+  bool events = false;
   text.options.Take("pixels", &pixels);
+  text.options.Take("events", &events);
+  if (events) return ParseEvents(std::move(text));
   return pixels ? ParsePictures(std::move(text)) : ParseObservations(std::move(text));
 }
 

@@ -87,6 +87,13 @@ std::string ShortestText(double value) {
   return std::string(buffer, end.ptr);
 }
 
+absl::StatusOr<std::unique_ptr<EventSource>> CreateEventSource(const EventSourceSpec& spec) {
+  if (const auto* raw = std::get_if<RawSourceOptions>(&spec.events)) {
+    return RawEventSource::Create(*raw);
+  }
+  return SimulatedEventSource::Create(std::get<SimulatedEventSourceOptions>(spec.events));
+}
+
 struct FrameMaker {
   using Result = absl::StatusOr<std::unique_ptr<FrameSource>>;
   Result operator()(const ImagesSourceOptions& options) const {
@@ -116,7 +123,7 @@ struct Maker {
     return DetectingObservationSource::Create(std::move(frames), spec.detecting);
   }
   Result operator()(const EventSourceSpec& spec) const {
-    RIGCAL_ASSIGN_OR_RETURN(auto events, RawEventSource::Create(spec.events));
+    RIGCAL_ASSIGN_OR_RETURN(auto events, CreateEventSource(spec));
     return EventObservationSource::Create(std::move(events), spec.detector);
   }
 };
@@ -153,7 +160,9 @@ const std::string& CameraNameOf(const PictureSourceSpec& spec) {
 
 const std::string& CameraNameOf(const SourceSpec& spec) {
   if (const auto* pictures = std::get_if<PictureSourceSpec>(&spec)) return CameraNameOf(*pictures);
-  if (const auto* events = std::get_if<EventSourceSpec>(&spec)) return events->events.camera;
+  if (const auto* events = std::get_if<EventSourceSpec>(&spec))
+    return std::visit([](const auto& options) -> const std::string& { return options.camera; },
+                      events->events);
   if (const auto* csv = std::get_if<CsvSourceOptions>(&spec)) return csv->camera;
   return std::get<SimulatedSourceOptions>(spec).camera;
 }

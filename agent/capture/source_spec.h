@@ -16,6 +16,7 @@
 #include "agent/capture/images_frame_source.h"
 #include "agent/capture/observation_source.h"
 #include "agent/capture/raw_event_source.h"
+#include "agent/capture/simulated_event_source.h"
 #include "agent/capture/simulated_frame_source.h"
 #include "agent/capture/simulated_observation_source.h"
 #include "agent/capture/source_options.h"
@@ -34,7 +35,7 @@ struct PictureSourceSpec {
 
 // Where one camera's events come from, and how the wand is found in them.
 struct EventSourceSpec {
-  RawSourceOptions events;
+  std::variant<RawSourceOptions, SimulatedEventSourceOptions> events;
   BlinkWandDetectorOptions detector;
 };
 

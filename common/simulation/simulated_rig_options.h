@@ -14,10 +14,12 @@ namespace rigcal {
 struct SimulatedRigOptions {
   SimulationOptions world;
   std::optional<FrameRenderOptions> pictures;  // none: the cameras yield markers
+  int event_cameras = 0;  // of the last cameras, with pictures only: these yield events
 };
 
 // Reads `cameras=4;seed=1;pixels=1;clutter=0.5`: the parts of ParseSimulationOptions, and with
-// `pixels=1` those of ParseFrameRenderOptions; `seed` is that of both.
+// `pixels=1` those of ParseFrameRenderOptions and `events=N`, how many event cameras there are
+// among them; `seed` is that of all.
 absl::StatusOr<SimulatedRigOptions> ParseSimulatedRigOptions(std::string_view text);
 
 }  // namespace rigcal

@@ -21,8 +21,8 @@ inline int ExitCodeOf(const absl::Status& status) {
   return absl::IsInvalidArgument(status) ? kExitUsage : kExitFailed;
 }
 
-// What rigcal-agent can do besides being an agent: detect, tune, mask, info. Add before parsing; after
-// it, Chosen runs what was asked for. `out` outlives the object.
+// What rigcal-agent can do besides being an agent: detect, tune, mask, info. Add before parsing;
+// after it, Chosen runs what was asked for. `out` outlives the object.
 class Subcommands {
  public:
   explicit Subcommands(std::ostream& out) : out_(out) {}

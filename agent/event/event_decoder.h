@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstdint>
 #include <cstring>
+#include <optional>
 #include <span>
 
 #include "agent/event/event.h"
@@ -39,6 +40,26 @@ Word Load(const uint8_t* bytes) {
   Word word;
   std::memcpy(&word, bytes, sizeof(word));
   return word;
+}
+
+// Takes a TIME_HIGH word that may be a gap, a restart or damage; find_next() looks ahead for the
+// one behind it. False: damaged, and nothing has changed.
+template <typename High, typename FindNext, typename Sink>
+bool TakeTimeHigh(uint32_t value, FindNext find_next, High* high, EventFaults* faults, Sink& sink) {
+  if (high->Take(value) == High::Verdict::kGoesOn) return true;
+  const std::optional<uint32_t> next = find_next();
+  switch (high->Decide(value, next ? &*next : nullptr)) {
+    case High::Change::kDamaged:
+      ++faults->unknown_words;
+      return false;
+    case High::Change::kStepBack:
+      ++faults->time_steps_back;
+      sink.TimeStepBack(high->time_us());
+      break;
+    case High::Change::kGap:
+      break;
+  }
+  return true;
 }
 
 }  // namespace event_words
@@ -92,29 +113,16 @@ class Evt3Decoder {
 template <typename Sink>
 void Evt3Decoder::TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end,
                                Sink& sink) {
-  if (time_high_.Take(value) == decltype(time_high_)::Verdict::kAsk) {
-    uint32_t next = 0;
-    const uint32_t* shown = nullptr;
+  const auto find_next = [rest, end]() -> std::optional<uint32_t> {
     for (const uint8_t* at = rest; at != end; at += kWordBytes) {
       const uint32_t word = event_words::Load<uint16_t>(at);
-      if (word >> 12 != kTimeHigh) continue;
-      next = word & 0xfff;
-      shown = &next;
-      break;
+      if (word >> 12 == kTimeHigh) return word & 0xfff;
     }
-    switch (time_high_.Decide(value, shown)) {
-      case decltype(time_high_)::Change::kDamaged:
-        ++faults_.unknown_words;
-        return;
-      case decltype(time_high_)::Change::kStepBack:
-        ++faults_.time_steps_back;
-        time_low_ = 0;
-        sink.TimeStepBack(time_high_.time_us());
-        break;
-      case decltype(time_high_)::Change::kGap:
-        break;
-    }
-  }
+    return std::nullopt;
+  };
+  const uint64_t steps_back = faults_.time_steps_back;
+  if (!event_words::TakeTimeHigh(value, find_next, &time_high_, &faults_, sink)) return;
+  if (faults_.time_steps_back != steps_back) time_low_ = 0;
   high_us_ = time_high_.time_us();
 }
 
@@ -252,25 +260,14 @@ class Evt2Decoder {
  private:
   template <typename Sink>
   void TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end, Sink& sink) {
-    if (time_high_.Take(value) == decltype(time_high_)::Verdict::kAsk) {
-      uint32_t next = 0;
-      const uint32_t* shown = nullptr;
-      for (const uint8_t* at = rest; at != end && shown == nullptr; at += kWordBytes) {
+    const auto find_next = [rest, end]() -> std::optional<uint32_t> {
+      for (const uint8_t* at = rest; at != end; at += kWordBytes) {
         const uint32_t word = event_words::Load<uint32_t>(at);
-        if (word >> 28 != 0x8) continue;
-        next = word & 0xfffffff;
-        shown = &next;
+        if (word >> 28 == 0x8) return word & 0xfffffff;
       }
-      const auto change = time_high_.Decide(value, shown);
-      if (change == decltype(time_high_)::Change::kDamaged) {
-        ++faults_.unknown_words;
-        return;
-      }
-      if (change == decltype(time_high_)::Change::kStepBack) {
-        ++faults_.time_steps_back;
-        sink.TimeStepBack(time_high_.time_us());
-      }
-    }
+      return std::nullopt;
+    };
+    if (!event_words::TakeTimeHigh(value, find_next, &time_high_, &faults_, sink)) return;
     high_us_ = time_high_.time_us();
   }
 
@@ -357,25 +354,14 @@ class Evt21Decoder {
 
   template <typename Sink>
   void TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end, Sink& sink) {
-    if (time_high_.Take(value) == decltype(time_high_)::Verdict::kAsk) {
-      uint32_t next = 0;
-      const uint32_t* shown = nullptr;
-      for (const uint8_t* at = rest; at != end && shown == nullptr; at += kWordBytes) {
+    const auto find_next = [this, rest, end]() -> std::optional<uint32_t> {
+      for (const uint8_t* at = rest; at != end; at += kWordBytes) {
         const uint64_t word = LoadWord(at);
-        if (word >> 60 != 0x8) continue;
-        next = static_cast<uint32_t>(word >> 32) & 0xfffffff;
-        shown = &next;
+        if (word >> 60 == 0x8) return static_cast<uint32_t>(word >> 32) & 0xfffffff;
       }
-      const auto change = time_high_.Decide(value, shown);
-      if (change == decltype(time_high_)::Change::kDamaged) {
-        ++faults_.unknown_words;
-        return;
-      }
-      if (change == decltype(time_high_)::Change::kStepBack) {
-        ++faults_.time_steps_back;
-        sink.TimeStepBack(time_high_.time_us());
-      }
-    }
+      return std::nullopt;
+    };
+    if (!event_words::TakeTimeHigh(value, find_next, &time_high_, &faults_, sink)) return;
     high_us_ = time_high_.time_us();
   }
 

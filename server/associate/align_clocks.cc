@@ -126,8 +126,7 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
         refused->Add(track.camera.camera, "clock_epoch_without_offset",
                      static_cast<uint32_t>(track.observations.size()),
                      absl::StrCat("clock epoch ", track.clock_epoch, " of clock ",
-                                  track.camera.clock.clock_id,
-                                  ": the clock jumped back"));
+                                  track.camera.clock.clock_id, ": the clock jumped back"));
         continue;
       }
     } else {

@@ -24,9 +24,9 @@ struct InstantOptions {
   // All members of an instant lie within this of each other, seconds. 0: from the cameras' periods,
   // session by session. Cameras that run together: a quarter of the smallest median period, the
   // widest that cannot mix neighbouring frames. Where that leaves most views alone, or most of one
-  // camera's, the cameras run freely: then an instant takes what lies within one median period of the slowest camera, of each
-  // camera the view nearest its middle, and it is for whoever uses the instants to move each view
-  // to the instant's time.
+  // camera's, the cameras run freely: then an instant takes what lies within one median period of
+  // the slowest camera, of each camera the view nearest its middle, and it is for whoever uses the
+  // instants to move each view to the instant's time.
   double tolerance_s = 0;
 };
 

@@ -66,8 +66,8 @@ class RigSolver {
       const int turned = is_last ? 0 : TurnReversed();
       const int changed = ClassifyOutliers(options_.outliers, &problem());
       const double moved_s = ClockMovement();
-      const bool settled = turned == 0 && changed == 0 && !rough_centres &&
-                           moved_s < options_.time_tolerance_s;
+      const bool settled =
+          turned == 0 && changed == 0 && !rough_centres && moved_s < options_.time_tolerance_s;
       solution_.converged = settled && exact;
       if (solution_.converged) break;
       exact = settled || moved_s < kExactBelow * options_.time_tolerance_s;

@@ -70,8 +70,8 @@ std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleIns
       const BundleMarker& marker = problem.markers[index];
       Eigen::Vector2d residual;
       if (marker.used && MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-        squares.push_back({(marker.sqrt_information * residual).squaredNorm(),
-                           built.sources[index].noise_share});
+        squares.push_back(
+            {(marker.sqrt_information * residual).squaredNorm(), built.sources[index].noise_share});
       }
     }
   }

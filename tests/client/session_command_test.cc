@@ -269,8 +269,10 @@ TEST_F(SessionCommand, AgentListShowsCameras) {
   settings->set_trigger("Line0");
   settings->set_ptp(true);
   const std::string text = Rigcal({"agent", "list"}).out;
-  EXPECT_THAT(text, ::testing::ContainsRegex("pc-1 .*connected .*left +1280x1024 +yes +- +csv:left"));
-  EXPECT_THAT(text, ::testing::ContainsRegex("\n +right +- +no +BayerRG8, 5 ms, 6 dB, 50 Hz, Line0, PTP\n"));
+  EXPECT_THAT(text,
+              ::testing::ContainsRegex("pc-1 .*connected .*left +1280x1024 +yes +- +csv:left"));
+  EXPECT_THAT(text, ::testing::ContainsRegex(
+                        "\n +right +- +no +BayerRG8, 5 ms, 6 dB, 50 Hz, Line0, PTP\n"));
   const json list = json::parse(Rigcal({"agent", "list", "-o", "json"}).out);
   EXPECT_EQ(list.at("agents").at(0).at("agent_id"), "pc-1");
   EXPECT_EQ(list.at("agents").at(0).at("cameras").at(1).at("settings").at("model"),

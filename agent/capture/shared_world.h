@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <initializer_list>
 #include <memory>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/camera/camera_description.h"
 #include "common/simulation/simulated_world.h"
@@ -16,6 +18,11 @@ namespace rigcal::agent {
 // cameras of one process look at the same one. Any thread.
 absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const SimulationOptions& options,
                                                                   const Target& target);
+
+// What every simulated camera is checked for: its name, its index in a world of `camera_count`, its
+// pace, and `parts`, the statuses of its other options. INVALID_ARGUMENT with every fault.
+absl::Status CheckSimulatedCamera(const std::string& camera, int index, int camera_count,
+                                  double speed, std::initializer_list<absl::Status> parts);
 
 // How the world's camera `index` is described under the name `camera`; the target makes no
 // difference.

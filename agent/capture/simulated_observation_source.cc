@@ -6,25 +6,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "agent/capture/shared_world.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 absl::Status SimulatedSourceOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (camera.empty()) faults.push_back("the camera's name is empty");
-  if (const absl::Status status = simulation.Validate(); !status.ok()) {
-    faults.emplace_back(status.message());
-  }
-  if (camera_index < 0 || camera_index >= simulation.camera_count) {
-    faults.push_back(absl::StrCat("camera=", camera_index, ", but the world has cameras 0 to ",
-                                  simulation.camera_count - 1));
-  }
-  if (!(speed > 0)) faults.push_back(absl::StrCat("speed is ", speed, ", but must be above 0"));
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("camera ", camera, ": ", absl::StrJoin(faults, "; ")));
+  return CheckSimulatedCamera(camera, camera_index, simulation.camera_count, speed,
+                              {simulation.Validate()});
 }
 
 absl::StatusOr<std::unique_ptr<SimulatedObservationSource>> SimulatedObservationSource::Create(

@@ -20,7 +20,7 @@ add_library(rigcal_build_flags INTERFACE)
 target_compile_options(rigcal_build_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow
   $<$<BOOL:${RIGCAL_WARNINGS_AS_ERRORS}>:-Werror>)
 # gcc 12 sees overlapping copies in std::string that cannot happen (GCC bug 105651).
-target_compile_options(rigcal_build_flags INTERFACE -Wno-restrict)
+target_compile_options(rigcal_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
 # One answer to a*b+c on every machine: a calibration must not change with the compiler's taste for FMA.
 target_compile_options(rigcal_build_flags INTERFACE -ffp-contract=off)
 if(RIGCAL_SANITIZE)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <cstring>
@@ -99,6 +100,8 @@ class Evt3Decoder {
     (time_high_.known() ? faults_.outside_geometry : faults_.before_time) += count;
   }
 
+  static constexpr uint32_t kFarColumn = 1u << 30;
+
   SensorGeometry geometry_;
   EventFaults faults_;
   TimeHigh<12, 12> time_high_;
@@ -169,6 +172,8 @@ void Evt3Decoder::Decode(std::span<const uint8_t> bytes, Sink& sink) {
           const uint32_t inside = x >= width ? 0 : (1u << (width - x)) - 1;
           CountUnplaced(static_cast<uint64_t>(std::popcount(mask & ~inside)));
           mask &= inside;
+          // Vectors without end must not come round to the first column.
+          base_x = std::min(base_x, kFarColumn);
         }
         if (mask != 0) sink.Vector(x, y, base_on != 0, now, mask);
         break;
@@ -336,7 +341,7 @@ class Evt21Decoder {
     auto mask = static_cast<uint32_t>(word);
     if (mask == 0) return;
     if (!time_high_.known()) {
-      ++faults_.before_time;
+      faults_.before_time += static_cast<uint64_t>(std::popcount(mask));
       return;
     }
     uint32_t inside = 0xffffffff;

@@ -42,7 +42,7 @@ class TimeHigh {
     // A sensor that restarts counts from zero; an overflow is passed within a step of the end. Of
     // other ways down, the shorter way round is taken: a gap across an overflow, or a step back.
     const bool restarted = value < value_ && value <= kStep && value_ <= kMask - kStep;
-    if (restarted || forward > kMask / 2) {
+    if (restarted || forward > kMask / 2 || base_us_ > kMaxUs) {
       base_us_ = 0;
       value_ = value;
       return Change::kStepBack;
@@ -54,6 +54,8 @@ class TimeHigh {
 
  private:
   static constexpr int64_t kPeriodUs = int64_t{1} << (kBits + kShift);
+  // No sensor counts for 35 years; nanoseconds must fit 64 bits whatever the words say.
+  static constexpr int64_t kMaxUs = int64_t{1} << 50;
 
   bool known_ = false;
   uint32_t value_ = 0;

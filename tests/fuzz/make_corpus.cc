@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes the seeds of the corpus, those that are made by hand: fuzz.make_corpus tests/fuzz/corpus.
+// What fuzzing has found lies beside them in files named found_*.
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agent/event/evt3_writer.h"
+
+namespace rigcal::agent {
+namespace {
+
+using Bytes = std::vector<uint8_t>;
+
+bool Save(const std::filesystem::path& folder, const std::string& name, const Bytes& bytes) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  std::ofstream file(folder / name, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (!file) std::fprintf(stderr, "cannot write %s\n", (folder / name).c_str());
+  return static_cast<bool>(file);
+}
+
+template <typename Word>
+void Append(Word word, Bytes* bytes) {
+  for (size_t i = 0; i < sizeof(Word); ++i) bytes->push_back(static_cast<uint8_t>(word >> 8 * i));
+}
+
+// What stands in front of a stream in the decoders' targets (decoder_fuzz.h).
+Bytes Case(SensorGeometry geometry, const std::vector<uint16_t>& cuts) {
+  Bytes bytes;
+  Append(static_cast<uint16_t>(geometry.width - 1), &bytes);
+  Append(static_cast<uint16_t>(geometry.height - 1), &bytes);
+  bytes.push_back(static_cast<uint8_t>(cuts.size()));
+  for (const uint16_t cut : cuts) Append(cut, &bytes);
+  return bytes;
+}
+
+template <typename Word>
+Bytes Words(SensorGeometry geometry, const std::vector<uint16_t>& cuts,
+            const std::vector<Word>& words) {
+  Bytes bytes = Case(geometry, cuts);
+  for (const Word word : words) Append(word, &bytes);
+  return bytes;
+}
+
+Bytes Text(const std::string& text) { return {text.begin(), text.end()}; }
+
+bool SaveHeaders(const std::filesystem::path& folder) {
+  bool ok = true;
+  const std::vector<std::pair<std::string, std::string>> texts = {
+      {"evt3", "% format EVT3;height=720;width=1280\n% end\n%%%%"},
+      {"evt21_legacy", "% format EVT21;endianness=legacy;height=720;width=1280\n% end\n"},
+      {"old", "% Date 2020-01-01 00:00:00\n% evt 2.0\n% plugin_name hal_plugin_gen31\n\x01\x02\n"},
+      {"events_like_a_line", "% evt 2.0\n%\x01\x02\x80\n\n"},
+      {"geometry", "% evt 3.0\r\n% geometry 640x480\r\n% end\r\n"},
+      {"geometry_half", "% evt 3.0\n% geometry 640x\n"},
+      {"geometry_huge", "% evt 3.0\n% geometry 640x4294967297\n"},
+      {"contradiction", "% format EVT3;height=720;width=1280\n% geometry 640x480\n"},
+      {"unknown", "% evt 4.0\n"},
+      {"no_format", "% date 2023\n% \n%\n% end\n"},
+      {"no_line_end", "% evt 3.0\n% geometry 640x480"},
+      {"no_raw", "x,y,p,t\n1,2,0,5\n"},
+  };
+  for (const auto& [name, text] : texts) ok &= Save(folder, name, Text(text));
+  return ok;
+}
+
+bool SaveEvt3(const std::filesystem::path& folder) {
+  Bytes written = Case({1280, 720}, {3, 9, 20});
+  Evt3Writer writer;
+  std::vector<CdEvent> events;
+  for (uint16_t i = 0; i < 40; ++i) {
+    const auto x = static_cast<uint16_t>(i < 20 ? 600 + i : 7 * i);
+    const auto y = static_cast<uint16_t>(i < 20 ? 300 : i);
+    events.push_back({.time_us = 1000 + 150 * (i / 10), .x = x, .y = y, .on = i % 20 < 10});
+  }
+  writer.Write(events, &written);
+  writer.Write(TriggerEvent{.time_us = 5000, .channel = 3, .rising = true}, &written);
+  writer.WriteTime(40'000, &written);
+  using W = std::vector<uint16_t>;
+  const SensorGeometry vga{640, 480};
+  bool ok = Save(folder, "written", written);
+  ok &= Save(folder, "overflow",
+             Words<uint16_t>(vga, {5}, W{0x0007, 0x8fff, 0x2005, 0x8000, 0x6001, 0x2806, 0x8001}));
+  ok &= Save(folder, "damaged_time",
+             Words<uint16_t>(vga, {1, 3},
+                             W{0x0000, 0x8064, 0x2801, 0x8864, 0x2802, 0x8065, 0x2803, 0xa601}));
+  ok &= Save(
+      folder, "restart",
+      Words<uint16_t>(vga, {2},
+                      W{0x0000, 0x84b0, 0x6fff, 0x2801, 0x8000, 0x8001, 0x2801, 0x6001, 0xa100}));
+  ok &= Save(folder, "gap",
+             Words<uint16_t>(vga, {}, W{0x0000, 0x8001, 0x2801, 0x81f4, 0x81f5, 0x2801}));
+  ok &= Save(folder, "right_border",
+             Words<uint16_t>(vga, {4},
+                             W{0x8001, 0x0003, 0x3a7b, 0x4fff, 0x4fff, 0x50ff, 0x37f8, 0x4fff,
+                               0x5081, 0x01e0, 0x2801}));
+  Bytes half = Words<uint16_t>(vga, {}, W{0x2801, 0xa000, 0x4fff, 0x8001, 0x1000, 0x9fff, 0x7001});
+  half.push_back(0x80);
+  ok &= Save(folder, "before_time_and_half_a_word", half);
+  ok &= Save(folder, "one_pixel",
+             Words<uint16_t>({1, 1}, {},
+                             W{0x8000, 0x0000, 0x2000, 0x3000, 0x4fff, 0x3800, 0x5001, 0x2801}));
+  return ok;
+}
+
+bool SaveEvt2(const std::filesystem::path& folder) {
+  using W = std::vector<uint32_t>;
+  const SensorGeometry vga{640, 480};
+  bool ok = Save(folder, "events",
+                 Words<uint32_t>(
+                     vga, {2},
+                     W{0x80000002, 0x10000000 | 9 << 22 | 12 << 11 | 34, 10 << 22 | 639 << 11 | 479,
+                       0xa2c00301, 0x10000000 | 640 << 11, 0x50000000, 0x80000003}));
+  ok &= Save(
+      folder, "overflow",
+      Words<uint32_t>(vga, {1, 2}, W{0x8fffffff, 0x10000000, 0x80000000, 0x00400801, 0x80000001}));
+  ok &= Save(folder, "restart",
+             Words<uint32_t>(vga, {},
+                             W{0x80030000, 0x10000000, 0x80000000, 0x80000001, 0x10000801,
+                               0x87000000, 0x80000002}));
+  Bytes before = Words<uint32_t>(vga, {}, W{0x10000000, 0xa0000000, 0xe0000000, 0x80000001});
+  before.push_back(0x10);
+  ok &= Save(folder, "before_time_and_part_of_a_word", before);
+  return ok;
+}
+
+bool SaveEvt21(const std::filesystem::path& folder) {
+  using W = std::vector<uint64_t>;
+  const SensorGeometry hd{1280, 720};
+  const W words = {0x8000000200000000,
+                   0x1000000000000000 | uint64_t{9} << 54 | uint64_t{1264} << 43 |
+                       uint64_t{34} << 32 | 0x80008001,
+                   0x00000000ffffffff,
+                   0xa2c0030100000000,
+                   0x10000fff00000001,
+                   0x8000000300000000};
+  W swapped;
+  for (const uint64_t word : words) swapped.push_back(word << 32 | word >> 32);
+  bool ok = Save(folder, "little", Words<uint64_t>(hd, {1, 3}, words));
+  ok &= Save(folder, "legacy", Words<uint64_t>(hd, {1, 3}, swapped));
+  ok &= Save(folder, "before_time",
+             Words<uint64_t>(hd, {},
+                             W{0x10000000ffff0000, 0xa000000000000000, 0x8000000100000000,
+                               0x8000700000000000, 0x8000000200000000}));
+  return ok;
+}
+
+}  // namespace
+}  // namespace rigcal::agent
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "name the folder of the corpus: fuzz.make_corpus tests/fuzz/corpus\n");
+    return 2;
+  }
+  const std::filesystem::path corpus = argv[1];
+  bool ok = rigcal::agent::SaveHeaders(corpus / "raw_header");
+  ok &= rigcal::agent::SaveEvt3(corpus / "evt3_words");
+  ok &= rigcal::agent::SaveEvt2(corpus / "evt2_words");
+  ok &= rigcal::agent::SaveEvt21(corpus / "evt21_words");
+  return ok ? 0 : 1;
+}

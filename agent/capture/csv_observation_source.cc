@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "agent/capture/csv_line.h"
 #include "common/camera/intrinsics_file.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -29,17 +29,15 @@ absl::Status WithContext(const absl::Status& status, const std::string& before,
 }  // namespace
 
 absl::Status CsvSourceOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (camera.empty()) faults.push_back("the camera's name is empty");
-  if (path.empty()) faults.push_back("the path of the CSV file is empty");
-  if (calibration_path.empty()) faults.push_back("the path of the calibration is empty");
+  FaultList faults;
+  if (camera.empty()) faults.Add("the camera's name is empty");
+  if (path.empty()) faults.Add("the path of the CSV file is empty");
+  if (calibration_path.empty()) faults.Add("the path of the calibration is empty");
   if (!std::isfinite(sigma_px) || sigma_px <= 0) {
-    faults.push_back(absl::StrCat("sigma is ", sigma_px, " px, but must be above 0"));
+    faults.Add("sigma is ", sigma_px, " px, but must be above 0");
   }
-  if (!(speed > 0)) faults.push_back(absl::StrCat("speed is ", speed, ", but must be above 0"));
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("camera ", camera, ": ", absl::StrJoin(faults, "; ")));
+  if (!(speed > 0)) faults.Add("speed is ", speed, ", but must be above 0");
+  return faults.Result(absl::StrCat("camera ", camera, ": "));
 }
 
 absl::StatusOr<std::unique_ptr<CsvObservationSource>> CsvObservationSource::Create(

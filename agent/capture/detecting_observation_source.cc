@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -41,16 +41,10 @@ constexpr Advice kAdvice[] = {
 }  // namespace
 
 absl::Status DetectingOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (const absl::Status status = detector.Validate(); !status.ok()) {
-    faults.emplace_back(status.message());
-  }
-  if (!(learn_mask_s >= 0 && learn_mask_s <= kMaxLearnMaskS)) {
-    faults.push_back(
-        absl::StrCat("learn_mask is ", learn_mask_s, " s, not within 0 to ", kMaxLearnMaskS));
-  }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  FaultList faults;
+  faults.Add(detector.Validate());
+  faults.CheckRange("learn_mask", learn_mask_s, 0, kMaxLearnMaskS, " s");
+  return faults.Result();
 }
 
 absl::StatusOr<std::unique_ptr<DetectingObservationSource>> DetectingObservationSource::Create(

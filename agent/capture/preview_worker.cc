@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "agent/detect/annotated_picture.h"
+#include "common/status/fault_list.h"
 
 namespace rigcal::agent {
 namespace {
@@ -40,17 +40,12 @@ Preview TimedOut(const PreviewRequest& request) {
 }  // namespace
 
 absl::Status PreviewOptions::Validate() const {
-  std::vector<std::string> faults;
+  FaultList faults;
   if (!(max_rate_hz > 0 && max_rate_hz <= kMaxRateHz)) {
-    faults.push_back(absl::StrCat("max_rate_hz is ", max_rate_hz,
-                                  ", it must be above 0 and at most ", kMaxRateHz));
+    faults.Add("max_rate_hz is ", max_rate_hz, ", it must be above 0 and at most ", kMaxRateHz);
   }
-  if (max_jpeg_bytes < kLeastBytes || max_jpeg_bytes > kMostBytes) {
-    faults.push_back(absl::StrCat("max_jpeg_bytes is ", max_jpeg_bytes, ", it must be within ",
-                                  kLeastBytes, " to ", kMostBytes));
-  }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("preview: ", absl::StrJoin(faults, "; ")));
+  faults.CheckRange("max_jpeg_bytes", max_jpeg_bytes, kLeastBytes, kMostBytes);
+  return faults.Result("preview: ");
 }
 
 PreviewWorker::PreviewWorker(PreviewOptions options, std::function<void()> on_answer)

@@ -5,10 +5,9 @@
 #include <mutex>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -31,19 +30,16 @@ absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const Simulati
 
 absl::Status CheckSimulatedCamera(const std::string& camera, int index, int camera_count,
                                   double speed, std::initializer_list<absl::Status> parts) {
-  std::vector<std::string> faults;
-  if (camera.empty()) faults.push_back("the camera's name is empty");
+  FaultList faults;
+  if (camera.empty()) faults.Add("the camera's name is empty");
   for (const absl::Status& status : parts) {
-    if (!status.ok()) faults.emplace_back(status.message());
+    faults.Add(status);
   }
   if (index < 0 || index >= camera_count) {
-    faults.push_back(
-        absl::StrCat("camera=", index, ", but the world has cameras 0 to ", camera_count - 1));
+    faults.Add("camera=", index, ", but the world has cameras 0 to ", camera_count - 1);
   }
-  if (!(speed > 0)) faults.push_back(absl::StrCat("speed is ", speed, ", but must be above 0"));
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("camera ", camera, ": ", absl::StrJoin(faults, "; ")));
+  if (!(speed > 0)) faults.Add("speed is ", speed, ", but must be above 0");
+  return faults.Result(absl::StrCat("camera ", camera, ": "));
 }
 
 absl::StatusOr<CameraDescription> DescribeSimulatedCamera(const SimulationOptions& options,

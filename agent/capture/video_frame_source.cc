@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "agent/capture/picture.h"
 #include "agent/capture/picture_times.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -42,17 +42,13 @@ class QuietOpenCv {
 }  // namespace
 
 absl::Status VideoSourceOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (camera.empty()) faults.push_back("the camera's name is empty");
-  if (path.empty()) faults.push_back("the path of the video is empty");
-  if (!(fps >= 0 && fps <= 1e6)) faults.push_back(absl::StrCat("fps is ", fps, ", not above 0"));
-  if (!(exposure_s >= 0 && exposure_s <= 10)) {
-    faults.push_back(absl::StrCat("exposure is ", exposure_s, " s, not within 0 to 10"));
-  }
-  if (!(speed > 0)) faults.push_back(absl::StrCat("speed is ", speed, ", but must be above 0"));
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("camera ", camera, ": ", absl::StrJoin(faults, "; ")));
+  FaultList faults;
+  if (camera.empty()) faults.Add("the camera's name is empty");
+  if (path.empty()) faults.Add("the path of the video is empty");
+  if (!(fps >= 0 && fps <= 1e6)) faults.Add("fps is ", fps, ", not above 0");
+  faults.CheckRange("exposure", exposure_s, 0, 10, " s");
+  if (!(speed > 0)) faults.Add("speed is ", speed, ", but must be above 0");
+  return faults.Result(absl::StrCat("camera ", camera, ": "));
 }
 
 absl::StatusOr<std::unique_ptr<VideoFrameSource>> VideoFrameSource::Create(

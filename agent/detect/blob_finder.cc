@@ -2,10 +2,8 @@
 #include "agent/detect/blob_finder.h"
 
 #include <algorithm>
-#include <string>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 
 namespace rigcal::agent {
 namespace {
@@ -46,22 +44,14 @@ Blob ToBlob(const ComponentSums& sums, const ImageView& picture) {
 }  // namespace
 
 absl::Status BlobFinderOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (absl::Status status = colour.Validate(); !status.ok()) {
-    faults.push_back(std::string(status.message()));
-  }
-  if (min_area_px < 1) {
-    faults.push_back(absl::StrCat("min_area is ", min_area_px, " px, but must be at least 1"));
-  }
+  FaultList faults;
+  faults.Add(colour.Validate());
+  if (min_area_px < 1) faults.Add("min_area is ", min_area_px, " px, but must be at least 1");
   if (max_area_px < min_area_px) {
-    faults.push_back(absl::StrCat("max_area is ", max_area_px,
-                                  " px, but must be at least min_area, ", min_area_px));
+    faults.Add("max_area is ", max_area_px, " px, but must be at least min_area, ", min_area_px);
   }
-  if (max_blobs < 1) {
-    faults.push_back(absl::StrCat("max_blobs is ", max_blobs, ", but must be at least 1"));
-  }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("blob finder: ", absl::StrJoin(faults, "; ")));
+  if (max_blobs < 1) faults.Add("max_blobs is ", max_blobs, ", but must be at least 1");
+  return faults.Result("blob finder: ");
 }
 
 absl::StatusOr<BlobFinder> BlobFinder::Create(BlobFinderOptions options, const MaskKernel& kernel) {

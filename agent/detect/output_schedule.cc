@@ -4,11 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <string>
-#include <vector>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 
 namespace rigcal::agent {
 namespace {
@@ -18,18 +15,17 @@ constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
 }  // namespace
 
 absl::Status OutputTimesOptions::Validate() const {
-  std::vector<std::string> faults;
+  FaultList faults;
   if (rate_hz != 0 && !(rate_hz >= 10 && rate_hz <= 1000)) {
-    faults.push_back(absl::StrCat("rate is ", rate_hz, " Hz, but must be 10 to 1000, or 0"));
+    faults.Add("rate is ", rate_hz, " Hz, but must be 10 to 1000, or 0");
   }
   if (rate_hz == 0 && trigger == TriggerMoment::kNone) {
-    faults.push_back("neither a rate nor a trigger says when the wand is looked for");
+    faults.Add("neither a rate nor a trigger says when the wand is looked for");
   }
   if (trigger_channel < -1 || trigger_channel > 31) {
-    faults.push_back(absl::StrCat("trigger_channel is ", trigger_channel, ", not 0 to 31"));
+    faults.Add("trigger_channel is ", trigger_channel, ", not 0 to 31");
   }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 OutputSchedule::OutputSchedule(const OutputTimesOptions& options, int64_t wait_us)

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "agent/detect/blob_contrast.h"
 #include "agent/detect/blob_splitter.h"
 #include "agent/detect/picture_exposure.h"
@@ -18,6 +17,7 @@
 #include "agent/detect/wand_judge.h"
 #include "agent/detect/wand_track.h"
 #include "common/camera/sphere_projection.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -57,27 +57,20 @@ bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect&
 }  // namespace
 
 absl::Status WandDetectorOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (const absl::Status status = BlobOptions(*this).Validate(); !status.ok()) {
-    faults.emplace_back(status.message());
-  }
-  const auto check = [&faults](const char* name, double value, double low, double high) {
-    if (value >= low && value <= high) return;
-    faults.push_back(absl::StrCat(name, " is ", value, ", it must be ", low, " to ", high));
-  };
-  check("max_blobs", max_blobs, 2, 4096);
-  check("min_distance", min_distance_m, 0.01, 1000);
-  check("max_distance", max_distance_m, 0.01, 1000);
+  FaultList faults;
+  faults.Add(BlobOptions(*this).Validate());
+  faults.CheckRange("max_blobs", max_blobs, 2, 4096);
+  faults.CheckRange("min_distance", min_distance_m, 0.01, 1000);
+  faults.CheckRange("max_distance", max_distance_m, 0.01, 1000);
   if (!(min_distance_m < max_distance_m)) {
-    faults.push_back(absl::StrCat("min_distance (", min_distance_m,
-                                  " m) must be less than max_distance (", max_distance_m, " m)"));
+    faults.Add("min_distance (", min_distance_m, " m) must be less than max_distance (",
+               max_distance_m, " m)");
   }
-  check("max_tilt", max_tilt_deg, 10, 89);
-  check("min_confidence", min_confidence, 0, 1);
-  check("min_contrast", min_contrast_grey, 1, 441);
-  check("exposure", exposure_s, 0, 10);
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("wand detector: ", absl::StrJoin(faults, "; ")));
+  faults.CheckRange("max_tilt", max_tilt_deg, 10, 89);
+  faults.CheckRange("min_confidence", min_confidence, 0, 1);
+  faults.CheckRange("min_contrast", min_contrast_grey, 1, 441);
+  faults.CheckRange("exposure", exposure_s, 0, 10);
+  return faults.Result("wand detector: ");
 }
 
 struct WandDetector::Impl {

@@ -10,10 +10,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "agent/uplink/host_alignment.h"
 #include "agent/uplink/server_connection.h"
 #include "common/camera/camera_id.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
@@ -56,28 +56,23 @@ uint64_t CountedIn(const CameraReport& report) {
 }  // namespace
 
 absl::Status UplinkOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (incarnation == 0) faults.push_back("incarnation must be at least 1");
-  if (stream_epoch == 0) faults.push_back("stream_epoch must be at least 1");
-  if (max_batch_rows == 0) faults.push_back("max_batch_rows must be at least 1");
-  if (flush_interval.count() <= 0) faults.push_back("flush_interval must be above 0");
-  if (ping_interval.count() <= 0) faults.push_back("ping_interval must be above 0");
+  FaultList faults;
+  if (incarnation == 0) faults.Add("incarnation must be at least 1");
+  if (stream_epoch == 0) faults.Add("stream_epoch must be at least 1");
+  if (max_batch_rows == 0) faults.Add("max_batch_rows must be at least 1");
+  if (flush_interval.count() <= 0) faults.Add("flush_interval must be above 0");
+  if (ping_interval.count() <= 0) faults.Add("ping_interval must be above 0");
   if (silence_timeout <= ping_interval) {
-    faults.push_back("silence_timeout must be above ping_interval");
+    faults.Add("silence_timeout must be above ping_interval");
   }
   if (lowest_wait.count() <= 0 || highest_wait < lowest_wait) {
-    faults.push_back("lowest_wait must be above 0 and at most highest_wait");
+    faults.Add("lowest_wait must be above 0 and at most highest_wait");
   }
   for (const auto& [what, name] : {std::pair("agent_id", agent_id), std::pair("rig", rig)}) {
-    if (const absl::Status status = ValidateName(what, name); !status.ok()) {
-      faults.emplace_back(status.message());
-    }
+    faults.Add(ValidateName(what, name));
   }
-  if (const absl::Status status = previews.Validate(); !status.ok()) {
-    faults.emplace_back(status.message());
-  }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("uplink: ", absl::StrJoin(faults, "; ")));
+  faults.Add(previews.Validate());
+  return faults.Result("uplink: ");
 }
 
 std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address) {

@@ -4,27 +4,25 @@
 #include <cmath>
 #include <cstddef>
 #include <string>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 
 namespace rigcal {
 namespace {
 
-void CheckFocalLength(const char* name, double value, std::vector<std::string>* faults) {
+void CheckFocalLength(const char* name, double value, FaultList* faults) {
   if (!(std::isfinite(value) && value > 0)) {
-    faults->push_back(absl::StrCat(name, " is ", value, ", it must be finite and positive"));
+    faults->Add(name, " is ", value, ", it must be finite and positive");
   }
 }
 
-void CheckPrincipalPoint(const char* name, double value, double image_side,
-                         std::vector<std::string>* faults) {
+void CheckPrincipalPoint(const char* name, double value, double image_side, FaultList* faults) {
   if (!std::isfinite(value)) {
-    faults->push_back(absl::StrCat(name, " is ", value, ", it must be finite"));
+    faults->Add(name, " is ", value, ", it must be finite");
   } else if (image_side > 0 && (value < -image_side || value > 2 * image_side)) {
-    faults->push_back(absl::StrCat(name, " is ", value, " in an image of ", image_side,
-                                   " px, further outside than the image is large"));
+    faults->Add(name, " is ", value, " in an image of ", image_side,
+                " px, further outside than the image is large");
   }
 }
 
@@ -63,26 +61,24 @@ absl::Status ImageSize::Validate() const {
 }
 
 absl::Status Intrinsics::Validate(const ImageSize& image_size) const {
-  std::vector<std::string> faults;
+  FaultList faults;
   CheckFocalLength("fx_px", fx_px, &faults);
   CheckFocalLength("fy_px", fy_px, &faults);
   CheckPrincipalPoint("cx_px", cx_px, image_size.width, &faults);
   CheckPrincipalPoint("cy_px", cy_px, image_size.height, &faults);
   const size_t count = static_cast<size_t>(CoefficientCount(model));
   if (count == 0) {
-    faults.push_back(absl::StrCat("distortion model ", static_cast<int>(model), " is unknown"));
+    faults.Add("distortion model ", static_cast<int>(model), " is unknown");
   } else if (!distortion.empty() && distortion.size() != count) {
-    faults.push_back(absl::StrCat(std::string(DistortionModelName(model)), " has ", count,
-                                  " distortion coefficients (or none), not ", distortion.size()));
+    faults.Add(std::string(DistortionModelName(model)), " has ", count,
+               " distortion coefficients (or none), not ", distortion.size());
   }
   for (size_t i = 0; i < distortion.size(); ++i) {
     if (!std::isfinite(distortion[i])) {
-      faults.push_back(
-          absl::StrCat("distortion[", i, "] is ", distortion[i], ", it must be finite"));
+      faults.Add("distortion[", i, "] is ", distortion[i], ", it must be finite");
     }
   }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 }  // namespace rigcal

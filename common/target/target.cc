@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {
@@ -147,63 +148,59 @@ std::string Join(const std::vector<double>& values) {
                        [](std::string* out, double value) { out->append(ShortestText(value)); });
 }
 
-void CheckPositions(const Target& target, std::vector<std::string>* faults) {
+void CheckPositions(const Target& target, FaultList* faults) {
   const std::vector<double>& positions = target.marker_positions_m;
   if (positions.size() > kMaxMarkers) {
-    faults->push_back(absl::StrCat(positions.size(), " markers, at most ", kMaxMarkers));
+    faults->Add(positions.size(), " markers, at most ", kMaxMarkers);
   }
   if (target.kind == TargetKind::kPoint && positions.size() != 1) {
-    faults->push_back(absl::StrCat("a point has one marker, not ", positions.size()));
+    faults->Add("a point has one marker, not ", positions.size());
   }
   if (target.kind == TargetKind::kWand && positions.size() < 2) {
-    faults->push_back("a wand needs at least two distinct marker positions");
+    faults->Add("a wand needs at least two distinct marker positions");
   }
   if (!positions.empty() && positions[0] != 0) {
-    faults->push_back(absl::StrCat("the first marker is at ", positions[0], " m, it must be at 0"));
+    faults->Add("the first marker is at ", positions[0], " m, it must be at 0");
   }
   for (size_t i = 0; i < positions.size(); ++i) {
     if (!std::isfinite(positions[i])) {
-      faults->push_back(absl::StrCat("position ", i, " is ", positions[i], ", not finite"));
+      faults->Add("position ", i, " is ", positions[i], ", not finite");
     } else if (i > 0 && !(positions[i] - positions[i - 1] >= kMinSpanM)) {
-      faults->push_back(absl::StrCat("positions must increase by at least ", kMinSpanM,
-                                     " m, position ", i, " is ", positions[i], " after ",
-                                     positions[i - 1]));
+      faults->Add("positions must increase by at least ", kMinSpanM, " m, position ", i, " is ",
+                  positions[i], " after ", positions[i - 1]);
     }
   }
   if (!positions.empty() && positions.back() > kMaxLengthM) {
-    faults->push_back(absl::StrCat("the wand is ", positions.back(), " m long, at most ",
-                                   kMaxLengthM, ": positions are in metres"));
+    faults->Add("the wand is ", positions.back(), " m long, at most ", kMaxLengthM,
+                ": positions are in metres");
   }
 }
 
 void CheckRange(const char* name, double value, double low, double high, bool low_included,
-                std::vector<std::string>* faults) {
+                FaultList* faults) {
   const bool good = (low_included ? value >= low : value > low) && value <= high;
   if (!good) {
-    faults->push_back(absl::StrCat(name, " is ", value, ", it must be ",
-                                   low_included ? "at least " : "more than ", low, " and at most ",
-                                   high));
+    faults->Add(name, " is ", value, ", it must be ", low_included ? "at least " : "more than ",
+                low, " and at most ", high);
   }
 }
 
 }  // namespace
 
 absl::Status Target::Validate() const {
-  std::vector<std::string> faults;
+  FaultList faults;
   if (kind != TargetKind::kWand && kind != TargetKind::kPoint) {
-    faults.push_back(absl::StrCat("target kind ", static_cast<int>(kind), " is unknown"));
+    faults.Add("target kind ", static_cast<int>(kind), " is unknown");
   }
   CheckPositions(*this, &faults);
   CheckRange("diameter (m)", diameter_m, 0, kMaxDiameterM, true, &faults);
   CheckRange("tolerance (m)", span_tolerance_m, 0, kMaxToleranceM, false, &faults);
   if (blink_hz.size() > 1 && blink_hz.size() != marker_positions_m.size()) {
-    faults.push_back(absl::StrCat(blink_hz.size(), " blink frequencies for ",
-                                  marker_positions_m.size(),
-                                  " markers, give one for all or one for each"));
+    faults.Add(blink_hz.size(), " blink frequencies for ", marker_positions_m.size(),
+               " markers, give one for all or one for each");
   }
   for (double hz : blink_hz) CheckRange("hz", hz, 0, kMaxBlinkHz, false, &faults);
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 absl::StatusOr<Target> ParseTarget(std::string_view text) {

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/ingest/ingest.h"
 
-#include <string>
-
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 
 namespace rigcal::server {
 namespace {
@@ -38,12 +35,11 @@ size_t Delivery::Bytes() const {
 }
 
 absl::Status IngestOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (queue_limit_bytes == 0) faults.push_back("queue_limit_bytes must be at least 1");
-  if (group_limit_bytes == 0) faults.push_back("group_limit_bytes must be at least 1");
-  if (send_window == 0) faults.push_back("send_window must be at least 1 row");
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("ingest options: ", absl::StrJoin(faults, "; ")));
+  FaultList faults;
+  if (queue_limit_bytes == 0) faults.Add("queue_limit_bytes must be at least 1");
+  if (group_limit_bytes == 0) faults.Add("group_limit_bytes must be at least 1");
+  if (send_window == 0) faults.Add("send_window must be at least 1 row");
+  return faults.Result("ingest options: ");
 }
 
 }  // namespace rigcal::server

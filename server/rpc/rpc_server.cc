@@ -10,10 +10,9 @@
 
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/utc_clock.h"
 
@@ -78,26 +77,20 @@ absl::Status CheckLoopback(const std::string& listen_address) {
 }
 
 absl::Status RpcServerOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (!listen_address.empty()) {
-    const absl::Status loopback = CheckLoopback(listen_address);
-    if (!loopback.ok()) faults.emplace_back(loopback.message());
-  }
-  if (max_threads < 16) faults.emplace_back("max_threads must be at least 16");
+  FaultList faults;
+  if (!listen_address.empty()) faults.Add(CheckLoopback(listen_address));
+  if (max_threads < 16) faults.Add("max_threads must be at least 16");
   if (memory_limit_bytes < agents.max_message_bytes) {
-    faults.emplace_back("memory_limit_bytes must hold one message");
+    faults.Add("memory_limit_bytes must hold one message");
   }
   if (keepalive_time.count() < 1 || keepalive_timeout.count() < 1) {
-    faults.emplace_back("keepalive_time and keepalive_timeout must be above 0");
+    faults.Add("keepalive_time and keepalive_timeout must be above 0");
   }
-  if (const absl::Status status = previews.Validate(); !status.ok()) {
-    faults.emplace_back(status.message());
-  }
+  faults.Add(previews.Validate());
   if (agents.max_message_bytes < previews.max_jpeg_bytes + 4096) {
-    faults.emplace_back("agents.max_message_bytes must hold a preview and 4096 bytes more");
+    faults.Add("agents.max_message_bytes must hold a preview and 4096 bytes more");
   }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 RpcServer::RpcServer(RpcServerOptions options, RpcServerParts parts)

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "common/camera/camera_id.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/utc_clock.h"
 
@@ -57,11 +57,10 @@ const AnnouncedCamera* FindCamera(const AgentRecord& agent, std::string_view cam
 }  // namespace
 
 absl::Status AgentDirectoryOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (max_connected_agents == 0) faults.push_back("max_connected_agents must be at least 1");
-  if (max_cameras_per_agent == 0) faults.push_back("max_cameras_per_agent must be at least 1");
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  FaultList faults;
+  if (max_connected_agents == 0) faults.Add("max_connected_agents must be at least 1");
+  if (max_cameras_per_agent == 0) faults.Add("max_cameras_per_agent must be at least 1");
+  return faults.Result();
 }
 
 AgentDirectory::AgentDirectory(AgentDirectoryOptions options) : options_(std::move(options)) {}

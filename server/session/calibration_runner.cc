@@ -9,8 +9,8 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/calibration_input.h"
 #include "server/session/utc_clock.h"
@@ -29,15 +29,14 @@ bool HasEnded(const Calibration& calibration) {
 }  // namespace
 
 absl::Status CalibrationRunnerOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (max_queued == 0) faults.emplace_back("max_queued must be at least 1");
+  FaultList faults;
+  if (max_queued == 0) faults.Add("max_queued must be at least 1");
   if (max_sessions_per_calibration == 0) {
-    faults.emplace_back("max_sessions_per_calibration must be at least 1");
+    faults.Add("max_sessions_per_calibration must be at least 1");
   }
-  if (max_observations == 0) faults.emplace_back("max_observations must be at least 1");
-  if (max_attempts < 1) faults.emplace_back("max_attempts must be at least 1");
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  if (max_observations == 0) faults.Add("max_observations must be at least 1");
+  if (max_attempts < 1) faults.Add("max_attempts must be at least 1");
+  return faults.Result();
 }
 
 CalibrationRunner::CalibrationRunner(CalibrationRunnerOptions options, Store* store,

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/session_rules.h"
 #include "server/session/utc_clock.h"
@@ -28,17 +28,16 @@ std::chrono::nanoseconds DrainTimeLeft(const Session& session, int64_t now_utc_n
 }  // namespace
 
 absl::Status SessionCoordinatorOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (max_sessions == 0) faults.emplace_back("max_sessions must be at least 1");
+  FaultList faults;
+  if (max_sessions == 0) faults.Add("max_sessions must be at least 1");
   if (max_cameras_per_session == 0) {
-    faults.emplace_back("max_cameras_per_session must be at least 1");
+    faults.Add("max_cameras_per_session must be at least 1");
   }
-  if (send_window == 0) faults.emplace_back("send_window must be at least 1 row");
+  if (send_window == 0) faults.Add("send_window must be at least 1 row");
   if (store_retry_interval.count() <= 0) {
-    faults.emplace_back("store_retry_interval must be above 0");
+    faults.Add("store_retry_interval must be above 0");
   }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 SessionHold::~SessionHold() {

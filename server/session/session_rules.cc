@@ -9,6 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/camera/camera_id.h"
+#include "common/status/fault_list.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::server {
 namespace {
@@ -16,10 +18,6 @@ namespace {
 constexpr double kDefaultDrainTimeoutS = 10;
 constexpr double kMaxDrainTimeoutS = 600;
 constexpr size_t kMaxTitleBytes = 200;
-
-void AddFault(const absl::Status& status, std::vector<std::string>* faults) {
-  if (!status.ok()) faults->emplace_back(status.message());
-}
 
 absl::Status TooManyCameras(size_t count, size_t max_cameras) {
   return absl::ResourceExhaustedError(
@@ -36,29 +34,26 @@ std::string QuotedList(const std::vector<std::string>& names) {
 }  // namespace
 
 absl::Status ValidateNewSession(const Session& session, size_t max_cameras) {
-  std::vector<std::string> faults;
-  if (!session.id.empty()) AddFault(ValidateName("session id", session.id), &faults);
-  AddFault(ValidateName("rig name", session.rig), &faults);
+  FaultList faults;
+  if (!session.id.empty()) faults.Add(ValidateName("session id", session.id));
+  faults.Add(ValidateName("rig name", session.rig));
   if (session.title.size() > kMaxTitleBytes) {
-    faults.push_back(absl::StrCat("the title has ", session.title.size(), " bytes; at most ",
-                                  kMaxTitleBytes, " are allowed"));
+    faults.Add("the title has ", session.title.size(), " bytes; at most ", kMaxTitleBytes,
+               " are allowed");
   }
-  AddFault(session.target.Validate(), &faults);
+  faults.Add(session.target.Validate());
   std::set<std::string> names;
   for (const std::string& name : session.requested_cameras) {
-    AddFault(ValidateName("camera name", name), &faults);
-    if (!names.insert(name).second) {
-      faults.push_back(absl::StrCat("camera '", name, "' is named twice"));
-    }
+    faults.Add(ValidateName("camera name", name));
+    if (!names.insert(name).second) faults.Add("camera '", name, "' is named twice");
   }
   for (const SessionCamera& camera : session.cameras) {
-    AddFault(camera.description.Validate(), &faults);
+    faults.Add(camera.description.Validate());
     if (!names.insert(camera.description.camera).second) {
-      faults.push_back(
-          absl::StrCat("camera '", camera.description.camera, "' is named or described twice"));
+      faults.Add("camera '", camera.description.camera, "' is named or described twice");
     }
   }
-  if (!faults.empty()) return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  RIGCAL_RETURN_IF_ERROR(faults.Result());
   const size_t count = session.requested_cameras.size() + session.cameras.size();
   return count > max_cameras ? TooManyCameras(count, max_cameras) : absl::OkStatus();
 }

@@ -5,12 +5,10 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <string>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "common/camera/camera_model.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/solve/projection_jacobian.h"
 
@@ -185,24 +183,22 @@ AccuracySummary Summarise(const Accuracy& accuracy, Eigen::Vector3d PointAccurac
 }  // namespace
 
 absl::Status AccuracyOptions::Validate() const {
-  std::vector<std::string> faults;
+  FaultList faults;
   if (!std::isfinite(grid_step_m) || grid_step_m < 0) {
-    faults.push_back(absl::StrCat("grid_step_m is ", grid_step_m, "; it must be 0 or more"));
+    faults.Add("grid_step_m is ", grid_step_m, "; it must be 0 or more");
   }
   if (!std::isfinite(sigma_px) || sigma_px <= 0) {
-    faults.push_back(absl::StrCat("sigma_px is ", sigma_px, "; it must be more than 0"));
+    faults.Add("sigma_px is ", sigma_px, "; it must be more than 0");
   }
   if (points_m.size() > kMaxPoints) {
-    faults.push_back(
-        absl::StrCat(points_m.size(), " points; at most ", kMaxPoints, " are computed at a time"));
+    faults.Add(points_m.size(), " points; at most ", kMaxPoints, " are computed at a time");
   }
   for (size_t i = 0; i < points_m.size(); ++i) {
     if (points_m[i].allFinite()) continue;
-    faults.push_back(absl::StrCat("points_m[", i, "] is not finite"));
+    faults.Add("points_m[", i, "] is not finite");
     break;
   }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,

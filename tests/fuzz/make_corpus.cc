@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <string>
 #include <utility>
 #include <vector>
@@ -153,6 +154,74 @@ bool SaveEvt21(const std::filesystem::path& folder) {
   return ok;
 }
 
+// Settings and steps of blink_wand_detector.cc.
+struct DetectorCase {
+  uint8_t kind = 1;  // a scene
+  uint8_t times = 0;
+  uint8_t filter = 134;  // two periods, 8 pixels, with intrinsics
+  uint8_t piece = 5;
+
+  Bytes Begin() const { return {kind, times, filter, 199, 199, piece}; }
+};
+
+// Three markers of a wand 0.6 m away, or a screen full of light.
+void AppendDiscs(uint8_t y, uint8_t radius, Bytes* bytes) {
+  for (const uint8_t x : std::initializer_list<uint8_t>{50, 82, 147}) {
+    bytes->insert(bytes->end(), {0, x, y, static_cast<uint8_t>(radius - 1)});
+  }
+}
+
+// Each moves by a pixel or stands still.
+void AppendPeriods(int count, uint8_t motion, Bytes* bytes) {
+  for (; count > 0; --count) bytes->insert(bytes->end(), {1, motion});
+}
+
+bool SaveDetector(const std::filesystem::path& folder) {
+  bool ok = true;
+  for (const auto& [name, blink] :
+       {std::pair{"wand_500_hz", 0}, {"wand_20_hz", 1}, {"wand_5000_hz", 2}}) {
+    Bytes bytes = DetectorCase{.times = static_cast<uint8_t>(blink)}.Begin();
+    AppendDiscs(100, 5, &bytes);
+    AppendPeriods(12, 9, &bytes);
+    AppendPeriods(blink == 1 ? 6 : 60, 8, &bytes);
+    ok &= Save(folder, name, bytes);
+  }
+  // Triggers in the middle of a pulse, then the wand goes and comes again at another place.
+  Bytes bytes = DetectorCase{.times = 0x30}.Begin();
+  AppendDiscs(60, 6, &bytes);
+  for (int i = 0; i < 20; ++i) {
+    AppendPeriods(3, 9, &bytes);
+    bytes.insert(bytes.end(), {0x0a, 40, 0, 0x02, 100, 0});
+    if (i == 12) {
+      bytes.push_back(0x07);
+      AppendDiscs(140, 6, &bytes);
+    }
+  }
+  ok &= Save(folder, "wand_triggers", bytes);
+  bytes = DetectorCase{.filter = 134 | 32}.Begin();
+  AppendDiscs(95, 20, &bytes);
+  AppendDiscs(105, 20, &bytes);
+  AppendPeriods(40, 8, &bytes);
+  ok &= Save(folder, "wide_light", bytes);
+  for (const auto& [name, kind] :
+       {std::pair{"noise_evt2", 0}, {"noise_evt21", 2}, {"noise_evt3", 4}}) {
+    bytes = DetectorCase{.kind = static_cast<uint8_t>(kind | 16), .times = 0x34}.Begin();
+    uint32_t state = 12345;
+    for (int i = 0; i < 600; ++i) {
+      state = state * 1664525 + 1013904223;
+      bytes.push_back(static_cast<uint8_t>(state >> 24));
+    }
+    ok &= Save(folder, name, bytes);
+  }
+  // A fault of time in every second word, with an event after it.
+  bytes = DetectorCase{.kind = 4}.Begin();
+  for (uint16_t i = 0; i < 200; ++i) {
+    Append(static_cast<uint16_t>(0x8000 | (i * 1789 & 0xfff)), &bytes);
+    Append(static_cast<uint16_t>(i % 8 == 0 ? i : 0x2800 | i), &bytes);
+  }
+  return Save(folder, "time_storm", bytes) && ok;
+}
+
 }  // namespace
 }  // namespace rigcal::agent
 
@@ -166,5 +235,6 @@ int main(int argc, char** argv) {
   ok &= rigcal::agent::SaveEvt3(corpus / "evt3_words");
   ok &= rigcal::agent::SaveEvt2(corpus / "evt2_words");
   ok &= rigcal::agent::SaveEvt21(corpus / "evt21_words");
+  ok &= rigcal::agent::SaveDetector(corpus / "blink_wand_detector");
   return ok ? 0 : 1;
 }

@@ -3,33 +3,30 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <iterator>
 #include <map>
 #include <string>
-#include <tuple>
 #include <utility>
+
+#include "server/associate/view_groups.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr double kPeriodShare = 0.25;
+// Of cameras that have rows between those of slower ones: their rows need not come evenly.
+constexpr double kPeriodShareBetween = 0.5;
 // Cameras run freely when instants a whole period wide have so many more cameras each.
 constexpr double kFreeRunningGain = 1.25;
 // Or when a camera has so many more instants.
 constexpr uint32_t kStarvedTrackGain = 2;
+// A camera of so much shorter a period than the slowest has rows between theirs.
+constexpr double kFastShare = 0.6;
+// How far a row of such a camera may be from a moment of the slow ones, in its own periods: its
+// rows need not come evenly.
+constexpr double kReachPeriods = 0.75;
 // For cameras with one row each, which have no period.
 constexpr double kToleranceWithoutPeriodS = 0.005;
-
-struct View {
-  int64_t time_ns;
-  int track;
-  int observation;
-};
-
-const std::string* CameraOf(const std::vector<AlignedTrack>& tracks, const View& view) {
-  return &tracks[static_cast<size_t>(view.track)].track.camera.camera;
-}
 
 // Median periods of the slowest and the fastest of these tracks; 0 where none has one.
 struct Periods {
@@ -49,20 +46,18 @@ Periods PeriodsOf(const std::vector<AlignedTrack>& tracks, const std::vector<int
 
 int64_t Nanoseconds(double seconds) { return std::llround(seconds * 1e9); }
 
-// Makes an instant of the group [begin, end); with one camera only it is nobody's instant.
-void Close(const std::vector<View>& views, size_t begin, size_t end, InstantList* list) {
-  if (end - begin < 2) {
-    ++list->alone_count[static_cast<size_t>(views[begin].track)];
+// Makes an instant of a group; with one camera only it is nobody's instant.
+void Close(const ViewGroup& group, InstantList* list) {
+  if (group.size() < 2) {
+    ++list->alone_count[static_cast<size_t>(group.front().track)];
     return;
   }
   Instant instant;
-  int64_t sum = 0;
-  for (size_t i = begin; i < end; ++i) {
-    sum += views[i].time_ns - views[begin].time_ns;
-    instant.members.push_back({views[i].track, views[i].observation});
-    ++list->instant_count[static_cast<size_t>(views[i].track)];
+  instant.rig_time_ns = MeanTimeNs(group);
+  for (const View& view : group) {
+    instant.members.push_back({view.track, view.observation});
+    ++list->instant_count[static_cast<size_t>(view.track)];
   }
-  instant.rig_time_ns = views[begin].time_ns + sum / static_cast<int64_t>(end - begin);
   std::sort(instant.members.begin(), instant.members.end(),
             [](const InstantMember& a, const InstantMember& b) { return a.track < b.track; });
   for (const InstantMember& a : instant.members) {
@@ -73,49 +68,6 @@ void Close(const std::vector<View>& views, size_t begin, size_t end, InstantList
     }
   }
   list->instants.push_back(std::move(instant));
-}
-
-// Cameras that run together: a group ends at the tolerance, or where a camera comes again.
-void GroupTogether(const std::vector<AlignedTrack>& tracks, const std::vector<View>& views,
-                   int64_t tolerance_ns, InstantList* list) {
-  for (size_t begin = 0; begin < views.size();) {
-    size_t end = begin + 1;
-    std::vector<const std::string*> cameras = {CameraOf(tracks, views[begin])};
-    for (; end < views.size() && views[end].time_ns - views[begin].time_ns <= tolerance_ns; ++end) {
-      const std::string* camera = CameraOf(tracks, views[end]);
-      if (std::any_of(cameras.begin(), cameras.end(),
-                      [camera](const std::string* name) { return *name == *camera; })) {
-        break;
-      }
-      cameras.push_back(camera);
-    }
-    Close(views, begin, end, list);
-    begin = end;
-  }
-}
-
-// Cameras that run freely: of each camera the view nearest the middle of the group's time.
-void GroupNearest(const std::vector<AlignedTrack>& tracks, const std::vector<View>& views,
-                  int64_t window_ns, InstantList* list) {
-  for (size_t begin = 0; begin < views.size();) {
-    size_t end = begin + 1;
-    while (end < views.size() && views[end].time_ns - views[begin].time_ns < window_ns) ++end;
-    const int64_t middle_ns = views[begin].time_ns + window_ns / 2;
-    std::map<std::string, View> nearest;
-    for (size_t i = begin; i < end; ++i) {
-      const auto [entry, inserted] = nearest.try_emplace(*CameraOf(tracks, views[i]), views[i]);
-      if (inserted) continue;
-      const View& other = entry->second;
-      const bool nearer =
-          std::abs(views[i].time_ns - middle_ns) < std::abs(other.time_ns - middle_ns);
-      ++list->skipped_count[static_cast<size_t>(nearer ? other.track : views[i].track)];
-      if (nearer) entry->second = views[i];
-    }
-    std::vector<View> group;
-    for (const auto& [camera, view] : nearest) group.push_back(view);
-    Close(group, 0, group.size(), list);
-    begin = end;
-  }
 }
 
 InstantList EmptyList(size_t tracks) {
@@ -131,6 +83,13 @@ size_t MemberCount(const InstantList& list) {
   size_t count = 0;
   for (const Instant& instant : list.instants) count += instant.members.size();
   return count;
+}
+
+InstantList ListOf(size_t tracks, const ViewGrouping& grouping) {
+  InstantList list = EmptyList(tracks);
+  for (const ViewGroup& group : grouping.groups) Close(group, &list);
+  for (const View& view : grouping.skipped) ++list.skipped_count[static_cast<size_t>(view.track)];
+  return list;
 }
 
 void Append(InstantList from, InstantList* to) {
@@ -164,23 +123,101 @@ bool StarvesTrack(const InstantList& together, const InstantList& nearest) {
   return false;
 }
 
-InstantList FindInSession(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                          const std::vector<View>& views, const InstantOptions& options) {
+// Cameras of about one rate.
+ViewGrouping GroupAlike(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
+                        const std::vector<View>& views, const InstantOptions& options,
+                        double period_share) {
   const Periods periods = PeriodsOf(tracks, members);
   double tolerance_s = options.tolerance_s;
   if (tolerance_s <= 0) {
     tolerance_s =
-        periods.shortest_s > 0 ? kPeriodShare * periods.shortest_s : kToleranceWithoutPeriodS;
+        periods.shortest_s > 0 ? period_share * periods.shortest_s : kToleranceWithoutPeriodS;
   }
-  InstantList together = EmptyList(tracks.size());
-  GroupTogether(tracks, views, Nanoseconds(tolerance_s), &together);
+  ViewGrouping together = GroupTogether(tracks, views, Nanoseconds(tolerance_s));
   if (options.tolerance_s > 0 || periods.longest_s <= 0) return together;
-  InstantList nearest = EmptyList(tracks.size());
-  GroupNearest(tracks, views, Nanoseconds(periods.longest_s), &nearest);
+  ViewGrouping nearest = GroupNearest(tracks, views, Nanoseconds(periods.longest_s));
+  const InstantList if_together = ListOf(tracks.size(), together);
+  const InstantList if_nearest = ListOf(tracks.size(), nearest);
   const bool run_freely =
-      CamerasPerInstant(nearest) > kFreeRunningGain * CamerasPerInstant(together) ||
-      StarvesTrack(together, nearest);
+      CamerasPerInstant(if_nearest) > kFreeRunningGain * CamerasPerInstant(if_together) ||
+      StarvesTrack(if_together, if_nearest);
   return run_freely ? nearest : together;
+}
+
+// Those whose rows come between the rows of the slowest.
+std::vector<int> FastTracks(const std::vector<AlignedTrack>& tracks,
+                            const std::vector<int>& members) {
+  const double longest_s = PeriodsOf(tracks, members).longest_s;
+  std::vector<int> fast;
+  for (const int track : members) {
+    const double own_s = tracks[static_cast<size_t>(track)].period_s;
+    if (own_s > 0 && own_s < kFastShare * longest_s) fast.push_back(track);
+  }
+  return fast;
+}
+
+std::vector<View> ViewsOf(const std::vector<View>& views, const std::vector<int>& members) {
+  std::vector<View> own;
+  for (const View& view : views) {
+    if (std::find(members.begin(), members.end(), view.track) != members.end()) own.push_back(view);
+  }
+  return own;
+}
+
+// Whether one of these groups, ascending in time, lies within `reach_ns`.
+bool IsNear(const std::vector<int64_t>& times_ns, int64_t time_ns, int64_t reach_ns) {
+  const auto after = std::lower_bound(times_ns.begin(), times_ns.end(), time_ns - reach_ns);
+  return after != times_ns.end() && *after <= time_ns + reach_ns;
+}
+
+// Several rates: first the slowest cameras, whose moments the fast ones join; what these saw in
+// between makes instants among themselves.
+ViewGrouping GroupByRates(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
+                          const std::vector<View>& views, const InstantOptions& options,
+                          double period_share) {
+  const std::vector<int> fast =
+      options.tolerance_s > 0 ? std::vector<int>() : FastTracks(tracks, members);
+  if (fast.empty()) return GroupAlike(tracks, members, views, options, period_share);
+  std::vector<int> slow;
+  std::set_difference(members.begin(), members.end(), fast.begin(), fast.end(),
+                      std::back_inserter(slow));
+  ViewGrouping grouping = GroupAlike(tracks, slow, ViewsOf(views, slow), options, period_share);
+  std::vector<int64_t> slow_times_ns;
+  for (const ViewGroup& group : grouping.groups) slow_times_ns.push_back(MeanTimeNs(group));
+  std::vector<View> between;
+  for (const int track : fast) {
+    const double period_s = tracks[static_cast<size_t>(track)].period_s;
+    const std::vector<View> rest =
+        JoinNearest(tracks, ViewsOf(views, {track}), slow_times_ns,
+                    Nanoseconds(kReachPeriods * period_s), &grouping.groups);
+    between.insert(between.end(), rest.begin(), rest.end());
+  }
+  std::sort(slow_times_ns.begin(), slow_times_ns.end());
+  for (ViewGroup& group : grouping.groups) std::sort(group.begin(), group.end(), Earlier);
+  std::sort(between.begin(), between.end(), Earlier);
+  ViewGrouping others = GroupByRates(tracks, fast, between, options, kPeriodShareBetween);
+  const int64_t slow_period_ns = Nanoseconds(PeriodsOf(tracks, slow).longest_s);
+  for (ViewGroup& group : others.groups) {
+    const bool between_rows =
+        group.size() == 1 && IsNear(slow_times_ns, group.front().time_ns, slow_period_ns);
+    if (between_rows) {
+      grouping.skipped.push_back(group.front());
+    } else {
+      grouping.groups.push_back(std::move(group));
+    }
+  }
+  grouping.skipped.insert(grouping.skipped.end(), others.skipped.begin(), others.skipped.end());
+  return grouping;
+}
+
+InstantList FindInSession(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
+                          const std::vector<View>& views, const InstantOptions& options) {
+  InstantList list =
+      ListOf(tracks.size(), GroupByRates(tracks, members, views, options, kPeriodShare));
+  std::stable_sort(
+      list.instants.begin(), list.instants.end(),
+      [](const Instant& a, const Instant& b) { return a.rig_time_ns < b.rig_time_ns; });
+  return list;
 }
 
 }  // namespace
@@ -202,10 +239,7 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
         views.push_back({rig_time_ns[static_cast<size_t>(t)][i], t, static_cast<int>(i)});
       }
     }
-    std::sort(views.begin(), views.end(), [](const View& a, const View& b) {
-      return std::tie(a.time_ns, a.track, a.observation) <
-             std::tie(b.time_ns, b.track, b.observation);
-    });
+    std::sort(views.begin(), views.end(), Earlier);
     Append(FindInSession(tracks, members, views, options), &list);
   }
   return list;

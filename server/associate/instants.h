@@ -27,6 +27,10 @@ struct InstantOptions {
   // camera's, the cameras run freely: then an instant takes what lies within one median period of
   // the slowest camera, of each camera the view nearest its middle, and it is for whoever uses the
   // instants to move each view to the instant's time.
+  //
+  // That is for cameras of about one rate. Of much faster ones (event cameras at 200 Hz beside
+  // frame cameras at 50) the view nearest to each moment of the slow ones joins it, and what they
+  // saw in between makes instants among the fast cameras in the same way.
   double tolerance_s = 0;
 };
 
@@ -34,7 +38,8 @@ struct InstantList {
   std::vector<Instant> instants;        // ascending by session, then time
   std::vector<uint32_t> alone_count;    // by track: wand views that nobody else shares
   std::vector<uint32_t> instant_count;  // by track: wand views that are part of an instant
-  // By track: wand views of freely running cameras with a nearer one in their instant.
+  // By track: wand views with a nearer one of the same camera in their instant, or that a fast
+  // camera alone has between the slow ones' moments.
   std::vector<uint32_t> skipped_count;
   std::vector<std::vector<int>> shared_count;  // by pair of tracks
 };

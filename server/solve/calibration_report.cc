@@ -117,7 +117,7 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
                  "no other camera saw the wand at that moment");
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
                  "not_nearest_in_instant", input.judged.solution.instants.skipped_count[t],
-                 "cameras run freely, and this one saw the wand again nearer the same moment");
+                 "it saw the wand again nearer the moment that it shares with other cameras");
   }
   for (const BundleInstant& instant : problem.instants) {
     for (int o = 0; o < instant.observation_count; ++o) {

@@ -44,7 +44,7 @@ TEST(FindInstants, GroupsByTimeNotByRow) {
 
 TEST(FindInstants, ToleranceIsAQuarterOfTheSmallestPeriod) {
   const std::vector<AlignedTrack> tracks = {Track("s", "a", {0, 1000}, 0.1),
-                                            Track("s", "b", {24, 1026}, 0.2)};
+                                            Track("s", "b", {24, 1026}, 0.12)};
   EXPECT_EQ(Find(tracks).instants.size(), 1u);
   EXPECT_EQ(Find(tracks, 0.03).instants.size(), 2u);
   EXPECT_EQ(Find(tracks, 0.01).instants.size(), 0u);
@@ -85,12 +85,57 @@ TEST(FindInstants, CamerasThatRunFreelyShareAPeriodOfTheSlowest) {
   const auto list =
       Find({Track("s", "a", slow, 0.1), Track("s", "b", fast, 0.04), Track("s", "c", other, 0.1)});
   EXPECT_GE(list.instants.size(), 19u);
+  // The fast one's other rows are nobody else's.
   EXPECT_GT(list.skipped_count[1], 20u);
+  EXPECT_EQ(list.alone_count[1], 0u);
   for (const Instant& instant : list.instants) {
     for (const InstantMember& member : instant.members) {
       EXPECT_LT(member.track, 3);
     }
   }
+}
+
+// Two event cameras at 200 Hz, whose rows are those of the nearest blink, beside frame cameras at
+// 50 Hz: no row is lost, and the moments of the frames have all cameras.
+TEST(FindInstants, FastCamerasShareWhatTheySeeBetweenTheSlowOnes) {
+  std::vector<int64_t> frames, left, right;
+  for (int64_t t = 0; t < 1000; t += 20) frames.push_back(t);
+  for (int64_t t = 0; t < 1000; t += 10) {
+    left.push_back(t), left.push_back(t + 4);
+    right.push_back(t + 2), right.push_back(t + 6);
+  }
+  const std::vector<AlignedTrack> tracks = {
+      Track("s", "left", left, 0.005), Track("s", "north", frames, 0.02),
+      Track("s", "right", right, 0.005), Track("s", "south", frames, 0.02)};
+  const InstantList list = Find(tracks);
+  EXPECT_EQ(list.instants.size(), 200u);
+  EXPECT_EQ(list.instant_count, (std::vector<uint32_t>{200, 50, 200, 50}));
+  EXPECT_EQ(list.shared_count[0][2], 200);
+  EXPECT_EQ(list.shared_count[0][1], 50);
+  EXPECT_EQ(list.shared_count[1][3], 50);
+  for (size_t i = 1; i < list.instants.size(); ++i) {
+    EXPECT_LT(list.instants[i - 1].rig_time_ns, list.instants[i].rig_time_ns);
+  }
+  // A row is in one instant only, and near its time.
+  std::set<std::tuple<int, int>> rows;
+  for (const Instant& instant : list.instants) {
+    for (const InstantMember& member : instant.members) {
+      EXPECT_TRUE(rows.insert({member.track, member.observation}).second);
+      const int64_t row_ns = tracks[static_cast<size_t>(member.track)]
+                                 .track.observations[static_cast<size_t>(member.observation)]
+                                 .time_ns;
+      EXPECT_LE(std::abs(row_ns - instant.rig_time_ns), 2 * kMs);
+    }
+  }
+}
+
+// One slow camera beside a fast one has no moment with itself.
+TEST(FindInstants, AFastCameraJoinsASingleSlowOne) {
+  const InstantList list = Find({Track("s", "fast", {1, 6, 11, 16, 21, 26, 900}, 0.005),
+                                 Track("s", "slow", {0, 20, 40}, 0.02)});
+  EXPECT_EQ(list.instants.size(), 2u);
+  EXPECT_EQ(list.alone_count, (std::vector<uint32_t>{1, 1}));  // at 900, at 40
+  EXPECT_EQ(list.skipped_count, (std::vector<uint32_t>{4, 0}));
 }
 
 // One camera among many that runs beside the others would be left alone for good.

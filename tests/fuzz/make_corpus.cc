@@ -33,6 +33,10 @@ void Append(Word word, Bytes* bytes) {
   for (size_t i = 0; i < sizeof(Word); ++i) bytes->push_back(static_cast<uint8_t>(word >> 8 * i));
 }
 
+void Put(std::initializer_list<uint8_t> more, Bytes* bytes) {
+  for (const uint8_t byte : more) bytes->push_back(byte);
+}
+
 // What stands in front of a stream in the decoders' targets (decoder_fuzz.h).
 Bytes Case(SensorGeometry geometry, const std::vector<uint16_t>& cuts) {
   Bytes bytes;
@@ -167,13 +171,13 @@ struct DetectorCase {
 // Three markers of a wand 0.6 m away, or a screen full of light.
 void AppendDiscs(uint8_t y, uint8_t radius, Bytes* bytes) {
   for (const uint8_t x : std::initializer_list<uint8_t>{50, 82, 147}) {
-    bytes->insert(bytes->end(), {0, x, y, static_cast<uint8_t>(radius - 1)});
+    Put({0, x, y, static_cast<uint8_t>(radius - 1)}, bytes);
   }
 }
 
 // Each moves by a pixel or stands still.
 void AppendPeriods(int count, uint8_t motion, Bytes* bytes) {
-  for (; count > 0; --count) bytes->insert(bytes->end(), {1, motion});
+  for (; count > 0; --count) Put({1, motion}, bytes);
 }
 
 bool SaveDetector(const std::filesystem::path& folder) {
@@ -191,7 +195,7 @@ bool SaveDetector(const std::filesystem::path& folder) {
   AppendDiscs(60, 6, &bytes);
   for (int i = 0; i < 20; ++i) {
     AppendPeriods(3, 9, &bytes);
-    bytes.insert(bytes.end(), {0x0a, 40, 0, 0x02, 100, 0});
+    Put({0x0a, 40, 0, 0x02, 100, 0}, &bytes);
     if (i == 12) {
       bytes.push_back(0x07);
       AppendDiscs(140, 6, &bytes);

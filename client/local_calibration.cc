@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "client/calibrate_command.h"
 #include "client/calibration_table.h"
+#include "client/capture_table.h"
 #include "client/polling.h"
 #include "client/quantities.h"
 #include "client/server_connection.h"
@@ -36,7 +37,8 @@ class LocalCalibration {
                    const StopSignals& signals, Console& console)
       : options_(options), rig_(rig), signals_(signals), console_(console), progress_(console) {}
 
-  absl::StatusOr<v1::Calibration> Run() {
+  absl::StatusOr<LocalOutcome> Run() {
+    LocalOutcome outcome;
     progress_.Show("starting a server");
     RIGCAL_RETURN_IF_ERROR(
         rig_.StartServer([this](std::chrono::milliseconds time) { return Wait(time); }));
@@ -45,8 +47,11 @@ class LocalCalibration {
     RIGCAL_ASSIGN_OR_RETURN(const std::string session, CreateSession(server));
     RIGCAL_RETURN_IF_ERROR(rig_.StartAgents(options_.cameras));
     RIGCAL_RETURN_IF_ERROR(WaitForCameras(server));
-    RIGCAL_RETURN_IF_ERROR(Capture(server, session));
-    return Solve(server, session);
+    const Clock::time_point begin = Clock::now();
+    RIGCAL_ASSIGN_OR_RETURN(outcome.session, Capture(server, session));
+    outcome.capture_s = std::chrono::duration<double>(Clock::now() - begin).count();
+    RIGCAL_ASSIGN_OR_RETURN(outcome.calibration, Solve(server, session));
+    return outcome;
   }
 
  private:
@@ -99,7 +104,7 @@ class LocalCalibration {
                      *missing.begin(), ":\n", rig_.AgentLogTail(*missing.begin())));
   }
 
-  absl::Status Capture(ServerConnection& server, const std::string& id) {
+  absl::StatusOr<v1::Session> Capture(ServerConnection& server, const std::string& id) {
     v1::StartSessionRequest start;
     start.set_id(id);
     RIGCAL_RETURN_IF_ERROR(server.Call(server.sessions(), &Sessions::StartSession, start).status());
@@ -112,21 +117,18 @@ class LocalCalibration {
         [&] { return server.Call(server.sessions(), &Sessions::GetSession, get); },
         [&](const v1::Session& now) {
           uint64_t seen = now.observation_count();
-          int complete = 0;
           for (const v1::SessionCamera& camera : now.cameras()) {
-            complete += camera.ended() ? 1 : 0;
             for (const v1::Refusal& refusal : camera.refused()) seen += refusal.count();
           }
           if (seen != last_seen) last_change = Clock::now();
           last_seen = seen;
-          progress_.Show(absl::StrCat(
-              "capturing: ", FormatCount(now.observation_count(), "observation", "observations"),
-              ", ", complete, " of ", now.cameras_size(), " cameras complete"));
+          progress_.Show(FormatCaptureProgress(now, options_.cameras));
           return now.state() == v1::Session::FINISHED || Clock::now() - last_change > limit;
         },
         Polling());
     if (!session.ok()) return session.status();
-    return JudgeCapture(*session, limit);
+    RIGCAL_RETURN_IF_ERROR(JudgeCapture(*session, limit));
+    return *session;
   }
 
   absl::Status JudgeCapture(const v1::Session& session, std::chrono::seconds limit) {
@@ -176,18 +178,16 @@ class LocalCalibration {
 
 }  // namespace
 
-absl::StatusOr<v1::Calibration> CalibrateLocally(const LocalCalibrationOptions& options,
-                                                 LocalRig& rig, const StopSignals& signals,
-                                                 Console& console) {
-  absl::StatusOr<v1::Calibration> calibration =
-      LocalCalibration(options, rig, signals, console).Run();
+absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalCalibrationOptions& options, LocalRig& rig,
+                                              const StopSignals& signals, Console& console) {
+  absl::StatusOr<LocalOutcome> outcome = LocalCalibration(options, rig, signals, console).Run();
   // A call that failed because its server died is explained by the server's last words.
   const Clock::time_point deadline = Clock::now() + kPatience;
-  while (absl::IsUnavailable(calibration.status()) && Clock::now() < deadline) {
+  while (absl::IsUnavailable(outcome.status()) && Clock::now() < deadline) {
     if (absl::Status died = rig.CheckRunning(); !died.ok()) return died;
     signals.Sleep(kPollInterval);
   }
-  return calibration;
+  return outcome;
 }
 
 }  // namespace rigcal::client

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/calibrate_command.h"
 #include "client/calibration_export.h"
+#include "client/capture_table.h"
 #include "client/local_calibration.h"
 #include "client/local_plan.h"
 #include "client/local_rig.h"
@@ -25,9 +26,9 @@ absl::Status Export(const v1::Calibration& calibration, const RunFolder& folder)
 }
 
 // Everything between the first process and the last.
-absl::StatusOr<v1::Calibration> Run(const LocalOptions& options, const LocalPlan& plan,
-                                    const RunFolder& folder, const StopSignals& signals,
-                                    Console& console) {
+absl::StatusOr<LocalOutcome> Run(const LocalOptions& options, const LocalPlan& plan,
+                                 const RunFolder& folder, const StopSignals& signals,
+                                 Console& console) {
   std::filesystem::path programs = options.programs;
   if (programs.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(programs, ProgramDirectory());
@@ -41,8 +42,9 @@ absl::StatusOr<v1::Calibration> Run(const LocalOptions& options, const LocalPlan
 }
 
 // The result as far as it has come. Nothing runs any more.
-ExitCode Conclude(v1::Calibration calibration, const LocalPlan& plan, const RunFolder& folder,
+ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& folder,
                   CommandContext& context) {
+  v1::Calibration& calibration = outcome.calibration;
   ExitCode code = ExitCode::kOk;
   const bool succeeded = calibration.state() == v1::Calibration::SUCCEEDED;
   if (succeeded && plan.world.has_value()) {
@@ -56,6 +58,9 @@ ExitCode Conclude(v1::Calibration calibration, const LocalPlan& plan, const RunF
     if (const absl::Status status = Export(calibration, folder); !status.ok()) {
       code = context.Fail(status);
     }
+  }
+  if (context.console.format == OutputFormat::kTable) {
+    context.console.out << FormatCapture(outcome, plan.duration_s) << std::flush;
   }
   const ExitCode shown = ShowCalibration(calibration, context);
   return code == ExitCode::kOk ? shown : code;
@@ -80,14 +85,13 @@ ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
           : PlanRecorded(*recorded, options.speed, folder->path());
   if (!plan.ok()) return context.Fail(plan.status());
 
-  absl::StatusOr<v1::Calibration> calibration =
-      Run(options, *plan, *folder, signals, context.console);
+  absl::StatusOr<LocalOutcome> outcome = Run(options, *plan, *folder, signals, context.console);
   ExitCode code = ExitCode::kOk;
-  if (calibration.ok()) {
-    code = Conclude(*std::move(calibration), *plan, *folder, context);
+  if (outcome.ok()) {
+    code = Conclude(*std::move(outcome), *plan, *folder, context);
   } else {
     // Not ExitCodeOf: a server of our own that cannot be reached is a failure like any other.
-    context.console.Error(calibration.status());
+    context.console.Error(outcome.status());
     code = ExitCode::kFailed;
   }
   if (folder->stays()) {

@@ -33,14 +33,23 @@ absl::StatusOr<fs::path> ReachableFolder(const fs::path& folder, const fs::path&
   return link;
 }
 
-// `seed` belongs to both, and the world's stands there already.
-std::string WithPictures(std::string options, const char* kind,
-                         const FrameRenderOptions& pictures) {
-  absl::StrAppend(&options, ";", kind, "=1");
-  for (const auto part :
-       absl::StrSplit(FormatFrameRenderOptions(pictures), ';', absl::SkipEmpty())) {
-    if (!absl::StartsWith(part, "seed=")) absl::StrAppend(&options, ";", part);
+// Parts in an agent's notation; `seed` belongs to all, and the world's stands there already.
+void AppendParts(const std::string& parts, std::string* options) {
+  for (const auto part : absl::StrSplit(parts, ';', absl::SkipEmpty())) {
+    if (!absl::StartsWith(part, "seed=")) absl::StrAppend(options, ";", part);
   }
+}
+
+// What a camera of the rig sees, behind the world's options.
+std::string OptionsOf(const SimulatedRigOptions& rig, bool events) {
+  std::string options = FormatSimulationOptions(rig.world);
+  if (!rig.pictures) return options;
+  absl::StrAppend(&options, events ? ";events=1" : ";pixels=1");
+  AppendParts(FormatFrameRenderOptions(*rig.pictures), &options);
+  if (!events) return options;
+  AppendParts(FormatEventRenderOptions(rig.sensors), &options);
+  absl::StrAppend(&options, ";output=", rig.output_hz);
+  if (!rig.event_clock.empty()) absl::StrAppend(&options, ";clock=", rig.event_clock);
   return options;
 }
 
@@ -55,7 +64,8 @@ absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::
     plan.cameras.push_back(
         {camera.camera,
          absl::StrCat(camera.camera, "=csv:", (reachable / camera.csv.filename()).string(),
-                      ";speed=", speed)});
+                      ";speed=", speed),
+         0});
   }
   return plan;
 }
@@ -63,18 +73,18 @@ absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::
 absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
                                         const std::string& speed) {
   LocalPlan plan;
+  plan.duration_s = rig.world.duration_s;
   RIGCAL_ASSIGN_OR_RETURN(plan.world, SimulatedWorld::Create(rig.world, target));
-  const std::string options = FormatSimulationOptions(rig.world);
   const size_t first_event_camera =
       plan.world->cameras().size() - static_cast<size_t>(rig.event_cameras);
   for (size_t i = 0; i < plan.world->cameras().size(); ++i) {
     const std::string& name = plan.world->cameras()[i].description.camera;
-    const std::string its_options =
-        rig.pictures
-            ? WithPictures(options, i < first_event_camera ? "pixels" : "events", *rig.pictures)
-            : options;
+    const bool events = i >= first_event_camera;
+    const double count =
+        events ? rig.output_hz * rig.world.duration_s : plan.world->FrameCount(static_cast<int>(i));
     plan.cameras.push_back(
-        {name, absl::StrCat(name, "=sim:camera=", i, ";", its_options, ";speed=", speed)});
+        {name, absl::StrCat(name, "=sim:camera=", i, ";", OptionsOf(rig, events), ";speed=", speed),
+         static_cast<uint64_t>(count)});
   }
   return plan;
 }

@@ -19,6 +19,7 @@ namespace rigcal::client {
 struct LocalPlan {
   std::vector<LocalCamera> cameras;
   std::optional<SimulatedWorld> world;  // the truth, of a simulated rig
+  double duration_s = 0;                // of the wave; 0: not known
 };
 
 // `speed`: "max" or a factor of the recorded pace, as the agent's source takes it. A folder with a

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -16,7 +17,8 @@ namespace rigcal::client {
 // A camera of a local rig, and where its observations come from.
 struct LocalCamera {
   std::string name;
-  std::string source;  // as behind `rigcal-agent --source`
+  std::string source;           // as behind `rigcal-agent --source`
+  uint64_t expected_count = 0;  // of its observations; 0: not known
 };
 
 // A server and one agent per camera as processes of this machine, which end with this object.

@@ -12,8 +12,20 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int64_t kSliceUs = 8 * EventRenderer::kCellUs;
+constexpr int64_t kSliceUs = 2 * EventRenderer::kCellUs;
 constexpr double kDifferenceS = 1e-4;  // for the wand's velocity
+constexpr uint32_t kWidthPx = 1280, kHeightPx = 720;
+
+// Of the frame camera that could stand there.
+Intrinsics EventLens(const Intrinsics& lens, const ImageSize& size) {
+  const double scale = static_cast<double>(kHeightPx) / size.height;
+  Intrinsics scaled = lens;
+  scaled.fx_px *= scale;
+  scaled.fy_px *= scale;
+  scaled.cx_px = 0.5 * (kWidthPx - 1.0) + scale * (lens.cx_px - 0.5 * (size.width - 1.0));
+  scaled.cy_px = 0.5 * (kHeightPx - 1.0) + scale * (lens.cy_px - 0.5 * (size.height - 1.0));
+  return scaled;
+}
 
 }  // namespace
 
@@ -30,6 +42,10 @@ absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Crea
       DescribeSimulatedCamera(options.simulation, options.camera_index, options.camera));
   absl::StrAppend(&description.source, ";events=1");
   description.sensor = SensorKind::kEvent;
+  description.intrinsics = EventLens(*description.intrinsics, description.image_size_px);
+  description.image_size_px = {kWidthPx, kHeightPx};
+  if (!options.clock_id.empty()) description.clock.clock_id = options.clock_id;
+  RIGCAL_RETURN_IF_ERROR(description.Validate());
   return std::unique_ptr<SimulatedEventSource>(
       new SimulatedEventSource(std::move(options), std::move(description)));
 }
@@ -48,8 +64,9 @@ absl::Status SimulatedEventSource::Start(const Target& target) {
   scene.seed = scene.seed * 1009 + static_cast<uint32_t>(options_.camera_index);
   rendering.seed = rendering.seed * 1013 + static_cast<uint32_t>(options_.camera_index);
   RIGCAL_ASSIGN_OR_RETURN(
-      renderer_, EventRenderer::Create(camera.true_intrinsics, camera.description.image_size_px,
-                                       world_->true_target(), scene, rendering));
+      renderer_,
+      EventRenderer::Create(EventLens(camera.true_intrinsics, camera.description.image_size_px),
+                            description_.image_size_px, world_->true_target(), scene, rendering));
   writer_ = {};
   byte_offset_ = 0;
   next_sample_ = 0;

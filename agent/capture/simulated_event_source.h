@@ -25,6 +25,7 @@ struct SimulatedEventSourceOptions {
   SimulationOptions simulation;  // the world; equal options are one world in every process
   FrameRenderOptions scene;      // its light and LEDs
   EventRenderOptions rendering;  // the sensor
+  std::string clock_id;          // sensors on one sync cable share one; empty: the camera's own
   double speed = 1;              // times the world's pace, > 0; kMaxSpeed: no waiting
 
   // INVALID_ARGUMENT with every fault.
@@ -32,7 +33,8 @@ struct SimulatedEventSourceOptions {
 };
 
 // What an event camera at the place of one camera of a simulated world sees, as EVT 3.0 words,
-// stamped by that camera's clock.
+// stamped by that camera's clock. Its sensor has 1280x720 pixels and a lens that is as much wider
+// as they are smaller: it sees as much of the height as the frame camera would.
 class SimulatedEventSource : public EventSource {
  public:
   static absl::StatusOr<std::unique_ptr<SimulatedEventSource>> Create(

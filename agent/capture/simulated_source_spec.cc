@@ -81,6 +81,7 @@ absl::StatusOr<SourceSpec> ParseEvents(SourceText text) {
   spec.detector.output.rate_hz = 200;
   text.options.Take("output", "a rate of 10 to 1000 Hz", 10.0, 1000.0,
                     &spec.detector.output.rate_hz);
+  text.options.Take("clock", &options.clock_id);
   std::vector<SourceOption> world, scene, sensor;
   for (const SourceOption& option : text.options.TakeRest()) {
     const bool is_seed = option.key == "seed";

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "absl/status/statusor.h"
+#include "common/simulation/event_render_options.h"
 #include "common/simulation/frame_render_options.h"
 #include "common/simulation/simulation_options.h"
 
@@ -14,12 +16,16 @@ namespace rigcal {
 struct SimulatedRigOptions {
   SimulationOptions world;
   std::optional<FrameRenderOptions> pictures;  // none: the cameras yield markers
-  int event_cameras = 0;  // of the last cameras, with pictures only: these yield events
+  int event_cameras = 0;            // of the last cameras, with pictures only: these yield events
+  EventRenderOptions sensors = {};  // of the event cameras
+  double output_hz = 200;           // how often the wand is looked for in events, 10 to 1000
+  std::string event_clock = {};     // that all event cameras share; empty: each has its own
 };
 
 // Reads `cameras=4;seed=1;pixels=1;clutter=0.5`: the parts of ParseSimulationOptions, and with
 // `pixels=1` those of ParseFrameRenderOptions and `events=N`, how many event cameras there are
-// among them; `seed` is that of all.
+// among them; with these the parts of ParseEventRenderOptions, `output=HZ` and `event_clock=NAME`.
+// `seed` is that of all.
 absl::StatusOr<SimulatedRigOptions> ParseSimulatedRigOptions(std::string_view text);
 
 }  // namespace rigcal

@@ -32,6 +32,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 constexpr char kSimulation[] = "cameras=3;duration=2";
 
@@ -175,6 +176,11 @@ TEST_F(LocalCommand, KeepsStoreLogsAndExportAndSaysWhere) {
   const Outcome again = Local(OutputFormat::kTable, keep);
   EXPECT_EQ(again.exit_code, 1);
   EXPECT_THAT(again.err, HasSubstr("not empty"));
+}
+
+TEST_F(LocalCommand, TheTableBeginsWithWhatWasCaptured) {
+  const Outcome outcome = Local(OutputFormat::kTable);
+  EXPECT_THAT(outcome.out, StartsWith("Captured 2.0 s of waving in "));
 }
 
 TEST_F(LocalCommand, ShowsProgressOnATerminalOnly) {

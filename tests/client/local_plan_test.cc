@@ -12,7 +12,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 RecordedFolder Folder(const fs::path& path) {
   RecordedFolder folder;
@@ -63,6 +65,23 @@ TEST(PlanSimulated, GivesEveryAgentTheSameWorld) {
     EXPECT_EQ(plan.cameras[i].source, name + "=sim:camera=" + std::to_string(i) + ";" +
                                           FormatSimulationOptions(options) + ";speed=max");
   }
+}
+
+TEST(PlanSimulated, EventCamerasAreTheLastOnesAndHaveTheirOwnOptions) {
+  ASSERT_OK_AND_ASSIGN(
+      const SimulatedRigOptions rig,
+      ParseSimulatedRigOptions("cameras=3;duration=2;rate=50;pixels=1;lux=300;events=1;"
+                               "background=2;output=500;event_clock=cable"));
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39"));
+  ASSERT_OK_AND_ASSIGN(const LocalPlan plan, PlanSimulated(rig, target, "max"));
+  ASSERT_EQ(plan.cameras.size(), 3u);
+  EXPECT_THAT(plan.cameras[1].source, AllOf(HasSubstr(";pixels=1;lux=300"),
+                                            Not(HasSubstr("background")), Not(HasSubstr("clock"))));
+  EXPECT_THAT(plan.cameras[2].source,
+              HasSubstr(";events=1;lux=300;background=2;output=500;clock=cable;speed=max"));
+  EXPECT_EQ(plan.duration_s, 2);
+  EXPECT_EQ(plan.cameras[1].expected_count, 100u);
+  EXPECT_EQ(plan.cameras[2].expected_count, 1000u);
 }
 
 }  // namespace

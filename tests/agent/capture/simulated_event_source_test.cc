@@ -59,6 +59,38 @@ TEST(SimulatedEventSource, StampsWithItsOwnClock) {
   EXPECT_LE(counter.last_us, 9'500'000u + 41'000u);
 }
 
+// The sensor is lower than the frame cameras of the world, and sees what they see.
+TEST(SimulatedEventSource, SeesTheHeightThatAFrameCameraWouldSee) {
+  ASSERT_OK_AND_ASSIGN(const auto source, SimulatedEventSource::Create(Options()));
+  EXPECT_EQ(source->description().image_size_px, (ImageSize{1280, 720}));
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39"));
+  ASSERT_OK_AND_ASSIGN(const SimulatedWorld world,
+                       SimulatedWorld::Create(Options().simulation, target));
+  const CameraDescription frame = world.cameras()[1].description;
+  const CameraDescription& event = source->description();
+  // Edges of the outermost pixels, over the focal length.
+  for (const double side : {0.0, 1.0}) {
+    const double of_frame = (side * frame.image_size_px.height - 0.5 - frame.intrinsics->cy_px) /
+                            frame.intrinsics->fy_px;
+    const double of_event = (side * event.image_size_px.height - 0.5 - event.intrinsics->cy_px) /
+                            event.intrinsics->fy_px;
+    EXPECT_NEAR(of_event, of_frame, 1e-9);
+  }
+}
+
+TEST(SimulatedEventSource, SensorsOnOneCableShareAClock) {
+  ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+                       ParseSourceSpec("sim:camera=1;cameras=4;events=1;clock=cable"));
+  const auto* events = std::get_if<EventSourceSpec>(&spec);
+  ASSERT_NE(events, nullptr);
+  ASSERT_OK_AND_ASSIGN(
+      const auto source,
+      SimulatedEventSource::Create(std::get<SimulatedEventSourceOptions>(events->events)));
+  EXPECT_EQ(source->description().clock.clock_id, "cable");
+  ASSERT_OK_AND_ASSIGN(const auto alone, SimulatedEventSource::Create(Options()));
+  EXPECT_EQ(alone->description().clock.clock_id, "events");
+}
+
 TEST(SimulatedEventSource, IsMadeFromItsNotation) {
   ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
                        ParseSourceSpec("sim:camera=1;cameras=4;events=1;output=500;lux=100"));

@@ -2,222 +2,151 @@
 #include "common/simulation/simulation_options.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
-#include <cstddef>
-#include <set>
+#include <utility>
 #include <vector>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/escaping.h"
-#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
+#include "common/simulation/option_table.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
 
-constexpr char kKnown[] =
-    "seed, cameras, duration, rate, noise, outliers, dropouts, swaps, wand_speed, jitter, "
-    "length_error, length_sigma, focal_sigma, centre_sigma, radial_sigma, radial_high_sigma, "
-    "tangential_sigma, "
-    "gap_start, gap, free_running, clock_samples, and for camera N offset.N, rate_ppm.N, rate.N, "
-    "outliers.N";
+constexpr double kMinRateHz = 0.1;
+constexpr double kMaxRateHz = 1000;
 
-struct NumberOption {
-  const char* name;
-  double SimulationOptions::*member;
+constexpr NumberOption<SimulationOptions> kNumbers[] = {
+    {"duration", &SimulationOptions::duration_s, 0.1, 86400, " s"},
+    {"rate", &SimulationOptions::rate_hz, kMinRateHz, kMaxRateHz, " Hz"},
+    {"noise", &SimulationOptions::noise_px, 0, 100, " px"},
+    {"outliers", &SimulationOptions::outlier_share, 0, 1},
+    {"dropouts", &SimulationOptions::dropout_share, 0, 1},
+    {"swaps", &SimulationOptions::swap_share, 0, 1},
+    {"wand_speed", &SimulationOptions::max_speed_m_s, 0.01, 20, " m/s"},
+    {"jitter", &SimulationOptions::jitter_s, 0, 1, " s"},
+    {"length_error", &SimulationOptions::length_error_m, -0.1, 0.1, " m"},
+    {"length_sigma", &SimulationOptions::length_sigma_m, 0, 0.02, " m"},
+    {"focal_sigma", &SimulationOptions::focal_sigma_rel, 0, 0.05},
+    {"centre_sigma", &SimulationOptions::centre_sigma_px, 0, 100, " px"},
+    {"radial_sigma", &SimulationOptions::radial_sigma, 0, 0.2},
+    {"radial_high_sigma", &SimulationOptions::radial_high_sigma, 0, 0.2},
+    {"tangential_sigma", &SimulationOptions::tangential_sigma, 0, 0.01},
+    {"gap_start", &SimulationOptions::gap_start_s, 0, 86400, " s"},
+    {"gap", &SimulationOptions::gap_duration_s, 0, 86400, " s"},
 };
-constexpr NumberOption kNumbers[] = {
-    {"duration", &SimulationOptions::duration_s},
-    {"rate", &SimulationOptions::rate_hz},
-    {"noise", &SimulationOptions::noise_px},
-    {"outliers", &SimulationOptions::outlier_share},
-    {"dropouts", &SimulationOptions::dropout_share},
-    {"swaps", &SimulationOptions::swap_share},
-    {"wand_speed", &SimulationOptions::max_speed_m_s},
-    {"jitter", &SimulationOptions::jitter_s},
-    {"length_error", &SimulationOptions::length_error_m},
-    {"length_sigma", &SimulationOptions::length_sigma_m},
-    {"focal_sigma", &SimulationOptions::focal_sigma_rel},
-    {"centre_sigma", &SimulationOptions::centre_sigma_px},
-    {"radial_sigma", &SimulationOptions::radial_sigma},
-    {"radial_high_sigma", &SimulationOptions::radial_high_sigma},
-    {"tangential_sigma", &SimulationOptions::tangential_sigma},
-    {"gap_start", &SimulationOptions::gap_start_s},
-    {"gap", &SimulationOptions::gap_duration_s},
-};
-
-struct SwitchOption {
-  const char* name;
-  bool SimulationOptions::*member;
-};
-constexpr SwitchOption kSwitches[] = {
+constexpr SwitchOption<SimulationOptions> kSwitches[] = {
     {"free_running", &SimulationOptions::free_running},
     {"clock_samples", &SimulationOptions::clock_samples},
 };
+constexpr OptionTable<SimulationOptions> kTable = {
+    .notation = {.kind = "simulation option", .example = "rate=25"},
+    .numbers = kNumbers,
+    .switches = kSwitches,
+};
 
+// Numbers of single cameras: `offset.2=0.008`.
 struct CameraOption {
   const char* name;
   std::map<int, double> SimulationOptions::*member;
+  double low;
+  double high;
+  const char* unit = "";
 };
 constexpr CameraOption kCameraOptions[] = {
-    {"offset", &SimulationOptions::time_offset_s},
-    {"rate_ppm", &SimulationOptions::time_rate_ppm},
-    {"rate", &SimulationOptions::camera_rate_hz},
-    {"outliers", &SimulationOptions::camera_outlier_share},
+    {"offset", &SimulationOptions::time_offset_s, -3600, 3600, " s"},
+    {"rate_ppm", &SimulationOptions::time_rate_ppm, -10000, 10000},
+    {"rate", &SimulationOptions::camera_rate_hz, kMinRateHz, kMaxRateHz, " Hz"},
+    {"outliers", &SimulationOptions::camera_outlier_share, 0, 1},
 };
 
-absl::Status Refuse(const std::string& part, const std::string& why) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("simulation option \"", absl::CHexEscape(part.substr(0, 100)), "\" ", why));
+std::string KnownNames() {
+  std::string names = absl::StrCat("cameras, ", kTable.Names(), ", and for camera N ");
+  return absl::StrCat(
+      names, absl::StrJoin(kCameraOptions, ", ", [](std::string* out, const CameraOption& option) {
+        absl::StrAppend(out, option.name, ".N");
+      }));
 }
 
-absl::Status ParseCameraOption(const std::string& part, const std::string& name,
-                               const std::string& index_text, double value,
-                               SimulationOptions* options) {
-  int index = 0;
-  if (!absl::SimpleAtoi(index_text, &index) || index < 0) {
-    return Refuse(part, "does not name a camera by its index, as offset.2=0.008 does");
-  }
+absl::Status TakeCameraOption(const OptionPart& part, size_t dot, SimulationOptions* options) {
+  const std::string name = part.name.substr(0, dot);
   for (const CameraOption& option : kCameraOptions) {
     if (name != option.name) continue;
-    (options->*option.member)[index] = value;
-    return absl::OkStatus();
-  }
-  return Refuse(part, absl::StrCat("is unknown, known are ", kKnown));
-}
-
-absl::Status ParsePart(const std::string& part, SimulationOptions* options) {
-  const std::vector<std::string> sides = absl::StrSplit(part, absl::MaxSplits('=', 1));
-  if (sides.size() != 2) return Refuse(part, "has no value, as rate=25 has one");
-  const std::string& name = sides[0];
-  double value = 0;
-  if (!absl::SimpleAtod(sides[1], &value) || !std::isfinite(value)) {
-    return Refuse(part, "needs a finite number");
-  }
-  if (const size_t dot = name.find('.'); dot != std::string::npos) {
-    return ParseCameraOption(part, name.substr(0, dot), name.substr(dot + 1), value, options);
-  }
-  if (name == "seed" || name == "cameras") {
-    uint32_t whole = 0;
-    if (!absl::SimpleAtoi(sides[1], &whole)) return Refuse(part, "needs a whole number");
-    if (name == "seed") options->seed = whole;
-    // Limited here because an int may not hold it; Validate says what is allowed.
-    if (name == "cameras") options->camera_count = static_cast<int>(std::min(whole, 1000000u));
-    return absl::OkStatus();
-  }
-  for (const NumberOption& option : kNumbers) {
-    if (name != option.name) continue;
-    options->*option.member = value;
-    return absl::OkStatus();
-  }
-  for (const SwitchOption& option : kSwitches) {
-    if (name != option.name) continue;
-    if (sides[1] != "0" && sides[1] != "1") return Refuse(part, "must be 0 or 1");
-    options->*option.member = sides[1] == "1";
-    return absl::OkStatus();
-  }
-  return Refuse(part, absl::StrCat("is unknown, known are ", kKnown));
-}
-
-std::string ShortestText(double value) {
-  char buffer[64];
-  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value);
-  return std::string(buffer, end.ptr);
-}
-
-class RangeChecker {
- public:
-  void Check(const std::string& name, double value, double low, double high) {
-    if (value >= low && value <= high) return;
-    faults_.push_back(absl::StrCat(name, " is ", value, ", it must be ", low, " to ", high));
-  }
-  void CheckCameras(const char* name, const std::map<int, double>& values, int camera_count,
-                    double low, double high) {
-    for (const auto& [index, value] : values) {
-      if (index < 0 || index >= camera_count) {
-        faults_.push_back(absl::StrCat(name, ".", index, " names camera ", index, " of ",
-                                       camera_count, ", they count from 0"));
-      }
-      Check(absl::StrCat(name, ".", index), value, low, high);
+    int index = 0;
+    if (!absl::SimpleAtoi(part.name.substr(dot + 1), &index) || index < 0) {
+      return RefuseOption(kTable.notation, part.text,
+                          "does not name a camera by its index, as offset.2=0.008 does");
     }
+    return ParseOption(kTable.notation, part, &(options->*option.member)[index]);
   }
-  absl::Status Result() const {
-    if (faults_.empty()) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        absl::StrCat("simulation options: ", absl::StrJoin(faults_, "; ")));
-  }
+  return RefuseOption(kTable.notation, part.text,
+                      absl::StrCat("is unknown, known are ", KnownNames()));
+}
 
- private:
-  std::vector<std::string> faults_;
-};
+absl::Status TakePart(const OptionPart& part, SimulationOptions* options) {
+  if (part.name == "cameras") {
+    uint32_t whole = 0;
+    RIGCAL_RETURN_IF_ERROR(ParseOption(kTable.notation, part, &whole));
+    // Limited here because an int may not hold it; Validate says what is allowed.
+    options->camera_count = static_cast<int>(std::min(whole, 1000000u));
+    return absl::OkStatus();
+  }
+  if (const size_t dot = part.name.find('.'); dot != std::string::npos) {
+    return TakeCameraOption(part, dot, options);
+  }
+  return kTable.Take(part, KnownNames(), options);
+}
+
+void CheckCameras(const SimulationOptions& options, const CameraOption& option, FaultList* faults) {
+  for (const auto& [index, value] : options.*option.member) {
+    if (index < 0 || index >= options.camera_count) {
+      faults->Add(option.name, ".", index, " names camera ", index, " of ", options.camera_count,
+                  ", they count from 0");
+    }
+    faults->CheckRange(absl::StrCat(option.name, ".", index), value, option.low, option.high,
+                       option.unit);
+  }
+}
 
 }  // namespace
 
 absl::Status SimulationOptions::Validate() const {
-  constexpr double kMinRateHz = 0.1;
-  constexpr double kMaxRateHz = 1000;
-  RangeChecker checker;
-  checker.Check("cameras", camera_count, 2, 100);
-  checker.Check("duration (s)", duration_s, 0.1, 86400);
-  checker.Check("rate (Hz)", rate_hz, kMinRateHz, kMaxRateHz);
-  checker.Check("noise (px)", noise_px, 0, 100);
-  checker.Check("outliers (share)", outlier_share, 0, 1);
-  checker.Check("dropouts (share)", dropout_share, 0, 1);
-  checker.Check("swaps (share)", swap_share, 0, 1);
-  checker.Check("wand_speed (m/s)", max_speed_m_s, 0.01, 20);
-  checker.Check("length_error (m)", length_error_m, -0.1, 0.1);
-  checker.Check("length_sigma (m)", length_sigma_m, 0, 0.02);
-  checker.Check("focal_sigma (relative)", focal_sigma_rel, 0, 0.05);
-  checker.Check("centre_sigma (px)", centre_sigma_px, 0, 100);
-  checker.Check("radial_sigma", radial_sigma, 0, 0.2);
-  checker.Check("radial_high_sigma", radial_high_sigma, 0, 0.2);
-  checker.Check("tangential_sigma", tangential_sigma, 0, 0.01);
-  checker.Check("gap_start (s)", gap_start_s, 0, 86400);
-  checker.Check("gap (s)", gap_duration_s, 0, 86400);
-  checker.CheckCameras("offset", time_offset_s, camera_count, -3600, 3600);
-  checker.CheckCameras("rate_ppm", time_rate_ppm, camera_count, -10000, 10000);
-  checker.CheckCameras("rate", camera_rate_hz, camera_count, kMinRateHz, kMaxRateHz);
-  checker.CheckCameras("outliers", camera_outlier_share, camera_count, 0, 1);
+  FaultList faults;
+  faults.CheckRange("cameras", camera_count, 2, 100);
+  kTable.Check(*this, &faults);
+  for (const CameraOption& option : kCameraOptions) CheckCameras(*this, option, &faults);
   double fastest_hz = std::clamp(rate_hz, kMinRateHz, kMaxRateHz);
   for (const auto& [index, hz] : camera_rate_hz) fastest_hz = std::max(fastest_hz, hz);
   // So that stamps with jitter still increase.
-  checker.Check("jitter (s)", jitter_s, 0, 0.1 / std::min(fastest_hz, kMaxRateHz));
-  return checker.Result();
+  const double most_jitter_s = 0.1 / std::min(fastest_hz, kMaxRateHz);
+  if (jitter_s <= 1 && jitter_s > most_jitter_s) {
+    faults.Add("jitter is ", jitter_s, " s, at these rates at most ", most_jitter_s, " s");
+  }
+  return faults.Result("simulation options: ");
 }
 
 absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text) {
   SimulationOptions options;
-  std::set<std::string> seen;
-  for (absl::string_view piece : absl::StrSplit(absl::string_view(text.data(), text.size()), ';')) {
-    std::string part(absl::StripAsciiWhitespace(piece));
-    if (part.empty()) continue;
-    if (absl::StartsWith(part, "speed=")) part = absl::StrCat("wand_", part);
-    if (!seen.insert(part.substr(0, part.find('='))).second) {
-      return Refuse(part, "is given twice");
+  bool has_wand_speed = false;
+  const auto take = [&](OptionPart part) {
+    if (part.name == "speed") part.name = "wand_speed";
+    if (part.name == "wand_speed" && std::exchange(has_wand_speed, true)) {
+      return RefuseOption(kTable.notation, part.text, "is given twice");
     }
-    const absl::Status status = ParsePart(part, &options);
-    if (!status.ok()) return status;
-  }
-  const absl::Status valid = options.Validate();
-  if (!valid.ok()) return valid;
+    return TakePart(part, &options);
+  };
+  RIGCAL_RETURN_IF_ERROR(ForEachOptionPart(kTable.notation, text, take));
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
   return options;
 }
 
 std::string FormatSimulationOptions(const SimulationOptions& options) {
-  const SimulationOptions defaults;
-  std::vector<std::string> parts = {absl::StrCat("seed=", options.seed),
-                                    absl::StrCat("cameras=", options.camera_count)};
-  for (const NumberOption& option : kNumbers) {
-    if (options.*option.member == defaults.*option.member) continue;
-    parts.push_back(absl::StrCat(option.name, "=", ShortestText(options.*option.member)));
-  }
-  for (const SwitchOption& option : kSwitches) {
-    if (options.*option.member) parts.push_back(absl::StrCat(option.name, "=1"));
-  }
+  std::vector<std::string> parts = kTable.Format(options);
+  // Always told: what a world is known by.
+  if (options.seed == SimulationOptions().seed)
+    parts.insert(parts.begin(), absl::StrCat("seed=", options.seed));
+  parts.insert(parts.begin() + 1, absl::StrCat("cameras=", options.camera_count));
   for (const CameraOption& option : kCameraOptions) {
     for (const auto& [index, value] : options.*option.member) {
       parts.push_back(absl::StrCat(option.name, ".", index, "=", ShortestText(value)));

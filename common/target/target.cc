@@ -2,7 +2,6 @@
 #include "common/target/target.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <numeric>
@@ -16,6 +15,7 @@
 #include "absl/strings/str_split.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
+#include "common/text/shortest_text.h"
 
 namespace rigcal {
 namespace {
@@ -135,12 +135,6 @@ absl::Status ParseParts(std::string_view text, Target* target) {
   }
   RIGCAL_RETURN_IF_ERROR(Normalise(target));
   return target->Validate();
-}
-
-std::string ShortestText(double value) {
-  char buffer[64];
-  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value);
-  return std::string(buffer, end.ptr);
 }
 
 std::string Join(const std::vector<double>& values) {

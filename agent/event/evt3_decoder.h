@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "agent/event/event.h"
+#include "agent/event/event_batcher.h"
+#include "agent/event/event_words.h"
+#include "agent/event/evt3_kernel.h"
+#include "agent/event/time_high.h"
+
+namespace rigcal::agent {
+
+// 16-bit words; a row, a time and a base column hold until they are told anew.
+class Evt3Decoder {
+ public:
+  static constexpr EventFormat kFormat = EventFormat::kEvt3;
+  static constexpr size_t kWordBytes = 2;
+
+  explicit Evt3Decoder(SensorGeometry geometry, const Evt3Kernel& kernel = BestEvt3Kernel())
+      : geometry_(geometry), kernel_(&kernel) {}
+
+  const EventFaults& faults() const { return faults_; }
+  int64_t time_us() const { return time_high_.time_us() + time_low_; }
+
+  // Word by word.
+  template <typename Sink>
+  void Decode(std::span<const uint8_t> bytes, Sink& sink);
+
+  // The same, in batches (see EventBatcher) and by the kernel wherever it can.
+  template <typename Consumer>
+  void DecodeInBatches(std::span<const uint8_t> bytes, Consumer& consumer);
+
+ private:
+  enum Type : uint32_t {
+    kAddressY = 0x0,
+    kAddressX = 0x2,
+    kVectorBase = 0x3,
+    kVector12 = 0x4,
+    kVector8 = 0x5,
+    kTimeLow = 0x6,
+    kContinued4 = 0x7,
+    kTimeHigh = 0x8,
+    kExternalTrigger = 0xA,
+    kOthers = 0xE,
+    kContinued12 = 0xF,
+  };
+
+  // Where the kernel stops, one of so many words is the reason.
+  static constexpr size_t kSteppedBytes = Evt3Kernel::kBlockWords * kWordBytes;
+
+  // From `at` to `stop`; a TIME_HIGH word may look ahead to `end`.
+  template <typename Sink>
+  void Decode(const uint8_t* at, const uint8_t* stop, const uint8_t* end, Sink& sink);
+  bool CanUseKernel() const {
+    return row_ok_ && time_high_.known() && geometry_.width <= Evt3State::kMaxWidth &&
+           base_x_ <= Evt3State::kMaxBase / 2;
+  }
+  Evt3Kernel::Position RunKernel(Evt3Kernel::Position from, const uint8_t* end,
+                                 const PackedEvent* full);
+  template <typename Sink>
+  void TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end, Sink& sink);
+  void CountUnplaced(uint64_t count) {
+    (time_high_.known() ? faults_.outside_geometry : faults_.before_time) += count;
+  }
+
+  static constexpr uint32_t kFarColumn = 1u << 30;
+
+  SensorGeometry geometry_;
+  const Evt3Kernel* kernel_;
+  EventFaults faults_;
+  TimeHigh<12, 12> time_high_;
+  int64_t high_us_ = 0;
+  uint32_t time_low_ = 0;
+  uint32_t y_ = 0;
+  bool row_ok_ = false;
+  uint32_t base_x_ = 0;
+  bool base_on_ = false;
+};
+
+template <typename Sink>
+void Evt3Decoder::TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end,
+                               Sink& sink) {
+  const auto find_next = [rest, end]() -> std::optional<uint32_t> {
+    for (const uint8_t* at = rest; at != end; at += kWordBytes) {
+      const uint32_t word = event_words::Load<uint16_t>(at);
+      if (word >> 12 == kTimeHigh) return word & 0xfff;
+    }
+    return std::nullopt;
+  };
+  const uint64_t steps_back = faults_.time_steps_back;
+  if (!event_words::TakeTimeHigh(value, find_next, &time_high_, &faults_, sink)) return;
+  if (faults_.time_steps_back != steps_back) time_low_ = 0;
+  high_us_ = time_high_.time_us();
+}
+
+template <typename Sink>
+void Evt3Decoder::Decode(std::span<const uint8_t> bytes, Sink& sink) {
+  const uint8_t* const end = bytes.data() + bytes.size() / kWordBytes * kWordBytes;
+  faults_.truncated_bytes += bytes.size() % kWordBytes;
+  Decode(bytes.data(), end, end, sink);
+}
+
+inline Evt3Kernel::Position Evt3Decoder::RunKernel(Evt3Kernel::Position from, const uint8_t* end,
+                                                   const PackedEvent* full) {
+  const auto high_us = static_cast<uint32_t>(high_us_);
+  Evt3State state{.width = geometry_.width,
+                  .height = geometry_.height,
+                  .y = y_,
+                  .base = base_x_ << 1 | (base_on_ ? 1u : 0u),
+                  .time_low = time_low_,
+                  .high_us = high_us,
+                  .known_high = uint32_t{kTimeHigh} << 12 | (high_us >> 12 & 0xfff)};
+  const Evt3Kernel::Position reached = kernel_->decode(from, end, full, &state);
+  y_ = state.y;
+  base_x_ = state.base >> 1;
+  base_on_ = (state.base & 1) != 0;
+  time_low_ = state.time_low;
+  return reached;
+}
+
+template <typename Consumer>
+void Evt3Decoder::DecodeInBatches(std::span<const uint8_t> bytes, Consumer& consumer) {
+  EventBatcher<Consumer> batcher(&consumer);
+  static_assert(EventBatcher<Consumer>::kRoomEvents >= Evt3Kernel::kRoomEvents);
+  const uint8_t* at = bytes.data();
+  const uint8_t* const end = at + bytes.size() / kWordBytes * kWordBytes;
+  faults_.truncated_bytes += bytes.size() % kWordBytes;
+  while (at != end) {
+    if (CanUseKernel()) {
+      const Evt3Kernel::Position reached = RunKernel({at, batcher.to()}, end, batcher.full());
+      const bool is_full = reached.to >= batcher.full();
+      at = reached.at;
+      batcher.Wrote(reached.to);
+      if (is_full) continue;
+    }
+    const size_t left = std::min<size_t>(static_cast<size_t>(end - at), kSteppedBytes);
+    Decode(at, at + left, end, batcher);
+    at += left;
+  }
+  batcher.Flush();
+}
+
+template <typename Sink>
+void Evt3Decoder::Decode(const uint8_t* at, const uint8_t* const stop, const uint8_t* const end,
+                         Sink& sink) {
+  // What every event needs stands in variables that no store of the sink can touch. `width` is that
+  // of the rows that events can be placed in, or 0 where they cannot.
+  uint32_t y = y_, base_x = base_x_, base_on = base_on_ ? 1 : 0;
+  uint32_t now = static_cast<uint32_t>(high_us_) + time_low_;
+  uint32_t width = row_ok_ && time_high_.known() ? geometry_.width : 0;
+  const uint32_t full_width = geometry_.width, height = geometry_.height;
+  for (; at != stop; at += kWordBytes) {
+    const uint32_t word = event_words::Load<uint16_t>(at);
+    switch (word >> 12) {
+      case kAddressX: {
+        const uint32_t x = word & 0x7ff;
+        if (x < width) {
+          sink.Event(x, y, (word & 0x800) != 0, now);
+        } else {
+          CountUnplaced(1);
+        }
+        break;
+      }
+      case kAddressY:
+        y = word & 0x7ff;
+        row_ok_ = y < height;
+        width = row_ok_ && time_high_.known() ? full_width : 0;
+        if (row_ok_) sink.Row(y);
+        break;
+      case kVectorBase:
+        base_x = word & 0x7ff;
+        base_on = word >> 11 & 1;
+        break;
+      case kVector12:
+      case kVector8: {
+        const uint32_t length = word >> 12 == kVector12 ? 12 : 8;
+        uint32_t mask = word & ((1u << length) - 1);
+        const uint32_t x = base_x;
+        base_x += length;
+        if (x + length > width) {
+          const uint32_t inside = x >= width ? 0 : (1u << (width - x)) - 1;
+          CountUnplaced(static_cast<uint64_t>(std::popcount(mask & ~inside)));
+          mask &= inside;
+          // Vectors without end must not come round to the first column.
+          base_x = std::min(base_x, kFarColumn);
+        }
+        if (mask != 0) sink.Vector(x, y, base_on != 0, now, mask);
+        break;
+      }
+      case kTimeLow:
+        time_low_ = word & 0xfff;
+        now = static_cast<uint32_t>(high_us_) + time_low_;
+        break;
+      case kTimeHigh:
+        TakeTimeHigh(word & 0xfff, at + kWordBytes, end, sink);
+        now = static_cast<uint32_t>(high_us_) + time_low_;
+        width = row_ok_ ? full_width : 0;
+        break;
+      case kExternalTrigger:
+        if (time_high_.known()) {
+          sink.Trigger(TriggerEvent{.time_us = high_us_ + time_low_,
+                                    .channel = static_cast<uint8_t>(word >> 8 & 0xf),
+                                    .rising = (word & 1) != 0});
+        } else {
+          ++faults_.before_time;
+        }
+        break;
+      case kOthers:
+      case kContinued4:
+      case kContinued12:
+        break;
+      default:
+        ++faults_.unknown_words;
+    }
+  }
+  y_ = y;
+  base_x_ = base_x;
+  base_on_ = base_on != 0;
+}
+
+template <typename Consumer>
+void DecodeInBatches(Evt3Decoder& decoder, std::span<const uint8_t> bytes, Consumer& consumer) {
+  decoder.DecodeInBatches(bytes, consumer);
+}
+
+}  // namespace rigcal::agent

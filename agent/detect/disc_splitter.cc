@@ -6,6 +6,12 @@
 #include <cstddef>
 
 namespace rigcal::agent {
+namespace {
+
+// Of more, the pixels are no markers of a wand, and giving each to the nearest would take long.
+constexpr int kMaxParts = 64;
+
+}  // namespace
 
 void DiscSplitter::MeasureDepth(const PixelList& pixels) {
   int x1 = INT_MIN, y1 = INT_MIN;
@@ -35,6 +41,48 @@ void DiscSplitter::MeasureDepth(const PixelList& pixels) {
     lower(at, 1, 3), lower(at, width_, 3), lower(at, width_ + 1, 4), lower(at, width_ - 1, 4);
     deepest_ = std::max(deepest_, depth_[static_cast<size_t>(at)]);
   }
+}
+
+int DiscSplitter::Root(int at) {
+  while (parent_[static_cast<size_t>(at)] != at) {
+    int& parent = parent_[static_cast<size_t>(at)];
+    parent = parent_[static_cast<size_t>(parent)];
+    at = parent;
+  }
+  return at;
+}
+
+// From the deepest level outwards, each pixel once: parts that meet are joined, and only those that
+// are somewhere thick enough count.
+DiscSplitter::Level DiscSplitter::FindLevel(const PixelList& pixels, int min_depth) {
+  by_depth_.assign(static_cast<size_t>(deepest_) + 1, {});
+  for (const auto& [x, y] : pixels) {
+    const int at = (y - y0_) * width_ + x - x0_;
+    by_depth_[static_cast<size_t>(depth_[static_cast<size_t>(at)])].push_back(at);
+  }
+  parent_.assign(depth_.size(), -1);
+  thick_.assign(depth_.size(), 0);
+  const int around[] = {-1, 1, -width_, width_, -width_ - 1, -width_ + 1, width_ - 1, width_ + 1};
+  Level best{.level = 0, .parts = 1};
+  int parts = 0;
+  for (int level = deepest_ - 1; level >= 1; --level) {
+    for (const int at : by_depth_[static_cast<size_t>(level) + 1]) {
+      int root = parent_[static_cast<size_t>(at)] = at;
+      thick_[static_cast<size_t>(at)] = level + 1 >= min_depth;
+      parts += thick_[static_cast<size_t>(at)];
+      for (const int by : around) {
+        if (parent_[static_cast<size_t>(at + by)] < 0) continue;
+        const int other = Root(at + by);
+        if (other == root) continue;
+        parent_[static_cast<size_t>(root)] = other;
+        parts -= thick_[static_cast<size_t>(root)] & thick_[static_cast<size_t>(other)];
+        thick_[static_cast<size_t>(other)] |= thick_[static_cast<size_t>(root)];
+        root = other;
+      }
+    }
+    if (parts > 1 && parts >= best.parts) best = {.level = level, .parts = parts};
+  }
+  return best;
 }
 
 int DiscSplitter::MarkParts(const PixelList& pixels, int level, int min_depth) {
@@ -91,18 +139,14 @@ const std::vector<PixelList>& DiscSplitter::Split(const PixelList& pixels, int m
   if (pixels.empty()) return parts_;
   MeasureDepth(pixels);
   const int min_depth = std::max(4, deepest_ / 2);
-  int best_level = 0, most = 1;
-  for (int level = 1; level < deepest_; ++level) {
-    const int count = MarkParts(pixels, level, std::max(min_depth, level + 1));
-    if (count > most) most = count, best_level = level;
-  }
-  if (most == 1) {
+  const Level best = FindLevel(pixels, min_depth);
+  if (best.parts == 1 || best.parts > kMaxParts) {
     parts_.push_back(pixels);
     return parts_;
   }
-  MarkParts(pixels, best_level, std::max(min_depth, best_level + 1));
-  FitDiscs(pixels, most);
-  parts_.resize(static_cast<size_t>(most));
+  const int count = MarkParts(pixels, best.level, std::max(min_depth, best.level + 1));
+  FitDiscs(pixels, count);
+  parts_.resize(static_cast<size_t>(count));
   for (const auto& [x, y] : pixels) parts_[Nearest(x, y)].emplace_back(x, y);
   std::erase_if(parts_, [min_pixels](const PixelList& part) {
     return static_cast<int>(part.size()) < min_pixels;

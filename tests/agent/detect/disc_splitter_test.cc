@@ -50,5 +50,34 @@ TEST(DiscSplitter, DropsPartsThatAreTooSmall) {
   EXPECT_TRUE(splitter.Split(Discs({0, 13}, 7.3), 1000).empty());
 }
 
+TEST(DiscSplitter, TakesApartByTheLowestLevelOfMostParts) {
+  // Two that hang together thickly, and a third by a thread.
+  PixelList pixels = Discs({0, 11}, 7.3);
+  for (const auto& [x, y] : Discs({40}, 7.3)) pixels.emplace_back(x, y);
+  for (int x = 19; x <= 32; ++x) pixels.emplace_back(x, 0);
+  DiscSplitter splitter;
+  const auto& parts = splitter.Split(pixels, 8);
+  ASSERT_EQ(parts.size(), 3u);
+  size_t count = 0;
+  for (const PixelList& part : parts) count += part.size();
+  EXPECT_EQ(count, pixels.size());
+}
+
+TEST(DiscSplitter, LeavesAWholeScreenAndAFieldOfDiscsAlone) {
+  PixelList screen, field;
+  for (int y = 0; y < 720; ++y) {
+    for (int x = 0; x < 1280; ++x) {
+      screen.emplace_back(x, y);
+      // Discs of radius 5 on a lattice of bridges.
+      const int u = x % 12 - 6, v = y % 12 - 6;
+      if (u * u + v * v <= 25 || u == 0 || v == 0) field.emplace_back(x, y);
+    }
+  }
+  DiscSplitter splitter;
+  EXPECT_EQ(splitter.Split(screen, 8).size(), 1u);
+  ASSERT_EQ(splitter.Split(field, 8).size(), 1u);
+  EXPECT_EQ(splitter.Split(field, 8)[0], field);
+}
+
 }  // namespace
 }  // namespace rigcal::agent

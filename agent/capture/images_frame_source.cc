@@ -12,7 +12,6 @@
 #include "absl/strings/str_cat.h"
 #include "agent/capture/picture.h"
 #include "agent/capture/picture_times.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -26,16 +25,6 @@ constexpr size_t kPicturesLookedAt = 20;
 constexpr int64_t kShortestStepNs = 10'000;
 
 }  // namespace
-
-absl::Status ImagesSourceOptions::Validate() const {
-  FaultList faults;
-  if (camera.empty()) faults.Add("the camera's name is empty");
-  if (path.empty()) faults.Add("the path of the pictures is empty");
-  if (!(fps >= 0 && fps <= 1e6)) faults.Add("fps is ", fps, ", not above 0");
-  faults.CheckRange("exposure", exposure_s, 0, 10, " s");
-  if (!(speed > 0)) faults.Add("speed is ", speed, ", but must be above 0");
-  return faults.Result(absl::StrCat("camera ", camera, ": "));
-}
 
 absl::StatusOr<std::unique_ptr<ImagesFrameSource>> ImagesFrameSource::Create(
     ImagesSourceOptions options) {

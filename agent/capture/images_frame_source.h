@@ -13,25 +13,15 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/pacer.h"
+#include "agent/capture/recorded_pictures_options.h"
 
 namespace rigcal::agent {
 
-struct ImagesSourceOptions {
-  std::string camera;            // name within the rig
-  std::string path;              // a folder of pictures, or one picture
-  std::string calibration_path;  // OpenCV YAML with intrinsics and image size; empty: none
-  // `name;timestamp_ns` lines; empty: the folder's timestamps.csv if there is one, else the numbers
-  // in the names, see TimeFromName.
-  std::string timestamps_path;
-  // Pictures per second where they have no times: the first one is at 0. Above 0; 0: pictures
-  // without a time are refused.
-  double fps = 0;
-  double exposure_s = 0;  // of every picture, 0 to 10; 0: not known
-  double speed = 1;       // times the recorded pace, > 0; kMaxSpeed: no waiting
-
-  // INVALID_ARGUMENT with every fault.
-  absl::Status Validate() const;
-};
+// `path`: a folder of pictures, or one picture. `timestamps_path`: `name;timestamp_ns` lines;
+// empty: the folder's timestamps.csv if there is one, else the numbers in the names, see
+// TimeFromName. `fps` is for pictures without such a file; 0: those without a time in their names
+// are refused.
+struct ImagesSourceOptions : RecordedPicturesOptions {};
 
 // Pictures of a folder in the natural order of their names. Refused one by one, counted, and passed
 // over: picture_unreadable (truncated, damaged), picture_no_time, picture_wrong_size (not as large

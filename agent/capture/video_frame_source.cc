@@ -12,7 +12,6 @@
 #include "absl/strings/str_cat.h"
 #include "agent/capture/picture.h"
 #include "agent/capture/picture_times.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -40,16 +39,6 @@ class QuietOpenCv {
 };
 
 }  // namespace
-
-absl::Status VideoSourceOptions::Validate() const {
-  FaultList faults;
-  if (camera.empty()) faults.Add("the camera's name is empty");
-  if (path.empty()) faults.Add("the path of the video is empty");
-  if (!(fps >= 0 && fps <= 1e6)) faults.Add("fps is ", fps, ", not above 0");
-  faults.CheckRange("exposure", exposure_s, 0, 10, " s");
-  if (!(speed > 0)) faults.Add("speed is ", speed, ", but must be above 0");
-  return faults.Result(absl::StrCat("camera ", camera, ": "));
-}
 
 absl::StatusOr<std::unique_ptr<VideoFrameSource>> VideoFrameSource::Create(
     VideoSourceOptions options) {

@@ -14,23 +14,14 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/pacer.h"
+#include "agent/capture/recorded_pictures_options.h"
 
 namespace rigcal::agent {
 
-struct VideoSourceOptions {
-  std::string camera;            // name within the rig
-  std::string path;              // what OpenCV's FFmpeg or GStreamer can read: mkv, avi, mp4, ...
-  std::string calibration_path;  // OpenCV YAML with intrinsics and image size; empty: none
-  // A line `timestamp_ns` for each picture; empty: STEM.timestamps.csv beside the video if there is
-  // one, else the times of the file itself.
-  std::string timestamps_path;
-  double fps = 0;         // the file's times are not used, picture i is at i / fps; 0: they are
-  double exposure_s = 0;  // of every picture, 0 to 10; 0: not known
-  double speed = 1;       // times the recorded pace, > 0; kMaxSpeed: no waiting
-
-  // INVALID_ARGUMENT with every fault.
-  absl::Status Validate() const;
-};
+// `path`: what OpenCV's FFmpeg or GStreamer can read: mkv, avi, mp4, ... `timestamps_path`: a line
+// `timestamp_ns` for each picture; empty: STEM.timestamps.csv beside the video if there is one,
+// else the times of the file itself. `fps`: the file's times are not used.
+struct VideoSourceOptions : RecordedPicturesOptions {};
 
 // The pictures of a video file, in order. Refused one by one, counted, and passed over:
 // picture_no_time (no time, or none after that of the picture ahead: times of a file only grow),

@@ -14,6 +14,8 @@ packages=(
   libeigen3-dev libceres-dev libopencv-dev
   # cameras (libaravis-dev forgets to ask for libusb's headers)
   libaravis-dev libusb-1.0-0-dev
+  # files of event cameras
+  libhdf5-dev
   # a network of its own for the GigE demo
   iproute2
   # store, configuration, command line, logging

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // raw:
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -26,6 +27,20 @@ void TakeGeometry(SourceOptions* given, std::optional<SensorGeometry>* geometry)
     return;
   }
   given->AddFault("geometry", "is not WIDTHxHEIGHT, such as 1280x720");
+}
+
+void TakePlainFileOptions(SourceOptions* given, PlainFileOptions* plain) {
+  std::string text = "auto";
+  given->Take("time", &text);
+  if (const auto unit = ParseTimeUnit(text)) {
+    plain->time_unit = *unit;
+  } else {
+    given->AddFault("time", "is none of s, us, ns and auto");
+  }
+  given->Take("columns", &plain->columns);
+  std::string sorted = plain->columns;
+  std::sort(sorted.begin(), sorted.end());
+  if (sorted != "ptxy") given->AddFault("columns", "is no order of x, y, p and t, such as txyp");
 }
 
 void TakeTrigger(SourceOptions* given, OutputTimesOptions* output) {
@@ -73,6 +88,7 @@ absl::StatusOr<SourceSpec> ParseRawSource(SourceText text) {
   given.Take("calibration", &options.calibration_path);
   if (options.calibration_path == "none") options.calibration_path.clear();
   TakeGeometry(&given, &options.geometry);
+  TakePlainFileOptions(&given, &options.plain);
   given.Take("clock", &options.clock_id);
   TakeBlinkOptions(&given, &spec.detector);
   RIGCAL_RETURN_IF_ERROR(given.Finish());

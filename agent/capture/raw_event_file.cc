@@ -13,6 +13,8 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "agent/event/event_decoder.h"
+#include "agent/event/plain_events.h"
+#include "agent/event/raw_header.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -25,8 +27,24 @@ size_t WordBytes(EventFormat format) {
       return Evt21Decoder::kWordBytes;
     case EventFormat::kEvt3:
       return Evt3Decoder::kWordBytes;
+    case EventFormat::kPlain:
+      break;
   }
-  return Evt21Decoder::kWordBytes;
+  return PlainEventDecoder::kWordBytes;
+}
+
+std::string EventFormatName(EventFormat format) {
+  switch (format) {
+    case EventFormat::kEvt2:
+      return "EVT2";
+    case EventFormat::kEvt21:
+      return "EVT21";
+    case EventFormat::kEvt3:
+      return "EVT3";
+    case EventFormat::kPlain:
+      break;
+  }
+  return "plain";
 }
 
 absl::StatusOr<RawEventFile> RawEventFile::Open(const std::string& path) {
@@ -49,8 +67,15 @@ absl::StatusOr<RawEventFile> RawEventFile::Open(const std::string& path) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": ", std::string(header.status().message())));
   }
-  file.header_ = *std::move(header);
-  file.next_ = file.header_.byte_count;
+  file.header_ = {.format = header->format,
+                  .halves_swapped = header->halves_swapped,
+                  .format_name = EventFormatName(header->format),
+                  .layout = "",
+                  .time_unit = TimeUnit::kAuto,
+                  .geometry = header->geometry,
+                  .byte_count = header->byte_count,
+                  .fields = std::move(header->fields)};
+  file.next_ = static_cast<size_t>(file.header_.byte_count);
   return file;
 }
 
@@ -107,6 +132,10 @@ absl::StatusOr<std::span<const uint8_t>> RawEventFile::Next(size_t max_bytes) {
   const std::span<const uint8_t> piece = std::span(block_).subspan(next_, size);
   next_ += size;
   return piece;
+}
+
+std::string RawEventFile::PlaceOf(uint64_t byte_offset) const {
+  return absl::StrCat("byte ", byte_offset);
 }
 
 }  // namespace rigcal::agent

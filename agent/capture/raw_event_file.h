@@ -9,16 +9,19 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "agent/event/raw_header.h"
+#include "agent/capture/event_file.h"
 
 namespace rigcal::agent {
 
 // Bytes of one word of a format.
 size_t WordBytes(EventFormat format);
 
+// "EVT3" and so on.
+std::string EventFormatName(EventFormat format);
+
 // A RAW file of an event camera, read in blocks. Holds one block in memory, however large the file.
 // Movable; one thread at a time.
-class RawEventFile {
+class RawEventFile : public EventFile {
  public:
   static constexpr size_t kBlockBytes = size_t{1} << 20;
 
@@ -27,17 +30,13 @@ class RawEventFile {
   static absl::StatusOr<RawEventFile> Open(const std::string& path);
   RawEventFile(RawEventFile&& other) noexcept;
   RawEventFile& operator=(RawEventFile&& other) noexcept;
-  ~RawEventFile();
+  ~RawEventFile() override;
 
-  const RawHeader& header() const { return header_; }
-  uint64_t byte_count() const { return byte_count_; }  // of the whole file, header included
-  // Of the next piece, in the file.
-  uint64_t byte_offset() const { return block_offset_ + next_; }
-
-  // The next piece of at most `max_bytes`, which must be a multiple of 8: whole words, but for what
-  // is left at the end of a truncated file. Empty: the end. Valid until the next call.
-  // DATA_LOSS: a disk that cannot be read; the message says where.
-  absl::StatusOr<std::span<const uint8_t>> Next(size_t max_bytes);
+  const EventFileHeader& header() const override { return header_; }
+  uint64_t byte_count() const override { return byte_count_; }
+  uint64_t byte_offset() const override { return block_offset_ + next_; }
+  absl::StatusOr<std::span<const uint8_t>> Next(size_t max_bytes) override;
+  std::string PlaceOf(uint64_t byte_offset) const override;
 
  private:
   RawEventFile(std::string path, int descriptor);
@@ -46,7 +45,7 @@ class RawEventFile {
 
   std::string path_;
   int descriptor_ = -1;
-  RawHeader header_;
+  EventFileHeader header_;
   uint64_t byte_count_ = 0;
   std::vector<uint8_t> block_;
   uint64_t block_offset_ = 0;  // of block_.front() in the file

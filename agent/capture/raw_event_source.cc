@@ -31,7 +31,7 @@ std::string Text(const SensorGeometry& geometry) {
 }
 
 // Of what header, option and calibration say, the one; they must agree.
-absl::StatusOr<SensorGeometry> ResolveGeometry(const RawHeader& header,
+absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
                                                const RawSourceOptions& options,
                                                const std::optional<IntrinsicsFile>& calibration) {
   struct Statement {
@@ -39,7 +39,10 @@ absl::StatusOr<SensorGeometry> ResolveGeometry(const RawHeader& header,
     SensorGeometry geometry;
   };
   std::vector<Statement> said;
-  if (header.geometry) said.push_back({"its header", *header.geometry});
+  if (header.geometry) {
+    said.push_back({header.format == EventFormat::kPlain ? "what it says itself" : "its header",
+                    *header.geometry});
+  }
   if (options.geometry) said.push_back({"geometry=", *options.geometry});
   if (calibration) {
     said.push_back({absl::StrCat("the calibration ", options.calibration_path),
@@ -63,7 +66,7 @@ absl::StatusOr<SensorGeometry> ResolveGeometry(const RawHeader& header,
 absl::Status RawSourceOptions::Validate() const {
   std::vector<std::string> faults;
   if (camera.empty()) faults.push_back("the camera's name is empty");
-  if (path.empty()) faults.push_back("the path of the RAW file is empty");
+  if (path.empty()) faults.push_back("the path of the file is empty");
   if (geometry && (geometry->width < 1 || geometry->width > kMaxSide || geometry->height < 1 ||
                    geometry->height > kMaxSide)) {
     faults.push_back(absl::StrCat("geometry is ", Text(*geometry), ", but must be 1 to ", kMaxSide,
@@ -81,7 +84,7 @@ absl::StatusOr<std::unique_ptr<RawEventSource>> RawEventSource::Create(RawSource
     return absl::Status(status.code(), absl::StrCat("camera ", options.camera, ": ",
                                                     std::string(status.message()), after));
   };
-  const absl::StatusOr<RawEventFile> file = RawEventFile::Open(options.path);
+  const auto file = OpenEventFile(options.path, options.plain);
   if (!file.ok()) return named(file.status());
   std::optional<IntrinsicsFile> calibration;
   if (!options.calibration_path.empty()) {
@@ -94,7 +97,7 @@ absl::StatusOr<std::unique_ptr<RawEventSource>> RawEventSource::Create(RawSource
     calibration = *std::move(read);
   }
   const absl::StatusOr<SensorGeometry> geometry =
-      ResolveGeometry(file->header(), options, calibration);
+      ResolveGeometry((*file)->header(), options, calibration);
   if (!geometry.ok()) return named(geometry.status());
   CameraDescription description;
   description.camera = options.camera;
@@ -115,7 +118,7 @@ RawEventSource::RawEventSource(RawSourceOptions options, CameraDescription descr
 
 absl::Status RawEventSource::Start(const Target&) {
   file_.reset();
-  absl::StatusOr<RawEventFile> file = RawEventFile::Open(options_.path);
+  auto file = OpenEventFile(options_.path, options_.plain);
   if (!file.ok()) {
     return absl::Status(file.status().code(), absl::StrCat("camera ", options_.camera, ": ",
                                                            std::string(file.status().message())));
@@ -132,6 +135,9 @@ absl::Status RawEventSource::Start(const Target&) {
       break;
     case EventFormat::kEvt3:
       timer_.emplace(Evt3Decoder(geometry));
+      break;
+    case EventFormat::kPlain:
+      timer_.emplace(PlainEventDecoder(geometry));
       break;
   }
   pacer_.Start();
@@ -176,6 +182,15 @@ absl::StatusOr<std::optional<EventChunk>> RawEventSource::NextPaced() {
   if (piece_.empty() || !pacer_.Wait(now_us() * 1000)) return std::nullopt;
   chunk.bytes = piece_;
   return chunk;
+}
+
+std::string RawEventSource::PlaceOf(uint64_t byte_offset) const {
+  return absl::StrCat(options_.path, ", ",
+                      file_ ? file_->PlaceOf(byte_offset) : EventSource::PlaceOf(byte_offset));
+}
+
+std::vector<Refusal> RawEventSource::Refused() const {
+  return file_ ? file_->Refused() : std::vector<Refusal>();
 }
 
 }  // namespace rigcal::agent

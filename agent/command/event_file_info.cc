@@ -6,7 +6,8 @@
 #include <cstddef>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/raw_event_file.h"
+#include "agent/event/fault_finder.h"
+#include "agent/event/plain_events.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -14,6 +15,7 @@ namespace {
 
 constexpr size_t kPieceBytes = size_t{64} << 10;
 constexpr SensorGeometry kEveryPixel{2048, 2048};
+constexpr SensorGeometry kEveryPlainPixel{65535, 65535};
 
 // Counts. Times of CD events are 32 bits; the decoder's own time leads to all 64.
 template <typename Decoder>
@@ -77,58 +79,96 @@ class InfoSink {
   int64_t epoch_first_us_ = 0;
 };
 
+// The smallest sensor that has all pixels of a file.
+struct ExtentSink {
+  SensorGeometry extent;
+
+  void Row(uint32_t) {}
+  void Event(uint32_t x, uint32_t y, bool, uint32_t) {
+    extent.width = std::max(extent.width, x + 1);
+    extent.height = std::max(extent.height, y + 1);
+  }
+  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
+    Event(x + 31 - static_cast<uint32_t>(std::countl_zero(mask)), y, on, time_us);
+  }
+  void Trigger(const TriggerEvent&) {}
+  void TimeStepBack(int64_t) {}
+};
+
 template <typename Decoder>
-absl::Status CountAll(Decoder decoder, RawEventFile* file, EventFileInfo* info) {
+absl::Status CountAll(Decoder decoder, EventFile* file, EventFileInfo* info) {
   InfoSink sink(&decoder, info);
+  FaultFinder finder(file->header().halves_swapped);
+  const uint64_t begin = file->byte_offset();
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kPieceBytes));
+    if (bytes.empty()) break;
+    const Decoder before = decoder;
+    decoder.Decode(bytes, sink);
+    finder.Look(before, bytes, decoder.faults());
+    for (const auto& [name, offset] : finder.places().Named()) {
+      info->first_faults.try_emplace(std::string(name), file->PlaceOf(begin + offset));
+    }
+  }
+  sink.EndEpoch();
+  info->faults = decoder.faults();
+  info->refused = file->Refused();
+  return absl::OkStatus();
+}
+
+template <typename Decoder>
+absl::Status FindExtent(Decoder decoder, EventFile* file, EventFileInfo* info) {
+  ExtentSink sink;
   while (true) {
     RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kPieceBytes));
     if (bytes.empty()) break;
     decoder.Decode(bytes, sink);
   }
-  sink.EndEpoch();
-  info->faults = decoder.faults();
+  info->extent = sink.extent;
   return absl::OkStatus();
+}
+
+// Calls `take` with the file's decoder.
+template <typename Take>
+absl::Status WithDecoder(const EventFileHeader& header, SensorGeometry geometry, Take take) {
+  switch (header.format) {
+    case EventFormat::kEvt2:
+      return take(Evt2Decoder(geometry));
+    case EventFormat::kEvt21:
+      return take(Evt21Decoder(geometry, header.halves_swapped));
+    case EventFormat::kEvt3:
+      return take(Evt3Decoder(geometry));
+    case EventFormat::kPlain:
+      break;
+  }
+  return take(PlainEventDecoder(geometry));
 }
 
 }  // namespace
 
-std::string EventFormatName(EventFormat format) {
-  switch (format) {
-    case EventFormat::kEvt2:
-      return "EVT2";
-    case EventFormat::kEvt21:
-      return "EVT21";
-    case EventFormat::kEvt3:
-      return "EVT3";
-  }
-  return "unknown";
-}
-
 absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
-                                                std::optional<SensorGeometry> geometry) {
-  RIGCAL_ASSIGN_OR_RETURN(RawEventFile file, RawEventFile::Open(path));
+                                                std::optional<SensorGeometry> geometry,
+                                                const PlainFileOptions& plain) {
+  RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(path, plain));
   EventFileInfo info;
   info.path = path;
-  info.byte_count = file.byte_count();
-  info.header = file.header();
-  if (geometry && info.header.geometry && *geometry != *info.header.geometry) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        path, ": the header says ", info.header.geometry->width, "x", info.header.geometry->height,
-        " pixels, not ", geometry->width, "x", geometry->height));
+  info.byte_count = file->byte_count();
+  info.header = file->header();
+  const std::optional<SensorGeometry>& said = info.header.geometry;
+  if (geometry && said && *geometry != *said) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": the file says ", said->width, "x",
+                                                   said->height, " pixels, not ", geometry->width,
+                                                   "x", geometry->height));
   }
-  const SensorGeometry taken = info.header.geometry.value_or(geometry.value_or(kEveryPixel));
-  switch (info.header.format) {
-    case EventFormat::kEvt2:
-      RIGCAL_RETURN_IF_ERROR(CountAll(Evt2Decoder(taken), &file, &info));
-      break;
-    case EventFormat::kEvt21:
-      RIGCAL_RETURN_IF_ERROR(
-          CountAll(Evt21Decoder(taken, info.header.halves_swapped), &file, &info));
-      break;
-    case EventFormat::kEvt3:
-      RIGCAL_RETURN_IF_ERROR(CountAll(Evt3Decoder(taken), &file, &info));
-      break;
-  }
+  const SensorGeometry taken = said.value_or(geometry.value_or(kEveryPixel));
+  RIGCAL_RETURN_IF_ERROR(WithDecoder(
+      info.header, taken, [&](auto decoder) { return CountAll(decoder, file.get(), &info); }));
+  if (info.faults.outside_geometry == 0) return info;
+  RIGCAL_ASSIGN_OR_RETURN(const auto again, OpenEventFile(path, plain));
+  const SensorGeometry every =
+      info.header.format == EventFormat::kPlain ? kEveryPlainPixel : kEveryPixel;
+  RIGCAL_RETURN_IF_ERROR(WithDecoder(
+      info.header, every, [&](auto decoder) { return FindExtent(decoder, again.get(), &info); }));
   return info;
 }
 

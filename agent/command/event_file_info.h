@@ -5,11 +5,14 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "agent/capture/event_file.h"
 #include "agent/event/event.h"
 #include "agent/event/event_decoder.h"
-#include "agent/event/raw_header.h"
+#include "agent/event/plain_event_reader.h"
+#include "common/status/refusal.h"
 
 namespace rigcal::agent {
 
@@ -23,11 +26,11 @@ struct TriggerEdges {
   int64_t longest_gap_us = 0;
 };
 
-// What is in a RAW file.
+// What is in a file of events.
 struct EventFileInfo {
   std::string path;
   uint64_t byte_count = 0;
-  RawHeader header;
+  EventFileHeader header;
   uint64_t cd_events = 0, on_events = 0;
   uint64_t sum_x = 0, sum_y = 0;  // of all CD events: tell whether two decoders agree
   uint32_t largest_x = 0, largest_y = 0;
@@ -37,6 +40,11 @@ struct EventFileInfo {
   std::optional<int64_t> first_us, last_us;
   int64_t duration_us = 0;  // in all clock epochs together
   EventFaults faults;
+  // Where the first fault of each kind is, by the name of its count: "byte 4096", "line 17".
+  std::map<std::string, std::string> first_faults;
+  // Where events contradict the geometry: the smallest one that would hold all of them.
+  std::optional<SensorGeometry> extent;
+  std::vector<Refusal> refused;  // lines that are no events
 
   uint64_t off_events() const { return cd_events - on_events; }
   double events_per_s() const {
@@ -45,17 +53,15 @@ struct EventFileInfo {
   }
 };
 
-// Decodes all of a file. `geometry`: where the header does not say; without either every pixel that
-// the format can name is taken. Errors as RawEventFile's.
+// Decodes all of a file. `geometry`: where the file does not say; without either every pixel that
+// the format can name is taken. Errors as OpenEventFile's.
 absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
-                                                std::optional<SensorGeometry> geometry);
+                                                std::optional<SensorGeometry> geometry,
+                                                const PlainFileOptions& plain = {});
 
 // For people.
 std::string FormatInfo(const EventFileInfo& info);
 // One JSON object, with a line end.
 std::string InfoJson(const EventFileInfo& info);
-
-// "EVT3" and so on.
-std::string EventFormatName(EventFormat format);
 
 }  // namespace rigcal::agent

@@ -24,8 +24,30 @@ void AppendEdges(std::string* text, int channel, std::string_view edge, const Tr
   AppendLine(text, absl::StrCat("  channel ", channel, " ", std::string(edge)), value);
 }
 
-void AppendFault(std::string* text, std::string_view what, uint64_t count) {
-  if (count > 0) AppendLine(text, absl::StrCat("  ", std::string(what)), absl::StrCat(count));
+void AppendFault(std::string* text, std::string_view what, uint64_t count,
+                 const EventFileInfo& info, const std::string& name) {
+  if (count == 0) return;
+  const auto first = info.first_faults.find(name);
+  AppendLine(text, absl::StrCat("  ", std::string(what)),
+             first == info.first_faults.end()
+                 ? absl::StrCat(count)
+                 : absl::StrCat(count, ", the first one at ", first->second));
+}
+
+std::string Text(const SensorGeometry& geometry) {
+  return absl::StrCat(geometry.width, "x", geometry.height);
+}
+
+void AppendGeometry(std::string* text, const EventFileInfo& info) {
+  AppendLine(text, "geometry",
+             info.header.geometry ? Text(*info.header.geometry)
+                                  : absl::StrCat("not told; events reach column ", info.largest_x,
+                                                 ", row ", info.largest_y));
+  if (!info.extent) return;
+  AppendLine(
+      text, "  contradicted",
+      absl::StrCat(info.faults.outside_geometry, " events are outside of it; all of them ", "need ",
+                   Text(*info.extent), " pixels: another sensor, or damaged words"));
 }
 
 Json EdgesJson(int channel, std::string_view edge, const TriggerEdges& edges) {
@@ -38,18 +60,23 @@ Json EdgesJson(int channel, std::string_view edge, const TriggerEdges& edges) {
           {"longest_gap_us", edges.longest_gap_us}};
 }
 
+Json GeometryJson(const std::optional<SensorGeometry>& geometry) {
+  if (!geometry) return nullptr;
+  return {{"width", geometry->width}, {"height", geometry->height}};
+}
+
 }  // namespace
 
 std::string FormatInfo(const EventFileInfo& info) {
   std::string text;
   AppendLine(&text, "file", info.path);
   AppendLine(&text, "bytes", absl::StrCat(info.byte_count, ", header ", info.header.byte_count));
-  AppendLine(&text, "format", EventFormatName(info.header.format));
-  AppendLine(&text, "geometry",
-             info.header.geometry
-                 ? absl::StrCat(info.header.geometry->width, "x", info.header.geometry->height)
-                 : absl::StrCat("not told; events reach column ", info.largest_x, ", row ",
-                                info.largest_y));
+  AppendLine(&text, "format", info.header.format_name);
+  if (info.header.format == EventFormat::kPlain) {
+    AppendLine(&text, "  events", info.header.layout);
+    AppendLine(&text, "  times in", TimeUnitName(info.header.time_unit));
+  }
+  AppendGeometry(&text, info);
   for (const auto& [key, value] : info.header.fields) {
     AppendLine(&text, absl::StrCat("  % ", key), value);
   }
@@ -66,12 +93,17 @@ std::string FormatInfo(const EventFileInfo& info) {
     AppendLine(&text, "rate", absl::StrFormat("%.3f Mev/s", info.events_per_s() / 1e6));
   }
   const EventFaults& faults = info.faults;
-  AppendLine(&text, "faults", faults == EventFaults{} ? "none" : "");
-  AppendFault(&text, "unknown words", faults.unknown_words);
-  AppendFault(&text, "outside of the geometry", faults.outside_geometry);
-  AppendFault(&text, "before the time is told", faults.before_time);
-  AppendFault(&text, "time steps back", faults.time_steps_back);
-  AppendFault(&text, "truncated bytes", faults.truncated_bytes);
+  const bool is_clean = faults == EventFaults{} && info.refused.empty();
+  AppendLine(&text, "faults", is_clean ? "none" : "");
+  AppendFault(&text, "unknown words", faults.unknown_words, info, "unknown_words");
+  AppendFault(&text, "outside of the geometry", faults.outside_geometry, info, "outside_geometry");
+  AppendFault(&text, "before the time is told", faults.before_time, info, "before_time");
+  AppendFault(&text, "time steps back", faults.time_steps_back, info, "time_steps_back");
+  AppendFault(&text, "truncated bytes", faults.truncated_bytes, info, "truncated_bytes");
+  for (const Refusal& refusal : info.refused) {
+    AppendLine(&text, absl::StrCat("  ", refusal.reason),
+               absl::StrCat(refusal.count, ", the first one ", refusal.example));
+  }
   return text;
 }
 
@@ -80,10 +112,13 @@ std::string InfoJson(const EventFileInfo& info) {
   json["file"] = info.path;
   json["bytes"] = info.byte_count;
   json["header_bytes"] = info.header.byte_count;
-  json["format"] = EventFormatName(info.header.format);
-  json["geometry"] = info.header.geometry ? Json{{"width", info.header.geometry->width},
-                                                 {"height", info.header.geometry->height}}
-                                          : Json(nullptr);
+  json["format"] = info.header.format_name;
+  if (info.header.format == EventFormat::kPlain) {
+    json["layout"] = info.header.layout;
+    json["time_unit"] = TimeUnitName(info.header.time_unit);
+  }
+  json["geometry"] = GeometryJson(info.header.geometry);
+  json["extent_of_contradiction"] = GeometryJson(info.extent);
   json["header"] = info.header.fields;
   json["cd_events"] = info.cd_events;
   json["on_events"] = info.on_events;
@@ -110,6 +145,13 @@ std::string InfoJson(const EventFileInfo& info) {
                     {"before_time", info.faults.before_time},
                     {"time_steps_back", info.faults.time_steps_back},
                     {"truncated_bytes", info.faults.truncated_bytes}};
+  json["first_faults"] = Json::object();
+  for (const auto& [name, place] : info.first_faults) json["first_faults"][name] = place;
+  json["refused"] = Json::array();
+  for (const Refusal& refusal : info.refused) {
+    json["refused"].push_back(
+        {{"reason", refusal.reason}, {"count", refusal.count}, {"example", refusal.example}});
+  }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -9,6 +9,7 @@ void Subcommands::AddTo(CLI::App& app) {
   AddTuneCommand(app, out_, &chosen_);
   AddMaskCommand(app, out_, &chosen_);
   AddInfoCommand(app, out_, &chosen_);
+  AddConvertCommand(app, out_, &chosen_);
 }
 
 }  // namespace rigcal::agent

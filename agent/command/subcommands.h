@@ -21,7 +21,7 @@ inline int ExitCodeOf(const absl::Status& status) {
   return absl::IsInvalidArgument(status) ? kExitUsage : kExitFailed;
 }
 
-// What rigcal-agent can do besides being an agent: detect, tune, mask, info. Add before parsing;
+// What rigcal-agent can do besides being an agent: detect, tune, mask, info, convert. Add before parsing;
 // after it, Chosen runs what was asked for. `out` outlives the object.
 class Subcommands {
  public:
@@ -36,6 +36,7 @@ class Subcommands {
 };
 
 // Each adds one subcommand whose run is put into `chosen` when it is asked for.
+void AddConvertCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);

@@ -15,6 +15,7 @@
 #include "agent/detect/blink_filter.h"
 #include "agent/detect/blink_wand_judge.h"
 #include "agent/event/event_decoder.h"
+#include "agent/event/plain_events.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -24,7 +25,7 @@ constexpr double kWaitPeriods = 0.8;  // then the burst nearest to a time is ove
 constexpr double kHoldPeriods = 2;    // until then answers of triggers and rate may overtake
 constexpr int64_t kSweepPeriods = 20;
 
-using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder>;
+using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
 
 Decoder MakeDecoder(EventFormat format, bool halves_swapped, SensorGeometry geometry) {
   switch (format) {
@@ -32,6 +33,8 @@ Decoder MakeDecoder(EventFormat format, bool halves_swapped, SensorGeometry geom
       return Evt2Decoder(geometry);
     case EventFormat::kEvt21:
       return Evt21Decoder(geometry, halves_swapped);
+    case EventFormat::kPlain:
+      return PlainEventDecoder(geometry);
     case EventFormat::kEvt3:
       break;
   }
@@ -129,6 +132,7 @@ struct BlinkWandDetector::Impl {
   }
 
   Decoder decoder;
+  FaultFinder fault_finder;
   BlinkFilter filter;
   BlinkWandJudge judge;
   const double period_us;
@@ -205,6 +209,7 @@ std::optional<int64_t> FirstTime(Decoder decoder, std::span<const uint8_t> bytes
 int64_t SafeTime(const Evt3Decoder& decoder) { return decoder.time_us() & ~int64_t{0xfff}; }
 int64_t SafeTime(const Evt21Decoder& decoder) { return decoder.time_us(); }
 int64_t SafeTime(const Evt2Decoder& decoder) { return decoder.time_us(); }
+int64_t SafeTime(const PlainEventDecoder& decoder) { return decoder.time_us(); }
 
 }  // namespace
 
@@ -353,9 +358,11 @@ absl::StatusOr<BlinkWandDetector> BlinkWandDetector::Create(const BlinkWandDetec
   if (!blink_hz.ok()) return named(blink_hz.status());
   auto filter = BlinkFilter::Create(FilterOptions(options, camera, *blink_hz));
   if (!filter.ok()) return named(filter.status());
-  return BlinkWandDetector(std::make_unique<Impl>(
-      options, target, camera, MakeDecoder(format, halves_swapped, GeometryOf(camera)),
-      *std::move(filter)));
+  auto impl = std::make_unique<Impl>(options, target, camera,
+                                     MakeDecoder(format, halves_swapped, GeometryOf(camera)),
+                                     *std::move(filter));
+  impl->fault_finder = FaultFinder(halves_swapped);
+  return BlinkWandDetector(std::move(impl));
 }
 
 void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detection>* found) {
@@ -366,7 +373,9 @@ void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detecti
           const std::optional<int64_t> first_us = FirstTime(decoder, bytes);
           if (first_us) impl_->Begin(*first_us);
         }
+        const auto before = decoder;
         Decode(decoder, bytes, impl_.get(), impl_->NextStop());
+        impl_->fault_finder.Look(before, bytes, decoder.faults());
         if (impl_->begun) impl_->AdvanceTo(SafeTime(decoder));
       },
       impl_->decoder);
@@ -385,6 +394,8 @@ const EventFaults& BlinkWandDetector::faults() const {
   return std::visit([](const auto& decoder) -> const EventFaults& { return decoder.faults(); },
                     impl_->decoder);
 }
+
+const FaultPlaces& BlinkWandDetector::fault_places() const { return impl_->fault_finder.places(); }
 
 const BlinkWandCounts& BlinkWandDetector::counts() const { return impl_->counts; }
 

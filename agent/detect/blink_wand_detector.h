@@ -11,6 +11,7 @@
 #include "agent/detect/output_schedule.h"
 #include "agent/detect/wand_detector.h"
 #include "agent/event/event.h"
+#include "agent/event/fault_finder.h"
 #include "common/camera/camera_description.h"
 #include "common/target/detection_outcome.h"
 #include "common/target/target.h"
@@ -69,6 +70,8 @@ class BlinkWandDetector {
   void Finish(std::vector<Detection>* found);
 
   const EventFaults& faults() const;
+  // Of the first fault of each kind, counted from the first byte taken.
+  const FaultPlaces& fault_places() const;
   const BlinkWandCounts& counts() const;
 
  private:

@@ -28,6 +28,7 @@ enum class EventFormat : uint8_t {
   kEvt2 = 1,   // 32-bit words, Prophesee EVT 2.0
   kEvt21 = 2,  // 64-bit words, Prophesee EVT 2.1
   kEvt3 = 3,   // 16-bit words, Prophesee EVT 3.0
+  kPlain = 4,  // 128-bit records of this project (plain_events.h), from CSV and HDF5
 };
 
 // What was wrong in a stream; everything good around it is kept.

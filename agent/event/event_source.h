@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -42,6 +43,10 @@ class EventSource {
   virtual absl::StatusOr<std::optional<EventChunk>> Next() = 0;
   // Makes a waiting and every later Next return none, until the next Start.
   virtual void Stop() = 0;
+  // Where a word of the last piece is, for messages.
+  virtual std::string PlaceOf(uint64_t byte_offset) const {
+    return "byte " + std::to_string(byte_offset);
+  }
   virtual std::vector<ClockSample> TakeClockSamples() { return {}; }
   // Since Start, by reason. `camera` is left empty.
   virtual std::vector<Refusal> Refused() const { return {}; }

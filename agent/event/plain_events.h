@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "agent/event/event.h"
+#include "agent/event/event_decoder.h"
+
+namespace rigcal::agent {
+
+// One record of a stream of EventFormat::kPlain: an event with its whole time, as files for
+// interchange hold it. Sixteen bytes.
+struct PlainEvent {
+  enum Kind : uint8_t {
+    kOff = 0,
+    kOn = 1,
+    kTriggerFalling = 2,
+    kTriggerRising = 3,
+    kUnreadable = 4,  // holds the place of a row that cannot be read
+  };
+  int64_t time_us = 0;
+  uint16_t x = 0, y = 0;  // 65535: not a pixel of any sensor
+  Kind kind = kOff;
+  uint8_t channel = 0;  // of a trigger
+  uint16_t reserved = 0;
+
+  friend bool operator==(const PlainEvent&, const PlainEvent&) = default;
+};
+static_assert(sizeof(PlainEvent) == 16);
+
+// Follows the times of plain records. Files that were merged or sorted by frame are out of order by
+// some microseconds: that is let through. A longer step back is a new clock epoch, as is a leap so
+// far ahead that 32 bits of microseconds do not reach; unless the next record goes on from where
+// the last one was: then this one is damaged.
+class PlainClock {
+ public:
+  static constexpr int64_t kJitterUs = 1000;
+  static constexpr int64_t kStepUs = int64_t{1} << 16;  // longer ones are looked at twice
+  static constexpr int64_t kLeapUs = int64_t{1} << 30;  // 18 minutes
+
+  enum class Verdict : uint8_t { kGoesOn, kStepBack, kLeap, kDamaged };
+
+  // The largest of this clock epoch.
+  int64_t time_us() const { return time_us_; }
+
+  // Whether this time goes on from the last one without a gap, and so is taken. Else call Decide.
+  bool Take(int64_t time_us) {
+    if (!known_ || !Follows(time_us, time_us_)) return false;
+    if (time_us > time_us_) time_us_ = time_us;
+    return true;
+  }
+  // `next`: of the record behind this one, or nullptr where there is none to see. Nothing has
+  // changed where the verdict is kDamaged.
+  Verdict Decide(int64_t time_us, const int64_t* next);
+
+ private:
+  static bool Follows(int64_t time_us, int64_t last_us) {
+    return static_cast<uint64_t>(time_us) - static_cast<uint64_t>(last_us) +
+               static_cast<uint64_t>(kJitterUs) <=
+           static_cast<uint64_t>(kStepUs + kJitterUs);
+  }
+
+  int64_t time_us_ = 0;
+  bool known_ = false;
+};
+
+// Decodes records of EventFormat::kPlain; for its sinks see event_decoder.h. Counts what cannot be
+// read and damaged times as unknown words, and new clock epochs as time_steps_back.
+class PlainEventDecoder {
+ public:
+  static constexpr EventFormat kFormat = EventFormat::kPlain;
+  static constexpr size_t kWordBytes = sizeof(PlainEvent);
+
+  explicit PlainEventDecoder(SensorGeometry geometry) : geometry_(geometry) {}
+
+  const EventFaults& faults() const { return faults_; }
+  int64_t time_us() const { return clock_.time_us(); }
+
+  template <typename Sink>
+  void Decode(std::span<const uint8_t> bytes, Sink& sink) {
+    const uint8_t* at = bytes.data();
+    const uint8_t* const end = at + bytes.size() / kWordBytes * kWordBytes;
+    faults_.truncated_bytes += bytes.size() % kWordBytes;
+    for (; at != end; at += kWordBytes) {
+      const auto event = event_words::Load<PlainEvent>(at);
+      if (event.kind >= PlainEvent::kUnreadable) [[unlikely]] {
+        ++faults_.unknown_words;
+        continue;
+      }
+      if (!clock_.Take(event.time_us)) [[unlikely]] {
+        if (!DecideTime(event.time_us, at + kWordBytes, end, sink)) continue;
+      }
+      if (event.kind >= PlainEvent::kTriggerFalling) {
+        sink.Trigger(TriggerEvent{.time_us = event.time_us,
+                                  .channel = event.channel,
+                                  .rising = event.kind == PlainEvent::kTriggerRising});
+      } else if (event.x < geometry_.width && event.y < geometry_.height) {
+        sink.Event(event.x, event.y, event.kind == PlainEvent::kOn,
+                   static_cast<uint32_t>(event.time_us));
+      } else {
+        ++faults_.outside_geometry;
+      }
+    }
+  }
+
+ private:
+  template <typename Sink>
+  [[gnu::noinline]] bool DecideTime(int64_t time_us, const uint8_t* rest, const uint8_t* end,
+                                    Sink& sink) {
+    const std::optional<int64_t> next = NextTime(rest, end);
+    switch (clock_.Decide(time_us, next ? &*next : nullptr)) {
+      case PlainClock::Verdict::kDamaged:
+        ++faults_.unknown_words;
+        return false;
+      case PlainClock::Verdict::kStepBack:
+      case PlainClock::Verdict::kLeap:
+        ++faults_.time_steps_back;
+        sink.TimeStepBack(time_us);
+        return true;
+      case PlainClock::Verdict::kGoesOn:
+        break;
+    }
+    return true;
+  }
+  static std::optional<int64_t> NextTime(const uint8_t* at, const uint8_t* end);
+
+  SensorGeometry geometry_;
+  EventFaults faults_;
+  PlainClock clock_;
+};
+
+}  // namespace rigcal::agent

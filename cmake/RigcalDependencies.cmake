@@ -18,6 +18,19 @@ pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
 pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5)
 find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
+
+option(RIGCAL_METAVISION "Live event cameras, through OpenEB or the Metavision SDK (4.1 to 5.x; not in Debian)" OFF)
+if(RIGCAL_METAVISION)
+  find_package(MetavisionHAL CONFIG QUIET)
+  if(NOT MetavisionHAL_FOUND)
+    message(FATAL_ERROR "RIGCAL_METAVISION is ON, but MetavisionHAL is not found. Install OpenEB or the Metavision SDK "
+      "(4.1 to 5.x) and name its prefix with -DCMAKE_PREFIX_PATH=PREFIX, or leave RIGCAL_METAVISION off: recordings of "
+      "event cameras need neither.")
+  elseif(MetavisionHAL_VERSION VERSION_LESS 4.1)
+    message(FATAL_ERROR "RIGCAL_METAVISION needs MetavisionHAL 4.1 to 5.x; found ${MetavisionHAL_VERSION}")
+  endif()
+endif()
+
 if(RIGCAL_BUILD_TESTS OR NOT DEFINED RIGCAL_BUILD_TESTS)
   find_package(GTest CONFIG REQUIRED)
   find_package(rapidcheck CONFIG REQUIRED)

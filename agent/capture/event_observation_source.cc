@@ -37,6 +37,10 @@ EventObservationSource::EventObservationSource(std::unique_ptr<EventSource> even
 absl::Status EventObservationSource::Start(const Target& target) {
   ended_ = true;
   detector_.reset();
+  past_faults_ = EventFaults();
+  past_counts_ = BlinkWandCounts();
+  first_epoch_ = 0;
+  last_epoch_ = 0;
   found_.clear();
   next_ = 0;
   // Says at once what a detector cannot do, whatever the format will be.
@@ -60,18 +64,66 @@ absl::StatusOr<bool> EventObservationSource::TakeChunk() {
   next_ = 0;
   if (ended_) return false;
   RIGCAL_ASSIGN_OR_RETURN(const std::optional<EventChunk> chunk, events_->Next());
-  if (!chunk) {
+  if (chunk) {
+    RIGCAL_RETURN_IF_ERROR(Detect(*chunk));
+  } else {
     ended_ = true;
     if (detector_) detector_->Finish(&found_);
-    return true;
+    CountEpochs(0);
   }
+  return true;
+}
+
+absl::Status EventObservationSource::Detect(const EventChunk& chunk) {
+  if (chunk.clock_began_anew && detector_) FinishDetector();
   if (!detector_) {
     RIGCAL_ASSIGN_OR_RETURN(
-        detector_, BlinkWandDetector::Create(options_, target_, description(), chunk->format,
-                                             chunk->halves_swapped));
+        detector_, BlinkWandDetector::Create(options_, target_, description(), chunk.format,
+                                             chunk.halves_swapped));
   }
-  detector_->Take(chunk->bytes, &found_);
-  return true;
+  const size_t first_found = found_.size();
+  detector_->Take(chunk.bytes, &found_);
+  CountEpochs(first_found);
+  return absl::OkStatus();
+}
+
+void EventObservationSource::FinishDetector() {
+  detector_->Finish(&found_);
+  CountEpochs(0);
+  past_faults_ = AllFaults();
+  past_counts_ = AllCounts();
+  detector_.reset();
+  first_epoch_ = last_epoch_ + 1;
+}
+
+void EventObservationSource::CountEpochs(size_t first_found) {
+  for (size_t i = first_found; i < found_.size(); ++i) {
+    found_[i].observation.clock_epoch += first_epoch_;
+    last_epoch_ = found_[i].observation.clock_epoch;
+  }
+}
+
+EventFaults EventObservationSource::AllFaults() const {
+  EventFaults all = past_faults_;
+  if (!detector_) return all;
+  const EventFaults& now = detector_->faults();
+  all.unknown_words += now.unknown_words;
+  all.outside_geometry += now.outside_geometry;
+  all.before_time += now.before_time;
+  all.time_steps_back += now.time_steps_back;
+  all.truncated_bytes += now.truncated_bytes;
+  return all;
+}
+
+BlinkWandCounts EventObservationSource::AllCounts() const {
+  BlinkWandCounts all = past_counts_;
+  if (!detector_) return all;
+  const BlinkWandCounts& now = detector_->counts();
+  all.by_outcome += now.by_outcome;
+  all.same_burst += now.same_burst;
+  all.out_of_order += now.out_of_order;
+  all.dense_triggers += now.dense_triggers;
+  return all;
 }
 
 absl::StatusOr<std::optional<Observation>> EventObservationSource::Next() {
@@ -83,15 +135,14 @@ absl::StatusOr<std::optional<Observation>> EventObservationSource::Next() {
 }
 
 std::optional<DetectionCounts> EventObservationSource::detection_counts() const {
-  return detector_ ? detector_->counts().by_outcome : DetectionCounts();
+  return AllCounts().by_outcome;
 }
 
 std::vector<Refusal> EventObservationSource::Refused() const {
   RefusalCounter all;
   for (const Refusal& refusal : events_->Refused()) all.Add(refusal);
-  if (!detector_) return all.List();
-  const EventFaults& faults = detector_->faults();
-  const BlinkWandCounts& counts = detector_->counts();
+  const EventFaults faults = AllFaults();
+  const BlinkWandCounts counts = AllCounts();
   all.Add("", "event_unknown_word", Clamped(faults.unknown_words),
           "words that the format does not have: damaged, or another format than the header says");
   all.Add(

@@ -37,11 +37,21 @@ class EventObservationSource : public ObservationSource {
   EventObservationSource(std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options);
   // More answers; false: there will be none.
   absl::StatusOr<bool> TakeChunk();
+  absl::Status Detect(const EventChunk& chunk);
+  void FinishDetector();  // and keeps what it counted
+  void CountEpochs(size_t first_found);
+  EventFaults AllFaults() const;
+  BlinkWandCounts AllCounts() const;
 
   const std::unique_ptr<EventSource> events_;
   const BlinkWandDetectorOptions options_;
   Target target_;
   std::optional<BlinkWandDetector> detector_;  // from the first chunk on, which tells the format
+  // Of detectors before this one: the clock began anew in between.
+  EventFaults past_faults_;
+  BlinkWandCounts past_counts_;
+  uint32_t first_epoch_ = 0;  // of the detector
+  uint32_t last_epoch_ = 0;   // told so far
   std::vector<Detection> found_;
   size_t next_ = 0;  // of found_
   bool ended_ = true;

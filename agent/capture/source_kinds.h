@@ -31,6 +31,7 @@ absl::StatusOr<SourceSpec> ParseImagesSource(SourceText text);
 absl::StatusOr<SourceSpec> ParseVideoSource(SourceText text);
 absl::StatusOr<SourceSpec> ParseAravisSource(SourceText text);
 absl::StatusOr<SourceSpec> ParseRawSource(SourceText text);
+absl::StatusOr<SourceSpec> ParseMetavisionSource(SourceText text);
 // Observations, or with pixels=1 pictures and a detector.
 absl::StatusOr<SourceSpec> ParseSimulatedSource(SourceText text);
 

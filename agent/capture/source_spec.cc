@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "agent/capture/aravis_frame_source.h"
+#include "agent/capture/metavision_event_source.h"
 #include "agent/capture/source_kinds.h"
 #include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
@@ -25,6 +26,8 @@ constexpr std::array kKinds = {
     SourceKind{"video:", true, "left=video:rig/left.mkv;speed=max", ParseVideoSource},
     SourceKind{"aravis:", true, "left=aravis:192.168.1.5;exposure=0.004", ParseAravisSource},
     SourceKind{"raw:", true, "left=raw:rig/left.raw;rate=200;trigger=rising", ParseRawSource},
+    SourceKind{"metavision:", false, "left=metavision:serial=00050423;biases=biases.toml;rate=200",
+               ParseMetavisionSource},
 };
 static_assert(kKinds.size() == kSourceKindNames.size());
 
@@ -90,6 +93,9 @@ std::string ShortestText(double value) {
 absl::StatusOr<std::unique_ptr<EventSource>> CreateEventSource(const EventSourceSpec& spec) {
   if (const auto* raw = std::get_if<RawSourceOptions>(&spec.events)) {
     return RawEventSource::Create(*raw);
+  }
+  if (const auto* live = std::get_if<MetavisionSourceOptions>(&spec.events)) {
+    return MetavisionEventSource::Create(*live);
   }
   return SimulatedEventSource::Create(std::get<SimulatedEventSourceOptions>(spec.events));
 }

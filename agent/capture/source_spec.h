@@ -14,6 +14,7 @@
 #include "agent/capture/event_observation_source.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/images_frame_source.h"
+#include "agent/capture/metavision_options.h"
 #include "agent/capture/observation_source.h"
 #include "agent/capture/raw_event_source.h"
 #include "agent/capture/simulated_event_source.h"
@@ -35,7 +36,7 @@ struct PictureSourceSpec {
 
 // Where one camera's events come from, and how the wand is found in them.
 struct EventSourceSpec {
-  std::variant<RawSourceOptions, SimulatedEventSourceOptions> events;
+  std::variant<RawSourceOptions, SimulatedEventSourceOptions, MetavisionSourceOptions> events;
   BlinkWandDetectorOptions detector;
 };
 
@@ -54,13 +55,16 @@ using SourceSpec =
 //          [;ptp=1][;calibration=FILE][;...]
 //   [NAME=]raw:FILE[;geometry=WxH][;clock=ID][;calibration=FILE][;speed=max|FACTOR]
 //          [;rate=HZ][;trigger=rising|falling|middle|none][;trigger_channel=N][;band=SHARE][;...]
+//   [NAME=]metavision:[serial=NUMBER][;biases=FILE][;sync=standalone|primary|secondary]
+//          [;primary_delay=S][;clock=ID][;latency=S][;calibration=FILE][;rate=HZ][;...]
 //
 // raw: reads events of an event camera and tells where the wand is `rate` times a second (200
 // unless a trigger is named, 10 to 1000), at external triggers, or both; sensors on one sync cable
-// name one clock. NAME is the path's stem, sim_INDEX or DEVICE unless given. csv, images, video and
-// raw: FILE is the path with .yaml for its ending unless given; images, video and raw do with
-// calibration=none. sigma in pixels. centres: what the file's centres are, the image's (blob) or
-// the sphere's. Simulation and rendering options as in ParseSimulationOptions and
+// name one clock. metavision: is a live one, with the same options behind `rate`; biases: TOML as
+// ReadEventCameraConfig. NAME is the path's stem, sim_INDEX, DEVICE or NUMBER unless given. csv,
+// images, video and raw: FILE is the path with .yaml for its ending unless given; images, video and
+// raw do with calibration=none. sigma in pixels. centres: what the file's centres are, the image's
+// (blob) or the sphere's. Simulation and rendering options as in ParseSimulationOptions and
 // ParseFrameRenderOptions, but the wand's speed only as `wand_speed`, since `speed` is the pace.
 // speed: times the recorded pace, 1 unless given. Every source of pictures takes the detector's
 // options too, see TakeDetectingOptions. Neither path nor FILE can hold a ';'.

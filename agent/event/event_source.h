@@ -25,6 +25,9 @@ struct EventChunk {
   bool halves_swapped = false;  // EVT 2.1 as an IMX636 sends it
   std::span<const uint8_t> bytes;
   uint64_t byte_offset = 0;  // of the first byte in its file or stream, for messages
+  // Between the piece before and this one the camera was away: its clock began anew, and nothing of
+  // before goes on.
+  bool clock_began_anew = false;
 };
 
 // One event camera's stream in capture order. Start, Next and the getters are called by one thread;

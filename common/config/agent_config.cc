@@ -118,7 +118,7 @@ void ReadOptions(TomlFile* file, TomlSection& section, std::string_view key,
       file->AddFault(value, absl::StrCat(option.key, " must be a number, true, false or a text"));
       continue;
     }
-    constexpr std::array kPaths = {"mask", "timestamps"};
+    constexpr std::array kPaths = {"biases", "mask", "timestamps"};
     if (std::find(kPaths.begin(), kPaths.end(), option.key) != kPaths.end()) {
       option.value = Resolved(folder, option.value);
     }

@@ -22,6 +22,7 @@ struct SourceKindName {
 inline constexpr std::array kSourceKindNames = {
     SourceKindName{"csv:", true},   SourceKindName{"sim:"},    SourceKindName{"images:", true},
     SourceKindName{"video:", true}, SourceKindName{"aravis:"}, SourceKindName{"raw:", true},
+    SourceKindName{"metavision:"},
 };
 // "csv:, sim:, ...": for messages.
 std::string ListOfSourceKinds();

@@ -5,7 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -22,6 +24,9 @@ namespace {
 using ::rigcal::testing::BlinkingWand;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -195,6 +200,77 @@ TEST_F(EventObservationSourceTest, AClockThatStepsBackBeginsAnEpoch) {
   }
   EXPECT_GE(wands[0], 24);
   EXPECT_GE(wands[1], 24);
+}
+
+// Two streams of one camera that was away in between.
+class InterruptedSource : public EventSource {
+ public:
+  InterruptedSource(CameraDescription description, std::vector<std::vector<uint8_t>> streams)
+      : description_(std::move(description)), streams_(std::move(streams)) {}
+  const CameraDescription& description() const override { return description_; }
+  absl::Status Start(const Target&) override {
+    next_ = 0;
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::optional<EventChunk>> Next() override {
+    if (next_ == streams_.size()) return std::nullopt;
+    const EventChunk chunk{.bytes = streams_[next_], .clock_began_anew = next_ > 0};
+    ++next_;
+    return chunk;
+  }
+  void Stop() override {}
+
+ private:
+  const CameraDescription description_;
+  const std::vector<std::vector<uint8_t>> streams_;
+  size_t next_ = 0;
+};
+
+TEST_F(EventObservationSourceTest, ACameraThatWasAwayBeginsAnEpochWhateverItsClockShows) {
+  BlinkingWand wand;
+  wand.duration_s = 0.15;
+  wand.first_s = 1;
+  const size_t header_size = Evt3Header(wand.geometry, "1").size();
+  const auto words = [&] {
+    const std::vector<uint8_t> file = wand.RawFile();
+    return std::vector<uint8_t>(file.begin() + static_cast<std::ptrdiff_t>(header_size),
+                                file.end());
+  };
+  constexpr std::array<uint8_t, 2> kUnknownWord = {0x00, 0xb0};
+  std::vector<std::vector<uint8_t>> streams = {words()};
+  streams[0].insert(streams[0].end(), kUnknownWord.begin(), kUnknownWord.end());
+  wand.first_s = 1.4;  // a step forward, as far as times alone tell
+  streams.push_back(words());
+  streams[1].insert(streams[1].begin(), kUnknownWord.begin(), kUnknownWord.end());
+  CameraDescription description;
+  description.camera = "left";
+  description.image_size_px = {wand.geometry.width, wand.geometry.height};
+  description.clock = {.clock_id = "left", .timebase = ""};
+  ASSERT_OK_AND_ASSIGN(auto source,
+                       EventObservationSource::Create(
+                           std::make_unique<InterruptedSource>(description, streams), {}));
+  for (int round = 0; round < 2; ++round) {
+    ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39;hz=500"));
+    ASSERT_THAT(source->Start(target), IsOk());
+    int wands[2] = {0, 0};
+    int64_t last_ns[2] = {0, 0};
+    while (true) {
+      ASSERT_OK_AND_ASSIGN(const auto observation, source->Next());
+      if (!observation) break;
+      const uint32_t epoch = observation->clock_epoch;
+      ASSERT_LE(epoch, 1u);
+      if (observation->VisibleCount() == 3) ++wands[epoch];
+      EXPECT_EQ(epoch == 0, observation->time_ns < 1'300'000'000);
+      EXPECT_GT(observation->time_ns, last_ns[epoch]);
+      last_ns[epoch] = observation->time_ns;
+    }
+    EXPECT_GE(wands[0], 24);
+    EXPECT_GE(wands[1], 24);
+    EXPECT_EQ(source->detection_counts()->Of(DetectionOutcome::kWand),
+              static_cast<uint64_t>(wands[0] + wands[1]));
+    EXPECT_THAT(source->Refused(), ElementsAre(AllOf(Field(&Refusal::reason, "event_unknown_word"),
+                                                     Field(&Refusal::count, 2u))));
+  }
 }
 
 TEST_F(EventObservationSourceTest, StartsAnew) {

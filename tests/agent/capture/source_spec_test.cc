@@ -222,8 +222,8 @@ TEST(ParseSourceSpec, NamesEveryFaultOfTheTablesWithItsLine) {
 TEST(ParseSourceSpec, KnowsTheKindsThatTheConfigurationKnows) {
   for (const SourceKindName& kind : kSourceKindNames) {
     const absl::StatusOr<SourceSpec> spec = ParseSourceSpec(std::string(kind.prefix));
-    EXPECT_THAT(spec, StatusIs(absl::StatusCode::kInvalidArgument,
-                               ::testing::Not(HasSubstr("begins with none of"))))
+    EXPECT_THAT(std::string(spec.status().message()),
+                ::testing::Not(HasSubstr("begins with none of")))
         << kind.prefix;
   }
 }

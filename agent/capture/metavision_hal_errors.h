@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <exception>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+
+namespace rigcal::agent {
+
+// UNAVAILABLE, "WHAT: why". The SDK's messages are several lines with rulers around them: they
+// become one.
+absl::Status MetavisionFailure(std::string_view what, std::string_view why);
+
+// Runs something of the SDK; what it throws comes back as a status.
+template <typename Function>
+absl::Status WithoutExceptions(std::string_view what, Function&& run) {
+  try {
+    run();
+    return absl::OkStatus();
+  } catch (const std::exception& error) {
+    return MetavisionFailure(what, error.what());
+  } catch (...) {
+    return MetavisionFailure(what, "the SDK threw something that is no exception of C++'s library");
+  }
+}
+
+}  // namespace rigcal::agent

@@ -13,12 +13,23 @@
 namespace rigcal::agent {
 namespace {
 
-// A pixel that has been silent for so long is as one that never spoke.
-constexpr uint32_t kForgetUnits = 0x8000;
+// Sweep comes by every pixel once in so many units; it is still less than 2^16 since the pixel was
+// forgotten when Sweep comes 10 periods late.
+constexpr uint32_t kSweepUnits = 22 << 10;
 // Of a period: pixels light up around the burst's middle by at most this much (latency, readout).
 constexpr double kJitterShare = 0.12;
 // Ratio of second moments that one marker does not have: a disc that moves by its radius has 1.3.
 constexpr double kLongRatio = 1.6;
+// Of the way to the next frequency: what lies within it is a marker's.
+constexpr double kOwnShare = 0.4;
+// Of the time by which a period is shorter than the longest: so much longer ago its burst is looked
+// for, which is near the middle of the time within which that of the longest lies.
+constexpr double kLookBack = 0.8;
+// Pixels that Grow has come to, and those of them that lit up.
+constexpr uint8_t kSeen = 1, kLit = 2;
+// Of a pixel's eight neighbours: a lit one with fewer beside it is noise that hangs on; an unlit
+// one with more is a pixel that noise had put in reset.
+constexpr int kMinBeside = 3, kHoleBeside = 6;
 
 bool IsLong(const PixelList& pixels) {
   double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
@@ -42,7 +53,23 @@ absl::Status BlinkFilterOptions::Validate() const {
   };
   check("width", geometry.width, 1, 2048);
   check("height", geometry.height, 1, 2048);
-  check("blink frequency (Hz)", blink_hz, 20, 5000);
+  if (blink_hz.empty()) faults.emplace_back("no blink frequency");
+  for (const double hz : blink_hz) check("blink frequency (Hz)", hz, 20, 5000);
+  std::vector<double> sorted_hz = blink_hz;
+  std::sort(sorted_hz.begin(), sorted_hz.end());
+  for (size_t i = 1; i < sorted_hz.size(); ++i) {
+    if (sorted_hz[i] >= kMinRatio * sorted_hz[i - 1]) continue;
+    faults.push_back(absl::StrCat("blink frequencies ", sorted_hz[i - 1], " and ", sorted_hz[i],
+                                  " Hz are too near to be told apart: the higher one must be at "
+                                  "least ",
+                                  kMinRatio, " times the lower, or both the same"));
+  }
+  if (sorted_hz.size() > 1 && sorted_hz.back() > kMaxRatio * sorted_hz.front()) {
+    faults.push_back(absl::StrCat("blink frequencies ", sorted_hz.front(), " and ",
+                                  sorted_hz.back(), " Hz are too far apart: at most ", kMaxRatio,
+                                  " times, for the light of the lowest must not last into the next "
+                                  "blink of the highest"));
+  }
   check("band", band_rel, 0.01, 0.45);
   check("min_periods", min_periods, 1, 7);
   check("min_blob_pixels", min_blob_pixels, 1, 100000);
@@ -51,53 +78,100 @@ absl::Status BlinkFilterOptions::Validate() const {
   return absl::InvalidArgumentError(absl::StrCat("blink filter: ", absl::StrJoin(faults, "; ")));
 }
 
-absl::StatusOr<BlinkFilter> BlinkFilter::Create(const BlinkFilterOptions& options) {
+absl::StatusOr<BlinkFilter> BlinkFilter::Create(const BlinkFilterOptions& options,
+                                                const BlinkKernel& kernel) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  return BlinkFilter(options);
+  return BlinkFilter(options, kernel);
 }
 
-BlinkFilter::BlinkFilter(const BlinkFilterOptions& options)
-    : options_(options), period_us_(1e6 / options.blink_hz), shift_(0) {
+BlinkFilter::BlinkFilter(const BlinkFilterOptions& options, const BlinkKernel& kernel)
+    : options_(options), kernel_(&kernel), shift_(0) {
+  const auto [lowest_hz, highest_hz] =
+      std::minmax_element(options.blink_hz.begin(), options.blink_hz.end());
+  period_us_ = 1e6 / *lowest_hz;
   while (period_us_ / (1 << shift_) >= 1024) ++shift_;
-  const double units = period_us_ / (1 << shift_);
-  period_units_ = static_cast<uint32_t>(std::lround(units));
+  AddBlinks();
+  const double longest = period_us_ / (1 << shift_);
+  const double shortest = longest * *lowest_hz / *highest_hz;
   // Longer, and lights of twice the frequency would have every other crossing counted.
-  min_gap_ = 3 * period_units_ / 10;
+  rules_.min_gap = 3 * static_cast<uint32_t>(std::lround(shortest)) / 10;
   // The ON events of one burst come within half a period.
-  again_gap_ = 11 * period_units_ / 20;
-  low_gap_ = static_cast<uint32_t>(std::lround(units * (1 - options.band_rel)));
-  band_gap_ = static_cast<uint32_t>(std::lround(units * (1 + options.band_rel))) - low_gap_;
+  rules_.again_gap = 11 * static_cast<uint32_t>(std::lround(longest)) / 20 - rules_.min_gap;
+  rules_.low_gap = static_cast<uint32_t>(std::lround(shortest * (1 - options.band_rel)));
+  rules_.band_gap =
+      static_cast<uint32_t>(std::lround(longest * (1 + options.band_rel))) - rules_.low_gap;
   min_periods_ = static_cast<uint32_t>(options.min_periods);
-  lit_units_ = period_units_ / 2;
   stride_ = options.geometry.width;
   tile_columns_ = (options.geometry.width + (1u << kTileShift) - 1) >> kTileShift;
   tile_rows_ = (options.geometry.height + (1u << kTileShift) - 1) >> kTileShift;
+  rules_.shift = shift_;
+  rules_.stride = stride_;
+  rules_.tile_columns = tile_columns_;
+  rules_.min_periods = min_periods_;
   states_.assign(static_cast<size_t>(stride_) * options.geometry.height, 0);
   tiles_.assign(static_cast<size_t>(tile_columns_) * tile_rows_, 0);
+}
+
+void BlinkFilter::AddBlinks() {
+  const double longest = period_us_ / (1 << shift_);
+  for (const double hz : options_.blink_hz) {
+    Blink blink;
+    blink.index = static_cast<int>(blinks_.size());
+    blink.period_us = 1e6 / hz;
+    blink.band_rel = options_.band_rel;
+    const double units = blink.period_us / (1 << shift_);
+    double shortest = 0, past_longest = kMaxGap;
+    for (const double other_hz : options_.blink_hz) {
+      if (other_hz == hz) continue;
+      const double ratio = std::max(hz / other_hz, other_hz / hz);
+      blink.band_rel = std::min(blink.band_rel, kOwnShare * (1 - 1 / ratio));
+      if (other_hz > hz) shortest = std::max(shortest, units / std::sqrt(ratio));
+      if (other_hz < hz) past_longest = std::min(past_longest, units * std::sqrt(ratio));
+    }
+    blink.shortest = static_cast<uint32_t>(std::lround(shortest));
+    blink.longest = static_cast<uint32_t>(std::lround(past_longest)) - 1;
+    blink.period = static_cast<uint32_t>(std::lround(units));
+    blink.lit = blink.period / 2;
+    blink.over = blink.lit + static_cast<uint32_t>(std::lround(kLookBack * (longest - units)));
+    blinks_.push_back(blink);
+  }
 }
 
 void BlinkFilter::TimeStepBack(int64_t) {
   std::fill(states_.begin(), states_.end(), 0);
   std::fill(tiles_.begin(), tiles_.end(), 0);
+  has_swept_ = false;
 }
 
 void BlinkFilter::Sweep(uint32_t time_us) {
+  const uint64_t units = (time_us - swept_us_) >> shift_;
+  size_t count = states_.size();
+  if (has_swept_ && units < kSweepUnits) count = (count * units + kSweepUnits - 1) / kSweepUnits;
   const uint32_t now = time_us >> shift_;
-  const uint32_t forgotten = (now - kForgetUnits) << 16;
-  for (uint32_t& state : states_) {
-    const uint32_t gap = (now - (state >> 16)) & 0xffff;
-    state = gap >= kForgetUnits ? forgotten | (state & kOnBit) : state;
-  }
+  const size_t first = std::min(count, states_.size() - sweep_from_);
+  kernel_->sweep(now, states_.data() + sweep_from_, first);
+  kernel_->sweep(now, states_.data(), count - first);
+  sweep_from_ = first < count ? count - first : sweep_from_ + first;
+  swept_us_ = time_us;
+  has_swept_ = true;
 }
 
-bool BlinkFilter::IsSeed(uint32_t state, uint32_t now) const {
-  const uint32_t gap = (now - (state >> 16)) & 0xffff;
-  return (state & kPeriodsMask) >= min_periods_ && gap < period_units_ + lit_units_;
+bool BlinkFilter::IsSeed(const Blink& blink, uint32_t state, uint32_t now) const {
+  const uint32_t since = (now - (state >> 16)) & 0xffff;
+  const uint32_t gap = state >> 4 & kMaxGap;
+  return (state & kPeriodsMask) >= min_periods_ && since < blink.period + blink.over &&
+         gap - blink.shortest <= blink.longest - blink.shortest;
 }
 
-int BlinkFilter::UnitsSinceBurst(uint32_t state, uint32_t now) const {
+bool BlinkFilter::IsSeedOfAnother(const Blink& blink, uint32_t state, uint32_t now) const {
+  return std::any_of(blinks_.begin(), blinks_.end(), [&](const Blink& other) {
+    return other.index != blink.index && IsSeed(other, state, now);
+  });
+}
+
+int BlinkFilter::UnitsSinceBurst(const Blink& blink, uint32_t state, uint32_t now) const {
   const uint32_t last = (now - (state >> 16)) & 0xffff;
-  if (last >= lit_units_) return static_cast<int>(last);
+  if (last >= blink.over) return static_cast<int>(last);
   const uint32_t gap = state >> 4 & kMaxGap;
   return gap == kMaxGap ? -1 : static_cast<int>(last + gap);
 }
@@ -110,20 +184,22 @@ bool BlinkFilter::LitUpBetween(uint32_t state, uint32_t now, uint32_t newest,
          (gap != kMaxGap && last + gap - newest <= oldest - newest);
 }
 
-BlinkFilter::Burst BlinkFilter::FindBurst(const ComponentSums& seeds, uint32_t now) {
+BlinkFilter::Burst BlinkFilter::FindBurst(const Blink& blink, const ComponentSums& seeds,
+                                          uint32_t now) {
   ages_.clear();
   double gaps = 0;
   for (int y = seeds.min_y; y <= seeds.max_y; ++y) {
     const uint32_t* const row = states_.data() + static_cast<size_t>(y) * stride_;
     for (int x = seeds.min_x; x <= seeds.max_x; ++x) {
-      if (!IsSeed(row[x], now)) continue;
-      ages_.push_back(UnitsSinceBurst(row[x], now));
+      if (!IsSeed(blink, row[x], now)) continue;
+      ages_.push_back(UnitsSinceBurst(blink, row[x], now));
       gaps += row[x] >> 4 & kMaxGap;
     }
   }
   Burst burst;
   if (ages_.empty()) return burst;
   burst.period_us = gaps / static_cast<double>(ages_.size()) * (1 << shift_);
+  if (std::abs(burst.period_us / blink.period_us - 1) > blink.band_rel) return burst;
   // Pixels whose burst is just over and those whose next one has begun are a period apart: the
   // newest burst that most pixels took part in.
   const auto middle = ages_.begin() + static_cast<std::ptrdiff_t>(ages_.size() / 2);
@@ -133,20 +209,23 @@ BlinkFilter::Burst BlinkFilter::FindBurst(const ComponentSums& seeds, uint32_t n
   return burst;
 }
 
-void BlinkFilter::Measure(const ComponentSums& seeds, const Burst& burst, uint32_t time_us) {
-  const double jitter = kJitterShare * period_units_;
+void BlinkFilter::Measure(const Blink& blink, const ComponentSums& seeds, const Burst& burst,
+                          uint32_t time_us) {
+  const double jitter = kJitterShare * blink.period;
   const auto oldest = static_cast<uint32_t>(std::lround(burst.start_units + jitter));
   const auto newest =
-      static_cast<uint32_t>(std::max(0L, std::lround(burst.start_units - lit_units_)));
-  Grow(seeds, time_us >> shift_, newest, oldest);
+      static_cast<uint32_t>(std::max(0L, std::lround(burst.start_units - blink.lit)));
+  Grow(blink, seeds, time_us >> shift_, newest, oldest);
+  Smooth();
   if (static_cast<int>(lit_.size()) < options_.min_blob_pixels) return;
-  if (!IsLong(lit_)) return AddBlob(lit_, burst, time_us);
+  if (!IsLong(lit_)) return AddBlob(blink, lit_, burst, time_us);
   for (const PixelList& part : splitter_.Split(lit_, options_.min_blob_pixels)) {
-    AddBlob(part, burst, time_us);
+    AddBlob(blink, part, burst, time_us);
   }
 }
 
-void BlinkFilter::AddBlob(const PixelList& pixels, const Burst& burst, uint32_t time_us) {
+void BlinkFilter::AddBlob(const Blink& blink, const PixelList& pixels, const Burst& burst,
+                          uint32_t time_us) {
   double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
   int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
   const auto [x0, y0] = pixels.front();
@@ -166,38 +245,46 @@ void BlinkFilter::AddBlob(const PixelList& pixels, const Burst& burst, uint32_t 
       syy / count - my * my;
   blob.area_px = static_cast<int>(count);
   blob.time_us = unit_us * (static_cast<double>(time_us >> shift_) - burst.start_units +
-                            0.5 * static_cast<double>(lit_units_));
+                            0.5 * static_cast<double>(blink.lit));
   blob.period_us = burst.period_us;
+  blob.frequency = blink.index;
   blob.box = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
   blob.touches_border = min_x == 0 || min_y == 0 ||
                         max_x + 1 == static_cast<int>(options_.geometry.width) ||
                         max_y + 1 == static_cast<int>(options_.geometry.height);
   // Markers that have grown together are found from the seeds of each.
   for (const BlinkBlob& other : blobs_) {
-    if ((other.centre_px - blob.centre_px).squaredNorm() < 4) return;
+    if (other.frequency == blob.frequency && (other.centre_px - blob.centre_px).squaredNorm() < 4)
+      return;
   }
   blobs_.push_back(blob);
 }
 
-void BlinkFilter::Grow(const ComponentSums& seeds, uint32_t now, uint32_t newest, uint32_t oldest) {
+void BlinkFilter::Grow(const Blink& blink, const ComponentSums& seeds, uint32_t now,
+                       uint32_t newest, uint32_t oldest) {
   const int reach = options_.reach_px;
   const int x_begin = std::max(0, seeds.min_x - reach);
   const int y_begin = std::max(0, seeds.min_y - reach);
   const int x_end = std::min(static_cast<int>(options_.geometry.width), seeds.max_x + 1 + reach);
   const int y_end = std::min(static_cast<int>(options_.geometry.height), seeds.max_y + 1 + reach);
   const int width = x_end - x_begin;
+  window_ = {x_begin, y_begin, width, y_end - y_begin};
   lit_.clear();
   seen_.assign(static_cast<size_t>(width) * static_cast<size_t>(y_end - y_begin), 0);
   const auto visit = [&](int x, int y) {
     uint8_t& seen = seen_[static_cast<size_t>((y - y_begin) * width + x - x_begin)];
     if (seen != 0) return;
-    seen = 1;
+    seen = kSeen;
     const size_t pixel = static_cast<size_t>(y) * stride_ + static_cast<size_t>(x);
-    if (LitUpBetween(states_[pixel], now, newest, oldest)) lit_.emplace_back(x, y);
+    if (!LitUpBetween(states_[pixel], now, newest, oldest)) return;
+    // Of a marker beside this one.
+    if (blinks_.size() > 1 && IsSeedOfAnother(blink, states_[pixel], now)) return;
+    seen = kLit;
+    lit_.emplace_back(x, y);
   };
   for (int y = seeds.min_y; y <= seeds.max_y; ++y) {
     for (int x = seeds.min_x; x <= seeds.max_x; ++x) {
-      if (IsSeed(states_[static_cast<size_t>(y) * stride_ + static_cast<size_t>(x)], now)) {
+      if (IsSeed(blink, states_[static_cast<size_t>(y) * stride_ + static_cast<size_t>(x)], now)) {
         visit(x, y);
       }
     }
@@ -210,14 +297,45 @@ void BlinkFilter::Grow(const ComponentSums& seeds, uint32_t now, uint32_t newest
   }
 }
 
-void BlinkFilter::MarkSeeds(uint32_t time_us) {
+void BlinkFilter::Smooth() {
+  const auto lit = [this](int x, int y) {
+    const int u = x - window_.x, v = y - window_.y;
+    if (u < 0 || v < 0 || u >= window_.width || v >= window_.height) return 0;
+    return seen_[static_cast<size_t>(v * window_.width + u)] == kLit ? 1 : 0;
+  };
+  const auto lit_beside = [&lit](int x, int y) {
+    int count = -lit(x, y);
+    for (int v = y - 1; v <= y + 1; ++v) {
+      for (int u = x - 1; u <= x + 1; ++u) count += lit(u, v);
+    }
+    return count;
+  };
+  smoothed_.clear();
+  int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
+  for (const auto& [x, y] : lit_) {
+    if (lit_beside(x, y) >= kMinBeside) smoothed_.emplace_back(x, y);
+    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
+    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
+  }
+  for (int y = min_y; y <= max_y; ++y) {
+    for (int x = min_x; x <= max_x; ++x) {
+      if (lit(x, y) == 0 && lit_beside(x, y) >= kHoleBeside) smoothed_.emplace_back(x, y);
+    }
+  }
+  std::swap(lit_, smoothed_);
+}
+
+void BlinkFilter::MarkSeeds(const Blink& blink, uint32_t time_us) {
   const uint32_t now = time_us >> shift_;
   const auto recent_us = static_cast<uint32_t>(2 * period_us_);
   const auto words = static_cast<int>((stride_ + 63) / 64);
   labeller_.Start(words);
   for (uint32_t tile_row = 0; tile_row < tile_rows_; ++tile_row) {
     const uint32_t* const tiles = tiles_.data() + static_cast<size_t>(tile_row) * tile_columns_;
-    const auto is_active = [&](uint32_t tile) { return tile != 0 && time_us - tile <= recent_us; };
+    // A tile's time is up to 1 late.
+    const auto is_active = [&](uint32_t tile) {
+      return tile != 0 && time_us + 1 - tile <= recent_us;
+    };
     if (std::none_of(tiles, tiles + tile_columns_, is_active)) continue;
     const uint32_t y_end = std::min(options_.geometry.height, (tile_row + 1) << kTileShift);
     for (uint32_t y = tile_row << kTileShift; y < y_end; ++y) {
@@ -227,7 +345,7 @@ void BlinkFilter::MarkSeeds(uint32_t time_us) {
         if (!is_active(tiles[tile])) continue;
         const uint32_t x_end = std::min(stride_, (tile + 1) << kTileShift);
         for (uint32_t x = tile << kTileShift; x < x_end; ++x) {
-          seed_words_[x / 64] |= static_cast<uint64_t>(IsSeed(row[x], now)) << (x % 64);
+          seed_words_[x / 64] |= static_cast<uint64_t>(IsSeed(blink, row[x], now)) << (x % 64);
         }
       }
       labeller_.AddRow(static_cast<int>(y), 0, seed_words_.data(), words);
@@ -237,11 +355,13 @@ void BlinkFilter::MarkSeeds(uint32_t time_us) {
 
 const std::vector<BlinkBlob>& BlinkFilter::FindBlobs(uint32_t time_us) {
   blobs_.clear();
-  MarkSeeds(time_us);
-  for (const ComponentSums& seeds : labeller_.Finish()) {
-    if (seeds.area < options_.min_blob_pixels) continue;
-    const Burst burst = FindBurst(seeds, time_us >> shift_);
-    if (burst.found) Measure(seeds, burst, time_us);
+  for (const Blink& blink : blinks_) {
+    MarkSeeds(blink, time_us);
+    for (const ComponentSums& seeds : labeller_.Finish()) {
+      if (seeds.area < options_.min_blob_pixels) continue;
+      const Burst burst = FindBurst(blink, seeds, time_us >> shift_);
+      if (burst.found) Measure(blink, seeds, burst, time_us);
+    }
   }
   return blobs_;
 }

@@ -4,10 +4,12 @@
 #include <Eigen/Core>
 #include <bit>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "agent/detect/blink_kernel.h"
 #include "agent/detect/disc_splitter.h"
 #include "agent/detect/image_view.h"
 #include "agent/detect/run_labeller.h"
@@ -17,11 +19,19 @@ namespace rigcal::agent {
 
 struct BlinkFilterOptions {
   SensorGeometry geometry;
-  double blink_hz = 500;    // 20 to 5000; markers are lit for half of each period
-  double band_rel = 0.15;   // periods within this share of the nominal one are the wand's
+  // 20 to 5000 each; markers are lit for half of each period. Several are told apart: at least
+  // kMinRatio from one to the next, at most kMaxRatio from the lowest to the highest.
+  std::vector<double> blink_hz = {500};
+  double band_rel = 0.15;   // periods within this share of a nominal one are the wand's
   int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
   int min_blob_pixels = 8;  // seeds, side by side
   int reach_px = 40;        // from the seeds, as far as a burst is followed
+
+  // Nearer ones cannot be told apart.
+  static constexpr double kMinRatio = 1.1;
+  // An ON that follows an ON is the next blink once more than half the longest period has passed;
+  // were it more, the shortest period would be over by then.
+  static constexpr double kMaxRatio = 1.6;
 
   // Every fault.
   absl::Status Validate() const;
@@ -34,6 +44,7 @@ struct BlinkBlob {
   int area_px = 0;                                              // pixels that lit up in this burst
   double time_us = 0;    // the sensor's clock, lower 32 bits: when the marker was at the centre
   double period_us = 0;  // between the last two bursts, mean over the pixels
+  int frequency = 0;     // which of BlinkFilterOptions::blink_hz that is
   PixelRect box;
   bool touches_border = false;
 };
@@ -57,66 +68,93 @@ struct BlinkBlob {
 // all pixels around them that lit up in the last burst that is over. A disc that moves while it
 // shines reaches an area that is symmetric about its place in the middle of that time; that is the
 // time the centre is given.
+//
+// With several frequencies a pixel counts while its periods lie between the shortest and the
+// longest, which costs events nothing. It is one of the frequency's that its last period is nearest
+// to; pixels of one frequency that lie side by side must then in the mean be within band_rel of it,
+// and within 0.4 of the way to the next frequency: what blinks between two of them is neither's.
 class BlinkFilter {
  public:
   // INVALID_ARGUMENT: see Validate.
-  static absl::StatusOr<BlinkFilter> Create(const BlinkFilterOptions& options);
+  static absl::StatusOr<BlinkFilter> Create(const BlinkFilterOptions& options,
+                                            const BlinkKernel& kernel = BestBlinkKernel());
 
-  // The sink for one chunk, at least one every 30 periods: pass it to Decode by itself. It holds
-  // what every event needs, so that no store of a state makes the compiler read it again.
+  // The sink of decoders, or faster the consumer of their batches (EventBatcher).
   class Pass;
   Pass BeginPass();
 
   // Forgets everything: the clock begins anew.
   void TimeStepBack(int64_t time_us);
 
-  // To be called with a time at least every 30 periods: forgets pixels that have been silent.
+  // To be called with a time at least every 10 periods: forgets pixels that have been silent, a
+  // part of the sensor in each call.
   void Sweep(uint32_t time_us);
 
-  // Markers as they were in the last burst that was over at `time_us`, from top to bottom.
+  // Markers as they were in the last burst that was over at `time_us`, from top to bottom; with
+  // several frequencies for one after the other, each in a burst about as long ago as that of the
+  // lowest.
   const std::vector<BlinkBlob>& FindBlobs(uint32_t time_us);
 
-  double period_us() const { return period_us_; }
+  double period_us() const { return period_us_; }  // the longest
   static constexpr int kBytesPerPixel = 4;
 
  private:
-  // 16 bits: time of the last upward crossing; 12: units between the last two; 1: brighter; 3:
-  // periods in a row. Units of 2^shift_ microseconds, 512 to 1024 of them in a period.
-  static constexpr uint32_t kOnBit = 8;
-  static constexpr uint32_t kPeriodsMask = 7;
-  static constexpr uint32_t kMaxGap = 0xfff;
-  static constexpr int kTileShift = 4;
+  static constexpr uint32_t kPeriodsMask = BlinkRules::kPeriodsMask;
+  static constexpr uint32_t kMaxGap = BlinkRules::kMaxGap;
+  static constexpr int kTileShift = BlinkRules::kTileShift;
 
-  explicit BlinkFilter(const BlinkFilterOptions& options);
+  BlinkFilter(const BlinkFilterOptions& options, const BlinkKernel& kernel);
 
+  // What is known of a frequency, in units; periods between `shortest` and `longest` are nearest to
+  // it.
+  struct Blink {
+    int index = 0;
+    double period_us = 0, band_rel = 0;
+    uint32_t period = 0, lit = 0, shortest = 0, longest = 0;
+    uint32_t over = 0;  // from when on a burst counts as over
+  };
   struct Burst {
     double start_units = 0;  // before `now`
     double period_us = 0;
     bool found = false;
   };
-  void MarkSeeds(uint32_t time_us);
-  bool IsSeed(uint32_t state, uint32_t now) const;
+  void AddBlinks();
+  void MarkSeeds(const Blink& blink, uint32_t time_us);
+  bool IsSeed(const Blink& blink, uint32_t state, uint32_t now) const;
+  bool IsSeedOfAnother(const Blink& blink, uint32_t state, uint32_t now) const;
   // Units since the pixel lit up in the last burst that is over; negative: it did not.
-  int UnitsSinceBurst(uint32_t state, uint32_t now) const;
+  int UnitsSinceBurst(const Blink& blink, uint32_t state, uint32_t now) const;
   // In the last burst or in the one before.
   bool LitUpBetween(uint32_t state, uint32_t now, uint32_t newest, uint32_t oldest) const;
-  Burst FindBurst(const ComponentSums& seeds, uint32_t now);
+  Burst FindBurst(const Blink& blink, const ComponentSums& seeds, uint32_t now);
   // The pixels that lit up between these ages and are connected with a seed, into lit_.
-  void Grow(const ComponentSums& seeds, uint32_t now, uint32_t newest, uint32_t oldest);
-  void Measure(const ComponentSums& seeds, const Burst& burst, uint32_t time_us);
-  void AddBlob(const PixelList& pixels, const Burst& burst, uint32_t time_us);
+  void Grow(const Blink& blink, const ComponentSums& seeds, uint32_t now, uint32_t newest,
+            uint32_t oldest);
+  // Drops from lit_ what hangs on by a pixel or two, and fills in pixels that were dead: noise.
+  void Smooth();
+  void Measure(const Blink& blink, const ComponentSums& seeds, const Burst& burst,
+               uint32_t time_us);
+  void AddBlob(const Blink& blink, const PixelList& pixels, const Burst& burst, uint32_t time_us);
 
   BlinkFilterOptions options_;
   double period_us_;
+  const BlinkKernel* kernel_;
+  BlinkRules rules_;
   int shift_;
-  uint32_t period_units_, min_gap_, again_gap_, low_gap_, band_gap_, min_periods_, lit_units_;
+  uint32_t min_periods_;
+  std::vector<Blink> blinks_;  // as in options_
   uint32_t stride_, tile_columns_, tile_rows_;
-  std::vector<uint32_t> states_;
+  std::vector<uint32_t> states_;  // see BlinkRules
+  // Sweep went on to this state at this time.
+  size_t sweep_from_ = 0;
+  uint32_t swept_us_ = 0;
+  bool has_swept_ = false;
   std::vector<uint32_t> tiles_;  // time at which a pixel of it was found to blink; 0: never
   std::vector<uint64_t> seed_words_;
   std::vector<int> ages_;
-  std::vector<uint8_t> seen_;
-  PixelList lit_;
+  PixelRect window_;           // of seen_
+  std::vector<uint8_t> seen_;  // by pixel: kSeen, kLit
+  PixelList lit_, smoothed_;
   DiscSplitter splitter_;
   RunLabeller labeller_;
   std::vector<BlinkBlob> blobs_;
@@ -126,62 +164,29 @@ class BlinkFilter::Pass {
  public:
   void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
-    Update(x, y, on, time_us >> shift_, time_us);
+    const PackedEvent event = {time_us, static_cast<uint16_t>(x),
+                               static_cast<uint16_t>(y | (on ? 0x8000u : 0u))};
+    Events({&event, 1});
   }
   void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
-    const uint32_t now = time_us >> shift_;
     for (; mask != 0; mask &= mask - 1) {
-      Update(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, now, time_us);
+      Event(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, time_us);
     }
+  }
+  void Events(std::span<const PackedEvent> events) {
+    filter_->kernel_->update(filter_->rules_, events.data(), events.size(), filter_->states_.data(),
+                             filter_->tiles_.data());
   }
   void Trigger(const TriggerEvent&) {}
   void TimeStepBack(int64_t time_us) { filter_->TimeStepBack(time_us); }
 
  private:
   friend class BlinkFilter;
-  Pass() = default;
-
-  void Update(uint32_t x, uint32_t y, bool on, uint32_t now, uint32_t time_us) {
-    uint32_t& state = states_[y * stride_ + x];
-    const uint32_t old = state;
-    const uint32_t gap = (now - (old >> 16)) & 0xffff;
-    const uint32_t count = old & kPeriodsMask;
-    static_assert(kOnBit == 8);
-    const uint32_t was_on = old >> 3 & 1;
-    const bool good = (gap - low_gap_ <= band_gap_) & (was_on == 0);
-    const uint32_t periods = good ? count + (count < kPeriodsMask ? 1u : 0u) : 0u;
-    const uint32_t crossed = now << 16 | (gap < kMaxGap ? gap : kMaxGap) << 4 | kOnBit | periods;
-    // Without a branch: which of the three an event is cannot be foretold.
-    const bool crosses = on & (gap >= min_gap_ + (again_gap_ & (0u - was_on)));
-    const uint32_t stays = on ? old | kOnBit : old & ~kOnBit;
-    state = crosses ? crossed : stays;
-    if (crosses & (periods >= min_periods_)) {
-      tiles_[(y >> kTileShift) * tile_columns_ + (x >> kTileShift)] = time_us | 1;
-    }
-  }
+  explicit Pass(BlinkFilter* filter) : filter_(filter) {}
 
   BlinkFilter* filter_;
-  uint32_t* states_;
-  uint32_t* tiles_;
-  int shift_;
-  // again_gap_: what an ON after an ON must be later than min_gap_.
-  uint32_t stride_, tile_columns_, low_gap_, band_gap_, min_gap_, again_gap_, min_periods_;
 };
 
-inline BlinkFilter::Pass BlinkFilter::BeginPass() {
-  Pass pass;
-  pass.filter_ = this;
-  pass.states_ = states_.data();
-  pass.tiles_ = tiles_.data();
-  pass.shift_ = shift_;
-  pass.stride_ = stride_;
-  pass.tile_columns_ = tile_columns_;
-  pass.low_gap_ = low_gap_;
-  pass.band_gap_ = band_gap_;
-  pass.min_gap_ = min_gap_;
-  pass.again_gap_ = again_gap_ - min_gap_;
-  pass.min_periods_ = min_periods_;
-  return pass;
-}
+inline BlinkFilter::Pass BlinkFilter::BeginPass() { return Pass(this); }
 
 }  // namespace rigcal::agent

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/detect/blink_filter.h"
+#include "agent/detect/blink_frequencies.h"
 #include "agent/detect/blink_wand_judge.h"
 #include "agent/event/event_decoder.h"
 #include "agent/event/plain_events.h"
@@ -23,7 +24,7 @@ namespace {
 
 constexpr double kWaitPeriods = 0.8;  // then the burst nearest to a time is over
 constexpr double kHoldPeriods = 2;    // until then answers of triggers and rate may overtake
-constexpr int64_t kSweepPeriods = 20;
+constexpr int64_t kSweepPeriods = 2;
 
 using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
 
@@ -45,28 +46,19 @@ SensorGeometry GeometryOf(const CameraDescription& camera) {
   return {camera.image_size_px.width, camera.image_size_px.height};
 }
 
-WandFinderOptions FinderOptions(const BlinkWandDetectorOptions& options) {
+WandFinderOptions FinderOptions(const BlinkWandDetectorOptions& options,
+                                const BlinkFrequencies& frequencies) {
   WandFinderOptions result;
   result.min_distance_m = options.min_distance_m;
   result.max_distance_m = options.max_distance_m;
   result.max_tilt_deg = options.max_tilt_deg;
+  if (frequencies.hz.size() > 1) result.marker_kinds = frequencies.of_marker;
   return result;
 }
 
-absl::StatusOr<double> BlinkHz(const BlinkWandDetectorOptions& options, const Target& target) {
-  if (target.blink_hz.empty()) return options.blink_hz;
-  const auto [low, high] = std::minmax_element(target.blink_hz.begin(), target.blink_hz.end());
-  const double middle_hz = 0.5 * (*low + *high);
-  if (*high > middle_hz * (1 + options.band_rel / 2)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "the target's markers blink at ", *low, " to ", *high,
-        " Hz; event cameras follow one frequency: let them blink alike, or widen band="));
-  }
-  return middle_hz;
-}
-
 BlinkFilterOptions FilterOptions(const BlinkWandDetectorOptions& options,
-                                 const CameraDescription& camera, double blink_hz) {
+                                 const CameraDescription& camera,
+                                 const std::vector<double>& blink_hz) {
   return {.geometry = GeometryOf(camera),
           .blink_hz = blink_hz,
           .band_rel = options.band_rel,
@@ -84,7 +76,7 @@ absl::Status BlinkWandDetectorOptions::Validate() const {
   }
   CameraDescription any;
   any.image_size_px = {1, 1};
-  if (const absl::Status status = FilterOptions(*this, any, blink_hz).Validate(); !status.ok()) {
+  if (const absl::Status status = FilterOptions(*this, any, {blink_hz}).Validate(); !status.ok()) {
     faults.emplace_back(status.message());
   }
   const auto check = [&faults](const char* name, double value, double low, double high) {
@@ -106,20 +98,24 @@ absl::Status BlinkWandDetectorOptions::Validate() const {
 
 struct BlinkWandDetector::Impl {
   Impl(const BlinkWandDetectorOptions& options, const Target& target,
-       const CameraDescription& camera, Decoder decoder_in, BlinkFilter filter_in)
+       const CameraDescription& camera, const BlinkFrequencies& frequencies, Decoder decoder_in,
+       BlinkFilter filter_in)
       : decoder(decoder_in),
         filter(std::move(filter_in)),
-        judge(FinderOptions(options), options.min_confidence, target, camera),
+        judge(FinderOptions(options, frequencies), options.min_confidence, target, camera),
         period_us(filter.period_us()),
         marker_count(static_cast<size_t>(target.marker_count())),
         sweep_us(static_cast<int64_t>(static_cast<double>(kSweepPeriods) * period_us)),
-        schedule(options.output, std::llround(kWaitPeriods * period_us)) {}
+        schedule(options.output, std::llround(kWaitPeriods * period_us)) {
+    for (const int index : frequencies.of_marker) {
+      marker_period_us.push_back(1e6 / frequencies.hz[static_cast<size_t>(index)]);
+    }
+  }
 
-  // Called from the decoder's loop; each returns when to be called next. Never inlined: what the
-  // loop holds must stay in registers.
-  [[gnu::noinline]] uint32_t Reach(uint32_t time_us);
-  [[gnu::noinline]] uint32_t TakeTrigger(const TriggerEvent& trigger);
-  [[gnu::noinline]] uint32_t StepBack(int64_t time_us);
+  // Called while decoding; each returns when to be called next.
+  uint32_t Reach(uint32_t time_us);
+  uint32_t TakeTrigger(const TriggerEvent& trigger);
+  uint32_t StepBack(int64_t time_us);
 
   void AdvanceTo(int64_t time_us);
   void Run(int64_t time_us);
@@ -135,7 +131,8 @@ struct BlinkWandDetector::Impl {
   FaultFinder fault_finder;
   BlinkFilter filter;
   BlinkWandJudge judge;
-  const double period_us;
+  const double period_us;  // the longest
+  absl::InlinedVector<double, 3> marker_period_us;
   const size_t marker_count;
   const int64_t sweep_us;
   OutputSchedule schedule;
@@ -145,7 +142,7 @@ struct BlinkWandDetector::Impl {
   uint32_t clock_epoch = 0;
   int64_t reached_us = 0;
   int64_t next_sweep_us = 0;
-  std::optional<double> last_burst_us;
+  absl::InlinedVector<double, 3> last_burst_us;  // by marker; empty: none yet
   std::optional<int64_t> last_told_ns;
   std::vector<Detection> held;  // by time
   std::vector<Detection>* found = nullptr;
@@ -153,34 +150,35 @@ struct BlinkWandDetector::Impl {
 
 namespace {
 
-// The filter in the decoder's loop, stopped whenever something is due.
+// Feeds the filter, stopped whenever something is due.
 template <typename Impl>
-struct StoppingSink {
+struct StoppingConsumer {
   BlinkFilter::Pass pass;
   Impl* impl;
   uint32_t stop_us;
 
-  void Row(uint32_t) {}
-  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
-    if (static_cast<int32_t>(time_us - stop_us) >= 0) [[unlikely]]
-      stop_us = impl->Reach(time_us);
-    pass.Event(x, y, on, time_us);
+  bool IsDue(const PackedEvent& event) const {
+    return static_cast<int32_t>(event.time_us - stop_us) >= 0;
   }
-  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
-    if (static_cast<int32_t>(time_us - stop_us) >= 0) [[unlikely]]
-      stop_us = impl->Reach(time_us);
-    pass.Vector(x, y, on, time_us, mask);
+  bool IsAnyDue(std::span<const PackedEvent> events) const {
+    bool any = false;
+    for (const PackedEvent& event : events) any |= IsDue(event);
+    return any;
+  }
+  void Events(std::span<const PackedEvent> events) {
+    while (IsAnyDue(events)) {
+      size_t next = 0;
+      while (!IsDue(events[next])) ++next;
+      pass.Events(events.first(next));
+      stop_us = impl->Reach(events[next].time_us);
+      pass.Events(events.subspan(next, 1));
+      events = events.subspan(next + 1);
+    }
+    pass.Events(events);
   }
   void Trigger(const TriggerEvent& trigger) { stop_us = impl->TakeTrigger(trigger); }
   void TimeStepBack(int64_t time_us) { stop_us = impl->StepBack(time_us); }
 };
-
-template <typename Impl, typename Decoder>
-[[gnu::flatten]] void Decode(Decoder& decoder, std::span<const uint8_t> bytes, Impl* impl,
-                             uint32_t stop_us) {
-  StoppingSink<Impl> sink{impl->filter.BeginPass(), impl, stop_us};
-  decoder.Decode(bytes, sink);
-}
 
 struct FirstTimeSink {
   std::optional<uint32_t> first_us;
@@ -235,7 +233,7 @@ uint32_t BlinkWandDetector::Impl::TakeTrigger(const TriggerEvent& trigger) {
 uint32_t BlinkWandDetector::Impl::StepBack(int64_t time_us) {
   Release(std::numeric_limits<int64_t>::max());
   filter.TimeStepBack(time_us);
-  last_burst_us.reset();
+  last_burst_us.clear();
   last_told_ns.reset();
   ++clock_epoch;
   Begin(time_us);
@@ -279,12 +277,19 @@ bool BlinkWandDetector::Impl::SetTimes(const OutputTime& asked, const BlinkWand&
                              static_cast<double>(asked.due_us - asked.time_us));
     mean_us += since_asked_us.back() / static_cast<double>(wand.times_us.size());
   }
-  const double burst_us = static_cast<double>(asked.time_us) + mean_us;
+  const bool first = last_burst_us.empty();
+  if (first) last_burst_us.resize(since_asked_us.size());
   if (!asked.trigger) {
-    if (last_burst_us && burst_us < *last_burst_us + 0.5 * period_us) return false;
+    for (size_t k = 0; k < since_asked_us.size() && !first; ++k) {
+      const double burst_us = static_cast<double>(asked.time_us) + since_asked_us[k];
+      if (burst_us < last_burst_us[k] + 0.5 * marker_period_us[k]) return false;
+    }
     observation->time_ns = asked.time_us * 1000 + std::llround(mean_us * 1e3);
   }
-  last_burst_us = last_burst_us ? std::max(*last_burst_us, burst_us) : burst_us;
+  for (size_t k = 0; k < since_asked_us.size(); ++k) {
+    const double burst_us = static_cast<double>(asked.time_us) + since_asked_us[k];
+    last_burst_us[k] = first ? burst_us : std::max(last_burst_us[k], burst_us);
+  }
   const int64_t shift_ns = observation->time_ns - asked.time_us * 1000;
   for (size_t k = 0; k < observation->markers.size(); ++k) {
     observation->markers[k].time_delta_ns =
@@ -354,11 +359,10 @@ absl::StatusOr<BlinkWandDetector> BlinkWandDetector::Create(const BlinkWandDetec
     const auto status = camera.intrinsics->Validate(camera.image_size_px);
     if (!status.ok()) return named(status);
   }
-  const auto blink_hz = BlinkHz(options, target);
-  if (!blink_hz.ok()) return named(blink_hz.status());
-  auto filter = BlinkFilter::Create(FilterOptions(options, camera, *blink_hz));
+  const BlinkFrequencies frequencies = BlinkFrequenciesOf(target, options.blink_hz);
+  auto filter = BlinkFilter::Create(FilterOptions(options, camera, frequencies.hz));
   if (!filter.ok()) return named(filter.status());
-  auto impl = std::make_unique<Impl>(options, target, camera,
+  auto impl = std::make_unique<Impl>(options, target, camera, frequencies,
                                      MakeDecoder(format, halves_swapped, GeometryOf(camera)),
                                      *std::move(filter));
   impl->fault_finder = FaultFinder(halves_swapped);
@@ -374,7 +378,8 @@ void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detecti
           if (first_us) impl_->Begin(*first_us);
         }
         const auto before = decoder;
-        Decode(decoder, bytes, impl_.get(), impl_->NextStop());
+        StoppingConsumer<Impl> consumer{impl_->filter.BeginPass(), impl_.get(), impl_->NextStop()};
+        DecodeInBatches(decoder, bytes, consumer);
         impl_->fault_finder.Look(before, bytes, decoder.faults());
         if (impl_->begun) impl_->AdvanceTo(SafeTime(decoder));
       },

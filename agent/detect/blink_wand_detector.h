@@ -36,8 +36,9 @@ struct BlinkWandDetectorOptions {
 
 // Since Create.
 struct BlinkWandCounts {
-  DetectionCounts by_outcome;   // one for each answer
-  uint64_t same_burst = 0;      // asked at the fixed rate twice in one burst: not answered again
+  DetectionCounts by_outcome;  // one for each answer
+  // Asked at the fixed rate again before every marker has had a new burst: not answered again.
+  uint64_t same_burst = 0;
   uint64_t out_of_order = 0;    // an answer older than the last one, left out
   uint64_t dense_triggers = 0;  // closer together than 0.4 ms: taken for noise
 };
@@ -46,8 +47,9 @@ struct BlinkWandCounts {
 // light of each marker, to the wand; at the times that OutputSchedule asks for. Each answer tells
 // the burst nearest to its time. At the fixed rate observation.time_ns is the time its light
 // centred on; at a trigger it is the trigger's, and each marker's time_delta_ns leads to its light.
-// A trigger and the fixed rate may tell the same burst. Where there is no wand every marker is
-// invisible.
+// A trigger and the fixed rate may tell the same burst. Markers that blink at frequencies of their
+// own are told by them, each in a burst of its own; frequencies within 2 % count as one. Where
+// there is no wand every marker is invisible.
 //
 // With intrinsics and the spheres' diameter a centre is the projection of the sphere's centre. A
 // clock that steps back begins a new clock epoch; within one, times strictly increase. Movable; one
@@ -55,7 +57,7 @@ struct BlinkWandCounts {
 class BlinkWandDetector {
  public:
   // INVALID_ARGUMENT: options, target or camera not valid, or markers that blink at frequencies
-  // that differ more than the band; names the camera.
+  // that differ and cannot be told apart (BlinkFilterOptions); names the camera.
   static absl::StatusOr<BlinkWandDetector> Create(const BlinkWandDetectorOptions& options,
                                                   const Target& target,
                                                   const CameraDescription& camera,

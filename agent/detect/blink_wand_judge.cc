@@ -12,9 +12,15 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kRimPx = 1;       // width of the rim in which a pixel is lit by chance
-constexpr double kFloorPx = 0.04;  // lens, latency of pixels
+// Width of the rim in which a pixel is lit by chance, and what does not shrink with the size: lens,
+// latency, noise beside the rim. Such that accuracy.event_detection sees errors of one sigma.
+constexpr double kRimPx = 0.3;
+constexpr double kFloorPx = 0.03;
+// By which a centre may be further from where a candidate has it: lenses are not known that well.
+constexpr double kFitSlack = 1.8;
 constexpr double kRadiusPx = 0.4, kRadiusShare = 0.06;
+// In the image, of a wand whose markers are seen one after the other.
+constexpr double kMotionPxPerUs = 600e-6;
 constexpr double kHalfCost = 13;  // confidence 0.5
 constexpr double kCostScale = 2.5;
 constexpr double kMargin = 8;  // in cost, of a wand against another one
@@ -24,6 +30,12 @@ double Radius(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::
 
 double CentreVariance(const Blob& blob) {
   return kRimPx / (4 * std::numbers::pi * Radius(blob)) + kFloorPx * kFloorPx;
+}
+
+// Between two times of which the lower 32 bits are known.
+double Since(double from_us, double time_us) {
+  constexpr double kWrapUs = 4294967296.0;
+  return std::remainder(time_us - from_us, kWrapUs);
 }
 
 bool SameBlobs(const WandCandidate& a, const WandCandidate& b) {
@@ -47,6 +59,7 @@ void BlinkWandJudge::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
   });
   blobs_.clear();
   times_us_.clear();
+  frequencies_.clear();
   for (const int index : order_) {
     const BlinkBlob& from = blobs[static_cast<size_t>(index)];
     // The seeds of one marker may fall apart; each part then finds all of it.
@@ -61,19 +74,27 @@ void BlinkWandJudge::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
                       .box = from.box,
                       .touches_border = from.touches_border});
     times_us_.push_back(from.time_us);
+    frequencies_.push_back(from.frequency);
   }
 }
 
 bool BlinkWandJudge::Refit(const WandCandidate& candidate, Judged* judged) const {
   judged->candidate = &candidate;
   if (candidate.blobs.size() == 1) return true;
+  const auto time_us = [this](int blob) { return times_us_[static_cast<size_t>(blob)]; };
+  const double any_us = time_us(candidate.blobs[0]);
+  double mean_us = 0;
+  for (const int index : candidate.blobs) {
+    mean_us += Since(any_us, time_us(index)) / static_cast<double>(candidate.blobs.size());
+  }
   absl::InlinedVector<MarkerSight, 4> sights;
   for (const int index : candidate.blobs) {
     const Blob& blob = blobs_[static_cast<size_t>(index)];
     MarkerSight& sight = sights.emplace_back();
     if (!finder_.Sight(blob.centre_px, &sight)) return false;
     sight.radius_px = Radius(blob);
-    sight.sigma_px = std::sqrt(CentreVariance(blob));
+    sight.sigma_px = std::hypot(kFitSlack * std::sqrt(CentreVariance(blob)),
+                                kMotionPxPerUs * (Since(any_us, time_us(index)) - mean_us));
     sight.radius_sigma_px = kRadiusPx + kRadiusShare * sight.radius_px;
     if (blob.touches_border) {
       sight.sigma_px += 0.5 * sight.radius_px;
@@ -114,7 +135,7 @@ BlinkWand BlinkWandJudge::Judge(const std::vector<BlinkBlob>& blobs) {
   if (blobs_.empty()) return wand;
   wand.outcome = DetectionOutcome::kNoWand;
   judged_.clear();
-  for (const WandCandidate& candidate : finder_.Find(blobs_)) {
+  for (const WandCandidate& candidate : finder_.Find(blobs_, frequencies_)) {
     Judged judged;
     if (Refit(candidate, &judged)) judged_.push_back(judged);
   }

@@ -27,7 +27,11 @@ struct BlinkWand {
 // explains places and sizes best, given how well a burst of light tells them. A centre's variance
 // goes with the number of its pixels: each of the 2 pi r pixels along the rim of a disc is in or
 // out by chance, which moves the centroid by a variance of w / (4 pi r), w the width of the rim
-// that is uncertain. One thread at a time.
+// that is uncertain.
+//
+// Markers that blink at several frequencies (WandFinderOptions::marker_kinds holds what each marker
+// has as BlinkBlob::frequency) are seen at different times, so that a moving wand's do not lie
+// quite as they should; it is allowed what such a wand moves. One thread at a time.
 class BlinkWandJudge {
  public:
   // Of how many blobs at most, the largest ones.
@@ -55,6 +59,7 @@ class BlinkWandJudge {
   CameraDescription camera_;
   std::vector<Blob> blobs_;
   std::vector<double> times_us_;  // of blobs_
+  std::vector<int> frequencies_;  // likewise
   std::vector<int> order_;
   std::vector<Judged> judged_;
 };

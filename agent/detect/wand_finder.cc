@@ -73,9 +73,10 @@ bool WandFinder::Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) con
   return true;
 }
 
-void WandFinder::AddEntry(int index, const Blob& blob) {
+void WandFinder::AddEntry(int index, const Blob& blob, int kind) {
   Entry entry;
   entry.blob = index;
+  entry.kind = kind;
   const Eigen::Matrix2d second =
       blob.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;  // a pixel's own extent
   const double determinant = second.determinant();
@@ -144,6 +145,7 @@ void WandFinder::ListPairs() {
   pairs_.clear();
   for (size_t i = 0; i < entries_.size(); ++i) {
     for (size_t j = i + 1; j < entries_.size(); ++j) {
+      if (!CanBeEnds(entries_[i], entries_[j]) && !CanBeEnds(entries_[j], entries_[i])) continue;
       if (!EndsPossible(entries_[i], entries_[j])) continue;
       const double ratio = std::log(entries_[i].sight.radius_px / entries_[j].sight.radius_px);
       pairs_.push_back(
@@ -206,7 +208,7 @@ void WandFinder::SearchBetween(const Entry& first, const Entry& last) {
   const std::vector<int> found = between_;
   for (const int second : found) {
     const Entry& entry = entries_[static_cast<size_t>(second)];
-    if (&entry == &first || &entry == &last) continue;
+    if (&entry == &first || &entry == &last || !CanBe(entry, 1)) continue;
     const double r = entry.sight.radius_px;
     if (r > 1.6 * std::max(r0, r1) + 1.2 || r < 0.55 * std::min(r0, r1) - 1) continue;
     if (shares_.size() == 3) {
@@ -235,7 +237,7 @@ void WandFinder::Complete(const Entry& first, const Entry& second, const Entry& 
     double nearest = 0;
     for (const int candidate : between_) {
       if (std::find(chosen.begin(), chosen.end(), candidate) != chosen.end() ||
-          candidate == index(last)) {
+          candidate == index(last) || !CanBe(entries_[static_cast<size_t>(candidate)], k)) {
         continue;
       }
       const double distance =
@@ -270,12 +272,16 @@ void WandFinder::Offer(const absl::InlinedVector<int, 3>& entries) {
   if (static_cast<int>(candidates_.size()) > options_.max_candidates) candidates_.pop_back();
 }
 
-const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs) {
+const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs,
+                                                   absl::Span<const int> kinds) {
   candidates_.clear();
   entries_.clear();
-  for (size_t i = 0; i < blobs.size(); ++i) AddEntry(static_cast<int>(i), blobs[i]);
+  for (size_t i = 0; i < blobs.size(); ++i) {
+    AddEntry(static_cast<int>(i), blobs[i], i < kinds.size() ? kinds[i] : 0);
+  }
   if (shares_.size() == 1) {
     for (const Entry& entry : entries_) {
+      if (!CanBe(entry, 0)) continue;
       WandCandidate candidate;
       candidate.blobs = {entry.blob};
       candidates_.push_back(candidate);
@@ -288,8 +294,8 @@ const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs)
   for (const Pair& pair : pairs_) {
     const Entry& a = entries_[static_cast<size_t>(pair.first)];
     const Entry& b = entries_[static_cast<size_t>(pair.last)];
-    SearchBetween(a, b);
-    SearchBetween(b, a);
+    if (CanBeEnds(a, b)) SearchBetween(a, b);
+    if (CanBeEnds(b, a)) SearchBetween(b, a);
   }
   return candidates_;
 }

@@ -22,6 +22,9 @@ struct WandFinderOptions {
   int max_candidates = 40;  // those of least cost are told
   // Bounds the work with hundreds of blobs: pairs of possible ends, most alike in size first.
   int max_pairs = 20000;
+  // By marker: the kind of blob it shows as, where kinds are told apart (what it blinks at). Empty:
+  // any blob can be any marker.
+  std::vector<int> marker_kinds;
 };
 
 // Blobs that can be the target's markers.
@@ -43,8 +46,10 @@ class WandFinder {
   WandFinder(const WandFinderOptions& options, const Target& target,
              const CameraDescription& camera);
 
-  // By cost, then by blob. Until the next call.
-  const std::vector<WandCandidate>& Find(absl::Span<const Blob> blobs);
+  // By cost, then by blob. `kinds`, of each blob, with WandFinderOptions::marker_kinds. Until the
+  // next call.
+  const std::vector<WandCandidate>& Find(absl::Span<const Blob> blobs,
+                                         absl::Span<const int> kinds = {});
 
   // How the camera sees a marker's image around `centre_px`: ray and scale; the rest is as it was.
   // False where the lens has no ray.
@@ -59,6 +64,7 @@ class WandFinder {
  private:
   struct Entry {
     int blob = 0;
+    int kind = 0;
     MarkerSight sight;
     Eigen::Vector2d flat_px;  // image without distortion: lines are straight
   };
@@ -66,7 +72,13 @@ class WandFinder {
     float unlikeness;
     int first, last;
   };
-  void AddEntry(int index, const Blob& blob);
+  void AddEntry(int index, const Blob& blob, int kind);
+  bool CanBe(const Entry& entry, size_t marker) const {
+    return options_.marker_kinds.empty() || options_.marker_kinds[marker] == entry.kind;
+  }
+  bool CanBeEnds(const Entry& first, const Entry& last) const {
+    return CanBe(first, 0) && CanBe(last, shares_.size() - 1);
+  }
   void FillCells();
   void ListPairs();
   bool EndsPossible(const Entry& a, const Entry& b) const;

@@ -32,7 +32,7 @@ int main(int argc, char** argv) {
   for (const double hz : {100., 200., 300., 400., 450., 500., 550., 600., 650., 700., 750., 800.,
                           900., 1000., 1200., 1500.}) {
     options.target.blink_hz = {hz};
-    options.filter.blink_hz = hz;
+    options.filter.blink_hz = {hz};
     options.warm_up_s = 0.02 + 5 / hz;
     const EventDetectionSummary s = Summarise(RunEventDetection(options));
     fmt::print("{:.0f},{:.0f},{:.2f},{},{:.4f},{:.4f},{:.4f}\n", hz, options.sensor.refractory_us,

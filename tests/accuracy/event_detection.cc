@@ -19,6 +19,23 @@
 namespace rigcal::accuracy {
 namespace {
 
+// Centres of the detector by size and by speed.
+void PrintErrors(const std::vector<EventStreamResult>& results, double latency_s) {
+  const auto print = [&](const std::string& name, const EventCentreRange& range) {
+    const EventCentreErrors errors = CentreErrorsOf(results, latency_s, range);
+    if (errors.centres == 0) return;
+    fmt::print("    {:18} {:7} centres, rms {:.4f} px, nees along {:.2f}, across {:.2f}\n", name,
+               errors.centres, errors.rms_px, errors.nees_along, errors.nees_across);
+  };
+  print("all", {});
+  print("radius < 5 px", {.max_radius_px = 5});
+  print("radius 5 to 8 px", {.min_radius_px = 5, .max_radius_px = 8});
+  print("radius > 8 px", {.min_radius_px = 8});
+  print("< 150 px/s", {.max_px_s = 150});
+  print("150 to 450 px/s", {.min_px_s = 150, .max_px_s = 450});
+  print("> 450 px/s", {.min_px_s = 450});
+}
+
 void PrintCase(const std::string& name, const EventDetectionOptions& options, bool verbose) {
   const auto results = RunEventDetection(options);
   const EventDetectionSummary s = Summarise(results);
@@ -30,7 +47,8 @@ void PrintCase(const std::string& name, const EventDetectionOptions& options, bo
   fmt::print("{:22} {:7} answers, {:.2f} % of wands, {} false ({:.2f} %), rms {:.4f} px\n",
              "  wand detector", s.answers,
              s.wands_shown > 0 ? 100.0 * s.wands_found / s.wands_shown : 0.0, s.false_wands,
-             s.answers > 0 ? 100.0 * s.false_wands / s.answers : 0.0, s.wand_rms_px);
+             s.answers > 0 ? 100.0 * s.false_wands / s.answers : 0.0, s.wands.rms_px);
+  if (s.wands.centres > 0) PrintErrors(results, 1e-6 * s.latency_us);
   std::fflush(stdout);
   if (!verbose) return;
   for (const EventStreamResult& result : results) {

@@ -118,6 +118,9 @@ void JudgeWand(const EventRenderer& renderer, const WandPath& path,
     const double at_s = time_s + 1e-9 * seen.markers[k].time_delta_ns;
     const MarkerTruth then = renderer.TruthOf(*path(at_s))[k];
     EventCentre centre;
+    centre.covariance_px2 = seen.markers[k].covariance_px2;
+    centre.distance_m = then.distance_m;
+    centre.radius_px = then.radius_px;
     centre.error_px = seen.markers[k].centre_px - then.centre_px;
     centre.velocity_px_s =
         1e3 * (renderer.TruthOf(*path(at_s + 1e-3))[k].centre_px - then.centre_px);
@@ -248,72 +251,13 @@ EventDetectionOptions PaperEventDetection() {
   options.pose.max_distance_m = 5;
   options.pose.speed_m_s = 2;
   options.filter.geometry = {1280, 720};
-  options.filter.blink_hz = 500;
+  options.filter.blink_hz = {500};
   return options;
 }
 
 std::vector<EventStreamResult> RunEventDetection(const EventDetectionOptions& options) {
   return RunAll<EventStreamResult>(options.streams, options.threads,
                                    [&](int stream) { return RunStream(options, stream); });
-}
-
-EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
-  EventDetectionSummary summary;
-  double delay = 0, speed_squares = 0, rendered_s = 0, wall_s = 0, events = 0;
-  std::vector<const EventCentre*> centres;
-  for (const EventStreamResult& result : results) {
-    summary.failures += result.status.ok() ? 0 : 1;
-    rendered_s += result.rendered_s;
-    wall_s += result.render_wall_s;
-    events += static_cast<double>(result.events);
-    summary.answers += result.wands.answers;
-    summary.wands_shown += result.wands.shown;
-    summary.wands_found += result.wands.found;
-    summary.false_wands += result.wands.false_wands;
-    for (const EventOutput& output : result.outputs) {
-      ++summary.outputs;
-      summary.false_blobs += output.false_blobs;
-      if (!output.shown) continue;
-      ++summary.shown;
-      summary.found += output.found ? 1 : 0;
-      for (const EventCentre& centre : output.centres) {
-        ++summary.markers;
-        if (!centre.found) continue;
-        ++summary.markers_found;
-        centres.push_back(&centre);
-        delay -= centre.error_px.dot(centre.velocity_px_s);
-        speed_squares += centre.velocity_px_s.squaredNorm();
-      }
-    }
-  }
-  summary.mev_per_s = rendered_s > 0 ? 1e-6 * events / rendered_s : 0;
-  summary.render_ratio = rendered_s > 0 ? wall_s / rendered_s : 0;
-  if (centres.empty()) return summary;
-  const double latency_s = speed_squares > 0 ? delay / speed_squares : 0;
-  summary.latency_us = 1e6 * latency_s;
-  double squares = 0, raw_squares = 0, along = 0;
-  for (const EventCentre* centre : centres) {
-    const Eigen::Vector2d error = centre->error_px + latency_s * centre->velocity_px_s;
-    squares += error.squaredNorm();
-    raw_squares += centre->error_px.squaredNorm();
-    const double speed = centre->velocity_px_s.norm();
-    if (speed < 450 || speed > 650) continue;
-    along += error.dot(centre->velocity_px_s) / speed;
-    ++summary.motion_centres;
-  }
-  const auto count = static_cast<double>(centres.size());
-  summary.rms_px = std::sqrt(squares / (2 * count));
-  summary.raw_rms_px = std::sqrt(raw_squares / (2 * count));
-  if (summary.motion_centres > 0) summary.motion_bias_px = along / summary.motion_centres;
-  double wand_squares = 0, wand_centres = 0;
-  for (const EventStreamResult& result : results) {
-    for (const EventCentre& centre : result.wands.centres) {
-      wand_squares += (centre.error_px + latency_s * centre.velocity_px_s).squaredNorm();
-      ++wand_centres;
-    }
-  }
-  if (wand_centres > 0) summary.wand_rms_px = std::sqrt(wand_squares / (2 * wand_centres));
-  return summary;
 }
 
 }  // namespace rigcal::accuracy

@@ -42,6 +42,7 @@ struct EventCentre {
   bool found = false;  // a blob within 3 px of the truth at the blob's own time
   Eigen::Vector2d error_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();  // as stated; of wands only
   double distance_m = 0;
   double radius_px = 0;
 };
@@ -74,6 +75,22 @@ struct EventStreamResult {
 
 std::vector<EventStreamResult> RunEventDetection(const EventDetectionOptions& options);
 
+// Centres of the detector that are summed up.
+struct EventCentreRange {
+  double min_radius_px = 0, max_radius_px = 1e9;
+  double min_px_s = 0, max_px_s = 1e9;
+};
+
+// Normalised errors squared along and across the motion (of what stands still: x and y), each 1 in
+// the mean where the stated covariance is right.
+struct EventCentreErrors {
+  int centres = 0;
+  double rms_px = 0;  // of each coordinate
+  double nees_along = 0, nees_across = 0;
+};
+EventCentreErrors CentreErrorsOf(const std::vector<EventStreamResult>& results, double latency_s,
+                                 const EventCentreRange& range);
+
 struct EventDetectionSummary {
   int failures = 0, outputs = 0, shown = 0, found = 0;
   int markers = 0, markers_found = 0, false_blobs = 0;
@@ -83,7 +100,7 @@ struct EventDetectionSummary {
   double motion_bias_px = 0;  // mean error along the motion at 450 to 650 px/s, latency taken out
   int motion_centres = 0;     // in that mean
   int answers = 0, wands_shown = 0, wands_found = 0, false_wands = 0;  // of the detector
-  double wand_rms_px = 0;   // of its centres, each coordinate, that latency taken out
+  EventCentreErrors wands;  // of its centres, that latency taken out
   double mev_per_s = 0;     // events of a second of the streams
   double render_ratio = 0;  // wall time over simulated time, one thread
 };

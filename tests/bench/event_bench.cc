@@ -138,7 +138,7 @@ void Chain(benchmark::State& state, const EventStreamOptions& options) {
   const std::span<const uint8_t> bytes(stream.evt3);
   agent::BlinkFilterOptions filter_options;
   filter_options.geometry = kStreamGeometry;
-  filter_options.blink_hz = options.blink_hz;
+  filter_options.blink_hz = {options.blink_hz};
   double blobs = 0;
   for (auto _ : state) {
     agent::BlinkFilter filter = *agent::BlinkFilter::Create(filter_options);

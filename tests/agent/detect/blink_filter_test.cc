@@ -15,6 +15,7 @@ namespace {
 
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -76,11 +77,28 @@ class Scene {
   static constexpr uint32_t kWidth = 200, kHeight = 160;
 };
 
-BlinkFilter MakeFilter(double hz = 500) {
+BlinkFilter MakeFilter(const std::vector<double>& hz = {500}) {
   BlinkFilterOptions options;
   options.geometry = {Scene::kWidth, Scene::kHeight};
   options.blink_hz = hz;
   return *BlinkFilter::Create(options);
+}
+
+std::vector<Event> Together(const std::vector<Scene>& scenes) {
+  std::vector<Event> events;
+  for (const Scene& scene : scenes) {
+    const std::vector<Event> own = scene.Events();
+    events.insert(events.end(), own.begin(), own.end());
+  }
+  std::stable_sort(events.begin(), events.end(),
+                   [](const Event& a, const Event& b) { return a.time_us < b.time_us; });
+  return events;
+}
+
+std::vector<int> FrequenciesOf(const std::vector<BlinkBlob>& blobs) {
+  std::vector<int> frequencies;
+  for (const BlinkBlob& blob : blobs) frequencies.push_back(blob.frequency);
+  return frequencies;
 }
 
 std::vector<BlinkBlob> Feed(BlinkFilter* filter, const std::vector<Event>& events,
@@ -172,9 +190,96 @@ TEST(BlinkFilter, KnowsOtherFrequencies) {
     Scene scene;
     scene.hz = hz;
     scene.duration_us = 60'000;
-    BlinkFilter filter = MakeFilter(hz);
+    BlinkFilter filter = MakeFilter({hz});
     EXPECT_THAT(Feed(&filter, scene.Events(), 59'000), SizeIs(1)) << hz;
   }
+}
+
+// Above the middle of the picture, below it and in it.
+std::vector<Scene> ThreeDiscs(const std::vector<double>& hz) {
+  std::vector<Scene> discs(3);
+  for (size_t i = 0; i < 3; ++i) {
+    discs[i].hz = hz[i];
+    discs[i].speed_px_s = 600;
+    discs[i].noise_per_s = 50'000;
+  }
+  discs[0].start_px = {60.2, 40.7};
+  discs[1].start_px = {120.6, 120.4};
+  discs[2].start_px = {50.9, 80.3};
+  return discs;
+}
+
+TEST(BlinkFilter, TellsFrequenciesApart) {
+  const std::vector<double> hz = {500, 620, 400};
+  const std::vector<Scene> discs = ThreeDiscs(hz);
+  const std::vector<Event> events = Together(discs);
+  for (uint32_t t = 20'000; t < 38'000; t += 731) {
+    BlinkFilter filter = MakeFilter(hz);
+    const std::vector<BlinkBlob> blobs = Feed(&filter, events, t);
+    ASSERT_THAT(FrequenciesOf(blobs), ElementsAre(0, 1, 2)) << t;
+    for (size_t i = 0; i < 3; ++i) {
+      EXPECT_NEAR(blobs[i].period_us, 1e6 / hz[i], 60) << t;  // events are up to 50 late
+      EXPECT_LT((blobs[i].centre_px - discs[i].CentreAt(blobs[i].time_us)).norm(), 0.4) << t;
+      // All near one time.
+      EXPECT_NEAR(blobs[i].time_us, t - 2000, 1400) << t;
+    }
+  }
+}
+
+TEST(BlinkFilter, WhatBlinksBetweenFrequenciesIsNeither) {
+  for (const double hz : {330.0, 445.0, 450.0, 556.0, 720.0}) {
+    Scene scene;
+    scene.hz = hz;
+    BlinkFilter filter = MakeFilter({400, 500, 620});
+    EXPECT_THAT(Feed(&filter, scene.Events(), 35'000), IsEmpty()) << hz;
+  }
+}
+
+TEST(BlinkFilter, DiscsOfTwoFrequenciesThatTouchAreTwo) {
+  std::vector<Scene> discs(2);
+  discs[0].hz = 400;
+  discs[1].hz = 500;
+  discs[0].start_px = {70.3, 80.4};
+  discs[1].start_px = {94.8, 80.1};  // radii of 12 each
+  const std::vector<Event> events = Together(discs);
+  for (uint32_t t = 20'000; t < 38'000; t += 731) {
+    BlinkFilter filter = MakeFilter({400, 500});
+    const std::vector<BlinkBlob> blobs = Feed(&filter, events, t);
+    ASSERT_THAT(FrequenciesOf(blobs), ElementsAre(0, 1)) << t;
+    for (size_t i = 0; i < 2; ++i) {
+      EXPECT_LT((blobs[i].centre_px - discs[i].start_px).norm(), 0.2) << t;
+    }
+  }
+}
+
+TEST(BlinkFilter, NoiseInAndAroundADiscMovesItsCentreLittle) {
+  Scene scene;
+  std::vector<Event> events = scene.Events();
+  // Pixels in reset: a sixteenth of the disc tells nothing in the last burst; and a tail of three
+  // lit pixels beside it.
+  std::erase_if(events, [](const Event& event) {
+    return event.time_us > 30'000 && event.x > 100 && event.x % 4 == 0 && event.y % 4 == 0;
+  });
+  for (uint32_t x = 113; x < 116; ++x) events.push_back({30'400, x, 81, true});
+  std::stable_sort(events.begin(), events.end(),
+                   [](const Event& a, const Event& b) { return a.time_us < b.time_us; });
+  BlinkFilter filter = MakeFilter();
+  const std::vector<BlinkBlob> blobs = Feed(&filter, events, 31'500);
+  ASSERT_THAT(blobs, SizeIs(1));
+  EXPECT_LT((blobs[0].centre_px - scene.start_px).norm(), 0.06);
+}
+
+TEST(BlinkFilter, RefusesFrequenciesThatCannotBeToldApart) {
+  BlinkFilterOptions options;
+  options.geometry = {Scene::kWidth, Scene::kHeight};
+  options.blink_hz = {390, 620, 640};
+  EXPECT_THAT(BlinkFilter::Create(options).status(),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("620 and 640 Hz are too near"), HasSubstr("1.1 times"),
+                             HasSubstr("390 and 640 Hz are too far apart"))));
+  options.blink_hz = {};
+  EXPECT_THAT(BlinkFilter::Create(options).status(),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("no blink frequency")));
 }
 
 TEST(BlinkFilter, TimeMayOverflow) {
@@ -200,7 +305,7 @@ TEST(BlinkFilter, ForgetsWhatHasGoneDark) {
 
 TEST(BlinkFilter, NamesEveryFault) {
   BlinkFilterOptions options;
-  options.blink_hz = 0;
+  options.blink_hz = {0};
   EXPECT_THAT(BlinkFilter::Create(options),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("width is 0"), HasSubstr("blink frequency"))));

@@ -73,6 +73,20 @@ TEST(WandFinder, WandsOfTwoFiveAndSixteenMarkers) {
   }
 }
 
+TEST(WandFinder, KindsTellTheEndsOfAnEvenWand) {
+  const Target target = WandOf({0, 0.13, 0.26, 0.39});
+  WandFinderOptions options;
+  options.marker_kinds = {0, 1, 1, 2};
+  WandFinder finder(options, target, Camera());
+  std::vector<Blob> blobs = Wand(target, 400, 500);
+  blobs.push_back(Disc(465, 501, 10));  // of no marker's kind there
+  const auto& found = finder.Find(blobs, {2, 1, 1, 0, 0});
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].blobs, (absl::InlinedVector<int, 3>{3, 2, 1, 0}));
+  EXPECT_TRUE(finder.Find(blobs, {2, 1, 0, 0, 0}).empty());
+  EXPECT_TRUE(finder.Find(blobs, {2, 1, 1, 2, 0}).empty());
+}
+
 TEST(WandFinder, BlobsTooLargeForTheirDistanceOrBesideTheLineAreNoWand) {
   const Target target = WandOf({0, 0.13, 0.39});
   WandFinder finder({}, target, Camera());

@@ -94,7 +94,7 @@ absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateEventFileWriter(const st
   if (ending == ".raw") return RawEventWriter::Create(path, front);
   if (ending == ".h5" || ending == ".hdf5") {
     return CreateHdf5EventWriter(
-        path, front, layout == "events" ? Hdf5Layout::kColumns : Hdf5Layout::kProphesee);
+        path, front, layout == "events" ? Hdf5EventLayout::kColumns : Hdf5EventLayout::kProphesee);
   }
   return absl::InvalidArgumentError(
       absl::StrCat("\"", std::string(ending),

@@ -8,175 +8,20 @@
 #include <cerrno>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <utility>
 #include <vector>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
-#include "agent/event/hdf5_column.h"
 #include "agent/event/hdf5_handle.h"
+#include "agent/event/hdf5_layout.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr uint32_t kMaxSide = 2048;
 constexpr uint16_t kNoPixel = 0xffff;
 // Whole microseconds that a double and 64 bits can hold with room for differences.
 constexpr double kMaxTimeUs = 4e18;
-
-bool LinkExists(hid_t file, const std::string& path) {
-  for (size_t end = path.find('/', 1);; end = path.find('/', end + 1)) {
-    if (H5Lexists(file, path.substr(0, end).c_str(), H5P_DEFAULT) <= 0) return false;
-    if (end == path.npos) return true;
-  }
-}
-
-H5I_type_t ObjectType(hid_t file, const std::string& path) {
-  if (!LinkExists(file, path)) return H5I_BADID;
-  const Hdf5Handle object(H5Oopen(file, path.c_str(), H5P_DEFAULT), H5Oclose);
-  return object.ok() ? H5Iget_type(object.get()) : H5I_BADID;
-}
-
-herr_t TakeName(hid_t, const char* name, const H5L_info_t*, void* names) {
-  auto* const list = static_cast<std::vector<std::string>*>(names);
-  list->push_back(absl::StrCat("/", name));
-  return list->size() < 12 ? 0 : 1;
-}
-
-std::string WhatIsThere(hid_t file) {
-  std::vector<std::string> names;
-  H5Literate(file, H5_INDEX_NAME, H5_ITER_INC, nullptr, TakeName, &names);
-  return names.empty() ? "nothing" : absl::StrJoin(names, ", ");
-}
-
-struct EventColumns {
-  Hdf5Column x, y, p, t;
-};
-
-struct TriggerColumns {
-  Hdf5Column p, t, id;
-  std::optional<Hdf5Column> events_before;
-};
-
-absl::StatusOr<EventColumns> OpenCompound(const std::string& path, hid_t file,
-                                          const std::string& name) {
-  RIGCAL_ASSIGN_OR_RETURN(const auto dataset, Hdf5Dataset::Open(path, file, name));
-  EventColumns columns;
-  RIGCAL_ASSIGN_OR_RETURN(columns.x, Hdf5Column::Create(dataset, "x"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.y, Hdf5Column::Create(dataset, "y"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.p, Hdf5Column::Create(dataset, "p"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.t, Hdf5Column::Create(dataset, "t"));
-  return columns;
-}
-
-absl::StatusOr<Hdf5Column> OpenColumn(const std::string& path, hid_t file,
-                                      const std::string& name) {
-  const std::string& found = LinkExists(file, name) ? name : absl::StrCat(name, "s");
-  if (!LinkExists(file, found)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        path, ": there is no dataset ", name, " (nor ", found,
-        "); the group /events needs x, y, p and t, or xs, ys, ps and ts, of one length"));
-  }
-  RIGCAL_ASSIGN_OR_RETURN(const auto dataset, Hdf5Dataset::Open(path, file, found));
-  return Hdf5Column::Create(dataset, "");
-}
-
-absl::StatusOr<EventColumns> OpenGroup(const std::string& path, hid_t file) {
-  EventColumns columns;
-  RIGCAL_ASSIGN_OR_RETURN(columns.x, OpenColumn(path, file, "/events/x"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.y, OpenColumn(path, file, "/events/y"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.p, OpenColumn(path, file, "/events/p"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.t, OpenColumn(path, file, "/events/t"));
-  std::vector<std::string> lengths;
-  bool differ = false;
-  for (const Hdf5Column* column : {&columns.x, &columns.y, &columns.p, &columns.t}) {
-    lengths.push_back(absl::StrCat(column->Name(), " ", column->dataset().row_count));
-    differ = differ || column->dataset().row_count != columns.x.dataset().row_count;
-  }
-  if (!differ) return columns;
-  return absl::InvalidArgumentError(absl::StrCat(
-      path, ": the columns have different lengths: ", absl::StrJoin(lengths, ", "),
-      " rows; the file was not written to its end, or its parts are not of one recording"));
-}
-
-absl::StatusOr<std::optional<TriggerColumns>> OpenTriggers(const std::string& path, hid_t file) {
-  const std::string name = "/EXT_TRIGGER/events";
-  if (ObjectType(file, name) != H5I_DATASET) return std::nullopt;
-  RIGCAL_ASSIGN_OR_RETURN(const auto dataset, Hdf5Dataset::Open(path, file, name));
-  TriggerColumns columns;
-  RIGCAL_ASSIGN_OR_RETURN(columns.p, Hdf5Column::Create(dataset, "p"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.t, Hdf5Column::Create(dataset, "t"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.id, Hdf5Column::Create(dataset, "id"));
-  RIGCAL_RETURN_IF_ERROR(columns.p.RequireWhole());
-  RIGCAL_RETURN_IF_ERROR(columns.id.RequireWhole());
-  const std::string before = "/EXT_TRIGGER/cd_events_before";
-  if (ObjectType(file, before) == H5I_DATASET) {
-    RIGCAL_ASSIGN_OR_RETURN(const auto counts, Hdf5Dataset::Open(path, file, before));
-    RIGCAL_ASSIGN_OR_RETURN(columns.events_before, Hdf5Column::Create(counts, ""));
-    if (counts->row_count != dataset->row_count) columns.events_before.reset();
-  }
-  return columns;
-}
-
-// Of DSEC: added to every time of the file.
-absl::StatusOr<int64_t> ReadTimeOffset(const std::string& path, hid_t file) {
-  for (const char* const name : {"/t_offset", "/events/t_offset"}) {
-    if (ObjectType(file, name) != H5I_DATASET) continue;
-    const Hdf5Handle dataset(H5Dopen2(file, name, H5P_DEFAULT), H5Dclose);
-    const Hdf5Handle space(H5Dget_space(dataset.get()), H5Sclose);
-    const Hdf5Handle type(H5Dget_type(dataset.get()), H5Tclose);
-    long long offset_us = 0;
-    if (H5Sget_simple_extent_npoints(space.get()) == 1 && H5Tget_class(type.get()) == H5T_INTEGER &&
-        H5Dread(dataset.get(), H5T_NATIVE_LLONG, H5S_ALL, H5S_ALL, H5P_DEFAULT, &offset_us) >= 0 &&
-        std::abs(static_cast<double>(offset_us)) < kMaxTimeUs) {
-      return offset_us;
-    }
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": ", name, " is not one whole number of microseconds"));
-  }
-  return 0;
-}
-
-std::optional<SensorGeometry> Sides(const std::string& width, const std::string& height) {
-  SensorGeometry geometry;
-  if (absl::SimpleAtoi(width, &geometry.width) && absl::SimpleAtoi(height, &geometry.height) &&
-      geometry.width >= 1 && geometry.width <= kMaxSide && geometry.height >= 1 &&
-      geometry.height <= kMaxSide) {
-    return geometry;
-  }
-  return std::nullopt;
-}
-
-std::optional<SensorGeometry> GeometryOf(hid_t object) {
-  if (const auto text = Hdf5AttributeText(object, "geometry")) {
-    const std::vector<std::string> sides = absl::StrSplit(*text, absl::ByAnyChar("x, "));
-    if (sides.size() >= 2) return Sides(sides.front(), sides.back());
-  }
-  const auto width = Hdf5AttributeText(object, "width");
-  const auto height = Hdf5AttributeText(object, "height");
-  if (width && height) return Sides(*width, *height);
-  if (const auto text = Hdf5AttributeText(object, "sensor_resolution")) {
-    // Some write the height first, some the width; sensors are wider than high.
-    const std::vector<std::string> sides = absl::StrSplit(*text, ' ');
-    if (sides.size() < 2) return std::nullopt;
-    auto geometry = Sides(sides[0], sides[1]);
-    if (geometry && geometry->width < geometry->height) {
-      std::swap(geometry->width, geometry->height);
-    }
-    return geometry;
-  }
-  return std::nullopt;
-}
-
-herr_t TakeField(hid_t object, const char* name, const H5A_info_t*, void* fields) {
-  auto* const map = static_cast<std::map<std::string, std::string>*>(fields);
-  if (const auto text = Hdf5AttributeText(object, name)) (*map)[name] = *text;
-  return map->size() < 64 ? 0 : 1;
-}
 
 // As Prophesee's own files have it, and this project's.
 struct NarrowRow {
@@ -193,8 +38,7 @@ class Hdf5EventReader : public PlainEventReader {
   ~Hdf5EventReader() override {
     const Hdf5Lock lock;
     narrow_type_.Reset();
-    columns_ = {};
-    triggers_.reset();
+    layout_ = {};
     file_.Reset();
   }
 
@@ -234,10 +78,8 @@ class Hdf5EventReader : public PlainEventReader {
   std::string path_;
   Hdf5Handle file_;
   PlainFileFacts facts_;
-  EventColumns columns_;
-  std::optional<TriggerColumns> triggers_;
+  Hdf5Layout layout_;
   Hdf5Handle narrow_type_;
-  int64_t offset_us_ = 0;
   Queue cd_, edges_;
   uint64_t block_cd_row_ = 0, block_edge_row_ = 0;  // at the beginning of the last Read
   std::vector<bool> block_is_edge_;                 // of the last Read
@@ -250,56 +92,31 @@ class Hdf5EventReader : public PlainEventReader {
 void Hdf5EventReader::ChooseTimeUnit(TimeUnit asked) {
   facts_.time_unit = asked;
   if (asked != TimeUnit::kAuto) return;
-  facts_.time_unit = columns_.t.is_float() ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+  facts_.time_unit = layout_.events.t.is_float() ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
 }
 
 absl::Status Hdf5EventReader::Open(const PlainFileOptions& options) {
-  const hid_t file = file_.get();
+  RIGCAL_ASSIGN_OR_RETURN(layout_, Hdf5Layout::Open(path_, file_.get()));
   facts_.format = "HDF5";
-  if (ObjectType(file, "/CD/events") == H5I_DATASET) {
-    facts_.layout = "/CD/events";
-    RIGCAL_ASSIGN_OR_RETURN(columns_, OpenCompound(path_, file, facts_.layout));
-  } else if (ObjectType(file, "/events") == H5I_DATASET) {
-    facts_.layout = "/events";
-    RIGCAL_ASSIGN_OR_RETURN(columns_, OpenCompound(path_, file, facts_.layout));
-  } else if (ObjectType(file, "/events") == H5I_GROUP) {
-    facts_.layout = "/events/{x,y,p,t}";
-    RIGCAL_ASSIGN_OR_RETURN(columns_, OpenGroup(path_, file));
-    RIGCAL_ASSIGN_OR_RETURN(offset_us_, ReadTimeOffset(path_, file));
-  } else {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path_, ": neither /CD/events nor /events is there, so where are its events? ",
-                     "It holds ", WhatIsThere(file)));
-  }
-  for (const Hdf5Column* column : {&columns_.x, &columns_.y, &columns_.p}) {
-    RIGCAL_RETURN_IF_ERROR(column->RequireWhole());
-  }
-  RIGCAL_ASSIGN_OR_RETURN(triggers_, OpenTriggers(path_, file));
+  facts_.layout = layout_.name;
+  facts_.geometry = layout_.geometry;
+  facts_.fields = layout_.fields;
   ChooseTimeUnit(options.time_unit);
-  cd_.row_count = columns_.x.dataset().row_count;
-  if (triggers_) edges_.row_count = triggers_->t.dataset().row_count;
+  cd_.row_count = layout_.events.x.dataset().row_count;
+  if (layout_.triggers) edges_.row_count = layout_.triggers->t.dataset().row_count;
 
   const auto is_narrow = [](const Hdf5Column& column, size_t bytes, bool is_signed) {
     return !column.is_float() && column.byte_count() == bytes && column.is_signed() == is_signed;
   };
-  if (&columns_.x.dataset() == &columns_.t.dataset() && is_narrow(columns_.x, 2, false) &&
-      is_narrow(columns_.y, 2, false) && is_narrow(columns_.p, 2, true) &&
-      is_narrow(columns_.t, 8, true)) {
+  if (&layout_.events.x.dataset() == &layout_.events.t.dataset() &&
+      is_narrow(layout_.events.x, 2, false) && is_narrow(layout_.events.y, 2, false) &&
+      is_narrow(layout_.events.p, 2, true) && is_narrow(layout_.events.t, 8, true)) {
     narrow_type_ = Hdf5Handle(H5Tcreate(H5T_COMPOUND, sizeof(NarrowRow)), H5Tclose);
     H5Tinsert(narrow_type_.get(), "x", offsetof(NarrowRow, x), H5T_NATIVE_UINT16);
     H5Tinsert(narrow_type_.get(), "y", offsetof(NarrowRow, y), H5T_NATIVE_UINT16);
     H5Tinsert(narrow_type_.get(), "p", offsetof(NarrowRow, p), H5T_NATIVE_INT16);
     H5Tinsert(narrow_type_.get(), "t", offsetof(NarrowRow, t), H5T_NATIVE_INT64);
   }
-
-  for (const char* const name : {"/", "/CD", "/events"}) {
-    if (std::string(name) != "/" && !LinkExists(file, name)) continue;
-    const Hdf5Handle object(H5Oopen(file, name, H5P_DEFAULT), H5Oclose);
-    if (object.ok() && !facts_.geometry) facts_.geometry = GeometryOf(object.get());
-  }
-  hsize_t position = 0;
-  H5Aiterate2(file, H5_INDEX_NAME, H5_ITER_INC, &position, TakeField, &facts_.fields);
-  if (offset_us_ != 0) facts_.fields["t_offset"] = absl::StrCat(offset_us_);
   return absl::OkStatus();
 }
 
@@ -321,7 +138,7 @@ void Hdf5EventReader::SetTime(size_t index, PlainEvent* event) const {
       event->kind = PlainEvent::kUnreadable;
       return;
     }
-    event->time_us = std::llround(time_us) + offset_us_;
+    event->time_us = std::llround(time_us) + layout_.time_offset_us;
     return;
   }
   int64_t time_us = whole_times_[index];
@@ -331,14 +148,14 @@ void Hdf5EventReader::SetTime(size_t index, PlainEvent* event) const {
   } else if (facts_.time_unit == TimeUnit::kNanoseconds) {
     time_us = time_us / 1000 - (time_us % 1000 < 0 ? 1 : 0);
   }
-  too_large = __builtin_add_overflow(time_us, offset_us_, &event->time_us) || too_large;
+  too_large = __builtin_add_overflow(time_us, layout_.time_offset_us, &event->time_us) || too_large;
   if (too_large) event->kind = PlainEvent::kUnreadable;
 }
 
 absl::Status Hdf5EventReader::FillNarrow(uint64_t first, size_t count) {
   narrow_rows_.resize(count);
   RIGCAL_RETURN_IF_ERROR(
-      columns_.x.dataset().Read(first, count, narrow_type_.get(), narrow_rows_.data()));
+      layout_.events.x.dataset().Read(first, count, narrow_type_.get(), narrow_rows_.data()));
   whole_times_.resize(count);
   for (size_t i = 0; i < count; ++i) {
     const NarrowRow& row = narrow_rows_[i];
@@ -364,10 +181,10 @@ absl::Status Hdf5EventReader::FillEvents() {
   if (narrow_type_.ok()) {
     RIGCAL_RETURN_IF_ERROR(FillNarrow(first, count));
   } else {
-    RIGCAL_RETURN_IF_ERROR(columns_.x.Read(first, count, &x_));
-    RIGCAL_RETURN_IF_ERROR(columns_.y.Read(first, count, &y_));
-    RIGCAL_RETURN_IF_ERROR(columns_.p.Read(first, count, &p_));
-    RIGCAL_RETURN_IF_ERROR(ReadTimes(columns_.t, first, count));
+    RIGCAL_RETURN_IF_ERROR(layout_.events.x.Read(first, count, &x_));
+    RIGCAL_RETURN_IF_ERROR(layout_.events.y.Read(first, count, &y_));
+    RIGCAL_RETURN_IF_ERROR(layout_.events.p.Read(first, count, &p_));
+    RIGCAL_RETURN_IF_ERROR(ReadTimes(layout_.events.t, first, count));
     const auto pixel = [](int32_t value) {
       return value < 0 || value > kNoPixel ? kNoPixel : static_cast<uint16_t>(value);
     };
@@ -389,9 +206,9 @@ absl::Status Hdf5EventReader::FillTriggers() {
   edges_.row = first;
   edges_.next = 0;
   edges_.block.assign(count, PlainEvent{});
-  RIGCAL_RETURN_IF_ERROR(triggers_->p.Read(first, count, &p_));
-  RIGCAL_RETURN_IF_ERROR(triggers_->id.Read(first, count, &x_));
-  RIGCAL_RETURN_IF_ERROR(ReadTimes(triggers_->t, first, count));
+  RIGCAL_RETURN_IF_ERROR(layout_.triggers->p.Read(first, count, &p_));
+  RIGCAL_RETURN_IF_ERROR(layout_.triggers->id.Read(first, count, &x_));
+  RIGCAL_RETURN_IF_ERROR(ReadTimes(layout_.triggers->t, first, count));
   for (size_t i = 0; i < count; ++i) {
     PlainEvent& event = edges_.block[i];
     const bool readable = p_[i] >= -1 && p_[i] <= 1 && x_[i] >= 0 && x_[i] <= 0xff;
@@ -402,8 +219,8 @@ absl::Status Hdf5EventReader::FillTriggers() {
     SetTime(i, &event);
   }
   edges_.events_before.clear();
-  if (triggers_->events_before) {
-    return triggers_->events_before->Read(first, count, &edges_.events_before);
+  if (layout_.triggers->events_before) {
+    return layout_.triggers->events_before->Read(first, count, &edges_.events_before);
   }
   return absl::OkStatus();
 }

@@ -108,7 +108,7 @@ Hdf5Handle Plain(hid_t type) { return {H5Tcopy(type), H5Tclose}; }
 
 class Hdf5EventWriter : public PlainEventWriter {
  public:
-  Hdf5EventWriter(std::string path, Hdf5Handle file, Hdf5Layout layout)
+  Hdf5EventWriter(std::string path, Hdf5Handle file, Hdf5EventLayout layout)
       : path_(std::move(path)), file_(std::move(file)), layout_(layout) {}
   ~Hdf5EventWriter() override {
     const Hdf5Lock lock;
@@ -125,13 +125,13 @@ class Hdf5EventWriter : public PlainEventWriter {
   absl::Status WriteEvent(const PlainEvent& event);
   absl::Status WriteTrigger(const PlainEvent& event);
   uint64_t event_count() const {
-    return layout_ == Hdf5Layout::kProphesee ? cd_.count() : t_.count();
+    return layout_ == Hdf5EventLayout::kProphesee ? cd_.count() : t_.count();
   }
   void Close();
 
   const std::string path_;
   Hdf5Handle file_;
-  const Hdf5Layout layout_;
+  const Hdf5EventLayout layout_;
   GrowingDataset<CdRow> cd_;
   GrowingDataset<TriggerRow> triggers_;
   GrowingDataset<uint64_t> events_before_;
@@ -169,7 +169,7 @@ absl::Status Hdf5EventWriter::Begin(const PlainFileFront& front) {
     return Hdf5Handle(H5Gcreate2(file_.get(), name, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT),
                       H5Gclose);
   };
-  if (layout_ == Hdf5Layout::kColumns) {
+  if (layout_ == Hdf5EventLayout::kColumns) {
     const Hdf5Handle events = group("events");
     RIGCAL_RETURN_IF_ERROR(x_.Create(path_, events.get(), "x", Plain(H5T_STD_U16LE)));
     RIGCAL_RETURN_IF_ERROR(y_.Create(path_, events.get(), "y", Plain(H5T_STD_U16LE)));
@@ -185,7 +185,7 @@ absl::Status Hdf5EventWriter::Begin(const PlainFileFront& front) {
 
 absl::Status Hdf5EventWriter::WriteEvent(const PlainEvent& event) {
   const bool on = event.kind == PlainEvent::kOn;
-  if (layout_ == Hdf5Layout::kProphesee) {
+  if (layout_ == Hdf5EventLayout::kProphesee) {
     return cd_.Add(
         {.x = event.x, .y = event.y, .p = static_cast<int16_t>(on ? 1 : 0), .t = event.time_us});
   }
@@ -196,7 +196,7 @@ absl::Status Hdf5EventWriter::WriteEvent(const PlainEvent& event) {
 }
 
 absl::Status Hdf5EventWriter::WriteTrigger(const PlainEvent& event) {
-  if (layout_ == Hdf5Layout::kColumns) {
+  if (layout_ == Hdf5EventLayout::kColumns) {
     ++losses_.triggers;
     return absl::OkStatus();
   }
@@ -248,7 +248,7 @@ absl::Status Hdf5EventWriter::Finish() {
 
 absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateHdf5EventWriter(const std::string& path,
                                                                         const PlainFileFront& front,
-                                                                        Hdf5Layout layout) {
+                                                                        Hdf5EventLayout layout) {
   const Hdf5Lock lock;
   Hdf5Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose);
   if (!file.ok()) {

@@ -9,7 +9,7 @@
 
 namespace rigcal::agent {
 
-enum class Hdf5Layout : uint8_t {
+enum class Hdf5EventLayout : uint8_t {
   kProphesee,  // /CD/events and /EXT_TRIGGER/events
   kColumns,    // /events/x, y, p, t; no triggers
 };
@@ -22,6 +22,6 @@ enum class Hdf5Layout : uint8_t {
 // FAILED_PRECONDITION: the file cannot be made.
 absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateHdf5EventWriter(const std::string& path,
                                                                         const PlainFileFront& front,
-                                                                        Hdf5Layout layout);
+                                                                        Hdf5EventLayout layout);
 
 }  // namespace rigcal::agent

@@ -2,19 +2,29 @@
 // Events per second of decoder and blink filter, one thread, beside the plain ways of
 // tests/testing/textbook_events.h and two yardsticks of the memory, in one run:
 //
-//   build/release/tests/bench.event_bench
+//   build/release/tests/bench.event_bench [--benchmark_repetitions=3]
 //
-// Decode: EVT 3.0 to events of eight bytes. Chain: decode, filter, and blobs fifty times per
-// second. Mev_s: million events per second. Streams: tests/testing/event_streams.h.
+// Decode: EVT 3.0 to events of eight bytes in a buffer of 1 024. Chain: decode, filter, and blobs
+// fifty times per second. Take: what the agent runs, the wand in those blobs included. Each with
+// the kernels this CPU has, the plainest first; the last is what runs where none is asked for.
+// Mev_s: million events per second. Below: how many times as fast as the textbook (medians).
+// Streams: tests/testing/event_streams.h.
 #include <benchmark/benchmark.h>
 
-#include <bit>
+#include <algorithm>
+#include <array>
+#include <cstdio>
 #include <cstring>
+#include <functional>
 #include <map>
 #include <opencv2/core.hpp>
+#include <string>
+#include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "agent/detect/blink_filter.h"
+#include "agent/detect/blink_wand_detector.h"
 #include "agent/event/event_decoder.h"
 #include "tests/testing/event_streams.h"
 #include "tests/testing/textbook_events.h"
@@ -23,6 +33,7 @@ namespace rigcal::testing {
 namespace {
 
 constexpr double kOutputHz = 50;
+constexpr char kTextbook[] = "Textbook";
 
 const EventStream& Stream(const EventStreamOptions& options) {
   static auto* const streams = new std::map<std::string, EventStream>;
@@ -37,52 +48,62 @@ void Report(const EventStream& stream, benchmark::State& state) {
                                                benchmark::Counter::kIsIterationInvariantRate);
 }
 
-// Writes events of eight bytes.
-struct EventWriter {
-  agent::PackedEvent* to;
+// Holds events of eight bytes where a batch of them would be.
+struct EventRing {
+  std::array<agent::PackedEvent, 1024> events;
+  size_t count = 0;
 
-  void Row(uint32_t) {}
-  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
-    *to++ = {time_us, static_cast<uint16_t>(x), static_cast<uint16_t>(y | (on ? 0x8000u : 0u))};
+  void Add(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
+    events[count++ % events.size()] = {time_us, static_cast<uint16_t>(x),
+                                       static_cast<uint16_t>(y | (on ? 0x8000u : 0u))};
   }
-  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
-    for (; mask != 0; mask &= mask - 1) {
-      Event(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, time_us);
-    }
+};
+
+// Does nothing with the batches but have them written.
+struct BatchCounter {
+  size_t count = 0;
+
+  void Events(std::span<const agent::PackedEvent> events) {
+    count += events.size();
+    benchmark::DoNotOptimize(events.data());
+    benchmark::ClobberMemory();
   }
   void Trigger(const agent::TriggerEvent&) {}
   void TimeStepBack(int64_t) {}
 };
 
+void ReportDecoding(size_t count, const EventStream& stream, benchmark::State& state) {
+  if (count != stream.events.size()) state.SkipWithError("not all events were decoded");
+  Report(stream, state);
+}
+
 void DecodeTextbook(benchmark::State& state, const EventStreamOptions& options) {
   const EventStream& stream = Stream(options);
-  std::vector<agent::PackedEvent> events(stream.events.size() + 64);
+  EventRing ring;
   for (auto _ : state) {
-    EventWriter writer{events.data()};
-    DecodeTextbookEvt3(stream.evt3, [&writer](uint32_t x, uint32_t y, bool on, uint32_t time_us) {
-      writer.Event(x, y, on, time_us);
+    ring.count = 0;
+    DecodeTextbookEvt3(stream.evt3, [&ring](uint32_t x, uint32_t y, bool on, uint32_t time_us) {
+      ring.Add(x, y, on, time_us);
     });
-    benchmark::DoNotOptimize(writer.to);
+    benchmark::DoNotOptimize(&ring);
     benchmark::ClobberMemory();
   }
-  Report(stream, state);
+  ReportDecoding(ring.count, stream, state);
 }
 
-void Decode(benchmark::State& state, const EventStreamOptions& options) {
+void Decode(benchmark::State& state, const EventStreamOptions& options,
+            const agent::Evt3Kernel& kernel) {
   const EventStream& stream = Stream(options);
-  std::vector<agent::PackedEvent> events(stream.events.size() + 64);
+  BatchCounter counter;
   for (auto _ : state) {
-    EventWriter writer{events.data()};
-    agent::Evt3Decoder decoder(kStreamGeometry);
-    decoder.Decode(stream.evt3, writer);
-    benchmark::DoNotOptimize(writer.to);
-    benchmark::ClobberMemory();
+    counter.count = 0;
+    agent::Evt3Decoder decoder(kStreamGeometry, kernel);
+    DecodeInBatches(decoder, stream.evt3, counter);
   }
-  Report(stream, state);
+  ReportDecoding(counter.count, stream, state);
 }
 
-// Calls output(time_us) fifty times per second of events, in between `decode(chunk)`: the stream
-// cut where those times fall.
+// The stream cut where it passes the times of output.
 std::vector<size_t> CutsAtOutputs(const EventStream& stream) {
   std::vector<size_t> cuts;
   double next_us = 1e6 / kOutputHz;
@@ -99,64 +120,85 @@ std::vector<size_t> CutsAtOutputs(const EventStream& stream) {
   return cuts;
 }
 
+void ReportChain(double blobs, size_t outputs, int bytes_per_pixel, const EventStream& stream,
+                 benchmark::State& state) {
+  Report(stream, state);
+  state.counters["blobs"] = blobs / static_cast<double>(outputs);
+  state.counters["bytes_px"] = bytes_per_pixel;
+}
+
 void ChainTextbook(benchmark::State& state, const EventStreamOptions& options) {
   const EventStream& stream = Stream(options);
-  const std::vector<size_t> cuts = CutsAtOutputs(stream);
-  const std::span<const uint8_t> bytes(stream.evt3);
   const auto detector = TextbookBlobDetector();
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat1b image;
-  double blobs = 0;
+  size_t blobs = 0, outputs = 0;
   for (auto _ : state) {
     TextbookBlinkFilter filter(kStreamGeometry, options.blink_hz, 0.15);
-    size_t begin = 0;
-    uint32_t time_us = 0;
-    blobs = 0;
-    // The textbook decoder has no state to carry over a cut, so the filter is fed through a gate.
-    size_t cut = 0;
-    DecodeTextbookEvt3(bytes, [&](uint32_t x, uint32_t y, bool on, uint32_t t) {
-      if (static_cast<double>(t) >= 1e6 / kOutputHz * static_cast<double>(cut + 1)) {
-        ++cut;
-        filter.Image(t, &image);
+    blobs = outputs = 0;
+    DecodeTextbookEvt3(stream.evt3, [&](uint32_t x, uint32_t y, bool on, uint32_t time_us) {
+      if (time_us >= 1e6 / kOutputHz * static_cast<double>(outputs + 1)) {
+        ++outputs;
+        filter.Image(time_us, &image);
         detector->detect(image, keypoints);
-        blobs += static_cast<double>(keypoints.size());
+        blobs += keypoints.size();
       }
-      filter.Event(x, y, on, t);
-      time_us = t;
+      filter.Event(x, y, on, time_us);
     });
-    benchmark::DoNotOptimize(begin);
-    benchmark::DoNotOptimize(time_us);
   }
-  Report(stream, state);
-  state.counters["blobs"] = blobs / static_cast<double>(cuts.size() - 1);
-  state.counters["bytes_px"] = TextbookBlinkFilter::kBytesPerPixel;
+  ReportChain(static_cast<double>(blobs), outputs, TextbookBlinkFilter::kBytesPerPixel, stream,
+              state);
 }
 
-void Chain(benchmark::State& state, const EventStreamOptions& options) {
+void Chain(benchmark::State& state, const EventStreamOptions& options,
+           const agent::Evt3Kernel& kernel, const agent::BlinkKernel& blink_kernel) {
   const EventStream& stream = Stream(options);
   const std::vector<size_t> cuts = CutsAtOutputs(stream);
   const std::span<const uint8_t> bytes(stream.evt3);
   agent::BlinkFilterOptions filter_options;
   filter_options.geometry = kStreamGeometry;
   filter_options.blink_hz = {options.blink_hz};
-  double blobs = 0;
+  size_t blobs = 0;
   for (auto _ : state) {
-    agent::BlinkFilter filter = *agent::BlinkFilter::Create(filter_options);
-    agent::Evt3Decoder decoder(kStreamGeometry);
+    agent::BlinkFilter filter = *agent::BlinkFilter::Create(filter_options, blink_kernel);
+    agent::Evt3Decoder decoder(kStreamGeometry, kernel);
     size_t begin = 0;
     blobs = 0;
     for (const size_t cut : cuts) {
       agent::BlinkFilter::Pass pass = filter.BeginPass();
-      decoder.Decode(bytes.subspan(begin, cut - begin), pass);
+      DecodeInBatches(decoder, bytes.subspan(begin, cut - begin), pass);
       begin = cut;
       const auto time_us = static_cast<uint32_t>(decoder.time_us());
       filter.Sweep(time_us);
-      if (cut != stream.evt3.size()) blobs += static_cast<double>(filter.FindBlobs(time_us).size());
+      if (cut != stream.evt3.size()) blobs += filter.FindBlobs(time_us).size();
     }
   }
-  Report(stream, state);
-  state.counters["blobs"] = blobs / static_cast<double>(cuts.size() - 1);
-  state.counters["bytes_px"] = agent::BlinkFilter::kBytesPerPixel;
+  ReportChain(static_cast<double>(blobs), cuts.size() - 1, agent::BlinkFilter::kBytesPerPixel,
+              stream, state);
+}
+
+void Take(benchmark::State& state, const EventStreamOptions& options) {
+  const EventStream& stream = Stream(options);
+  Target target;
+  target.marker_positions_m = {0, 0.13, 0.39};
+  target.blink_hz = {options.blink_hz};
+  CameraDescription camera;
+  camera.camera = "bench";
+  camera.image_size_px = {kStreamGeometry.width, kStreamGeometry.height};
+  agent::BlinkWandDetectorOptions detector_options;
+  detector_options.output.rate_hz = kOutputHz;
+  std::vector<agent::Detection> found;
+  double blobs = 0;
+  for (auto _ : state) {
+    auto detector = agent::BlinkWandDetector::Create(detector_options, target, camera,
+                                                     agent::EventFormat::kEvt3, false);
+    if (!detector.ok()) return state.SkipWithError(detector.status().ToString().c_str());
+    found.clear();
+    detector->Take(stream.evt3, &found);
+    detector->Finish(&found);
+  }
+  for (const agent::Detection& detection : found) blobs += detection.blob_count;
+  ReportChain(blobs, found.size(), agent::BlinkFilter::kBytesPerPixel, stream, state);
 }
 
 void MemoryRead(benchmark::State& state) {
@@ -181,19 +223,70 @@ void MemoryCopy(benchmark::State& state) {
 }
 BENCHMARK(MemoryCopy)->Unit(benchmark::kMillisecond);
 
+// Rows are called STREAM/STEP/WAY; one of each step is the textbook's.
 void Register() {
+  using Row = std::function<void(benchmark::State&)>;
   for (const EventStreamOptions& options : BenchStreams()) {
-    using Function = void (*)(benchmark::State&, const EventStreamOptions&);
-    const std::pair<const char*, Function> functions[] = {{"DecodeTextbook", &DecodeTextbook},
-                                                          {"Decode", &Decode},
-                                                          {"ChainTextbook", &ChainTextbook},
-                                                          {"Chain", &Chain}};
-    for (const auto& [name, function] : functions) {
-      benchmark::RegisterBenchmark(absl::StrCat(name, "/", options.name).c_str(), function, options)
+    std::vector<std::pair<std::string, Row>> rows;
+    rows.emplace_back("Decode/Textbook", [=](auto& state) { DecodeTextbook(state, options); });
+    for (const agent::Evt3Kernel* kernel : agent::AvailableEvt3Kernels()) {
+      rows.emplace_back(absl::StrCat("Decode/", kernel->name),
+                        [=](auto& state) { Decode(state, options, *kernel); });
+    }
+    rows.emplace_back("Chain/Textbook", [=](auto& state) { ChainTextbook(state, options); });
+    const auto add_chain = [&](const char* name, const auto& kernel, const auto& blink_kernel) {
+      rows.emplace_back(absl::StrCat("Chain/", name), [=, &kernel, &blink_kernel](auto& state) {
+        Chain(state, options, kernel, blink_kernel);
+      });
+    };
+    add_chain("portable", *agent::AvailableEvt3Kernels().front(),
+              *agent::AvailableBlinkKernels().front());
+    add_chain("chosen", agent::BestEvt3Kernel(), agent::BestBlinkKernel());
+    rows.emplace_back("Chain/Take", [=](auto& state) { Take(state, options); });
+    for (const auto& [name, row] : rows) {
+      benchmark::RegisterBenchmark(absl::StrCat(options.name, "/", name).c_str(), row)
           ->Unit(benchmark::kMillisecond);
     }
   }
 }
+
+// The console's table, then the ratios.
+class RatioReporter : public benchmark::ConsoleReporter {
+ public:
+  void ReportRuns(const std::vector<Run>& runs) override {
+    ConsoleReporter::ReportRuns(runs);
+    for (const Run& run : runs) {
+      if (run.run_type != Run::RT_Iteration || run.error_occurred) continue;
+      const std::string& name = run.run_name.function_name;
+      const auto [row, is_new] = times_.try_emplace(name);
+      if (is_new) names_.push_back(name);
+      row->second.push_back(run.GetAdjustedCPUTime());
+    }
+  }
+
+  void Finalize() override {
+    ConsoleReporter::Finalize();
+    double textbook = 0;
+    for (const std::string& name : names_) {
+      const double time = Median(name);
+      if (absl::EndsWith(name, kTextbook)) {
+        textbook = time;
+      } else if (absl::StrContains(name, "/")) {
+        std::printf("%-24s %6.2f x the textbook's\n", name.c_str(), textbook / time);
+      }
+    }
+  }
+
+ private:
+  double Median(const std::string& name) {
+    std::vector<double>& times = times_[name];
+    std::sort(times.begin(), times.end());
+    return times[times.size() / 2];
+  }
+
+  std::map<std::string, std::vector<double>> times_;
+  std::vector<std::string> names_;
+};
 
 }  // namespace
 }  // namespace rigcal::testing
@@ -203,6 +296,7 @@ int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   rigcal::testing::Register();
-  benchmark::RunSpecifiedBenchmarks();
+  rigcal::testing::RatioReporter reporter;
+  benchmark::RunSpecifiedBenchmarks(&reporter);
   return 0;
 }

@@ -7,110 +7,147 @@
 namespace rigcal {
 namespace {
 
-// A change of ln(light) that no threshold notices.
-constexpr float kStill = 1e-4f;
-// By which the dark slows the low pass at most.
-constexpr float kDarkest = 20;
+// Of what is drawn about 1: no threshold and no refractory period vanishes.
+constexpr float kLeastFactor = 0.1f;
+// Pixels worked out at once, and those whose arithmetic is done side by side.
+constexpr size_t kChunk = 64;
+constexpr size_t kLanes = 8;
+// Memory of pixels is asked for so many noise events ahead.
+constexpr size_t kAhead = 12;
 
-// 1 - exp(-x), right to 0.002 and never past 1: a step of the low pass must not overshoot.
-float Approach(float x) { return 1 - 1 / (1 + x * (1 + x * (0.5f + x * (1.0f / 6)))); }
+// A chunk's low passes within a stretch of time.
+struct alignas(4 * kLanes) Chunk {
+  float level[kChunk], from[kChunk], to[kChunk], end[kChunk];
+};
+
+// Vector code: no branches, no calls and no rest.
+void Answer(const LowPassSpeed& speed, float duration_us, size_t count, Chunk* chunk) {
+  for (size_t lane = count; lane % kLanes != 0; ++lane) {
+    chunk->level[lane] = chunk->from[lane] = chunk->to[lane] = 0;
+  }
+  for (size_t first = 0; first < count; first += kLanes) {
+    const float* const level = chunk->level + first;
+    const float* const from = chunk->from + first;
+    const float* const to = chunk->to + first;
+    float* const end = chunk->end + first;
+    for (size_t i = 0; i < kLanes; ++i) {
+      end[i] = LowPassAnswer(level[i], from[i], to[i], duration_us, speed.TauUs(to[i])).end();
+    }
+  }
+}
 
 }  // namespace
 
 EventPixels::EventPixels(const ImageSize& size, const EventRenderOptions& options, float led_light)
-    : options_(options),
+    : jitter_(static_cast<float>(options.threshold_jitter)),
+      speed_{static_cast<float>(options.latency_us), static_cast<float>(options.latency_slowdown),
+             led_light},
       width_(size.width),
-      led_light_(led_light),
       random_({options.seed, 0x6a17}),
-      pixels_(static_cast<size_t>(size.width) * size.height) {
+      pixels_(static_cast<size_t>(size.width) * size.height),
+      scales_(pixels_.size()) {
   RandomStream draw({options.seed, 0x5b3d});
-  const auto spread = [&draw](double sigma) {
-    return static_cast<float>(std::max(0.1, 1 + sigma * draw.Gaussian()));
+  const auto spread = [this](double mean, double sigma, uint64_t bits) {
+    const float factor = 1 + static_cast<float>(sigma) * normal_.At(bits);
+    return static_cast<float>(mean) * std::max(kLeastFactor, factor);
   };
-  for (Pixel& pixel : pixels_) {
-    pixel.on_scale = static_cast<float>(options.on_threshold) * spread(options.threshold_spread);
-    pixel.off_scale = static_cast<float>(options.off_threshold) * spread(options.threshold_spread);
-    pixel.refractory_us =
-        static_cast<float>(options.refractory_us) * spread(options.refractory_spread);
-    pixel.on_threshold = pixel.on_scale;
-    pixel.off_threshold = pixel.off_scale;
+  for (size_t i = 0; i < pixels_.size(); ++i) {
+    const uint64_t bits = draw.Bits();
+    scales_[i].on = spread(options.on_threshold, options.threshold_spread, bits);
+    scales_[i].off = spread(options.off_threshold, options.threshold_spread, bits >> 20);
+    pixels_[i].refractory_us = spread(options.refractory_us, options.refractory_spread, bits >> 40);
+    DrawThresholds(i);
   }
 }
 
 void EventPixels::Settle(uint32_t x, uint32_t y, float light) {
   Pixel& pixel = pixels_[static_cast<size_t>(y) * width_ + x];
-  pixel.level = pixel.reference = light;
+  pixel.light = pixel.level = pixel.reference = light;
 }
 
-void EventPixels::DrawThresholds(Pixel* pixel) {
-  pixel->on_threshold = pixel->on_scale * Jitter();
-  pixel->off_threshold = pixel->off_scale * Jitter();
+void EventPixels::DrawThresholds(size_t index) {
+  const uint64_t bits = random_.Bits();
+  Pixel& pixel = pixels_[index];
+  const float on = 1 + jitter_ * normal_.At(bits), off = 1 + jitter_ * normal_.At(bits >> 20);
+  pixel.on_threshold = scales_[index].on * std::max(kLeastFactor, on);
+  pixel.off_threshold = scales_[index].off * std::max(kLeastFactor, off);
 }
 
-float EventPixels::TimeConstant(float light) const {
-  const auto constant = static_cast<float>(options_.latency_us);
-  if (options_.latency_slowdown == 0) return constant;
-  const float darker = std::clamp(std::exp(led_light_ - light), 1.0f, kDarkest);
-  return constant * (1 + static_cast<float>(options_.latency_slowdown) * (darker - 1));
-}
-
-void EventPixels::Fire(uint32_t x, uint32_t y, bool on, double time_us,
-                       std::vector<PixelRequest>* requests) {
-  Pixel& pixel = pixels_[static_cast<size_t>(y) * width_ + x];
-  if (time_us < pixel.ready_us) return;
-  pixel.ready_us = time_us + pixel.refractory_us;
-  pixel.reference = pixel.level;
-  requests->push_back({time_us, static_cast<uint16_t>(x), static_cast<uint16_t>(y), on});
-}
-
-void EventPixels::Follow(uint32_t x, uint32_t y, const PixelLight& light, double begin_us,
-                         std::span<const LightStep> steps, std::vector<PixelRequest>* requests) {
-  Pixel& pixel = pixels_[static_cast<size_t>(y) * width_ + x];
-  const bool unlit = std::abs(light.lit_begin - light.dark_begin) < kStill &&
-                     std::abs(light.lit_end - light.dark_end) < kStill;
-  if (unlit && pixel.ready_us <= begin_us && std::abs(light.dark_end - pixel.level) < kStill &&
-      std::abs(light.dark_begin - pixel.level) < kStill) {
-    return;
+void EventPixels::Fire(std::span<const NoiseEvent> noise, std::vector<PixelRequest>* requests) {
+  for (size_t i = 0; i < noise.size(); ++i) {
+    if (i + kAhead < noise.size()) __builtin_prefetch(&pixels_[noise[i + kAhead].pixel], 1);
+    const NoiseEvent& event = noise[i];
+    Pixel& pixel = pixels_[event.pixel];
+    if (event.time_us < pixel.ready_us) continue;
+    pixel.ready_us = event.time_us + static_cast<double>(pixel.refractory_us);
+    pixel.reference = pixel.level;
+    requests->push_back({event.time_us, static_cast<uint16_t>(event.pixel % width_),
+                         static_cast<uint16_t>(event.pixel / width_), event.on});
   }
-  const float dark_constant = TimeConstant(light.dark_end);
-  const float lit_constant = unlit ? dark_constant : TimeConstant(light.lit_end);
-  const auto whole = static_cast<float>(steps.back().end_us);
-  float level = pixel.level;
-  double time_us = begin_us;
-  for (const LightStep& step : steps) {
-    const float share = static_cast<float>(step.end_us) / whole;
-    const float target = step.lit ? light.lit_begin + share * (light.lit_end - light.lit_begin)
-                                  : light.dark_begin + share * (light.dark_end - light.dark_begin);
-    const double end_us = begin_us + step.end_us;
-    const float constant = step.lit ? lit_constant : dark_constant;
-    const float next =
-        constant > 0
-            ? level + (target - level) * Approach(static_cast<float>(end_us - time_us) / constant)
-            : target;
-    const double slope = (next - level) / (end_us - time_us);
-    double from_us = time_us;
-    while (true) {
-      if (pixel.ready_us > from_us) {
-        if (pixel.ready_us > end_us) break;
-        from_us = pixel.ready_us;
-        pixel.reference = static_cast<float>(level + slope * (from_us - time_us));
+}
+
+void EventPixels::FollowRow(uint32_t x, uint32_t y, std::span<const float> from,
+                            std::span<const float> to, double begin_us, double duration_us,
+                            std::vector<PixelRequest>* requests) {
+  Chunk chunk;
+  for (size_t first = 0; first < to.size(); first += kChunk) {
+    const size_t count = std::min(kChunk, to.size() - first);
+    const auto column = x + static_cast<uint32_t>(first);
+    Pixel* const pixels = &pixels_[static_cast<size_t>(y) * width_ + column];
+    for (size_t i = 0; i < count; ++i) {
+      chunk.level[i] = pixels[i].level;
+      chunk.from[i] = from.empty() ? pixels[i].light : from[first + i];
+      chunk.to[i] = to[first + i];
+    }
+    const auto short_us = static_cast<float>(duration_us);
+    Answer(speed_, short_us, count, &chunk);
+    for (size_t i = 0; i < count; ++i) {
+      Pixel& pixel = pixels[i];
+      const float end = chunk.end[i], begin = chunk.from[i], target = chunk.to[i];
+      // Where the level turns it is on the line of its input: none of these misses a crossing.
+      const float high = std::max(end, std::max(begin, target)) - pixel.reference;
+      const float low = std::min(end, std::min(begin, target)) - pixel.reference;
+      const bool quiet =
+          pixel.ready_us <= begin_us && high < pixel.on_threshold && low > -pixel.off_threshold;
+      if (!quiet && pixel.ready_us < begin_us + duration_us) {
+        const LowPassAnswer answer(chunk.level[i], begin, target, short_us, speed_.TauUs(target));
+        Cross(column + static_cast<uint32_t>(i), y, answer, begin_us, short_us, requests);
       }
-      const float moved = next - pixel.reference;
+      pixel.light = target;
+      pixel.level = end;
+    }
+  }
+}
+
+void EventPixels::Cross(uint32_t x, uint32_t y, const LowPassAnswer& answer, double begin_us,
+                        float duration_us, std::vector<PixelRequest>* requests) {
+  const size_t index = static_cast<size_t>(y) * width_ + x;
+  Pixel& pixel = pixels_[index];
+  float from_us = 0;
+  if (pixel.ready_us > begin_us) {
+    from_us = static_cast<float>(pixel.ready_us - begin_us);
+    pixel.reference = answer.At(from_us);
+  }
+  const float turn_us = answer.TurnUs();
+  for (const float until_us : {turn_us < duration_us ? turn_us : -1.0f, duration_us}) {
+    while (from_us < until_us) {
+      const float until = until_us == duration_us ? answer.end() : answer.At(until_us);
+      const float moved = until - pixel.reference;
       const bool on = moved >= pixel.on_threshold;
       if (!on && moved > -pixel.off_threshold) break;
-      const double crossing = pixel.reference + (on ? pixel.on_threshold : -pixel.off_threshold);
-      const double at_us =
-          slope == 0 ? from_us : std::clamp(time_us + (crossing - level) / slope, from_us, end_us);
-      requests->push_back({at_us, static_cast<uint16_t>(x), static_cast<uint16_t>(y), on});
-      pixel.reference = static_cast<float>(crossing);
-      pixel.ready_us = at_us + pixel.refractory_us;
-      DrawThresholds(&pixel);
-      from_us = at_us;
+      const float crossing = pixel.reference + (on ? pixel.on_threshold : -pixel.off_threshold);
+      const float at_us = answer.ReachUs(crossing, on, from_us, until_us);
+      requests->push_back({begin_us + static_cast<double>(at_us), static_cast<uint16_t>(x),
+                           static_cast<uint16_t>(y), on});
+      DrawThresholds(index);
+      from_us = at_us + pixel.refractory_us;
+      pixel.ready_us = begin_us + static_cast<double>(from_us);
+      pixel.reference = crossing;
+      if (from_us >= duration_us) return;
+      if (from_us > at_us) pixel.reference = answer.At(from_us);
     }
-    level = next;
-    time_us = end_us;
+    from_us = std::max(from_us, until_us);
   }
-  pixel.level = level;
 }
 
 }  // namespace rigcal

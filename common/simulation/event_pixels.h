@@ -7,24 +7,14 @@
 #include <vector>
 
 #include "common/camera/intrinsics.h"
+#include "common/simulation/event_noise.h"
 #include "common/simulation/event_readout.h"
 #include "common/simulation/event_render_options.h"
+#include "common/simulation/low_pass.h"
+#include "common/simulation/normal_quantiles.h"
 #include "common/simulation/random_stream.h"
 
 namespace rigcal {
-
-// ln(light) of a pixel at both ends of a stretch of time, without and with the LED; between them it
-// is taken as linear.
-struct PixelLight {
-  float dark_begin = 0, dark_end = 0;
-  float lit_begin = 0, lit_end = 0;
-};
-
-// A part of such a stretch during which the LED does not switch.
-struct LightStep {
-  double end_us = 0;  // since the stretch began
-  bool lit = false;
-};
 
 // Photoreceptors and comparators of a sensor (see EventRenderOptions). One thread at a time.
 class EventPixels {
@@ -34,29 +24,37 @@ class EventPixels {
 
   // As if the pixel had seen this light for long.
   void Settle(uint32_t x, uint32_t y, float light);
-  // Follows the light through `steps`, which begin at `begin_us`, and appends what the pixel asks.
-  void Follow(uint32_t x, uint32_t y, const PixelLight& light, double begin_us,
-              std::span<const LightStep> steps, std::vector<PixelRequest>* requests);
-  // The comparator fires by itself, unless the pixel is held in reset.
-  void Fire(uint32_t x, uint32_t y, bool on, double time_us, std::vector<PixelRequest>* requests);
+  // Neighbours in a row from column x on, whose light goes linearly `from` `to` within a stretch of
+  // time. Appends what they ask. With no `from`: from what each saw last.
+  void FollowRow(uint32_t x, uint32_t y, std::span<const float> from, std::span<const float> to,
+                 double begin_us, double duration_us, std::vector<PixelRequest>* requests);
+  // Comparators that fire by themselves, unless held in reset.
+  void Fire(std::span<const NoiseEvent> noise, std::vector<PixelRequest>* requests);
 
  private:
-  struct Pixel {
+  // Half a cache line.
+  struct alignas(32) Pixel {
     double ready_us = 0;  // held in reset until then
+    float light = 0;      // what it saw last
     float level = 0;      // behind the low pass
     float reference = 0;
     float on_threshold = 0, off_threshold = 0;  // of the next event
-    float on_scale = 0, off_scale = 0, refractory_us = 0;
+    float refractory_us = 0;
   };
-  float Jitter() { return static_cast<float>(1 + options_.threshold_jitter * random_.Gaussian()); }
-  float TimeConstant(float light) const;
-  void DrawThresholds(Pixel* pixel);
+  struct Scales {
+    float on = 0, off = 0;
+  };
+  void DrawThresholds(size_t index);
+  void Cross(uint32_t x, uint32_t y, const LowPassAnswer& answer, double begin_us,
+             float duration_us, std::vector<PixelRequest>* requests);
 
-  EventRenderOptions options_;
+  float jitter_;
+  LowPassSpeed speed_;
   uint32_t width_;
-  float led_light_;
+  NormalQuantiles normal_;
   RandomStream random_;
   std::vector<Pixel> pixels_;
+  std::vector<Scales> scales_;
 };
 
 }  // namespace rigcal

@@ -29,6 +29,7 @@ struct PixelRequest {
 // next row is the next one below that has something. One thread at a time.
 class EventReadout {
  public:
+  // Time of a row, and of each of its events besides.
   EventReadout(uint32_t height, double row_us, double event_us);
 
   // Takes requests, in any order, none before the end of the last call, and appends what was read
@@ -42,20 +43,20 @@ class EventReadout {
 
  private:
   static constexpr size_t kMaxWaiting = 1000000;
-  struct Waiting {
-    uint16_t x;
-    bool on;
-  };
+  void SortByTime(std::vector<PixelRequest>* requests);
   void Enter(const PixelRequest& request);
   void ReadRow(std::vector<SimulatedEvent>* events);
 
   double row_us_, event_us_;
   double free_at_us_ = 0;
   uint32_t next_row_ = 0;
-  std::vector<std::vector<Waiting>> rows_;
+  // What waits in each row: 2 * column, plus one if it is darker; so ON comes before OFF.
+  std::vector<std::vector<uint32_t>> rows_;
   std::vector<uint64_t> row_waits_;  // a bit for each row
   size_t waiting_ = 0;
   uint64_t lost_ = 0;
+  std::vector<PixelRequest> sorted_;
+  std::vector<uint32_t> bucket_ends_;
 };
 
 }  // namespace rigcal

@@ -2,9 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -12,6 +10,7 @@
 #include "common/camera/intrinsics.h"
 #include "common/simulation/event_readout.h"
 #include "common/simulation/event_render_options.h"
+#include "common/simulation/event_spheres.h"
 #include "common/simulation/frame_render_options.h"
 #include "common/simulation/scene_renderer.h"
 #include "common/target/target.h"
@@ -24,18 +23,15 @@ struct SimulatedTrigger {
   bool rising = false;
 };
 
-// The wand at a time of the simulation, frame `cam`; origin and direction are used. None: it is not
-// there.
-using WandPath = std::function<std::optional<WandMotion>(double time_s)>;
-
 // What one event camera sees of the world of SceneRenderer: the same room, lens, spheres and LEDs.
-// Pixels near a sphere, a moving edge or a lamp are followed in steps of kStepUs, cut where the LED
-// switches; all others only make noise. Deterministic: equal arguments give equal events, however
-// the time is cut into slices. One thread at a time.
+// Pixels near a sphere, a moving edge or a lamp are followed through their low pass; all others
+// only make noise. Deterministic: equal arguments give equal events, however the time is cut into
+// slices. One thread at a time.
 class EventRenderer {
  public:
-  static constexpr int64_t kCellUs = 250;  // spheres and edges move linearly in between
-  static constexpr int64_t kStepUs = 25;
+  // Pixels are followed by cells; within one, ln(light) is linear over a quarter before a sphere,
+  // over at most 0.35 px of an edge's way and a sixteenth of a lamp's period.
+  static constexpr int64_t kCellUs = 1000;
 
   // `scene`: light, lens blur, room and LEDs (exposure and sensor noise are not used but for the
   // scale of light); markers blink at the target's frequencies, or the scene's where it has none.

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/simulation/event_noise.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "common/simulation/fast_math.h"
+
+namespace rigcal {
+namespace {
+
+// share / total of `count`, below it however that is rounded.
+uint32_t Scaled(double share, double total, uint32_t count) {
+  return std::min(count - 1, static_cast<uint32_t>(share / total * count));
+}
+
+}  // namespace
+
+EventNoise::EventNoise(const ImageSize& size, const EventRenderOptions& options)
+    : draw_({options.seed, 0x9015e}),
+      pixels_(size.width * size.height),
+      background_(options.background_hz * pixels_),
+      leak_(options.leak_hz * pixels_) {
+  RandomStream place({options.seed, 0x407});
+  for (int i = 0; i < static_cast<int>(options.hot_pixels); ++i) {
+    hot_.push_back(static_cast<uint32_t>(place.Uniform() * pixels_));
+  }
+  hot_total_ = options.hot_hz * static_cast<double>(hot_.size());
+  total_ = background_ + leak_ + hot_total_;
+  mean_gap_us_ = total_ > 0 ? 1e6 / total_ : std::numeric_limits<double>::infinity();
+  next_us_ = total_ > 0 ? Gap() : mean_gap_us_;
+}
+
+double EventNoise::Gap() {
+  const float share = (static_cast<float>(draw_.Bits() >> 41) + 0.5f) * 0x1p-23f;
+  return -mean_gap_us_ * static_cast<double>(FastLog(share));
+}
+
+void EventNoise::Until(double end_us, std::vector<NoiseEvent>* events) {
+  for (; next_us_ < end_us; next_us_ += Gap()) {
+    const double share = draw_.Uniform() * total_;
+    if (share < background_) {
+      const uint32_t which = Scaled(share, background_, 2 * pixels_);
+      events->push_back({next_us_, which / 2, which % 2 != 0});
+    } else if (share < background_ + leak_) {
+      events->push_back({next_us_, Scaled(share - background_, leak_, pixels_), true});
+    } else {
+      const uint32_t which =
+          Scaled(share - background_ - leak_, hot_total_, 2 * static_cast<uint32_t>(hot_.size()));
+      events->push_back({next_us_, hot_[which / 2], which % 2 != 0});
+    }
+  }
+}
+
+}  // namespace rigcal

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+namespace rigcal {
+
+// Columns [begin, end) of a row.
+struct PixelSpan {
+  int begin = 0;
+  int end = 0;
+
+  friend bool operator==(const PixelSpan&, const PixelSpan&) = default;
+};
+
+// Puts them in order and joins those that overlap or touch; empty ones go.
+void MergeSpans(std::vector<PixelSpan>* spans);
+// Takes the columns of `taken` out of `spans`. Both merged, and so is the result.
+void SubtractSpans(const std::vector<PixelSpan>& taken, std::vector<PixelSpan>* spans);
+
+}  // namespace rigcal

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/simulation/fast_math.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace rigcal {
+namespace {
+
+TEST(FastMath, LogIsRightOverAllNormalNumbers) {
+  for (double x = 2e-38; x < 1e38; x *= 1.0007) {
+    const auto argument = static_cast<float>(x);
+    const double expected = std::log(static_cast<double>(argument));
+    ASSERT_NEAR(FastLog(argument), expected, 2e-7 * std::max(1.0, std::abs(expected))) << argument;
+  }
+  EXPECT_EQ(FastLog(1), 0);
+}
+
+TEST(FastMath, ExpIsRightAndEndsWhereItMust) {
+  for (double x = -86.9; x < 86.9; x += 0.0013) {
+    const auto argument = static_cast<float>(x);
+    const double expected = std::exp(static_cast<double>(argument));
+    ASSERT_NEAR(FastExp(argument) / expected, 1, 5e-6) << argument;
+  }
+  EXPECT_EQ(FastExp(0), 1);
+  EXPECT_LT(FastExp(-1e30f), 1e-37);
+  EXPECT_TRUE(std::isfinite(FastExp(1e30f)));
+}
+
+}  // namespace
+}  // namespace rigcal

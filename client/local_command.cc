@@ -82,7 +82,7 @@ ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
   const absl::StatusOr<LocalPlan> plan =
       options.simulation.has_value()
           ? PlanSimulated(*options.simulation, options.target, options.speed)
-          : PlanRecorded(*recorded, options.speed, folder->path());
+          : PlanRecorded(*recorded, options.speed, options.event_options, folder->path());
   if (!plan.ok()) return context.Fail(plan.status());
 
   absl::StatusOr<LocalOutcome> outcome = Run(options, *plan, *folder, signals, context.console);

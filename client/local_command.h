@@ -22,6 +22,7 @@ struct LocalOptions {
   Target target;
   std::filesystem::path keep;  // empty: nothing stays
   std::string speed = "max";   // or a factor of the recorded pace
+  std::string event_options;   // of recordings of events, as behind `raw:FILE;`
   CalibrationOptions calibration;
 
   // Where rigcal-server and rigcal-agent lie; empty: beside this program.

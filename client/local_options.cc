@@ -34,8 +34,9 @@ void AddSimulateOption(CLI::App* app, LocalOptions* options) {
          },
          "A simulated rig instead, compared with its truth afterwards; \"\" or such as "
          "\"cameras=6;seed=1;duration=60;noise=0.3;outliers=0.02;offset.2=0.008\"; with pixels=1 "
-         "its "
-         "agents find the wand in rendered pictures: \"cameras=4;pixels=1;clutter=0.5;lux=300\"")
+         "its agents find the wand in rendered pictures, with events=2 the last two in the events "
+         "of "
+         "event cameras: \"cameras=6;rate=50;pixels=1;events=2;lux=300\"")
       ->type_name("OPTIONS");
 }
 
@@ -51,9 +52,14 @@ void AddLocalCommand(CommandParser& parser) {
   const auto data = std::make_shared<std::string>();
   const auto keep = std::make_shared<std::string>();
   app->add_option("--data", *data,
-                  "Folder with a recording: <camera>.csv (time_ns;x0;y0;x1;y1;..., -1: not seen) "
-                  "and <camera>.yaml (OpenCV intrinsics) for each camera")
+                  "Folder with a recording: <camera>.csv (time_ns;x0;y0;x1;y1;..., -1: not seen), "
+                  "or events in <camera>.raw, .h5 or .hdf5, and <camera>.yaml (OpenCV intrinsics) "
+                  "for each camera")
       ->type_name("DIR");
+  app->add_option("--event-options", options->event_options,
+                  "With --data: how recordings of events are read, as behind raw:FILE; such as "
+                  "\"rate=500;clock=cable\" for sensors on one sync cable")
+      ->type_name("OPTIONS");
   AddSimulateOption(app, options.get());
   AddTargetOption(app, /*required=*/false, &options->target);
   app->add_option("--keep", *keep, "Keep the store, the logs and an export in this new folder")
@@ -69,6 +75,9 @@ void AddLocalCommand(CommandParser& parser) {
     }
     if (app->count("--data") == 1 && app->count("--target") == 0) {
       throw CLI::RequiredError("--target, such as --target " + std::string(kDefaultTarget));
+    }
+    if (app->count("--data") == 0 && app->count("--event-options") == 1) {
+      throw CLI::ValidationError("--event-options", "is for --data");
     }
     if (app->count("--data") == 1 && data->empty())
       throw CLI::ValidationError("--data", "is empty");

@@ -2,6 +2,7 @@
 #include "client/local_plan.h"
 
 #include <system_error>
+#include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -56,16 +57,23 @@ std::string OptionsOf(const SimulatedRigOptions& rig, bool events) {
 }  // namespace
 
 absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
-                                       const fs::path& link_in) {
+                                       const std::string& event_options, const fs::path& link_in) {
   RIGCAL_ASSIGN_OR_RETURN(const fs::path reachable, ReachableFolder(folder.path, link_in));
   LocalPlan plan;
+  bool events = false;
   for (const RecordedCamera& camera : folder.cameras) {
+    events = events || camera.events;
     // The name in front, so that a '=' in the path is not taken for the end of one.
-    plan.cameras.push_back(
-        {camera.camera,
-         absl::StrCat(camera.camera, "=csv:", (reachable / camera.csv.filename()).string(),
-                      ";speed=", speed),
-         0});
+    std::string source =
+        absl::StrCat(camera.camera, camera.events ? "=raw:" : "=csv:",
+                     (reachable / camera.recording.filename()).string(), ";speed=", speed);
+    if (camera.events && !event_options.empty()) absl::StrAppend(&source, ";", event_options);
+    plan.cameras.push_back({camera.camera, std::move(source), 0});
+  }
+  if (!events && !event_options.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", event_options, "\" is for recordings of events, and there is none in ",
+                     folder.path.string()));
   }
   return plan;
 }

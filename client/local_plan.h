@@ -22,10 +22,13 @@ struct LocalPlan {
   double duration_s = 0;                // of the wave; 0: not known
 };
 
-// `speed`: "max" or a factor of the recorded pace, as the agent's source takes it. A folder with a
+// `speed`: "max" or a factor of the recorded pace, as the agent's source takes it. `event_options`:
+// behind the source of each recording of events, "rate=500;clock=cable"; may be empty;
+// INVALID_ARGUMENT where there is no such recording. A folder with a
 // ';' in its path, which the agent's notation cannot carry, is reached through a link in `link_in`;
 // INVALID_ARGUMENT where that path has one, too.
 absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
+                                       const std::string& event_options,
                                        const std::filesystem::path& link_in);
 absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
                                         const std::string& speed);

@@ -9,24 +9,26 @@
 
 namespace rigcal::client {
 
-// A recorded camera of a folder: `<camera>.csv` with the markers, `<camera>.yaml` with the
-// intrinsics.
+// A recorded camera of a folder: `<camera>.csv` with the markers, or the events of an event camera
+// in `<camera>.raw`, `.h5` or `.hdf5`; `<camera>.yaml` with the intrinsics.
 struct RecordedCamera {
   std::string camera;
-  std::filesystem::path csv;
+  std::filesystem::path recording;
   std::filesystem::path yaml;
+  bool events = false;
 };
 
 struct RecordedFolder {
   std::filesystem::path path;           // absolute
   std::vector<RecordedCamera> cameras;  // by name
-  // What is odd but no reason to stop, for people: a YAML file without its CSV file.
+  // What is odd but no reason to stop, for people: a YAML file without its recording.
   std::vector<std::string> warnings;
 };
 
 // Looks through a folder, and reads its intrinsics, before anything is started. NOT_FOUND: no such
-// folder. INVALID_ARGUMENT: names every fault at once: no recording, a single camera, a missing or
-// malformed YAML file, a file name that cannot be a camera's name.
+// folder. INVALID_ARGUMENT: names every fault at once: no recording, a single camera, two
+// recordings of one camera, a missing or malformed YAML file, a file name that cannot be a camera's
+// name.
 absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::filesystem::path& path);
 
 }  // namespace rigcal::client

@@ -43,7 +43,7 @@ TEST_F(RecordedFolderTest, FindsTheCamerasByName) {
   ASSERT_OK_AND_ASSIGN(const RecordedFolder folder, Read());
   ASSERT_EQ(folder.cameras.size(), 2u);
   EXPECT_EQ(folder.cameras[0].camera, "left");
-  EXPECT_EQ(folder.cameras[0].csv, directory_.path() / "left.csv");
+  EXPECT_EQ(folder.cameras[0].recording, directory_.path() / "left.csv");
   EXPECT_EQ(folder.cameras[0].yaml, directory_.path() / "left.yaml");
   EXPECT_EQ(folder.cameras[1].camera, "right");
   EXPECT_TRUE(folder.warnings.empty());
@@ -57,7 +57,31 @@ TEST_F(RecordedFolderTest, GivesAbsolutePaths) {
   const auto folder = ReadRecordedFolder(".");
   std::filesystem::current_path(before);
   ASSERT_THAT(folder, rigcal::testing::IsOk());
-  EXPECT_TRUE(folder->cameras[0].csv.is_absolute());
+  EXPECT_TRUE(folder->cameras[0].recording.is_absolute());
+}
+
+TEST_F(RecordedFolderTest, FindsEventsBesideMarkers) {
+  Add("front");
+  for (const char* name : {"left.raw", "right.h5", "top.hdf5"}) {
+    directory_.WriteFile(name, "");
+    directory_.WriteFile(std::filesystem::path(name).stem().string() + ".yaml", kYaml);
+  }
+  ASSERT_OK_AND_ASSIGN(const RecordedFolder folder, Read());
+  ASSERT_EQ(folder.cameras.size(), 4u);
+  EXPECT_FALSE(folder.cameras[0].events);
+  for (size_t i = 1; i < 4; ++i) EXPECT_TRUE(folder.cameras[i].events) << i;
+  EXPECT_EQ(folder.cameras[2].camera, "right");
+  EXPECT_EQ(folder.cameras[2].recording, directory_.path() / "right.h5");
+}
+
+TEST_F(RecordedFolderTest, NamesEventsWithoutIntrinsicsAndSecondRecordings) {
+  Add("front");
+  directory_.WriteFile("front.raw", "");
+  directory_.WriteFile("left.raw", "");
+  EXPECT_THAT(Read(),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("front has several recordings: front.csv, front.raw"),
+                             HasSubstr("left.raw is there, but"), HasSubstr("left.yaml"))));
 }
 
 TEST_F(RecordedFolderTest, NamesEveryFaultAtOnce) {
@@ -84,8 +108,9 @@ TEST_F(RecordedFolderTest, RefusesASingleCamera) {
 
 TEST_F(RecordedFolderTest, SaysThatThereIsNoRecording) {
   directory_.WriteFile("left.yaml", kYaml);
-  EXPECT_THAT(Read(), StatusIs(absl::StatusCode::kInvalidArgument,
-                               AllOf(HasSubstr("no .csv"), HasSubstr(directory_.path().string()))));
+  EXPECT_THAT(Read(),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("no recording"), HasSubstr(directory_.path().string()))));
 }
 
 TEST_F(RecordedFolderTest, SaysThatThereIsNoFolder) {

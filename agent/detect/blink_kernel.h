@@ -16,8 +16,9 @@ struct BlinkRules {
   static constexpr uint32_t kOnBit = 8;
   static constexpr uint32_t kPeriodsMask = 7;
   static constexpr uint32_t kMaxGap = 0xfff;
-  // A pixel that has been silent for so many units is as one that never spoke.
-  static constexpr uint32_t kForgetUnits = 0x8000;
+  // A pixel that has been silent for so many units, eight periods or more, is as one that never
+  // spoke.
+  static constexpr uint32_t kForgetUnits = 0x2000;
   static constexpr int kTileShift = 4;
 
   int shift = 0;

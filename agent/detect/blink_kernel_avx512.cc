@@ -132,7 +132,8 @@ void SweepAvx512(uint32_t now_units, uint32_t* states, size_t count) {
         static_cast<__mmask16>(count - i >= kLanes ? 0xffff : (1u << (count - i)) - 1);
     const __m512i old = _mm512_maskz_loadu_epi32(lanes, states + i);
     const __m512i since = _mm512_sub_epi32(now, _mm512_and_si512(old, Spread(0xffff0000)));
-    const __mmask16 silent = _mm512_mask_cmplt_epi32_mask(lanes, since, _mm512_setzero_si512());
+    const __mmask16 silent =
+        _mm512_mask_cmpge_epu32_mask(lanes, since, Spread(BlinkRules::kForgetUnits << 16));
     const __m512i renewed =
         _mm512_or_si512(forgotten, _mm512_and_si512(old, Spread(BlinkRules::kOnBit)));
     _mm512_mask_storeu_epi32(states + i, lanes, _mm512_mask_mov_epi32(old, silent, renewed));

@@ -63,16 +63,15 @@ Unsigned PixelsOf(const Rules& rules, const PackedEvent* events) {
   return ToUnsigned(__builtin_convertvector(row * rules.stride, Signed)) + (place & 0xffff);
 }
 
-// Without a branch: what kind an event is of cannot be foretold. `blinks`: all ones where it crossed
-// and has periods enough.
+// Without a branch: what kind an event is of cannot be foretold. `blinks`: all ones where it
+// crossed and has periods enough.
 Unsigned NewStates(const Rules& rules, const Events& events, Unsigned old, Unsigned* blinks) {
   const Unsigned now = events.time_us >> rules.shift;
   const Unsigned gap = (now - (old >> 16)) & 0xffff;
   static_assert(BlinkRules::kOnBit == 1 << 3);
   const Unsigned was_on = ToUnsigned(ToSigned(old << 28) >> 31);
   const Unsigned on = ToUnsigned(ToSigned(events.place) >> 31);
-  const Unsigned crosses =
-      on & Exceeds(gap, (was_on & rules.again_gap) + (rules.min_gap - 1));
+  const Unsigned crosses = on & Exceeds(gap, (was_on & rules.again_gap) + (rules.min_gap - 1));
   const Unsigned too_long = Exceeds(gap, Unsigned{} + rules.high_gap);
   const Unsigned good = Exceeds(gap, Unsigned{} + (rules.low_gap - 1)) & ~(was_on | too_long);
   const Unsigned count = (old & BlinkRules::kPeriodsMask) + 1;
@@ -101,13 +100,11 @@ void UpdateOne(const Rules& rules, const PackedEvent& event, uint32_t* states, u
 
 void UpdateFour(const Rules& rules, const PackedEvent* events, Unsigned pixels, uint32_t* states,
                 uint32_t* tiles) {
-  const Unsigned old = {states[pixels[0]], states[pixels[1]], states[pixels[2]],
-                        states[pixels[3]]};
+  const Unsigned old = {states[pixels[0]], states[pixels[1]], states[pixels[2]], states[pixels[3]]};
   Unsigned blinks;
   const Unsigned updated = NewStates(rules, Load(events), old, &blinks);
-  const Unsigned same =
-      ToUnsigned(pixels == __builtin_shuffle(pixels, Unsigned{1, 2, 3, 0})) |
-      ToUnsigned(pixels == __builtin_shuffle(pixels, Unsigned{2, 3, 0, 1}));
+  const Unsigned same = ToUnsigned(pixels == __builtin_shuffle(pixels, Unsigned{1, 2, 3, 0})) |
+                        ToUnsigned(pixels == __builtin_shuffle(pixels, Unsigned{2, 3, 0, 1}));
   if (Any(same)) [[unlikely]] {
     for (size_t i = 0; i < kLanes; ++i) UpdateOne(rules, events[i], states, tiles);
     return;
@@ -142,15 +139,13 @@ void UpdatePortable(const BlinkRules& rules_in, const PackedEvent* events, size_
 }
 
 void SweepPortable(uint32_t now_units, uint32_t* states, size_t count) {
+  const uint32_t forgotten = (now_units - BlinkRules::kForgetUnits) << 16;
   const uint32_t now = now_units << 16;
-  const uint32_t forgotten = now - (BlinkRules::kForgetUnits << 16);
   for (size_t i = 0; i < count; ++i) {
     const uint32_t state = states[i];
-    // Bit 31 of the difference of the times.
-    const auto since = static_cast<int32_t>(now - (state & 0xffff0000));
-    const auto is_old = static_cast<uint32_t>(since >> 31);
+    const auto gap = static_cast<int32_t>((now - (state & 0xffff0000)) >> 16);
     const uint32_t renewed = forgotten | (state & BlinkRules::kOnBit);
-    states[i] = state ^ ((state ^ renewed) & is_old);
+    states[i] = gap >= static_cast<int32_t>(BlinkRules::kForgetUnits) ? renewed : state;
   }
 }
 

@@ -40,6 +40,17 @@ PackedEvent* Spread(uint64_t event, uint32_t mask, PackedEvent* to) {
   return to;
 }
 
+template <uint32_t kLength>
+bool TakeVector(uint32_t word, const Evt3State& limits, Held* held, PackedEvent** to) {
+  const uint32_t x = held->base >> 1;
+  if (x + kLength > limits.width) return false;
+  *to = Spread(held->time_us | static_cast<uint64_t>(x) << 32 | held->row |
+                   static_cast<uint64_t>(held->base & 1) << 63,
+               word & ((1u << kLength) - 1), *to);
+  held->base += 2 * kLength;
+  return true;
+}
+
 // False: left to others, and nothing has changed.
 bool Take(uint32_t word, const Evt3State& limits, Held* held, PackedEvent** to) {
   const uint32_t place = word & 0x7ff;
@@ -59,16 +70,9 @@ bool Take(uint32_t word, const Evt3State& limits, Held* held, PackedEvent** to) 
       held->base = place << 1 | (word >> 11 & 1);
       return true;
     case 0x4:
-    case 0x5: {
-      const uint32_t length = word >> 12 == 4 ? 12 : 8;
-      const uint32_t x = held->base >> 1;
-      if (x + length > limits.width) return false;
-      *to = Spread(held->time_us | static_cast<uint64_t>(x) << 32 | held->row |
-                       static_cast<uint64_t>(held->base & 1) << 63,
-                   word & ((1u << length) - 1), *to);
-      held->base += 2 * length;
-      return true;
-    }
+      return TakeVector<12>(word, limits, held, to);
+    case 0x5:
+      return TakeVector<8>(word, limits, held, to);
     case 0x6:
       held->time_us = limits.high_us | (word & 0xfff);
       return true;
@@ -79,6 +83,23 @@ bool Take(uint32_t word, const Evt3State& limits, Held* held, PackedEvent** to) 
     default:
       return word == limits.known_high;
   }
+}
+
+// What follows a base: a branch of its own is foretold better.
+const uint8_t* TakeVectors(const uint8_t* at, const uint8_t* stop, const Evt3State& limits,
+                           Held* held, PackedEvent** to) {
+  while (at < stop) {
+    const uint32_t word = Load<uint16_t>(at);
+    if (word >> 12 == 0x4) {
+      if (!TakeVector<12>(word, limits, held, to)) break;
+    } else if (word >> 12 == 0x5) {
+      if (!TakeVector<8>(word, limits, held, to)) break;
+    } else {
+      break;
+    }
+    at += 2;
+  }
+  return at;
 }
 
 // Most events are a row and a column: those two words are taken together.
@@ -110,6 +131,7 @@ Evt3Kernel::Position DecodePortable(Evt3Kernel::Position from, const uint8_t* en
       goes_on = Take(words & 0xffff, limits, &held, &to);
       if (!goes_on) break;
       at += 2;
+      if ((words & 0xf000) == 0x3000) at = TakeVectors(at, stop, limits, &held, &to);
     }
   }
   state->y = static_cast<uint32_t>(held.row >> 48);

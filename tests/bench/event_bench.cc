@@ -33,6 +33,7 @@ namespace rigcal::testing {
 namespace {
 
 constexpr double kOutputHz = 50;
+constexpr size_t kChunkBytes = size_t{64} << 10;  // as raw: hands them over
 constexpr char kTextbook[] = "Textbook";
 
 const EventStream& Stream(const EventStreamOptions& options) {
@@ -194,7 +195,11 @@ void Take(benchmark::State& state, const EventStreamOptions& options) {
                                                      agent::EventFormat::kEvt3, false);
     if (!detector.ok()) return state.SkipWithError(detector.status().ToString().c_str());
     found.clear();
-    detector->Take(stream.evt3, &found);
+    for (std::span<const uint8_t> rest(stream.evt3); !rest.empty();) {
+      const size_t size = std::min(rest.size(), kChunkBytes);
+      detector->Take(rest.first(size), &found);
+      rest = rest.subspan(size);
+    }
     detector->Finish(&found);
   }
   for (const agent::Detection& detection : found) blobs += detection.blob_count;

@@ -84,9 +84,9 @@ Unsigned NewStates(const Rules& rules, const Events& events, Unsigned old, Unsig
   return stays ^ ((stays ^ crossed) & crosses);
 }
 
-void MarkTile(const Rules& rules, const PackedEvent& event, uint32_t* tiles) {
-  tiles[(event.y() >> BlinkRules::kTileShift) * rules.tile_columns +
-        (event.x >> BlinkRules::kTileShift)] = event.time_us | 1;
+uint32_t TileOf(const Rules& rules, const PackedEvent& event) {
+  constexpr int kShift = BlinkRules::kTileShift;
+  return (uint32_t{event.y()} >> kShift) * rules.tile_columns + (uint32_t{event.x} >> kShift);
 }
 
 // One event, in every lane.
@@ -95,7 +95,7 @@ void UpdateOne(const Rules& rules, const PackedEvent& event, uint32_t* states, u
   uint32_t& state = states[PixelsOf(rules, same)[0]];
   Unsigned blinks;
   state = NewStates(rules, Load(same), Unsigned{} + state, &blinks)[0];
-  if (blinks[0] != 0) MarkTile(rules, event, tiles);
+  if (blinks[0] != 0) tiles[TileOf(rules, event)] = event.time_us | 1;
 }
 
 void UpdateFour(const Rules& rules, const PackedEvent* events, Unsigned pixels, uint32_t* states,
@@ -110,10 +110,10 @@ void UpdateFour(const Rules& rules, const PackedEvent* events, Unsigned pixels, 
     return;
   }
   for (size_t i = 0; i < kLanes; ++i) states[pixels[i]] = updated[i];
-  if (Any(blinks)) {
-    for (size_t i = 0; i < kLanes; ++i) {
-      if (blinks[i] != 0) MarkTile(rules, events[i], tiles);
-    }
+  if (!Any(blinks)) return;
+  for (size_t i = 0; i < kLanes; ++i) {
+    uint32_t& tile = tiles[TileOf(rules, events[i])];
+    tile ^= (tile ^ (events[i].time_us | 1)) & blinks[i];
   }
 }
 
@@ -138,15 +138,23 @@ void UpdatePortable(const BlinkRules& rules_in, const PackedEvent* events, size_
   for (size_t i = kLanes * groups; i < count; ++i) UpdateOne(rules, events[i], states, tiles);
 }
 
-void SweepPortable(uint32_t now_units, uint32_t* states, size_t count) {
+Unsigned Forget(Unsigned states, uint32_t now_units) {
+  // The lower half does not borrow.
+  const Unsigned gap = ((now_units << 16 | 0xffff) - states) >> 16;
+  const Unsigned silent = Exceeds(gap, Unsigned{} + (BlinkRules::kForgetUnits - 1));
   const uint32_t forgotten = (now_units - BlinkRules::kForgetUnits) << 16;
-  const uint32_t now = now_units << 16;
-  for (size_t i = 0; i < count; ++i) {
-    const uint32_t state = states[i];
-    const auto gap = static_cast<int32_t>((now - (state & 0xffff0000)) >> 16);
-    const uint32_t renewed = forgotten | (state & BlinkRules::kOnBit);
-    states[i] = gap >= static_cast<int32_t>(BlinkRules::kForgetUnits) ? renewed : state;
+  return (states & ~(silent & ~BlinkRules::kOnBit)) | (silent & forgotten);
+}
+
+void SweepPortable(uint32_t now_units, uint32_t* states, size_t count) {
+  size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    Unsigned four;
+    std::memcpy(&four, states + i, sizeof(four));
+    four = Forget(four, now_units);
+    std::memcpy(states + i, &four, sizeof(four));
   }
+  for (; i < count; ++i) states[i] = Forget(Unsigned{} + states[i], now_units)[0];
 }
 
 }  // namespace

@@ -17,7 +17,8 @@ namespace rigcal::agent {
 
 // What an event camera said of itself when it was opened.
 struct MetavisionIdentity {
-  std::string serial;  // without integrator and plugin
+  std::string serial;     // as the camera tells it
+  std::string opened_as;  // what to ask for to get this one again
   std::string model;   // integrator and sensor, for people: "Prophesee IMX636"
   SensorGeometry geometry;
   EventFormat format = EventFormat::kEvt3;

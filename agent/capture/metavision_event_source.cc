@@ -92,9 +92,7 @@ absl::StatusOr<CameraDescription> Describe(const MetavisionSourceOptions& option
     }
     description.intrinsics = std::move(calibration->intrinsics);
   }
-  description.clock = {.clock_id = options.clock_id.empty()
-                                       ? absl::StrCat("metavision-", identity.serial)
-                                       : options.clock_id,
+  description.clock = {.clock_id = options.clock_id.empty() ? options.camera : options.clock_id,
                        .timebase = ""};
   description.latency_s = options.latency_s;
   description.sensor = SensorKind::kEvent;
@@ -113,7 +111,7 @@ absl::StatusOr<std::unique_ptr<MetavisionEventSource>> MetavisionEventSource::Cr
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<MetavisionDevice> device, OpenMetavisionDevice(request));
   RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, Describe(options, device->identity()));
   // Should it be lost, no other one will do.
-  request.serial = device->identity().serial;
+  request.serial = device->identity().opened_as;
   return std::unique_ptr<MetavisionEventSource>(new MetavisionEventSource(
       std::move(options), std::move(request), std::move(description), std::move(device)));
 }

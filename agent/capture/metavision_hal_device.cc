@@ -107,25 +107,29 @@ std::string Listed(const std::vector<std::string>& serials) {
                          : absl::StrJoin(serials, ", ");
 }
 
-absl::StatusOr<std::unique_ptr<Metavision::Device>> OpenDevice(const MetavisionRequest& request) {
-  if (request.serial.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::vector<std::string> found, ListMetavisionDevices());
-    if (found.size() > 1) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("there are several event cameras: ", absl::StrJoin(found, ", "),
-                       "; name one with serial=NUMBER"));
-    }
+// What to ask for: the camera that is named, or the only one there is.
+absl::StatusOr<std::string> ChooseSerial(const MetavisionRequest& request) {
+  if (!request.serial.empty()) return request.serial;
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<std::string> found, ListMetavisionDevices());
+  if (found.size() > 1) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("there are several event cameras: ", absl::StrJoin(found, ", "),
+                     "; name one with serial=NUMBER"));
   }
+  return found.empty() ? "" : found.front();
+}
+
+absl::StatusOr<std::unique_ptr<Metavision::Device>> OpenDevice(const MetavisionRequest& request,
+                                                               const std::string& serial) {
   std::unique_ptr<Metavision::Device> device;
   const absl::Status status = WithoutExceptions("cannot open it", [&] {
     Metavision::DeviceConfig config;
     if (!request.config.format.empty()) config.set_format(request.config.format);
-    device = Metavision::DeviceDiscovery::open(request.serial, config);
+    device = Metavision::DeviceDiscovery::open(serial, config);
   });
   if (device) return device;
-  const std::string which = request.serial.empty()
-                                ? "there is no event camera"
-                                : absl::StrCat("there is no event camera ", request.serial);
+  const std::string which = serial.empty() ? "there is no event camera"
+                                           : absl::StrCat("there is no event camera ", serial);
   const absl::StatusOr<std::vector<std::string>> found = ListMetavisionDevices();
   return absl::Status(
       status.ok() ? absl::StatusCode::kNotFound : status.code(),
@@ -177,10 +181,12 @@ absl::StatusOr<MetavisionIdentity> Identify(Metavision::Device& device) {
 }
 
 absl::StatusOr<std::unique_ptr<MetavisionDevice>> Open(const MetavisionRequest& request) {
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<Metavision::Device> device, OpenDevice(request));
+  RIGCAL_ASSIGN_OR_RETURN(const std::string serial, ChooseSerial(request));
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<Metavision::Device> device, OpenDevice(request, serial));
   auto* const stream = device->get_facility<Metavision::I_EventsStream>();
   if (stream == nullptr) return absl::InvalidArgumentError("it has no stream of events");
   RIGCAL_ASSIGN_OR_RETURN(MetavisionIdentity identity, Identify(*device));
+  identity.opened_as = serial;
   RIGCAL_ASSIGN_OR_RETURN(identity.trigger_inputs, ApplyMetavisionSettings(*device, request));
   return std::make_unique<HalDevice>(std::move(device), stream, std::move(identity));
 }

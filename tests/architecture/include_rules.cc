@@ -102,6 +102,7 @@ const std::vector<LibraryRule>& LibraryRules() {
        {"opencv2/"},
        {"common/camera", "server/solve", "agent/capture", "agent/detect", "agent/command"}},
       {"Aravis", {"arv", "glib"}, {"agent/capture"}},
+      {"the Metavision SDK", {"metavision/"}, {"agent/capture"}},
       {"CLI11", {"CLI/"}, {"client", "agent/command", "agent/main.cc", "server/main.cc"}},
       {"HDF5", {"hdf5", "H5"}, {"agent/event"}},
       {"HTTP", {"boost/beast", "boost/asio"}, {"server/http"}},

@@ -104,7 +104,7 @@ TEST_F(MetavisionEventSourceTest, DescribesTheCamera) {
   EXPECT_EQ(description.camera, "left");
   EXPECT_EQ(description.image_size_px, (ImageSize{640, 480}));
   ASSERT_TRUE(description.intrinsics);
-  EXPECT_EQ(description.clock, (Clock{.clock_id = "metavision-00050423", .timebase = ""}));
+  EXPECT_EQ(description.clock, (Clock{.clock_id = "left", .timebase = ""}));
   EXPECT_EQ(description.latency_s, 0.001);
   EXPECT_EQ(description.sensor, SensorKind::kEvent);
   EXPECT_EQ(description.source, "metavision:00050423");
@@ -500,7 +500,7 @@ TEST_F(MetavisionEventSourceTest, FindsALostCameraAgain) {
         {.streams = {{.pieces = {{1, 2, 3}}, .then = then}, {.pieces = {{4, 5}, {6, 7}}}}});
     FakeBus::Get().Plug({.serial = "another"});
     MetavisionSourceOptions options = WithSettings("[biases]\nbias_fo = 7\n");
-    options.serial = "Prophesee:hal_plugin_prophesee:00050423";
+    options.serial = "00050423";
     ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(options));
     ASSERT_THAT(source->Start(target_), IsOk());
     ASSERT_OK_AND_ASSIGN(const auto before, source->Next());
@@ -516,14 +516,25 @@ TEST_F(MetavisionEventSourceTest, FindsALostCameraAgain) {
     ASSERT_OK_AND_ASSIGN(const auto last, source->Next());
     EXPECT_FALSE(last->clock_began_anew);
     EXPECT_EQ(camera->options.biases["bias_fo"].value, 7);
-    EXPECT_THAT(FakeBus::Get().opened, ElementsAre("Prophesee:hal_plugin_prophesee:00050423",
-                                                   "00050423", "00050423", "00050423", "00050423"));
+    EXPECT_THAT(FakeBus::Get().opened,
+                ElementsAre("00050423", "00050423", "00050423", "00050423", "00050423"));
     EXPECT_THAT(source->Refused(), ElementsAre(AllOf(Field(&Refusal::reason, "camera_lost"),
                                                      Field(&Refusal::count, 1u))));
     // The next capture begins without it.
     ASSERT_THAT(source->Start(target_), IsOk());
     EXPECT_THAT(source->Refused(), IsEmpty());
   }
+}
+
+TEST_F(MetavisionEventSourceTest, TheOnlyCameraIsLookedForByItsName) {
+  FakeBus::Get().Plug({.streams = {{.then = FakeStream::Then::kEnd}, {.pieces = {{1, 2}}}}});
+  ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(Options()));
+  FakeBus::Get().Plug({.serial = "another"});
+  ASSERT_THAT(source->Start(target_), IsOk());
+  ASSERT_OK_AND_ASSIGN(const auto chunk, source->Next());
+  ASSERT_TRUE(chunk);
+  const std::string name = "Prophesee:hal_plugin_prophesee:00050423";
+  EXPECT_THAT(FakeBus::Get().opened, ElementsAre(name, name));
 }
 
 TEST_F(MetavisionEventSourceTest, AStreamThatCannotBeginIsACameraLost) {

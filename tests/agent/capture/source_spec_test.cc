@@ -274,7 +274,7 @@ TEST(ParseSourceSpec, KnowsEveryKeyOfTheSampleConfiguration) {
   const TemporaryDirectory directory;
   ASSERT_OK_AND_ASSIGN(const AgentConfig config,
                        ReadAgentConfig(directory.WriteFile("agent.toml", text).string()));
-  ASSERT_EQ(config.cameras.size(), 2u);
+  ASSERT_EQ(config.cameras.size(), 3u);
   for (const CameraConfig& camera : config.cameras) EXPECT_THAT(ParseSourceSpec(camera), IsOk());
 }
 

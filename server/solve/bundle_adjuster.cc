@@ -120,14 +120,10 @@ int AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, Paramete
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     const BundleInstant& instant = problem.instants[i];
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const auto c = static_cast<size_t>(observation.camera);
       const auto k = static_cast<size_t>(observation.clock);
-      for (int m = 0; m < observation.marker_count; ++m) {
-        const BundleMarker& marker =
-            problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         if (!marker.used) continue;
         ceres_problem->AddResidualBlock(
             new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
@@ -295,11 +291,18 @@ absl::StatusOr<BundleSummary> SolveBundle(const BundleOptions& options, BundlePr
   }
 }
 
+Eigen::Vector2d CentreAtInstantPx(const BundleProblem& problem,
+                                  const BundleObservation& observation,
+                                  const BundleMarker& marker) {
+  const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
+  const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
+  return marker.centre_px - dt * marker.velocity_px_s;
+}
+
 bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant,
                       const BundleObservation& observation, const BundleMarker& marker,
                       Eigen::Vector2d* residual_px) {
   const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
-  const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
   const double position = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
   Eigen::Vector2d pixel;
   if (!ProjectWithJacobian(camera.model, camera.intrinsics.data(),
@@ -307,8 +310,7 @@ bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant
                            &pixel, nullptr, nullptr)) {
     return false;
   }
-  const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
-  *residual_px = pixel - (marker.centre_px - dt * marker.velocity_px_s);
+  *residual_px = pixel - CentreAtInstantPx(problem, observation, marker);
   return true;
 }
 

@@ -15,6 +15,10 @@ namespace rigcal::server {
 // see `converged`.
 absl::StatusOr<BundleSummary> SolveBundle(const BundleOptions& options, BundleProblem* problem);
 
+// u - dt u': where the marker would have been measured at the instant's time.
+Eigen::Vector2d CentreAtInstantPx(const BundleProblem& problem,
+                                  const BundleObservation& observation, const BundleMarker& marker);
+
 // Residual p - (u - dt u') of one marker in pixels, used or not. False where the camera cannot see
 // the marker.
 bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant,

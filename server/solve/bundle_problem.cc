@@ -55,18 +55,14 @@ absl::Status ValidateInstant(const BundleProblem& problem, size_t index) {
   if (!IsRun(instant.first_observation, instant.observation_count, problem.observations.size())) {
     return fault("observations out of range");
   }
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     if (observation.camera < 0 ||
         static_cast<size_t>(observation.camera) >= problem.cameras.size() ||
         observation.clock < 0 || static_cast<size_t>(observation.clock) >= problem.clocks.size() ||
         !IsRun(observation.first_marker, observation.marker_count, problem.markers.size())) {
       return fault("an observation whose camera, clock or markers are out of range");
     }
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       if (marker.marker < 0 ||
           static_cast<size_t>(marker.marker) >= problem.target.marker_positions_m.size()) {
         return fault("a marker that the target does not have");

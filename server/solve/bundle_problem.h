@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -109,11 +110,45 @@ struct BundleProblem {
   std::vector<BundleMarker> markers;
   std::optional<BundleDistance> distance;
 
+  // The runs that an instant and an observation own. What they refer to must be in range.
+  std::span<const BundleObservation> ObservationsOf(const BundleInstant& instant) const {
+    return {observations.data() + instant.first_observation,
+            static_cast<size_t>(instant.observation_count)};
+  }
+  std::span<BundleObservation> ObservationsOf(const BundleInstant& instant) {
+    return {observations.data() + instant.first_observation,
+            static_cast<size_t>(instant.observation_count)};
+  }
+  std::span<const BundleMarker> MarkersOf(const BundleObservation& observation) const {
+    return {markers.data() + observation.first_marker,
+            static_cast<size_t>(observation.marker_count)};
+  }
+  std::span<BundleMarker> MarkersOf(const BundleObservation& observation) {
+    return {markers.data() + observation.first_marker,
+            static_cast<size_t>(observation.marker_count)};
+  }
+  // Of a marker of this problem.
+  size_t IndexOf(const BundleMarker& marker) const {
+    return static_cast<size_t>(&marker - markers.data());
+  }
+
   // INVALID_ARGUMENT: an index out of range, a value that is not finite, no fixed camera, no fixed
   // clock while others are estimated, a target that is estimated without a prior, a distance that
   // is not positive or not between two cameras.
   absl::Status Validate() const;
 };
+
+// Calls function(observation, marker) for what of an instant is part of the cost.
+template <typename Function>
+void ForEachUsedMarker(const BundleProblem& problem, const BundleInstant& instant,
+                       const Function& function) {
+  if (!instant.used) return;
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      if (marker.used) function(observation, marker);
+    }
+  }
+}
 
 enum class BundleLoss : uint8_t { kNone = 0, kHuber = 1, kCauchy = 2 };
 

@@ -120,9 +120,7 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
                  "it saw the wand again nearer the moment that it shares with other cameras");
   }
   for (const BundleInstant& instant : problem.instants) {
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const std::string& camera = problem.cameras[static_cast<size_t>(observation.camera)].name;
       if (!instant.used) {
         refused->Add(camera, "instant_without_pose", 1,
@@ -132,8 +130,8 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
       refused->Add(camera, "label_turned", IsTurned(input.judged.solution, observation) ? 1 : 0,
                    "labels fit the other cameras when counted from the other end");
       uint32_t outliers = 0;
-      for (int m = 0; m < observation.marker_count; ++m) {
-        outliers += problem.markers[static_cast<size_t>(observation.first_marker + m)].used ? 0 : 1;
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        outliers += marker.used ? 0 : 1;
       }
       refused->Add(camera, "gross_outlier", outliers, "markers far from where the others put them");
     }

@@ -42,14 +42,10 @@ std::vector<Residuals> ComputeResiduals(const BundleProblem& problem) {
   std::vector<Residuals> residuals(count);
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const auto camera = static_cast<size_t>(observation.camera);
       ++residuals[camera].observation_count;
-      for (int m = 0; m < observation.marker_count; ++m) {
-        const BundleMarker& marker =
-            problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         if (!marker.used) ++residuals[camera].outlier_count;
         Eigen::Vector2d residual;
         if (!MarkerResidualPx(problem, instant, observation, marker, &residual)) continue;

@@ -46,9 +46,7 @@ std::vector<std::vector<int>> SharedInstants(const BundleProblem& problem) {
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
     std::vector<size_t> seen;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const auto first = problem.markers.begin() + observation.first_marker;
       if (std::any_of(first, first + observation.marker_count,
                       [](const BundleMarker& marker) { return marker.used; })) {

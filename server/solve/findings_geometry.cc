@@ -40,16 +40,12 @@ std::vector<Sighting> Sightings(const BundleProblem& problem) {
   }
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used || instant.observation_count < 2) continue;
-    const auto camera_of = [&](int o) {
-      const auto index = static_cast<size_t>(instant.first_observation + o);
-      return static_cast<size_t>(problem.observations[index].camera);
-    };
-    for (int i = 0; i < instant.observation_count; ++i) {
-      const size_t own = camera_of(i);
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      const auto own = static_cast<size_t>(observation.camera);
       const Eigen::Vector3d ray = instant.origin_m - centres[own];
       double widest = 0;
-      for (int j = 0; j < instant.observation_count; ++j) {
-        const size_t other = camera_of(j);
+      for (const BundleObservation& beside : problem.ObservationsOf(instant)) {
+        const auto other = static_cast<size_t>(beside.camera);
         if (other == own) continue;
         const Eigen::Vector3d other_ray = instant.origin_m - centres[other];
         // Rays that meet head on do not tell the distance either.

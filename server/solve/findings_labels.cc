@@ -19,8 +19,7 @@ bool FitsReversed(const BundleProblem& problem, const BundleInstant& instant,
                   const BundleObservation& observation, double limit) {
   const int last = static_cast<int>(problem.target.marker_positions_m.size()) - 1;
   bool fits_as_is = true;
-  for (int m = 0; m < observation.marker_count; ++m) {
-    const BundleMarker& marker = problem.markers[static_cast<size_t>(observation.first_marker + m)];
+  for (const BundleMarker& marker : problem.MarkersOf(observation)) {
     BundleMarker reversed = marker;
     reversed.marker = last - marker.marker;
     Eigen::Vector2d residual;
@@ -44,9 +43,7 @@ std::vector<Cause> FindSwappedMarkers(const CauseInput& input) {
   std::vector<Count> counts(problem.cameras.size());
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const bool turned = IsTurned(input.judged.solution, observation);
       if (observation.marker_count < 2 && !turned) continue;
       const auto c = static_cast<size_t>(observation.camera);

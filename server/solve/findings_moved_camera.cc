@@ -75,9 +75,7 @@ TrialProblem TakenApart(const TrialProblem& from, const Candidate& candidate) {
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     if (trial.instant_time_ns[i] < candidate.change.rig_time_ns) continue;
     const BundleInstant& instant = problem.instants[i];
-    for (int o = 0; o < instant.observation_count; ++o) {
-      BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (BundleObservation& observation : problem.ObservationsOf(instant)) {
       if (observation.camera == static_cast<int>(candidate.camera)) observation.camera = part;
     }
   }

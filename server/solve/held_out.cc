@@ -7,6 +7,7 @@
 
 #include "common/camera/camera_model.h"
 #include "server/solve/bundle_adjuster.h"
+#include "server/solve/inlier_views.h"
 #include "server/solve/outliers.h"
 #include "server/solve/projection_jacobian.h"
 #include "server/solve/sphere_centres.h"
@@ -41,47 +42,13 @@ BuiltProblem BuildForJudging(const RigObservations& rig, const RigSolution& solu
   return built;
 }
 
-struct LooView {
-  size_t camera;
-  int marker;
-  Eigen::Vector2d pixel;
-  PointView view;
-  bool has_ray;
-};
-
-std::vector<LooView> InlierViews(const BundleProblem& problem,
-                                 const std::vector<Intrinsics>& intrinsics,
-                                 const BundleInstant& instant) {
-  std::vector<LooView> views;
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
-    const auto camera = static_cast<size_t>(observation.camera);
-    const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
-    const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
-      if (!marker.used) continue;
-      const Eigen::Vector2d pixel = marker.centre_px - dt * marker.velocity_px_s;
-      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics[camera], pixel);
-      views.push_back(
-          {camera,
-           marker.marker,
-           pixel,
-           {problem.cameras[camera].cam_from_rig, ray.ok() ? *ray : Eigen::Vector2d::Zero()},
-           ray.ok()});
-    }
-  }
-  return views;
-}
-
 void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
                  const BundleInstant& instant, JudgedErrors* errors) {
-  const std::vector<LooView> views = InlierViews(problem, intrinsics, instant);
-  for (const LooView& left_out : views) {
+  const std::vector<InlierView> views = InlierViews(problem, intrinsics, instant);
+  for (const InlierView& left_out : views) {
+    const auto camera = static_cast<size_t>(left_out.camera);
     std::vector<PointView> others;
-    for (const LooView& view : views) {
+    for (const InlierView& view : views) {
       if (view.marker == left_out.marker && view.camera != left_out.camera && view.has_ray) {
         others.push_back(view.view);
       }
@@ -89,10 +56,10 @@ void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& in
     Eigen::Vector3d point;
     Eigen::Vector2d pixel;
     if (others.size() < 2 || !Triangulate(others, &point) ||
-        !Project(intrinsics[left_out.camera], left_out.view.cam_from_rig * point, &pixel)) {
+        !Project(intrinsics[camera], left_out.view.cam_from_rig * point, &pixel)) {
       continue;
     }
-    errors->leave_one_out_px[left_out.camera].push_back((pixel - left_out.pixel).norm());
+    errors->leave_one_out_px[camera].push_back((pixel - left_out.centre_px).norm());
   }
 }
 
@@ -138,25 +105,17 @@ JudgedErrors Judge(const RigObservations& rig, const RigSolution& solution,
   errors.instant_count = PlaceInstants(options.start_threshold_px, &problem);
   CorrectSphereCentres(rig.target, rig.tracks, solution.motions, IsMetric(rig, options), &built);
   ClassifyOutliers(options.outliers, &problem);
-  std::vector<Intrinsics> intrinsics;
-  for (const BundleCamera& camera : problem.cameras) {
-    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
-  }
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
-      for (int m = 0; m < observation.marker_count; ++m) {
-        const BundleMarker& marker =
-            problem.markers[static_cast<size_t>(observation.first_marker + m)];
-        Eigen::Vector2d residual;
-        if (!marker.used || !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-          continue;
-        }
-        errors.reprojection_px[static_cast<size_t>(observation.camera)].push_back(residual.norm());
-      }
-    }
+    ForEachUsedMarker(problem, instant,
+                      [&](const BundleObservation& observation, const BundleMarker& marker) {
+                        Eigen::Vector2d residual;
+                        if (!MarkerResidualPx(problem, instant, observation, marker, &residual))
+                          return;
+                        errors.reprojection_px[static_cast<size_t>(observation.camera)].push_back(
+                            residual.norm());
+                      });
     LeaveOneOut(problem, intrinsics, instant, &errors);
   }
   errors.lengths = MeasureLengths(problem, problem.target.marker_positions_m, 3);

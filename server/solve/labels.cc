@@ -23,12 +23,10 @@ class LabelJudge {
         problem_(problem),
         instant_time_ns_(instant_time_ns),
         last_label_(static_cast<int>(problem.target.marker_positions_m.size()) - 1),
-        has_pose_(problem.cameras.size(), true) {
+        has_pose_(problem.cameras.size(), true),
+        intrinsics_(CurrentIntrinsics(problem)) {
     for (const double scale : CameraScales(problem, outliers)) {
       limits_.push_back(outliers.sigmas * scale);
-    }
-    for (const BundleCamera& camera : problem.cameras) {
-      intrinsics_.push_back(FromVector(camera.model, camera.intrinsics));
     }
   }
 
@@ -55,8 +53,7 @@ class LabelJudge {
     const BundleObservation& observation = problem_.observations[static_cast<size_t>(index)];
     const double limit = limits_[static_cast<size_t>(observation.camera)];
     double score = 0;
-    for (int m = 0; m < observation.marker_count; ++m) {
-      BundleMarker marker = problem_.markers[static_cast<size_t>(observation.first_marker + m)];
+    for (BundleMarker marker : problem_.MarkersOf(observation)) {
       if (turned) marker.marker = last_label_ - marker.marker;
       Eigen::Vector2d residual;
       double share = 1;
@@ -168,13 +165,11 @@ class LabelJudge {
     small.target = problem_.target;
     small.instants = {instant};
     small.instants.front().first_observation = 0;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      BundleObservation observation =
-          problem_.observations[static_cast<size_t>(instant.first_observation + o)];
-      const auto begin = problem_.markers.begin() + observation.first_marker;
-      observation.first_marker = static_cast<int>(small.markers.size());
-      small.markers.insert(small.markers.end(), begin, begin + observation.marker_count);
+    for (const BundleObservation& observation : problem_.ObservationsOf(instant)) {
+      const auto markers = problem_.MarkersOf(observation);
       small.observations.push_back(observation);
+      small.observations.back().first_marker = static_cast<int>(small.markers.size());
+      small.markers.insert(small.markers.end(), markers.begin(), markers.end());
     }
     for (BundleMarker& marker : small.markers) marker.used = true;
     return small;
@@ -185,8 +180,8 @@ class LabelJudge {
   const std::vector<int64_t>& instant_time_ns_;
   const int last_label_;
   const std::vector<bool> has_pose_;
+  const std::vector<Intrinsics> intrinsics_;
   std::vector<double> limits_;  // by camera
-  std::vector<Intrinsics> intrinsics_;
 };
 
 }  // namespace
@@ -200,8 +195,7 @@ std::vector<int> FindReversedLabels(const LabelOptions& options, const OutlierOp
 void TurnLabels(int observation, BundleProblem* problem) {
   const BundleObservation& entry = problem->observations[static_cast<size_t>(observation)];
   const int last_label = static_cast<int>(problem->target.marker_positions_m.size()) - 1;
-  for (int m = 0; m < entry.marker_count; ++m) {
-    BundleMarker& marker = problem->markers[static_cast<size_t>(entry.first_marker + m)];
+  for (BundleMarker& marker : problem->MarkersOf(entry)) {
     marker.marker = last_label - marker.marker;
     marker.used = true;
   }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "common/camera/camera_model.h"
+#include "server/solve/inlier_views.h"
 #include "server/solve/projection_jacobian.h"
 #include "server/solve/triangulation.h"
 
@@ -17,22 +17,8 @@ MarkerPoints TriangulateMarkers(const BundleProblem& problem,
                                 const std::vector<Intrinsics>& intrinsics,
                                 const BundleInstant& instant, int min_cameras) {
   std::vector<std::vector<PointView>> views(problem.target.marker_positions_m.size());
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
-    const auto camera = static_cast<size_t>(observation.camera);
-    const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
-    const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
-      if (!marker.used) continue;
-      const absl::StatusOr<Eigen::Vector2d> ray =
-          Undistort(intrinsics[camera], marker.centre_px - dt * marker.velocity_px_s);
-      if (!ray.ok()) continue;
-      views[static_cast<size_t>(marker.marker)].push_back(
-          {problem.cameras[camera].cam_from_rig, *ray});
-    }
+  for (const InlierView& seen : InlierViews(problem, intrinsics, instant)) {
+    if (seen.has_ray) views[static_cast<size_t>(seen.marker)].push_back(seen.view);
   }
   MarkerPoints points(views.size());
   for (size_t m = 0; m < views.size(); ++m) {
@@ -49,10 +35,7 @@ MarkerPoints TriangulateMarkers(const BundleProblem& problem,
 LengthErrors MeasureLengths(const BundleProblem& problem,
                             const std::vector<double>& expected_positions_m, int min_cameras,
                             const std::vector<bool>& select) {
-  std::vector<Intrinsics> intrinsics;
-  for (const BundleCamera& camera : problem.cameras) {
-    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
-  }
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   LengthErrors result;
   result.errors_m.resize(expected_positions_m.empty() ? 0 : expected_positions_m.size() - 1);
   for (size_t i = 0; i < problem.instants.size(); ++i) {

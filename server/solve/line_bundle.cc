@@ -60,13 +60,9 @@ absl::Status UnseenMarker(const BundleProblem& problem) {
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     const BundleInstant& instant = problem.instants[i];
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
-      for (int m = 0; m < observation.marker_count; ++m) {
-        const BundleMarker& marker =
-            problem.markers[static_cast<size_t>(observation.first_marker + m)];
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         const double position =
             problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
         Eigen::Vector2d pixel;

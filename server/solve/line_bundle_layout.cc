@@ -85,8 +85,8 @@ LineBundleLayout LayOut(const BundleProblem& problem) {
   const size_t clock_count = problem.clocks.size();
   layout.clock_count = static_cast<int>(clock_count);
   layout.view_index.assign(problem.cameras.size() * clock_count, -1);
-  for (size_t i = 0; i < problem.instants.size(); ++i) {
-    ForEachUsedMarker(problem, static_cast<int>(i),
+  for (const BundleInstant& instant : problem.instants) {
+    ForEachUsedMarker(problem, instant,
                       [&layout](const BundleObservation& observation, const BundleMarker&) {
                         layout.ViewIndex(observation.camera, observation.clock) = 0;
                       });

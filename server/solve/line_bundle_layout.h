@@ -54,20 +54,4 @@ struct LineBundleLayout {
 
 LineBundleLayout LayOut(const BundleProblem& problem);
 
-// Calls function(observation, marker) for what of an instant is part of the cost.
-template <typename Function>
-void ForEachUsedMarker(const BundleProblem& problem, int instant, const Function& function) {
-  const BundleInstant& owner = problem.instants[static_cast<size_t>(instant)];
-  if (!owner.used) return;
-  for (int o = 0; o < owner.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(owner.first_observation + o)];
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
-      if (marker.used) function(observation, marker);
-    }
-  }
-}
-
 }  // namespace rigcal::server

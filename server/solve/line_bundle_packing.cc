@@ -44,7 +44,7 @@ class GroupPlacer {
     drafts_.clear();
     placements_.clear();
     for (int lane = 0; lane < count; ++lane) {
-      ForEachUsedMarker(problem_, instants[lane],
+      ForEachUsedMarker(problem_, problem_.instants[static_cast<size_t>(instants[lane])],
                         [&](const BundleObservation& observation, const BundleMarker& marker) {
                           const size_t draft = FindDraft(observation, marker.marker, lane);
                           placements_.push_back({&observation, &marker, draft, lane});
@@ -185,7 +185,7 @@ PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout) {
   packed.marker_count = static_cast<int>(problem.target.marker_positions_m.size());
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     bool any = false;
-    ForEachUsedMarker(problem, static_cast<int>(i),
+    ForEachUsedMarker(problem, problem.instants[i],
                       [&any](const BundleObservation&, const BundleMarker&) { any = true; });
     if (any) packed.instants.push_back(static_cast<int>(i));
   }

@@ -17,11 +17,8 @@ template <typename Problem, typename Visit>
 void ForEachResidual(Problem& problem, Visit visit) {
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
-      for (int m = 0; m < observation.marker_count; ++m) {
-        auto& marker = problem.markers[static_cast<size_t>(observation.first_marker + m)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      for (auto& marker : problem.MarkersOf(observation)) {
         Eigen::Vector2d residual;
         double norm = std::numeric_limits<double>::infinity();
         if (MarkerResidualPx(problem, instant, observation, marker, &residual)) {
@@ -36,13 +33,10 @@ void ForEachResidual(Problem& problem, Visit visit) {
 bool SaysSomething(const BundleProblem& problem, const BundleInstant& instant,
                    const OutlierOptions& options) {
   int inliers = 0, outliers = 0, cameras = 0;
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     const int before = inliers;
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const bool used = problem.markers[static_cast<size_t>(observation.first_marker + m)].used;
-      ++(used ? inliers : outliers);
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      ++(marker.used ? inliers : outliers);
     }
     cameras += inliers > before ? 1 : 0;
   }

@@ -34,9 +34,7 @@ std::vector<PointViews> AllViews(const BundleProblem& problem,
   std::vector<PointViews> all;
   for (const BundleInstant& instant : problem.instants) {
     PointViews views;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       if (observation.marker_count == 0) continue;
       const auto m = static_cast<size_t>(observation.first_marker);
       if (problem.markers[m].used && rays[m].allFinite()) {

@@ -93,6 +93,14 @@ Intrinsics FromVector(DistortionModel model, const IntrinsicsVector& values) {
   return intrinsics;
 }
 
+std::vector<Intrinsics> CurrentIntrinsics(const BundleProblem& problem) {
+  std::vector<Intrinsics> intrinsics;
+  for (const BundleCamera& camera : problem.cameras) {
+    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
+  }
+  return intrinsics;
+}
+
 bool ProjectWithJacobian(DistortionModel model, const double* intrinsics,
                          const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel,
                          Eigen::Matrix<double, 2, 3>* d_point, IntrinsicsJacobian* d_intrinsics) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "common/camera/intrinsics.h"
 #include "server/solve/bundle_problem.h"
@@ -15,6 +16,8 @@ using IntrinsicsJacobian = Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::ColMa
 int IntrinsicsSize(DistortionModel model);
 IntrinsicsVector ToVector(const Intrinsics& intrinsics);
 Intrinsics FromVector(DistortionModel model, const IntrinsicsVector& values);
+// Of each camera of a problem, by index.
+std::vector<Intrinsics> CurrentIntrinsics(const BundleProblem& problem);
 
 // The projection of common/camera/camera_model.h with its derivatives, for the inner loop of a
 // solver: intrinsics as IntrinsicsSize(model) plain values. `d_point` (d pixel / d x_in_cam) and

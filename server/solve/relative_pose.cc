@@ -299,13 +299,10 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
     for (int o = 0; o < 2; ++o) {
       const BundleObservation& observation =
           problem.observations[static_cast<size_t>(instant.first_observation + o)];
-      for (int m = 0; m < observation.marker_count; ++m) {
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         Eigen::Vector2d residual;
         const bool seen =
-            instant.used &&
-            MarkerResidualPx(problem, instant, observation,
-                             problem.markers[static_cast<size_t>(observation.first_marker + m)],
-                             &residual);
+            instant.used && MarkerResidualPx(problem, instant, observation, marker, &residual);
         errors.push_back(seen ? residual.norm() : std::numeric_limits<double>::infinity());
         worst = std::max(worst, errors.back());
       }

@@ -38,13 +38,11 @@ std::vector<Sight> SightsOf(const BundleProblem& problem, const std::vector<Eige
       std::vector<PointView> views;
       std::vector<double> focal_px;
       std::optional<Eigen::Vector2d> own;
-      for (int o = 0; o < instant.observation_count; ++o) {
-        const BundleObservation& observation =
-            problem.observations[static_cast<size_t>(instant.first_observation + o)];
+      for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
         const auto c = static_cast<size_t>(observation.camera);
-        for (int i = 0; i < observation.marker_count; ++i) {
-          const auto m = static_cast<size_t>(observation.first_marker + i);
-          if (problem.markers[m].marker != static_cast<int>(k) || !rays[m].allFinite()) continue;
+        for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+          const size_t m = problem.IndexOf(marker);
+          if (marker.marker != static_cast<int>(k) || !rays[m].allFinite()) continue;
           if (observation.camera == camera) own = rays[m];
           if (!trusted[c]) continue;
           views.push_back({problem.cameras[c].cam_from_rig, rays[m]});
@@ -135,9 +133,8 @@ double PairAgreement(const BundleProblem& problem, const std::vector<Eigen::Vect
   std::vector<const BundleInstant*> shared;
   for (const BundleInstant& instant : problem.instants) {
     int seen = 0;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const auto index = static_cast<size_t>(instant.first_observation + o);
-      seen += has_pose[static_cast<size_t>(problem.observations[index].camera)] ? 1 : 0;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      seen += has_pose[static_cast<size_t>(observation.camera)] ? 1 : 0;
     }
     if (seen == 2) shared.push_back(&instant);
   }
@@ -190,13 +187,9 @@ Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& o
   Agreement agreement;
   int count = 0;
   for (const BundleInstant& instant : problem.instants) {
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const auto c = static_cast<size_t>(observation.camera);
-      for (int i = 0; i < observation.marker_count; ++i) {
-        const BundleMarker& marker =
-            problem.markers[static_cast<size_t>(observation.first_marker + i)];
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         Eigen::Vector2d residual;
         const bool placed = MarkerResidualPx(problem, instant, observation, marker, &residual);
         const double error_px = placed ? residual.norm() : options.truncation_px;

@@ -226,18 +226,14 @@ class RigSolver {
   void ExcludeFromMotion() {
     for (const BundleInstant& instant : problem().instants) {
       if (!instant.used) continue;
-      for (int o = 0; o < instant.observation_count; ++o) {
-        const BundleObservation& observation =
-            problem().observations[static_cast<size_t>(instant.first_observation + o)];
-        for (int m = 0; m < observation.marker_count; ++m) {
-          const auto index = static_cast<size_t>(observation.first_marker + m);
-          const BundleMarker& marker = problem().markers[index];
+      for (const BundleObservation& observation : problem().ObservationsOf(instant)) {
+        for (const BundleMarker& marker : problem().MarkersOf(observation)) {
           Eigen::Vector2d residual;
           if (MarkerResidualPx(problem(), instant, observation, marker, &residual) &&
               residual.norm() < kWildPx) {
             continue;
           }
-          const MarkerSource& source = solution_.built.sources[index];
+          const MarkerSource& source = solution_.built.sources[problem().IndexOf(marker)];
           solution_.motions[static_cast<size_t>(source.track)].Exclude(source.observation,
                                                                        marker.marker);
         }

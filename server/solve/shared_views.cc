@@ -20,9 +20,7 @@ constexpr double kLowQuantile = 0.05, kHighQuantile = 0.95;
 // The camera's observation in this instant; none: null.
 const BundleObservation* ObservationBy(const BundleProblem& problem, const BundleInstant& instant,
                                        int camera) {
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     if (observation.camera == camera && observation.marker_count > 0) return &observation;
   }
   return nullptr;
@@ -85,9 +83,8 @@ std::string DescribeSharedViews(const BundleProblem& problem, int a, int b) {
           ObservationBy(problem, instant, camera == a ? b : a) == nullptr) {
         continue;
       }
-      for (int m = 0; m < observation->marker_count; ++m) {
-        const Eigen::Vector2d& centre_px =
-            problem.markers[static_cast<size_t>(observation->first_marker + m)].centre_px;
+      for (const BundleMarker& marker : problem.MarkersOf(*observation)) {
+        const Eigen::Vector2d& centre_px = marker.centre_px;
         if (!centre_px.allFinite()) continue;
         x.push_back((centre_px.x() - own.intrinsics[2]) / own.intrinsics[0]);
         y.push_back((centre_px.y() - own.intrinsics[3]) / own.intrinsics[1]);
@@ -104,19 +101,16 @@ std::string DescribeLostCameras(const BundleProblem& problem, int min_views) {
   std::vector<int> views(count, 0), agreeing(count, 0);
   std::vector<std::vector<int>> shared(count, std::vector<int>(count, 0));
   for (const BundleInstant& instant : problem.instants) {
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const auto first = static_cast<size_t>(instant.first_observation);
-      const BundleObservation& own = problem.observations[first + static_cast<size_t>(o)];
+    for (const BundleObservation& own : problem.ObservationsOf(instant)) {
       const auto c = static_cast<size_t>(own.camera);
       bool used = false;
-      for (int m = 0; m < own.marker_count && instant.used; ++m) {
-        used = used || problem.markers[static_cast<size_t>(own.first_marker + m)].used;
+      for (const BundleMarker& marker : problem.MarkersOf(own)) {
+        used = used || (instant.used && marker.used);
       }
       ++views[c];
       agreeing[c] += used ? 1 : 0;
-      for (int i = 0; i < instant.observation_count; ++i) {
-        ++shared[c]
-                [static_cast<size_t>(problem.observations[first + static_cast<size_t>(i)].camera)];
+      for (const BundleObservation& other : problem.ObservationsOf(instant)) {
+        ++shared[c][static_cast<size_t>(other.camera)];
       }
     }
   }

@@ -24,21 +24,14 @@ int CorrectSphereCentres(const Target& target, const std::vector<AlignedTrack>& 
                          BuiltProblem* built) {
   if (!(target.diameter_m > 0) || !is_metric) return 0;
   BundleProblem& problem = built->problem;
-  std::vector<Intrinsics> intrinsics;
-  for (const BundleCamera& camera : problem.cameras) {
-    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
-  }
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   int count = 0;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const auto camera = static_cast<size_t>(observation.camera);
-      for (int m = 0; m < observation.marker_count; ++m) {
-        const auto index = static_cast<size_t>(observation.first_marker + m);
-        BundleMarker& marker = problem.markers[index];
-        const MarkerSource& source = built->sources[index];
+      for (BundleMarker& marker : problem.MarkersOf(observation)) {
+        const MarkerSource& source = built->sources[problem.IndexOf(marker)];
         const auto t = static_cast<size_t>(source.track);
         if (!IsImageBlob(tracks[t], motions[t], source.observation, marker.marker)) continue;
         const Eigen::Vector3d at =

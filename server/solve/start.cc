@@ -36,21 +36,19 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
   std::vector<PairInstant> shared;
   for (const BundleInstant& instant : problem.instants) {
     const BundleObservation *left = nullptr, *right = nullptr;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       if (observation.camera == a) left = &observation;
       if (observation.camera == b) right = &observation;
     }
     if (left == nullptr || right == nullptr) continue;
     PairInstant pair;
-    for (int i = 0; i < left->marker_count; ++i) {
-      for (int j = 0; j < right->marker_count; ++j) {
-        const auto l = static_cast<size_t>(left->first_marker + i);
-        const auto r = static_cast<size_t>(right->first_marker + j);
-        if (problem.markers[l].marker == problem.markers[r].marker && problem.markers[l].used &&
-            problem.markers[r].used && rays[l].allFinite() && rays[r].allFinite()) {
-          pair.push_back({problem.markers[l].marker, rays[l], rays[r]});
+    for (const BundleMarker& in_left : problem.MarkersOf(*left)) {
+      const Eigen::Vector2d& left_ray = rays[problem.IndexOf(in_left)];
+      for (const BundleMarker& in_right : problem.MarkersOf(*right)) {
+        const Eigen::Vector2d& right_ray = rays[problem.IndexOf(in_right)];
+        if (in_left.marker == in_right.marker && in_left.used && in_right.used &&
+            left_ray.allFinite() && right_ray.allFinite()) {
+          pair.push_back({in_left.marker, left_ray, right_ray});
         }
       }
     }
@@ -70,14 +68,11 @@ OverlapGraph MakeGraph(const BundleProblem& problem, const StartOptions& options
   graph.view_counts.assign(count, 0);
   graph.shared_counts.assign(count, std::vector<int>(count, 0));
   for (const BundleInstant& instant : problem.instants) {
-    for (int i = 0; i < instant.observation_count; ++i) {
-      const auto first = static_cast<size_t>(instant.first_observation);
-      const auto a =
-          static_cast<size_t>(problem.observations[first + static_cast<size_t>(i)].camera);
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      const auto a = static_cast<size_t>(observation.camera);
       ++graph.view_counts[a];
-      for (int j = 0; j < instant.observation_count; ++j) {
-        const auto b =
-            static_cast<size_t>(problem.observations[first + static_cast<size_t>(j)].camera);
+      for (const BundleObservation& other : problem.ObservationsOf(instant)) {
+        const auto b = static_cast<size_t>(other.camera);
         if (a != b) ++graph.shared_counts[a][b];
       }
     }
@@ -134,12 +129,8 @@ void ChainPoses(const std::vector<OverlapEdge>& edges, BundleProblem* problem) {
 
 double RobustCost(const BundleProblem& problem, const BundleInstant& instant, double limit_px) {
   double cost = 0;
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       if (!marker.used) continue;
       Eigen::Vector2d residual;
       const bool seen = MarkerResidualPx(problem, instant, observation, marker, &residual);
@@ -151,12 +142,8 @@ double RobustCost(const BundleProblem& problem, const BundleInstant& instant, do
 
 // A used marker behind its camera would stop the bundle adjustment; such an instant is not placed.
 bool IsBeforeItsCameras(const BundleProblem& problem, const BundleInstant& instant) {
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       Eigen::Vector2d residual;
       if (marker.used && !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
         return false;
@@ -168,12 +155,8 @@ bool IsBeforeItsCameras(const BundleProblem& problem, const BundleInstant& insta
 
 // Every used marker is within the threshold.
 bool Agrees(const BundleProblem& problem, const BundleInstant& instant, double threshold_px) {
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& marker =
-          problem.markers[static_cast<size_t>(observation.first_marker + m)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       Eigen::Vector2d residual;
       if (marker.used && (!MarkerResidualPx(problem, instant, observation, marker, &residual) ||
                           !(residual.norm() < threshold_px))) {
@@ -220,10 +203,7 @@ absl::Status SettlePoses(const StartOptions& options, BundleProblem* problem) {
 
 int PlaceInstants(double threshold_px, BundleProblem* problem) {
   Rays rays(problem->markers.size());
-  std::vector<Intrinsics> intrinsics;
-  for (const BundleCamera& camera : problem->cameras) {
-    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
-  }
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(*problem);
   const std::vector<bool> has_pose(problem->cameras.size(), true);
   WandFitOptions fit;
   fit.truncation_px = 2 * threshold_px;

@@ -33,14 +33,11 @@ struct TimedPoint {
 std::vector<PointView> ViewsOf(const BundleProblem& problem, const BundleInstant& instant,
                                int marker, int clock, double* focal_px) {
   std::vector<PointView> views;
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     if (observation.clock == clock) continue;
     const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
     const Intrinsics intrinsics = FromVector(camera.model, camera.intrinsics);
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const BundleMarker& seen = problem.markers[static_cast<size_t>(observation.first_marker + m)];
+    for (const BundleMarker& seen : problem.MarkersOf(observation)) {
       if (seen.marker != marker) continue;
       const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics, seen.centre_px);
       if (ray.ok()) views.push_back({camera.cam_from_rig, *ray});

@@ -69,11 +69,9 @@ void ForEachMarker(const BundleProblem& problem, Visit visit) {
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     const BundleInstant& instant = problem.instants[i];
     if (!instant.used) continue;
-    for (int o = 0; o < instant.observation_count; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
-      for (int m = 0; m < observation.marker_count; ++m) {
-        visit(i, observation, static_cast<size_t>(observation.first_marker + m));
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        visit(i, observation, problem.IndexOf(marker));
       }
     }
   }

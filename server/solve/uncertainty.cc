@@ -62,16 +62,12 @@ struct SquaredNorm {
 std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleInstant& instant) {
   const BundleProblem& problem = built.problem;
   std::vector<SquaredNorm> squares;
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const auto index = static_cast<size_t>(observation.first_marker + m);
-      const BundleMarker& marker = problem.markers[index];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       Eigen::Vector2d residual;
       if (marker.used && MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-        squares.push_back(
-            {(marker.sqrt_information * residual).squaredNorm(), built.sources[index].noise_share});
+        squares.push_back({(marker.sqrt_information * residual).squaredNorm(),
+                           built.sources[problem.IndexOf(marker)].noise_share});
       }
     }
   }

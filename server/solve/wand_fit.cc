@@ -24,17 +24,14 @@ struct Score {
   int markers = 0;
 };
 
-// Calls visit(observation, marker, marker's index) for each used marker of posed cameras.
+// Calls visit(observation, marker) for each used marker of posed cameras, used instant or not.
 template <typename Visit>
 void ForEachMarker(const BundleProblem& problem, const std::vector<bool>& has_pose,
                    const BundleInstant& instant, Visit visit) {
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const auto index = static_cast<size_t>(observation.first_marker + m);
-      if (problem.markers[index].used) visit(observation, problem.markers[index], index);
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      if (marker.used) visit(observation, marker);
     }
   }
 }
@@ -45,7 +42,7 @@ Score Evaluate(const BundleProblem& problem, const std::vector<bool>& has_pose,
   score.cost = 0;
   const double limit = options.truncation_px * options.truncation_px;
   ForEachMarker(problem, has_pose, instant,
-                [&](const BundleObservation& observation, const BundleMarker& marker, size_t) {
+                [&](const BundleObservation& observation, const BundleMarker& marker) {
                   Eigen::Vector2d residual;
                   ++score.markers;
                   if (!MarkerResidualPx(problem, instant, observation, marker, &residual) ||
@@ -72,16 +69,14 @@ std::vector<MarkerPoint> CommonMarkers(const BundleProblem& problem,
   const auto pose = [&problem](const BundleObservation& observation) -> const RigidTransform& {
     return problem.cameras[static_cast<size_t>(observation.camera)].cam_from_rig;
   };
-  for (int i = 0; i < a.marker_count; ++i) {
-    const auto index_a = static_cast<size_t>(a.first_marker + i);
-    for (int j = 0; j < b.marker_count; ++j) {
-      const auto index_b = static_cast<size_t>(b.first_marker + j);
-      const BundleMarker& marker_a = problem.markers[index_a];
-      const BundleMarker& marker_b = problem.markers[index_b];
+  for (const BundleMarker& marker_a : problem.MarkersOf(a)) {
+    const Eigen::Vector2d& ray_a = rays[problem.IndexOf(marker_a)];
+    for (const BundleMarker& marker_b : problem.MarkersOf(b)) {
+      const Eigen::Vector2d& ray_b = rays[problem.IndexOf(marker_b)];
       if (marker_a.marker != marker_b.marker || !marker_a.used || !marker_b.used) continue;
-      if (!rays[index_a].allFinite() || !rays[index_b].allFinite()) continue;
+      if (!ray_a.allFinite() || !ray_b.allFinite()) continue;
       Eigen::Vector3d point;
-      if (TriangulatePair({pose(a), rays[index_a]}, {pose(b), rays[index_b]}, &point)) {
+      if (TriangulatePair({pose(a), ray_a}, {pose(b), ray_b}, &point)) {
         points.push_back(
             {problem.target.marker_positions_m[static_cast<size_t>(marker_a.marker)], point});
       }
@@ -144,7 +139,7 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
     Eigen::Matrix<double, 5, 1> gradient = Eigen::Matrix<double, 5, 1>::Zero();
     ForEachMarker(
         problem, has_pose, *instant,
-        [&](const BundleObservation& observation, const BundleMarker& marker, size_t) {
+        [&](const BundleObservation& observation, const BundleMarker& marker) {
           const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
           const double s = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
           Eigen::Vector2d pixel, residual;
@@ -175,14 +170,11 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
 
 void UndistortInstant(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
                       const BundleInstant& instant, std::vector<Eigen::Vector2d>* rays) {
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const BundleObservation& observation =
-        problem.observations[static_cast<size_t>(instant.first_observation + o)];
-    for (int m = 0; m < observation.marker_count; ++m) {
-      const auto index = static_cast<size_t>(observation.first_marker + m);
-      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(
-          intrinsics[static_cast<size_t>(observation.camera)], problem.markers[index].centre_px);
-      (*rays)[index] =
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      const absl::StatusOr<Eigen::Vector2d> ray =
+          Undistort(intrinsics[static_cast<size_t>(observation.camera)], marker.centre_px);
+      (*rays)[problem.IndexOf(marker)] =
           ray.ok() ? *ray : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
     }
   }
@@ -190,10 +182,7 @@ void UndistortInstant(const BundleProblem& problem, const std::vector<Intrinsics
 
 std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem) {
   std::vector<Eigen::Vector2d> rays(problem.markers.size());
-  std::vector<Intrinsics> intrinsics;
-  for (const BundleCamera& camera : problem.cameras) {
-    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
-  }
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   for (const BundleInstant& instant : problem.instants) {
     UndistortInstant(problem, intrinsics, instant, &rays);
   }

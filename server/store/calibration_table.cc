@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/calibration_table.h"
 
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -10,6 +9,7 @@
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_wire.h"
 #include "server/store/record_checksum.h"
+#include "server/store/record_table.h"
 #include "server/store/sqlite_connection.h"
 #include "server/store/sqlite_schema.h"
 
@@ -21,14 +21,7 @@ absl::Status NoCalibration(std::string_view id) {
 }
 
 absl::StatusOr<Calibration> ParseRow(SQLite::Statement& row) {
-  const std::string record = absl::StrCat("calibration ", row.getColumn(0).getString());
-  RIGCAL_ASSIGN_OR_RETURN(const std::string_view body, CheckedBody(row, 1, record));
-  absl::StatusOr<Calibration> calibration = wire::ParseCalibration(body);
-  if (!calibration.ok()) {
-    return absl::DataLossError(absl::StrCat("the record of ", record, " cannot be read: ",
-                                            std::string(calibration.status().message())));
-  }
-  return calibration;
+  return ParseRecord(row, "calibration", wire::ParseCalibration);
 }
 
 absl::StatusOr<int64_t> CalibrationNumber(SQLite::Database& database, std::string_view id) {
@@ -102,28 +95,17 @@ absl::StatusOr<Calibration> FindCalibration(SQLite::Database& database, std::str
 absl::StatusOr<std::vector<Calibration>> ListCalibrations(SQLite::Database& database,
                                                           std::string_view rig, int limit,
                                                           std::string_view before) {
-  if (limit < 1) {
-    return absl::InvalidArgumentError(absl::StrCat("limit is ", limit, "; at least 1 is needed"));
-  }
-  int64_t before_number = std::numeric_limits<int64_t>::max();
-  if (!before.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(before_number, CalibrationNumber(database, before));
-  }
-  SQLite::Statement query(
-      database, rig.empty() ? "SELECT id, body, checksum FROM calibration WHERE number<?1 "
-                              "ORDER BY number DESC LIMIT ?2"
-                            : "SELECT id, body, checksum FROM calibration WHERE number<?1 "
-                              "AND rig=?3 ORDER BY number DESC LIMIT ?2");
-  query.bind(1, before_number);
-  query.bind(2, limit);
-  if (!rig.empty()) BindText(query, 3, rig);
   std::vector<Calibration> calibrations;
-  while (query.executeStep()) {
-    RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, ParseRow(query));
+  const auto number_of = [&](std::string_view id) { return CalibrationNumber(database, id); };
+  const auto take = [&](SQLite::Statement& row) -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, ParseRow(row));
     // Megabytes each with many cameras; only a calibration asked for by its id needs it.
     if (calibration.result) calibration.result->camera_covariance = {};
     calibrations.push_back(std::move(calibration));
-  }
+    return absl::OkStatus();
+  };
+  RIGCAL_RETURN_IF_ERROR(
+      ForEachRecord(database, {"calibration", rig, limit, before}, number_of, take));
   return calibrations;
 }
 

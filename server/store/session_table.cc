@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/session_table.h"
 
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -12,6 +11,7 @@
 #include "common/status/status_macros.h"
 #include "common/wire/session_wire.h"
 #include "server/store/record_checksum.h"
+#include "server/store/record_table.h"
 #include "server/store/sqlite_connection.h"
 #include "server/store/sqlite_schema.h"
 
@@ -45,14 +45,7 @@ std::string NewSessionId(SQLite::Database& database) {
 }
 
 absl::StatusOr<Session> ParseRow(SQLite::Statement& row) {
-  const std::string record = absl::StrCat("session ", row.getColumn(0).getString());
-  RIGCAL_ASSIGN_OR_RETURN(const std::string_view body, CheckedBody(row, 1, record));
-  absl::StatusOr<Session> session = wire::ParseSession(body);
-  if (!session.ok()) {
-    return absl::DataLossError(absl::StrCat(
-        "the record of ", record, " cannot be read: ", std::string(session.status().message())));
-  }
-  return session;
+  return ParseRecord(row, "session", wire::ParseSession);
 }
 
 // Makes session_camera hold exactly the session's cameras.
@@ -178,26 +171,14 @@ absl::StatusOr<Session> FindSession(SQLite::Database& database, std::string_view
 
 absl::StatusOr<std::vector<Session>> ListSessions(SQLite::Database& database, std::string_view rig,
                                                   int limit, std::string_view before) {
-  if (limit < 1) {
-    return absl::InvalidArgumentError(absl::StrCat("limit is ", limit, "; at least 1 is needed"));
-  }
-  int64_t before_number = std::numeric_limits<int64_t>::max();
-  if (!before.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(before_number, NumberForPaging(database, before));
-  }
-  SQLite::Statement query(
-      database, rig.empty() ? "SELECT id, body, checksum FROM session WHERE number<?1 "
-                              "ORDER BY number DESC LIMIT ?2"
-                            : "SELECT id, body, checksum FROM session WHERE number<?1 AND rig=?3 "
-                              "ORDER BY number DESC LIMIT ?2");
-  query.bind(1, before_number);
-  query.bind(2, limit);
-  if (!rig.empty()) BindText(query, 3, rig);
   std::vector<Session> sessions;
-  while (query.executeStep()) {
-    RIGCAL_ASSIGN_OR_RETURN(Session session, ParseRow(query));
+  const auto number_of = [&](std::string_view id) { return NumberForPaging(database, id); };
+  const auto take = [&](SQLite::Statement& row) -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(Session session, ParseRow(row));
     sessions.push_back(std::move(session));
-  }
+    return absl::OkStatus();
+  };
+  RIGCAL_RETURN_IF_ERROR(ForEachRecord(database, {"session", rig, limit, before}, number_of, take));
   return sessions;
 }
 

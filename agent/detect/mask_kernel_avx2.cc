@@ -1,16 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// Only intrinsics and functions of this file: code of others compiled here could end up being used
-// on a CPU without AVX2.
+// Only intrinsics, functions of this file and templates over its types: code of others compiled
+// here could end up being used on a CPU without AVX2.
 #include <immintrin.h>
 
 #include "agent/detect/mask_kernel.h"
+#include "agent/detect/mask_kernel_rows.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr int kLanes = 32;
-constexpr int kBlock = 64;  // pixels of a word
-constexpr int kCacheLine = 64;
+struct Avx2 {
+  using Register = __m256i;
+
+  static constexpr int kLanes = 32;
+
+  static Register Spread(uint8_t level) { return _mm256_set1_epi8(static_cast<char>(level)); }
+  static Register Low(Register bytes) {
+    return _mm256_unpacklo_epi8(bytes, _mm256_setzero_si256());
+  }
+  static Register High(Register bytes) {
+    return _mm256_unpackhi_epi8(bytes, _mm256_setzero_si256());
+  }
+  static Register Spread16(int16_t number) { return _mm256_set1_epi16(number); }
+  static Register Subtract16(Register a, Register b) { return _mm256_sub_epi16(a, b); }
+  static Register MultiplyHigh16(Register a, Register b) { return _mm256_mulhi_epi16(a, b); }
+  static Register Greater16(Register a, Register b) { return _mm256_cmpgt_epi16(a, b); }
+  static Register Pack(Register low, Register high) { return _mm256_packs_epi16(low, high); }
+
+  static bool AnyAbove(const uint8_t* pixels, Register below);
+  static uint64_t BitsAbove(const uint8_t* pixels, Register below);
+  static uint64_t MaskBlock(const IntegerColourRange& range, const uint8_t* pixels);
+};
+
+using Rows = MaskRows<Avx2>;
+using Planes = Rows::Planes;
+constexpr int kLanes = Avx2::kLanes;
 
 __m256i Load(const uint8_t* bytes) {
   return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(bytes));
@@ -28,10 +52,6 @@ __m256i Places(int remainder) {
                                           0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0);
   return _mm256_cmpeq_epi8(places, _mm256_set1_epi8(static_cast<char>(remainder)));
 }
-
-struct Planes {
-  __m256i channel[3];
-};
 
 // 32 pixels. In 48 bytes (16 pixels) the bytes of one channel lie at places that differ in each of
 // the three vectors, so that blending brings them together and one shuffle sorts them.
@@ -55,28 +75,6 @@ void Deinterleave(const uint8_t* pixels, Planes* planes) {
   planes->channel[kGreen] = _mm256_shuffle_epi8(green, green_order);
   planes->channel[kRed] = _mm256_shuffle_epi8(red, red_order);
 }
-
-__m256i Low(__m256i bytes) { return _mm256_unpacklo_epi8(bytes, _mm256_setzero_si256()); }
-__m256i High(__m256i bytes) { return _mm256_unpackhi_epi8(bytes, _mm256_setzero_si256()); }
-
-__m256i InHalfPlane16(__m256i plus, __m256i minus, __m256i slope_plus, __m256i slope_minus,
-                      __m256i slope) {
-  const __m256i run = _mm256_sub_epi16(slope_plus, slope_minus);
-  return _mm256_cmpgt_epi16(_mm256_sub_epi16(plus, minus), _mm256_mulhi_epi16(run, slope));
-}
-
-__m256i InHalfPlane(const HueHalfPlane& plane, const Planes& planes) {
-  const __m256i plus = planes.channel[plane.plus];
-  const __m256i minus = planes.channel[plane.minus];
-  const __m256i slope_plus = planes.channel[plane.slope_plus];
-  const __m256i slope_minus = planes.channel[plane.slope_minus];
-  const __m256i slope = _mm256_set1_epi16(plane.slope);
-  return _mm256_packs_epi16(
-      InHalfPlane16(Low(plus), Low(minus), Low(slope_plus), Low(slope_minus), slope),
-      InHalfPlane16(High(plus), High(minus), High(slope_plus), High(slope_minus), slope));
-}
-
-__m256i Spread(uint8_t level) { return _mm256_set1_epi8(static_cast<char>(level)); }
 
 // Bytes are 0 exactly where `bytes` are not larger than `below`.
 __m256i Above(__m256i bytes, __m256i below) { return _mm256_subs_epu8(bytes, below); }
@@ -103,23 +101,24 @@ Brightness AskBrightness(const IntegerColourRange& range, const Planes& planes) 
   const __m256i red = planes.channel[kRed];
   const __m256i value = _mm256_max_epu8(_mm256_max_epu8(blue, green), red);
   const __m256i smallest = _mm256_min_epu8(_mm256_min_epu8(blue, green), red);
-  const __m256i dark = NotAbove(value, Spread(range.value_below));
-  const __m256i grey =
-      _mm256_and_si256(_mm256_cmpeq_epi8(smallest, value), Spread(range.takes_grey ? 255 : 0));
+  const __m256i dark = NotAbove(value, Avx2::Spread(range.value_below));
+  const __m256i grey = _mm256_and_si256(_mm256_cmpeq_epi8(smallest, value),
+                                        Avx2::Spread(range.takes_grey ? 255 : 0));
   const __m256i refused =
-      _mm256_andnot_si256(grey, NotAbove(smallest, Spread(range.washed_out_below)));
+      _mm256_andnot_si256(grey, NotAbove(smallest, Avx2::Spread(range.washed_out_below)));
   const __m256i share = _mm256_set1_epi16(static_cast<int16_t>(range.grey_share));
-  const __m256i limit = _mm256_packus_epi16(_mm256_mulhi_epu16(Low(value), share),
-                                            _mm256_mulhi_epu16(High(value), share));
+  const __m256i limit = _mm256_packus_epi16(_mm256_mulhi_epu16(Avx2::Low(value), share),
+                                            _mm256_mulhi_epu16(Avx2::High(value), share));
   return {_mm256_andnot_si256(dark, NotAbove(smallest, limit)), _mm256_or_si256(refused, dark)};
 }
 
 __m256i InBothHalfPlanes(const IntegerColourRange& range, const Planes& planes) {
-  return _mm256_and_si256(InHalfPlane(range.from, planes), InHalfPlane(range.to, planes));
+  return _mm256_and_si256(Rows::InHalfPlane(range.from, planes),
+                          Rows::InHalfPlane(range.to, planes));
 }
 
 // Most bright pixels have too little colour: only where one has enough is its hue asked for.
-uint64_t MaskBlock(const IntegerColourRange& range, const uint8_t* pixels) {
+uint64_t Avx2::MaskBlock(const IntegerColourRange& range, const uint8_t* pixels) {
   Planes first, second;
   Deinterleave(pixels, &first);
   Deinterleave(pixels + 3 * kLanes, &second);
@@ -134,53 +133,23 @@ uint64_t MaskBlock(const IntegerColourRange& range, const uint8_t* pixels) {
   return taken;
 }
 
-bool AnyAbove(__m256i bytes, __m256i below) {
-  const __m256i above = Above(bytes, below);
+bool Avx2::AnyAbove(const uint8_t* pixels, Register below) {
+  const Register first = _mm256_max_epu8(_mm256_max_epu8(Load(pixels), Load(pixels + kLanes)),
+                                         Load(pixels + 2 * kLanes));
+  const Register second =
+      _mm256_max_epu8(_mm256_max_epu8(Load(pixels + 3 * kLanes), Load(pixels + 4 * kLanes)),
+                      Load(pixels + 5 * kLanes));
+  const Register above = Above(_mm256_max_epu8(first, second), below);
   return _mm256_testz_si256(above, above) == 0;
 }
 
-// The lines that lie `ahead` bytes after `count` bytes, where no object need be.
-void Prefetch(const uint8_t* bytes, ptrdiff_t ahead, int count) {
-  const uintptr_t first = reinterpret_cast<uintptr_t>(bytes) + static_cast<uintptr_t>(ahead);
-  for (int i = 0; i < count; i += kCacheLine) {
-    const uintptr_t address = first + static_cast<uintptr_t>(i);
-    _mm_prefetch(reinterpret_cast<const char*>(address), _MM_HINT_T0);
-  }
-}
-
-// A word's pixels are first asked together, channels mixed, whether any is bright enough.
-uint64_t MaskBgr(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
-                 int word_count, uint64_t* words) {
-  const __m256i below = Spread(range.value_below);
-  uint64_t all = 0;
-  for (int i = 0; i < word_count; ++i, pixels += 3 * kBlock) {
-    Prefetch(pixels, next_row, 3 * kBlock);
-    const __m256i first = _mm256_max_epu8(_mm256_max_epu8(Load(pixels), Load(pixels + kLanes)),
-                                          Load(pixels + 2 * kLanes));
-    const __m256i second =
-        _mm256_max_epu8(_mm256_max_epu8(Load(pixels + 3 * kLanes), Load(pixels + 4 * kLanes)),
-                        Load(pixels + 5 * kLanes));
-    words[i] = AnyAbove(_mm256_max_epu8(first, second), below) ? MaskBlock(range, pixels) : 0;
-    all |= words[i];
-  }
-  return all;
-}
-
-uint64_t MaskMono(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
-                  int word_count, uint64_t* words) {
-  const __m256i below = Spread(range.value_below);
-  uint64_t all = 0;
-  for (int i = 0; i < word_count; ++i, pixels += kBlock) {
-    Prefetch(pixels, next_row, kBlock);
-    words[i] = ~Bits(NotAbove(Load(pixels), below), NotAbove(Load(pixels + kLanes), below));
-    all |= words[i];
-  }
-  return all;
+uint64_t Avx2::BitsAbove(const uint8_t* pixels, Register below) {
+  return ~Bits(NotAbove(Load(pixels), below), NotAbove(Load(pixels + kLanes), below));
 }
 
 }  // namespace
 
 extern const MaskKernel kAvx2MaskKernel;
-const MaskKernel kAvx2MaskKernel = {"avx2", MaskBgr, MaskMono};
+const MaskKernel kAvx2MaskKernel = {"avx2", Rows::Bgr, Rows::Mono};
 
 }  // namespace rigcal::agent

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// The source of live event cameras on a stand-in for the SDK (tests/testing/fake_metavision), built
-// once in the way of its versions 4.x and once in that of 5.x.
 #include "agent/capture/metavision_event_source.h"
 
 #include <gmock/gmock.h>
@@ -10,21 +8,19 @@
 #include <cstdint>
 #include <deque>
 #include <future>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "agent/event/evt3_writer.h"
+#include "tests/agent/capture/live_event_camera.h"
 #include "tests/testing/fake_metavision/fake_event_camera.h"
 #include "tests/testing/status_matchers.h"
-#include "tests/testing/temporary_directory.h"
 
 namespace rigcal::agent {
 namespace {
 
 using ::rigcal::testing::FakeBus;
 using ::rigcal::testing::FakeEventCamera;
-using ::rigcal::testing::FakeEventCameraOptions;
 using ::rigcal::testing::FakeStream;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
@@ -33,24 +29,6 @@ using ::testing::ElementsAre;
 using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using ::testing::Not;
-using Channel = Metavision::I_TriggerIn::Channel;
-
-constexpr char kCalibration[] = R"(%YAML:1.0
----
-image_width: 640
-image_height: 480
-camera_matrix: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]
-distortion_coefficients: !!opencv-matrix
-   rows: 1
-   cols: 5
-   dt: d
-   data: [ 0., 0., 0., 0., 0. ]
-)";
 
 // Words of EVT 3.0 that tell times up to `until_us`.
 std::vector<uint8_t> Evt3Words(int64_t from_us, int64_t until_us) {
@@ -66,327 +44,7 @@ std::vector<uint8_t> Evt3Words(int64_t from_us, int64_t until_us) {
 
 std::vector<uint8_t> Copy(std::span<const uint8_t> bytes) { return {bytes.begin(), bytes.end()}; }
 
-class MetavisionEventSourceTest : public ::testing::Test {
- protected:
-  MetavisionEventSourceTest() { FakeBus::Get().Reset(); }
-  ~MetavisionEventSourceTest() override { FakeBus::Get().Reset(); }
-
-  static MetavisionSourceOptions Options() {
-    MetavisionSourceOptions options;
-    options.camera = "left";
-    options.shortest_pause = std::chrono::milliseconds(1);
-    options.longest_pause = std::chrono::milliseconds(2);
-    return options;
-  }
-
-  // With a file of settings.
-  MetavisionSourceOptions WithSettings(const std::string& toml) {
-    MetavisionSourceOptions options = Options();
-    options.settings_path = directory_.WriteFile("biases.toml", toml).string();
-    return options;
-  }
-
-  static absl::Status CreateStatus(const MetavisionSourceOptions& options) {
-    return MetavisionEventSource::Create(options).status();
-  }
-
-  testing::TemporaryDirectory directory_;
-  const Target target_;
-};
-
-TEST_F(MetavisionEventSourceTest, DescribesTheCamera) {
-  FakeBus::Get().Plug({});
-  MetavisionSourceOptions options = Options();
-  options.calibration_path = directory_.WriteFile("left.yaml", kCalibration).string();
-  options.latency_s = 0.001;
-  ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(options));
-  const CameraDescription& description = source->description();
-  EXPECT_EQ(description.camera, "left");
-  EXPECT_EQ(description.image_size_px, (ImageSize{640, 480}));
-  ASSERT_TRUE(description.intrinsics);
-  EXPECT_EQ(description.clock, (Clock{.clock_id = "left", .timebase = ""}));
-  EXPECT_EQ(description.latency_s, 0.001);
-  EXPECT_EQ(description.sensor, SensorKind::kEvent);
-  EXPECT_EQ(description.source, "metavision:00050423");
-  ASSERT_TRUE(description.settings);
-  EXPECT_EQ(description.settings->model, "Prophesee IMX636 00050423");
-  EXPECT_EQ(description.settings->pixel_format, "EVT3");
-  EXPECT_EQ(description.settings->trigger, "free");
-}
-
-TEST_F(MetavisionEventSourceTest, CamerasOnOneCableShareAClock) {
-  FakeBus::Get().Plug({});
-  MetavisionSourceOptions options = Options();
-  options.clock_id = "cable";
-  ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(options));
-  EXPECT_EQ(source->description().clock, (Clock{.clock_id = "cable", .timebase = ""}));
-}
-
-TEST_F(MetavisionEventSourceTest, WithoutACameraSaysSo) {
-  EXPECT_THAT(CreateStatus(Options()),
-              StatusIs(absl::StatusCode::kNotFound,
-                       AllOf(HasSubstr("camera left: there is no event camera"),
-                             HasSubstr("found: none; is it plugged in"))));
-}
-
-TEST_F(MetavisionEventSourceTest, TheSerialNumberChooses) {
-  FakeBus::Get().Plug({.serial = "1"});
-  FakeBus::Get().Plug({.serial = "2", .width = 1280, .height = 720});
-  MetavisionSourceOptions options = Options();
-  for (const std::string serial : {"2", "Prophesee:hal_plugin_prophesee:2"}) {
-    options.serial = serial;
-    ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(options));
-    EXPECT_EQ(source->description().image_size_px, (ImageSize{1280, 720}));
-    EXPECT_EQ(source->description().source, "metavision:2");
-  }
-  options.serial = "3";
-  EXPECT_THAT(CreateStatus(options),
-              StatusIs(absl::StatusCode::kNotFound,
-                       AllOf(HasSubstr("camera left: there is no event camera 3; found: "),
-                             HasSubstr("Prophesee:hal_plugin_prophesee:1, "),
-                             HasSubstr("Prophesee:hal_plugin_prophesee:2"))));
-  options.serial.clear();
-  EXPECT_THAT(CreateStatus(options), StatusIs(absl::StatusCode::kFailedPrecondition,
-                                              AllOf(HasSubstr("several event cameras"),
-                                                    HasSubstr("name one with serial="))));
-}
-
-TEST_F(MetavisionEventSourceTest, RefusesACalibrationForAnotherSize) {
-  FakeBus::Get().Plug({.width = 1280, .height = 720});
-  MetavisionSourceOptions options = Options();
-  options.calibration_path = directory_.WriteFile("left.yaml", kCalibration).string();
-  EXPECT_THAT(CreateStatus(options),
-              StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("1280x720"), HasSubstr("left.yaml is for 640x480"))));
-  options.calibration_path = (directory_.path() / "none.yaml").string();
-  EXPECT_THAT(CreateStatus(options),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("camera left: ")));
-}
-
-TEST_F(MetavisionEventSourceTest, TakesEveryFormatThatCanBeDecoded) {
-  struct Case {
-    std::string format;
-    std::string header;
-    EventFormat expected;
-    bool swapped;
-  };
-  for (const Case& c :
-       {Case{"EVT2", "", EventFormat::kEvt2, false}, Case{"EVT3", "", EventFormat::kEvt3, false},
-        Case{"EVT21", "", EventFormat::kEvt21, false},
-        Case{"EVT3", "EVT3;height=480;width=640", EventFormat::kEvt3, false},
-        // As drivers over MIPI tell it, and an IMX636 over USB.
-        Case{"EVT3;height=480;width=640", "", EventFormat::kEvt3, false},
-        Case{"EVT21", "EVT21;height=480;width=640;endianness=legacy", EventFormat::kEvt21, true}}) {
-    FakeBus::Get().Reset();
-    FakeBus::Get().Plug({.format = c.format,
-                         .header_format = c.header,
-                         .streams = {{.pieces = {std::vector<uint8_t>(16)}}}});
-    ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(Options()));
-    ASSERT_THAT(source->Start(target_), IsOk());
-    ASSERT_OK_AND_ASSIGN(const auto chunk, source->Next());
-    ASSERT_TRUE(chunk);
-    EXPECT_EQ(chunk->format, c.expected) << c.format;
-    EXPECT_EQ(chunk->halves_swapped, c.swapped) << c.header;
-    EXPECT_EQ(chunk->bytes.size(), 16u);
-  }
-}
-
-TEST_F(MetavisionEventSourceTest, AsksForTheFormatOfTheFile) {
-  const auto camera = FakeBus::Get().Plug({.format = "EVT21"});
-  ASSERT_OK_AND_ASSIGN(const auto source,
-                       MetavisionEventSource::Create(WithSettings("format = \"EVT3\"\n")));
-  EXPECT_EQ(camera->options.format, "EVT3");
-  EXPECT_EQ(source->description().settings->pixel_format, "EVT3");
-}
-
-TEST_F(MetavisionEventSourceTest, ListsTheFormatsWhereItsOwnIsNotKnown) {
-  FakeBus::Get().Plug({.format = "EVT4", .formats = {"EVT4", "AER-8b"}});
-  EXPECT_THAT(CreateStatus(Options()),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("camera left: it sends events as \"EVT4\""),
-                             HasSubstr("known: EVT2 (2.0), EVT21 (2.1), EVT3 (3.0)"),
-                             HasSubstr("it offers: EVT4, AER-8b"))));
-}
-
-TEST_F(MetavisionEventSourceTest, SetsWhatTheFileSays) {
-  const auto camera = FakeBus::Get().Plug({.inputs = {{Channel::Main, 0}, {Channel::Aux, 1}}});
-  ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(WithSettings(R"(
-sync = "standalone"
-trigger_in = ["main", "aux"]
-event_rate_limit = 20_000_000
-[biases]
-bias_fo = -35
-bias_hpf = 20
-)")));
-  EXPECT_EQ(camera->options.biases["bias_fo"].value, -35);
-  EXPECT_EQ(camera->options.biases["bias_hpf"].value, 20);
-  EXPECT_EQ(camera->rate_limit, 20'000'000u);
-  EXPECT_FALSE(camera->anti_flicker);
-  EXPECT_THAT(camera->calls, ElementsAre("set_mode_standalone", "bias_fo", "bias_hpf",
-                                         "enable input 0", "enable input 1", "limit rate"));
-  EXPECT_EQ(source->description().settings->trigger, "main, aux");
-  EXPECT_EQ(camera->starts, 0);
-}
-
-TEST_F(MetavisionEventSourceTest, WithoutAFileOnlySwitchesAntiFlickerOff) {
-  const auto camera = FakeBus::Get().Plug({});
-  ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(Options()));
-  EXPECT_THAT(camera->calls, IsEmpty());
-  EXPECT_FALSE(camera->anti_flicker);
-}
-
-TEST_F(MetavisionEventSourceTest, TellsBiasesThatTheCameraDoesNotTake) {
-  FakeBus::Get().Plug({.biases = {{"bias_fo", {3, -35, 55, true}},
-                                  {"bias_refr", {0, -20, 235, true}},
-                                  {"bias_diff", {0, -25, 23, false}}}});
-  EXPECT_THAT(CreateStatus(WithSettings(R"([biases]
-bias_diff = 1
-bias_fo = 56
-bias_pr = 0
-)")),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("camera left: bias bias_diff cannot be changed"),
-                             HasSubstr("bias bias_fo is to be 56, but the camera offers -35 to 55"),
-                             HasSubstr("there is no bias bias_pr; the camera has: bias_diff = 0, "
-                                       "bias_fo = 3, bias_refr = 0"))));
-}
-
-TEST_F(MetavisionEventSourceTest, BiasesMayBeMissingRefusedOrThrow) {
-  const std::string toml = "[biases]\nbias_fo = 1\n";
-  FakeBus::Get().Plug({.missing = {"I_LL_Biases"}});
-  EXPECT_THAT(CreateStatus(WithSettings(toml)),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("no biases to set")));
-  FakeBus::Get().Reset();
-  FakeBus::Get().Plug({.refusing = {"I_LL_Biases::set"}});
-  EXPECT_THAT(CreateStatus(WithSettings(toml)),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("did not take bias bias_fo")));
-  FakeBus::Get().Reset();
-  FakeBus::Get().Plug({.throwing = {"I_LL_Biases::set"}});
-  // The SDK's ruled lines have become one.
-  EXPECT_THAT(CreateStatus(WithSettings(toml)),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       "camera left: cannot set bias bias_fo: Metavision HAL exception Error: "
-                       "I_LL_Biases::set failed"));
-}
-
-TEST_F(MetavisionEventSourceTest, TellsTriggerInputsThatAreNotThere) {
-  FakeBus::Get().Plug({.inputs = {{Channel::Main, 0}, {Channel::Loopback, 6}}});
-  EXPECT_THAT(CreateStatus(WithSettings("trigger_in = [\"aux\"]\n")),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("no trigger input aux"),
-                             HasSubstr("it has: main (channel 0), loopback (channel 6)"))));
-  MetavisionSourceOptions options = WithSettings("trigger_in = [\"main\"]\n");
-  options.trigger_channel = 6;
-  EXPECT_THAT(CreateStatus(options),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       HasSubstr("trigger_channel=6, but what is listened to is main")));
-  options.trigger_channel = 0;
-  EXPECT_THAT(CreateStatus(options), IsOk());
-  FakeBus::Get().Reset();
-  FakeBus::Get().Plug({.missing = {"I_TriggerIn"}});
-  EXPECT_THAT(CreateStatus(options),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("has no trigger inputs")));
-  FakeBus::Get().Reset();
-  FakeBus::Get().Plug({.refusing = {"I_TriggerIn::enable"}});
-  EXPECT_THAT(CreateStatus(options), StatusIs(absl::StatusCode::kInvalidArgument,
-                                              HasSubstr("did not switch trigger input main on")));
-}
-
-TEST_F(MetavisionEventSourceTest, ListensToTheMainInputWhereTriggersAreUsed) {
-  const auto camera = FakeBus::Get().Plug({});
-  MetavisionSourceOptions options = Options();
-  options.uses_triggers = true;
-  ASSERT_OK_AND_ASSIGN(const auto source, MetavisionEventSource::Create(options));
-  EXPECT_THAT(camera->calls, ElementsAre("enable input 0"));
-  EXPECT_EQ(source->description().settings->trigger, "main");
-}
-
-TEST_F(MetavisionEventSourceTest, SetsHowClocksGoTogether) {
-  for (const auto& [sync, call] : {std::pair{EventCameraSync::kStandalone, "set_mode_standalone"},
-                                   std::pair{EventCameraSync::kPrimary, "set_mode_master"},
-                                   std::pair{EventCameraSync::kSecondary, "set_mode_slave"}}) {
-    FakeBus::Get().Reset();
-    const auto camera = FakeBus::Get().Plug({});
-    MetavisionSourceOptions options = WithSettings("sync = \"standalone\"\n");
-    options.sync = sync;  // goes before the file
-    ASSERT_THAT(CreateStatus(options), IsOk());
-    EXPECT_THAT(camera->calls, ElementsAre(call));
-  }
-  MetavisionSourceOptions options = Options();
-  options.sync = EventCameraSync::kPrimary;
-  FakeBus::Get().Reset();
-  FakeBus::Get().Plug({.refusing = {"I_CameraSynchronization::set_mode_master"}});
-  EXPECT_THAT(CreateStatus(options), StatusIs(absl::StatusCode::kInvalidArgument,
-                                              HasSubstr("did not take sync = \"primary\"")));
-  FakeBus::Get().Reset();
-  FakeBus::Get().Plug({.missing = {"I_CameraSynchronization"}});
-  EXPECT_THAT(CreateStatus(options), StatusIs(absl::StatusCode::kInvalidArgument,
-                                              HasSubstr("camera cannot be synchronised")));
-  options.sync = EventCameraSync::kStandalone;
-  EXPECT_THAT(CreateStatus(options), IsOk());
-}
-
-TEST_F(MetavisionEventSourceTest, LimitsEventsAsFarAsTheCameraCan) {
-  const auto camera = FakeBus::Get().Plug({.lowest_rate = 1000, .highest_rate = 50'000});
-  EXPECT_THAT(CreateStatus(WithSettings("event_rate_limit = 50001\n")),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       HasSubstr("50001 events/s, but the camera offers 1000 to 50000")));
-  EXPECT_THAT(CreateStatus(WithSettings("event_rate_limit = 999\n")),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("1000 to 50000")));
-  EXPECT_THAT(CreateStatus(WithSettings("event_rate_limit = 1000\n")), IsOk());
-  EXPECT_EQ(camera->rate_limit, 1000u);
-  EXPECT_THAT(CreateStatus(WithSettings("event_rate_limit = 0\n")), IsOk());
-  EXPECT_FALSE(camera->rate_limit);
-  camera->options.missing = {"I_ErcModule"};
-  EXPECT_THAT(CreateStatus(WithSettings("event_rate_limit = 0\n")), IsOk());
-  EXPECT_THAT(CreateStatus(WithSettings("event_rate_limit = 1000\n")),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("cannot limit its events")));
-}
-
-TEST_F(MetavisionEventSourceTest, RefusesAnAntiFlickerThatStaysOn) {
-  const auto camera = FakeBus::Get().Plug({.refusing = {"I_AntiFlickerModule::enable"}});
-  EXPECT_THAT(CreateStatus(Options()),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("anti-flicker")));
-  camera->options.missing = {"I_AntiFlickerModule"};
-  EXPECT_THAT(CreateStatus(Options()), IsOk());
-}
-
-TEST_F(MetavisionEventSourceTest, ACameraThatTellsTooLittleIsRefused) {
-  for (const std::string facility : {"I_EventsStream", "I_Geometry", "I_HW_Identification"}) {
-    FakeBus::Get().Reset();
-    FakeBus::Get().Plug({.missing = {facility}});
-    EXPECT_THAT(CreateStatus(Options()),
-                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("camera left: it")));
-  }
-  FakeBus::Get().Reset();
-  FakeBus::Get().Plug({.width = 0, .height = 480});
-  EXPECT_THAT(CreateStatus(Options()),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("0x480 pixels")));
-}
-
-TEST_F(MetavisionEventSourceTest, NoExceptionLeavesCreate) {
-  for (const std::string function :
-       {"open", "I_HW_Identification::get_serial", "I_AntiFlickerModule::enable",
-        "I_TriggerIn::enable", "I_CameraSynchronization::set_mode_standalone",
-        "I_ErcModule::set_cd_event_rate"}) {
-    for (const bool odd : {false, true}) {
-      FakeBus::Get().Reset();
-      FakeEventCameraOptions camera;
-      (odd ? camera.throwing_odd : camera.throwing).insert(function);
-      FakeBus::Get().Plug(camera);
-      EXPECT_THAT(CreateStatus(WithSettings("sync = \"standalone\"\ntrigger_in = [\"main\"]\n"
-                                            "event_rate_limit = 2000\n")),
-                  StatusIs(absl::StatusCode::kUnavailable,
-                           AllOf(HasSubstr("camera left: cannot "), Not(HasSubstr("\n")),
-                                 HasSubstr(odd ? "no exception of C++" : function + " failed"))))
-          << function;
-    }
-  }
-  FakeBus::Get().Reset();
-  FakeBus::Get().list_throws = true;
-  EXPECT_THAT(CreateStatus(Options()),
-              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("cannot look for event cameras")));
-}
+class MetavisionEventSourceTest : public LiveEventCameraTest {};
 
 TEST_F(MetavisionEventSourceTest, TellsTheStreamAsItCame) {
   const std::vector<uint8_t> words = Evt3Words(0, 20'000);
@@ -682,12 +340,6 @@ TEST_F(MetavisionEventSourceTest, OptionsThatMakeNoSense) {
   EXPECT_THAT(CreateStatus(WithSettings("colour = 1\n")),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("camera left: "), HasSubstr("unknown key colour"))));
-}
-
-TEST_F(MetavisionEventSourceTest, ListsWhatIsThere) {
-  FakeBus::Get().Plug({.serial = "1"});
-  ASSERT_OK_AND_ASSIGN(const auto found, ListMetavisionDevices());
-  EXPECT_THAT(found, ElementsAre("Prophesee:hal_plugin_prophesee:1"));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Beside it the tests of metavision_event_source_test.cc run on the SDK's interface of 4.x.
+// Beside it the tests of all metavision_*_test.cc run on the SDK's interface of 4.x.
 #include <gtest/gtest.h>
 
 #include "metavision/hal/facilities/i_events_stream.h"

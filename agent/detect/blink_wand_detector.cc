@@ -24,6 +24,7 @@ namespace {
 
 constexpr double kWaitPeriods = 0.8;  // then the burst nearest to a time is over
 constexpr double kHoldPeriods = 2;    // until then answers of triggers and rate may overtake
+constexpr int kMaxFits = 8000;  // a wall of lamps must not take longer than a sensor waits
 constexpr int64_t kSweepPeriods = 2;
 
 using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
@@ -52,6 +53,7 @@ WandFinderOptions FinderOptions(const BlinkWandDetectorOptions& options,
   result.min_distance_m = options.min_distance_m;
   result.max_distance_m = options.max_distance_m;
   result.max_tilt_deg = options.max_tilt_deg;
+  result.max_fits = kMaxFits;
   if (frequencies.hz.size() > 1) result.marker_kinds = frequencies.of_marker;
   return result;
 }

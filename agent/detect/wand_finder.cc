@@ -21,6 +21,7 @@ constexpr double kMaxElongation = 4;  // of a sphere that moves during the expos
 constexpr double kPlacePx = 0.4, kPlaceShare = 0.1;  // sigma of a blob's centre: + share * radius
 constexpr double kRadiusPx = 0.35, kRadiusShare = 0.1;  // the same of its radius
 constexpr double kGate = 4;                             // sigma
+constexpr size_t kFewPairs = 1000;                      // in whatever order they are tried
 
 double PlaceSigma(double radius_px) { return kPlacePx + kPlaceShare * radius_px; }
 
@@ -152,13 +153,11 @@ void WandFinder::ListPairs() {
           {static_cast<float>(std::abs(ratio)), static_cast<int>(i), static_cast<int>(j)});
     }
   }
-  const auto limit = static_cast<size_t>(options_.max_pairs);
-  if (pairs_.size() <= limit) return;
-  const auto order = [](const Pair& a, const Pair& b) {
+  if (pairs_.size() <= kFewPairs) return;
+  std::sort(pairs_.begin(), pairs_.end(), [](const Pair& a, const Pair& b) {
     return std::tie(a.unlikeness, a.first, a.last) < std::tie(b.unlikeness, b.first, b.last);
-  };
-  std::nth_element(pairs_.begin(), pairs_.begin() + options_.max_pairs, pairs_.end(), order);
-  pairs_.resize(limit);
+  });
+  pairs_.resize(std::min(pairs_.size(), static_cast<size_t>(options_.max_pairs)));
 }
 
 void WandFinder::Near(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double reach_px,
@@ -255,6 +254,8 @@ void WandFinder::Complete(const Entry& first, const Entry& second, const Entry& 
 }
 
 void WandFinder::Offer(const absl::InlinedVector<int, 3>& entries) {
+  if (fits_ >= options_.max_fits) return;
+  ++fits_;
   absl::InlinedVector<MarkerSight, 4> sights;
   WandCandidate candidate;
   for (const int entry : entries) {
@@ -276,6 +277,7 @@ const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs,
                                                    absl::Span<const int> kinds) {
   candidates_.clear();
   entries_.clear();
+  fits_ = 0;
   for (size_t i = 0; i < blobs.size(); ++i) {
     AddEntry(static_cast<int>(i), blobs[i], i < kinds.size() ? kinds[i] : 0);
   }
@@ -292,6 +294,7 @@ const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs,
   FillCells();
   ListPairs();
   for (const Pair& pair : pairs_) {
+    if (fits_ >= options_.max_fits) break;
     const Entry& a = entries_[static_cast<size_t>(pair.first)];
     const Entry& b = entries_[static_cast<size_t>(pair.last)];
     if (CanBeEnds(a, b)) SearchBetween(a, b);

@@ -20,8 +20,10 @@ struct WandFinderOptions {
   double max_distance_m = 20;
   double max_tilt_deg = 82;
   int max_candidates = 40;  // those of least cost are told
-  // Bounds the work with hundreds of blobs: pairs of possible ends, most alike in size first.
+  // Bound the work with hundreds of blobs: pairs of possible ends, most alike in size first, and
+  // poses that are tried, a few microseconds each.
   int max_pairs = 20000;
+  int max_fits = 100000;
   // By marker: the kind of blob it shows as, where kinds are told apart (what it blinks at). Empty:
   // any blob can be any marker.
   std::vector<int> marker_kinds;
@@ -102,6 +104,7 @@ class WandFinder {
   Eigen::Vector2d grid_origin_ = Eigen::Vector2d::Zero();
   int grid_width_ = 0, grid_height_ = 0;
   std::vector<int> between_;
+  int fits_ = 0;  // since Find began
   std::vector<WandCandidate> candidates_;
 };
 

@@ -96,6 +96,25 @@ TEST(WandFinder, BlobsTooLargeForTheirDistanceOrBesideTheLineAreNoWand) {
   EXPECT_TRUE(finder.Find({Disc(400, 500, 10), Disc(465, 560, 10), Disc(595, 500, 10)}).empty());
 }
 
+TEST(WandFinder, TriesNoMorePosesThanAllowed) {
+  std::vector<Blob> lattice;
+  for (int i = 0; i < 256; ++i) lattice.push_back(Disc(300 + 8 * (i % 16), 300 + 8 * (i / 16), 2));
+  WandFinderOptions options;
+  options.max_candidates = 100000;
+  const auto count = [&](int max_fits) {
+    options.max_fits = max_fits;
+    WandFinder finder(options, WandOf({0, 0.13, 0.39}), Camera());
+    const size_t first = finder.Find(lattice).size();
+    EXPECT_EQ(finder.Find(lattice).size(), first);  // anew with each Find
+    return first;
+  };
+  EXPECT_EQ(count(0), 0u);
+  const size_t few = count(2000);
+  EXPECT_GT(few, 0u);
+  EXPECT_LE(few, 2000u);
+  EXPECT_GT(count(10000), few);
+}
+
 TEST(WandFinder, NothingFromNothingAndFromNonsense) {
   const Target target = WandOf({0, 0.13, 0.39});
   WandFinder finder({}, target, Camera());

@@ -18,6 +18,10 @@ namespace {
 constexpr uint32_t kSweepUnits = 22 << 10;
 // Of a period: pixels light up around the burst's middle by at most this much (latency, readout).
 constexpr double kJitterShare = 0.12;
+// Groups of seeds that are looked at for one answer, and pixels around them: so many images, or
+// this many where an image is small.
+constexpr size_t kMaxGroups = 1024;
+constexpr int64_t kWorkImages = 4, kLeastWorkPx = 1 << 20;
 // Ratio of second moments that one marker does not have: a disc that moves by its radius has 1.3.
 constexpr double kLongRatio = 1.6;
 // Of the way to the next frequency: what lies within it is a marker's.
@@ -137,10 +141,13 @@ void BlinkFilter::AddBlinks() {
   }
 }
 
-void BlinkFilter::TimeStepBack(int64_t) {
+void BlinkFilter::TimeStepBack(int64_t time_us) {
   std::fill(states_.begin(), states_.end(), 0);
   std::fill(tiles_.begin(), tiles_.end(), 0);
-  has_swept_ = false;
+  // There is nothing to forget.
+  swept_us_ = static_cast<uint32_t>(time_us);
+  sweep_from_ = 0;
+  has_swept_ = true;
 }
 
 void BlinkFilter::Sweep(uint32_t time_us) {
@@ -353,11 +360,44 @@ void BlinkFilter::MarkSeeds(const Blink& blink, uint32_t time_us) {
   }
 }
 
+const std::vector<ComponentSums>& BlinkFilter::Promising(
+    const std::vector<ComponentSums>& components) {
+  const auto window_px = [this](const ComponentSums& seeds) {
+    const int64_t width = seeds.max_x - seeds.min_x + 1 + 2 * options_.reach_px;
+    const int64_t height = seeds.max_y - seeds.min_y + 1 + 2 * options_.reach_px;
+    return std::min<int64_t>(width, options_.geometry.width) *
+           std::min<int64_t>(height, options_.geometry.height);
+  };
+  int64_t rest_px = std::max(kLeastWorkPx, kWorkImages * static_cast<int64_t>(states_.size()));
+  int64_t all_px = 0;
+  largest_.clear();
+  for (size_t i = 0; i < components.size(); ++i) {
+    if (components[i].area < options_.min_blob_pixels) continue;
+    largest_.push_back(i);
+    all_px += window_px(components[i]);
+  }
+  if (largest_.size() <= kMaxGroups && all_px <= rest_px) return components;
+  std::stable_sort(largest_.begin(), largest_.end(), [&components](size_t a, size_t b) {
+    return components[a].area > components[b].area;
+  });
+  size_t count = 0;
+  while (count < std::min(largest_.size(), kMaxGroups)) {
+    rest_px -= window_px(components[largest_[count]]);
+    if (rest_px < 0) break;
+    ++count;
+  }
+  largest_.resize(count);
+  std::sort(largest_.begin(), largest_.end());
+  promising_.clear();
+  for (const size_t index : largest_) promising_.push_back(components[index]);
+  return promising_;
+}
+
 const std::vector<BlinkBlob>& BlinkFilter::FindBlobs(uint32_t time_us) {
   blobs_.clear();
   for (const Blink& blink : blinks_) {
     MarkSeeds(blink, time_us);
-    for (const ComponentSums& seeds : labeller_.Finish()) {
+    for (const ComponentSums& seeds : Promising(labeller_.Finish())) {
       if (seeds.area < options_.min_blob_pixels) continue;
       const Burst burst = FindBurst(blink, seeds, time_us >> shift_);
       if (burst.found) Measure(blink, seeds, burst, time_us);

@@ -113,6 +113,9 @@ class BlinkFilter {
     uint32_t period = 0, lit = 0, shortest = 0, longest = 0;
     uint32_t over = 0;  // from when on a burst counts as over
   };
+  // What is looked at, from top to bottom: all, or of many the largest, so that an answer takes no
+  // longer when a screen or a wall of lamps blinks as the wand does.
+  const std::vector<ComponentSums>& Promising(const std::vector<ComponentSums>& components);
   struct Burst {
     double start_units = 0;  // before `now`
     double period_us = 0;
@@ -157,6 +160,8 @@ class BlinkFilter {
   PixelList lit_, smoothed_;
   DiscSplitter splitter_;
   RunLabeller labeller_;
+  std::vector<size_t> largest_;  // indices of components
+  std::vector<ComponentSums> promising_;
   std::vector<BlinkBlob> blobs_;
 };
 

@@ -24,6 +24,12 @@ namespace {
 
 constexpr double kWaitPeriods = 0.8;  // then the burst nearest to a time is over
 constexpr double kHoldPeriods = 2;    // until then answers of triggers and rate may overtake
+// What is asked of one Take: a marker of a few pixels tells each period in more bytes.
+constexpr size_t kBytesPerAnswer = 8;
+constexpr int64_t kLeastAnswers = 1000;
+constexpr int64_t kSilencePeriods = 20;
+constexpr size_t kBytesPerForget = 512;
+constexpr int64_t kLeastForgets = 16;
 constexpr int kMaxFits = 8000;  // a wall of lamps must not take longer than a sensor waits
 constexpr int64_t kSweepPeriods = 2;
 
@@ -108,6 +114,7 @@ struct BlinkWandDetector::Impl {
         period_us(filter.period_us()),
         marker_count(static_cast<size_t>(target.marker_count())),
         sweep_us(static_cast<int64_t>(static_cast<double>(kSweepPeriods) * period_us)),
+        silence_us(std::min(OutputSchedule::kMaxGapUs, kSilencePeriods * sweep_us / kSweepPeriods)),
         schedule(options.output, std::llround(kWaitPeriods * period_us)) {
     for (const int index : frequencies.of_marker) {
       marker_period_us.push_back(1e6 / frequencies.hz[static_cast<size_t>(index)]);
@@ -119,6 +126,11 @@ struct BlinkWandDetector::Impl {
   uint32_t TakeTrigger(const TriggerEvent& trigger);
   uint32_t StepBack(int64_t time_us);
 
+  void BeginTake(size_t byte_count);
+  void EndTake();
+  // All pixels, which takes as long as many events; while the clock jumps all the time it is put
+  // off to the end of a Take, and no blob is seen until then.
+  void Forget(int64_t time_us);
   void AdvanceTo(int64_t time_us);
   void Run(int64_t time_us);
   void Begin(int64_t time_us);
@@ -137,6 +149,7 @@ struct BlinkWandDetector::Impl {
   absl::InlinedVector<double, 3> marker_period_us;
   const size_t marker_count;
   const int64_t sweep_us;
+  const int64_t silence_us;  // after which no pixel blinks any more
   OutputSchedule schedule;
   BlinkWandCounts counts;
 
@@ -144,6 +157,10 @@ struct BlinkWandDetector::Impl {
   uint32_t clock_epoch = 0;
   int64_t reached_us = 0;
   int64_t next_sweep_us = 0;
+  int64_t answers_left = 0;  // at the fixed rate, in this Take
+  int64_t forgets_left = 0;
+  // The filter holds what is no longer so.
+  bool must_forget = false;
   absl::InlinedVector<double, 3> last_burst_us;  // by marker; empty: none yet
   std::optional<int64_t> last_told_ns;
   std::vector<Detection> held;  // by time
@@ -234,7 +251,7 @@ uint32_t BlinkWandDetector::Impl::TakeTrigger(const TriggerEvent& trigger) {
 
 uint32_t BlinkWandDetector::Impl::StepBack(int64_t time_us) {
   Release(std::numeric_limits<int64_t>::max());
-  filter.TimeStepBack(time_us);
+  Forget(time_us);
   last_burst_us.clear();
   last_told_ns.reset();
   ++clock_epoch;
@@ -242,13 +259,30 @@ uint32_t BlinkWandDetector::Impl::StepBack(int64_t time_us) {
   return NextStop();
 }
 
+void BlinkWandDetector::Impl::BeginTake(size_t byte_count) {
+  answers_left = kLeastAnswers + static_cast<int64_t>(byte_count / kBytesPerAnswer);
+  forgets_left = kLeastForgets + static_cast<int64_t>(byte_count / kBytesPerForget);
+}
+
+void BlinkWandDetector::Impl::EndTake() {
+  if (!std::exchange(must_forget, false)) return;
+  filter.TimeStepBack(reached_us);
+}
+
+void BlinkWandDetector::Impl::Forget(int64_t time_us) {
+  must_forget = forgets_left == 0;
+  if (must_forget) return;
+  --forgets_left;
+  filter.TimeStepBack(time_us);
+}
+
 void BlinkWandDetector::Impl::AdvanceTo(int64_t time_us) {
   if (!begun) Begin(time_us);
-  if (time_us - reached_us > OutputSchedule::kMaxGapUs) {
-    // What was asked before is still answered.
+  if (time_us - reached_us > silence_us) {
+    // What was asked before is still answered, the rest without a look at every pixel's age.
     Run(reached_us + static_cast<int64_t>(2 * kHoldPeriods * period_us));
     schedule.Skip(reached_us, time_us);
-    filter.TimeStepBack(time_us);
+    Forget(time_us);
     next_sweep_us = time_us + sweep_us;
   }
   Run(time_us);
@@ -260,9 +294,15 @@ void BlinkWandDetector::Impl::Run(int64_t time_us) {
     const int64_t due_us = schedule.due_us();
     if (std::min(due_us, next_sweep_us) > time_us) return;
     if (due_us <= next_sweep_us) {
-      Answer(schedule.Pop());
+      const OutputTime asked = schedule.Pop();
+      if (asked.trigger || answers_left > 0) {
+        Answer(asked);
+        --answers_left;
+      } else {
+        ++counts.beyond_data;
+      }
     } else {
-      filter.Sweep(static_cast<uint32_t>(next_sweep_us));
+      if (!must_forget) filter.Sweep(static_cast<uint32_t>(next_sweep_us));
       next_sweep_us += sweep_us;
     }
   }
@@ -301,7 +341,9 @@ bool BlinkWandDetector::Impl::SetTimes(const OutputTime& asked, const BlinkWand&
 }
 
 void BlinkWandDetector::Impl::Answer(const OutputTime& asked) {
-  BlinkWand wand = judge.Judge(filter.FindBlobs(static_cast<uint32_t>(asked.due_us)));
+  static const std::vector<BlinkBlob> kNone;
+  const auto due_us = static_cast<uint32_t>(asked.due_us);
+  BlinkWand wand = judge.Judge(must_forget ? kNone : filter.FindBlobs(due_us));
   Detection detection;
   detection.outcome = wand.outcome;
   detection.confidence = wand.confidence;
@@ -373,6 +415,7 @@ absl::StatusOr<BlinkWandDetector> BlinkWandDetector::Create(const BlinkWandDetec
 
 void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detection>* found) {
   impl_->found = found;
+  impl_->BeginTake(bytes.size());
   std::visit(
       [&](auto& decoder) {
         if (!impl_->begun) {
@@ -386,11 +429,13 @@ void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detecti
         if (impl_->begun) impl_->AdvanceTo(SafeTime(decoder));
       },
       impl_->decoder);
+  impl_->EndTake();
   impl_->counts.dense_triggers = impl_->schedule.dense_triggers();
 }
 
 void BlinkWandDetector::Finish(std::vector<Detection>* found) {
   impl_->found = found;
+  impl_->BeginTake(0);
   if (impl_->begun) {
     impl_->Run(impl_->reached_us + static_cast<int64_t>(kWaitPeriods * impl_->period_us));
   }

@@ -18,7 +18,8 @@ namespace rigcal::agent {
 // A detector behind a camera that yields events: one observation for each answer of
 // BlinkWandDetector, empty where the wand is not found. Counts among the refused what was wrong in
 // the stream: event_unknown_word, event_outside_geometry, event_before_time,
-// event_truncated_bytes, and of its answers event_trigger_too_dense and event_out_of_order.
+// event_truncated_bytes, and of its answers event_trigger_too_dense, event_answer_without_data and
+// event_out_of_order.
 class EventObservationSource : public ObservationSource {
  public:
   // INVALID_ARGUMENT: the options; the message begins with the camera's name.

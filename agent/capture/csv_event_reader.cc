@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/capture/csv_event_reader.h"
 
-#include <cctype>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -101,6 +101,7 @@ absl::Status CsvEventReader::Look(const PlainFileOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(LineReader reader, LineReader::Open(path_));
   int events = 0, looked_at = 0;
   bool has_fraction = false;
+  int64_t first_time = 0;
   std::string first_fault;
   while (looked_at < kLinesLookedAt) {
     RIGCAL_ASSIGN_OR_RETURN(const auto line, reader.Next());
@@ -118,7 +119,7 @@ absl::Status CsvEventReader::Look(const PlainFileOptions& options) {
       if (first_fault.empty()) first_fault = absl::StrCat(":", line->number, ": ", *fault);
       continue;
     }
-    ++events;
+    if (events++ == 0) first_time = event.time_us;
     has_fraction = has_fraction || HasTimeFraction(line->text, columns_);
   }
   if (events == 0 && (looked_at > 0 || !has_header_)) {
@@ -131,6 +132,11 @@ absl::Status CsvEventReader::Look(const PlainFileOptions& options) {
   facts_.time_unit = options.time_unit != TimeUnit::kAuto ? options.time_unit : columns_.time_unit;
   if (facts_.time_unit == TimeUnit::kAuto) {
     facts_.time_unit = has_fraction ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+    if (std::abs(static_cast<double>(first_time)) > static_cast<double>(PlainClock::kMaxUs)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path_, ":", first_line_, ": a time of ", first_time,
+                       " is too large for microseconds; say what it is: time=ns"));
+    }
   }
   facts_.layout = has_header_ ? "columns of its header line" : "columns " + options.columns;
   return absl::OkStatus();

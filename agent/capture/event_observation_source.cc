@@ -39,6 +39,7 @@ absl::Status EventObservationSource::Start(const Target& target) {
   detector_.reset();
   past_faults_ = EventFaults();
   past_counts_ = BlinkWandCounts();
+  first_faults_.clear();
   first_epoch_ = 0;
   last_epoch_ = 0;
   found_.clear();
@@ -80,10 +81,16 @@ absl::Status EventObservationSource::Detect(const EventChunk& chunk) {
     RIGCAL_ASSIGN_OR_RETURN(
         detector_, BlinkWandDetector::Create(options_, target_, description(), chunk.format,
                                              chunk.halves_swapped));
+    detector_offset_ = chunk.byte_offset;
   }
   const size_t first_found = found_.size();
   detector_->Take(chunk.bytes, &found_);
   CountEpochs(first_found);
+  // Now, while the source still knows where these bytes are from.
+  for (const auto& [name, offset] : detector_->fault_places().Named()) {
+    if (first_faults_.contains(name)) continue;
+    first_faults_.emplace(name, events_->PlaceOf(detector_offset_ + offset));
+  }
   return absl::OkStatus();
 }
 
@@ -144,16 +151,22 @@ std::vector<Refusal> EventObservationSource::Refused() const {
   for (const Refusal& refusal : events_->Refused()) all.Add(refusal);
   const EventFaults faults = AllFaults();
   const BlinkWandCounts counts = AllCounts();
-  all.Add("", "event_unknown_word", Clamped(faults.unknown_words),
-          "words that the format does not have: damaged, or another format than the header says");
-  all.Add(
-      "", "event_outside_geometry", Clamped(faults.outside_geometry),
+  const auto add = [&](const char* reason, uint64_t count, const char* name,
+                       const std::string& what) {
+    const auto first = first_faults_.find(name);
+    all.Add("", reason, Clamped(count),
+            first == first_faults_.end() ? what
+                                         : absl::StrCat(what, "; the first one: ", first->second));
+  };
+  add("event_unknown_word", faults.unknown_words, "unknown_words",
+      "words or times that cannot be: damaged, or another format than the header says");
+  add("event_outside_geometry", faults.outside_geometry, "outside_geometry",
       absl::StrCat("events of pixels that a sensor of ", description().image_size_px.width, "x",
                    description().image_size_px.height, " does not have; is its geometry right?"));
-  all.Add("", "event_before_time", Clamped(faults.before_time),
-          "events ahead of the first word that tells the time");
-  all.Add("", "event_truncated_bytes", Clamped(faults.truncated_bytes),
-          "the stream ends within a word");
+  add("event_before_time", faults.before_time, "before_time",
+      "events ahead of the first word that tells the time");
+  add("event_truncated_bytes", faults.truncated_bytes, "truncated_bytes",
+      "the stream ends within a word");
   all.Add("", "event_trigger_too_dense", Clamped(counts.dense_triggers),
           "triggers less than 0.4 ms apart: noise at the trigger input?");
   all.Add("", "event_answer_without_data", Clamped(counts.beyond_data),

@@ -2,8 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -51,8 +55,10 @@ class EventObservationSource : public ObservationSource {
   // Of detectors before this one: the clock began anew in between.
   EventFaults past_faults_;
   BlinkWandCounts past_counts_;
-  uint32_t first_epoch_ = 0;  // of the detector
-  uint32_t last_epoch_ = 0;   // told so far
+  uint64_t detector_offset_ = 0;  // in the stream, of the first byte the detector took
+  std::map<std::string, std::string, std::less<>> first_faults_;  // by kind: its place
+  uint32_t first_epoch_ = 0;                                      // of the detector
+  uint32_t last_epoch_ = 0;                                       // told so far
   std::vector<Detection> found_;
   size_t next_ = 0;  // of found_
   bool ended_ = true;

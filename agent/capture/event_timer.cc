@@ -19,6 +19,7 @@ EventTimer::EventTimer(EventFormat format, bool halves_swapped, const SensorGeom
 
 EventTimer::Decoder EventTimer::MakeDecoder(EventFormat format, bool halves_swapped,
                                             const SensorGeometry& geometry) {
+  if (format == EventFormat::kPlain) return PlainEventDecoder(geometry);
   if (format == EventFormat::kEvt2) return Evt2Decoder(geometry);
   if (format == EventFormat::kEvt21) return Evt21Decoder(geometry, halves_swapped);
   return Evt3Decoder(geometry);

@@ -7,6 +7,7 @@
 
 #include "agent/event/event.h"
 #include "agent/event/event_decoder.h"
+#include "agent/event/plain_events.h"
 
 namespace rigcal::agent {
 
@@ -21,7 +22,7 @@ class EventTimer {
   int64_t time_us() const;
 
  private:
-  using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder>;
+  using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
   static Decoder MakeDecoder(EventFormat format, bool halves_swapped,
                              const SensorGeometry& geometry);
 

@@ -18,14 +18,6 @@ constexpr size_t kTimedBytes = 512;
 constexpr int64_t kPacedUs = 2000;
 constexpr uint32_t kMaxSide = 2048;
 
-struct TimeSink {
-  void Row(uint32_t) {}
-  void Event(uint32_t, uint32_t, bool, uint32_t) {}
-  void Vector(uint32_t, uint32_t, bool, uint32_t, uint32_t) {}
-  void Trigger(const TriggerEvent&) {}
-  void TimeStepBack(int64_t) {}
-};
-
 std::string Text(const SensorGeometry& geometry) {
   return absl::StrCat(geometry.width, "x", geometry.height);
 }
@@ -126,20 +118,7 @@ absl::Status RawEventSource::Start(const Target&) {
   file_ = *std::move(file);
   const SensorGeometry geometry{description_.image_size_px.width,
                                 description_.image_size_px.height};
-  switch (file_->header().format) {
-    case EventFormat::kEvt2:
-      timer_.emplace(Evt2Decoder(geometry));
-      break;
-    case EventFormat::kEvt21:
-      timer_.emplace(Evt21Decoder(geometry, file_->header().halves_swapped));
-      break;
-    case EventFormat::kEvt3:
-      timer_.emplace(Evt3Decoder(geometry));
-      break;
-    case EventFormat::kPlain:
-      timer_.emplace(PlainEventDecoder(geometry));
-      break;
-  }
+  timer_.emplace(file_->header().format, file_->header().halves_swapped, geometry);
   pacer_.Start();
   stopped_ = false;
   return absl::OkStatus();
@@ -167,19 +146,16 @@ absl::StatusOr<std::optional<EventChunk>> RawEventSource::NextPaced() {
                    .halves_swapped = file_->header().halves_swapped,
                    .bytes = {},
                    .byte_offset = file_->byte_offset()};
-  const auto now_us = [this] {
-    return std::visit([](const auto& decoder) { return decoder.time_us(); }, *timer_);
-  };
   piece_.clear();
-  const int64_t begin_us = now_us();
-  TimeSink sink;
-  while (piece_.size() < kPacedBytes && now_us() - begin_us < kPacedUs && now_us() >= begin_us) {
+  const int64_t begin_us = timer_->time_us();
+  while (piece_.size() < kPacedBytes && timer_->time_us() - begin_us < kPacedUs &&
+         timer_->time_us() >= begin_us) {
     RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file_->Next(kTimedBytes));
     if (bytes.empty()) break;
-    std::visit([&](auto& decoder) { decoder.Decode(bytes, sink); }, *timer_);
+    timer_->Take(bytes);
     piece_.insert(piece_.end(), bytes.begin(), bytes.end());
   }
-  if (piece_.empty() || !pacer_.Wait(now_us() * 1000)) return std::nullopt;
+  if (piece_.empty() || !pacer_.Wait(timer_->time_us() * 1000)) return std::nullopt;
   chunk.bytes = piece_;
   return chunk;
 }

@@ -6,16 +6,15 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/event_file.h"
+#include "agent/capture/event_timer.h"
 #include "agent/capture/pacer.h"
 #include "agent/event/event_decoder.h"
 #include "agent/event/event_source.h"
-#include "agent/event/plain_events.h"
 
 namespace rigcal::agent {
 
@@ -49,8 +48,6 @@ class RawEventSource : public EventSource {
   std::vector<Refusal> Refused() const override;
 
  private:
-  using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
-
   RawEventSource(RawSourceOptions options, CameraDescription description);
   absl::StatusOr<std::optional<EventChunk>> NextPaced();
 
@@ -59,7 +56,7 @@ class RawEventSource : public EventSource {
   Pacer pacer_;
   std::atomic<bool> stopped_ = true;
   std::unique_ptr<EventFile> file_;
-  std::optional<Decoder> timer_;  // tells what time it is in the file
+  std::optional<EventTimer> timer_;  // tells what time it is in the file
   std::vector<uint8_t> piece_;
 };
 

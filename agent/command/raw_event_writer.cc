@@ -66,6 +66,7 @@ absl::Status RawEventWriter::Climb(int64_t high) {
 }
 
 void RawEventWriter::StepBack() {
+  WriteHigh(*high_ + 1);  // confirms the last one: it may have been a jump
   // From where a jump to zero is taken for a restart.
   const int64_t value = *high_ % kPeriod;
   if (value <= kStep || value > kTop) {

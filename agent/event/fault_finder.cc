@@ -56,7 +56,7 @@ bool FaultFinder::AsksAhead(const Evt3Decoder&, const uint8_t* word) const {
 }
 
 bool FaultFinder::AsksAhead(const PlainEventDecoder&, const uint8_t* word) const {
-  return event_words::Load<PlainEvent>(word).kind < PlainEvent::kUnreadable;
+  return IsReadable(event_words::Load<PlainEvent>(word));
 }
 
 template <typename Decoder>

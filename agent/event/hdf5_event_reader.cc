@@ -65,7 +65,7 @@ class Hdf5EventReader : public PlainEventReader {
     uint64_t at() const { return row + next; }
   };
 
-  void ChooseTimeUnit(TimeUnit asked);
+  absl::Status ChooseTimeUnit(TimeUnit asked);
   absl::Status FillEvents();
   absl::Status FillNarrow(uint64_t first, size_t count);
   absl::Status FillTriggers();
@@ -89,10 +89,17 @@ class Hdf5EventReader : public PlainEventReader {
   std::vector<NarrowRow> narrow_rows_;
 };
 
-void Hdf5EventReader::ChooseTimeUnit(TimeUnit asked) {
+absl::Status Hdf5EventReader::ChooseTimeUnit(TimeUnit asked) {
   facts_.time_unit = asked;
-  if (asked != TimeUnit::kAuto) return;
-  facts_.time_unit = layout_.events.t.is_float() ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+  if (asked != TimeUnit::kAuto) return absl::OkStatus();
+  const Hdf5Column& t = layout_.events.t;
+  facts_.time_unit = t.is_float() ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+  if (t.is_float() || t.dataset().row_count == 0) return absl::OkStatus();
+  RIGCAL_RETURN_IF_ERROR(t.Read(0, 1, &whole_times_));
+  if (std::abs(whole_times_[0]) <= PlainClock::kMaxUs) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path_, ": ", t.Name(), " begins with ", whole_times_[0],
+                   ", too large for microseconds; say what it is: time=ns"));
 }
 
 absl::Status Hdf5EventReader::Open(const PlainFileOptions& options) {
@@ -101,7 +108,7 @@ absl::Status Hdf5EventReader::Open(const PlainFileOptions& options) {
   facts_.layout = layout_.name;
   facts_.geometry = layout_.geometry;
   facts_.fields = layout_.fields;
-  ChooseTimeUnit(options.time_unit);
+  RIGCAL_RETURN_IF_ERROR(ChooseTimeUnit(options.time_unit));
   cd_.row_count = layout_.events.x.dataset().row_count;
   if (layout_.triggers) edges_.row_count = layout_.triggers->t.dataset().row_count;
 
@@ -228,7 +235,7 @@ absl::Status Hdf5EventReader::FillTriggers() {
 bool Hdf5EventReader::Judge(Queue* queue) {
   const PlainEvent& event = queue->block[queue->next];
   if (queue->judged) return true;
-  if (event.kind == PlainEvent::kUnreadable) return false;
+  if (!IsReadable(event)) return false;
   queue->judged = true;
   if (queue->clock.Take(event.time_us)) return true;
   const bool sees_next = queue->next + 1 < queue->block.size();

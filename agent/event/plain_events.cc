@@ -20,7 +20,7 @@ PlainClock::Verdict PlainClock::Decide(int64_t time_us, const int64_t* next) {
 std::optional<int64_t> PlainEventDecoder::NextTime(const uint8_t* at, const uint8_t* end) {
   for (; at != end; at += kWordBytes) {
     const auto event = event_words::Load<PlainEvent>(at);
-    if (event.kind < PlainEvent::kUnreadable) return event.time_us;
+    if (IsReadable(event)) return event.time_us;
   }
   return std::nullopt;
 }

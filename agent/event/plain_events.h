@@ -30,12 +30,16 @@ struct PlainEvent {
 };
 static_assert(sizeof(PlainEvent) == 16);
 
+// Whether a record is an event, of a time that a recording can have.
+inline bool IsReadable(const PlainEvent& event);
+
 // Follows the times of plain records. Files that were merged or sorted by frame are out of order by
 // some microseconds: that is let through. A longer step back is a new clock epoch, as is a leap so
 // far ahead that 32 bits of microseconds do not reach; unless the next record goes on from where
 // the last one was: then this one is damaged.
 class PlainClock {
  public:
+  static constexpr int64_t kMaxUs = 9'000'000'000'000'000;  // 285 years, which are 63 bits of ns
   static constexpr int64_t kJitterUs = 1000;
   static constexpr int64_t kStepUs = int64_t{1} << 16;  // longer ones are looked at twice
   static constexpr int64_t kLeapUs = int64_t{1} << 30;  // 18 minutes
@@ -66,6 +70,11 @@ class PlainClock {
   bool known_ = false;
 };
 
+inline bool IsReadable(const PlainEvent& event) {
+  return event.kind < PlainEvent::kUnreadable && event.time_us <= PlainClock::kMaxUs &&
+         event.time_us >= -PlainClock::kMaxUs;
+}
+
 // Decodes records of EventFormat::kPlain; for its sinks see event_decoder.h. Counts what cannot be
 // read and damaged times as unknown words, and new clock epochs as time_steps_back.
 class PlainEventDecoder {
@@ -85,7 +94,7 @@ class PlainEventDecoder {
     faults_.truncated_bytes += bytes.size() % kWordBytes;
     for (; at != end; at += kWordBytes) {
       const auto event = event_words::Load<PlainEvent>(at);
-      if (event.kind >= PlainEvent::kUnreadable) [[unlikely]] {
+      if (!IsReadable(event)) [[unlikely]] {
         ++faults_.unknown_words;
         continue;
       }

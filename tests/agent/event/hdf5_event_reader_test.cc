@@ -171,6 +171,21 @@ TEST_F(Hdf5EventReaderTest, TimesOfOtherUnits) {
   EXPECT_EQ(events[1].time_us, 0);
 }
 
+TEST_F(Hdf5EventReaderTest, AsksForTheUnitOfTimesThatAreNoMicroseconds) {
+  {
+    Hdf5File file(path_);
+    WriteColumns(&file);
+    H5Ldelete(file.id(), "/events/t", H5P_DEFAULT);
+    file.Dataset<int64_t>("/events/t", H5T_NATIVE_INT64,
+                          {1'700'000'000'000'000'000, 1'700'000'000'000'001'000,
+                           1'700'000'000'000'002'000, 1'700'000'000'000'003'000});
+  }
+  EXPECT_THAT(ReadAll(), StatusIs(absl::StatusCode::kInvalidArgument,
+                                  AllOf(HasSubstr("/events/t"), HasSubstr("time=ns"))));
+  ASSERT_OK_AND_ASSIGN(const auto events, ReadAll({.time_unit = TimeUnit::kNanoseconds}));
+  EXPECT_EQ(events[1].time_us, 1'700'000'000'000'001);
+}
+
 TEST_F(Hdf5EventReaderTest, EveryPolarityThatPeopleWrite) {
   struct Case {
     std::vector<int8_t> written;

@@ -122,6 +122,10 @@ TEST(PlainEventDecoder, LeavesOutRowsThatCannotBeRead) {
   EventFaults faults;
   EXPECT_THAT(Decode({At(5), unreadable, At(6)}, &faults), ElementsAre("1,2,off,@5", "1,2,off,@6"));
   EXPECT_EQ(faults, (EventFaults{.unknown_words = 1}));
+  // Nanoseconds since 1970, taken for microseconds, would not fit 64 bits of nanoseconds.
+  EXPECT_THAT(Decode({At(1'700'000'000'000'000'000), At(1'700'000'000'000'000'001)}, &faults),
+              IsEmpty());
+  EXPECT_EQ(faults, (EventFaults{.unknown_words = 2}));
 }
 
 }  // namespace

@@ -51,8 +51,8 @@ Events Load(const PackedEvent* events) {
   Unsigned first, second;
   std::memcpy(&first, events, sizeof(first));
   std::memcpy(&second, events + 2, sizeof(second));
-  return {__builtin_shuffle(first, second, Unsigned{0, 2, 4, 6}),
-          __builtin_shuffle(first, second, Unsigned{1, 3, 5, 7})};
+  return {__builtin_shufflevector(first, second, 0, 2, 4, 6),
+          __builtin_shufflevector(first, second, 1, 3, 5, 7)};
 }
 
 // In the array of states.
@@ -103,8 +103,9 @@ void UpdateFour(const Rules& rules, const PackedEvent* events, Unsigned pixels, 
   const Unsigned old = {states[pixels[0]], states[pixels[1]], states[pixels[2]], states[pixels[3]]};
   Unsigned blinks;
   const Unsigned updated = NewStates(rules, Load(events), old, &blinks);
-  const Unsigned same = ToUnsigned(pixels == __builtin_shuffle(pixels, Unsigned{1, 2, 3, 0})) |
-                        ToUnsigned(pixels == __builtin_shuffle(pixels, Unsigned{2, 3, 0, 1}));
+  const Unsigned by_one = __builtin_shufflevector(pixels, pixels, 1, 2, 3, 0);
+  const Unsigned by_two = __builtin_shufflevector(pixels, pixels, 2, 3, 0, 1);
+  const Unsigned same = ToUnsigned(pixels == by_one) | ToUnsigned(pixels == by_two);
   if (Any(same)) [[unlikely]] {
     for (size_t i = 0; i < kLanes; ++i) UpdateOne(rules, events[i], states, tiles);
     return;

@@ -124,8 +124,9 @@ void EventClutter::LightOf(int y, PixelSpan columns, const Moment& moment, float
     if (y < bar.y_begin || y >= bar.y_end) continue;
     const double middle = bar.MiddleIn(y, moment.bar_px[i]);
     const double half = bar.half_width_px + bar.reach_px;
-    const int begin = std::max(columns.begin, Column(middle - half));
-    const int end = std::min(columns.end, Column(middle + half));
+    if (middle + half <= columns.begin || middle - half >= columns.end) continue;
+    const int begin = std::max(columns.begin, static_cast<int>(middle - half));
+    const int end = std::min(columns.end, static_cast<int>(middle + half));
     const auto cosine = static_cast<float>(bar.cosine);
     const auto half_width = static_cast<float>(bar.half_width_px);
     auto away = static_cast<float>(begin - middle);

@@ -9,9 +9,9 @@
 namespace rigcal {
 namespace {
 
-// share / total of `count`, below it however that is rounded.
-uint32_t Scaled(double share, double total, uint32_t count) {
-  return std::min(count - 1, static_cast<uint32_t>(share / total * count));
+// Of `count`, below it however that is rounded.
+uint32_t Below(uint32_t count, double value) {
+  return std::min(count - 1, static_cast<uint32_t>(value));
 }
 
 }  // namespace
@@ -37,16 +37,18 @@ double EventNoise::Gap() {
 }
 
 void EventNoise::Until(double end_us, std::vector<NoiseEvent>* events) {
+  const auto hot = static_cast<uint32_t>(hot_.size());
+  const double background_scale = 2.0 * pixels_ / background_, leak_scale = pixels_ / leak_;
+  const double hot_scale = 2.0 * hot / hot_total_;
   for (; next_us_ < end_us; next_us_ += Gap()) {
     const double share = draw_.Uniform() * total_;
     if (share < background_) {
-      const uint32_t which = Scaled(share, background_, 2 * pixels_);
+      const uint32_t which = Below(2 * pixels_, share * background_scale);
       events->push_back({next_us_, which / 2, which % 2 != 0});
     } else if (share < background_ + leak_) {
-      events->push_back({next_us_, Scaled(share - background_, leak_, pixels_), true});
+      events->push_back({next_us_, Below(pixels_, (share - background_) * leak_scale), true});
     } else {
-      const uint32_t which =
-          Scaled(share - background_ - leak_, hot_total_, 2 * static_cast<uint32_t>(hot_.size()));
+      const uint32_t which = Below(2 * hot, (share - background_ - leak_) * hot_scale);
       events->push_back({next_us_, hot_[which / 2], which % 2 != 0});
     }
   }

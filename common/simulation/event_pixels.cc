@@ -2,7 +2,8 @@
 #include "common/simulation/event_pixels.h"
 
 #include <algorithm>
-#include <cmath>
+#include <cstddef>
+#include <numeric>
 
 namespace rigcal {
 namespace {
@@ -10,29 +11,54 @@ namespace {
 // Of what is drawn about 1: no threshold and no refractory period vanishes.
 constexpr float kLeastFactor = 0.1f;
 // Pixels worked out at once, and those whose arithmetic is done side by side.
-constexpr size_t kChunk = 64;
+constexpr size_t kBlock = 256;
 constexpr size_t kLanes = 8;
 // Memory of pixels is asked for so many noise events ahead.
 constexpr size_t kAhead = 12;
 
-// A chunk's low passes within a stretch of time.
-struct alignas(4 * kLanes) Chunk {
-  float level[kChunk], from[kChunk], to[kChunk], end[kChunk];
+// Low passes of a block within a stretch of time: their levels at its end, and what they do not
+// leave within it.
+struct alignas(4 * kLanes) Block {
+  float level[kBlock], from[kBlock], to[kBlock];
+  float tau_us[kBlock], end[kBlock], low[kBlock], high[kBlock];
 };
 
 // Vector code: no branches, no calls and no rest.
-void Answer(const LowPassSpeed& speed, float duration_us, size_t count, Chunk* chunk) {
-  for (size_t lane = count; lane % kLanes != 0; ++lane) {
-    chunk->level[lane] = chunk->from[lane] = chunk->to[lane] = 0;
+inline __attribute__((always_inline)) void AnswerLanes(const LowPassSpeed& speed, float duration_us,
+                                                       size_t first, Block* block) {
+  for (size_t i = first; i < first + kLanes; ++i) {
+    const float from = block->from[i], to = block->to[i];
+    const float tau_us = speed.TauUs(to);
+    const LowPassAnswer answer(block->level[i], from, to, duration_us, tau_us);
+    const float end = answer.end();
+    // Where the level turns it is on the line of its input.
+    const float lesser = from < to ? from : to, greater = from < to ? to : from;
+    const bool turns = answer.MayTurn();
+    block->tau_us[i] = tau_us;
+    block->end[i] = end;
+    block->low[i] = turns && lesser < end ? lesser : end;
+    block->high[i] = turns && greater > end ? greater : end;
   }
+}
+
+#if defined(__x86_64__)
+// The same sums in wider lanes.
+__attribute__((target("avx2"))) void AnswerWide(const LowPassSpeed& speed, float duration_us,
+                                                size_t count, Block* block) {
   for (size_t first = 0; first < count; first += kLanes) {
-    const float* const level = chunk->level + first;
-    const float* const from = chunk->from + first;
-    const float* const to = chunk->to + first;
-    float* const end = chunk->end + first;
-    for (size_t i = 0; i < kLanes; ++i) {
-      end[i] = LowPassAnswer(level[i], from[i], to[i], duration_us, speed.TauUs(to[i])).end();
-    }
+    AnswerLanes(speed, duration_us, first, block);
+  }
+}
+const bool kHasWide = __builtin_cpu_supports("avx2") != 0;
+#endif
+
+void Answer(const LowPassSpeed& speed, float duration_us, size_t count, Block* block) {
+  for (size_t i = count; i % kLanes != 0; ++i) block->level[i] = block->from[i] = block->to[i] = 0;
+#if defined(__x86_64__)
+  if (kHasWide) return AnswerWide(speed, duration_us, count, block);
+#endif
+  for (size_t first = 0; first < count; first += kLanes) {
+    AnswerLanes(speed, duration_us, first, block);
   }
 }
 
@@ -86,42 +112,57 @@ void EventPixels::Fire(std::span<const NoiseEvent> noise, std::vector<PixelReque
   }
 }
 
-void EventPixels::FollowRow(uint32_t x, uint32_t y, std::span<const float> from,
-                            std::span<const float> to, double begin_us, double duration_us,
-                            std::vector<PixelRequest>* requests) {
-  Chunk chunk;
-  for (size_t first = 0; first < to.size(); first += kChunk) {
-    const size_t count = std::min(kChunk, to.size() - first);
-    const auto column = x + static_cast<uint32_t>(first);
-    Pixel* const pixels = &pixels_[static_cast<size_t>(y) * width_ + column];
-    for (size_t i = 0; i < count; ++i) {
-      chunk.level[i] = pixels[i].level;
-      chunk.from[i] = from.empty() ? pixels[i].light : from[first + i];
-      chunk.to[i] = to[first + i];
+void EventPixels::Add(uint32_t x, uint32_t y, std::span<const float> from,
+                      std::span<const float> to) {
+  const uint32_t first = y * width_ + x;
+  const size_t added = index_.size(), count = to.size();
+  index_.resize(added + count);
+  std::iota(index_.end() - static_cast<std::ptrdiff_t>(count), index_.end(), first);
+  from_.resize(added + count);
+  if (from.empty()) {
+    for (size_t i = 0; i < count; ++i) from_[added + i] = pixels_[first + i].light;
+  } else {
+    std::copy(from.begin(), from.end(), &from_[added]);
+  }
+  to_.insert(to_.end(), to.begin(), to.end());
+}
+
+void EventPixels::FollowAdded(double begin_us, double duration_us,
+                              std::vector<PixelRequest>* requests) {
+  for (size_t first = 0; first < index_.size(); first += kBlock) {
+    FollowBlock(first, std::min(kBlock, index_.size() - first), begin_us, duration_us, requests);
+  }
+  index_.clear();
+  from_.clear();
+  to_.clear();
+}
+
+void EventPixels::FollowBlock(size_t first, size_t count, double begin_us, double duration_us,
+                              std::vector<PixelRequest>* requests) {
+  Block block;
+  for (size_t i = 0; i < count; ++i) block.level[i] = pixels_[index_[first + i]].level;
+  std::copy_n(&from_[first], count, block.from);
+  std::copy_n(&to_[first], count, block.to);
+  const auto short_us = static_cast<float>(duration_us);
+  Answer(speed_, short_us, count, &block);
+  for (size_t i = 0; i < count; ++i) {
+    const uint32_t index = index_[first + i];
+    Pixel& pixel = pixels_[index];
+    const bool quiet = pixel.ready_us <= begin_us &&
+                       block.high[i] - pixel.reference < pixel.on_threshold &&
+                       pixel.reference - block.low[i] < pixel.off_threshold;
+    if (!quiet && pixel.ready_us < begin_us + duration_us) {
+      const LowPassAnswer answer(block.level[i], block.from[i], block.to[i], short_us,
+                                 block.tau_us[i], block.end[i]);
+      Cross(index, answer, begin_us, short_us, requests);
     }
-    const auto short_us = static_cast<float>(duration_us);
-    Answer(speed_, short_us, count, &chunk);
-    for (size_t i = 0; i < count; ++i) {
-      Pixel& pixel = pixels[i];
-      const float end = chunk.end[i], begin = chunk.from[i], target = chunk.to[i];
-      // Where the level turns it is on the line of its input: none of these misses a crossing.
-      const float high = std::max(end, std::max(begin, target)) - pixel.reference;
-      const float low = std::min(end, std::min(begin, target)) - pixel.reference;
-      const bool quiet =
-          pixel.ready_us <= begin_us && high < pixel.on_threshold && low > -pixel.off_threshold;
-      if (!quiet && pixel.ready_us < begin_us + duration_us) {
-        const LowPassAnswer answer(chunk.level[i], begin, target, short_us, speed_.TauUs(target));
-        Cross(column + static_cast<uint32_t>(i), y, answer, begin_us, short_us, requests);
-      }
-      pixel.light = target;
-      pixel.level = end;
-    }
+    pixel.light = block.to[i];
+    pixel.level = block.end[i];
   }
 }
 
-void EventPixels::Cross(uint32_t x, uint32_t y, const LowPassAnswer& answer, double begin_us,
+void EventPixels::Cross(uint32_t index, const LowPassAnswer& answer, double begin_us,
                         float duration_us, std::vector<PixelRequest>* requests) {
-  const size_t index = static_cast<size_t>(y) * width_ + x;
   Pixel& pixel = pixels_[index];
   float from_us = 0;
   if (pixel.ready_us > begin_us) {
@@ -137,8 +178,9 @@ void EventPixels::Cross(uint32_t x, uint32_t y, const LowPassAnswer& answer, dou
       if (!on && moved > -pixel.off_threshold) break;
       const float crossing = pixel.reference + (on ? pixel.on_threshold : -pixel.off_threshold);
       const float at_us = answer.ReachUs(crossing, on, from_us, until_us);
-      requests->push_back({begin_us + static_cast<double>(at_us), static_cast<uint16_t>(x),
-                           static_cast<uint16_t>(y), on});
+      requests->push_back({begin_us + static_cast<double>(at_us),
+                           static_cast<uint16_t>(index % width_),
+                           static_cast<uint16_t>(index / width_), on});
       DrawThresholds(index);
       from_us = at_us + pixel.refractory_us;
       pixel.ready_us = begin_us + static_cast<double>(from_us);

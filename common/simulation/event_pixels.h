@@ -24,10 +24,11 @@ class EventPixels {
 
   // As if the pixel had seen this light for long.
   void Settle(uint32_t x, uint32_t y, float light);
-  // Neighbours in a row from column x on, whose light goes linearly `from` `to` within a stretch of
-  // time. Appends what they ask. With no `from`: from what each saw last.
-  void FollowRow(uint32_t x, uint32_t y, std::span<const float> from, std::span<const float> to,
-                 double begin_us, double duration_us, std::vector<PixelRequest>* requests);
+  // Neighbours in a row from column x on, to be followed by FollowAdded, each pixel once: ln(light)
+  // at the stretch's beginning and end. With no `from`: from what each saw last.
+  void Add(uint32_t x, uint32_t y, std::span<const float> from, std::span<const float> to);
+  // Follows what was added; its light goes linearly. Appends what the pixels ask.
+  void FollowAdded(double begin_us, double duration_us, std::vector<PixelRequest>* requests);
   // Comparators that fire by themselves, unless held in reset.
   void Fire(std::span<const NoiseEvent> noise, std::vector<PixelRequest>* requests);
 
@@ -45,8 +46,10 @@ class EventPixels {
     float on = 0, off = 0;
   };
   void DrawThresholds(size_t index);
-  void Cross(uint32_t x, uint32_t y, const LowPassAnswer& answer, double begin_us,
-             float duration_us, std::vector<PixelRequest>* requests);
+  void FollowBlock(size_t first, size_t count, double begin_us, double duration_us,
+                   std::vector<PixelRequest>* requests);
+  void Cross(uint32_t index, const LowPassAnswer& answer, double begin_us, float duration_us,
+             std::vector<PixelRequest>* requests);
 
   float jitter_;
   LowPassSpeed speed_;
@@ -55,6 +58,9 @@ class EventPixels {
   RandomStream random_;
   std::vector<Pixel> pixels_;
   std::vector<Scales> scales_;
+  // What was added.
+  std::vector<uint32_t> index_;
+  std::vector<float> from_, to_;
 };
 
 }  // namespace rigcal

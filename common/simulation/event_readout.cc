@@ -39,14 +39,14 @@ void EventReadout::SortByTime(std::vector<PixelRequest>* requests) {
     std::sort(requests->begin(), requests->end(), Before);
     return;
   }
-  const auto by_time = [](const PixelRequest& a, const PixelRequest& b) {
-    return a.time_us < b.time_us;
-  };
-  const auto [first, last] = std::minmax_element(requests->begin(), requests->end(), by_time);
-  const double origin_us = first->time_us;
-  const double per_us = (kBuckets - 1) / std::max(1e-6, last->time_us - origin_us);
-  const auto bucket = [origin_us, per_us](const PixelRequest& request) {
-    return static_cast<size_t>((request.time_us - origin_us) * per_us);
+  double first_us = requests->front().time_us, last_us = first_us;
+  for (const PixelRequest& request : *requests) {
+    first_us = std::min(first_us, request.time_us);
+    last_us = std::max(last_us, request.time_us);
+  }
+  const double per_us = (kBuckets - 1) / std::max(1e-6, last_us - first_us);
+  const auto bucket = [first_us, per_us](const PixelRequest& request) {
+    return static_cast<size_t>((request.time_us - first_us) * per_us);
   };
   bucket_ends_.assign(kBuckets + 1, 0);
   for (const PixelRequest& request : *requests) ++bucket_ends_[bucket(request) + 1];

@@ -2,7 +2,6 @@
 #include "common/simulation/event_renderer.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
@@ -27,6 +26,11 @@ constexpr uint32_t kMaxSidePx = 2048;
 // Of the light of the LED: what a pixel sees in the deepest dark.
 constexpr float kDarkShare = 0.002f;
 constexpr double kCellS = 1e-6 * EventRenderer::kCellUs;
+
+struct RowSpan {
+  uint32_t y = 0;
+  PixelSpan columns;
+};
 
 float Luminance(double blue, double green, double red) {
   return static_cast<float>((blue + green + red) / 3);
@@ -74,18 +78,23 @@ struct EventRenderer::Impl {
         lamp_moments(static_cast<size_t>(clutter.LampParts(kCellS)) + 1) {
     clutter.MomentAt(0, &lamp_moments[0]);
     for (uint32_t y = 0; y < size.height; ++y) {
-      const std::vector<float>& row =
-          LogLight(y, {0, static_cast<int>(size.width)}, lamp_moments[0]);
-      for (uint32_t x = 0; x < size.width; ++x) pixels.Settle(x, y, row[x]);
+      const RowSpan row{y, {0, static_cast<int>(size.width)}};
+      LogLight({&row, 1}, lamp_moments[0]);
+      for (uint32_t x = 0; x < size.width; ++x) pixels.Settle(x, y, log_light[x]);
     }
   }
 
-  const std::vector<float>& LogLight(uint32_t y, PixelSpan columns,
-                                     const EventClutter::Moment& moment) {
-    light_row.resize(static_cast<size_t>(columns.end - columns.begin));
-    clutter.LightOf(static_cast<int>(y), columns, moment, light_row.data());
-    for (float& one : light_row) one = FastLog(one);
-    return light_row;
+  // Of one span after the other.
+  void LogLight(std::span<const RowSpan> spans, const EventClutter::Moment& moment) {
+    size_t count = 0;
+    for (const RowSpan& span : spans) count += span.columns.size();
+    log_light.resize(count);
+    float* next = log_light.data();
+    for (const auto& [y, columns] : spans) {
+      clutter.LightOf(static_cast<int>(y), columns, moment, next);
+      next += columns.size();
+    }
+    for (float& one : log_light) one = FastLog(one);
   }
 
   void MomentsOf(std::span<EventClutter::Moment> moments) const {
@@ -96,15 +105,17 @@ struct EventRenderer::Impl {
     }
   }
 
-  void FollowSpans(uint32_t y, const std::vector<PixelSpan>& columns,
-                   std::span<const EventClutter::Moment> moments) {
+  void FollowSpans(std::span<const RowSpan> spans, std::span<const EventClutter::Moment> moments) {
     const double part_us = static_cast<double>(kCellUs) / static_cast<double>(moments.size() - 1);
-    for (const PixelSpan& span : columns) {
-      for (size_t i = 1; i < moments.size(); ++i) {
-        const double end_us = static_cast<double>(now_us) + static_cast<double>(i) * part_us;
-        pixels.FollowRow(static_cast<uint32_t>(span.begin), y, {}, LogLight(y, span, moments[i]),
-                         end_us - part_us, part_us, &requests);
+    for (size_t i = 1; i < moments.size(); ++i) {
+      LogLight(spans, moments[i]);
+      std::span<const float> rest = log_light;
+      for (const auto& [y, columns] : spans) {
+        pixels.Add(static_cast<uint32_t>(columns.begin), y, {}, rest.first(columns.size()));
+        rest = rest.subspan(columns.size());
       }
+      const double begin_us = static_cast<double>(now_us) + static_cast<double>(i - 1) * part_us;
+      pixels.FollowAdded(begin_us, part_us, &requests);
     }
   }
 
@@ -112,6 +123,8 @@ struct EventRenderer::Impl {
   void FollowClutter() {
     MomentsOf(bar_moments);
     MomentsOf(lamp_moments);
+    lamp_rows.clear();
+    bar_rows.clear();
     for (uint32_t y = 0; y < size.height; ++y) {
       const auto row = static_cast<int>(y);
       lamp_spans.clear();
@@ -125,19 +138,22 @@ struct EventRenderer::Impl {
       SubtractSpans(sphere_spans, &lamp_spans);
       SubtractSpans(sphere_spans, &bar_spans);
       SubtractSpans(lamp_spans, &bar_spans);
-      FollowSpans(y, lamp_spans, lamp_moments);
-      FollowSpans(y, bar_spans, bar_moments);
+      for (const PixelSpan& columns : lamp_spans) lamp_rows.push_back({y, columns});
+      for (const PixelSpan& columns : bar_spans) bar_rows.push_back({y, columns});
     }
+    FollowSpans(lamp_rows, lamp_moments);
+    FollowSpans(bar_rows, bar_moments);
   }
 
   absl::Status RenderCell(const WandPath& path, std::vector<SimulatedEvent>* events) {
     RIGCAL_RETURN_IF_ERROR(spheres.DrawCell(now_us, kCellUs, path));
+    const int parts = spheres.parts();
+    sphere_moments.resize(static_cast<size_t>(parts) + 1);
     MomentsOf(sphere_moments);
-    for (int part = 0; part < EventSpheres::kDraws; ++part) {
+    for (int part = 0; part < parts; ++part) {
       const auto i = static_cast<size_t>(part);
       noise_events.clear();
-      noise.Until(static_cast<double>(now_us + (part + 1) * kCellUs / EventSpheres::kDraws),
-                  &noise_events);
+      noise.Until(static_cast<double>(now_us + (part + 1) * kCellUs / parts), &noise_events);
       pixels.Fire(noise_events, &requests);
       spheres.Follow(part, clutter, sphere_moments[i], sphere_moments[i + 1], &pixels, &requests);
     }
@@ -170,10 +186,10 @@ struct EventRenderer::Impl {
   EventNoise noise;
   EventPixels pixels;
   EventReadout readout;
-  std::array<EventClutter::Moment, EventSpheres::kDraws + 1> sphere_moments;
-  std::vector<EventClutter::Moment> bar_moments, lamp_moments;
+  std::vector<EventClutter::Moment> sphere_moments, bar_moments, lamp_moments;
   std::vector<PixelSpan> sphere_spans, lamp_spans, bar_spans;
-  std::vector<float> light_row;
+  std::vector<RowSpan> lamp_rows, bar_rows;
+  std::vector<float> log_light;
   std::vector<NoiseEvent> noise_events;
   std::vector<PixelRequest> requests;
   int64_t now_us = 0;

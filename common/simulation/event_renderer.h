@@ -29,8 +29,8 @@ struct SimulatedTrigger {
 // slices. One thread at a time.
 class EventRenderer {
  public:
-  // Pixels are followed by cells; within one, ln(light) is linear over a quarter before a sphere,
-  // over at most 0.35 px of an edge's way and a sixteenth of a lamp's period.
+  // Pixels are followed by cells, cut so that spheres and edges move by at most 0.35 px and lamps
+  // go on by a sixteenth of their period in a part, within which ln(light) is taken as linear.
   static constexpr int64_t kCellUs = 1000;
 
   // `scene`: light, lens blur, room and LEDs (exposure and sensor noise are not used but for the

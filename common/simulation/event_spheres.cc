@@ -6,8 +6,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/camera/camera_model.h"
 #include "common/simulation/fast_math.h"
 #include "common/simulation/scene_truth.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
@@ -15,8 +17,10 @@ namespace {
 constexpr double kDefaultDiameterM = 0.04;
 // Around a sphere: where pixels may still settle after it has passed.
 constexpr int kSettlePx = 2;
-// Nearer than that two switches are one.
-constexpr double kShortestStepUs = 1e-3;
+// Noise before a sphere is told part by part, so at least so many.
+constexpr int kLeastParts = 2;
+// A sphere's way in one part, where possible.
+constexpr double kPartPx = 0.35;
 
 bool HasRow(const ImagePatch& patch, int y) {
   return !patch.empty() && y >= patch.y && y < patch.y + patch.height;
@@ -67,29 +71,19 @@ EventSpheres::EventSpheres(const Intrinsics* intrinsics, const ImageSize& size, 
       size_(size),
       profile_(profile),
       imager_(intrinsics, size, rays),
-      duty_(scene.blink_duty),
-      led_phase_(led_phase),
       light_(light) {
   sphere_options_.radius_m = 0.5 * (target.diameter_m > 0 ? target.diameter_m : kDefaultDiameterM);
   sphere_options_.limb = scene.limb;
   for (size_t i = 0; i < target.marker_positions_m.size(); ++i) {
     Marker marker;
     marker.position_m = target.marker_positions_m[i];
-    marker.blink_hz = target.blink_hz.empty() ? scene.blink_hz
+    const double hz = target.blink_hz.empty() ? scene.blink_hz
                                               : target.blink_hz[target.blink_hz.size() > 1 ? i : 0];
-    marker.blink_hz *= 1 + 1e-6 * scene.blink_drift_ppm;
+    marker.led = {.hz = hz * (1 + 1e-6 * scene.blink_drift_ppm),
+                  .duty = scene.blink_duty,
+                  .phase = led_phase};
     markers_.push_back(std::move(marker));
   }
-}
-
-bool EventSpheres::IsLit(size_t marker, double time_s) const {
-  return IsLit(markers_[marker], time_s);
-}
-
-bool EventSpheres::IsLit(const Marker& marker, double time_s) const {
-  if (marker.blink_hz <= 0) return true;
-  const double turns = marker.blink_hz * time_s + led_phase_;
-  return turns - std::floor(turns) < duty_;
 }
 
 std::vector<MarkerTruth> EventSpheres::TruthOf(const WandMotion& wand) const {
@@ -98,28 +92,54 @@ std::vector<MarkerTruth> EventSpheres::TruthOf(const WandMotion& wand) const {
   return rigcal::TruthOf(*intrinsics_, size_, spheres, sphere_options_.radius_m, nullptr);
 }
 
+int EventSpheres::PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& path) const {
+  const auto begin = path ? path(1e-6 * static_cast<double>(begin_us)) : std::nullopt;
+  const auto end = path ? path(1e-6 * static_cast<double>(begin_us + cell_us)) : std::nullopt;
+  if (!begin || !end) return kLeastParts;
+  double way_px = 0;
+  for (const Marker& marker : markers_) {
+    Eigen::Vector2d from, to;
+    if (!Project(*intrinsics_, begin->Marker(marker.position_m).centre_m, &from) ||
+        !Project(*intrinsics_, end->Marker(marker.position_m).centre_m, &to)) {
+      continue;
+    }
+    way_px = std::max(way_px, (to - from).norm());
+  }
+  int parts = kLeastParts;
+  while (parts < kMaxParts && way_px > parts * kPartPx) parts *= 2;
+  return parts;
+}
+
+absl::Status EventSpheres::Draw(double time_s, const WandPath& path, int image) {
+  const std::optional<WandMotion> wand = path ? path(time_s) : std::nullopt;
+  for (Marker& marker : markers_) {
+    marker.images[image].patch = {};
+    if (!wand.has_value()) continue;
+    SphereMotion sphere;
+    sphere.centre_m = wand->Marker(marker.position_m).centre_m;
+    if (!sphere.centre_m.allFinite()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("event renderer: the wand's pose at ", time_s, " s is not finite"));
+    }
+    const ExposurePart now{.dt_s = 0, .share = 1, .lit_share = 1};
+    imager_.Draw(sphere, {&now, 1}, *profile_, sphere_options_, &marker.images[image]);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status EventSpheres::DrawCell(int64_t begin_us, int64_t cell_us, const WandPath& path) {
   begin_us_ = begin_us;
   cell_us_ = cell_us;
-  for (Marker& marker : markers_) std::swap(marker.images[0], marker.images[kDraws]);
-  for (int i = begin_us == 0 ? 0 : 1; i <= kDraws; ++i) {
-    const double time_s = 1e-6 * static_cast<double>(begin_us + i * cell_us / kDraws);
-    const std::optional<WandMotion> wand = path ? path(time_s) : std::nullopt;
-    for (Marker& marker : markers_) {
-      marker.images[i].patch = {};
-      if (!wand.has_value()) continue;
-      SphereMotion sphere;
-      sphere.centre_m = wand->Marker(marker.position_m).centre_m;
-      if (!sphere.centre_m.allFinite()) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("event renderer: the wand's pose at ", time_s, " s is not finite"));
-      }
-      const ExposurePart now{.dt_s = 0, .share = 1, .lit_share = 1};
-      imager_.Draw(sphere, {&now, 1}, *profile_, sphere_options_, &marker.images[i]);
-    }
+  // The last cell's end is this one's beginning.
+  for (Marker& marker : markers_) std::swap(marker.images[0], marker.images[parts_]);
+  parts_ = PartsFor(begin_us, cell_us, path);
+  if (begin_us == 0) RIGCAL_RETURN_IF_ERROR(Draw(0, path, 0));
+  for (int i = 1; i <= parts_; ++i) {
+    const double time_s = 1e-6 * static_cast<double>(begin_us + i * cell_us / parts_);
+    RIGCAL_RETURN_IF_ERROR(Draw(time_s, path, i));
   }
   for (Marker& marker : markers_) {
-    marker.patch = Around(marker.images, size_);
+    marker.patch = Around(std::span(marker.images).first(static_cast<size_t>(parts_) + 1), size_);
     FindRows(&marker);
   }
   for (Marker& marker : markers_) {
@@ -135,7 +155,8 @@ void EventSpheres::FindRows(Marker* marker) const {
   marker->rows.clear();
   for (int y = around.y; y < around.y + around.height; ++y) {
     PixelSpan columns{static_cast<int>(size_.width), 0};
-    for (const SphereImage& image : marker->images) {
+    for (int i = 0; i <= parts_; ++i) {
+      const SphereImage& image = marker->images[i];
       const ImagePatch& patch = image.patch;
       if (!HasRow(patch, y)) continue;
       const float* const cover = &image.cover[IndexIn(patch, patch.x, y)];
@@ -157,29 +178,6 @@ void EventSpheres::AddSpans(int y, std::vector<PixelSpan>* spans) const {
     if (!HasRow(marker.patch, y)) continue;
     spans->push_back(marker.rows[static_cast<size_t>(y - marker.patch.y)]);
   }
-}
-
-// One step from switch to switch of the LED.
-void EventSpheres::PlanSteps(double begin_us, double duration_us, Marker* marker) const {
-  marker->steps.clear();
-  double from_us = 0;
-  const auto cut_at = [&](double cut_us) {
-    if (cut_us - from_us < kShortestStepUs) return;
-    marker->steps.push_back({cut_us, IsLit(*marker, 1e-6 * (begin_us + 0.5 * (from_us + cut_us)))});
-    from_us = cut_us;
-  };
-  if (marker->blink_hz > 0) {
-    const double period_us = 1e6 / marker->blink_hz;
-    const double turns = 1e-6 * marker->blink_hz * begin_us + led_phase_;
-    for (double cycle = std::floor(turns);; ++cycle) {
-      const double on_us = (cycle - turns) * period_us;
-      if (on_us >= duration_us) break;
-      for (const double cut : {on_us, on_us + duty_ * period_us}) {
-        if (cut < duration_us - kShortestStepUs) cut_at(cut);
-      }
-    }
-  }
-  cut_at(duration_us);
 }
 
 void EventSpheres::Shine(const Marker& marker, const SphereImage& image,
@@ -228,12 +226,12 @@ const EventSpheres::Marker* EventSpheres::OwnerOf(int x, int y, int part) const 
 void EventSpheres::Follow(int part, const EventClutter& clutter, const EventClutter::Moment& begin,
                           const EventClutter::Moment& end, EventPixels* pixels,
                           std::vector<PixelRequest>* requests) {
-  const double part_us = static_cast<double>(cell_us_) / kDraws;
+  const double part_us = static_cast<double>(cell_us_) / parts_;
   const double begin_us = static_cast<double>(begin_us_) + part * part_us;
   for (Marker& marker : markers_) {
     const ImagePatch& patch = marker.patch;
     if (patch.empty()) continue;
-    PlanSteps(begin_us, part_us, &marker);
+    marker.led.StepsOf(begin_us, part_us, &marker.steps);
     if (part == 0) {
       Shine(marker, marker.images[0], clutter, begin, &marker.dark[0], &marker.lit[0]);
     } else {
@@ -241,43 +239,59 @@ void EventSpheres::Follow(int part, const EventClutter& clutter, const EventClut
       marker.lit[0].swap(marker.lit[1]);
     }
     Shine(marker, marker.images[part + 1], clutter, end, &marker.dark[1], &marker.lit[1]);
-    for (int y = patch.y; y < patch.y + patch.height; ++y) {
-      const PixelSpan columns = marker.rows[static_cast<size_t>(y - patch.y)];
-      for (int x = columns.begin, past = x; x < columns.end; x = past) {
-        past = columns.end;
-        if (!marker.alone) {
-          const Marker* const owner = OwnerOf(x, y, part);
-          for (past = x + 1; past < columns.end && OwnerOf(past, y, part) == owner;) ++past;
-          if (owner != &marker) continue;
-        }
-        FollowColumns(marker, y, {x, past}, begin_us, pixels, requests);
+    FindOwned(part, marker);
+    FollowOwned(marker, begin_us, pixels, requests);
+  }
+}
+
+void EventSpheres::FindOwned(int part, const Marker& drawn) {
+  owned_.clear();
+  for (int y = drawn.patch.y; y < drawn.patch.y + drawn.patch.height; ++y) {
+    const PixelSpan columns = drawn.rows[static_cast<size_t>(y - drawn.patch.y)];
+    if (drawn.alone) {
+      if (columns.begin < columns.end) owned_.push_back({y, columns});
+      continue;
+    }
+    for (int x = columns.begin; x < columns.end; ++x) {
+      if (OwnerOf(x, y, part) != &drawn) continue;
+      if (!owned_.empty() && owned_.back().y == y && owned_.back().columns.end == x) {
+        ++owned_.back().columns.end;
+      } else {
+        owned_.push_back({y, {x, x + 1}});
       }
     }
   }
 }
 
-void EventSpheres::FollowColumns(const Marker& marker, int y, PixelSpan columns, double begin_us,
-                                 EventPixels* pixels, std::vector<PixelRequest>* requests) {
-  const size_t first = IndexIn(marker.patch, columns.begin, y);
-  const auto count = static_cast<size_t>(columns.end - columns.begin);
-  const auto column = static_cast<uint32_t>(columns.begin), row = static_cast<uint32_t>(y);
-  for (size_t i = 0; begin_us == 0 && i < count; ++i) {
-    pixels->Settle(column + static_cast<uint32_t>(i), row, marker.dark[0][first + i]);
+void EventSpheres::FollowOwned(const Marker& marker, double begin_us, EventPixels* pixels,
+                               std::vector<PixelRequest>* requests) {
+  for (size_t k = 0; begin_us == 0 && k < owned_.size(); ++k) {
+    const auto& [y, columns] = owned_[k];
+    for (int x = columns.begin; x < columns.end; ++x) {
+      pixels->Settle(static_cast<uint32_t>(x), static_cast<uint32_t>(y),
+                     marker.dark[0][IndexIn(marker.patch, x, y)]);
+    }
   }
-  from_.resize(count);
-  to_.resize(count);
   const double whole_us = marker.steps.back().end_us;
   double from_us = 0;
   for (const LightStep& step : marker.steps) {
-    const float* const before = (step.lit ? marker.lit : marker.dark)[0].data() + first;
-    const float* const after = (step.lit ? marker.lit : marker.dark)[1].data() + first;
+    const std::vector<float>& before = step.lit ? marker.lit[0] : marker.dark[0];
+    const std::vector<float>& after = step.lit ? marker.lit[1] : marker.dark[1];
     const auto begin = static_cast<float>(from_us / whole_us);
     const auto end = static_cast<float>(step.end_us / whole_us);
-    for (size_t i = 0; i < count; ++i) {
+    from_.resize(before.size());
+    to_.resize(before.size());
+    for (size_t i = 0; i < before.size(); ++i) {
       from_[i] = before[i] + begin * (after[i] - before[i]);
       to_[i] = before[i] + end * (after[i] - before[i]);
     }
-    pixels->FollowRow(column, row, from_, to_, begin_us + from_us, step.end_us - from_us, requests);
+    for (const auto& [y, columns] : owned_) {
+      const size_t first = IndexIn(marker.patch, columns.begin, y);
+      pixels->Add(static_cast<uint32_t>(columns.begin), static_cast<uint32_t>(y),
+                  std::span(from_).subspan(first, columns.size()),
+                  std::span(to_).subspan(first, columns.size()));
+    }
+    pixels->FollowAdded(begin_us + from_us, step.end_us - from_us, requests);
     from_us = step.end_us;
   }
 }

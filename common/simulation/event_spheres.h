@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "common/camera/intrinsics.h"
+#include "common/simulation/blinking_led.h"
 #include "common/simulation/edge_profile.h"
 #include "common/simulation/event_clutter.h"
 #include "common/simulation/event_pixels.h"
@@ -31,17 +32,12 @@ struct EventLight {
   float dark = 0;   // of the deepest dark
 };
 
-// A part of a stretch of time during which an LED does not switch.
-struct LightStep {
-  double end_us = 0;  // since the stretch began
-  bool lit = false;
-};
-
-// The blinking spheres of a wand before an event camera: their images, drawn at `kDraws` + 1 times
-// of a cell and linear in ln(light) between them, and the pixels they cover. One thread at a time.
+// The blinking spheres of a wand before an event camera: their images, drawn so often in each cell
+// of time that they move by at most 0.35 px in between (as far as kMaxParts allows), linear in
+// ln(light) there; and the pixels they cover. One thread at a time.
 class EventSpheres {
  public:
-  static constexpr int kDraws = 4;
+  static constexpr int kMaxParts = 8;
 
   // Lens, rays and profile must outlive this.
   EventSpheres(const Intrinsics* intrinsics, const ImageSize& size, const RayGrid* rays,
@@ -50,22 +46,24 @@ class EventSpheres {
 
   // Draws a cell. INVALID_ARGUMENT: the wand's pose is not finite.
   absl::Status DrawCell(int64_t begin_us, int64_t cell_us, const WandPath& path);
+  // Into how many equal parts that cell is cut.
+  int parts() const { return parts_; }
   // Appends the columns of a row that this cell's spheres take, with room for pixels to settle.
   void AddSpans(int y, std::vector<PixelSpan>* spans) const;
-  // Follows those pixels through one part of the cell, 0 to kDraws - 1, in order. `moments`: of the
-  // clutter behind, at the part's beginning and end.
+  // Follows those pixels through one part of the cell, 0 to parts() - 1, in order. `moments`: of
+  // the clutter behind, at the part's beginning and end.
   void Follow(int part, const EventClutter& clutter, const EventClutter::Moment& begin,
               const EventClutter::Moment& end, EventPixels* pixels,
               std::vector<PixelRequest>* requests);
 
-  bool IsLit(size_t marker, double time_s) const;
+  bool IsLit(size_t marker, double time_s) const { return markers_[marker].led.IsLit(time_s); }
   std::vector<MarkerTruth> TruthOf(const WandMotion& wand) const;
 
  private:
   struct Marker {
     double position_m = 0;
-    double blink_hz = 0;
-    SphereImage images[kDraws + 1];
+    BlinkingLed led;
+    SphereImage images[kMaxParts + 1];
     ImagePatch patch;             // of all, with room to settle
     std::vector<PixelSpan> rows;  // columns of each row of the patch that see anything of it
     bool alone = true;            // no other patch overlaps it
@@ -73,12 +71,13 @@ class EventSpheres {
     std::vector<float> dark[2], lit[2];
     std::vector<LightStep> steps;
   };
-  bool IsLit(const Marker& marker, double time_s) const;
-  void PlanSteps(double begin_us, double duration_us, Marker* marker) const;
+  int PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& path) const;
+  absl::Status Draw(double time_s, const WandPath& path, int image);
   void Shine(const Marker& marker, const SphereImage& image, const EventClutter& clutter,
              const EventClutter::Moment& moment, std::vector<float>* dark, std::vector<float>* lit);
-  void FollowColumns(const Marker& marker, int y, PixelSpan columns, double begin_us,
-                     EventPixels* pixels, std::vector<PixelRequest>* requests);
+  void FindOwned(int part, const Marker& drawn);
+  void FollowOwned(const Marker& marker, double begin_us, EventPixels* pixels,
+                   std::vector<PixelRequest>* requests);
   void FindRows(Marker* marker) const;
   const Marker* OwnerOf(int x, int y, int part) const;
 
@@ -87,10 +86,15 @@ class EventSpheres {
   const EdgeProfile* profile_;
   SphereImager imager_;
   SphereImageOptions sphere_options_;
-  double duty_, led_phase_;
   EventLight light_;
   int64_t begin_us_ = 0, cell_us_ = 0;
+  int parts_ = 1;
   std::vector<Marker> markers_;
+  struct OwnedSpan {
+    int y = 0;
+    PixelSpan columns;
+  };
+  std::vector<OwnedSpan> owned_;  // pixels that follow one marker in a part
   std::vector<float> from_, to_;
 };
 

@@ -21,17 +21,21 @@ inline float FastLog(float x) {
   return static_cast<float>(exponent) * 0.693147181f + series;
 }
 
-// exp(x) with a relative error below 5e-6; what is below -87 or above 87 is taken as that.
-inline float FastExp(float x) {
+// exp(x) with a relative error below 5e-6, for x from -87 to 87.
+inline float FastExpWithin87(float x) {
   constexpr float kRound = 12582912;  // adding it leaves no digits behind the point
-  x = x > -87 ? x : -87;  // std::max, by reference, keeps loops from becoming vector code
-  x = x < 87 ? x : 87;
   const float whole = (x * 1.44269504f + kRound) - kRound;
   const float rest = (x - whole * 0.693359375f) + whole * 2.12194440e-4f;
   const float series =
       1 + rest * (1 + rest * (0.5f + rest * (1.0f / 6 + rest * (1.0f / 24 + rest * (1.0f / 120)))));
   const int32_t scale = (static_cast<int32_t>(whole) + 127) * (1 << 23);
   return series * std::bit_cast<float>(scale);
+}
+
+// exp(-x) of x >= 0, as good; nearly 0 beyond 87.
+inline float FastDecay(float x) {
+  // std::min, by reference, keeps loops from becoming vector code.
+  return FastExpWithin87(-(x < 87 ? x : 87));
 }
 
 }  // namespace rigcal

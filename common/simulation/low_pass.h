@@ -15,11 +15,11 @@ struct LowPassSpeed {
   float full_light = 0;  // ln(light)
 
   float TauUs(float light) const {
-    constexpr float kDarkest = 20;        // by which the dark slows it at most
+    constexpr float kDarkest = 3;         // ln(light): beyond that the dark slows it no more
     constexpr float kLeastTauUs = 0.01f;  // below that it is none
     const float below = full_light - light;
-    const float darker = FastExp(below > 0 ? below : 0);
-    const float constant = tau_us * (1 + slowdown * ((darker < kDarkest ? darker : kDarkest) - 1));
+    const float darker = below > 0 ? (below < kDarkest ? below : kDarkest) : 0;
+    const float constant = tau_us * (1 - slowdown + slowdown * FastExpWithin87(darker));
     return constant > kLeastTauUs ? constant : kLeastTauUs;
   }
 };
@@ -35,15 +35,23 @@ class LowPassAnswer {
  public:
   // `tau_us` > 0.
   LowPassAnswer(float level, float from, float to, float duration_us, float tau_us)
-      : tau_us_(tau_us), slope_((to - from) / duration_us), base_(from - slope_ * tau_us) {
-    amplitude_ = level - base_;
-    end_ = base_ + slope_ * duration_us + amplitude_ * FastExp(-duration_us / tau_us);
+      : LowPassAnswer(level, from, to, duration_us, tau_us, 0) {
+    end_ = At(duration_us);
   }
+  // The same where the level at the end is known.
+  LowPassAnswer(float level, float from, float to, float duration_us, float tau_us, float end)
+      : tau_us_(tau_us),
+        slope_((to - from) / duration_us),
+        base_(from - slope_ * tau_us),
+        amplitude_(level - base_),
+        end_(end) {}
 
   float end() const { return end_; }
   float At(float t_us) const {
-    return base_ + slope_ * t_us + amplitude_ * FastExp(-t_us / tau_us_);
+    return base_ + slope_ * t_us + amplitude_ * FastDecay(t_us / tau_us_);
   }
+  // Sure, if false.
+  bool MayTurn() const { return slope_ * amplitude_ > 0; }
   // Where the level turns, the only time at most; none: below 0 or beyond the end.
   float TurnUs() const {
     const float lag = slope_ * tau_us_;
@@ -60,7 +68,7 @@ class LowPassAnswer {
     // Newton; where it leaves what is known to hold the time, halves.
     for (int step = 0; step < 20; ++step) {
       if (!(t > low_us && t < high_us)) t = 0.5f * (low_us + high_us);
-      const float decay = amplitude_ * FastExp(-t / tau_us_);
+      const float decay = amplitude_ * FastDecay(t / tau_us_);
       const float away = base_ + slope_ * t + decay - level;
       ((away < 0) == upwards ? low_us : high_us) = t;
       const float steepness = slope_ - decay / tau_us_;
@@ -76,7 +84,7 @@ class LowPassAnswer {
 
  private:
   static constexpr float kTimeUs = 0.2f;
-  float tau_us_, slope_, base_, amplitude_ = 0, end_ = 0;
+  float tau_us_, slope_, base_, amplitude_, end_;
 };
 
 }  // namespace rigcal

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 namespace rigcal {
@@ -10,6 +11,8 @@ struct PixelSpan {
   int begin = 0;
   int end = 0;
 
+  // Of one that is not empty.
+  size_t size() const { return static_cast<size_t>(end - begin); }
   friend bool operator==(const PixelSpan&, const PixelSpan&) = default;
 };
 

@@ -29,8 +29,9 @@ std::vector<PixelRequest> StepAll(EventPixels* pixels, float from, float to) {
   const std::vector<float> light(kSize.width, to);
   for (uint32_t y = 0; y < kSize.height; ++y) {
     for (uint32_t x = 0; x < kSize.width; ++x) pixels->Settle(x, y, from);
-    pixels->FollowRow(0, y, light, light, 0, kStretchUs, &requests);
+    pixels->Add(0, y, light, light);
   }
+  pixels->FollowAdded(0, kStretchUs, &requests);
   return requests;
 }
 
@@ -91,7 +92,8 @@ TEST(EventPixels, ThresholdsJitterFromEventToEvent) {
   // A long ramp: its crossings are one threshold apart.
   for (int i = 0; i < 2000; ++i) {
     const float from = static_cast<float>(i) / 2, to = static_cast<float>(i + 1) / 2;
-    pixels.FollowRow(3, 4, {&from, 1}, {&to, 1}, i * kStretchUs, kStretchUs, &requests);
+    pixels.Add(3, 4, {&from, 1}, {&to, 1});
+    pixels.FollowAdded(i * kStretchUs, kStretchUs, &requests);
   }
   ASSERT_NEAR(static_cast<double>(requests.size()), 4000, 30);
   double squares = 0;
@@ -171,7 +173,8 @@ TEST(EventPixels, FollowsABlinkingLightAsSmallStepsDo) {
       const float from = i % 3 == 0 ? static_cast<float>(draw.Uniform(1, 6)) : light;
       light = from + static_cast<float>(draw.Uniform(-0.6, 0.6));
       const double duration_us = std::round(draw.Uniform(20, 700));
-      pixels.FollowRow(0, 0, {&from, 1}, {&light, 1}, now_us, duration_us, &requests);
+      pixels.Add(0, 0, {&from, 1}, {&light, 1});
+      pixels.FollowAdded(now_us, duration_us, &requests);
       plain.Follow(from, light, now_us, duration_us, &expected);
       now_us += duration_us;
     }
@@ -198,9 +201,10 @@ TEST(EventPixels, WithoutABeginningItGoesOnFromWhatItSawLast) {
       to[k] = std::sin(0.3f * static_cast<float>(i) + 0.1f * static_cast<float>(k));
     }
     if (i == 0) from = to;
-    explicit_pixels.FollowRow(5, 2, from, to, i * kStretchUs, kStretchUs, &expected);
-    pixels.FollowRow(5, 2, i == 0 ? std::span<const float>(from) : std::span<const float>(), to,
-                     i * kStretchUs, kStretchUs, &requests);
+    explicit_pixels.Add(5, 2, from, to);
+    explicit_pixels.FollowAdded(i * kStretchUs, kStretchUs, &expected);
+    pixels.Add(5, 2, i == 0 ? std::span<const float>(from) : std::span<const float>(), to);
+    pixels.FollowAdded(i * kStretchUs, kStretchUs, &requests);
     from = to;
   }
   ASSERT_EQ(requests.size(), expected.size());

@@ -78,7 +78,7 @@ TEST(LowPassSpeed, DarknessSlowsItToALimit) {
   const LowPassSpeed speed{50, 0.05f, 3};
   EXPECT_FLOAT_EQ(speed.TauUs(5), 50);
   EXPECT_NEAR(speed.TauUs(3 - std::log(3.0f)), 55, 0.01);
-  EXPECT_NEAR(speed.TauUs(-20), 50 * (1 + 0.05 * 19), 0.01);
+  EXPECT_NEAR(speed.TauUs(-20), 50 * (0.95 + 0.05 * std::exp(3)), 0.01);
   EXPECT_GT((LowPassSpeed{0, 0, 3}).TauUs(1), 0);
 }
 

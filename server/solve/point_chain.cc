@@ -5,78 +5,20 @@
 #include <cmath>
 #include <map>
 #include <set>
-#include <string>
-#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
+#include "server/solve/point_joins.h"
 #include "server/solve/triangulation.h"
 
 namespace rigcal::server {
 namespace {
 
-constexpr size_t kMaxSeeds = 50;    // pairs that are looked at for one from which all are reached
 constexpr double kMinSine = 0.005;  // of the angle between two rays, for a depth to say something
 constexpr double kMaxLogScale = 0.35;
 
 using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>;
-
-struct View {
-  int camera;
-  Eigen::Vector2d ray;
-};
-using PointViews = std::vector<View>;  // of one instant, one of each camera
-
-std::vector<PointViews> AllViews(const BundleProblem& problem,
-                                 const std::vector<Eigen::Vector2d>& rays) {
-  std::vector<PointViews> all;
-  for (const BundleInstant& instant : problem.instants) {
-    PointViews views;
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      if (observation.marker_count == 0) continue;
-      const auto m = static_cast<size_t>(observation.first_marker);
-      if (problem.markers[m].used && rays[m].allFinite()) {
-        views.push_back({observation.camera, rays[m]});
-      }
-    }
-    if (views.size() >= 2) all.push_back(std::move(views));
-  }
-  return all;
-}
-
-// How many instants three cameras share.
-class TripleCounts {
- public:
-  TripleCounts(size_t cameras, const std::vector<PointViews>& instants)
-      : cameras_(cameras), counts_(cameras * cameras * cameras, 0) {
-    for (const PointViews& views : instants) {
-      for (const View& a : views) {
-        for (const View& b : views) {
-          if (b.camera <= a.camera) continue;
-          for (const View& c : views) {
-            if (c.camera > b.camera) ++counts_[Index(a.camera, b.camera, c.camera)];
-          }
-        }
-      }
-    }
-  }
-  int Of(int a, int b, int c) const {
-    if (a > b) std::swap(a, b);
-    if (b > c) std::swap(b, c);
-    if (a > b) std::swap(a, b);
-    return counts_[Index(a, b, c)];
-  }
-
- private:
-  size_t Index(int a, int b, int c) const {
-    return (static_cast<size_t>(a) * cameras_ + static_cast<size_t>(b)) * cameras_ +
-           static_cast<size_t>(c);
-  }
-  size_t cameras_;
-  std::vector<int> counts_;
-};
 
 class PointChain {
  public:
@@ -88,8 +30,8 @@ class PointChain {
         problem_(problem),
         count_(static_cast<int>(problem.cameras.size())),
         estimate_(estimate),
-        instants_(AllViews(problem, rays)),
-        triples_(problem.cameras.size(), instants_) {}
+        instants_(AllPointSights(problem, rays)),
+        joins_(graph, instants_) {}
 
   // cam_from_rig by camera, in the frame and the unit of the pair it began with.
   absl::StatusOr<std::vector<RigidTransform>> Run() {
@@ -97,7 +39,7 @@ class PointChain {
     RIGCAL_RETURN_IF_ERROR(
         FindSpanningTree(graph_, [this](int a, int b) { return Pair(a, b); }).status());
     std::vector<bool> best;
-    for (const auto& [a, b] : Seeds()) {
+    for (const auto& [a, b] : joins_.Seeds()) {
       RIGCAL_ASSIGN_OR_RETURN(const std::vector<bool> reached, GrowFrom(a, b));
       const auto size = [](const std::vector<bool>& set) {
         return std::count(set.begin(), set.end(), true);
@@ -105,11 +47,11 @@ class PointChain {
       if (size(reached) == count_) return poses_;
       if (size(reached) > size(best)) best = reached;
     }
-    return NotJoined(best);
+    return joins_.NotJoined(best);
   }
 
  private:
-  using CameraPair = std::pair<int, int>;
+  using CameraPair = PointJoins::CameraPair;
 
   // The pose of a pair, estimated once.
   absl::StatusOr<std::optional<RelativePose>> Pair(int a, int b) {
@@ -127,82 +69,6 @@ class PointChain {
     return std::optional<RigidTransform>(from < to ? pose->b_from_a : pose->b_from_a.Inverse());
   }
 
-  // A way to join camera `next`: beside camera `via`, in instants that others that are joined
-  // share.
-  struct Join {
-    int weight = 0;
-    int via = -1, next = -1;
-  };
-
-  // Instants that `via`, `next` and another camera that is joined share, at least.
-  int Weight(const std::vector<bool>& joined, int via, int next) const {
-    int most = 0;
-    for (int a = 0; a < count_; ++a) {
-      if (joined[static_cast<size_t>(a)] && a != via) {
-        most = std::max(most, triples_.Of(a, via, next));
-      }
-    }
-    return most;
-  }
-
-  Join BestJoin(const std::vector<bool>& joined, const std::set<CameraPair>& failed) const {
-    Join best;
-    for (int via = 0; via < count_; ++via) {
-      if (!joined[static_cast<size_t>(via)]) continue;
-      for (int next = 0; next < count_; ++next) {
-        if (joined[static_cast<size_t>(next)] || failed.contains({via, next})) continue;
-        const int weight = Weight(joined, via, next);
-        if (weight >= graph_.min_shared && weight > best.weight) best = {weight, via, next};
-      }
-    }
-    return best;
-  }
-
-  // How many cameras can be reached, as far as counts tell.
-  int Reach(int a, int b) const {
-    std::vector<bool> joined(static_cast<size_t>(count_), false);
-    joined[static_cast<size_t>(a)] = joined[static_cast<size_t>(b)] = true;
-    int size = 2;
-    for (bool grown = true; grown;) {
-      grown = false;
-      for (int next = 0; next < count_; ++next) {
-        if (joined[static_cast<size_t>(next)]) continue;
-        for (int via = 0; via < count_ && !joined[static_cast<size_t>(next)]; ++via) {
-          if (!joined[static_cast<size_t>(via)] || Weight(joined, via, next) < graph_.min_shared) {
-            continue;
-          }
-          joined[static_cast<size_t>(next)] = grown = true;
-          ++size;
-        }
-      }
-    }
-    return size;
-  }
-
-  // Pairs to begin with: those from which most is reached, then those that share most.
-  std::vector<CameraPair> Seeds() const {
-    std::vector<std::tuple<int, int, int>> pairs;  // minus shared, a, b
-    for (int a = 0; a < count_; ++a) {
-      for (int b = a + 1; b < count_; ++b) {
-        const int shared = graph_.shared_counts[static_cast<size_t>(a)][static_cast<size_t>(b)];
-        if (shared >= graph_.min_shared) pairs.emplace_back(-shared, a, b);
-      }
-    }
-    std::sort(pairs.begin(), pairs.end());
-    if (pairs.size() > kMaxSeeds) pairs.resize(kMaxSeeds);
-    std::vector<std::pair<int, CameraPair>> reaches;
-    for (const auto& [shared, a, b] : pairs) {
-      reaches.push_back({-Reach(a, b), {a, b}});
-      if (-reaches.back().first == count_ && reaches.size() >= 4) break;
-    }
-    std::stable_sort(reaches.begin(), reaches.end(),
-                     [](const auto& left, const auto& right) { return left.first < right.first; });
-    std::vector<CameraPair> seeds;
-    for (const auto& [reach, pair] : reaches) seeds.push_back(pair);
-    if (seeds.size() > 4) seeds.resize(4);
-    return seeds;
-  }
-
   // Joins cameras to a pair while there are any that can be. Which ones are.
   absl::StatusOr<std::vector<bool>> GrowFrom(int a, int b) {
     std::vector<bool> joined(static_cast<size_t>(count_), false);
@@ -213,7 +79,7 @@ class PointChain {
     joined[static_cast<size_t>(a)] = joined[static_cast<size_t>(b)] = true;
     std::set<CameraPair> failed;
     for (;;) {
-      const Join join = BestJoin(joined, failed);
+      const PointJoins::Join join = joins_.Best(joined, failed);
       if (join.next < 0) return joined;
       RIGCAL_ASSIGN_OR_RETURN(std::optional<RigidTransform> next_from_via,
                               FromTo(join.via, join.next));
@@ -231,13 +97,13 @@ class PointChain {
   }
 
   // The length of the baseline, from depths in camera `via`.
-  std::optional<double> Baseline(const std::vector<bool>& joined, const Join& join,
+  std::optional<double> Baseline(const std::vector<bool>& joined, const PointJoins::Join& join,
                                  const RigidTransform& next_from_via) const {
     std::vector<double> log_scales;
-    for (const PointViews& views : instants_) {
-      const View *via = nullptr, *next = nullptr;
-      std::vector<View> known;
-      for (const View& view : views) {
+    for (const PointSights& views : instants_) {
+      const PointSight *via = nullptr, *next = nullptr;
+      std::vector<PointSight> known;
+      for (const PointSight& view : views) {
         if (view.camera == join.via) via = &view;
         if (view.camera == join.next) next = &view;
         if (joined[static_cast<size_t>(view.camera)]) known.push_back(view);
@@ -259,11 +125,12 @@ class PointChain {
   }
 
   // Depth in the camera of `via` of what the joined cameras see, where they agree about it.
-  std::optional<double> KnownDepth(const std::vector<View>& known, const View& via) const {
+  std::optional<double> KnownDepth(const std::vector<PointSight>& known,
+                                   const PointSight& via) const {
     std::vector<PointView> views;
     double sine = 0;
     const RigidTransform& via_pose = poses_[static_cast<size_t>(via.camera)];
-    for (const View& view : known) {
+    for (const PointSight& view : known) {
       const RigidTransform& pose = poses_[static_cast<size_t>(view.camera)];
       views.push_back({pose, view.ray});
       sine = std::max(sine, Sine(view.ray, via.ray, pose * via_pose.Inverse()));
@@ -280,7 +147,7 @@ class PointChain {
     return (via_pose * point).z();
   }
 
-  static std::optional<double> UnitDepth(const View& via, const View& next,
+  static std::optional<double> UnitDepth(const PointSight& via, const PointSight& next,
                                          const RigidTransform& next_from_via) {
     Eigen::Vector3d point;
     if (Sine(next.ray, via.ray, next_from_via) < kMinSine ||
@@ -298,52 +165,13 @@ class PointChain {
     return a.cross(b).norm() / (a.norm() * b.norm());
   }
 
-  std::string Name(int camera) const { return graph_.cameras[static_cast<size_t>(camera)]; }
-
-  absl::Status NotJoined(std::vector<bool> reached) const {
-    reached.resize(static_cast<size_t>(count_), false);
-    std::vector<std::string> inside, outside;
-    std::tuple<int, int, int> best(-1, 0, 0);  // shared, minus via, minus next
-    for (int via = 0; via < count_; ++via) {
-      (reached[static_cast<size_t>(via)] ? inside : outside).push_back(Name(via));
-      for (int next = 0; next < count_; ++next) {
-        if (!reached[static_cast<size_t>(via)] || reached[static_cast<size_t>(next)]) continue;
-        best = std::max(
-            best, {graph_.shared_counts[static_cast<size_t>(via)][static_cast<size_t>(next)], -via,
-                   -next});
-      }
-    }
-    if (inside.size() < 2) {
-      return absl::FailedPreconditionError(
-          "no two cameras agree on a relative pose from which the others could be placed: move the "
-          "marker through all of what they see, near and far");
-    }
-    const int via = -std::get<1>(best), next = -std::get<2>(best);
-    int third = -1, shared = -1;
-    for (int a = 0; a < count_; ++a) {
-      const int both = graph_.shared_counts[static_cast<size_t>(a)][static_cast<size_t>(via)];
-      if (a == via || !reached[static_cast<size_t>(a)] || both <= shared) continue;
-      third = a;
-      shared = both;
-    }
-    return absl::FailedPreconditionError(absl::StrCat(
-        "the scale cannot be carried from the cameras {", absl::StrJoin(inside, ", "), "} to {",
-        absl::StrJoin(outside, ", "),
-        "}: with one marker it takes moments that three cameras "
-        "share, and ",
-        Name(via), " and ", Name(next), " share ", std::get<0>(best), " moments but only ",
-        Weight(reached, via, next), " with one of the others as well that can be used (at least ",
-        graph_.min_shared, " are needed); wave the marker where ", Name(third), ", ", Name(via),
-        " and ", Name(next), " see it at the same time, or use a wand with two or more markers"));
-  }
-
   const OverlapGraph& graph_;
   const double threshold_px_;
   const BundleProblem& problem_;
   const int count_;
   const PairEstimate& estimate_;
-  const std::vector<PointViews> instants_;
-  const TripleCounts triples_;
+  const std::vector<PointSights> instants_;
+  const PointJoins joins_;
   std::map<CameraPair, std::optional<RelativePose>> pairs_;
   std::vector<RigidTransform> poses_;
 };

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/time_search.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,15 +9,14 @@
 #include <optional>
 #include <utility>
 
+#include "server/solve/epipolar_score.h"
 #include "server/solve/ray_paths.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kMinMatches = 40;
 constexpr double kMinMatchShare = 0.6;
-constexpr int kReweightings = 6;
 constexpr int kTriesPerJoin = 3;
 constexpr int kPartners = 3;  // of each clock, whose agreements are compared
 constexpr size_t kDescents = 8;
@@ -27,93 +25,20 @@ constexpr double kTellingPx = 0.1;
 // Clocks that agree to this share of a period are left as they are: half the width of an instant.
 constexpr double kLeftAlonePeriods = 0.125;
 
-struct Match {
-  Eigen::Vector2d a, b;
-};
-
-std::vector<Match> Matches(const TrackPaths& a, const TrackPaths& b, double offset_s,
-                           int max_samples) {
-  std::vector<Match> matches;
-  for (size_t m = 0; m < a.markers.size(); ++m) {
-    const RayPath& path = a.markers[m];
-    const size_t count = path.time_s.size();
-    const size_t samples = std::min(count, static_cast<size_t>(max_samples));
-    for (size_t k = 0; k < samples; ++k) {
-      const size_t i = k * count / samples;
-      const auto ray = At(b.markers[m], path.time_s[i] - offset_s, b.gap_s);
-      if (ray) matches.push_back({path.ray[i], *ray});
-    }
-  }
-  return matches;
-}
-
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// Moves and scales one camera's coordinates to order one, in which the eight-point algorithm is
-// well conditioned.
-void Normalise(std::vector<Match>* matches, Eigen::Vector2d Match::*side, double* scale) {
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  for (const Match& match : *matches) mean += match.*side / static_cast<double>(matches->size());
-  double squares = 0;
-  for (const Match& match : *matches) squares += (match.*side - mean).squaredNorm();
-  *scale = std::sqrt(2 * static_cast<double>(matches->size()) / std::max(squares, 1e-12));
-  for (Match& match : *matches) match.*side = (match.*side - mean) * *scale;
-}
-
-double Score(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples,
-             int min_matches = kMinMatches) {
-  std::vector<Match> matches = Matches(a, b, offset_s, max_samples);
-  if (static_cast<int>(matches.size()) < min_matches) return kInfinity;
-  double scale_a = 1, scale_b = 1;
-  Normalise(&matches, &Match::a, &scale_a);
-  Normalise(&matches, &Match::b, &scale_b);
-  std::vector<double> weights(matches.size(), 1), distances(matches.size(), 0);
-  double median = kInfinity;
-  for (int round = 0; round < kReweightings; ++round) {
-    Eigen::Matrix<double, 9, 9> normal = Eigen::Matrix<double, 9, 9>::Zero();
-    for (size_t i = 0; i < matches.size(); ++i) {
-      const Eigen::Vector3d x = matches[i].a.homogeneous(), y = matches[i].b.homogeneous();
-      Eigen::Matrix<double, 9, 1> row;
-      row << y[0] * x, y[1] * x, y[2] * x;
-      normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weights[i]);
-    }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(normal);
-    const Eigen::Matrix<double, 9, 1> f = solver.eigenvectors().col(0);
-    Eigen::Matrix3d matrix;
-    matrix << f.segment<3>(0).transpose(), f.segment<3>(3).transpose(), f.segment<3>(6).transpose();
-    for (size_t i = 0; i < matches.size(); ++i) {
-      const Eigen::Vector3d x = matches[i].a.homogeneous(), y = matches[i].b.homogeneous();
-      const Eigen::Vector3d line_b = matrix * x, line_a = matrix.transpose() * y;
-      const double slope = std::sqrt(line_a.head<2>().squaredNorm() * scale_a * scale_a +
-                                     line_b.head<2>().squaredNorm() * scale_b * scale_b);
-      distances[i] = std::abs(y.dot(line_b)) / std::max(slope, 1e-12);
-    }
-    median = MedianOf(distances);
-    for (size_t i = 0; i < matches.size(); ++i) {
-      const double share = distances[i] / std::max(1.5 * median, 1e-12);
-      weights[i] = 1 / (1 + share * share);
-    }
-  }
-  return median * 0.5 * (a.focal_px + b.focal_px);
-}
-
 // How well a pair's offsets explain it. Scores are kept: searches overlap.
 class PairScores {
  public:
   PairScores(const TrackPaths& a, const TrackPaths& b, const TimeSearchOptions& options)
       : a_(a), b_(b), options_(options) {
     // A matrix with eight degrees of freedom fits few matches at any offset.
-    const auto here = static_cast<double>(Matches(a, b, 0, options.max_samples).size());
-    min_matches_ = std::max(kMinMatches, static_cast<int>(kMinMatchShare * here));
+    const auto here = static_cast<double>(CountMatches(a, b, 0, options.max_samples));
+    min_matches_ = std::max(kMinEpipolarMatches, static_cast<int>(kMinMatchShare * here));
   }
 
   double At(double offset_s) {
     const auto [entry, inserted] = known_.try_emplace(std::llround(offset_s * 1e6), kInfinity);
-    if (inserted) entry->second = Score(a_, b_, offset_s, options_.max_samples, min_matches_);
+    if (inserted)
+      entry->second = EpipolarScorePx(a_, b_, offset_s, options_.max_samples, min_matches_);
     return entry->second;
   }
 
@@ -194,7 +119,7 @@ std::vector<ClockPair> PairsOf(const RigObservations& rig, const std::vector<Tra
           rig.index.clock_of_track[a] == rig.index.clock_of_track[b]) {
         continue;
       }
-      const int weight = static_cast<int>(Matches(paths[a], paths[b], 0, max_samples).size());
+      const int weight = CountMatches(paths[a], paths[b], 0, max_samples);
       if (weight > 0) pairs.push_back({weight, static_cast<int>(a), static_cast<int>(b)});
     }
   }
@@ -250,8 +175,9 @@ double EpipolarScorePx(const RigObservations& rig,
   const auto a = static_cast<size_t>(track_a), b = static_cast<size_t>(track_b);
   const int64_t origin_ns = times_ns[a].front();
   const int markers = rig.target.marker_count();
-  return Score(PathsOf(rig.tracks[a], times_ns[a], origin_ns, markers),
-               PathsOf(rig.tracks[b], times_ns[b], origin_ns, markers), offset_s, max_samples);
+  return EpipolarScorePx(PathsOf(rig.tracks[a], times_ns[a], origin_ns, markers),
+                         PathsOf(rig.tracks[b], times_ns[b], origin_ns, markers), offset_s,
+                         max_samples);
 }
 
 absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,

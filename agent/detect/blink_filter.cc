@@ -8,22 +8,21 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "agent/detect/burst_shape.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
-// Sweep comes by every pixel once in so many units; it is still less than 2^16 since the pixel was
-// forgotten when Sweep comes 10 periods late.
-constexpr uint32_t kSweepUnits = 22 << 10;
+// Sweep comes by every pixel once in so many units. A pixel just forgotten then is less than 2^16
+// units old when Sweep comes again, ten periods late.
+constexpr uint32_t kSweepUnits = 0x10000 - BlinkRules::kForgetUnits - (10 << 10);
 // Of a period: pixels light up around the burst's middle by at most this much (latency, readout).
 constexpr double kJitterShare = 0.12;
 // Groups of seeds that are looked at for one answer, and pixels around them: so many images, or
 // this many where an image is small.
 constexpr size_t kMaxGroups = 1024;
 constexpr int64_t kWorkImages = 4, kLeastWorkPx = 1 << 20;
-// Ratio of second moments that one marker does not have: a disc that moves by its radius has 1.3.
-constexpr double kLongRatio = 1.6;
 // Of the way to the next frequency: what lies within it is a marker's.
 constexpr double kOwnShare = 0.4;
 // Of the time by which a period is shorter than the longest: so much longer ago its burst is looked
@@ -34,18 +33,6 @@ constexpr uint8_t kSeen = 1, kLit = 2;
 // Of a pixel's eight neighbours: a lit one with fewer beside it is noise that hangs on; an unlit
 // one with more is a pixel that noise had put in reset.
 constexpr int kMinBeside = 3, kHoleBeside = 6;
-
-bool IsLong(const PixelList& pixels) {
-  double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
-  for (const auto& [x, y] : pixels) {
-    const double dx = x - pixels.front().first, dy = y - pixels.front().second;
-    sx += dx, sy += dy, sxx += dx * dx, sxy += dx * dy, syy += dy * dy;
-  }
-  const auto count = static_cast<double>(pixels.size());
-  const double xx = sxx - sx * sx / count, xy = sxy - sx * sy / count, yy = syy - sy * sy / count;
-  const double mean = 0.5 * (xx + yy), apart = std::hypot(0.5 * (xx - yy), xy);
-  return mean + apart > kLongRatio * (mean - apart);
-}
 
 }  // namespace
 
@@ -225,32 +212,25 @@ void BlinkFilter::Measure(const Blink& blink, const ComponentSums& seeds, const 
   Grow(blink, seeds, time_us >> shift_, newest, oldest);
   Smooth();
   if (static_cast<int>(lit_.size()) < options_.min_blob_pixels) return;
-  if (!IsLong(lit_)) return AddBlob(blink, lit_, burst, time_us);
-  for (const PixelList& part : splitter_.Split(lit_, options_.min_blob_pixels)) {
-    AddBlob(blink, part, burst, time_us);
+  if (!ShapeOf(lit_).IsLong()) return AddBlob(blink, &lit_, burst, time_us);
+  for (PixelList part : splitter_.Split(lit_, options_.min_blob_pixels)) {
+    AddBlob(blink, &part, burst, time_us);
   }
 }
 
-void BlinkFilter::AddBlob(const Blink& blink, const PixelList& pixels, const Burst& burst,
+void BlinkFilter::AddBlob(const Blink& blink, PixelList* pixels, const Burst& burst,
                           uint32_t time_us) {
-  double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
+  const BurstShape shape = MarkerShapeOf(pixels);
   int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
-  const auto [x0, y0] = pixels.front();
-  for (const auto& [x, y] : pixels) {
-    const double dx = x - x0, dy = y - y0;
-    sx += dx, sy += dy;
-    sxx += dx * dx, sxy += dx * dy, syy += dy * dy;
+  for (const auto& [x, y] : *pixels) {
     min_x = std::min(min_x, x), max_x = std::max(max_x, x);
     min_y = std::min(min_y, y), max_y = std::max(max_y, y);
   }
-  const auto count = static_cast<double>(pixels.size());
-  const double mx = sx / count, my = sy / count;
   const double unit_us = 1 << shift_;
   BlinkBlob blob;
-  blob.centre_px = {x0 + mx, y0 + my};
-  blob.second_moment_px2 << sxx / count - mx * mx, sxy / count - mx * my, sxy / count - mx * my,
-      syy / count - my * my;
-  blob.area_px = static_cast<int>(count);
+  blob.centre_px = shape.centre_px;
+  blob.second_moment_px2 = shape.second_moment_px2;
+  blob.area_px = shape.area_px;
   blob.time_us = unit_us * (static_cast<double>(time_us >> shift_) - burst.start_units +
                             0.5 * static_cast<double>(blink.lit));
   blob.period_us = burst.period_us;

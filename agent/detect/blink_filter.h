@@ -137,7 +137,7 @@ class BlinkFilter {
   void Smooth();
   void Measure(const Blink& blink, const ComponentSums& seeds, const Burst& burst,
                uint32_t time_us);
-  void AddBlob(const Blink& blink, const PixelList& pixels, const Burst& burst, uint32_t time_us);
+  void AddBlob(const Blink& blink, PixelList* pixels, const Burst& burst, uint32_t time_us);
 
   BlinkFilterOptions options_;
   double period_us_;

@@ -14,10 +14,10 @@ namespace {
 
 // Width of the rim in which a pixel is lit by chance, and what does not shrink with the size: lens,
 // latency, noise beside the rim. Such that accuracy.event_detection sees errors of one sigma.
-constexpr double kRimPx = 0.3;
-constexpr double kFloorPx = 0.03;
+constexpr double kRimPx = 0.27;
+constexpr double kFloorPx = 0.042;
 // By which a centre may be further from where a candidate has it: lenses are not known that well.
-constexpr double kFitSlack = 1.8;
+constexpr double kFitSlack = 1.7;
 constexpr double kRadiusPx = 0.4, kRadiusShare = 0.06;
 // In the image, of a wand whose markers are seen one after the other.
 constexpr double kMotionPxPerUs = 600e-6;

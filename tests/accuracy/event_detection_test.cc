@@ -25,6 +25,27 @@ TEST(EventDetection, FindsMovingWandsAtTheRightTime) {
   EXPECT_LT(std::abs(summary.latency_us), 300);
 }
 
+// Sigma a quarter off, a variance a factor of 1.5, leaves these limits.
+TEST(EventDetection, StatesCovariancesThatHold) {
+  EventDetectionOptions options = PaperEventDetection();
+  options.streams = 8;
+  options.output_hz = 200;
+  options.outputs = 20;
+  options.sensor.bars = options.sensor.lamps = 0;  // errors beside them are no noise
+  options.threads = 1;
+  const auto results = RunEventDetection(options);
+  const EventDetectionSummary summary = Summarise(results);
+  EXPECT_EQ(summary.failures, 0);
+  ASSERT_GT(summary.wands.centres, 300);
+  const double nees = 0.5 * (summary.wands.nees_along + summary.wands.nees_across);
+  EXPECT_GT(nees, 0.8);
+  EXPECT_LT(nees, 1.25);
+  EXPECT_GT(summary.wands.nees_along, 0.7);
+  EXPECT_LT(summary.wands.nees_along, 1.5);
+  EXPECT_GT(summary.wands.nees_across, 0.7);
+  EXPECT_LT(summary.wands.nees_across, 1.5);
+}
+
 TEST(EventDetection, FindsNothingWhereThereIsNoWand) {
   EventDetectionOptions options = PaperEventDetection();
   options.streams = 2;

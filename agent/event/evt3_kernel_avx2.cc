@@ -140,8 +140,7 @@ PackedEvent* SpreadEvents(const Events& events, __m128i pixels, uint32_t set, Pa
   Store(events.first, first);
   Store(events.second, first + 4);
   _mm_store_si128(reinterpret_cast<__m128i*>(masks), _mm_shuffle_epi8(pixels, Row(kCompress, set)));
-  const int count = __builtin_popcount(set);
-  for (int i = 0; i < count; ++i) {
+  const auto spread = [&](int i) {
     __m256i event = _mm256_set1_epi64x(static_cast<long long>(first[i]));
     uint32_t mask = masks[i];
     for (int part = 0; part < 3; ++part) {
@@ -151,6 +150,11 @@ PackedEvent* SpreadEvents(const Events& events, __m128i pixels, uint32_t set, Pa
       event = _mm256_add_epi64(event, _mm256_set1_epi64x(int64_t{4} << 32));
       mask >>= 4;
     }
+  };
+  // Behind the last word of `set` the masks are empty. To stop there would be mispredicted.
+  for (int i = 0; i < kLanes / 2; ++i) spread(i);
+  if (__builtin_popcount(set) > kLanes / 2) {
+    for (int i = kLanes / 2; i < kLanes; ++i) spread(i);
   }
   return to;
 }

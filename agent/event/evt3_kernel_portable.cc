@@ -104,6 +104,7 @@ const uint8_t* TakeVectors(const uint8_t* at, const uint8_t* stop, const Evt3Sta
 
 // Most events are a row and a column: those two words are taken together.
 bool IsRowAndColumn(uint32_t words) { return (words & 0xf000f000) == 0x20000000; }
+bool IsRowAndBase(uint32_t words) { return (words & 0xf000f000) == 0x30000000; }
 
 Evt3Kernel::Position DecodePortable(Evt3Kernel::Position from, const uint8_t* end,
                                     const PackedEvent* full, Evt3State* state) {
@@ -128,10 +129,15 @@ Evt3Kernel::Position DecodePortable(Evt3Kernel::Position from, const uint8_t* en
         at += 4;
         continue;
       }
+      if (IsRowAndBase(words) && y < limits.height) {
+        held.row = static_cast<uint64_t>(y) << 48;
+        held.base = x << 1 | (words >> 27 & 1);
+        at = TakeVectors(at + 4, stop, limits, &held, &to);
+        continue;
+      }
       goes_on = Take(words & 0xffff, limits, &held, &to);
       if (!goes_on) break;
       at += 2;
-      if ((words & 0xf000) == 0x3000) at = TakeVectors(at, stop, limits, &held, &to);
     }
   }
   state->y = static_cast<uint32_t>(held.row >> 48);

@@ -2,12 +2,13 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "agent/detect/blob_finder.h"
 #include "agent/detect/image_view.h"
+#include "agent/detect/marker_aperture.h"
+#include "agent/detect/ring_background.h"
 
 namespace rigcal::agent {
 
@@ -49,32 +50,22 @@ class MarkerMeter {
   bool Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre);
 
  private:
-  struct Aperture;
-  struct Arc {
-    Eigen::Vector3f background = Eigen::Vector3f::Zero();
-    int pixels = 0;
-    bool blocked = false;  // something else is near, here or on the opposite side
-  };
-  bool PlaceWindow(const ImageView& image, const Aperture& aperture, MarkerCentre* centre);
-  bool ReadPlateau(const ImageView& image, const Aperture& aperture, MarkerCentre* centre) const;
-  bool ReadBackground(const ImageView& image, const Aperture& aperture, MarkerCentre* centre);
-  bool Cover(const ImageView& image, const Aperture& aperture, MarkerCentre* centre);
+  bool PlaceWindow(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
+  bool ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
+                   MarkerCentre* centre) const;
+  bool Cover(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   // The blob of what is more marker than background: without what its mask has grown together with.
-  bool Outline(const Aperture& aperture, Blob* blob) const;
-  void Block(const Aperture& aperture);
-  bool FindCentroid(Aperture* aperture, MarkerCentre* centre);
-  void MeasureShape(const Aperture& aperture, MarkerCentre* centre);
-  // The background behind a pixel, between the two arcs next to its direction.
-  Eigen::Vector3f Background(const Eigen::Vector2d& offset, size_t* arc) const;
+  bool Outline(const MarkerAperture& aperture, Blob* blob) const;
+  void Block(const MarkerAperture& aperture);
+  bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
+  void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 
   PixelRect window_;
-  std::vector<Arc> arcs_;        // around the blob
+  RingBackground background_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
   std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
   std::vector<uint16_t> arc_of_;  // of the window
-  std::vector<float> values_[3];  // of one arc
-  std::vector<float> residuals_;
 };
 
 }  // namespace rigcal::agent

@@ -1,11 +1,15 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Installs what is missing, builds rigcal and calibrates through real processes on this machine.
-#   deploy/demo.sh                    a simulated rig of 6 cameras, compared with its truth
-#   deploy/demo.sh --pixels           four simulated cameras whose agents find the wand in rendered pictures
-#   deploy/demo.sh --events           four such cameras and two event cameras (rendering events takes a minute or two)
+#   deploy/demo.sh                    the rig of the eWand paper, simulated: four frame cameras whose agents find the
+#                                     wand in rendered pictures at 50 Hz, two event cameras whose agents find it in
+#                                     rendered events at 200 Hz, one server; compared with the truth
+#   deploy/demo.sh --offset           the same with the clock of one event camera 4 ms off, and what is found of it
+#   deploy/demo.sh --markers          six simulated cameras without pictures, 60 s of waving in seconds
+#   deploy/demo.sh --pixels           four frame cameras alone
 #   deploy/demo.sh --gige             the same pictures over GigE Vision, from fake cameras on loopback
-#   deploy/demo.sh DIR [OPTIONS]      a recorded rig: DIR has <camera>.yaml and <camera>.csv for each camera
+#   deploy/demo.sh DIR [OPTIONS]      a recorded rig: DIR has <camera>.yaml and <camera>.csv (markers), .raw, .h5 or
+#                                     .hdf5 (events) for each camera
 # OPTIONS go to `rigcal local` (deploy/demo.sh DIR -o json). RIGCAL_TARGET names another wand.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -19,32 +23,69 @@ export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
   cmake --build --preset release -j "$(nproc)" --target rigcal rigcal-server rigcal-agent
 ) >&2
 
-if [ "${1:-}" = --gige ]; then
-  shift
-  (
-    cd "$root"
-    cmake --preset release -DRIGCAL_BUILD_TESTS=ON >/dev/null
-    cmake --build --preset release -j "$(nproc)" --target rigcal-fake-gige-camera
-  ) >&2
-  exec "$root/deploy/demo-gige.sh" "$@"
-fi
-if [ "${1:-}" = --pixels ]; then
-  shift
-  exec "$root/build/release/bin/rigcal" local \
-    --simulate "cameras=4;duration=20;pixels=1;clutter=0.5;lux=300" \
-    --target "wand:0,0.13,0.39;diameter=0.04;hz=500" "$@"
-fi
-if [ "${1:-}" = --events ]; then
-  shift
-  exec "$root/build/release/bin/rigcal" local \
-    --simulate "cameras=6;duration=15;pixels=1;events=2;lux=300" \
-    --target "wand:0,0.13,0.39;diameter=0.04;hz=500" "$@"
-fi
+rigcal=$root/build/release/bin/rigcal
+paper_rig="cameras=6;duration=15;rate=50;pixels=1;events=2;lux=300"
+spheres="wand:0,0.13,0.39;diameter=0.04;hz=500"
+
+say() { printf '%s\n' "$@" >&2; }
+
+say_rig() {
+  say "" "Simulating the rig of the eWand paper, 15 s of waving a wand of three spheres that blink at 500 Hz:" \
+    "  sim_0 to sim_3  frame cameras, 1280x1024, 50 pictures/s, exposure 5 ms: pictures are rendered and searched" \
+    "  sim_4, sim_5    event cameras, 1280x720, 5 noise events/s and pixel, hot pixels, moving bars, lamps of 100 and" \
+    "                  120 Hz: events are rendered, decoded and searched, 200 answers/s" \
+    "One agent for each camera and one server, on this machine. This takes 20 to 60 s; events take the longest." ""
+}
+
+case "${1:-}" in
+  --gige)
+    shift
+    (
+      cd "$root"
+      cmake --preset release -DRIGCAL_BUILD_TESTS=ON >/dev/null
+      cmake --build --preset release -j "$(nproc)" --target rigcal-fake-gige-camera
+    ) >&2
+    exec "$root/deploy/demo-gige.sh" "$@"
+    ;;
+  --pixels)
+    shift
+    exec "$rigcal" local --simulate "cameras=4;duration=20;pixels=1;clutter=0.5;lux=300" --target "$spheres" "$@"
+    ;;
+  --markers)
+    shift
+    exec "$rigcal" local --simulate "" --target "${RIGCAL_TARGET:-wand:0,0.13,0.39}" "$@"
+    ;;
+  --offset)
+    say_rig
+    folder=$(mktemp -d)
+    trap 'rm -rf "$folder"' EXIT
+    for offset in 0 0.004; do
+      say "with an offset of $offset s on sim_5 ..."
+      "$rigcal" local --simulate "$paper_rig;offset.5=$offset" --target "$spheres" -o json >"$folder/$offset"
+    done
+    # Of each camera its name and, further down, its offset.
+    awk -v OFS='\t' '
+      /"camera":/ { name = $2; gsub(/[",]/, "", name) }
+      /"time_offset_s":/ { offset[name, FILENAME] = 1000 * $2; if (FNR == NR) names[++count] = name }
+      END {
+        print "  time offset against sim_0 (ms)"
+        printf "  %-8s%12s%22s%14s\n", "camera", "without", "with 4 ms on sim_5", "difference"
+        for (i = 1; i <= count; ++i) {
+          before = offset[names[i], ARGV[1]] - offset[names[1], ARGV[1]]
+          after = offset[names[i], ARGV[2]] - offset[names[1], ARGV[2]]
+          printf "  %-8s%12.3f%22.3f%14.3f\n", names[i], before, after, after - before
+        }
+      }' "$folder/0" "$folder/0.004"
+    exit
+    ;;
+esac
 
 target=${RIGCAL_TARGET:-wand:0,0.13,0.39}
 if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then
   data=$1
   shift
-  exec "$root/build/release/bin/rigcal" local --data "$data" --target "$target" "$@"
+  exec "$rigcal" local --data "$data" --target "$target" "$@"
 fi
-exec "$root/build/release/bin/rigcal" local --simulate "" --target "$target" "$@"
+if [ "${1:-}" = --events ]; then shift; fi # what this was called when it was not yet what runs without options
+say_rig
+exec "$rigcal" local --simulate "$paper_rig" --target "${RIGCAL_TARGET:-$spheres}" "$@"

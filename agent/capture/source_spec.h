@@ -54,7 +54,8 @@ using SourceSpec =
 //   [NAME=]aravis:DEVICE[;exposure=S][;gain=DB][;frame_rate=HZ][;trigger=...][;pixel_format=...]
 //          [;ptp=1][;calibration=FILE][;...]
 //   [NAME=]raw:FILE[;geometry=WxH][;clock=ID][;calibration=FILE][;speed=max|FACTOR]
-//          [;rate=HZ][;trigger=rising|falling|middle|none][;trigger_channel=N][;band=SHARE][;...]
+//          [;rate=HZ][;trigger=rising|falling|middle|none][;trigger_channel=N][;band=SHARE]
+//          [;time=s|us|ns][;columns=xypt][;...]     FILE is RAW, HDF5 or CSV
 //   [NAME=]metavision:[serial=NUMBER][;biases=FILE][;sync=standalone|primary|secondary]
 //          [;primary_delay=S][;clock=ID][;latency=S][;calibration=FILE][;rate=HZ][;...]
 //

@@ -29,8 +29,8 @@ struct InstantOptions {
   // instants to move each view to the instant's time.
   //
   // That is for cameras of about one rate. Of much faster ones (event cameras at 200 Hz beside
-  // frame cameras at 50) the view nearest to each moment of the slow ones joins it, and what they
-  // saw in between makes instants among the fast cameras in the same way.
+  // frame cameras at 50 that run together) the view nearest to each moment of the slow ones joins
+  // it, and what they saw in between makes instants among the fast cameras in the same way.
   double tolerance_s = 0;
 };
 

@@ -129,6 +129,22 @@ TEST(FindInstants, FastCamerasShareWhatTheySeeBetweenTheSlowOnes) {
   }
 }
 
+// Slow cameras that run freely have no moments that the fast ones could join: an instant is as wide
+// as the slowest period and has every camera.
+TEST(FindInstants, FastCamerasBesideSlowOnesThatRunFreely) {
+  std::vector<int64_t> one, two, three, fast, faster;
+  for (int64_t t = 0; t < 2000; t += 20) one.push_back(t), two.push_back(t + 7);
+  for (int64_t t = 0; t < 2000; t += 20) three.push_back(t + 14);
+  for (int64_t t = 0; t < 2000; t += 8) fast.push_back(t + 3), faster.push_back(t + 6);
+  const InstantList list = Find({Track("s", "fast", fast, 0.008),
+                                 Track("s", "faster", faster, 0.008), Track("s", "one", one, 0.02),
+                                 Track("s", "three", three, 0.02), Track("s", "two", two, 0.02)});
+  EXPECT_NEAR(static_cast<double>(list.instants.size()), 100, 5);
+  for (size_t other = 1; other < 5; ++other) {
+    EXPECT_GE(list.shared_count[0][other], 90) << other;
+  }
+}
+
 // One slow camera beside a fast one has no moment with itself.
 TEST(FindInstants, AFastCameraJoinsASingleSlowOne) {
   const InstantList list = Find({Track("s", "fast", {1, 6, 11, 16, 21, 26, 900}, 0.005),

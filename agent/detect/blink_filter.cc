@@ -16,7 +16,7 @@ namespace {
 
 // Sweep comes by every pixel once in so many units. A pixel just forgotten then is less than 2^16
 // units old when Sweep comes again, ten periods late.
-constexpr uint32_t kSweepUnits = 0x10000 - BlinkRules::kForgetUnits - (10 << 10);
+constexpr uint32_t kSweepUnits = 0x10000 - BlinkRules::kForgetUnits - (11 << 10);
 // Of a period: pixels light up around the burst's middle by at most this much (latency, readout).
 constexpr double kJitterShare = 0.12;
 // Groups of seeds that are looked at for one answer, and pixels around them: so many images, or
@@ -138,9 +138,10 @@ void BlinkFilter::TimeStepBack(int64_t time_us) {
 }
 
 void BlinkFilter::Sweep(uint32_t time_us) {
-  const uint64_t units = (time_us - swept_us_) >> shift_;
+  const uint64_t since_us = time_us - swept_us_;
+  const uint64_t round_us = uint64_t{kSweepUnits} << shift_;
   size_t count = states_.size();
-  if (has_swept_ && units < kSweepUnits) count = (count * units + kSweepUnits - 1) / kSweepUnits;
+  if (has_swept_ && since_us < round_us) count = (count * since_us + round_us - 1) / round_us;
   const uint32_t now = time_us >> shift_;
   const size_t first = std::min(count, states_.size() - sweep_from_);
   kernel_->sweep(now, states_.data() + sweep_from_, first);

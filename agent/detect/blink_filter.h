@@ -49,8 +49,8 @@ struct BlinkBlob {
   bool touches_border = false;
 };
 
-// Finds pixels that blink with the wand's frequency, in one pass with decoding: a sink of the event
-// decoders (event_decoder.h).
+// Finds pixels that blink with the wand's frequency, in one pass with decoding: a consumer of the
+// batches of events that decoders make (event_batcher.h).
 //
 // A pixel's brightness, rebuilt from its changes of polarity, crosses zero upwards where an ON
 // event follows an OFF event; the time between two such crossings is the blink period (Pfrommer,

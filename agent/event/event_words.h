@@ -12,7 +12,8 @@ namespace rigcal::agent {
 
 // Decoders of Prophesee's formats, after docs.prophesee.ai "Data encoding formats" (EVT 2.0, 2.1,
 // 3.0). Each keeps its state from one chunk to the next and hands what it reads to a sink, whose
-// functions are inlined into the decoder's loop, so that decoding and filtering are one pass:
+// functions are inlined into the decoder's loop. Where speed counts DecodeInBatches(decoder, bytes,
+// consumer) is the better way (event_batcher.h). A sink:
 //
 //   void Row(uint32_t y)            the row of what follows (EVT 3.0: not repeated for each event)
 //   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us)

@@ -195,6 +195,15 @@ void Take(benchmark::State& state, const EventStreamOptions& options) {
   ReportChain(blobs, found.size(), agent::BlinkFilter::kBytesPerPixel, stream, state);
 }
 
+// The filter has fewer kernels than the decoder.
+const agent::BlinkKernel& BlinkKernelBeside(const agent::Evt3Kernel& decoder) {
+  const std::vector<const agent::BlinkKernel*> kernels = agent::AvailableBlinkKernels();
+  for (const agent::BlinkKernel* kernel : kernels) {
+    if (std::strcmp(kernel->name, decoder.name) == 0) return *kernel;
+  }
+  return *kernels.front();
+}
+
 void MemoryRead(benchmark::State& state) {
   const std::vector<uint64_t> data(16 << 20, 1);
   for (auto _ : state) {
@@ -228,14 +237,11 @@ void Register() {
                         [=](auto& state) { Decode(state, options, *kernel); });
     }
     rows.emplace_back("Chain/Textbook", [=](auto& state) { ChainTextbook(state, options); });
-    const auto add_chain = [&](const char* name, const auto& kernel, const auto& blink_kernel) {
-      rows.emplace_back(absl::StrCat("Chain/", name), [=, &kernel, &blink_kernel](auto& state) {
-        Chain(state, options, kernel, blink_kernel);
+    for (const agent::Evt3Kernel* kernel : agent::AvailableEvt3Kernels()) {
+      rows.emplace_back(absl::StrCat("Chain/", kernel->name), [=](auto& state) {
+        Chain(state, options, *kernel, BlinkKernelBeside(*kernel));
       });
-    };
-    add_chain("portable", *agent::AvailableEvt3Kernels().front(),
-              *agent::AvailableBlinkKernels().front());
-    add_chain("chosen", agent::BestEvt3Kernel(), agent::BestBlinkKernel());
+    }
     rows.emplace_back("Chain/Take", [=](auto& state) { Take(state, options); });
     for (const auto& [name, row] : rows) {
       benchmark::RegisterBenchmark(absl::StrCat(options.name, "/", name).c_str(), row)

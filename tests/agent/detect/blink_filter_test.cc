@@ -303,6 +303,21 @@ TEST(BlinkFilter, ForgetsWhatHasGoneDark) {
   }
 }
 
+TEST(BlinkFilter, ForgetsHoweverOftenItSweeps) {
+  const Scene scene;
+  for (const uint32_t step_us : {3u, 1'999u, 20'000u}) {
+    BlinkFilter filter = MakeFilter();
+    Feed(&filter, scene.Events(), 40'000);
+    uint32_t checked_us = 45'000;
+    for (uint32_t t = 40'000; t <= 340'000; t += step_us) {
+      filter.Sweep(t);
+      if (t < checked_us) continue;
+      ASSERT_THAT(filter.FindBlobs(t), IsEmpty()) << t << ", every " << step_us;
+      checked_us = t + 500;
+    }
+  }
+}
+
 TEST(BlinkFilter, NamesEveryFault) {
   BlinkFilterOptions options;
   options.blink_hz = {0};

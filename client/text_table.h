@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace rigcal::client {
@@ -18,6 +19,11 @@ class TextTable {
     // and meaning of a group. Empty: none.
     std::string group = "";
   };
+
+  // A column of numbers.
+  static Column Number(std::string head, std::string group = "") {
+    return {std::move(head), Align::kRight, std::move(group)};
+  }
 
   explicit TextTable(std::vector<Column> columns) : columns_(std::move(columns)) {}
 

@@ -57,7 +57,7 @@ SimulatedEventSource::SimulatedEventSource(SimulatedEventSourceOptions options,
 absl::Status SimulatedEventSource::Start(const Target& target) {
   renderer_.reset();
   RIGCAL_ASSIGN_OR_RETURN(world_, SharedWorld(options_.simulation, target));
-  const SimulatedCamera& camera = world_->cameras()[static_cast<size_t>(options_.camera_index)];
+  const SimulatedCamera& camera = Camera();
   FrameRenderOptions scene = options_.scene;
   EventRenderOptions rendering = options_.rendering;
   // Each camera looks at another wall and has noise of its own.
@@ -75,11 +75,24 @@ absl::Status SimulatedEventSource::Start(const Target& target) {
   return absl::OkStatus();
 }
 
+const SimulatedCamera& SimulatedEventSource::Camera() const {
+  return world_->cameras()[static_cast<size_t>(options_.camera_index)];
+}
+
+std::vector<MarkerTruth> SimulatedEventSource::TruthAt(int64_t time_us) const {
+  const SimulatedCamera& camera = Camera();
+  const double camera_time_s =
+      1e-6 * static_cast<double>(time_us) - 1e-9 * static_cast<double>(camera.clock_origin_ns);
+  const auto wand =
+      WandInCamera(camera_time_s * (1 + 1e-6 * camera.time_rate_ppm) + camera.time_offset_s);
+  return wand ? renderer_->TruthOf(*wand) : std::vector<MarkerTruth>();
+}
+
 std::optional<WandMotion> SimulatedEventSource::WandInCamera(double rig_time_s) const {
   const SimulationOptions& options = world_->options();
   const double gap_time_s = rig_time_s - options.gap_start_s;
   if (gap_time_s >= 0 && gap_time_s < options.gap_duration_s) return std::nullopt;
-  const SimulatedCamera& camera = world_->cameras()[static_cast<size_t>(options_.camera_index)];
+  const SimulatedCamera& camera = Camera();
   const WandPose wand = world_->WandAt(rig_time_s);
   const WandPose later = world_->WandAt(rig_time_s + kDifferenceS);
   const auto& rotation = camera.cam_from_rig.rotation;
@@ -93,7 +106,7 @@ std::optional<WandMotion> SimulatedEventSource::WandInCamera(double rig_time_s) 
 }
 
 int64_t SimulatedEventSource::StampUs(int64_t rig_time_us) const {
-  const SimulatedCamera& camera = world_->cameras()[static_cast<size_t>(options_.camera_index)];
+  const SimulatedCamera& camera = Camera();
   const double camera_time_s = (1e-6 * static_cast<double>(rig_time_us) - camera.time_offset_s) /
                                (1 + 1e-6 * camera.time_rate_ppm);
   return std::max<int64_t>(0, std::llround(1e6 * camera_time_s) + camera.clock_origin_ns / 1000);
@@ -102,7 +115,7 @@ int64_t SimulatedEventSource::StampUs(int64_t rig_time_us) const {
 void SimulatedEventSource::Encode() {
   byte_offset_ += bytes_.size();
   bytes_.clear();
-  std::vector<CdEvent> run;
+  run_.clear();
   size_t trigger = 0;
   const auto write_triggers = [&](int64_t until_us) {
     for (; trigger < triggers_.size() && triggers_[trigger].time_us <= until_us; ++trigger) {
@@ -112,15 +125,21 @@ void SimulatedEventSource::Encode() {
                     &bytes_);
     }
   };
+  // Many events have one time.
+  int64_t time_us = -1, stamp_us = 0;
   for (const SimulatedEvent& event : events_) {
-    if (trigger < triggers_.size() && triggers_[trigger].time_us <= event.time_us) {
-      writer_.Write(run, &bytes_);
-      run.clear();
-      write_triggers(event.time_us);
+    if (event.time_us != time_us) {
+      time_us = event.time_us;
+      stamp_us = StampUs(time_us);
+      if (trigger < triggers_.size() && triggers_[trigger].time_us <= time_us) {
+        writer_.Write(run_, &bytes_);
+        run_.clear();
+        write_triggers(time_us);
+      }
     }
-    run.push_back({StampUs(event.time_us), event.x, event.y, event.on});
+    run_.push_back({stamp_us, event.x, event.y, event.on});
   }
-  writer_.Write(run, &bytes_);
+  writer_.Write(run_, &bytes_);
   write_triggers(renderer_->time_us());
   writer_.WriteTime(StampUs(renderer_->time_us()), &bytes_);
 }
@@ -135,7 +154,7 @@ absl::StatusOr<std::optional<EventChunk>> SimulatedEventSource::Next() {
       end_us, [this](double time_s) { return WandInCamera(time_s); }, &events_, &triggers_));
   Encode();
   if (!pacer_.Wait(1000 * StampUs(end_us))) return std::nullopt;
-  const SimulatedCamera& camera = world_->cameras()[static_cast<size_t>(options_.camera_index)];
+  const SimulatedCamera& camera = Camera();
   if (options_.simulation.clock_samples && end_us >= 1'000'000 * next_sample_) {
     const int frame = std::min(world_->FrameCount(options_.camera_index) - 1,
                                static_cast<int>(std::lround(camera.rate_hz * next_sample_)));

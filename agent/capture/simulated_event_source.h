@@ -47,8 +47,14 @@ class SimulatedEventSource : public EventSource {
   void Stop() override { pacer_.Stop(); }
   std::vector<ClockSample> TakeClockSamples() override;
 
+  // Up to where it has told everything, on the camera's clock. Once started.
+  int64_t time_us() const { return StampUs(renderer_->time_us()); }
+  // Where the markers truly are at a time of that clock; none in a gap. Once started.
+  std::vector<MarkerTruth> TruthAt(int64_t time_us) const;
+
  private:
   SimulatedEventSource(SimulatedEventSourceOptions options, CameraDescription description);
+  const SimulatedCamera& Camera() const;
   std::optional<WandMotion> WandInCamera(double rig_time_s) const;
   int64_t StampUs(int64_t rig_time_us) const;
   void Encode();
@@ -61,6 +67,7 @@ class SimulatedEventSource : public EventSource {
   Evt3Writer writer_;
   std::vector<SimulatedEvent> events_;
   std::vector<SimulatedTrigger> triggers_;
+  std::vector<CdEvent> run_;
   std::vector<uint8_t> bytes_;
   uint64_t byte_offset_ = 0;
   int next_sample_ = 0;  // second of the wave

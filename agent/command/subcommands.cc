@@ -10,6 +10,7 @@ void Subcommands::AddTo(CLI::App& app) {
   AddMaskCommand(app, out_, &chosen_);
   AddInfoCommand(app, out_, &chosen_);
   AddConvertCommand(app, out_, &chosen_);
+  AddSimulateCommand(app, out_, &chosen_);
 }
 
 }  // namespace rigcal::agent

@@ -21,8 +21,8 @@ inline int ExitCodeOf(const absl::Status& status) {
   return absl::IsInvalidArgument(status) ? kExitUsage : kExitFailed;
 }
 
-// What rigcal-agent can do besides being an agent: detect, tune, mask, info, convert. Add before parsing;
-// after it, Chosen runs what was asked for. `out` outlives the object.
+// What rigcal-agent can do besides being an agent: detect, tune, mask, info, convert,
+// simulate. Add before parsing; after it, Chosen runs what was asked for. `out` outlives the object.
 class Subcommands {
  public:
   explicit Subcommands(std::ostream& out) : out_(out) {}
@@ -40,6 +40,7 @@ void AddConvertCommand(CLI::App& app, std::ostream& out, std::function<absl::Sta
 void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
+void AddSimulateCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 
 }  // namespace rigcal::agent

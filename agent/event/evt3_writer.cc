@@ -12,8 +12,8 @@ constexpr size_t kMinVectorEvents = 4;
 
 void Append(uint32_t type, uint32_t value, std::vector<uint8_t>* bytes) {
   const uint32_t word = type << 12 | value;
-  bytes->push_back(static_cast<uint8_t>(word));
-  bytes->push_back(static_cast<uint8_t>(word >> 8));
+  const uint8_t both[] = {static_cast<uint8_t>(word), static_cast<uint8_t>(word >> 8)};
+  bytes->insert(bytes->end(), both, both + 2);
 }
 
 // One time, row and polarity, columns rising.

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/str_cat.h"
+#include "agent/capture/pacer.h"
+#include "agent/capture/shared_world.h"
+#include "agent/capture/source_spec.h"
+#include "agent/command/event_file_writer.h"
+#include "agent/command/marker_csv.h"
+#include "agent/command/subcommands.h"
+#include "agent/event/evt3_writer.h"
+#include "common/camera/camera_export.h"
+#include "common/status/status_macros.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+namespace {
+
+// EVT 3.0 counts so far before it overflows, and a reader begins below that.
+constexpr int64_t kOverflowUs = int64_t{1} << 24;
+
+struct SimulateFlags {
+  std::string source;
+  std::string out;
+  std::string target = "wand:0,0.13,0.39;diameter=0.04;hz=500";
+  double truth_hz = 200;
+};
+
+absl::StatusOr<SimulatedEventSourceOptions> OptionsOf(const std::string& text) {
+  RIGCAL_ASSIGN_OR_RETURN(const SourceSpec spec, ParseSourceSpec(text));
+  if (const auto* const events = std::get_if<EventSourceSpec>(&spec)) {
+    if (const auto* const options = std::get_if<SimulatedEventSourceOptions>(&events->events)) {
+      SimulatedEventSourceOptions fast = *options;
+      fast.speed = kMaxSpeed;
+      return fast;
+    }
+  }
+  return absl::InvalidArgumentError(absl::StrCat("\"", text, "\" is no simulated event camera, as ",
+                                                 "\"sim:camera=0;events=1;duration=2\" is one"));
+}
+
+Observation TruthAt(const SimulatedEventSource& source, int64_t time_us) {
+  Observation truth;
+  truth.time_ns = 1000 * time_us;
+  for (const MarkerTruth& marker : source.TruthAt(time_us)) {
+    truth.markers.push_back({.visible = marker.inside, .centre_px = marker.centre_px});
+  }
+  return truth;
+}
+
+absl::Status WriteCalibration(const std::string& path, const SimulatedEventSource& source,
+                              const SimulatedEventSourceOptions& options, const Target& target) {
+  RIGCAL_ASSIGN_OR_RETURN(const auto world, SharedWorld(options.simulation, target));
+  CameraExport camera;
+  camera.camera = source.description().camera;
+  camera.image_size_px = source.description().image_size_px;
+  camera.intrinsics = *source.description().intrinsics;
+  camera.cam_from_rig = world->cameras()[static_cast<size_t>(options.camera_index)].cam_from_rig;
+  return WriteCameraExport(path, camera);
+}
+
+absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
+  const std::filesystem::path raw_path = flags.out;
+  if (raw_path.extension() != ".raw") {
+    return absl::InvalidArgumentError(
+        absl::StrCat(flags.out, " does not end in .raw, and only RAW files are written"));
+  }
+  std::filesystem::path truth_path = raw_path, calibration_path = raw_path;
+  truth_path.replace_extension(".csv");
+  calibration_path.replace_extension(".yaml");
+  RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
+  RIGCAL_ASSIGN_OR_RETURN(const SimulatedEventSourceOptions options, OptionsOf(flags.source));
+  RIGCAL_ASSIGN_OR_RETURN(const auto source, SimulatedEventSource::Create(options));
+  RIGCAL_RETURN_IF_ERROR(source->Start(target));
+  if (source->time_us() >= kOverflowUs) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the camera's clock begins at ", source->time_us(),
+                     " us, but a RAW file cannot tell a beginning at 16.8 s or later"));
+  }
+  RIGCAL_ASSIGN_OR_RETURN(OutputFile raw, OutputFile::Create(flags.out));
+  RIGCAL_ASSIGN_OR_RETURN(MarkerCsvWriter truth, MarkerCsvWriter::Create(truth_path.string()));
+  const ImageSize size = source->description().image_size_px;
+  const std::string header = Evt3Header({size.width, size.height}, "simulated");
+  RIGCAL_RETURN_IF_ERROR(
+      raw.Write({reinterpret_cast<const uint8_t*>(header.data()), header.size()}));
+  const auto output_us = [&flags](int64_t k) {
+    return std::llround(1e6 * static_cast<double>(k) / flags.truth_hz);
+  };
+  auto next = static_cast<int64_t>(
+      std::ceil(1e-6 * static_cast<double>(source->time_us()) * flags.truth_hz));
+  uint64_t bytes = header.size();
+  int64_t rows = 0;
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<EventChunk> chunk, source->Next());
+    if (!chunk) break;
+    RIGCAL_RETURN_IF_ERROR(raw.Write(chunk->bytes));
+    bytes += chunk->bytes.size();
+    for (; output_us(next) <= source->time_us(); ++next, ++rows) {
+      truth.Write(TruthAt(*source, output_us(next)));
+    }
+  }
+  RIGCAL_RETURN_IF_ERROR(raw.Finish());
+  RIGCAL_RETURN_IF_ERROR(truth.Close());
+  RIGCAL_RETURN_IF_ERROR(WriteCalibration(calibration_path.string(), *source, options, target));
+  out << absl::StrCat(flags.out, ": ", bytes, " bytes of EVT 3.0, ", size.width, "x", size.height,
+                      "\n", truth_path.string(), ": where the markers are, ", rows, " times\n",
+                      calibration_path.string(), ": the camera's calibration\n");
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void AddSimulateCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
+  CLI::App* const command = app.add_subcommand(
+      "simulate", "Writes what a simulated event camera sees as a RAW file, with the truth");
+  const auto flags = std::make_shared<SimulateFlags>();
+  command->add_option("source", flags->source, "A simulated event camera, as for --source")
+      ->required();
+  command
+      ->add_option(
+          "--out", flags->out,
+          "RAW file (EVT 3.0); the truth comes beside it as .csv, the calibration as .yaml")
+      ->required();
+  command->add_option("--target", flags->target, "The wand and its blink frequency");
+  command
+      ->add_option("--truth-rate", flags->truth_hz,
+                   "Truth at multiples of its period on the sensor's clock, Hz [200]")
+      ->check(CLI::Range(1.0, 1e4));
+  command->footer(
+      "Example:\n"
+      "  rigcal-agent simulate 'sim:camera=1;events=1;duration=2;lux=300;bars=4' --out left.raw\n"
+      "Exit codes: 0 ok, 1 failed, 2 usage.");
+  command->callback(
+      [flags, chosen, &out] { *chosen = [flags, &out] { return Simulate(*flags, out); }; });
+}
+
+}  // namespace rigcal::agent

@@ -326,7 +326,9 @@ TEST_F(EventObservationSourceTest, KeepsWhatIsGoodInADamagedFile) {
   EXPECT_GE(ErrorsOf(wand, observations).wands, 52);
   std::vector<std::string> reasons;
   for (const Refusal& refusal : refused) reasons.push_back(refusal.reason);
-  EXPECT_THAT(reasons, ::testing::ElementsAre("event_truncated_bytes", "event_unknown_word"));
+  ASSERT_THAT(reasons, ::testing::ElementsAre("event_truncated_bytes", "event_unknown_word"));
+  EXPECT_THAT(refused[0].example, HasSubstr("byte " + std::to_string(bytes.size() - 1)));
+  EXPECT_THAT(refused[1].example, HasSubstr("left.raw, byte " + std::to_string(middle)));
 }
 
 TEST_F(EventObservationSourceTest, RefusesWhatItCannotDo) {

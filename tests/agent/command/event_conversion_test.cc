@@ -17,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/event_file.h"
+#include "agent/capture/source_spec.h"
 #include "agent/command/event_file_info.h"
 #include "agent/command/event_file_writer.h"
 #include "agent/command/subcommands.h"
@@ -208,6 +209,67 @@ TEST_F(EventConversionTest, ASimulatedWand) {
   }
   testing::WriteBytes(Path("wand.raw"), wand.RawFile());
   CheckRoundTrips(Path("wand.raw"), directory_.path().string());
+}
+
+std::vector<Observation> Observe(const std::string& path, const std::string& options) {
+  const auto spec = ParseSourceSpec("raw:" + path + ";calibration=none" + options);
+  EXPECT_THAT(spec, IsOk());
+  auto source = CreateSource(*spec);
+  EXPECT_THAT(source, IsOk());
+  if (!source.ok()) return {};
+  EXPECT_THAT((*source)->Start(*ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500")), IsOk());
+  std::vector<Observation> observations;
+  while (true) {
+    const auto next = (*source)->Next();
+    EXPECT_THAT(next, IsOk());
+    if (!next.ok() || !*next) break;
+    observations.push_back(**next);
+  }
+  EXPECT_TRUE((*source)->Refused().empty());
+  return observations;
+}
+
+bool AreEqual(const std::vector<Observation>& a, const std::vector<Observation>& b) {
+  const auto same_marker = [](const MarkerObservation& m, const MarkerObservation& n) {
+    return m.visible == n.visible && m.centre_px == n.centre_px &&
+           m.covariance_px2 == n.covariance_px2 && m.time_delta_ns == n.time_delta_ns;
+  };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [&](const Observation& o, const Observation& p) {
+                      return o.time_ns == p.time_ns && o.clock_epoch == p.clock_epoch &&
+                             std::equal(o.markers.begin(), o.markers.end(), p.markers.begin(),
+                                        p.markers.end(), same_marker);
+                    });
+}
+
+// raw: takes them all, and what it finds is the same to the last bit.
+TEST_F(EventConversionTest, TheWandIsFoundInEveryFormat) {
+  testing::BlinkingWand wand;
+  wand.first_s = 4000;  // EVT 3.0 has counted many times 16 s
+  wand.duration_s = 0.15;
+  for (int i = 0; i < 6; ++i) {
+    const int64_t time_us = 4'000'013'333 + 20'000 * i;
+    wand.triggers.push_back({.time_us = time_us, .channel = 0, .rising = true});
+    wand.triggers.push_back({.time_us = time_us + 4000, .channel = 0, .rising = false});
+  }
+  testing::WriteBytes(Path("original.raw"), wand.RawFile());
+  Convert(Path("original.raw"), "a.h5");
+  Convert(Path("a.h5"), "a.raw");
+  Convert(Path("a.h5"), "a.csv");
+  Convert(Path("a.h5"), "b.h5", "events");
+  for (const std::string options : {";rate=200;speed=max", ";rate=200;speed=1000"}) {
+    const auto expected = Observe(Path("a.raw"), options);
+    ASSERT_GE(expected.size(), 25u);
+    EXPECT_GE(std::count_if(expected.begin(), expected.end(),
+                            [](const Observation& o) { return o.VisibleCount() == 3; }),
+              20);
+    for (const char* const name : {"a.h5", "a.csv", "b.h5"}) {
+      EXPECT_TRUE(AreEqual(Observe(Path(name), options), expected)) << name << options;
+    }
+  }
+  const auto at_triggers = Observe(Path("a.raw"), ";trigger=rising;speed=max");
+  EXPECT_EQ(at_triggers.size(), 6u);
+  EXPECT_TRUE(AreEqual(Observe(Path("a.h5"), ";trigger=rising;speed=max"), at_triggers));
 }
 
 // Silence of every length, across and around the overflows of EVT 3.0.

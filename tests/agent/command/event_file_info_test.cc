@@ -124,6 +124,17 @@ TEST_F(EventFileInfoTest, CountsFaultsAndEpochs) {
   EXPECT_EQ(info.faults.time_steps_back, 1u);
   EXPECT_EQ(info.faults.truncated_bytes, 1u);
   EXPECT_EQ(info.duration_us, 2 * 89'000);
+  // Where the first of each kind is, in the file.
+  const auto header_bytes = info.header.byte_count;
+  EXPECT_EQ(info.first_faults.at("truncated_bytes"),
+            "byte " + std::to_string(header_bytes + words.size() - 1));
+  EXPECT_THAT(info.first_faults.at("outside_geometry"), HasSubstr("byte "));
+  EXPECT_THAT(info.first_faults.at("time_steps_back"), HasSubstr("byte "));
+  // And how large the sensor must be.
+  EXPECT_EQ(info.extent, (SensorGeometry{100, 11}));
+  EXPECT_THAT(FormatInfo(info),
+              AllOf(HasSubstr("20, the first one at byte "), HasSubstr("contradicted"),
+                    HasSubstr("20 events are outside of it"), HasSubstr("100x11 pixels")));
   EXPECT_THAT(FormatInfo(info),
               AllOf(HasSubstr("outside of the geometry"), HasSubstr("truncated bytes")));
 }
@@ -142,6 +153,29 @@ TEST_F(EventFileInfoTest, AFileThatDoesNotTellItsGeometry) {
   EXPECT_TRUE(json["geometry"].is_null());
   EXPECT_EQ(json["cd_events"], 0);
   EXPECT_EQ(json["faults"]["outside_geometry"], 2);
+  EXPECT_EQ(json["extent_of_contradiction"]["width"], 1280);
+  EXPECT_THAT(json["first_faults"]["outside_geometry"].get<std::string>(), HasSubstr("byte "));
+}
+
+TEST_F(EventFileInfoTest, FilesForInterchange) {
+  const std::string csv =
+      "%geometry:640,480\nx,y,p,t\n1,2,1,0.5\n700,3,0,0.75\nwhat\n4,5,0,1\n6,7,1,0.1\n";
+  testing::WriteBytes((directory_.path() / "some.csv").string(), {csv.begin(), csv.end()});
+  const Ran ran = RunInfo({(directory_.path() / "some.csv").string()});
+  ASSERT_TRUE(ran.status.ok()) << ran.status;
+  EXPECT_THAT(ran.text,
+              AllOf(HasSubstr("CSV"), HasSubstr("seconds"), HasSubstr("3, ON 2, OFF 1"),
+                    HasSubstr("500000 to"), HasSubstr("1, the first one at line 4"),
+                    HasSubstr("701x8 pixels"), HasSubstr("time steps back"),
+                    HasSubstr("1, the first one at line 7"), HasSubstr("some.csv:5: 1 field")));
+  const Ran json_ran =
+      RunInfo({(directory_.path() / "some.csv").string(), "-o", "json", "--time", "us"});
+  ASSERT_TRUE(json_ran.status.ok()) << json_ran.status;
+  const auto json = nlohmann::json::parse(json_ran.text);
+  EXPECT_EQ(json["format"], "CSV");
+  EXPECT_EQ(json["time_unit"], "microseconds");
+  EXPECT_EQ(json["refused"][0]["reason"], "event_csv_bad_line");
+  EXPECT_EQ(json["sum_x"], 11);
 }
 
 TEST_F(EventFileInfoTest, SaysWhatIsWrong) {

@@ -437,6 +437,9 @@ void BlinkWandDetector::Finish(std::vector<Detection>* found) {
   impl_->found = found;
   impl_->BeginTake(0);
   if (impl_->begun) {
+    // Of the last event, however the stream was cut.
+    impl_->AdvanceTo(
+        std::visit([](const auto& decoder) { return decoder.time_us(); }, impl_->decoder));
     impl_->Run(impl_->reached_us + static_cast<int64_t>(kWaitPeriods * impl_->period_us));
   }
   impl_->Release(std::numeric_limits<int64_t>::max());

@@ -43,7 +43,7 @@ Settings TakeSettings(FuzzInput* input) {
   Settings settings;
   const uint32_t kind = input->Byte();
   settings.scene = (kind & 1) != 0;
-  settings.format = settings.scene ? EventFormat::kEvt3 : EventFormat(1 + (kind >> 1 & 3) % 3);
+  settings.format = settings.scene ? EventFormat::kEvt3 : EventFormat(1 + (kind >> 1 & 3));
   settings.halves_swapped = (kind & 8) != 0;
   settings.own_pieces = (kind & 16) != 0;
   settings.target = TargetOf(kind >> 5);
@@ -153,7 +153,17 @@ class Scene {
 };
 
 size_t WordBytes(EventFormat format) {
-  return format == EventFormat::kEvt2 ? 4 : format == EventFormat::kEvt21 ? 8 : 2;
+  switch (format) {
+    case EventFormat::kEvt2:
+      return 4;
+    case EventFormat::kEvt21:
+      return 8;
+    case EventFormat::kEvt3:
+      return 2;
+    case EventFormat::kPlain:
+      return 16;
+  }
+  return 16;
 }
 
 void CheckMarker(const MarkerObservation& marker, const Settings& settings) {

@@ -3,6 +3,8 @@
 
 #include <bit>
 #include <cstdint>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "agent/event/event_decoder.h"
@@ -65,10 +67,30 @@ class CheckingSink {
   std::vector<Told> TakeTold() { return std::move(told_); }
 
  private:
-  agent::SensorGeometry geometry_;
+  const agent::SensorGeometry geometry_;
   uint32_t row_ = 0;
   bool row_known_ = false;
   std::vector<Told> told_;
+};
+
+// The same for what takes events in batches (event_batcher.h).
+class CheckingConsumer {
+ public:
+  explicit CheckingConsumer(agent::SensorGeometry geometry) : sink_(geometry) {}
+
+  void Events(std::span<const agent::PackedEvent> events) {
+    FUZZ_CHECK(!events.empty());
+    for (const agent::PackedEvent& event : events) {
+      sink_.Event(event.x, event.y(), event.on(), event.time_us);
+    }
+  }
+  void Trigger(const agent::TriggerEvent& trigger) { sink_.Trigger(trigger); }
+  void TimeStepBack(int64_t time_us) { sink_.TimeStepBack(time_us); }
+
+  std::vector<Told> TakeTold() { return sink_.TakeTold(); }
+
+ private:
+  CheckingSink<false> sink_;
 };
 
 }  // namespace rigcal::testing

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "agent/event/event_batcher.h"
 #include "agent/event/event_decoder.h"
 #include "tests/fuzz/decoded_stream.h"
 #include "tests/fuzz/fuzz_check.h"
@@ -35,22 +36,41 @@ struct DecoderCase {
   }
 };
 
-// Feeds `bytes` in pieces that end behind the words named, and checks what the sink is told.
+// Feeds the stream in pieces that end behind the words named, each a copy of its own size, so that
+// a look behind its end is seen. `decode(piece)` for each.
+template <typename Decode>
+void ForEachPiece(const DecoderCase& given, size_t word_bytes, const std::vector<size_t>& ends,
+                  Decode decode) {
+  size_t begin = 0;
+  const auto feed = [&](size_t end) {
+    const std::vector<uint8_t> piece(given.bytes.begin() + static_cast<std::ptrdiff_t>(begin),
+                                     given.bytes.begin() + static_cast<std::ptrdiff_t>(end));
+    decode(std::span<const uint8_t>(piece));
+    begin = end;
+  };
+  for (const size_t word : ends) feed((word + 1) * word_bytes);
+  feed(given.bytes.size());
+}
+
+// Word by word into a sink.
 template <bool kWithRows, typename Decoder>
 DecodedStream DecodeInPieces(Decoder decoder, const DecoderCase& given,
                              const std::vector<size_t>& ends) {
   CheckingSink<kWithRows> sink(given.geometry);
-  size_t begin = 0;
-  for (const size_t word : ends) {
-    const size_t end = (word + 1) * Decoder::kWordBytes;
-    // A copy of its own size, so that a look behind its end is seen.
-    const std::vector<uint8_t> piece(given.bytes.begin() + static_cast<std::ptrdiff_t>(begin),
-                                     given.bytes.begin() + static_cast<std::ptrdiff_t>(end));
-    decoder.Decode(piece, sink);
-    begin = end;
-  }
-  decoder.Decode(given.bytes.subspan(begin), sink);
+  ForEachPiece(given, Decoder::kWordBytes, ends,
+               [&](std::span<const uint8_t> piece) { decoder.Decode(piece, sink); });
   return {.told = sink.TakeTold(), .faults = decoder.faults(), .time_us = decoder.time_us()};
+}
+
+// In batches, which is where other code may run.
+template <typename Decoder>
+DecodedStream DecodeBatches(Decoder decoder, const DecoderCase& given,
+                            const std::vector<size_t>& ends) {
+  CheckingConsumer consumer(given.geometry);
+  ForEachPiece(given, Decoder::kWordBytes, ends, [&](std::span<const uint8_t> piece) {
+    agent::DecodeInBatches(decoder, piece, consumer);
+  });
+  return {.told = consumer.TakeTold(), .faults = decoder.faults(), .time_us = decoder.time_us()};
 }
 
 inline uint64_t Placed(const DecodedStream& stream) {
@@ -64,6 +84,7 @@ inline uint64_t Placed(const DecodedStream& stream) {
 template <bool kWithRows, typename Decoder, typename Reference>
 void CheckDecoder(const Decoder& fresh, const DecoderCase& given, const Reference& reference) {
   FUZZ_CHECK(DecodeInPieces<kWithRows>(fresh, given, {}) == reference.result);
+  FUZZ_CHECK(DecodeBatches(fresh, given, {}) == reference.result);
   const size_t words = given.bytes.size() / Decoder::kWordBytes;
   if (words == 0) return;
   std::vector<size_t> ends, safe_ends;
@@ -74,9 +95,11 @@ void CheckDecoder(const Decoder& fresh, const DecoderCase& given, const Referenc
     if (reference.cut_is_safe[end]) safe_ends.push_back(end);
   }
   FUZZ_CHECK(DecodeInPieces<kWithRows>(fresh, given, safe_ends) == reference.result);
+  FUZZ_CHECK(DecodeBatches(fresh, given, safe_ends) == reference.result);
   // Where a doubtful time waits for the next one, it may be weighed otherwise; nothing is lost.
   const DecodedStream anyhow = DecodeInPieces<kWithRows>(fresh, given, ends);
   FUZZ_CHECK(Placed(anyhow) == Placed(reference.result));
+  FUZZ_CHECK(DecodeBatches(fresh, given, ends) == anyhow);
 }
 
 }  // namespace rigcal::testing

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// EVT 3.0: any words, any geometry, any cuts.
+// EVT 3.0: any words, any geometry, any cuts, by every kernel that this CPU can run.
 #include "agent/event/event_decoder.h"
 #include "tests/fuzz/decoder_fuzz.h"
 

@@ -158,6 +158,45 @@ bool SaveEvt21(const std::filesystem::path& folder) {
   return ok;
 }
 
+// Enough words without a fault that every kernel runs on them, with some faults between.
+bool SaveLongEvt3(const std::filesystem::path& folder) {
+  Bytes bytes = Case({1280, 720}, {40, 41, 333, 501});
+  Evt3Writer writer;
+  std::vector<CdEvent> events;
+  uint32_t state = 1;
+  for (uint16_t i = 0; i < 240; ++i) {
+    state = state * 1664525 + 1013904223;
+    const auto x = static_cast<uint16_t>(i % 60 < 30 ? 1220u + 2u * (i % 30u) : state >> 22);
+    const auto y = static_cast<uint16_t>(i % 60 < 30 ? 8u + i / 60u : 719u - (state >> 12 & 0x1ff));
+    events.push_back({.time_us = 8000 + 200 * (i / 30), .x = x, .y = y, .on = i / 30 % 2 == 0});
+  }
+  writer.Write(events, &bytes);
+  for (const uint32_t word : {0x1000, 0x4fff, 0x4fff, 0x5fff, 0x8002, 0x8002, 0x07ff, 0x2801}) {
+    Append(static_cast<uint16_t>(word), &bytes);
+  }
+  for (CdEvent& event : events) event.time_us += 6000;
+  events.resize(120);
+  writer.Write(events, &bytes);
+  return Save(folder, "long", bytes);
+}
+
+bool SavePlain(const std::filesystem::path& folder) {
+  Bytes bytes = Case({640, 480}, {2, 5});
+  const auto add = [&bytes](int64_t time_us, uint16_t x, uint16_t y, uint16_t kind) {
+    Append(static_cast<uint64_t>(time_us), &bytes);
+    Append(x, &bytes);
+    Append(y, &bytes);
+    Append(kind, &bytes);
+    Append(uint16_t{0}, &bytes);
+  };
+  add(1000, 3, 4, 1), add(1500, 5, 4, 0), add(1400, 5, 4, 1), add(2000, 0, 0, 0x0303);
+  add(0, 1, 1, 0), add(10, 639, 479, 1), add(int64_t{1} << 40, 2, 2, 0), add(20, 640, 0, 1);
+  add(INT64_MIN, 0, 0, 0), add(INT64_MAX, 0, 0, 1), add(-9'000'000'000'000'000, 1, 1, 1);
+  add(9'000'000'000'000'000, 1, 1, 0), add(5, 0xffff, 0xffff, 4), add(25, 7, 7, 2);
+  bytes.push_back(7);
+  return Save(folder, "records", bytes);
+}
+
 // Settings and steps of blink_wand_detector.cc.
 struct DetectorCase {
   uint8_t kind = 1;  // a scene
@@ -208,7 +247,7 @@ bool SaveDetector(const std::filesystem::path& folder) {
   AppendPeriods(40, 8, &bytes);
   ok &= Save(folder, "wide_light", bytes);
   for (const auto& [name, kind] :
-       {std::pair{"noise_evt2", 0}, {"noise_evt21", 2}, {"noise_evt3", 4}}) {
+       {std::pair{"noise_evt2", 0}, {"noise_evt21", 2}, {"noise_evt3", 4}, {"noise_plain", 6}}) {
     bytes = DetectorCase{.kind = static_cast<uint8_t>(kind | 16), .times = 0x34}.Begin();
     uint32_t state = 12345;
     for (int i = 0; i < 600; ++i) {
@@ -239,6 +278,8 @@ int main(int argc, char** argv) {
   ok &= rigcal::agent::SaveEvt3(corpus / "evt3_words");
   ok &= rigcal::agent::SaveEvt2(corpus / "evt2_words");
   ok &= rigcal::agent::SaveEvt21(corpus / "evt21_words");
+  ok &= rigcal::agent::SaveLongEvt3(corpus / "evt3_words");
+  ok &= rigcal::agent::SavePlain(corpus / "plain_records");
   ok &= rigcal::agent::SaveDetector(corpus / "blink_wand_detector");
   return ok ? 0 : 1;
 }

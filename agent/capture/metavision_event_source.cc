@@ -189,9 +189,12 @@ void MetavisionEventSource::BeginStream() {
     if (!WaitUntil(SteadyClock::now() + pause_)) return;
     pause_ = NextPause(pause_, options_);
     if (const absl::Status status = OpenAgain(); !status.ok()) {
-      spdlog::info("camera {}: not yet: {}", options_.camera, std::string(status.message()));
+      std::string reason(status.message());
+      if (reason != told_reason_) spdlog::info("camera {}: not yet: {}", options_.camera, reason);
+      told_reason_ = std::move(reason);
       return;
     }
+    told_reason_.clear();
     spdlog::info("camera {}: {} is back", options_.camera, identity_.serial);
   }
   if (!WaitUntil(begins_at_)) return;

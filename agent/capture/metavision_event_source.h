@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -82,6 +83,7 @@ class MetavisionEventSource : public EventSource {
   bool silence_is_told_ = true;
   bool clock_began_anew_ = false;  // tell it with the next piece
   std::chrono::milliseconds pause_{0};
+  std::string told_reason_;  // why a lost camera is not back yet
   std::optional<WordJoiner> joiner_;
   std::span<const uint8_t> pending_;  // whole words that are not told yet
   uint64_t byte_offset_ = 0;          // of pending_ in the capture

@@ -4,9 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "agent/capture/source_spec.h"
+#include "agent/event/plain_events.h"
 #include "tests/testing/blinking_wand.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
@@ -117,6 +121,34 @@ TEST_F(RawEventSourceTest, RefusesOtherFiles) {
   options.path = directory_.path().string();
   EXPECT_THAT(RawEventSource::Create(options),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("camera left")));
+}
+
+TEST_F(RawEventSourceTest, TellsHowCsvIsToBeRead) {
+  const RawSourceOptions file = Options("1000000 5 6 1\n2000000 5 7 0\n");
+  const std::string text = "raw:" + file.path + ";calibration=none;speed=max";
+  ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+                       ParseSourceSpec(text + ";geometry=640x480;time=ns;columns=txyp"));
+  const auto& options = std::get<RawSourceOptions>(std::get<EventSourceSpec>(spec).events);
+  EXPECT_EQ(options.plain.time_unit, TimeUnit::kNanoseconds);
+  ASSERT_OK_AND_ASSIGN(const auto source, RawEventSource::Create(options));
+  ASSERT_THAT(source->Start(Target()), IsOk());
+  ASSERT_OK_AND_ASSIGN(const std::optional<EventChunk> chunk, source->Next());
+  ASSERT_TRUE(chunk);
+  EXPECT_EQ(chunk->format, EventFormat::kPlain);
+  ASSERT_EQ(chunk->bytes.size(), 2 * sizeof(PlainEvent));
+  PlainEvent event;
+  std::memcpy(&event, chunk->bytes.data(), sizeof(event));
+  EXPECT_EQ(event, (PlainEvent{.time_us = 1000, .x = 5, .y = 6, .kind = PlainEvent::kOn}));
+  EXPECT_THAT(source->PlaceOf(sizeof(PlainEvent)), HasSubstr("left.raw, line 2"));
+
+  ASSERT_OK_AND_ASSIGN(const SourceSpec no_geometry, ParseSourceSpec(text + ";columns=txyp"));
+  EXPECT_THAT(CreateSource(no_geometry),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("left.raw"), HasSubstr(";geometry=WxH"))));
+  EXPECT_THAT(ParseSourceSpec(text + ";time=ms"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("s, us, ns")));
+  EXPECT_THAT(ParseSourceSpec(text + ";columns=xyp"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("txyp")));
 }
 
 TEST_F(RawEventSourceTest, AHeaderWithoutEventsEnds) {

@@ -35,6 +35,9 @@ struct Sums {
     }
     last_us = time_us;
   }
+  void Events(std::span<const PackedEvent> batch) {
+    for (const PackedEvent& event : batch) Event(event.x, event.y(), event.on(), event.time_us);
+  }
   void Trigger(const TriggerEvent& trigger) { triggers.push_back(trigger); }
   void TimeStepBack(int64_t) { ++steps_back; }
 };
@@ -54,6 +57,35 @@ Sums DecodeInPieces(Decoder* decoder, std::span<const uint8_t> bytes, size_t pie
   return sums;
 }
 
+template <typename Decoder>
+Sums DecodeInBatchesOfPieces(Decoder* decoder, std::span<const uint8_t> bytes, size_t piece) {
+  Sums sums;
+  for (size_t at = 0; at < bytes.size(); at += piece) {
+    DecodeInBatches(*decoder, bytes.subspan(at, std::min(piece, bytes.size() - at)), sums);
+  }
+  return sums;
+}
+
+void ExpectKnown(const Sums& sums, const EventFaults& faults) {
+  EXPECT_EQ(sums.events, 343474u);
+  EXPECT_EQ(sums.x, 116731888u);
+  EXPECT_EQ(sums.y, 80879209u);
+  EXPECT_EQ(sums.on, 125183u);
+  EXPECT_EQ(sums.last_us, 9218023u);
+  ASSERT_EQ(sums.triggers.size(), 4157u);
+  EXPECT_EQ(sums.triggers.front().time_us, 7139840);
+  int64_t last_rising_us = 0;
+  for (const TriggerEvent& trigger : sums.triggers) {
+    EXPECT_EQ(trigger.channel, 6);
+    if (!trigger.rising) continue;
+    if (last_rising_us != 0) {
+      EXPECT_EQ(trigger.time_us - last_rising_us, 1000);
+    }
+    last_rising_us = trigger.time_us;
+  }
+  EXPECT_EQ(faults, EventFaults{});
+}
+
 TEST(RecordedEvents, Evt3WithTriggers) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
   const std::vector<uint8_t> file = ReadFile(data / "events/evt3_640x480_trigger_1khz.raw");
@@ -63,24 +95,15 @@ TEST(RecordedEvents, Evt3WithTriggers) {
   EXPECT_EQ(*header.geometry, (SensorGeometry{640, 480}));
   for (const size_t piece : {file.size(), size_t{40000}, size_t{8}}) {
     Evt3Decoder decoder(*header.geometry);
-    const Sums sums = DecodeInPieces(&decoder, std::span(file).subspan(header.byte_count), piece);
-    EXPECT_EQ(sums.events, 343474u);
-    EXPECT_EQ(sums.x, 116731888u);
-    EXPECT_EQ(sums.y, 80879209u);
-    EXPECT_EQ(sums.on, 125183u);
-    EXPECT_EQ(sums.last_us, 9218023u);
-    ASSERT_EQ(sums.triggers.size(), 4157u);
-    EXPECT_EQ(sums.triggers.front().time_us, 7139840);
-    int64_t last_rising_us = 0;
-    for (const TriggerEvent& trigger : sums.triggers) {
-      EXPECT_EQ(trigger.channel, 6);
-      if (!trigger.rising) continue;
-      if (last_rising_us != 0) {
-        EXPECT_EQ(trigger.time_us - last_rising_us, 1000);
-      }
-      last_rising_us = trigger.time_us;
+    const std::span<const uint8_t> words = std::span(file).subspan(header.byte_count);
+    const Sums sums = DecodeInPieces(&decoder, words, piece);
+    ExpectKnown(sums, decoder.faults());
+    for (const Evt3Kernel* kernel : AvailableEvt3Kernels()) {
+      SCOPED_TRACE(kernel->name);
+      Evt3Decoder batched(*header.geometry, *kernel);
+      const Sums batched_sums = DecodeInBatchesOfPieces(&batched, words, piece);
+      ExpectKnown(batched_sums, batched.faults());
     }
-    EXPECT_EQ(decoder.faults(), EventFaults{});
   }
 }
 

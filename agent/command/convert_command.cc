@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "agent/command/event_conversion.h"
 #include "agent/command/event_file_flags.h"
+#include "agent/command/event_file_writer.h"
 #include "agent/command/subcommands.h"
 #include "common/status/status_macros.h"
 
@@ -43,6 +44,7 @@ std::string FormatSummary(const ConvertFlags& flags, const ConversionSummary& su
 }
 
 absl::Status Convert(const ConvertFlags& flags, std::ostream& out) {
+  RIGCAL_RETURN_IF_ERROR(CheckEventFileEnding(flags.out));
   RIGCAL_ASSIGN_OR_RETURN(const auto geometry, flags.file.Geometry());
   const auto summary = ConvertEventFile({.in = flags.in,
                                          .out = flags.out,

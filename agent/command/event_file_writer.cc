@@ -6,8 +6,10 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <filesystem>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "agent/event/hdf5_event_writer.h"
 #include "common/status/status_macros.h"
@@ -29,7 +31,22 @@ std::span<const uint8_t> Bytes(const std::string& text) {
   return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
 }
 
+absl::Status UnknownEnding(std::string_view ending) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", std::string(ending),
+                   "\" is no ending of a file of events: .raw (EVT 3.0), .csv, .h5 or .hdf5"));
+}
+
 }  // namespace
+
+absl::Status CheckEventFileEnding(const std::string& path) {
+  const std::string ending =
+      absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  for (const char* const known : {".csv", ".txt", ".raw", ".h5", ".hdf5"}) {
+    if (ending == known) return absl::OkStatus();
+  }
+  return UnknownEnding(ending);
+}
 
 absl::StatusOr<OutputFile> OutputFile::Create(const std::string& path) {
   std::FILE* const file = std::fopen(path.c_str(), "wbe");
@@ -96,9 +113,7 @@ absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateEventFileWriter(const st
     return CreateHdf5EventWriter(
         path, front, layout == "events" ? Hdf5EventLayout::kColumns : Hdf5EventLayout::kProphesee);
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("\"", std::string(ending),
-                   "\" is no ending of a file of events: .raw (EVT 3.0), .csv, .h5 or .hdf5"));
+  return UnknownEnding(ending);
 }
 
 }  // namespace rigcal::agent

@@ -82,6 +82,9 @@ class RawEventWriter : public PlainEventWriter {
   WriterLosses losses_;
 };
 
+// INVALID_ARGUMENT: the ending of this path is none of those below.
+absl::Status CheckEventFileEnding(const std::string& path);
+
 // By the ending of the path: .raw, .csv (or .txt), .h5 or .hdf5. `layout`: of HDF5, "prophesee" or
 // "events". INVALID_ARGUMENT: another ending, or what the format needs is missing.
 absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateEventFileWriter(const std::string& path,

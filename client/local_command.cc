@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/local_command.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -41,6 +42,12 @@ absl::StatusOr<LocalOutcome> Run(const LocalOptions& options, const LocalPlan& p
                           rig, signals, console);
 }
 
+bool HasEventCamera(const v1::Session& session) {
+  return std::any_of(session.cameras().begin(), session.cameras().end(), [](const auto& camera) {
+    return camera.description().sensor() == v1::CameraDescription::EVENT;
+  });
+}
+
 // The result as far as it has come. Nothing runs any more.
 ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& folder,
                   CommandContext& context) {
@@ -63,6 +70,13 @@ ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& 
     context.console.out << FormatCapture(outcome, plan.duration_s) << std::flush;
   }
   const ExitCode shown = ShowCalibration(calibration, context);
+  if (context.console.format == OutputFormat::kTable && calibration.has_truth() &&
+      HasEventCamera(outcome.session)) {
+    context.console.out
+        << "  the time offset of an event camera holds what its pixels' low pass does, "
+           "too: docs/event_cameras.md\n"
+        << std::flush;
+  }
   return code == ExitCode::kOk ? shown : code;
 }
 

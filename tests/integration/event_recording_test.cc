@@ -113,6 +113,25 @@ TEST_F(EventRecording, IsCalibratedTogetherWithMarkers) {
   EXPECT_GE(right["residuals"]["observation_count"], 1000);
 }
 
+TEST_F(EventRecording, SaysTheSameAsHdf5) {
+  const CommandResult raw = Local();
+  ASSERT_EQ(raw.exit_code, 0) << raw.error;
+  const fs::path recording = directory_->path() / "sim_3.raw";
+  const fs::path converted = directory_->path() / "sim_3.h5";
+  const CommandResult convert =
+      RunCommand({"rigcal-agent", "convert", recording.string(), converted.string()});
+  ASSERT_EQ(convert.exit_code, 0) << convert.error;
+  // Beside each other they are two recordings of one camera.
+  EXPECT_THAT(Local().error, HasSubstr("several recordings: sim_3.h5, sim_3.raw"));
+  fs::rename(recording, directory_->path() / "away");
+  const CommandResult hdf5 = Local();
+  fs::rename(directory_->path() / "away", recording);
+  fs::remove(converted);
+  ASSERT_EQ(hdf5.exit_code, 0) << hdf5.error;
+  EXPECT_EQ(json::parse(hdf5.output)["observation_digest"],
+            json::parse(raw.output)["observation_digest"]);
+}
+
 TEST_F(EventRecording, WithoutItsCalibrationItIsNamed) {
   fs::rename(directory_->path() / "sim_3.yaml", directory_->path() / "away");
   const CommandResult result = Local();

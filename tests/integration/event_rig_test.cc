@@ -20,6 +20,7 @@ namespace {
 
 using nlohmann::json;
 using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
 
 constexpr double kDurationS = 10;
 constexpr char kRig[] =
@@ -79,6 +80,7 @@ TEST(EventRig, AllCamerasComeOutRightEachWithItsOwnRateAndNoise) {
   const Result& result = Plain();
   ASSERT_EQ(result.cameras.size(), 6u);
   ExpectTruth(result);
+  EXPECT_THAT(result.table, HasSubstr("low pass"));
   double worst_frame_px = 0;
   for (const char* name : {"sim_0", "sim_1", "sim_2", "sim_3"}) {
     EXPECT_THAT(result.table, ContainsRegex(absl::StrCat(name, " +frame +500 +50\\.0 ")));

@@ -18,8 +18,9 @@ BlinkFrequencyOptions PaperBlinkFrequency() {
   BlinkFrequencyOptions options;
   options.detection = PaperEventDetection();
   options.detection.outputs = 8;
+  options.detection.textbook = true;
   options.detection.sensor.refractory_us = 700;
-  options.detection.sensor.refractory_spread = 0.15;
+  options.detection.sensor.refractory_spread = 0.1;
   options.blink_hz = {100, 200, 300, 400, 500,  550,  600,  650,
                       700, 750, 800, 900, 1000, 1100, 1250, 1500};
   return options;
@@ -29,8 +30,8 @@ double BlinkFrequencyPoint::WandRate() const {
   return Share(summary.wands_found, summary.wands_shown);
 }
 
-double BlinkFrequencyPoint::MarkerRate() const {
-  return Share(summary.markers_found, summary.markers);
+double BlinkFrequencyPoint::TextbookRate() const {
+  return Share(summary.textbook_found, summary.shown);
 }
 
 std::vector<BlinkFrequencyPoint> RunBlinkFrequency(const BlinkFrequencyOptions& options) {
@@ -49,14 +50,14 @@ std::string BlinkFrequencyCsv(const BlinkFrequencyOptions& options,
                               const std::vector<BlinkFrequencyPoint>& points) {
   const EventRenderOptions& sensor = options.detection.sensor;
   std::string csv =
-      "blink_hz,refractory_us,refractory_spread,latency_us,answers,wand_rate,false_wands,markers,"
-      "marker_rate,rms_px,failures\n";
+      "blink_hz,refractory_us,refractory_spread,latency_us,answers,wand_rate,false_wands,rms_px,"
+      "outputs,textbook_rate,failures\n";
   for (const BlinkFrequencyPoint& point : points) {
     const EventDetectionSummary& s = point.summary;
-    absl::StrAppendFormat(&csv, "%.0f,%.0f,%.2f,%.0f,%d,%.4f,%d,%d,%.4f,%.4f,%d\n", point.blink_hz,
+    absl::StrAppendFormat(&csv, "%.0f,%.0f,%.2f,%.0f,%d,%.4f,%d,%.4f,%d,%.4f,%d\n", point.blink_hz,
                           sensor.refractory_us, sensor.refractory_spread, sensor.latency_us,
-                          s.wands_shown, point.WandRate(), s.false_wands, s.markers,
-                          point.MarkerRate(), s.wands.rms_px, s.failures);
+                          s.wands_shown, point.WandRate(), s.false_wands, s.wands.rms_px, s.shown,
+                          point.TextbookRate(), s.failures);
   }
   return csv;
 }

@@ -15,7 +15,8 @@ struct BlinkFrequencyOptions {
 };
 
 // The wand 1.5 to 5 m away before a sensor with a refractory period of 0.7 ms, with one sigma of
-// 15 % over the pixels; sixteen frequencies from 100 to 1 500 Hz.
+// 10 % over the pixels; sixteen frequencies from 100 to 1 500 Hz. The chain that the paper
+// describes sees the same events.
 BlinkFrequencyOptions PaperBlinkFrequency();
 
 struct BlinkFrequencyPoint {
@@ -25,8 +26,8 @@ struct BlinkFrequencyPoint {
   // Of the detector's answers at whose time the wand was fully visible, those with it; 0 to 1, NaN
   // where there is none.
   double WandRate() const;
-  // Markers of such wands that show as blobs, found or not as a wand.
-  double MarkerRate() const;
+  // Wands with a blob of the textbook's chain in every marker, of those fully visible.
+  double TextbookRate() const;
 };
 
 std::vector<BlinkFrequencyPoint> RunBlinkFrequency(const BlinkFrequencyOptions& options);

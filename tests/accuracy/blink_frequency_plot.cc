@@ -19,7 +19,7 @@ absl::Status DrawBlinkFrequency(const BlinkFrequencyOptions& options,
   RatePlot plot;
   plot.title = "Wand detection rate against blink frequency";
   plot.x_title = "blink frequency, Hz";
-  plot.y_title = "found, % of those fully visible";
+  plot.y_title = "wands found, % of those fully visible";
   plot.min_x = 0;
   plot.max_x = kMaxHz;
   for (double hz = 100; hz < kMaxHz; hz += 100) {
@@ -27,10 +27,11 @@ absl::Status DrawBlinkFrequency(const BlinkFrequencyOptions& options,
     plot.labelled_x.push_back(hz);
   }
   plot.goal = {{kGoalHz, 0}, {kGoalHz, kGoalRate}, {0, kGoalRate}};
-  plot.curves = {{.name = "wands", .points = {}}, {.name = "markers", .points = {}}};
+  plot.curves = {{.name = "wands, this detector", .points = {}},
+                 {.name = "wands, textbook chain", .points = {}}};
   for (const BlinkFrequencyPoint& point : points) {
     plot.curves[0].points.emplace_back(point.blink_hz, point.WandRate());
-    plot.curves[1].points.emplace_back(point.blink_hz, point.MarkerRate());
+    plot.curves[1].points.emplace_back(point.blink_hz, point.TextbookRate());
   }
   const EventRenderOptions& sensor = options.detection.sensor;
   plot.notes = {absl::StrFormat("refractory period %.2f ms, one sigma %.0f %%",

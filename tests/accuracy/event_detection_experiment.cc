@@ -15,6 +15,7 @@
 #include "common/simulation/event_renderer.h"
 #include "common/simulation/random_stream.h"
 #include "tests/accuracy/seed_runs.h"
+#include "tests/accuracy/textbook_chain.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -95,6 +96,18 @@ EventOutput Judge(const EventRenderer& renderer, const WandPath& path, double no
   return output;
 }
 
+// Of markers with a blob in them.
+int CountFilled(const EventRenderer& renderer, const WandMotion& wand,
+                const std::vector<Eigen::Vector2d>& blobs_px) {
+  int count = 0;
+  for (const MarkerTruth& marker : renderer.TruthOf(wand)) {
+    count += std::any_of(blobs_px.begin(), blobs_px.end(), [&marker](const Eigen::Vector2d& blob) {
+      return (blob - marker.centre_px).norm() < marker.radius_px;
+    });
+  }
+  return count;
+}
+
 void JudgeWand(const EventRenderer& renderer, const WandPath& path,
                const agent::Detection& detection, EventWands* wands) {
   ++wands->answers;
@@ -138,8 +151,12 @@ void JudgeWand(const EventRenderer& renderer, const WandPath& path,
 class Chain {
  public:
   Chain(EventRenderer* renderer, agent::BlinkFilter* filter, agent::BlinkWandDetector* detector,
-        agent::SensorGeometry geometry)
-      : renderer_(renderer), filter_(filter), detector_(detector), decoder_(geometry) {}
+        TextbookChain* textbook, agent::SensorGeometry geometry)
+      : renderer_(renderer),
+        filter_(filter),
+        detector_(detector),
+        textbook_(textbook),
+        decoder_(geometry) {}
 
   absl::Status RunTo(int64_t end_us, const WandPath& path, EventStreamResult* result) {
     while (renderer_->time_us() < end_us) {
@@ -155,6 +172,7 @@ class Chain {
       for (const SimulatedEvent& event : events_) {
         cd_events_.push_back({event.time_us, event.x, event.y, event.on});
       }
+      if (textbook_ != nullptr) textbook_->Take(cd_events_);
       bytes_.clear();
       writer_.Write(cd_events_, &bytes_);
       writer_.WriteTime(to_us, &bytes_);
@@ -171,6 +189,7 @@ class Chain {
   EventRenderer* renderer_;
   agent::BlinkFilter* filter_;
   agent::BlinkWandDetector* detector_;
+  TextbookChain* textbook_;
   std::vector<agent::Detection> detections_;
   agent::Evt3Decoder decoder_;
   agent::Evt3Writer writer_;
@@ -207,7 +226,13 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     if (!wand.has_value()) return result;
     path = [at = *wand, middle_s](double time_s) { return MovedBy(at, time_s - middle_s); };
   }
-  Chain chain(&*renderer, &*filter, &*detector, options.filter.geometry);
+  std::optional<TextbookChain> textbook;
+  if (options.textbook) {
+    textbook.emplace(options.filter.geometry, options.filter.blink_hz.front(),
+                     options.filter.band_rel);
+  }
+  Chain chain(&*renderer, &*filter, &*detector, textbook ? &*textbook : nullptr,
+              options.filter.geometry);
   for (int k = 0; k < options.outputs; ++k) {
     const double now_s = options.warm_up_s + k / options.output_hz;
     const auto cells = std::llround(1e6 * now_s / EventRenderer::kCellUs);
@@ -217,6 +242,10 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     result.outputs.push_back(Judge(*renderer, path, 1e-6 * static_cast<double>(now_us),
                                    filter->FindBlobs(static_cast<uint32_t>(now_us))));
     result.outputs.back().seed = seed;
+    if (textbook && path) {
+      result.outputs.back().textbook_markers = CountFilled(
+          *renderer, *path(1e-6 * static_cast<double>(now_us)), textbook->BlobsPx(now_us));
+    }
   }
   for (const agent::Detection& detection : chain.detections()) {
     if (1e-9 * static_cast<double>(detection.observation.time_ns) < options.warm_up_s) continue;

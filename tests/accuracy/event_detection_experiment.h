@@ -26,6 +26,7 @@ struct EventDetectionOptions {
   double max_speed_px_s = 1e9;  // slower where the wand would move faster in the image
   agent::BlinkFilterOptions filter;
   bool with_wand = true;
+  bool textbook = false;  // is TextbookChain run beside?
   int streams = 20;
   double warm_up_s = 0.03;  // before the first output
   int outputs = 10;         // of each stream
@@ -52,6 +53,7 @@ struct EventOutput {
   bool shown = false;                // the wand is fully within the image
   bool found = false;                // all its markers are
   int false_blobs = 0;               // more than 3 px away from every marker
+  int textbook_markers = 0;          // with a blob of TextbookChain in them
   std::vector<EventCentre> centres;  // by marker
 };
 
@@ -94,6 +96,7 @@ EventCentreErrors CentreErrorsOf(const std::vector<EventStreamResult>& results, 
 struct EventDetectionSummary {
   int failures = 0, outputs = 0, shown = 0, found = 0;
   int markers = 0, markers_found = 0, false_blobs = 0;
+  int textbook_found = 0;     // of `shown`, with a blob of TextbookChain in every marker
   double latency_us = 0;      // mean of error along the motion over speed
   double rms_px = 0;          // of each coordinate, with that latency taken out
   double raw_rms_px = 0;      // as it is

@@ -56,6 +56,8 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
       if (!output.shown) continue;
       ++summary.shown;
       summary.found += output.found ? 1 : 0;
+      const auto markers = static_cast<int>(output.centres.size());
+      summary.textbook_found += output.textbook_markers == markers ? 1 : 0;
       for (const EventCentre& centre : output.centres) {
         ++summary.markers;
         if (!centre.found) continue;

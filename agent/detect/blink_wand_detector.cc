@@ -159,6 +159,7 @@ struct BlinkWandDetector::Impl {
   int64_t next_sweep_us = 0;
   int64_t answers_left = 0;  // at the fixed rate, in this Take
   int64_t forgets_left = 0;
+  bool is_clear = true;  // no event has come to the filter since it forgot all
   // The filter holds what is no longer so.
   bool must_forget = false;
   absl::InlinedVector<double, 3> last_burst_us;  // by marker; empty: none yet
@@ -188,11 +189,16 @@ struct StoppingConsumer {
     while (IsAnyDue(events)) {
       size_t next = 0;
       while (!IsDue(events[next])) ++next;
-      pass.Events(events.first(next));
+      Feed(events.first(next));
       stop_us = impl->Reach(events[next].time_us);
-      pass.Events(events.subspan(next, 1));
+      Feed(events.subspan(next, 1));
       events = events.subspan(next + 1);
     }
+    Feed(events);
+  }
+  void Feed(std::span<const PackedEvent> events) {
+    if (events.empty()) return;
+    impl->is_clear = false;
     pass.Events(events);
   }
   void Trigger(const TriggerEvent& trigger) { stop_us = impl->TakeTrigger(trigger); }
@@ -266,13 +272,16 @@ void BlinkWandDetector::Impl::BeginTake(size_t byte_count) {
 
 void BlinkWandDetector::Impl::EndTake() {
   if (!std::exchange(must_forget, false)) return;
+  is_clear = true;
   filter.TimeStepBack(reached_us);
 }
 
 void BlinkWandDetector::Impl::Forget(int64_t time_us) {
+  if (is_clear) return;
   must_forget = forgets_left == 0;
   if (must_forget) return;
   --forgets_left;
+  is_clear = true;
   filter.TimeStepBack(time_us);
 }
 
@@ -302,7 +311,7 @@ void BlinkWandDetector::Impl::Run(int64_t time_us) {
         ++counts.beyond_data;
       }
     } else {
-      if (!must_forget) filter.Sweep(static_cast<uint32_t>(next_sweep_us));
+      if (!must_forget && !is_clear) filter.Sweep(static_cast<uint32_t>(next_sweep_us));
       next_sweep_us += sweep_us;
     }
   }

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "agent/event/evt3_writer.h"
@@ -123,6 +124,8 @@ class Scene {
     for (const bool on : {true, false}) {
       events_.clear();
       for (const Disc& disc : discs_) Fill(disc, on);
+      // Some noise at least: in a silence of a second nothing is asked.
+      if (events_.empty()) events_.push_back({.time_us = time_us_, .x = 0, .y = 0, .on = false});
       writer_.Write(events_, &bytes_);
       time_us_ += static_cast<int64_t>(period_us_ / 2);
     }
@@ -198,8 +201,12 @@ void CheckFound(const std::vector<Detection>& found, const BlinkWandDetector& de
   FUZZ_CHECK(counts == detector.counts().by_outcome);
 }
 
-std::vector<Detection> Detect(const Settings& settings, std::span<const uint8_t> bytes,
-                              size_t piece_bytes) {
+struct Detected {
+  std::vector<Detection> found;
+  BlinkWandCounts counts;
+};
+
+Detected Detect(const Settings& settings, std::span<const uint8_t> bytes, size_t piece_bytes) {
   auto detector = BlinkWandDetector::Create(settings.options, settings.target, settings.camera,
                                             settings.format, settings.halves_swapped);
   FUZZ_CHECK(detector.ok());
@@ -214,7 +221,7 @@ std::vector<Detection> Detect(const Settings& settings, std::span<const uint8_t>
   }
   detector->Finish(&found);
   CheckFound(found, *detector, settings);
-  return found;
+  return {.found = std::move(found), .counts = detector->counts()};
 }
 
 bool Same(const Detection& a, const Detection& b) {
@@ -245,9 +252,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     return 0;
   }
   const std::vector<uint8_t> bytes = Scene(settings).Write(&input);
-  const std::vector<Detection> whole = Detect(settings, bytes, bytes.size() + 1);
-  const std::vector<Detection> cut = Detect(settings, bytes, piece);
-  FUZZ_CHECK(whole.size() == cut.size() &&
-             std::equal(whole.begin(), whole.end(), cut.begin(), Same));
+  const Detected whole = Detect(settings, bytes, bytes.size() + 1);
+  const Detected cut = Detect(settings, bytes, piece);
+  // What is left out because a piece has too little data for it goes with the pieces.
+  if (whole.counts.beyond_data != 0 || cut.counts.beyond_data != 0) return 0;
+  FUZZ_CHECK(whole.found.size() == cut.found.size());
+  FUZZ_CHECK(std::equal(whole.found.begin(), whole.found.end(), cut.found.begin(), Same));
   return 0;
 }

@@ -85,7 +85,11 @@ class Scene {
   std::vector<uint8_t> Write(FuzzInput* input) {
     constexpr int kMaxSteps = 200;
     constexpr size_t kMaxBytes = 1 << 16;
-    for (int i = 0; i < kMaxSteps && !input->empty() && bytes_.size() < kMaxBytes; ++i) Step(input);
+    constexpr int64_t kMaxUs = 1'500'000;
+    for (int i = 0; i < kMaxSteps && !input->empty(); ++i) {
+      if (bytes_.size() >= kMaxBytes || time_us_ >= kMaxUs) break;
+      Step(input);
+    }
     return std::move(bytes_);
   }
 

@@ -58,14 +58,16 @@ absl::Status ReadFront(const std::string& path, Front* front) {
   return absl::OkStatus();
 }
 
-// The first byte that is in no text, or npos.
+// The first byte that is in no text, or npos where so few are that it is a text with damage.
 size_t FindBinary(std::string_view bytes) {
+  constexpr size_t kDamagedOneIn = 20;
   const auto is_binary = [](char c) {
     const auto byte = static_cast<unsigned char>(c);
     return byte < 0x20 && byte != '\t' && byte != '\n' && byte != '\r';
   };
-  const auto found = std::find_if(bytes.begin(), bytes.end(), is_binary);
-  return found == bytes.end() ? bytes.npos : static_cast<size_t>(found - bytes.begin());
+  const auto count = static_cast<size_t>(std::count_if(bytes.begin(), bytes.end(), is_binary));
+  if (count * kDamagedOneIn <= bytes.size()) return bytes.npos;
+  return static_cast<size_t>(std::find_if(bytes.begin(), bytes.end(), is_binary) - bytes.begin());
 }
 
 constexpr char kKnownFiles[] =

@@ -131,6 +131,16 @@ TEST_F(EventFileTest, BadLinesAreLeftOutAndCounted) {
   EXPECT_THAT(places_, ElementsAre("line 2"));
 }
 
+TEST_F(EventFileTest, ADamagedByteMakesOneBadLine) {
+  std::string text;
+  for (int i = 0; i < 100; ++i) absl::StrAppend(&text, "1,2,1,", 10 + i, "\n");
+  text[450] = '\0';
+  ASSERT_OK_AND_ASSIGN(const auto events, ReadAll(Write(text)));
+  EXPECT_THAT(events, SizeIs(99));
+  ASSERT_THAT(refused_, SizeIs(1));
+  EXPECT_EQ(refused_[0].count, 1u);
+}
+
 TEST_F(EventFileTest, GivesUpOnAFileThatTurnsIntoSomethingElse) {
   std::string text;
   for (int i = 0; i < 100; ++i) absl::StrAppend(&text, "1,2,1,", i, "\n");

@@ -29,8 +29,9 @@ double SampsonSquared(const Eigen::Matrix3d& essential, const PairMarker& marker
   return error * error / (line_b.head<2>().squaredNorm() + line_a.head<2>().squaredNorm() + 1e-30);
 }
 
+// Stops as soon as the cost is beyond `most`: the score is then of no use.
 ScoredEssential ScoreEssential(const std::vector<PairInstant>& instants,
-                               const Eigen::Matrix3d& essential, double threshold) {
+                               const Eigen::Matrix3d& essential, double threshold, double most) {
   ScoredEssential scored;
   scored.matrix = essential;
   scored.cost = 0;
@@ -45,6 +46,7 @@ ScoredEssential ScoreEssential(const std::vector<PairInstant>& instants,
         scored.cost += 1;
       }
     }
+    if (scored.cost > most) break;
   }
   return scored;
 }
@@ -106,7 +108,9 @@ std::vector<Eigen::Matrix3d> SampleEssentials(const std::vector<PairInstant>& in
       five.push_back(instants[index][random() % instants[index].size()]);
     }
     for (const Eigen::Matrix3d& essential : EssentialsOfFive(five)) {
-      const ScoredEssential scored = ScoreEssential(instants, essential, threshold);
+      const double most = kept.size() < kKeptEssentials ? std::numeric_limits<double>::infinity()
+                                                        : kept.back().cost;
+      const ScoredEssential scored = ScoreEssential(instants, essential, threshold, most);
       if (kept.empty() || scored.cost < kept.front().cost) {
         const double share = static_cast<double>(scored.inliers) / marker_count;
         const double all_good = std::min(std::pow(share, 5), 1 - 1e-9);

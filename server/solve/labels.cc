@@ -123,12 +123,17 @@ class LabelJudge {
         instant.observation_count > options_.max_contested_observations) {
       return std::nullopt;
     }
-    const double as_is = PlacedScore(instant, -1);
+    BundleProblem small = OneInstant(instant);
+    std::vector<Eigen::Vector2d> rays(small.markers.size());
+    UndistortInstant(small, intrinsics_, small.instants.front(), &rays);
+    const double as_is = PlacedScore(instant, -1, rays, &small);
+    // The labels as they are would be a next best that fits nearly as well.
+    if (as_is <= options_.min_gain) return std::nullopt;
     double best = kInfinity, second = as_is;
     int best_index = -1;
     for (int o = 0; o < instant.observation_count; ++o) {
       const int index = instant.first_observation + o;
-      const double score = PlacedScore(instant, index);
+      const double score = PlacedScore(instant, index, rays, &small);
       if (score < best) {
         second = std::min(second, best);
         best = score;
@@ -141,18 +146,18 @@ class LabelJudge {
     return best_index;
   }
 
-  // Of all the instant's markers, with the target placed anew and one observation turned.
-  double PlacedScore(const BundleInstant& instant, int turned) const {
-    BundleProblem small = OneInstant(instant);
-    if (turned >= 0) {
-      TurnLabels(turned - instant.first_observation, &small);
-    }
-    std::vector<Eigen::Vector2d> rays(small.markers.size());
-    UndistortInstant(small, intrinsics_, small.instants.front(), &rays);
+  // Of all the instant's markers, with the target placed anew and one observation turned; -1: none.
+  // `small` is OneInstant's and comes back as it was, `rays` are its undistorted markers.
+  double PlacedScore(const BundleInstant& instant, int turned,
+                     const std::vector<Eigen::Vector2d>& rays, BundleProblem* small) const {
+    const int index = turned - instant.first_observation;  // in `small`
     WandFitOptions fit;
     fit.truncation_px = 2 * options_.start_threshold_px;
-    BundleInstant pose = small.instants.front();
-    if (!FitWand(small, has_pose_, rays, fit, &pose)) return kInfinity;
+    BundleInstant pose = small->instants.front();
+    if (turned >= 0) TurnLabels(index, small);
+    const bool placed = FitWand(*small, has_pose_, rays, fit, &pose);
+    if (turned >= 0) TurnLabels(index, small);
+    if (!placed) return kInfinity;
     pose.first_observation = instant.first_observation;
     return TotalScore(pose, turned >= 0 ? std::vector<int>{turned} : std::vector<int>{});
   }

@@ -13,21 +13,30 @@ struct Distortion {
   Eigen::Matrix<double, 2, 8> d_coefficients;
 };
 
-bool DistortPolynomial(const double* k, bool rational, double x, double y, Distortion* out) {
+// What is not asked for is not computed.
+struct Wanted {
+  bool d_point, d_coefficients;
+};
+
+bool DistortPolynomial(const double* k, bool rational, double x, double y, Wanted wanted,
+                       Distortion* out) {
   const double r2 = x * x + y * y, r4 = r2 * r2, r6 = r4 * r2;
   const double numerator = 1 + k[0] * r2 + k[1] * r4 + k[4] * r6;
   const double denominator = rational ? 1 + k[5] * r2 + k[6] * r4 + k[7] * r6 : 1;
   if (!(denominator > 0)) return false;
   const double inverse = 1 / denominator;
   const double radial = numerator * inverse;
-  double slope = (k[0] + 2 * k[1] * r2 + 3 * k[4] * r4) * inverse;
-  if (rational) slope -= radial * inverse * (k[5] + 2 * k[6] * r2 + 3 * k[7] * r4);
   const double p1 = k[2], p2 = k[3];
   out->point = {x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
                 y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
-  const double cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y;
-  out->d_xy << radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x, cross, cross,
-      radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x;
+  if (wanted.d_point) {
+    double slope = (k[0] + 2 * k[1] * r2 + 3 * k[4] * r4) * inverse;
+    if (rational) slope -= radial * inverse * (k[5] + 2 * k[6] * r2 + 3 * k[7] * r4);
+    const double cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y;
+    out->d_xy << radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x, cross, cross,
+        radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x;
+  }
+  if (!wanted.d_coefficients) return true;
   const Eigen::Vector2d xy(x, y);
   out->d_coefficients.col(0) = xy * (r2 * inverse);
   out->d_coefficients.col(1) = xy * (r4 * inverse);
@@ -116,12 +125,17 @@ bool ProjectWithJacobian(DistortionModel model, const double* intrinsics,
   } else {
     const double inverse_z = 1 / z;
     const double x = x_in_cam.x() * inverse_z, y = x_in_cam.y() * inverse_z;
+    const Wanted wanted = {d_point != nullptr, d_intrinsics != nullptr};
     Distortion result;
-    if (!DistortPolynomial(k, model == DistortionModel::kRational, x, y, &result)) return false;
+    if (!DistortPolynomial(k, model == DistortionModel::kRational, x, y, wanted, &result)) {
+      return false;
+    }
     distorted = result.point;
-    d_distorted.leftCols<2>() = result.d_xy * inverse_z;
-    d_distorted.col(2) = result.d_xy * Eigen::Vector2d(-x * inverse_z, -y * inverse_z);
-    d_coefficients = result.d_coefficients;
+    if (wanted.d_point) {
+      d_distorted.leftCols<2>() = result.d_xy * inverse_z;
+      d_distorted.col(2) = result.d_xy * Eigen::Vector2d(-x * inverse_z, -y * inverse_z);
+    }
+    if (wanted.d_coefficients) d_coefficients = result.d_coefficients;
   }
   *pixel = {fx * distorted.x() + intrinsics[2], fy * distorted.y() + intrinsics[3]};
   if (!pixel->allFinite()) return false;

@@ -209,9 +209,10 @@ int PlaceInstants(double threshold_px, BundleProblem* problem) {
   fit.truncation_px = 2 * threshold_px;
   int placed = 0;
   for (BundleInstant& instant : problem->instants) {
-    const bool had_pose = instant.used && IsBeforeItsCameras(*problem, instant);
+    const bool agrees = instant.used && Agrees(*problem, instant, threshold_px);
+    const bool had_pose = agrees || (instant.used && IsBeforeItsCameras(*problem, instant));
     instant.used = had_pose;
-    if (!had_pose || !Agrees(*problem, instant, threshold_px)) {
+    if (!agrees) {
       UndistortInstant(*problem, intrinsics, instant, &rays);
       BundleInstant candidate = instant;
       candidate.used = FitWand(*problem, has_pose, rays, fit, &candidate) &&

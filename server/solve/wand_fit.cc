@@ -24,35 +24,28 @@ struct Score {
   int markers = 0;
 };
 
-// Calls visit(observation, marker) for each used marker of posed cameras, used instant or not.
-template <typename Visit>
-void ForEachMarker(const BundleProblem& problem, const std::vector<bool>& has_pose,
-                   const BundleInstant& instant, Visit visit) {
-  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-    if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
-    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-      if (marker.used) visit(observation, marker);
-    }
-  }
-}
-
+// Stops as soon as the cost is beyond `most`: the score is then of no use.
 Score Evaluate(const BundleProblem& problem, const std::vector<bool>& has_pose,
-               const WandFitOptions& options, const BundleInstant& instant) {
+               const WandFitOptions& options, const BundleInstant& instant, double most) {
   Score score;
   score.cost = 0;
   const double limit = options.truncation_px * options.truncation_px;
-  ForEachMarker(problem, has_pose, instant,
-                [&](const BundleObservation& observation, const BundleMarker& marker) {
-                  Eigen::Vector2d residual;
-                  ++score.markers;
-                  if (!MarkerResidualPx(problem, instant, observation, marker, &residual) ||
-                      !(residual.squaredNorm() < limit)) {
-                    score.cost += limit;
-                    return;
-                  }
-                  ++score.inliers;
-                  score.cost += residual.squaredNorm();
-                });
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      if (!marker.used) continue;
+      ++score.markers;
+      Eigen::Vector2d residual;
+      if (MarkerResidualPx(problem, instant, observation, marker, &residual) &&
+          residual.squaredNorm() < limit) {
+        ++score.inliers;
+        score.cost += residual.squaredNorm();
+      } else {
+        score.cost += limit;
+      }
+      if (score.cost > most) return score;
+    }
+  }
   return score;
 }
 
@@ -137,27 +130,29 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
     tangent.col(1) = direction.cross(tangent.col(0));
     Eigen::Matrix<double, 5, 5> hessian = Eigen::Matrix<double, 5, 5>::Identity() * 1e-9;
     Eigen::Matrix<double, 5, 1> gradient = Eigen::Matrix<double, 5, 1>::Zero();
-    ForEachMarker(
-        problem, has_pose, *instant,
-        [&](const BundleObservation& observation, const BundleMarker& marker) {
-          const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
-          const double s = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
-          Eigen::Vector2d pixel, residual;
-          Eigen::Matrix<double, 2, 3> d_point;
-          const Eigen::Vector3d x_in_cam =
-              camera.cam_from_rig * (instant->origin_m + s * direction);
-          if (!MarkerResidualPx(problem, *instant, observation, marker, &residual) ||
-              !ProjectWithJacobian(camera.model, camera.intrinsics.data(), x_in_cam, &pixel,
-                                   &d_point, nullptr)) {
-            return;
-          }
-          const double weight = 1 / (1 + residual.squaredNorm() / (scale_px * scale_px));
-          Eigen::Matrix<double, 2, 5> jacobian;
-          jacobian.leftCols<3>() = d_point * camera.cam_from_rig.rotation.toRotationMatrix();
-          jacobian.rightCols<2>() = s * jacobian.leftCols<3>() * tangent;
-          hessian += weight * jacobian.transpose() * jacobian;
-          gradient += weight * jacobian.transpose() * residual;
-        });
+    for (const BundleObservation& observation : problem.ObservationsOf(*instant)) {
+      if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
+      const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+      const Eigen::Matrix3d rotation = camera.cam_from_rig.rotation.toRotationMatrix();
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        if (!marker.used) continue;
+        const double s = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+        Eigen::Vector2d pixel;
+        Eigen::Matrix<double, 2, 3> d_point;
+        if (!ProjectWithJacobian(camera.model, camera.intrinsics.data(),
+                                 camera.cam_from_rig * (instant->origin_m + s * direction), &pixel,
+                                 &d_point, nullptr)) {
+          continue;
+        }
+        const Eigen::Vector2d residual = pixel - CentreAtInstantPx(problem, observation, marker);
+        const double weight = 1 / (1 + residual.squaredNorm() / (scale_px * scale_px));
+        Eigen::Matrix<double, 2, 5> jacobian;
+        jacobian.leftCols<3>() = d_point * rotation;
+        jacobian.rightCols<2>() = s * jacobian.leftCols<3>() * tangent;
+        hessian += weight * jacobian.transpose() * jacobian;
+        gradient += weight * jacobian.transpose() * residual;
+      }
+    }
     const Eigen::Matrix<double, 5, 1> delta = hessian.ldlt().solve(gradient);
     if (!delta.allFinite()) return;
     instant->origin_m -= delta.head<3>();
@@ -196,7 +191,7 @@ bool FitWand(const BundleProblem& problem, const std::vector<bool>& has_pose,
   BundleInstant best_instant = *instant;
   std::vector<MarkerPoint> points;
   const auto try_pose = [&](const BundleInstant& candidate) {
-    const Score score = Evaluate(problem, has_pose, options, candidate);
+    const Score score = Evaluate(problem, has_pose, options, candidate, best.cost);
     if (score.cost < best.cost) {
       best = score;
       best_instant = candidate;
@@ -226,7 +221,7 @@ bool FitWand(const BundleProblem& problem, const std::vector<bool>& has_pose,
   if (!std::isfinite(best.cost)) return false;
   BundleInstant refined = best_instant;
   Refine(problem, has_pose, options.truncation_px / 3, &refined);
-  const Score score = Evaluate(problem, has_pose, options, refined);
+  const Score score = Evaluate(problem, has_pose, options, refined, best.cost);
   if (refined.origin_m.allFinite() && refined.direction.allFinite() && score.cost <= best.cost) {
     best = score;
     best_instant = refined;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/image_motion.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -9,84 +8,13 @@
 namespace rigcal::server {
 namespace {
 
-constexpr Eigen::Index kMaxPoints = 15;
-
 constexpr double kWildPx = 15;
 constexpr double kWildTimesUsual = 12;
-constexpr int kMaxTerms = 5;  // of a polynomial of degree 4
 // Markers with times of their own can come closer than rows; points nearer than this determine no
 // further term.
 constexpr double kMinApartPeriods = 0.1;
 
-using Weights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxPoints, 1>;
-using Powers = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxPoints, kMaxTerms>;
-using Terms = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxTerms, 1>;
-using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTerms, kMaxTerms>;
-
-// A velocity without the centre's noise may be this much noisier, in variance, before a lower
-// degree is taken.
-constexpr double kMaxNoiseGain = 2;
-
-// Weights over the points so that their sum over the values is, for the least-squares polynomials
-// of a degree and of one degree less, P(t) - P(0).
-struct FitWeights {
-  Weights displacement, lower_displacement;
-};
-
-// Times scaled to order one, where the normal equations of so few powers lose few digits.
-Powers PowersOf(const Weights& times, double scale, Eigen::Index degree) {
-  Powers powers(times.size(), degree + 1);
-  for (Eigen::Index i = 0; i < times.size(); ++i) {
-    double power = 1;
-    for (Eigen::Index k = 0; k <= degree; ++k, power *= times[i] / scale) powers(i, k) = power;
-  }
-  return powers;
-}
-
-FitWeights WeightsOf(const Weights& times, Eigen::Index degree, double t) {
-  const double scale = std::max(times.cwiseAbs().maxCoeff(), 1e-9);
-  const Powers powers = PowersOf(times, scale, degree);
-  Terms at = Terms::Zero(degree + 1);
-  double power = 1;
-  for (Eigen::Index k = 1; k <= degree; ++k) at[k] = power *= t / scale;
-  const Normal normal = powers.transpose() * powers;
-  FitWeights weights;
-  weights.displacement = powers * Eigen::LDLT<Normal>(normal).solve(at);
-  const Normal lower = normal.topLeftCorner(degree, degree);
-  weights.lower_displacement =
-      powers.leftCols(degree) * Eigen::LDLT<Normal>(lower).solve(Terms(at.head(degree)));
-  return weights;
-}
-
-// Weights of P'(t), orthogonal to those of the centre where a polynomial of some degree up to
-// `degree` leaves the room.
-Weights VelocityWeights(const Weights& times, Eigen::Index degree, double t,
-                        const Weights& centre) {
-  const double scale = std::max(times.cwiseAbs().maxCoeff(), 1e-9);
-  Weights plain;
-  for (; degree >= 1; --degree) {
-    const Powers powers = PowersOf(times, scale, degree);
-    const Normal normal = powers.transpose() * powers;
-    const Eigen::LDLT<Normal> factor(normal);
-    Terms slope = Terms::Zero(degree + 1);
-    double power = 1 / scale;
-    for (Eigen::Index k = 1; k <= degree; ++k, power *= t / scale) {
-      slope[k] = static_cast<double>(k) * power;
-    }
-    const Weights velocity = powers * factor.solve(slope);
-    if (plain.size() == 0) plain = velocity;
-    const Weights rest = centre - powers * factor.solve(Terms(powers.transpose() * centre));
-    const double shared = centre.dot(velocity);
-    if (shared * shared > (kMaxNoiseGain - 1) * velocity.squaredNorm() * rest.squaredNorm()) {
-      continue;
-    }
-    if (shared == 0) return velocity;
-    return velocity - shared / rest.squaredNorm() * rest;
-  }
-  return plain;
-}
-
-Eigen::Index CountDistinct(const Weights& times, double apart_s) {
+Eigen::Index CountDistinct(const PointWeights& times, double apart_s) {
   Eigen::Index count = times.size() == 0 ? 0 : 1, last = 0;
   for (Eigen::Index i = 1; i < times.size(); ++i) {
     if (std::abs(times[i] - times[last]) <= apart_s) continue;
@@ -197,7 +125,7 @@ ImageMotion::Neighbourhood ImageMotion::Around(const std::vector<Sample>& sample
     return 1e-9 * static_cast<double>(samples[b].time_ns - samples[a].time_ns);
   };
   Neighbourhood around{own, own + 1, own};
-  const size_t reach = static_cast<size_t>(kMaxPoints) / 2;
+  const size_t reach = static_cast<size_t>(kMaxMotionPoints) / 2;
   while (around.begin > 0 && own - around.begin < reach &&
          seconds(around.begin - 1, own) <= window_s &&
          seconds(around.begin - 1, around.begin) <= gap_s) {
@@ -210,7 +138,8 @@ ImageMotion::Neighbourhood ImageMotion::Around(const std::vector<Sample>& sample
   return around;
 }
 
-MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const {
+MarkerMotion ImageMotion::At(int observation, int marker, double shift_s,
+                             MotionWeightsMemory* memory) const {
   const std::vector<Sample>& samples = samples_[static_cast<size_t>(marker)];
   const auto own = static_cast<size_t>(
       sample_of_row_[static_cast<size_t>(marker)][static_cast<size_t>(observation)]);
@@ -229,7 +158,7 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
   motion.centre_px = samples[own].centre_px;
   motion.covariance_px2 = samples[own].covariance_px2;
   const auto count = static_cast<Eigen::Index>(points.size());
-  Weights times(count);
+  PointWeights times(count);
   for (Eigen::Index i = 0; i < count; ++i) {
     times[i] =
         1e-9 * static_cast<double>(points[static_cast<size_t>(i)]->time_ns - samples[own].time_ns);
@@ -246,10 +175,9 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
                                   : std::min(before, after) >= 1 ? std::min(3, options_.max_degree)
                                                                  : std::min(2, options_.max_degree);
   const Eigen::Index degree = std::min(distinct - 1, max_degree);
-  const FitWeights weights = WeightsOf(times, degree, shift_s);
-  Weights centre = weights.displacement;
-  if (own_index >= 0) centre[own_index] += 1;
-  const Weights velocity = VelocityWeights(times, degree, shift_s, centre);
+  const MotionQuery query = {times, degree, shift_s, own_index};
+  MotionWeightsMemory own_memory;
+  const MotionWeights& weights = (memory != nullptr ? memory : &own_memory)->Of(query);
   Eigen::Vector2d lower = Eigen::Vector2d::Zero(), displacement = Eigen::Vector2d::Zero();
   Eigen::Matrix2d own_noise = Eigen::Matrix2d::Zero();
   for (Eigen::Index i = 0; i < count; ++i) {
@@ -257,9 +185,9 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s) const 
     // Differences to the own row: the weights sum to zero, and small numbers keep their digits.
     const Eigen::Vector2d value = point.centre_px - samples[own].centre_px;
     displacement += weights.displacement[i] * value;
-    motion.velocity_px_s += velocity[i] * value;
+    motion.velocity_px_s += weights.velocity[i] * value;
     lower += weights.lower_displacement[i] * value;
-    own_noise += centre[i] * centre[i] * point.covariance_px2;
+    own_noise += weights.centre[i] * weights.centre[i] * point.covariance_px2;
   }
   if (own_index < 0) own_noise += samples[own].covariance_px2;
   motion.centre_px += displacement;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "server/associate/align_clocks.h"
+#include "server/solve/motion_weights.h"
 
 namespace rigcal::server {
 
@@ -68,8 +69,10 @@ class ImageMotion {
   void Exclude(int observation, int marker);
 
   // Of a marker of `observation` that is visible under this label, `shift_s` after its own time
-  // (camera clock).
-  MarkerMotion At(int observation, int marker, double shift_s) const;
+  // (camera clock). `memory`, if given, saves time where it has been asked about another marker of
+  // the observation before.
+  MarkerMotion At(int observation, int marker, double shift_s,
+                  MotionWeightsMemory* memory = nullptr) const;
 
   // Median speed of the visible markers, px/s; 0 where nothing is known.
   double typical_speed_px_s() const { return typical_speed_px_s_; }

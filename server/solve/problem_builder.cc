@@ -23,6 +23,7 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
                const ClockCorrection& correction, const Instant& instant,
                const InstantMember& member, double sigma_px, BuiltProblem* built) {
   const Observation& row = track.track.observations[static_cast<size_t>(member.observation)];
+  MotionWeightsMemory memory;
   for (size_t m = 0; m < row.markers.size(); ++m) {
     if (!row.markers[m].visible) continue;
     const int64_t camera_time_ns = row.time_ns + row.markers[m].time_delta_ns;
@@ -30,7 +31,7 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
     const double shift_s =
         1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
     const size_t label = motion.IsTurned(member.observation) ? row.markers.size() - 1 - m : m;
-    MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s);
+    MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, &memory);
     if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     BundleMarker marker;
     marker.marker = static_cast<int>(label);

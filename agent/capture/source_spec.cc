@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -15,6 +14,7 @@
 #include "agent/capture/source_kinds.h"
 #include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
+#include "common/text/shortest_text.h"
 
 namespace rigcal::agent {
 namespace {
@@ -83,12 +83,7 @@ absl::StatusOr<SourceSpec> Parse(std::string_view text, const std::vector<Source
   return spec;
 }
 
-std::string ShortestText(double value) {
-  if (std::isinf(value)) return "max";
-  char buffer[64];
-  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value);
-  return std::string(buffer, end.ptr);
-}
+std::string SpeedText(double speed) { return std::isinf(speed) ? "max" : ShortestText(speed); }
 
 absl::StatusOr<std::unique_ptr<EventSource>> CreateEventSource(const EventSourceSpec& spec) {
   if (const auto* raw = std::get_if<RawSourceOptions>(&spec.events)) {
@@ -150,7 +145,7 @@ absl::StatusOr<SourceSpec> ParseSourceSpec(const CameraConfig& camera) {
   const auto add = [&](std::string_view key, std::string value) {
     options.push_back({.key = std::string(key), .value = std::move(value), .where = camera.where});
   };
-  if (camera.speed) add("speed", ShortestText(*camera.speed));
+  if (camera.speed) add("speed", SpeedText(*camera.speed));
   if (camera.sigma_px) add("sigma", ShortestText(*camera.sigma_px));
   if (!camera.calibration.empty()) add("calibration", camera.calibration);
   absl::StatusOr<SourceSpec> spec = Parse(text, options);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <filesystem>
 #include <limits>
 #include <set>
@@ -15,6 +14,7 @@
 #include "common/camera/camera_id.h"
 #include "common/config/toml_section.h"
 #include "common/status/status_macros.h"
+#include "common/text/shortest_text.h"
 
 namespace rigcal {
 namespace {
@@ -92,11 +92,7 @@ std::string OptionText(const toml::node& node) {
   if (const auto* text = node.as_string()) return text->get();
   if (const auto* flag = node.as_boolean()) return flag->get() ? "1" : "0";
   if (const auto* whole = node.as_integer()) return absl::StrCat(whole->get());
-  if (const auto* number = node.as_floating_point()) {
-    char buffer[64];
-    const auto end = std::to_chars(buffer, buffer + sizeof(buffer), number->get());
-    return std::string(buffer, end.ptr);
-  }
+  if (const auto* number = node.as_floating_point()) return ShortestText(number->get());
   return "";
 }
 

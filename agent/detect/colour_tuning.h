@@ -21,9 +21,9 @@ struct TunedColour {
   int pictures = 0;  // looked at
   int wands = 0;     // of them with the wand
   // Medians over the markers' pixels, for people. Of grey pictures the first two are 0.
-  double hue_deg = 0;
-  double saturation = 0;
-  double value = 0;
+  double hue_deg = 0;     // 0 to 360
+  double saturation = 0;  // 0 to 1
+  double value = 0;       // grey levels, 0 to 255
 };
 
 // Learns the colour of a wand from some pictures that show it: looks for the wand with wide ranges

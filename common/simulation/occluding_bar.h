@@ -13,7 +13,7 @@ struct OccludingBar {
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  // across the bar
   double half_width_px = 0;
   double half_length_px = 0;
-  double reflectance = 0.1;
+  double reflectance = 0.1;  // share of the light that it throws back
 
   // Distance of a pixel from its nearest edge, positive inside.
   double InsidePx(const Eigen::Vector2d& pixel) const;

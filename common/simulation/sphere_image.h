@@ -32,7 +32,7 @@ struct SphereImage {
 
 struct SphereImageOptions {
   double radius_m = 0.02;
-  double limb = 0;
+  double limb = 0;            // 0 to 1: how much darker the rim is than the middle
   double halo_radius_px = 0;  // 0: no halo
 };
 

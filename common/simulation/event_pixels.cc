@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <numeric>
 
+#include "common/simulation/fast_math.h"
+
 namespace rigcal {
 namespace {
 
@@ -15,6 +17,8 @@ constexpr size_t kBlock = 256;
 constexpr size_t kLanes = 8;
 // Memory of pixels is asked for so many noise events ahead.
 constexpr size_t kAhead = 12;
+// Of the shot noise in the dark: what is left at the light of the LED.
+constexpr float kShotShareAtLed = 0.25f;
 
 // Low passes of a block within a stretch of time: their levels at its end, and what they do not
 // leave within it.
@@ -105,6 +109,11 @@ void EventPixels::Fire(std::span<const NoiseEvent> noise, std::vector<PixelReque
     const NoiseEvent& event = noise[i];
     Pixel& pixel = pixels_[event.pixel];
     if (event.time_us < pixel.ready_us) continue;
+    if (event.shot_share > 0) {
+      const float light =
+          FastExpWithin87(std::clamp(pixel.level - speed_.full_light, -80.0f, 0.0f));
+      if (event.shot_share > 1 - (1 - kShotShareAtLed) * light) continue;
+    }
     pixel.ready_us = event.time_us + static_cast<double>(pixel.refractory_us);
     pixel.reference = pixel.level;
     requests->push_back({event.time_us, static_cast<uint16_t>(event.pixel % width_),

@@ -29,7 +29,9 @@ class EventPixels {
   void Add(uint32_t x, uint32_t y, std::span<const float> from, std::span<const float> to);
   // Follows what was added; its light goes linearly. Appends what the pixels ask.
   void FollowAdded(double begin_us, double duration_us, std::vector<PixelRequest>* requests);
-  // Comparators that fire by themselves, unless held in reset.
+  // Comparators that fire by themselves, unless held in reset. Shot noise falls linearly with the
+  // light, from all of it in the dark to a quarter at the LED's light and above: the model of v2e
+  // (Hu, Liu, Delbruck, "v2e: From Video Frames to Realistic DVS Events", CVPRW 2021).
   void Fire(std::span<const NoiseEvent> noise, std::vector<PixelRequest>* requests);
 
  private:

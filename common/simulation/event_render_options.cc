@@ -17,6 +17,7 @@ constexpr NumberOption<EventRenderOptions> kNumbers[] = {
     {"latency", &EventRenderOptions::latency_us, 0, 1e4},
     {"latency_slowdown", &EventRenderOptions::latency_slowdown, 0, 1},
     {"background", &EventRenderOptions::background_hz, 0, 1000},
+    {"shot", &EventRenderOptions::shot_hz, 0, 1000},
     {"leak", &EventRenderOptions::leak_hz, 0, 1000},
     {"hot_pixels", &EventRenderOptions::hot_pixels, 0, 10000},
     {"hot_hz", &EventRenderOptions::hot_hz, 0, 1e5},

@@ -30,9 +30,11 @@ struct EventRenderOptions {
   double latency_us = 50;          // time constant of the low pass at the LED's light, 0 to 1e4
   double latency_slowdown = 0.05;  // share of the time constant that grows as light falls, 0 to 1
   double background_hz = 5;        // noise events of each pixel, either polarity, 0 to 1000
-  double leak_hz = 0.1;            // ON events of each pixel by leakage, 0 to 1000
-  double hot_pixels = 20;          // 0 to 10000
-  double hot_hz = 1000;            // events of each, 0 to 1e5
+  double shot_hz =
+      0;  // shot noise of a pixel in the dark, a quarter of it at the LED's light, to 1000
+  double leak_hz = 0.1;    // ON events of each pixel by leakage, 0 to 1000
+  double hot_pixels = 20;  // 0 to 10000
+  double hot_hz = 1000;    // events of each, 0 to 1e5
 
   // Readout: one row at a time, all its waiting events together; the rest waits.
   double row_ns = 50;   // 0 to 1e5, of a row
@@ -59,7 +61,7 @@ struct EventRenderOptions {
 
 // Reads `refractory=500;background=5;...`; every part may be left out. The names are those above
 // without units: seed, on_threshold, off_threshold, threshold_spread, threshold_jitter, refractory,
-// refractory_spread, latency, latency_slowdown, background, leak, hot_pixels, hot_hz, row_ns,
+// refractory_spread, latency, latency_slowdown, background, shot, leak, hot_pixels, hot_hz, row_ns,
 // event_ns, bars, bar_px, bar_speed, bar_contrast, lamps, lamp_radius, lamp_hz, lamp_modulation,
 // trigger_hz, led_phase. The error names the part and lists the known ones.
 absl::StatusOr<EventRenderOptions> ParseEventRenderOptions(std::string_view text);

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
+#include "common/simulation/event_noise.h"
 #include "common/simulation/random_stream.h"
 
 namespace rigcal {
@@ -212,6 +214,35 @@ TEST(EventPixels, WithoutABeginningItGoesOnFromWhatItSawLast) {
   for (size_t i = 0; i < requests.size(); ++i) {
     ASSERT_EQ(requests[i].time_us, expected[i].time_us);
     ASSERT_EQ(requests[i].x, expected[i].x);
+  }
+}
+
+// v2e: linear in the light, from all of it in the dark to a quarter at full light.
+TEST(EventPixels, ShotNoiseFallsWithTheLight) {
+  EventRenderOptions options = Even();
+  options.background_hz = options.leak_hz = options.hot_pixels = 0;
+  options.shot_hz = 40;
+  options.refractory_us = 0;
+  const double drawn = 40 * 2 * kSize.width * kSize.height;  // within 2 s
+  for (const auto& [light, share] : {std::pair{kLed - 12, 1.0},
+                                     {kLed + std::log(0.5f), 0.625},
+                                     {kLed, 0.25},
+                                     {kLed + 3, 0.25}}) {
+    EventPixels pixels(kSize, options, kLed);
+    for (uint32_t y = 0; y < kSize.height; ++y) {
+      for (uint32_t x = 0; x < kSize.width; ++x) pixels.Settle(x, y, light);
+    }
+    EventNoise noise(kSize, options);
+    std::vector<NoiseEvent> events;
+    noise.Until(2e6, &events);
+    EXPECT_NEAR(static_cast<double>(events.size()), drawn, 5 * std::sqrt(drawn));
+    std::vector<PixelRequest> requests;
+    pixels.Fire(events, &requests);
+    const double expected = drawn * share;
+    EXPECT_NEAR(static_cast<double>(requests.size()), expected, 5 * std::sqrt(expected)) << light;
+    const auto on = std::count_if(requests.begin(), requests.end(),
+                                  [](const PixelRequest& request) { return request.on; });
+    EXPECT_NEAR(static_cast<double>(on), expected / 2, 5 * std::sqrt(expected)) << light;
   }
 }
 

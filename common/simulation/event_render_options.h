@@ -30,11 +30,10 @@ struct EventRenderOptions {
   double latency_us = 50;          // time constant of the low pass at the LED's light, 0 to 1e4
   double latency_slowdown = 0.05;  // share of the time constant that grows as light falls, 0 to 1
   double background_hz = 5;        // noise events of each pixel, either polarity, 0 to 1000
-  double shot_hz =
-      0;  // shot noise of a pixel in the dark, a quarter of it at the LED's light, to 1000
-  double leak_hz = 0.1;    // ON events of each pixel by leakage, 0 to 1000
-  double hot_pixels = 20;  // 0 to 10000
-  double hot_hz = 1000;    // events of each, 0 to 1e5
+  double shot_hz = 0;              // of each pixel in the dark, less in the light, 0 to 1000
+  double leak_hz = 0.1;            // ON events of each pixel by leakage, 0 to 1000
+  double hot_pixels = 20;          // 0 to 10000
+  double hot_hz = 1000;            // events of each, 0 to 1e5
 
   // Readout: one row at a time, all its waiting events together; the rest waits.
   double row_ns = 50;   // 0 to 1e5, of a row

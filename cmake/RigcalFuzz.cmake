@@ -63,19 +63,21 @@ function(rigcal_sanitized_library name)
   endforeach()
 endfunction()
 
-# rigcal_fuzz_target(<name> DEPS ...): tests/fuzz/<name>.cc, built as tests/fuzz.<name>; in CTest fuzz/<name>, which
-# replays tests/fuzz/corpus/<name>. DEPS are names of sanitized libraries.
+# rigcal_fuzz_target(<name> [SOURCES ...] DEPS ... [LIBS ...]): tests/fuzz/<name>.cc, built as tests/fuzz.<name>; in
+# CTest fuzz/<name>, which replays tests/fuzz/corpus/<name>. SOURCES, from the top folder, are code under test that is in
+# none of DEPS, the names of sanitized libraries; LIBS are linked as they are.
 function(rigcal_fuzz_target name)
-  cmake_parse_arguments(ARG "" "" "DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS;LIBS" ${ARGN})
   set(target fuzz.${name})
-  add_executable(${target} ${PROJECT_SOURCE_DIR}/tests/fuzz/${name}.cc)
+  list(TRANSFORM ARG_SOURCES PREPEND ${PROJECT_SOURCE_DIR}/)
+  add_executable(${target} ${PROJECT_SOURCE_DIR}/tests/fuzz/${name}.cc ${ARG_SOURCES})
   if(NOT RIGCAL_FUZZ)
     target_sources(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests/fuzz/replay_main.cc)
   endif()
   set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
   list(TRANSFORM ARG_DEPS PREPEND rigcal_)
   list(TRANSFORM ARG_DEPS APPEND _sanitized)
-  target_link_libraries(${target} PRIVATE ${ARG_DEPS} rigcal_build_flags rigcal_fuzz_flags)
+  target_link_libraries(${target} PRIVATE ${ARG_DEPS} ${ARG_LIBS} rigcal_build_flags rigcal_fuzz_flags)
   target_link_options(${target} PRIVATE -fsanitize=${rigcal_fuzz_driver}${rigcal_fuzz_sanitizers})
   add_dependencies(fuzz_targets ${target})
   set(replay)

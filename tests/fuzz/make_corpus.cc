@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writes the seeds of the corpus, those that are made by hand: fuzz.make_corpus tests/fuzz/corpus.
 // What fuzzing has found lies beside them in files named found_*.
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "agent/event/evt3_writer.h"
+#include "common/wire/observation_wire.h"
 
 namespace rigcal::agent {
 namespace {
@@ -265,6 +267,58 @@ bool SaveDetector(const std::filesystem::path& folder) {
   return Save(folder, "time_storm", bytes) && ok;
 }
 
+bool SaveCsv(const std::filesystem::path& folder) {
+  bool ok = true;
+  const std::vector<std::pair<std::string, std::string>> texts = {
+      {"header",
+       std::string(1, '\0') + "# geometry: 640,480\nt,x,y,p\n0.001,1,2,1\n0.0015,3,4,0\n"},
+      {"order",
+       "\x05"
+       "100 1 2 1\r\n101 639 479 -1\r\n\r\n99 5 5 true\r\n"},
+      {"bad_lines",
+       std::string(1, '\0') + "1,2,1,100\n1,2\nnan,2,1,1e300\n70000,-1,1,5\n1,2,7,6\n"},
+      {"two_numbers",
+       "\x01"
+       "640 480\n1 2 1 0.5\n3;4;0;1.25\n"},
+      {"times",
+       "\x02"
+       "x,y,p,t_ns\n1,2,1,9223372036854775807\n1,2,1,-1\n1,2,0,1e18\n"},
+  };
+  for (const auto& [name, text] : texts) ok &= Save(folder, name, Text(text));
+  return ok;
+}
+
+bool SaveBatches(const std::filesystem::path& folder) {
+  ObservationBatch batch;
+  batch.session_id = "session";
+  batch.camera = "left";
+  batch.marker_count = 3;
+  for (int i = 0; i < 4; ++i) {
+    Observation row;
+    row.time_ns = 1'000'000 * (i + 1);
+    row.markers.resize(3);
+    for (MarkerObservation& marker : row.markers) {
+      marker.visible = i != 1;
+      marker.centre_px = {100.0 * i, 50};
+      marker.time_delta_ns = 1000 * i;
+    }
+    batch.Append(row);
+  }
+  const auto save = [&](const std::string& name) {
+    v1::ObservationBatch proto;
+    wire::ToProto(batch, &proto);
+    return Save(folder, name, Text(proto.SerializeAsString()));
+  };
+  bool ok = save("good");
+  batch.time_ns[2] = 5;
+  batch.x_px[0] = NAN;
+  batch.cov_xx_px2[9] = -1;
+  batch.time_delta_ns[10] = INT32_MIN;
+  ok &= save("bad_values");
+  batch.y_px.pop_back();
+  return save("wrong_size") && ok;
+}
+
 }  // namespace
 }  // namespace rigcal::agent
 
@@ -280,6 +334,8 @@ int main(int argc, char** argv) {
   ok &= rigcal::agent::SaveEvt21(corpus / "evt21_words");
   ok &= rigcal::agent::SaveLongEvt3(corpus / "evt3_words");
   ok &= rigcal::agent::SavePlain(corpus / "plain_records");
+  ok &= rigcal::agent::SaveCsv(corpus / "csv_events");
+  ok &= rigcal::agent::SaveBatches(corpus / "observation_batch");
   ok &= rigcal::agent::SaveDetector(corpus / "blink_wand_detector");
   return ok ? 0 : 1;
 }

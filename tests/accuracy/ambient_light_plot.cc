@@ -31,6 +31,7 @@ absl::Status DrawAmbientLight(const std::vector<AmbientLightPoint>& points,
       if (step == 1 || step == 2 || step == 5) plot.labelled_x.push_back(step * decade);
     }
   }
+  plot.legend_x = 12;
   plot.goal = {{kMinLux, kGoalRate}, {kGoalLux, kGoalRate}, {kGoalLux, 0}};
   std::map<std::string, size_t> curve_of;
   std::vector<int> false_wands;

@@ -75,7 +75,7 @@ int main(int argc, char** argv) {
   rigcal::EventRenderOptions& sensor = options.detection.sensor;
   std::string csv, png;
   int seed = 1;
-  options.detection.streams = 40;
+  options.detection.streams = 20;
   CLI::App app("detection rate of event cameras against the wand's blink frequency");
   app.option_defaults()->always_capture_default();
   app.add_option("--csv", csv, "file to write the table to");

@@ -40,7 +40,7 @@ std::vector<BlinkFrequencyPoint> RunBlinkFrequency(const BlinkFrequencyOptions& 
     EventDetectionOptions detection = options.detection;
     detection.target.blink_hz = {hz};
     detection.filter.blink_hz = {hz};
-    detection.warm_up_s = 0.02 + 5 / hz;
+    detection.warm_up_s = 0.02 + 12 / hz;
     points.push_back({hz, Summarise(RunEventDetection(detection))});
   }
   return points;

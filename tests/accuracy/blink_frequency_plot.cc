@@ -26,6 +26,7 @@ absl::Status DrawBlinkFrequency(const BlinkFrequencyOptions& options,
     plot.grid_x.push_back(hz);
     plot.labelled_x.push_back(hz);
   }
+  plot.legend_x = 850;
   plot.goal = {{kGoalHz, 0}, {kGoalHz, kGoalRate}, {0, kGoalRate}};
   plot.curves = {{.name = "wands, this detector", .points = {}},
                  {.name = "wands, textbook chain", .points = {}}};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/rate_plot.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
@@ -98,9 +99,16 @@ void DrawLegend(cv::Mat* image, const RatePlot& plot) {
   const double step = 30;
   const size_t lines = plot.curves.size() + plot.notes.size();
   const cv::Point2d corner =
-      At(plot, plot.min_x, 0.05) + cv::Point2d(64, -step * static_cast<double>(lines));
+      At(plot, plot.legend_x, 0.05) - cv::Point2d(0, step * static_cast<double>(lines));
+  int width = 0, baseline = 0;
+  for (size_t i = 0; i < lines; ++i) {
+    const bool named = i < plot.curves.size();
+    const std::string& text = named ? plot.curves[i].name : plot.notes[i - plot.curves.size()];
+    width =
+        std::max(width, cv::getTextSize(text, kFont, 0.6, 1, &baseline).width + (named ? 54 : 0));
+  }
   cv::rectangle(*image, corner - cv::Point2d(16, 20),
-                corner + cv::Point2d(520, step * static_cast<double>(lines) - 8),
+                corner + cv::Point2d(width + 10, step * static_cast<double>(lines) - 8),
                 cv::Scalar::all(255), cv::FILLED);
   for (size_t i = 0; i < lines; ++i) {
     const cv::Point2d at = corner + cv::Point2d(0, step * static_cast<double>(i));

@@ -23,6 +23,7 @@ struct RatePlot {
   std::vector<std::pair<double, double>> goal;  // a grey line: what is asked for
   std::vector<RateCurve> curves;
   std::vector<std::string> notes;  // below the curves' names
+  double legend_x = 0;             // where those begin, at the bottom
 };
 
 // As a PNG file. UNAVAILABLE: the file cannot be written.

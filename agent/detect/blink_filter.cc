@@ -58,8 +58,8 @@ absl::Status BlinkFilterOptions::Validate() const {
   if (sorted_hz.size() > 1 && sorted_hz.back() > kMaxRatio * sorted_hz.front()) {
     faults.push_back(absl::StrCat("blink frequencies ", sorted_hz.front(), " and ",
                                   sorted_hz.back(), " Hz are too far apart: at most ", kMaxRatio,
-                                  " times, for the light of the lowest must not last into the next "
-                                  "blink of the highest"));
+                                  " times, for a pixel remembers two blinks, and those of the "
+                                  "highest would be newer than the last of the lowest"));
   }
   check("band", band_rel, 0.01, 0.45);
   check("min_periods", min_periods, 1, 7);
@@ -86,8 +86,10 @@ BlinkFilter::BlinkFilter(const BlinkFilterOptions& options, const BlinkKernel& k
   const double shortest = longest * *lowest_hz / *highest_hz;
   // Longer, and lights of twice the frequency would have every other crossing counted.
   rules_.min_gap = 3 * static_cast<uint32_t>(std::lround(shortest)) / 10;
-  // The ON events of one burst come within half a period.
-  rules_.again_gap = 11 * static_cast<uint32_t>(std::lround(longest)) / 20 - rules_.min_gap;
+  // The ON events of one burst come within half a period. Of the shortest: else the front of a fast
+  // blinking marker that moves, lit late and in reset when the light goes out, would be missed in
+  // the next burst. Two ON so far apart in a slower marker's burst are rare, and cost a pixel.
+  rules_.again_gap = 11 * static_cast<uint32_t>(std::lround(shortest)) / 20 - rules_.min_gap;
   rules_.low_gap = static_cast<uint32_t>(std::lround(shortest * (1 - options.band_rel)));
   rules_.band_gap =
       static_cast<uint32_t>(std::lround(longest * (1 + options.band_rel))) - rules_.low_gap;

@@ -29,8 +29,8 @@ struct BlinkFilterOptions {
 
   // Nearer ones cannot be told apart.
   static constexpr double kMinRatio = 1.1;
-  // An ON that follows an ON is the next blink once more than half the longest period has passed;
-  // were it more, the shortest period would be over by then.
+  // All markers are looked at about one time, when the last burst of the slowest is over. A pixel
+  // remembers two blinks: of the fastest, both would be newer.
   static constexpr double kMaxRatio = 1.6;
 
   // Every fault.

@@ -123,7 +123,7 @@ TEST_F(ChildProcessTest, EnvironmentIsInheritedExceptForWhatIsGiven) {
        .program = "/bin/sh",
        .arguments = {"-c",
                      "echo $RIGCAL_TEST_ONE $RIGCAL_TEST_TWO $RIGCAL_TEST_THREE; "
-                     "env | grep -c RIGCAL_TEST_"},
+                     "env | grep -cE '^RIGCAL_TEST_(ONE|TWO|THREE)='"},
        .log = directory_.path() / "log",
        .environment = {"RIGCAL_TEST_TWO=given", "RIGCAL_TEST_THREE=new"}});
   unsetenv("RIGCAL_TEST_ONE");

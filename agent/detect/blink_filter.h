@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <bit>
 #include <cstdint>
 #include <span>
@@ -9,10 +8,11 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "agent/detect/blink_blob.h"
 #include "agent/detect/blink_kernel.h"
-#include "agent/detect/disc_splitter.h"
-#include "agent/detect/image_view.h"
-#include "agent/detect/run_labeller.h"
+#include "agent/detect/blink_period.h"
+#include "agent/detect/blink_seeds.h"
+#include "agent/detect/burst_measurer.h"
 #include "agent/event/event_decoder.h"
 
 namespace rigcal::agent {
@@ -35,18 +35,6 @@ struct BlinkFilterOptions {
 
   // Every fault.
   absl::Status Validate() const;
-};
-
-// A marker in one burst of light.
-struct BlinkBlob {
-  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d second_moment_px2 = Eigen::Matrix2d::Zero();  // about the centre
-  int area_px = 0;                                              // pixels that lit up in this burst
-  double time_us = 0;    // the sensor's clock, lower 32 bits: when the marker was at the centre
-  double period_us = 0;  // between the last two bursts, mean over the pixels
-  int frequency = 0;     // which of BlinkFilterOptions::blink_hz that is
-  PixelRect box;
-  bool touches_border = false;
 };
 
 // Finds pixels that blink with the wand's frequency, in one pass with decoding: a consumer of the
@@ -99,69 +87,25 @@ class BlinkFilter {
   static constexpr int kBytesPerPixel = 4;
 
  private:
-  static constexpr uint32_t kPeriodsMask = BlinkRules::kPeriodsMask;
-  static constexpr uint32_t kMaxGap = BlinkRules::kMaxGap;
   static constexpr int kTileShift = BlinkRules::kTileShift;
 
   BlinkFilter(const BlinkFilterOptions& options, const BlinkKernel& kernel);
-
-  // What is known of a frequency, in units; periods between `shortest` and `longest` are nearest to
-  // it.
-  struct Blink {
-    int index = 0;
-    double period_us = 0, band_rel = 0;
-    uint32_t period = 0, lit = 0, shortest = 0, longest = 0;
-    uint32_t over = 0;  // from when on a burst counts as over
-  };
-  // What is looked at, from top to bottom: all, or of many the largest, so that an answer takes no
-  // longer when a screen or a wall of lamps blinks as the wand does.
-  const std::vector<ComponentSums>& Promising(const std::vector<ComponentSums>& components);
-  struct Burst {
-    double start_units = 0;  // before `now`
-    double period_us = 0;
-    bool found = false;
-  };
-  void AddBlinks();
-  void MarkSeeds(const Blink& blink, uint32_t time_us);
-  bool IsSeed(const Blink& blink, uint32_t state, uint32_t now) const;
-  bool IsSeedOfAnother(const Blink& blink, uint32_t state, uint32_t now) const;
-  // Units since the pixel lit up in the last burst that is over; negative: it did not.
-  int UnitsSinceBurst(const Blink& blink, uint32_t state, uint32_t now) const;
-  // In the last burst or in the one before.
-  bool LitUpBetween(uint32_t state, uint32_t now, uint32_t newest, uint32_t oldest) const;
-  Burst FindBurst(const Blink& blink, const ComponentSums& seeds, uint32_t now);
-  // The pixels that lit up between these ages and are connected with a seed, into lit_.
-  void Grow(const Blink& blink, const ComponentSums& seeds, uint32_t now, uint32_t newest,
-            uint32_t oldest);
-  // Drops from lit_ what hangs on by a pixel or two, and fills in pixels that were dead: noise.
-  void Smooth();
-  void Measure(const Blink& blink, const ComponentSums& seeds, const Burst& burst,
-               uint32_t time_us);
-  void AddBlob(const Blink& blink, PixelList* pixels, const Burst& burst, uint32_t time_us);
 
   BlinkFilterOptions options_;
   double period_us_;
   const BlinkKernel* kernel_;
   BlinkRules rules_;
   int shift_;
-  uint32_t min_periods_;
-  std::vector<Blink> blinks_;  // as in options_
-  uint32_t stride_, tile_columns_, tile_rows_;
+  uint32_t tile_rows_;
   std::vector<uint32_t> states_;  // see BlinkRules
   // Sweep went on to this state at this time.
   size_t sweep_from_ = 0;
   uint32_t swept_us_ = 0;
   bool has_swept_ = false;
-  std::vector<uint32_t> tiles_;  // time at which a pixel of it was found to blink; 0: never
-  std::vector<uint64_t> seed_words_;
-  std::vector<int> ages_;
-  PixelRect window_;           // of seen_
-  std::vector<uint8_t> seen_;  // by pixel: kSeen, kLit
-  PixelList lit_, smoothed_;
-  DiscSplitter splitter_;
-  RunLabeller labeller_;
-  std::vector<size_t> largest_;  // indices of components
-  std::vector<ComponentSums> promising_;
+  std::vector<uint32_t> tiles_;      // time at which a pixel of it was found to blink; 0: never
+  std::vector<BlinkPeriod> blinks_;  // as in options_
+  BlinkSeeds seeds_;
+  BurstMeasurer measurer_;
   std::vector<BlinkBlob> blobs_;
 };
 

@@ -1,37 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/blink_wand_detector.h"
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
-#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
 #include <variant>
 
+#include "absl/container/inlined_vector.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/detect/blink_filter.h"
 #include "agent/detect/blink_frequencies.h"
 #include "agent/detect/blink_wand_judge.h"
+#include "agent/detect/blink_wand_timeline.h"
+#include "agent/detect/stopping_consumer.h"
 #include "agent/event/event_decoder.h"
 #include "agent/event/plain_events.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr double kWaitPeriods = 0.8;  // then the burst nearest to a time is over
-constexpr double kHoldPeriods = 2;    // until then answers of triggers and rate may overtake
-// What is asked of one Take: a marker of a few pixels tells each period in more bytes.
-constexpr size_t kBytesPerAnswer = 8;
-constexpr int64_t kLeastAnswers = 1000;
-constexpr int64_t kSilencePeriods = 20;
-constexpr size_t kBytesPerForget = 512;
-constexpr int64_t kLeastForgets = 16;
 constexpr int kMaxFits = 8000;  // a wall of lamps must not take longer than a sensor waits
-constexpr int64_t kSweepPeriods = 2;
 
 using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
 
@@ -75,6 +65,14 @@ BlinkFilterOptions FilterOptions(const BlinkWandDetectorOptions& options,
           .reach_px = options.reach_px};
 }
 
+absl::InlinedVector<double, 3> MarkerPeriods(const BlinkFrequencies& frequencies) {
+  absl::InlinedVector<double, 3> period_us;
+  for (const int index : frequencies.of_marker) {
+    period_us.push_back(1e6 / frequencies.hz[static_cast<size_t>(index)]);
+  }
+  return period_us;
+}
+
 }  // namespace
 
 absl::Status BlinkWandDetectorOptions::Validate() const {
@@ -107,103 +105,19 @@ absl::Status BlinkWandDetectorOptions::Validate() const {
 struct BlinkWandDetector::Impl {
   Impl(const BlinkWandDetectorOptions& options, const Target& target,
        const CameraDescription& camera, const BlinkFrequencies& frequencies, Decoder decoder_in,
-       BlinkFilter filter_in)
+       BlinkFilter filter)
       : decoder(decoder_in),
-        filter(std::move(filter_in)),
-        judge(FinderOptions(options, frequencies), options.min_confidence, target, camera),
-        period_us(filter.period_us()),
-        marker_count(static_cast<size_t>(target.marker_count())),
-        sweep_us(static_cast<int64_t>(static_cast<double>(kSweepPeriods) * period_us)),
-        silence_us(std::min(OutputSchedule::kMaxGapUs, kSilencePeriods * sweep_us / kSweepPeriods)),
-        schedule(options.output, std::llround(kWaitPeriods * period_us)) {
-    for (const int index : frequencies.of_marker) {
-      marker_period_us.push_back(1e6 / frequencies.hz[static_cast<size_t>(index)]);
-    }
-  }
-
-  // Called while decoding; each returns when to be called next.
-  uint32_t Reach(uint32_t time_us);
-  uint32_t TakeTrigger(const TriggerEvent& trigger);
-  uint32_t StepBack(int64_t time_us);
-
-  void BeginTake(size_t byte_count);
-  void EndTake();
-  // All pixels, which takes as long as many events; while the clock jumps all the time it is put
-  // off to the end of a Take, and no blob is seen until then.
-  void Forget(int64_t time_us);
-  void AdvanceTo(int64_t time_us);
-  void Run(int64_t time_us);
-  void Begin(int64_t time_us);
-  void Answer(const OutputTime& asked);
-  bool SetTimes(const OutputTime& asked, const BlinkWand& wand, Observation* observation);
-  void Release(int64_t before_ns);
-  uint32_t NextStop() const {
-    return static_cast<uint32_t>(std::min(next_sweep_us, schedule.due_us()));
-  }
+        timeline(std::move(filter),
+                 BlinkWandJudge(FinderOptions(options, frequencies), options.min_confidence, target,
+                                camera),
+                 options.output, MarkerPeriods(frequencies)) {}
 
   Decoder decoder;
   FaultFinder fault_finder;
-  BlinkFilter filter;
-  BlinkWandJudge judge;
-  const double period_us;  // the longest
-  absl::InlinedVector<double, 3> marker_period_us;
-  const size_t marker_count;
-  const int64_t sweep_us;
-  const int64_t silence_us;  // after which no pixel blinks any more
-  OutputSchedule schedule;
-  BlinkWandCounts counts;
-
-  bool begun = false;
-  uint32_t clock_epoch = 0;
-  int64_t reached_us = 0;
-  int64_t next_sweep_us = 0;
-  int64_t answers_left = 0;  // at the fixed rate, in this Take
-  int64_t forgets_left = 0;
-  bool is_clear = true;  // no event has come to the filter since it forgot all
-  // The filter holds what is no longer so.
-  bool must_forget = false;
-  absl::InlinedVector<double, 3> last_burst_us;  // by marker; empty: none yet
-  std::optional<int64_t> last_told_ns;
-  std::vector<Detection> held;  // by time
-  std::vector<Detection>* found = nullptr;
+  BlinkWandTimeline timeline;
 };
 
 namespace {
-
-// Feeds the filter, stopped whenever something is due.
-template <typename Impl>
-struct StoppingConsumer {
-  BlinkFilter::Pass pass;
-  Impl* impl;
-  uint32_t stop_us;
-
-  bool IsDue(const PackedEvent& event) const {
-    return static_cast<int32_t>(event.time_us - stop_us) >= 0;
-  }
-  bool IsAnyDue(std::span<const PackedEvent> events) const {
-    bool any = false;
-    for (const PackedEvent& event : events) any |= IsDue(event);
-    return any;
-  }
-  void Events(std::span<const PackedEvent> events) {
-    while (IsAnyDue(events)) {
-      size_t next = 0;
-      while (!IsDue(events[next])) ++next;
-      Feed(events.first(next));
-      stop_us = impl->Reach(events[next].time_us);
-      Feed(events.subspan(next, 1));
-      events = events.subspan(next + 1);
-    }
-    Feed(events);
-  }
-  void Feed(std::span<const PackedEvent> events) {
-    if (events.empty()) return;
-    impl->is_clear = false;
-    pass.Events(events);
-  }
-  void Trigger(const TriggerEvent& trigger) { stop_us = impl->TakeTrigger(trigger); }
-  void TimeStepBack(int64_t time_us) { stop_us = impl->StepBack(time_us); }
-};
 
 struct FirstTimeSink {
   std::optional<uint32_t> first_us;
@@ -236,162 +150,6 @@ int64_t SafeTime(const PlainEventDecoder& decoder) { return decoder.time_us(); }
 
 }  // namespace
 
-void BlinkWandDetector::Impl::Begin(int64_t time_us) {
-  begun = true;
-  reached_us = time_us;
-  next_sweep_us = time_us + sweep_us;
-  schedule.Start(time_us);
-}
-
-uint32_t BlinkWandDetector::Impl::Reach(uint32_t time_us) {
-  const auto reached = static_cast<uint32_t>(reached_us);
-  AdvanceTo(reached_us + static_cast<int32_t>(time_us - reached));
-  return NextStop();
-}
-
-uint32_t BlinkWandDetector::Impl::TakeTrigger(const TriggerEvent& trigger) {
-  AdvanceTo(trigger.time_us);
-  schedule.Take(trigger);
-  return NextStop();
-}
-
-uint32_t BlinkWandDetector::Impl::StepBack(int64_t time_us) {
-  Release(std::numeric_limits<int64_t>::max());
-  Forget(time_us);
-  last_burst_us.clear();
-  last_told_ns.reset();
-  ++clock_epoch;
-  Begin(time_us);
-  return NextStop();
-}
-
-void BlinkWandDetector::Impl::BeginTake(size_t byte_count) {
-  answers_left = kLeastAnswers + static_cast<int64_t>(byte_count / kBytesPerAnswer);
-  forgets_left = kLeastForgets + static_cast<int64_t>(byte_count / kBytesPerForget);
-}
-
-void BlinkWandDetector::Impl::EndTake() {
-  if (!std::exchange(must_forget, false)) return;
-  is_clear = true;
-  filter.TimeStepBack(reached_us);
-}
-
-void BlinkWandDetector::Impl::Forget(int64_t time_us) {
-  if (is_clear) return;
-  must_forget = forgets_left == 0;
-  if (must_forget) return;
-  --forgets_left;
-  is_clear = true;
-  filter.TimeStepBack(time_us);
-}
-
-void BlinkWandDetector::Impl::AdvanceTo(int64_t time_us) {
-  if (!begun) Begin(time_us);
-  if (time_us - reached_us > silence_us) {
-    // What was asked before is still answered, the rest without a look at every pixel's age.
-    Run(reached_us + static_cast<int64_t>(2 * kHoldPeriods * period_us));
-    schedule.Skip(reached_us, time_us);
-    Forget(time_us);
-    next_sweep_us = time_us + sweep_us;
-  }
-  Run(time_us);
-  reached_us = std::max(reached_us, time_us);
-}
-
-void BlinkWandDetector::Impl::Run(int64_t time_us) {
-  while (true) {
-    const int64_t due_us = schedule.due_us();
-    if (std::min(due_us, next_sweep_us) > time_us) return;
-    if (due_us <= next_sweep_us) {
-      const OutputTime asked = schedule.Pop();
-      if (asked.trigger || answers_left > 0) {
-        Answer(asked);
-        --answers_left;
-      } else {
-        ++counts.beyond_data;
-      }
-    } else {
-      if (!must_forget && !is_clear) filter.Sweep(static_cast<uint32_t>(next_sweep_us));
-      next_sweep_us += sweep_us;
-    }
-  }
-}
-
-bool BlinkWandDetector::Impl::SetTimes(const OutputTime& asked, const BlinkWand& wand,
-                                       Observation* observation) {
-  constexpr double kWrapUs = 4294967296.0;
-  const auto due = static_cast<double>(static_cast<uint32_t>(asked.due_us));
-  absl::InlinedVector<double, 3> since_asked_us;
-  double mean_us = 0;
-  for (const double time_us : wand.times_us) {
-    since_asked_us.push_back(std::remainder(time_us - due, kWrapUs) +
-                             static_cast<double>(asked.due_us - asked.time_us));
-    mean_us += since_asked_us.back() / static_cast<double>(wand.times_us.size());
-  }
-  const bool first = last_burst_us.empty();
-  if (first) last_burst_us.resize(since_asked_us.size());
-  if (!asked.trigger) {
-    for (size_t k = 0; k < since_asked_us.size() && !first; ++k) {
-      const double burst_us = static_cast<double>(asked.time_us) + since_asked_us[k];
-      if (burst_us < last_burst_us[k] + 0.5 * marker_period_us[k]) return false;
-    }
-    observation->time_ns = asked.time_us * 1000 + std::llround(mean_us * 1e3);
-  }
-  for (size_t k = 0; k < since_asked_us.size(); ++k) {
-    const double burst_us = static_cast<double>(asked.time_us) + since_asked_us[k];
-    last_burst_us[k] = first ? burst_us : std::max(last_burst_us[k], burst_us);
-  }
-  const int64_t shift_ns = observation->time_ns - asked.time_us * 1000;
-  for (size_t k = 0; k < observation->markers.size(); ++k) {
-    observation->markers[k].time_delta_ns =
-        static_cast<int32_t>(std::llround(since_asked_us[k] * 1e3) - shift_ns);
-  }
-  return true;
-}
-
-void BlinkWandDetector::Impl::Answer(const OutputTime& asked) {
-  static const std::vector<BlinkBlob> kNone;
-  const auto due_us = static_cast<uint32_t>(asked.due_us);
-  BlinkWand wand = judge.Judge(must_forget ? kNone : filter.FindBlobs(due_us));
-  Detection detection;
-  detection.outcome = wand.outcome;
-  detection.confidence = wand.confidence;
-  detection.blob_count = wand.blob_count;
-  Observation& observation = detection.observation;
-  observation.time_ns = asked.time_us * 1000;
-  observation.clock_epoch = clock_epoch;
-  if (wand.outcome == DetectionOutcome::kWand) {
-    observation.markers = std::move(wand.markers);
-    detection.covered_markers = static_cast<int>(marker_count) - observation.VisibleCount();
-    if (!SetTimes(asked, wand, &observation)) {
-      ++counts.same_burst;
-      return;
-    }
-  } else {
-    observation.markers.resize(marker_count);
-  }
-  const auto after = std::upper_bound(
-      held.begin(), held.end(), observation.time_ns,
-      [](int64_t time_ns, const Detection& other) { return time_ns < other.observation.time_ns; });
-  held.insert(after, std::move(detection));
-  Release((asked.due_us - static_cast<int64_t>(kHoldPeriods * period_us)) * 1000);
-}
-
-void BlinkWandDetector::Impl::Release(int64_t before_ns) {
-  size_t count = 0;
-  for (; count < held.size() && held[count].observation.time_ns < before_ns; ++count) {
-    Detection& detection = held[count];
-    if (last_told_ns && detection.observation.time_ns <= *last_told_ns) {
-      ++counts.out_of_order;
-      continue;
-    }
-    last_told_ns = detection.observation.time_ns;
-    counts.by_outcome.Add(detection.outcome);
-    found->push_back(std::move(detection));
-  }
-  held.erase(held.begin(), held.begin() + static_cast<std::ptrdiff_t>(count));
-}
-
 BlinkWandDetector::BlinkWandDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 BlinkWandDetector::BlinkWandDetector(BlinkWandDetector&&) noexcept = default;
 BlinkWandDetector& BlinkWandDetector::operator=(BlinkWandDetector&&) noexcept = default;
@@ -423,35 +181,29 @@ absl::StatusOr<BlinkWandDetector> BlinkWandDetector::Create(const BlinkWandDetec
 }
 
 void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detection>* found) {
-  impl_->found = found;
-  impl_->BeginTake(bytes.size());
+  BlinkWandTimeline& timeline = impl_->timeline;
+  timeline.BeginTake(bytes.size(), found);
   std::visit(
       [&](auto& decoder) {
-        if (!impl_->begun) {
+        if (!timeline.has_begun()) {
           const std::optional<int64_t> first_us = FirstTime(decoder, bytes);
-          if (first_us) impl_->Begin(*first_us);
+          if (first_us) timeline.Begin(*first_us);
         }
         const auto before = decoder;
-        StoppingConsumer<Impl> consumer{impl_->filter.BeginPass(), impl_.get(), impl_->NextStop()};
+        StoppingConsumer consumer{timeline.BeginPass(), &timeline, timeline.NextStop()};
         DecodeInBatches(decoder, bytes, consumer);
         impl_->fault_finder.Look(before, bytes, decoder.faults());
-        if (impl_->begun) impl_->AdvanceTo(SafeTime(decoder));
+        if (timeline.has_begun()) timeline.AdvanceTo(SafeTime(decoder));
       },
       impl_->decoder);
-  impl_->EndTake();
-  impl_->counts.dense_triggers = impl_->schedule.dense_triggers();
+  timeline.EndTake();
 }
 
 void BlinkWandDetector::Finish(std::vector<Detection>* found) {
-  impl_->found = found;
-  impl_->BeginTake(0);
-  if (impl_->begun) {
-    // Of the last event, however the stream was cut.
-    impl_->AdvanceTo(
-        std::visit([](const auto& decoder) { return decoder.time_us(); }, impl_->decoder));
-    impl_->Run(impl_->reached_us + static_cast<int64_t>(kWaitPeriods * impl_->period_us));
-  }
-  impl_->Release(std::numeric_limits<int64_t>::max());
+  // Of the last event, however the stream was cut.
+  const int64_t last_us =
+      std::visit([](const auto& decoder) { return decoder.time_us(); }, impl_->decoder);
+  impl_->timeline.Finish(last_us, found);
 }
 
 const EventFaults& BlinkWandDetector::faults() const {
@@ -461,6 +213,6 @@ const EventFaults& BlinkWandDetector::faults() const {
 
 const FaultPlaces& BlinkWandDetector::fault_places() const { return impl_->fault_finder.places(); }
 
-const BlinkWandCounts& BlinkWandDetector::counts() const { return impl_->counts; }
+const BlinkWandCounts& BlinkWandDetector::counts() const { return impl_->timeline.counts(); }
 
 }  // namespace rigcal::agent

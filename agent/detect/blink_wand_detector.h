@@ -8,12 +8,12 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "agent/detect/blink_wand_counts.h"
 #include "agent/detect/output_schedule.h"
 #include "agent/detect/wand_detector.h"
 #include "agent/event/event.h"
 #include "agent/event/fault_finder.h"
 #include "common/camera/camera_description.h"
-#include "common/target/detection_outcome.h"
 #include "common/target/target.h"
 
 namespace rigcal::agent {
@@ -32,18 +32,6 @@ struct BlinkWandDetectorOptions {
 
   // Every fault.
   absl::Status Validate() const;
-};
-
-// Since Create.
-struct BlinkWandCounts {
-  DetectionCounts by_outcome;  // one for each answer
-  // Asked at the fixed rate again before every marker has had a new burst: not answered again.
-  uint64_t same_burst = 0;
-  uint64_t out_of_order = 0;    // an answer older than the last one, left out
-  uint64_t dense_triggers = 0;  // closer together than 0.4 ms: taken for noise
-  // Of the fixed rate, not answered: a clock that jumps ahead asks for more than one answer for
-  // each 8 bytes, in which there is no wand.
-  uint64_t beyond_data = 0;
 };
 
 // Finds the wand in the events of one camera: encoded words to pixels that blink, to bursts of

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/container/inlined_vector.h"
-#include "agent/detect/blink_filter.h"
+#include "agent/detect/blink_blob.h"
 #include "agent/detect/blob_finder.h"
 #include "agent/detect/wand_finder.h"
 #include "common/camera/camera_description.h"

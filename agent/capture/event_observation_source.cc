@@ -169,9 +169,10 @@ std::vector<Refusal> EventObservationSource::Refused() const {
       "the stream ends within a word");
   all.Add("", "event_trigger_too_dense", Clamped(counts.dense_triggers),
           "triggers less than 0.4 ms apart: noise at the trigger input?");
-  all.Add("", "event_answer_without_data", Clamped(counts.beyond_data),
-          "answers of the fixed rate that were left out: the clock jumps ahead by more of them than "
-          "the bytes around can tell anything about");
+  all.Add(
+      "", "event_answer_without_data", Clamped(counts.beyond_data),
+      "answers of the fixed rate that were left out: the clock jumps ahead by more of them than "
+      "the bytes around can tell anything about");
   all.Add("", "event_out_of_order", Clamped(counts.out_of_order),
           "observations older than the one told before");
   return all.List();

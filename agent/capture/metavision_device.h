@@ -19,7 +19,7 @@ namespace rigcal::agent {
 struct MetavisionIdentity {
   std::string serial;     // as the camera tells it
   std::string opened_as;  // what to ask for to get this one again
-  std::string model;   // integrator and sensor, for people: "Prophesee IMX636"
+  std::string model;      // integrator and sensor, for people: "Prophesee IMX636"
   SensorGeometry geometry;
   EventFormat format = EventFormat::kEvt3;
   bool halves_swapped = false;              // EVT 2.1 as an IMX636 sends it

@@ -22,7 +22,8 @@ inline int ExitCodeOf(const absl::Status& status) {
 }
 
 // What rigcal-agent can do besides being an agent: detect, tune, mask, info, convert,
-// simulate. Add before parsing; after it, Chosen runs what was asked for. `out` outlives the object.
+// simulate. Add before parsing; after it, Chosen runs what was asked for. `out` outlives the
+// object.
 class Subcommands {
  public:
   explicit Subcommands(std::ostream& out) : out_(out) {}

@@ -22,7 +22,7 @@ packages=(
   libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev
   libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev libboost-dev
 )
 
 missing=()

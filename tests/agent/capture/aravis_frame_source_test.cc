@@ -3,14 +3,14 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/sinks/ringbuffer_sink.h>
 #include <spdlog/spdlog.h>
 
 #include <fstream>
 #include <future>
-#include <sstream>
 #include <thread>
 
+#include "absl/strings/str_join.h"
 #include "tests/testing/fake_gige_camera.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
@@ -318,14 +318,15 @@ TEST(AravisFrameSource, PicturesMustBeAsLargeAsTheIntrinsicsSay) {
 class LogOf {
  public:
   LogOf() : before_(spdlog::default_logger()) {
-    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
-        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(text_)));
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", lines_));
   }
   ~LogOf() { spdlog::set_default_logger(before_); }
-  std::string text() const { return text_.str(); }
+  // Also while other threads log.
+  std::string text() const { return absl::StrJoin(lines_->last_formatted(), ""); }
 
  private:
-  std::ostringstream text_;
+  const std::shared_ptr<spdlog::sinks::ringbuffer_sink_mt> lines_ =
+      std::make_shared<spdlog::sinks::ringbuffer_sink_mt>(100);
   const std::shared_ptr<spdlog::logger> before_;
 };
 
@@ -589,7 +590,11 @@ TEST(AravisFrameSource, StopEndsTheSearchForALostCamera) {
     while (frame.ok() && frame->has_value()) frame = source->Next();
     return frame;
   });
-  while (log.text().find("looking for it") == std::string::npos) std::this_thread::yield();
+  const auto deadline = std::chrono::steady_clock::now() + kHangs;
+  while (log.text().find("looking for it") == std::string::npos &&
+         std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::yield();
+  }
   source->Stop();
   ASSERT_EQ(next.wait_for(kHangs), std::future_status::ready);
   EXPECT_FALSE(next.get()->has_value());

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Four GigE Vision cameras without hardware: each serves the pictures of one camera of a simulated
-# world over the true protocol on a loopback address of its own; an agent captures each, finds the
-# wand in it, and one server calibrates them. Called by deploy/demo.sh --gige, which builds first.
+# Four GigE Vision cameras without hardware. Each fake camera serves the frames of one simulated
+# camera over the real protocol, on a loopback address of its own. One agent per camera captures
+# them and finds the wand, and one server calibrates the rig. Called by deploy/demo.sh --gige, which
+# builds first.
 set -euo pipefail
-# GigE Vision has one port, so four cameras need four addresses. They are given to the loopback
-# device of a network of our own; the machine's stays as it is.
+# GigE Vision has a fixed port, so four cameras need four addresses. They are added to the loopback
+# device of a separate network namespace; the machine's network stays unchanged.
 if [ "${RIGCAL_DEMO_NETWORK:-}" != own ]; then
   RIGCAL_DEMO_NETWORK=own exec unshare --user --map-root-user --net "$0" "$@"
 fi
@@ -26,13 +27,13 @@ end() {
 }
 trap end EXIT
 
-# Waits for a file that a program writes once it is ready.
+# Waits for a file that a program writes when it is ready.
 await() {
   for _ in $(seq 300); do
     [ -s "$1" ] && return
     sleep 0.1
   done
-  echo "demo: $1 did not appear; see what the programs said above" >&2
+  echo "demo: timed out waiting for $1; see the messages of the programs above" >&2
   exit 1
 }
 
@@ -49,7 +50,7 @@ for i in 0 1 2 3; do
   pids+=($!)
 done
 for i in 0 1 2 3; do await "$folder/gige_$i.yaml"; done
-sleep 2 # the first pictures are rendered ahead
+sleep 2 # the first frames are rendered ahead
 for i in 0 1 2 3; do
   "$bin/rigcal-agent" --server "$RIGCAL_SERVER" --state-dir "$folder/agent_$i" --log-level warn \
     --source "gige_$i=aravis:127.0.0.$((i + 1));calibration=$folder/gige_$i.yaml;pixel_format=BayerRG8" &

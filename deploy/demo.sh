@@ -1,21 +1,25 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what is missing, builds rigcal and calibrates through real processes on this machine.
-#   deploy/demo.sh                    the rig of the eWand paper, simulated: four frame cameras whose agents find the
-#                                     wand in rendered pictures at 50 Hz, two event cameras whose agents find it in
-#                                     rendered events at 200 Hz, one server; compared with the truth
-#   deploy/demo.sh --offset           the same with the clock of one event camera 4 ms off, and what is found of it
-#   deploy/demo.sh --markers          six simulated cameras without pictures, 60 s of waving in seconds
-#   deploy/demo.sh --pixels           four frame cameras alone
-#   deploy/demo.sh --gige             the same pictures over GigE Vision, from fake cameras on loopback
-#   deploy/demo.sh DIR [OPTIONS]      a recorded rig: DIR has <camera>.yaml and <camera>.csv (markers), .raw, .h5 or
-#                                     .hdf5 (events) for each camera
-# OPTIONS go to `rigcal local` (deploy/demo.sh DIR -o json). RIGCAL_TARGET names another wand.
+# Installs missing packages, builds rigcal and runs a calibration with real processes on this
+# machine.
+#   deploy/demo.sh                the rig of the eWand paper, simulated: four frame cameras whose
+#                                 agents find the wand in rendered frames at 50 Hz, two event
+#                                 cameras whose agents find it in rendered events at 200 Hz, one
+#                                 server; compared with ground truth
+#   deploy/demo.sh --offset       the same with the clock of one event camera 4 ms off, and how much
+#                                 of it is recovered
+#   deploy/demo.sh --markers      six simulated cameras without rendered frames, 60 s of waving in
+#                                 seconds
+#   deploy/demo.sh --pixels       four frame cameras with rendered frames
+#   deploy/demo.sh --gige         the same frames over GigE Vision, from fake cameras on loopback
+#   deploy/demo.sh DIR [OPTIONS]  a recorded rig: DIR has, for each camera, <camera>.yaml and
+#                                 <camera>.csv (markers) or .raw, .h5, .hdf5 (events)
+# OPTIONS go to `rigcal local` (deploy/demo.sh DIR -o json). RIGCAL_TARGET names another target.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 "$root/deploy/install-deps.sh"
-# Two checkouts of the same sources share what ccache has compiled.
+# Checkouts of the same sources share ccache results.
 export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 (
   cd "$root"
@@ -30,11 +34,11 @@ spheres="wand:0,0.13,0.39;diameter=0.04;hz=500"
 say() { printf '%s\n' "$@" >&2; }
 
 say_rig() {
-  say "" "Simulating the rig of the eWand paper, 15 s of waving a wand of three spheres that blink at 500 Hz:" \
-    "  sim_0 to sim_3  frame cameras, 1280x1024, 50 pictures/s, exposure 5 ms: pictures are rendered and searched" \
-    "  sim_4, sim_5    event cameras, 1280x720, 5 noise events/s and pixel, hot pixels, moving bars, lamps of 100 and" \
-    "                  120 Hz: events are rendered, decoded and searched, 200 answers/s" \
-    "One agent for each camera and one server, on this machine. This takes 20 to 60 s; events take the longest." ""
+  say "" "Simulating the rig of the eWand paper: 15 s of waving a wand of three spheres that blink at 500 Hz" \
+    "  sim_0 to sim_3  frame cameras, 1280x1024, 50 frames/s, exposure 5 ms; frames are rendered and searched" \
+    "  sim_4, sim_5    event cameras, 1280x720, 5 noise events/s and pixel, hot pixels, moving bars, lamps of" \
+    "                  100 and 120 Hz; events are rendered, decoded and searched, 200 outputs/s" \
+    "One agent per camera and one server, on this machine. This takes 20 to 60 s, mostly for the events." ""
 }
 
 case "${1:-}" in
@@ -63,7 +67,7 @@ case "${1:-}" in
       say "with an offset of $offset s on sim_5 ..."
       "$rigcal" local --simulate "$paper_rig;offset.5=$offset" --target "$spheres" -o json >"$folder/$offset"
     done
-    # Of each camera its name and, further down, its offset.
+    # In the JSON a camera's name comes before its offset.
     awk -v OFS='\t' '
       /"camera":/ { name = $2; gsub(/[",]/, "", name) }
       /"time_offset_s":/ { offset[name, FILENAME] = 1000 * $2; if (FNR == NR) names[++count] = name }
@@ -86,6 +90,6 @@ if [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; then
   shift
   exec "$rigcal" local --data "$data" --target "$target" "$@"
 fi
-if [ "${1:-}" = --events ]; then shift; fi # what this was called when it was not yet what runs without options
+if [ "${1:-}" = --events ]; then shift; fi # former name of the default
 say_rig
 exec "$rigcal" local --simulate "$paper_rig" --target "${RIGCAL_TARGET:-$spheres}" "$@"

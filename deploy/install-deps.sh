@@ -1,22 +1,22 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what rigcal needs on Debian 12, all of it from Debian. Installs nothing when all is there.
-#   deploy/install-deps.sh            what building, testing and running needs
-#   deploy/install-deps.sh --list     only prints the packages that are missing
+# Installs the Debian 12 packages that rigcal needs. Does nothing if all of them are installed.
+#   deploy/install-deps.sh            packages for building, testing and running
+#   deploy/install-deps.sh --list     only prints the missing packages
 set -euo pipefail
 
 packages=(
   # compiler and build
   g++ cmake ninja-build ccache pkg-config git
-  # wire
+  # gRPC and protobuf
   libgrpc++-dev protobuf-compiler-grpc libprotobuf-dev protobuf-compiler grpc-proto libabsl-dev
   # geometry and solving
   libeigen3-dev libceres-dev libopencv-dev
-  # cameras (libaravis-dev forgets to ask for libusb's headers)
+  # cameras (libaravis-dev does not depend on libusb's headers, but needs them)
   libaravis-dev libusb-1.0-0-dev
-  # files of event cameras
+  # event files
   libhdf5-dev
-  # a network of its own for the GigE demo
+  # the network namespace of the GigE demo
   iproute2
   # store, configuration, command line, logging
   libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev
@@ -40,7 +40,7 @@ fi
 as_root=()
 if [ "$(id -u)" -ne 0 ]; then
   if ! command -v sudo >/dev/null; then
-    echo "install-deps: these packages are missing and need root to install: ${missing[*]}" >&2
+    echo "install-deps: root or sudo is needed to install the missing packages: ${missing[*]}" >&2
     exit 1
   fi
   as_root=(sudo)

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/command_line.h"
 
-#include "client/command_parser.h"
-#include "client/doctor_command.h"
+#include "client/commands/command_parser.h"
+#include "client/commands/doctor_command.h"
 
 namespace rigcal::client {
 

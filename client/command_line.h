@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "client/console.h"
-#include "client/exit_code.h"
+#include "client/commands/exit_code.h"
+#include "client/output/console.h"
 
 namespace rigcal::client {
 

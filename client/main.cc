@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "client/command_line.h"
-#include "client/stop_signal.h"
+#include "client/local/stop_signal.h"
 
 namespace {
 

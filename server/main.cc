@@ -21,7 +21,7 @@
 #include "server/session/calibration_runner.h"
 #include "server/session/session_coordinator.h"
 #include "server/solve/calibrate.h"
-#include "server/store/sqlite_store.h"
+#include "server/store/sqlite/sqlite_store.h"
 
 namespace rigcal::server {
 namespace {

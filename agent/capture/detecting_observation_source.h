@@ -15,9 +15,9 @@
 #include "absl/types/span.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/observation_source.h"
-#include "agent/capture/preview_tap.h"
+#include "agent/capture/preview/preview_tap.h"
 #include "agent/capture/static_mask.h"
-#include "agent/detect/wand_detector.h"
+#include "agent/detect/frame/wand_detector.h"
 #include "common/status/refusal.h"
 
 namespace rigcal::agent {

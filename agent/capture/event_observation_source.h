@@ -13,7 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
-#include "agent/detect/blink_wand_detector.h"
+#include "agent/detect/event/blink_wand_detector.h"
 #include "agent/event/event_source.h"
 #include "common/status/refusal.h"
 

@@ -47,11 +47,11 @@ void TakeTrigger(SourceOptions* given, OutputTimesOptions* output) {
   std::string text;
   given->Take("trigger", &text);
   if (text == "rising") {
-    output->trigger = TriggerMoment::kRising;
+    output->trigger = TriggerInstant::kRising;
   } else if (text == "falling") {
-    output->trigger = TriggerMoment::kFalling;
+    output->trigger = TriggerInstant::kFalling;
   } else if (text == "middle") {
-    output->trigger = TriggerMoment::kMiddle;
+    output->trigger = TriggerInstant::kMiddle;
   } else if (!text.empty() && text != "none") {
     given->AddFault("trigger", "is none of rising, falling, middle and none");
   }
@@ -62,7 +62,7 @@ void TakeTrigger(SourceOptions* given, OutputTimesOptions* output) {
 
 void TakeBlinkOptions(SourceOptions* given, BlinkWandDetectorOptions* detector) {
   TakeTrigger(given, &detector->output);
-  detector->output.rate_hz = detector->output.trigger == TriggerMoment::kNone ? kDefaultRateHz : 0;
+  detector->output.rate_hz = detector->output.trigger == TriggerInstant::kNone ? kDefaultRateHz : 0;
   given->Take("rate", "a rate of 0 to 1000 Hz", 0.0, 1000.0, &detector->output.rate_hz);
   given->Take("band", "a share of 0.01 to 0.45", 0.01, 0.45, &detector->band_rel);
   given->Take("min_periods", "a number of 1 to 7", 1, 7, &detector->min_periods);

@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "agent/detect/image_view.h"
+#include "agent/detect/blobs/image_view.h"
 #include "common/camera/camera_description.h"
 #include "common/camera/frame_counts.h"
 #include "common/status/refusal.h"

@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "agent/capture/aravis_frame_source.h"
-#include "agent/capture/metavision_event_source.h"
+#include "agent/capture/genicam/aravis_frame_source.h"
+#include "agent/capture/metavision/metavision_event_source.h"
 #include "agent/capture/source_kinds.h"
 #include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
@@ -119,7 +119,7 @@ struct Maker {
   Result operator()(const SimulatedSourceOptions& options) const {
     return SimulatedObservationSource::Create(options);
   }
-  Result operator()(const PictureSourceSpec& spec) const {
+  Result operator()(const FrameSourceSpec& spec) const {
     RIGCAL_ASSIGN_OR_RETURN(auto frames, CreateFrameSource(spec));
     return DetectingObservationSource::Create(std::move(frames), spec.detecting);
   }
@@ -154,13 +154,13 @@ absl::StatusOr<SourceSpec> ParseSourceSpec(const CameraConfig& camera) {
       absl::StrCat(camera.where, ": ", std::string(spec.status().message())));
 }
 
-const std::string& CameraNameOf(const PictureSourceSpec& spec) {
+const std::string& CameraNameOf(const FrameSourceSpec& spec) {
   return std::visit([](const auto& options) -> const std::string& { return options.camera; },
                     spec.frames);
 }
 
 const std::string& CameraNameOf(const SourceSpec& spec) {
-  if (const auto* pictures = std::get_if<PictureSourceSpec>(&spec)) return CameraNameOf(*pictures);
+  if (const auto* pictures = std::get_if<FrameSourceSpec>(&spec)) return CameraNameOf(*pictures);
   if (const auto* events = std::get_if<EventSourceSpec>(&spec))
     return std::visit([](const auto& options) -> const std::string& { return options.camera; },
                       events->events);
@@ -168,7 +168,7 @@ const std::string& CameraNameOf(const SourceSpec& spec) {
   return std::get<SimulatedSourceOptions>(spec).camera;
 }
 
-absl::StatusOr<std::unique_ptr<FrameSource>> CreateFrameSource(const PictureSourceSpec& spec) {
+absl::StatusOr<std::unique_ptr<FrameSource>> CreateFrameSource(const FrameSourceSpec& spec) {
   return std::visit(FrameMaker{}, spec.frames);
 }
 

@@ -8,26 +8,26 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "agent/capture/aravis_options.h"
-#include "agent/capture/csv_observation_source.h"
 #include "agent/capture/detecting_observation_source.h"
 #include "agent/capture/event_observation_source.h"
 #include "agent/capture/frame_source.h"
-#include "agent/capture/images_frame_source.h"
-#include "agent/capture/metavision_options.h"
+#include "agent/capture/genicam/aravis_options.h"
+#include "agent/capture/metavision/metavision_options.h"
 #include "agent/capture/observation_source.h"
-#include "agent/capture/raw_event_source.h"
-#include "agent/capture/simulated_event_source.h"
-#include "agent/capture/simulated_frame_source.h"
-#include "agent/capture/simulated_observation_source.h"
+#include "agent/capture/recorded/csv_observation_source.h"
+#include "agent/capture/recorded/images_frame_source.h"
+#include "agent/capture/recorded/raw_event_source.h"
+#include "agent/capture/recorded/video_frame_source.h"
+#include "agent/capture/simulated/simulated_event_source.h"
+#include "agent/capture/simulated/simulated_frame_source.h"
+#include "agent/capture/simulated/simulated_observation_source.h"
 #include "agent/capture/source_options.h"
-#include "agent/capture/video_frame_source.h"
 #include "common/config/agent_config.h"
 
 namespace rigcal::agent {
 
 // Where one camera's pictures come from, and how the wand is found in them.
-struct PictureSourceSpec {
+struct FrameSourceSpec {
   std::variant<ImagesSourceOptions, VideoSourceOptions, SimulatedFrameSourceOptions,
                AravisSourceOptions>
       frames;
@@ -42,7 +42,7 @@ struct EventSourceSpec {
 
 // Where one camera's observations come from.
 using SourceSpec =
-    std::variant<CsvSourceOptions, SimulatedSourceOptions, PictureSourceSpec, EventSourceSpec>;
+    std::variant<CsvSourceOptions, SimulatedSourceOptions, FrameSourceSpec, EventSourceSpec>;
 
 // Reads what a user types behind --source:
 //
@@ -83,13 +83,13 @@ absl::StatusOr<SourceSpec> ParseSourceSpec(const CameraConfig& camera);
 
 // The camera's name within the rig.
 const std::string& CameraNameOf(const SourceSpec& spec);
-const std::string& CameraNameOf(const PictureSourceSpec& spec);
+const std::string& CameraNameOf(const FrameSourceSpec& spec);
 
 // The source itself; opens its files once to see that they are there. The message names the camera,
 // the file and what to do.
 absl::StatusOr<std::unique_ptr<ObservationSource>> CreateSource(const SourceSpec& spec);
 
 // Its pictures alone.
-absl::StatusOr<std::unique_ptr<FrameSource>> CreateFrameSource(const PictureSourceSpec& spec);
+absl::StatusOr<std::unique_ptr<FrameSource>> CreateFrameSource(const FrameSourceSpec& spec);
 
 }  // namespace rigcal::agent

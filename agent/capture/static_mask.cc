@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/picture.h"
+#include "agent/capture/recorded/image_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -65,7 +65,7 @@ PixelMask StaticMaskLearner::Learn() const {
 }
 
 absl::StatusOr<PixelMask> ReadMask(const std::string& path, const ImageSize& size_px) {
-  RIGCAL_ASSIGN_OR_RETURN(const cv::Mat picture, ReadPicture(path));
+  RIGCAL_ASSIGN_OR_RETURN(const cv::Mat picture, ReadImage(path));
   if (picture.cols != static_cast<int>(size_px.width) ||
       picture.rows != static_cast<int>(size_px.height)) {
     return absl::InvalidArgumentError(

@@ -7,10 +7,10 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "agent/detect/colour_masker.h"
-#include "agent/detect/colour_range.h"
-#include "agent/detect/image_view.h"
-#include "agent/detect/pixel_mask.h"
+#include "agent/detect/blobs/colour_masker.h"
+#include "agent/detect/blobs/colour_range.h"
+#include "agent/detect/blobs/image_view.h"
+#include "agent/detect/blobs/pixel_mask.h"
 #include "common/camera/intrinsics.h"
 
 namespace rigcal::agent {
@@ -46,7 +46,7 @@ class StaticMaskLearner {
 
 // A mask as a picture, white where pixels are ignored. ReadMask takes every picture and looks at
 // its brightest channel, from half of the brightness on.
-// INVALID_ARGUMENT: its size is not `size_px`. Others as ReadPicture.
+// INVALID_ARGUMENT: its size is not `size_px`. Others as ReadImage.
 absl::StatusOr<PixelMask> ReadMask(const std::string& path, const ImageSize& size_px);
 absl::Status WriteMask(const PixelMask& mask, const std::string& path);
 

@@ -3,10 +3,10 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "agent/command/event_conversion.h"
 #include "agent/command/event_file_flags.h"
-#include "agent/command/event_file_writer.h"
 #include "agent/command/subcommands.h"
+#include "agent/event_files/event_conversion.h"
+#include "agent/event_files/event_file_writer.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {

@@ -12,13 +12,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "agent/capture/detecting_observation_source.h"
-#include "agent/capture/picture.h"
+#include "agent/capture/recorded/image_file.h"
 #include "agent/command/detection_report.h"
+#include "agent/command/frame_input.h"
 #include "agent/command/marker_csv.h"
-#include "agent/command/picture_input.h"
 #include "agent/command/subcommands.h"
 #include "agent/command/timed_frame_source.h"
-#include "agent/detect/annotated_picture.h"
+#include "agent/detect/frame/annotated_image.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct DetectFlags {
-  PictureInput input;
+  FrameInput input;
   std::string target;
   std::string out;
   std::string annotate;
@@ -42,7 +42,7 @@ class Annotations {
  public:
   static absl::StatusOr<Annotations> Create(const std::string& path) {
     Annotations annotations(path);
-    if (path.empty() || IsPictureName(path)) return annotations;
+    if (path.empty() || IsImageName(path)) return annotations;
     std::error_code error;
     fs::create_directories(path, error);
     if (!error) return annotations;
@@ -52,7 +52,7 @@ class Annotations {
 
   absl::Status Add(const Frame& frame, const DetectingObservationSource& source) {
     if (path_.empty()) return absl::OkStatus();
-    const bool is_file = IsPictureName(path_);
+    const bool is_file = IsImageName(path_);
     if (is_file && count_ == 1) {
       return absl::InvalidArgumentError(
           absl::StrCat(path_, " is one picture, but there are several: name a folder"));
@@ -123,7 +123,7 @@ class Detecting {
 
 absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_ASSIGN_OR_RETURN(PictureSourceSpec spec, ResolvePictureInput(flags.input));
+  RIGCAL_ASSIGN_OR_RETURN(FrameSourceSpec spec, ResolvePictureInput(flags.input));
   if (flags.no_tracking) spec.detecting.detector.tracking = false;
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, CreateFrameSource(spec));
   auto timed = std::make_unique<TimedFrameSource>(std::move(frames), flags.pictures);

@@ -7,7 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "agent/event/event_decoder.h"
-#include "agent/event/plain_event_reader.h"
+#include "agent/event_files/plain_event_reader.h"
 
 namespace rigcal::agent {
 

@@ -3,8 +3,8 @@
 #include <string>
 
 #include "agent/command/event_file_flags.h"
-#include "agent/command/event_file_info.h"
 #include "agent/command/subcommands.h"
+#include "agent/event_files/event_file_info.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/static_mask.h"
-#include "agent/command/picture_input.h"
+#include "agent/command/frame_input.h"
 #include "agent/command/subcommands.h"
 #include "agent/command/timed_frame_source.h"
 #include "common/status/status_macros.h"
@@ -17,7 +17,7 @@ namespace rigcal::agent {
 namespace {
 
 struct MaskFlags {
-  PictureInput input;
+  FrameInput input;
   std::string out;
   std::string target = "wand:0,0.13,0.39";
   uint64_t pictures = 100;
@@ -26,7 +26,7 @@ struct MaskFlags {
 
 absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_ASSIGN_OR_RETURN(const PictureSourceSpec spec, ResolvePictureInput(flags.input));
+  RIGCAL_ASSIGN_OR_RETURN(const FrameSourceSpec spec, ResolvePictureInput(flags.input));
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, CreateFrameSource(spec));
   TimedFrameSource frames(std::move(source), flags.pictures);
   RIGCAL_ASSIGN_OR_RETURN(StaticMaskLearner learner,

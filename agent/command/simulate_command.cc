@@ -9,12 +9,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/pacer.h"
-#include "agent/capture/shared_world.h"
+#include "agent/capture/simulated/shared_world.h"
 #include "agent/capture/source_spec.h"
-#include "agent/command/event_file_writer.h"
 #include "agent/command/marker_csv.h"
 #include "agent/command/subcommands.h"
 #include "agent/event/evt3_writer.h"
+#include "agent/event_files/event_file_writer.h"
 #include "common/camera/camera_export.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
@@ -48,7 +48,7 @@ absl::StatusOr<SimulatedEventSourceOptions> OptionsOf(const std::string& text) {
 Observation TruthAt(const SimulatedEventSource& source, int64_t time_us) {
   Observation truth;
   truth.time_ns = 1000 * time_us;
-  for (const MarkerTruth& marker : source.TruthAt(time_us)) {
+  for (const MarkerGroundTruth& marker : source.TruthAt(time_us)) {
     truth.markers.push_back({.visible = marker.inside, .centre_px = marker.centre_px});
   }
   return truth;

@@ -8,10 +8,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "agent/command/picture_input.h"
+#include "agent/command/frame_input.h"
 #include "agent/command/subcommands.h"
 #include "agent/command/timed_frame_source.h"
-#include "agent/detect/colour_tuning.h"
+#include "agent/detect/frame/colour_tuning.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -19,7 +19,7 @@ namespace rigcal::agent {
 namespace {
 
 struct TuneFlags {
-  PictureInput input;
+  FrameInput input;
   std::string target;
   std::string out;
   uint64_t pictures = 50;
@@ -28,7 +28,7 @@ struct TuneFlags {
 
 absl::StatusOr<TunedColour> LearnColour(const TuneFlags& flags) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_ASSIGN_OR_RETURN(const PictureSourceSpec spec, ResolvePictureInput(flags.input));
+  RIGCAL_ASSIGN_OR_RETURN(const FrameSourceSpec spec, ResolvePictureInput(flags.input));
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, CreateFrameSource(spec));
   TimedFrameSource frames(std::move(source), flags.pictures);
   RIGCAL_ASSIGN_OR_RETURN(ColourTuner tuner, ColourTuner::Create(target, frames.description()));

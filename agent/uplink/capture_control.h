@@ -11,9 +11,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
-#include "agent/capture/preview_worker.h"
-#include "agent/uplink/camera_pipeline.h"
-#include "agent/uplink/observation_spool.h"
+#include "agent/capture/preview/preview_worker.h"
+#include "agent/spool/observation_spool.h"
+#include "agent/stamp/camera_pipeline.h"
 
 namespace rigcal::agent {
 

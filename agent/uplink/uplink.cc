@@ -11,7 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/uplink/host_alignment.h"
-#include "agent/uplink/server_connection.h"
+#include "agent/uplink/uplink_connection.h"
 #include "common/camera/camera_id.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"

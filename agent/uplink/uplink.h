@@ -17,11 +17,11 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "agent/capture/preview_worker.h"
+#include "agent/capture/preview/preview_worker.h"
+#include "agent/spool/delivery_plan.h"
+#include "agent/spool/observation_spool.h"
 #include "agent/uplink/backoff.h"
 #include "agent/uplink/capture_control.h"
-#include "agent/uplink/delivery_plan.h"
-#include "agent/uplink/observation_spool.h"
 #include "rigcal/v1/agent.pb.h"
 
 namespace grpc {

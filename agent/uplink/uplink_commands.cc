@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/uplink/host_alignment.h"
-#include "agent/uplink/server_connection.h"
 #include "agent/uplink/uplink.h"
+#include "agent/uplink/uplink_connection.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/preview_wire.h"

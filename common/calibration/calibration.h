@@ -90,10 +90,10 @@ struct Finding {
   std::string advice;
 };
 
-enum class QualityGrade : uint8_t { kNotJudged = 0, kGood = 1, kUsable = 2, kBad = 3 };
+enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, kBad = 3 };
 
 struct Quality {
-  QualityGrade grade = QualityGrade::kNotJudged;
+  QualityGrade grade = QualityGrade::kNotEvaluated;
   std::vector<std::string> reasons;
 };
 

@@ -15,7 +15,7 @@ namespace {
 // OpenCV's parser recurses once per level and has no limit of its own.
 constexpr int kMaxNesting = 32;
 
-absl::Status LineError(const std::string& path, int line, const std::string& why) {
+absl::Status YamlLineError(const std::string& path, int line, const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
 }
 
@@ -27,15 +27,15 @@ absl::Status CheckBytes(const std::string& path, const std::string& text) {
   for (const char c : text) {
     const unsigned char byte = static_cast<unsigned char>(c);
     if ((byte < 0x20 && c != '\n' && c != '\r' && c != '\t') || byte == 0x7f) {
-      return LineError(path, line,
-                       absl::StrCat("byte 0x", absl::Hex(byte), " is not text; is this YAML?"));
+      return YamlLineError(path, line,
+                           absl::StrCat("byte 0x", absl::Hex(byte), " is not text; is this YAML?"));
     }
     if (c == '[' || c == '{') ++depth;
     if ((c == ']' || c == '}') && depth > 0) --depth;
     if (c == '-') ++dashes;
     if (c != '-' && c != ' ') dashes = 0;
     if (depth > kMaxNesting || dashes > kMaxNesting) {
-      return LineError(path, line, absl::StrCat("nested more than ", kMaxNesting, " deep"));
+      return YamlLineError(path, line, absl::StrCat("nested more than ", kMaxNesting, " deep"));
     }
     if (c == '\n') ++line;
   }
@@ -59,7 +59,8 @@ absl::StatusOr<std::string> SingleDocument(const std::string& path, const std::s
     return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
   }
   if (!absl::StartsWith(text, "%YAML")) {
-    return LineError(path, 1, "does not begin with %YAML:1.0, as OpenCV's calibration files do");
+    return YamlLineError(path, 1,
+                         "does not begin with %YAML:1.0, as OpenCV's calibration files do");
   }
   RIGCAL_RETURN_IF_ERROR(CheckBytes(path, text));
   std::string document = "%YAML:1.0\n";
@@ -73,10 +74,11 @@ absl::StatusOr<std::string> SingleDocument(const std::string& path, const std::s
         row.empty() || absl::StripLeadingAsciiWhitespace(row)[0] == '#' || (first && row == "---");
     if (!skipped) {
       if (row.find('\t') != absl::string_view::npos) {
-        return LineError(path, line, "has a tab; YAML is indented by spaces");
+        return YamlLineError(path, line, "has a tab; YAML is indented by spaces");
       }
       if (!IsFieldLine(row, first)) {
-        return LineError(path, line, "is neither a field (\"image_width: 1280\") nor part of one");
+        return YamlLineError(path, line,
+                             "is neither a field (\"image_width: 1280\") nor part of one");
       }
       first = false;
       absl::StrAppend(&document, row);

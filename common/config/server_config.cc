@@ -15,7 +15,7 @@
 namespace rigcal {
 namespace {
 
-constexpr std::array kLogLevels = {"trace", "debug", "info", "warn", "error", "off"};
+constexpr std::array kServerLogLevels = {"trace", "debug", "info", "warn", "error", "off"};
 
 // Each limit: where it goes, and the most that can be meant.
 struct LimitKey {
@@ -79,8 +79,10 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
     config.data_dir = (folder / config.data_dir).lexically_normal().string();
   }
   if (section.Take("log_level", &config.log_level) &&
-      std::find(kLogLevels.begin(), kLogLevels.end(), config.log_level) == kLogLevels.end()) {
-    section.AddFault("log_level", absl::StrCat("must be one of ", absl::StrJoin(kLogLevels, ", ")));
+      std::find(kServerLogLevels.begin(), kServerLogLevels.end(), config.log_level) ==
+          kServerLogLevels.end()) {
+    section.AddFault("log_level",
+                     absl::StrCat("must be one of ", absl::StrJoin(kServerLogLevels, ", ")));
   }
   ReadLimits(&file, section, &config.limits);
   section.RefuseOtherKeys();

@@ -22,7 +22,7 @@ enum class PreviewRefusal : uint8_t {
   kNone = 0,
   kDisabled = 1,
   kUnknownCamera = 2,
-  kNoPictures = 3,
+  kNoFrames = 3,
   kNotCapturing = 4,
   kTooOften = 5,
   kTimedOut = 6,

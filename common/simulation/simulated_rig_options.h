@@ -6,9 +6,9 @@
 #include <string_view>
 
 #include "absl/status/statusor.h"
-#include "common/simulation/event_render_options.h"
-#include "common/simulation/frame_render_options.h"
-#include "common/simulation/simulation_options.h"
+#include "common/simulation/events/event_render_options.h"
+#include "common/simulation/frames/frame_render_options.h"
+#include "common/simulation/world/simulation_options.h"
 
 namespace rigcal {
 

@@ -14,21 +14,22 @@ namespace {
 
 constexpr size_t kMaxMessageBytes = 1024;
 
-absl::Status Fault(absl::string_view field, absl::string_view what) {
+absl::Status PreviewFault(absl::string_view field, absl::string_view what) {
   return absl::InvalidArgumentError(absl::StrCat("preview.", field, ": ", what));
 }
 
 absl::StatusOr<PreviewInfo> ParseInfo(const v1::PreviewInfo& proto) {
   if (absl::Status name = ValidateName("camera", proto.camera()); !name.ok()) {
-    return Fault("info.camera", name.message());
+    return PreviewFault("info.camera", name.message());
   }
   if (!v1::DetectionOutcome_IsValid(proto.outcome()) ||
       proto.outcome() == v1::DETECTION_OUTCOME_UNSPECIFIED) {
-    return Fault("info.outcome", absl::StrCat(static_cast<int>(proto.outcome()),
-                                              " is not a known outcome of a detection"));
+    return PreviewFault("info.outcome", absl::StrCat(static_cast<int>(proto.outcome()),
+                                                     " is not a known outcome of a detection"));
   }
   if (!(proto.confidence() >= 0 && proto.confidence() <= 1)) {
-    return Fault("info.confidence", absl::StrCat(proto.confidence(), " is not within 0 to 1"));
+    return PreviewFault("info.confidence",
+                        absl::StrCat(proto.confidence(), " is not within 0 to 1"));
   }
   PreviewInfo info;
   info.camera = proto.camera();
@@ -94,7 +95,7 @@ v1::Preview ToProto(Preview preview) {
 }
 
 absl::StatusOr<Preview> FromProto(v1::Preview proto) {
-  if (proto.request_id() == 0) return Fault("request_id", "must be at least 1");
+  if (proto.request_id() == 0) return PreviewFault("request_id", "must be at least 1");
   Preview preview;
   preview.request_id = proto.request_id();
   // A newer agent may have reasons that are not known here; its message tells them.
@@ -106,8 +107,8 @@ absl::StatusOr<Preview> FromProto(v1::Preview proto) {
   if (preview.refusal != PreviewRefusal::kNone) return preview;
   RIGCAL_ASSIGN_OR_RETURN(preview.info, ParseInfo(proto.info()));
   if (proto.jpeg().empty() || proto.jpeg().size() > kMaxPreviewBytes) {
-    return Fault("jpeg", absl::StrCat("has ", proto.jpeg().size(), " bytes, it must have 1 to ",
-                                      kMaxPreviewBytes));
+    return PreviewFault("jpeg", absl::StrCat("has ", proto.jpeg().size(),
+                                             " bytes, it must have 1 to ", kMaxPreviewBytes));
   }
   preview.jpeg = std::move(*proto.mutable_jpeg());
   return preview;

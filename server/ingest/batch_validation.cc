@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "server/store/batch_blob.h"
+#include "server/store/sqlite/batch_blob.h"
 #include "server/store/stream_ledger.h"
 
 namespace rigcal::server {

@@ -3,7 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "server/solve/triangulation_accuracy.h"
+#include "server/solve/evaluate/triangulation_accuracy.h"
 
 namespace rigcal::server {
 namespace {

@@ -18,7 +18,7 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kLoadPageSize = 200;
+constexpr int kCalibrationPageSize = 200;
 constexpr std::string_view kCancelled = "cancelled";
 
 bool HasEnded(const Calibration& calibration) {
@@ -64,7 +64,7 @@ absl::Status CalibrationRunner::QueueUnfinished() {
   size_t page_size = 0;
   do {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<Calibration> page,
-                            store_->ListCalibrations("", kLoadPageSize, before));
+                            store_->ListCalibrations("", kCalibrationPageSize, before));
     page_size = page.size();
     for (const Calibration& calibration : page) {
       before = calibration.id;
@@ -74,7 +74,7 @@ absl::Status CalibrationRunner::QueueUnfinished() {
       queue_.push_front({calibration.id, hold.ok() ? *std::move(hold) : nullptr});
       spdlog::info("calibration {}: queued again after a restart", calibration.id);
     }
-  } while (page_size == static_cast<size_t>(kLoadPageSize));
+  } while (page_size == static_cast<size_t>(kCalibrationPageSize));
   return absl::OkStatus();
 }
 

@@ -43,7 +43,7 @@ absl::StatusCode CodeOf(PreviewRefusal refusal) {
     case PreviewRefusal::kNone:
       return absl::StatusCode::kOk;
     case PreviewRefusal::kDisabled:
-    case PreviewRefusal::kNoPictures:
+    case PreviewRefusal::kNoFrames:
     case PreviewRefusal::kNotCapturing:
       return absl::StatusCode::kFailedPrecondition;
     case PreviewRefusal::kUnknownCamera:

@@ -16,7 +16,7 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kLoadPageSize = 500;
+constexpr int kSessionPageSize = 500;
 
 std::chrono::nanoseconds DrainTimeLeft(const Session& session, int64_t now_utc_ns) {
   // A clock that was set back while the server was down must not stretch the wait.
@@ -66,7 +66,7 @@ absl::Status SessionCoordinator::Load() {
   std::string before;
   while (true) {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<Session> page,
-                            store_->ListSessions("", kLoadPageSize, before));
+                            store_->ListSessions("", kSessionPageSize, before));
     for (const Session& session : page) {
       contexts_.Put(session);
       if (session.state != SessionState::kCapturing && session.state != SessionState::kDraining) {
@@ -76,7 +76,7 @@ absl::Status SessionCoordinator::Load() {
       spdlog::info("session {}: goes on after a restart with {} cameras", session.id,
                    session.cameras.size());
     }
-    if (page.size() < static_cast<size_t>(kLoadPageSize)) return absl::OkStatus();
+    if (page.size() < static_cast<size_t>(kSessionPageSize)) return absl::OkStatus();
     before = page.back().id;
   }
 }

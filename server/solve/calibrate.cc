@@ -15,8 +15,8 @@
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
 #include "server/solve/calibration_report.h"
-#include "server/solve/judged_solve.h"
-#include "server/solve/time_search.h"
+#include "server/solve/clocks/time_search.h"
+#include "server/solve/evaluate/evaluated_solve.h"
 
 namespace rigcal::server {
 namespace {
@@ -169,23 +169,23 @@ int CameraIndex(const RigIndex& index, const std::string& name) {
 
 // From the clocks as the search leaves them; where that cannot be solved, from the clocks as given:
 // a search that went wrong must not cost a rig that was aligned.
-absl::StatusOr<JudgedSolution> SearchAndSolve(const RigObservations& rig,
-                                              const std::vector<ClockCorrection>& clocks,
-                                              const RigSolveOptions& solve,
-                                              const CalibrationOptions& options) {
-  if (!solve.estimate_time_offsets) return SolveAndJudge(rig, clocks, solve, options);
+absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
+                                                 const std::vector<ClockCorrection>& clocks,
+                                                 const RigSolveOptions& solve,
+                                                 const CalibrationOptions& options) {
+  if (!solve.estimate_time_offsets) return SolveAndEvaluate(rig, clocks, solve, options);
   TimeSearchOptions search;
   search.cancelled = solve.cancelled;
   search.progress = [&solve](double fraction) { solve.progress("searching times", fraction); };
   std::vector<ClockCorrection> found = clocks;
   RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, search, &found));
-  absl::StatusOr<JudgedSolution> judged = SolveAndJudge(rig, found, solve, options);
+  absl::StatusOr<EvaluatedSolution> judged = SolveAndEvaluate(rig, found, solve, options);
   const bool moved = !std::equal(found.begin(), found.end(), clocks.begin(),
                                  [](const ClockCorrection& a, const ClockCorrection& b) {
                                    return a.time_offset_s == b.time_offset_s;
                                  });
   if (!moved || !absl::IsFailedPrecondition(judged.status())) return judged;
-  absl::StatusOr<JudgedSolution> as_given = SolveAndJudge(rig, clocks, solve, options);
+  absl::StatusOr<EvaluatedSolution> as_given = SolveAndEvaluate(rig, clocks, solve, options);
   return as_given.ok() || absl::IsCancelled(as_given.status()) ? std::move(as_given)
                                                                : std::move(judged);
 }
@@ -229,7 +229,8 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   for (const auto& [camera, count] : counts) {
     solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const JudgedSolution judged, SearchAndSolve(rig, clocks, solve, options));
+  RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution judged,
+                          SearchAndSolve(rig, clocks, solve, options));
   progress("reporting", 1);
   if (hooks.solved) hooks.solved(rig, judged.solution);
   return ReportCalibration({rig, judged, options, counts}, refused);

@@ -7,13 +7,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "server/solve/camera_covariance.h"
-#include "server/solve/error_figures.h"
-#include "server/solve/findings.h"
-#include "server/solve/length_error.h"
+#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/diagnose/findings.h"
+#include "server/solve/evaluate/camera_covariance.h"
+#include "server/solve/evaluate/error_figures.h"
+#include "server/solve/evaluate/length_error.h"
+#include "server/solve/evaluate/quality_gate.h"
 #include "server/solve/observation_digest.h"
-#include "server/solve/projection_jacobian.h"
-#include "server/solve/quality_gate.h"
 
 namespace rigcal::server {
 namespace {
@@ -223,7 +223,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_offset_estimated = input.judged.options.estimate_time_offsets;
     camera.residuals = residuals[c];
     if (input.judged.held_out) {
-      const JudgedErrors& held_out = *input.judged.held_out;
+      const EvaluatedErrors& held_out = *input.judged.held_out;
       camera.held_out = Figures(held_out.reprojection_px[c]);
       if (!held_out.leave_one_out_px[c].empty()) {
         camera.leave_one_out = Figures(held_out.leave_one_out_px[c]);
@@ -255,7 +255,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
                                                     *input.judged.uncertainty);
   }
   result.findings = FindCauses(input.rig, input.judged, result);
-  result.quality = JudgeQuality(result);
+  result.quality = GradeQuality(result);
   result.observation_digest = Digest(input);
   return result;
 }

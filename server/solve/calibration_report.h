@@ -7,7 +7,7 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
-#include "server/solve/judged_solve.h"
+#include "server/solve/evaluate/evaluated_solve.h"
 
 namespace rigcal::server {
 
@@ -19,7 +19,7 @@ struct CameraCounts {
 
 struct ReportInput {
   const RigObservations& rig;
-  const JudgedSolution& judged;
+  const EvaluatedSolution& judged;
   const CalibrationOptions& options;
   const std::map<std::string, CameraCounts>& counts;  // by camera
 };

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "absl/strings/str_format.h"
-#include "common/simulation/light_model.h"
+#include "common/simulation/frames/light_model.h"
 
 namespace rigcal::accuracy {
 AmbientLightOptions PaperAmbientLight() {

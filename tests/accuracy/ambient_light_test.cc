@@ -12,7 +12,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::ambient_light_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -94,4 +94,4 @@ TEST(AmbientLight, NamesThePictureItCannotWrite) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::ambient_light_test

@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kMaxHz = 1600;
 // What is asked for at 500 Hz.
-constexpr double kGoalRate = 0.98, kGoalHz = 500;
+constexpr double kPlotGoalRate = 0.98, kGoalHz = 500;
 
 }  // namespace
 
@@ -27,7 +27,7 @@ absl::Status DrawBlinkFrequency(const BlinkFrequencyOptions& options,
     plot.labelled_x.push_back(hz);
   }
   plot.legend_x = 850;
-  plot.goal = {{kGoalHz, 0}, {kGoalHz, kGoalRate}, {0, kGoalRate}};
+  plot.goal = {{kGoalHz, 0}, {kGoalHz, kPlotGoalRate}, {0, kPlotGoalRate}};
   plot.curves = {{.name = "wands, this detector", .points = {}},
                  {.name = "wands, textbook chain", .points = {}}};
   for (const BlinkFrequencyPoint& point : points) {

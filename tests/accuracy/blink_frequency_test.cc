@@ -10,7 +10,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::blink_frequency_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -72,4 +72,4 @@ TEST(BlinkFrequency, DrawsPointsWithoutARateAndNamesWhatItCannotWrite) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::blink_frequency_test

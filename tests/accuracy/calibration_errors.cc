@@ -80,8 +80,8 @@ double CalibrationErrors::PositionRmsM() const {
   return std::sqrt(sum / count);
 }
 
-absl::StatusOr<CalibrationErrors> CompareWithTruth(const SimulatedWorld& world,
-                                                   const CalibrationResult& result) {
+absl::StatusOr<CalibrationErrors> CompareWithGroundTruth(const SimulatedWorld& world,
+                                                         const CalibrationResult& result) {
   CalibrationErrors errors;
   errors.reference = CameraIndex(world, result.reference_camera);
   if (errors.reference < 0 || result.cameras.size() != world.cameras().size()) {

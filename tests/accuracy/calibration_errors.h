@@ -8,7 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 #include "tests/accuracy/simulated_tracks.h"
 
 namespace rigcal::accuracy {
@@ -45,8 +45,8 @@ struct CalibrationErrors {
 };
 
 // INTERNAL where the result does not hold each of the world's cameras once.
-absl::StatusOr<CalibrationErrors> CompareWithTruth(const SimulatedWorld& world,
-                                                   const CalibrationResult& result);
+absl::StatusOr<CalibrationErrors> CompareWithGroundTruth(const SimulatedWorld& world,
+                                                         const CalibrationResult& result);
 
 // Middle value; of an even number the mean of the two in the middle.
 double Median(std::vector<double> values);

@@ -6,7 +6,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::calibration_errors_test {
 namespace {
 
 SimulatedWorld World(const std::string& options) {
@@ -39,9 +39,10 @@ const char kOptions[] =
     "seed=4;cameras=4;offset.1=0.3;offset.2=-0.1;rate_ppm.2=500;length_sigma=0.002;"
     "focal_sigma=0.005";
 
-TEST(CompareWithTruth, FindsNothingWrongWithThePerfectResult) {
+TEST(CompareWithGroundTruth, FindsNothingWrongWithThePerfectResult) {
   const SimulatedWorld world = World(kOptions);
-  ASSERT_OK_AND_ASSIGN(const CalibrationErrors errors, CompareWithTruth(world, Perfect(world, 1)));
+  ASSERT_OK_AND_ASSIGN(const CalibrationErrors errors,
+                       CompareWithGroundTruth(world, Perfect(world, 1)));
   EXPECT_EQ(errors.reference, 1);
   EXPECT_LT(errors.PositionRmsM(), 1e-12);
   EXPECT_NEAR(errors.scale_rel, 0, 1e-12);
@@ -55,7 +56,7 @@ TEST(CompareWithTruth, FindsNothingWrongWithThePerfectResult) {
   EXPECT_EQ(errors.marker_positions_m, (std::vector<double>{0, 0}));
 }
 
-TEST(CompareWithTruth, MeasuresEachErrorByItself) {
+TEST(CompareWithGroundTruth, MeasuresEachErrorByItself) {
   const SimulatedWorld world = World(kOptions);
   CalibrationResult result = Perfect(world, 0);
   result.cameras[2].time_offset_s += 1e-3;
@@ -70,7 +71,7 @@ TEST(CompareWithTruth, MeasuresEachErrorByItself) {
       result.cameras[1].cam_from_rig;
   result.cameras[1].cam_from_rig.translation_m -=
       result.cameras[1].cam_from_rig.rotation * Eigen::Vector3d(0, 0, 0.01);
-  ASSERT_OK_AND_ASSIGN(const CalibrationErrors errors, CompareWithTruth(world, result));
+  ASSERT_OK_AND_ASSIGN(const CalibrationErrors errors, CompareWithGroundTruth(world, result));
   EXPECT_LT((errors.cameras[1].pose.rotation_rad - turn).norm(), 1e-9);
   EXPECT_LT((errors.cameras[1].pose.position_m - Eigen::Vector3d(0, 0, 0.01)).norm(), 1e-9);
   EXPECT_NEAR(errors.cameras[1].intrinsics[2], 2, 1e-9);
@@ -82,7 +83,7 @@ TEST(CompareWithTruth, MeasuresEachErrorByItself) {
   EXPECT_NEAR(errors.target_length_rel, 0.004 / world.true_target().marker_positions_m[2], 1e-12);
 }
 
-TEST(CompareWithTruth, ScaleIsApartFromShapeAndTheRigFrameDoesNotMatter) {
+TEST(CompareWithGroundTruth, ScaleIsApartFromShapeAndTheRigFrameDoesNotMatter) {
   const SimulatedWorld world = World(kOptions);
   CalibrationResult result = Perfect(world, 0);
   const RigidTransform rig_from_other(Eigen::Quaterniond(0.6, 0, 0.8, 0), {1, 2, 3});
@@ -90,25 +91,25 @@ TEST(CompareWithTruth, ScaleIsApartFromShapeAndTheRigFrameDoesNotMatter) {
     camera.cam_from_rig.translation_m *= 1.01;
     camera.cam_from_rig = camera.cam_from_rig * rig_from_other;
   }
-  ASSERT_OK_AND_ASSIGN(const CalibrationErrors errors, CompareWithTruth(world, result));
+  ASSERT_OK_AND_ASSIGN(const CalibrationErrors errors, CompareWithGroundTruth(world, result));
   EXPECT_NEAR(errors.scale_rel, 0.01, 1e-9);
   for (const Eigen::Vector3d& shape : errors.shape_m) EXPECT_LT(shape.norm(), 1e-9);
   EXPECT_GT(errors.PositionRmsM(), 0.02);
   for (double& position_m : result.target.marker_positions_m) position_m *= 1.01;
-  ASSERT_OK_AND_ASSIGN(const CalibrationErrors longer, CompareWithTruth(world, result));
+  ASSERT_OK_AND_ASSIGN(const CalibrationErrors longer, CompareWithGroundTruth(world, result));
   EXPECT_NEAR(longer.target_length_rel, 0.01, 1e-12);
   for (size_t c = 0; c < 4; ++c) EXPECT_LT(longer.PositionErrorAtTrueLengthM(c).norm(), 1e-9);
 }
 
-TEST(CompareWithTruth, RefusesAResultWithoutACamera) {
+TEST(CompareWithGroundTruth, RefusesAResultWithoutACamera) {
   const SimulatedWorld world = World(kOptions);
   CalibrationResult result = Perfect(world, 0);
   result.cameras.pop_back();
-  EXPECT_FALSE(CompareWithTruth(world, result).ok());
+  EXPECT_FALSE(CompareWithGroundTruth(world, result).ok());
   result = Perfect(world, 0);
   result.reference_camera = "somebody";
-  EXPECT_FALSE(CompareWithTruth(world, result).ok());
+  EXPECT_FALSE(CompareWithGroundTruth(world, result).ok());
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::calibration_errors_test

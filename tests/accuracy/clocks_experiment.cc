@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "common/simulation/random_stream.h"
+#include "common/simulation/world/random_stream.h"
 #include "common/status/status_macros.h"
 #include "server/solve/calibrate.h"
 
@@ -55,7 +55,8 @@ absl::Status Measure(const SimulatedWorld& world, ClocksTrial* trial) {
   };
   const server::CalibrationOutcome outcome = server::Calibrate(MakeInput(world), options, hooks);
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
-  RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors, CompareWithTruth(world, *outcome.result));
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors,
+                          CompareWithGroundTruth(world, *outcome.result));
   trial->position_rms_m = errors.PositionRmsM();
   if (covariance.ok()) trial->stated = NormaliseErrors(errors, *covariance);
   double reference_offset_s = 0;

@@ -8,7 +8,7 @@
 #include "tests/accuracy/seed_runs.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::clocks_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -43,4 +43,4 @@ TEST(ClocksTest, OffsetsOfFreeRunningCamerasAreFound) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::clocks_test

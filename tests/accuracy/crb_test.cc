@@ -7,7 +7,7 @@
 #include "tests/accuracy/seed_runs.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::crb_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -43,4 +43,4 @@ TEST(CrbTest, PositionsReachTheBoundWithoutOutliers) { ExpectNearTheBound(RunSee
 TEST(CrbTest, PositionsReachTheBoundWithOutliers) { ExpectNearTheBound(RunSeeds(0.02)); }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::crb_test

@@ -26,8 +26,8 @@ DetectionOptions ForArguments(const ProgramArguments& arguments) {
   return options;
 }
 
-std::vector<PictureResult> PrintCase(const std::string& name, const DetectionOptions& options,
-                                     bool verbose) {
+std::vector<ImageResult> PrintCase(const std::string& name, const DetectionOptions& options,
+                                   bool verbose) {
   auto results = RunDetection(options);
   const DetectionSummary summary = Summarise(results);
   fmt::print("{:26} {:6} {:6} {:8.2f} {:6} {:8.3f} {:9.4f} {:9.4f} {:7.2f} {:7.2f}\n", name,
@@ -36,7 +36,7 @@ std::vector<PictureResult> PrintCase(const std::string& name, const DetectionOpt
              100.0 * summary.false_wands / summary.pictures, summary.rms_px, summary.motion_bias_px,
              summary.nees, summary.median_ms);
   if (!verbose) return results;
-  for (const PictureResult& result : results) {
+  for (const ImageResult& result : results) {
     if (!result.status.ok()) fmt::print("  {}\n", result.status.ToString());
     for (const CentreError& centre : result.centres) {
       if (centre.error_px.norm() < 0.15) continue;
@@ -53,7 +53,7 @@ std::vector<PictureResult> PrintCase(const std::string& name, const DetectionOpt
   return results;
 }
 
-void PrintBins(const std::vector<PictureResult>& results) {
+void PrintBins(const std::vector<ImageResult>& results) {
   fmt::print("\nmean error along the radius from the image's middle, px (sigma of the mean)\n");
   fmt::print("distance m  radius px  centres    mean    sigma\n");
   for (const RadialBin& bin : RadialBins(results)) {

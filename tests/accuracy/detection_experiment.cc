@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "common/camera/camera_model.h"
-#include "common/simulation/scene_renderer.h"
+#include "common/simulation/frames/scene_renderer.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/statistics.h"
 
@@ -19,9 +19,8 @@ namespace {
 constexpr std::array<double, 5> kDistancesM = {2, 3, 4, 5, 6.5};
 constexpr std::array<double, 4> kRadiiPx = {200, 400, 600, 900};
 
-void Compare(const FrameTruth& truth, const WandMotion& motion, const Target& target,
-             const DetectionOptions& options, const Observation& observation,
-             PictureResult* result) {
+void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Target& target,
+             const DetectionOptions& options, const Observation& observation, ImageResult* result) {
   const Intrinsics& intrinsics = *options.camera.intrinsics;
   const Eigen::Vector2d middle(intrinsics.cx_px, intrinsics.cy_px);
   double worst = 0;
@@ -54,22 +53,22 @@ void Compare(const FrameTruth& truth, const WandMotion& motion, const Target& ta
 }
 
 // The pictures of one room.
-std::vector<PictureResult> RunRoom(const DetectionOptions& options, int room) {
-  std::vector<PictureResult> results(static_cast<size_t>(options.pictures_per_room));
+std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
+  std::vector<ImageResult> results(static_cast<size_t>(options.pictures_per_room));
   FrameRenderOptions render = options.render;
   render.seed = options.seed * 1000 + static_cast<uint32_t>(room);
   auto renderer = SceneRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
                                         options.target, render);
   auto detector = agent::WandDetector::Create(options.detector, options.target, options.camera);
   if (!renderer.ok() || !detector.ok()) {
-    for (PictureResult& result : results) {
+    for (ImageResult& result : results) {
       result.status = renderer.ok() ? detector.status() : renderer.status();
     }
     return results;
   }
   std::vector<uint8_t> picture(renderer->buffer_size());
   for (size_t i = 0; i < results.size(); ++i) {
-    PictureResult& result = results[i];
+    ImageResult& result = results[i];
     SceneFrame frame;
     frame.seed = static_cast<uint64_t>(render.seed) * 100000 + i;
     result.seed = frame.seed;
@@ -134,21 +133,21 @@ DetectionOptions PaperDetection() {
   return options;
 }
 
-std::vector<PictureResult> RunDetection(const DetectionOptions& options) {
+std::vector<ImageResult> RunDetection(const DetectionOptions& options) {
   const int rooms = (options.pictures + options.pictures_per_room - 1) / options.pictures_per_room;
-  const auto by_room = RunAll<std::vector<PictureResult>>(
+  const auto by_room = RunAll<std::vector<ImageResult>>(
       rooms, options.threads, [&](int room) { return RunRoom(options, room); });
-  std::vector<PictureResult> results;
+  std::vector<ImageResult> results;
   for (const auto& some : by_room) results.insert(results.end(), some.begin(), some.end());
   return results;
 }
 
-DetectionSummary Summarise(const std::vector<PictureResult>& results) {
+DetectionSummary Summarise(const std::vector<ImageResult>& results) {
   DetectionSummary summary;
   std::vector<double> milliseconds;
   double squares = 0, along = 0, nees = 0;
   int centres = 0;
-  for (const PictureResult& result : results) {
+  for (const ImageResult& result : results) {
     ++summary.pictures;
     summary.failures += result.status.ok() ? 0 : 1;
     summary.shown += result.shown ? 1 : 0;
@@ -171,7 +170,7 @@ DetectionSummary Summarise(const std::vector<PictureResult>& results) {
   return summary;
 }
 
-std::vector<RadialBin> RadialBins(const std::vector<PictureResult>& results) {
+std::vector<RadialBin> RadialBins(const std::vector<ImageResult>& results) {
   std::vector<RadialBin> bins;
   double nearer = 0;
   for (const double distance_m : kDistancesM) {
@@ -179,7 +178,7 @@ std::vector<RadialBin> RadialBins(const std::vector<PictureResult>& results) {
     for (const double radius_px : kRadiiPx) {
       RadialBin bin{distance_m, radius_px};
       double sum = 0, squares = 0;
-      for (const PictureResult& result : results) {
+      for (const ImageResult& result : results) {
         if (!result.shown) continue;
         for (const CentreError& centre : result.centres) {
           if (centre.distance_m <= nearer || centre.distance_m > distance_m ||

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "agent/detect/wand_detector.h"
+#include "agent/detect/frame/wand_detector.h"
 #include "common/camera/camera_description.h"
-#include "common/simulation/frame_render_options.h"
-#include "common/simulation/random_wand_pose.h"
+#include "common/simulation/frames/frame_render_options.h"
+#include "common/simulation/frames/random_wand_pose.h"
 #include "common/target/target.h"
 
 namespace rigcal::accuracy {
@@ -42,7 +42,7 @@ struct CentreError {
   double image_radius_px = 0;  // of the truth, from the image's middle
 };
 
-struct PictureResult {
+struct ImageResult {
   absl::Status status;
   bool shown = false;       // the truth holds a wand, fully visible
   bool found = false;       // and it was found, all markers within 1 px
@@ -56,7 +56,7 @@ struct PictureResult {
   std::vector<CentreError> centres;
 };
 
-std::vector<PictureResult> RunDetection(const DetectionOptions& options);
+std::vector<ImageResult> RunDetection(const DetectionOptions& options);
 
 struct DetectionSummary {
   int failures = 0, shown = 0, found = 0, false_wands = 0, pictures = 0;
@@ -65,7 +65,7 @@ struct DetectionSummary {
   double nees = 0;            // per degree of freedom
   double median_ms = 0;
 };
-DetectionSummary Summarise(const std::vector<PictureResult>& results);
+DetectionSummary Summarise(const std::vector<ImageResult>& results);
 
 // Mean radial error of the centres in a bin; none of fewer than `count`.
 struct RadialBin {
@@ -74,6 +74,6 @@ struct RadialBin {
   double mean_px = 0;
   double sigma_px = 0;  // of the mean
 };
-std::vector<RadialBin> RadialBins(const std::vector<PictureResult>& results);
+std::vector<RadialBin> RadialBins(const std::vector<ImageResult>& results);
 
 }  // namespace rigcal::accuracy

@@ -6,7 +6,7 @@
 
 #include "tests/accuracy/detection_experiment.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::detection_test {
 namespace {
 
 DetectionOptions Some(int rooms) {
@@ -57,4 +57,4 @@ TEST(Detection, MotionGivesNoBias) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::detection_test

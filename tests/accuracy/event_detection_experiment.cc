@@ -8,12 +8,12 @@
 #include <optional>
 #include <utility>
 
-#include "agent/detect/blink_wand_detector.h"
+#include "agent/detect/event/blink_wand_detector.h"
 #include "agent/event/event_decoder.h"
 #include "agent/event/evt3_writer.h"
 #include "common/camera/camera_model.h"
-#include "common/simulation/event_renderer.h"
-#include "common/simulation/random_stream.h"
+#include "common/simulation/events/event_renderer.h"
+#include "common/simulation/world/random_stream.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/textbook_chain.h"
 
@@ -65,7 +65,7 @@ EventOutput Judge(const EventRenderer& renderer, const WandPath& path, double no
     output.false_blobs = static_cast<int>(blobs.size());
     return output;
   }
-  const FrameTruth truth{renderer.TruthOf(*wand), 0};
+  const FrameGroundTruth truth{renderer.TruthOf(*wand), 0};
   output.shown = truth.WandVisible();
   output.centres.resize(truth.markers.size());
   for (size_t k = 0; k < truth.markers.size(); ++k) {
@@ -100,7 +100,7 @@ EventOutput Judge(const EventRenderer& renderer, const WandPath& path, double no
 int CountFilled(const EventRenderer& renderer, const WandMotion& wand,
                 const std::vector<Eigen::Vector2d>& blobs_px) {
   int count = 0;
-  for (const MarkerTruth& marker : renderer.TruthOf(wand)) {
+  for (const MarkerGroundTruth& marker : renderer.TruthOf(wand)) {
     count += std::any_of(blobs_px.begin(), blobs_px.end(), [&marker](const Eigen::Vector2d& blob) {
       return (blob - marker.centre_px).norm() < marker.radius_px;
     });
@@ -108,8 +108,8 @@ int CountFilled(const EventRenderer& renderer, const WandMotion& wand,
   return count;
 }
 
-void JudgeWand(const EventRenderer& renderer, const WandPath& path,
-               const agent::Detection& detection, EventWands* wands) {
+void VerifyWand(const EventRenderer& renderer, const WandPath& path,
+                const agent::Detection& detection, EventWands* wands) {
   ++wands->answers;
   const bool is_wand = detection.outcome == DetectionOutcome::kWand;
   const Observation& seen = detection.observation;
@@ -119,7 +119,7 @@ void JudgeWand(const EventRenderer& renderer, const WandPath& path,
     wands->false_wands += is_wand ? 1 : 0;
     return;
   }
-  const bool shown = FrameTruth{renderer.TruthOf(*wand), 0}.WandVisible();
+  const bool shown = FrameGroundTruth{renderer.TruthOf(*wand), 0}.WandVisible();
   wands->shown += shown ? 1 : 0;
   if (!is_wand) return;
   bool good = true;
@@ -129,7 +129,7 @@ void JudgeWand(const EventRenderer& renderer, const WandPath& path,
       continue;
     }
     const double at_s = time_s + 1e-9 * seen.markers[k].time_delta_ns;
-    const MarkerTruth then = renderer.TruthOf(*path(at_s))[k];
+    const MarkerGroundTruth then = renderer.TruthOf(*path(at_s))[k];
     EventCentre centre;
     centre.covariance_px2 = seen.markers[k].covariance_px2;
     centre.distance_m = then.distance_m;
@@ -249,7 +249,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
   }
   for (const agent::Detection& detection : chain.detections()) {
     if (1e-9 * static_cast<double>(detection.observation.time_ns) < options.warm_up_s) continue;
-    JudgeWand(*renderer, path, detection, &result.wands);
+    VerifyWand(*renderer, path, detection, &result.wands);
   }
   result.rendered_s = 1e-6 * static_cast<double>(renderer->time_us());
   result.lost_events = renderer->lost_events();

@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "agent/detect/blink_filter.h"
+#include "agent/detect/event/blink_filter.h"
 #include "common/camera/camera_description.h"
-#include "common/simulation/event_render_options.h"
-#include "common/simulation/frame_render_options.h"
-#include "common/simulation/random_wand_pose.h"
+#include "common/simulation/events/event_render_options.h"
+#include "common/simulation/frames/frame_render_options.h"
+#include "common/simulation/frames/random_wand_pose.h"
 #include "common/target/target.h"
 
 namespace rigcal::accuracy {

@@ -5,7 +5,7 @@
 
 #include "tests/accuracy/event_detection_experiment.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::event_detection_test {
 namespace {
 
 // A small part of accuracy.event_detection, whose full run gives RMS 0.07 px; limits are those that
@@ -60,4 +60,4 @@ TEST(EventDetection, FindsNothingWhereThereIsNoWand) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::event_detection_test

@@ -10,7 +10,7 @@
 namespace rigcal::accuracy {
 namespace {
 
-double Share(int part, int rest) {
+double ShareOf(int part, int rest) {
   if (part + rest == 0) return std::numeric_limits<double>::quiet_NaN();
   return static_cast<double>(part) / (part + rest);
 }
@@ -68,15 +68,15 @@ FateCounts& FateCounts::operator+=(const FateCounts& other) {
   return *this;
 }
 
-double FateCounts::OutlierPrecision() const { return Share(outlier_removed, good_removed); }
-double FateCounts::OutlierRecall() const { return Share(outlier_removed, outlier_kept); }
+double FateCounts::OutlierPrecision() const { return ShareOf(outlier_removed, good_removed); }
+double FateCounts::OutlierRecall() const { return ShareOf(outlier_removed, outlier_kept); }
 double FateCounts::ReversedRecall() const {
-  return Share(reversed_turned + reversed_removed, reversed_kept);
+  return ShareOf(reversed_turned + reversed_removed, reversed_kept);
 }
 
 FateCounts CountFates(const SimulatedWorld& world, const server::RigObservations& rig,
                       const server::RigSolution& solution) {
-  const std::vector<std::vector<FrameTruth>> truth = MakeFrameTruth(world);
+  const std::vector<std::vector<RowGroundTruth>> truth = MakeRowGroundTruth(world);
   const RowFinder rows(world);
   const server::BundleProblem& problem = solution.built.problem;
   FateCounts counts;
@@ -94,7 +94,7 @@ FateCounts CountFates(const SimulatedWorld& world, const server::RigObservations
         const int camera = rows.Camera(track);
         const int frame = rows.Frame(
             camera, track.track.observations[static_cast<size_t>(source.observation)].time_ns);
-        const FrameTruth& row_truth =
+        const RowGroundTruth& row_truth =
             truth[static_cast<size_t>(camera)][static_cast<size_t>(frame)];
         const server::BundleMarker& marker = problem.markers[m];
         const size_t in_row = MarkerInRow(world.Observe(camera, frame), marker);

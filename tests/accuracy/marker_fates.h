@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "common/simulation/simulated_world.h"
-#include "server/solve/rig_solver.h"
+#include "common/simulation/world/simulated_world.h"
+#include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::accuracy {
 

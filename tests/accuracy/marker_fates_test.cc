@@ -9,7 +9,7 @@
 #include "tests/accuracy/simulated_tracks.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::marker_fates_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -38,7 +38,7 @@ class CountFatesTest : public ::testing::Test {
   // Calls visit(marker, truth of its row).
   template <typename Visit>
   void ForEachMarker(Visit visit) {
-    const auto truth = MakeFrameTruth(*world_);
+    const auto truth = MakeRowGroundTruth(*world_);
     for (size_t m = 0; m < solution_.built.problem.markers.size(); ++m) {
       const server::MarkerSource& source = solution_.built.sources[m];
       const auto& track = rig_.tracks[static_cast<size_t>(source.track)].track;
@@ -88,7 +88,7 @@ TEST_F(CountFatesTest, WhoDecidesNothingFindsNothing) {
 TEST_F(CountFatesTest, WhoKnowsTheTruthFindsEverything) {
   ForgetDecisions();
   const FateCounts before = Count();
-  ForEachMarker([](server::BundleMarker& marker, const FrameTruth& row) {
+  ForEachMarker([](server::BundleMarker& marker, const RowGroundTruth& row) {
     marker.used = !row.is_outlier[static_cast<size_t>(marker.marker)];
     if (row.reversed) marker.marker = 2 - marker.marker;
   });
@@ -104,7 +104,7 @@ TEST_F(CountFatesTest, WhoKnowsTheTruthFindsEverything) {
 TEST_F(CountFatesTest, RemovingReversedRowsIsNoFalseAlarmButTurningStraightOnesIs) {
   ForgetDecisions();
   const FateCounts before = Count();
-  ForEachMarker([](server::BundleMarker& marker, const FrameTruth& row) {
+  ForEachMarker([](server::BundleMarker& marker, const RowGroundTruth& row) {
     if (row.is_outlier[static_cast<size_t>(marker.marker)]) return;
     if (row.reversed) {
       marker.used = false;
@@ -137,4 +137,4 @@ TEST_F(CountFatesTest, UnusedInstantsDoNotCount) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::marker_fates_test

@@ -7,7 +7,7 @@
 #include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::real_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -67,4 +67,4 @@ TEST(RealTest, OffsetsFollowKnownShifts) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::real_test

@@ -5,7 +5,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::recording_test {
 namespace {
 
 using ::rigcal::testing::StatusIs;
@@ -62,4 +62,4 @@ TEST(AgainstOthers, LeavesTheCameraItselfOut) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::recording_test

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "common/status/status_macros.h"
-#include "server/solve/line_bundle.h"
-#include "server/solve/uncertainty.h"
+#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/evaluate/uncertainty.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -65,7 +65,7 @@ Nees Part(const CalibrationErrors& errors, const RigCovariance& covariance,
 }
 
 // Poses only, in the parameters' order: the direction in which a common scale moves them, and the
-// weights that read the scale out of the errors (CompareWithTruth reads it in the same way).
+// weights that read the scale out of the errors (CompareWithGroundTruth reads it in the same way).
 void FillPoses(const CalibrationErrors& errors, const RigCovariance& covariance, RigNees* nees) {
   std::vector<Eigen::Index> rows;
   for (size_t i = 0; i < covariance.parameters.size(); ++i) {

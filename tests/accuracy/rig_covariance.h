@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "common/simulation/simulated_world.h"
-#include "server/solve/rig_solver.h"
+#include "common/simulation/world/simulated_world.h"
+#include "server/solve/rig/rig_solver.h"
 #include "tests/accuracy/calibration_errors.h"
 #include "tests/accuracy/rig_information.h"
 #include "tests/accuracy/statistics.h"

@@ -9,7 +9,7 @@
 #include "tests/accuracy/simulated_tracks.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::rig_covariance_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -117,4 +117,4 @@ TEST(FromSolution, IsTheBoundUpToTheRobustLoss) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::rig_covariance_test

@@ -7,7 +7,7 @@
 #include "absl/status/statusor.h"
 #include "common/camera/intrinsics.h"
 #include "common/geometry/rigid_transform.h"
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 
 namespace rigcal::accuracy {
 

@@ -8,14 +8,14 @@
 #include <vector>
 
 #include "common/camera/camera_model.h"
-#include "common/simulation/random_stream.h"
-#include "server/solve/bundle_adjuster.h"
-#include "server/solve/projection_jacobian.h"
+#include "common/simulation/world/random_stream.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/projection_jacobian.h"
 #include "tests/accuracy/simulated_tracks.h"
 #include "tests/accuracy/statistics.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::rig_information_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -217,4 +217,4 @@ TEST(RigBound, SaysWhenTheRigCannotBeKnown) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::rig_information_test

@@ -22,7 +22,8 @@ absl::Status Measure(const SimulatedWorld& world, RobustnessTrial* trial) {
   };
   const server::CalibrationOutcome outcome = server::Calibrate(MakeInput(world), {}, hooks);
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
-  RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors, CompareWithTruth(world, *outcome.result));
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors,
+                          CompareWithGroundTruth(world, *outcome.result));
   trial->position_rms_m = errors.PositionRmsM();
   // For the bound every marker has the label that it truly has.
   SimulationOptions straight = world.options();

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "common/simulation/simulation_options.h"
+#include "common/simulation/world/simulation_options.h"
 #include "tests/accuracy/marker_fates.h"
 
 namespace rigcal::accuracy {

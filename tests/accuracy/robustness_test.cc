@@ -9,7 +9,7 @@
 #include "tests/accuracy/seed_runs.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::robustness_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -79,4 +79,4 @@ TEST(RobustnessTest, EverythingAtOnceCostsLittleMoreThanTheInformationThatIsLost
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::robustness_test

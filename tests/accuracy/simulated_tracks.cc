@@ -29,15 +29,15 @@ server::CalibrationInput MakeInput(const SimulatedWorld& world) {
   return input;
 }
 
-std::vector<std::vector<FrameTruth>> MakeFrameTruth(const SimulatedWorld& world) {
+std::vector<std::vector<RowGroundTruth>> MakeRowGroundTruth(const SimulatedWorld& world) {
   // The same world but for its reversed labels tells which they are.
   SimulationOptions straight_options = world.options();
   straight_options.swap_share = 0;
   const SimulatedWorld straight = *SimulatedWorld::Create(straight_options, world.target());
-  std::vector<std::vector<FrameTruth>> truth(world.cameras().size());
+  std::vector<std::vector<RowGroundTruth>> truth(world.cameras().size());
   for (int c = 0; c < static_cast<int>(truth.size()); ++c) {
     for (int frame = 0; frame < world.FrameCount(c); ++frame) {
-      FrameTruth entry;
+      RowGroundTruth entry;
       const Observation row = world.Observe(c, frame, &entry.is_outlier);
       const Observation as_it_was = straight.Observe(c, frame);
       for (size_t m = 0; m < row.markers.size(); ++m) {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/calibration/calibration.h"
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 #include "server/solve/calibrate.h"
 
 namespace rigcal::accuracy {
@@ -14,12 +14,12 @@ namespace rigcal::accuracy {
 server::CalibrationInput MakeInput(const SimulatedWorld& world);
 
 // Of one frame of one camera.
-struct FrameTruth {
+struct RowGroundTruth {
   std::vector<bool> is_outlier;  // by marker, as labelled in the row
   bool reversed = false;         // the row's labels are
 };
 // By camera and frame.
-std::vector<std::vector<FrameTruth>> MakeFrameTruth(const SimulatedWorld& world);
+std::vector<std::vector<RowGroundTruth>> MakeRowGroundTruth(const SimulatedWorld& world);
 
 // Index of the world's camera of this name; -1 for none.
 int CameraIndex(const SimulatedWorld& world, const std::string& name);

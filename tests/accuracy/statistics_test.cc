@@ -7,9 +7,9 @@
 #include <cmath>
 #include <limits>
 
-#include "common/simulation/random_stream.h"
+#include "common/simulation/world/random_stream.h"
 
-namespace rigcal::accuracy {
+namespace rigcal::accuracy::statistics_test {
 namespace {
 
 TEST(Statistics, FiguresOfKnownValues) {
@@ -75,4 +75,4 @@ TEST(NeesSum, TellsHonestFromBoastfulAndTimid) {
 }
 
 }  // namespace
-}  // namespace rigcal::accuracy
+}  // namespace rigcal::accuracy::statistics_test

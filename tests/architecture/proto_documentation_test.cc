@@ -7,7 +7,7 @@
 #include <regex>
 #include <string>
 
-namespace rigcal::testing {
+namespace rigcal::testing::proto_documentation_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -39,4 +39,4 @@ TEST(ProtoDocumentation, EverythingSaysWhatItMeans) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::proto_documentation_test

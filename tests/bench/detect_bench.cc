@@ -33,7 +33,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "agent/detect/blob_finder.h"
+#include "agent/detect/blobs/blob_finder.h"
 
 namespace rigcal::agent {
 namespace {

@@ -22,8 +22,8 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "agent/detect/blink_filter.h"
-#include "agent/detect/blink_wand_detector.h"
+#include "agent/detect/event/blink_filter.h"
+#include "agent/detect/event/blink_wand_detector.h"
 #include "agent/event/event_decoder.h"
 #include "tests/testing/event_streams.h"
 #include "tests/testing/textbook_events.h"

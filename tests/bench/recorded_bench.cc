@@ -17,11 +17,11 @@
 #include <utility>
 
 #include "server/associate/align_clocks.h"
+#include "server/solve/bundle/line_bundle.h"
 #include "server/solve/calibrate.h"
-#include "server/solve/line_bundle.h"
-#include "server/solve/rig_solver.h"
-#include "server/solve/time_search.h"
-#include "server/solve/uncertainty.h"
+#include "server/solve/clocks/time_search.h"
+#include "server/solve/evaluate/uncertainty.h"
+#include "server/solve/rig/rig_solver.h"
 #include "tests/accuracy/recording.h"
 #include "tests/testing/recorded_data.h"
 

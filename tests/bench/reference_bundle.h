@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "server/solve/bundle_problem.h"
-#include "server/solve/line_bundle.h"
+#include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/bundle/line_bundle.h"
 
 namespace rigcal::testing {
 

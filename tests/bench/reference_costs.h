@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "server/solve/bundle_problem.h"
+#include "server/solve/bundle/bundle_problem.h"
 
 // The residuals of bundle_problem.h written for automatic differentiation.
 

@@ -24,10 +24,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/solve/bundle_adjuster.h"
-#include "server/solve/line_bundle.h"
-#include "server/solve/line_bundle_kernel.h"
-#include "server/solve/line_bundle_system.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/bundle/line_bundle_kernel.h"
+#include "server/solve/bundle/line_bundle_system.h"
 #include "tests/bench/reference_bundle.h"
 #include "tests/testing/bundle_scene.h"
 

@@ -15,9 +15,9 @@
 
 #include "server/ingest/batch_validation.h"
 #include "server/ingest/queued_ingest.h"
-#include "server/store/batch_blob.h"
-#include "server/store/sqlite_store.h"
-#include "tests/server/store/store_fixture.h"
+#include "server/store/sqlite/batch_blob.h"
+#include "server/store/sqlite/sqlite_store.h"
+#include "tests/server/store/sqlite/store_fixture.h"
 #include "tests/testing/temporary_directory.h"
 
 namespace rigcal::server {

@@ -10,7 +10,7 @@
 #include "tests/client/command_runner.h"
 #include "tests/client/fake_server.h"
 
-namespace rigcal::client {
+namespace rigcal::client::command_line_test {
 namespace {
 
 using ::rigcal::testing::CommandOutcome;
@@ -180,4 +180,4 @@ TEST(CommandLine, IdsThatAreWordsOfOursAreIds) {
 }
 
 }  // namespace
-}  // namespace rigcal::client
+}  // namespace rigcal::client::command_line_test

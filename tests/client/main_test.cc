@@ -7,7 +7,7 @@
 #include "tests/client/sample_messages.h"
 #include "tests/testing/process.h"
 
-namespace rigcal::client {
+namespace rigcal::client::main_test {
 namespace {
 
 using ::rigcal::testing::CommandResult;
@@ -69,4 +69,4 @@ TEST_F(Program, MessagesAndResultsDoNotMix) {
 }
 
 }  // namespace
-}  // namespace rigcal::client
+}  // namespace rigcal::client::main_test

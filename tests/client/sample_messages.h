@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 #include "rigcal/v1/calibration.pb.h"
 #include "rigcal/v1/session.pb.h"
 

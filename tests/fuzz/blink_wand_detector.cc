@@ -5,7 +5,7 @@
 //
 // Input: settings, one byte each (Settings); then, by a bit of the first, words of the format, or
 // steps of a few bytes that are written as EVT 3.0 (Scene): discs that blink, gaps, triggers.
-#include "agent/detect/blink_wand_detector.h"
+#include "agent/detect/event/blink_wand_detector.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -53,10 +53,10 @@ Settings TakeSettings(FuzzInput* input) {
   const uint32_t times = input->Byte();
   settings.options.blink_hz = kBlinkHz[times & 3];
   settings.options.output.rate_hz = kRateHz[times >> 2 & 3];
-  settings.options.output.trigger = TriggerMoment(times >> 4 & 3);
+  settings.options.output.trigger = TriggerInstant(times >> 4 & 3);
   if (settings.options.output.rate_hz == 0 &&
-      settings.options.output.trigger == TriggerMoment::kNone) {
-    settings.options.output.trigger = TriggerMoment::kRising;
+      settings.options.output.trigger == TriggerInstant::kNone) {
+    settings.options.output.trigger = TriggerInstant::kRising;
   }
   settings.options.output.trigger_channel = (times & 64) != 0 ? 1 : -1;
   const uint32_t filter = input->Byte();

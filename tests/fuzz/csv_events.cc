@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/capture/csv_event_reader.h"
+#include "agent/event_files/csv_event_reader.h"
 #include "tests/fuzz/fuzz_check.h"
 
 using ::rigcal::agent::OpenCsvEvents;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The header of a RAW file: what it tells must be true of the bytes, and a fault must name one of
 // them.
-#include "agent/event/raw_header.h"
+#include "agent/event_files/raw_header.h"
 
 #include <algorithm>
 #include <string>

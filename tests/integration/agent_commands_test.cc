@@ -16,13 +16,13 @@
 
 #include "common/camera/camera_export.h"
 #include "common/camera/camera_model.h"
-#include "common/simulation/frame_renderer.h"
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/frames/frame_renderer.h"
+#include "common/simulation/world/simulated_world.h"
 #include "tests/testing/process.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::agent_commands_test {
 namespace {
 
 using nlohmann::json;
@@ -256,4 +256,4 @@ TEST_F(AgentCommands, SayWhatIsWrongAndExitWithOneOrTwo) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::agent_commands_test

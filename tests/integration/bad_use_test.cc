@@ -11,7 +11,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::bad_use_test {
 namespace {
 
 using ::testing::AllOf;
@@ -146,4 +146,4 @@ TEST(Configuration, UnknownKeyNamesFileAndLine) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::bad_use_test

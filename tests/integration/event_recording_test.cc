@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "agent/capture/pacer.h"
-#include "agent/capture/simulated_event_source.h"
+#include "agent/capture/simulated/simulated_event_source.h"
 #include "agent/event/evt3_writer.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/geometry/rigid_transform.h"
@@ -20,7 +20,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::event_recording_test {
 namespace {
 
 using nlohmann::json;
@@ -151,4 +151,4 @@ TEST_F(EventRecording, WhatIsNoRecordingOfEventsIsNamed) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::event_recording_test

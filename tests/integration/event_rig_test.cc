@@ -15,7 +15,7 @@
 #include "tests/testing/process.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::event_rig_test {
 namespace {
 
 using nlohmann::json;
@@ -139,4 +139,4 @@ TEST(EventRig, SensorsOnOneCableHaveOneOffset) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::event_rig_test

@@ -13,17 +13,17 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "tests/testing/rendered_pictures.h"
+#include "tests/testing/rendered_frames.h"
 
 namespace {
 
 using rigcal::testing::FakeGigeCamera;
 using rigcal::testing::FakeGigeCameraOptions;
-using rigcal::testing::RenderedPictures;
-using rigcal::testing::RenderedPicturesOptions;
+using rigcal::testing::RenderedFrames;
+using rigcal::testing::RenderedFramesOptions;
 
 // "camera=2;seed=3;lux=50" as for the agent's sim: the world's parts and the picture's.
-absl::Status ParseSimulation(const std::string& text, RenderedPicturesOptions* options) {
+absl::Status ParseSimulation(const std::string& text, RenderedFramesOptions* options) {
   std::vector<std::string> world;
   std::vector<std::string> picture;
   for (const absl::string_view part : absl::StrSplit(text, ';', absl::SkipEmpty())) {
@@ -58,7 +58,7 @@ int Fail(const absl::Status& status) {
 
 int main(int argc, char** argv) {
   FakeGigeCameraOptions options;
-  RenderedPicturesOptions rendered;
+  RenderedFramesOptions rendered;
   std::string simulation;
   std::string target = "wand:0,0.13,0.39";
   std::string calibration_path;
@@ -93,7 +93,7 @@ int main(int argc, char** argv) {
   sigaddset(&ending, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &ending, nullptr);
 
-  std::unique_ptr<RenderedPictures> pictures;
+  std::unique_ptr<RenderedFrames> pictures;
   if (!simulation.empty()) {
     auto parsed_target = rigcal::ParseTarget(target);
     if (!parsed_target.ok()) return Fail(parsed_target.status());
@@ -102,7 +102,7 @@ int main(int argc, char** argv) {
     if (const absl::Status status = ParseSimulation(simulation, &rendered); !status.ok()) {
       return Fail(status);
     }
-    auto created = RenderedPictures::Create(rendered);
+    auto created = RenderedFrames::Create(rendered);
     if (!created.ok()) return Fail(created.status());
     pictures = *std::move(created);
     options.width = static_cast<int>(pictures->image_size_px().width);

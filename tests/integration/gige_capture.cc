@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "agent/capture/aravis_frame_source.h"
+#include "agent/capture/genicam/aravis_frame_source.h"
 #include "tests/testing/fake_gige_camera.h"
 
 namespace {
@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
     ++yielded;
     const rigcal::agent::ImageView& image = (*frame)->image;
     const size_t size = static_cast<size_t>(image.width) * static_cast<size_t>(image.height);
-    if (!rigcal::testing::TestPictureIndex({image.data, size})) ++wrong;
+    if (!rigcal::testing::TestImageIndex({image.data, size})) ++wrong;
   }
   end.join();
   const rigcal::agent::FrameCounts counts = (*source)->counts();

@@ -13,7 +13,7 @@
 
 #include "tests/testing/process.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::gige_capture_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -81,4 +81,4 @@ TEST(GigeCapture, ACameraWithoutAnswerIsSaidOnce) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::gige_capture_test

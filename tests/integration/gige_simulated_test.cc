@@ -7,17 +7,17 @@
 #include <algorithm>
 #include <map>
 
-#include "agent/capture/aravis_frame_source.h"
+#include "agent/capture/genicam/aravis_frame_source.h"
 #include "tests/testing/fake_gige_camera.h"
-#include "tests/testing/rendered_pictures.h"
+#include "tests/testing/rendered_frames.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::gige_simulated_test {
 namespace {
 
-RenderedPicturesOptions SmallWorld(const std::string& pixel_format) {
-  RenderedPicturesOptions options;
+RenderedFramesOptions SmallWorld(const std::string& pixel_format) {
+  RenderedFramesOptions options;
   options.simulation.camera_count = 2;
   options.simulation.duration_s = 1;
   options.simulation.rate_hz = 10;
@@ -29,7 +29,7 @@ RenderedPicturesOptions SmallWorld(const std::string& pixel_format) {
 }
 
 TEST(GigeSimulated, PixelsAndTimesComeThroughUnchanged) {
-  ASSERT_OK_AND_ASSIGN(const auto pictures, RenderedPictures::Create(SmallWorld("RGB8")));
+  ASSERT_OK_AND_ASSIGN(const auto pictures, RenderedFrames::Create(SmallWorld("RGB8")));
   // The truth: the same world, rendered here.
   ASSERT_OK_AND_ASSIGN(SimulatedWorld world,
                        SimulatedWorld::Create(SmallWorld("").simulation, SmallWorld("").target));
@@ -78,10 +78,10 @@ TEST(GigeSimulated, PixelsAndTimesComeThroughUnchanged) {
   EXPECT_EQ(pictures->late(), 0u);
 }
 
-TEST(RenderedPictures, AreBlackWhenLateAndAfterTheEnd) {
-  RenderedPicturesOptions options = SmallWorld("Mono8");
+TEST(RenderedFrames, AreBlackWhenLateAndAfterTheEnd) {
+  RenderedFramesOptions options = SmallWorld("Mono8");
   options.ahead = 3;
-  ASSERT_OK_AND_ASSIGN(const auto pictures, RenderedPictures::Create(options));
+  ASSERT_OK_AND_ASSIGN(const auto pictures, RenderedFrames::Create(options));
   const ImageSize size = pictures->image_size_px();
   std::vector<uint8_t> pixels(size_t{size.width} * size.height, 77);
   const int64_t first_ns = pictures->Take(0, 0, pixels);
@@ -98,13 +98,13 @@ TEST(RenderedPictures, AreBlackWhenLateAndAfterTheEnd) {
   EXPECT_EQ(pictures->late(), 1u);
 }
 
-TEST(RenderedPictures, RefuseACameraThatIsNotThere) {
-  RenderedPicturesOptions options = SmallWorld("Mono8");
+TEST(RenderedFrames, RefuseACameraThatIsNotThere) {
+  RenderedFramesOptions options = SmallWorld("Mono8");
   options.camera_index = 7;
-  EXPECT_FALSE(RenderedPictures::Create(options).ok());
+  EXPECT_FALSE(RenderedFrames::Create(options).ok());
 }
 
-TEST(EncodePicture, PutsEachColourWhereTheSensorHasIt) {
+TEST(EncodeImage, PutsEachColourWhereTheSensorHasIt) {
   const std::vector<uint8_t> bgr{1, 2, 3, 1, 2, 3, 1, 2, 3, 1, 2, 3};  // 2 x 2
   const std::map<std::string, std::vector<uint8_t>> expected{{"BayerRG8", {3, 2, 2, 1}},
                                                              {"BayerGR8", {2, 3, 1, 2}},
@@ -112,13 +112,13 @@ TEST(EncodePicture, PutsEachColourWhereTheSensorHasIt) {
                                                              {"BayerBG8", {1, 2, 2, 3}}};
   for (const auto& [format, mosaic] : expected) {
     std::vector<uint8_t> pixels(4);
-    EncodePicture(format, bgr, 2, pixels);
+    EncodeImage(format, bgr, 2, pixels);
     EXPECT_EQ(pixels, mosaic) << format;
   }
   std::vector<uint8_t> rgb(12);
-  EncodePicture("RGB8", bgr, 2, rgb);
+  EncodeImage("RGB8", bgr, 2, rgb);
   EXPECT_THAT(rgb, ::testing::ElementsAre(3, 2, 1, 3, 2, 1, 3, 2, 1, 3, 2, 1));
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::gige_simulated_test

@@ -15,7 +15,7 @@
 #include "tests/testing/recorded_rig.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::local_command_test {
 namespace {
 
 using nlohmann::json;
@@ -250,4 +250,4 @@ TEST_F(LocalCommandFiles, SeveralAtOnceDoNotDisturbEachOther) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::local_command_test

@@ -9,14 +9,14 @@
 #include <string>
 #include <vector>
 
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 #include "common/wire/camera_wire.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::permuted_delivery_test {
 namespace {
 
 using Deliveries = std::vector<ObservationBatch>;
@@ -165,4 +165,4 @@ TEST_F(PermutedDelivery, RepetitionAfterTheEndChangesNothing) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::permuted_delivery_test

@@ -14,14 +14,14 @@
 #include <vector>
 
 #include "common/geometry/rigid_transform.h"
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 #include "common/wire/camera_wire.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::pixel_calibration_test {
 namespace {
 
 constexpr int kCameras = 4;
@@ -119,4 +119,4 @@ TEST(PixelCalibration, FindsTheOffsetsPutIntoTwoCameras) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::pixel_calibration_test

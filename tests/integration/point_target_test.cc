@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 #include "tests/testing/process.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::point_target_test {
 namespace {
 
 using nlohmann::json;
@@ -102,4 +102,4 @@ TEST(PointTarget, ADistanceThatCannotBeUsedIsRefused) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::point_target_test

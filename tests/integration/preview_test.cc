@@ -13,7 +13,7 @@
 #include "tests/testing/server_client.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::preview_test {
 namespace {
 
 using nlohmann::json;
@@ -105,4 +105,4 @@ TEST_F(PreviewPrograms, SaysThatPreviewsAreOffOrThatThereAreNoPictures) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::preview_test

@@ -14,7 +14,7 @@
 #include "tests/testing/recorded_rig.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::quality_gate_test {
 namespace {
 
 using nlohmann::json;
@@ -81,4 +81,4 @@ TEST_F(BadRecording, RefiningTakesItOut) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::quality_gate_test

@@ -6,7 +6,7 @@
 #include <random>
 #include <string>
 
-#include "server/solve/projection_jacobian.h"
+#include "server/solve/bundle/projection_jacobian.h"
 
 namespace rigcal::testing {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/camera/intrinsics.h"
-#include "server/solve/bundle_problem.h"
+#include "server/solve/bundle/bundle_problem.h"
 
 namespace rigcal::testing {
 

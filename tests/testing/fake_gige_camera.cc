@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/aravis_objects.h"
+#include "agent/capture/genicam/aravis_objects.h"
 
 namespace rigcal::testing {
 namespace {
@@ -132,9 +132,8 @@ void FakeGigeCamera::Fill(void* buffer, double exposure_s) {
       ReadRegister(ARV_FAKE_CAMERA_REGISTER_HEIGHT) *
       ARV_PIXEL_FORMAT_BIT_PER_PIXEL(ReadRegister(ARV_FAKE_CAMERA_REGISTER_PIXEL_FORMAT)) / 8;
   const std::span<uint8_t> pixels(static_cast<uint8_t*>(data), size);
-  const std::optional<int64_t> stamp_ns = options_.fill
-                                              ? options_.fill(sent_, exposure_s, pixels)
-                                              : FillTestPicture(sent_, exposure_s, pixels);
+  const std::optional<int64_t> stamp_ns = options_.fill ? options_.fill(sent_, exposure_s, pixels)
+                                                        : FillTestImage(sent_, exposure_s, pixels);
   if (stamp_ns) arv_buffer_set_timestamp(arv_buffer, static_cast<uint64_t>(*stamp_ns));
   ++sent_;
 }
@@ -149,7 +148,7 @@ uint32_t FakeGigeCamera::ReadRegister(uint32_t address) const {
   return value;
 }
 
-std::optional<int64_t> FillTestPicture(uint64_t index, double, std::span<uint8_t> pixels) {
+std::optional<int64_t> FillTestImage(uint64_t index, double, std::span<uint8_t> pixels) {
   const auto first = static_cast<uint8_t>(index * 7);
   if (pixels.size() < 8) return std::nullopt;
   std::memset(pixels.data(), first, pixels.size());
@@ -161,7 +160,7 @@ std::optional<int64_t> FillTestPicture(uint64_t index, double, std::span<uint8_t
   return std::nullopt;
 }
 
-std::optional<uint64_t> TestPictureIndex(std::span<const uint8_t> pixels) {
+std::optional<uint64_t> TestImageIndex(std::span<const uint8_t> pixels) {
   if (pixels.size() < 8) return std::nullopt;
   uint64_t index = 0;
   for (size_t i = 0; i < 8; ++i) index |= uint64_t{pixels[i]} << (8 * i);

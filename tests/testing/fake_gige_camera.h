@@ -17,8 +17,8 @@ namespace rigcal::testing {
 // Writes picture `index` (from 0) as it goes over the wire: the pixels of the camera's format, rows
 // without padding. Returns the device's stamp of it, ns (none: the camera's own clock). Called by
 // the thread that also answers the camera's control packets: it must be quick.
-using FillPicture = std::function<std::optional<int64_t>(uint64_t index, double exposure_s,
-                                                         std::span<uint8_t> pixels)>;
+using FillImage = std::function<std::optional<int64_t>(uint64_t index, double exposure_s,
+                                                       std::span<uint8_t> pixels)>;
 
 struct FakeGigeCameraOptions {
   std::string address = "127.0.0.1";  // of this machine; one camera per address
@@ -30,7 +30,7 @@ struct FakeGigeCameraOptions {
   double exposure_s = 0.005;           // unless the other side sets it
   double lost_packet_share = 0;        // of packets that are not sent, 0 to 1
   std::string genicam_path;            // another description of the camera; empty: Aravis' own
-  FillPicture fill;                    // empty: FillTestPicture
+  FillImage fill;                      // empty: FillTestImage
   // For how long another camera at this address, of any process, is waited for.
   std::chrono::seconds wait_for_address{60};
 };
@@ -64,10 +64,9 @@ class FakeGigeCamera {
 
 // A picture that shows its number: the first eight bytes hold it, low byte first, the others follow
 // from it and their place. Returns no stamp.
-std::optional<int64_t> FillTestPicture(uint64_t index, double exposure_s,
-                                       std::span<uint8_t> pixels);
+std::optional<int64_t> FillTestImage(uint64_t index, double exposure_s, std::span<uint8_t> pixels);
 // Whether all of these pixels are those of one test picture; its number.
-std::optional<uint64_t> TestPictureIndex(std::span<const uint8_t> pixels);
+std::optional<uint64_t> TestImageIndex(std::span<const uint8_t> pixels);
 
 // Aravis' own description of the fake camera, with `more` nodes put before its end.
 std::string FakeCameraXml(const std::string& more);

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "common/camera/intrinsics_file.h"
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 
 namespace rigcal::testing {
 

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "common/simulation/simulation_options.h"
+#include "common/simulation/world/simulation_options.h"
 
 namespace rigcal::testing {
 

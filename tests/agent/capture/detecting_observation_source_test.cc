@@ -17,13 +17,13 @@
 #include <vector>
 
 #include "agent/capture/pacer.h"
-#include "agent/capture/picture.h"
-#include "agent/capture/simulated_frame_source.h"
+#include "agent/capture/recorded/image_file.h"
+#include "agent/capture/simulated/simulated_frame_source.h"
 #include "common/camera/camera_model.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::detecting_observation_source_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -306,4 +306,4 @@ TEST(DetectingObservationSource, FindsTheWandOfASimulatedCamera) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::detecting_observation_source_test

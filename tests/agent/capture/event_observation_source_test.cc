@@ -11,14 +11,14 @@
 #include <string>
 #include <vector>
 
-#include "agent/capture/raw_event_source.h"
+#include "agent/capture/recorded/raw_event_source.h"
 #include "agent/capture/source_spec.h"
 #include "tests/testing/blinking_wand.h"
 #include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::event_observation_source_test {
 namespace {
 
 using ::rigcal::testing::BlinkingWand;
@@ -387,4 +387,4 @@ TEST_F(EventObservationSourceTest, RealRecordingsAreAnsweredAtTheirTriggers) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::event_observation_source_test

@@ -8,7 +8,7 @@
 
 #include "agent/event/evt3_writer.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::event_timer_test {
 namespace {
 
 constexpr SensorGeometry kGeometry{640, 480};
@@ -49,4 +49,4 @@ TEST(EventTimer, FollowsBothOrdersOfEvt21) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::event_timer_test

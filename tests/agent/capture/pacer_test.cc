@@ -6,7 +6,7 @@
 #include <limits>
 #include <thread>
 
-namespace rigcal::agent {
+namespace rigcal::agent::pacer_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -66,4 +66,4 @@ TEST(Pacer, DoesNotWaitAtMaxSpeed) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::pacer_test

@@ -10,7 +10,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::source_spec_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -119,7 +119,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfPicturesInFiles) {
                       "washed_out_min=256;min_area=4;max_area=900;max_blobs=64;min_distance=1;"
                       "max_distance=9;max_tilt=70;min_confidence=0.6;tracking=0;mask=m.png;"
                       "learn_mask=2"));
-  const auto& pictures = std::get<PictureSourceSpec>(spec);
+  const auto& pictures = std::get<FrameSourceSpec>(spec);
   const auto& images = std::get<ImagesSourceOptions>(pictures.frames);
   EXPECT_EQ(CameraNameOf(spec), "l");
   EXPECT_EQ(images.path, "rig/left/");
@@ -145,12 +145,12 @@ TEST(ParseSourceSpec, TakesEveryPartOfPicturesInFiles) {
 TEST(ParseSourceSpec, FillsInWhatFilesOfPicturesLeaveOut) {
   ASSERT_OK_AND_ASSIGN(const SourceSpec folder, ParseSourceSpec("images:rig/left/"));
   EXPECT_EQ(CameraNameOf(folder), "left");
-  const auto& images = std::get<ImagesSourceOptions>(std::get<PictureSourceSpec>(folder).frames);
+  const auto& images = std::get<ImagesSourceOptions>(std::get<FrameSourceSpec>(folder).frames);
   EXPECT_EQ(images.calibration_path, "rig/left.yaml");
   EXPECT_EQ(images.speed, 1);
   ASSERT_OK_AND_ASSIGN(const SourceSpec film, ParseSourceSpec("video:rig/right.mkv"));
   EXPECT_EQ(CameraNameOf(film), "right");
-  EXPECT_EQ(std::get<VideoSourceOptions>(std::get<PictureSourceSpec>(film).frames).calibration_path,
+  EXPECT_EQ(std::get<VideoSourceOptions>(std::get<FrameSourceSpec>(film).frames).calibration_path,
             "rig/right.yaml");
 }
 
@@ -160,7 +160,7 @@ TEST(ParseSourceSpec, TellsTheWorldsPartsFromThePictures) {
       ParseSourceSpec("sim:camera=1;pixels=1;seed=7;cameras=4;lux=50;exposure=0.004;"
                       "wand_speed=2;clutter=0.5;offset.1=0.003;hue_max=45;"
                       "speed=max"));
-  const auto& pictures = std::get<PictureSourceSpec>(spec);
+  const auto& pictures = std::get<FrameSourceSpec>(spec);
   const auto& sim = std::get<SimulatedFrameSourceOptions>(pictures.frames);
   EXPECT_EQ(sim.camera, "sim_1");
   EXPECT_EQ(sim.camera_index, 1);
@@ -185,7 +185,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfAGenicamCamera) {
                       "gain=6;frame_rate=50;trigger=software;ptp=1;latency=0.001;buffers=8;"
                       "packet_size=1440;packet_resend=0;socket_buffer=100000;interface=eth1;"
                       "tracking=false"));
-  const auto& pictures = std::get<PictureSourceSpec>(spec);
+  const auto& pictures = std::get<FrameSourceSpec>(spec);
   const auto& aravis = std::get<AravisSourceOptions>(pictures.frames);
   EXPECT_EQ(aravis.camera, "192.168.1.5");
   EXPECT_EQ(aravis.device, "192.168.1.5");
@@ -298,4 +298,4 @@ TEST(CreateSource, SaysWhichCameraHasNoFile) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::source_spec_test

@@ -3,11 +3,11 @@
 
 #include <string>
 
-#include "agent/capture/csv_line.h"
+#include "agent/capture/recorded/csv_line.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::marker_csv_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -48,4 +48,4 @@ TEST(MarkerCsvWriter, SaysWhereItCannotWrite) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::marker_csv_test

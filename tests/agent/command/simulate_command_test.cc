@@ -11,13 +11,13 @@
 #include <string>
 #include <vector>
 
-#include "agent/command/event_file_info.h"
 #include "agent/command/subcommands.h"
 #include "agent/event/event_decoder.h"
+#include "agent/event_files/event_file_info.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::simulate_command_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -115,4 +115,4 @@ TEST(SimulateCommand, RefusesWhatItCannotWrite) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::simulate_command_test

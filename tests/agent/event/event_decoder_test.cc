@@ -8,7 +8,7 @@
 #include <tuple>
 #include <vector>
 
-namespace rigcal::agent {
+namespace rigcal::agent::event_decoder_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -195,4 +195,4 @@ TEST(EventDecoders, StayInsideTheGeometryOnNoise) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::event_decoder_test

@@ -12,7 +12,7 @@
 
 #include "agent/event/evt3_decoder.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::evt3_kernel_test {
 namespace {
 
 // All that came out of a decoder, in order: kind and values.
@@ -243,4 +243,4 @@ TEST(Evt3Kernel, FollowsABaseFarBehindTheBorder) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::evt3_kernel_test

@@ -9,10 +9,10 @@
 #include <random>
 #include <tuple>
 
-#include "agent/event/raw_header.h"
+#include "agent/event_files/raw_header.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::evt3_writer_test {
 namespace {
 
 struct Collector {
@@ -98,4 +98,4 @@ TEST(Evt3Header, IsReadBack) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::evt3_writer_test

@@ -10,7 +10,7 @@
 #include "agent/event/event_decoder.h"
 #include "agent/event/time_high.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::hostile_words_test {
 namespace {
 
 constexpr SensorGeometry kGeometry{640, 480};
@@ -94,4 +94,4 @@ TEST(HostileWords, TimesStayWithinWhatNanosecondsCanTell) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::hostile_words_test

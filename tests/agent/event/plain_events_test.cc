@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::plain_events_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -129,4 +129,4 @@ TEST(PlainEventDecoder, LeavesOutRowsThatCannotBeRead) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::plain_events_test

@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "agent/event/event_decoder.h"
-#include "agent/event/raw_header.h"
+#include "agent/event_files/raw_header.h"
 #include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::recorded_events_test {
 namespace {
 
 struct Sums {
@@ -127,4 +127,4 @@ TEST(RecordedEvents, Evt2OfTheThirdGeneration) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::recorded_events_test

@@ -8,7 +8,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::agent_state_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -115,4 +115,4 @@ TEST(HostName, CanBePartOfAnAgentId) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::agent_state_test

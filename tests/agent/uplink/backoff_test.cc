@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-namespace rigcal::agent {
+namespace rigcal::agent::backoff_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -43,4 +43,4 @@ TEST(Backoff, BeginsAnewAfterReset) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::backoff_test

@@ -4,11 +4,11 @@
 #include <memory>
 #include <vector>
 
-#include "agent/uplink/memory_spool.h"
+#include "agent/spool/memory_spool.h"
 #include "tests/agent/uplink/scripted_source.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::capture_control_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -55,4 +55,4 @@ TEST(CaptureControl, RunsSeveralCamerasSideBySide) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::capture_control_test

@@ -5,7 +5,7 @@
 
 #include <limits>
 
-namespace rigcal::agent {
+namespace rigcal::agent::host_alignment_test {
 namespace {
 
 constexpr int64_t kSecond = 1'000'000'000;
@@ -34,4 +34,4 @@ TEST(AlignHost, KeepsItsUncertaintyInRange) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::host_alignment_test

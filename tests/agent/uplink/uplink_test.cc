@@ -10,12 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "agent/uplink/memory_spool.h"
+#include "agent/spool/memory_spool.h"
 #include "tests/agent/uplink/fake_server.h"
 #include "tests/agent/uplink/scripted_source.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::uplink_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -594,4 +594,4 @@ TEST(UplinkOptions, ListsEveryFault) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::uplink_test

@@ -5,7 +5,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::calibration_options_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -71,4 +71,4 @@ TEST(CalibrationOptions, ListsEveryFault) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::calibration_options_test

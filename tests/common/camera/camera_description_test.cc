@@ -5,7 +5,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::camera_description_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -64,4 +64,4 @@ TEST(CameraDescription, RefusesBadNamesKindsAndTexts) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::camera_description_test

@@ -11,7 +11,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal {
+namespace rigcal::camera_export_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -133,4 +133,4 @@ TEST(WriteCameraExport, NamesTheFileThatCannotBeWritten) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::camera_export_test

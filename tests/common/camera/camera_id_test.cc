@@ -3,7 +3,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::camera_id_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -43,4 +43,4 @@ TEST(CameraId, SortsByRigThenCamera) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::camera_id_test

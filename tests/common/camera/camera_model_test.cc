@@ -10,7 +10,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::camera_model_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -289,4 +289,4 @@ TEST(Project, RefusesPointsBeyondAPoleOfTheRationalModel) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::camera_model_test

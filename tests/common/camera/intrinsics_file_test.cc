@@ -10,7 +10,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal {
+namespace rigcal::intrinsics_file_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -263,4 +263,4 @@ TEST_F(ReadIntrinsics, SurvivesDamage) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::intrinsics_file_test

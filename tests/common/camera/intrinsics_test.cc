@@ -5,7 +5,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::intrinsics_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -91,4 +91,4 @@ TEST(ImageSize, RefusesZeroAndAbsurdSides) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::intrinsics_test

@@ -6,7 +6,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::single_yaml_document_test {
 namespace {
 
 using ::rigcal::testing::StatusIs;
@@ -40,4 +40,4 @@ TEST(SingleDocument, NamesFileAndLineOfWhatIsNoField) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::single_yaml_document_test

@@ -9,7 +9,7 @@
 
 #include "common/camera/camera_model.h"
 
-namespace rigcal {
+namespace rigcal::sphere_projection_test {
 namespace {
 
 Intrinsics Lens(bool distorted) {
@@ -98,4 +98,4 @@ TEST(ProjectSphere, RefusesWhatTheCameraDoesNotSee) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::sphere_projection_test

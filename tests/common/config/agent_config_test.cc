@@ -7,7 +7,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal {
+namespace rigcal::agent_config_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -223,4 +223,4 @@ TEST_F(AgentConfigTest, ChecksWhatFlagsHavePutOverTheFile) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::agent_config_test

@@ -9,7 +9,7 @@
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::event_camera_config_test {
 namespace {
 
 using ::testing::AllOf;
@@ -100,4 +100,4 @@ TEST(EventCameraSync, NamesGoBothWays) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::event_camera_config_test

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-namespace rigcal {
+namespace rigcal::rigid_transform_test {
 namespace {
 
 const RigidTransform kAFromB(Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), {1, 2, 3});
@@ -58,4 +58,4 @@ TEST(Canonical, IsTheSameRotationWithPositiveW) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::rigid_transform_test

@@ -6,7 +6,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::fault_list_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -46,4 +46,4 @@ TEST(FaultList, PrintsWholeNumbersInFull) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::fault_list_test

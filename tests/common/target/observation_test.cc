@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace rigcal {
+namespace rigcal::observation_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -128,4 +128,4 @@ TEST(ObservationBatch, SamplesGoWithTheFirstRowsOnly) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::observation_test

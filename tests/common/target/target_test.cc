@@ -6,7 +6,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal {
+namespace rigcal::target_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -152,4 +152,4 @@ TEST(Target, ListsEveryFault) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::target_test

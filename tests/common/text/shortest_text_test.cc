@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <limits>
 
-namespace rigcal {
+namespace rigcal::shortest_text_test {
 namespace {
 
 TEST(ShortestText, IsShort) {
@@ -23,4 +23,4 @@ TEST(ShortestText, ReadsBackAsTheSameNumber) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::shortest_text_test

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-namespace rigcal {
+namespace rigcal::clock_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -38,4 +38,4 @@ TEST(ClockEpochCounter, TakesTheWholeRangeOfTimes) {
 }
 
 }  // namespace
-}  // namespace rigcal
+}  // namespace rigcal::clock_test

@@ -10,7 +10,7 @@
 #include "common/wire/session_wire.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::wire {
+namespace rigcal::wire::calibration_wire_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -184,4 +184,4 @@ TEST(SessionWire, RefusesWhatCannotBeASession) {
 }
 
 }  // namespace
-}  // namespace rigcal::wire
+}  // namespace rigcal::wire::calibration_wire_test

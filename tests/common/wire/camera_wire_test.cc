@@ -9,7 +9,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::wire {
+namespace rigcal::wire::camera_wire_test {
 namespace {
 
 using ::rigcal::testing::StatusIs;
@@ -62,4 +62,4 @@ TEST(CameraWire, RefusesSettingsThatCannotBe) {
 }
 
 }  // namespace
-}  // namespace rigcal::wire
+}  // namespace rigcal::wire::camera_wire_test

@@ -11,7 +11,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::wire {
+namespace rigcal::wire::observation_wire_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -202,4 +202,4 @@ TEST(ObservationWire, EndOfCaptureMustReportItsOwnStream) {
 }
 
 }  // namespace
-}  // namespace rigcal::wire
+}  // namespace rigcal::wire::observation_wire_test

@@ -10,7 +10,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::wire {
+namespace rigcal::wire::preview_wire_test {
 namespace {
 
 using ::rigcal::testing::StatusIs;
@@ -120,4 +120,4 @@ TEST(PreviewWire, ARequestNamesItsCamera) {
 }
 
 }  // namespace
-}  // namespace rigcal::wire
+}  // namespace rigcal::wire::preview_wire_test

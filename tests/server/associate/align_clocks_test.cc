@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace rigcal::server {
+namespace rigcal::server::align_clocks_test {
 namespace {
 
 CameraTrack Track(const std::string& camera, const std::string& timebase,
@@ -90,4 +90,4 @@ TEST(AlignClocks, PeriodIsTheMedianStep) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::align_clocks_test

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-namespace rigcal::server {
+namespace rigcal::server::clean_track_test {
 namespace {
 
 Observation At(int64_t time_ns, double x, uint32_t epoch = 0) {
@@ -110,4 +110,4 @@ TEST(CleanTracks, CountsUnusableValuesByCause) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::clean_track_test

@@ -6,7 +6,7 @@
 #include <set>
 #include <tuple>
 
-namespace rigcal::server {
+namespace rigcal::server::instants_test {
 namespace {
 
 constexpr int64_t kMs = 1'000'000;
@@ -178,4 +178,4 @@ TEST(FindInstants, EveryWandViewIsInAnInstantOrAlone) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::instants_test

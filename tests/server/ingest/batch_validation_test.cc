@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "server/store/stream_ledger.h"
-#include "tests/server/store/store_fixture.h"
+#include "tests/server/store/sqlite/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server {
+namespace rigcal::server::batch_validation_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -214,4 +214,4 @@ TEST(BatchValidation, TakesDroppedRangesWithoutRows) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::batch_validation_test

@@ -18,10 +18,10 @@
 #include <vector>
 
 #include "tests/server/ingest/fake_store.h"
-#include "tests/server/store/store_fixture.h"
+#include "tests/server/store/sqlite/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server {
+namespace rigcal::server::queued_ingest_test {
 namespace {
 
 using ::rigcal::testing::FakeStore;
@@ -435,4 +435,4 @@ TEST_F(QueuedIngestTest, ServesManySendersWithASmallQueue) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::queued_ingest_test

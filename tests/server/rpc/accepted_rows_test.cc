@@ -6,9 +6,9 @@
 
 #include <vector>
 
-#include "tests/server/store/store_fixture.h"
+#include "tests/server/store/sqlite/store_fixture.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::accepted_rows_test {
 namespace {
 
 using server::AcceptedRows;
@@ -56,4 +56,4 @@ TEST(AcceptedRows, KeepsTheSamplesOfABatchThatWasRefusedWhole) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::accepted_rows_test

@@ -11,7 +11,7 @@
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server {
+namespace rigcal::server::accuracy_messages_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -128,4 +128,4 @@ TEST_F(GetAccuracy, NamesACalibrationThatDoesNotExist) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::accuracy_messages_test

@@ -10,7 +10,7 @@
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::agent_messages_test {
 namespace {
 
 using server::ParseDelivery;
@@ -88,4 +88,4 @@ TEST(ParseDelivery, AnUploadIsOfOneStream) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::agent_messages_test

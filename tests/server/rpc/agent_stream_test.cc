@@ -18,7 +18,7 @@
 #include "tests/testing/process.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::agent_stream_test {
 namespace {
 
 using ::testing::AllOf;
@@ -386,4 +386,4 @@ TEST_F(AgentStream, IsToldWhenTheServerGoes) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::agent_stream_test

@@ -13,7 +13,7 @@
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::calibration_service_test {
 namespace {
 
 using ::testing::AllOf;
@@ -198,4 +198,4 @@ TEST_F(CalibrationService, QueuedOnesSurviveARestart) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::calibration_service_test

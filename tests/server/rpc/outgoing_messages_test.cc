@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace rigcal::testing {
+namespace rigcal::testing::outgoing_messages_test {
 namespace {
 
 using server::OutgoingMessages;
@@ -116,4 +116,4 @@ TEST_F(OutgoingMessagesTest, IsBounded) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::outgoing_messages_test

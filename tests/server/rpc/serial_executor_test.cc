@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-namespace rigcal::testing {
+namespace rigcal::testing::serial_executor_test {
 namespace {
 
 using server::SerialExecutor;
@@ -58,4 +58,4 @@ TEST(SerialExecutor, RunsOneAtATimeForManyCallers) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::serial_executor_test

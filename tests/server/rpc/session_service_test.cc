@@ -20,7 +20,7 @@
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::session_service_test {
 namespace {
 
 using ::testing::AllOf;
@@ -300,4 +300,4 @@ TEST_F(SessionService, ReadsObservationsInTheirOrderWithoutRefusedAndLateOnes) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::session_service_test

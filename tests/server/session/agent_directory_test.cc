@@ -16,7 +16,7 @@
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::agent_directory_test {
 namespace {
 
 using server::AgentDirectory;
@@ -223,4 +223,4 @@ TEST(AgentDirectory, OfManyStreamsAtOnceOnlyTheNewestStays) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::agent_directory_test

@@ -11,7 +11,7 @@
 #include "tests/server/session/runner_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::calibration_runner_test {
 namespace {
 
 using ::testing::AllOf;
@@ -249,4 +249,4 @@ TEST_F(CalibrationRunner, ManyClientsAtOnce) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::calibration_runner_test

@@ -11,7 +11,7 @@
 #include "tests/server/session/runner_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::calibration_worker_test {
 namespace {
 
 using ::testing::AllOf;
@@ -119,4 +119,4 @@ TEST_F(CalibrationWorker, ShutdownEndsWatches) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::calibration_worker_test

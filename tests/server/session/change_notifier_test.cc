@@ -9,7 +9,7 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::change_notifier_test {
 namespace {
 
 using server::ChangeNotifier;
@@ -69,4 +69,4 @@ TEST(ChangeNotifier, ShutdownEndsEveryWait) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::change_notifier_test

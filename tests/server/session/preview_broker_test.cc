@@ -14,7 +14,7 @@
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::preview_broker_test {
 namespace {
 
 using server::AgentDirectory;
@@ -143,7 +143,7 @@ TEST_F(PreviewBrokerTest, PassesOnTheAgentsRefusals) {
   const std::vector<std::pair<PreviewRefusal, absl::StatusCode>> cases = {
       {PreviewRefusal::kDisabled, absl::StatusCode::kFailedPrecondition},
       {PreviewRefusal::kUnknownCamera, absl::StatusCode::kNotFound},
-      {PreviewRefusal::kNoPictures, absl::StatusCode::kFailedPrecondition},
+      {PreviewRefusal::kNoFrames, absl::StatusCode::kFailedPrecondition},
       {PreviewRefusal::kNotCapturing, absl::StatusCode::kFailedPrecondition},
       {PreviewRefusal::kTooOften, absl::StatusCode::kResourceExhausted},
       {PreviewRefusal::kTimedOut, absl::StatusCode::kAborted},
@@ -211,4 +211,4 @@ TEST_F(PreviewBrokerTest, EndsWhenNobodyWaitsOrNobodyAnswers) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::preview_broker_test

@@ -11,7 +11,7 @@
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::session_agents_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -186,4 +186,4 @@ TEST_F(SessionAgents, ComingAndGoingWakesWatchers) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::session_agents_test

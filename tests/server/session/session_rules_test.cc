@@ -11,7 +11,7 @@
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::session_rules_test {
 namespace {
 
 using server::AgentDirectory;
@@ -135,4 +135,4 @@ TEST(DrainTimeout, HasADefaultAndALimit) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::session_rules_test

@@ -7,7 +7,7 @@
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::stream_context_cache_test {
 namespace {
 
 using server::StreamContextCache;
@@ -77,4 +77,4 @@ TEST_F(StreamContextCacheTest, IsNotRemovedUnderAReader) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::stream_context_cache_test

@@ -14,7 +14,7 @@
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server {
+namespace rigcal::server::calibrate_errors_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -147,4 +147,4 @@ TEST(CalibrateErrors, APoseThatIsHeldLooselyIsNamedWithWhereToWave) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::calibrate_errors_test

@@ -11,7 +11,7 @@
 #include "tests/testing/recorded_tracks.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server {
+namespace rigcal::server::calibrate_recorded_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -151,4 +151,4 @@ TEST(RecordedRig, PermutedDeliveryGivesTheSameBits) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::calibrate_recorded_test

@@ -9,7 +9,7 @@
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server {
+namespace rigcal::server::calibrate_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -290,4 +290,4 @@ TEST(Calibrate, CarriesOverWhatOthersRefused) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::calibrate_test

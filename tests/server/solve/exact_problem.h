@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/solve/bundle_problem.h"
-#include "server/solve/projection_jacobian.h"
+#include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/bundle/projection_jacobian.h"
 
 namespace rigcal::server {
 

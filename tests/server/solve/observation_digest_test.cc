@@ -12,7 +12,7 @@
 
 #include "server/associate/clean_track.h"
 
-namespace rigcal::server {
+namespace rigcal::server::observation_digest_test {
 namespace {
 
 // Everything a digest is made from.
@@ -177,4 +177,4 @@ TEST(ObservationDigest, DoesNotChangeWithTheOrderOfArrival) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::observation_digest_test

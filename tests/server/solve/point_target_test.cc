@@ -14,7 +14,7 @@
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server {
+namespace rigcal::server::point_target_test {
 namespace {
 
 using rigcal::testing::IsOk;
@@ -249,4 +249,4 @@ TEST(PointTarget, DistancesThatMakeNoSenseAreRefused) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::point_target_test

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "common/simulation/simulated_world.h"
+#include "common/simulation/world/simulated_world.h"
 #include "server/solve/calibrate.h"
 
 namespace rigcal::server {

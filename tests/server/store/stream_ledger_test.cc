@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-namespace rigcal::server {
+namespace rigcal::server::stream_ledger_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -93,4 +93,4 @@ TEST(StreamLedger, AgreesWithASetOfNumbers) {
 }
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::stream_ledger_test

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/genicam/aravis_frame_source.h"
+
+#include <spdlog/spdlog.h>
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "agent/capture/genicam/aravis_settings.h"
+#include "common/camera/intrinsics_file.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+int64_t ClockNowNs(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+
+int64_t ToNs(double seconds) { return static_cast<int64_t>(std::llround(seconds * 1e9)); }
+
+const char* StatusWord(ArvBufferStatus status) {
+  switch (status) {
+    case ARV_BUFFER_STATUS_TIMEOUT:
+      return "packets did not come in time";
+    case ARV_BUFFER_STATUS_MISSING_PACKETS:
+      return "packets are missing";
+    case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
+      return "a packet's number is wrong";
+    case ARV_BUFFER_STATUS_SIZE_MISMATCH:
+      return "it has another size than announced";
+    case ARV_BUFFER_STATUS_ABORTED:
+      return "the stream ended in the middle of it";
+    default:
+      return "it did not come whole";
+  }
+}
+
+// When the first packet came, by the host's clocks. Aravis notes it in UTC alone.
+FrameArrival ArrivalOf(ArvBuffer* buffer, double exposure_s) {
+  const int64_t utc_now_ns = ClockNowNs(CLOCK_REALTIME);
+  const int64_t monotonic_now_ns = ClockNowNs(CLOCK_MONOTONIC);
+  FrameArrival arrival;
+  arrival.device_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer)) + ToNs(exposure_s);
+  arrival.host_utc_ns = static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer));
+  // A wall clock that stepped meanwhile must not be taken for a picture from long ago.
+  const int64_t age_ns = std::clamp<int64_t>(utc_now_ns - arrival.host_utc_ns, 0, 10'000'000'000);
+  arrival.host_monotonic_ns = monotonic_now_ns - age_ns;
+  return arrival;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<AravisFrameSource>> AravisFrameSource::Create(
+    AravisSourceOptions options) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  CameraDescription description;
+  description.camera = options.camera;
+  std::optional<ImageSize> calibrated_px;
+  if (!options.calibration_path.empty()) {
+    absl::StatusOr<IntrinsicsFile> calibration = ReadIntrinsicsFile(options.calibration_path);
+    if (!calibration.ok()) {
+      return absl::Status(calibration.status().code(),
+                          absl::StrCat("camera ", options.camera, ": ",
+                                       std::string(calibration.status().message())));
+    }
+    calibrated_px = calibration->image_size_px;
+    description.intrinsics = std::move(calibration->intrinsics);
+  }
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<AravisCamera> camera,
+                          AravisCamera::Open(options, /*list_others=*/true));
+  if (calibrated_px && options.check_image_size) {
+    RIGCAL_RETURN_IF_ERROR(CheckImageSize(options.camera, camera->image_size_px(), *calibrated_px,
+                                          options.calibration_path));
+  }
+  for (const std::string& warning : SettingWarnings(camera->get(), options, camera->settings())) {
+    spdlog::warn("{}", warning);
+  }
+  description.image_size_px = camera->image_size_px();
+  description.clock = camera->ptp_clock_id().empty()
+                          ? Clock{.clock_id = camera->device_id(), .timebase = ""}
+                          : Clock{.clock_id = camera->ptp_clock_id(), .timebase = "ptp"};
+  description.latency_s = options.latency_s;
+  description.sensor = SensorKind::kFrame;
+  description.source = absl::StrCat("aravis:", options.device);
+  description.settings = camera->settings();
+  RIGCAL_RETURN_IF_ERROR(description.Validate());
+  std::unique_ptr<AravisFrameSource> source(
+      new AravisFrameSource(std::move(options), std::move(description)));
+  source->camera_ = std::move(camera);
+  return source;
+}
+
+AravisFrameSource::~AravisFrameSource() { EndStream(); }
+
+absl::Status AravisFrameSource::Start(const Target& target) {
+  EndStream();
+  if (!target.blink_hz.empty()) {
+    const double slowest_hz = *std::min_element(target.blink_hz.begin(), target.blink_hz.end());
+    const double exposure_s = description_.settings ? description_.settings->exposure_s : 0;
+    if (const auto warning = ShortExposureWarning(options_.camera, exposure_s, slowest_hz)) {
+      spdlog::warn("{}", *warning);
+    }
+  }
+  counts_ = {};
+  refused_ = {};
+  lost_before_ = 0;
+  clock_ = {};
+  stopped_ = false;
+  if (camera_ && !camera_->control_lost()) return BeginStream();
+  return absl::OkStatus();  // Next looks for it
+}
+
+absl::Status AravisFrameSource::BeginStream() {
+  frame_ids_.Restart();
+  lost_by_id_ = 0;
+  exposure_s_ = camera_->settings().exposure_s;
+  clock_can_be_read_ = camera_->CanReadClock();
+  RIGCAL_ASSIGN_OR_RETURN(stream_, AravisStream::Start(camera_.get(), options_, &bell_));
+  next_trigger_ = std::chrono::steady_clock::now();
+  return absl::OkStatus();
+}
+
+void AravisFrameSource::EndStream() {
+  if (!stream_) return;
+  if (held_ != nullptr) stream_->GiveBack(std::exchange(held_, nullptr));
+  stream_->StopCamera();
+  do {
+    while (ArvBuffer* const buffer = stream_->TryPop()) {
+      Count(buffer);
+      stream_->GiveBack(buffer);
+    }
+  } while (stream_->WaitForLast());
+  const uint64_t without_buffer = stream_->underruns();
+  refused_.Add("", "frame_no_buffer", static_cast<uint32_t>(without_buffer),
+               "every buffer was in use; the detector is slower than the camera");
+  // Those without a buffer leave a gap in the numbers, except at the end.
+  lost_before_ += std::max(lost_by_id_, without_buffer);
+  lost_by_id_ = 0;
+  counts_.lost = lost_before_;
+  stream_.reset();
+}
+
+void AravisFrameSource::Stop() {
+  stopped_ = true;
+  bell_.Ring();
+}
+
+absl::StatusOr<std::optional<Frame>> AravisFrameSource::Next() {
+  while (true) {
+    if (stream_ && held_ != nullptr) stream_->GiveBack(std::exchange(held_, nullptr));
+    if (stopped_) {
+      EndStream();
+      return std::nullopt;
+    }
+    if (!stream_ || camera_->control_lost()) {
+      if (!Reconnect()) return std::nullopt;
+      continue;
+    }
+    const std::chrono::milliseconds wait = TriggerIfDue();
+    ArvBuffer* const buffer = stream_->TryPop();
+    if (buffer == nullptr) {
+      bell_.Wait(wait);
+      continue;
+    }
+    std::optional<Frame> frame;
+    if (Count(buffer)) frame = ToFrame(buffer);
+    if (!frame) {
+      stream_->GiveBack(buffer);
+      continue;
+    }
+    held_ = buffer;
+    return frame;
+  }
+}
+
+bool AravisFrameSource::Count(ArvBuffer* buffer) {
+  const ArvBufferStatus status = arv_buffer_get_status(buffer);
+  if (status == ARV_BUFFER_STATUS_CLEARED) return false;  // given back, never used
+  const uint64_t id = arv_buffer_get_frame_id(buffer);
+  if (status == ARV_BUFFER_STATUS_SUCCESS || id != 0) {
+    const uint64_t lost = frame_ids_.Arrived(id);
+    lost_by_id_ += lost;
+    counts_.lost = lost_before_ + lost_by_id_;
+    refused_.Add("", "frame_lost", static_cast<uint32_t>(lost),
+                 absl::StrCat(lost, " before number ", id, " never came"));
+  } else {
+    frame_ids_.ArrivedWithoutId();
+  }
+  if (status != ARV_BUFFER_STATUS_SUCCESS) {
+    Damaged("frame_incomplete", absl::StrCat("number ", id, ": ", StatusWord(status)));
+    return false;
+  }
+  ++counts_.received;
+  return true;
+}
+
+void AravisFrameSource::Damaged(std::string_view reason, const std::string& example) {
+  ++counts_.damaged;
+  refused_.Add("", reason, 1, example);
+  spdlog::debug("camera {}: {}: {}", options_.camera, std::string(reason), example);
+}
+
+std::optional<Frame> AravisFrameSource::ToFrame(ArvBuffer* buffer) {
+  size_t size_bytes = 0;
+  const void* const data = arv_buffer_get_image_data(buffer, &size_bytes);
+  const int width = arv_buffer_get_image_width(buffer);
+  const int height = arv_buffer_get_image_height(buffer);
+  int x_padding = 0;
+  int y_padding = 0;
+  arv_buffer_get_image_padding(buffer, &x_padding, &y_padding);
+  const auto format = FindPixelFormat(arv_buffer_get_image_pixel_format(buffer));
+  const ImageSize size_px{static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
+  if (!format || size_px != description_.image_size_px) {
+    --counts_.received;
+    Damaged("frame_wrong_size", absl::StrCat(width, " x ", height, " pixels",
+                                             format ? "" : " in a format that is not supported",
+                                             "; was the camera set anew by another program?"));
+    return std::nullopt;
+  }
+  const absl::StatusOr<ImageView> view =
+      ViewPixels(*format, static_cast<const uint8_t*>(data), size_bytes, width, height, x_padding,
+                 &converted_);
+  if (!view.ok()) {
+    --counts_.received;
+    Damaged("frame_wrong_size", std::string(view.status().message()));
+    return std::nullopt;
+  }
+  Frame frame;
+  frame.image = *view;
+  FollowClock(buffer, &frame);
+  return frame;
+}
+
+void AravisFrameSource::FollowClock(ArvBuffer* buffer, Frame* frame) {
+  const auto stamp_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer));
+  const FrameArrival arrival = ArrivalOf(buffer, exposure_s_);
+  frame->clock_epoch = clock_.EpochOf(stamp_ns, arrival);
+  frame->exposure_s = exposure_s_;
+  frame->time_ns = stamp_ns + ToNs(exposure_s_) / 2;
+  if (!clock_can_be_read_) {
+    clock_.AddArrival(arrival);
+  } else if (clock_.ReadingIsDue(arrival.host_monotonic_ns)) {
+    const absl::StatusOr<ClockSample> reading = camera_->ReadClock();
+    if (!reading.ok() || !clock_.AddReading(*reading)) {
+      clock_can_be_read_ = false;
+      spdlog::warn("camera {}: its clock is taken from when pictures arrive, to about {} ms: {}",
+                   options_.camera, DeviceClock::kArrivalUncertaintyNs / 1'000'000,
+                   reading.ok() ? "what it latches is not the clock of its stamps"
+                                : std::string(reading.status().message()));
+    }
+  }
+  if (camera_->exposure_is_automatic() && arrival.host_monotonic_ns >= next_exposure_ns_) {
+    exposure_s_ = ExposureSeconds(camera_->get());
+    next_exposure_ns_ = arrival.host_monotonic_ns + DeviceClock::kIntervalNs;
+  }
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/capture/device_clock.h"
+#include "agent/capture/frame_source.h"
+#include "agent/capture/genicam/aravis_camera.h"
+#include "agent/capture/genicam/aravis_frame_ids.h"
+#include "agent/capture/genicam/aravis_options.h"
+#include "agent/capture/genicam/aravis_stream.h"
+
+namespace rigcal::agent {
+
+// A GenICam camera, GigE Vision or USB3 Vision, through Aravis. Under our control from Create to
+// the end of the object.
+//
+// Time: GenICam stamps a picture at the start of its exposure, by the camera's own clock (or by PTP
+// where that was asked for and has locked; then all such cameras share one clock). The time of a
+// picture is its stamp plus half the exposure that the camera says it has. For a camera that stamps
+// at another moment, AravisSourceOptions::latency_s says by how much.
+//
+// Counts: pictures that came whole; damaged ones (packets missing, wrong size); lost ones, whose
+// numbers were never seen or that found every buffer in use. What has come but was not fetched when
+// the capture stopped counts as received. A camera that is unplugged is looked for again, with
+// growing pauses, until Stop; pictures of that time cannot be counted. Reasons in Refused:
+// frame_incomplete, frame_lost, frame_no_buffer, frame_wrong_size, camera_lost.
+class AravisFrameSource : public FrameSource {
+ public:
+  // As AravisCamera::Open; FAILED_PRECONDITION too where the pictures are not as large as the
+  // intrinsics say; NOT_FOUND or INVALID_ARGUMENT for the calibration file.
+  static absl::StatusOr<std::unique_ptr<AravisFrameSource>> Create(AravisSourceOptions options);
+  ~AravisFrameSource() override;
+
+  const CameraDescription& description() const override { return description_; }
+  absl::Status Start(const Target& target) override;
+  absl::StatusOr<std::optional<Frame>> Next() override;
+  void Stop() override;
+  std::vector<ClockSample> TakeClockSamples() override { return clock_.Take(); }
+  FrameCounts counts() const override { return counts_; }
+  std::vector<Refusal> Refused() const override { return refused_.List(); }
+
+ private:
+  AravisFrameSource(AravisSourceOptions options, CameraDescription description)
+      : options_(std::move(options)), description_(std::move(description)) {}
+
+  absl::Status BeginStream();
+  void EndStream();  // counts what has come
+  bool Reconnect();  // false: stopped
+  absl::Status OpenAgain();
+  bool Pause(std::chrono::milliseconds time);  // false: stopped
+  // Whether the picture is whole; counts it either way.
+  bool Count(ArvBuffer* buffer);
+  std::optional<Frame> ToFrame(ArvBuffer* buffer);
+  void FollowClock(ArvBuffer* buffer, Frame* frame);
+  void Damaged(std::string_view reason, const std::string& example);
+  // Asks for a picture when one is due (trigger=software). How long until the next.
+  std::chrono::milliseconds TriggerIfDue();
+
+  const AravisSourceOptions options_;
+  const CameraDescription description_;
+  CaptureBell bell_;
+  std::atomic<bool> stopped_ = true;
+
+  std::unique_ptr<AravisCamera> camera_;
+  std::unique_ptr<AravisStream> stream_;
+  std::chrono::steady_clock::time_point next_trigger_;
+  ArvBuffer* held_ = nullptr;  // the one that the last Frame shows
+  std::vector<uint8_t> converted_;
+  FrameIdTracker frame_ids_;
+  uint64_t lost_by_id_ = 0;   // of this stream
+  uint64_t lost_before_ = 0;  // of earlier streams of this capture
+  double exposure_s_ = 0;
+  int64_t next_exposure_ns_ = 0;  // when to ask for it again, host monotonic
+  DeviceClock clock_;
+  bool clock_can_be_read_ = false;
+  FrameCounts counts_;
+  RefusalCounter refused_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <metavision/hal/device/device.h>
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/capture/metavision/metavision_device.h"
+
+namespace rigcal::agent {
+
+// Puts what is asked on the camera, before it streams, and switches anti-flicker off. The trigger
+// inputs that are listened to. Errors as in OpenMetavisionDevice, without the camera's name. The
+// SDK may throw.
+absl::StatusOr<std::vector<std::string>> ApplyMetavisionSettings(Metavision::Device& device,
+                                                                 const MetavisionRequest& request);
+
+}  // namespace rigcal::agent

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/recorded/csv_observation_source.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "agent/capture/recorded/csv_line.h"
+#include "common/camera/intrinsics_file.h"
+#include "common/status/fault_list.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+// A recording may begin with damaged lines; one good line among the first ones decides.
+constexpr int kLinesLookedAt = 100;
+
+bool IsBlank(std::string_view text) { return text.find_first_not_of(" \t\r") == text.npos; }
+
+absl::Status WithContext(const absl::Status& status, const std::string& before,
+                         const std::string& after = "") {
+  return absl::Status(status.code(), absl::StrCat(before, std::string(status.message()), after));
+}
+
+}  // namespace
+
+absl::Status CsvSourceOptions::Validate() const {
+  FaultList faults;
+  if (camera.empty()) faults.Add("the camera's name is empty");
+  if (path.empty()) faults.Add("the path of the CSV file is empty");
+  if (calibration_path.empty()) faults.Add("the path of the calibration is empty");
+  if (!std::isfinite(sigma_px) || sigma_px <= 0) {
+    faults.Add("sigma is ", sigma_px, " px, but must be above 0");
+  }
+  if (!(speed > 0)) faults.Add("speed is ", speed, ", but must be above 0");
+  return faults.Result(absl::StrCat("camera ", camera, ": "));
+}
+
+absl::StatusOr<std::unique_ptr<CsvObservationSource>> CsvObservationSource::Create(
+    CsvSourceOptions options) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  const std::string prefix = absl::StrCat("camera ", options.camera, ": ");
+  if (const auto reader = LineReader::Open(options.path); !reader.ok()) {
+    return WithContext(reader.status(), prefix);
+  }
+  absl::StatusOr<IntrinsicsFile> calibration = ReadIntrinsicsFile(options.calibration_path);
+  if (!calibration.ok()) {
+    return WithContext(calibration.status(), prefix,
+                       "; name the camera's OpenCV YAML with ;calibration=FILE");
+  }
+  CameraDescription description;
+  description.camera = options.camera;
+  description.image_size_px = calibration->image_size_px;
+  description.intrinsics = std::move(calibration->intrinsics);
+  description.clock = {.clock_id = options.camera, .timebase = "recording"};
+  description.sensor = SensorKind::kFrame;
+  description.source =
+      absl::StrCat("csv:", std::filesystem::path(options.path).filename().string());
+  RIGCAL_RETURN_IF_ERROR(description.Validate());
+  return std::unique_ptr<CsvObservationSource>(
+      new CsvObservationSource(std::move(options), std::move(description)));
+}
+
+CsvObservationSource::CsvObservationSource(CsvSourceOptions options, CameraDescription description)
+    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
+
+absl::Status CsvObservationSource::CheckMarkerCount(int marker_count) const {
+  RIGCAL_ASSIGN_OR_RETURN(LineReader reader, LineReader::Open(options_.path));
+  std::string first_other;
+  for (int looked_at = 0; looked_at < kLinesLookedAt;) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<LineReader::Line> line, reader.Next());
+    if (!line) break;
+    if (IsBlank(line->text)) continue;
+    ++looked_at;
+    if (line->too_long) continue;
+    const int field_count = CsvFieldCount(line->text);
+    if (field_count == 1 + 2 * marker_count) return absl::OkStatus();
+    if (field_count < 3 || field_count % 2 == 0 || !first_other.empty()) continue;
+    first_other = absl::StrCat(options_.path, ":", line->number, " shows ", (field_count - 1) / 2,
+                               " markers (", field_count, " fields)");
+  }
+  // No line of any marker count is not the target's fault: every line will be refused by itself.
+  if (first_other.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("camera ", options_.camera, ": ", first_other, ", but the session's target has ",
+                   marker_count, "; start a session whose target is the one that was recorded"));
+}
+
+absl::Status CsvObservationSource::Start(const Target& target) {
+  refused_ = {};
+  reader_.reset();
+  RIGCAL_RETURN_IF_ERROR(CheckMarkerCount(target.marker_count()));
+  RIGCAL_ASSIGN_OR_RETURN(reader_, LineReader::Open(options_.path));
+  marker_count_ = target.marker_count();
+  has_content_ = false;
+  clock_epochs_ = {};
+  clock_epoch_ = 0;
+  pacer_.Start();
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<Observation>> CsvObservationSource::Next() {
+  while (reader_) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<LineReader::Line> line, reader_->Next());
+    if (!line) {
+      if (!has_content_) {
+        Refuse("csv_empty", 1,
+               absl::StrCat("the file holds no line; expected lines like ",
+                            CsvLineExample(marker_count_)));
+      }
+      reader_.reset();
+      break;
+    }
+    if (IsBlank(line->text)) continue;
+    has_content_ = true;
+    if (line->too_long) {
+      Refuse("csv_line_too_long", line->number,
+             absl::StrCat("longer than ", LineReader::kMaxLineBytes, " bytes"));
+      continue;
+    }
+    Observation observation;
+    if (const auto fault =
+            ParseCsvLine(line->text, marker_count_, options_.sigma_px, &observation)) {
+      Refuse(fault->reason, line->number, fault->what);
+      continue;
+    }
+    for (MarkerObservation& marker : observation.markers) {
+      marker.centre_kind = options_.centre_kind;
+    }
+    AssignClockEpoch(line->number, &observation);
+    if (!pacer_.Wait(observation.time_ns)) break;
+    return observation;
+  }
+  return std::nullopt;
+}
+
+void CsvObservationSource::AssignClockEpoch(uint64_t line, Observation* observation) {
+  observation->clock_epoch = clock_epochs_.EpochOf(observation->time_ns);
+  if (observation->clock_epoch != clock_epoch_) {
+    clock_epoch_ = observation->clock_epoch;
+    spdlog::warn(
+        "camera {}: {}:{}: the clock jumps back from {} ns to {} ns; what follows is clock epoch "
+        "{}: stored, but used only if its own time offset can be found",
+        options_.camera, options_.path, line, last_time_ns_, observation->time_ns, clock_epoch_);
+  }
+  last_time_ns_ = observation->time_ns;
+}
+
+void CsvObservationSource::Refuse(std::string_view reason, uint64_t line, const std::string& what) {
+  const std::string example = absl::StrCat(options_.path, ":", line, ": ", what);
+  spdlog::debug("camera {}: {}: {}", options_.camera, reason, example);
+  refused_.Add("", reason, 1, example);
+}
+
+}  // namespace rigcal::agent

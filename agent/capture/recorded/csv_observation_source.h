@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/capture/observation_source.h"
+#include "agent/capture/pacer.h"
+#include "common/status/refusal.h"
+#include "common/text/line_reader.h"
+#include "common/time/clock.h"
+
+namespace rigcal::agent {
+
+struct CsvSourceOptions {
+  std::string camera;            // name within the rig
+  std::string path;              // lines `timestamp_ns;x0;y0;x1;y1;...`, see csv_line.h
+  std::string calibration_path;  // OpenCV YAML with the camera's intrinsics and image size
+  double sigma_px = 0.5;         // one sigma of each coordinate of every centre, > 0
+  // What the centres of the file are; sphere centres are what `rigcal-agent detect` writes where it
+  // knows the camera's intrinsics and the spheres' diameter.
+  CentreKind centre_kind = CentreKind::kImageBlob;
+  double speed = 1;  // times the recorded pace, > 0; kMaxSpeed: no waiting
+
+  // INVALID_ARGUMENT with every fault.
+  absl::Status Validate() const;
+};
+
+// A recorded camera: marker centres from a CSV file, in the order of its lines. The camera is its
+// own clock, of time base "recording". A line that cannot be read is refused with its reason, file
+// and line number, and the file goes on after it. A time stamp before the one of the line above
+// opens a new clock epoch and is logged; equal ones are passed on.
+class CsvObservationSource : public ObservationSource {
+ public:
+  // NOT_FOUND, INVALID_ARGUMENT, ...: the CSV file or the calibration is missing or malformed; the
+  // message names camera, file and what to do.
+  static absl::StatusOr<std::unique_ptr<CsvObservationSource>> Create(CsvSourceOptions options);
+
+  const CameraDescription& description() const override { return description_; }
+  // INVALID_ARGUMENT: the recording shows another number of markers than `target` has.
+  absl::Status Start(const Target& target) override;
+  absl::StatusOr<std::optional<Observation>> Next() override;
+  void Stop() override { pacer_.Stop(); }
+  std::vector<Refusal> Refused() const override { return refused_.List(); }
+
+ private:
+  CsvObservationSource(CsvSourceOptions options, CameraDescription description);
+  absl::Status CheckMarkerCount(int marker_count) const;
+  void Refuse(std::string_view reason, uint64_t line, const std::string& what);
+  void AssignClockEpoch(uint64_t line, Observation* observation);
+
+  const CsvSourceOptions options_;
+  const CameraDescription description_;
+  Pacer pacer_;
+  std::optional<LineReader> reader_;
+  int marker_count_ = 0;
+  bool has_content_ = false;  // a line that is not blank has been read
+  ClockEpochCounter clock_epochs_;
+  uint32_t clock_epoch_ = 0;
+  int64_t last_time_ns_ = 0;
+  RefusalCounter refused_;
+};
+
+}  // namespace rigcal::agent

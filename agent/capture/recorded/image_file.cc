@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/recorded/image_file.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "common/camera/intrinsics_file.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr std::array kEndings = {".png",  ".jpg", ".jpeg", ".bmp", ".tif",
+                                 ".tiff", ".pgm", ".ppm",  ".pnm", ".webp"};
+constexpr std::uintmax_t kMaxFileBytes = 1u << 30;
+constexpr size_t kMaxTrailingBytes = 4096;
+
+absl::StatusOr<std::vector<uchar>> ReadBytes(const std::string& path) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (error) return absl::NotFoundError(absl::StrCat("there is no picture ", path));
+  if (size == 0) return absl::DataLossError(absl::StrCat(path, " is empty"));
+  if (size > kMaxFileBytes) {
+    return absl::DataLossError(absl::StrCat(path, " has ", size, " bytes; no picture has"));
+  }
+  std::vector<uchar> bytes(size);
+  std::ifstream stream(path, std::ios::binary);
+  stream.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
+  if (!stream) return absl::DataLossError(absl::StrCat("cannot read ", path));
+  return bytes;
+}
+
+// OpenCV fills what is missing of a JPEG with grey and says nothing. Its end marker cannot occur
+// inside of what is coded.
+bool IsTruncatedJpeg(const std::vector<uchar>& bytes) {
+  if (bytes.size() < 4 || bytes[0] != 0xFF || bytes[1] != 0xD8) return false;
+  const size_t first = bytes.size() - std::min(bytes.size(), kMaxTrailingBytes);
+  for (size_t i = bytes.size() - 1; i > first; --i) {
+    if (bytes[i - 1] == 0xFF && bytes[i] == 0xD9) return false;
+  }
+  return true;
+}
+
+// The length a BMP says it has; OpenCV takes what is missing for black.
+bool IsTruncatedBmp(const std::vector<uchar>& bytes) {
+  if (bytes.size() < 6 || bytes[0] != 'B' || bytes[1] != 'M') return false;
+  const size_t said =
+      bytes[2] | bytes[3] << 8 | bytes[4] << 16 | static_cast<size_t>(bytes[5]) << 24;
+  return bytes.size() < said;
+}
+
+}  // namespace
+
+ImageView ViewOf(const cv::Mat& picture) {
+  return {.data = picture.data,
+          .width = picture.cols,
+          .height = picture.rows,
+          .stride_bytes = static_cast<ptrdiff_t>(picture.step[0]),
+          .format = picture.channels() == 1 ? PixelFormat::kMono8 : PixelFormat::kBgr8};
+}
+
+absl::StatusOr<cv::Mat> AsEightBit(const cv::Mat& picture) {
+  if (picture.empty()) return absl::InvalidArgumentError("the picture has no pixels");
+  if (picture.type() == CV_8UC1 || picture.type() == CV_8UC3) return picture;
+  cv::Mat eight_bit = picture;
+  if (picture.depth() == CV_16U) {
+    picture.convertTo(eight_bit, CV_8U, 1.0 / 257);
+  } else if (picture.depth() != CV_8U) {
+    return absl::InvalidArgumentError("its pixels have neither 8 nor 16 bits");
+  }
+  if (eight_bit.channels() == 4) cv::cvtColor(eight_bit, eight_bit, cv::COLOR_BGRA2BGR);
+  if (eight_bit.channels() == 2) cv::extractChannel(eight_bit, eight_bit, 0);  // grey and alpha
+  return eight_bit;
+}
+
+bool IsImageName(std::string_view name) {
+  const std::string lower = absl::AsciiStrToLower(std::string(name));
+  return std::any_of(kEndings.begin(), kEndings.end(),
+                     [&](const char* ending) { return absl::EndsWith(lower, ending); });
+}
+
+absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<uchar> bytes, ReadBytes(path));
+  if (IsTruncatedJpeg(bytes) || IsTruncatedBmp(bytes)) {
+    return absl::DataLossError(absl::StrCat(path, " is cut short"));
+  }
+  cv::Mat decoded;
+  try {
+    decoded = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {
+    decoded.release();
+  }
+  if (decoded.empty()) {
+    return absl::DataLossError(absl::StrCat(path, " is truncated, damaged or no picture"));
+  }
+  absl::StatusOr<cv::Mat> picture = AsEightBit(decoded);
+  if (picture.ok()) return picture;
+  return absl::DataLossError(absl::StrCat(path, ": ", std::string(picture.status().message())));
+}
+
+absl::StatusOr<CameraDescription> DescribeRecordedCamera(const std::string& camera,
+                                                         const std::string& calibration_path,
+                                                         cv::Size picture_size,
+                                                         const std::string& picture) {
+  CameraDescription description;
+  description.camera = camera;
+  description.clock = {.clock_id = camera, .timebase = "recording"};
+  description.sensor = SensorKind::kFrame;
+  description.image_size_px = {static_cast<uint32_t>(picture_size.width),
+                               static_cast<uint32_t>(picture_size.height)};
+  if (calibration_path.empty()) return description;
+  absl::StatusOr<IntrinsicsFile> calibration = ReadIntrinsicsFile(calibration_path);
+  if (!calibration.ok()) {
+    return absl::Status(
+        calibration.status().code(),
+        absl::StrCat("camera ", camera, ": ", std::string(calibration.status().message()),
+                     "; name the camera's OpenCV YAML with ;calibration=FILE, or say "
+                     ";calibration=none for a camera without one"));
+  }
+  const ImageSize& size = calibration->image_size_px;
+  if (size != description.image_size_px) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "camera ", camera, ": ", picture, " is ", picture_size.width, "x", picture_size.height,
+        " pixels, but the calibration ", calibration_path, " is one for ", size.width, "x",
+        size.height, "; calibrate the camera at this size or name the right file"));
+  }
+  description.intrinsics = std::move(calibration->intrinsics);
+  return description;
+}
+
+}  // namespace rigcal::agent

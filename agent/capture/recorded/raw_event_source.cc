@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/recorded/raw_event_source.h"
+
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/camera/intrinsics_file.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kFastBytes = size_t{64} << 10;
+constexpr size_t kPacedBytes = size_t{256} << 10;
+constexpr size_t kTimedBytes = 512;
+constexpr int64_t kPacedUs = 2000;
+constexpr uint32_t kMaxSide = 2048;
+
+std::string Text(const SensorGeometry& geometry) {
+  return absl::StrCat(geometry.width, "x", geometry.height);
+}
+
+// Of what header, option and calibration say, the one; they must agree.
+absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
+                                               const RawSourceOptions& options,
+                                               const std::optional<IntrinsicsFile>& calibration) {
+  struct Statement {
+    std::string by;
+    SensorGeometry geometry;
+  };
+  std::vector<Statement> said;
+  if (header.geometry) {
+    said.push_back({header.format == EventFormat::kPlain ? "what it says itself" : "its header",
+                    *header.geometry});
+  }
+  if (options.geometry) said.push_back({"geometry=", *options.geometry});
+  if (calibration) {
+    said.push_back({absl::StrCat("the calibration ", options.calibration_path),
+                    {calibration->image_size_px.width, calibration->image_size_px.height}});
+  }
+  if (said.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(options.path, " does not say the size of its sensor; add ;geometry=WxH"));
+  }
+  for (const Statement& other : said) {
+    if (other.geometry == said.front().geometry) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        options.path, ": the sensor has ", Text(said.front().geometry), " pixels by ",
+        said.front().by, ", but ", Text(other.geometry), " by ", other.by, "; name the right one"));
+  }
+  return said.front().geometry;
+}
+
+}  // namespace
+
+absl::Status RawSourceOptions::Validate() const {
+  std::vector<std::string> faults;
+  if (camera.empty()) faults.push_back("the camera's name is empty");
+  if (path.empty()) faults.push_back("the path of the file is empty");
+  if (geometry && (geometry->width < 1 || geometry->width > kMaxSide || geometry->height < 1 ||
+                   geometry->height > kMaxSide)) {
+    faults.push_back(absl::StrCat("geometry is ", Text(*geometry), ", but must be 1 to ", kMaxSide,
+                                  " pixels each way"));
+  }
+  if (!(speed > 0)) faults.push_back(absl::StrCat("speed is ", speed, ", but must be above 0"));
+  if (faults.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("camera ", camera, ": ", absl::StrJoin(faults, "; ")));
+}
+
+absl::StatusOr<std::unique_ptr<RawEventSource>> RawEventSource::Create(RawSourceOptions options) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  const auto named = [&options](const absl::Status& status, const std::string& after = "") {
+    return absl::Status(status.code(), absl::StrCat("camera ", options.camera, ": ",
+                                                    std::string(status.message()), after));
+  };
+  const auto file = OpenEventFile(options.path, options.plain);
+  if (!file.ok()) return named(file.status());
+  std::optional<IntrinsicsFile> calibration;
+  if (!options.calibration_path.empty()) {
+    absl::StatusOr<IntrinsicsFile> read = ReadIntrinsicsFile(options.calibration_path);
+    if (!read.ok()) {
+      return named(read.status(),
+                   "; name the camera's OpenCV YAML with ;calibration=FILE, or say "
+                   ";calibration=none for a camera without one");
+    }
+    calibration = *std::move(read);
+  }
+  const absl::StatusOr<SensorGeometry> geometry =
+      ResolveGeometry((*file)->header(), options, calibration);
+  if (!geometry.ok()) return named(geometry.status());
+  CameraDescription description;
+  description.camera = options.camera;
+  description.image_size_px = {geometry->width, geometry->height};
+  if (calibration) description.intrinsics = std::move(calibration->intrinsics);
+  description.clock = {.clock_id = options.clock_id.empty() ? options.camera : options.clock_id,
+                       .timebase = "recording"};
+  description.sensor = SensorKind::kEvent;
+  description.source =
+      absl::StrCat("raw:", std::filesystem::path(options.path).filename().string());
+  RIGCAL_RETURN_IF_ERROR(description.Validate());
+  return std::unique_ptr<RawEventSource>(
+      new RawEventSource(std::move(options), std::move(description)));
+}
+
+RawEventSource::RawEventSource(RawSourceOptions options, CameraDescription description)
+    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
+
+absl::Status RawEventSource::Start(const Target&) {
+  file_.reset();
+  auto file = OpenEventFile(options_.path, options_.plain);
+  if (!file.ok()) {
+    return absl::Status(file.status().code(), absl::StrCat("camera ", options_.camera, ": ",
+                                                           std::string(file.status().message())));
+  }
+  file_ = *std::move(file);
+  const SensorGeometry geometry{description_.image_size_px.width,
+                                description_.image_size_px.height};
+  timer_.emplace(file_->header().format, file_->header().halves_swapped, geometry);
+  pacer_.Start();
+  stopped_ = false;
+  return absl::OkStatus();
+}
+
+void RawEventSource::Stop() {
+  stopped_ = true;
+  pacer_.Stop();
+}
+
+absl::StatusOr<std::optional<EventChunk>> RawEventSource::Next() {
+  if (!file_ || stopped_) return std::nullopt;
+  if (options_.speed != kMaxSpeed) return NextPaced();
+  EventChunk chunk{.format = file_->header().format,
+                   .halves_swapped = file_->header().halves_swapped,
+                   .bytes = {},
+                   .byte_offset = file_->byte_offset()};
+  RIGCAL_ASSIGN_OR_RETURN(chunk.bytes, file_->Next(kFastBytes));
+  if (chunk.bytes.empty()) return std::nullopt;
+  return chunk;
+}
+
+absl::StatusOr<std::optional<EventChunk>> RawEventSource::NextPaced() {
+  EventChunk chunk{.format = file_->header().format,
+                   .halves_swapped = file_->header().halves_swapped,
+                   .bytes = {},
+                   .byte_offset = file_->byte_offset()};
+  piece_.clear();
+  const int64_t begin_us = timer_->time_us();
+  while (piece_.size() < kPacedBytes && timer_->time_us() - begin_us < kPacedUs &&
+         timer_->time_us() >= begin_us) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file_->Next(kTimedBytes));
+    if (bytes.empty()) break;
+    timer_->Take(bytes);
+    piece_.insert(piece_.end(), bytes.begin(), bytes.end());
+  }
+  if (piece_.empty() || !pacer_.Wait(timer_->time_us() * 1000)) return std::nullopt;
+  chunk.bytes = piece_;
+  return chunk;
+}
+
+std::string RawEventSource::PlaceOf(uint64_t byte_offset) const {
+  return absl::StrCat(options_.path, ", ",
+                      file_ ? file_->PlaceOf(byte_offset) : EventSource::PlaceOf(byte_offset));
+}
+
+std::vector<Refusal> RawEventSource::Refused() const {
+  return file_ ? file_->Refused() : std::vector<Refusal>();
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/simulated/simulated_event_source.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "agent/capture/simulated/shared_world.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int64_t kSliceUs = 2 * EventRenderer::kCellUs;
+constexpr double kDifferenceS = 1e-4;  // for the wand's velocity
+constexpr uint32_t kWidthPx = 1280, kHeightPx = 720;
+
+// Of the frame camera that could stand there.
+Intrinsics EventLens(const Intrinsics& lens, const ImageSize& size) {
+  const double scale = static_cast<double>(kHeightPx) / size.height;
+  Intrinsics scaled = lens;
+  scaled.fx_px *= scale;
+  scaled.fy_px *= scale;
+  scaled.cx_px = 0.5 * (kWidthPx - 1.0) + scale * (lens.cx_px - 0.5 * (size.width - 1.0));
+  scaled.cy_px = 0.5 * (kHeightPx - 1.0) + scale * (lens.cy_px - 0.5 * (size.height - 1.0));
+  return scaled;
+}
+
+}  // namespace
+
+absl::Status SimulatedEventSourceOptions::Validate() const {
+  return CheckSimulatedCamera(camera, camera_index, simulation.camera_count, speed,
+                              {simulation.Validate(), scene.Validate(), rendering.Validate()});
+}
+
+absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Create(
+    SimulatedEventSourceOptions options) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  RIGCAL_ASSIGN_OR_RETURN(
+      CameraDescription description,
+      DescribeSimulatedCamera(options.simulation, options.camera_index, options.camera));
+  absl::StrAppend(&description.source, ";events=1");
+  description.sensor = SensorKind::kEvent;
+  description.intrinsics = EventLens(*description.intrinsics, description.image_size_px);
+  description.image_size_px = {kWidthPx, kHeightPx};
+  if (!options.clock_id.empty()) description.clock.clock_id = options.clock_id;
+  RIGCAL_RETURN_IF_ERROR(description.Validate());
+  return std::unique_ptr<SimulatedEventSource>(
+      new SimulatedEventSource(std::move(options), std::move(description)));
+}
+
+SimulatedEventSource::SimulatedEventSource(SimulatedEventSourceOptions options,
+                                           CameraDescription description)
+    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
+
+absl::Status SimulatedEventSource::Start(const Target& target) {
+  renderer_.reset();
+  RIGCAL_ASSIGN_OR_RETURN(world_, SharedWorld(options_.simulation, target));
+  const SimulatedCamera& camera = Camera();
+  FrameRenderOptions scene = options_.scene;
+  EventRenderOptions rendering = options_.rendering;
+  // Each camera looks at another wall and has noise of its own.
+  scene.seed = scene.seed * 1009 + static_cast<uint32_t>(options_.camera_index);
+  rendering.seed = rendering.seed * 1013 + static_cast<uint32_t>(options_.camera_index);
+  RIGCAL_ASSIGN_OR_RETURN(
+      renderer_,
+      EventRenderer::Create(EventLens(camera.true_intrinsics, camera.description.image_size_px),
+                            description_.image_size_px, world_->true_target(), scene, rendering));
+  writer_ = {};
+  byte_offset_ = 0;
+  next_sample_ = 0;
+  clock_samples_.clear();
+  pacer_.Start();
+  return absl::OkStatus();
+}
+
+const SimulatedCamera& SimulatedEventSource::Camera() const {
+  return world_->cameras()[static_cast<size_t>(options_.camera_index)];
+}
+
+std::vector<MarkerGroundTruth> SimulatedEventSource::TruthAt(int64_t time_us) const {
+  const SimulatedCamera& camera = Camera();
+  const double camera_time_s =
+      1e-6 * static_cast<double>(time_us) - 1e-9 * static_cast<double>(camera.clock_origin_ns);
+  const auto wand =
+      WandInCamera(camera_time_s * (1 + 1e-6 * camera.time_rate_ppm) + camera.time_offset_s);
+  return wand ? renderer_->TruthOf(*wand) : std::vector<MarkerGroundTruth>();
+}
+
+std::optional<WandMotion> SimulatedEventSource::WandInCamera(double rig_time_s) const {
+  const SimulationOptions& options = world_->options();
+  const double gap_time_s = rig_time_s - options.gap_start_s;
+  if (gap_time_s >= 0 && gap_time_s < options.gap_duration_s) return std::nullopt;
+  const SimulatedCamera& camera = Camera();
+  const WandPose wand = world_->WandAt(rig_time_s);
+  const WandPose later = world_->WandAt(rig_time_s + kDifferenceS);
+  const auto& rotation = camera.cam_from_rig.rotation;
+  WandMotion motion;
+  motion.origin_m = camera.cam_from_rig * wand.origin_m;
+  motion.direction = rotation * wand.direction;
+  motion.velocity_m_s = rotation * ((later.origin_m - wand.origin_m) / kDifferenceS).eval();
+  motion.angular_velocity_rad_s =
+      motion.direction.cross(rotation * ((later.direction - wand.direction) / kDifferenceS).eval());
+  return motion;
+}
+
+int64_t SimulatedEventSource::StampUs(int64_t rig_time_us) const {
+  const SimulatedCamera& camera = Camera();
+  const double camera_time_s = (1e-6 * static_cast<double>(rig_time_us) - camera.time_offset_s) /
+                               (1 + 1e-6 * camera.time_rate_ppm);
+  return std::max<int64_t>(0, std::llround(1e6 * camera_time_s) + camera.clock_origin_ns / 1000);
+}
+
+void SimulatedEventSource::Encode() {
+  byte_offset_ += bytes_.size();
+  bytes_.clear();
+  run_.clear();
+  size_t trigger = 0;
+  const auto write_triggers = [&](int64_t until_us) {
+    for (; trigger < triggers_.size() && triggers_[trigger].time_us <= until_us; ++trigger) {
+      writer_.Write(TriggerEvent{.time_us = StampUs(triggers_[trigger].time_us),
+                                 .channel = 0,
+                                 .rising = triggers_[trigger].rising},
+                    &bytes_);
+    }
+  };
+  // Many events have one time.
+  int64_t time_us = -1, stamp_us = 0;
+  for (const SimulatedEvent& event : events_) {
+    if (event.time_us != time_us) {
+      time_us = event.time_us;
+      stamp_us = StampUs(time_us);
+      if (trigger < triggers_.size() && triggers_[trigger].time_us <= time_us) {
+        writer_.Write(run_, &bytes_);
+        run_.clear();
+        write_triggers(time_us);
+      }
+    }
+    run_.push_back({stamp_us, event.x, event.y, event.on});
+  }
+  writer_.Write(run_, &bytes_);
+  write_triggers(renderer_->time_us());
+  writer_.WriteTime(StampUs(renderer_->time_us()), &bytes_);
+}
+
+absl::StatusOr<std::optional<EventChunk>> SimulatedEventSource::Next() {
+  if (!renderer_) return std::nullopt;
+  const int64_t end_us = renderer_->time_us() + kSliceUs;
+  if (1e-6 * static_cast<double>(end_us) > world_->options().duration_s) return std::nullopt;
+  events_.clear();
+  triggers_.clear();
+  RIGCAL_RETURN_IF_ERROR(renderer_->Render(
+      end_us, [this](double time_s) { return WandInCamera(time_s); }, &events_, &triggers_));
+  Encode();
+  if (!pacer_.Wait(1000 * StampUs(end_us))) return std::nullopt;
+  const SimulatedCamera& camera = Camera();
+  if (options_.simulation.clock_samples && end_us >= 1'000'000 * next_sample_) {
+    const int frame = std::min(world_->FrameCount(options_.camera_index) - 1,
+                               static_cast<int>(std::lround(camera.rate_hz * next_sample_)));
+    clock_samples_.push_back(world_->SampleClock(options_.camera_index, frame));
+    ++next_sample_;
+  }
+  return EventChunk{.format = EventFormat::kEvt3, .bytes = bytes_, .byte_offset = byte_offset_};
+}
+
+std::vector<ClockSample> SimulatedEventSource::TakeClockSamples() {
+  return std::exchange(clock_samples_, {});
+}
+
+}  // namespace rigcal::agent

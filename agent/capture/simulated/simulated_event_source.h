@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/capture/pacer.h"
+#include "agent/event/event_source.h"
+#include "agent/event/evt3_writer.h"
+#include "common/simulation/events/event_render_options.h"
+#include "common/simulation/events/event_renderer.h"
+#include "common/simulation/frames/frame_render_options.h"
+#include "common/simulation/world/simulated_world.h"
+#include "common/simulation/world/simulation_options.h"
+
+namespace rigcal::agent {
+
+struct SimulatedEventSourceOptions {
+  std::string camera;            // name within the rig
+  int camera_index = 0;          // of the world's cameras, 0 to camera_count - 1
+  SimulationOptions simulation;  // the world; equal options are one world in every process
+  FrameRenderOptions scene;      // its light and LEDs
+  EventRenderOptions rendering;  // the sensor
+  std::string clock_id;          // sensors on one sync cable share one; empty: the camera's own
+  double speed = 1;              // times the world's pace, > 0; kMaxSpeed: no waiting
+
+  // INVALID_ARGUMENT with every fault.
+  absl::Status Validate() const;
+};
+
+// What an event camera at the place of one camera of a simulated world sees, as EVT 3.0 words,
+// stamped by that camera's clock. Its sensor has 1280x720 pixels and a lens that is as much wider
+// as they are smaller: it sees as much of the height as the frame camera would.
+class SimulatedEventSource : public EventSource {
+ public:
+  static absl::StatusOr<std::unique_ptr<SimulatedEventSource>> Create(
+      SimulatedEventSourceOptions options);
+
+  const CameraDescription& description() const override { return description_; }
+  // INVALID_ARGUMENT: the world cannot show this target.
+  absl::Status Start(const Target& target) override;
+  absl::StatusOr<std::optional<EventChunk>> Next() override;
+  void Stop() override { pacer_.Stop(); }
+  std::vector<ClockSample> TakeClockSamples() override;
+
+  // Up to where it has told everything, on the camera's clock. Once started.
+  int64_t time_us() const { return StampUs(renderer_->time_us()); }
+  // Where the markers truly are at a time of that clock; none in a gap. Once started.
+  std::vector<MarkerGroundTruth> TruthAt(int64_t time_us) const;
+
+ private:
+  SimulatedEventSource(SimulatedEventSourceOptions options, CameraDescription description);
+  const SimulatedCamera& Camera() const;
+  std::optional<WandMotion> WandInCamera(double rig_time_s) const;
+  int64_t StampUs(int64_t rig_time_us) const;
+  void Encode();
+
+  const SimulatedEventSourceOptions options_;
+  const CameraDescription description_;
+  Pacer pacer_;
+  std::shared_ptr<const SimulatedWorld> world_;
+  std::optional<EventRenderer> renderer_;
+  Evt3Writer writer_;
+  std::vector<SimulatedEvent> events_;
+  std::vector<SimulatedTrigger> triggers_;
+  std::vector<CdEvent> run_;
+  std::vector<uint8_t> bytes_;
+  uint64_t byte_offset_ = 0;
+  int next_sample_ = 0;  // second of the wave
+  std::vector<ClockSample> clock_samples_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/blobs/blob_contrast.h"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <numbers>
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kDirections = 16;
+constexpr int kEnough = 9;           // of them; a neighbour or a lamp may hide some
+constexpr double kBeyondPx = 2.5;    // the blob's edge
+constexpr double kCoreShare = 0.45;  // of the way to the edge
+
+bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* grey) {
+  const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
+  if (x < 0 || y < 0 || x >= image.width || y >= image.height) return false;
+  const int bytes = BytesPerPixel(image.format);
+  const uint8_t* pixel = image.Row(y) + x * bytes;
+  for (int k = 0; k < 3; ++k) (*grey)[k] = k < bytes ? static_cast<float>(pixel[k]) : 0;
+  return true;
+}
+
+}  // namespace
+
+bool StandsOut(const ImageView& image, const Blob& blob, double min_contrast_grey) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+  eigen.computeDirect(blob.second_moment_px2);
+  const Eigen::Vector2d semi = (4 * eigen.eigenvalues()).cwiseMax(0.25).cwiseSqrt();
+  const auto at = [&](double angle, double share, double beyond_px) {
+    const Eigen::Vector2d unit(std::cos(angle), std::sin(angle));
+    const Eigen::Vector2d along = (share * semi.array() + beyond_px) * unit.array();
+    return Eigen::Vector2d(blob.centre_px + eigen.eigenvectors() * along);
+  };
+  Eigen::Vector3f core = Eigen::Vector3f::Zero(), grey;
+  int count = 0;
+  for (int i = 0; i < 4; ++i) {
+    if (!Read(image, at(0.5 * std::numbers::pi * i, kCoreShare, 0), &grey)) continue;
+    core += grey;
+    ++count;
+  }
+  if (count == 0) return false;
+  core /= static_cast<float>(count);
+  int different = 0;
+  for (int i = 0; i < kDirections; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kDirections;
+    if (!Read(image, at(angle, 1, kBeyondPx), &grey)) {
+      ++different;  // what is outside says nothing against it
+      continue;
+    }
+    different += (core - grey).norm() >= static_cast<float>(min_contrast_grey) ? 1 : 0;
+  }
+  return different >= kEnough;
+}
+
+}  // namespace rigcal::agent

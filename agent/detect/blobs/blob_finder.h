@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/detect/blobs/colour_masker.h"
+#include "agent/detect/blobs/colour_range.h"
+#include "agent/detect/blobs/image_view.h"
+#include "agent/detect/blobs/mask_kernel.h"
+#include "agent/detect/blobs/pixel_mask.h"
+#include "agent/detect/blobs/run_labeller.h"
+
+namespace rigcal::agent {
+
+// Connected pixels (8 neighbours) of one mask, each with weight 1.
+struct Blob {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();          // mean of the pixels, img frame
+  Eigen::Matrix2d second_moment_px2 = Eigen::Matrix2d::Zero();  // about that mean
+  int area_px = 0;
+  PixelRect box;
+  bool touches_border = false;  // of the picture, not of the window
+};
+
+struct BlobFinderOptions {
+  ColourRange colour;
+  int min_area_px = 6;
+  int max_area_px = 20000;
+  int max_blobs = 512;  // more are counted, not kept: the largest ones stay
+
+  // Every fault.
+  absl::Status Validate() const;
+};
+
+struct BlobResult {
+  std::vector<Blob> blobs;  // from top to bottom, left to right by their first pixel
+  int too_small = 0;
+  int too_large = 0;
+  int over_limit = 0;       // in area range, but beyond max_blobs
+  int64_t mask_pixels = 0;  // taken by the colour range, in the window and not ignored
+};
+
+// Finds the connected pixels of a colour in one pass over a picture: pixels to mask bits, bits to
+// runs, runs to components and their moments. Buffers are kept from picture to picture. One thread
+// at a time.
+class BlobFinder {
+ public:
+  // Fails with INVALID_ARGUMENT if the options are not valid. `kernel` decides how fast, never
+  // what.
+  static absl::StatusOr<BlobFinder> Create(BlobFinderOptions options,
+                                           const MaskKernel& kernel = BestMaskKernel());
+
+  // Pixels that never belong to a blob from now on, such as lamps. Pixels outside of the mask are
+  // not ignored: a mask of another size than the pictures is the caller's fault to find.
+  void SetIgnored(PixelMask ignored) { ignored_ = std::move(ignored); }
+  const PixelMask& ignored() const { return ignored_; }
+
+  // The blobs of a picture, or of its part inside `window`; pixels outside are as if they were
+  // black. The result is valid until the next call. A picture without pixels has no blobs.
+  const BlobResult& Find(const ImageView& picture, PixelRect window);
+  const BlobResult& Find(const ImageView& picture) { return Find(picture, picture.Bounds()); }
+
+  const BlobFinderOptions& options() const { return options_; }
+
+ private:
+  BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}
+
+  void LabelRows(const ImageView& picture, const PixelRect& window);
+  void KeepBlobs(const ImageView& picture, const std::vector<ComponentSums>& components);
+
+  BlobFinderOptions options_;
+  ColourMasker masker_;
+  PixelMask ignored_;
+  std::vector<uint64_t> words_;  // of one row
+  RunLabeller labeller_;
+  std::vector<int> kept_;  // components in the range of areas
+  BlobResult result_;
+};
+
+}  // namespace rigcal::agent

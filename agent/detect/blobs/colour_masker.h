@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "absl/status/statusor.h"
+#include "agent/detect/blobs/colour_range.h"
+#include "agent/detect/blobs/image_view.h"
+#include "agent/detect/blobs/integer_colour_range.h"
+#include "agent/detect/blobs/mask_kernel.h"
+#include "agent/detect/blobs/pixel_mask.h"
+
+namespace rigcal::agent {
+
+// Which pixels of a picture a colour range takes. For any number of threads.
+class ColourMasker {
+ public:
+  // Fails with INVALID_ARGUMENT if the range is not valid. `kernel` decides how fast, never what.
+  static absl::StatusOr<ColourMasker> Create(const ColourRange& range,
+                                             const MaskKernel& kernel = BestMaskKernel());
+
+  // Bits of columns [64 * first_word, 64 * (first_word + word_count)) of row y, 0 past the last
+  // column. Returns all words or-ed together. Nothing before or after the row is read.
+  uint64_t MaskRow(const ImageView& picture, int y, int first_word, int word_count,
+                   uint64_t* words) const;
+
+  PixelMask Mask(const ImageView& picture) const;
+
+ private:
+  ColourMasker(const IntegerColourRange& range, const MaskKernel& kernel)
+      : range_(range), kernel_(&kernel) {}
+
+  IntegerColourRange range_;
+  const MaskKernel* kernel_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "agent/detect/blobs/integer_colour_range.h"
+
+namespace rigcal::agent {
+
+// Pixels of one row to mask bits, compiled for several instruction sets, all with the same result.
+// A word holds 64 pixels, the first one in its lowest bit; exactly 64 * word_count pixels are read.
+// What lies `next_row` bytes further is fetched into the cache, if it exists: the stride of a
+// picture that is walked row by row. (Without it a dark picture took AVX-512 1.7 times as long.)
+struct MaskKernel {
+  const char* name;
+
+  // Each returns all words or-ed together.
+  uint64_t (*bgr)(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                  int word_count, uint64_t* words);
+  uint64_t (*mono)(const IntegerColourRange& range, const uint8_t* pixels, ptrdiff_t next_row,
+                   int word_count, uint64_t* words);
+};
+
+// The best this CPU has; all that it has, the plainest first.
+const MaskKernel& BestMaskKernel();
+std::vector<const MaskKernel*> AvailableMaskKernels();
+
+}  // namespace rigcal::agent

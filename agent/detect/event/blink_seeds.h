@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "agent/detect/blobs/run_labeller.h"
+#include "agent/detect/event/blink_period.h"
+#include "agent/detect/event/blink_surface.h"
+
+namespace rigcal::agent {
+
+// Where to look for a marker: pixels that blink with its period, joined to groups. Buffers are
+// kept; one thread at a time.
+class BlinkSeeds {
+ public:
+  // A tile in which no pixel has blinked for `recent_us` is passed over. Groups of fewer than
+  // `min_pixels` do not count when there are too many; around each is looked as far as `reach_px`.
+  BlinkSeeds(uint32_t recent_us, int min_pixels, int reach_px);
+
+  // Groups from top to bottom: all, or of many the largest, so that an answer takes no longer when
+  // a screen or a wall of lamps blinks as the wand does. Until the next call.
+  const std::vector<ComponentSums>& Find(const BlinkPeriod& blink, const BlinkSurface& picture);
+
+ private:
+  void Mark(const BlinkPeriod& blink, const BlinkSurface& picture);
+  const std::vector<ComponentSums>& Promising(const std::vector<ComponentSums>& components,
+                                              SensorGeometry geometry);
+
+  uint32_t recent_us_;
+  int min_pixels_, reach_px_;
+  std::vector<uint64_t> words_;  // of a row, a bit for each pixel
+  RunLabeller labeller_;
+  std::vector<size_t> largest_;  // indices of components
+  std::vector<ComponentSums> promising_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/detect/event/blink_wand_counts.h"
+#include "agent/detect/event/output_schedule.h"
+#include "agent/event/event.h"
+#include "agent/event/fault_locator.h"
+#include "agent/identify/detection.h"
+#include "common/camera/camera_description.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+
+struct BlinkWandDetectorOptions {
+  OutputTimesOptions output;
+  double blink_hz = 500;    // of a target that does not tell; 20 to 5000
+  double band_rel = 0.15;   // periods within this share of the target's are the wand's
+  int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
+  int min_blob_pixels = 8;  // that blink side by side, >= 1
+  int reach_px = 40;        // how far around those a marker may reach, 1 to 200
+  double min_distance_m = 0.3;
+  double max_distance_m = 20;
+  double max_tilt_deg = 82;     // as in WandDetectorOptions
+  double min_confidence = 0.5;  // less is no wand, 0 to 1
+
+  // Every fault.
+  absl::Status Validate() const;
+};
+
+// Finds the wand in the events of one camera: encoded words to pixels that blink, to bursts of
+// light of each marker, to the wand; at the times that OutputSchedule asks for. Each answer tells
+// the burst nearest to its time. At the fixed rate observation.time_ns is the time its light
+// centred on; at a trigger it is the trigger's, and each marker's time_delta_ns leads to its light.
+// A trigger and the fixed rate may tell the same burst. Markers that blink at frequencies of their
+// own are told by them, each in a burst of its own; frequencies within 2 % count as one. Where
+// there is no wand every marker is invisible.
+//
+// With intrinsics and the spheres' diameter a centre is the projection of the sphere's centre. A
+// clock that steps back begins a new clock epoch; within one, times strictly increase. Movable; one
+// thread at a time.
+class BlinkWandDetector {
+ public:
+  // INVALID_ARGUMENT: options, target or camera not valid, or markers that blink at frequencies
+  // that differ and cannot be told apart (BlinkFilterOptions); names the camera.
+  static absl::StatusOr<BlinkWandDetector> Create(const BlinkWandDetectorOptions& options,
+                                                  const Target& target,
+                                                  const CameraDescription& camera,
+                                                  EventFormat format, bool halves_swapped);
+  BlinkWandDetector(BlinkWandDetector&&) noexcept;
+  BlinkWandDetector& operator=(BlinkWandDetector&&) noexcept;
+  ~BlinkWandDetector();
+
+  // Decodes whole words and appends what they answer, about four periods after it was asked.
+  void Take(std::span<const uint8_t> bytes, std::vector<Detection>* found);
+  // The stream has ended: what is still to be told.
+  void Finish(std::vector<Detection>* found);
+
+  const EventFaults& faults() const;
+  // Of the first fault of each kind, counted from the first byte taken.
+  const FaultPlaces& fault_places() const;
+  const BlinkWandCounts& counts() const;
+
+ private:
+  struct Impl;
+  explicit BlinkWandDetector(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rigcal::agent

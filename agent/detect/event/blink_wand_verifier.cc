@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/event/blink_wand_verifier.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+#include <numeric>
+
+#include "common/camera/sphere_projection.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Width of the rim in which a pixel is lit by chance, and what does not shrink with the size: lens,
+// latency, noise beside the rim. Such that accuracy.event_detection sees errors of one sigma.
+constexpr double kRimPx = 0.27;
+constexpr double kFloorPx = 0.042;
+// By which a centre may be further from where a candidate has it: lenses are not known that well.
+constexpr double kFitSlack = 1.7;
+constexpr double kRadiusPx = 0.4, kRadiusShare = 0.06;
+// In the image, of a wand whose markers are seen one after the other.
+constexpr double kMotionPxPerUs = 600e-6;
+constexpr double kHalfCost = 13;  // confidence 0.5
+constexpr double kCostScale = 2.5;
+constexpr double kMargin = 8;  // in cost, of a wand against another one
+constexpr double kCertain = 0.999;
+
+double Radius(const Blob& blob) { return std::sqrt(blob.area_px / std::numbers::pi); }
+
+double CentreVariance(const Blob& blob) {
+  return kRimPx / (4 * std::numbers::pi * Radius(blob)) + kFloorPx * kFloorPx;
+}
+
+// Between two times of which the lower 32 bits are known.
+double Since(double from_us, double time_us) {
+  constexpr double kWrapUs = 4294967296.0;
+  return std::remainder(time_us - from_us, kWrapUs);
+}
+
+bool SameBlobs(const WandCandidate& a, const WandCandidate& b) {
+  return std::is_permutation(a.blobs.begin(), a.blobs.end(), b.blobs.begin(), b.blobs.end());
+}
+
+}  // namespace
+
+BlinkWandVerifier::BlinkWandVerifier(const WandFinderOptions& options, double min_confidence,
+                                     const Target& target, const CameraDescription& camera)
+    : finder_(options, target, camera),
+      min_confidence_(min_confidence),
+      target_(target),
+      camera_(camera) {}
+
+void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
+  order_.resize(blobs.size());
+  std::iota(order_.begin(), order_.end(), 0);
+  std::stable_sort(order_.begin(), order_.end(), [&](int a, int b) {
+    return blobs[static_cast<size_t>(a)].area_px > blobs[static_cast<size_t>(b)].area_px;
+  });
+  blobs_.clear();
+  times_us_.clear();
+  frequencies_.clear();
+  for (const int index : order_) {
+    const BlinkBlob& from = blobs[static_cast<size_t>(index)];
+    // The seeds of one marker may fall apart; each part then finds all of it.
+    const bool known = std::any_of(blobs_.begin(), blobs_.end(), [&](const Blob& blob) {
+      return (blob.centre_px - from.centre_px).squaredNorm() * std::numbers::pi < blob.area_px;
+    });
+    if (known) continue;
+    if (blobs_.size() == kMaxBlobs) break;
+    blobs_.push_back({.centre_px = from.centre_px,
+                      .second_moment_px2 = from.second_moment_px2,
+                      .area_px = from.area_px,
+                      .box = from.box,
+                      .touches_border = from.touches_border});
+    times_us_.push_back(from.time_us);
+    frequencies_.push_back(from.frequency);
+  }
+}
+
+bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Judged* judged) const {
+  judged->candidate = &candidate;
+  if (candidate.blobs.size() == 1) return true;
+  const auto time_us = [this](int blob) { return times_us_[static_cast<size_t>(blob)]; };
+  const double any_us = time_us(candidate.blobs[0]);
+  double mean_us = 0;
+  for (const int index : candidate.blobs) {
+    mean_us += Since(any_us, time_us(index)) / static_cast<double>(candidate.blobs.size());
+  }
+  absl::InlinedVector<MarkerSight, 4> sights;
+  for (const int index : candidate.blobs) {
+    const Blob& blob = blobs_[static_cast<size_t>(index)];
+    MarkerSight& sight = sights.emplace_back();
+    if (!finder_.Sight(blob.centre_px, &sight)) return false;
+    sight.radius_px = Radius(blob);
+    sight.sigma_px = std::hypot(kFitSlack * std::sqrt(CentreVariance(blob)),
+                                kMotionPxPerUs * (Since(any_us, time_us(index)) - mean_us));
+    sight.radius_sigma_px = kRadiusPx + kRadiusShare * sight.radius_px;
+    if (blob.touches_border) {
+      sight.sigma_px += 0.5 * sight.radius_px;
+      sight.radius_sigma_px += 0.5 * sight.radius_px;
+    }
+  }
+  if (!FitWand(sights, finder_.shares(), finder_.length_m(), finder_.fit_options(), &judged->fit)) {
+    return false;
+  }
+  judged->cost = judged->fit.cost;
+  return true;
+}
+
+MarkerObservation BlinkWandVerifier::Observe(const Judged& wand, size_t k) const {
+  const Blob& blob = blobs_[static_cast<size_t>(wand.candidate->blobs[k])];
+  MarkerObservation marker;
+  if (blob.touches_border) return marker;
+  marker.visible = true;
+  marker.centre_px = blob.centre_px;
+  marker.covariance_px2 = CentreVariance(blob) * Eigen::Matrix2d::Identity();
+  if (!camera_.intrinsics || !(target_.diameter_m > 0) || wand.candidate->blobs.size() < 2) {
+    return marker;
+  }
+  const double share = finder_.shares()[k];
+  const double distance_m =
+      (wand.fit.first_m + share * (wand.fit.last_m - wand.fit.first_m)).norm();
+  if (SphereCentreFromCentroid(*camera_.intrinsics, blob.centre_px, distance_m, target_.diameter_m,
+                               &marker.centre_px)) {
+    marker.centre_kind = CentreKind::kSphereCentre;
+  }
+  return marker;
+}
+
+BlinkWand BlinkWandVerifier::Judge(const std::vector<BlinkBlob>& blobs) {
+  BlinkWand wand;
+  TakeBlobs(blobs);
+  wand.blob_count = static_cast<int>(blobs_.size());
+  if (blobs_.empty()) return wand;
+  wand.outcome = DetectionOutcome::kNoWand;
+  judged_.clear();
+  for (const WandCandidate& candidate : finder_.Find(blobs_, frequencies_)) {
+    Judged judged;
+    if (Refit(candidate, &judged)) judged_.push_back(judged);
+  }
+  std::stable_sort(judged_.begin(), judged_.end(),
+                   [](const Judged& a, const Judged& b) { return a.cost < b.cost; });
+  if (judged_.empty()) return wand;
+  const Judged& best = judged_.front();
+  wand.confidence = 1 / (1 + std::exp((best.cost - kHalfCost) / kCostScale));
+  if (wand.confidence < min_confidence_) return wand;
+  double label_confidence = kCertain;
+  for (size_t i = 1; i < judged_.size(); ++i) {
+    const Judged& other = judged_[i];
+    if (SameBlobs(*best.candidate, *other.candidate)) {
+      const double certainty = 1 / (1 + std::exp(0.5 * (best.cost - other.cost)));
+      label_confidence = std::min(label_confidence, std::max(0.5, certainty));
+    } else if (other.cost < best.cost + kMargin) {
+      wand.outcome = DetectionOutcome::kAmbiguous;
+      return wand;
+    }
+  }
+  if (best.candidate->blobs.size() == 1) label_confidence = 1;
+  wand.outcome = DetectionOutcome::kWand;
+  for (size_t k = 0; k < best.candidate->blobs.size(); ++k) {
+    MarkerObservation& marker = wand.markers.emplace_back(Observe(best, k));
+    marker.label_confidence = static_cast<float>(label_confidence);
+    wand.times_us.push_back(times_us_[static_cast<size_t>(best.candidate->blobs[k])]);
+  }
+  return wand;
+}
+
+}  // namespace rigcal::agent

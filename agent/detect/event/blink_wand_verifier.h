@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "absl/container/inlined_vector.h"
+#include "agent/detect/blobs/blob_finder.h"
+#include "agent/detect/event/blink_blob.h"
+#include "agent/identify/wand_finder.h"
+#include "common/camera/camera_description.h"
+#include "common/target/detection_outcome.h"
+#include "common/target/observation.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+
+struct BlinkWand {
+  DetectionOutcome outcome = DetectionOutcome::kNoBlob;
+  // With kWand: as the target's markers lie; time_delta_ns is not set yet.
+  absl::InlinedVector<MarkerObservation, 3> markers;
+  absl::InlinedVector<double, 3> times_us;  // by marker: lower 32 bits of the sensor's clock
+  double confidence = 0;                    // 0 to 1, of the whole wand
+  int blob_count = 0;
+};
+
+// Chooses the wand among blobs that blink at its frequency: the candidate of WandFinder whose pose
+// explains places and sizes best, given how well a burst of light tells them. A centre's variance
+// goes with the number of its pixels: each of the 2 pi r pixels along the rim of a disc is in or
+// out by chance, which moves the centroid by a variance of w / (4 pi r), w the width of the rim
+// that is uncertain.
+//
+// Markers that blink at several frequencies (WandFinderOptions::marker_kinds holds what each marker
+// has as BlinkBlob::frequency) are seen at different times, so that a moving wand's do not lie
+// quite as they should; it is allowed what such a wand moves. One thread at a time.
+class BlinkWandVerifier {
+ public:
+  // Of how many blobs at most, the largest ones.
+  static constexpr int kMaxBlobs = 256;
+
+  // Target and camera must be valid.
+  BlinkWandVerifier(const WandFinderOptions& options, double min_confidence, const Target& target,
+                    const CameraDescription& camera);
+
+  BlinkWand Judge(const std::vector<BlinkBlob>& blobs);
+
+ private:
+  struct Judged {
+    const WandCandidate* candidate = nullptr;
+    WandImageFit fit;
+    double cost = 0;
+  };
+  void TakeBlobs(const std::vector<BlinkBlob>& blobs);
+  bool Refit(const WandCandidate& candidate, Judged* judged) const;
+  MarkerObservation Observe(const Judged& wand, size_t marker) const;
+
+  WandFinder finder_;
+  double min_confidence_;
+  Target target_;
+  CameraDescription camera_;
+  std::vector<Blob> blobs_;
+  std::vector<double> times_us_;  // of blobs_
+  std::vector<int> frequencies_;  // likewise
+  std::vector<int> order_;
+  std::vector<Judged> judged_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/event/burst_measurer.h"
+
+#include <algorithm>
+#include <climits>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "agent/detect/event/burst_shape.h"
+
+namespace rigcal::agent {
+namespace {
+
+// Of a period: pixels light up around the burst's middle by at most this much (latency, readout).
+constexpr double kJitterShare = 0.12;
+// Pixels that Grow has come to, and those of them that lit up.
+constexpr uint8_t kSeen = 1, kLit = 2;
+// Of a pixel's eight neighbours: a lit one with fewer beside it is noise that hangs on; an unlit
+// one with more is a pixel that noise had put in reset.
+constexpr int kMinBeside = 3, kHoleBeside = 6;
+
+}  // namespace
+
+BurstMeasurer::BurstMeasurer(std::vector<BlinkPeriod> blinks, int min_pixels, int reach_px)
+    : blinks_(std::move(blinks)), min_pixels_(min_pixels), reach_px_(reach_px) {}
+
+void BurstMeasurer::Measure(const BlinkPeriod& blink, const ComponentSums& seeds,
+                            const BlinkSurface& picture, std::vector<BlinkBlob>* blobs) {
+  const Burst burst = FindBurst(blink, seeds, picture);
+  if (!burst.found) return;
+  const double jitter = kJitterShare * blink.period;
+  const auto oldest = static_cast<uint32_t>(std::lround(burst.start_units + jitter));
+  const auto newest =
+      static_cast<uint32_t>(std::max(0L, std::lround(burst.start_units - blink.lit)));
+  Grow(blink, seeds, picture, newest, oldest);
+  Smooth();
+  if (static_cast<int>(lit_.size()) < min_pixels_) return;
+  if (!ShapeOf(lit_).IsLong()) return AddBlob(blink, &lit_, burst, picture, blobs);
+  for (PixelList part : splitter_.Split(lit_, min_pixels_)) {
+    AddBlob(blink, &part, burst, picture, blobs);
+  }
+}
+
+BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
+                                              const BlinkSurface& picture) {
+  const uint32_t now = picture.now();
+  ages_.clear();
+  double gaps = 0;
+  for (int y = seeds.min_y; y <= seeds.max_y; ++y) {
+    const uint32_t* const row = picture.Row(y);
+    for (int x = seeds.min_x; x <= seeds.max_x; ++x) {
+      if (!blink.IsSeed(row[x], now)) continue;
+      ages_.push_back(blink.UnitsSinceBurst(row[x], now));
+      gaps += row[x] >> 4 & BlinkRules::kMaxGap;
+    }
+  }
+  Burst burst;
+  if (ages_.empty()) return burst;
+  burst.period_us = gaps / static_cast<double>(ages_.size()) * (1 << picture.shift);
+  if (std::abs(burst.period_us / blink.period_us - 1) > blink.band_rel) return burst;
+  // Pixels whose burst is just over and those whose next one has begun are a period apart: the
+  // newest burst that most pixels took part in.
+  const auto middle = ages_.begin() + static_cast<std::ptrdiff_t>(ages_.size() / 2);
+  std::nth_element(ages_.begin(), middle, ages_.end());
+  burst.start_units = *middle;
+  burst.found = *middle >= 0;
+  return burst;
+}
+
+void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
+                         const BlinkSurface& picture, uint32_t newest, uint32_t oldest) {
+  const uint32_t now = picture.now();
+  const int reach = reach_px_;
+  const int x_begin = std::max(0, seeds.min_x - reach);
+  const int y_begin = std::max(0, seeds.min_y - reach);
+  const int x_end = std::min(static_cast<int>(picture.geometry.width), seeds.max_x + 1 + reach);
+  const int y_end = std::min(static_cast<int>(picture.geometry.height), seeds.max_y + 1 + reach);
+  const int width = x_end - x_begin;
+  window_ = {x_begin, y_begin, width, y_end - y_begin};
+  lit_.clear();
+  seen_.assign(static_cast<size_t>(width) * static_cast<size_t>(y_end - y_begin), 0);
+  const auto visit = [&](int x, int y) {
+    uint8_t& seen = seen_[static_cast<size_t>((y - y_begin) * width + x - x_begin)];
+    if (seen != 0) return;
+    seen = kSeen;
+    const uint32_t state = picture.Row(y)[x];
+    if (!LitUpBetween(state, now, newest, oldest)) return;
+    // Of a marker beside this one.
+    if (blinks_.size() > 1 && IsSeedOfAnother(blink, state, now)) return;
+    seen = kLit;
+    lit_.emplace_back(x, y);
+  };
+  for (int y = seeds.min_y; y <= seeds.max_y; ++y) {
+    for (int x = seeds.min_x; x <= seeds.max_x; ++x) {
+      if (blink.IsSeed(picture.Row(y)[x], now)) visit(x, y);
+    }
+  }
+  for (size_t next = 0; next < lit_.size(); ++next) {
+    const auto [x, y] = lit_[next];
+    for (int v = std::max(y_begin, y - 1); v <= std::min(y_end - 1, y + 1); ++v) {
+      for (int u = std::max(x_begin, x - 1); u <= std::min(x_end - 1, x + 1); ++u) visit(u, v);
+    }
+  }
+}
+
+bool BurstMeasurer::IsSeedOfAnother(const BlinkPeriod& blink, uint32_t state, uint32_t now) const {
+  return std::any_of(blinks_.begin(), blinks_.end(), [&](const BlinkPeriod& other) {
+    return other.index != blink.index && other.IsSeed(state, now);
+  });
+}
+
+void BurstMeasurer::Smooth() {
+  const auto lit = [this](int x, int y) {
+    const int u = x - window_.x, v = y - window_.y;
+    if (u < 0 || v < 0 || u >= window_.width || v >= window_.height) return 0;
+    return seen_[static_cast<size_t>(v * window_.width + u)] == kLit ? 1 : 0;
+  };
+  const auto lit_beside = [&lit](int x, int y) {
+    int count = -lit(x, y);
+    for (int v = y - 1; v <= y + 1; ++v) {
+      for (int u = x - 1; u <= x + 1; ++u) count += lit(u, v);
+    }
+    return count;
+  };
+  smoothed_.clear();
+  int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
+  for (const auto& [x, y] : lit_) {
+    if (lit_beside(x, y) >= kMinBeside) smoothed_.emplace_back(x, y);
+    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
+    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
+  }
+  for (int y = min_y; y <= max_y; ++y) {
+    for (int x = min_x; x <= max_x; ++x) {
+      if (lit(x, y) == 0 && lit_beside(x, y) >= kHoleBeside) smoothed_.emplace_back(x, y);
+    }
+  }
+  std::swap(lit_, smoothed_);
+}
+
+void BurstMeasurer::AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
+                            const BlinkSurface& picture, std::vector<BlinkBlob>* blobs) {
+  const BurstShape shape = MarkerShapeOf(pixels);
+  int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
+  for (const auto& [x, y] : *pixels) {
+    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
+    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
+  }
+  const double unit_us = 1 << picture.shift;
+  BlinkBlob blob;
+  blob.centre_px = shape.centre_px;
+  blob.second_moment_px2 = shape.second_moment_px2;
+  blob.area_px = shape.area_px;
+  blob.time_us = unit_us * (static_cast<double>(picture.now()) - burst.start_units +
+                            0.5 * static_cast<double>(blink.lit));
+  blob.period_us = burst.period_us;
+  blob.frequency = blink.index;
+  blob.box = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
+  blob.touches_border = min_x == 0 || min_y == 0 ||
+                        max_x + 1 == static_cast<int>(picture.geometry.width) ||
+                        max_y + 1 == static_cast<int>(picture.geometry.height);
+  // Markers that have grown together are found from the seeds of each.
+  for (const BlinkBlob& other : *blobs) {
+    if (other.frequency == blob.frequency && (other.centre_px - blob.centre_px).squaredNorm() < 4)
+      return;
+  }
+  blobs->push_back(blob);
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/event/burst_shape.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace rigcal::agent {
+namespace {
+
+// Ratio of second moments that one marker does not have: a disc that moves by its radius has 1.3.
+constexpr double kLongRatio = 1.6;
+constexpr double kMarginPx = 1;  // outside the ellipse
+constexpr int kMaxRounds = 5;    // what is taken out makes the ellipse smaller
+constexpr double kMaxStrayShare = 1.0 / 3;
+
+}  // namespace
+
+double BurstShape::RadiusPx() const { return std::sqrt(area_px / std::numbers::pi); }
+
+bool BurstShape::IsLong() const {
+  const double mean = 0.5 * second_moment_px2.trace();
+  const double apart = std::hypot(0.5 * (second_moment_px2(0, 0) - second_moment_px2(1, 1)),
+                                  second_moment_px2(0, 1));
+  return mean + apart > kLongRatio * (mean - apart);
+}
+
+BurstShape ShapeOf(const PixelList& pixels) {
+  double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
+  const auto [x0, y0] = pixels.front();
+  for (const auto& [x, y] : pixels) {
+    const double dx = x - x0, dy = y - y0;
+    sx += dx, sy += dy;
+    sxx += dx * dx, sxy += dx * dy, syy += dy * dy;
+  }
+  const auto count = static_cast<double>(pixels.size());
+  const double mx = sx / count, my = sy / count;
+  BurstShape shape;
+  shape.centre_px = {x0 + mx, y0 + my};
+  shape.second_moment_px2 << sxx / count - mx * mx, sxy / count - mx * my, sxy / count - mx * my,
+      syy / count - my * my;
+  shape.area_px = static_cast<int>(pixels.size());
+  return shape;
+}
+
+BurstShape MarkerShapeOf(PixelList* pixels) {
+  const BurstShape whole = ShapeOf(*pixels);
+  const auto least = (1 - kMaxStrayShare) * whole.area_px;
+  BurstShape shape = whole;
+  PixelList kept = *pixels;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    // A pixel has an extent of its own; a row of pixels has an inverse, too.
+    const Eigen::Matrix2d extent = shape.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
+    const Eigen::Matrix2d inverse = extent.inverse();
+    // An ellipse ends at twice the root of its second moment.
+    const double limit = 4 * std::pow(1 + kMarginPx / shape.RadiusPx(), 2);
+    const auto outside = std::remove_if(kept.begin(), kept.end(), [&](const auto& pixel) {
+      const Eigen::Vector2d d = Eigen::Vector2d(pixel.first, pixel.second) - shape.centre_px;
+      return d.dot(inverse * d) > limit;
+    });
+    if (outside == kept.end()) break;
+    kept.erase(outside, kept.end());
+    if (static_cast<double>(kept.size()) < least) return whole;
+    shape = ShapeOf(kept);
+  }
+  std::swap(*pixels, kept);
+  return shape;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/frame/colour_tuning.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kSectors = 8;                // of hue, each as wide as two steps
+constexpr int kValues[] = {60, 110, 170};  // the least brightness that is tried
+constexpr double kLooseSaturation = 0.2;
+constexpr int kCoreRadiusPx = 2;  // pixels around a marker's centre that are surely its own
+constexpr int kLeastWands = 3;
+constexpr double kOutside = 0.01;  // of the pixels, on each side of a range
+constexpr double kHueMarginDeg = 12;
+constexpr double kLargestHueRangeDeg = 100;
+// Of the dimmest and palest pixels in the middle of a marker: its edge is half as bright.
+constexpr double kValueShare = 0.45, kSaturationShare = 0.6;
+
+struct Colour {
+  double hue_deg, saturation, value;
+};
+
+Colour ColourOf(double b, double g, double r) {
+  const double high = std::max({b, g, r}), chroma = high - std::min({b, g, r});
+  double hue = 0;
+  if (chroma > 0) {
+    if (high == r) {
+      hue = (g - b) / chroma;
+    } else if (high == g) {
+      hue = 2 + (b - r) / chroma;
+    } else {
+      hue = 4 + (r - g) / chroma;
+    }
+  }
+  return {std::fmod(60 * hue + 360, 360), high > 0 ? chroma / high : 0, high};
+}
+
+// The least index at which `share` of all are counted.
+template <size_t N>
+int Quantile(const std::array<int64_t, N>& counts, double share) {
+  int64_t all = 0, sum = 0;
+  for (const int64_t count : counts) all += count;
+  for (size_t i = 0; i < N; ++i) {
+    sum += counts[i];
+    if (sum > 0 && static_cast<double>(sum) >= share * static_cast<double>(all)) {
+      return static_cast<int>(i);
+    }
+  }
+  return static_cast<int>(N) - 1;
+}
+
+// Turned so that the widest gap between hues lies at its ends: `turn` is the hue of index 0.
+std::array<int64_t, 360> Unrolled(const std::array<int64_t, 360>& hues, int* turn) {
+  int best = -1, run = 0;
+  *turn = 0;
+  for (int i = 0; i < 720; ++i) {
+    run = hues[static_cast<size_t>(i % 360)] == 0 ? run + 1 : 0;
+    if (run <= best || run > 360) continue;
+    best = run;
+    *turn = (i + 1) % 360;
+  }
+  std::array<int64_t, 360> result{};
+  for (int i = 0; i < 360; ++i) {
+    result[static_cast<size_t>(i)] = hues[static_cast<size_t>((i + *turn) % 360)];
+  }
+  return result;
+}
+
+}  // namespace
+
+absl::StatusOr<ColourTuner> ColourTuner::Create(const Target& target,
+                                                const CameraDescription& camera) {
+  if (target.marker_count() < 3) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("camera ", camera.camera, ": a colour is learnt from a wand of at least ",
+                     "three markers, this target has ", target.marker_count(),
+                     "; set the colour range by hand"));
+  }
+  std::vector<WandDetector> detectors;
+  for (const int value : kValues) {
+    for (int sector = 0; sector < kSectors; ++sector) {
+      WandDetectorOptions options;
+      options.tracking = false;
+      options.colour.value_min = value;
+      options.colour.saturation_min = kLooseSaturation;
+      options.colour.hue_min_deg = sector * 360.0 / kSectors;
+      options.colour.hue_max_deg = std::fmod((sector + 2) * 360.0 / kSectors, 360);
+      RIGCAL_ASSIGN_OR_RETURN(WandDetector detector, WandDetector::Create(options, target, camera));
+      detectors.push_back(std::move(detector));
+    }
+  }
+  return ColourTuner(std::move(detectors));
+}
+
+absl::Status ColourTuner::Add(const ImageView& image) {
+  std::optional<Detection> best;
+  grey_ = image.format == PixelFormat::kMono8;
+  for (size_t i = 0; i < detectors_.size(); ++i) {
+    if (grey_ && i % kSectors != 0) continue;  // no hue to tell them apart
+    RIGCAL_ASSIGN_OR_RETURN(Detection detection, detectors_[i].Detect(image, pictures_, 0));
+    if (detection.outcome != DetectionOutcome::kWand || detection.covered_markers > 0) continue;
+    if (best.has_value() && best->confidence >= detection.confidence) continue;
+    best = std::move(detection);
+  }
+  ++pictures_;
+  if (!best.has_value()) return absl::OkStatus();
+  ++wands_;
+  Count(image, best->observation);
+  return absl::OkStatus();
+}
+
+void ColourTuner::Count(const ImageView& image, const Observation& observation) {
+  for (const MarkerObservation& marker : observation.markers) {
+    const int x0 = static_cast<int>(std::lround(marker.centre_px.x()));
+    const int y0 = static_cast<int>(std::lround(marker.centre_px.y()));
+    for (int y = std::max(0, y0 - kCoreRadiusPx);
+         y <= std::min(image.height - 1, y0 + kCoreRadiusPx); ++y) {
+      for (int x = std::max(0, x0 - kCoreRadiusPx);
+           x <= std::min(image.width - 1, x0 + kCoreRadiusPx); ++x) {
+        if ((x - x0) * (x - x0) + (y - y0) * (y - y0) > kCoreRadiusPx * kCoreRadiusPx) continue;
+        const uint8_t* pixel = image.Row(y) + x * BytesPerPixel(image.format);
+        const Colour colour = grey_ ? Colour{0, 0, static_cast<double>(pixel[0])}
+                                    : ColourOf(pixel[0], pixel[1], pixel[2]);
+        ++values_[static_cast<size_t>(colour.value)];
+        ++hues_[static_cast<size_t>(colour.hue_deg) % hues_.size()];
+        ++saturations_[static_cast<size_t>(100 * colour.saturation)];
+      }
+    }
+  }
+}
+
+absl::StatusOr<TunedColour> ColourTuner::Result() const {
+  constexpr char kAdvice[] =
+      "; show all of it, 1.5 to 4 m away and moving slowly, without lamps of its colour beside it, "
+      "shorten the exposure or lower the gain if it is white in the picture, and tune again";
+  if (wands_ < kLeastWands || 3 * wands_ < pictures_) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "nothing like the wand in ", pictures_ - wands_, " of ", pictures_,
+        " pictures, it must be in at least ", std::max(kLeastWands, (pictures_ + 2) / 3), kAdvice));
+  }
+  TunedColour tuned;
+  tuned.pictures = pictures_;
+  tuned.wands = wands_;
+  tuned.value = Quantile(values_, 0.5);
+  tuned.colour.value_min =
+      std::clamp(static_cast<int>(kValueShare * Quantile(values_, kOutside)), 1, 255);
+  if (grey_) return tuned;
+  int turn = 0;
+  const auto hues = Unrolled(hues_, &turn);
+  const double low = Quantile(hues, kOutside), high = Quantile(hues, 1 - kOutside);
+  if (high - low > kLargestHueRangeDeg) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("what looks like the wand has hues from ", std::fmod(low + turn, 360), " to ",
+                     std::fmod(high + turn, 360), " degrees, no colour of its own", kAdvice));
+  }
+  tuned.hue_deg = std::fmod(Quantile(hues, 0.5) + turn, 360);
+  tuned.saturation = 0.01 * Quantile(saturations_, 0.5);
+  tuned.colour.hue_min_deg = std::fmod(low + turn - kHueMarginDeg + 360, 360);
+  tuned.colour.hue_max_deg = std::fmod(high + turn + 1 + kHueMarginDeg, 360);
+  tuned.colour.saturation_min = kSaturationShare * 0.01 * Quantile(saturations_, kOutside);
+  return tuned;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/frame/image_exposure.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kStep = 8;
+constexpr int kBlackGrey = 24;
+constexpr int kSaturatedGrey = 250;
+
+}  // namespace
+
+ImageExposure LookAtExposure(const ImageView& image) {
+  const int bytes = BytesPerPixel(image.format);
+  int64_t looked_at = 0, saturated = 0, lit = 0;
+  for (int y = 0; y < image.height; y += kStep) {
+    const uint8_t* row = image.Row(y);
+    for (int x = 0; x < image.width; x += kStep) {
+      int low = 255, high = 0;
+      for (int k = 0; k < bytes; ++k) {
+        low = std::min<int>(low, row[x * bytes + k]);
+        high = std::max<int>(high, row[x * bytes + k]);
+      }
+      ++looked_at;
+      saturated += low >= kSaturatedGrey ? 1 : 0;
+      lit += high >= kBlackGrey ? 1 : 0;
+    }
+  }
+  if (2 * saturated > looked_at) return ImageExposure::kSaturated;
+  // A hot pixel is no light.
+  return 1000 * lit <= looked_at ? ImageExposure::kBlack : ImageExposure::kUsable;
+}
+
+double LightTimeSigma(double exposure_s, const Target& target) {
+  const double hz = target.blink_hz.empty() ? 0 : target.blink_hz.front();
+  if (!(exposure_s > 0) || !(hz > 0)) return 0;
+  constexpr int kPhases = 64;
+  constexpr double kDuty = 0.5;
+  const double period_s = 1 / hz;
+  const double periods = exposure_s * hz;
+  if (periods > 1000) return 0;
+  double squares = 0;
+  int lit_phases = 0;
+  for (int i = 0; i < kPhases; ++i) {
+    double light_s = 0, moment_s2 = 0;
+    for (int k = -1; k <= static_cast<int>(periods) + 1; ++k) {
+      const double on_s = (k + (i + 0.5) / kPhases) * period_s;
+      const double begin_s = std::clamp(on_s, 0.0, exposure_s);
+      const double end_s = std::clamp(on_s + kDuty * period_s, 0.0, exposure_s);
+      light_s += end_s - begin_s;
+      moment_s2 += 0.5 * (end_s - begin_s) * (end_s + begin_s - exposure_s);
+    }
+    if (!(light_s > 0)) continue;
+    squares += std::pow(moment_s2 / light_s, 2);
+    ++lit_phases;
+  }
+  return lit_phases > 0 ? std::sqrt(squares / lit_phases) : 0;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "agent/detect/blobs/image_view.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+
+enum class ImageExposure : uint8_t {
+  kUsable = 1,
+  kBlack,      // nothing brighter than a dark sensor's noise
+  kSaturated,  // more than half of it at the brightest
+};
+
+// Looks at every eighth pixel of every eighth row.
+ImageExposure LookAtExposure(const ImageView& image);
+
+// One sigma, seconds, of the mean time of the light of a blinking marker (50 % duty) about the
+// middle of an exposure, over all phases of its blinking. 0 where the exposure or the frequency is
+// not known.
+double LightTimeSigma(double exposure_s, const Target& target);
+
+}  // namespace rigcal::agent

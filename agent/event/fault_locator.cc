@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/event/fault_locator.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+
+namespace rigcal::agent {
+namespace {
+
+struct NoSink {
+  void Row(uint32_t) {}
+  void Event(uint32_t, uint32_t, bool, uint32_t) {}
+  void Vector(uint32_t, uint32_t, bool, uint32_t, uint32_t) {}
+  void Trigger(const TriggerEvent&) {}
+  void TimeStepBack(int64_t) {}
+};
+
+// One kind of fault: how often before and after a chunk, and its place once it is known.
+struct Kind {
+  uint64_t EventFaults::*count;
+  std::optional<uint64_t> FaultPlaces::*place;
+};
+constexpr std::array<Kind, 4> kKindsOfWords = {{
+    {&EventFaults::unknown_words, &FaultPlaces::unknown_words},
+    {&EventFaults::outside_geometry, &FaultPlaces::outside_geometry},
+    {&EventFaults::before_time, &FaultPlaces::before_time},
+    {&EventFaults::time_steps_back, &FaultPlaces::time_steps_back},
+}};
+
+}  // namespace
+
+std::vector<std::pair<std::string_view, uint64_t>> FaultPlaces::Named() const {
+  std::vector<std::pair<std::string_view, uint64_t>> named;
+  const auto add = [&named](std::string_view name, const std::optional<uint64_t>& place) {
+    if (place) named.emplace_back(name, *place);
+  };
+  add("unknown_words", unknown_words);
+  add("outside_geometry", outside_geometry);
+  add("before_time", before_time);
+  add("time_steps_back", time_steps_back);
+  add("truncated_bytes", truncated_bytes);
+  return named;
+}
+
+bool FaultLocator::AsksAhead(const Evt2Decoder&, const uint8_t* word) const {
+  return event_words::Load<uint32_t>(word) >> 28 == 0x8;
+}
+
+bool FaultLocator::AsksAhead(const Evt21Decoder&, const uint8_t* word) const {
+  return std::rotl(event_words::Load<uint64_t>(word), halves_swapped_ ? 32 : 0) >> 60 == 0x8;
+}
+
+bool FaultLocator::AsksAhead(const Evt3Decoder&, const uint8_t* word) const {
+  return event_words::Load<uint16_t>(word) >> 12 == 0x8;
+}
+
+bool FaultLocator::AsksAhead(const PlainEventDecoder&, const uint8_t* word) const {
+  return IsReadable(event_words::Load<PlainEvent>(word));
+}
+
+template <typename Decoder>
+[[gnu::cold]] void FaultLocator::FindIn(const Decoder& before, std::span<const uint8_t> bytes,
+                                        const EventFaults& after) {
+  constexpr size_t kWord = Decoder::kWordBytes;
+  const size_t end = bytes.size() / kWord * kWord;
+  if (after.truncated_bytes != before.faults().truncated_bytes && !places_.truncated_bytes) {
+    places_.truncated_bytes = offset_ + end;
+  }
+  const auto is_wanted = [&](const Kind& kind) {
+    return after.*kind.count != before.faults().*kind.count && !(places_.*kind.place);
+  };
+  auto wanted = std::count_if(kKindsOfWords.begin(), kKindsOfWords.end(), is_wanted);
+  Decoder decoder = before;
+  NoSink sink;
+  size_t ahead = 0;  // the next word that asks ahead, or one that has been passed
+  for (size_t at = 0; at < end && wanted > 0; at += kWord) {
+    const uint64_t unknown = decoder.faults().unknown_words;
+    std::array<uint8_t, 2 * kWord> pair;
+    std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), kWord, pair.begin());
+    bool damaged = false;
+    if (AsksAhead(decoder, pair.data())) {
+      // The whole chunk's decoder saw the next such word: with it alone behind this one the verdict
+      // is the same.
+      for (ahead = std::max(ahead, at + kWord);
+           ahead < end && !AsksAhead(decoder, bytes.data() + ahead);) {
+        ahead += kWord;
+      }
+      if (ahead < end) {
+        std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(ahead), kWord,
+                    pair.begin() + kWord);
+        Decoder trial = decoder;
+        trial.Decode(pair, sink);
+        damaged = trial.faults().unknown_words != unknown;
+      }
+    }
+    const EventFaults last = decoder.faults();
+    if (!damaged) decoder.Decode(std::span(pair).first(kWord), sink);
+    for (const Kind& kind : kKindsOfWords) {
+      const bool rose = decoder.faults().*kind.count != last.*kind.count ||
+                        (damaged && kind.count == &EventFaults::unknown_words);
+      if (!rose || places_.*kind.place) continue;
+      places_.*kind.place = offset_ + at;
+      --wanted;
+    }
+  }
+}
+
+void FaultLocator::Find(const Evt2Decoder& before, std::span<const uint8_t> bytes,
+                        const EventFaults& after) {
+  FindIn(before, bytes, after);
+}
+
+void FaultLocator::Find(const Evt21Decoder& before, std::span<const uint8_t> bytes,
+                        const EventFaults& after) {
+  FindIn(before, bytes, after);
+}
+
+void FaultLocator::Find(const Evt3Decoder& before, std::span<const uint8_t> bytes,
+                        const EventFaults& after) {
+  FindIn(before, bytes, after);
+}
+
+void FaultLocator::Find(const PlainEventDecoder& before, std::span<const uint8_t> bytes,
+                        const EventFaults& after) {
+  FindIn(before, bytes, after);
+}
+
+}  // namespace rigcal::agent

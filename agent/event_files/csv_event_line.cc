@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/event_files/csv_event_line.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <system_error>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kMaxFields = 32;
+constexpr uint16_t kNoPixel = 0xffff;
+constexpr double kMaxTimeUs = 4e18;
+
+std::string Quoted(std::string_view field) {
+  constexpr size_t kShown = 32;
+  return absl::StrCat("\"", absl::CHexEscape(std::string(field.substr(0, kShown))),
+                      field.size() > kShown ? "...\"" : "\"");
+}
+
+bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+bool IsSeparator(char c) { return c == ',' || c == ';'; }
+
+// The next field of `rest`; false: there is none.
+bool TakeField(std::string_view* rest, std::string_view* field) {
+  size_t begin = 0;
+  while (begin < rest->size() && IsBlank((*rest)[begin])) ++begin;
+  if (begin == rest->size()) return false;
+  size_t end = begin;
+  while (end < rest->size() && !IsBlank((*rest)[end]) && !IsSeparator((*rest)[end])) ++end;
+  *field = rest->substr(begin, end - begin);
+  while (end < rest->size() && IsBlank((*rest)[end])) ++end;
+  if (end < rest->size() && IsSeparator((*rest)[end])) ++end;
+  rest->remove_prefix(end);
+  return true;
+}
+
+size_t Split(std::string_view line, std::array<std::string_view, kMaxFields>* fields) {
+  size_t count = 0;
+  while (count < kMaxFields && TakeField(&line, &(*fields)[count])) ++count;
+  return count;
+}
+
+// A whole number, perhaps with ".0" behind it as tables of floats write it.
+bool ParseWhole(std::string_view field, int64_t* value) {
+  if (field.starts_with('+')) field.remove_prefix(1);
+  const char* const end = field.data() + field.size();
+  const auto [stopped, error] = std::from_chars(field.data(), end, *value);
+  if (error != std::errc()) return false;
+  if (stopped == end) return true;
+  return *stopped == '.' && std::all_of(stopped + 1, end, [](char c) { return c == '0'; });
+}
+
+bool ParseFraction(std::string_view field, TimeUnit unit, int64_t* time_us) {
+  const char* const end = field.data() + field.size();
+  double value = 0;
+  const auto [stopped, error] = std::from_chars(field.data(), end, value);
+  if (error != std::errc() || stopped != end) return false;
+  const double scale = unit == TimeUnit::kSeconds ? 1e6 : unit == TimeUnit::kNanoseconds ? 1e-3 : 1;
+  if (!(std::abs(value * scale) < kMaxTimeUs)) return false;
+  *time_us = std::llround(value * scale);
+  return true;
+}
+
+// Seconds with a fraction, without the error of a double: 1e9 s and 1e-6 s have 16 digits.
+bool ParseDecimalSeconds(std::string_view field, int64_t* time_us) {
+  const bool negative = field.starts_with('-');
+  if (negative || field.starts_with('+')) field.remove_prefix(1);
+  const size_t point = field.find('.');
+  if (point == field.npos || point > 12 || field.size() < 2) return false;
+  int64_t seconds = 0, fraction_us = 0;
+  for (const char c : field.substr(0, point)) {
+    if (!absl::ascii_isdigit(static_cast<unsigned char>(c))) return false;
+    seconds = 10 * seconds + (c - '0');
+  }
+  const std::string_view digits = field.substr(point + 1);
+  for (size_t i = 0; i < std::max<size_t>(digits.size(), 6); ++i) {
+    const char c = i < digits.size() ? digits[i] : '0';
+    if (!absl::ascii_isdigit(static_cast<unsigned char>(c))) return false;
+    if (i < 6) fraction_us = 10 * fraction_us + (c - '0');
+    if (i == 6 && c >= '5') ++fraction_us;
+  }
+  const int64_t magnitude = seconds * 1'000'000 + fraction_us;
+  *time_us = negative ? -magnitude : magnitude;
+  return true;
+}
+
+bool ParseTime(std::string_view field, TimeUnit unit, int64_t* time_us) {
+  int64_t whole = 0;
+  if (!ParseWhole(field, &whole)) {
+    if (unit == TimeUnit::kSeconds && ParseDecimalSeconds(field, time_us)) return true;
+    return ParseFraction(field, unit, time_us);
+  }
+  switch (unit) {
+    case TimeUnit::kSeconds:
+      return !__builtin_mul_overflow(whole, int64_t{1'000'000}, time_us);
+    case TimeUnit::kNanoseconds:
+      *time_us = whole / 1000 - (whole % 1000 < 0 ? 1 : 0);
+      return true;
+    default:
+      *time_us = whole;
+      return true;
+  }
+}
+
+bool ParsePolarity(std::string_view field, bool* on) {
+  int64_t value = 0;
+  if (ParseWhole(field, &value)) {
+    *on = value == 1;
+    return value >= -1 && value <= 1;
+  }
+  const std::string text = absl::AsciiStrToLower(std::string(field));
+  *on = text == "true";
+  return text == "true" || text == "false";
+}
+
+std::string Name(std::string_view field) {
+  std::string name = absl::AsciiStrToLower(std::string(field));
+  name.erase(std::remove_if(name.begin(), name.end(),
+                            [](char c) { return c == '"' || c == '\'' || c == '#' || c == '%'; }),
+             name.end());
+  return name;
+}
+
+// Whether a name is of times, and in which unit.
+bool IsTimeName(const std::string& name, TimeUnit* unit) {
+  for (const char* const stem : {"timestamp", "time", "ts", "t"}) {
+    if (!name.starts_with(stem)) continue;
+    const std::string suffix = name.substr(std::string_view(stem).size());
+    *unit = TimeUnit::kAuto;
+    if (suffix == "_us" || suffix == "[us]") *unit = TimeUnit::kMicroseconds;
+    if (suffix == "_s" || suffix == "[s]" || suffix == "_sec") *unit = TimeUnit::kSeconds;
+    if (suffix == "_ns" || suffix == "[ns]") *unit = TimeUnit::kNanoseconds;
+    if (suffix.empty() || *unit != TimeUnit::kAuto) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::vector<std::string_view> SplitCsvEventFields(std::string_view line) {
+  std::array<std::string_view, kMaxFields> fields;
+  const size_t count = Split(line, &fields);
+  return {fields.begin(), fields.begin() + static_cast<std::ptrdiff_t>(count)};
+}
+
+bool IsCsvEventHeader(std::string_view line) {
+  for (const std::string_view field : SplitCsvEventFields(line)) {
+    const std::string name = Name(field);
+    if (name.empty() || !absl::ascii_isalpha(static_cast<unsigned char>(name.front()))) {
+      return false;
+    }
+  }
+  return true;
+}
+
+absl::StatusOr<CsvEventColumns> ParseCsvEventHeader(std::string_view line) {
+  std::optional<size_t> x, y, p, t;
+  CsvEventColumns columns;
+  const std::vector<std::string_view> fields = SplitCsvEventFields(line);
+  for (size_t i = 0; i < fields.size(); ++i) {
+    const std::string name = Name(fields[i]);
+    TimeUnit unit = TimeUnit::kAuto;
+    if (name == "x") {
+      x = i;
+    } else if (name == "y") {
+      y = i;
+    } else if (name == "p" || name == "pol" || name == "polarity") {
+      p = i;
+    } else if (IsTimeName(name, &unit)) {
+      t = i;
+      columns.time_unit = unit;
+    }
+  }
+  if (!x || !y || !p || !t) {
+    std::string missing;
+    for (const auto& [name, column] : {std::pair{"x", x}, {"y", y}, {"p", p}, {"t", t}}) {
+      if (!column) absl::StrAppend(&missing, missing.empty() ? "" : ", ", name);
+    }
+    return absl::InvalidArgumentError(
+        absl::StrCat("the header line ", Quoted(line), " has no column ", missing,
+                     "; events need x, y, p (or pol, polarity) and t (or ts, time, timestamp)"));
+  }
+  columns.x = *x;
+  columns.y = *y;
+  columns.p = *p;
+  columns.t = *t;
+  columns.count = fields.size();
+  return columns;
+}
+
+absl::StatusOr<CsvEventColumns> ParseCsvEventOrder(std::string_view order) {
+  std::string sorted(order);
+  std::sort(sorted.begin(), sorted.end());
+  if (sorted != "ptxy") {
+    return absl::InvalidArgumentError(
+        absl::StrCat("columns ", Quoted(order), " is not an order of x, y, p and t, such as txyp"));
+  }
+  CsvEventColumns columns;
+  columns.x = order.find('x');
+  columns.y = order.find('y');
+  columns.p = order.find('p');
+  columns.t = order.find('t');
+  return columns;
+}
+
+bool HasTimeFraction(std::string_view line, const CsvEventColumns& columns) {
+  const std::vector<std::string_view> fields = SplitCsvEventFields(line);
+  if (fields.size() != columns.count) return false;
+  int64_t whole = 0, time_us = 0;
+  return !ParseWhole(fields[columns.t], &whole) &&
+         ParseFraction(fields[columns.t], TimeUnit::kMicroseconds, &time_us);
+}
+
+std::optional<std::string> ParseCsvEventLine(std::string_view line, const CsvEventColumns& columns,
+                                             TimeUnit unit, PlainEvent* event) {
+  std::array<std::string_view, kMaxFields> fields;
+  const size_t count = Split(line, &fields);
+  if (count != columns.count) {
+    return absl::StrCat(count, count == 1 ? " field" : " fields", " instead of ", columns.count);
+  }
+  int64_t x = 0, y = 0;
+  for (const auto& [column, value, name] : {std::tuple{columns.x, &x, "x"}, {columns.y, &y, "y"}}) {
+    if (!ParseWhole(fields[column], value)) {
+      return absl::StrCat(name, " is ", Quoted(fields[column]), ", not a whole number of pixels");
+    }
+  }
+  bool on = false;
+  if (!ParsePolarity(fields[columns.p], &on)) {
+    return absl::StrCat("p is ", Quoted(fields[columns.p]), ", none of 0, 1, -1, false, true");
+  }
+  if (!ParseTime(fields[columns.t], unit, &event->time_us)) {
+    return absl::StrCat("t is ", Quoted(fields[columns.t]), ", not a time in ", TimeUnitName(unit));
+  }
+  const auto pixel = [](int64_t value) {
+    return value < 0 || value > kNoPixel ? kNoPixel : static_cast<uint16_t>(value);
+  };
+  event->x = pixel(x);
+  event->y = pixel(y);
+  event->kind = on ? PlainEvent::kOn : PlainEvent::kOff;
+  return std::nullopt;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/event_files/csv_event_reader.h"
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "agent/event_files/csv_event_line.h"
+#include "common/status/status_macros.h"
+#include "common/text/line_reader.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kLinesLookedAt = 1000;
+constexpr uint64_t kBadLinesAtLeast = 1000;
+constexpr uint32_t kMaxSide = 2048;
+
+bool IsBlank(std::string_view text) { return text.find_first_not_of(" \t\r") == text.npos; }
+bool IsComment(std::string_view text) { return text.starts_with('#') || text.starts_with('%'); }
+
+std::optional<SensorGeometry> Sides(std::string_view text) {
+  std::vector<uint32_t> numbers;
+  for (size_t at = 0; at < text.size() && numbers.size() < 3;) {
+    size_t end = at;
+    while (end < text.size() && absl::ascii_isdigit(static_cast<unsigned char>(text[end]))) ++end;
+    uint32_t number = 0;
+    if (end > at && absl::SimpleAtoi(std::string(text.substr(at, end - at)), &number)) {
+      numbers.push_back(number);
+    }
+    at = end + 1;
+  }
+  if (numbers.size() != 2) return std::nullopt;
+  for (const uint32_t side : numbers) {
+    if (side < 1 || side > kMaxSide) return std::nullopt;
+  }
+  return SensorGeometry{numbers[0], numbers[1]};
+}
+
+class CsvEventReader : public PlainEventReader {
+ public:
+  CsvEventReader(std::string path, LineReader lines)
+      : path_(std::move(path)), lines_(std::move(lines)) {}
+
+  // Looks at the first lines of the file.
+  absl::Status Look(const PlainFileOptions& options);
+
+  const PlainFileFacts& facts() const override { return facts_; }
+  absl::Status Read(size_t max_count, std::vector<PlainEvent>* events) override;
+  std::string PlaceOf(size_t index) const override {
+    return index < line_numbers_.size() ? absl::StrCat("line ", line_numbers_[index]) : "";
+  }
+  std::vector<Refusal> Refused() const override { return refused_.List(); }
+
+ private:
+  // What the lines ahead of the first event say; false: `line` is none of these.
+  absl::StatusOr<bool> TakeFront(const LineReader::Line& line);
+  absl::Status CountBad(uint64_t line, const std::string& what);
+
+  const std::string path_;
+  LineReader lines_;
+  PlainFileFacts facts_;
+  CsvEventColumns columns_;
+  bool has_header_ = false;
+  uint64_t first_line_ = 0;  // with an event
+  std::vector<uint64_t> line_numbers_;
+  uint64_t good_ = 0, bad_ = 0;
+  RefusalCounter refused_;
+};
+
+absl::StatusOr<bool> CsvEventReader::TakeFront(const LineReader::Line& line) {
+  if (IsBlank(line.text)) return true;
+  if (IsComment(line.text)) {
+    const std::string text = absl::AsciiStrToLower(std::string(line.text));
+    const size_t at = text.find("geometry");
+    if (at != text.npos) facts_.geometry = Sides(std::string_view(text).substr(at));
+    return true;
+  }
+  if (!has_header_ && IsCsvEventHeader(line.text)) {
+    const absl::StatusOr<CsvEventColumns> columns = ParseCsvEventHeader(line.text);
+    if (!columns.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path_, ":", line.number, ": ", std::string(columns.status().message())));
+    }
+    columns_ = *columns;
+    has_header_ = true;
+    return true;
+  }
+  if (!facts_.geometry && SplitCsvEventFields(line.text).size() == 2) {
+    facts_.geometry = Sides(line.text);
+    return facts_.geometry.has_value();
+  }
+  return false;
+}
+
+absl::Status CsvEventReader::Look(const PlainFileOptions& options) {
+  RIGCAL_ASSIGN_OR_RETURN(columns_, ParseCsvEventOrder(options.columns));
+  RIGCAL_ASSIGN_OR_RETURN(LineReader reader, LineReader::Open(path_));
+  int events = 0, looked_at = 0;
+  bool has_fraction = false;
+  int64_t first_time = 0;
+  std::string first_fault;
+  while (looked_at < kLinesLookedAt) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto line, reader.Next());
+    if (!line) break;
+    if (first_line_ == 0) {
+      RIGCAL_ASSIGN_OR_RETURN(const bool is_front, TakeFront(*line));
+      if (is_front) continue;
+      first_line_ = line->number;
+    }
+    if (IsBlank(line->text) || IsComment(line->text)) continue;
+    ++looked_at;
+    PlainEvent event;
+    if (const auto fault =
+            ParseCsvEventLine(line->text, columns_, TimeUnit::kMicroseconds, &event)) {
+      if (first_fault.empty()) first_fault = absl::StrCat(":", line->number, ": ", *fault);
+      continue;
+    }
+    if (events++ == 0) first_time = event.time_us;
+    has_fraction = has_fraction || HasTimeFraction(line->text, columns_);
+  }
+  if (events == 0 && (looked_at > 0 || !has_header_)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path_, first_fault, looked_at > 0 ? "; none of the first lines is" : ": there is no",
+        " an event as CSV (x,y,p,t such as 320,240,1,1000000; other orders with a header line or ",
+        "columns=txyp)"));
+  }
+  facts_.format = "CSV";
+  facts_.time_unit = options.time_unit != TimeUnit::kAuto ? options.time_unit : columns_.time_unit;
+  if (facts_.time_unit == TimeUnit::kAuto) {
+    facts_.time_unit = has_fraction ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+    if (std::abs(static_cast<double>(first_time)) > static_cast<double>(PlainClock::kMaxUs)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path_, ":", first_line_, ": a time of ", first_time,
+                       " is too large for microseconds; say what it is: time=ns"));
+    }
+  }
+  facts_.layout = has_header_ ? "columns of its header line" : "columns " + options.columns;
+  return absl::OkStatus();
+}
+
+absl::Status CsvEventReader::CountBad(uint64_t line, const std::string& what) {
+  ++bad_;
+  refused_.Add("", "event_csv_bad_line", 1, absl::StrCat(path_, ":", line, ": ", what));
+  if (bad_ <= kBadLinesAtLeast || bad_ <= good_) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat(path_, ":", line, ": ", bad_, " of ", bad_ + good_,
+                                          " lines so far are no events, the last one has ", what,
+                                          "; is this the right file?"));
+}
+
+absl::Status CsvEventReader::Read(size_t max_count, std::vector<PlainEvent>* events) {
+  events->clear();
+  line_numbers_.clear();
+  while (events->size() < max_count) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto line, lines_.Next());
+    if (!line) break;
+    if (line->number < first_line_ || first_line_ == 0) continue;
+    if (IsBlank(line->text) || IsComment(line->text)) continue;
+    PlainEvent event;
+    std::optional<std::string> fault;
+    if (line->too_long) {
+      fault = absl::StrCat("more than ", LineReader::kMaxLineBytes, " bytes");
+    } else {
+      fault = ParseCsvEventLine(line->text, columns_, facts_.time_unit, &event);
+    }
+    if (fault) {
+      RIGCAL_RETURN_IF_ERROR(CountBad(line->number, *fault));
+      continue;
+    }
+    ++good_;
+    events->push_back(event);
+    line_numbers_.push_back(line->number);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenCsvEvents(const std::string& path,
+                                                                const PlainFileOptions& options) {
+  RIGCAL_ASSIGN_OR_RETURN(LineReader lines, LineReader::Open(path));
+  auto reader = std::make_unique<CsvEventReader>(path, std::move(lines));
+  RIGCAL_RETURN_IF_ERROR(reader->Look(options));
+  return std::unique_ptr<PlainEventReader>(std::move(reader));
+}
+
+}  // namespace rigcal::agent

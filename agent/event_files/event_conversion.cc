@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/event_files/event_conversion.h"
+
+#include <unistd.h>
+
+#include <bit>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "agent/event_files/event_file.h"
+#include "agent/event_files/event_file_writer.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kPieceBytes = size_t{256} << 10;
+constexpr SensorGeometry kEveryPixel{2048, 2048};
+constexpr SensorGeometry kEveryPlainPixel{65535, 65535};
+
+// Collects events with their whole times.
+template <typename Decoder>
+struct PlainSink {
+  const Decoder& decoder;
+  std::vector<PlainEvent> events;
+  uint64_t trigger_events = 0;
+
+  void Row(uint32_t) {}
+  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
+    // Times of CD events are 32 bits; the decoder's own time leads to all 64.
+    const int64_t near_us = decoder.time_us();
+    events.push_back(
+        {.time_us = near_us + static_cast<int32_t>(time_us - static_cast<uint32_t>(near_us)),
+         .x = static_cast<uint16_t>(x),
+         .y = static_cast<uint16_t>(y),
+         .kind = on ? PlainEvent::kOn : PlainEvent::kOff});
+  }
+  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
+    for (; mask != 0; mask &= mask - 1) {
+      Event(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, time_us);
+    }
+  }
+  void Trigger(const TriggerEvent& trigger) {
+    ++trigger_events;
+    events.push_back(
+        {.time_us = trigger.time_us,
+         .kind = trigger.rising ? PlainEvent::kTriggerRising : PlainEvent::kTriggerFalling,
+         .channel = trigger.channel});
+  }
+  void TimeStepBack(int64_t) {}
+};
+
+template <typename Decoder>
+absl::Status CopyAll(Decoder decoder, EventFile* file, PlainEventWriter* writer,
+                     ConversionSummary* summary) {
+  PlainSink<Decoder> sink{decoder, {}, 0};
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kPieceBytes));
+    if (bytes.empty()) break;
+    sink.events.clear();
+    decoder.Decode(bytes, sink);
+    summary->cd_events += sink.events.size();
+    RIGCAL_RETURN_IF_ERROR(writer->Write(sink.events));
+  }
+  summary->trigger_events = sink.trigger_events;
+  summary->cd_events -= sink.trigger_events;
+  summary->faults = decoder.faults();
+  summary->refused = file->Refused();
+  return absl::OkStatus();
+}
+
+absl::Status Copy(SensorGeometry geometry, EventFile* file, PlainEventWriter* writer,
+                  ConversionSummary* summary) {
+  switch (file->header().format) {
+    case EventFormat::kEvt2:
+      return CopyAll(Evt2Decoder(geometry), file, writer, summary);
+    case EventFormat::kEvt21:
+      return CopyAll(Evt21Decoder(geometry, file->header().halves_swapped), file, writer, summary);
+    case EventFormat::kEvt3:
+      return CopyAll(Evt3Decoder(geometry), file, writer, summary);
+    case EventFormat::kPlain:
+      break;
+  }
+  return CopyAll(PlainEventDecoder(geometry), file, writer, summary);
+}
+
+// Of the file and the option, the one; both must agree.
+absl::StatusOr<std::optional<SensorGeometry>> Geometry(const ConversionOptions& options,
+                                                       const EventFileHeader& header) {
+  if (!options.geometry) return header.geometry;
+  if (!header.geometry || *header.geometry == *options.geometry) return options.geometry;
+  return absl::InvalidArgumentError(absl::StrCat(
+      options.in, ": the file says ", header.geometry->width, "x", header.geometry->height,
+      " pixels, not ", options.geometry->width, "x", options.geometry->height));
+}
+
+// What of a file's own words may stand in another one.
+std::map<std::string, std::string> Fields(const EventFileHeader& header) {
+  std::map<std::string, std::string> fields = header.fields;
+  for (const char* const about_the_file :
+       {"end", "evt", "format", "geometry", "width", "height", "sensor_resolution", "t_offset"}) {
+    fields.erase(about_the_file);
+  }
+  return fields;
+}
+
+// A file that is there only once it is whole.
+class NewFile {
+ public:
+  explicit NewFile(std::string path)
+      : path_(std::move(path)), part_(absl::StrCat(path_, ".part", ::getpid())) {}
+  ~NewFile() {
+    if (!is_there_) std::remove(part_.c_str());
+  }
+  NewFile(const NewFile&) = delete;
+  NewFile& operator=(const NewFile&) = delete;
+
+  const std::string& part() const { return part_; }
+  absl::Status Appear() {
+    if (std::rename(part_.c_str(), path_.c_str()) != 0) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("cannot make ", path_, ": ", std::strerror(errno)));
+    }
+    is_there_ = true;
+    return absl::OkStatus();
+  }
+
+ private:
+  const std::string path_;
+  const std::string part_;
+  bool is_there_ = false;
+};
+
+}  // namespace
+
+absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& options) {
+  const std::filesystem::path out(options.out);
+  std::error_code ignored;
+  if (!options.force && std::filesystem::exists(out, ignored)) {
+    return absl::AlreadyExistsError(
+        absl::StrCat(options.out, " is there already; add --force to replace it"));
+  }
+  if (std::filesystem::equivalent(options.in, out, ignored)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(options.out, " is the file to read from; name another one"));
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(options.in, options.plain));
+  RIGCAL_ASSIGN_OR_RETURN(const auto geometry, Geometry(options, file->header()));
+  NewFile new_file(options.out);
+  const std::string ending = absl::AsciiStrToLower(out.extension().string());
+  RIGCAL_ASSIGN_OR_RETURN(
+      const auto writer,
+      CreateEventFileWriter(new_file.part(), ending,
+                            {.geometry = geometry, .fields = Fields(file->header())},
+                            options.layout));
+  const SensorGeometry every =
+      file->header().format == EventFormat::kPlain ? kEveryPlainPixel : kEveryPixel;
+  ConversionSummary summary;
+  RIGCAL_RETURN_IF_ERROR(Copy(geometry.value_or(every), file.get(), writer.get(), &summary));
+  RIGCAL_RETURN_IF_ERROR(writer->Finish());
+  summary.losses = writer->losses();
+  RIGCAL_RETURN_IF_ERROR(new_file.Appear());
+  return summary;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "agent/event/event.h"
+#include "agent/event/event_decoder.h"
+#include "agent/event_files/plain_event_reader.h"
+#include "agent/event_files/plain_event_writer.h"
+#include "common/status/refusal.h"
+
+namespace rigcal::agent {
+
+struct ConversionOptions {
+  std::string in;
+  std::string out;                         // its ending names the format
+  std::optional<SensorGeometry> geometry;  // where the file does not say
+  PlainFileOptions plain;                  // how an HDF5 or CSV file is to be read
+  std::string layout = "prophesee";        // of HDF5: prophesee or events
+  bool force = false;                      // replace a file that is there
+};
+
+struct ConversionSummary {
+  uint64_t cd_events = 0, trigger_events = 0;  // read
+  EventFaults faults;
+  std::vector<Refusal> refused;  // lines that were no events
+  WriterLosses losses;
+};
+
+// Reads a file of events and writes it in another format. The new file appears under its name when
+// it is whole.
+//
+// ALREADY_EXISTS: `out` is there and force is not. INVALID_ARGUMENT, NOT_FOUND,
+// FAILED_PRECONDITION: what OpenEventFile and CreateEventFileWriter say. DATA_LOSS: reading or
+// writing failed on the way.
+absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& options);
+
+}  // namespace rigcal::agent

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/event_files/event_file_info.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+
+#include "absl/strings/str_cat.h"
+#include "agent/event/fault_locator.h"
+#include "agent/event/plain_events.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kInfoPieceBytes = size_t{64} << 10;
+constexpr SensorGeometry kWholeSensor{2048, 2048};
+constexpr SensorGeometry kWholePlainSensor{65535, 65535};
+
+// Counts. Times of CD events are 32 bits; the decoder's own time leads to all 64.
+template <typename Decoder>
+class InfoSink {
+ public:
+  InfoSink(const Decoder* decoder, EventFileInfo* info) : decoder_(*decoder), info_(*info) {}
+
+  void Row(uint32_t) {}
+  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) { Vector(x, y, on, time_us, 1); }
+  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
+    const auto count = static_cast<uint64_t>(std::popcount(mask));
+    info_.cd_events += count;
+    info_.on_events += on ? count : 0;
+    info_.sum_y += y * count;
+    info_.largest_y = std::max(info_.largest_y, y);
+    const auto last = 31 - static_cast<uint32_t>(std::countl_zero(mask));
+    info_.largest_x = std::max(info_.largest_x, x + last);
+    for (; mask != 0; mask &= mask - 1) {
+      info_.sum_x += x + static_cast<uint32_t>(std::countr_zero(mask));
+    }
+    const int64_t near_us = decoder_.time_us();
+    See(near_us + static_cast<int32_t>(time_us - static_cast<uint32_t>(near_us)));
+  }
+  void Trigger(const TriggerEvent& trigger) {
+    ++info_.trigger_events;
+    TriggerEdges& edges = (trigger.rising ? info_.rising : info_.falling)[trigger.channel];
+    if (edges.count++ == 0) {
+      edges.first_us = trigger.time_us;
+    } else if (trigger.time_us > edges.last_us) {
+      const int64_t gap_us = trigger.time_us - edges.last_us;
+      edges.shortest_gap_us =
+          edges.shortest_gap_us == 0 ? gap_us : std::min(edges.shortest_gap_us, gap_us);
+      edges.longest_gap_us = std::max(edges.longest_gap_us, gap_us);
+    }
+    edges.last_us = trigger.time_us;
+    See(trigger.time_us);
+  }
+  void TimeStepBack(int64_t time_us) {
+    EndEpoch();
+    now_us_ = time_us;
+  }
+
+  void EndEpoch() {
+    if (in_epoch_) info_.duration_us += now_us_ - epoch_first_us_;
+    in_epoch_ = false;
+  }
+
+ private:
+  void See(int64_t time_us) {
+    if (!info_.first_us) info_.first_us = time_us;
+    if (!in_epoch_) epoch_first_us_ = now_us_ = time_us;
+    in_epoch_ = true;
+    now_us_ = std::max(now_us_, time_us);
+    info_.last_us = now_us_;
+  }
+
+  const Decoder& decoder_;
+  EventFileInfo& info_;
+  int64_t now_us_ = 0;
+  bool in_epoch_ = false;
+  int64_t epoch_first_us_ = 0;
+};
+
+// The smallest sensor that has all pixels of a file.
+struct ExtentSink {
+  SensorGeometry extent;
+
+  void Row(uint32_t) {}
+  void Event(uint32_t x, uint32_t y, bool, uint32_t) {
+    extent.width = std::max(extent.width, x + 1);
+    extent.height = std::max(extent.height, y + 1);
+  }
+  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
+    Event(x + 31 - static_cast<uint32_t>(std::countl_zero(mask)), y, on, time_us);
+  }
+  void Trigger(const TriggerEvent&) {}
+  void TimeStepBack(int64_t) {}
+};
+
+template <typename Decoder>
+absl::Status CountAll(Decoder decoder, EventFile* file, EventFileInfo* info) {
+  InfoSink sink(&decoder, info);
+  FaultLocator finder(file->header().halves_swapped);
+  const uint64_t begin = file->byte_offset();
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kInfoPieceBytes));
+    if (bytes.empty()) break;
+    const Decoder before = decoder;
+    decoder.Decode(bytes, sink);
+    finder.Look(before, bytes, decoder.faults());
+    for (const auto& [name, offset] : finder.places().Named()) {
+      info->first_faults.try_emplace(std::string(name), file->PlaceOf(begin + offset));
+    }
+  }
+  sink.EndEpoch();
+  info->faults = decoder.faults();
+  info->refused = file->Refused();
+  return absl::OkStatus();
+}
+
+template <typename Decoder>
+absl::Status FindExtent(Decoder decoder, EventFile* file, EventFileInfo* info) {
+  ExtentSink sink;
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kInfoPieceBytes));
+    if (bytes.empty()) break;
+    decoder.Decode(bytes, sink);
+  }
+  info->extent = sink.extent;
+  return absl::OkStatus();
+}
+
+// Calls `take` with the file's decoder.
+template <typename Take>
+absl::Status WithDecoder(const EventFileHeader& header, SensorGeometry geometry, Take take) {
+  switch (header.format) {
+    case EventFormat::kEvt2:
+      return take(Evt2Decoder(geometry));
+    case EventFormat::kEvt21:
+      return take(Evt21Decoder(geometry, header.halves_swapped));
+    case EventFormat::kEvt3:
+      return take(Evt3Decoder(geometry));
+    case EventFormat::kPlain:
+      break;
+  }
+  return take(PlainEventDecoder(geometry));
+}
+
+}  // namespace
+
+absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
+                                                std::optional<SensorGeometry> geometry,
+                                                const PlainFileOptions& plain) {
+  RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(path, plain));
+  EventFileInfo info;
+  info.path = path;
+  info.byte_count = file->byte_count();
+  info.header = file->header();
+  const std::optional<SensorGeometry>& said = info.header.geometry;
+  if (geometry && said && *geometry != *said) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": the file says ", said->width, "x",
+                                                   said->height, " pixels, not ", geometry->width,
+                                                   "x", geometry->height));
+  }
+  const SensorGeometry taken = said.value_or(geometry.value_or(kWholeSensor));
+  RIGCAL_RETURN_IF_ERROR(WithDecoder(
+      info.header, taken, [&](auto decoder) { return CountAll(decoder, file.get(), &info); }));
+  if (info.faults.outside_geometry == 0) return info;
+  RIGCAL_ASSIGN_OR_RETURN(const auto again, OpenEventFile(path, plain));
+  const SensorGeometry every =
+      info.header.format == EventFormat::kPlain ? kWholePlainSensor : kWholeSensor;
+  RIGCAL_RETURN_IF_ERROR(WithDecoder(
+      info.header, every, [&](auto decoder) { return FindExtent(decoder, again.get(), &info); }));
+  return info;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "agent/event/event.h"
+#include "agent/event/event_decoder.h"
+#include "agent/event_files/event_file.h"
+#include "agent/event_files/plain_event_reader.h"
+#include "common/status/refusal.h"
+
+namespace rigcal::agent {
+
+// Edges of one kind at one external-trigger input.
+struct TriggerEdges {
+  uint64_t count = 0;
+  int64_t first_us = 0;
+  int64_t last_us = 0;
+  // Between neighbours in one clock epoch; 0: fewer than two.
+  int64_t shortest_gap_us = 0;
+  int64_t longest_gap_us = 0;
+};
+
+// What is in a file of events.
+struct EventFileInfo {
+  std::string path;
+  uint64_t byte_count = 0;
+  EventFileHeader header;
+  uint64_t cd_events = 0, on_events = 0;
+  uint64_t sum_x = 0, sum_y = 0;  // of all CD events: tell whether two decoders agree
+  uint32_t largest_x = 0, largest_y = 0;
+  uint64_t trigger_events = 0;
+  std::map<int, TriggerEdges> rising, falling;  // by channel
+  // Of the first and the last event, CD or trigger, of the sensor's clock; none: no event.
+  std::optional<int64_t> first_us, last_us;
+  int64_t duration_us = 0;  // in all clock epochs together
+  EventFaults faults;
+  // Where the first fault of each kind is, by the name of its count: "byte 4096", "line 17".
+  std::map<std::string, std::string> first_faults;
+  // Where events contradict the geometry: the smallest one that would hold all of them.
+  std::optional<SensorGeometry> extent;
+  std::vector<Refusal> refused;  // lines that are no events
+
+  uint64_t off_events() const { return cd_events - on_events; }
+  double events_per_s() const {
+    return duration_us > 0 ? static_cast<double>(cd_events) * 1e6 / static_cast<double>(duration_us)
+                           : 0;
+  }
+};
+
+// Decodes all of a file. `geometry`: where the file does not say; without either every pixel that
+// the format can name is taken. Errors as OpenEventFile's.
+absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
+                                                std::optional<SensorGeometry> geometry,
+                                                const PlainFileOptions& plain = {});
+
+// For people.
+std::string FormatInfo(const EventFileInfo& info);
+// One JSON object, with a line end.
+std::string InfoJson(const EventFileInfo& info);
+
+}  // namespace rigcal::agent

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/event_files/hdf5_event_reader.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "agent/event_files/hdf5_handle.h"
+#include "agent/event_files/hdf5_layout.h"
+#include "agent/event_files/hdf5_row_reader.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+class Hdf5EventReader : public PlainEventReader {
+ public:
+  // The file's members are closed in the order that HDF5 wants: columns first.
+  Hdf5EventReader(std::string path, Hdf5Handle file)
+      : path_(std::move(path)), file_(std::move(file)) {}
+  ~Hdf5EventReader() override {
+    const Hdf5Lock lock;
+    rows_.reset();
+    file_.Reset();
+  }
+
+  absl::Status Open(const PlainFileOptions& options);
+  const PlainFileFacts& facts() const override { return facts_; }
+  absl::Status Read(size_t max_count, std::vector<PlainEvent>* events) override;
+  std::string PlaceOf(size_t index) const override;
+
+ private:
+  static constexpr size_t kBlockRows = size_t{1} << 16;
+
+  // Events or triggers read ahead.
+  struct Queue {
+    std::vector<PlainEvent> block;
+    std::vector<int64_t> events_before;  // of triggers, where the file notes it
+    size_t next = 0;                     // in the block
+    uint64_t row = 0;                    // of the file, of block.front()
+    uint64_t row_count = 0;
+    PlainClock clock;
+    uint64_t epoch = 0;
+    bool judged = false;  // whether block[next] has gone through the clock
+
+    bool empty() const { return next == block.size(); }
+    uint64_t at() const { return row + next; }
+    // The block is to hold the rows from at() on; returns how many.
+    size_t BeginBlock() {
+      row = at();
+      next = 0;
+      return static_cast<size_t>(std::min<uint64_t>(kBlockRows, row_count - row));
+    }
+  };
+
+  absl::Status ChooseTimeUnit(const Hdf5Column& t, TimeUnit asked);
+  absl::Status FillEvents();
+  absl::Status FillTriggers();
+  // Lets the queue's next event go through its clock; false: it is damaged and goes by itself.
+  static bool Judge(Queue* queue);
+  bool TriggerIsNext();
+
+  std::string path_;
+  Hdf5Handle file_;
+  PlainFileFacts facts_;
+  std::optional<Hdf5RowReader> rows_;
+  Queue cd_, edges_;
+  uint64_t block_cd_row_ = 0, block_edge_row_ = 0;  // at the beginning of the last Read
+  std::vector<bool> block_is_edge_;                 // of the last Read
+};
+
+absl::Status Hdf5EventReader::ChooseTimeUnit(const Hdf5Column& t, TimeUnit asked) {
+  facts_.time_unit = asked;
+  if (asked != TimeUnit::kAuto) return absl::OkStatus();
+  facts_.time_unit = t.is_float() ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+  if (t.is_float() || t.dataset().row_count == 0) return absl::OkStatus();
+  std::vector<int64_t> first;
+  RIGCAL_RETURN_IF_ERROR(t.Read(0, 1, &first));
+  if (std::abs(first[0]) <= PlainClock::kMaxUs) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path_, ": ", t.Name(), " begins with ", first[0],
+                   ", too large for microseconds; say what it is: time=ns"));
+}
+
+absl::Status Hdf5EventReader::Open(const PlainFileOptions& options) {
+  RIGCAL_ASSIGN_OR_RETURN(Hdf5Layout layout, Hdf5Layout::Open(path_, file_.get()));
+  facts_.format = "HDF5";
+  facts_.layout = layout.name;
+  facts_.geometry = layout.geometry;
+  facts_.fields = layout.fields;
+  RIGCAL_RETURN_IF_ERROR(ChooseTimeUnit(layout.events.t, options.time_unit));
+  cd_.row_count = layout.events.x.dataset().row_count;
+  if (layout.triggers) edges_.row_count = layout.triggers->t.dataset().row_count;
+  rows_.emplace(std::move(layout), facts_.time_unit);
+  return absl::OkStatus();
+}
+
+absl::Status Hdf5EventReader::FillEvents() {
+  const size_t count = cd_.BeginBlock();
+  return rows_->ReadEvents(cd_.row, count, &cd_.block);
+}
+
+absl::Status Hdf5EventReader::FillTriggers() {
+  const size_t count = edges_.BeginBlock();
+  return rows_->ReadTriggers(edges_.row, count, &edges_.block, &edges_.events_before);
+}
+
+bool Hdf5EventReader::Judge(Queue* queue) {
+  const PlainEvent& event = queue->block[queue->next];
+  if (queue->judged) return true;
+  if (!IsReadable(event)) return false;
+  queue->judged = true;
+  if (queue->clock.Take(event.time_us)) return true;
+  const bool sees_next = queue->next + 1 < queue->block.size();
+  const int64_t next_us = sees_next ? queue->block[queue->next + 1].time_us : 0;
+  switch (queue->clock.Decide(event.time_us, sees_next ? &next_us : nullptr)) {
+    case PlainClock::Verdict::kDamaged:
+      return false;
+    case PlainClock::Verdict::kStepBack:
+      ++queue->epoch;
+      return true;
+    default:
+      return true;
+  }
+}
+
+bool Hdf5EventReader::TriggerIsNext() {
+  if (edges_.empty()) return false;
+  if (cd_.empty()) return true;
+  if (!edges_.events_before.empty()) {
+    const int64_t before = edges_.events_before[edges_.next];
+    return before <= static_cast<int64_t>(cd_.at());
+  }
+  if (!Judge(&edges_)) return true;
+  if (!Judge(&cd_)) return false;
+  if (edges_.epoch != cd_.epoch) return edges_.epoch < cd_.epoch;
+  return edges_.block[edges_.next].time_us <= cd_.block[cd_.next].time_us;
+}
+
+absl::Status Hdf5EventReader::Read(size_t max_count, std::vector<PlainEvent>* events) {
+  const Hdf5Lock lock;
+  events->clear();
+  block_is_edge_.clear();
+  block_cd_row_ = cd_.at();
+  block_edge_row_ = edges_.at();
+  while (events->size() < max_count) {
+    if (cd_.empty() && cd_.at() < cd_.row_count) RIGCAL_RETURN_IF_ERROR(FillEvents());
+    if (edges_.empty() && edges_.at() < edges_.row_count) RIGCAL_RETURN_IF_ERROR(FillTriggers());
+    if (edges_.empty()) {
+      // Nearly always so: all of one kind.
+      if (cd_.empty()) break;
+      const size_t count = std::min(cd_.block.size() - cd_.next, max_count - events->size());
+      const auto begin = cd_.block.begin() + static_cast<std::ptrdiff_t>(cd_.next);
+      events->insert(events->end(), begin, begin + static_cast<std::ptrdiff_t>(count));
+      block_is_edge_.resize(events->size(), false);
+      cd_.next += count;
+      continue;
+    }
+    const bool is_edge = TriggerIsNext();
+    Queue& queue = is_edge ? edges_ : cd_;
+    events->push_back(queue.block[queue.next++]);
+    queue.judged = false;
+    block_is_edge_.push_back(is_edge);
+  }
+  return absl::OkStatus();
+}
+
+std::string Hdf5EventReader::PlaceOf(size_t index) const {
+  if (index >= block_is_edge_.size()) return "";
+  const auto end = block_is_edge_.begin() + static_cast<std::ptrdiff_t>(index);
+  const auto edges = static_cast<uint64_t>(std::count(block_is_edge_.begin(), end, true));
+  if (block_is_edge_[index]) {
+    return absl::StrCat("row ", block_edge_row_ + edges, " of /EXT_TRIGGER/events");
+  }
+  return absl::StrCat("row ", block_cd_row_ + index - edges, " of ", facts_.layout);
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenHdf5Events(const std::string& path,
+                                                                 const PlainFileOptions& options) {
+  struct stat status = {};
+  if (::stat(path.c_str(), &status) != 0 || ::access(path.c_str(), R_OK) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat("cannot open ", path));
+  }
+  const Hdf5Lock lock;
+  Hdf5Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
+  if (!file.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": HDF5 cannot open it: ", Hdf5Reason(),
+        "; was it copied or written to its end? (h5clear -s mends a file that was not closed)"));
+  }
+  auto reader = std::make_unique<Hdf5EventReader>(path, std::move(file));
+  const absl::Status opened = reader->Open(options);
+  return opened.ok() ? absl::StatusOr<std::unique_ptr<PlainEventReader>>(std::move(reader))
+                     : absl::StatusOr<std::unique_ptr<PlainEventReader>>(opened);
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "agent/event_files/plain_event_writer.h"
+
+namespace rigcal::agent {
+
+enum class Hdf5EventLayout : uint8_t {
+  kProphesee,  // /CD/events and /EXT_TRIGGER/events
+  kColumns,    // /events/x, y, p, t; no triggers
+};
+
+// Writes an HDF5 file as OpenHdf5Events reads it, compressed with HDF5's own filters (shuffle,
+// deflate). /EXT_TRIGGER/cd_events_before keeps how many events stood ahead of each trigger, so
+// that the stream comes back in its order. Attributes of the file: geometry, width, height and the
+// fields.
+//
+// FAILED_PRECONDITION: the file cannot be made.
+absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateHdf5EventWriter(const std::string& path,
+                                                                        const PlainFileFront& front,
+                                                                        Hdf5EventLayout layout);
+
+}  // namespace rigcal::agent

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/event_files/raw_header.h"
+
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kMaxHeaderBytes = 64 * 1024;
+constexpr uint32_t kMaxRawSide = 2048;  // 11 bits
+constexpr std::string_view kKnownFormats = "known: EVT2 (2.0), EVT21 (2.1), EVT3 (3.0)";
+
+absl::Status Fault(size_t offset, std::string_view what) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("RAW header, byte ", offset, ": ", std::string(what)));
+}
+
+bool IsText(std::string_view line) {
+  for (const char c : line) {
+    if (!absl::ascii_isprint(static_cast<unsigned char>(c)) && c != '\t' && c != '\r') return false;
+  }
+  return true;
+}
+
+absl::StatusOr<EventFormat> ParseFormat(std::string_view text, size_t offset) {
+  const std::string name = absl::AsciiStrToUpper(std::string(text));
+  if (name == "EVT3" || name == "3.0") return EventFormat::kEvt3;
+  if (name == "EVT2" || name == "2.0") return EventFormat::kEvt2;
+  if (name == "EVT21" || name == "2.1") return EventFormat::kEvt21;
+  return Fault(offset, absl::StrCat("format \"", std::string(text), "\" is not known (",
+                                    std::string(kKnownFormats), ")"));
+}
+
+absl::StatusOr<SensorGeometry> ParseGeometry(std::string_view width, std::string_view height,
+                                             size_t offset) {
+  SensorGeometry geometry;
+  if (absl::SimpleAtoi(std::string(width), &geometry.width) &&
+      absl::SimpleAtoi(std::string(height), &geometry.height) && geometry.width >= 1 &&
+      geometry.height >= 1 && geometry.width <= kMaxRawSide && geometry.height <= kMaxRawSide) {
+    return geometry;
+  }
+  return Fault(offset, absl::StrCat("geometry ", std::string(width), " x ", std::string(height),
+                                    " is not 1 to ", kMaxRawSide, " pixels each way"));
+}
+
+class Parser {
+ public:
+  explicit Parser(std::string_view text) : text_(text) {}
+
+  absl::StatusOr<RawHeader> Run() {
+    if (text_.empty() || text_.front() != '%') {
+      return Fault(0, absl::StrCat("the file does not begin with '%', so it is not a RAW file of "
+                                   "an event camera (",
+                                   std::string(kKnownFormats), ")"));
+    }
+    while (header_.byte_count < text_.size() && text_[header_.byte_count] == '%') {
+      const size_t end = text_.find('\n', header_.byte_count);
+      if (end == text_.npos) {
+        if (header_.fields.empty() || text_.size() >= kMaxHeaderBytes) {
+          return Fault(header_.byte_count, "a line without an end; is this a RAW file?");
+        }
+        break;
+      }
+      const std::string_view line = text_.substr(header_.byte_count, end - header_.byte_count);
+      // Without "% end", the first word of the events may happen to begin with '%'.
+      if (!IsText(line)) break;
+      const size_t offset = std::exchange(header_.byte_count, end + 1);
+      RIGCAL_ASSIGN_OR_RETURN(const bool ended, TakeLine(line.substr(1), offset));
+      if (ended) break;
+    }
+    return Finish();
+  }
+
+ private:
+  absl::StatusOr<bool> TakeLine(std::string_view line, size_t offset) {
+    const std::string text(absl::StripAsciiWhitespace(std::string(line)));
+    if (text == "end") return true;
+    const std::pair<std::string, std::string> field = absl::StrSplit(text, absl::MaxSplits(' ', 1));
+    if (field.first.empty()) return false;
+    header_.fields[field.first] = field.second;
+    if (field.first == "evt") return TakeFormat(field.second, offset);
+    if (field.first == "format") return TakeFormatLine(field.second, offset);
+    if (field.first == "geometry") {
+      const std::pair<std::string, std::string> sides =
+          absl::StrSplit(field.second, absl::MaxSplits('x', 1));
+      return TakeGeometry(sides.first, sides.second, offset);
+    }
+    return false;
+  }
+
+  // All return false: the header goes on.
+  absl::StatusOr<bool> TakeFormat(std::string_view name, size_t offset) {
+    RIGCAL_ASSIGN_OR_RETURN(const EventFormat format, ParseFormat(name, offset));
+    if (has_format_ && format != header_.format) {
+      return Fault(offset, absl::StrCat("format \"", std::string(name),
+                                        "\" contradicts an earlier line of this header"));
+    }
+    has_format_ = true;
+    header_.format = format;
+    return false;
+  }
+
+  absl::StatusOr<bool> TakeFormatLine(const std::string& value, size_t offset) {
+    const std::vector<std::string> parts = absl::StrSplit(value, ';');
+    RIGCAL_RETURN_IF_ERROR(TakeFormat(parts.front(), offset).status());
+    std::string width, height;
+    for (size_t i = 1; i < parts.size(); ++i) {
+      const std::pair<std::string, std::string> part = absl::StrSplit(parts[i], '=');
+      if (part.first == "width") width = part.second;
+      if (part.first == "height") height = part.second;
+      if (part.first == "endianness") header_.halves_swapped = part.second == "legacy";
+    }
+    if (width.empty() && height.empty()) return false;
+    return TakeGeometry(width, height, offset);
+  }
+
+  absl::StatusOr<bool> TakeGeometry(std::string_view width, std::string_view height,
+                                    size_t offset) {
+    RIGCAL_ASSIGN_OR_RETURN(const SensorGeometry geometry, ParseGeometry(width, height, offset));
+    if (header_.geometry && *header_.geometry != geometry) {
+      return Fault(offset, absl::StrCat("geometry ", geometry.width, "x", geometry.height,
+                                        " contradicts ", header_.geometry->width, "x",
+                                        header_.geometry->height, " of an earlier line"));
+    }
+    header_.geometry = geometry;
+    return false;
+  }
+
+  absl::StatusOr<RawHeader> Finish() {
+    if (!has_format_) {
+      return Fault(header_.byte_count, absl::StrCat("no line \"% evt\" or \"% format\" says how "
+                                                    "the events are encoded (",
+                                                    std::string(kKnownFormats), ")"));
+    }
+    if (const auto plugin = header_.fields.find("plugin_name");
+        !header_.geometry && plugin != header_.fields.end() &&
+        plugin->second.find("gen3") != std::string::npos) {
+      header_.geometry = SensorGeometry{640, 480};
+    }
+    return std::move(header_);
+  }
+
+  const std::string_view text_;
+  RawHeader header_;
+  bool has_format_ = false;
+};
+
+}  // namespace
+
+absl::StatusOr<RawHeader> ParseRawHeader(std::span<const uint8_t> bytes) {
+  const size_t size = bytes.size() < kMaxHeaderBytes ? bytes.size() : kMaxHeaderBytes;
+  return Parser({reinterpret_cast<const char*>(bytes.data()), size}).Run();
+}
+
+}  // namespace rigcal::agent

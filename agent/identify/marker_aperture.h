@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "agent/detect/blobs/blob_finder.h"
+
+namespace rigcal::agent {
+
+// An ellipse of semi-axes `a` >= `b`, and how far the looked at pixels lie from it.
+struct MarkerAperture {
+  // Around the blob's ellipse, for what its threshold left out, and from there to the ring in which
+  // the background is read.
+  static constexpr double kMarginPx = 1.75;
+  static constexpr double kGapPx = 1.0;
+
+  Eigen::Vector2d centre_px;
+  Eigen::Matrix2d shape;  // x^T shape x = 1 on the blob's own ellipse
+  double a = 1, b = 1;    // pixels
+  double ring_px = 3;     // width of the ring
+
+  explicit MarkerAperture(const Blob& blob) : centre_px(blob.centre_px) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(blob.second_moment_px2);
+    // A pixel's own extent; a blob of one row has no moment across it.
+    const Eigen::Vector2d squared = (4 * eigen.eigenvalues()).cwiseMax(1.0);
+    b = std::sqrt(squared[0]);
+    a = std::sqrt(squared[1]);
+    axes_ = eigen.eigenvectors();
+    shape = axes_ * squared.cwiseInverse().asDiagonal() * axes_.transpose();
+    ring_px = std::max(3.0, 0.35 * b);
+  }
+
+  // Squared radius in units of the ellipse that lies `margin_px` outside of the blob's.
+  Eigen::Matrix2d Grown(double margin_px) const {
+    const Eigen::Vector2d semi(b + margin_px, a + margin_px);
+    return axes_ * semi.cwiseAbs2().cwiseInverse().asDiagonal() * axes_.transpose();
+  }
+  // Pixels from the centre to the ring's outer edge, at most.
+  double Reach() const { return a + kMarginPx + kGapPx + ring_px; }
+  // From 1 inside to 0 outside over one pixel about the edge of `grown`; `offset` from the centre.
+  double Weight(const Eigen::Vector2d& offset, const Eigen::Matrix2d& grown) const {
+    const Eigen::Vector2d g = grown * offset;
+    const double r2 = offset.dot(g);
+    const double slope = g.norm();
+    if (!(slope > 1e-9)) return 1;
+    return std::clamp(0.5 - 0.5 * (r2 - 1) / slope, 0.0, 1.0);
+  }
+
+ private:
+  Eigen::Matrix2d axes_;
+};
+
+}  // namespace rigcal::agent

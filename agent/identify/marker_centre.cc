@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/marker_centre.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace rigcal::agent {
+namespace {
+
+// Coverage up to which a pixel counts as free, and from which on as covered.
+constexpr float kFree = 0.22f, kCovered = 0.8f;
+constexpr float kStrange = 0.3f;     // of the contrast: away from all mixtures of the two colours
+constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
+constexpr double kMinContrast = 20;  // grey levels
+// What is this bright further than this outside of the blob is something else.
+constexpr double kOwnPx = 1.5;
+constexpr float kForeign = 0.4f;
+enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
+constexpr int kMaxIterations = 12;
+// Radii of the centroid per skewness, found on rendered pictures.
+constexpr double kShiftPerSkewness = 4;
+constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
+
+}  // namespace
+
+bool MarkerMeter::PlaceWindow(const ImageView& image, const MarkerAperture& aperture,
+                              MarkerCentre* centre) {
+  const double reach = aperture.Reach();
+  const Eigen::Vector2d& at = aperture.centre_px;
+  // The ring may be cut, what is summed may not.
+  const double need = aperture.a + 1;
+  centre->cut = at.x() - need < 0 || at.y() - need < 0 || at.x() + need > image.width - 1 ||
+                at.y() + need > image.height - 1;
+  window_.x = std::max(static_cast<int>(std::floor(at.x() - reach)), 0);
+  window_.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
+  window_.width =
+      std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - window_.x;
+  window_.height =
+      std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - window_.y;
+  return !window_.empty();
+}
+
+bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
+                              MarkerCentre* centre) const {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  int count = 0;
+  for (int y = window_.y; y < window_.y + window_.height; ++y) {
+    for (int x = window_.x; x < window_.x + window_.width; ++x) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      if (d.dot(aperture.shape * d) >= kCore * kCore) continue;
+      sum += GreyAt(image, x, y);
+      ++count;
+    }
+  }
+  if (count == 0) return false;
+  centre->plateau_grey = (sum / static_cast<float>(count)).cast<double>();
+  return true;
+}
+
+bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
+                        MarkerCentre* centre) {
+  const std::vector<RingBackground::Arc>& arcs = background_.arcs();
+  const auto size = static_cast<size_t>(window_.width) * static_cast<size_t>(window_.height);
+  coverage_.resize(size);
+  gain_.resize(size);
+  arc_of_.resize(size);
+  foreign_.resize(size);
+  const Eigen::Vector3f plateau = centre->plateau_grey.cast<float>();
+  double contrast = 0;
+  for (const RingBackground::Arc& arc : arcs) {
+    contrast += static_cast<double>((plateau - arc.background).norm());
+  }
+  centre->contrast_grey = contrast / static_cast<double>(arcs.size());
+  if (!(centre->contrast_grey > kMinContrast)) return false;
+  const auto least = static_cast<float>(0.3 * centre->contrast_grey);
+  const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
+  size_t i = 0;
+  for (int y = window_.y; y < window_.y + window_.height; ++y) {
+    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      size_t arc = 0;
+      const Eigen::Vector3f background = background_.At(d, &arc);
+      const Eigen::Vector3f range = plateau - background;
+      const float squared = std::max(range.squaredNorm(), least * least);
+      const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+      const float share = above.dot(range) / squared;
+      const float counted = (share - kFree) / (kCovered - kFree);
+      coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
+      gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
+      foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
+      if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
+      arc_of_[i] = static_cast<uint16_t>(arc);
+    }
+  }
+  return true;
+}
+
+bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) const {
+  const Eigen::Matrix2d grown = aperture.Grown(1);
+  const float half = (0.5f - kFree) / (kCovered - kFree);
+  double count = 0;
+  Eigen::Vector2d first = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  size_t i = 0;
+  for (int y = window_.y; y < window_.y + window_.height; ++y) {
+    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      if (coverage_[i] < half || (foreign_[i] & kOtherColour) != 0 || d.dot(grown * d) > 1) {
+        continue;
+      }
+      ++count;
+      first += d;
+      second += d * d.transpose();
+    }
+  }
+  if (count < 4) return false;
+  first /= count;
+  blob->centre_px = aperture.centre_px + first;
+  blob->second_moment_px2 = second / count - first * first.transpose();
+  blob->area_px = static_cast<int>(count);
+  return true;
+}
+
+void MarkerMeter::Block(const MarkerAperture& aperture) {
+  std::vector<RingBackground::Arc>& arcs = background_.arcs();
+  const Eigen::Matrix2d outline = aperture.Grown(0), own = aperture.Grown(kOwnPx);
+  const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
+  const auto for_outside = [&](auto&& visit) {
+    size_t i = 0;
+    for (int y = window_.y; y < window_.y + window_.height; ++y) {
+      for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
+        const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+        if (d.dot(outline * d) > 1 && d.dot(reach * d) < 1) visit(i, d.dot(own * d) > 1);
+      }
+    }
+  };
+  const size_t count = arcs.size();
+  for_outside([&](size_t i, bool beyond) {
+    if ((foreign_[i] & kOtherColour) == 0 && !(beyond && foreign_[i] != 0)) return;
+    for (const size_t side : {size_t{0}, count / 2}) {
+      for (size_t k = count - 1; k <= count + 1; ++k) {
+        arcs[(arc_of_[i] + side + k) % count].blocked = true;
+      }
+    }
+  });
+  for_outside([&](size_t i, bool) {
+    if (arcs[arc_of_[i]].blocked) coverage_[i] = gain_[i] = 0;
+  });
+}
+
+bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
+  const Eigen::Vector2d origin = aperture->centre_px;
+  size_t i = 0;
+  const Eigen::Matrix2d grown = aperture->Grown(MarkerAperture::kMarginPx);
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    double sum = 0;
+    Eigen::Vector2d first = Eigen::Vector2d::Zero();
+    i = 0;
+    for (int y = window_.y; y < window_.y + window_.height; ++y) {
+      for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
+        const Eigen::Vector2d d(x - aperture->centre_px.x(), y - aperture->centre_px.y());
+        const double share = aperture->Weight(d, grown) * static_cast<double>(coverage_[i]);
+        sum += share;
+        first += share * d;
+      }
+    }
+    if (!(sum > 1)) return false;
+    const Eigen::Vector2d step = first / sum;
+    aperture->centre_px += step;
+    if (!((aperture->centre_px - origin).norm() < aperture->a)) return false;
+    if (step.squaredNorm() < 1e-8) break;
+  }
+  centre->centre_px = aperture->centre_px;
+  return true;
+}
+
+void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre) {
+  const std::vector<RingBackground::Arc>& arcs = background_.arcs();
+  const Eigen::Matrix2d grown = aperture.Grown(MarkerAperture::kMarginPx);
+  double sum = 0, noise6 = 0;
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero(), noise = Eigen::Matrix2d::Zero();
+  Eigen::Vector4d third = Eigen::Vector4d::Zero();  // xxx, xxy, xyy, yyy
+  std::vector<Eigen::Vector2d> by_arc(arcs.size(), Eigen::Vector2d::Zero());
+  size_t i = 0;
+  for (int y = window_.y; y < window_.y + window_.height; ++y) {
+    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
+      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
+      const double weight = aperture.Weight(d, grown);
+      if (weight <= 0) continue;
+      const double coverage = static_cast<double>(coverage_[i]), share = weight * coverage;
+      const Eigen::Matrix2d square = d * d.transpose();
+      sum += share;
+      second += share * square;
+      third += share * Eigen::Vector4d(d.x() * square(0, 0), d.y() * square(0, 0),
+                                       d.x() * square(1, 1), d.y() * square(1, 1));
+      const double gain = weight * static_cast<double>(gain_[i]);
+      noise += gain * gain * square;
+      noise6 += gain * gain * std::pow(d.squaredNorm(), 3);
+      by_arc[arc_of_[i]] +=
+          gain *
+          (1 - static_cast<double>(kFree) - static_cast<double>(kCovered - kFree) * coverage) * d;
+    }
+  }
+  // What the background's own noise does, which all pixels of an arc share; neighbouring arcs
+  // overlap.
+  constexpr double kOverlap = 1.6;
+  for (size_t k = 0; k < arcs.size(); ++k) {
+    noise += kOverlap * kMedianVariance / std::max(1, arcs[k].pixels) * by_arc[k] *
+             by_arc[k].transpose();
+  }
+  const double variance = centre->noise_grey * centre->noise_grey;
+  centre->covariance_px2 = variance / (sum * sum) * noise;
+  centre->second_moment_px2 = second / sum;
+  centre->radius_px = std::sqrt(sum / std::numbers::pi);
+  const double scale = 1 / (sum * std::pow(centre->radius_px, 3));
+  // Each mixed moment stands for three equal ones of the tensor.
+  centre->skewness = scale * std::sqrt(third.dot(third.cwiseProduct(Eigen::Vector4d(1, 3, 3, 1))));
+  centre->skewness_sigma = std::sqrt(variance * noise6) * scale;
+  // What makes a sphere's image lopsided, such as an edge of the background along its outline, has
+  // moved its centroid too.
+  const double disturbed_px = kShiftPerSkewness * centre->radius_px *
+                              std::max(0.0, centre->skewness - 2.5 * centre->skewness_sigma);
+  centre->covariance_px2 += disturbed_px * disturbed_px * Eigen::Matrix2d::Identity();
+  centre->spread = 4 * std::numbers::pi *
+                   std::sqrt(std::max(0.0, centre->second_moment_px2.determinant())) / sum;
+}
+
+bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre) {
+  *centre = MarkerCentre();
+  Blob outlined = blob;
+  for (const bool last : {false, true}) {
+    MarkerAperture aperture(outlined);
+    if (!PlaceWindow(image, aperture, centre) || !ReadPlateau(image, aperture, centre) ||
+        !background_.Read(image, aperture, window_, centre->plateau_grey.cast<float>(),
+                          &centre->noise_grey) ||
+        !Cover(image, aperture, centre)) {
+      return false;
+    }
+    if (!last) {
+      if (!Outline(aperture, &outlined)) return false;
+      continue;
+    }
+    Block(aperture);
+    if (!FindCentroid(&aperture, centre)) return false;
+    MeasureShape(aperture, centre);
+  }
+  return centre->centre_px.allFinite() && centre->covariance_px2.allFinite() &&
+         std::isfinite(centre->skewness) && std::isfinite(centre->spread);
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "agent/detect/blobs/image_view.h"
+#include "agent/identify/marker_aperture.h"
+
+namespace rigcal::agent {
+
+// The channels of a pixel; of a picture with one, the others are 0.
+inline Eigen::Vector3f GreyAt(const ImageView& image, int x, int y) {
+  const uint8_t* row = image.Row(y);
+  if (image.format == PixelFormat::kMono8) return {static_cast<float>(row[x]), 0, 0};
+  const uint8_t* pixel = row + 3 * x;
+  return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2])};
+}
+
+// The background around a marker: medians over short arcs of a ring, so that patches of different
+// colours may lie behind. Buffers are kept; one thread at a time.
+class RingBackground {
+ public:
+  struct Arc {
+    Eigen::Vector3f background = Eigen::Vector3f::Zero();
+    int pixels = 0;
+    bool blocked = false;  // something else is near, here or on the opposite side
+  };
+
+  // Reads the part of the ring that lies in `window`, without what looks like the marker.
+  // `noise_grey`: one sigma of one pixel and channel. False: too few pixels.
+  bool Read(const ImageView& image, const MarkerAperture& aperture, const PixelRect& window,
+            const Eigen::Vector3f& plateau_grey, double* noise_grey);
+
+  // The background behind a pixel, between the two arcs next to its direction, and the nearer of
+  // them. `offset`: of the pixel from the aperture's centre.
+  Eigen::Vector3f At(const Eigen::Vector2d& offset, size_t* arc) const;
+
+  // After Read, in the order of their direction, an even number.
+  std::vector<Arc>& arcs() { return arcs_; }
+  const std::vector<Arc>& arcs() const { return arcs_; }
+
+ private:
+  std::vector<Arc> arcs_;
+  std::vector<float> values_[3];  // of one arc
+  std::vector<float> residuals_;
+};
+
+}  // namespace rigcal::agent

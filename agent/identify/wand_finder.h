@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "absl/container/inlined_vector.h"
+#include "absl/types/span.h"
+#include "agent/detect/blobs/blob_finder.h"
+#include "agent/identify/wand_image_fit.h"
+#include "common/camera/camera_description.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+
+struct WandFinderOptions {
+  double min_distance_m = 0.3;
+  double max_distance_m = 20;
+  double max_tilt_deg = 82;
+  int max_candidates = 40;  // those of least cost are told
+  // Bound the work with hundreds of blobs: pairs of possible ends, most alike in size first, and
+  // poses that are tried, a few microseconds each.
+  int max_pairs = 20000;
+  int max_fits = 100000;
+  // By marker: the kind of blob it shows as, where kinds are told apart (what it blinks at). Empty:
+  // any blob can be any marker.
+  std::vector<int> marker_kinds;
+};
+
+// Blobs that can be the target's markers.
+struct WandCandidate {
+  absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
+  double cost = 0;                    // chi-squared of what blobs tell; less is better
+  WandImageFit fit;
+};
+
+// Looks for the target among blobs: every pair that can be the two ends, and between them a blob
+// where each inner marker can be seen in perspective; then the cost of the best pose (FitWand). How
+// large a blob is compared with other blobs means nothing, how large it is for its distance does.
+// One marker: every blob of round shape. Both ways round are told where both are possible. One
+// thread at a time.
+class WandFinder {
+ public:
+  // The target and camera must be valid. Without intrinsics a lens of usual width without
+  // distortion is assumed, and the tests are wider.
+  WandFinder(const WandFinderOptions& options, const Target& target,
+             const CameraDescription& camera);
+
+  // By cost, then by blob. `kinds`, of each blob, with WandFinderOptions::marker_kinds. Until the
+  // next call.
+  const std::vector<WandCandidate>& Find(absl::Span<const Blob> blobs,
+                                         absl::Span<const int> kinds = {});
+
+  // How the camera sees a marker's image around `centre_px`: ray and scale; the rest is as it was.
+  // False where the lens has no ray.
+  bool Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) const;
+  const WandImageFitOptions& fit_options() const { return fit_options_; }
+  absl::Span<const double> shares() const { return shares_; }  // along the wand, 0 to 1
+  double length_m() const { return length_m_; }
+  // What is used of the camera, its own or an assumed one.
+  const Intrinsics& intrinsics() const { return intrinsics_; }
+  bool calibrated() const { return calibrated_; }
+
+ private:
+  struct Entry {
+    int blob = 0;
+    int kind = 0;
+    MarkerSight sight;
+    Eigen::Vector2d flat_px;  // image without distortion: lines are straight
+  };
+  struct Pair {
+    float unlikeness;
+    int first, last;
+  };
+  void AddEntry(int index, const Blob& blob, int kind);
+  bool CanBe(const Entry& entry, size_t marker) const {
+    return options_.marker_kinds.empty() || options_.marker_kinds[marker] == entry.kind;
+  }
+  bool CanBeEnds(const Entry& first, const Entry& last) const {
+    return CanBe(first, 0) && CanBe(last, shares_.size() - 1);
+  }
+  void FillCells();
+  void ListPairs();
+  bool EndsPossible(const Entry& a, const Entry& b) const;
+  void SearchBetween(const Entry& first, const Entry& last);
+  // Entries near a piece of the line between two points in flat_px.
+  void Near(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double reach_px,
+            std::vector<int>* found) const;
+  void Complete(const Entry& first, const Entry& second, const Entry& last);
+  void Offer(const absl::InlinedVector<int, 3>& entries);
+
+  WandFinderOptions options_;
+  WandImageFitOptions fit_options_;
+  Intrinsics intrinsics_;
+  bool calibrated_ = false;
+  double focal_px_ = 1;
+  double length_m_ = 1;
+  std::vector<double> shares_;
+  std::vector<Entry> entries_;
+  std::vector<Pair> pairs_;
+  std::vector<int> cell_first_, cell_entries_;  // entries by cell of a grid over flat_px
+  Eigen::Vector2d grid_origin_ = Eigen::Vector2d::Zero();
+  int grid_width_ = 0, grid_height_ = 0;
+  std::vector<int> between_;
+  int fits_ = 0;  // since Find began
+  std::vector<WandCandidate> candidates_;
+};
+
+}  // namespace rigcal::agent

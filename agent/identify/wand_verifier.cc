@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/wand_verifier.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace rigcal::agent {
+namespace {
+
+constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
+constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
+constexpr double kBrightnessSigma = 0.2;  // of its logarithm
+constexpr double kColourSigma = 0.12;     // rad
+constexpr double kHalfCost = 13;          // confidence 0.5
+constexpr double kCostScale = 2.5;
+constexpr double kSkewness = 0.012;
+constexpr double kCoveredCost = 9;
+constexpr double kMargin = 8;       // in cost, of a wand against the next best
+constexpr double kBrighter = 1.25;  // than its reflection
+constexpr double kCertain = 0.999;
+
+double Squared(double x) { return x * x; }
+
+// Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
+bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
+  return !blob.touches_border && !centre.cut &&
+         centre.skewness < 0.02 + 4 * centre.skewness_sigma &&
+         centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
+}
+
+// The cost of a marker that is not quite symmetric, at most that of a covered one.
+double Lopsidedness(const MarkerCentre& centre) {
+  const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
+  return std::min(Squared(excess / kSkewness), kCoveredCost);
+}
+
+double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
+  double mean = 0;
+  Eigen::Vector3d colour = Eigen::Vector3d::Zero();
+  for (const MarkerCentre& centre : centres) {
+    mean += std::log(centre.plateau_grey.norm()) / static_cast<double>(centres.size());
+    colour += centre.plateau_grey.normalized();
+  }
+  colour.normalize();
+  double cost = 0;
+  for (const MarkerCentre& centre : centres) {
+    cost += Lopsidedness(centre);
+    cost += Squared((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma);
+    cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / Squared(kColourSigma);
+  }
+  return cost;
+}
+
+bool SameBlobs(const VerifiedWand& a, const VerifiedWand& b) {
+  return std::is_permutation(a.blobs.begin(), a.blobs.end(), b.blobs.begin(), b.blobs.end());
+}
+
+bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
+  return std::none_of(a.blobs.begin(), a.blobs.end(), [&](int blob) {
+    return std::find(b.blobs.begin(), b.blobs.end(), blob) != b.blobs.end();
+  });
+}
+
+double MeanBrightness(const VerifiedWand& wand) {
+  double sum = 0;
+  for (const MarkerCentre& centre : wand.centres) sum += centre.plateau_grey.norm();
+  return sum / static_cast<double>(wand.centres.size());
+}
+
+}  // namespace
+
+int VerifiedWand::CoveredCount() const {
+  return static_cast<int>(std::count(whole.begin(), whole.end(), false));
+}
+
+const WandVerifier::Measured& WandVerifier::Measure(const ImageView& image,
+                                                    absl::Span<const Blob> blobs, int blob) {
+  for (const Measured& measured : measured_) {
+    if (measured.blob == blob) return measured;
+  }
+  Measured& measured = measured_.emplace_back();
+  measured.blob = blob;
+  measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre) &&
+                  measured.centre.contrast_grey >= min_contrast_grey_;
+  return measured;
+}
+
+std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
+                                                      absl::Span<const Blob> blobs,
+                                                      const WandFinder& finder,
+                                                      const WandCandidate& candidate) {
+  VerifiedWand wand;
+  wand.blobs = candidate.blobs;
+  absl::InlinedVector<MarkerSight, 4> sights;
+  for (const int index : candidate.blobs) {
+    const Measured& measured = Measure(image, blobs, index);
+    if (!measured.good) return std::nullopt;
+    const MarkerCentre& centre = measured.centre;
+    wand.centres.push_back(centre);
+    wand.whole.push_back(IsWhole(blobs[static_cast<size_t>(index)], centre));
+    MarkerSight& sight = sights.emplace_back();
+    if (!finder.Sight(centre.centre_px, &sight)) return std::nullopt;
+    sight.radius_px = centre.radius_px;
+    sight.sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace() + Squared(kPlaceFloorPx));
+    sight.radius_sigma_px = kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px;
+    if (!wand.whole.back()) {
+      sight.sigma_px += 0.3 * centre.radius_px;
+      sight.radius_sigma_px += 0.3 * centre.radius_px;
+    }
+  }
+  const int count = static_cast<int>(wand.blobs.size());
+  const int covered = wand.CoveredCount();
+  if (covered > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
+  if (count > 1 &&
+      !FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand.fit)) {
+    return std::nullopt;
+  }
+  wand.cost = wand.fit.cost + Likeness(wand.centres);
+  for (size_t k = 0; k < wand.whole.size(); ++k) {
+    if (!wand.whole[k]) wand.cost += kCoveredCost - Lopsidedness(wand.centres[k]);
+  }
+  wand.confidence = 1 / (1 + std::exp((wand.cost - kHalfCost) / kCostScale));
+  return wand;
+}
+
+Judgement WandVerifier::Choose() {
+  Judgement judgement;
+  if (judged_.empty()) return judgement;
+  std::stable_sort(judged_.begin(), judged_.end(),
+                   [](const VerifiedWand& a, const VerifiedWand& b) { return a.cost < b.cost; });
+  size_t best = 0;
+  for (size_t i = 1; i < judged_.size(); ++i) {
+    const VerifiedWand &now = judged_[best], &other = judged_[i];
+    if (other.confidence < min_confidence_ || SameBlobs(now, other)) continue;
+    if (Disjoint(now, other)) {
+      const double ratio = MeanBrightness(other) / MeanBrightness(now);
+      if (ratio > kBrighter) best = i;
+      if (ratio > kBrighter || ratio < 1 / kBrighter) continue;
+    }
+    // A part of the wand with something else beside it.
+    if (!Disjoint(now, other) && other.CoveredCount() > now.CoveredCount()) continue;
+    judgement.ambiguous |= other.cost < now.cost + kMargin;
+  }
+  VerifiedWand& wand = judged_[best];
+  if (wand.confidence < min_confidence_) return Judgement();
+  if (judgement.ambiguous) return judgement;
+  for (const VerifiedWand& other : judged_) {
+    if (&other == &wand || !SameBlobs(wand, other)) continue;
+    const double certainty = 1 / (1 + std::exp(0.5 * (wand.cost - other.cost)));
+    wand.label_confidence = std::min(wand.label_confidence, certainty);
+  }
+  wand.label_confidence = std::clamp(wand.label_confidence, 0.5, kCertain);
+  if (wand.blobs.size() == 1) wand.label_confidence = 1;
+  judgement.wand = wand;
+  return judgement;
+}
+
+Judgement WandVerifier::Judge(const ImageView& image, absl::Span<const Blob> blobs,
+                              const WandFinder& finder,
+                              absl::Span<const WandCandidate> candidates) {
+  measured_.clear();
+  judged_.clear();
+  for (const WandCandidate& candidate : candidates) {
+    auto wand = EvaluateOne(image, blobs, finder, candidate);
+    if (wand.has_value()) judged_.push_back(*std::move(wand));
+  }
+  return Choose();
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/spool/delivery_plan.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kMaxRemembered = 1024;
+constexpr size_t kMaxAlignments = 64;
+
+}  // namespace
+
+void DeliveryPlan::BeginConnection(size_t max_batch_rows) {
+  max_batch_rows_ = std::max<size_t>(1, max_batch_rows);
+  progress_.clear();
+  ends_to_repeat_.clear();
+  // They were measured against another connection, maybe another server.
+  alignments_.clear();
+  waits_for_alignment_ = true;
+  in_flight_.reset();
+  sent_any_ = false;
+  if (IsDelivered()) one_at_a_time_ = false;
+}
+
+void DeliveryPlan::SetPosition(const StreamKey& stream, uint32_t durable_seq,
+                               uint32_t send_limit_seq) {
+  if (const auto found = over_.find(stream); found != over_.end()) {
+    if (!found->second) return;
+    if (durable_seq < found->second->last_seq) {
+      spdlog::error(
+          "camera {}: the server has only {} of {} observations of session {}, all of which it had "
+          "acknowledged; they are no longer here",
+          stream.camera, durable_seq, found->second->last_seq, stream.session_id);
+    }
+    ends_to_repeat_.push_back(*found->second);
+    return;
+  }
+  progress_.try_emplace(stream);
+  BatchAck position;
+  position.stream = stream;
+  position.durable_seq = durable_seq;
+  position.send_limit_seq = send_limit_seq;
+  Acknowledge(position);
+}
+
+bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
+  const auto found = progress_.find(ack.stream);
+  const std::optional<SpooledStream> spooled = spool_->Find(ack.stream);
+  if (in_flight_ && in_flight_->stream == ack.stream &&
+      (in_flight_->is_end ? ack.complete : ack.durable_seq >= in_flight_->last_seq)) {
+    in_flight_.reset();
+  }
+  if (found == progress_.end() || !spooled) return false;
+  Progress& progress = found->second;
+  // A server cannot have what was never captured.
+  const uint32_t durable_seq = std::min(ack.durable_seq, spooled->end_seq - 1);
+  bool is_news = durable_seq > progress.durable_seq;
+  progress.durable_seq = std::max(progress.durable_seq, durable_seq);
+  progress.next_seq = std::max(progress.next_seq, progress.durable_seq + 1);
+  progress.send_limit_seq = std::max(progress.send_limit_seq, ack.send_limit_seq);
+  spool_->Acknowledge(ack.stream, durable_seq);
+  if (ack.complete && spooled->end && progress.durable_seq >= spooled->end->last_seq) {
+    spdlog::info("camera {}: all {} observations of session {} are stored", ack.stream.camera,
+                 spooled->end->report.observation_count, ack.stream.session_id);
+    Remember(ack.stream, spooled->end);
+    spool_->Discard(ack.stream);
+    progress_.erase(found);
+    is_news = true;
+  }
+  return is_news;
+}
+
+std::optional<DeliveryPlan::Message> DeliveryPlan::Next(Clock::time_point now) {
+  if (in_flight_) return std::nullopt;
+  if (!ends_to_repeat_.empty()) {
+    EndOfCapture end = std::move(ends_to_repeat_.back());
+    ends_to_repeat_.pop_back();
+    NoteInFlight(end.stream, end.last_seq, true);
+    return end;
+  }
+  auto candidate = progress_.upper_bound(last_sent_);
+  for (size_t looked_at = 0; looked_at < progress_.size(); ++looked_at, ++candidate) {
+    if (candidate == progress_.end()) candidate = progress_.begin();
+    if (auto message = NextOf(candidate->first, candidate->second, now)) {
+      last_sent_ = candidate->first;
+      return message;
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<DeliveryPlan::Message> DeliveryPlan::NextOf(const StreamKey& key, Progress& progress,
+                                                          Clock::time_point now) {
+  const std::optional<SpooledStream> spooled = spool_->Find(key);
+  if (!spooled) return std::nullopt;
+  if (waits_for_alignment_ && alignments_.empty() && aligned_cameras_.contains(key.camera)) {
+    return std::nullopt;
+  }
+  if (progress.next_seq < spooled->end_seq) return NextRows(*spooled, progress, now);
+  if (!spooled->end || progress.end_sent) return std::nullopt;
+  progress.end_sent = true;
+  NoteInFlight(key, spooled->end->last_seq, true);
+  return *spooled->end;
+}
+
+std::optional<DeliveryPlan::Message> DeliveryPlan::NextRows(const SpooledStream& spooled,
+                                                            Progress& progress,
+                                                            Clock::time_point now) {
+  const uint32_t last_seq = std::min(spooled.end_seq - 1, progress.send_limit_seq);
+  const bool was_freed = progress.next_seq < spooled.first_seq;
+  const size_t available = last_seq < progress.next_seq ? 0 : last_seq - progress.next_seq + 1;
+  const bool is_rest = spooled.end && last_seq == spooled.end->last_seq;
+  const bool is_worth_it = available >= max_batch_rows_ || is_rest || now >= progress.next_flush;
+  if (!was_freed && (available == 0 || !is_worth_it)) return std::nullopt;
+  absl::StatusOr<ObservationBatch> batch =
+      spool_->Read(spooled.stream, progress.next_seq, std::min(available, max_batch_rows_));
+  if (!batch.ok()) return std::nullopt;
+  if (was_freed) {
+    // Only a server whose store went back in time asks for these again.
+    spdlog::error(
+        "camera {}: the server lost observations {} to {} of session {} after it had "
+        "acknowledged them; they are no longer here",
+        spooled.stream.camera, progress.next_seq, spooled.first_seq - 1, spooled.stream.session_id);
+    batch = batch->Slice(0, 0);
+  } else if (batch->rows() == 0 && batch->dropped.empty()) {
+    return std::nullopt;
+  }
+  batch->host_alignments.assign(
+      alignments_.begin() + static_cast<std::ptrdiff_t>(progress.alignments_sent),
+      alignments_.end());
+  progress.alignments_sent = alignments_.size();
+  progress.next_seq = batch->end_seq();
+  progress.next_flush = now + flush_interval_;
+  NoteInFlight(spooled.stream, batch->end_seq() - 1, false);
+  return *std::move(batch);
+}
+
+bool DeliveryPlan::Knows(const StreamKey& stream) const {
+  return over_.contains(stream) || spool_->Find(stream).has_value();
+}
+
+uint32_t DeliveryPlan::Discard(const StreamKey& stream) {
+  progress_.erase(stream);
+  over_.erase(stream);
+  return spool_->Discard(stream);
+}
+
+void DeliveryPlan::AddAlignment(const HostAlignment& alignment) {
+  alignments_.push_back(alignment);
+  if (alignments_.size() <= kMaxAlignments) return;
+  alignments_.erase(alignments_.begin());
+  for (auto& [key, progress] : progress_) {
+    progress.alignments_sent -= progress.alignments_sent > 0 ? 1 : 0;
+  }
+}
+
+std::optional<DeliveryPlan::GivenUp> DeliveryPlan::OnProtocolFault(const std::string& message) {
+  if (!one_at_a_time_) {
+    one_at_a_time_ = true;
+    return std::nullopt;
+  }
+  if (!in_flight_) return std::nullopt;
+  const InFlight guilty = *std::exchange(in_flight_, std::nullopt);
+  if (guilty.is_end) {
+    const uint32_t lost = spool_->Discard(guilty.stream);
+    Remember(guilty.stream, std::nullopt);
+    return GivenUp{.stream = guilty.stream, .lost_count = lost};
+  }
+  EndOfCapture end;
+  end.stream = guilty.stream;
+  end.last_seq = progress_[guilty.stream].durable_seq;
+  if (const auto spooled = spool_->Find(guilty.stream); spooled && spooled->end) {
+    end.report = spooled->end->report;
+  }
+  const uint32_t lost = spool_->Discard(guilty.stream);
+  end.report.stream = guilty.stream;
+  end.report.observation_count = end.last_seq + lost;
+  end.report.refused.push_back(
+      {.camera = "", .reason = "protocol_fault", .count = lost, .example = message});
+  Remember(guilty.stream, std::move(end));
+  return GivenUp{.stream = guilty.stream, .lost_count = lost};
+}
+
+void DeliveryPlan::NoteInFlight(const StreamKey& stream, uint32_t last_seq, bool is_end) {
+  sent_any_ = true;
+  if (one_at_a_time_) in_flight_ = {.stream = stream, .last_seq = last_seq, .is_end = is_end};
+}
+
+void DeliveryPlan::Remember(const StreamKey& stream, std::optional<EndOfCapture> end) {
+  if (over_.insert_or_assign(stream, std::move(end)).second) over_in_order_.push_back(stream);
+  if (over_in_order_.size() > kMaxRemembered) {
+    over_.erase(over_in_order_.front());
+    over_in_order_.erase(over_in_order_.begin());
+  }
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "agent/spool/observation_spool.h"
+#include "common/session/stream_key.h"
+#include "common/time/clock.h"
+
+namespace rigcal::agent {
+
+// What is sent next, over all streams of the spool: full batches at once, smaller ones after a
+// while, rows only within the server's credit, the end of a stream behind its last row. After a
+// new connection each stream goes on behind what the server says is durable. Knows no network; for
+// one thread.
+class DeliveryPlan {
+ public:
+  using Message = std::variant<ObservationBatch, EndOfCapture>;
+
+  using Clock = std::chrono::steady_clock;
+
+  // A batch of fewer rows than a full one leaves `flush_interval` after the stream's last one.
+  DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval)
+      : spool_(spool), flush_interval_(flush_interval) {}
+
+  // A connection was made: nothing is in flight, and no stream has a position yet.
+  void BeginConnection(size_t max_batch_rows);
+
+  // What the server says of a stream. Within one connection positions only grow. A stream that has
+  // been delivered completely repeats its end, in case the server asks because it missed it.
+  void SetPosition(const StreamKey& stream, uint32_t durable_seq, uint32_t send_limit_seq);
+
+  // Frees what is durable. True: something new is. Acknowledgements of unknown streams change
+  // nothing.
+  bool Acknowledge(const BatchAck& ack);
+
+  // The next message; none: nothing to send, no credit for it, or not enough of it yet.
+  std::optional<Message> Next(Clock::time_point now);
+  // There are streams on this connection that are not delivered.
+  bool HasOpenStreams() const { return !progress_.empty(); }
+
+  // The stream is in the spool, or was delivered or given up in this life of the agent.
+  bool Knows(const StreamKey& stream) const;
+  // Forgets a stream the server will not take; returns how many observations are lost.
+  uint32_t Discard(const StreamKey& stream);
+  // Nothing is in the spool.
+  bool IsDelivered() const { return spool_->Streams().empty(); }
+
+  // Beside the rows of each stream, once per connection.
+  void AddAlignment(const HostAlignment& alignment);
+  // Observations of these cameras wait for the first alignment of a connection, because the server
+  // has nothing else to put their clocks beside others; StopWaitingForAlignment ends that.
+  void RequireAlignment(const std::string& camera) { aligned_cameras_.insert(camera); }
+  void StopWaitingForAlignment() { waits_for_alignment_ = false; }
+
+  // The server called something that was sent a fault in protocol. The first time, one message is
+  // sent at a time from then on, until all is delivered, so that the guilty one is known. When it
+  // is known, its stream is given up, so that it is not sent for ever: what the server does not
+  // have yet is lost, the stream ends there, and its report says why. Returns the stream given up.
+  struct GivenUp {
+    StreamKey stream;
+    uint32_t lost_count = 0;
+  };
+  std::optional<GivenUp> OnProtocolFault(const std::string& message);
+  // Something that was sent on this connection may be the fault.
+  bool SuspectsFault() const { return one_at_a_time_ ? in_flight_.has_value() : sent_any_; }
+  bool SendsOneAtATime() const { return one_at_a_time_; }
+
+ private:
+  struct Progress {
+    uint32_t durable_seq = 0;
+    uint32_t send_limit_seq = 0;
+    uint32_t next_seq = 1;
+    bool end_sent = false;
+    size_t alignments_sent = 0;
+    Clock::time_point next_flush;
+  };
+  struct InFlight {
+    StreamKey stream;
+    uint32_t last_seq = 0;
+    bool is_end = false;
+  };
+
+  std::optional<Message> NextOf(const StreamKey& key, Progress& progress, Clock::time_point now);
+  std::optional<Message> NextRows(const SpooledStream& spooled, Progress& progress,
+                                  Clock::time_point now);
+  void NoteInFlight(const StreamKey& stream, uint32_t last_seq, bool is_end);
+  void Remember(const StreamKey& stream, std::optional<EndOfCapture> end);
+
+  ObservationSpool* const spool_;
+  const Clock::duration flush_interval_;
+  size_t max_batch_rows_ = 1;
+  std::map<StreamKey, Progress> progress_;  // streams the server has given a position for
+  StreamKey last_sent_;                     // streams take turns
+  // Streams that are over, with the end to repeat when asked; none: no end that the server takes.
+  std::map<StreamKey, std::optional<EndOfCapture>> over_;
+  std::vector<StreamKey> over_in_order_;
+  std::vector<EndOfCapture> ends_to_repeat_;
+  std::vector<HostAlignment> alignments_;
+  std::set<std::string> aligned_cameras_;
+  bool waits_for_alignment_ = true;
+  bool sent_any_ = false;  // on this connection
+  bool one_at_a_time_ = false;
+  std::optional<InFlight> in_flight_;  // kept only while one_at_a_time_
+};
+
+}  // namespace rigcal::agent

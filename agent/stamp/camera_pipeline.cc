@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/stamp/camera_pipeline.h"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <exception>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+// A full batch is worth waking the uplink for; fewer rows wait for its own timer.
+constexpr uint32_t kRowsPerProgress = 256;
+constexpr std::chrono::seconds kReportInterval{1};
+
+}  // namespace
+
+CameraPipeline::CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
+                               std::function<void()> on_progress)
+    : source_(std::move(source)), spool_(spool), on_progress_(std::move(on_progress)) {}
+
+CameraPipeline::~CameraPipeline() { Shutdown(); }
+
+void CameraPipeline::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void CameraPipeline::Shutdown() {
+  EndAll();
+  {
+    const std::lock_guard lock(mutex_);
+    shut_down_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+absl::Status CameraPipeline::Begin(const StreamKey& stream, const Target& target,
+                                   uint32_t first_seq) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (shut_down_) return absl::CancelledError("the agent shuts down");
+    RIGCAL_RETURN_IF_ERROR(spool_->Open(stream, target.marker_count(), first_seq));
+    if (!captures_.empty()) {
+      spdlog::info(
+          "camera {}: the capture for session {} waits until that for session {} has ended",
+          stream.camera, stream.session_id, captures_.front().stream.session_id);
+    }
+    captures_.push_back({.stream = stream, .target = target});
+  }
+  changed_.notify_all();
+  return absl::OkStatus();
+}
+
+void CameraPipeline::End(const std::string& session_id) {
+  EndIf([&](const Capture& capture) { return capture.stream.session_id == session_id; });
+}
+
+void CameraPipeline::EndAll() {
+  EndIf([](const Capture&) { return true; });
+}
+
+void CameraPipeline::EndIf(const std::function<bool(const Capture&)>& condition) {
+  const std::lock_guard lock(mutex_);
+  for (auto capture = captures_.begin(); capture != captures_.end();) {
+    const bool runs = running_ && capture == captures_.begin();
+    if (!condition(*capture)) {
+      ++capture;
+    } else if (runs) {
+      capture->stop = true;
+      source_->Stop();
+      ++capture;
+    } else {
+      // Fails only for a stream that was discarded, of which nobody awaits the end.
+      spool_->Finish(capture->stream, {}).IgnoreError();
+      capture = captures_.erase(capture);
+      on_progress_();
+    }
+  }
+  changed_.notify_all();
+}
+
+std::vector<std::string> CameraPipeline::Sessions() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> sessions;
+  for (const Capture& capture : captures_) {
+    if (!capture.stop) sessions.push_back(capture.stream.session_id);
+  }
+  return sessions;
+}
+
+std::optional<CameraReport> CameraPipeline::RunningReport() const {
+  const std::lock_guard lock(mutex_);
+  if (!running_) return std::nullopt;
+  return report_;
+}
+
+void CameraPipeline::WaitUntilIdle() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return captures_.empty(); });
+}
+
+void CameraPipeline::Run() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [this] { return shut_down_ || !captures_.empty(); });
+    if (captures_.empty()) return;
+    running_ = true;
+    const StreamKey stream = captures_.front().stream;
+    const Target target = captures_.front().target;
+    report_ = {};
+    report_.stream = stream;
+    lock.unlock();
+    RunCapture(stream, target);
+    lock.lock();
+    running_ = false;
+    captures_.pop_front();
+    changed_.notify_all();
+  }
+}
+
+void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
+  spdlog::info("camera {}: capture for session {} begins", stream.camera, stream.session_id);
+  absl::Status status;
+  CameraReport report;
+  try {
+    if (!StopRequested()) {
+      status = MoveObservations(stream, target);
+      report.refused = source_->Refused();
+      report.frames = source_->frame_counts();
+      report.detections = source_->detection_counts();
+    }
+  } catch (const std::exception& error) {
+    status = absl::InternalError(absl::StrCat("the source failed: ", error.what()));
+  }
+  if (!status.ok()) {
+    const std::string message(status.message());
+    spdlog::error("camera {}: capture for session {} ends early: {}", stream.camera,
+                  stream.session_id, message);
+    report.refused.push_back(
+        {.camera = "", .reason = "source_failed", .count = 1, .example = message});
+  }
+  for (const Refusal& refusal : report.refused) {
+    spdlog::warn("camera {}: {} x {}, first: {}", stream.camera, refusal.reason, refusal.count,
+                 refusal.example);
+  }
+  if (spool_->Finish(stream, std::move(report)).ok()) {
+    spdlog::info("camera {}: capture for session {} has ended", stream.camera, stream.session_id);
+  }
+  on_progress_();
+}
+
+absl::Status CameraPipeline::MoveObservations(const StreamKey& stream, const Target& target) {
+  RIGCAL_RETURN_IF_ERROR(source_->Start(target));
+  // An End between the check above and Start was undone by Start.
+  if (StopRequested()) source_->Stop();
+  uint32_t count = 0;
+  auto next_report = std::chrono::steady_clock::now() + kReportInterval;
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Observation> observation, source_->Next());
+    if (!observation) return absl::OkStatus();
+    const absl::StatusOr<uint32_t> seq =
+        spool_->Append(stream, *observation, source_->TakeClockSamples());
+    // The stream was discarded, which is logged where that is decided, or the agent shuts down.
+    if (absl::IsNotFound(seq.status()) || absl::IsCancelled(seq.status())) return absl::OkStatus();
+    RIGCAL_RETURN_IF_ERROR(seq.status());
+    if (++count % kRowsPerProgress == 0) on_progress_();
+    if (const auto now = std::chrono::steady_clock::now(); now >= next_report) {
+      next_report = now + kReportInterval;
+      PublishReport(count);
+    }
+  }
+}
+
+bool CameraPipeline::StopRequested() const {
+  const std::lock_guard lock(mutex_);
+  return captures_.front().stop;
+}
+
+void CameraPipeline::PublishReport(uint32_t observation_count) {
+  std::vector<Refusal> refused = source_->Refused();
+  const std::optional<FrameCounts> frames = source_->frame_counts();
+  const std::optional<DetectionCounts> detections = source_->detection_counts();
+  const std::lock_guard lock(mutex_);
+  report_.observation_count = observation_count;
+  report_.refused = std::move(refused);
+  report_.frames = frames;
+  report_.detections = detections;
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "agent/capture/observation_source.h"
+#include "agent/spool/observation_spool.h"
+
+namespace rigcal::agent {
+
+// One camera at work: a thread that moves what the source yields into the spool, and ends the
+// stream there with a report of what the source refused. One capture at a time: a second one waits
+// its turn.
+//
+// Knows no network. Begin, End and the getters may be called by any thread.
+class CameraPipeline {
+ public:
+  // `on_progress` is called on any thread now and then, and at each end of a capture; it must
+  // neither block nor call back. `spool` outlives the pipeline.
+  CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
+                 std::function<void()> on_progress);
+  ~CameraPipeline();
+  CameraPipeline(const CameraPipeline&) = delete;
+  CameraPipeline& operator=(const CameraPipeline&) = delete;
+
+  void Start();
+  // Ends every capture and joins the thread. A thread that waits for space in the spool is freed
+  // only by the spool: shut that down first, or give it room.
+  void Shutdown();
+
+  const CameraDescription& description() const { return source_->description(); }
+  // As ObservationSource::preview_tap.
+  PreviewTap* preview_tap() const { return source_->preview_tap(); }
+
+  // Opens `stream` in the spool, numbered from `first_seq`, and captures `target` into it.
+  // ALREADY_EXISTS: the stream is in the spool, so this has been done before.
+  absl::Status Begin(const StreamKey& stream, const Target& target, uint32_t first_seq);
+  // Ends the capture of this session, or of every session. One that runs ends soon, one that waits
+  // its turn at once and empty; each stream gets its end in the spool. Unknown sessions change
+  // nothing.
+  void End(const std::string& session_id);
+  void EndAll();
+  // Sessions with a capture that runs or waits and has not been told to end.
+  std::vector<std::string> Sessions() const;
+
+  // Totals of the capture that runs, at most about a second old.
+  std::optional<CameraReport> RunningReport() const;
+  void WaitUntilIdle();
+
+ private:
+  struct Capture {
+    StreamKey stream;
+    Target target;
+    bool stop = false;
+  };
+
+  void Run();
+  void RunCapture(const StreamKey& stream, const Target& target);
+  absl::Status MoveObservations(const StreamKey& stream, const Target& target);
+  bool StopRequested() const;
+  void PublishReport(uint32_t observation_count);
+  void EndIf(const std::function<bool(const Capture&)>& condition);
+
+  const std::unique_ptr<ObservationSource> source_;
+  ObservationSpool* const spool_;
+  const std::function<void()> on_progress_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Capture> captures_;  // the front one runs when running_
+  bool running_ = false;
+  bool shut_down_ = false;
+  CameraReport report_;
+  std::thread thread_;
+};
+
+}  // namespace rigcal::agent

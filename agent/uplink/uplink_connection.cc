@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/uplink/uplink_connection.h"
+
+#include <iterator>
+#include <utility>
+
+#include "common/wire/grpc_status.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr size_t kMaxInbox = 256;
+
+}  // namespace
+
+ServerConnection::ServerConnection(std::shared_ptr<grpc::Channel> channel,
+                                   std::function<void()> on_event)
+    : on_event_(std::move(on_event)), stub_(v1::AgentService::NewStub(std::move(channel))) {
+  stub_->async()->Connect(&context_, this);
+  // Writes start outside of gRPC's callbacks: without a hold the stream could be done before one.
+  AddHold();
+  reading_ = true;
+  StartRead(&incoming_);
+  StartCall();
+}
+
+ServerConnection::~ServerConnection() {
+  Cancel();
+  std::unique_lock lock(mutex_);
+  inbox_.clear();
+  ResumeReadingLocked();
+  done_changed_.wait(lock, [this] { return result_.has_value(); });
+}
+
+bool ServerConnection::CanWrite() const {
+  const std::lock_guard lock(mutex_);
+  return !writing_ && !broken_ && !finished_writing_;
+}
+
+void ServerConnection::Write(v1::AgentMessage message) {
+  const std::lock_guard lock(mutex_);
+  if (writing_ || broken_ || finished_writing_) return;
+  writing_ = true;
+  outgoing_ = std::move(message);
+  // Under the lock: OnReadDone may give up the hold only before this or after it.
+  StartWrite(&outgoing_);
+}
+
+void ServerConnection::FinishWriting() {
+  const std::lock_guard lock(mutex_);
+  if (writing_ || broken_ || finished_writing_) return;
+  finished_writing_ = true;
+  StartWritesDone();
+}
+
+std::vector<v1::ServerMessage> ServerConnection::TakeMessages() {
+  const std::lock_guard lock(mutex_);
+  std::vector<v1::ServerMessage> messages(std::make_move_iterator(inbox_.begin()),
+                                          std::make_move_iterator(inbox_.end()));
+  inbox_.clear();
+  ResumeReadingLocked();
+  return messages;
+}
+
+std::optional<absl::Status> ServerConnection::Result() const {
+  const std::lock_guard lock(mutex_);
+  if (!inbox_.empty()) return std::nullopt;
+  return result_;
+}
+
+void ServerConnection::ResumeReadingLocked() {
+  if (reading_ || broken_ || inbox_.size() >= kMaxInbox) return;
+  reading_ = true;
+  StartRead(&incoming_);
+}
+
+void ServerConnection::OnReadDone(bool ok) {
+  {
+    const std::lock_guard lock(mutex_);
+    reading_ = false;
+    if (ok) {
+      inbox_.push_back(std::move(incoming_));
+      ResumeReadingLocked();
+    } else {
+      broken_ = true;
+      RemoveHold();
+    }
+  }
+  on_event_();
+}
+
+void ServerConnection::OnWriteDone(bool ok) {
+  {
+    const std::lock_guard lock(mutex_);
+    writing_ = false;
+    // Why it failed comes with the end of the stream, which only a read that is waiting sees.
+    if (!ok) finished_writing_ = true;
+  }
+  on_event_();
+}
+
+void ServerConnection::OnDone(const grpc::Status& status) {
+  // All of it under the lock, even the call: the destructor waits for this, and so may what
+  // on_event_ refers to.
+  const std::lock_guard lock(mutex_);
+  result_ = wire::FromGrpc(status);
+  on_event_();
+  done_changed_.notify_all();
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "client/commands/command_context.h"
+
+namespace rigcal::client {
+
+struct AgentPreviewOptions {
+  std::string camera;
+  std::string rig;   // empty: the one that has the camera
+  std::string file;  // empty: CAMERA.jpg in the current folder
+};
+
+// `rigcal agent preview`: writes the next picture of a camera, with what its agent's detector sees
+// in it, as JPEG. A file of that name is replaced at once or not at all.
+ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& context);
+
+}  // namespace rigcal::client

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/commands/command_context.h"
+#include "common/calibration/calibration_options.h"
+#include "rigcal/v1/calibration.pb.h"
+
+namespace rigcal::client {
+
+struct CalibrateOptions {
+  std::vector<std::string> sessions;
+  CalibrationOptions calibration;
+  bool wait = false;  // until it has succeeded or failed
+};
+
+// `rigcal calibrate`: queues a calibration and prints it; with `wait`, its result.
+ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context);
+
+// Prints a calibration and returns the exit code for its state: FAILED is kFailed, with the error
+// on `err`; SUCCEEDED but graded BAD is kBelowQualityGate; anything else kOk.
+ExitCode ShowCalibration(const rigcal::v1::Calibration& calibration, CommandContext& context);
+
+bool HasEnded(const rigcal::v1::Calibration& calibration);
+rigcal::v1::CreateCalibrationRequest MakeCalibrationRequest(
+    const std::vector<std::string>& sessions, const CalibrationOptions& options);
+
+}  // namespace rigcal::client

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/commands/command_context.h"
+#include "common/target/target.h"
+
+namespace rigcal::client {
+
+struct SessionCreateOptions {
+  std::string id;   // empty: the server makes one
+  std::string rig;  // empty: "rig"
+  std::string title;
+  Target target;
+  std::vector<std::string> cameras;  // empty: all that are connected at the start
+  bool start = false;                // at once
+};
+
+struct SessionStopOptions {
+  std::string id;
+  double drain_timeout_s = 0;  // 0: the server's own (10 s)
+  bool wait = false;           // until the session is finished
+};
+
+// `rigcal session ...`. Each prints the session (list: all of them) and returns the exit code.
+ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& context);
+ExitCode StartSession(const std::string& id, CommandContext& context);
+ExitCode StopSession(const SessionStopOptions& options, CommandContext& context);
+// `rig` empty: every rig.
+ExitCode ListSessions(const std::string& rig, CommandContext& context);
+ExitCode GetSession(const std::string& id, CommandContext& context);
+ExitCode DeleteSession(const std::string& id, CommandContext& context);
+// A line (as JSON: one object per line) now and after each change, until the session is finished or
+// nobody reads any more.
+ExitCode WatchSession(const std::string& id, CommandContext& context);
+
+}  // namespace rigcal::client

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ostream>
+#include <string>
+
+#include "absl/status/status.h"
+#include "client/commands/command_context.h"
+#include "common/target/observation.h"
+
+namespace rigcal::client {
+
+struct SessionObservationsOptions {
+  std::string session;
+  std::string camera;  // empty: all
+  bool include_late = false;
+};
+
+// Writes what is stored of a session as CSV, in the order (camera, stream_epoch, seq): a head line,
+// then `camera,stream_epoch,seq,clock_epoch,time_ns` and x, y (pixels, as many digits as it takes
+// to read the same float again) of each marker; both empty for a marker that is not visible. As
+// JSON: one ObservationBatch per line.
+ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
+                                  CommandContext& context);
+
+// The parts of it.
+void WriteObservationHead(uint32_t marker_count, std::ostream& out);
+void WriteObservationRows(const ObservationBatch& batch, std::ostream& out);
+
+}  // namespace rigcal::client

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/local/local_rig.h"
+#include "client/local/stop_signal.h"
+#include "client/output/console.h"
+#include "common/calibration/calibration_options.h"
+#include "common/target/target.h"
+#include "rigcal/v1/calibration.pb.h"
+#include "rigcal/v1/session.pb.h"
+
+namespace rigcal::client {
+
+struct LocalCalibrationOptions {
+  std::vector<LocalCamera> cameras;
+  Target target;
+  CalibrationOptions calibration;
+  bool paced = false;  // the sources keep a pace of their own: pauses in them are no fault
+};
+
+struct LocalOutcome {
+  rigcal::v1::Session session;  // finished
+  double capture_s = 0;         // how long that took
+  rigcal::v1::Calibration calibration;
+};
+
+// Starts `rig`, captures one session with it and calibrates from that; shows progress. What comes
+// back has succeeded or failed. CANCELLED: a signal came.  ABORTED: a process died; with its last
+// words.  DEADLINE_EXCEEDED: nothing moves any more; names what is missing.
+absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalCalibrationOptions& options, LocalRig& rig,
+                                              const StopSignals& signals, Console& console);
+
+}  // namespace rigcal::client

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/local/local_command.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "client/commands/calibrate_command.h"
+#include "client/local/capture_table.h"
+#include "client/local/local_calibration.h"
+#include "client/local/local_plan.h"
+#include "client/local/local_rig.h"
+#include "client/local/recorded_folder.h"
+#include "client/local/run_folder.h"
+#include "client/local/stop_signal.h"
+#include "client/results/calibration_export.h"
+#include "client/results/ground_truth_comparison.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::client {
+namespace {
+
+absl::Status Export(const v1::Calibration& calibration, const RunFolder& folder) {
+  RIGCAL_RETURN_IF_ERROR(ExportJson(calibration, folder.Export()).status());
+  if (!calibration.scale_known()) return absl::OkStatus();
+  return ExportOpenCv(calibration, folder.Export()).status();
+}
+
+// Everything between the first process and the last.
+absl::StatusOr<LocalOutcome> Run(const LocalOptions& options, const LocalPlan& plan,
+                                 const RunFolder& folder, const StopSignals& signals,
+                                 Console& console) {
+  std::filesystem::path programs = options.programs;
+  if (programs.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(programs, ProgramDirectory());
+  }
+  LocalRig rig(programs, folder);
+  return CalibrateLocally({.cameras = plan.cameras,
+                           .target = options.target,
+                           .calibration = options.calibration,
+                           .paced = options.speed != "max"},
+                          rig, signals, console);
+}
+
+bool HasEventCamera(const v1::Session& session) {
+  return std::any_of(session.cameras().begin(), session.cameras().end(), [](const auto& camera) {
+    return camera.description().sensor() == v1::CameraDescription::EVENT;
+  });
+}
+
+// The result as far as it has come. Nothing runs any more.
+ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& folder,
+                  CommandContext& context) {
+  v1::Calibration& calibration = outcome.calibration;
+  ExitCode code = ExitCode::kOk;
+  const bool succeeded = calibration.state() == v1::Calibration::SUCCEEDED;
+  if (succeeded && plan.world.has_value()) {
+    if (auto truth = CompareWithGroundTruth(calibration, *plan.world); truth.ok()) {
+      *calibration.mutable_truth() = *std::move(truth);
+    } else {
+      code = context.Fail(truth.status());
+    }
+  }
+  if (succeeded && folder.stays()) {
+    if (const absl::Status status = Export(calibration, folder); !status.ok()) {
+      code = context.Fail(status);
+    }
+  }
+  if (context.console.format == OutputFormat::kTable) {
+    context.console.out << FormatCapture(outcome, plan.duration_s) << std::flush;
+  }
+  const ExitCode shown = ShowCalibration(calibration, context);
+  if (context.console.format == OutputFormat::kTable && calibration.has_truth() &&
+      HasEventCamera(outcome.session)) {
+    context.console.out
+        << "  the time offset of an event camera holds what its pixels' low pass does, "
+           "too: docs/event_cameras.md\n"
+        << std::flush;
+  }
+  return code == ExitCode::kOk ? shown : code;
+}
+
+}  // namespace
+
+ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
+  const StopSignals signals;
+  // A wrong folder is said before one for the run is made.
+  absl::StatusOr<RecordedFolder> recorded = RecordedFolder();
+  if (!options.simulation.has_value()) {
+    recorded = ReadRecordedFolder(options.data);
+    if (!recorded.ok()) return context.Fail(recorded.status());
+    for (const std::string& warning : recorded->warnings) context.console.Message(warning);
+  }
+  const absl::StatusOr<RunFolder> folder = RunFolder::Create(options.keep);
+  if (!folder.ok()) return context.Fail(folder.status());
+  const absl::StatusOr<LocalPlan> plan =
+      options.simulation.has_value()
+          ? PlanSimulated(*options.simulation, options.target, options.speed)
+          : PlanRecorded(*recorded, options.speed, options.event_options, folder->path());
+  if (!plan.ok()) return context.Fail(plan.status());
+
+  absl::StatusOr<LocalOutcome> outcome = Run(options, *plan, *folder, signals, context.console);
+  ExitCode code = ExitCode::kOk;
+  if (outcome.ok()) {
+    code = Conclude(*std::move(outcome), *plan, *folder, context);
+  } else {
+    // Not ExitCodeOf: a server of our own that cannot be reached is a failure like any other.
+    context.console.Error(outcome.status());
+    code = ExitCode::kFailed;
+  }
+  if (folder->stays()) {
+    const char* what =
+        code == ExitCode::kFailed ? "the store and the logs" : "the store, the logs and an export";
+    context.console.Message(absl::StrCat(what, " are kept in ", folder->path().string()));
+  }
+  return code;
+}
+
+}  // namespace rigcal::client

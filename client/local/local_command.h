@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "client/commands/command_context.h"
+#include "common/calibration/calibration_options.h"
+#include "common/simulation/simulated_rig_options.h"
+#include "common/target/target.h"
+
+namespace rigcal::client {
+
+inline constexpr const char* kDefaultTarget = "wand:0,0.13,0.39";
+
+struct LocalOptions {
+  // Exactly one of the two.
+  std::filesystem::path data;
+  std::optional<SimulatedRigOptions> simulation;
+
+  Target target;
+  std::filesystem::path keep;  // empty: nothing stays
+  std::string speed = "max";   // or a factor of the recorded pace
+  std::string event_options;   // of recordings of events, as behind `raw:FILE;`
+  CalibrationOptions calibration;
+
+  // Where rigcal-server and rigcal-agent lie; empty: beside this program.
+  std::filesystem::path programs;
+};
+
+// `rigcal local`: a server and one agent per camera on this machine, one session, one calibration,
+// printed; a simulated one is compared with its truth. Leaves no process behind. Call it on the
+// main thread.
+ExitCode RunLocal(const LocalOptions& options, CommandContext& context);
+
+}  // namespace rigcal::client

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/local/local_plan.h"
+
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool CarriesSeparator(const fs::path& path) { return path.string().find(';') != std::string::npos; }
+
+absl::StatusOr<fs::path> ReachableFolder(const fs::path& folder, const fs::path& link_in) {
+  if (!CarriesSeparator(folder)) return folder;
+  const fs::path link = link_in / "recording";
+  if (CarriesSeparator(link)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the path ", folder.string(), " has a ';' in it, and so has ",
+                     link_in.string(), ", through which it could be reached; rename one"));
+  }
+  std::error_code error;
+  fs::create_directory_symlink(folder, link, error);
+  if (error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the path ", folder.string(), " has a ';' in it, and a link ", link.string(),
+                     " to it cannot be made: ", error.message()));
+  }
+  return link;
+}
+
+// Parts in an agent's notation; `seed` belongs to all, and the world's stands there already.
+void AppendParts(const std::string& parts, std::string* options) {
+  for (const auto part : absl::StrSplit(parts, ';', absl::SkipEmpty())) {
+    if (!absl::StartsWith(part, "seed=")) absl::StrAppend(options, ";", part);
+  }
+}
+
+// What a camera of the rig sees, behind the world's options.
+std::string OptionsOf(const SimulatedRigOptions& rig, bool events) {
+  std::string options = FormatSimulationOptions(rig.world);
+  if (!rig.pictures) return options;
+  absl::StrAppend(&options, events ? ";events=1" : ";pixels=1");
+  AppendParts(FormatFrameRenderOptions(*rig.pictures), &options);
+  if (!events) return options;
+  AppendParts(FormatEventRenderOptions(rig.sensors), &options);
+  absl::StrAppend(&options, ";output=", rig.output_hz);
+  if (!rig.event_clock.empty()) absl::StrAppend(&options, ";clock=", rig.event_clock);
+  return options;
+}
+
+}  // namespace
+
+absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
+                                       const std::string& event_options, const fs::path& link_in) {
+  RIGCAL_ASSIGN_OR_RETURN(const fs::path reachable, ReachableFolder(folder.path, link_in));
+  LocalPlan plan;
+  bool events = false;
+  for (const RecordedCamera& camera : folder.cameras) {
+    events = events || camera.events;
+    // The name in front, so that a '=' in the path is not taken for the end of one.
+    std::string source =
+        absl::StrCat(camera.camera, camera.events ? "=raw:" : "=csv:",
+                     (reachable / camera.recording.filename()).string(), ";speed=", speed);
+    if (camera.events && !event_options.empty()) absl::StrAppend(&source, ";", event_options);
+    plan.cameras.push_back({camera.camera, std::move(source), 0});
+  }
+  if (!events && !event_options.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("\"", event_options, "\" is for recordings of events, and there is none in ",
+                     folder.path.string()));
+  }
+  return plan;
+}
+
+absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
+                                        const std::string& speed) {
+  LocalPlan plan;
+  plan.duration_s = rig.world.duration_s;
+  RIGCAL_ASSIGN_OR_RETURN(plan.world, SimulatedWorld::Create(rig.world, target));
+  const size_t first_event_camera =
+      plan.world->cameras().size() - static_cast<size_t>(rig.event_cameras);
+  for (size_t i = 0; i < plan.world->cameras().size(); ++i) {
+    const std::string& name = plan.world->cameras()[i].description.camera;
+    const bool events = i >= first_event_camera;
+    const double count =
+        events ? rig.output_hz * rig.world.duration_s : plan.world->FrameCount(static_cast<int>(i));
+    plan.cameras.push_back(
+        {name, absl::StrCat(name, "=sim:camera=", i, ";", OptionsOf(rig, events), ";speed=", speed),
+         static_cast<uint64_t>(count)});
+  }
+  return plan;
+}
+
+}  // namespace rigcal::client

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/local/local_rig.h"
+#include "client/local/recorded_folder.h"
+#include "common/simulation/simulated_rig_options.h"
+#include "common/simulation/world/simulated_world.h"
+#include "common/target/target.h"
+
+namespace rigcal::client {
+
+// What `rigcal local` will start, and what it may compare with.
+struct LocalPlan {
+  std::vector<LocalCamera> cameras;
+  std::optional<SimulatedWorld> world;  // the truth, of a simulated rig
+  double duration_s = 0;                // of the wave; 0: not known
+};
+
+// `speed`: "max" or a factor of the recorded pace, as the agent's source takes it. `event_options`:
+// behind the source of each recording of events, "rate=500;clock=cable"; may be empty;
+// INVALID_ARGUMENT where there is no such recording. A folder with a
+// ';' in its path, which the agent's notation cannot carry, is reached through a link in `link_in`;
+// INVALID_ARGUMENT where that path has one, too.
+absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::string& speed,
+                                       const std::string& event_options,
+                                       const std::filesystem::path& link_in);
+absl::StatusOr<LocalPlan> PlanSimulated(const SimulatedRigOptions& rig, const Target& target,
+                                        const std::string& speed);
+
+}  // namespace rigcal::client

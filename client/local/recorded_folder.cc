@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/local/recorded_folder.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/camera/camera_id.h"
+#include "common/camera/intrinsics_file.h"
+
+namespace rigcal::client {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kLayout[] =
+    "a recorded rig is a folder with <camera>.csv (markers) or <camera>.raw, .h5 or .hdf5 (events) "
+    "and <camera>.yaml (OpenCV intrinsics) for each camera";
+
+struct Listing {
+  std::map<std::string, std::vector<fs::path>> recordings;  // file names, by stem
+  std::set<std::string> yaml;                               // stems
+};
+
+bool IsEventFile(const fs::path& file) {
+  const std::string extension = file.extension().string();
+  return extension == ".raw" || extension == ".h5" || extension == ".hdf5";
+}
+
+absl::StatusOr<Listing> List(const fs::path& folder) {
+  std::error_code error;
+  const fs::file_status status = fs::status(folder, error);
+  if (!fs::exists(status)) {
+    return absl::NotFoundError(absl::StrCat("there is no folder ", folder.string(), "; ", kLayout));
+  }
+  if (!fs::is_directory(status)) {
+    return absl::InvalidArgumentError(absl::StrCat(folder.string(), " is not a folder; ", kLayout));
+  }
+  Listing listing;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    const fs::path file = entry->path();
+    const std::string stem = file.stem().string();
+    // Hidden files are what editors and file systems leave behind ("._left.csv").
+    if (stem.empty() || stem.front() == '.') continue;
+    if (file.extension() == ".csv" || IsEventFile(file)) {
+      listing.recordings[stem].push_back(file.filename());
+    }
+    if (file.extension() == ".yaml") listing.yaml.insert(stem);
+  }
+  if (error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("cannot read the folder ", folder.string(), ": ", error.message()));
+  }
+  for (auto& [stem, files] : listing.recordings) std::sort(files.begin(), files.end());
+  return listing;
+}
+
+// Empty where the camera can be used.
+std::string FaultOf(const RecordedCamera& camera, bool has_yaml) {
+  if (const absl::Status name = ValidateName("camera name", camera.camera); !name.ok()) {
+    return absl::StrCat(camera.recording.string(),
+                        ": a camera is named after its file: ", std::string(name.message()));
+  }
+  if (!has_yaml) {
+    return absl::StrCat("camera ", camera.camera, ": ", camera.recording.filename().string(),
+                        " is there, but ", camera.yaml.string(), " with its intrinsics is missing");
+  }
+  if (const auto intrinsics = ReadIntrinsicsFile(camera.yaml.string()); !intrinsics.ok()) {
+    return absl::StrCat("camera ", camera.camera, ": ", std::string(intrinsics.status().message()));
+  }
+  return "";
+}
+
+}  // namespace
+
+absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
+  const absl::StatusOr<Listing> listing = List(path);
+  if (!listing.ok()) return listing.status();
+  RecordedFolder folder;
+  std::error_code error;
+  folder.path = fs::absolute(path, error).lexically_normal();
+  if (error) folder.path = path;
+
+  std::vector<std::string> faults;
+  for (const auto& [stem, files] : listing->recordings) {
+    RecordedCamera camera{.camera = stem,
+                          .recording = folder.path / files.front(),
+                          .yaml = folder.path / (stem + ".yaml"),
+                          .events = IsEventFile(files.front())};
+    if (files.size() > 1) {
+      faults.push_back(absl::StrCat("camera ", stem, " has several recordings: ",
+                                    absl::StrJoin(files, ", ",
+                                                  [](std::string* out, const fs::path& file) {
+                                                    absl::StrAppend(out, file.string());
+                                                  }),
+                                    "; leave one of them in ", path.string()));
+    }
+    if (std::string fault = FaultOf(camera, listing->yaml.contains(stem)); !fault.empty()) {
+      faults.push_back(std::move(fault));
+    }
+    folder.cameras.push_back(std::move(camera));
+  }
+  for (const std::string& stem : listing->yaml) {
+    if (listing->recordings.contains(stem)) continue;
+    folder.warnings.push_back(absl::StrCat(stem, ".yaml has no ", stem, ".csv, .raw, .h5 or .hdf5 ",
+                                           "beside it: no camera is made of it"));
+  }
+  if (folder.cameras.empty()) {
+    faults.push_back(absl::StrCat("there is no recording in ", path.string(), "; ", kLayout));
+  } else if (folder.cameras.size() == 1) {
+    faults.push_back(absl::StrCat("there is only one camera in ", path.string(), " (",
+                                  folder.cameras[0].camera, "); a rig needs at least two"));
+  }
+  if (faults.empty()) return folder;
+  return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
+}
+
+}  // namespace rigcal::client

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/net/server_connection.h"
+
+#include <grpcpp/generic/generic_stub.h>
+
+#include <future>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/wire/grpc_status.h"
+#include "grpc/health/v1/health.pb.h"
+
+namespace rigcal::client {
+namespace {
+
+// A calibration of a large rig, or a session with thousands of refusals.
+constexpr int kMaxMessageBytes = 64 << 20;
+// How long one attempt may take, and the pause before the next.
+constexpr int kConnectMs = 10'000;
+constexpr int kFirstPauseMs = 100;
+constexpr int kLastPauseMs = 1000;
+
+std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstPauseMs);
+  // In spite of its name: the least time given to an attempt.
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLastPauseMs);
+  return grpc::CreateCustomChannel("dns:///" + address, grpc::InsecureChannelCredentials(),
+                                   arguments);
+}
+
+// The library's messages go from the general to the cause: "failed to connect to all addresses;
+// last error: UNKNOWN: ipv4:127.0.0.1:7420: Failed to connect to remote host: Connection refused".
+std::string CauseOf(const std::string& message) {
+  const size_t colon = message.rfind(": ");
+  return colon == std::string::npos || colon + 2 >= message.size() ? message
+                                                                   : message.substr(colon + 2);
+}
+
+constexpr char kAdvice[] =
+    "Is rigcal-server running there? Another address is named with --server HOST:PORT or in the "
+    "environment variable RIGCAL_SERVER";
+
+}  // namespace
+
+absl::Status ValidateServerAddress(std::string_view address) {
+  const size_t colon = address.rfind(':');
+  const std::string_view host = address.substr(0, colon);
+  uint32_t port = 0;
+  const bool bracketed = host.size() > 2 && host.front() == '[' && host.back() == ']';
+  if (colon == std::string_view::npos || host.empty() ||
+      (!bracketed && host.find_first_of(":[]/ ") != std::string_view::npos) ||
+      !absl::SimpleAtoi(std::string(address.substr(colon + 1)), &port) || port == 0 ||
+      port > 65535) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", std::string(address), "' is no server address; give HOST:PORT, such as ",
+                     std::string(kDefaultServer), " or [::1]:7420"));
+  }
+  return absl::OkStatus();
+}
+
+ServerConnection::ServerConnection(std::string address)
+    : address_(std::move(address)),
+      channel_(MakeChannel(address_)),
+      sessions_(v1::SessionService::NewStub(channel_)),
+      calibrations_(v1::CalibrationService::NewStub(channel_)),
+      status_(v1::StatusService::NewStub(channel_)) {}
+
+absl::Status ServerConnection::Explain(const grpc::Status& status,
+                                       std::chrono::milliseconds timeout) const {
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
+    return absl::UnavailableError(absl::StrCat("cannot reach the server at ", address_, " (",
+                                               CauseOf(status.error_message()), "). ", kAdvice));
+  }
+  if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
+    return absl::UnavailableError(
+        absl::StrFormat("the server at %s did not answer within %.3g s. %s", address_,
+                        static_cast<double>(timeout.count()) / 1000, kAdvice));
+  }
+  if (status.error_code() == grpc::StatusCode::UNIMPLEMENTED) {
+    return absl::UnimplementedError(absl::StrCat(
+        "the server at ", address_, " does not know this call (", status.error_message(),
+        "): it is another program or another version; rigcal doctor compares the versions"));
+  }
+  if (status.error_message().empty()) {
+    const absl::Status named = wire::FromGrpc(status);
+    return absl::Status(named.code(), absl::StrCat("the server at ", address_, " refused: ",
+                                                   absl::StatusCodeToString(named.code())));
+  }
+  return wire::FromGrpc(status);
+}
+
+absl::StatusOr<std::string> ServerConnection::CheckHealth() {
+  using grpc::health::v1::HealthCheckRequest;
+  using grpc::health::v1::HealthCheckResponse;
+  grpc::TemplatedGenericStub<HealthCheckRequest, HealthCheckResponse> stub(channel_);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kCallTimeout);
+  const HealthCheckRequest request;
+  HealthCheckResponse response;
+  // Shared: the callback's thread may still be inside set_value when get has returned.
+  const auto done = std::make_shared<std::promise<grpc::Status>>();
+  stub.UnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &response,
+                 [done](grpc::Status status) { done->set_value(std::move(status)); });
+  const grpc::Status status = done->get_future().get();
+  if (!status.ok()) return Explain(status, kCallTimeout);
+  return HealthCheckResponse::ServingStatus_Name(response.status());
+}
+
+}  // namespace rigcal::client

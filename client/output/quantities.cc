@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/output/quantities.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/time.h"
+#include "common/geometry/rigid_transform.h"
+
+namespace rigcal::client {
+
+std::string FormatFixed(double value, int digits) {
+  std::string text = absl::StrFormat("%.*f", digits, value);
+  if (text.starts_with('-') && text.find_first_of("123456789nf") == std::string::npos) {
+    text.erase(0, 1);
+  }
+  return text;
+}
+
+std::string FormatTime(bool is_set, const google::protobuf::Timestamp& time) {
+  if (!is_set) return "-";
+  return absl::FormatTime("%Y-%m-%d %H:%M:%S", absl::FromUnixSeconds(time.seconds()),
+                          absl::LocalTimeZone());
+}
+
+std::string FormatDuration(double seconds) {
+  if (!(seconds >= 60)) return absl::StrCat(FormatFixed(seconds, 2), " s");
+  if (seconds >= 1e9) return absl::StrFormat("%.3g s", seconds);
+  const auto whole = static_cast<int64_t>(std::lround(seconds));
+  return absl::StrFormat("%d min %d s", whole / 60, whole % 60);
+}
+
+std::string FormatCount(uint64_t count, const char* singular, const char* plural) {
+  return absl::StrCat(count, " ", count == 1 ? singular : plural);
+}
+
+std::string FormatKib(double kib) {
+  if (kib < 1024) return absl::StrFormat("%.0f KiB", kib);
+  if (kib < 1024 * 1024) return absl::StrFormat("%.1f MiB", kib / 1024);
+  return absl::StrFormat("%.1f GiB", kib / 1024 / 1024);
+}
+
+double DegreesFromRadians(double radians) { return radians * 180 / std::numbers::pi; }
+
+double RotationAngleRad(const Eigen::Quaterniond& rotation) {
+  return 2 * std::atan2(rotation.vec().norm(), std::abs(rotation.w()));
+}
+
+Eigen::Vector3d RotationVectorRad(const Eigen::Quaterniond& rotation) {
+  const Eigen::Quaterniond canonical = Canonical(rotation);
+  const double sine = canonical.vec().norm();
+  if (sine == 0) return Eigen::Vector3d::Zero();
+  return canonical.vec() * (RotationAngleRad(canonical) / sine);
+}
+
+}  // namespace rigcal::client

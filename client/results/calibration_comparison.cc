@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/results/calibration_comparison.h"
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "client/output/console.h"
+#include "client/output/quantities.h"
+#include "client/output/text_table.h"
+#include "client/results/calibration_export.h"
+#include "client/results/rigid_alignment.h"
+#include "common/status/status_macros.h"
+#include "common/wire/camera_wire.h"
+
+namespace rigcal::client {
+namespace {
+
+absl::Status CheckComparable(const v1::Calibration& calibration) {
+  RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
+  if (calibration.scale_known()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("calibration ", calibration.id(),
+                   " has no metric scale, so its positions cannot be compared"));
+}
+
+std::map<std::string, const v1::CalibratedCamera*> ByName(const v1::Calibration& calibration) {
+  std::map<std::string, const v1::CalibratedCamera*> cameras;
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    cameras.emplace(camera.camera(), &camera);
+  }
+  return cameras;
+}
+
+}  // namespace
+
+absl::StatusOr<CalibrationComparison> Compare(const v1::Calibration& a, const v1::Calibration& b) {
+  RIGCAL_RETURN_IF_ERROR(CheckComparable(a));
+  RIGCAL_RETURN_IF_ERROR(CheckComparable(b));
+  CalibrationComparison comparison;
+  comparison.id_a = a.id();
+  comparison.id_b = b.id();
+  comparison.same_observations =
+      !a.observation_digest().empty() && a.observation_digest() == b.observation_digest();
+
+  std::vector<PosePair> poses;
+  const auto cameras_b = ByName(b);
+  const auto cameras_a = ByName(a);
+  for (const auto& [name, camera_a] : cameras_a) {
+    const auto found = cameras_b.find(name);
+    if (found == cameras_b.end()) {
+      comparison.only_in_a.push_back(name);
+      continue;
+    }
+    const v1::CalibratedCamera* camera_b = found->second;
+    PosePair pair;
+    RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_a, wire::FromProto(camera_a->cam_from_rig()));
+    RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_b, wire::FromProto(camera_b->cam_from_rig()));
+    poses.push_back(pair);
+    CalibrationComparison::Camera camera;
+    camera.camera = name;
+    camera.time_offset_difference_s = camera_b->time_offset_s() - camera_a->time_offset_s();
+    camera.mean_px_a = camera_a->residuals().mean_px();
+    camera.mean_px_b = camera_b->residuals().mean_px();
+    comparison.cameras.push_back(std::move(camera));
+  }
+  for (const auto& [name, camera] : cameras_b) {
+    if (!cameras_a.contains(name)) comparison.only_in_b.push_back(name);
+  }
+  if (poses.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("calibrations ", a.id(), " and ", b.id(), " have no camera in common"));
+  }
+
+  RIGCAL_ASSIGN_OR_RETURN(const RigidTransform b_from_a, AlignRigidly(poses));
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const PoseDifference difference = DifferenceAfter(b_from_a, poses[i]);
+    CalibrationComparison::Camera& camera = comparison.cameras[i];
+    camera.position_difference_m = difference.position_m;
+    camera.rotation_difference_rad = difference.rotation_rad;
+    comparison.max_position_difference_m =
+        std::max(comparison.max_position_difference_m, difference.position_m);
+    comparison.max_rotation_difference_rad =
+        std::max(comparison.max_rotation_difference_rad, difference.rotation_rad);
+  }
+  return comparison;
+}
+
+std::string FormatComparison(const CalibrationComparison& comparison) {
+  using Align = TextTable::Align;
+  TextTable table({{"camera"},
+                   {"position (mm)", Align::kRight, "difference, B to A"},
+                   {"rotation (deg)", Align::kRight, "difference, B to A"},
+                   {"time offset (ms)", Align::kRight, "difference, B to A"},
+                   {"A", Align::kRight, "mean residual (px)"},
+                   {"B", Align::kRight, "mean residual (px)"}});
+  for (const CalibrationComparison::Camera& camera : comparison.cameras) {
+    table.AddRow({camera.camera, FormatFixed(camera.position_difference_m * 1000, 3),
+                  FormatFixed(DegreesFromRadians(camera.rotation_difference_rad), 4),
+                  FormatFixed(camera.time_offset_difference_s * 1000, 3),
+                  FormatFixed(camera.mean_px_a, 3), FormatFixed(camera.mean_px_b, 3)});
+  }
+  table.AddRow({"largest", FormatFixed(comparison.max_position_difference_m * 1000, 3),
+                FormatFixed(DegreesFromRadians(comparison.max_rotation_difference_rad), 4)});
+  std::string text =
+      absl::StrCat("A  ", comparison.id_a, "\nB  ", comparison.id_b,
+                   comparison.same_observations ? " (from the same observations and options)" : "",
+                   "\n\nAfter the best rigid alignment of the camera positions\n");
+  text += table.Format(2);
+  for (const auto& [name, cameras] :
+       {std::pair("A", &comparison.only_in_a), std::pair("B", &comparison.only_in_b)}) {
+    if (cameras->empty()) continue;
+    absl::StrAppend(&text, "only in ", name, ": ", absl::StrJoin(*cameras, ", "), "\n");
+  }
+  return Printable(text);
+}
+
+std::string ComparisonJson(const CalibrationComparison& comparison) {
+  using Json = nlohmann::ordered_json;
+  Json cameras = Json::array();
+  for (const CalibrationComparison::Camera& camera : comparison.cameras) {
+    cameras.push_back(
+        {{"camera", camera.camera},
+         {"position_difference_m", camera.position_difference_m},
+         {"rotation_difference_deg", DegreesFromRadians(camera.rotation_difference_rad)},
+         {"time_offset_difference_s", camera.time_offset_difference_s},
+         {"mean_px_a", camera.mean_px_a},
+         {"mean_px_b", camera.mean_px_b}});
+  }
+  const Json json = {
+      {"a", comparison.id_a},
+      {"b", comparison.id_b},
+      {"cameras", cameras},
+      {"only_in_a", comparison.only_in_a},
+      {"only_in_b", comparison.only_in_b},
+      {"max_position_difference_m", comparison.max_position_difference_m},
+      {"max_rotation_difference_deg", DegreesFromRadians(comparison.max_rotation_difference_rad)},
+      {"same_observations", comparison.same_observations}};
+  return json.dump(1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace rigcal::client

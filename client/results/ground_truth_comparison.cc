@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/results/ground_truth_comparison.h"
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "client/output/quantities.h"
+#include "client/results/calibration_export.h"
+#include "client/results/rigid_alignment.h"
+#include "common/status/status_macros.h"
+#include "common/wire/camera_wire.h"
+
+namespace rigcal::client {
+namespace {
+
+const SimulatedCamera* FindCamera(const SimulatedWorld& world, const std::string& name) {
+  for (const SimulatedCamera& camera : world.cameras()) {
+    if (camera.description.camera == name) return &camera;
+  }
+  return nullptr;
+}
+
+// rig time minus what the camera's clock shows, when it shows `time_s`.
+double TrueOffset(const SimulatedCamera& camera, double time_s) {
+  const double origin_s = static_cast<double>(camera.clock_origin_ns) * 1e-9;
+  return camera.time_offset_s - origin_s + camera.time_rate_ppm * 1e-6 * (time_s - origin_s);
+}
+
+}  // namespace
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const size_t middle = values.size() / 2;
+  return values.size() % 2 == 1 ? values[middle] : (values[middle - 1] + values[middle]) / 2;
+}
+
+absl::StatusOr<v1::TruthComparison> CompareWithGroundTruth(const v1::Calibration& calibration,
+                                                           const SimulatedWorld& world) {
+  RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
+  if (calibration.cameras().empty()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("calibration ", calibration.id(), " has no camera to compare with the truth"));
+  }
+  std::vector<PosePair> poses;
+  std::vector<double> estimated_offsets_s;
+  std::vector<double> true_offsets_s;
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    const SimulatedCamera* truth = FindCamera(world, camera.camera());
+    if (truth == nullptr) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("camera ", camera.camera(), " is not in the simulated rig"));
+    }
+    PosePair pair;
+    RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_a, wire::FromProto(camera.cam_from_rig()));
+    pair.cam_from_b = truth->cam_from_rig;
+    poses.push_back(pair);
+    estimated_offsets_s.push_back(camera.time_offset_s());
+    true_offsets_s.push_back(TrueOffset(*truth, camera.time_epoch_s()));
+  }
+
+  double unit_length_m = 0;
+  if (!calibration.scale_known()) {
+    RIGCAL_ASSIGN_OR_RETURN(unit_length_m, FindScale(poses));
+    for (PosePair& pair : poses) pair.cam_from_a.translation_m *= unit_length_m;
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const RigidTransform world_from_rig, AlignRigidly(poses));
+  const double estimated_median_s = Median(estimated_offsets_s);
+  const double true_median_s = Median(true_offsets_s);
+  v1::TruthComparison comparison;
+  comparison.set_unit_length_m(unit_length_m);
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const PoseDifference difference = DifferenceAfter(world_from_rig, poses[i]);
+    const double rotation_deg = DegreesFromRadians(difference.rotation_rad);
+    v1::CameraTruthError* error = comparison.add_cameras();
+    error->set_camera(calibration.cameras(static_cast<int>(i)).camera());
+    error->set_position_error_m(difference.position_m);
+    error->set_rotation_error_deg(rotation_deg);
+    error->set_time_offset_error_s((estimated_offsets_s[i] - estimated_median_s) -
+                                   (true_offsets_s[i] - true_median_s));
+    comparison.set_max_position_error_m(
+        std::max(comparison.max_position_error_m(), difference.position_m));
+    comparison.set_max_rotation_error_deg(
+        std::max(comparison.max_rotation_error_deg(), rotation_deg));
+  }
+  return comparison;
+}
+
+}  // namespace rigcal::client

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+# How test folders are declared. A folder's tests are one program; in CTest each file is a test of its own,
+# <folder>/<file>, so that `ctest -R server/solve` selects as one expects and a crash ends one file's tests only.
+
+# The googletest filter for one file's tests: the suites it defines, read from its TEST macros.
+function(rigcal_suites_of file result)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
+  file(STRINGS ${file} lines REGEX "^(TEST|TEST_F|TEST_P|TYPED_TEST|RC_GTEST_PROP|RC_GTEST_FIXTURE_PROP)\\(")
+  set(suites)
+  foreach(line ${lines})
+    if(line MATCHES "^[A-Z_]+\\( *([A-Za-z0-9_]+)")
+      list(APPEND suites ${CMAKE_MATCH_1})
+    endif()
+  endforeach()
+  list(REMOVE_DUPLICATES suites)
+  if(NOT suites)
+    message(FATAL_ERROR "${file} has no TEST")
+  endif()
+  set(${result} ${suites} PARENT_SCOPE)
+endfunction()
+
+# rigcal_tests(<folder> TESTS <file without .cc>... [SOURCES ...] DEPS ... [PROGRAMS ...]): the program tests/<folder>
+# with dots for slashes. PROGRAMS are targets that must be built before the tests run.
+function(rigcal_tests folder)
+  cmake_parse_arguments(ARG "" "" "TESTS;SOURCES;DEPS;PROGRAMS" ${ARGN})
+  string(REPLACE "/" "." target test.${folder})
+  list(TRANSFORM ARG_TESTS APPEND .cc OUTPUT_VARIABLE files)
+  add_executable(${target} ${files} ${ARG_SOURCES})
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
+  target_compile_definitions(${target} PRIVATE
+    RIGCAL_SOURCE_DIR="${PROJECT_SOURCE_DIR}" RIGCAL_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+  target_link_libraries(${target} PRIVATE ${ARG_DEPS} rigcal::testing GTest::gmock GTest::gtest_main
+    rigcal_build_flags)
+  rigcal_compile_together(${target})
+  if(ARG_PROGRAMS)
+    add_dependencies(${target} ${ARG_PROGRAMS})
+  endif()
+  set(seen)
+  foreach(test ${ARG_TESTS})
+    rigcal_suites_of(${CMAKE_CURRENT_SOURCE_DIR}/${test}.cc suites)
+    set(filters)
+    foreach(suite ${suites})
+      if(suite IN_LIST seen)
+        message(FATAL_ERROR "tests/${folder}: two files define the suite ${suite}; rename the one in ${test}.cc")
+      endif()
+      list(APPEND seen ${suite})
+      list(APPEND filters ${suite}.* */${suite}.* ${suite}/*)
+    endforeach()
+    list(JOIN filters : filter)
+    add_test(NAME ${folder}/${test} COMMAND ${target} --gtest_filter=${filter})
+    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT 120 ENVIRONMENT "OMP_THREAD_LIMIT=1"
+      SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+  endforeach()
+endfunction()
+
+# rigcal_test_properties(<folder> <file>... PROPERTIES ...): set_tests_properties for files of one folder.
+function(rigcal_test_properties folder)
+  list(FIND ARGN PROPERTIES split)
+  list(SUBLIST ARGN 0 ${split} tests)
+  list(SUBLIST ARGN ${split} -1 properties)
+  list(TRANSFORM tests PREPEND ${folder}/)
+  set_tests_properties(${tests} ${properties})
+endfunction()

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/simulation/events/event_spheres.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/camera/camera_model.h"
+#include "common/simulation/events/fast_math.h"
+#include "common/simulation/frames/scene_ground_truth.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+constexpr double kDefaultDiameterM = 0.04;
+// Around a sphere: where pixels may still settle after it has passed.
+constexpr int kSettlePx = 2;
+// Noise before a sphere is told part by part, so at least so many.
+constexpr int kLeastParts = 2;
+// A sphere's way in one part, where possible.
+constexpr double kSpherePartPx = 0.35;
+
+bool HasRow(const ImagePatch& patch, int y) {
+  return !patch.empty() && y >= patch.y && y < patch.y + patch.height;
+}
+
+bool Overlap(const ImagePatch& a, const ImagePatch& b) {
+  return !a.empty() && !b.empty() && a.x < b.x + b.width && b.x < a.x + a.width &&
+         a.y < b.y + b.height && b.y < a.y + a.height;
+}
+
+size_t IndexIn(const ImagePatch& patch, int x, int y) {
+  return static_cast<size_t>(y - patch.y) * static_cast<size_t>(patch.width) +
+         static_cast<size_t>(x - patch.x);
+}
+
+float CoverAt(const SphereImage& image, int x, int y) {
+  const ImagePatch& patch = image.patch;
+  if (!HasRow(patch, y) || x < patch.x || x >= patch.x + patch.width) return 0;
+  return image.cover[IndexIn(patch, x, y)];
+}
+
+ImagePatch Around(std::span<const SphereImage> images, const ImageSize& size) {
+  int left = static_cast<int>(size.width), right = 0;
+  int top = static_cast<int>(size.height), bottom = 0;
+  for (const SphereImage& image : images) {
+    const ImagePatch& patch = image.patch;
+    if (patch.empty()) continue;
+    left = std::min(left, patch.x - kSettlePx);
+    right = std::max(right, patch.x + patch.width + kSettlePx);
+    top = std::min(top, patch.y - kSettlePx);
+    bottom = std::max(bottom, patch.y + patch.height + kSettlePx);
+  }
+  ImagePatch around;
+  around.x = std::max(0, left);
+  around.y = std::max(0, top);
+  around.width = std::min(static_cast<int>(size.width), right) - around.x;
+  around.height = std::min(static_cast<int>(size.height), bottom) - around.y;
+  return around;
+}
+
+}  // namespace
+
+EventSpheres::EventSpheres(const Intrinsics* intrinsics, const ImageSize& size, const RayGrid* rays,
+                           const EdgeProfile* profile, const Target& target,
+                           const FrameRenderOptions& scene, double led_phase,
+                           const EventLight& light)
+    : intrinsics_(intrinsics),
+      size_(size),
+      profile_(profile),
+      imager_(intrinsics, size, rays),
+      light_(light) {
+  sphere_options_.radius_m = 0.5 * (target.diameter_m > 0 ? target.diameter_m : kDefaultDiameterM);
+  sphere_options_.limb = scene.limb;
+  for (size_t i = 0; i < target.marker_positions_m.size(); ++i) {
+    Marker marker;
+    marker.position_m = target.marker_positions_m[i];
+    const double hz = target.blink_hz.empty() ? scene.blink_hz
+                                              : target.blink_hz[target.blink_hz.size() > 1 ? i : 0];
+    marker.led = {.hz = hz * (1 + 1e-6 * scene.blink_drift_ppm),
+                  .duty = scene.blink_duty,
+                  .phase = led_phase};
+    markers_.push_back(std::move(marker));
+  }
+}
+
+std::vector<MarkerGroundTruth> EventSpheres::TruthOf(const WandMotion& wand) const {
+  std::vector<SphereMotion> spheres;
+  for (const Marker& marker : markers_) spheres.push_back(wand.Marker(marker.position_m));
+  return rigcal::TruthOf(*intrinsics_, size_, spheres, sphere_options_.radius_m, nullptr);
+}
+
+int EventSpheres::PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& path) const {
+  const auto begin = path ? path(1e-6 * static_cast<double>(begin_us)) : std::nullopt;
+  const auto end = path ? path(1e-6 * static_cast<double>(begin_us + cell_us)) : std::nullopt;
+  if (!begin || !end) return kLeastParts;
+  double way_px = 0;
+  for (const Marker& marker : markers_) {
+    Eigen::Vector2d from, to;
+    if (!Project(*intrinsics_, begin->Marker(marker.position_m).centre_m, &from) ||
+        !Project(*intrinsics_, end->Marker(marker.position_m).centre_m, &to)) {
+      continue;
+    }
+    way_px = std::max(way_px, (to - from).norm());
+  }
+  int parts = kLeastParts;
+  while (parts < kMaxParts && way_px > parts * kSpherePartPx) parts *= 2;
+  return parts;
+}
+
+absl::Status EventSpheres::Draw(double time_s, const WandPath& path, int image) {
+  const std::optional<WandMotion> wand = path ? path(time_s) : std::nullopt;
+  for (Marker& marker : markers_) {
+    marker.images[image].patch = {};
+    if (!wand.has_value()) continue;
+    SphereMotion sphere;
+    sphere.centre_m = wand->Marker(marker.position_m).centre_m;
+    if (!sphere.centre_m.allFinite()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("event renderer: the wand's pose at ", time_s, " s is not finite"));
+    }
+    const ExposurePart now{.dt_s = 0, .share = 1, .lit_share = 1};
+    imager_.Draw(sphere, {&now, 1}, *profile_, sphere_options_, &marker.images[image]);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EventSpheres::DrawCell(int64_t begin_us, int64_t cell_us, const WandPath& path) {
+  begin_us_ = begin_us;
+  cell_us_ = cell_us;
+  // The last cell's end is this one's beginning.
+  for (Marker& marker : markers_) std::swap(marker.images[0], marker.images[parts_]);
+  parts_ = PartsFor(begin_us, cell_us, path);
+  if (begin_us == 0) RIGCAL_RETURN_IF_ERROR(Draw(0, path, 0));
+  for (int i = 1; i <= parts_; ++i) {
+    const double time_s = 1e-6 * static_cast<double>(begin_us + i * cell_us / parts_);
+    RIGCAL_RETURN_IF_ERROR(Draw(time_s, path, i));
+  }
+  for (Marker& marker : markers_) {
+    marker.patch = Around(std::span(marker.images).first(static_cast<size_t>(parts_) + 1), size_);
+    FindRows(&marker);
+  }
+  for (Marker& marker : markers_) {
+    marker.alone = std::none_of(markers_.begin(), markers_.end(), [&marker](const Marker& other) {
+      return &other != &marker && Overlap(other.patch, marker.patch);
+    });
+  }
+  return absl::OkStatus();
+}
+
+void EventSpheres::FindRows(Marker* marker) const {
+  const ImagePatch& around = marker->patch;
+  marker->rows.clear();
+  for (int y = around.y; y < around.y + around.height; ++y) {
+    PixelSpan columns{static_cast<int>(size_.width), 0};
+    for (int i = 0; i <= parts_; ++i) {
+      const SphereImage& image = marker->images[i];
+      const ImagePatch& patch = image.patch;
+      if (!HasRow(patch, y)) continue;
+      const float* const cover = &image.cover[IndexIn(patch, patch.x, y)];
+      int begin = 0, end = patch.width;
+      while (begin < end && cover[begin] == 0) ++begin;
+      while (end > begin && cover[end - 1] == 0) --end;
+      if (begin == end) continue;
+      columns.begin = std::min(columns.begin, patch.x + begin - kSettlePx);
+      columns.end = std::max(columns.end, patch.x + end + kSettlePx);
+    }
+    columns.begin = std::max(columns.begin, around.x);
+    columns.end = std::min(columns.end, around.x + around.width);
+    marker->rows.push_back(columns);
+  }
+}
+
+void EventSpheres::AddSpans(int y, std::vector<PixelSpan>* spans) const {
+  for (const Marker& marker : markers_) {
+    if (!HasRow(marker.patch, y)) continue;
+    spans->push_back(marker.rows[static_cast<size_t>(y - marker.patch.y)]);
+  }
+}
+
+void EventSpheres::Shine(const Marker& marker, const SphereImage& image,
+                         const EventClutter& clutter, const EventClutter::Moment& moment,
+                         std::vector<float>* dark, std::vector<float>* lit) {
+  const ImagePatch& patch = marker.patch;
+  const auto width = static_cast<size_t>(patch.width);
+  const float shell = light_.shell + light_.dark;
+  dark->resize(width * static_cast<size_t>(patch.height));
+  lit->resize(dark->size());
+  for (int row = 0; row < patch.height; ++row) {
+    const int y = patch.y + row;
+    float* const dark_row = dark->data() + static_cast<size_t>(row) * width;
+    float* const lit_row = lit->data() + static_cast<size_t>(row) * width;
+    clutter.LightOf(y, {patch.x, patch.x + patch.width}, moment, dark_row);
+    std::copy(dark_row, dark_row + width, lit_row);
+    if (HasRow(image.patch, y)) {
+      const size_t first = IndexIn(image.patch, image.patch.x, y);
+      const auto shift = static_cast<size_t>(image.patch.x - patch.x);
+      for (size_t i = 0; i < static_cast<size_t>(image.patch.width); ++i) {
+        const float cover = image.cover[first + i];
+        float& one = dark_row[shift + i];
+        one += cover * (shell - one);
+        lit_row[shift + i] = one + light_.led * image.lit[first + i];
+      }
+    }
+  }
+  for (float& one : *dark) one = FastLog(one);
+  for (float& one : *lit) one = FastLog(one);
+}
+
+// The one of several overlapping markers that covers most of a pixel.
+const EventSpheres::Marker* EventSpheres::OwnerOf(int x, int y, int part) const {
+  const Marker* owner = nullptr;
+  float most = -1;
+  for (const Marker& marker : markers_) {
+    if (!HasRow(marker.patch, y)) continue;
+    const PixelSpan columns = marker.rows[static_cast<size_t>(y - marker.patch.y)];
+    if (x < columns.begin || x >= columns.end) continue;
+    const float cover = CoverAt(marker.images[part], x, y) + CoverAt(marker.images[part + 1], x, y);
+    if (cover > most) owner = &marker, most = cover;
+  }
+  return owner;
+}
+
+void EventSpheres::Follow(int part, const EventClutter& clutter, const EventClutter::Moment& begin,
+                          const EventClutter::Moment& end, EventPixels* pixels,
+                          std::vector<PixelRequest>* requests) {
+  const double part_us = static_cast<double>(cell_us_) / parts_;
+  const double begin_us = static_cast<double>(begin_us_) + part * part_us;
+  for (Marker& marker : markers_) {
+    const ImagePatch& patch = marker.patch;
+    if (patch.empty()) continue;
+    marker.led.StepsOf(begin_us, part_us, &marker.steps);
+    if (part == 0) {
+      Shine(marker, marker.images[0], clutter, begin, &marker.dark[0], &marker.lit[0]);
+    } else {
+      marker.dark[0].swap(marker.dark[1]);
+      marker.lit[0].swap(marker.lit[1]);
+    }
+    Shine(marker, marker.images[part + 1], clutter, end, &marker.dark[1], &marker.lit[1]);
+    FindOwned(part, marker);
+    FollowOwned(marker, begin_us, pixels, requests);
+  }
+}
+
+void EventSpheres::FindOwned(int part, const Marker& drawn) {
+  owned_.clear();
+  for (int y = drawn.patch.y; y < drawn.patch.y + drawn.patch.height; ++y) {
+    const PixelSpan columns = drawn.rows[static_cast<size_t>(y - drawn.patch.y)];
+    if (drawn.alone) {
+      if (columns.begin < columns.end) owned_.push_back({y, columns});
+      continue;
+    }
+    for (int x = columns.begin; x < columns.end; ++x) {
+      if (OwnerOf(x, y, part) != &drawn) continue;
+      if (!owned_.empty() && owned_.back().y == y && owned_.back().columns.end == x) {
+        ++owned_.back().columns.end;
+      } else {
+        owned_.push_back({y, {x, x + 1}});
+      }
+    }
+  }
+}
+
+void EventSpheres::FollowOwned(const Marker& marker, double begin_us, EventPixels* pixels,
+                               std::vector<PixelRequest>* requests) {
+  for (size_t k = 0; begin_us == 0 && k < owned_.size(); ++k) {
+    const auto& [y, columns] = owned_[k];
+    for (int x = columns.begin; x < columns.end; ++x) {
+      pixels->Settle(static_cast<uint32_t>(x), static_cast<uint32_t>(y),
+                     marker.dark[0][IndexIn(marker.patch, x, y)]);
+    }
+  }
+  const double whole_us = marker.steps.back().end_us;
+  double from_us = 0;
+  for (const LightStep& step : marker.steps) {
+    const std::vector<float>& before = step.lit ? marker.lit[0] : marker.dark[0];
+    const std::vector<float>& after = step.lit ? marker.lit[1] : marker.dark[1];
+    const auto begin = static_cast<float>(from_us / whole_us);
+    const auto end = static_cast<float>(step.end_us / whole_us);
+    from_.resize(before.size());
+    to_.resize(before.size());
+    for (size_t i = 0; i < before.size(); ++i) {
+      from_[i] = before[i] + begin * (after[i] - before[i]);
+      to_[i] = before[i] + end * (after[i] - before[i]);
+    }
+    for (const auto& [y, columns] : owned_) {
+      const size_t first = IndexIn(marker.patch, columns.begin, y);
+      pixels->Add(static_cast<uint32_t>(columns.begin), static_cast<uint32_t>(y),
+                  std::span(from_).subspan(first, columns.size()),
+                  std::span(to_).subspan(first, columns.size()));
+    }
+    pixels->FollowAdded(begin_us + from_us, step.end_us - from_us, requests);
+    from_us = step.end_us;
+  }
+}
+
+}  // namespace rigcal

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "common/camera/intrinsics.h"
+#include "common/simulation/events/blinking_led.h"
+#include "common/simulation/events/event_clutter.h"
+#include "common/simulation/events/event_pixels.h"
+#include "common/simulation/frames/edge_profile.h"
+#include "common/simulation/frames/frame_render_options.h"
+#include "common/simulation/frames/ray_grid.h"
+#include "common/simulation/frames/scene_renderer.h"
+#include "common/simulation/frames/sphere_image.h"
+#include "common/target/target.h"
+
+namespace rigcal {
+
+// The wand at a time of the simulation, frame `cam`; origin and direction are used. None: it is not
+// there.
+using WandPath = std::function<std::optional<WandMotion>(double time_s)>;
+
+// Linear light, above nothing, of what an event camera sees.
+struct EventLight {
+  float led = 0;    // of a lit sphere, besides its shell
+  float shell = 0;  // of a sphere's shell under the ambient light
+  float dark = 0;   // of the deepest dark
+};
+
+// The blinking spheres of a wand before an event camera: their images, drawn so often in each cell
+// of time that they move by at most 0.35 px in between (as far as kMaxParts allows), linear in
+// ln(light) there; and the pixels they cover. One thread at a time.
+class EventSpheres {
+ public:
+  static constexpr int kMaxParts = 8;
+
+  // Lens, rays and profile must outlive this.
+  EventSpheres(const Intrinsics* intrinsics, const ImageSize& size, const RayGrid* rays,
+               const EdgeProfile* profile, const Target& target, const FrameRenderOptions& scene,
+               double led_phase, const EventLight& light);
+
+  // Draws a cell. INVALID_ARGUMENT: the wand's pose is not finite.
+  absl::Status DrawCell(int64_t begin_us, int64_t cell_us, const WandPath& path);
+  // Into how many equal parts that cell is cut.
+  int parts() const { return parts_; }
+  // Appends the columns of a row that this cell's spheres take, with room for pixels to settle.
+  void AddSpans(int y, std::vector<PixelSpan>* spans) const;
+  // Follows those pixels through one part of the cell, 0 to parts() - 1, in order. `moments`: of
+  // the clutter behind, at the part's beginning and end.
+  void Follow(int part, const EventClutter& clutter, const EventClutter::Moment& begin,
+              const EventClutter::Moment& end, EventPixels* pixels,
+              std::vector<PixelRequest>* requests);
+
+  bool IsLit(size_t marker, double time_s) const { return markers_[marker].led.IsLit(time_s); }
+  std::vector<MarkerGroundTruth> TruthOf(const WandMotion& wand) const;
+
+ private:
+  struct Marker {
+    double position_m = 0;
+    BlinkingLed led;
+    SphereImage images[kMaxParts + 1];
+    ImagePatch patch;             // of all, with room to settle
+    std::vector<PixelSpan> rows;  // columns of each row of the patch that see anything of it
+    bool alone = true;            // no other patch overlaps it
+    // ln(light) at the beginning and end of a part, by pixel of the patch.
+    std::vector<float> dark[2], lit[2];
+    std::vector<LightStep> steps;
+  };
+  int PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& path) const;
+  absl::Status Draw(double time_s, const WandPath& path, int image);
+  void Shine(const Marker& marker, const SphereImage& image, const EventClutter& clutter,
+             const EventClutter::Moment& moment, std::vector<float>* dark, std::vector<float>* lit);
+  void FindOwned(int part, const Marker& drawn);
+  void FollowOwned(const Marker& marker, double begin_us, EventPixels* pixels,
+                   std::vector<PixelRequest>* requests);
+  void FindRows(Marker* marker) const;
+  const Marker* OwnerOf(int x, int y, int part) const;
+
+  const Intrinsics* intrinsics_;
+  ImageSize size_;
+  const EdgeProfile* profile_;
+  SphereImager imager_;
+  SphereImageOptions sphere_options_;
+  EventLight light_;
+  int64_t begin_us_ = 0, cell_us_ = 0;
+  int parts_ = 1;
+  std::vector<Marker> markers_;
+  struct OwnedSpan {
+    int y = 0;
+    PixelSpan columns;
+  };
+  std::vector<OwnedSpan> owned_;  // pixels that follow one marker in a part
+  std::vector<float> from_, to_;
+};
+
+}  // namespace rigcal

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/camera/intrinsics.h"
+#include "common/simulation/frames/edge_profile.h"
+#include "common/simulation/frames/frame_render_options.h"
+#include "common/simulation/frames/light_model.h"
+#include "common/simulation/frames/occluding_bar.h"
+#include "common/simulation/frames/sensor_noise.h"
+#include "common/simulation/frames/sphere_image.h"
+
+namespace rigcal {
+
+// The light of one sphere on the pixels it covers, grey levels.
+struct SphereLight {
+  Bgr led{};             // lit during the whole exposure
+  double shell = 0;      // ambient light that it reflects
+  double cover = 1;      // how much of what is behind it goes: 0 for a mirror image
+  double halo = 0;       // of `led` times `lit_share`, at the rim
+  double lit_share = 0;  // of the exposure
+};
+
+// The room in linear light, onto which one picture's spheres and bars are put and from which they
+// are taken again. One thread at a time.
+class SceneCanvas {
+ public:
+  // `room` as RenderRoom gives it.
+  SceneCanvas(const ImageSize& image_size, const FrameRenderOptions& options,
+              const LightModel& light, std::vector<int16_t> room);
+
+  size_t size() const { return linear_.size(); }
+  // Patches must be within the image.
+  void AddSphere(const SphereImage& sphere, const SphereLight& light);
+  void AddBar(const OccludingBar& bar, const EdgeProfile& profile);
+  // Grey levels of all pixels with noise that follows from `seed`; `bgr` has size() bytes.
+  void Expose(uint64_t seed, std::span<uint8_t> bgr) const;
+  // The room alone again.
+  void Reset();
+
+ private:
+  size_t PixelIndex(int x, int y) const;
+  std::span<int16_t> Row(const ImagePatch& patch, int row);
+  void Keep(const ImagePatch& patch);
+  void UpdateSigma(const ImagePatch& patch);
+  double Passed(int x, int y) const;
+
+  const ImageSize image_size_;
+  const double black_grey_;
+  const double vignetting_;
+  const double bar_grey_;  // of a bar of reflectance 1
+  const SensorNoise noise_;
+  std::vector<int16_t> linear_;
+  std::vector<uint8_t> sigma_;
+  // What was behind the patches, for Reset.
+  std::vector<ImagePatch> kept_patches_;
+  std::vector<int16_t> kept_;
+};
+
+}  // namespace rigcal

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/simulation/frames/sphere_image.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <numbers>
+
+#include "common/camera/camera_model.h"
+
+namespace rigcal {
+namespace {
+
+constexpr int kRimPoints = 16;
+constexpr double kNearestRadii = 1.5;
+// A spot smaller than the blur is no edge any more; it stays a spot.
+constexpr double kMaxCurveShare = 0.4;
+constexpr double kHaloReach = 5;  // radii; what is left is below one per cent
+
+Eigen::Vector3d CentreAt(const SphereMotion& sphere, double dt_s) {
+  return sphere.centre_m + dt_s * sphere.velocity_m_s +
+         0.5 * dt_s * dt_s * sphere.acceleration_m_s2;
+}
+
+// A sphere as rays see it. Distances between unit vectors stand for angles: near the rim of a small
+// sphere they lose no digits, as cosines do.
+struct Cone {
+  Eigen::Vector3d axis;
+  double rim = 0;  // |ray - axis| on the outline
+
+  Cone(const Eigen::Vector3d& centre_in_cam, double radius_m) {
+    const double distance = centre_in_cam.norm();
+    axis = centre_in_cam / distance;
+    rim = 2 * std::sin(0.5 * std::asin(std::min(1.0, radius_m / distance)));
+  }
+};
+
+}  // namespace
+
+bool SphereRim(const Eigen::Vector3d& centre_in_cam, double radius_m, int count,
+               std::vector<Eigen::Vector3d>* rim) {
+  rim->clear();
+  const double distance = centre_in_cam.norm();
+  if (!(distance > kNearestRadii * radius_m)) return false;
+  const Eigen::Vector3d axis = centre_in_cam / distance;
+  const Eigen::Vector3d across = axis.unitOrthogonal();
+  const Eigen::Vector3d other = axis.cross(across);
+  const double sine = radius_m / distance;
+  const double cosine = std::sqrt(1 - sine * sine);
+  for (int i = 0; i < count; ++i) {
+    const double turn = 2 * std::numbers::pi * i / count;
+    rim->push_back(cosine * axis + sine * (std::cos(turn) * across + std::sin(turn) * other));
+  }
+  return true;
+}
+
+SphereImager::SphereImager(const Intrinsics* intrinsics, const ImageSize& image_size,
+                           const RayGrid* rays)
+    : intrinsics_(intrinsics), image_size_(image_size), grid_(rays) {}
+
+ImagePatch SphereImager::PatchOf(const SphereMotion& sphere, std::span<const ExposurePart> parts,
+                                 double radius_m, double margin_px) {
+  Eigen::Array2d low = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Array2d high = -low;
+  for (const size_t index : {size_t{0}, parts.size() / 2, parts.size() - 1}) {
+    if (!SphereRim(CentreAt(sphere, parts[index].dt_s), radius_m, kRimPoints, &rim_)) return {};
+    for (const Eigen::Vector3d& ray : rim_) {
+      Eigen::Vector2d pixel;
+      if (!Project(*intrinsics_, ray, &pixel)) continue;
+      low = low.min(pixel.array());
+      high = high.max(pixel.array());
+    }
+  }
+  // Between two points of the outline it bulges by less than two per cent of its width.
+  const Eigen::Array2d margin = margin_px + 1 + 0.02 * (high - low);
+  const Eigen::Array2d last(image_size_.width - 1.0, image_size_.height - 1.0);
+  low = (low - margin).max(0.0);
+  high = (high + margin).min(last);
+  if (!((high - low) >= 0).all()) return {};
+  ImagePatch patch;
+  patch.x = static_cast<int>(low.x());
+  patch.y = static_cast<int>(low.y());
+  patch.width = static_cast<int>(high.x()) - patch.x + 1;
+  patch.height = static_cast<int>(high.y()) - patch.y + 1;
+  // Two columns and rows at least: the rays' slopes are their differences.
+  if (patch.width < 2) patch.x -= patch.x > 0 ? 1 : 0, patch.width = 2;
+  if (patch.height < 2) patch.y -= patch.y > 0 ? 1 : 0, patch.height = 2;
+  return patch;
+}
+
+void SphereImager::ReadRays(const ImagePatch& patch) {
+  rays_.resize(static_cast<size_t>(patch.width) * static_cast<size_t>(patch.height));
+  for (int row = 0; row < patch.height; ++row) {
+    grid_->Row(patch.x, patch.y + row, patch.width,
+               &rays_[static_cast<size_t>(row) * static_cast<size_t>(patch.width)]);
+  }
+}
+
+void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposurePart& part,
+                           const EdgeProfile& profile, const SphereImageOptions& options,
+                           SphereImage* image) {
+  const Cone cone(centre_in_cam, options.radius_m);
+  const auto width = static_cast<size_t>(image->patch.width);
+  const auto height = static_cast<size_t>(image->patch.height);
+  const size_t middle = (height / 2) * width + width / 2;
+  const double step = std::max((rays_[middle] - rays_[middle - 1]).norm(),
+                               (rays_[middle] - rays_[middle - width]).norm());
+  // Of rays that are surely beyond the blurred rim, or surely within; NaN is neither.
+  const double band = 1.2 * (profile.reach_px() + 0.5) * step;
+  const double outside = std::pow(cone.rim + band, 2);
+  const double inside = std::pow(std::max(0.0, cone.rim - band), 2);
+  const double rim_squared = cone.rim * cone.rim;
+  const auto share = static_cast<float>(part.share);
+  const auto lit = static_cast<float>(part.lit_share);
+  const auto limb = static_cast<float>(options.limb);
+  for (size_t row = 0, i = 0; row < height; ++row) {
+    for (size_t column = 0; column < width; ++column, ++i) {
+      const Eigen::Vector3d away = rays_[i] - cone.axis;
+      const double squared = away.squaredNorm();
+      if (!(squared < outside)) continue;
+      float cover = 1;
+      if (squared > inside) {
+        const Eigen::Vector3d across =
+            column > 0 ? rays_[i] - rays_[i - 1] : rays_[i + 1] - rays_[i];
+        const Eigen::Vector3d down =
+            row > 0 ? rays_[i] - rays_[i - width] : rays_[i + width] - rays_[i];
+        const double slope_squared = std::pow(away.dot(across), 2) + std::pow(away.dot(down), 2);
+        if (slope_squared > 0) {
+          const double px_per_unit = std::sqrt(squared / slope_squared);
+          const double radius_px = cone.rim * px_per_unit;
+          const double curved_px =
+              std::min(profile.variance_px2() / (2 * radius_px), kMaxCurveShare * radius_px);
+          cover = profile.At(
+              static_cast<float>((cone.rim - std::sqrt(squared)) * px_per_unit - curved_px));
+        }
+      }
+      const auto height_over_rim =
+          static_cast<float>(std::sqrt(std::max(0.0, 1 - squared / rim_squared)));
+      image->cover[i] += share * cover;
+      image->lit[i] += lit * cover * (1 - limb * (1 - height_over_rim));
+    }
+  }
+}
+
+void SphereImager::AddHalo(const Eigen::Vector3d& centre_in_cam, const SphereImageOptions& options,
+                           SphereImage* image) {
+  const Cone cone(centre_in_cam, options.radius_m);
+  const auto width = static_cast<size_t>(image->patch.width);
+  const auto height = static_cast<size_t>(image->patch.height);
+  const size_t middle = (height / 2) * width + width / 2;
+  const double step = 0.5 * ((rays_[middle] - rays_[middle - 1]).norm() +
+                             (rays_[middle] - rays_[middle - width]).norm());
+  for (size_t i = 0; i < rays_.size(); ++i) {
+    const double beyond_px = ((rays_[i] - cone.axis).norm() - cone.rim) / step;
+    if (!std::isfinite(beyond_px)) continue;
+    image->halo[i] =
+        static_cast<float>(std::exp(-std::max(0.0, beyond_px) / options.halo_radius_px));
+  }
+}
+
+bool SphereImager::Draw(const SphereMotion& sphere, std::span<const ExposurePart> parts,
+                        const EdgeProfile& profile, const SphereImageOptions& options,
+                        SphereImage* image) {
+  image->patch = PatchOf(sphere, parts, options.radius_m,
+                         std::max<double>(profile.reach_px(), kHaloReach * options.halo_radius_px));
+  if (image->patch.empty()) return false;
+  ReadRays(image->patch);
+  image->cover.assign(rays_.size(), 0);
+  image->lit.assign(rays_.size(), 0);
+  image->halo.assign(rays_.size(), 0);
+  for (const ExposurePart& part : parts) {
+    AddPart(CentreAt(sphere, part.dt_s), part, profile, options, image);
+  }
+  if (options.halo_radius_px > 0) AddHalo(sphere.centre_m, options, image);
+  return true;
+}
+
+}  // namespace rigcal

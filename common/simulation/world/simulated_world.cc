@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/simulation/world/simulated_world.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/camera/camera_model.h"
+#include "common/simulation/world/random_stream.h"
+#include "common/simulation/world/simulated_rig.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+constexpr uint64_t kObservePurpose = 0x6f6273;
+constexpr uint64_t kMarkerPurpose = 0x6d61726b;
+constexpr uint64_t kClockPurpose = 0x636c6f636b;
+constexpr uint64_t kLengthPurpose = 0x6c656e677468;
+constexpr double kMinSigmaPx = 0.05;  // a covariance of zero could not be weighed
+constexpr double kMaxJitterSigmas = 4;
+constexpr uint32_t kClockReadingSigmaNs = 200000;
+
+bool InsideImage(const ImageSize& size, const Eigen::Vector2d& pixel) {
+  return pixel.x() >= 0 && pixel.x() <= size.width - 1.0 && pixel.y() >= 0 &&
+         pixel.y() <= size.height - 1.0;
+}
+
+// The marker's image. Beyond the part of the field in which the lens model is one to one a marker
+// would come back into the picture at a wrong place; a lens does not do that.
+bool SeesMarker(const SimulatedCamera& camera, const Eigen::Vector3d& x_in_rig,
+                Eigen::Vector2d* pixel) {
+  const Intrinsics& intrinsics = camera.true_intrinsics;
+  const Eigen::Vector3d x_in_cam = camera.cam_from_rig * x_in_rig;
+  if (!Project(intrinsics, x_in_cam, pixel)) return false;
+  if (!InsideImage(camera.description.image_size_px, *pixel)) return false;
+  const absl::StatusOr<Eigen::Vector2d> direction = Undistort(intrinsics, *pixel);
+  return direction.ok() && (*direction - x_in_cam.hnormalized()).norm() < 1e-6;
+}
+
+// rig_time = camera_time + time_offset + time_rate * camera_time, solved for camera_time.
+double CameraTime(const SimulatedCamera& camera, double rig_time_s) {
+  return (rig_time_s - camera.time_offset_s) / (1 + 1e-6 * camera.time_rate_ppm);
+}
+
+int64_t Nanoseconds(double seconds) { return std::llround(seconds * 1e9); }
+
+}  // namespace
+
+absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& options,
+                                                      const Target& target) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  RIGCAL_RETURN_IF_ERROR(target.Validate());
+  SimulatedWorld world;
+  world.options_ = options;
+  world.target_ = target;
+  world.true_target_ = target;
+  double longer_m = 0;
+  for (size_t i = 1; i < target.marker_positions_m.size(); ++i) {
+    RandomStream random{options.seed, kLengthPurpose, i};
+    longer_m += options.length_error_m + options.length_sigma_m * random.Gaussian();
+    world.true_target_.marker_positions_m[i] += longer_m;
+  }
+  if (const absl::Status valid = world.true_target_.Validate(); !valid.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "a length_error of ", options.length_error_m, " m and a length_sigma of ",
+        options.length_sigma_m, " m make a wand that cannot be: ", std::string(valid.message())));
+  }
+  world.cameras_ = MakeSimulatedCameras(options);
+  world.trajectory_ = WandTrajectory(options.seed, MakeWaveVolume(options), options.duration_s,
+                                     options.max_speed_m_s);
+  return world;
+}
+
+WandPose SimulatedWorld::WandAt(double rig_time_s) const {
+  const Eigen::Vector3d direction = trajectory_.Direction(rig_time_s);
+  const double length_m = true_target_.marker_positions_m.back();
+  return {trajectory_.Middle(rig_time_s) - 0.5 * length_m * direction, direction};
+}
+
+Eigen::Vector3d SimulatedWorld::WandVelocity(double rig_time_s) const {
+  return trajectory_.MiddleVelocity(rig_time_s);
+}
+
+int SimulatedWorld::FrameCount(int camera) const {
+  const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
+  // The small part keeps a frame that rounding puts just before the end out.
+  return static_cast<int>(std::floor((options_.duration_s - c.phase_s) * c.rate_hz - 1e-9)) + 1;
+}
+
+double SimulatedWorld::FrameRigTime(int camera, int index) const {
+  const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
+  return c.phase_s + index / c.rate_hz;
+}
+
+Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is_outlier) const {
+  const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
+  const uint64_t frame_key[2] = {static_cast<uint64_t>(camera), static_cast<uint64_t>(index)};
+  const double rig_time_s = FrameRigTime(camera, index);
+  const WandPose wand = WandAt(rig_time_s);
+  const ImageSize& size = c.description.image_size_px;
+  const double sigma_px = std::max(options_.noise_px, kMinSigmaPx);
+  const double gap_time_s = rig_time_s - options_.gap_start_s;
+  const bool in_gap = gap_time_s >= 0 && gap_time_s < options_.gap_duration_s;
+  const size_t marker_count = true_target_.marker_positions_m.size();
+
+  RandomStream random{options_.seed, kObservePurpose, frame_key[0], frame_key[1]};
+  const double jitter_sigmas = std::clamp(random.Gaussian(), -kMaxJitterSigmas, kMaxJitterSigmas);
+  const bool swapped = random.Uniform() < options_.swap_share;
+
+  Observation observation;
+  observation.time_ns = c.clock_origin_ns +
+                        Nanoseconds(CameraTime(c, rig_time_s) + options_.jitter_s * jitter_sigmas);
+  observation.markers.resize(marker_count);
+  std::vector<bool> outliers(marker_count, false);
+  for (size_t m = 0; m < marker_count; ++m) {
+    // Every number is drawn whether it is used or not, so that more of one disturbance leaves the
+    // others as they were.
+    RandomStream draw{options_.seed, kMarkerPurpose, frame_key[0], frame_key[1], m};
+    const bool dropped = draw.Uniform() < options_.dropout_share;
+    const bool outlier = draw.Uniform() < c.outlier_share;
+    const double anywhere_x = draw.Uniform(0, size.width - 1.0);
+    const double anywhere_y = draw.Uniform(0, size.height - 1.0);
+    const double noise_x = draw.Gaussian();
+    const double noise_y = draw.Gaussian();
+    Eigen::Vector2d pixel;
+    const Eigen::Vector3d x_in_rig =
+        wand.origin_m + true_target_.marker_positions_m[m] * wand.direction;
+    if (in_gap || dropped || !SeesMarker(c, x_in_rig, &pixel)) continue;
+    pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
+    if (outlier) pixel = {anywhere_x, anywhere_y};
+    if (!InsideImage(size, pixel)) continue;
+    MarkerObservation& marker = observation.markers[m];
+    marker.visible = true;
+    marker.centre_px = pixel;
+    marker.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
+    marker.centre_kind = CentreKind::kSphereCentre;
+    outliers[m] = outlier;
+  }
+  if (swapped) {
+    std::reverse(observation.markers.begin(), observation.markers.end());
+    std::reverse(outliers.begin(), outliers.end());
+  }
+  if (is_outlier != nullptr) *is_outlier = std::move(outliers);
+  return observation;
+}
+
+ClockSample SimulatedWorld::SampleClock(int camera, int index) const {
+  const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
+  RandomStream random{options_.seed, kClockPurpose, static_cast<uint64_t>(camera),
+                      static_cast<uint64_t>(index)};
+  const double rig_time_s = FrameRigTime(camera, index);
+  ClockSample sample;
+  sample.device_ns = c.clock_origin_ns + Nanoseconds(CameraTime(c, rig_time_s));
+  sample.host_utc_ns =
+      Nanoseconds(rig_time_s) + std::llround(kClockReadingSigmaNs * random.Gaussian());
+  sample.host_monotonic_ns = sample.host_utc_ns;
+  sample.uncertainty_ns = kClockReadingSigmaNs;
+  return sample;
+}
+
+}  // namespace rigcal

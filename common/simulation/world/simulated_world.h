@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/camera/camera_description.h"
+#include "common/geometry/rigid_transform.h"
+#include "common/simulation/world/simulation_options.h"
+#include "common/simulation/world/wand_trajectory.h"
+#include "common/target/observation.h"
+#include "common/target/target.h"
+
+namespace rigcal {
+
+// The truth about one simulated camera.
+struct SimulatedCamera {
+  CameraDescription description;  // named "sim_0", "sim_1", ..., as the solver is told
+  Intrinsics true_intrinsics;     // those described, unless the options draw them away
+  RigidTransform cam_from_rig;    // frame `rig` of the world: z up, metres
+  double time_offset_s = 0;
+  double time_rate_ppm = 0;
+  // Its clock shows clock_origin_ns more than the camera time of `Clock`; 10 s for all cameras
+  // without clock_samples.
+  int64_t clock_origin_ns = 0;
+  double rate_hz = 0;
+  double outlier_share = 0;
+  double phase_s = 0;  // rig time of the first frame
+};
+
+// Where the wand is: x_in_rig of a point at `s` metres along it is origin_m + s * direction.
+struct WandPose {
+  Eigen::Vector3d origin_m;
+  Eigen::Vector3d direction;  // unit
+};
+
+// A rig of cameras around a volume and a wand waved in it: what agents simulate, tests use and the
+// CLI compares with. Deterministic: the same options and target give the same observations in every
+// process.
+class SimulatedWorld {
+ public:
+  static absl::StatusOr<SimulatedWorld> Create(const SimulationOptions& options,
+                                               const Target& target);
+
+  const SimulationOptions& options() const { return options_; }
+  const Target& target() const { return target_; }            // as the solver is told
+  const Target& true_target() const { return true_target_; }  // with its errors of length
+  const std::vector<SimulatedCamera>& cameras() const { return cameras_; }
+
+  // Smooth, with continuous acceleration.
+  WandPose WandAt(double rig_time_s) const;
+  Eigen::Vector3d WandVelocity(double rig_time_s) const;  // of the wand's middle, m/s
+
+  // Frames of a camera, in capture order.
+  int FrameCount(int camera) const;
+  // Frame `index` of a camera: noisy, with outliers, dropouts and reversed labels; empty where the
+  // wand is outside the image. `is_outlier`, if given, says which markers were put anywhere.
+  Observation Observe(int camera, int index, std::vector<bool>* is_outlier = nullptr) const;
+  // Rig time at which frame `index` was truly taken.
+  double FrameRigTime(int camera, int index) const;
+  // A reading of the camera's clock beside the frame; the host's UTC is the rig time.
+  ClockSample SampleClock(int camera, int index) const;
+
+ private:
+  SimulatedWorld() = default;
+  SimulationOptions options_;
+  Target target_;
+  Target true_target_;
+  std::vector<SimulatedCamera> cameras_;
+  WandTrajectory trajectory_;
+};
+
+}  // namespace rigcal

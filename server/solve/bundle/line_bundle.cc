@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/bundle/line_bundle.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <exception>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/bundle/line_bundle_system.h"
+#include "server/solve/bundle/projection_jacobian.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kMinRelativeDecrease = 1e-3;
+constexpr double kMinRadius = 1e-32;
+
+double SecondsSince(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+// The radius of Ceres's Levenberg-Marquardt (after Nielsen 1999): the damping is its inverse.
+class TrustRegion {
+ public:
+  double damping() const { return 1 / radius_; }
+  bool exhausted() const { return radius_ < kMinRadius; }
+  void Accept(double quality) {
+    const double turned = 2 * quality - 1;
+    radius_ = std::min(1e16, radius_ / std::max(1.0 / 3, 1 - turned * turned * turned));
+    decrease_ = 2;
+  }
+  void Reject() {
+    radius_ /= decrease_;
+    decrease_ *= 2;
+  }
+
+ private:
+  double radius_ = 1e4;
+  double decrease_ = 2;
+};
+
+absl::Status CheckInput(const BundleOptions& options, const BundleProblem& problem) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  RIGCAL_RETURN_IF_ERROR(problem.Validate());
+  const BundleTarget& target = problem.target;
+  if (target.marker_positions_m.size() > kMaxLineMarkers) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("bundle adjustment: the target has ", target.marker_positions_m.size(),
+                     " markers, at most ", kMaxLineMarkers, " can be solved"));
+  }
+  return absl::OkStatus();
+}
+
+// Names the first used marker that its camera cannot see.
+absl::Status UnseenMarker(const BundleProblem& problem) {
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const BundleInstant& instant = problem.instants[i];
+    if (!instant.used) continue;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        const double position =
+            problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+        Eigen::Vector2d pixel;
+        if (!marker.used ||
+            ProjectWithJacobian(
+                camera.model, camera.intrinsics.data(),
+                camera.cam_from_rig * (instant.origin_m + position * instant.direction), &pixel,
+                nullptr, nullptr)) {
+          continue;
+        }
+        return absl::FailedPreconditionError(absl::StrCat(
+            "bundle adjustment: marker ", marker.marker, " of instant ", i, " lies behind camera ",
+            camera.name, " at the start; leave it out or start elsewhere"));
+      }
+    }
+  }
+  return absl::FailedPreconditionError(
+      "bundle adjustment: the cost at the start is not finite; a marker lies next to its camera's "
+      "image plane or its centre is absurdly far away");
+}
+
+int CountResiduals(const PackedMarkers& packed) {
+  int count = 0;
+  for (const KernelEntry& entry : packed.entries) {
+    const double* slot = packed.data.data() + entry.data + kGroupSize;
+    for (uint32_t slots = entry.slots; slots != 0; slots &= slots - 1) {
+      for (int lane = 0; lane < kGroupSize; ++lane) {
+        if (slot[lane] + slot[2 * kGroupSize + lane] > 0) count += 2;
+      }
+      slot += kSlotLanes * kGroupSize;
+    }
+  }
+  return count;
+}
+
+class Solver {
+ public:
+  Solver(const BundleOptions& options, const BundleProblem& problem, LineBundleTimes* times)
+      : options_(options),
+        layout_(LayOut(problem)),
+        packed_(Pack(problem, &layout_)),
+        system_(options, layout_, packed_, BestLineBundleKernel(), times),
+        estimate_(problem, layout_, packed_),
+        moved_(problem, layout_, packed_) {}
+
+  const LineBundleLayout& layout() const { return layout_; }
+  const PackedMarkers& packed() const { return packed_; }
+  const LineBundleEstimate& estimate() const { return estimate_; }
+  LineBundleSystem& system() { return system_; }
+
+  // `summary` has its costs at the start.
+  absl::Status Run(BundleSummary* summary);
+
+ private:
+  enum class Outcome { kGoOn, kConverged, kGivenUp, kBroken };
+
+  Outcome Iterate(BundleSummary* summary);
+  Outcome Judge(const LineBundleSystem::Move& move, BundleSummary* summary);
+
+  const BundleOptions& options_;
+  LineBundleLayout layout_;
+  PackedMarkers packed_;
+  LineBundleSystem system_;
+  LineBundleEstimate estimate_, moved_;
+  TrustRegion region_;
+};
+
+Solver::Outcome Solver::Judge(const LineBundleSystem::Move& move, BundleSummary* summary) {
+  const double cost = summary->final_cost;
+  const double change = cost - move.cost;
+  const bool small_step =
+      move.step_norm <= options_.parameter_tolerance * (move.norm + options_.parameter_tolerance);
+  const bool small_change = std::abs(change) <= options_.function_tolerance * cost;
+  const double quality = change / move.model_decrease;
+  if (quality > kMinRelativeDecrease || ((small_step || small_change) && change > 0)) {
+    std::swap(estimate_, moved_);
+    summary->final_cost = move.cost;
+    region_.Accept(quality);
+  } else {
+    region_.Reject();
+  }
+  if (small_step) {
+    summary->message = "parameter tolerance reached";
+    return Outcome::kConverged;
+  }
+  if (small_change) {
+    summary->message = "function tolerance reached";
+    return Outcome::kConverged;
+  }
+  return Outcome::kGoOn;
+}
+
+Solver::Outcome Solver::Iterate(BundleSummary* summary) {
+  system_.Linearise(estimate_, region_.damping());
+  if (system_.gradient_max() <= options_.gradient_tolerance) {
+    summary->message = "gradient tolerance reached";
+    return Outcome::kConverged;
+  }
+  ++summary->iterations;
+  const LineBundleSystem::Move move = system_.Solve(estimate_, &moved_);
+  if (move.valid && move.model_decrease > 0) {
+    const Outcome outcome = Judge(move, summary);
+    if (outcome != Outcome::kGoOn) return outcome;
+  } else {
+    region_.Reject();
+  }
+  if (region_.exhausted()) {
+    summary->message = "no step lowers the cost any more";
+    return move.valid ? Outcome::kGivenUp : Outcome::kBroken;
+  }
+  return Outcome::kGoOn;
+}
+
+absl::Status Solver::Run(BundleSummary* summary) {
+  summary->message = "iterations used up";
+  while (summary->iterations < options_.max_iterations) {
+    if (options_.cancelled != nullptr && options_.cancelled->load()) {
+      return absl::CancelledError("the calibration was cancelled");
+    }
+    const Outcome outcome = Iterate(summary);
+    if (outcome == Outcome::kBroken) {
+      return absl::FailedPreconditionError(
+          "bundle adjustment: the linear system cannot be solved however small the step; some "
+          "camera or clock is held by no observation");
+    }
+    summary->converged = outcome == Outcome::kConverged;
+    if (options_.progress) options_.progress(summary->iterations, summary->final_cost);
+    if (outcome != Outcome::kGoOn) break;
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem* problem,
+                                    LineBundleTimes* times) {
+  const auto begin = std::chrono::steady_clock::now();
+  Solver solver(options, *problem, times);
+  BundleSummary summary;
+  summary.residual_count = CountResiduals(solver.packed());
+  if (summary.residual_count == 0) {
+    return absl::FailedPreconditionError("bundle adjustment: no marker is used");
+  }
+  summary.parameter_count = solver.layout().column_count() +
+                            kInstantColumns * static_cast<int>(solver.packed().instants.size());
+  summary.initial_cost = solver.system().Cost(solver.estimate());
+  if (!std::isfinite(summary.initial_cost)) return UnseenMarker(*problem);
+  summary.final_cost = summary.initial_cost;
+  times->setup_s = SecondsSince(begin);
+  RIGCAL_RETURN_IF_ERROR(solver.Run(&summary));
+  solver.estimate().Store(solver.packed(), problem);
+  times->total_s = SecondsSince(begin);
+  return summary;
+}
+
+}  // namespace
+
+absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem,
+                                              LineBundleTimes* times) {
+  RIGCAL_RETURN_IF_ERROR(CheckInput(options, *problem));
+  LineBundleTimes ignored;
+  if (times == nullptr) times = &ignored;
+  *times = {};
+  try {
+    return Solve(options, problem, times);
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
+  }
+}
+
+absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions& options,
+                                                             const BundleProblem& problem) {
+  RIGCAL_RETURN_IF_ERROR(CheckInput(options, problem));
+  try {
+    LineBundleTimes ignored;
+    Solver solver(options, problem, &ignored);
+    if (CountResiduals(solver.packed()) == 0) {
+      return absl::FailedPreconditionError("bundle adjustment: no marker is used");
+    }
+    if (!solver.system().Linearise(solver.estimate(), 0)) return UnseenMarker(problem);
+    ReducedInformation result;
+    result.parameters = solver.layout().parameters;
+    result.information = solver.system().matrix().selfadjointView<Eigen::Lower>();
+    return result;
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
+  }
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/solve/bundle/bundle_problem.h"
+
+namespace rigcal::server {
+
+// Where the time of a solve went, seconds on the calling thread.
+struct LineBundleTimes {
+  double setup_s = 0;      // checks, packing and the first cost
+  double linearise_s = 0;  // residuals, derivatives, the instants' blocks
+  double eliminate_s = 0;  // the instants out of the reduced matrix
+  double solve_s = 0;      // of the reduced system
+  double step_s = 0;       // the instants' steps and the cost at the new estimates
+  double total_s = 0;
+};
+
+// Solves the problem in place: Levenberg-Marquardt for the line target alone. Every instant's 5x5
+// block is eliminated as soon as it is accumulated, its coupling to the cameras is recomputed
+// instead of kept, and eight instants go through the same instructions side by side. Reaches the
+// optimum of SolveBundle (bundle_adjuster.h), which stays the reference for it; the damping and the
+// stopping rules are Ceres's. Sums in a fixed order: equal problems give equal bits, whatever
+// vector instructions the CPU has and however many threads share the work.
+//
+// A step that would put a used marker behind its camera (or onto a pole of the rational model) is
+// rejected, like one that raises the cost.
+//
+// INVALID_ARGUMENT: the problem or the options are not valid, or the target has more than 32
+// markers. FAILED_PRECONDITION: no marker is used; a used marker cannot be seen from where its
+// camera starts (names camera, instant and marker); the linear system broke down. CANCELLED. On an
+// error the problem is left as it was. Not reaching the tolerance is no error: see `converged`.
+absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem,
+                                              LineBundleTimes* times = nullptr);
+
+// One column of the reduced system. Steps are added, except a rotation's, which is a rotation
+// vector in the camera's frame applied from the left: exp([step]x) * rotation.
+enum class ReducedParameterKind : uint8_t {
+  kRotation,        // of cameras[index].cam_from_rig, component 0 to 2, radians
+  kTranslation,     // of cameras[index].cam_from_rig, component 0 to 2, metres
+  kIntrinsic,       // cameras[index].intrinsics[component]
+  kTimeOffset,      // clocks[index].time_offset_s
+  kTimeRate,        // clocks[index].time_rate
+  kMarkerPosition,  // target.marker_positions_m[index], metres
+};
+
+struct ReducedParameter {
+  ReducedParameterKind kind = ReducedParameterKind::kRotation;
+  int index = 0;
+  int component = 0;
+  friend bool operator==(const ReducedParameter&, const ReducedParameter&) = default;
+};
+
+struct ReducedInformation {
+  std::vector<ReducedParameter> parameters;  // free ones; those that no used marker touches are not
+  Eigen::MatrixXd information;               // symmetric; its inverse is their covariance
+};
+
+// The information about everything but the instants at the problem's present estimates: the
+// Gauss-Newton matrix with the robust loss's weights and the priors, the instants eliminated.
+// Errors as of SolveLineBundle.
+absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions& options,
+                                                             const BundleProblem& problem);
+
+}  // namespace rigcal::server

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/bundle/line_bundle_layout.h"
+
+#include <array>
+#include <map>
+#include <utility>
+
+namespace rigcal::server {
+namespace {
+
+bool IsFreeIntrinsic(const BundleCamera& camera, int i) {
+  return !camera.intrinsics_fixed && camera.intrinsics_sigma[i] > 0;
+}
+
+int Append(const ReducedParameter& parameter, LineBundleLayout* layout) {
+  layout->parameters.push_back(parameter);
+  return layout->column_count() - 1;
+}
+
+// Columns of a clock's offset and rate, -1 where fixed.
+std::pair<int, int> AppendClock(const BundleClock& clock, int index, LineBundleLayout* layout) {
+  std::pair<int, int> columns(-1, -1);
+  if (!clock.offset_fixed) {
+    columns.first = Append({ReducedParameterKind::kTimeOffset, index, 0}, layout);
+    if (clock.offset_sigma_s > 0) {
+      layout->priors.push_back({columns.first, -1, clock.prior_offset_s, 1 / clock.offset_sigma_s});
+    }
+  }
+  if (!clock.rate_fixed) {
+    columns.second = Append({ReducedParameterKind::kTimeRate, index, 0}, layout);
+    if (clock.rate_sigma > 0) {
+      layout->priors.push_back({columns.second, -1, clock.prior_rate, 1 / clock.rate_sigma});
+    }
+  }
+  return columns;
+}
+
+void AddBase(int kind, int column, KernelColumns* columns) {
+  if (column < 0) return;
+  columns->base_kind[columns->base_count] = kind;
+  columns->base_column[columns->base_count] = column;
+  ++columns->base_count;
+}
+
+struct CameraColumns {
+  int pose = -1;
+  std::array<int, kMaxIntrinsics> intrinsics;
+};
+
+CameraColumns AppendCamera(const BundleCamera& camera, int index, LineBundleLayout* layout) {
+  CameraColumns columns;
+  columns.intrinsics.fill(-1);
+  if (!camera.pose_fixed) {
+    columns.pose = layout->column_count();
+    for (int i = 0; i < 3; ++i) Append({ReducedParameterKind::kRotation, index, i}, layout);
+    for (int i = 0; i < 3; ++i) Append({ReducedParameterKind::kTranslation, index, i}, layout);
+  }
+  for (int i = 0; i < static_cast<int>(camera.intrinsics.size()); ++i) {
+    if (!IsFreeIntrinsic(camera, i)) continue;
+    const int column = Append({ReducedParameterKind::kIntrinsic, index, i}, layout);
+    columns.intrinsics[static_cast<size_t>(i)] = column;
+    layout->priors.push_back(
+        {column, -1, camera.intrinsics_mean[i], 1 / camera.intrinsics_sigma[i]});
+  }
+  return columns;
+}
+
+void AppendTarget(const BundleTarget& target, LineBundleLayout* layout) {
+  const int count = static_cast<int>(target.marker_positions_m.size());
+  if (target.fixed || count < 2) return;
+  layout->spacing_column = layout->column_count();
+  for (int m = 1; m < count; ++m) {
+    const int column = Append({ReducedParameterKind::kMarkerPosition, m, 0}, layout);
+    const auto at = static_cast<size_t>(m);
+    double mean = target.given_positions_m[at] - target.given_positions_m[at - 1];
+    if (m == 1) mean += target.marker_positions_m[0];
+    layout->priors.push_back({column, m == 1 ? -1 : column - 1, mean, 1 / target.span_sigma_m});
+  }
+}
+
+}  // namespace
+
+LineBundleLayout LayOut(const BundleProblem& problem) {
+  LineBundleLayout layout;
+  const size_t clock_count = problem.clocks.size();
+  layout.clock_count = static_cast<int>(clock_count);
+  layout.view_index.assign(problem.cameras.size() * clock_count, -1);
+  for (const BundleInstant& instant : problem.instants) {
+    ForEachUsedMarker(problem, instant,
+                      [&layout](const BundleObservation& observation, const BundleMarker&) {
+                        layout.ViewIndex(observation.camera, observation.clock) = 0;
+                      });
+  }
+  std::map<int, CameraColumns> cameras;
+  std::map<int, std::pair<int, int>> clocks;
+  for (size_t view = 0; view < layout.view_index.size(); ++view) {
+    if (layout.view_index[view] < 0) continue;
+    layout.view_index[view] = static_cast<int>(layout.views.size());
+    const int camera = static_cast<int>(view / clock_count);
+    const int clock = static_cast<int>(view % clock_count);
+    const BundleCamera& source = problem.cameras[static_cast<size_t>(camera)];
+    if (!cameras.contains(camera)) cameras[camera] = AppendCamera(source, camera, &layout);
+    if (!clocks.contains(clock)) {
+      clocks[clock] = AppendClock(problem.clocks[static_cast<size_t>(clock)], clock, &layout);
+    }
+    KernelColumns columns;
+    columns.pose = cameras[camera].pose;
+    AddBase(KernelColumns::kOffset, clocks[clock].first, &columns);
+    AddBase(KernelColumns::kRate, clocks[clock].second, &columns);
+    for (int i = 0; i < kMaxIntrinsics; ++i) {
+      const int column = cameras[camera].intrinsics[static_cast<size_t>(i)];
+      columns.any_intrinsic = columns.any_intrinsic || column >= 0;
+      AddBase(KernelColumns::kFirstIntrinsic + i, column, &columns);
+    }
+    layout.views.push_back({camera, clock});
+    layout.columns.push_back(columns);
+  }
+  AppendTarget(problem.target, &layout);
+  if (problem.distance) {
+    const BundleDistance& distance = *problem.distance;
+    const auto pose = [&cameras](int camera) {
+      const auto found = cameras.find(camera);
+      return found == cameras.end() ? -1 : found->second.pose;
+    };
+    layout.distance = {distance.camera_a,       distance.camera_b,   pose(distance.camera_a),
+                       pose(distance.camera_b), distance.distance_m, 1 / distance.sigma_m};
+  }
+  return layout;
+}
+
+}  // namespace rigcal::server

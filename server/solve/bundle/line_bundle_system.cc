@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/bundle/line_bundle_system.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+namespace rigcal::server {
+namespace {
+
+// Enough to share among the threads of one machine; each part has a reduced matrix of its own.
+constexpr int kMaxParts = 8;
+constexpr int kMinGroupsPerPart = 16;
+
+// Adds the time of its life to a counter.
+class ScopedTimer {
+ public:
+  explicit ScopedTimer(double* seconds)
+      : seconds_(seconds), begin_(std::chrono::steady_clock::now()) {}
+  ~ScopedTimer() {
+    *seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+  }
+  ScopedTimer(const ScopedTimer&) = delete;
+  ScopedTimer& operator=(const ScopedTimer&) = delete;
+
+ private:
+  double* seconds_;
+  std::chrono::steady_clock::time_point begin_;
+};
+
+size_t TileOffset(int row, int column) {
+  const auto r = static_cast<size_t>(row), c = static_cast<size_t>(column);
+  return r * (r + 1) / 2 + c;
+}
+
+// Element of the tiled lower triangle, row >= column.
+double TileElement(const double* tiles, int row, int column) {
+  return tiles[TileOffset(row / kTileSize, column / kTileSize) * kTileSize * kTileSize +
+               static_cast<size_t>(row % kTileSize * kTileSize + column % kTileSize)];
+}
+
+KernelLoss ToKernelLoss(BundleLoss loss) {
+  switch (loss) {
+    case BundleLoss::kHuber:
+      return KernelLoss::kHuber;
+    case BundleLoss::kCauchy:
+      return KernelLoss::kCauchy;
+    case BundleLoss::kNone:
+      break;
+  }
+  return KernelLoss::kNone;
+}
+
+double SumLanes(const double* lanes) {
+  return ((lanes[0] + lanes[1]) + (lanes[2] + lanes[3])) +
+         ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]));
+}
+
+// One to kMaxParts, by the number of groups alone.
+std::vector<LineBundlePart> CutIntoParts(const KernelInput& input, const LineBundleLayout& layout) {
+  const int count = std::clamp(input.group_count / kMinGroupsPerPart, 1, kMaxParts);
+  std::vector<LineBundlePart> parts;
+  parts.reserve(static_cast<size_t>(count));
+  for (int part = 0; part < count; ++part) {
+    parts.emplace_back(input, layout, input.group_count * part / count,
+                       input.group_count * (part + 1) / count);
+  }
+  return parts;
+}
+
+void AddTo(AlignedBuffer* sum, const AlignedBuffer& part) {
+  double* const to = sum->data();
+  const double* const from = part.data();
+  for (size_t i = 0; i < part.size(); ++i) to[i] += from[i];
+}
+
+}  // namespace
+
+LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundleLayout& layout,
+                                   const PackedMarkers& packed, const LineBundleKernel& kernel,
+                                   LineBundleTimes* times)
+    : layout_(layout), packed_(packed), kernel_(kernel), times_(times), team_(options.threads) {
+  input_.loss = ToKernelLoss(options.loss);
+  input_.loss_scale = options.loss_scale;
+  input_.marker_count = packed.marker_count;
+  input_.column_count = layout.column_count();
+  input_.spacing_column = layout.spacing_column;
+  input_.group_count = packed.group_count();
+  input_.view_count = static_cast<int>(layout.views.size());
+  input_.columns = layout.columns.data();
+  input_.entries = packed.entries.data();
+  input_.first_entry = packed.first_entry.data();
+  input_.data = packed.data.data();
+  parts_ = CutIntoParts(input_, layout);
+  factors_ = AlignedBuffer(static_cast<size_t>(input_.group_count * kFactorLanes * kGroupSize));
+  tiles_ = AlignedBuffer(parts_.front().tiles().size());
+  view_sums_ = AlignedBuffer(parts_.front().view_sums().size());
+
+  const int n = layout.column_count();
+  matrix_.resize(n, n);
+  gradient_.resize(n);
+  reduced_gradient_.resize(n);
+  diagonal_.resize(n);
+  step_.resize(n);
+}
+
+void LineBundleSystem::ScatterViewSums() {
+  const int n = input_.column_count;
+  const double* lanes = view_sums_.data();
+  for (const KernelColumns& columns : layout_.columns) {
+    const std::vector<int> local = LocalColumns(input_, columns);
+    for (size_t i = 0; i < local.size(); ++i) {
+      for (size_t j = 0; j <= i; ++j, lanes += kGroupSize) {
+        const int row = std::max(local[i], local[j]), column = std::min(local[i], local[j]);
+        if (column == n) continue;  // the sum of squares itself
+        if (row == n) {
+          gradient_[column] += SumLanes(lanes);
+        } else {
+          matrix_(row, column) += SumLanes(lanes);
+        }
+      }
+    }
+  }
+}
+
+void LineBundleSystem::Assemble(const LineBundleEstimate& estimate) {
+  const int n = input_.column_count;
+  matrix_.setZero();
+  gradient_.setZero();
+  ScatterViewSums();
+  estimate.AddPriors(&matrix_, &gradient_);
+  diagonal_ = matrix_.diagonal().cwiseMax(kMinDiagonal).cwiseMin(kMaxDiagonal);
+  matrix_.diagonal() += damping_ * diagonal_;
+  for (int column = 0; column < n; ++column) {
+    for (int row = column; row < n; ++row) {
+      matrix_(row, column) += TileElement(tiles_.data(), row, column);
+    }
+    reduced_gradient_[column] = gradient_[column] + TileElement(tiles_.data(), n, column);
+  }
+  if (n > 0) gradient_max_ = std::max(gradient_max_, gradient_.cwiseAbs().maxCoeff());
+}
+
+void LineBundleSystem::SumParts() {
+  tiles_.Fill(0);
+  view_sums_.Fill(0);
+  for (const LineBundlePart& part : parts_) {
+    AddTo(&tiles_, part.tiles());
+    AddTo(&view_sums_, part.view_sums());
+  }
+}
+
+bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damping) {
+  damping_ = damping;
+  double wall_s = 0, linearise_s = 0, eliminate_s = 0;
+  {
+    const ScopedTimer timer(&wall_s);
+    team_.Run(static_cast<int>(parts_.size()), [&](int part) {
+      parts_[static_cast<size_t>(part)].Linearise(kernel_, estimate.View(), damping,
+                                                  factors_.data());
+    });
+  }
+  bool valid = true;
+  gradient_max_ = 0;
+  cost_ = estimate.PriorCost();
+  for (const LineBundlePart& part : parts_) {
+    valid = valid && part.linearisation().valid;
+    gradient_max_ = std::max(gradient_max_, part.linearisation().gradient_max);
+    cost_ += part.linearisation().cost;
+    linearise_s += part.linearise_s();
+    eliminate_s += part.eliminate_s();
+  }
+  const double share = wall_s / std::max(linearise_s + eliminate_s, 1e-12);
+  times_->linearise_s += share * linearise_s;
+  times_->eliminate_s += share * eliminate_s;
+  const ScopedTimer timer(&times_->solve_s);
+  SumParts();
+  Assemble(estimate);
+  return valid && std::isfinite(cost_);
+}
+
+KernelStepResult LineBundleSystem::SumSteps() const {
+  KernelStepResult sum;
+  for (const LineBundlePart& part : parts_) {
+    sum.cost += part.step().cost;
+    sum.valid = sum.valid && part.step().valid;
+    sum.model_decrease += part.step().model_decrease;
+    sum.step_norm2 += part.step().step_norm2;
+    sum.norm2 += part.step().norm2;
+  }
+  return sum;
+}
+
+LineBundleSystem::Move LineBundleSystem::Solve(const LineBundleEstimate& estimate,
+                                               LineBundleEstimate* moved) {
+  Move move;
+  {
+    const ScopedTimer timer(&times_->solve_s);
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>, Eigen::Lower> cholesky(matrix_);
+    if (cholesky.info() != Eigen::Success) return move;
+    step_ = -reduced_gradient_;
+    cholesky.solveInPlace(step_);
+  }
+  if (!step_.allFinite()) return move;
+  const ScopedTimer timer(&times_->step_s);
+  moved->MoveReduced(estimate, step_);
+  team_.Run(static_cast<int>(parts_.size()), [&](int part) {
+    parts_[static_cast<size_t>(part)].Step(kernel_, estimate.View(), damping_, step_.data(),
+                                           factors_.data(), moved->View(), moved->poses());
+  });
+  const KernelStepResult result = SumSteps();
+  move.cost = result.cost + moved->PriorCost();
+  move.model_decrease =
+      result.model_decrease +
+      0.5 * step_.dot((damping_ * diagonal_.cwiseProduct(step_) - gradient_).eval());
+  move.step_norm = std::sqrt(step_.squaredNorm() + result.step_norm2);
+  move.norm = std::sqrt(estimate.ReducedNorm2() + result.norm2 +
+                        static_cast<double>(packed_.instants.size()));
+  move.valid = result.valid && std::isfinite(move.cost) && std::isfinite(move.step_norm);
+  return move;
+}
+
+double LineBundleSystem::Cost(const LineBundleEstimate& estimate) {
+  team_.Run(static_cast<int>(parts_.size()), [&](int part) {
+    parts_[static_cast<size_t>(part)].Evaluate(kernel_, estimate.View());
+  });
+  const KernelStepResult result = SumSteps();
+  return result.valid ? result.cost + estimate.PriorCost()
+                      : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace rigcal::server

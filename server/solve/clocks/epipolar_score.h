@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "server/solve/clocks/ray_paths.h"
+
+namespace rigcal::server {
+
+// Fewer matches say nothing: the matrix has eight degrees of freedom.
+inline constexpr int kMinEpipolarMatches = 40;
+
+// How many markers of track a have been seen by track b at the same moment if its clock is off by
+// `offset_s` (as in SearchTimeOffsets), of at most `max_samples` of each marker that are asked.
+int CountMatches(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples);
+
+// Median distance of these matches from the epipolar lines of the matrix that fits them best, in
+// pixels of the tracks' mean focal length: by the normalised eight-point algorithm (Hartley 1997,
+// "In defense of the eight-point algorithm"), reweighted. Infinite with fewer than `min_matches`.
+double EpipolarScorePx(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples,
+                       int min_matches = kMinEpipolarMatches);
+
+}  // namespace rigcal::server

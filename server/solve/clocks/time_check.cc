@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/clocks/time_check.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "common/camera/camera_model.h"
+#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/clocks/ray_paths.h"
+#include "server/solve/geometry/triangulation.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kNoScore = std::numeric_limits<double>::infinity();
+constexpr double kAgreePx = 5;
+constexpr int kCheckReweightings = 4;
+constexpr size_t kCheckDescents = 6;
+constexpr double kMinCheckedShare = 0.6;
+
+// A marker in the rig frame, from the other clocks' cameras.
+struct TimedPoint {
+  int marker;
+  double time_s;  // rig time, from the first instant
+  Eigen::Vector3d x_in_rig;
+};
+
+// Views of one marker by the cameras of other clocks.
+std::vector<PointView> ViewsOf(const BundleProblem& problem, const BundleInstant& instant,
+                               int marker, int clock, double* focal_px) {
+  std::vector<PointView> views;
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    if (observation.clock == clock) continue;
+    const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+    const Intrinsics intrinsics = FromVector(camera.model, camera.intrinsics);
+    for (const BundleMarker& seen : problem.MarkersOf(observation)) {
+      if (seen.marker != marker) continue;
+      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics, seen.centre_px);
+      if (ray.ok()) views.push_back({camera.cam_from_rig, *ray});
+      *focal_px = camera.intrinsics[0];
+    }
+  }
+  return views;
+}
+
+std::vector<TimedPoint> PointsWithout(const RigObservations& rig, const RigSolution& solution,
+                                      int clock, int64_t origin_ns, int max_instants) {
+  const BundleProblem& problem = solution.built.problem;
+  const std::string& session = solution.clocks[static_cast<size_t>(clock)].session_id;
+  std::vector<size_t> usable;
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const int track = solution.instants.instants[i].members.front().track;
+    if (rig.tracks[static_cast<size_t>(track)].track.session_id == session) usable.push_back(i);
+  }
+  std::vector<TimedPoint> points;
+  const size_t samples = std::min(usable.size(), static_cast<size_t>(max_instants));
+  for (size_t k = 0; k < samples; ++k) {
+    const size_t i = usable[k * usable.size() / samples];
+    for (int m = 0; m < rig.target.marker_count(); ++m) {
+      double focal_px = 1;
+      const std::vector<PointView> views =
+          ViewsOf(problem, problem.instants[i], m, clock, &focal_px);
+      Eigen::Vector3d point;
+      if (!Triangulate(views, &point)) continue;
+      const bool agree = std::all_of(views.begin(), views.end(), [&](const PointView& view) {
+        return ((view.cam_from_rig * point).hnormalized() - view.ray).norm() * focal_px < kAgreePx;
+      });
+      const auto away_ns = static_cast<double>(solution.built.instant_time_ns[i] - origin_ns);
+      if (agree) points.push_back({m, 1e-9 * away_ns, point});
+    }
+  }
+  return points;
+}
+
+struct Sight {
+  Eigen::Vector3d x_in_rig;
+  Eigen::Vector2d ray;
+};
+
+std::vector<Sight> SightsAt(const std::vector<TimedPoint>& points, const TrackPaths& paths,
+                            double offset_s) {
+  std::vector<Sight> sights;
+  for (const TimedPoint& point : points) {
+    const auto ray =
+        At(paths.markers[static_cast<size_t>(point.marker)], point.time_s - offset_s, paths.gap_s);
+    if (ray) sights.push_back({point.x_in_rig, *ray});
+  }
+  return sights;
+}
+
+// Median error of the projection that fits best, in rays.
+double ResectionError(std::vector<Sight> sights) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Sight& sight : sights) middle += sight.x_in_rig / static_cast<double>(sights.size());
+  double spread = 1e-9;
+  for (const Sight& sight : sights) spread = std::max(spread, (sight.x_in_rig - middle).norm());
+  std::vector<double> weights(sights.size(), 1), errors(sights.size(), 0);
+  double median = kNoScore;
+  for (int round = 0; round < kCheckReweightings; ++round) {
+    Eigen::Matrix<double, 12, 12> normal = Eigen::Matrix<double, 12, 12>::Zero();
+    for (size_t i = 0; i < sights.size(); ++i) {
+      const Eigen::Vector4d x = ((sights[i].x_in_rig - middle) / spread).homogeneous();
+      for (int axis = 0; axis < 2; ++axis) {
+        Eigen::Matrix<double, 12, 1> row = Eigen::Matrix<double, 12, 1>::Zero();
+        row.segment<4>(4 * axis) = x;
+        row.tail<4>() = -sights[i].ray[axis] * x;
+        normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weights[i]);
+      }
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 12, 12>> solver(normal);
+    const Eigen::Matrix<double, 12, 1> p = solver.eigenvectors().col(0);
+    for (size_t i = 0; i < sights.size(); ++i) {
+      const Eigen::Vector4d x = ((sights[i].x_in_rig - middle) / spread).homogeneous();
+      const Eigen::Vector2d image(p.head<4>().dot(x), p.segment<4>(4).dot(x));
+      const double depth = p.tail<4>().dot(x);
+      errors[i] = std::abs(depth) > 1e-12 ? (image / depth - sights[i].ray).norm() : 1e6;
+    }
+    std::vector<double> sorted = errors;
+    const auto half = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), half, sorted.end());
+    median = *half;
+    for (size_t i = 0; i < sights.size(); ++i) {
+      const double share = errors[i] / std::max(2 * median, 1e-12);
+      weights[i] = 1 / (1 + share * share);
+    }
+  }
+  return median;
+}
+
+// The errors of one track against the others' points, in pixels, by offset.
+class TrackScores {
+ public:
+  TrackScores(const std::vector<TimedPoint>& points, const TrackPaths& paths, int min_points)
+      : points_(points), paths_(paths) {
+    min_sights_ =
+        std::max(static_cast<size_t>(min_points),
+                 static_cast<size_t>(kMinCheckedShare *
+                                     static_cast<double>(SightsAt(points, paths, 0).size())));
+  }
+  double At(double offset_s) const {
+    std::vector<Sight> sights = SightsAt(points_, paths_, offset_s);
+    if (sights.size() < min_sights_) return kNoScore;
+    return paths_.focal_px * ResectionError(std::move(sights));
+  }
+
+ private:
+  const std::vector<TimedPoint>& points_;
+  const TrackPaths& paths_;
+  size_t min_sights_;
+};
+
+// Offset and score of the deepest valley.
+std::pair<double, double> Deepest(const TrackScores& scores, const TimeCheckOptions& options) {
+  std::vector<std::pair<double, double>> all;
+  const int steps = static_cast<int>(options.reach_s / options.step_s);
+  for (int i = -steps; i <= steps; ++i) {
+    const double score = scores.At(i * options.step_s);
+    if (std::isfinite(score)) all.emplace_back(score, i * options.step_s);
+  }
+  std::sort(all.begin(), all.end());
+  std::pair<double, double> best{0, kNoScore};
+  for (size_t i = 0; i < std::min(all.size(), kCheckDescents); ++i) {
+    auto [score, offset_s] = all[i];
+    for (double step_s = 0.5 * options.step_s; step_s >= options.fine_step_s; step_s *= 0.5) {
+      for (const double away_s : {offset_s - step_s, offset_s + step_s}) {
+        const double other = scores.At(away_s);
+        if (!(other < score)) continue;
+        score = other;
+        offset_s = away_s;
+      }
+    }
+    if (score < best.second) best = {offset_s, score};
+  }
+  return best;
+}
+
+// Of the tracks on a clock, the one in most instants; -1: it has none.
+int TrackOf(const RigObservations& rig, const RigSolution& solution, int clock) {
+  int best = -1;
+  uint32_t most = 0;
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    if (rig.index.clock_of_track[t] != clock || solution.instants.instant_count[t] <= most)
+      continue;
+    best = static_cast<int>(t);
+    most = solution.instants.instant_count[t];
+  }
+  return best;
+}
+
+}  // namespace
+
+std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig, const RigSolution& solution,
+                                            const TimeCheckOptions& options) {
+  std::optional<OffsetDoubt> doubt;
+  if (solution.built.instant_time_ns.empty()) return doubt;
+  const int64_t origin_ns = solution.built.instant_time_ns.front();
+  const auto times = RigTimes(rig.tracks, rig.index, StartFrom(solution).clocks);
+  for (int k = 0; k < static_cast<int>(solution.clocks.size()); ++k) {
+    const int track = TrackOf(rig, solution, k);
+    if (track < 0) continue;
+    const auto t = static_cast<size_t>(track);
+    const std::vector<TimedPoint> points =
+        PointsWithout(rig, solution, k, origin_ns, options.max_instants);
+    const TrackPaths paths = PathsOf(rig.tracks[t], times[t], origin_ns, rig.target.marker_count());
+    const TrackScores scores(points, paths, options.min_points);
+    const double here_px = scores.At(0);
+    if (!std::isfinite(here_px) || here_px < options.content_px) continue;
+    const auto [offset_s, there_px] = Deepest(scores, options);
+    if (there_px > options.better_px || there_px > options.better_share * here_px) continue;
+    if (doubt && here_px - there_px <= doubt->here_px - doubt->there_px) continue;
+    doubt = OffsetDoubt{k, offset_s, here_px, there_px};
+  }
+  return doubt;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "server/solve/rig/rig_solver.h"
+
+namespace rigcal::server {
+
+struct TimeCheckOptions {
+  double reach_s = 1.0;
+  double step_s = 0.01;
+  double fine_step_s = 0.001;
+  int max_instants = 120;
+  int min_points = 60;
+  // A clock that is matched this well is not looked at.
+  double content_px = 2;
+  // Another offset is better when it scores this share of the present one, and this.
+  double better_share = 0.4;
+  double better_px = 3;
+};
+
+// A clock whose rows fit the others' better at another time.
+struct OffsetDoubt {
+  int clock = 0;
+  double offset_s = 0;  // to be added to its time offset
+  double here_px = 0, there_px = 0;
+};
+
+// Looks whether a solved rig has matched a clock with the wrong moment: the coarse search knows
+// pairs of cameras only, and a wave that repeats itself can match a period off. For each clock the
+// markers are triangulated from the cameras of the other clocks (two at least, which must agree),
+// and one of its own cameras is fitted to them by resection (direct linear transform, Hartley and
+// Zisserman, Multiple View Geometry, section 7.1, reweighted against outliers) at offsets within
+// reach. What was solved of the camera is not used, nor need it be right. The clock that gains
+// most, or none; a rig of two clocks cannot be checked.
+std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig, const RigSolution& solution,
+                                            const TimeCheckOptions& options);
+
+}  // namespace rigcal::server

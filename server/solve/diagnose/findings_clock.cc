@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "server/solve/diagnose/finding_causes.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kMinOffsetS = 1e-3;
+constexpr double kClockSigmas = 5;
+// Farther than this a view cannot be moved along its image velocity.
+constexpr double kMaxExtrapolationS = 0.05;
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const size_t middle = values.size() / 2;
+  return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
+}
+
+struct ClockOffset {
+  double offset_s = 0;  // on top of the coarse alignment, against the session's median
+  double sigma_s = 0;   // of the estimate and of the alignment
+};
+
+std::map<std::string, std::vector<size_t>> ClocksBySession(const RigSolution& solution) {
+  std::map<std::string, std::vector<size_t>> sessions;
+  for (size_t k = 0; k < solution.clocks.size(); ++k) {
+    sessions[solution.clocks[k].session_id].push_back(k);
+  }
+  return sessions;
+}
+
+std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& problem) {
+  const RigSolution& solution = input.judged.solution;
+  std::vector<ClockOffset> offsets(solution.clocks.size());
+  std::vector<double> estimate_sigma_s(offsets.size(), 0);
+  if (const auto sigmas = ComputeSigmas(input.trial, problem); sigmas.ok()) {
+    for (size_t k = 0; k < offsets.size(); ++k) {
+      const double sigma_s =
+          sigmas->Of({ReducedParameterKind::kTimeOffset, static_cast<int>(k), 0});
+      if (std::isfinite(sigma_s)) estimate_sigma_s[k] = sigma_s;
+    }
+  }
+  for (const auto& [session, clocks] : ClocksBySession(solution)) {
+    std::vector<double> values, sigmas;
+    for (const size_t k : clocks) {
+      values.push_back(solution.clocks[k].time_offset_s + problem.clocks[k].time_offset_s);
+      sigmas.push_back(estimate_sigma_s[k]);
+    }
+    const double median = Median(values);
+    for (size_t i = 0; i < clocks.size(); ++i) {
+      offsets[clocks[i]] = {values[i] - median, std::max(sigmas[i], Median(sigmas))};
+    }
+  }
+  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
+    ClockOffset& offset = offsets[static_cast<size_t>(input.rig.index.clock_of_track[t])];
+    offset.sigma_s = std::hypot(offset.sigma_s, input.rig.tracks[t].offset_sigma_s);
+  }
+  return offsets;
+}
+
+std::vector<std::string> CamerasOfClock(const CauseInput& input, size_t clock) {
+  std::vector<std::string> cameras;
+  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
+    if (input.rig.index.clock_of_track[t] != static_cast<int>(clock)) continue;
+    const auto camera = static_cast<size_t>(input.rig.index.camera_of_track[t]);
+    cameras.push_back(input.rig.index.cameras[camera].camera);
+  }
+  std::sort(cameras.begin(), cameras.end());
+  cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
+  return cameras;
+}
+
+// The errors if the clock ran with the median clock.
+ErrorChange WithoutOffset(const CauseInput& input, const BundleProblem& corrected, size_t clock,
+                          double offset_s, const std::vector<std::string>& cameras) {
+  ErrorChange change;
+  if (std::abs(offset_s) > kMaxExtrapolationS) return change;
+  BundleProblem without = corrected;
+  for (BundleClock& entry : without.clocks) entry.offset_fixed = true;
+  without.clocks[clock].time_offset_s -= offset_s;
+  if (!SolveTrial(input.trial, &without).ok()) return change;
+  const std::vector<ErrorChange> changes = CompareErrors(without, corrected);
+  for (size_t c = 0; c < changes.size(); ++c) {
+    if (corrected.cameras[c].name == cameras.front()) change = changes[c];
+  }
+  return change;
+}
+
+std::string Advice(const std::vector<std::string>& cameras, const ClockOffset& offset,
+                   const ErrorChange& change, bool two_clocks, bool corrected) {
+  const double offset_ms = 1e3 * offset.offset_s;
+  std::string advice = absl::StrFormat(
+      "its rows show the wand %.2f ms %s than their stamps say (+-%.2f ms), against %s",
+      std::abs(offset_ms), offset_ms < 0 ? "earlier" : "later", 1e3 * offset.sigma_s,
+      two_clocks ? "the other clock (of two, either may be the one that is off)"
+                 : "the median clock");
+  if (cameras.size() > 1) {
+    absl::StrAppend(&advice, "; so do all on its clock: ", absl::StrJoin(cameras, ", "));
+  }
+  if (change.before_px > 0) {
+    absl::StrAppendFormat(&advice,
+                          "; its error is %.2f px without this correction, %.2f px with it",
+                          change.before_px, change.after_px);
+  }
+  absl::StrAppend(&advice,
+                  corrected ? "; the calibration has taken it out. "
+                            : "; times were kept as given: calibrate with time offsets refined. ",
+                  "Check its trigger, its exposure time and what its stamps mean, or use the "
+                  "offset with its data");
+  return advice;
+}
+
+// The clocks that are off in a problem whose times were estimated. `corrected`: by the solve, and
+// not by a trial after it.
+std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& problem, bool corrected) {
+  const std::vector<ClockOffset> offsets = Offsets(input, problem);
+  std::vector<Cause> causes;
+  for (const auto& [session, clocks] : ClocksBySession(input.judged.solution)) {
+    for (const size_t k : clocks) {
+      ClockOffset offset = offsets[k];
+      const bool two_clocks = clocks.size() == 2;
+      if (two_clocks) {
+        if (k == clocks.front()) continue;
+        offset.offset_s *= 2;
+      }
+      if (std::abs(offset.offset_s) <= std::max(kMinOffsetS, kClockSigmas * offset.sigma_s))
+        continue;
+      const std::vector<std::string> cameras = CamerasOfClock(input, k);
+      if (cameras.empty()) continue;
+      const ErrorChange change = WithoutOffset(input, problem, k, offset.offset_s, cameras);
+      causes.push_back({{"clock_offset", cameras.front(), 1e3 * offset.offset_s, "ms",
+                         Advice(cameras, offset, change, two_clocks, corrected)},
+                        std::max(0.0, change.gain_px())});
+    }
+  }
+  return causes;
+}
+
+}  // namespace
+
+std::vector<Cause> FindClockOffsets(const CauseInput& input) {
+  if (!input.judged.options.estimate_time_offsets) return {};
+  return CausesOf(input, input.trial.problem, true);
+}
+
+Repair RepairClocks(const CauseInput& input) {
+  Repair repair;
+  if (input.judged.options.estimate_time_offsets) return repair;
+  repair.repaired = input.trial;
+  BundleProblem& problem = repair.repaired.problem;
+  for (const auto& [session, clocks] : ClocksBySession(input.judged.solution)) {
+    for (const size_t k : clocks) {
+      problem.clocks[k].offset_fixed = k == clocks.front();
+      problem.clocks[k].offset_sigma_s = 0;
+    }
+  }
+  if (SolveTrialFromAfar(input.trial, &problem).ok()) {
+    repair.causes = CausesOf(input, problem, false);
+  }
+  return repair;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/diagnose/moved_camera_scan.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kMinScanGain = 0.05;
+constexpr double kMinMoveGain = 0.08;
+constexpr double kMinMovePx = 0.3;
+constexpr double kMoveSigmas = 5;
+constexpr double kDegreesPerRadian = 57.29577951308232;
+
+struct Candidate {
+  size_t camera = 0;  // of the trial
+  ChangePoint change;
+};
+
+// The camera whose residuals gain most in all.
+std::optional<Candidate> BestCandidate(const CauseInput& input) {
+  const BundleProblem& problem = input.trial.problem;
+  const std::vector<ErrorChange> errors = CompareErrors(problem, problem);
+  std::optional<Candidate> best;
+  double best_gain = 0;
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    // One that was taken apart already is not looked at again.
+    const auto parts = std::count(input.trial.rig_camera.begin(), input.trial.rig_camera.end(),
+                                  input.trial.rig_camera[c]);
+    if (parts > 1) continue;
+    const std::optional<ChangePoint> change = ScanForMove(input.trial, static_cast<int>(c));
+    if (!change || change->gain < kMinScanGain || change->gain <= best_gain) continue;
+    best = Candidate{c, *change};
+    best_gain = change->gain;
+  }
+  return best;
+}
+
+RigidTransform Moved(const RigidTransform& pose, const PoseStep& step) {
+  const Eigen::Vector3d turn = step.head<3>();
+  const double angle = turn.norm();
+  RigidTransform moved = pose;
+  if (angle > 0) {
+    moved.rotation = (Eigen::AngleAxisd(angle, turn / angle) * pose.rotation).normalized();
+  }
+  moved.translation_m += step.tail<3>();
+  return moved;
+}
+
+// The camera's observations from the change on belong to a camera of their own.
+TrialProblem TakenApart(const TrialProblem& from, const Candidate& candidate) {
+  TrialProblem trial = from;
+  BundleProblem& problem = trial.problem;
+  BundleCamera after = problem.cameras[candidate.camera];
+  BundleCamera& before = problem.cameras[candidate.camera];
+  after.cam_from_rig = Moved(after.cam_from_rig, candidate.change.after);
+  if (before.pose_fixed) {
+    // The rig frame is the camera as it was before.
+    const RigidTransform fixed = before.cam_from_rig;
+    after.cam_from_rig =
+        after.cam_from_rig * Moved(fixed, candidate.change.before).Inverse() * fixed;
+  } else {
+    before.cam_from_rig = Moved(before.cam_from_rig, candidate.change.before);
+  }
+  after.pose_fixed = false;
+  const auto part = static_cast<int>(problem.cameras.size());
+  problem.cameras.push_back(after);
+  trial.rig_camera.push_back(from.rig_camera[candidate.camera]);
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    if (trial.instant_time_ns[i] < candidate.change.rig_time_ns) continue;
+    const BundleInstant& instant = problem.instants[i];
+    for (BundleObservation& observation : problem.ObservationsOf(instant)) {
+      if (observation.camera == static_cast<int>(candidate.camera)) observation.camera = part;
+    }
+  }
+  ClassifyOutliers(trial.outliers, &problem);
+  return trial;
+}
+
+struct Move {
+  double rotation_rad = 0;
+  double centre_m = 0;
+  double image_px = 0;  // root mean square of how far the image moved, where the wand was
+  double sigmas = 0;
+};
+
+Move MeasureMove(const TrialProblem& trial, size_t camera) {
+  const BundleProblem& problem = trial.problem;
+  const BundleCamera& before = problem.cameras[camera];
+  const BundleCamera& after = problem.cameras.back();
+  Move move;
+  move.rotation_rad = before.cam_from_rig.rotation.angularDistance(after.cam_from_rig.rotation);
+  move.centre_m = (before.cam_from_rig.SourceFromTargetTranslation() -
+                   after.cam_from_rig.SourceFromTargetTranslation())
+                      .norm();
+  BundleProblem as_before = problem;
+  as_before.cameras.back().cam_from_rig = before.cam_from_rig;
+  const ErrorChange change = CompareErrors(problem, as_before).back();
+  move.image_px = std::max(0.0, -change.gain_px());
+  if (const auto sigmas = ComputeSigmas(trial, problem); sigmas.ok()) {
+    const Eigen::Quaterniond turn =
+        after.cam_from_rig.rotation * before.cam_from_rig.rotation.conjugate();
+    const Eigen::AngleAxisd angle_axis(turn);
+    const Eigen::Vector3d step = angle_axis.angle() * angle_axis.axis();
+    const Eigen::Vector3d shift =
+        after.cam_from_rig.translation_m - before.cam_from_rig.translation_m;
+    for (int i = 0; i < 3; ++i) {
+      const auto sigma = [&](ReducedParameterKind kind) {
+        const double a = sigmas->Of({kind, static_cast<int>(camera), i});
+        const double b = sigmas->Of({kind, static_cast<int>(problem.cameras.size()) - 1, i});
+        return std::hypot(std::isfinite(a) ? a : 0, b);
+      };
+      move.sigmas =
+          std::max({move.sigmas, std::abs(step[i]) / sigma(ReducedParameterKind::kRotation),
+                    std::abs(shift[i]) / sigma(ReducedParameterKind::kTranslation)});
+    }
+  }
+  return move;
+}
+
+}  // namespace
+
+Repair RepairMovedCamera(const CauseInput& input) {
+  Repair repair;
+  const std::optional<Candidate> candidate = BestCandidate(input);
+  if (!candidate) return repair;
+  repair.repaired = TakenApart(input.trial, *candidate);
+  if (!SolveTrial(input.trial, &repair.repaired.problem).ok()) return repair;
+  const ErrorChange change =
+      CompareErrors(input.trial.problem, repair.repaired.problem)[candidate->camera];
+  const Move move = MeasureMove(repair.repaired, candidate->camera);
+  if (change.gain() < kMinMoveGain || move.sigmas < kMoveSigmas || move.image_px < kMinMovePx) {
+    return repair;
+  }
+  const double time_s =
+      1e-9 * static_cast<double>(candidate->change.rig_time_ns -
+                                 input.judged.solution.built.instant_time_ns.front());
+  const bool metric =
+      !input.trial.problem.distance || input.judged.options.known_distance.has_value();
+  const std::string distance =
+      metric ? absl::StrFormat("%.1f mm and ", 1e3 * move.centre_m) : std::string();
+  const double angle_deg = kDegreesPerRadian * move.rotation_rad;
+  repair.causes.push_back(
+      {{"camera_moved", input.trial.problem.cameras[candidate->camera].name, move.image_px, "px",
+        absl::StrFormat(
+            "it moved %.1f s after the first wand view by %s%.3f deg, which moved its "
+            "image by %.1f px; its error is %.2f px, and %.2f px with a pose of its own from then "
+            "on. Fix its mount and record again, or calibrate what was recorded after it moved",
+            time_s, distance, angle_deg, move.image_px, change.before_px, change.after_px)},
+       change.gain_px()});
+  return repair;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/diagnose/trial_solve.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr int kMaxRounds = 4;
+constexpr double kWideLoss = 20;
+constexpr double kUnseenPx = 100;
+constexpr double kMedianOfRayleigh = 1.17741;
+
+std::vector<double> ErrorsPx(const BundleProblem& problem) {
+  std::vector<double> errors(problem.markers.size(), kUnseenPx);
+  ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
+    Eigen::Vector2d residual;
+    if (MarkerResidualPx(problem, problem.instants[i], observation, problem.markers[m],
+                         &residual)) {
+      errors[m] = residual.norm();
+    }
+  });
+  return errors;
+}
+
+// Robust variance of the whitened residuals, never less than one.
+double VarianceFactor(const BundleProblem& problem) {
+  std::vector<double> norms;
+  ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
+    const BundleMarker& marker = problem.markers[m];
+    Eigen::Vector2d residual;
+    if (marker.used &&
+        MarkerResidualPx(problem, problem.instants[i], observation, marker, &residual)) {
+      norms.push_back((marker.sqrt_information * residual).norm());
+    }
+  });
+  if (norms.empty()) return 1;
+  const auto middle = norms.begin() + static_cast<std::ptrdiff_t>(norms.size() / 2);
+  std::nth_element(norms.begin(), middle, norms.end());
+  const double scale = *middle / kMedianOfRayleigh;
+  return std::max(1.0, scale * scale);
+}
+
+}  // namespace
+
+TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options,
+                              size_t max_observations) {
+  const BundleProblem& from = solution.built.problem;
+  TrialProblem trial;
+  trial.bundle.loss_scale = options.loss_scale;
+  trial.bundle.function_tolerance = 1e-7;
+  trial.bundle.max_iterations = 50;
+  trial.bundle.cancelled = options.cancelled;
+  trial.outliers = options.outliers;
+  trial.problem.cameras = from.cameras;
+  trial.problem.clocks = from.clocks;
+  trial.problem.target = from.target;
+  trial.problem.distance = from.distance;
+  for (size_t c = 0; c < from.cameras.size(); ++c) trial.rig_camera.push_back(c);
+  const size_t stride = 1 + from.observations.size() / std::max<size_t>(1, max_observations);
+  size_t placed = 0;
+  for (size_t i = 0; i < from.instants.size(); ++i) {
+    if (!from.instants[i].used || placed++ % stride != 0) continue;
+    BundleInstant instant = from.instants[i];
+    const auto first = static_cast<size_t>(instant.first_observation);
+    instant.first_observation = static_cast<int>(trial.problem.observations.size());
+    for (size_t o = first; o < first + static_cast<size_t>(instant.observation_count); ++o) {
+      BundleObservation observation = from.observations[o];
+      const auto begin = from.markers.begin() + observation.first_marker;
+      observation.first_marker = static_cast<int>(trial.problem.markers.size());
+      trial.problem.markers.insert(trial.problem.markers.end(), begin,
+                                   begin + observation.marker_count);
+      trial.problem.observations.push_back(observation);
+    }
+    trial.problem.instants.push_back(instant);
+    trial.instant_time_ns.push_back(solution.built.instant_time_ns[i]);
+  }
+  return trial;
+}
+
+absl::Status SolveTrial(const TrialProblem& how, BundleProblem* problem) {
+  for (int round = 0; round < kMaxRounds; ++round) {
+    RIGCAL_RETURN_IF_ERROR(SolveLineBundle(how.bundle, problem).status());
+    if (ClassifyOutliers(how.outliers, problem) == 0) break;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SolveTrialFromAfar(const TrialProblem& how, BundleProblem* problem) {
+  TrialProblem wide;
+  wide.bundle = how.bundle;
+  wide.bundle.loss_scale *= kWideLoss;
+  wide.outliers = how.outliers;
+  RIGCAL_RETURN_IF_ERROR(SolveTrial(wide, problem));
+  return SolveTrial(how, problem);
+}
+
+std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const BundleProblem& after) {
+  const std::vector<double> before_px = ErrorsPx(before), after_px = ErrorsPx(after);
+  std::vector<ErrorChange> changes(before.cameras.size());
+  ForEachMarker(before, [&](size_t, const BundleObservation& observation, size_t m) {
+    if (!before.markers[m].used && !after.markers[m].used) return;
+    ErrorChange& change = changes[static_cast<size_t>(observation.camera)];
+    change.before_px += before_px[m];
+    change.after_px += after_px[m];
+    ++change.marker_count;
+  });
+  for (ErrorChange& change : changes) {
+    change.before_px /= std::max(1, change.marker_count);
+    change.after_px /= std::max(1, change.marker_count);
+  }
+  return changes;
+}
+
+ErrorChange Overall(const std::vector<ErrorChange>& changes) {
+  ErrorChange all;
+  for (const ErrorChange& change : changes) {
+    all.before_px += change.before_px * change.marker_count;
+    all.after_px += change.after_px * change.marker_count;
+    all.marker_count += change.marker_count;
+  }
+  all.before_px /= std::max(1, all.marker_count);
+  all.after_px /= std::max(1, all.marker_count);
+  return all;
+}
+
+double TrialSigmas::Of(const ReducedParameter& parameter) const {
+  const auto found = std::find(parameters.begin(), parameters.end(), parameter);
+  if (found == parameters.end()) return std::numeric_limits<double>::infinity();
+  return sigmas[static_cast<size_t>(found - parameters.begin())];
+}
+
+absl::StatusOr<TrialSigmas> ComputeSigmas(const TrialProblem& how, const BundleProblem& problem) {
+  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation reduced,
+                          ComputeReducedInformation(how.bundle, problem));
+  const Eigen::Index size = reduced.information.rows();
+  // Columns differ by many powers of ten (radians beside pixels): scaled before they are inverted.
+  const Eigen::VectorXd scale =
+      reduced.information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * reduced.information * scale.asDiagonal();
+  const Eigen::LDLT<Eigen::MatrixXd> factor(scaled);
+  if (factor.info() != Eigen::Success || !factor.isPositive()) {
+    return absl::FailedPreconditionError("the information is not positive definite");
+  }
+  const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(size, size));
+  const double variance = VarianceFactor(problem);
+  TrialSigmas result;
+  result.parameters = reduced.parameters;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const double value = variance * covariance(i, i) * scale[i] * scale[i];
+    result.sigmas.push_back(value > 0 ? std::sqrt(value) : std::numeric_limits<double>::infinity());
+  }
+  return result;
+}
+
+}  // namespace rigcal::server

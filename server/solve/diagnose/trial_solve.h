@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/rig/rig_solver.h"
+
+namespace rigcal::server {
+
+// A solved problem to try explanations on: a copy in which something more is allowed to move is
+// solved again, and what that gains tells whether the explanation holds. Only placed instants, and
+// only so many as such a test needs.
+struct TrialProblem {
+  BundleProblem problem;
+  std::vector<int64_t> instant_time_ns;  // rig time, by instant, ascending within a session
+  // By camera of the problem: its index in the rig. A camera taken apart has several.
+  std::vector<size_t> rig_camera;
+  BundleOptions bundle;
+  OutlierOptions outliers;
+};
+
+// About `max_observations` of the solution's observations: every n-th instant.
+TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options,
+                              size_t max_observations = 40'000);
+
+// Solves `problem`, finds the outliers anew, and solves again until they stay (a few times at
+// most). Errors as of SolveLineBundle; `problem` is then worth nothing.
+absl::Status SolveTrial(const TrialProblem& how, BundleProblem* problem);
+
+// The same, first under a loss so wide that what is far off pulls, too.
+absl::Status SolveTrialFromAfar(const TrialProblem& how, BundleProblem* problem);
+
+// Mean reprojection errors before and after, over the markers that are inliers in either.
+struct ErrorChange {
+  double before_px = 0;
+  double after_px = 0;
+  int marker_count = 0;
+
+  double gain_px() const { return before_px - after_px; }
+  // Share of the error that goes away.
+  double gain() const { return before_px > 0 ? 1 - after_px / before_px : 0; }
+};
+
+// By camera of `before`. Both hold the same markers in the same order; a marker that its camera
+// cannot see counts as 100 px off.
+std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const BundleProblem& after);
+// Of all cameras together.
+ErrorChange Overall(const std::vector<ErrorChange>& changes);
+
+// One sigma of each free parameter of a solved problem, from the information the data and priors
+// give and the size of the residuals (where they are larger than the observations' sigmas say).
+struct TrialSigmas {
+  std::vector<ReducedParameter> parameters;
+  std::vector<double> sigmas;
+
+  // Infinite for what is not free or not determined.
+  double Of(const ReducedParameter& parameter) const;
+};
+absl::StatusOr<TrialSigmas> ComputeSigmas(const TrialProblem& how, const BundleProblem& problem);
+
+// Runs `visit(instant index, observation, marker index)` over the markers of the placed instants.
+template <typename Visit>
+void ForEachMarker(const BundleProblem& problem, Visit visit) {
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const BundleInstant& instant = problem.instants[i];
+    if (!instant.used) continue;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        visit(i, observation, problem.IndexOf(marker));
+      }
+    }
+  }
+}
+
+}  // namespace rigcal::server

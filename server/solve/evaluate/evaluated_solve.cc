@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/evaluated_solve.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/status/status_macros.h"
+#include "server/solve/clocks/clock_rates.h"
+#include "server/solve/clocks/time_check.h"
+#include "server/solve/evaluate/restart.h"
+#include "server/solve/initialize/shared_views.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr int kMinHeldOutInstants = 20;
+// A refinement must make the held-out error smaller by this share to be kept.
+constexpr double kMustGain = 0.02;
+constexpr int kMaxRateTries = 4;
+constexpr int kMaxTimeRepairs = 3;
+constexpr double kMayLoseInliers = 0.05;  // of all markers
+constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
+
+std::function<void(std::string_view, double)> Stage(const RigSolveOptions& options,
+                                                    std::string_view name) {
+  if (!options.progress) return {};
+  return [progress = options.progress, name = std::string(name)](
+             std::string_view, double fraction) { progress(name, fraction); };
+}
+
+// Solves on what `keep` keeps and judges on what `judge` selects.
+absl::StatusOr<EvaluatedErrors> SolveAndMeasure(const RigObservations& rig,
+                                                const RigInitialization& start,
+                                                RigSolveOptions options,
+                                                const std::function<bool(int64_t)>& keep,
+                                                const std::function<bool(int64_t)>& judge) {
+  options.keep_instant = keep;
+  RIGCAL_ASSIGN_OR_RETURN(const RigSolution solution, SolveRig(rig, start.clocks, options, &start));
+  EvaluatedErrors errors = Judge(rig, solution, options, judge);
+  if (errors.instant_count < kMinHeldOutInstants) {
+    return absl::FailedPreconditionError("too few instants are held out");
+  }
+  return errors;
+}
+
+// Held-out errors of the two ways to treat intrinsics, summed over the folds that had both.
+struct IntrinsicsScores {
+  double given_px = 0;
+  double refined_px = 0;
+  int folds = 0;
+
+  bool RefinedPays() const { return folds > 0 && refined_px < (1 - kMustGain) * given_px; }
+  void Add(const IntrinsicsScores& other) {
+    given_px += other.given_px;
+    refined_px += other.refined_px;
+    folds += other.folds;
+  }
+};
+
+// Within what fold `outer` leaves: two solves without blocks `inner`, judged on those.
+absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig,
+                                                 const RigInitialization& start,
+                                                 const TimeBlocks& blocks,
+                                                 const RigSolveOptions& base, int outer) {
+  const int inner = (outer + 2) % blocks.period;
+  const auto keep = [&blocks, outer, inner](int64_t t) {
+    return blocks.IsKept(t, outer) && blocks.IsKept(t, inner);
+  };
+  const auto judge = [&blocks, outer, inner](int64_t t) {
+    return blocks.IsHeldOut(t, inner) && blocks.IsKept(t, outer);
+  };
+  double score_px[2] = {INFINITY, INFINITY};
+  for (const bool refine : {false, true}) {
+    RigSolveOptions options = base;
+    options.refine_intrinsics = refine;
+    options.progress = Stage(base, "choosing");
+    const absl::StatusOr<EvaluatedErrors> errors =
+        SolveAndMeasure(rig, start, options, keep, judge);
+    if (absl::IsCancelled(errors.status())) return errors.status();
+    if (errors.ok()) score_px[refine ? 1 : 0] = ChoiceScorePx(*errors);
+  }
+  if (!std::isfinite(score_px[0]) || !std::isfinite(score_px[1])) return IntrinsicsScores{};
+  return IntrinsicsScores{score_px[0], score_px[1], 1};
+}
+
+Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
+  if (scores.folds == 0) {
+    return {"intrinsics_kept", "", 0, "px",
+            "too little data to judge refined intrinsics; the given ones are kept. Record longer, "
+            "or ask for refinement"};
+  }
+  const bool pays = scores.RefinedPays();
+  const double given_px = scores.given_px / scores.folds;
+  const double refined_px = scores.refined_px / scores.folds;
+  return {pays ? "intrinsics_refined" : "intrinsics_kept", "", pays ? refined_px : given_px, "px",
+          absl::StrFormat("held-out error %.3f px with the given intrinsics, %.3f px with refined "
+                          "ones; the %s are used",
+                          given_px, refined_px, pays ? "refined ones" : "given ones")};
+}
+
+// Of the markers, those that take part.
+double InlierShare(const RigSolution& solution) {
+  double used = 0;
+  for (const BundleMarker& marker : solution.built.problem.markers) used += marker.used ? 1 : 0;
+  return used / static_cast<double>(std::max<size_t>(1, solution.built.problem.markers.size()));
+}
+
+// From the first to the last observation of a clock.
+double ClockSpanS(const BundleProblem& problem, int clock) {
+  double first_s = INFINITY, last_s = -INFINITY;
+  for (const BundleObservation& observation : problem.observations) {
+    if (observation.clock != clock) continue;
+    first_s = std::min(first_s, observation.clock_time_s);
+    last_s = std::max(last_s, observation.clock_time_s);
+  }
+  return last_s > first_s ? last_s - first_s : 0;
+}
+
+// Which of the clocks with a rate have one of their own.
+std::vector<bool> OwnRates(const RigSolution& solution, const RigUncertainty& uncertainty) {
+  std::vector<RateEstimate> rates;
+  for (size_t k = 0; k < solution.clocks.size(); ++k) {
+    const BundleProblem& problem = solution.built.problem;
+    rates.push_back({solution.clocks[k].session_id,
+                     solution.clocks[k].time_rate + problem.clocks[k].time_rate,
+                     ClockSpanS(problem, static_cast<int>(k)), !problem.clocks[k].rate_fixed});
+  }
+  const auto sigma_between = [&](size_t k, size_t l) {
+    std::vector<double> weights(solution.clocks.size(), 0);
+    weights[k] = 1;
+    weights[l] = -1;
+    return uncertainty.ClockSigma(ReducedParameterKind::kTimeRate, weights);
+  };
+  return FindOwnRates(rates, sigma_between, RateTestOptions{});
+}
+
+// Restarts a solve from another offset of a clock that fits the other clocks' cameras much better
+// there.
+absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& options,
+                           EvaluatedSolution* result) {
+  for (int i = 0; i < kMaxTimeRepairs; ++i) {
+    if (!result->solution.converged) {
+      // Clocks that still move are on their way to where they match.
+      const RigInitialization start = StartFrom(result->solution);
+      absl::StatusOr<RigSolution> further = SolveRig(rig, start.clocks, options, &start);
+      if (absl::IsCancelled(further.status())) return further.status();
+      if (further.ok()) result->solution = *std::move(further);
+    }
+    const auto doubt = FindBetterOffset(rig, result->solution, TimeCheckOptions{});
+    if (!doubt) return absl::OkStatus();
+    std::vector<ClockCorrection> clocks = StartFrom(result->solution).clocks;
+    clocks[static_cast<size_t>(doubt->clock)].time_offset_s += doubt->offset_s;
+    absl::StatusOr<RigSolution> again = SolveRig(rig, clocks, options);
+    if (absl::IsCancelled(again.status())) return again.status();
+    // Another time groups other views; only a fit that breaks is a reason to stay.
+    if (!again.ok() || InlierShare(*again) < InlierShare(result->solution) - kMayLoseInliers) {
+      return absl::OkStatus();
+    }
+    result->solution = *std::move(again);
+    for (size_t t = 0; t < rig.tracks.size(); ++t) {
+      if (rig.index.clock_of_track[t] != doubt->clock) continue;
+      result->findings.push_back(
+          {"time_match_corrected", rig.tracks[t].track.camera.camera, 1e3 * doubt->offset_s, "ms",
+           absl::StrFormat("the search had matched its clock with another moment of the wave: "
+                           "against the other cameras it fitted to %.1f px, %.0f ms away to %.1f "
+                           "px, from where the rig was solved again. A wave that repeats itself "
+                           "looks alike at several times: wave without a rhythm",
+                           doubt->here_px, 1e3 * doubt->offset_s, doubt->there_px)});
+      break;
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Times come first: markers of another moment agree with no pose.
+absl::Status LeaveWrongMinimum(const RigObservations& rig,
+                               const std::vector<ClockCorrection>& clocks,
+                               const RigSolveOptions& options, EvaluatedSolution* result) {
+  // A wrong pose may have dragged its clock along; what a repair has found stays.
+  const bool repaired = !result->findings.empty();
+  RIGCAL_ASSIGN_OR_RETURN(
+      const std::optional<Finding> restarted,
+      RestartIfWrong(rig, repaired ? StartFrom(result->solution).clocks : clocks, options,
+                     RestartOptions{}, &result->solution));
+  if (!restarted) return absl::OkStatus();
+  result->findings.push_back(*restarted);
+  return options.estimate_time_offsets ? RepairOffsets(rig, options, result) : absl::OkStatus();
+}
+
+// A camera that agrees with nobody has a pose that says nothing.
+absl::Status CheckHeld(const BundleProblem& problem) {
+  const std::string lost = DescribeLostCameras(problem, kMinAgreeingViews);
+  if (lost.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat("the rig cannot be solved as one. ", lost));
+}
+
+// Gives rates to the clocks that are seen to run differently: all are tried, then those that stood
+// out alone, until all of them still do. What could not be solved has no rates.
+absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigSolution* solution) {
+  RigSolveOptions with_rates = *options;
+  with_rates.estimate_time_rates = true;
+  for (int i = 0; i < kMaxRateTries; ++i) {
+    RigInitialization start = StartFrom(*solution);
+    absl::StatusOr<RigSolution> tried = SolveRig(rig, start.clocks, with_rates, &start);
+    if (absl::IsCancelled(tried.status())) return tried.status();
+    if (!tried.ok()) return absl::OkStatus();
+    const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, with_rates);
+    if (!uncertainty.ok()) return absl::OkStatus();
+    std::vector<bool> own = OwnRates(*tried, *uncertainty);
+    if (std::find(own.begin(), own.end(), true) == own.end()) return absl::OkStatus();
+    std::vector<bool> estimated;
+    for (const BundleClock& clock : tried->built.problem.clocks) {
+      estimated.push_back(!clock.rate_fixed);
+    }
+    if (own == estimated) {
+      with_rates.own_rates = std::move(own);
+      *options = std::move(with_rates);
+      *solution = *std::move(tried);
+      return absl::OkStatus();
+    }
+    // Those that once were found to run alike stay so.
+    for (size_t k = 0; k < with_rates.own_rates.size(); ++k) {
+      own[k] = own[k] && with_rates.own_rates[k];
+    }
+    with_rates.own_rates = std::move(own);
+  }
+  return absl::OkStatus();
+}
+
+void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
+  to->reprojection_px.resize(from.reprojection_px.size());
+  to->leave_one_out_px.resize(from.leave_one_out_px.size());
+  to->lengths.errors_m.resize(from.lengths.errors_m.size());
+  const auto append = [](const std::vector<double>& source, std::vector<double>* target) {
+    target->insert(target->end(), source.begin(), source.end());
+  };
+  for (size_t c = 0; c < from.reprojection_px.size(); ++c) {
+    append(from.reprojection_px[c], &to->reprojection_px[c]);
+    append(from.leave_one_out_px[c], &to->leave_one_out_px[c]);
+  }
+  for (size_t s = 0; s < from.lengths.errors_m.size(); ++s) {
+    append(from.lengths.errors_m[s], &to->lengths.errors_m[s]);
+  }
+  to->instant_count += from.instant_count;
+}
+
+}  // namespace
+
+absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
+                                                   const std::vector<ClockCorrection>& clocks,
+                                                   const RigSolveOptions& base,
+                                                   const CalibrationOptions& options,
+                                                   const RigInitialization* first_start) {
+  EvaluatedSolution result;
+  result.options = base;
+  RigSolveOptions first = base;
+  first.refine_intrinsics = options.intrinsics == Estimate::kRefined;
+  const bool choose =
+      options.intrinsics == Estimate::kDefault || options.intrinsics == Estimate::kAuto;
+  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first, first_start));
+  if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
+  RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
+  RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
+  if (base.estimate_time_offsets) {
+    RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
+  }
+  result.options.estimate_time_rates = first.estimate_time_rates;
+  result.options.own_rates = first.own_rates;
+  RigSolveOptions chosen_from = base;
+  chosen_from.estimate_time_rates = first.estimate_time_rates;
+  chosen_from.own_rates = first.own_rates;
+  const RigInitialization start = StartFrom(result.solution);
+  TimeBlocks blocks;
+  blocks.origin_ns = result.solution.built.instant_time_ns.front();
+
+  IntrinsicsScores scores;
+  EvaluatedErrors held_out;
+  for (int fold = 0; fold < blocks.period; ++fold) {
+    RigSolveOptions judged = first;
+    judged.progress = Stage(base, "judging");
+    if (choose) {
+      RIGCAL_ASSIGN_OR_RETURN(const IntrinsicsScores own,
+                              ScoreIntrinsics(rig, start, blocks, chosen_from, fold));
+      judged.refine_intrinsics = own.RefinedPays();
+      scores.Add(own);
+    }
+    const absl::StatusOr<EvaluatedErrors> errors = SolveAndMeasure(
+        rig, start, judged, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); },
+        [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
+    if (absl::IsCancelled(errors.status())) return errors.status();
+    if (errors.ok()) Append(*errors, &held_out);
+  }
+  if (held_out.instant_count > 0) {
+    result.held_out = std::move(held_out);
+  } else {
+    result.findings.push_back({"not_judged", "", 0, "",
+                               "too little data to hold any out: the errors are those of the data "
+                               "that was solved. Record a minute or more"});
+  }
+  result.options.refine_intrinsics = choose ? scores.RefinedPays() : first.refine_intrinsics;
+  if (choose) result.findings.push_back(IntrinsicsFinding(scores));
+  if (result.options.refine_intrinsics != first.refine_intrinsics) {
+    RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, start.clocks, result.options, &start));
+  }
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
+  if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
+  return result;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/held_out.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+#include "common/camera/camera_model.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/geometry/inlier_views.h"
+#include "server/solve/geometry/triangulation.h"
+#include "server/solve/initialize/initialization.h"
+#include "server/solve/rig/outliers.h"
+#include "server/solve/rig/sphere_centres.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kMinErrorsToChoose = 30;
+
+int64_t BlockOf(const TimeBlocks& blocks, int64_t rig_time_ns) {
+  const int64_t since = rig_time_ns - blocks.origin_ns;
+  return since >= 0 ? since / blocks.block_ns : -1 - (-since - 1) / blocks.block_ns;
+}
+
+// The instants of the problem, with the estimates of the solution, none of them placed yet.
+BuiltProblem BuildForJudging(const RigObservations& rig, const RigSolution& solution,
+                             const RigSolveOptions& options,
+                             const std::function<bool(int64_t)>& select) {
+  InstantList list = FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks),
+                                  {options.tolerance_s});
+  std::erase_if(list.instants,
+                [&select](const Instant& instant) { return !select(instant.rig_time_ns); });
+  BuiltProblem built = BuildProblem(rig.target, rig.tracks, solution.motions, rig.index,
+                                    solution.clocks, list.instants, options.sigma_px);
+  built.problem.cameras = solution.built.problem.cameras;
+  built.problem.clocks = solution.built.problem.clocks;
+  built.problem.target = solution.built.problem.target;
+  built.problem.distance = solution.built.problem.distance;
+  for (BundleInstant& instant : built.problem.instants) instant.used = false;
+  return built;
+}
+
+void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
+                 const BundleInstant& instant, EvaluatedErrors* errors) {
+  const std::vector<InlierView> views = InlierViews(problem, intrinsics, instant);
+  for (const InlierView& left_out : views) {
+    const auto camera = static_cast<size_t>(left_out.camera);
+    std::vector<PointView> others;
+    for (const InlierView& view : views) {
+      if (view.marker == left_out.marker && view.camera != left_out.camera && view.has_ray) {
+        others.push_back(view.view);
+      }
+    }
+    Eigen::Vector3d point;
+    Eigen::Vector2d pixel;
+    if (others.size() < 2 || !Triangulate(others, &point) ||
+        !Project(intrinsics[camera], left_out.view.cam_from_rig * point, &pixel)) {
+      continue;
+    }
+    errors->leave_one_out_px[camera].push_back((pixel - left_out.centre_px).norm());
+  }
+}
+
+double MeanOfMeans(const std::vector<std::vector<double>>& errors) {
+  double sum = 0;
+  int cameras = 0;
+  for (const std::vector<double>& camera : errors) {
+    if (camera.empty()) continue;
+    std::vector<double> sorted = camera;
+    std::sort(sorted.begin(), sorted.end());
+    sum += std::accumulate(sorted.begin(), sorted.end(), 0.0) / static_cast<double>(sorted.size());
+    ++cameras;
+  }
+  return cameras == 0 ? std::numeric_limits<double>::infinity() : sum / cameras;
+}
+
+size_t CountAll(const std::vector<std::vector<double>>& errors) {
+  size_t count = 0;
+  for (const std::vector<double>& camera : errors) count += camera.size();
+  return count;
+}
+
+}  // namespace
+
+bool TimeBlocks::IsHeldOut(int64_t rig_time_ns, int remainder) const {
+  const int64_t block = BlockOf(*this, rig_time_ns);
+  return ((block % period) + period) % period == remainder;
+}
+
+bool TimeBlocks::IsKept(int64_t rig_time_ns, int remainder) const {
+  return !IsHeldOut(rig_time_ns, remainder) && !IsHeldOut(rig_time_ns - guard_ns, remainder) &&
+         !IsHeldOut(rig_time_ns + guard_ns, remainder);
+}
+
+EvaluatedErrors Judge(const RigObservations& rig, const RigSolution& solution,
+                      const RigSolveOptions& options,
+                      const std::function<bool(int64_t rig_time_ns)>& select) {
+  BuiltProblem built = BuildForJudging(rig, solution, options, select);
+  BundleProblem& problem = built.problem;
+  EvaluatedErrors errors;
+  errors.reprojection_px.resize(problem.cameras.size());
+  errors.leave_one_out_px.resize(problem.cameras.size());
+  errors.instant_count = PlaceInstants(options.start_threshold_px, &problem);
+  CorrectSphereCentres(rig.target, rig.tracks, solution.motions, IsMetric(rig, options), &built);
+  ClassifyOutliers(options.outliers, &problem);
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    ForEachUsedMarker(problem, instant,
+                      [&](const BundleObservation& observation, const BundleMarker& marker) {
+                        Eigen::Vector2d residual;
+                        if (!MarkerResidualPx(problem, instant, observation, marker, &residual))
+                          return;
+                        errors.reprojection_px[static_cast<size_t>(observation.camera)].push_back(
+                            residual.norm());
+                      });
+    LeaveOneOut(problem, intrinsics, instant, &errors);
+  }
+  errors.lengths = MeasureLengths(problem, problem.target.marker_positions_m, 3);
+  return errors;
+}
+
+double ChoiceScorePx(const EvaluatedErrors& errors) {
+  if (CountAll(errors.leave_one_out_px) >= kMinErrorsToChoose) {
+    return MeanOfMeans(errors.leave_one_out_px);
+  }
+  if (CountAll(errors.reprojection_px) >= kMinErrorsToChoose) {
+    return MeanOfMeans(errors.reprojection_px);
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "server/solve/evaluate/length_error.h"
+#include "server/solve/rig/rig_solver.h"
+
+namespace rigcal::server {
+
+// Time in blocks, some of which stay out of a solve that is judged on them.
+struct TimeBlocks {
+  int64_t origin_ns = 0;  // rig time at which block 0 begins
+  int64_t block_ns = 2'000'000'000;
+  int64_t guard_ns = 200'000'000;  // around a block that is held out, no part of either side
+  int period = 4;
+
+  // In a block whose number leaves `remainder` when divided by the period.
+  bool IsHeldOut(int64_t rig_time_ns, int remainder) const;
+  // Neither in such a block nor within the guard of one.
+  bool IsKept(int64_t rig_time_ns, int remainder) const;
+};
+
+// Errors of a solution on instants, by camera of the rig; inlier markers only.
+struct EvaluatedErrors {
+  // Reprojection of the rigid target placed by all cameras that saw it.
+  std::vector<std::vector<double>> reprojection_px;
+  // Each marker triangulated from the other cameras alone (two at least) and projected into the one
+  // left out.
+  std::vector<std::vector<double>> leave_one_out_px;
+  LengthErrors lengths;  // from at least three cameras, without the wand constraint
+  int instant_count = 0;
+};
+
+// Places the target in those instants for which `select` holds, by the cameras, clocks and target
+// of the solution alone, and measures. Outliers are found anew by the rule of outliers.h.
+EvaluatedErrors Judge(const RigObservations& rig, const RigSolution& solution,
+                      const RigSolveOptions& options,
+                      const std::function<bool(int64_t rig_time_ns)>& select);
+
+// One figure to choose by: the mean over the cameras of the leave-one-camera-out error, or where
+// there is too little of it of the reprojection error. Infinite where there is nothing to judge by.
+double ChoiceScorePx(const EvaluatedErrors& errors);
+
+}  // namespace rigcal::server

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/length_error.h"
+
+#include <cmath>
+#include <optional>
+
+#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/geometry/inlier_views.h"
+#include "server/solve/geometry/triangulation.h"
+
+namespace rigcal::server {
+namespace {
+
+using MarkerPoints = std::vector<std::optional<Eigen::Vector3d>>;
+
+MarkerPoints TriangulateMarkers(const BundleProblem& problem,
+                                const std::vector<Intrinsics>& intrinsics,
+                                const BundleInstant& instant, int min_cameras) {
+  std::vector<std::vector<PointView>> views(problem.target.marker_positions_m.size());
+  for (const InlierView& seen : InlierViews(problem, intrinsics, instant)) {
+    if (seen.has_ray) views[static_cast<size_t>(seen.marker)].push_back(seen.view);
+  }
+  MarkerPoints points(views.size());
+  for (size_t m = 0; m < views.size(); ++m) {
+    Eigen::Vector3d point;
+    if (static_cast<int>(views[m].size()) >= min_cameras && Triangulate(views[m], &point)) {
+      points[m] = point;
+    }
+  }
+  return points;
+}
+
+}  // namespace
+
+LengthErrors MeasureLengths(const BundleProblem& problem,
+                            const std::vector<double>& expected_positions_m, int min_cameras,
+                            const std::vector<bool>& select) {
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
+  LengthErrors result;
+  result.errors_m.resize(expected_positions_m.empty() ? 0 : expected_positions_m.size() - 1);
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const BundleInstant& instant = problem.instants[i];
+    if (!instant.used || (!select.empty() && !select[i])) continue;
+    const MarkerPoints points = TriangulateMarkers(problem, intrinsics, instant, min_cameras);
+    for (size_t m = 0; m + 1 < points.size(); ++m) {
+      if (!points[m] || !points[m + 1]) continue;
+      const double expected_m = expected_positions_m[m + 1] - expected_positions_m[m];
+      result.errors_m[m].push_back((*points[m + 1] - *points[m]).norm() - expected_m);
+    }
+  }
+  return result;
+}
+
+std::vector<SpanError> SummariseSpans(const LengthErrors& errors,
+                                      const std::vector<double>& expected_positions_m) {
+  std::vector<SpanError> spans;
+  for (size_t s = 0; s < errors.errors_m.size(); ++s) {
+    SpanError span;
+    span.length_m = expected_positions_m[s + 1] - expected_positions_m[s];
+    span.count = static_cast<uint32_t>(errors.errors_m[s].size());
+    double sum = 0, squares = 0;
+    for (const double error : errors.errors_m[s]) {
+      sum += error;
+      squares += error * error;
+    }
+    if (span.count > 0) {
+      span.mean_error_m = sum / span.count;
+      span.error_rms_m = std::sqrt(squares / span.count);
+    }
+    spans.push_back(span);
+  }
+  return spans;
+}
+
+double OverallRms(const LengthErrors& errors) {
+  double squares = 0;
+  size_t count = 0;
+  for (const std::vector<double>& span : errors.errors_m) {
+    for (const double error : span) squares += error * error;
+    count += span.size();
+  }
+  return count == 0 ? 0 : std::sqrt(squares / static_cast<double>(count));
+}
+
+}  // namespace rigcal::server

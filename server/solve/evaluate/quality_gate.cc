@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/quality_gate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace rigcal::server {
+namespace {
+
+// Collects what speaks against each grade.
+class GradeBuilder {
+ public:
+  // `what` reads "camera c: held-out error"; `scale` and `unit` are for people.
+  void Measure(const std::string& what, double value, const QualityLimit& limit, double scale,
+               const std::string& unit) {
+    if (value <= limit.good) return;
+    // NaN is bad, too.
+    const bool usable = value <= limit.usable;
+    const double passed = usable ? limit.good : limit.usable;
+    Add(usable ? QualityGrade::kUsable : QualityGrade::kBad,
+        absl::StrFormat("%s is %.3g %s, more than %.3g %s", what, scale * value, unit,
+                        scale * passed, unit));
+  }
+  void Add(QualityGrade grade, std::string reason) {
+    (grade == QualityGrade::kBad ? bad_ : usable_).push_back(std::move(reason));
+  }
+  Quality Result(std::string reason_for_good) && {
+    if (!bad_.empty()) return {QualityGrade::kBad, std::move(bad_)};
+    if (!usable_.empty()) return {QualityGrade::kUsable, std::move(usable_)};
+    return {QualityGrade::kGood, {std::move(reason_for_good)}};
+  }
+
+ private:
+  std::vector<std::string> bad_, usable_;
+};
+
+void JudgeCamera(const CalibratedCamera& camera, const QualityLimits& limits,
+                 GradeBuilder* grade_builder) {
+  const std::string name = absl::StrCat("camera ", camera.camera, ": ");
+  const bool held_out =
+      camera.held_out && camera.held_out->marker_count >= limits.min_held_out_count;
+  if (held_out) {
+    grade_builder->Measure(name + "held-out mean error", camera.held_out->mean_px,
+                           limits.held_out_mean_px, 1, "px");
+  } else {
+    grade_builder->Add(
+        QualityGrade::kUsable,
+        absl::StrCat(name, "too little of it could be held out to grade it (",
+                     camera.held_out ? camera.held_out->marker_count : 0, " markers, ",
+                     limits.min_held_out_count, " are needed); record longer"));
+    grade_builder->Measure(name + "mean error", camera.residuals.inlier.mean_px,
+                           limits.inlier_mean_px, 1, "px");
+  }
+  if (camera.leave_one_out && camera.leave_one_out->marker_count >= limits.min_held_out_count) {
+    grade_builder->Measure(name + "mean error where the other cameras put the markers",
+                           camera.leave_one_out->mean_px, limits.leave_one_out_mean_px, 1, "px");
+  }
+  const uint32_t markers = camera.residuals.outlier_count + camera.residuals.inlier.marker_count;
+  grade_builder->Measure(
+      name + "share of outliers",
+      static_cast<double>(camera.residuals.outlier_count) / std::max(1u, markers),
+      limits.outlier_share, 100, "%");
+}
+
+void EvaluateFinding(const CalibrationResult& result, const Finding& finding,
+                     GradeBuilder* grade_builder) {
+  const auto found = std::find_if(
+      result.cameras.begin(), result.cameras.end(),
+      [&finding](const CalibratedCamera& camera) { return camera.camera == finding.camera; });
+  const CalibratedCamera* camera = found == result.cameras.end() ? nullptr : &*found;
+  const std::string who =
+      finding.camera.empty() ? "the rig" : absl::StrCat("camera ", finding.camera);
+  // What the solve has taken out itself is no fault of the calibration.
+  if (finding.kind == "camera_moved") {
+    grade_builder->Add(QualityGrade::kBad, absl::StrCat(who, " moved while it was recorded"));
+  } else if (finding.kind == "wrong_intrinsics" && !(camera && camera->intrinsics_refined)) {
+    grade_builder->Add(QualityGrade::kUsable,
+                       absl::StrCat(who, " has wrong intrinsics (see findings)"));
+  } else if (finding.kind == "clock_offset" && camera && !camera->time_offset_estimated) {
+    grade_builder->Add(QualityGrade::kUsable,
+                       absl::StrCat("the clock of ", who, " is off, and was kept as given"));
+  } else if (finding.kind == "rolling_shutter") {
+    grade_builder->Add(QualityGrade::kUsable,
+                       absl::StrCat(who, " has a rolling shutter (see findings)"));
+  } else if (finding.kind == "wrong_wand_length") {
+    grade_builder->Add(QualityGrade::kUsable, "the wand is not as it was given (see findings)");
+  } else if (finding.kind == "narrow_baseline") {
+    grade_builder->Add(QualityGrade::kUsable,
+                       absl::StrCat(who, " sees the wand from the same direction as the others"));
+  } else if (finding.kind == "loose_pose") {
+    grade_builder->Add(
+        QualityGrade::kUsable,
+        absl::StrFormat("%s: its position is known to %.0f mm only", who, finding.value));
+  } else if (finding.kind == "weak_link") {
+    grade_builder->Add(QualityGrade::kUsable,
+                       absl::StrCat(who, " hangs on few instants (see findings)"));
+  }
+}
+
+void EvaluateTarget(const CalibratedTarget& target, const QualityLimits& limits,
+                    GradeBuilder* grade_builder) {
+  const double whole_m = target.marker_positions_m.empty() ? 0 : target.marker_positions_m.back();
+  if (!(whole_m > 0)) return;
+  for (size_t s = 0; s < target.spans.size(); ++s) {
+    const SpanError& span = target.spans[s];
+    if (span.held_out_count < limits.min_held_out_count) continue;
+    grade_builder->Measure(
+        absl::StrCat("held-out error of the wand's span ", s + 1, " against the wand's length"),
+        span.held_out_error_rms_m / whole_m, limits.length_error_rel, 100, "%");
+  }
+}
+
+}  // namespace
+
+Quality GradeQuality(const CalibrationResult& result, const QualityLimits& limits) {
+  GradeBuilder grade_builder;
+  double worst_px = 0;
+  for (const CalibratedCamera& camera : result.cameras) {
+    JudgeCamera(camera, limits, &grade_builder);
+    if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
+  }
+  EvaluateTarget(result.target, limits, &grade_builder);
+  for (const Finding& finding : result.findings) EvaluateFinding(result, finding, &grade_builder);
+  return std::move(grade_builder)
+      .Result(absl::StrFormat("every camera's held-out mean error is at most %.2f px", worst_px));
+}
+
+}  // namespace rigcal::server

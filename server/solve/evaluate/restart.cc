@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/restart.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/geometry/triangulation.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kMaxSights = 600;
+constexpr int kMinSights = 30;
+constexpr double kMinSightShare = 0.5;  // that must agree with a pose found anew
+constexpr int kResectionSamples = 300;
+constexpr size_t kMaxPairInstants = 100;
+
+// A marker as the trusted cameras triangulate it, and as another one sees it.
+struct Sight {
+  cv::Point3d x_in_rig;
+  cv::Point2d ray;
+};
+
+std::vector<Sight> SightsOf(const BundleProblem& problem, const std::vector<Eigen::Vector2d>& rays,
+                            const std::vector<bool>& trusted, int camera, double agree_px) {
+  std::vector<Sight> sights;
+  for (const BundleInstant& instant : problem.instants) {
+    for (size_t k = 0; k < problem.target.marker_positions_m.size(); ++k) {
+      std::vector<PointView> views;
+      std::vector<double> focal_px;
+      std::optional<Eigen::Vector2d> own;
+      for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+        const auto c = static_cast<size_t>(observation.camera);
+        for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+          const size_t m = problem.IndexOf(marker);
+          if (marker.marker != static_cast<int>(k) || !rays[m].allFinite()) continue;
+          if (observation.camera == camera) own = rays[m];
+          if (!trusted[c]) continue;
+          views.push_back({problem.cameras[c].cam_from_rig, rays[m]});
+          focal_px.push_back(problem.cameras[c].intrinsics[0]);
+        }
+      }
+      Eigen::Vector3d point;
+      if (!own || !Triangulate(views, &point)) continue;
+      bool agree = true;
+      for (size_t v = 0; v < views.size(); ++v) {
+        const Eigen::Vector2d ray = (views[v].cam_from_rig * point).hnormalized();
+        agree = agree && (ray - views[v].ray).norm() * focal_px[v] < agree_px;
+      }
+      if (agree) sights.push_back({{point.x(), point.y(), point.z()}, {own->x(), own->y()}});
+    }
+  }
+  return sights;
+}
+
+std::optional<RigidTransform> Resect(const std::vector<Sight>& sights, double threshold) {
+  if (static_cast<int>(sights.size()) < kMinSights) return std::nullopt;
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> rays;
+  const size_t count = std::min(sights.size(), kMaxSights);
+  for (size_t i = 0; i < count; ++i) {
+    points.push_back(sights[i * sights.size() / count].x_in_rig);
+    rays.push_back(sights[i * sights.size() / count].ray);
+  }
+  cv::Mat rotation_vector, translation, inliers, rotation_matrix;
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation_m;
+  try {
+    if (!cv::solvePnPRansac(points, rays, cv::Mat::eye(3, 3, CV_64F), cv::noArray(),
+                            rotation_vector, translation, false, kResectionSamples,
+                            static_cast<float>(threshold), 0.999, inliers, cv::SOLVEPNP_EPNP)) {
+      return std::nullopt;
+    }
+    cv::Rodrigues(rotation_vector, rotation_matrix);
+    cv::cv2eigen(rotation_matrix, rotation);
+    cv::cv2eigen(translation, translation_m);
+  } catch (const cv::Exception&) {
+    return std::nullopt;  // degenerate
+  }
+  if (inliers.rows < kMinSightShare * static_cast<double>(count)) return std::nullopt;
+  if (!rotation.allFinite() || !translation_m.allFinite()) return std::nullopt;
+  return RigidTransform{Eigen::Quaterniond(rotation).normalized(), translation_m};
+}
+
+// The solution with the doubted cameras' poses from the others' markers; none where there are too
+// few of either.
+std::optional<RigInitialization> ResectedStart(const RigSolution& solution,
+                                               const Agreement& agreement,
+                                               const std::vector<ClockCorrection>& clocks,
+                                               const RestartOptions& options) {
+  const BundleProblem& problem = solution.built.problem;
+  std::vector<bool> trusted(problem.cameras.size(), true);
+  for (const int c : agreement.doubted) trusted[static_cast<size_t>(c)] = false;
+  if (std::count(trusted.begin(), trusted.end(), true) < 2) return std::nullopt;
+  const std::vector<Eigen::Vector2d> rays = UndistortMarkers(problem);
+  RigInitialization start = StartFrom(solution);
+  start.clocks = clocks;
+  start.instants.clear();
+  for (const int c : agreement.doubted) {
+    const BundleCamera& camera = problem.cameras[static_cast<size_t>(c)];
+    const auto pose = Resect(SightsOf(problem, rays, trusted, c, options.agree_px),
+                             2 * options.agree_px / camera.intrinsics[0]);
+    if (!pose) return std::nullopt;
+    start.cameras[static_cast<size_t>(c)].cam_from_rig = *pose;
+  }
+  // The rig frame is where its camera says, also where that is one of those found anew.
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    if (!problem.cameras[c].pose_fixed) continue;
+    const RigidTransform old_from_new =
+        start.cameras[c].cam_from_rig.Inverse() * problem.cameras[c].cam_from_rig;
+    for (BundleCamera& camera : start.cameras) {
+      camera.cam_from_rig = camera.cam_from_rig * old_from_new;
+    }
+    start.cameras[c].cam_from_rig = problem.cameras[c].cam_from_rig;
+  }
+  return start;
+}
+
+// Share of the markers that two cameras show at once which fit the rigid target placed by these
+// two.
+double PairAgreement(const BundleProblem& problem, const std::vector<Eigen::Vector2d>& rays,
+                     const std::pair<int, int>& pair, double agree_px) {
+  std::vector<bool> has_pose(problem.cameras.size(), false);
+  has_pose[static_cast<size_t>(pair.first)] = has_pose[static_cast<size_t>(pair.second)] = true;
+  std::vector<const BundleInstant*> shared;
+  for (const BundleInstant& instant : problem.instants) {
+    int seen = 0;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      seen += has_pose[static_cast<size_t>(observation.camera)] ? 1 : 0;
+    }
+    if (seen == 2) shared.push_back(&instant);
+  }
+  TargetPoseFitOptions fit;
+  fit.truncation_px = agree_px;
+  int agreeing = 0, all = 0;
+  const size_t count = std::min(shared.size(), kMaxPairInstants);
+  for (size_t i = 0; i < count; ++i) {
+    BundleInstant instant = *shared[i * shared.size() / count];
+    int inliers = 0, markers = 0;
+    const bool placed = FitWand(problem, has_pose, rays, fit, &instant, &inliers, &markers);
+    agreeing += placed ? inliers : 0;
+    all += placed ? markers : 2;
+  }
+  return all > 0 ? static_cast<double>(agreeing) / all : 0;
+}
+
+std::optional<std::pair<int, int>> WorstPair(const RigSolution& solution,
+                                             const RestartOptions& options) {
+  const std::vector<Eigen::Vector2d> rays = UndistortMarkers(solution.built.problem);
+  std::optional<std::pair<int, int>> worst;
+  double worst_share = 0;
+  for (const std::pair<int, int>& pair : solution.start_tree) {
+    const double share = PairAgreement(solution.built.problem, rays, pair, options.agree_px);
+    if (worst && share >= worst_share) continue;
+    worst = pair;
+    worst_share = share;
+  }
+  return worst;
+}
+
+Finding RestartedFinding(const BundleProblem& problem, const Agreement& before,
+                         const Agreement& after, const std::string& how) {
+  const auto worst = static_cast<size_t>(before.doubted.front());
+  const std::string& name = problem.cameras[worst].name;
+  return {"restarted", name, after.error_px, "px",
+          absl::StrFormat("the first solve had ended in a wrong minimum: %.0f %% of this camera's "
+                          "markers agreed with it. Started again %s, %.0f %% agree, and the error "
+                          "of all markers fell from %.1f to %.1f px. A wave that is flat, or "
+                          "seldom seen by two cameras at once, has such minima: turn the wand and "
+                          "move it in depth where %s and its neighbours see it",
+                          100 * before.shares[worst], how, 100 * after.shares[worst],
+                          before.error_px, after.error_px, name)};
+}
+
+}  // namespace
+
+Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& options) {
+  std::vector<int> seen(problem.cameras.size(), 0), agreeing(problem.cameras.size(), 0);
+  Agreement agreement;
+  int count = 0;
+  for (const BundleInstant& instant : problem.instants) {
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      const auto c = static_cast<size_t>(observation.camera);
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        Eigen::Vector2d residual;
+        const bool placed = MarkerResidualPx(problem, instant, observation, marker, &residual);
+        const double error_px = placed ? residual.norm() : options.truncation_px;
+        const bool agrees =
+            placed && (error_px < options.agree_px ||
+                       (marker.sqrt_information * residual).norm() < options.agree_sigmas);
+        ++count;
+        ++seen[c];
+        agreeing[c] += agrees ? 1 : 0;
+        // Not so as to let a NaN through.
+        agreement.error_px += error_px < options.truncation_px ? error_px : options.truncation_px;
+      }
+    }
+  }
+  agreement.error_px /= std::max(1, count);
+  for (size_t c = 0; c < seen.size(); ++c) {
+    const bool judged = seen[c] >= std::max(1, options.min_markers);
+    agreement.shares.push_back(judged ? static_cast<double>(agreeing[c]) / seen[c] : 1);
+    if (agreement.shares[c] < options.doubt_share) agreement.doubted.push_back(static_cast<int>(c));
+  }
+  std::stable_sort(agreement.doubted.begin(), agreement.doubted.end(), [&agreement](int a, int b) {
+    return agreement.shares[static_cast<size_t>(a)] < agreement.shares[static_cast<size_t>(b)];
+  });
+  return agreement;
+}
+
+absl::StatusOr<std::optional<Finding>> RestartIfWrong(const RigObservations& rig,
+                                                      const std::vector<ClockCorrection>& clocks,
+                                                      const RigSolveOptions& solve,
+                                                      const RestartOptions& options,
+                                                      RigSolution* solution) {
+  std::optional<Finding> finding;
+  const Agreement first = MeasureAgreement(solution->built.problem, options);
+  Agreement best = first;
+  RigSolveOptions again = solve;
+  bool resect = true;
+  RigSolution base;  // what the next start from nothing is to avoid
+  for (int i = 0; i < options.max_restarts && !best.doubted.empty(); ++i) {
+    std::optional<RigInitialization> start;
+    if (resect) start = ResectedStart(*solution, best, clocks, options);
+    resect = false;
+    std::string how = "with its pose from what the other cameras see";
+    absl::StatusOr<RigSolution> tried = absl::UnknownError("not tried");
+    if (start) {
+      tried = SolveRig(rig, clocks, again, &*start);
+    } else {
+      const RigSolution& misled = base.start_tree.empty() ? *solution : base;
+      if (const auto pair = WorstPair(misled, options)) again.avoided_pairs.push_back(*pair);
+      again.seed = solve.seed + 0x9e3779b9u * static_cast<uint32_t>(i + 1);
+      how = "from other pairs of cameras";
+      tried = SolveRig(rig, clocks, again);
+    }
+    if (absl::IsCancelled(tried.status())) return tried.status();
+    if (!tried.ok()) continue;
+    const Agreement now = MeasureAgreement(tried->built.problem, options);
+    if (now.error_px < (1 - options.must_gain) * best.error_px) {
+      finding = RestartedFinding(tried->built.problem, first, now, how);
+      best = now;
+      *solution = *std::move(tried);
+      base = {};
+      resect = true;
+    } else if (!start) {
+      base = *std::move(tried);
+    }
+  }
+  return finding;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/uncertainty.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+
+namespace rigcal::server {
+namespace {
+
+// Freedom of a line and of a point.
+constexpr int kLineParameters = 5, kPointParameters = 3;
+// Of two cameras that see one marker each nothing is left to judge by.
+constexpr double kMaxLeverage = 0.8;
+
+double InverseSquare(double sigma) { return sigma > 0 ? 1 / (sigma * sigma) : 0; }
+
+// What the priors put into the information.
+Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
+                                 const std::vector<ReducedParameter>& parameters) {
+  const auto size = static_cast<Eigen::Index>(parameters.size());
+  Eigen::MatrixXd prior = Eigen::MatrixXd::Zero(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const ReducedParameter& parameter = parameters[static_cast<size_t>(i)];
+    const auto index = static_cast<size_t>(parameter.index);
+    switch (parameter.kind) {
+      case ReducedParameterKind::kIntrinsic:
+        prior(i, i) = InverseSquare(problem.cameras[index].intrinsics_sigma[parameter.component]);
+        break;
+      case ReducedParameterKind::kTimeOffset:
+        prior(i, i) = InverseSquare(problem.clocks[index].offset_sigma_s);
+        break;
+      case ReducedParameterKind::kTimeRate:
+        prior(i, i) = InverseSquare(problem.clocks[index].rate_sigma);
+        break;
+      case ReducedParameterKind::kMarkerPosition: {
+        const double weight = InverseSquare(problem.target.span_sigma_m);
+        const bool last = index + 1 == problem.target.marker_positions_m.size();
+        prior(i, i) = last ? weight : 2 * weight;
+        for (Eigen::Index j = 0; j < size; ++j) {
+          const ReducedParameter& other = parameters[static_cast<size_t>(j)];
+          if (other.kind == parameter.kind && std::abs(other.index - parameter.index) == 1) {
+            prior(i, j) = -weight;
+          }
+        }
+        break;
+      }
+      default:
+        break;
+    }
+  }
+  return prior;
+}
+
+// |r|^2 of the whitened residuals of an instant's markers that are used.
+struct SquaredNorm {
+  double value, noise_share;
+};
+std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleInstant& instant) {
+  const BundleProblem& problem = built.problem;
+  std::vector<SquaredNorm> squares;
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      Eigen::Vector2d residual;
+      if (marker.used && MarkerResidualPx(problem, instant, observation, marker, &residual)) {
+        squares.push_back({(marker.sqrt_information * residual).squaredNorm(),
+                           built.sources[problem.IndexOf(marker)].noise_share});
+      }
+    }
+  }
+  return squares;
+}
+
+// The factor of uncertainty.h, for the Cauchy loss of the solve.
+double VarianceFactor(const BuiltProblem& built, double loss_scale, Eigen::Index free) {
+  const BundleProblem& problem = built.problem;
+  const double c2 = loss_scale * loss_scale;
+  const int own =
+      problem.target.marker_positions_m.size() == 1 ? kPointParameters : kLineParameters;
+  std::vector<std::vector<SquaredNorm>> instants;
+  double count = 0;
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    instants.push_back(SquaredNorms(built, instant));
+    count += static_cast<double>(instants.back().size());
+  }
+  const double shared = count > 0 ? static_cast<double>(free) / (2 * count) : 1;
+  double weight = 0, slope = 0, slope_square = 0, square = 0, taken = 0;
+  for (const std::vector<SquaredNorm>& squares : instants) {
+    const double leverage =
+        std::min(kMaxLeverage,
+                 shared + 0.5 * own / static_cast<double>(std::max<size_t>(1, squares.size())));
+    for (const auto& [raw, noise_share] : squares) {
+      weight += 1 / (1 + raw / c2);
+      const double s = raw / (noise_share * (1 - leverage));
+      const double w = 1 / (1 + s / c2);
+      // The derivative of psi has the eigenvalues w, across the residual, and 2 w^2 - w along it.
+      slope += w * w;
+      slope_square += w * w * (1 + 2 * w * (w - 1));
+      taken += leverage;
+      square += 0.5 * w * w * s;
+    }
+  }
+  if (2 * count <= own * static_cast<double>(instants.size()) + static_cast<double>(free) ||
+      !(slope > 0)) {
+    return 1;
+  }
+  const double spread = slope_square * count / (slope * slope) - 1;
+  const double correction = 1 + taken / count * spread;
+  return correction * correction * weight * square / (slope * slope);
+}
+
+// Symmetric inverse by Cholesky of the matrix with a unit diagonal: parameters of very different
+// units share it.
+absl::StatusOr<Eigen::MatrixXd> Inverse(const Eigen::MatrixXd& information) {
+  const Eigen::VectorXd diagonal = information.diagonal();
+  if (!(diagonal.minCoeff() > 0)) {
+    return absl::InternalError("uncertainty: a parameter is not determined by the data");
+  }
+  const Eigen::VectorXd scale = diagonal.cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> factor(scaled);
+  if (factor.info() != Eigen::Success) {
+    return absl::InternalError("uncertainty: the parameters are not determined by the data");
+  }
+  const Eigen::MatrixXd inverse =
+      factor.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
+  if (!inverse.allFinite()) return absl::InternalError("uncertainty: not finite");
+  return Eigen::MatrixXd(scale.asDiagonal() * inverse * scale.asDiagonal());
+}
+
+CameraUncertainty OfCamera(const BundleProblem& problem, int index, const RigUncertainty& rig) {
+  const BundleCamera& camera = problem.cameras[static_cast<size_t>(index)];
+  CameraUncertainty result;
+  const Eigen::Index rotation = rig.Row({ReducedParameterKind::kRotation, index, 0});
+  if (rotation >= 0) {
+    // The centre -R^T t under t + dt and exp([w]x) R moves by -R^T dt - R^T [t]x w.
+    const Eigen::Vector3d& t = camera.cam_from_rig.translation_m;
+    Eigen::Matrix3d cross;
+    cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+    const Eigen::Matrix3d rig_from_cam =
+        camera.cam_from_rig.rotation.toRotationMatrix().transpose();
+    Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(3, rig.shape_covariance.cols());
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Index w = rig.Row({ReducedParameterKind::kRotation, index, i});
+      const Eigen::Index d = rig.Row({ReducedParameterKind::kTranslation, index, i});
+      result.rotation_sigma_rad[i] = std::sqrt(std::max(0.0, rig.shape_covariance(w, w)));
+      jacobian.col(w) = -rig_from_cam * cross.col(i);
+      jacobian.col(d) = -rig_from_cam.col(i);
+    }
+    result.position_sigma_m =
+        (jacobian * rig.shape_covariance * jacobian.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+  }
+  if (camera.intrinsics_fixed) return result;
+  for (int i = 0; i < static_cast<int>(camera.intrinsics.size()); ++i) {
+    const Eigen::Index row = rig.Row({ReducedParameterKind::kIntrinsic, index, i});
+    result.intrinsics_sigma.push_back(
+        row < 0 ? 0 : std::sqrt(std::max(0.0, rig.shape_covariance(row, row))));
+  }
+  return result;
+}
+
+// Derivatives of the distance that gives the scale, by row.
+Eigen::VectorXd DistanceGradient(const BundleProblem& problem, const RigUncertainty& rig) {
+  const BundleDistance& distance = *problem.distance;
+  const RigidTransform& a = problem.cameras[static_cast<size_t>(distance.camera_a)].cam_from_rig;
+  const RigidTransform& b = problem.cameras[static_cast<size_t>(distance.camera_b)].cam_from_rig;
+  const Eigen::Vector3d direction =
+      (b.SourceFromTargetTranslation() - a.SourceFromTargetTranslation()).normalized();
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(rig.covariance.rows());
+  for (const bool is_a : {true, false}) {
+    const int camera = is_a ? distance.camera_a : distance.camera_b;
+    const RigidTransform& pose = is_a ? a : b;
+    const Eigen::Vector3d outward = pose.rotation * Eigen::Vector3d(is_a ? -direction : direction);
+    const Eigen::Vector3d turn = pose.translation_m.cross(outward);
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Index w = rig.Row({ReducedParameterKind::kRotation, camera, i});
+      const Eigen::Index d = rig.Row({ReducedParameterKind::kTranslation, camera, i});
+      if (w >= 0) gradient[w] = turn[i];
+      if (d >= 0) gradient[d] = -outward[i];
+    }
+  }
+  return gradient;
+}
+
+// The solver's hold on the distance is not what is known of it: that is `sigma_m`, 0 for a unit.
+void DescribeDistance(const BundleProblem& problem, double sigma_m, RigUncertainty* rig) {
+  const Eigen::VectorXd gradient = DistanceGradient(problem, *rig);
+  const Eigen::VectorXd column = rig->covariance * gradient;
+  const double variance = gradient.dot(column);
+  rig->shape_covariance = rig->covariance - column * column.transpose() / variance;
+  const double share = sigma_m / variance;
+  rig->covariance = rig->shape_covariance + share * share * column * column.transpose();
+  rig->scale_sigma_rel = sigma_m / problem.distance->distance_m;
+}
+
+void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
+  const std::vector<double>& positions = problem.target.marker_positions_m;
+  const int last = static_cast<int>(positions.size()) - 1;
+  rig->shape_covariance = rig->covariance;
+  const Eigen::Index row = rig->Row({ReducedParameterKind::kMarkerPosition, last, 0});
+  if (row < 0) {
+    // Not estimated: the tolerance of the spans is all that is known.
+    rig->scale_sigma_rel = std::sqrt(last) * problem.target.span_sigma_m / positions.back();
+    rig->marker_position_sigma_m.assign(positions.size(), 0);
+    return;
+  }
+  const double variance = rig->covariance(row, row);
+  rig->scale_sigma_rel = std::sqrt(variance) / positions.back();
+  const Eigen::VectorXd column = rig->covariance.col(row);
+  rig->shape_covariance -= column * column.transpose() / variance;
+  for (int m = 0; m <= last; ++m) {
+    const Eigen::Index own = rig->Row({ReducedParameterKind::kMarkerPosition, m, 0});
+    rig->marker_position_sigma_m.push_back(own < 0 ? 0 : std::sqrt(rig->covariance(own, own)));
+  }
+}
+
+}  // namespace
+
+Eigen::Index RigUncertainty::Row(const ReducedParameter& parameter) const {
+  const auto found = std::find(parameters.begin(), parameters.end(), parameter);
+  return found == parameters.end() ? -1 : found - parameters.begin();
+}
+
+double RigUncertainty::ClockSigma(ReducedParameterKind kind,
+                                  const std::vector<double>& weights) const {
+  Eigen::VectorXd row = Eigen::VectorXd::Zero(covariance.cols());
+  for (size_t k = 0; k < weights.size(); ++k) {
+    const Eigen::Index own = Row({kind, static_cast<int>(k), 0});
+    if (own >= 0) row[own] = weights[k];
+  }
+  return std::sqrt(std::max(0.0, row.dot(covariance * row)));
+}
+
+absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
+                                                  const RigSolveOptions& options) {
+  const BundleProblem& problem = solution.built.problem;
+  BundleOptions bundle;
+  bundle.loss_scale = options.loss_scale;
+  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
+                          ComputeReducedInformation(bundle, problem));
+  RigUncertainty result;
+  result.parameters = information.parameters;
+  const Eigen::MatrixXd prior = PriorInformation(problem, result.parameters);
+  result.variance_factor =
+      VarianceFactor(solution.built, options.loss_scale, information.information.rows());
+  RIGCAL_ASSIGN_OR_RETURN(
+      result.covariance,
+      Inverse((information.information - prior) / result.variance_factor + prior));
+  if (problem.distance) {
+    DescribeDistance(problem, options.known_distance_sigma_m, &result);
+  } else {
+    DescribeScale(problem, &result);
+  }
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    result.cameras.push_back(OfCamera(problem, static_cast<int>(c), result));
+  }
+  return result;
+}
+
+}  // namespace rigcal::server

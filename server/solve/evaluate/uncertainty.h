@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/rig/rig_solver.h"
+
+namespace rigcal::server {
+
+// What a solution is worth. The scale is that of the target's whole length, or with one marker that
+// of the distance of the problem (where it only names the unit, both covariances are the same). The
+// reference camera's pose and, in each session, one clock are held fixed (rig_solver.h).
+struct RigUncertainty {
+  std::vector<ReducedParameter> parameters;  // the rows of the covariances
+  Eigen::MatrixXd covariance;                // scale included
+  Eigen::MatrixXd shape_covariance;          // the length that gives the scale held fixed
+  double variance_factor = 1;                // what the residuals say about the stated sigmas
+  double scale_sigma_rel = 0;                // of that length; 0: the scale is not known
+  std::vector<CameraUncertainty> cameras;    // poses and intrinsics; of the shape
+  std::vector<double> marker_position_sigma_m;
+
+  // Row of a parameter, or -1 where it is held fixed.
+  Eigen::Index Row(const ReducedParameter& parameter) const;
+  // One sigma of a sum of offsets (or rates), `weights` by clock.
+  double ClockSigma(ReducedParameterKind kind, const std::vector<double>& weights) const;
+};
+
+// From the information of the bundle adjustment at its optimum. The data's part of it, in which
+// rho' weighs the markers, is scaled by the variance factor of an M-estimator (Huber, Robust
+// Statistics, section 7.6), here for residuals of two dimensions: with psi = rho'(s) e, s = |e|^2,
+//   K^2 * E[rho'] * E[rho'^2 s] / 2 / E[psi']^2,   K = 1 + h Var[psi'] / E[psi']^2,
+// with means over the markers for the expectations; psi' stands for the two eigenvalues of the
+// derivative, h for the share of free parameters in the numbers that determine them. Residuals are
+// smaller than errors: they are divided by sqrt(1 - h) first, with h of their own instant (Cook and
+// Weisberg, Residuals and Influence in Regression, section 2.1), and those of interpolated centres
+// by their noise_share (ImageMotion). For normal errors and the Cauchy loss at 2 sigmas the
+// covariance comes to 1.092 times the Cramer-Rao bound. Priors count as given. INTERNAL: a
+// parameter is not determined by the data.
+absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
+                                                  const RigSolveOptions& options);
+
+}  // namespace rigcal::server

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/geometry/essential_matrix.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <random>
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kKeptEssentials = 4;
+
+struct ScoredEssential {
+  double cost = std::numeric_limits<double>::infinity();
+  int inliers = 0;
+  Eigen::Matrix3d matrix;
+};
+
+double SampsonSquared(const Eigen::Matrix3d& essential, const PairMarker& marker) {
+  const Eigen::Vector3d a = marker.ray_a.homogeneous(), b = marker.ray_b.homogeneous();
+  const Eigen::Vector3d line_b = essential * a, line_a = essential.transpose() * b;
+  const double error = b.dot(line_b);
+  return error * error / (line_b.head<2>().squaredNorm() + line_a.head<2>().squaredNorm() + 1e-30);
+}
+
+// Stops as soon as the cost is beyond `most`: the score is then of no use.
+ScoredEssential ScoreEssential(const std::vector<PairInstant>& instants,
+                               const Eigen::Matrix3d& essential, double threshold, double most) {
+  ScoredEssential scored;
+  scored.matrix = essential;
+  scored.cost = 0;
+  const double limit = threshold * threshold;
+  for (const PairInstant& instant : instants) {
+    for (const PairMarker& marker : instant) {
+      const double distance = SampsonSquared(essential, marker);
+      if (distance < limit) {
+        ++scored.inliers;
+        scored.cost += distance / limit;
+      } else {
+        scored.cost += 1;
+      }
+    }
+    if (scored.cost > most) break;
+  }
+  return scored;
+}
+
+std::vector<Eigen::Matrix3d> EssentialsOfFive(const std::vector<PairMarker>& five) {
+  std::vector<cv::Point2d> a, b;
+  for (const PairMarker& marker : five) {
+    a.emplace_back(marker.ray_a.x(), marker.ray_a.y());
+    b.emplace_back(marker.ray_b.x(), marker.ray_b.y());
+  }
+  std::vector<Eigen::Matrix3d> essentials;
+  cv::Mat stacked;
+  try {
+    // With just five points OpenCV gives every solution, one below the other.
+    stacked = cv::findEssentialMat(a, b, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.999, 1.0);
+  } catch (const cv::Exception&) {
+    return essentials;  // a degenerate sample
+  }
+  for (int first = 0; first + 3 <= stacked.rows; first += 3) {
+    Eigen::Matrix3d essential;
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        essential(row, column) = stacked.at<double>(first + row, column);
+      }
+    }
+    if (essential.allFinite() && essential.norm() > 0) {
+      essentials.push_back(essential / essential.norm());
+    }
+  }
+  return essentials;
+}
+
+void Keep(const ScoredEssential& candidate, std::vector<ScoredEssential>* kept) {
+  const auto position = std::upper_bound(
+      kept->begin(), kept->end(), candidate,
+      [](const ScoredEssential& a, const ScoredEssential& b) { return a.cost < b.cost; });
+  kept->insert(position, candidate);
+  if (kept->size() > kKeptEssentials) kept->pop_back();
+}
+
+}  // namespace
+
+std::vector<Eigen::Matrix3d> SampleEssentials(const std::vector<PairInstant>& instants,
+                                              const RelativePoseOptions& options) {
+  const double threshold = options.threshold_px * 2 / (options.focal_a_px + options.focal_b_px);
+  int marker_count = 0;
+  for (const PairInstant& instant : instants) marker_count += static_cast<int>(instant.size());
+  std::mt19937_64 random(options.seed);
+  std::vector<ScoredEssential> kept;
+  int needed = options.max_samples;
+  for (int sample = 0; sample < std::max(options.min_samples, needed); ++sample) {
+    std::vector<size_t> chosen;
+    while (chosen.size() < 5) {
+      const size_t index = random() % instants.size();
+      if (std::find(chosen.begin(), chosen.end(), index) == chosen.end()) chosen.push_back(index);
+    }
+    std::vector<PairMarker> five;
+    for (const size_t index : chosen) {
+      five.push_back(instants[index][random() % instants[index].size()]);
+    }
+    for (const Eigen::Matrix3d& essential : EssentialsOfFive(five)) {
+      const double most = kept.size() < kKeptEssentials ? std::numeric_limits<double>::infinity()
+                                                        : kept.back().cost;
+      const ScoredEssential scored = ScoreEssential(instants, essential, threshold, most);
+      if (kept.empty() || scored.cost < kept.front().cost) {
+        const double share = static_cast<double>(scored.inliers) / marker_count;
+        const double all_good = std::min(std::pow(share, 5), 1 - 1e-9);
+        if (all_good > 1e-6) {
+          needed = std::min(options.max_samples,
+                            static_cast<int>(std::log(1e-4) / std::log1p(-all_good)) + 1);
+        }
+      }
+      Keep(scored, &kept);
+    }
+  }
+  std::vector<Eigen::Matrix3d> best;
+  for (const ScoredEssential& essential : kept) best.push_back(essential.matrix);
+  return best;
+}
+
+std::vector<RigidTransform> DecomposeEssential(const Eigen::Matrix3d& essential) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(essential, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d u = svd.matrixU(), v = svd.matrixV();
+  if (u.determinant() < 0) u.col(2) = -u.col(2);
+  if (v.determinant() < 0) v.col(2) = -v.col(2);
+  Eigen::Matrix3d w;
+  w << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  std::vector<RigidTransform> poses;
+  for (const Eigen::Matrix3d& rotation : {Eigen::Matrix3d(u * w * v.transpose()),
+                                          Eigen::Matrix3d(u * w.transpose() * v.transpose())}) {
+    const Eigen::Quaterniond quaternion = Eigen::Quaterniond(rotation).normalized();
+    poses.emplace_back(quaternion, u.col(2));
+    poses.emplace_back(quaternion, -u.col(2));
+  }
+  return poses;
+}
+
+}  // namespace rigcal::server

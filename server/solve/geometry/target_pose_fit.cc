@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/geometry/target_pose_fit.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "common/camera/camera_model.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/geometry/triangulation.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kMaxPairs = 12;
+constexpr int kRefineSteps = 8;
+
+struct Score {
+  double cost = std::numeric_limits<double>::infinity();
+  int inliers = 0;
+  int markers = 0;
+};
+
+// Stops as soon as the cost is beyond `most`: the score is then of no use.
+Score Evaluate(const BundleProblem& problem, const std::vector<bool>& has_pose,
+               const TargetPoseFitOptions& options, const BundleInstant& instant, double most) {
+  Score score;
+  score.cost = 0;
+  const double limit = options.truncation_px * options.truncation_px;
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      if (!marker.used) continue;
+      ++score.markers;
+      Eigen::Vector2d residual;
+      if (MarkerResidualPx(problem, instant, observation, marker, &residual) &&
+          residual.squaredNorm() < limit) {
+        ++score.inliers;
+        score.cost += residual.squaredNorm();
+      } else {
+        score.cost += limit;
+      }
+      if (score.cost > most) return score;
+    }
+  }
+  return score;
+}
+
+struct MarkerPoint {
+  double position_m;
+  Eigen::Vector3d x_in_rig;
+};
+
+// The markers both observations show, triangulated.
+std::vector<MarkerPoint> CommonMarkers(const BundleProblem& problem,
+                                       const std::vector<Eigen::Vector2d>& rays,
+                                       const BundleObservation& a, const BundleObservation& b) {
+  std::vector<MarkerPoint> points;
+  const auto pose = [&problem](const BundleObservation& observation) -> const RigidTransform& {
+    return problem.cameras[static_cast<size_t>(observation.camera)].cam_from_rig;
+  };
+  for (const BundleMarker& marker_a : problem.MarkersOf(a)) {
+    const Eigen::Vector2d& ray_a = rays[problem.IndexOf(marker_a)];
+    for (const BundleMarker& marker_b : problem.MarkersOf(b)) {
+      const Eigen::Vector2d& ray_b = rays[problem.IndexOf(marker_b)];
+      if (marker_a.marker != marker_b.marker || !marker_a.used || !marker_b.used) continue;
+      if (!ray_a.allFinite() || !ray_b.allFinite()) continue;
+      Eigen::Vector3d point;
+      if (TriangulatePair({pose(a), ray_a}, {pose(b), ray_b}, &point)) {
+        points.push_back(
+            {problem.target.marker_positions_m[static_cast<size_t>(marker_a.marker)], point});
+      }
+    }
+  }
+  return points;
+}
+
+std::optional<BundleInstant> Hypothesis(const BundleInstant& instant, const MarkerPoint& a,
+                                        const MarkerPoint& b, double span_share) {
+  const Eigen::Vector3d difference = b.x_in_rig - a.x_in_rig;
+  const double span_m = b.position_m - a.position_m;
+  const double length_m = difference.norm();
+  if (span_m == 0 || std::abs(length_m - std::abs(span_m)) > span_share * std::abs(span_m)) {
+    return std::nullopt;
+  }
+  BundleInstant result = instant;
+  result.direction = difference / (span_m > 0 ? length_m : -length_m);
+  result.origin_m =
+      0.5 * (a.x_in_rig + b.x_in_rig) - 0.5 * (a.position_m + b.position_m) * result.direction;
+  return result;
+}
+
+// Of a target of one marker.
+BundleInstant PointHypothesis(const BundleInstant& instant, const MarkerPoint& point) {
+  BundleInstant result = instant;
+  result.origin_m = point.x_in_rig - point.position_m * instant.direction;
+  return result;
+}
+
+std::vector<std::pair<int, int>> ObservationPairs(const BundleProblem& problem,
+                                                  const std::vector<bool>& has_pose,
+                                                  const BundleInstant& instant) {
+  std::vector<int> posed;
+  for (int o = 0; o < instant.observation_count; ++o) {
+    const int index = instant.first_observation + o;
+    if (has_pose[static_cast<size_t>(problem.observations[static_cast<size_t>(index)].camera)]) {
+      posed.push_back(index);
+    }
+  }
+  std::vector<std::pair<int, int>> pairs;
+  // By distance in the list, so that a cut at kMaxPairs still touches every camera.
+  for (size_t step = 1; step < posed.size() && pairs.size() < kMaxPairs; ++step) {
+    for (size_t i = 0; i + step < posed.size() && pairs.size() < kMaxPairs; ++i) {
+      pairs.emplace_back(posed[i], posed[i + step]);
+    }
+  }
+  return pairs;
+}
+
+// Gauss-Newton on the 5 degrees of freedom with Cauchy weights.
+void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, double scale_px,
+            BundleInstant* instant) {
+  for (int step = 0; step < kRefineSteps; ++step) {
+    Eigen::Matrix<double, 3, 2> tangent;
+    const Eigen::Vector3d& direction = instant->direction;
+    tangent.col(0) = direction.unitOrthogonal();
+    tangent.col(1) = direction.cross(tangent.col(0));
+    Eigen::Matrix<double, 5, 5> hessian = Eigen::Matrix<double, 5, 5>::Identity() * 1e-9;
+    Eigen::Matrix<double, 5, 1> gradient = Eigen::Matrix<double, 5, 1>::Zero();
+    for (const BundleObservation& observation : problem.ObservationsOf(*instant)) {
+      if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
+      const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+      const Eigen::Matrix3d rotation = camera.cam_from_rig.rotation.toRotationMatrix();
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        if (!marker.used) continue;
+        const double s = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+        Eigen::Vector2d pixel;
+        Eigen::Matrix<double, 2, 3> d_point;
+        if (!ProjectWithJacobian(camera.model, camera.intrinsics.data(),
+                                 camera.cam_from_rig * (instant->origin_m + s * direction), &pixel,
+                                 &d_point, nullptr)) {
+          continue;
+        }
+        const Eigen::Vector2d residual = pixel - CentreAtInstantPx(problem, observation, marker);
+        const double weight = 1 / (1 + residual.squaredNorm() / (scale_px * scale_px));
+        Eigen::Matrix<double, 2, 5> jacobian;
+        jacobian.leftCols<3>() = d_point * rotation;
+        jacobian.rightCols<2>() = s * jacobian.leftCols<3>() * tangent;
+        hessian += weight * jacobian.transpose() * jacobian;
+        gradient += weight * jacobian.transpose() * residual;
+      }
+    }
+    const Eigen::Matrix<double, 5, 1> delta = hessian.ldlt().solve(gradient);
+    if (!delta.allFinite()) return;
+    instant->origin_m -= delta.head<3>();
+    instant->direction = (direction - tangent * delta.tail<2>()).normalized();
+    if (delta.norm() < 1e-9) return;
+  }
+}
+
+}  // namespace
+
+void UndistortInstant(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
+                      const BundleInstant& instant, std::vector<Eigen::Vector2d>* rays) {
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      const absl::StatusOr<Eigen::Vector2d> ray =
+          Undistort(intrinsics[static_cast<size_t>(observation.camera)], marker.centre_px);
+      (*rays)[problem.IndexOf(marker)] =
+          ray.ok() ? *ray : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+}
+
+std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem) {
+  std::vector<Eigen::Vector2d> rays(problem.markers.size());
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
+  for (const BundleInstant& instant : problem.instants) {
+    UndistortInstant(problem, intrinsics, instant, &rays);
+  }
+  return rays;
+}
+
+bool FitWand(const BundleProblem& problem, const std::vector<bool>& has_pose,
+             const std::vector<Eigen::Vector2d>& rays, const TargetPoseFitOptions& options,
+             BundleInstant* instant, int* inlier_count, int* marker_count) {
+  Score best;
+  BundleInstant best_instant = *instant;
+  std::vector<MarkerPoint> points;
+  const auto try_pose = [&](const BundleInstant& candidate) {
+    const Score score = Evaluate(problem, has_pose, options, candidate, best.cost);
+    if (score.cost < best.cost) {
+      best = score;
+      best_instant = candidate;
+    }
+  };
+  const auto consider = [&](const MarkerPoint& a, const MarkerPoint& b) {
+    const std::optional<BundleInstant> candidate = Hypothesis(*instant, a, b, options.span_share);
+    if (candidate) try_pose(*candidate);
+  };
+  const bool is_point = problem.target.marker_positions_m.size() == 1;
+  for (const auto& [a, b] : ObservationPairs(problem, has_pose, *instant)) {
+    const std::vector<MarkerPoint> common =
+        CommonMarkers(problem, rays, problem.observations[static_cast<size_t>(a)],
+                      problem.observations[static_cast<size_t>(b)]);
+    for (size_t i = 0; i < common.size(); ++i) {
+      if (is_point) try_pose(PointHypothesis(*instant, common[i]));
+      for (size_t j = i + 1; j < common.size(); ++j) consider(common[i], common[j]);
+    }
+    points.insert(points.end(), common.begin(), common.end());
+  }
+  if (!std::isfinite(best.cost)) {
+    // No one pair shows two markers; markers from different pairs may.
+    for (size_t i = 0; i < points.size(); ++i) {
+      for (size_t j = i + 1; j < points.size(); ++j) consider(points[i], points[j]);
+    }
+  }
+  if (!std::isfinite(best.cost)) return false;
+  BundleInstant refined = best_instant;
+  Refine(problem, has_pose, options.truncation_px / 3, &refined);
+  const Score score = Evaluate(problem, has_pose, options, refined, best.cost);
+  if (refined.origin_m.allFinite() && refined.direction.allFinite() && score.cost <= best.cost) {
+    best = score;
+    best_instant = refined;
+  }
+  *instant = best_instant;
+  if (inlier_count != nullptr) *inlier_count = best.inliers;
+  if (marker_count != nullptr) *marker_count = best.markers;
+  return true;
+}
+
+}  // namespace rigcal::server

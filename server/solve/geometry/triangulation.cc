@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/geometry/triangulation.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kMinSinAngle = 1e-4;
+constexpr int kTriangulationSteps = 5;
+
+Eigen::Vector3d Bearing(const PointView& view) {
+  return view.cam_from_rig.rotation.conjugate() *
+         Eigen::Vector3d(view.ray.x(), view.ray.y(), 1).normalized();
+}
+
+bool AllBefore(const std::vector<PointView>& views, const Eigen::Vector3d& point) {
+  for (const PointView& view : views) {
+    if (!((view.cam_from_rig * point).z() > 1e-9)) return false;
+  }
+  return point.allFinite();
+}
+
+void Refine(const std::vector<PointView>& views, Eigen::Vector3d* point) {
+  for (int step = 0; step < kTriangulationSteps; ++step) {
+    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    for (const PointView& view : views) {
+      const Eigen::Vector3d x = view.cam_from_rig * *point;
+      const double inverse_z = 1 / x.z();
+      Eigen::Matrix<double, 2, 3> jacobian;
+      jacobian << inverse_z, 0, -x.x() * inverse_z * inverse_z,  //
+          0, inverse_z, -x.y() * inverse_z * inverse_z;
+      const Eigen::Matrix<double, 2, 3> d_rig =
+          jacobian * view.cam_from_rig.rotation.toRotationMatrix();
+      const Eigen::Vector2d residual = x.head<2>() * inverse_z - view.ray;
+      hessian += d_rig.transpose() * d_rig;
+      gradient += d_rig.transpose() * residual;
+    }
+    const Eigen::Vector3d delta = hessian.ldlt().solve(gradient);
+    const Eigen::Vector3d next = *point - delta;
+    if (!AllBefore(views, next)) return;
+    *point = next;
+    if (delta.norm() < 1e-12) return;
+  }
+}
+
+}  // namespace
+
+bool TriangulatePair(const PointView& a, const PointView& b, Eigen::Vector3d* x_in_rig) {
+  // Least squares of the distances along both bearings; equal to the linear method for two views.
+  const Eigen::Vector3d da = Bearing(a), db = Bearing(b);
+  if (!(da.cross(db).norm() > kMinSinAngle)) return false;
+  const Eigen::Vector3d ca = a.cam_from_rig.SourceFromTargetTranslation();
+  const Eigen::Vector3d cb = b.cam_from_rig.SourceFromTargetTranslation();
+  const Eigen::Vector3d base = cb - ca;
+  const double cosine = da.dot(db), scale = 1 / (1 - cosine * cosine);
+  const double along_a = (da.dot(base) - cosine * db.dot(base)) * scale;
+  const double along_b = (cosine * da.dot(base) - db.dot(base)) * scale;
+  if (!(along_a > 0) || !(along_b > 0)) return false;
+  *x_in_rig = 0.5 * (ca + along_a * da + cb + along_b * db);
+  return AllBefore({a, b}, *x_in_rig);
+}
+
+bool Triangulate(const std::vector<PointView>& views, Eigen::Vector3d* x_in_rig) {
+  if (views.size() < 2) return false;
+  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+  double max_sine = 0;
+  const Eigen::Vector3d first = Bearing(views.front());
+  for (const PointView& view : views) {
+    Eigen::Matrix<double, 3, 4> projection;
+    projection.leftCols<3>() = view.cam_from_rig.rotation.toRotationMatrix();
+    projection.col(3) = view.cam_from_rig.translation_m;
+    for (int row = 0; row < 2; ++row) {
+      const Eigen::Vector4d equation =
+          (view.ray[row] * projection.row(2) - projection.row(row)).transpose();
+      normal += equation * equation.transpose();
+    }
+    max_sine = std::max(max_sine, first.cross(Bearing(view)).norm());
+  }
+  if (!(max_sine > kMinSinAngle)) return false;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(normal);
+  const Eigen::Vector4d homogeneous = solver.eigenvectors().col(0);
+  if (!(std::abs(homogeneous[3]) > 1e-12)) return false;
+  Eigen::Vector3d point = homogeneous.head<3>() / homogeneous[3];
+  if (!AllBefore(views, point)) return false;
+  Refine(views, &point);
+  *x_in_rig = point;
+  return true;
+}
+
+}  // namespace rigcal::server

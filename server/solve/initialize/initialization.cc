@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/initialize/initialization.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/geometry/relative_pose.h"
+#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/initialize/overlap_graph.h"
+#include "server/solve/initialize/point_chain.h"
+#include "server/solve/initialize/shared_views.h"
+
+namespace rigcal::server {
+namespace {
+
+using Rays = std::vector<Eigen::Vector2d>;
+
+double MeanFocalPx(const BundleCamera& camera) {
+  return 0.5 * (camera.intrinsics[0] + camera.intrinsics[1]);
+}
+
+bool IsCancelled(const InitializationOptions& options) {
+  return options.cancelled != nullptr && options.cancelled->load();
+}
+
+// The instants two cameras share, with the markers both show.
+std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays& rays, int a,
+                                        int b) {
+  std::vector<PairInstant> shared;
+  for (const BundleInstant& instant : problem.instants) {
+    const BundleObservation *left = nullptr, *right = nullptr;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      if (observation.camera == a) left = &observation;
+      if (observation.camera == b) right = &observation;
+    }
+    if (left == nullptr || right == nullptr) continue;
+    PairInstant pair;
+    for (const BundleMarker& in_left : problem.MarkersOf(*left)) {
+      const Eigen::Vector2d& left_ray = rays[problem.IndexOf(in_left)];
+      for (const BundleMarker& in_right : problem.MarkersOf(*right)) {
+        const Eigen::Vector2d& right_ray = rays[problem.IndexOf(in_right)];
+        if (in_left.marker == in_right.marker && in_left.used && in_right.used &&
+            left_ray.allFinite() && right_ray.allFinite()) {
+          pair.push_back({in_left.marker, left_ray, right_ray});
+        }
+      }
+    }
+    if (!pair.empty()) shared.push_back(std::move(pair));
+  }
+  return shared;
+}
+
+OverlapGraph MakeGraph(const BundleProblem& problem, const InitializationOptions& options) {
+  OverlapGraph graph;
+  graph.notes = options.camera_notes;
+  graph.min_shared = options.min_instants;
+  graph.avoided = options.avoided_pairs;
+  graph.describe = [&problem](int a, int b) { return DescribeSharedViews(problem, a, b); };
+  const size_t count = problem.cameras.size();
+  for (const BundleCamera& camera : problem.cameras) graph.cameras.push_back(camera.name);
+  graph.view_counts.assign(count, 0);
+  graph.shared_counts.assign(count, std::vector<int>(count, 0));
+  for (const BundleInstant& instant : problem.instants) {
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      const auto a = static_cast<size_t>(observation.camera);
+      ++graph.view_counts[a];
+      for (const BundleObservation& other : problem.ObservationsOf(instant)) {
+        const auto b = static_cast<size_t>(other.camera);
+        if (a != b) ++graph.shared_counts[a][b];
+      }
+    }
+  }
+  return graph;
+}
+
+using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>;
+
+// What is referred to must outlive it. a < b.
+PairEstimate MakePairEstimate(const InitializationOptions& options, const Rays& rays,
+                              const BundleProblem& problem) {
+  return [&options, &rays, &problem, looked_at = 0](
+             int a, int b) mutable -> absl::StatusOr<std::optional<RelativePose>> {
+    if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
+    if (options.progress) {
+      ++looked_at;
+      const double cameras = static_cast<double>(problem.cameras.size());
+      options.progress(0.8 * looked_at / (looked_at + cameras));
+    }
+    RelativePoseOptions pair;
+    pair.marker_positions_m = problem.target.marker_positions_m;
+    pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
+    pair.focal_b_px = MeanFocalPx(problem.cameras[static_cast<size_t>(b)]);
+    pair.threshold_px = options.threshold_px;
+    pair.min_inlier_instants = options.min_instants;
+    // The pair's own seed, so that looking at one pair more changes no other.
+    pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
+    pair.rank = static_cast<int>(std::count(options.avoided_pairs.begin(),
+                                            options.avoided_pairs.end(), std::make_pair(a, b)));
+    return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
+  };
+}
+
+// Walks the tree from the fixed camera.
+void ChainPoses(const std::vector<OverlapEdge>& edges, BundleProblem* problem) {
+  std::vector<bool> done(problem->cameras.size(), false);
+  for (size_t c = 0; c < problem->cameras.size(); ++c) done[c] = problem->cameras[c].pose_fixed;
+  for (size_t round = 0; round < edges.size(); ++round) {
+    for (const OverlapEdge& edge : edges) {
+      const auto a = static_cast<size_t>(edge.a), b = static_cast<size_t>(edge.b);
+      if (done[a] == done[b]) continue;
+      RigidTransform& pose_a = problem->cameras[a].cam_from_rig;
+      RigidTransform& pose_b = problem->cameras[b].cam_from_rig;
+      if (done[a]) {
+        pose_b = edge.pose.b_from_a * pose_a;
+      } else {
+        pose_a = edge.pose.b_from_a.Inverse() * pose_b;
+      }
+      done[a] = done[b] = true;
+    }
+  }
+}
+
+double RobustCost(const BundleProblem& problem, const BundleInstant& instant, double limit_px) {
+  double cost = 0;
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      if (!marker.used) continue;
+      Eigen::Vector2d residual;
+      const bool seen = MarkerResidualPx(problem, instant, observation, marker, &residual);
+      cost += seen ? std::min(residual.squaredNorm(), limit_px * limit_px) : limit_px * limit_px;
+    }
+  }
+  return cost;
+}
+
+// A used marker behind its camera would stop the bundle adjustment; such an instant is not placed.
+bool IsBeforeItsCameras(const BundleProblem& problem, const BundleInstant& instant) {
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      Eigen::Vector2d residual;
+      if (marker.used && !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Every used marker is within the threshold.
+bool Agrees(const BundleProblem& problem, const BundleInstant& instant, double threshold_px) {
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      Eigen::Vector2d residual;
+      if (marker.used && (!MarkerResidualPx(problem, instant, observation, marker, &residual) ||
+                          !(residual.norm() < threshold_px))) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Evenly chosen instants of a problem whose others are put aside.
+std::vector<bool> ThinOut(int max_instants, BundleProblem* problem) {
+  std::vector<bool> was_used;
+  int used = 0;
+  for (const BundleInstant& instant : problem->instants) {
+    was_used.push_back(instant.used);
+    used += instant.used ? 1 : 0;
+  }
+  if (used <= max_instants) return was_used;
+  int index = 0;
+  for (BundleInstant& instant : problem->instants) {
+    if (!instant.used) continue;
+    const int64_t before = static_cast<int64_t>(index) * max_instants / used;
+    const int64_t after = static_cast<int64_t>(index + 1) * max_instants / used;
+    instant.used = after > before;
+    ++index;
+  }
+  return was_used;
+}
+
+absl::Status SettlePoses(const InitializationOptions& options, BundleProblem* problem) {
+  const std::vector<bool> was_used = ThinOut(options.max_instants, problem);
+  BundleOptions bundle;
+  bundle.loss_scale = options.threshold_px;
+  bundle.max_iterations = 30;
+  bundle.function_tolerance = 1e-5;
+  bundle.cancelled = options.cancelled;
+  const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, problem);
+  for (size_t i = 0; i < was_used.size(); ++i) problem->instants[i].used = was_used[i];
+  return summary.status();
+}
+
+}  // namespace
+
+int PlaceInstants(double threshold_px, BundleProblem* problem) {
+  Rays rays(problem->markers.size());
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(*problem);
+  const std::vector<bool> has_pose(problem->cameras.size(), true);
+  TargetPoseFitOptions fit;
+  fit.truncation_px = 2 * threshold_px;
+  int placed = 0;
+  for (BundleInstant& instant : problem->instants) {
+    const bool agrees = instant.used && Agrees(*problem, instant, threshold_px);
+    const bool had_pose = agrees || (instant.used && IsBeforeItsCameras(*problem, instant));
+    instant.used = had_pose;
+    if (!agrees) {
+      UndistortInstant(*problem, intrinsics, instant, &rays);
+      BundleInstant candidate = instant;
+      candidate.used = FitWand(*problem, has_pose, rays, fit, &candidate) &&
+                       IsBeforeItsCameras(*problem, candidate);
+      if (candidate.used && (!had_pose || RobustCost(*problem, candidate, fit.truncation_px) <
+                                              RobustCost(*problem, instant, fit.truncation_px))) {
+        instant = candidate;
+      }
+    }
+    placed += instant.used ? 1 : 0;
+  }
+  return placed;
+}
+
+absl::Status FindInitialization(const InitializationOptions& options, BundleProblem* problem,
+                                std::vector<std::pair<int, int>>* tree) {
+  const Rays rays = UndistortMarkers(*problem);
+  const PairEstimate estimate = MakePairEstimate(options, rays, *problem);
+  const OverlapGraph graph = MakeGraph(*problem, options);
+  if (problem->target.marker_positions_m.size() == 1) {
+    RIGCAL_RETURN_IF_ERROR(ChainPointPoses(graph, options.threshold_px, rays, estimate, problem));
+  } else {
+    RIGCAL_ASSIGN_OR_RETURN(const std::vector<OverlapEdge> edges,
+                            FindSpanningTree(graph, estimate));
+    ChainPoses(edges, problem);
+    if (tree != nullptr) {
+      tree->clear();
+      for (const OverlapEdge& edge : edges) tree->emplace_back(edge.a, edge.b);
+    }
+  }
+  for (BundleInstant& instant : problem->instants) instant.used = false;
+  for (int round = 0; round < 2; ++round) {
+    // Poses that were chained over several pairs are coarse: the first round is generous.
+    const double threshold_px = round == 0 ? 4 * options.threshold_px : options.threshold_px;
+    if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
+    if (PlaceInstants(threshold_px, problem) == 0) {
+      return absl::FailedPreconditionError(
+          "no instant of the wand can be placed from two cameras: check the target's marker "
+          "positions and the cameras' intrinsics. " +
+          DescribeLostCameras(*problem, 1));
+    }
+    RIGCAL_RETURN_IF_ERROR(SettlePoses(options, problem));
+    if (options.progress) options.progress(0.8 + 0.1 * (round + 1));
+  }
+  PlaceInstants(options.threshold_px, problem);
+  return absl::OkStatus();
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/solve/geometry/relative_pose.h"
+
+namespace rigcal::server {
+
+// Which cameras share wand views.
+struct OverlapGraph {
+  std::vector<std::string> cameras;
+  std::vector<int> view_counts;                 // wand views of each camera
+  std::vector<std::string> notes;               // by camera, for error messages; may be empty
+  std::vector<std::vector<int>> shared_counts;  // instants that two cameras share, symmetric
+  int min_shared = 8;                           // fewer do not make an edge
+  // Edges (a < b) that have misled before: taken only where nothing else joins their cameras.
+  std::vector<std::pair<int, int>> avoided;
+  // Where two cameras saw the target together, for error messages; may be none.
+  std::function<std::string(int a, int b)> describe;
+};
+
+struct OverlapEdge {
+  int a = 0, b = 0;   // a < b
+  double weight = 0;  // shared instants that survive the relative pose
+  RelativePose pose;  // b_from_a
+};
+
+// The spanning tree with the greatest weights. Relative poses are only estimated where they can
+// matter: an edge is looked at when nothing heavier is left, its shared instants being the most it
+// can weigh; edges that keep three quarters of their views count as keeping all. `estimate(a, b)`
+// gives the pose of a pair, or none where it cannot be had.
+//
+// FAILED_PRECONDITION where the cameras are not connected: names the groups, the pair that would
+// best join them, and what to do. Errors of `estimate` are passed on (cancellation).
+absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
+    const OverlapGraph& graph,
+    const std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>& estimate);
+
+}  // namespace rigcal::server

@@ -1,4 +1,0 @@
-// SPDX-License-Identifier: Apache-2.0
-#define RIGCAL_KERNEL kernel_baseline
-#define RIGCAL_KERNEL_NAME "baseline"
-#include "server/solve/line_bundle_step.h"

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig/image_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kMotionOutlierPx = 15;
+constexpr double kOutlierTimesUsual = 12;
+// Markers with times of their own can come closer than rows; points nearer than this determine no
+// further term.
+constexpr double kMinApartPeriods = 0.1;
+
+Eigen::Index CountDistinct(const PointWeights& times, double apart_s) {
+  Eigen::Index count = times.size() == 0 ? 0 : 1, last = 0;
+  for (Eigen::Index i = 1; i < times.size(); ++i) {
+    if (std::abs(times[i] - times[last]) <= apart_s) continue;
+    last = i;
+    ++count;
+  }
+  return count;
+}
+
+double Median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
+}  // namespace
+
+std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
+                                     const std::vector<Eigen::Vector2d>& centres_px, double gap_s) {
+  const auto count = static_cast<ptrdiff_t>(times_ns.size());
+  std::vector<double> deviations(times_ns.size(), 0);
+  for (ptrdiff_t i = 0; i < count; ++i) {
+    const auto own = static_cast<size_t>(i);
+    // Up to two neighbours on each side; every two of them predict the centre, by a line.
+    std::vector<size_t> near;
+    for (const ptrdiff_t step : {-2, -1, 1, 2}) {
+      if (i + step < 0 || i + step >= count) continue;
+      const auto other = static_cast<size_t>(i + step);
+      const double away_s = 1e-9 * std::abs(static_cast<double>(times_ns[other] - times_ns[own]));
+      if (away_s <= static_cast<double>(std::abs(step)) * gap_s) near.push_back(other);
+    }
+    std::vector<double> errors;
+    for (size_t a = 0; a < near.size(); ++a) {
+      for (size_t b = a + 1; b < near.size(); ++b) {
+        if (times_ns[near[a]] == times_ns[near[b]]) continue;  // no line through them
+        const double share = static_cast<double>(times_ns[own] - times_ns[near[a]]) /
+                             static_cast<double>(times_ns[near[b]] - times_ns[near[a]]);
+        errors.push_back((centres_px[own] - centres_px[near[a]] -
+                          share * (centres_px[near[b]] - centres_px[near[a]]))
+                             .norm());
+      }
+    }
+    if (errors.size() < 3) continue;
+    // The lower median: one wild neighbour spoils half of six predictions.
+    std::sort(errors.begin(), errors.end());
+    deviations[own] = errors[(errors.size() - 1) / 2];
+  }
+  std::vector<bool> wild(times_ns.size(), false);
+  if (deviations.empty()) return wild;
+  std::vector<double> copy = deviations;
+  const double limit_px = std::max(kMotionOutlierPx, kOutlierTimesUsual * Median(&copy));
+  for (size_t i = 0; i < deviations.size(); ++i) wild[i] = deviations[i] > limit_px;
+  return wild;
+}
+
+ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
+                         const ImageMotionOptions& options, std::vector<bool> turned)
+    : options_(options),
+      period_s_(track.period_s),
+      turned_(std::move(turned)),
+      samples_(static_cast<size_t>(marker_count)),
+      sample_of_row_(static_cast<size_t>(marker_count),
+                     std::vector<int>(track.track.observations.size(), -1)) {
+  for (size_t row = 0; row < track.track.observations.size(); ++row) {
+    const Observation& observation = track.track.observations[row];
+    for (size_t m = 0; m < observation.markers.size(); ++m) {
+      const MarkerObservation& marker = observation.markers[m];
+      if (!marker.visible) continue;
+      const size_t label = IsTurned(static_cast<int>(row)) ? observation.markers.size() - 1 - m : m;
+      sample_of_row_[label][row] = static_cast<int>(samples_[label].size());
+      samples_[label].push_back({static_cast<int>(row), observation.time_ns + marker.time_delta_ns,
+                                 marker.centre_px, marker.covariance_px2});
+    }
+  }
+  for (std::vector<Sample>& samples : samples_) {
+    std::vector<int64_t> times_ns;
+    std::vector<Eigen::Vector2d> centres_px;
+    for (const Sample& sample : samples) {
+      times_ns.push_back(sample.time_ns);
+      centres_px.push_back(sample.centre_px);
+    }
+    const std::vector<bool> wild =
+        FindOutlierCentres(times_ns, centres_px, options_.max_gap_periods * period_s_);
+    for (size_t i = 0; i < samples.size(); ++i) samples[i].excluded = wild[i];
+  }
+  std::vector<double> speeds;
+  for (const std::vector<Sample>& samples : samples_) {
+    for (size_t i = 1; i < samples.size(); ++i) {
+      const double step_s = 1e-9 * static_cast<double>(samples[i].time_ns - samples[i - 1].time_ns);
+      if (step_s <= 0 || step_s > options_.max_gap_periods * period_s_) continue;
+      speeds.push_back((samples[i].centre_px - samples[i - 1].centre_px).norm() / step_s);
+    }
+  }
+  if (speeds.empty()) return;
+  typical_speed_px_s_ = Median(&speeds);
+}
+
+void ImageMotion::Exclude(int observation, int marker) {
+  const int index = sample_of_row_[static_cast<size_t>(marker)][static_cast<size_t>(observation)];
+  if (index >= 0) samples_[static_cast<size_t>(marker)][static_cast<size_t>(index)].excluded = true;
+}
+
+ImageMotion::Neighbourhood ImageMotion::Around(const std::vector<Sample>& samples,
+                                               size_t own) const {
+  const double window_s = std::max(options_.window_s, 2.5 * period_s_);
+  const double gap_s = options_.max_gap_periods * period_s_;
+  const auto seconds = [&samples](size_t a, size_t b) {
+    return 1e-9 * static_cast<double>(samples[b].time_ns - samples[a].time_ns);
+  };
+  Neighbourhood around{own, own + 1, own};
+  const size_t reach = static_cast<size_t>(kMaxMotionPoints) / 2;
+  while (around.begin > 0 && own - around.begin < reach &&
+         seconds(around.begin - 1, own) <= window_s &&
+         seconds(around.begin - 1, around.begin) <= gap_s) {
+    --around.begin;
+  }
+  while (around.end < samples.size() && around.end - own <= reach &&
+         seconds(own, around.end) <= window_s && seconds(around.end - 1, around.end) <= gap_s) {
+    ++around.end;
+  }
+  return around;
+}
+
+MarkerMotion ImageMotion::At(int observation, int marker, double shift_s,
+                             MotionWeightsMemory* memory) const {
+  const std::vector<Sample>& samples = samples_[static_cast<size_t>(marker)];
+  const auto own = static_cast<size_t>(
+      sample_of_row_[static_cast<size_t>(marker)][static_cast<size_t>(observation)]);
+  const Neighbourhood around = Around(samples, own);
+  std::vector<const Sample*> points;
+  Eigen::Index before = 0, after = 0, own_index = -1;
+  for (size_t i = around.begin; i < around.end; ++i) {
+    // A wild row moves as its neighbours say, and stays wild.
+    if (samples[i].excluded) continue;
+    if (i == own) own_index = static_cast<Eigen::Index>(points.size());
+    before += i < own ? 1 : 0;
+    after += i > own ? 1 : 0;
+    points.push_back(&samples[i]);
+  }
+  MarkerMotion motion;
+  motion.centre_px = samples[own].centre_px;
+  motion.covariance_px2 = samples[own].covariance_px2;
+  const auto count = static_cast<Eigen::Index>(points.size());
+  PointWeights times(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    times[i] =
+        1e-9 * static_cast<double>(points[static_cast<size_t>(i)]->time_ns - samples[own].time_ns);
+  }
+  const Eigen::Index distinct = CountDistinct(times, kMinApartPeriods * period_s_);
+  if (distinct < 2) {
+    const double drift_px = typical_speed_px_s_ * shift_s;
+    motion.covariance_px2 += drift_px * drift_px * Eigen::Matrix2d::Identity();
+    return motion;
+  }
+  motion.has_velocity = true;
+  // High orders are for rows between neighbours; at an end they run away.
+  const Eigen::Index max_degree = std::min(before, after) >= 2   ? options_.max_degree
+                                  : std::min(before, after) >= 1 ? std::min(3, options_.max_degree)
+                                                                 : std::min(2, options_.max_degree);
+  const Eigen::Index degree = std::min(distinct - 1, max_degree);
+  const MotionQuery query = {times, degree, shift_s, own_index};
+  MotionWeightsMemory own_memory;
+  const MotionWeights& weights = (memory != nullptr ? memory : &own_memory)->Of(query);
+  Eigen::Vector2d lower = Eigen::Vector2d::Zero(), displacement = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d own_noise = Eigen::Matrix2d::Zero();
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Sample& point = *points[static_cast<size_t>(i)];
+    // Differences to the own row: the weights sum to zero, and small numbers keep their digits.
+    const Eigen::Vector2d value = point.centre_px - samples[own].centre_px;
+    displacement += weights.displacement[i] * value;
+    motion.velocity_px_s += weights.velocity[i] * value;
+    lower += weights.lower_displacement[i] * value;
+    own_noise += weights.centre[i] * weights.centre[i] * point.covariance_px2;
+  }
+  if (own_index < 0) own_noise += samples[own].covariance_px2;
+  motion.centre_px += displacement;
+  const double share = own_noise.trace() / motion.covariance_px2.trace();
+  motion.covariance_px2 *= std::max(1.0, share);
+  motion.noise_share = std::min(1.0, share);
+  const double left_out_px = 0.5 * (displacement - lower).norm();
+  motion.covariance_px2 += left_out_px * left_out_px * Eigen::Matrix2d::Identity();
+  return motion;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "server/associate/align_clocks.h"
+#include "server/solve/rig/motion_weights.h"
+
+namespace rigcal::server {
+
+// Where a marker's image is and how it moves, at a time near one of its rows.
+struct MarkerMotion {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  // To weigh the centre with beside those of the neighbouring instants (ImageMotion says how).
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
+  // The centre's own variance, by that: below 1 where it is a mean of several rows.
+  double noise_share = 1;
+  Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
+  bool has_velocity = false;
+};
+
+// Which centres of one marker lie far from where their neighbours say they should be: further than
+// 15 px, and 12 times what is usual. Neighbours further away than `gap_s` say nothing; a centre
+// with fewer than three of them is believed. Times ascend.
+std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
+                                     const std::vector<Eigen::Vector2d>& centres_px, double gap_s);
+
+struct ImageMotionOptions {
+  // Rows within this of the row asked about take part in the fit; at least 2.5 periods do.
+  double window_s = 0.045;
+  // A longer pause, in periods, ends the neighbourhood.
+  double max_gap_periods = 3.5;
+  int max_degree = 4;
+};
+
+// The motion of the markers in one camera's image, from local polynomial fits to its rows. The row
+// asked about is moved along the fitted polynomial, u(t) = u_row + P(t) - P(t_row), so that it
+// keeps its own noise, and a row without neighbours stays where it is.
+//
+// The centre is a sum of rows, u = sum_i w_i u_i with sum_i w_i = 1. Its own variance,
+// sum_i w_i^2 S_i, is down to half a row's between two rows; but then the next instant's centre is
+// a sum of the same rows, and the two share their noise. To parameters that change slowly against
+// the frames a run of n such centres is worth as much as its n rows, not more: the variance of
+// their mean is their spectrum at frequency zero, |sum_i w_i|^2 S / n (Whittle 1953). So what is
+// stated is the row's covariance, times tr(sum w_i^2 S_i) / tr(S) where that is above 1 (beyond the
+// last row), plus half of what the fit's highest order contributes, squared, as a measure of what
+// the fit leaves out.
+//
+// The velocity is a sum of rows as well, sum_i v_i u_i. It multiplies the residual in the time
+// offset's gradient, so a noise it shared with the centre, S sum_i v_i w_i, would pull the offset.
+// Its weights are those of the least-squares polynomial among v with sum_i v_i w_i = 0, where there
+// are rows enough: an instrument in the sense of errors in variables (Fuller 1987, 2.4).
+//
+// A wild centre takes no part in its neighbours' fits.
+class ImageMotion {
+ public:
+  // Observations of which `turned` is true (empty: none is) have their labels counted from the
+  // target's other end, here and by whoever asks IsTurned().
+  ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options,
+              std::vector<bool> turned = {});
+
+  bool IsTurned(int observation) const {
+    return !turned_.empty() && turned_[static_cast<size_t>(observation)];
+  }
+
+  // Takes a marker of a row out of its neighbours' fits: it is an outlier.
+  void Exclude(int observation, int marker);
+
+  // Of a marker of `observation` that is visible under this label, `shift_s` after its own time
+  // (camera clock). `memory`, if given, saves time where it has been asked about another marker of
+  // the observation before.
+  MarkerMotion At(int observation, int marker, double shift_s,
+                  MotionWeightsMemory* memory = nullptr) const;
+
+  // Median speed of the visible markers, px/s; 0 where nothing is known.
+  double typical_speed_px_s() const { return typical_speed_px_s_; }
+
+ private:
+  struct Sample {
+    int observation;
+    int64_t time_ns;
+    Eigen::Vector2d centre_px;
+    Eigen::Matrix2d covariance_px2;
+    bool excluded = false;
+  };
+  struct Neighbourhood {
+    size_t begin, end, own;  // into samples of the marker
+  };
+  Neighbourhood Around(const std::vector<Sample>& samples, size_t own) const;
+
+  ImageMotionOptions options_;
+  double period_s_;
+  std::vector<bool> turned_;                     // by observation
+  std::vector<std::vector<Sample>> samples_;     // by marker, ascending in time
+  std::vector<std::vector<int>> sample_of_row_;  // by marker, then observation; -1 = not visible
+  double typical_speed_px_s_ = 0;
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig/labels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/geometry/target_pose_fit.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+class LabelContest {
+ public:
+  LabelContest(const LabelOptions& options, const OutlierOptions& outliers,
+               const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns)
+      : options_(options),
+        problem_(problem),
+        instant_time_ns_(instant_time_ns),
+        last_label_(static_cast<int>(problem.target.marker_positions_m.size()) - 1),
+        has_pose_(problem.cameras.size(), true),
+        intrinsics_(CurrentIntrinsics(problem)) {
+    for (const double scale : CameraScales(problem, outliers)) {
+      limits_.push_back(outliers.sigmas * scale);
+    }
+  }
+
+  std::vector<int> Run() {
+    std::vector<int> reversed;
+    if (last_label_ < 1) return reversed;  // one marker has one order
+    for (size_t i = 0; i < problem_.instants.size(); ++i) {
+      const BundleInstant& instant = problem_.instants[i];
+      std::vector<int> found;
+      if (instant.used) found = AgainstTheOthers(instant);
+      if (found.empty() && IsAgainstItsNeighbours(i)) found = AllIfMirrored(instant);
+      if (!IsExplained(instant, found)) {
+        if (const std::optional<int> contested = Contested(instant)) found = {*contested};
+      }
+      reversed.insert(reversed.end(), found.begin(), found.end());
+    }
+    std::sort(reversed.begin(), reversed.end());
+    return reversed;
+  }
+
+ private:
+  // `pose` is the instant's, or one to be tried.
+  double Score(const BundleInstant& pose, int index, bool turned) const {
+    const BundleObservation& observation = problem_.observations[static_cast<size_t>(index)];
+    const double limit = limits_[static_cast<size_t>(observation.camera)];
+    double score = 0;
+    for (BundleMarker marker : problem_.MarkersOf(observation)) {
+      if (turned) marker.marker = last_label_ - marker.marker;
+      Eigen::Vector2d residual;
+      double share = 1;
+      if (MarkerResidualPx(problem_, pose, observation, marker, &residual)) {
+        share = (marker.sqrt_information * residual).squaredNorm() / (limit * limit);
+      }
+      score += share < 1 ? share : 1;
+    }
+    return score;
+  }
+
+  double TotalScore(const BundleInstant& pose, const std::vector<int>& turned) const {
+    double total = 0;
+    for (int o = 0; o < pose.observation_count; ++o) {
+      const int index = pose.first_observation + o;
+      total += Score(pose, index, std::find(turned.begin(), turned.end(), index) != turned.end());
+    }
+    return total;
+  }
+
+  std::vector<int> AgainstTheOthers(const BundleInstant& instant) const {
+    std::vector<int> found;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const int index = instant.first_observation + o;
+      const double given = Score(instant, index, false);
+      if (given > options_.min_gain && given - Score(instant, index, true) > options_.min_gain) {
+        found.push_back(index);
+      }
+    }
+    return found;
+  }
+
+  bool IsAgainstItsNeighbours(size_t i) const {
+    if (i == 0 || i + 1 >= problem_.instants.size() || !problem_.instants[i].used) return false;
+    for (const size_t j : {i - 1, i + 1}) {
+      const double away_s =
+          1e-9 * std::abs(static_cast<double>(instant_time_ns_[j] - instant_time_ns_[i]));
+      const double cosine = problem_.instants[j].direction.dot(problem_.instants[i].direction);
+      if (!problem_.instants[j].used || away_s > options_.neighbour_s ||
+          cosine > -options_.min_opposite_cosine) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  // All observations of the instant, where they fit the target turned about its middle as well.
+  std::vector<int> AllIfMirrored(const BundleInstant& instant) const {
+    BundleInstant mirrored = instant;
+    mirrored.origin_m += problem_.target.marker_positions_m.back() * instant.direction;
+    mirrored.direction = -instant.direction;
+    std::vector<int> all;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      all.push_back(instant.first_observation + o);
+    }
+    const double lost = TotalScore(mirrored, all) - TotalScore(instant, {});
+    return lost < options_.min_gain ? all : std::vector<int>{};
+  }
+
+  // Nothing is left that another order of labels would have to explain.
+  bool IsExplained(const BundleInstant& instant, const std::vector<int>& turned) const {
+    return instant.used && TotalScore(instant, turned) < options_.min_gain;
+  }
+
+  std::optional<int> Contested(const BundleInstant& instant) const {
+    if (instant.observation_count < 2 ||
+        instant.observation_count > options_.max_contested_observations) {
+      return std::nullopt;
+    }
+    BundleProblem small = OneInstant(instant);
+    std::vector<Eigen::Vector2d> rays(small.markers.size());
+    UndistortInstant(small, intrinsics_, small.instants.front(), &rays);
+    const double as_is = PlacedScore(instant, -1, rays, &small);
+    // The labels as they are would be a next best that fits nearly as well.
+    if (as_is <= options_.min_gain) return std::nullopt;
+    double best = kInfinity, second = as_is;
+    int best_index = -1;
+    for (int o = 0; o < instant.observation_count; ++o) {
+      const int index = instant.first_observation + o;
+      const double score = PlacedScore(instant, index, rays, &small);
+      if (score < best) {
+        second = std::min(second, best);
+        best = score;
+        best_index = index;
+      } else {
+        second = std::min(second, score);
+      }
+    }
+    if (!(best < options_.min_gain) || !(second - best > options_.min_gain)) return std::nullopt;
+    return best_index;
+  }
+
+  // Of all the instant's markers, with the target placed anew and one observation turned; -1: none.
+  // `small` is OneInstant's and comes back as it was, `rays` are its undistorted markers.
+  double PlacedScore(const BundleInstant& instant, int turned,
+                     const std::vector<Eigen::Vector2d>& rays, BundleProblem* small) const {
+    const int index = turned - instant.first_observation;  // in `small`
+    TargetPoseFitOptions fit;
+    fit.truncation_px = 2 * options_.start_threshold_px;
+    BundleInstant pose = small->instants.front();
+    if (turned >= 0) TurnLabels(index, small);
+    const bool placed = FitWand(*small, has_pose_, rays, fit, &pose);
+    if (turned >= 0) TurnLabels(index, small);
+    if (!placed) return kInfinity;
+    pose.first_observation = instant.first_observation;
+    return TotalScore(pose, turned >= 0 ? std::vector<int>{turned} : std::vector<int>{});
+  }
+
+  // A copy of one instant in which every marker takes part.
+  BundleProblem OneInstant(const BundleInstant& instant) const {
+    BundleProblem small;
+    small.cameras = problem_.cameras;
+    small.clocks = problem_.clocks;
+    small.target = problem_.target;
+    small.instants = {instant};
+    small.instants.front().first_observation = 0;
+    for (const BundleObservation& observation : problem_.ObservationsOf(instant)) {
+      const auto markers = problem_.MarkersOf(observation);
+      small.observations.push_back(observation);
+      small.observations.back().first_marker = static_cast<int>(small.markers.size());
+      small.markers.insert(small.markers.end(), markers.begin(), markers.end());
+    }
+    for (BundleMarker& marker : small.markers) marker.used = true;
+    return small;
+  }
+
+  const LabelOptions& options_;
+  const BundleProblem& problem_;
+  const std::vector<int64_t>& instant_time_ns_;
+  const int last_label_;
+  const std::vector<bool> has_pose_;
+  const std::vector<Intrinsics> intrinsics_;
+  std::vector<double> limits_;  // by camera
+};
+
+}  // namespace
+
+std::vector<int> FindFlippedLabels(const LabelOptions& options, const OutlierOptions& outliers,
+                                   const BundleProblem& problem,
+                                   const std::vector<int64_t>& instant_time_ns) {
+  return LabelContest(options, outliers, problem, instant_time_ns).Run();
+}
+
+void TurnLabels(int observation, BundleProblem* problem) {
+  const BundleObservation& entry = problem->observations[static_cast<size_t>(observation)];
+  const int last_label = static_cast<int>(problem->target.marker_positions_m.size()) - 1;
+  for (BundleMarker& marker : problem->MarkersOf(entry)) {
+    marker.marker = last_label - marker.marker;
+    marker.used = true;
+  }
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig/problem_builder.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <tuple>
+
+#include "server/solve/bundle/projection_jacobian.h"
+
+namespace rigcal::server {
+namespace {
+
+// L with L^T L = S^-1.
+Eigen::Matrix2d SqrtInformation(const Eigen::Matrix2d& covariance) {
+  const Eigen::Matrix2d information = covariance.inverse();
+  return information.llt().matrixU();
+}
+
+void AddMember(const AlignedTrack& track, const ImageMotion& motion,
+               const ClockCorrection& correction, const Instant& instant,
+               const InstantMember& member, double sigma_px, BuiltProblem* built) {
+  const Observation& row = track.track.observations[static_cast<size_t>(member.observation)];
+  MotionWeightsMemory memory;
+  for (size_t m = 0; m < row.markers.size(); ++m) {
+    if (!row.markers[m].visible) continue;
+    const int64_t camera_time_ns = row.time_ns + row.markers[m].time_delta_ns;
+    const int64_t coarse_ns = track.CoarseRigTimeNs(row) + row.markers[m].time_delta_ns;
+    const double shift_s =
+        1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
+    const size_t label = motion.IsTurned(member.observation) ? row.markers.size() - 1 - m : m;
+    MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, &memory);
+    if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
+    BundleMarker marker;
+    marker.marker = static_cast<int>(label);
+    marker.centre_px = moved.centre_px;
+    marker.velocity_px_s = moved.velocity_px_s;
+    marker.sqrt_information = SqrtInformation(moved.covariance_px2);
+    built->problem.markers.push_back(marker);
+    built->sources.push_back({member.track, member.observation, moved.noise_share});
+  }
+}
+
+}  // namespace
+
+RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorrection>* clocks) {
+  RigIndex index;
+  std::map<std::string, int> camera_index;
+  for (const AlignedTrack& track : tracks) camera_index[track.track.camera.camera] = 0;
+  int next = 0;
+  for (auto& [name, position] : camera_index) position = next++;
+  index.cameras.resize(camera_index.size());
+  std::map<std::tuple<std::string, std::string, uint32_t>, int> clock_index;
+  for (const AlignedTrack& track : tracks) {
+    const CleanTrack& clean = track.track;
+    const int camera = camera_index[clean.camera.camera];
+    index.cameras[static_cast<size_t>(camera)] = clean.camera;
+    index.camera_of_track.push_back(camera);
+    const auto [entry, inserted] =
+        clock_index.try_emplace({clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch},
+                                static_cast<int>(clocks->size()));
+    const int64_t first_ns = clean.observations.front().time_ns;
+    if (inserted) {
+      clocks->push_back(
+          {clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch, first_ns, 0, 0});
+    }
+    ClockCorrection& clock = (*clocks)[static_cast<size_t>(entry->second)];
+    clock.time_epoch_ns = std::min(clock.time_epoch_ns, first_ns);
+    index.clock_of_track.push_back(entry->second);
+  }
+  return index;
+}
+
+std::vector<std::vector<int64_t>> RigTimes(const std::vector<AlignedTrack>& tracks,
+                                           const RigIndex& index,
+                                           const std::vector<ClockCorrection>& clocks) {
+  std::vector<std::vector<int64_t>> times = CoarseRigTimes(tracks);
+  for (size_t t = 0; t < tracks.size(); ++t) {
+    const ClockCorrection& clock = clocks[static_cast<size_t>(index.clock_of_track[t])];
+    for (size_t i = 0; i < times[t].size(); ++i) {
+      times[t][i] += std::llround(1e9 * clock.At(tracks[t].track.observations[i].time_ns));
+    }
+  }
+  return times;
+}
+
+BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>& tracks,
+                          const std::vector<ImageMotion>& motions, const RigIndex& index,
+                          const std::vector<ClockCorrection>& clocks,
+                          const std::vector<Instant>& instants, double sigma_px) {
+  BuiltProblem built;
+  BundleProblem& problem = built.problem;
+  for (const CameraDescription& description : index.cameras) {
+    BundleCamera camera;
+    camera.name = description.camera;
+    camera.model = description.intrinsics->model;
+    camera.intrinsics = ToVector(*description.intrinsics);
+    problem.cameras.push_back(std::move(camera));
+  }
+  for (const ClockCorrection& correction : clocks) {
+    BundleClock clock;
+    clock.clock_id = correction.clock_id;
+    problem.clocks.push_back(std::move(clock));
+  }
+  problem.target.marker_positions_m = target.marker_positions_m;
+  problem.target.given_positions_m = target.marker_positions_m;
+  problem.target.span_sigma_m = target.span_tolerance_m;
+  for (const Instant& instant : instants) {
+    BundleInstant entry;
+    entry.first_observation = static_cast<int>(problem.observations.size());
+    entry.observation_count = static_cast<int>(instant.members.size());
+    for (const InstantMember& member : instant.members) {
+      const auto t = static_cast<size_t>(member.track);
+      const ClockCorrection& clock = clocks[static_cast<size_t>(index.clock_of_track[t])];
+      const int64_t row_ns =
+          tracks[t].track.observations[static_cast<size_t>(member.observation)].time_ns;
+      BundleObservation observation;
+      observation.camera = index.camera_of_track[t];
+      observation.clock = index.clock_of_track[t];
+      observation.clock_time_s = 1e-9 * static_cast<double>(row_ns - clock.time_epoch_ns);
+      observation.first_marker = static_cast<int>(problem.markers.size());
+      AddMember(tracks[t], motions[t], clock, instant, member, sigma_px, &built);
+      observation.marker_count =
+          static_cast<int>(problem.markers.size()) - observation.first_marker;
+      problem.observations.push_back(observation);
+    }
+    problem.instants.push_back(entry);
+    built.instant_time_ns.push_back(instant.rig_time_ns);
+  }
+  return built;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig/rig_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/initialize/initialization.h"
+#include "server/solve/initialize/shared_views.h"
+#include "server/solve/rig/image_motion.h"
+#include "server/solve/rig/intrinsics_prior.h"
+#include "server/solve/rig/sphere_centres.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kWeakOffsetSigmaS = 1;
+constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
+constexpr double kOutlierPx = 15;
+// Relative change of the cost that ends an adjustment whose result is only a stage; and below how
+// many times the tolerance in time the clocks must have moved for the next one to be exact.
+constexpr double kCoarseTolerance = 1e-7;
+constexpr double kExactBelow = 10;
+constexpr int kMaxTurns = 2;  // there and back
+
+using MarkerKey = std::pair<std::pair<int, int>, int>;  // track, observation, marker
+
+// The steps of SolveRig with what they share.
+class RigSolver {
+ public:
+  RigSolver(const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
+            const RigSolveOptions& options)
+      : rig_(rig), options_(options) {
+    solution_.clocks = clocks;
+    for (const AlignedTrack& track : rig_.tracks) {
+      solution_.motions.emplace_back(track, rig_.target.marker_count(), ImageMotionOptions{});
+      turns_.emplace_back(track.track.observations.size(), 0);
+    }
+  }
+
+  absl::StatusOr<RigSolution> Run(const RigInitialization* start) {
+    if (start != nullptr) solution_.clocks = start->clocks;
+    Build();
+    if (problem().instants.empty()) return NoInstants();
+    if (start != nullptr) {
+      Adopt(*start);
+      PlaceInstants(options_.start_threshold_px, &problem());
+    } else {
+      RIGCAL_RETURN_IF_ERROR(
+          FindInitialization(InitializationOptionsOf(), &problem(), &solution_.start_tree));
+    }
+    // By the distances of a start, which are rough.
+    bool rough_centres = CorrectCentres() > 0;
+    if (FlipReversed() > 0) Rebuild();
+    bool exact = false;
+    for (int round = 0; round < options_.max_rounds; ++round) {
+      const bool is_last = round + 1 == options_.max_rounds;
+      exact = exact || is_last;
+      RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
+      const int turned = is_last ? 0 : FlipReversed();
+      const int changed = ClassifyOutliers(options_.outliers, &problem());
+      const double moved_s = ClockMovement();
+      const bool settled =
+          turned == 0 && changed == 0 && !rough_centres && moved_s < options_.time_tolerance_s;
+      solution_.converged = settled && exact;
+      if (solution_.converged) break;
+      exact = settled || moved_s < kExactBelow * options_.time_tolerance_s;
+      if (!is_last && (turned > 0 || rough_centres || moved_s >= options_.time_tolerance_s)) {
+        Rebuild();
+        rough_centres = false;
+      }
+    }
+    return std::move(solution_);
+  }
+
+ private:
+  BundleProblem& problem() { return solution_.built.problem; }
+
+  void Build() {
+    const auto times = RigTimes(rig_.tracks, rig_.index, solution_.clocks);
+    solution_.instants = FindInstants(rig_.tracks, times, {options_.tolerance_s});
+    if (options_.keep_instant) {
+      std::erase_if(solution_.instants.instants, [this](const Instant& instant) {
+        return !options_.keep_instant(instant.rig_time_ns);
+      });
+    }
+    solution_.built =
+        BuildProblem(rig_.target, rig_.tracks, solution_.motions, rig_.index, solution_.clocks,
+                     solution_.instants.instants, options_.sigma_px);
+    FreeParameters();
+  }
+
+  void FreeParameters() {
+    problem().cameras[static_cast<size_t>(options_.reference_camera)].pose_fixed = true;
+    problem().target.fixed = !options_.estimate_marker_positions;
+    problem().distance = options_.known_distance;
+    if (options_.refine_intrinsics) {
+      for (size_t c = 0; c < problem().cameras.size(); ++c) {
+        SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c]);
+      }
+    }
+    const std::set<int> fixed = FixedClocks();
+    for (size_t k = 0; k < problem().clocks.size(); ++k) {
+      BundleClock& clock = problem().clocks[k];
+      const bool is_fixed = fixed.contains(static_cast<int>(k));
+      clock.offset_fixed = is_fixed || !options_.estimate_time_offsets;
+      clock.rate_fixed = !options_.estimate_time_rates ||
+                         (options_.own_rates.empty() ? is_fixed : !options_.own_rates[k]);
+      clock.prior_offset_s = -solution_.clocks[k].time_offset_s;
+      clock.offset_sigma_s = kWeakOffsetSigmaS;
+      clock.prior_rate = -solution_.clocks[k].time_rate;
+      clock.rate_sigma = kWeakRateSigma;
+    }
+  }
+
+  // After each Build, whose centres are as they were observed, once its instants are placed.
+  // Returns how many moved.
+  int CorrectCentres() {
+    return CorrectSphereCentres(rig_.target, rig_.tracks, solution_.motions,
+                                IsMetric(rig_, options_), &solution_.built);
+  }
+
+  // One clock of each session.
+  std::set<int> FixedClocks() const {
+    std::set<int> fixed;
+    std::set<std::string> done;
+    for (const bool only_reference : {true, false}) {
+      for (size_t t = 0; t < rig_.tracks.size(); ++t) {
+        const std::string& session = rig_.tracks[t].track.session_id;
+        if (done.contains(session)) continue;
+        if (only_reference && rig_.index.camera_of_track[t] != options_.reference_camera) continue;
+        fixed.insert(rig_.index.clock_of_track[t]);
+        done.insert(session);
+      }
+    }
+    return fixed;
+  }
+
+  absl::Status NoInstants() const {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "no moment at which two cameras saw the wand: ", rig_.tracks.size(),
+        " camera tracks share no time within the tolerance",
+        DescribeNearestViews(rig_.tracks, RigTimes(rig_.tracks, rig_.index, solution_.clocks)),
+        "; check that the cameras ran at the same time, and their clocks (a clock that does not "
+        "follow a common time base needs clock samples)"));
+  }
+
+  InitializationOptions InitializationOptionsOf() const {
+    InitializationOptions start;
+    start.threshold_px = options_.start_threshold_px;
+    start.seed = options_.seed;
+    start.avoided_pairs = options_.avoided_pairs;
+    start.camera_notes = options_.camera_notes;
+    start.cancelled = options_.cancelled;
+    if (options_.progress) {
+      start.progress = [this](double fraction) { options_.progress("finding a start", fraction); };
+    }
+    return start;
+  }
+
+  void Adopt(const RigInitialization& start) {
+    for (size_t c = 0; c < problem().cameras.size(); ++c) {
+      problem().cameras[c].cam_from_rig = start.cameras[c].cam_from_rig;
+      problem().cameras[c].intrinsics = start.cameras[c].intrinsics;
+    }
+    problem().target.marker_positions_m = start.marker_positions_m;
+    problem().distance = start.distance;
+    for (size_t i = 0; i < problem().instants.size(); ++i) {
+      BundleInstant& instant = problem().instants[i];
+      const InstantMember& first = solution_.instants.instants[i].members.front();
+      const auto known = start.instants.find({first.track, first.observation});
+      instant.used = known != start.instants.end();
+      if (instant.used) std::tie(instant.origin_m, instant.direction) = known->second;
+    }
+  }
+
+  // Not `exact`: only so far that what follows, outliers and clocks, can be seen.
+  absl::Status Adjust(int round, bool exact) {
+    BundleOptions bundle;
+    bundle.loss_scale = options_.loss_scale;
+    bundle.function_tolerance = exact ? options_.function_tolerance
+                                      : std::max(kCoarseTolerance, options_.function_tolerance);
+    bundle.cancelled = options_.cancelled;
+    if (options_.progress) {
+      bundle.progress = [this, round](int iteration, double) {
+        const double within = iteration / (iteration + 10.0);
+        options_.progress("adjusting", (round + within) / (round + 2.0));
+      };
+    }
+    const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, &problem());
+    if (absl::IsFailedPrecondition(summary.status())) {
+      const std::string lost = DescribeLostCameras(problem(), 1);
+      return absl::FailedPreconditionError(
+          absl::StrCat(std::string(summary.status().message()), lost.empty() ? "" : ". ", lost));
+    }
+    RIGCAL_RETURN_IF_ERROR(summary.status());
+    solution_.iterations += summary->iterations;
+    solution_.final_cost = summary->final_cost;
+    return absl::OkStatus();
+  }
+
+  // How far the clock that moved most moved in the bundle adjustment, in seconds over its rows.
+  double ClockMovement() {
+    double moved_s = 0;
+    std::vector<double> span_s(problem().clocks.size(), 0);
+    for (const BundleObservation& observation : problem().observations) {
+      double& span = span_s[static_cast<size_t>(observation.clock)];
+      span = std::max(span, std::abs(observation.clock_time_s));
+    }
+    for (size_t k = 0; k < problem().clocks.size(); ++k) {
+      const BundleClock& clock = problem().clocks[k];
+      moved_s =
+          std::max(moved_s, std::abs(clock.time_offset_s) + std::abs(clock.time_rate) * span_s[k]);
+    }
+    return moved_s;
+  }
+
+  // Keeps wild centres out of their neighbours' image motion. Those that are a few pixels off say
+  // more about the motion than their absence would.
+  void ExcludeFromMotion() {
+    for (const BundleInstant& instant : problem().instants) {
+      if (!instant.used) continue;
+      for (const BundleObservation& observation : problem().ObservationsOf(instant)) {
+        for (const BundleMarker& marker : problem().MarkersOf(observation)) {
+          Eigen::Vector2d residual;
+          if (MarkerResidualPx(problem(), instant, observation, marker, &residual) &&
+              residual.norm() < kOutlierPx) {
+            continue;
+          }
+          const MarkerSource& source = solution_.built.sources[problem().IndexOf(marker)];
+          solution_.motions[static_cast<size_t>(source.track)].Exclude(source.observation,
+                                                                       marker.marker);
+        }
+      }
+    }
+  }
+
+  // Turns labels round in the problem and in the image motion that the next one is built with.
+  // Returns the number of observations.
+  int FlipReversed() {
+    std::set<int> touched;
+    int count = 0;
+    for (const int index : FindFlippedLabels(options_.labels, options_.outliers, problem(),
+                                             solution_.built.instant_time_ns)) {
+      const BundleObservation& observation = problem().observations[static_cast<size_t>(index)];
+      const MarkerSource& source =
+          solution_.built.sources[static_cast<size_t>(observation.first_marker)];
+      int& turns =
+          turns_[static_cast<size_t>(source.track)][static_cast<size_t>(source.observation)];
+      if (turns == kMaxTurns) continue;
+      ++turns;
+      ++count;
+      touched.insert(source.track);
+      TurnLabels(index, &problem());
+    }
+    for (const int t : touched) {
+      std::vector<bool> turned;
+      for (const int turns : turns_[static_cast<size_t>(t)]) turned.push_back(turns % 2 == 1);
+      solution_.motions[static_cast<size_t>(t)] =
+          ImageMotion(rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(),
+                      ImageMotionOptions{}, std::move(turned));
+    }
+    return count;
+  }
+
+  void Rebuild() {
+    ExcludeFromMotion();
+    std::set<MarkerKey> outliers;
+    for (size_t m = 0; m < problem().markers.size(); ++m) {
+      const MarkerSource& source = solution_.built.sources[m];
+      if (problem().markers[m].used) continue;
+      outliers.insert({{source.track, source.observation}, problem().markers[m].marker});
+    }
+    const RigInitialization start = StartFrom(solution_);
+    solution_.clocks = start.clocks;
+    Build();
+    Adopt(start);
+    for (size_t m = 0; m < problem().markers.size(); ++m) {
+      const MarkerSource& source = solution_.built.sources[m];
+      problem().markers[m].used =
+          !outliers.contains({{source.track, source.observation}, problem().markers[m].marker});
+    }
+    PlaceInstants(options_.start_threshold_px, &problem());
+    CorrectCentres();
+  }
+
+  const RigObservations& rig_;
+  const RigSolveOptions& options_;
+  RigSolution solution_;
+  std::vector<std::vector<int>> turns_;  // by track and observation
+};
+
+}  // namespace
+
+bool IsMetric(const RigObservations& rig, const RigSolveOptions& options) {
+  return rig.target.marker_count() > 1 || options.known_distance.has_value();
+}
+
+bool IsTurned(const RigSolution& solution, const BundleObservation& observation) {
+  if (observation.marker_count == 0) return false;
+  const MarkerSource& source =
+      solution.built.sources[static_cast<size_t>(observation.first_marker)];
+  return solution.motions[static_cast<size_t>(source.track)].IsTurned(source.observation);
+}
+
+RigInitialization StartFrom(const RigSolution& solution) {
+  const BundleProblem& problem = solution.built.problem;
+  RigInitialization start;
+  start.cameras = problem.cameras;
+  start.marker_positions_m = problem.target.marker_positions_m;
+  start.distance = problem.distance;
+  start.clocks = solution.clocks;
+  for (size_t k = 0; k < start.clocks.size(); ++k) {
+    start.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;
+    start.clocks[k].time_rate += problem.clocks[k].time_rate;
+  }
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    if (!problem.instants[i].used) continue;
+    const InstantMember& first = solution.instants.instants[i].members.front();
+    start.instants[{first.track, first.observation}] = {problem.instants[i].origin_m,
+                                                        problem.instants[i].direction};
+  }
+  return start;
+}
+
+absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
+                                     const std::vector<ClockCorrection>& clocks,
+                                     const RigSolveOptions& options,
+                                     const RigInitialization* start) {
+  return RigSolver(rig, clocks, options).Run(start);
+}
+
+}  // namespace rigcal::server

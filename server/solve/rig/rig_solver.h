@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/target/target.h"
+#include "server/associate/align_clocks.h"
+#include "server/associate/instants.h"
+#include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/rig/labels.h"
+#include "server/solve/rig/outliers.h"
+#include "server/solve/rig/problem_builder.h"
+
+namespace rigcal::server {
+
+// What is solved: cameras, clocks and their rows.
+struct RigObservations {
+  Target target;
+  std::vector<AlignedTrack> tracks;
+  RigIndex index;
+};
+
+struct RigSolveOptions {
+  int reference_camera = 0;  // into the index; its pose is the rig frame
+  bool estimate_time_offsets = true;
+  // Of every clock but one of each session (the reference camera's); or of those of `own_rates`, by
+  // clock, alone: at least one of each session is not.
+  bool estimate_time_rates = false;
+  std::vector<bool> own_rates;
+  bool refine_intrinsics = false;
+  bool estimate_marker_positions = false;
+  // Between two cameras of the index, in metres: the scale of a target of one marker. None: its
+  // unit is the distance from the reference camera of the one that the start puts farthest from it.
+  std::optional<BundleDistance> known_distance;
+  double known_distance_sigma_m = 0;  // of the measurement
+  double sigma_px = 0;                // instead of the observed covariances; 0 = as observed
+  double tolerance_s = 0;             // of an instant; 0 = from the periods
+  uint32_t seed = 0;
+  double start_threshold_px = 3;  // of markers that agree while poses are looked for
+  std::vector<std::pair<int, int>>
+      avoided_pairs;      // of cameras, while poses are looked for: start.h
+  double loss_scale = 2;  // of the Cauchy loss, in sigmas
+  double function_tolerance = 1e-9;
+  OutlierOptions outliers;
+  LabelOptions labels;
+  int max_rounds = 8;                                     // of solve, classify, interpolate again
+  double time_tolerance_s = 2e-6;                         // offsets that move less have settled
+  std::vector<std::string> camera_notes;                  // for error messages
+  std::function<bool(int64_t rig_time_ns)> keep_instant;  // none: all
+  std::function<void(std::string_view stage, double fraction)> progress;
+  const std::atomic<bool>* cancelled = nullptr;
+};
+
+struct RigSolution {
+  BuiltProblem built;                   // solved; markers not used are the outliers
+  std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
+  std::vector<ImageMotion> motions;     // by track, wild centres taken out, labels turned
+  InstantList instants;
+  std::vector<std::pair<int, int>> start_tree;  // of cameras; none where a start was given
+  int iterations = 0;
+  double final_cost = 0;
+  bool converged = false;
+};
+
+// The unit of length of the solution is the metre, not the distance of two cameras.
+bool IsMetric(const RigObservations& rig, const RigSolveOptions& options);
+
+// The labels of this observation were given counted from the target's other end.
+bool IsTurned(const RigSolution& solution, const BundleObservation& observation);
+
+// The target's pose at an instant, known by its first member.
+using InstantPoses = std::map<std::pair<int, int>, std::pair<Eigen::Vector3d, Eigen::Vector3d>>;
+
+// Where a solve begins instead of from nothing.
+struct RigInitialization {
+  std::vector<BundleCamera> cameras;  // poses and intrinsics
+  std::vector<double> marker_positions_m;
+  std::optional<BundleDistance> distance;
+  std::vector<ClockCorrection> clocks;
+  InstantPoses instants;  // origin and direction; those not named are placed anew
+};
+
+RigInitialization StartFrom(const RigSolution& solution);
+
+// Associates, finds a start unless one is given, and alternates bundle adjustment, turning of
+// labels, classification of outliers, and interpolation at the new clock corrections until nothing
+// moves. Which observations are turned is found anew in each solve, from what it keeps. In each
+// session the clock of the reference camera (or else the first) keeps its correction: time has no
+// origin.
+//
+// FAILED_PRECONDITION: no instants, not connected, cannot be placed. CANCELLED.
+absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
+                                     const std::vector<ClockCorrection>& clocks,
+                                     const RigSolveOptions& options,
+                                     const RigInitialization* start = nullptr);
+
+}  // namespace rigcal::server

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig/sphere_centres.h"
+
+#include <Eigen/Core>
+
+#include "common/camera/sphere_projection.h"
+#include "server/solve/bundle/projection_jacobian.h"
+
+namespace rigcal::server {
+namespace {
+
+bool IsImageBlob(const AlignedTrack& track, const ImageMotion& motion, int observation,
+                 int marker) {
+  const Observation& row = track.track.observations[static_cast<size_t>(observation)];
+  const auto label = static_cast<size_t>(marker);
+  const size_t source = motion.IsTurned(observation) ? row.markers.size() - 1 - label : label;
+  return row.markers[source].centre_kind == CentreKind::kImageBlob;
+}
+
+}  // namespace
+
+int CorrectSphereCentres(const Target& target, const std::vector<AlignedTrack>& tracks,
+                         const std::vector<ImageMotion>& motions, bool is_metric,
+                         BuiltProblem* built) {
+  if (!(target.diameter_m > 0) || !is_metric) return 0;
+  BundleProblem& problem = built->problem;
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
+  int count = 0;
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      const auto camera = static_cast<size_t>(observation.camera);
+      for (BundleMarker& marker : problem.MarkersOf(observation)) {
+        const MarkerSource& source = built->sources[problem.IndexOf(marker)];
+        const auto t = static_cast<size_t>(source.track);
+        if (!IsImageBlob(tracks[t], motions[t], source.observation, marker.marker)) continue;
+        const Eigen::Vector3d at =
+            instant.origin_m +
+            problem.target.marker_positions_m[static_cast<size_t>(marker.marker)] *
+                instant.direction;
+        const double distance_m = (problem.cameras[camera].cam_from_rig * at).norm();
+        if (SphereCentreFromCentroid(intrinsics[camera], marker.centre_px, distance_m,
+                                     target.diameter_m, &marker.centre_px)) {
+          ++count;
+        }
+      }
+    }
+  }
+  return count;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/sqlite/observation_writer.h"
+
+#include <algorithm>
+#include <tuple>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/store/report_counts.h"
+#include "server/store/sqlite/batch_blob.h"
+#include "server/store/sqlite/sqlite_connection.h"
+
+namespace rigcal::server {
+namespace {
+
+// Beyond it, arithmetic on nanoseconds may overflow.
+constexpr int64_t kMaxPlausibleNs = int64_t{1} << 62;
+
+bool IsPlausible(const ClockSample& sample) {
+  const auto plausible = [](int64_t time_ns) { return time_ns >= 0 && time_ns <= kMaxPlausibleNs; };
+  return plausible(sample.device_ns) && plausible(sample.host_monotonic_ns) &&
+         plausible(sample.host_utc_ns);
+}
+
+bool IsPlausible(const HostAlignment& alignment) {
+  return alignment.host_monotonic_ns >= 0 && alignment.host_monotonic_ns <= kMaxPlausibleNs &&
+         alignment.server_minus_host_ns >= -kMaxPlausibleNs &&
+         alignment.server_minus_host_ns <= kMaxPlausibleNs;
+}
+
+bool FitsSeq(uint64_t first, uint64_t count) {
+  return first >= 1 && first + count <= uint64_t{kMaxSeq} + 1;
+}
+
+}  // namespace
+
+absl::Status CheckAppendRequest(const AppendRequest& request) {
+  const ObservationBatch& batch = request.batch;
+  RIGCAL_RETURN_IF_ERROR(CheckColumns(batch));
+  if (batch.rows() > 0 && !FitsSeq(batch.first_seq, batch.rows())) {
+    return absl::InvalidArgumentError(absl::StrCat("first_seq: ", batch.rows(), " rows from ",
+                                                   batch.first_seq, " are not within 1 to ",
+                                                   kMaxSeq));
+  }
+  for (size_t i = 0; i < batch.dropped.size(); ++i) {
+    if (FitsSeq(batch.dropped[i].first_seq, batch.dropped[i].count)) continue;
+    return absl::InvalidArgumentError(absl::StrCat("dropped[", i, "]: ", batch.dropped[i].count,
+                                                   " from ", batch.dropped[i].first_seq,
+                                                   " are not within 1 to ", kMaxSeq));
+  }
+  for (size_t i = 0; i < request.refused_rows.size(); ++i) {
+    const uint32_t row = request.refused_rows[i].row;
+    if (row >= batch.rows() || (i > 0 && row <= request.refused_rows[i - 1].row)) {
+      return absl::InvalidArgumentError(absl::StrCat("refused_rows[", i, "]: row ", row));
+    }
+  }
+  return absl::OkStatus();
+}
+
+ObservationWriter::ObservationWriter(SQLite::Database& database)
+    : database_(database),
+      streams_(database),
+      counts_(database),
+      insert_stream_(database,
+                     "INSERT INTO stream(camera_id, stream_epoch, durable_seq, "
+                     "report_observation_count, report_refused_count) VALUES(?,?,0,0,0)"),
+      update_stream_(database,
+                     "UPDATE stream SET durable_seq=?, last_seq=?, report_observation_count=?, "
+                     "report_refused_count=? WHERE id=?"),
+      insert_batch_(database, "INSERT INTO batch(id, row_count, late, body) VALUES(?,?,?,?)"),
+      insert_dropped_(
+          database, "INSERT INTO dropped(stream_id, first_seq, seq_count, reason) VALUES(?,?,?,?)"),
+      insert_clock_sample_(database, "INSERT OR IGNORE INTO clock_sample VALUES(?,?,?,?,?,?,?,?)"),
+      insert_host_alignment_(database,
+                             "INSERT OR IGNORE INTO host_alignment VALUES(?,?,?,?,?,?,?)"),
+      delete_report_(database, "DELETE FROM report_refusal WHERE stream_id=?"),
+      insert_report_(
+          database,
+          "INSERT INTO report_refusal(stream_id, reason, count, example) VALUES(?,?,?,?)"),
+      replace_report_count_(
+          database, "INSERT OR REPLACE INTO report_count(stream_id, name, count) VALUES(?,?,?)") {}
+
+void ObservationWriter::Forget() {
+  changed_.clear();
+  counts_.Clear();
+  streams_.Forget();
+}
+
+void ObservationWriter::Append(absl::Span<const AppendRequest> requests,
+                               std::vector<AppendOutcome>* outcomes) {
+  streams_.Trim();
+  outcomes->assign(requests.size(), {});
+  for (size_t i = 0; i < requests.size(); ++i) AppendOne(requests[i], &(*outcomes)[i]);
+  WriteBack();
+}
+
+void ObservationWriter::AppendOne(const AppendRequest& request, AppendOutcome* outcome) {
+  StreamState* state = streams_.Find(request.stream);
+  if (state == nullptr) {
+    outcome->unknown = true;
+    return;
+  }
+  AppendRows(request, state, outcome);
+  AppendDropped(request, state);
+  AppendClockReadings(request, state);
+  if (request.last_seq && (!state->last_seq || *state->last_seq < *request.last_seq)) {
+    Touch(request.stream, state);
+    state->last_seq = request.last_seq;
+  }
+  if (request.report) ReplaceReport(request.stream, *request.report, state);
+  outcome->durable_seq = state->ledger.durable_seq();
+  outcome->late = state->session_finished;
+  outcome->complete = state->last_seq && outcome->durable_seq >= *state->last_seq;
+}
+
+void ObservationWriter::AppendRows(const AppendRequest& request, StreamState* state,
+                                   AppendOutcome* outcome) {
+  const ObservationBatch& batch = request.batch;
+  if (batch.rows() == 0) return;
+  uint32_t added = 0;
+  for (const SeqRange& range : state->ledger.Missing({batch.first_seq, batch.end_seq()})) {
+    Touch(request.stream, state);
+    InsertRows(request, range, *state, outcome);
+    state->ledger.Add(range);
+    added += range.size();
+  }
+  outcome->duplicate_rows = static_cast<uint32_t>(batch.rows()) - added;
+}
+
+void ObservationWriter::InsertRows(const AppendRequest& request, SeqRange range,
+                                   const StreamState& state, AppendOutcome* outcome) {
+  const ObservationBatch& batch = request.batch;
+  const size_t begin = range.first - batch.first_seq;
+  const size_t end = range.end - batch.first_seq;
+  EncodeBatch(batch, request.refused_rows, begin, end, &blob_);
+  const StatementScope scope(insert_batch_);
+  insert_batch_.bind(1, (state.stream_id << 32) + range.first);
+  insert_batch_.bind(2, range.size());
+  insert_batch_.bind(3, state.session_finished ? 1 : 0);
+  BindBlob(insert_batch_, 4, blob_);
+  insert_batch_.exec();
+
+  const auto wands_begin = batch.visible_mask.begin();
+  auto wands = range.size() -
+               static_cast<uint32_t>(std::count(wands_begin + static_cast<ptrdiff_t>(begin),
+                                                wands_begin + static_cast<ptrdiff_t>(end), 0u));
+  const absl::Span<const RefusedRow> refused_rows = RowsWithin(request.refused_rows, begin, end);
+  for (const RefusedRow& row : refused_rows) {
+    if (batch.visible_mask[row.row] != 0) --wands;
+    counts_.AddRefusal(state.camera_id, row.reason, 1, request.stream.stream_epoch,
+                       batch.first_seq + row.row, row.detail);
+  }
+  const auto refused = static_cast<uint32_t>(refused_rows.size());
+  counts_.AddRows(state.camera_id, batch.clock_epoch, range.size() - refused, wands,
+                  state.session_finished);
+  outcome->stored_rows += range.size() - refused;
+  outcome->refused_rows += refused;
+}
+
+void ObservationWriter::AppendDropped(const AppendRequest& request, StreamState* state) {
+  for (const DroppedRange& dropped : request.batch.dropped) {
+    const SeqRange whole{dropped.first_seq, dropped.first_seq + dropped.count};
+    for (const SeqRange& range : state->ledger.Missing(whole)) {
+      Touch(request.stream, state);
+      const StatementScope scope(insert_dropped_);
+      insert_dropped_.bind(1, state->stream_id);
+      insert_dropped_.bind(2, range.first);
+      insert_dropped_.bind(3, range.size());
+      BindText(insert_dropped_, 4, dropped.reason);
+      insert_dropped_.exec();
+      state->ledger.Add(range);
+      counts_.AddRefusal(state->camera_id, dropped.reason, range.size(),
+                         request.stream.stream_epoch, range.first, "lost at the agent");
+    }
+  }
+}
+
+void ObservationWriter::AppendClockReadings(const AppendRequest& request, StreamState* state) {
+  const ObservationBatch& batch = request.batch;
+  if (batch.clock_samples.empty() && batch.host_alignments.empty()) return;
+  Touch(request.stream, state);
+  const int late = state->session_finished ? 1 : 0;
+  const auto refuse_if_new = [&](int inserted, bool plausible) {
+    if (inserted == 0 || plausible) return;
+    counts_.AddRefusal(state->camera_id, "implausible_clock_sample", 1, request.stream.stream_epoch,
+                       0, "a clock sample is negative or beyond 2^62 ns");
+  };
+  for (const ClockSample& sample : batch.clock_samples) {
+    const StatementScope scope(insert_clock_sample_);
+    insert_clock_sample_.bind(1, state->stream_id);
+    insert_clock_sample_.bind(2, batch.clock_epoch);
+    insert_clock_sample_.bind(3, sample.host_monotonic_ns);
+    insert_clock_sample_.bind(4, sample.device_ns);
+    insert_clock_sample_.bind(5, sample.host_utc_ns);
+    insert_clock_sample_.bind(6, sample.uncertainty_ns);
+    insert_clock_sample_.bind(7, late);
+    insert_clock_sample_.bind(8, IsPlausible(sample) ? 1 : 0);
+    refuse_if_new(insert_clock_sample_.exec(), IsPlausible(sample));
+  }
+  for (const HostAlignment& alignment : batch.host_alignments) {
+    const StatementScope scope(insert_host_alignment_);
+    insert_host_alignment_.bind(1, state->stream_id);
+    insert_host_alignment_.bind(2, batch.clock_epoch);
+    insert_host_alignment_.bind(3, alignment.host_monotonic_ns);
+    insert_host_alignment_.bind(4, alignment.server_minus_host_ns);
+    insert_host_alignment_.bind(5, alignment.uncertainty_ns);
+    insert_host_alignment_.bind(6, late);
+    insert_host_alignment_.bind(7, IsPlausible(alignment) ? 1 : 0);
+    refuse_if_new(insert_host_alignment_.exec(), IsPlausible(alignment));
+  }
+}
+
+// Totals only grow, so of two reports the one with the larger totals is the later one, in whatever
+// order they arrive.
+void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraReport& report,
+                                      StreamState* state) {
+  uint64_t refused_count = 0;
+  RefusalCounter refusals;
+  for (const Refusal& refusal : report.refused) {
+    refused_count += refusal.count;
+    refusals.Add("", refusal.reason, refusal.count, refusal.example);
+  }
+  uint64_t counted = 0;
+  for (const auto& [name, count] : NamedCounts(report)) counted += count;
+  if (std::tie(report.observation_count, refused_count, counted) <=
+      std::tie(state->report_observation_count, state->report_refused_count,
+               state->report_counted)) {
+    return;
+  }
+  Touch(stream, state);
+  state->report_observation_count = report.observation_count;
+  state->report_refused_count = refused_count;
+  state->report_counted = counted;
+  {
+    const StatementScope scope(delete_report_);
+    delete_report_.bind(1, state->stream_id);
+    delete_report_.exec();
+  }
+  for (const Refusal& refusal : refusals.List()) {
+    const StatementScope scope(insert_report_);
+    insert_report_.bind(1, state->stream_id);
+    BindText(insert_report_, 2, refusal.reason);
+    insert_report_.bind(3, refusal.count);
+    BindText(insert_report_, 4, refusal.example);
+    insert_report_.exec();
+  }
+  for (const auto& [name, count] : NamedCounts(report)) {
+    const StatementScope scope(replace_report_count_);
+    replace_report_count_.bind(1, state->stream_id);
+    BindText(replace_report_count_, 2, name);
+    replace_report_count_.bind(3, static_cast<int64_t>(std::min<uint64_t>(count, INT64_MAX)));
+    replace_report_count_.exec();
+  }
+}
+
+void ObservationWriter::Touch(const StreamKey& stream, StreamState* state) {
+  if (state->changed) return;
+  if (state->stream_id == 0) {
+    const StatementScope scope(insert_stream_);
+    insert_stream_.bind(1, state->camera_id);
+    insert_stream_.bind(2, stream.stream_epoch);
+    insert_stream_.exec();
+    state->stream_id = database_.getLastInsertRowid();
+  }
+  state->changed = true;
+  changed_.push_back(state);
+}
+
+void ObservationWriter::WriteBack() {
+  counts_.Flush();
+  for (StreamState* state : changed_) {
+    const StatementScope scope(update_stream_);
+    update_stream_.bind(1, state->ledger.durable_seq());
+    if (state->last_seq) {
+      update_stream_.bind(2, *state->last_seq);
+    } else {
+      update_stream_.bind(2);
+    }
+    update_stream_.bind(3, state->report_observation_count);
+    update_stream_.bind(4, static_cast<int64_t>(state->report_refused_count));
+    update_stream_.bind(5, state->stream_id);
+    update_stream_.exec();
+    state->changed = false;
+  }
+  changed_.clear();
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/sqlite/sqlite_connection.h"
+
+#include <sqlite3.h>
+
+#include <algorithm>
+#include <exception>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/store/sqlite/sqlite_error.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr int kBusyTimeoutMs = 10000;
+constexpr size_t kPageBytes = 4096;
+
+int RememberLogPages(void* log_pages, sqlite3*, const char*, int pages) {
+  *static_cast<int*>(log_pages) = pages;
+  return SQLITE_OK;
+}
+
+void ConfigureConnection(SQLite::Database& database) {
+  database.setBusyTimeout(kBusyTimeoutMs);
+  database.exec(
+      "PRAGMA mmap_size=0;"
+      "PRAGMA trusted_schema=OFF;"
+      "PRAGMA cell_size_check=ON;"
+      "PRAGMA temp_store=MEMORY;"
+      "PRAGMA foreign_keys=ON;");
+}
+
+}  // namespace
+
+void BindText(SQLite::Statement& statement, int index, std::string_view text) {
+  statement.bind(index, std::string(text));
+}
+
+void BindBlob(SQLite::Statement& statement, int index, std::string_view bytes) {
+  if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
+    throw SQLite::Exception("a blob is larger than 2 GB", SQLITE_TOOBIG);
+  }
+  // A null pointer would bind NULL instead of an empty blob.
+  const char* data = bytes.empty() ? "" : bytes.data();
+  statement.bindNoCopy(index, static_cast<const void*>(data), static_cast<int>(bytes.size()));
+}
+
+std::string_view ColumnBytes(SQLite::Statement& statement, int index) {
+  const SQLite::Column column = statement.getColumn(index);
+  const void* data = column.getBlob();
+  return {static_cast<const char*>(data), static_cast<size_t>(column.getBytes())};
+}
+
+uint32_t ColumnUint32(SQLite::Statement& statement, int index) {
+  return static_cast<uint32_t>(std::clamp<int64_t>(statement.getColumn(index).getInt64(), 0,
+                                                   std::numeric_limits<uint32_t>::max()));
+}
+
+absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::filesystem::path& file,
+                                                                 const std::string& vfs,
+                                                                 size_t checkpoint_bytes) {
+  std::unique_ptr<SqliteWriter> writer(new SqliteWriter());
+  writer->checkpoint_pages_ = static_cast<int>(
+      std::min<size_t>(checkpoint_bytes / kPageBytes, std::numeric_limits<int>::max()));
+  try {
+    writer->database_ = std::make_unique<SQLite::Database>(
+        file.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLite::OPEN_NOMUTEX,
+        kBusyTimeoutMs, vfs);
+    SQLite::Database& database = *writer->database_;
+    ConfigureConnection(database);
+    // Overwriting what is deleted (Debian's default) would make deleting a session cost as much as
+    // writing it.
+    database.exec("PRAGMA secure_delete=OFF");
+    const std::string mode = database.execAndGet("PRAGMA journal_mode=WAL").getString();
+    if (mode != "wal") {
+      return absl::FailedPreconditionError(
+          absl::StrCat("opening ", file.string(),
+                       ": its file system cannot do write-ahead logging (journal mode is ", mode,
+                       "); use a data directory on a local disk"));
+    }
+    database.exec("PRAGMA synchronous=FULL");
+    database.exec("PRAGMA journal_size_limit=67108864");
+    // Checkpoints are ours: the automatic ones swallow errors of the disk.
+    sqlite3_wal_hook(database.getHandle(), &RememberLogPages, &writer->log_pages_);
+    writer->begin_ = std::make_unique<SQLite::Statement>(database, "BEGIN IMMEDIATE");
+    writer->commit_ = std::make_unique<SQLite::Statement>(database, "COMMIT");
+  } catch (const SQLite::Exception& error) {
+    return StatusFromSqlite(error, absl::StrCat("opening ", file.string()));
+  }
+  return writer;
+}
+
+SqliteWriter::~SqliteWriter() {
+  if (!broken_.ok()) {
+    // Closing moves the log into the database, which is a write, and those have ended.
+    sqlite3_db_config(database_->getHandle(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  }
+}
+
+absl::Status SqliteWriter::Transact(std::string_view what,
+                                    const std::function<absl::Status()>& work,
+                                    const std::function<void()>& on_rollback) {
+  const std::lock_guard lock(mutex_);
+  if (!broken_.ok()) return broken_;
+  absl::Status status = TransactLocked(what, work);
+  if (status.ok()) {
+    CheckpointWhenDue();
+  } else if (on_rollback) {
+    on_rollback();
+  }
+  return status;
+}
+
+absl::Status SqliteWriter::TransactLocked(std::string_view what,
+                                          const std::function<absl::Status()>& work) {
+  try {
+    const StatementScope begin_scope(*begin_);
+    begin_->exec();
+    absl::Status status = work();
+    if (status.ok()) {
+      const StatementScope commit_scope(*commit_);
+      commit_->exec();
+    } else {
+      RollBack();
+    }
+    return status;
+  } catch (const SQLite::Exception& error) {
+    RollBack();
+    absl::Status status = StatusFromSqlite(error, what);
+    if (IsDiskFailure(error)) {
+      broken_ = absl::InternalError(
+          absl::StrCat(std::string(status.message()),
+                       "; nothing is stored any more: check the disk, then restart the server"));
+      return broken_;
+    }
+    return status;
+  } catch (const std::exception& error) {
+    RollBack();
+    return absl::InternalError(absl::StrCat(std::string(what), ": ", error.what()));
+  }
+}
+
+void SqliteWriter::RollBack() {
+  // Some errors have rolled back already.
+  if (sqlite3_get_autocommit(database_->getHandle()) != 0) return;
+  database_->tryExec("ROLLBACK");
+}
+
+void SqliteWriter::CheckpointWhenDue() {
+  if (log_pages_ < checkpoint_pages_) return;
+  const int result = sqlite3_wal_checkpoint_v2(database_->getHandle(), nullptr,
+                                               SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
+  // The transaction itself is durable, so its caller hears nothing of it. A full disk or a busy
+  // reader means that the log grows; the next transaction tries again.
+  if ((result & 0xff) != SQLITE_IOERR) return;
+  const SQLite::Exception error(database_->getHandle(), result);
+  if (!IsDiskFailure(error)) return;
+  broken_ = absl::InternalError(
+      absl::StrCat("moving the log into the database: ", error.what(),
+                   "; nothing is stored any more: check the disk, then restart the server"));
+}
+
+absl::Status SqliteWriter::Checkpoint() {
+  const std::lock_guard lock(mutex_);
+  if (!broken_.ok()) return broken_;
+  const int result = sqlite3_wal_checkpoint_v2(database_->getHandle(), nullptr,
+                                               SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  if (result == SQLITE_OK) return absl::OkStatus();
+  const SQLite::Exception error(database_->getHandle(), result);
+  absl::Status status = StatusFromSqlite(error, "moving the log into the database");
+  if (IsDiskFailure(error)) broken_ = status;
+  return status;
+}
+
+absl::StatusOr<std::unique_ptr<SqliteReader>> SqliteReader::Open(const std::filesystem::path& file,
+                                                                 const std::string& vfs) {
+  std::unique_ptr<SqliteReader> reader(new SqliteReader());
+  try {
+    reader->database_ = std::make_unique<SQLite::Database>(
+        file.string(), SQLite::OPEN_READONLY | SQLite::OPEN_NOMUTEX, kBusyTimeoutMs, vfs);
+    ConfigureConnection(*reader->database_);
+  } catch (const SQLite::Exception& error) {
+    return StatusFromSqlite(error, absl::StrCat("opening ", file.string(), " for reading"));
+  }
+  return reader;
+}
+
+absl::Status SqliteReader::Read(std::string_view what,
+                                const std::function<absl::Status(SQLite::Database&)>& work) {
+  const std::lock_guard lock(mutex_);
+  try {
+    database_->exec("BEGIN");
+    absl::Status status = work(*database_);
+    database_->exec("COMMIT");
+    return status;
+  } catch (const SQLite::Exception& error) {
+    if (sqlite3_get_autocommit(database_->getHandle()) == 0) database_->tryExec("ROLLBACK");
+    return StatusFromSqlite(error, what);
+  }
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/sqlite/sqlite_schema.h"
+
+#include <random>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/status/status_macros.h"
+#include "server/store/sqlite/sqlite_connection.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr int32_t kApplicationId = 0x52674331;  // "RgC1"
+
+// Positions and counts are rows of their own, so that reading them scans nothing.
+//
+// batch.id is stream.id * 2^32 + first_seq: the rows of a stream lie together and in order in one
+// tree, and a batch costs one insertion. What a stream has above its durable_seq is found from it.
+constexpr char kTables[] = R"sql(
+CREATE TABLE identity(
+  server_id TEXT NOT NULL
+);
+CREATE TABLE counter(
+  name TEXT PRIMARY KEY,
+  value INTEGER NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE session(
+  number INTEGER PRIMARY KEY,
+  id TEXT NOT NULL UNIQUE,
+  rig TEXT NOT NULL,
+  state INTEGER NOT NULL,
+  body BLOB NOT NULL,
+  checksum INTEGER NOT NULL
+);
+CREATE INDEX session_of_rig ON session(rig, number);
+CREATE TABLE deleted_session(
+  id TEXT PRIMARY KEY,
+  number INTEGER NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE session_camera(
+  id INTEGER PRIMARY KEY,
+  session_number INTEGER NOT NULL REFERENCES session(number) ON DELETE CASCADE,
+  camera TEXT NOT NULL,
+  observation_count INTEGER NOT NULL DEFAULT 0,
+  wand_count INTEGER NOT NULL DEFAULT 0,
+  late_count INTEGER NOT NULL DEFAULT 0,
+  UNIQUE(session_number, camera)
+);
+CREATE TABLE clock_epoch_count(
+  camera_id INTEGER NOT NULL REFERENCES session_camera(id) ON DELETE CASCADE,
+  clock_epoch INTEGER NOT NULL,
+  observation_count INTEGER NOT NULL,
+  PRIMARY KEY(camera_id, clock_epoch)
+) WITHOUT ROWID;
+CREATE TABLE refusal_count(
+  camera_id INTEGER NOT NULL REFERENCES session_camera(id) ON DELETE CASCADE,
+  reason TEXT NOT NULL,
+  count INTEGER NOT NULL,
+  example_stream_epoch INTEGER NOT NULL,
+  example_seq INTEGER NOT NULL,
+  example TEXT NOT NULL,
+  PRIMARY KEY(camera_id, reason)
+) WITHOUT ROWID;
+CREATE TABLE stream(
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  camera_id INTEGER NOT NULL REFERENCES session_camera(id) ON DELETE CASCADE,
+  stream_epoch INTEGER NOT NULL,
+  durable_seq INTEGER NOT NULL,
+  last_seq INTEGER,
+  report_observation_count INTEGER NOT NULL,
+  report_refused_count INTEGER NOT NULL,
+  UNIQUE(camera_id, stream_epoch)
+);
+CREATE TABLE report_refusal(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  reason TEXT NOT NULL,
+  count INTEGER NOT NULL,
+  example TEXT NOT NULL,
+  PRIMARY KEY(stream_id, reason)
+) WITHOUT ROWID;
+CREATE TABLE batch(
+  id INTEGER PRIMARY KEY,
+  row_count INTEGER NOT NULL,
+  late INTEGER NOT NULL,
+  body BLOB NOT NULL
+);
+CREATE TABLE dropped(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  first_seq INTEGER NOT NULL,
+  seq_count INTEGER NOT NULL,
+  reason TEXT NOT NULL,
+  PRIMARY KEY(stream_id, first_seq)
+) WITHOUT ROWID;
+CREATE TABLE clock_sample(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  clock_epoch INTEGER NOT NULL,
+  host_monotonic_ns INTEGER NOT NULL,
+  device_ns INTEGER NOT NULL,
+  host_utc_ns INTEGER NOT NULL,
+  uncertainty_ns INTEGER NOT NULL,
+  late INTEGER NOT NULL,
+  plausible INTEGER NOT NULL,
+  PRIMARY KEY(stream_id, clock_epoch, host_monotonic_ns, device_ns, host_utc_ns, uncertainty_ns)
+) WITHOUT ROWID;
+CREATE TABLE host_alignment(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  clock_epoch INTEGER NOT NULL,
+  host_monotonic_ns INTEGER NOT NULL,
+  server_minus_host_ns INTEGER NOT NULL,
+  uncertainty_ns INTEGER NOT NULL,
+  late INTEGER NOT NULL,
+  plausible INTEGER NOT NULL,
+  PRIMARY KEY(stream_id, clock_epoch, host_monotonic_ns, server_minus_host_ns, uncertainty_ns)
+) WITHOUT ROWID;
+CREATE TABLE calibration(
+  number INTEGER PRIMARY KEY,
+  id TEXT NOT NULL UNIQUE,
+  rig TEXT NOT NULL,
+  version INTEGER NOT NULL,
+  state INTEGER NOT NULL,
+  body BLOB NOT NULL,
+  checksum INTEGER NOT NULL,
+  UNIQUE(rig, version)
+);
+CREATE INDEX calibration_of_rig ON calibration(rig, number);
+)sql";
+
+// New in version 2: what the reports of a stream count beside refusals.
+constexpr char kReportCountTable[] = R"sql(
+CREATE TABLE IF NOT EXISTS report_count(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  name TEXT NOT NULL,
+  count INTEGER NOT NULL,
+  PRIMARY KEY(stream_id, name)
+) WITHOUT ROWID;
+)sql";
+
+std::string RandomId() {
+  std::random_device device;
+  return absl::StrFormat("%08x%08x%08x%08x", device(), device(), device(), device());
+}
+
+int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
+  return database.execAndGet(absl::StrCat("PRAGMA ", pragma)).getInt();
+}
+
+void CreateTables(SQLite::Database& database) {
+  database.exec(kTables);
+  database.exec(kReportCountTable);
+  SQLite::Statement identity(database, "INSERT INTO identity(server_id) VALUES(?)");
+  identity.bind(1, RandomId());
+  identity.exec();
+  database.exec(absl::StrCat("PRAGMA application_id=", kApplicationId));
+  database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
+}
+
+}  // namespace
+
+absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
+  const std::string name(file);
+  const int32_t application_id = ReadPragma(database, "application_id");
+  const int32_t version = ReadPragma(database, "user_version");
+  const int table_count =
+      database.execAndGet("SELECT count(*) FROM sqlite_schema WHERE type='table'").getInt();
+  if (table_count == 0 && application_id == 0 && version == 0) {
+    CreateTables(database);
+    return absl::OkStatus();
+  }
+  if (application_id != kApplicationId) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        name, " is a database of another program; give another --data-dir or move it away"));
+  }
+  if (version > static_cast<int32_t>(kSchemaVersion)) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        name, " has schema version ", version, ", and this server knows versions up to ",
+        kSchemaVersion, "; start a newer rigcal-server, or give another --data-dir"));
+  }
+  if (version < 1) {
+    return absl::DataLossError(absl::StrCat(name, " has no valid schema version (", version,
+                                            "); restore a backup or give another --data-dir"));
+  }
+  if (version < static_cast<int32_t>(kSchemaVersion)) {
+    database.exec(kReportCountTable);
+    database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> ReadServerId(SQLite::Database& database) {
+  SQLite::Statement query(database, "SELECT server_id FROM identity");
+  if (!query.executeStep()) {
+    return absl::DataLossError("the database has lost its identity; restore a backup");
+  }
+  return query.getColumn(0).getString();
+}
+
+uint32_t NextNumber(SQLite::Database& database, std::string_view counter) {
+  SQLite::Statement update(database,
+                           "INSERT INTO counter(name, value) VALUES(?, 1) "
+                           "ON CONFLICT(name) DO UPDATE SET value = value + 1 RETURNING value");
+  BindText(update, 1, counter);
+  update.executeStep();
+  const uint32_t number = ColumnUint32(update, 0);
+  while (update.executeStep()) {
+  }
+  return number;
+}
+
+}  // namespace rigcal::server

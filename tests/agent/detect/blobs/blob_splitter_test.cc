@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/blobs/blob_splitter.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "agent/detect/blobs/blob_contrast.h"
+
+namespace rigcal::agent::blob_splitter_test {
+namespace {
+
+constexpr int kSize = 80;
+
+struct Picture {
+  std::vector<uint8_t> pixels = std::vector<uint8_t>(kSize * kSize, 10);
+  void Disc(double x0, double y0, double radius, uint8_t grey) {
+    for (int y = 0; y < kSize; ++y) {
+      for (int x = 0; x < kSize; ++x) {
+        if (std::hypot(x - x0, y - y0) < radius) pixels[static_cast<size_t>(y * kSize + x)] = grey;
+      }
+    }
+  }
+  ImageView View() const { return {pixels.data(), kSize, kSize, kSize, PixelFormat::kMono8}; }
+  Blob Find() const {
+    BlobFinderOptions options;
+    options.colour.value_min = 60;
+    auto finder = BlobFinder::Create(options);
+    const BlobResult& result = finder->Find(View());
+    EXPECT_EQ(result.blobs.size(), 1u);
+    return result.blobs.at(0);
+  }
+};
+
+TEST(BlobSplitter, FindsTheMarkerInFrontOfSomethingDimmer) {
+  Picture picture;
+  picture.Disc(40, 40, 20, 80);
+  picture.Disc(56, 40, 7, 200);
+  BlobSplitter splitter;
+  const auto& parts = splitter.Split(picture.View(), picture.Find(), 6);
+  ASSERT_EQ(parts.size(), 1u);
+  EXPECT_NEAR(parts[0].centre_px.x(), 56, 0.2);
+  EXPECT_NEAR(parts[0].centre_px.y(), 40, 0.2);
+  EXPECT_TRUE(IsRound(parts[0]));
+}
+
+TEST(BlobSplitter, TakesTwoMarkersApart) {
+  Picture picture;
+  picture.Disc(37.5, 40, 2.2, 140);  // the bridge of their blur
+  picture.Disc(30, 40, 7, 200);
+  picture.Disc(45, 40, 7, 200);
+  const Blob both = picture.Find();
+  EXPECT_FALSE(IsRound(both));
+  BlobSplitter splitter;
+  EXPECT_EQ(splitter.Split(picture.View(), both, 6).size(), 2u);
+}
+
+TEST(BlobSplitter, OneDiscStaysOne) {
+  Picture picture;
+  picture.Disc(40, 40, 9, 200);
+  const Blob blob = picture.Find();
+  EXPECT_TRUE(IsRound(blob));
+  BlobSplitter splitter;
+  const auto& parts = splitter.Split(picture.View(), blob, 6);
+  ASSERT_EQ(parts.size(), 1u);
+  EXPECT_EQ(parts[0].area_px, blob.area_px);
+}
+
+TEST(StandsOut, TellsALampFromTheBrighterPartOfAWall) {
+  Picture picture;
+  picture.Disc(40, 40, 8, 200);
+  EXPECT_TRUE(StandsOut(picture.View(), picture.Find(), 50));
+  Picture wall;
+  wall.pixels.assign(wall.pixels.size(), 50);
+  wall.Disc(40, 40, 8, 70);
+  EXPECT_FALSE(StandsOut(wall.View(), wall.Find(), 50));
+}
+
+}  // namespace
+}  // namespace rigcal::agent::blob_splitter_test

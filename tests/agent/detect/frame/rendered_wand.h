@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "agent/detect/blobs/image_view.h"
+#include "common/camera/camera_description.h"
+#include "common/simulation/frames/scene_renderer.h"
+#include "common/target/target.h"
+
+namespace rigcal::agent {
+
+// Pictures of a small camera (640x480) with the paper's wand.
+class RenderedWand {
+ public:
+  explicit RenderedWand(const FrameRenderOptions& options = QuietRoom()) {
+    camera.camera = "test";
+    camera.image_size_px = {640, 480};
+    Intrinsics intrinsics;
+    intrinsics.fx_px = intrinsics.fy_px = 600;
+    intrinsics.cx_px = 320;
+    intrinsics.cy_px = 240;
+    intrinsics.distortion = {-0.15, 0.05, 0, 0, 0};
+    camera.intrinsics = intrinsics;
+    target.marker_positions_m = {0, 0.13, 0.39};
+    target.diameter_m = 0.04;
+    auto renderer = SceneRenderer::Create(intrinsics, camera.image_size_px, target, options);
+    EXPECT_TRUE(renderer.ok()) << renderer.status();
+    renderer_ = std::make_unique<SceneRenderer>(*std::move(renderer));
+    pixels.resize(renderer_->buffer_size());
+  }
+
+  static FrameRenderOptions QuietRoom() {
+    FrameRenderOptions options;
+    options.blink_hz = 0;
+    options.led_grey = 180;
+    return options;
+  }
+
+  static WandMotion Wand(const Eigen::Vector3d& origin_m, const Eigen::Vector3d& direction) {
+    WandMotion motion;
+    motion.origin_m = origin_m;
+    motion.direction = direction.normalized();
+    return motion;
+  }
+
+  FrameGroundTruth Render(const std::optional<WandMotion>& wand, uint64_t seed = 1) {
+    SceneFrame frame;
+    frame.wand = wand;
+    frame.seed = seed;
+    auto truth = renderer_->Render(frame, pixels);
+    EXPECT_TRUE(truth.ok()) << truth.status();
+    return *std::move(truth);
+  }
+
+  ImageView View() const { return {pixels.data(), 640, 480, 640 * 3, PixelFormat::kBgr8}; }
+  void Fill(int x0, int y0, int width, int height, uint8_t b, uint8_t g, uint8_t r) {
+    for (int y = y0; y < y0 + height; ++y) {
+      for (int x = x0; x < x0 + width; ++x) {
+        uint8_t* pixel = &pixels[static_cast<size_t>((y * 640 + x) * 3)];
+        pixel[0] = b, pixel[1] = g, pixel[2] = r;
+      }
+    }
+  }
+
+  CameraDescription camera;
+  Target target;
+  std::vector<uint8_t> pixels;
+
+ private:
+  std::unique_ptr<SceneRenderer> renderer_;
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/frame/wand_detector.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/agent/detect/frame/rendered_wand.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::agent::wand_detector_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr int64_t kPeriodNs = 20'000'000;
+
+Detection MustDetect(WandDetector& detector, const ImageView& view, int64_t time_ns = 1) {
+  auto detection = detector.Detect(view, time_ns, 0);
+  EXPECT_THAT(detection, IsOk());
+  return *std::move(detection);
+}
+
+WandMotion Standing() { return RenderedWand::Wand({-0.3, 0.1, 2.2}, {1, 0.2, 0.3}); }
+
+TEST(WandDetector, FindsTheProjectionsOfTheSpheresCentres) {
+  RenderedWand scene;
+  const FrameGroundTruth truth = scene.Render(Standing());
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View(), 77);
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  EXPECT_EQ(detection.observation.time_ns, 77);
+  EXPECT_GT(detection.confidence, 0.9);
+  for (size_t k = 0; k < 3; ++k) {
+    const MarkerObservation& marker = detection.observation.markers[k];
+    ASSERT_TRUE(marker.visible);
+    EXPECT_EQ(marker.centre_kind, CentreKind::kSphereCentre);
+    EXPECT_LT((marker.centre_px - truth.markers[k].centre_px).norm(), 0.06) << k;
+    EXPECT_GT(marker.label_confidence, 0.99f);
+  }
+}
+
+TEST(WandDetector, LabelsFollowTheWandTurnedRound) {
+  RenderedWand scene;
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({0.3, 0.1, 2.2}, {-1, -0.4, 0.2}));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  for (size_t k = 0; k < 3; ++k) {
+    EXPECT_LT((detection.observation.markers[k].centre_px - truth.markers[k].centre_px).norm(),
+              0.1);
+  }
+}
+
+TEST(WandDetector, SymmetricWandHasNoSureLabels) {
+  RenderedWand scene;
+  scene.target.marker_positions_m = {0, 0.2, 0.4};
+  auto renderer = SceneRenderer::Create(*scene.camera.intrinsics, scene.camera.image_size_px,
+                                        scene.target, RenderedWand::QuietRoom());
+  ASSERT_THAT(renderer, IsOk());
+  SceneFrame frame;
+  frame.wand = Standing();
+  ASSERT_THAT(renderer->Render(frame, scene.pixels), IsOk());
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  EXPECT_LT(detection.observation.markers[0].label_confidence, 0.8f);
+}
+
+TEST(WandDetector, WithoutIntrinsicsTellsTheCentreOfTheImage) {
+  RenderedWand scene;
+  const FrameGroundTruth truth = scene.Render(Standing());
+  scene.camera.intrinsics.reset();
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  for (size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(detection.observation.markers[k].centre_kind, CentreKind::kImageBlob);
+    EXPECT_LT((detection.observation.markers[k].centre_px - truth.markers[k].centre_px).norm(),
+              0.2);
+  }
+}
+
+TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {
+  RenderedWand scene;
+  const FrameGroundTruth truth = scene.Render(Standing());
+  const MarkerGroundTruth& covered = truth.markers[1];
+  const int x = static_cast<int>(covered.centre_px.x()) + 1;
+  scene.Fill(x, static_cast<int>(covered.centre_px.y()) - 15, 9, 30, 9, 9, 9);
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
+  EXPECT_EQ(detection.covered_markers, 1);
+  EXPECT_TRUE(detection.observation.markers[0].visible);
+  EXPECT_FALSE(detection.observation.markers[1].visible);
+  EXPECT_TRUE(detection.observation.markers[2].visible);
+  EXPECT_EQ(detector.counts().covered_markers, 1u);
+}
+
+TEST(WandDetector, TwoEquallyGoodWandsAreAmbiguous) {
+  RenderedWand scene;
+  scene.Render(RenderedWand::Wand({-0.3, 0.4, 2.2}, {1, 0, 0}));
+  const std::vector<uint8_t> lower = scene.pixels;
+  scene.Render(RenderedWand::Wand({-0.3, -0.4, 2.2}, {1, 0, 0}));
+  std::transform(lower.begin(), lower.end(), scene.pixels.begin(), scene.pixels.begin(),
+                 [](uint8_t a, uint8_t b) { return std::max(a, b); });
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  EXPECT_EQ(detection.outcome, DetectionOutcome::kAmbiguous);
+  EXPECT_EQ(detection.observation.VisibleCount(), 0);
+}
+
+TEST(WandDetector, SaysWhyThereIsNoWand) {
+  RenderedWand scene;
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  scene.Fill(0, 0, 640, 480, 3, 2, 4);
+  EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kBlack);
+  scene.Fill(0, 0, 640, 480, 255, 255, 255);
+  EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kSaturated);
+  scene.Fill(0, 0, 640, 480, 60, 50, 40);
+  EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kNoBlob);
+  scene.Fill(100, 100, 12, 12, 30, 90, 200);
+  EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kNoWand);
+  EXPECT_EQ(detector.counts().frames, 4u);
+  EXPECT_EQ(detector.counts().wands, 0u);
+  EXPECT_EQ(detector.counts().by_outcome.Of(DetectionOutcome::kBlack), 1u);
+}
+
+// Hundreds of warm spots of a sphere's size, in a random pattern.
+TEST(WandDetector, HundredsOfWarmBlobsAreBounded) {
+  RenderedWand scene;
+  scene.Render(std::nullopt);
+  uint32_t state = 7;
+  const auto next = [&state](uint32_t n) {
+    state = state * 1664525u + 1013904223u;
+    return static_cast<int>((state >> 16) % n);
+  };
+  for (int i = 0; i < 700; ++i) scene.Fill(next(630), next(470), 6, 6, 30, 90, 200);
+  WandDetectorOptions options;
+  options.max_blobs = 300;
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create(options, scene.target, scene.camera));
+  const Detection detection = MustDetect(detector, scene.View());
+  EXPECT_NE(detection.outcome, DetectionOutcome::kBlack);
+  EXPECT_LE(detection.blob_count, 300);
+}
+
+TEST(WandDetector, TrackedAndFullSearchTellTheSame) {
+  FrameRenderOptions room = RenderedWand::QuietRoom();
+  room.clutter = 0.5;
+  RenderedWand scene(room);
+  WandDetectorOptions full;
+  full.tracking = false;
+  ASSERT_OK_AND_ASSIGN(auto tracking, WandDetector::Create({}, scene.target, scene.camera));
+  ASSERT_OK_AND_ASSIGN(auto searching, WandDetector::Create(full, scene.target, scene.camera));
+  int both = 0;
+  for (int i = 0; i < 60; ++i) {
+    const double t = 0.02 * i;
+    WandMotion wand = RenderedWand::Wand({-0.5 + 0.8 * t, 0.3 * std::sin(4 * t), 2.5},
+                                         {std::cos(t), std::sin(t), 0.2});
+    scene.Render(wand, static_cast<uint64_t>(i));
+    const Detection a = MustDetect(tracking, scene.View(), i * kPeriodNs);
+    const Detection b = MustDetect(searching, scene.View(), i * kPeriodNs);
+    EXPECT_FALSE(b.tracked);
+    if (a.outcome != DetectionOutcome::kWand || b.outcome != DetectionOutcome::kWand) continue;
+    ++both;
+    for (size_t k = 0; k < 3; ++k) {
+      const MarkerObservation &m = a.observation.markers[k], &n = b.observation.markers[k];
+      ASSERT_EQ(m.visible, n.visible) << i;
+      EXPECT_EQ(m.centre_px, n.centre_px) << i;
+      EXPECT_EQ(m.covariance_px2, n.covariance_px2) << i;
+      EXPECT_EQ(m.label_confidence, n.label_confidence) << i;
+    }
+  }
+  EXPECT_GE(both, 55);
+  EXPECT_GE(tracking.counts().tracked, 50u);
+  EXPECT_EQ(searching.counts().tracked, 0u);
+}
+
+TEST(WandDetector, FollowsNothingAcrossAStepOfTheClock) {
+  RenderedWand scene;
+  scene.Render(Standing());
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  MustDetect(detector, scene.View(), kPeriodNs);
+  EXPECT_TRUE(MustDetect(detector, scene.View(), 2 * kPeriodNs).tracked);
+  const auto stepped = detector.Detect(scene.View(), 3 * kPeriodNs, 1);
+  ASSERT_THAT(stepped, IsOk());
+  EXPECT_EQ(stepped->outcome, DetectionOutcome::kWand);
+  EXPECT_FALSE(stepped->tracked);
+  EXPECT_EQ(stepped->observation.clock_epoch, 1u);
+}
+
+TEST(WandDetector, SinglePointIsFoundAndTwoAreAmbiguous) {
+  RenderedWand scene;
+  scene.target = Target();
+  scene.target.kind = TargetKind::kPoint;
+  scene.target.marker_positions_m = {0};
+  scene.Render(std::nullopt);
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  const auto disc = [&scene](int x0, int y0) {
+    for (int y = -8; y <= 8; ++y) {
+      for (int x = -8; x <= 8; ++x) {
+        if (x * x + y * y < 60) scene.Fill(x0 + x, y0 + y, 1, 1, 30, 90, 200);
+      }
+    }
+  };
+  disc(200, 150);
+  const Detection one = MustDetect(detector, scene.View());
+  ASSERT_EQ(one.outcome, DetectionOutcome::kWand);
+  EXPECT_LT((one.observation.markers[0].centre_px - Eigen::Vector2d(200, 150)).norm(), 0.1);
+  EXPECT_EQ(one.observation.markers[0].centre_kind, CentreKind::kImageBlob);
+  disc(400, 300);
+  detector.ForgetTrack();
+  EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kAmbiguous);
+}
+
+TEST(WandDetector, RefusesPicturesOfAnotherSizeAndMasksToo) {
+  RenderedWand scene;
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  ImageView view = scene.View();
+  view.height = 400;
+  EXPECT_THAT(
+      detector.Detect(view, 1, 0),
+      StatusIs(absl::StatusCode::kInvalidArgument,
+               AllOf(HasSubstr("camera test"), HasSubstr("640x400"), HasSubstr("640x480"))));
+  view = scene.View();
+  view.data = nullptr;
+  EXPECT_THAT(detector.Detect(view, 1, 0),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("without data")));
+  EXPECT_THAT(detector.SetIgnored(PixelMask(10, 10)),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("10x10")));
+  EXPECT_EQ(detector.counts().frames, 0u);
+}
+
+TEST(WandDetector, IgnoredPixelsHoldNoMarker) {
+  RenderedWand scene;
+  scene.Render(Standing());
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  PixelMask all(640, 480);
+  for (int y = 0; y < 480; ++y) {
+    for (int x = 0; x < 640; ++x) all.Set(x, y);
+  }
+  ASSERT_THAT(detector.SetIgnored(std::move(all)), IsOk());
+  EXPECT_NE(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kWand);
+}
+
+TEST(WandDetectorOptions, NamesEveryFault) {
+  RenderedWand scene;
+  WandDetectorOptions options;
+  options.max_blobs = 1;
+  options.min_distance_m = 5;
+  options.max_distance_m = 4;
+  options.min_confidence = std::nan("");
+  options.exposure_s = -1;
+  EXPECT_THAT(
+      WandDetector::Create(options, scene.target, scene.camera),
+      StatusIs(absl::StatusCode::kInvalidArgument,
+               AllOf(HasSubstr("camera test"), HasSubstr("max_blobs"), HasSubstr("min_distance"),
+                     HasSubstr("min_confidence"), HasSubstr("exposure"))));
+}
+
+}  // namespace
+}  // namespace rigcal::agent::wand_detector_test

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/marker_centre.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace rigcal::agent::marker_centre_test {
+namespace {
+
+constexpr int kSize = 64;
+constexpr double kBlurPx = 0.6;
+
+// An orange disc over a background, blurred by lens and pixel.
+class DiscImage {
+ public:
+  template <typename Background>
+  DiscImage(const Eigen::Vector2d& centre, double radius, double gain, Background background)
+      : pixels_(kSize * kSize * 3) {
+    constexpr int kSub = 4;
+    const double colour[3] = {40, 95, 175};
+    for (int y = 0; y < kSize; ++y) {
+      for (int x = 0; x < kSize; ++x) {
+        double share = 0;
+        for (int v = 0; v < kSub; ++v) {
+          for (int u = 0; u < kSub; ++u) {
+            const Eigen::Vector2d p(x + (u + 0.5) / kSub - 0.5, y + (v + 0.5) / kSub - 0.5);
+            share += 0.5 * std::erfc(((p - centre).norm() - radius) / (kBlurPx * std::sqrt(2.0))) /
+                     (kSub * kSub);
+          }
+        }
+        for (int k = 0; k < 3; ++k) {
+          const double grey = share * gain * colour[k] + (1 - share) * background(x, y);
+          pixels_[static_cast<size_t>((y * kSize + x) * 3 + k)] =
+              static_cast<uint8_t>(std::lround(std::clamp(grey, 0.0, 255.0)));
+        }
+      }
+    }
+    blob_.centre_px = centre + Eigen::Vector2d(0.3, -0.3);
+    blob_.second_moment_px2 = 0.25 * radius * radius * Eigen::Matrix2d::Identity();
+    blob_.area_px = static_cast<int>(3.14 * radius * radius);
+  }
+
+  ImageView View() const { return {pixels_.data(), kSize, kSize, kSize * 3, PixelFormat::kBgr8}; }
+  Blob blob_;
+
+ private:
+  std::vector<uint8_t> pixels_;
+};
+
+double Flat(int, int) { return 10; }
+
+TEST(MarkerMeter, FindsTheCentreOfADiscAnywhereInItsPixel) {
+  MarkerMeter meter;
+  for (const double radius : {3.3, 8.0, 13.0}) {
+    for (double shift = 0; shift < 1; shift += 0.17) {
+      const Eigen::Vector2d truth(31 + shift, 33 - 0.6 * shift);
+      const DiscImage picture(truth, radius, 1, Flat);
+      MarkerCentre centre;
+      ASSERT_TRUE(meter.Measure(picture.View(), picture.blob_, &centre));
+      EXPECT_LT((centre.centre_px - truth).norm(), 0.03) << radius << " " << shift;
+      EXPECT_NEAR(centre.radius_px, radius, 0.3);
+      EXPECT_LT(centre.skewness, 0.01);
+    }
+  }
+}
+
+TEST(MarkerMeter, SaturationAndASlopingBackgroundMoveNothing) {
+  MarkerMeter meter;
+  const Eigen::Vector2d truth(31.3, 32.8);
+  const DiscImage saturated(truth, 8, 2.2, Flat);
+  const DiscImage sloping(truth, 8, 1, [](int x, int) { return 10.0 + x; });
+  for (const DiscImage* picture : {&saturated, &sloping}) {
+    MarkerCentre centre;
+    ASSERT_TRUE(meter.Measure(picture->View(), picture->blob_, &centre));
+    EXPECT_LT((centre.centre_px - truth).norm(), 0.04);
+  }
+}
+
+TEST(MarkerMeter, AnotherDiscBesideItMovesLittle) {
+  MarkerMeter meter;
+  const Eigen::Vector2d truth(28.2, 32.6);
+  const DiscImage picture(
+      truth, 6, 1, [](int x, int y) { return std::hypot(x - 42, y - 32.6) < 6 ? 175.0 : 10.0; });
+  MarkerCentre centre;
+  ASSERT_TRUE(meter.Measure(picture.View(), picture.blob_, &centre));
+  EXPECT_LT((centre.centre_px - truth).norm(), 0.2) << "1.8 px of gap, less than the blur of both";
+}
+
+TEST(MarkerMeter, AHalfCoveredDiscIsLopsided) {
+  MarkerMeter meter;
+  DiscImage picture({32, 32}, 8, 1, Flat);
+  std::vector<uint8_t> pixels(picture.View().data, picture.View().data + kSize * kSize * 3);
+  for (int y = 0; y < kSize; ++y) {
+    std::fill_n(pixels.begin() + (y * kSize + 33) * 3, 3 * 20, uint8_t{10});
+  }
+  ImageView view = picture.View();
+  view.data = pixels.data();
+  Blob half = picture.blob_;
+  half.centre_px.x() -= 3;
+  MarkerCentre centre;
+  ASSERT_TRUE(meter.Measure(view, half, &centre));
+  EXPECT_GT(centre.skewness, 0.03);
+}
+
+TEST(MarkerMeter, NothingToMeasure) {
+  MarkerMeter meter;
+  const DiscImage flat({32, 32}, 8, 0.06, Flat);
+  MarkerCentre centre;
+  EXPECT_FALSE(meter.Measure(flat.View(), flat.blob_, &centre));
+  const DiscImage corner({1, 1}, 8, 1, Flat);
+  if (meter.Measure(corner.View(), corner.blob_, &centre)) {
+    EXPECT_TRUE(centre.cut);
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::agent::marker_centre_test

@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+// `rigcal calibrate`, `rigcal calibration` and `rigcal doctor` against a server in this process.
+#include "client/commands/calibration_command.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/wire/protocol_version.h"
+#include "tests/client/command_runner.h"
+#include "tests/client/fake_server.h"
+#include "tests/client/sample_messages.h"
+#include "tests/testing/temporary_directory.h"
+
+namespace rigcal::client::calibration_command_test {
+namespace {
+
+using nlohmann::json;
+using ::rigcal::testing::CommandOutcome;
+using ::rigcal::testing::FakeServer;
+using ::rigcal::testing::FullCalibration;
+using ::testing::AllOf;
+using ::testing::ContainsRegex;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+class CalibrationCommand : public ::testing::Test {
+ protected:
+  CommandOutcome Rigcal(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.end(), {"--server", fake_.address()});
+    return rigcal::testing::Rigcal(arguments);
+  }
+
+  FakeServer fake_;
+};
+
+TEST_F(CalibrationCommand, CalibrateSendsEveryOption) {
+  const CommandOutcome outcome =
+      Rigcal({"calibrate", "a", "b", "--reference-camera", "left", "--intrinsics", "fixed",
+              "--time-offsets", "refined", "--marker-positions", "auto", "--sigma-px", "0.5",
+              "--association-tolerance-ms", "2.5", "--seed", "7", "-o", "json"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const v1::CreateCalibrationRequest& request = fake_.created_calibration;
+  EXPECT_THAT(request.session_ids(), ElementsAre("a", "b"));
+  const v1::CalibrationOptions& options = request.options();
+  EXPECT_EQ(options.reference_camera(), "left");
+  EXPECT_EQ(options.intrinsics(), v1::CalibrationOptions::FIXED);
+  EXPECT_EQ(options.time_offsets(), v1::CalibrationOptions::REFINED);
+  EXPECT_EQ(options.marker_positions(), v1::CalibrationOptions::AUTO);
+  EXPECT_EQ(options.sigma_px(), 0.5);
+  EXPECT_EQ(options.association_tolerance_s(), 0.0025);
+  EXPECT_EQ(options.seed(), 7u);
+  // Without --wait it is only queued.
+  EXPECT_EQ(json::parse(outcome.out).at("state"), "QUEUED");
+}
+
+TEST_F(CalibrationCommand, CalibrateSendsAKnownDistance) {
+  const CommandOutcome outcome = Rigcal({"calibrate", "a", "--distance", "left,right,1.25,0.001"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const v1::KnownDistance& known = fake_.created_calibration.options().known_distance();
+  EXPECT_EQ(known.camera_a(), "left");
+  EXPECT_EQ(known.camera_b(), "right");
+  EXPECT_EQ(known.distance_m(), 1.25);
+  EXPECT_EQ(known.sigma_m(), 0.001);
+}
+
+TEST_F(CalibrationCommand, CalibrateLeavesTheDefaultsToTheServer) {
+  ASSERT_EQ(Rigcal({"calibrate", "a"}).exit_code, 0);
+  const v1::CalibrationOptions& options = fake_.created_calibration.options();
+  EXPECT_EQ(options.intrinsics(), v1::CalibrationOptions::ESTIMATE_UNSPECIFIED);
+  EXPECT_EQ(options.association_tolerance_s(), 0);
+}
+
+TEST_F(CalibrationCommand, CalibrateWaitsForTheResult) {
+  fake_.calibrations["cal-new"] = FullCalibration("cal-new");
+  fake_.calibrations["cal-new"].set_state(v1::Calibration::RUNNING);
+  int asked = 0;
+  fake_.on_get_calibration = [&](v1::Calibration& calibration) {
+    if (++asked == 3) calibration.set_state(v1::Calibration::SUCCEEDED);
+  };
+  const CommandOutcome outcome = Rigcal({"calibrate", "a", "--wait"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(asked, 3);
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("succeeded"), HasSubstr("instants used")));
+  EXPECT_THAT(outcome.err, IsEmpty());
+}
+
+TEST_F(CalibrationCommand, CalibrateThatFailsSaysWhyAndExitsWithOne) {
+  v1::Calibration failed = FullCalibration("cal-new");
+  failed.set_state(v1::Calibration::FAILED);
+  failed.set_error("cameras {left} and {right} share no instants");
+  fake_.calibrations["cal-new"] = failed;
+  const CommandOutcome table = Rigcal({"calibrate", "a", "--wait"});
+  EXPECT_EQ(table.exit_code, 1);
+  EXPECT_THAT(table.err, HasSubstr("share no instants"));
+  EXPECT_THAT(table.out, HasSubstr("clock_epoch_without_offset"));
+  const CommandOutcome as_json = Rigcal({"calibrate", "a", "--wait", "-o", "json"});
+  EXPECT_EQ(as_json.exit_code, 1);
+  EXPECT_EQ(json::parse(as_json.out).at("state"), "FAILED");
+}
+
+TEST_F(CalibrationCommand, CalibrateBelowTheQualityGateExitsWithThree) {
+  fake_.calibrations["cal-new"] = FullCalibration("cal-new");
+  fake_.calibrations["cal-new"].mutable_quality()->set_grade(v1::Quality::BAD);
+  const CommandOutcome outcome = Rigcal({"calibrate", "a", "--wait", "-o", "json"});
+  EXPECT_EQ(outcome.exit_code, 3);
+  EXPECT_EQ(json::parse(outcome.out).at("quality").at("grade"), "BAD");
+  // Looking at it later is no failure.
+  EXPECT_EQ(Rigcal({"calibration", "get", "cal-new"}).exit_code, 0);
+}
+
+TEST_F(CalibrationCommand, CalibrateNamesTheSessionThatDoesNotExist) {
+  fake_.failures["CreateCalibration"] =
+      grpc::Status(grpc::StatusCode::NOT_FOUND, "there is no session nobody");
+  const CommandOutcome outcome = Rigcal({"calibrate", "nobody", "--wait"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.err, HasSubstr("nobody"));
+  EXPECT_THAT(outcome.out, IsEmpty());
+}
+
+TEST_F(CalibrationCommand, GetAndListPrint) {
+  fake_.calibrations["cal-1"] = FullCalibration("cal-1");
+  EXPECT_THAT(Rigcal({"calibration", "get", "cal-1"}).out, HasSubstr("reprojection error"));
+  EXPECT_EQ(json::parse(Rigcal({"calibration", "get", "cal-1", "-o", "json"}).out).at("id"),
+            "cal-1");
+  EXPECT_THAT(Rigcal({"calibration", "list"}).out, HasSubstr("\ncal-1 "));
+  for (const char* id : {"cal-2", "cal-3"}) fake_.calibrations[id] = FullCalibration(id);
+  fake_.page_size = 1;
+  const json list = json::parse(Rigcal({"calibration", "list", "-o", "json"}).out);
+  EXPECT_EQ(list.at("calibrations").size(), 3u);
+}
+
+TEST_F(CalibrationCommand, CancelShowsTheEnd) {
+  fake_.calibrations["cal-1"] = FullCalibration("cal-1");
+  EXPECT_THAT(Rigcal({"calibration", "cancel", "cal-1"}).out, HasSubstr("cancelled"));
+  EXPECT_EQ(Rigcal({"calibration", "cancel", "cal-9"}).exit_code, 1);
+}
+
+TEST_F(CalibrationCommand, ExportWritesFilesAndNamesThem) {
+  const rigcal::testing::TemporaryDirectory directory;
+  const std::string folder = (directory.path() / "out").string();
+  fake_.calibrations["cal-1"] = FullCalibration("cal-1");
+  const CommandOutcome opencv =
+      Rigcal({"calibration", "export", "cal-1", "--format", "opencv", "--output", folder});
+  EXPECT_EQ(opencv.exit_code, 0) << opencv.err;
+  EXPECT_EQ(opencv.out, folder + "/left.yaml\n" + folder + "/right.yaml\n");
+  EXPECT_TRUE(std::filesystem::exists(folder + "/left.yaml"));
+  const CommandOutcome as_json = Rigcal(
+      {"calibration", "export", "cal-1", "--format", "json", "--output", folder, "-o", "json"});
+  EXPECT_EQ(json::parse(as_json.out),
+            json({{"calibration", "cal-1"}, {"files", {folder + "/calibration.json"}}}));
+}
+
+TEST_F(CalibrationCommand, ExportToStdoutIsTheCalibration) {
+  fake_.calibrations["cal-1"] = FullCalibration("cal-1");
+  const CommandOutcome outcome =
+      Rigcal({"calibration", "export", "cal-1", "--format", "json", "--output", "-"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(json::parse(outcome.out).at("instant_count"), 614);
+  fake_.calibrations["cal-1"].set_state(v1::Calibration::RUNNING);
+  EXPECT_EQ(
+      Rigcal({"calibration", "export", "cal-1", "--format", "json", "--output", "-"}).exit_code, 1);
+}
+
+TEST_F(CalibrationCommand, CompareOfEqualOnesIsZero) {
+  fake_.calibrations["cal-1"] = FullCalibration("cal-1");
+  fake_.calibrations["cal-2"] = FullCalibration("cal-2");
+  const CommandOutcome table = Rigcal({"calibration", "compare", "cal-1", "cal-2"});
+  EXPECT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_THAT(table.out, ContainsRegex("left +0.000 +0.0000 +0.000 +0.500 +0.500\n"));
+  const json as_json =
+      json::parse(Rigcal({"calibration", "compare", "cal-1", "cal-2", "-o", "json"}).out);
+  EXPECT_LT(as_json.at("max_position_difference_m"), 1e-9);
+  EXPECT_EQ(as_json.at("same_observations"), true);
+  EXPECT_EQ(Rigcal({"calibration", "compare", "cal-1", "cal-9"}).exit_code, 1);
+}
+
+TEST_F(CalibrationCommand, DoctorOfAHealthyServerIsOk) {
+  fake_.status.set_software_version(std::string(wire::kSoftwareVersion));
+  *fake_.status.mutable_protocol_version() = wire::OwnProtocolVersion();
+  fake_.status.mutable_store()->set_free_mib(100'000);
+  const CommandOutcome table = Rigcal({"doctor"});
+  EXPECT_EQ(table.exit_code, 0) << table.out;
+  EXPECT_THAT(table.out, AllOf(ContainsRegex("ok +server +reachable"), HasSubstr("serving"),
+                               ContainsRegex("warn +agents"), Not(HasSubstr("fail"))));
+  const json as_json = json::parse(Rigcal({"doctor", "-o", "json"}).out);
+  EXPECT_EQ(as_json.at("ok"), true);
+  EXPECT_EQ(as_json.at("checks").at(0).at("level"), "ok");
+}
+
+TEST_F(CalibrationCommand, DoctorFailsWithOneWhereACheckFails) {
+  fake_.status.set_software_version(std::string(wire::kSoftwareVersion));
+  *fake_.status.mutable_protocol_version() = wire::OwnProtocolVersion();
+  fake_.status.mutable_store()->set_free_mib(100'000);
+  fake_.SetServing(false);
+  const CommandOutcome outcome = Rigcal({"doctor"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.out, ContainsRegex("fail +health +the server says NOT_SERVING"));
+  fake_.SetServing(true);
+  fake_.failures["ListSessions"] = grpc::Status(grpc::StatusCode::INTERNAL, "store is broken");
+  EXPECT_THAT(Rigcal({"doctor"}).out, ContainsRegex("fail +sessions +store is broken"));
+}
+
+}  // namespace
+}  // namespace rigcal::client::calibration_command_test

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "client/commands/doctor_command.h"
+#include "common/wire/protocol_version.h"
+#include "tests/client/sample_messages.h"
+
+namespace rigcal::client::doctor_checks_test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+TEST(CheckVersions, ComparesBothSides) {
+  v1::ServerStatus status;
+  status.set_software_version(std::string(wire::kSoftwareVersion));
+  *status.mutable_protocol_version() = wire::OwnProtocolVersion();
+  EXPECT_EQ(CheckVersions(status).level, CheckLevel::kOk);
+  status.set_software_version("9.9.9");
+  EXPECT_EQ(CheckVersions(status).level, CheckLevel::kWarn);
+  status.mutable_protocol_version()->set_major(wire::kProtocolMajor + 1);
+  EXPECT_EQ(CheckVersions(status).level, CheckLevel::kFail);
+  EXPECT_THAT(CheckVersions(status).advice, Not(IsEmpty()));
+}
+
+TEST(CheckIngest, FailsOnAProblemAndWarnsOfAFullQueue) {
+  v1::IngestStatus ingest;
+  ingest.set_queue_limit_bytes(1000);
+  EXPECT_EQ(CheckIngest(ingest).level, CheckLevel::kOk);
+  ingest.set_refused_observation_count(2);
+  EXPECT_EQ(CheckIngest(ingest).level, CheckLevel::kWarn);
+  ingest.set_queue_bytes(950);
+  EXPECT_THAT(CheckIngest(ingest).message, HasSubstr("nearly full"));
+  ingest.set_problem("the disk is full");
+  EXPECT_EQ(CheckIngest(ingest).level, CheckLevel::kFail);
+  EXPECT_THAT(CheckIngest(ingest).message, HasSubstr("the disk is full"));
+}
+
+TEST(CheckDisk, WarnsBeforeItFails) {
+  v1::StoreStatus store;
+  store.set_kind("sqlite");
+  store.set_free_mib(100'000);
+  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kOk);
+  store.set_free_mib(1000);
+  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kWarn);
+  store.set_free_mib(0);
+  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
+}
+
+TEST(CheckAgents, CountsAndNamesTheGone) {
+  v1::ListAgentsResponse agents;
+  EXPECT_EQ(CheckAgents(agents).level, CheckLevel::kWarn);
+  v1::Agent* agent = agents.add_agents();
+  agent->set_agent_id("pc-1");
+  agent->set_connected(true);
+  agent->add_cameras()->set_camera("left");
+  EXPECT_EQ(CheckAgents(agents).level, CheckLevel::kOk);
+  EXPECT_THAT(CheckAgents(agents).message, HasSubstr("1 agent with 1 camera "));
+  agents.add_agents()->set_agent_id("pc-2");
+  EXPECT_EQ(CheckAgents(agents).level, CheckLevel::kWarn);
+  EXPECT_THAT(CheckAgents(agents).message, HasSubstr("pc-2"));
+}
+
+TEST(CheckIntrinsics, NamesConnectedCamerasWithoutThem) {
+  v1::ListAgentsResponse agents;
+  v1::Agent* agent = agents.add_agents();
+  agent->set_rig("lab");
+  agent->set_connected(true);
+  agent->add_cameras()->set_camera("left");
+  agent->mutable_cameras(0)->mutable_intrinsics();
+  EXPECT_EQ(CheckIntrinsics(agents).level, CheckLevel::kOk);
+  agent->add_cameras()->set_camera("right");
+  EXPECT_EQ(CheckIntrinsics(agents).level, CheckLevel::kWarn);
+  EXPECT_THAT(CheckIntrinsics(agents).message,
+              AllOf(HasSubstr("lab/right"), Not(HasSubstr("left"))));
+  agent->set_connected(false);
+  EXPECT_EQ(CheckIntrinsics(agents).level, CheckLevel::kOk);
+}
+
+TEST(CheckSessions, FindsTheStuck) {
+  v1::ListSessionsResponse sessions;
+  *sessions.add_sessions() = rigcal::testing::FullSession("wave");
+  v1::Session* session = sessions.mutable_sessions(0);
+  EXPECT_EQ(CheckSessions(sessions, 1000).level, CheckLevel::kOk);
+  session->mutable_cameras(1)->set_connected(false);
+  EXPECT_EQ(CheckSessions(sessions, 1000).level, CheckLevel::kWarn);
+  EXPECT_THAT(CheckSessions(sessions, 1000).message,
+              AllOf(HasSubstr("wave"), HasSubstr("right"), Not(HasSubstr("left"))));
+  // A camera that has delivered everything may go.
+  session->mutable_cameras(1)->set_ended(true);
+  EXPECT_EQ(CheckSessions(sessions, 1000).level, CheckLevel::kOk);
+  session->set_state(v1::Session::DRAINING);
+  session->mutable_drain_deadline()->set_seconds(900);
+  EXPECT_EQ(CheckSessions(sessions, 905).level, CheckLevel::kOk);
+  EXPECT_THAT(CheckSessions(sessions, 1000).message, HasSubstr("past its deadline"));
+  session->set_state(v1::Session::FINISHED);
+  EXPECT_EQ(CheckSessions(sessions, 1000).level, CheckLevel::kOk);
+}
+
+TEST(CheckHealthWord, OnlyServingIsHealthy) {
+  EXPECT_EQ(CheckHealthWord("SERVING").level, CheckLevel::kOk);
+  EXPECT_EQ(CheckHealthWord("NOT_SERVING").level, CheckLevel::kFail);
+}
+
+}  // namespace
+}  // namespace rigcal::client::doctor_checks_test

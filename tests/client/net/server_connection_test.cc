@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/net/server_connection.h"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <string>
+
+#include "tests/client/fake_server.h"
+#include "tests/client/sample_messages.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::client::server_connection_test {
+namespace {
+
+using ::rigcal::testing::FakeServer;
+using ::rigcal::testing::FullSession;
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::_;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+absl::StatusOr<v1::Session> Get(ServerConnection& server, const std::string& id,
+                                std::chrono::milliseconds timeout = kCallTimeout) {
+  v1::GetSessionRequest request;
+  request.set_id(id);
+  return server.Call(server.sessions(), &v1::SessionService::Stub::GetSession, request, timeout);
+}
+
+TEST(ValidateServerAddress, WantsHostAndPort) {
+  for (const char* good : {"127.0.0.1:7420", "rig-pc:1", "[::1]:65535", "a.b.example:80"}) {
+    EXPECT_THAT(ValidateServerAddress(good), IsOk()) << good;
+  }
+  for (const char* bad : {"", "host", "host:", ":7420", "host:0", "host:65536", "host:x",
+                          "::1:7420", "http://host:80", "host:80/x", "[]:1", "a b:1", "host:-1"}) {
+    EXPECT_THAT(ValidateServerAddress(bad),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("HOST:PORT")))
+        << bad;
+  }
+}
+
+TEST(ServerConnection, PassesTheServersStatusOn) {
+  FakeServer fake;
+  ServerConnection server(fake.address());
+  EXPECT_THAT(Get(server, "nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  fake.sessions["wave"] = FullSession("wave");
+  ASSERT_OK_AND_ASSIGN(const v1::Session session, Get(server, "wave"));
+  EXPECT_EQ(session.observation_count(), 1238u);
+}
+
+TEST(ServerConnection, UnreachableNamesTheAddressAndWhatToDo) {
+  ServerConnection server("127.0.0.1:1");
+  EXPECT_THAT(Get(server, "x"), StatusIs(absl::StatusCode::kUnavailable,
+                                         AllOf(HasSubstr("127.0.0.1:1"), HasSubstr("refused"),
+                                               HasSubstr("--server"), HasSubstr("RIGCAL_SERVER"))));
+}
+
+TEST(ServerConnection, AServerThatSaysNothingIsUnreachable) {
+  // A socket that takes connections and never speaks.
+  const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address = {};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(address);
+  ASSERT_EQ(bind(listener, reinterpret_cast<sockaddr*>(&address), size), 0);
+  ASSERT_EQ(listen(listener, 4), 0);
+  ASSERT_EQ(getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  ServerConnection server("127.0.0.1:" + std::to_string(ntohs(address.sin_port)));
+  EXPECT_THAT(Get(server, "x", std::chrono::milliseconds(200)),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("did not answer within 0.2 s")));
+  close(listener);
+}
+
+TEST(ServerConnection, AnotherProgramsServerIsNamed) {
+  FakeServer fake;
+  fake.failures["GetSession"] = grpc::Status(grpc::StatusCode::UNIMPLEMENTED, "");
+  ServerConnection server(fake.address());
+  EXPECT_THAT(Get(server, "x"), StatusIs(absl::StatusCode::kUnimplemented, HasSubstr("version")));
+}
+
+TEST(ServerConnection, ARefusalWithoutWordsGetsSome) {
+  FakeServer fake;
+  fake.failures["GetSession"] = grpc::Status(grpc::StatusCode::INTERNAL, "");
+  ServerConnection server(fake.address());
+  EXPECT_THAT(Get(server, "x"), StatusIs(absl::StatusCode::kInternal,
+                                         AllOf(HasSubstr(fake.address()), HasSubstr("INTERNAL"))));
+}
+
+TEST(ServerConnection, IgnoresProxiesOfTheEnvironment) {
+  FakeServer fake;
+  fake.sessions["wave"] = FullSession("wave");
+  setenv("http_proxy", "http://127.0.0.1:1", 1);
+  setenv("grpc_proxy", "http://127.0.0.1:1", 1);
+  ServerConnection server(fake.address());
+  EXPECT_THAT(Get(server, "wave"), IsOk());
+  unsetenv("http_proxy");
+  unsetenv("grpc_proxy");
+}
+
+TEST(ServerConnection, TellsTheHealth) {
+  FakeServer fake;
+  ServerConnection server(fake.address());
+  EXPECT_EQ(*server.CheckHealth(), "SERVING");
+  fake.SetServing(false);
+  EXPECT_EQ(*server.CheckHealth(), "NOT_SERVING");
+  EXPECT_THAT(ServerConnection("127.0.0.1:1").CheckHealth(),
+              StatusIs(absl::StatusCode::kUnavailable, _));
+}
+
+TEST(Read, EndsEarlyWhenNobodyWantsMore) {
+  FakeServer fake;
+  for (int i = 0; i < 1000; ++i) fake.observations.emplace_back().set_camera("left");
+  ServerConnection server(fake.address());
+  int seen = 0;
+  EXPECT_THAT(server.Read(server.sessions(), &v1::SessionService::Stub::ReadObservations, {},
+                          std::chrono::milliseconds(0),
+                          [&](const v1::ObservationBatch&) { return ++seen < 3; }),
+              IsOk());
+  EXPECT_EQ(seen, 3);
+}
+
+TEST(Read, GivesTheStatusAfterTheMessages) {
+  FakeServer fake;
+  fake.observations.resize(2);
+  fake.failures["ReadObservations"] = grpc::Status(grpc::StatusCode::DATA_LOSS, "checksum");
+  ServerConnection server(fake.address());
+  int seen = 0;
+  EXPECT_THAT(server.Read(server.sessions(), &v1::SessionService::Stub::ReadObservations, {},
+                          std::chrono::milliseconds(0),
+                          [&](const v1::ObservationBatch&) { return ++seen > 0; }),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("checksum")));
+  EXPECT_EQ(seen, 2);
+}
+
+}  // namespace
+}  // namespace rigcal::client::server_connection_test

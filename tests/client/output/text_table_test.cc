@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/output/text_table.h"
+
+#include <gtest/gtest.h>
+
+namespace rigcal::client::text_table_test {
+namespace {
+
+using Align = TextTable::Align;
+
+TEST(TextTable, AlignsWordsLeftAndNumbersRight) {
+  TextTable table({{"camera"}, {"mean", Align::kRight}, {"state"}});
+  table.AddRow({"left", "0.5", "ok"});
+  table.AddRow({"right_hand", "12.25", "bad"});
+  EXPECT_EQ(table.Format(),
+            "camera       mean  state\n"
+            "left          0.5  ok\n"
+            "right_hand  12.25  bad\n");
+}
+
+TEST(TextTable, GroupStandsOnceAboveItsColumns) {
+  TextTable table(
+      {{"camera"}, {"x", Align::kRight, "position (m)"}, {"y", Align::kRight, "position (m)"}});
+  table.AddRow({"left", "1.0000", "-2.0000"});
+  EXPECT_EQ(table.Format(),
+            "           position (m)\n"
+            "camera       x        y\n"
+            "left    1.0000  -2.0000\n");
+}
+
+TEST(TextTable, GroupWiderThanItsColumnsMakesRoom) {
+  TextTable table({{"a"}, {"b", Align::kRight, "a long group"}, {"c"}});
+  table.AddRow({"1", "2", "3"});
+  EXPECT_EQ(table.Format(),
+            "   a long group\n"
+            "a             b  c\n"
+            "1             2  3\n");
+}
+
+TEST(TextTable, IndentsEveryLine) {
+  TextTable table({{"a"}});
+  table.AddRow({"b"});
+  EXPECT_EQ(table.Format(2), "  a\n  b\n");
+}
+
+TEST(TextTable, CellsCannotSteerTheTerminalOrBreakTheRow) {
+  TextTable table({{"a"}});
+  table.AddRow({"red\x1b[31m\ntwo"});
+  EXPECT_EQ(table.Format(), "a\nred?[31m two\n");
+}
+
+TEST(TextTable, MissingCellsAreEmptyAndFurtherOnesLeftOut) {
+  TextTable table({{"a"}, {"b"}});
+  table.AddRow({"1"});
+  table.AddRow({"1", "2", "3"});
+  EXPECT_EQ(table.Format(), "a  b\n1\n1  2\n");
+}
+
+TEST(TextTable, CountsCodePointsNotBytes) {
+  TextTable table({{"a"}, {"b"}});
+  table.AddRow({"Größe", "x"});
+  table.AddRow({"Grosse", "y"});
+  EXPECT_EQ(table.Format(), "a       b\nGröße   x\nGrosse  y\n");
+}
+
+}  // namespace
+}  // namespace rigcal::client::text_table_test

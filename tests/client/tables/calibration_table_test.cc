@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tables/calibration_table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+#include <string>
+
+#include "tests/client/sample_messages.h"
+
+namespace rigcal::client::calibration_table_test {
+namespace {
+
+using ::rigcal::testing::FullCalibration;
+using ::testing::AllOf;
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+TEST(FormatCalibration, ShowsResidualsOfEachCamera) {
+  const std::string text = FormatCalibration(FullCalibration());
+  EXPECT_THAT(text, ContainsRegex("camera +observations +markers +outliers +mean +rms +median +p95"
+                                  " +mean +rms\n"));
+  EXPECT_THAT(text, ContainsRegex("left +600 +1800 +12 +0.500 +0.750 +0.250 +1.500 "
+                                  "+0.250 +0.375\n"));
+  EXPECT_THAT(text, HasSubstr("reprojection error (px)"));
+}
+
+TEST(FormatCalibration, ShowsWhereTheCamerasAre) {
+  const std::string text = FormatCalibration(FullCalibration());
+  // The reference camera is the origin; the other looks along -x from (3, 0, 1.5).
+  EXPECT_THAT(text, ContainsRegex("left +0.0000 +0.0000 +0.0000 +0.000 +0.000 +0.000"));
+  EXPECT_THAT(text, ContainsRegex("right +3.0000 +0.0000 +1.5000 +0.000 +-90.000 +0.000"));
+  EXPECT_THAT(text, AllOf(HasSubstr("position (m)"), HasSubstr("rotation vector (deg)"),
+                          HasSubstr("frame of left"), HasSubstr("rig_from_cam")));
+  EXPECT_THAT(text, HasSubstr("-8.150"));
+}
+
+TEST(FormatCalibration, ShowsInstantsWandTimeAndRefusals) {
+  const std::string text = FormatCalibration(FullCalibration());
+  EXPECT_THAT(text, ContainsRegex("instants used +614\n"));
+  EXPECT_THAT(text, ContainsRegex("wand length error +0.580 mm rms over 1200 spans"));
+  EXPECT_THAT(text, ContainsRegex("time taken +1.25 s\n"));
+  EXPECT_THAT(text, ContainsRegex("left +clock_epoch_without_offset +6 +row 620 of left.csv"));
+  EXPECT_THAT(text, ContainsRegex("clock_offset +left +-8.15 +ms +check the trigger cable"));
+  EXPECT_THAT(text, HasSubstr("Quality: usable\n  left is late\n"));
+}
+
+TEST(FormatCalibration, ShowsTheJudgementWhereThereIsOne) {
+  v1::Calibration calibration = FullCalibration();
+  EXPECT_THAT(
+      FormatCalibration(calibration),
+      AllOf(HasSubstr("with left held fixed"), ContainsRegex("left +0.500 +0.0057 +0.000\n"),
+            ContainsRegex("left +0.500 +0.750 +1.500 +0.750 +1.125 +2.250\n")));
+  calibration.mutable_cameras(0)->clear_held_out();
+  EXPECT_THAT(FormatCalibration(calibration),
+              ContainsRegex("left +- +- +- +0.750 +1.125 +2.250\n"));
+  for (v1::CalibratedCamera& camera : *calibration.mutable_cameras()) {
+    camera.clear_uncertainty();
+    camera.clear_held_out();
+    camera.clear_leave_one_out();
+  }
+  EXPECT_THAT(FormatCalibration(calibration),
+              AllOf(Not(HasSubstr("held out")), Not(HasSubstr("held fixed"))));
+}
+
+TEST(FormatCalibration, MarksOffsetsThatAreNoEstimates) {
+  v1::Calibration calibration = FullCalibration();
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("not estimated")));
+  calibration.mutable_cameras(1)->set_time_offset_estimated(false);
+  const std::string text = FormatCalibration(calibration);
+  EXPECT_THAT(text, HasSubstr("not estimated"));
+  EXPECT_THAT(text, ContainsRegex("left [^\n]*-8.150   "));
+  EXPECT_THAT(text, ContainsRegex("right [^\n]*-8.150\\*  "));
+}
+
+TEST(FormatCalibration, NeverCallsUnknownScaleMetres) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.set_scale_known(false);
+  const std::string text = FormatCalibration(calibration);
+  EXPECT_THAT(text, AllOf(HasSubstr("unknown scale"), HasSubstr("NOT KNOWN")));
+  EXPECT_THAT(text, Not(HasSubstr("position (m)")));
+  EXPECT_THAT(text, Not(HasSubstr("position (mm)")));
+  calibration.set_reference_camera("left");
+  calibration.set_unit_camera("right");
+  EXPECT_THAT(FormatCalibration(calibration),
+              HasSubstr("the unit is the distance from left to right"));
+}
+
+TEST(FormatCalibration, OfOneMarkerSaysWhereTheScaleIsFrom) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_target()->mutable_given()->set_kind(v1::Target::POINT);
+  calibration.mutable_target()->set_scale_sigma_rel(0.0008);
+  v1::KnownDistance* known = calibration.mutable_options()->mutable_known_distance();
+  known->set_camera_a("left");
+  known->set_camera_b("right");
+  known->set_distance_m(1.25);
+  const std::string text = FormatCalibration(calibration);
+  EXPECT_THAT(text, HasSubstr("from the distance of left and right, 1.2500 m, one sigma 0.080 %"));
+  EXPECT_THAT(text, Not(HasSubstr("wand length")));
+}
+
+TEST(FormatCalibration, OfAFailedOneSaysWhyAndWhatWasLeftOut) {
+  v1::Calibration failed = FullCalibration();
+  failed.set_state(v1::Calibration::FAILED);
+  failed.set_error("cameras {left} and {right} share no instants");
+  const std::string text = FormatCalibration(failed);
+  EXPECT_THAT(text, AllOf(HasSubstr("failed"), HasSubstr("share no instants"),
+                          HasSubstr("clock_epoch_without_offset")));
+  EXPECT_THAT(text, Not(HasSubstr("instants used")));
+}
+
+TEST(FormatCalibration, ShowsTheTruthWhereItIsKnown) {
+  v1::Calibration calibration = FullCalibration();
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("truth")));
+  v1::CameraTruthError* error = calibration.mutable_truth()->add_cameras();
+  error->set_camera("left");
+  error->set_position_error_m(0.00125);
+  error->set_rotation_error_deg(0.0125);
+  error->set_time_offset_error_s(-0.00025);
+  calibration.mutable_truth()->set_max_position_error_m(0.00125);
+  EXPECT_THAT(FormatCalibration(calibration),
+              AllOf(HasSubstr("Against the truth"), ContainsRegex("left +1.250 +0.0125 +-0.250\n"),
+                    ContainsRegex("largest +1.250 ")));
+}
+
+TEST(FormatCalibration, FitsANormalTerminalForUsualRigs) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.clear_findings();
+  calibration.clear_refused();
+  std::istringstream lines(FormatCalibration(calibration));
+  for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 100u) << line;
+}
+
+TEST(FormatCalibration, CannotSteerTheTerminal) {
+  v1::Calibration calibration = FullCalibration("\x1b[2J");
+  calibration.set_reference_camera("\x1b[2J");
+  calibration.mutable_cameras(0)->set_camera("\x1b[2J");
+  calibration.mutable_quality()->set_reasons(0, "\x1b[2J");
+  calibration.mutable_refused(0)->set_example("\x1b[2J");
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("\x1b")));
+  calibration.set_state(v1::Calibration::FAILED);
+  calibration.set_error("\x1b[2J");
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("\x1b")));
+}
+
+TEST(FormatCalibration, SurvivesAnEmptyMessage) {
+  v1::Calibration calibration;
+  EXPECT_THAT(FormatCalibration(calibration), HasSubstr("state 0"));
+  calibration.set_state(v1::Calibration::SUCCEEDED);
+  calibration.add_cameras();
+  EXPECT_THAT(FormatCalibration(calibration), HasSubstr("instants used"));
+}
+
+TEST(FormatCalibrationProgress, IsOneLine) {
+  v1::Calibration calibration;
+  calibration.set_state(v1::Calibration::RUNNING);
+  calibration.mutable_progress()->set_stage("bundle adjustment");
+  calibration.mutable_progress()->set_fraction(0.4);
+  EXPECT_EQ(FormatCalibrationProgress(calibration), "calibrating: bundle adjustment 40 %");
+  calibration.mutable_progress()->set_fraction(7);
+  EXPECT_EQ(FormatCalibrationProgress(calibration), "calibrating: bundle adjustment 100 %");
+  calibration.set_state(v1::Calibration::QUEUED);
+  EXPECT_EQ(FormatCalibrationProgress(calibration), "calibration queued");
+}
+
+TEST(FormatCalibrationList, HasARowForEach) {
+  v1::ListCalibrationsResponse response;
+  EXPECT_EQ(FormatCalibrationList(response.calibrations()), "no calibrations\n");
+  *response.add_calibrations() = FullCalibration("cal-2");
+  *response.add_calibrations() = FullCalibration("cal-1");
+  EXPECT_THAT(FormatCalibrationList(response.calibrations()),
+              ContainsRegex("cal-2 +rig +3 +succeeded +614 +usable .*wave\ncal-1 "));
+}
+
+}  // namespace
+}  // namespace rigcal::client::calibration_table_test

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/simulation/frames/frame_render_options.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::frame_render_options_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::testing::HasSubstr;
+
+std::string ErrorOf(std::string_view text) {
+  return std::string(ParseFrameRenderOptions(text).status().message());
+}
+
+TEST(FrameRenderOptions, DefaultsAreValidAndWrittenAsNothing) {
+  EXPECT_THAT(FrameRenderOptions().Validate(), IsOk());
+  EXPECT_EQ(FormatFrameRenderOptions({}), "");
+  ASSERT_OK_AND_ASSIGN(const FrameRenderOptions options, ParseFrameRenderOptions(""));
+  EXPECT_EQ(options, FrameRenderOptions());
+}
+
+TEST(FrameRenderOptions, ReadsWhatItWrites) {
+  FrameRenderOptions options;
+  options.seed = 77;
+  options.exposure_s = 0.0031;
+  options.lux = 1234.5;
+  options.auto_gain = true;
+  options.defocus_disc_px = 1.0 / 3;
+  options.clutter = 0.5;
+  ASSERT_OK_AND_ASSIGN(const FrameRenderOptions read,
+                       ParseFrameRenderOptions(FormatFrameRenderOptions(options)));
+  EXPECT_EQ(read, options);
+}
+
+TEST(FrameRenderOptions, RefusesWhatItDoesNotKnow) {
+  EXPECT_THAT(ErrorOf("luxx=3"), HasSubstr("luxx=3"));
+  EXPECT_THAT(ErrorOf("luxx=3"), HasSubstr("known are seed, exposure"));
+  EXPECT_THAT(ErrorOf("lux"), HasSubstr("has no value"));
+  EXPECT_THAT(ErrorOf("lux=bright"), HasSubstr("finite number"));
+  EXPECT_THAT(ErrorOf("lux=nan"), HasSubstr("finite number"));
+  EXPECT_THAT(ErrorOf("lux=1;lux=2"), HasSubstr("twice"));
+  EXPECT_THAT(ErrorOf("seed=-1"), HasSubstr("whole number"));
+  EXPECT_THAT(ErrorOf("auto_gain=2"), HasSubstr("0 or 1"));
+}
+
+TEST(FrameRenderOptions, NamesEveryFault) {
+  FrameRenderOptions options;
+  options.lux = -1;
+  options.defocus_px = std::numeric_limits<double>::quiet_NaN();
+  options.clutter = 6;
+  const std::string message(options.Validate().message());
+  EXPECT_THAT(message, HasSubstr("lux is -1"));
+  EXPECT_THAT(message, HasSubstr("defocus is nan"));
+  EXPECT_THAT(message, HasSubstr("clutter is 6"));
+  EXPECT_THAT(ErrorOf("exposure=1;blink_hz=90000"), HasSubstr("more than 1000 blinks"));
+}
+
+TEST(FrameRenderOptions, KnowsItsNames) {
+  EXPECT_TRUE(IsFrameRenderOption("lux"));
+  EXPECT_TRUE(IsFrameRenderOption("seed"));
+  EXPECT_TRUE(IsFrameRenderOption("auto_gain"));
+  EXPECT_FALSE(IsFrameRenderOption("rate"));
+  EXPECT_FALSE(IsFrameRenderOption(""));
+}
+
+}  // namespace
+}  // namespace rigcal::frame_render_options_test

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/quality_gate.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+
+namespace rigcal::server::quality_gate_test {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+CalibrationResult Sound() {
+  CalibrationResult result;
+  for (const char* name : {"a", "b"}) {
+    CalibratedCamera camera;
+    camera.camera = name;
+    camera.residuals.inlier = {0.35, 0.4, 0.3, 0.8, 990};
+    camera.residuals.outlier_count = 10;
+    camera.held_out = ErrorFigures{0.4, 0.5, 0.35, 0.9, 990};
+    camera.leave_one_out = ErrorFigures{0.6, 0.7, 0.5, 1.2, 900};
+    camera.time_offset_estimated = true;
+    result.cameras.push_back(camera);
+  }
+  result.target.marker_positions_m = {0, 0.13, 0.39};
+  result.target.spans = {{0.13, 0, 0.0005, 900, 0.0005, 900}, {0.26, 0, 0.0005, 900, 0.0005, 900}};
+  return result;
+}
+
+TEST(QualityGate, SoundOneIsGoodAndSaysWhy) {
+  const Quality quality = GradeQuality(Sound());
+  EXPECT_EQ(quality.grade, QualityGrade::kGood);
+  EXPECT_THAT(quality.reasons, ElementsAre(HasSubstr("0.40 px")));
+}
+
+TEST(QualityGate, EachFigureHasTwoLimits) {
+  const QualityLimits limits;
+  const auto judge = [](const auto& change) {
+    CalibrationResult result = Sound();
+    change(result);
+    return GradeQuality(result);
+  };
+  const auto held_out = [&](double px) {
+    return judge([px](CalibrationResult& r) { r.cameras[1].held_out->mean_px = px; });
+  };
+  EXPECT_EQ(held_out(limits.held_out_mean_px.good).grade, QualityGrade::kGood);
+  EXPECT_EQ(held_out(limits.held_out_mean_px.good + 0.01).grade, QualityGrade::kUsable);
+  EXPECT_EQ(held_out(limits.held_out_mean_px.usable + 0.01).grade, QualityGrade::kBad);
+  EXPECT_EQ(held_out(NAN).grade, QualityGrade::kBad);
+  EXPECT_EQ(held_out(std::numeric_limits<double>::infinity()).grade, QualityGrade::kBad);
+  EXPECT_THAT(held_out(5).reasons, ElementsAre(HasSubstr("camera b: held-out")));
+
+  const auto left_out = [&](double px) {
+    return judge([px](CalibrationResult& r) { r.cameras[0].leave_one_out->mean_px = px; }).grade;
+  };
+  EXPECT_EQ(left_out(limits.leave_one_out_mean_px.good + 0.01), QualityGrade::kUsable);
+  EXPECT_EQ(left_out(limits.leave_one_out_mean_px.usable + 0.01), QualityGrade::kBad);
+
+  const auto outliers = [&](uint32_t count) {
+    return judge([count](CalibrationResult& r) {
+             r.cameras[0].residuals.outlier_count = count;
+             r.cameras[0].residuals.inlier.marker_count = 1000 - count;
+           })
+        .grade;
+  };
+  EXPECT_EQ(outliers(100), QualityGrade::kGood);
+  EXPECT_EQ(outliers(101), QualityGrade::kUsable);
+  EXPECT_EQ(outliers(351), QualityGrade::kBad);
+
+  const auto length = [&](double rel) {
+    return judge(
+               [rel](CalibrationResult& r) { r.target.spans[1].held_out_error_rms_m = rel * 0.39; })
+        .grade;
+  };
+  EXPECT_EQ(length(limits.length_error_rel.good + 1e-4), QualityGrade::kUsable);
+  EXPECT_EQ(length(limits.length_error_rel.usable + 1e-4), QualityGrade::kBad);
+}
+
+TEST(QualityGate, WithoutHeldOutDataAtMostUsable) {
+  CalibrationResult result = Sound();
+  result.cameras[0].held_out.reset();
+  Quality quality = GradeQuality(result);
+  EXPECT_EQ(quality.grade, QualityGrade::kUsable);
+  EXPECT_THAT(quality.reasons, ElementsAre(HasSubstr("camera a: too little")));
+  result.cameras[0].residuals.inlier.mean_px = 1.6;
+  EXPECT_EQ(GradeQuality(result).grade, QualityGrade::kBad);
+}
+
+TEST(QualityGate, FindingsCount) {
+  const auto with = [](const std::string& kind, bool estimated = true) {
+    CalibrationResult result = Sound();
+    result.cameras[0].time_offset_estimated = estimated;
+    result.findings.push_back({kind, "a", 1, "", ""});
+    return GradeQuality(result).grade;
+  };
+  EXPECT_EQ(with("camera_moved"), QualityGrade::kBad);
+  for (const char* kind : {"wrong_intrinsics", "rolling_shutter", "wrong_wand_length", "weak_link",
+                           "narrow_baseline", "loose_pose"}) {
+    EXPECT_EQ(with(kind), QualityGrade::kUsable) << kind;
+  }
+  // Taken out by the solve, or not.
+  EXPECT_EQ(with("clock_offset"), QualityGrade::kGood);
+  EXPECT_EQ(with("clock_offset", false), QualityGrade::kUsable);
+  CalibrationResult refined = Sound();
+  refined.cameras[0].intrinsics_refined = true;
+  refined.findings.push_back({"wrong_intrinsics", "a", 30, "px", ""});
+  EXPECT_EQ(GradeQuality(refined).grade, QualityGrade::kGood);
+  for (const char* kind : {"intrinsics_kept", "edge_coverage", "swapped_markers"}) {
+    EXPECT_EQ(with(kind), QualityGrade::kGood) << kind;
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::server::quality_gate_test

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/geometry/triangulation.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <limits>
+
+namespace rigcal::server::triangulation_test {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+RigidTransform Camera(const Eigen::Vector3d& centre_m, double turn_rad = 0) {
+  const Eigen::Quaterniond rotation(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitY()));
+  return {rotation, rotation * -centre_m};
+}
+
+PointView View(const RigidTransform& cam_from_rig, const Eigen::Vector3d& x_in_rig) {
+  return {cam_from_rig, (cam_from_rig * x_in_rig).hnormalized()};
+}
+
+bool TriangulateBoth(const PointView& a, const PointView& b, Eigen::Vector3d* pair,
+                     Eigen::Vector3d* many) {
+  const bool pair_ok = TriangulatePair(a, b, pair);
+  const bool many_ok = Triangulate({a, b}, many);
+  EXPECT_EQ(pair_ok, many_ok);
+  return pair_ok && many_ok;
+}
+
+TEST(Triangulate, FindsTheExactPoint) {
+  const Eigen::Vector3d truth(0.3, -0.2, 4);
+  const PointView a = View(Camera({0, 0, 0}), truth), b = View(Camera({2, 0.5, 0}, 0.4), truth);
+  Eigen::Vector3d pair, many;
+  ASSERT_TRUE(TriangulateBoth(a, b, &pair, &many));
+  EXPECT_LT((pair - truth).norm(), 1e-10);
+  EXPECT_LT((many - truth).norm(), 1e-10);
+}
+
+TEST(Triangulate, MinimisesTheErrorsInTheImagesOfAllViews) {
+  const Eigen::Vector3d truth(0.3, -0.2, 4);
+  std::vector<PointView> views = {View(Camera({0, 0, 0}), truth),
+                                  View(Camera({2, 0, 0}, 0.4), truth),
+                                  View(Camera({-2, 1, 1}, -0.3), truth)};
+  views[1].ray += Eigen::Vector2d(0.002, -0.001);
+  const auto cost = [&views](const Eigen::Vector3d& point) {
+    double sum = 0;
+    for (const PointView& view : views) {
+      sum += ((view.cam_from_rig * point).hnormalized() - view.ray).squaredNorm();
+    }
+    return sum;
+  };
+  Eigen::Vector3d point;
+  ASSERT_TRUE(Triangulate(views, &point));
+  EXPECT_LT((point - truth).norm(), 0.02);
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double step_m : {-1e-4, 1e-4}) {
+      EXPECT_GT(cost(point + step_m * Eigen::Vector3d::Unit(axis)), cost(point));
+    }
+  }
+}
+
+TEST(Triangulate, NeedsTwoViews) {
+  Eigen::Vector3d point(7, 8, 9);
+  EXPECT_FALSE(Triangulate({}, &point));
+  EXPECT_FALSE(Triangulate({View(Camera({0, 0, 0}), {0, 0, 4})}, &point));
+  EXPECT_EQ(point, Eigen::Vector3d(7, 8, 9));
+}
+
+TEST(Triangulate, TwoCamerasAtOnePlaceSeeNoDepth) {
+  const Eigen::Vector3d truth(0.3, -0.2, 4);
+  Eigen::Vector3d pair, many;
+  EXPECT_FALSE(TriangulateBoth(View(Camera({1, 0, 0}), truth), View(Camera({1, 0, 0}, 0.3), truth),
+                               &pair, &many));
+  // Nor where their rays contradict each other and meet in the cameras' centre alone.
+  EXPECT_FALSE(TriangulateBoth(View(Camera({1, 0, 0}), truth),
+                               View(Camera({1, 0, 0}, 0.3), truth + Eigen::Vector3d(0.1, 0, 0)),
+                               &pair, &many));
+}
+
+TEST(Triangulate, APointOnTheBaselineHasNoDepth) {
+  Eigen::Vector3d pair, many;
+  EXPECT_FALSE(TriangulateBoth(View(Camera({0, 0, 0}), {0, 0, 4}),
+                               View(Camera({0, 0, 1}), {0, 0, 4}), &pair, &many));
+}
+
+TEST(Triangulate, ParallelRaysDoNotMeet) {
+  Eigen::Vector3d pair, many;
+  const PointView a{Camera({0, 0, 0}), {0.1, 0.1}}, b{Camera({1, 0, 0}), {0.1, 0.1}};
+  EXPECT_FALSE(TriangulateBoth(a, b, &pair, &many));
+}
+
+TEST(Triangulate, RefusesAPointBehindACamera) {
+  // The rays diverge before the cameras: what meets lies behind both.
+  const Eigen::Vector3d behind(0.5, 0, -3);
+  Eigen::Vector3d pair, many;
+  EXPECT_FALSE(TriangulateBoth(View(Camera({0, 0, 0}), behind), View(Camera({1, 0, 0}), behind),
+                               &pair, &many));
+  // Before one and behind the other.
+  const Eigen::Vector3d between(0.3, 0.2, 4);
+  EXPECT_FALSE(TriangulateBoth(View(Camera({0, 0, 0}), between), View(Camera({1, 0, 8}), between),
+                               &pair, &many));
+  Eigen::Vector3d point;
+  EXPECT_FALSE(Triangulate({View(Camera({0, 0, 0}), between), View(Camera({1, 0, 0}), between),
+                            View(Camera({1, 0, 8}), between)},
+                           &point));
+}
+
+TEST(Triangulate, RefusesWhatIsNotFinite) {
+  const Eigen::Vector3d truth(0.3, -0.2, 4);
+  const PointView a = View(Camera({0, 0, 0}), truth), b = View(Camera({2, 0, 0}), truth);
+  const PointView c = View(Camera({0, 2, 0}), truth);
+  for (const double bad : {kNaN, std::numeric_limits<double>::infinity()}) {
+    PointView broken = c;
+    broken.ray.x() = bad;
+    Eigen::Vector3d point;
+    EXPECT_FALSE(TriangulatePair(a, broken, &point));
+    EXPECT_FALSE(TriangulatePair(broken, a, &point));
+    EXPECT_FALSE(Triangulate({a, b, broken}, &point));
+    EXPECT_FALSE(Triangulate({broken, a, b}, &point));
+    broken = c;
+    broken.cam_from_rig.translation_m.y() = bad;
+    EXPECT_FALSE(TriangulatePair(a, broken, &point));
+    EXPECT_FALSE(Triangulate({a, b, broken}, &point));
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::server::triangulation_test

@@ -1,0 +1,351 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/sqlite/observation_writer.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::observation_writer_test {
+namespace {
+
+using ::rigcal::testing::CapturingSession;
+using ::rigcal::testing::CountsText;
+using ::rigcal::testing::EndRequest;
+using ::rigcal::testing::HasWand;
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::KeyOf;
+using ::rigcal::testing::MakeBatch;
+using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::ReadRows;
+using ::rigcal::testing::RowKey;
+using ::rigcal::testing::StatusIs;
+using ::testing::_;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class ObservationWriterTest : public ::rigcal::testing::StoreFixture {
+ protected:
+  void SetUp() override {
+    StoreFixture::SetUp();
+    ASSERT_THAT(store().CreateSession(CapturingSession({"a", "b"})), IsOk());
+  }
+  SessionCameraCounts CountsOf(const std::string& camera) {
+    const auto counts = store().GetSessionCounts("s-test");
+    for (const SessionCameraCounts& candidate : *counts) {
+      if (candidate.camera == camera) return candidate;
+    }
+    ADD_FAILURE() << "no counts of camera " << camera;
+    return {};
+  }
+};
+
+TEST_F(ObservationWriterTest, StoresRowsAndCountsThem) {
+  const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 1, 10, 3));
+  EXPECT_EQ(outcome.durable_seq, 10u);
+  EXPECT_EQ(outcome.stored_rows, 10u);
+  EXPECT_EQ(outcome.duplicate_rows, 0u);
+  EXPECT_FALSE(outcome.late || outcome.complete || outcome.unknown);
+  EXPECT_EQ(ReadRows(store()).size(), 10u);
+  const SessionCameraCounts counts = CountsOf("a");
+  EXPECT_EQ(counts.observation_count, 10u);
+  EXPECT_EQ(counts.wand_count, 8u);
+  ASSERT_EQ(counts.clock_epochs.size(), 1u);
+  EXPECT_EQ(counts.clock_epochs[0].clock_epoch, 3u);
+  EXPECT_EQ(counts.clock_epochs[0].observation_count, 10u);
+  EXPECT_EQ(CountsOf("b").observation_count, 0u);
+}
+
+TEST_F(ObservationWriterTest, ChangesNothingForWhatIsThereHoweverLateItComes) {
+  Append(MakeBatch(KeyOf("a"), 1, 10));
+  Append(EndRequest(KeyOf("a"), 10));
+  const auto rows = ReadRows(store());
+  const std::string counts = CountsText(store());
+  for (const bool reopened : {false, true}) {
+    if (reopened) Reopen();
+    const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 3, 7));
+    EXPECT_EQ(outcome.durable_seq, 10u);
+    EXPECT_EQ(outcome.stored_rows, 0u);
+    EXPECT_EQ(outcome.duplicate_rows, 5u);
+    EXPECT_TRUE(outcome.complete);
+    EXPECT_EQ(ReadRows(store()), rows);
+    EXPECT_EQ(CountsText(store()), counts);
+  }
+}
+
+TEST_F(ObservationWriterTest, CutsWhatOverlaps) {
+  Append(MakeBatch(KeyOf("a"), 4, 6));
+  EXPECT_EQ(Append(MakeBatch(KeyOf("a"), 9, 10)).durable_seq, 0u);
+  const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 1, 12));
+  EXPECT_EQ(outcome.durable_seq, 12u);
+  EXPECT_EQ(outcome.stored_rows, 7u);
+  EXPECT_EQ(outcome.duplicate_rows, 5u);
+  EXPECT_EQ(ReadRows(store()).size(), 12u);
+  EXPECT_EQ(CountsOf("a").observation_count, 12u);
+}
+
+TEST_F(ObservationWriterTest, KeepsEarlyRowsOverARestart) {
+  Append(MakeBatch(KeyOf("a"), 5, 8));
+  AppendRequest dropped = MakeRequest(MakeBatch(KeyOf("a"), 20, 20));
+  dropped.batch.dropped = {{.first_seq = 10, .count = 3, .reason = "spool_full"}};
+  Append(dropped);
+  Reopen();
+  const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 1, 15));
+  EXPECT_EQ(outcome.stored_rows, 8u);  // 1 to 4, 9, 13 to 15
+  EXPECT_EQ(outcome.durable_seq, 15u);
+  EXPECT_EQ(CountsOf("a").observation_count, 13u);
+}
+
+TEST_F(ObservationWriterTest, CountsSeveralDeliveriesOfOneStreamInOneTransaction) {
+  const std::vector<AppendRequest> requests = {
+      MakeRequest(MakeBatch(KeyOf("a"), 1, 8)), MakeRequest(MakeBatch(KeyOf("a"), 5, 12)),
+      MakeRequest(MakeBatch(KeyOf("b"), 1, 3)), MakeRequest(MakeBatch(KeyOf("a"), 1, 8)),
+      EndRequest(KeyOf("a"), 12)};
+  ASSERT_OK_AND_ASSIGN(const std::vector<AppendOutcome> outcomes, store().Append(requests));
+  ASSERT_EQ(outcomes.size(), 5u);
+  EXPECT_EQ(outcomes[0].stored_rows, 8u);
+  EXPECT_EQ(outcomes[1].stored_rows, 4u);
+  EXPECT_EQ(outcomes[1].duplicate_rows, 4u);
+  EXPECT_EQ(outcomes[2].durable_seq, 3u);
+  EXPECT_EQ(outcomes[3].duplicate_rows, 8u);
+  EXPECT_EQ(outcomes[4].durable_seq, 12u);
+  EXPECT_TRUE(outcomes[4].complete);
+  EXPECT_FALSE(outcomes[3].complete);
+  EXPECT_EQ(CountsOf("a").observation_count, 12u);
+  EXPECT_EQ(CountsOf("b").observation_count, 3u);
+}
+
+TEST_F(ObservationWriterTest, CountsRefusedRowsOnceAndLetsThemPass) {
+  AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 10));
+  request.batch.x_px[3 * 3] = std::numeric_limits<float>::quiet_NaN();
+  request.refused_rows = {
+      {.row = 3, .reason = "not_finite", .detail = "the x of a marker is not finite"},
+      {.row = 7, .reason = "not_finite", .detail = "the x of a marker is not finite"}};
+  Append(MakeBatch(KeyOf("a"), 8, 9));  // row 7 is seq 8: already there, and not refused then
+  const AppendOutcome outcome = Append(request);
+  EXPECT_EQ(outcome.durable_seq, 10u);
+  EXPECT_EQ(outcome.stored_rows, 7u);
+  EXPECT_EQ(outcome.refused_rows, 1u);
+  EXPECT_EQ(outcome.duplicate_rows, 2u);
+  EXPECT_EQ(Append(request).refused_rows, 0u);
+
+  const SessionCameraCounts counts = CountsOf("a");
+  EXPECT_EQ(counts.observation_count, 9u);
+  EXPECT_EQ(counts.wand_count, 7u);  // of 1 to 10: not 4 (refused), 5 and 10 (empty)
+  ASSERT_EQ(counts.refused.size(), 1u);
+  EXPECT_EQ(counts.refused[0], (Refusal{.camera = "a",
+                                        .reason = "not_finite",
+                                        .count = 1,
+                                        .example = "seq 4: the x of a marker is not finite"}));
+  const auto rows = ReadRows(store());
+  ASSERT_EQ(rows.size(), 10u);
+  for (const auto& [key, row] : rows) EXPECT_EQ(row.refused, std::get<2>(key) == 4);
+}
+
+TEST_F(ObservationWriterTest, GivesTheLowestSeqAsExampleWhateverComesFirst) {
+  for (const uint32_t seq : {7u, 2u, 9u}) {
+    AppendRequest request = MakeRequest(MakeBatch(KeyOf("a", 2), seq, seq));
+    request.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
+    Append(request);
+  }
+  AppendRequest older_epoch = MakeRequest(MakeBatch(KeyOf("a", 1), 30, 30));
+  older_epoch.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
+  EXPECT_EQ(CountsOf("a").refused[0].example, "seq 2: d");
+  Append(older_epoch);
+  EXPECT_EQ(CountsOf("a").refused[0].example, "seq 30: d");
+  EXPECT_EQ(CountsOf("a").refused[0].count, 4u);
+}
+
+TEST_F(ObservationWriterTest, TakesDroppedNumbersAsArrived) {
+  AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 4));
+  request.batch.dropped = {{.first_seq = 5, .count = 6, .reason = "spool_full"}};
+  EXPECT_EQ(Append(request).durable_seq, 10u);
+  EXPECT_EQ(Append(request).durable_seq, 10u);
+  // Numbers an agent gave up do not come back.
+  EXPECT_EQ(Append(MakeBatch(KeyOf("a"), 7, 12)).stored_rows, 2u);
+  const SessionCameraCounts counts = CountsOf("a");
+  EXPECT_EQ(counts.observation_count, 6u);
+  ASSERT_EQ(counts.refused.size(), 1u);
+  EXPECT_EQ(counts.refused[0].reason, "spool_full");
+  EXPECT_EQ(counts.refused[0].count, 6u);
+  EXPECT_EQ(counts.refused[0].example, "seq 5: lost at the agent");
+}
+
+TEST_F(ObservationWriterTest, MarksWhatComesAfterTheSessionFinished) {
+  Append(MakeBatch(KeyOf("a"), 1, 5));
+  Session session = CapturingSession({"a", "b"});
+  session.state = SessionState::kFinished;
+  ASSERT_THAT(store().UpdateSession(session), IsOk());
+  const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 1, 8));
+  EXPECT_TRUE(outcome.late);
+  EXPECT_EQ(outcome.durable_seq, 8u);
+  const SessionCameraCounts counts = CountsOf("a");
+  EXPECT_EQ(counts.observation_count, 8u);
+  EXPECT_EQ(counts.late_count, 3u);
+  for (const auto& [key, row] : ReadRows(store())) EXPECT_EQ(row.late, std::get<2>(key) > 5);
+}
+
+TEST_F(ObservationWriterTest, StoresNothingForUnknownSessionsAndCameras) {
+  StreamKey nowhere = KeyOf("a");
+  nowhere.session_id = "s-none";
+  EXPECT_TRUE(Append(MakeBatch(nowhere, 1, 3)).unknown);
+  EXPECT_TRUE(Append(MakeBatch(KeyOf("c"), 1, 3)).unknown);
+  const std::vector<AppendRequest> mixed = {MakeRequest(MakeBatch(KeyOf("c"), 1, 3)),
+                                            MakeRequest(MakeBatch(KeyOf("a"), 1, 3))};
+  ASSERT_OK_AND_ASSIGN(const auto outcomes, store().Append(mixed));
+  EXPECT_TRUE(outcomes[0].unknown);
+  EXPECT_EQ(outcomes[1].durable_seq, 3u);
+  EXPECT_THAT(store().GetStream(nowhere), StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_THAT(store().GetStream(KeyOf("c")),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("camera c")));
+  // A camera that was unknown and is added later is not remembered as unknown.
+  ASSERT_THAT(store().UpdateSession(CapturingSession({"a", "b", "c"})), IsOk());
+  EXPECT_EQ(Append(MakeBatch(KeyOf("c"), 1, 3)).durable_seq, 3u);
+}
+
+TEST_F(ObservationWriterTest, EndsWhenEverythingUpToTheEndIsThere) {
+  EXPECT_FALSE(Append(EndRequest(KeyOf("a"), 4)).complete);
+  EXPECT_FALSE(Append(MakeBatch(KeyOf("a"), 2, 4)).complete);
+  EXPECT_FALSE(CountsOf("a").ended());
+  EXPECT_TRUE(Append(MakeBatch(KeyOf("a"), 1, 1)).complete);
+  EXPECT_TRUE(CountsOf("a").ended());
+  EXPECT_TRUE(Append(EndRequest(KeyOf("b"), 0)).complete);  // not a single observation
+  EXPECT_TRUE(CountsOf("b").ended());
+  ASSERT_OK_AND_ASSIGN(const StreamStatus status, store().GetStream(KeyOf("a")));
+  EXPECT_EQ(status.durable_seq, 4u);
+  EXPECT_EQ(status.last_seq, 4u);
+}
+
+TEST_F(ObservationWriterTest, TakesTheHighestEpochAsTheNewestStream) {
+  Append(EndRequest(KeyOf("a", 2), 0));
+  EXPECT_TRUE(CountsOf("a").ended());
+  Append(MakeBatch(KeyOf("a", 5), 1, 3));
+  EXPECT_FALSE(CountsOf("a").ended());
+  Append(MakeBatch(KeyOf("a", 3), 1, 3));
+  const SessionCameraCounts counts = CountsOf("a");
+  ASSERT_EQ(counts.streams.size(), 3u);
+  EXPECT_EQ(counts.streams[2].stream_epoch, 5u);
+  EXPECT_EQ(counts.streams[2].durable_seq, 3u);
+  EXPECT_EQ(counts.observation_count, 6u);
+}
+
+TEST_F(ObservationWriterTest, KeepsTheLargestReportOfEachStream) {
+  const auto report = [this](uint32_t epoch, uint32_t observations, uint32_t bad_lines) {
+    AppendRequest request;
+    request.stream = KeyOf("a", epoch);
+    request.report.emplace();
+    request.report->stream = request.stream;
+    request.report->observation_count = observations;
+    if (bad_lines > 0) {
+      request.report->refused = {
+          {.camera = "", .reason = "csv_field_count", .count = bad_lines, .example = "line 7"}};
+    }
+    Append(request);
+  };
+  report(1, 10, 0);
+  report(1, 20, 2);
+  report(1, 10, 1);  // overtaken on its way
+  report(1, 20, 2);
+  ASSERT_EQ(CountsOf("a").refused.size(), 1u);
+  EXPECT_EQ(CountsOf("a").refused[0],
+            (Refusal{.camera = "a", .reason = "csv_field_count", .count = 2, .example = "line 7"}));
+  report(2, 5, 3);
+  EXPECT_EQ(CountsOf("a").refused[0].count, 5u);
+}
+
+TEST_F(ObservationWriterTest, AddsUpTheCountsOfAllStreams) {
+  const auto report = [this](uint32_t epoch, uint32_t observations, uint64_t lost) {
+    AppendRequest request;
+    request.stream = KeyOf("a", epoch);
+    request.report = CameraReport{.stream = request.stream, .observation_count = observations};
+    request.report->frames = FrameCounts{.received = observations, .lost = lost};
+    request.report->detections.emplace().Add(DetectionOutcome::kWand, observations);
+    Append(request);
+  };
+  EXPECT_FALSE(CountsOf("a").frames || CountsOf("a").detections);
+  report(1, 10, 2);
+  report(1, 10, 5);  // no further observation, but further losses
+  report(1, 10, 4);  // overtaken on its way
+  EXPECT_EQ(CountsOf("a").frames, (FrameCounts{.received = 10, .lost = 5}));
+  Reopen();
+  report(1, 10, 5);
+  report(1, 10, 4);
+  report(2, 7, 1);
+  EXPECT_EQ(CountsOf("a").frames, (FrameCounts{.received = 17, .lost = 6}));
+  ASSERT_TRUE(CountsOf("a").detections);
+  EXPECT_EQ(CountsOf("a").detections->Of(DetectionOutcome::kWand), 17u);
+  EXPECT_EQ(CountsOf("a").detections->Of(DetectionOutcome::kNoWand), 0u);
+  EXPECT_FALSE(CountsOf("b").frames) << "another camera";
+}
+
+TEST_F(ObservationWriterTest, StoresClockReadingsAsASet) {
+  AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 4, 1));
+  request.batch.clock_samples = {{.device_ns = 5, .host_monotonic_ns = 7, .host_utc_ns = 9},
+                                 {.device_ns = -5, .host_monotonic_ns = 8, .host_utc_ns = 9}};
+  request.batch.host_alignments = {{.host_monotonic_ns = 7, .server_minus_host_ns = -3}};
+  Append(request);
+  Append(request);
+  request.batch = MakeBatch(KeyOf("a"), 5, 5, 1);
+  request.batch.clock_samples = {{.device_ns = 4, .host_monotonic_ns = 6, .host_utc_ns = 8}};
+  Append(request);
+
+  std::vector<ClockSample> samples;
+  std::vector<HostAlignment> alignments;
+  const auto visit = [&](StoredBatch stored) {
+    for (const auto& sample : stored.batch.clock_samples) samples.push_back(sample);
+    for (const auto& alignment : stored.batch.host_alignments) alignments.push_back(alignment);
+    return absl::OkStatus();
+  };
+  ASSERT_THAT(store().ReadObservations("s-test", "a", visit), IsOk());
+  EXPECT_THAT(samples,
+              ElementsAre(ClockSample{.device_ns = 4, .host_monotonic_ns = 6, .host_utc_ns = 8},
+                          ClockSample{.device_ns = 5, .host_monotonic_ns = 7, .host_utc_ns = 9}));
+  EXPECT_THAT(alignments,
+              ElementsAre(HostAlignment{.host_monotonic_ns = 7, .server_minus_host_ns = -3}));
+  ASSERT_EQ(CountsOf("a").refused.size(), 1u);
+  EXPECT_EQ(CountsOf("a").refused[0].reason, "implausible_clock_sample");
+  EXPECT_EQ(CountsOf("a").refused[0].count, 1u);
+}
+
+TEST_F(ObservationWriterTest, MakesNoStreamOfADeliveryThatSaysNothing) {
+  AppendRequest request;
+  request.stream = KeyOf("a");
+  const AppendOutcome outcome = Append(request);
+  EXPECT_EQ(outcome.durable_seq, 0u);
+  EXPECT_TRUE(CountsOf("a").streams.empty());
+}
+
+TEST_F(ObservationWriterTest, RefusesRequestsThatContradictThemselvesAndStoresNoneOfTheGroup) {
+  std::vector<AppendRequest> requests = {MakeRequest(MakeBatch(KeyOf("a"), 1, 3)),
+                                         MakeRequest(MakeBatch(KeyOf("b"), 1, 3))};
+  requests[1].batch.y_px.pop_back();
+  EXPECT_THAT(store().Append(requests),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("y_px")));
+  requests[1] = MakeRequest(MakeBatch(KeyOf("b"), 1, 3));
+  requests[1].batch.first_seq = kMaxSeq;
+  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
+  requests[1].batch.first_seq = 0;
+  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
+  requests[1].batch.first_seq = 1;
+  requests[1].batch.dropped = {{.first_seq = 7, .count = kMaxSeq, .reason = "x"}};
+  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
+  requests[1].batch.dropped.clear();
+  requests[1].refused_rows = {{.row = 3, .reason = "r", .detail = "d"}};
+  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
+  EXPECT_TRUE(ReadRows(store()).empty());
+}
+
+TEST_F(ObservationWriterTest, StoresTheLastPossibleNumber) {
+  EXPECT_EQ(Append(MakeBatch(KeyOf("a"), kMaxSeq - 1, kMaxSeq)).stored_rows, 2u);
+  Reopen();
+  EXPECT_EQ(Append(MakeBatch(KeyOf("a"), kMaxSeq - 2, kMaxSeq)).stored_rows, 1u);
+  EXPECT_EQ(ReadRows(store()).size(), 3u);
+}
+
+}  // namespace
+}  // namespace rigcal::server::observation_writer_test

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/sqlite/session_table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::session_table_test {
+namespace {
+
+using ::rigcal::testing::CapturingSession;
+using ::rigcal::testing::EndRequest;
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::KeyOf;
+using ::rigcal::testing::MakeBatch;
+using ::rigcal::testing::StatusIs;
+using ::testing::_;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+class SessionTable : public ::rigcal::testing::StoreFixture {
+ protected:
+  std::string Create(const std::string& rig = "rig", const std::string& id = "") {
+    Session session = CapturingSession({"a"});
+    session.id = id;
+    session.rig = rig;
+    const auto created = store().CreateSession(session);
+    EXPECT_THAT(created, IsOk());
+    return created.ok() ? created->id : "";
+  }
+  std::vector<std::string> List(const std::string& rig, int limit, const std::string& before) {
+    const auto sessions = store().ListSessions(rig, limit, before);
+    EXPECT_THAT(sessions, IsOk());
+    std::vector<std::string> ids;
+    for (const Session& session : *sessions) ids.push_back(session.id);
+    return ids;
+  }
+};
+
+TEST_F(SessionTable, GivesBackWhatWasStoredAlsoAfterReopening) {
+  Session session = CapturingSession({"a", "b"});
+  session.title = "first wave";
+  session.create_utc_ns = 123;
+  session.missing_cameras = {"b"};
+  ASSERT_THAT(store().CreateSession(session), IsOk());
+  session.state = SessionState::kDraining;
+  session.stop_utc_ns = 456;
+  ASSERT_THAT(store().UpdateSession(session), IsOk());
+  Reopen();
+  ASSERT_OK_AND_ASSIGN(const Session read, store().GetSession("s-test"));
+  EXPECT_EQ(read.title, "first wave");
+  EXPECT_EQ(read.state, SessionState::kDraining);
+  EXPECT_EQ(read.target, session.target);
+  EXPECT_EQ(read.create_utc_ns, 123);
+  EXPECT_EQ(read.stop_utc_ns, 456);
+  EXPECT_EQ(read.missing_cameras, session.missing_cameras);
+  ASSERT_EQ(read.cameras.size(), 2u);
+  EXPECT_EQ(read.cameras[1].description, session.cameras[1].description);
+}
+
+TEST_F(SessionTable, NamesTheSessionThatIsNotThere) {
+  EXPECT_THAT(store().GetSession("s-000009"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("s-000009")));
+  EXPECT_THAT(store().UpdateSession(CapturingSession({})),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("s-test")));
+  EXPECT_THAT(store().DeleteSession("s-000009"), StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_THAT(store().GetSessionCounts("s-000009"), StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_THAT(store().ListSessions("", 10, "s-000009"), StatusIs(absl::StatusCode::kNotFound, _));
+}
+
+TEST_F(SessionTable, NeverGivesAnIdTwice) {
+  EXPECT_EQ(Create(), "s-000001");
+  EXPECT_EQ(Create(), "s-000002");
+  ASSERT_THAT(store().DeleteSession("s-000002"), IsOk());
+  Reopen();
+  EXPECT_EQ(Create(), "s-000003");
+  EXPECT_EQ(Create("rig", "s-000004"), "s-000004");
+  EXPECT_EQ(Create("rig", "s-000005"), "s-000005");
+  ASSERT_THAT(store().DeleteSession("s-000005"), IsOk());
+  EXPECT_EQ(Create(), "s-000006");
+}
+
+TEST_F(SessionTable, RefusesIdsThatAreOrWereInUse) {
+  Create("rig", "wave");
+  Session again = CapturingSession({"a"});
+  again.id = "wave";
+  EXPECT_THAT(store().CreateSession(again),
+              StatusIs(absl::StatusCode::kAlreadyExists, HasSubstr("wave")));
+  ASSERT_THAT(store().DeleteSession("wave"), IsOk());
+  EXPECT_THAT(store().CreateSession(again),
+              StatusIs(absl::StatusCode::kAlreadyExists, HasSubstr("deleted")));
+  again.id = "no/name";
+  EXPECT_THAT(store().CreateSession(again), StatusIs(absl::StatusCode::kInvalidArgument, _));
+}
+
+TEST_F(SessionTable, ListsNewestFirstByRigInPages) {
+  for (const char* id : {"z", "y", "x"}) Create("left", id);
+  Create("right", "w");
+  EXPECT_THAT(List("", 10, ""), ElementsAre("w", "x", "y", "z"));
+  EXPECT_THAT(List("left", 2, ""), ElementsAre("x", "y"));
+  EXPECT_THAT(List("left", 2, "y"), ElementsAre("z"));
+  EXPECT_THAT(List("none", 2, ""), IsEmpty());
+  EXPECT_THAT(store().CountSessions(), IsOk());
+  EXPECT_EQ(*store().CountSessions(), 4u);
+  EXPECT_THAT(store().ListSessions("", 0, ""), StatusIs(absl::StatusCode::kInvalidArgument, _));
+}
+
+TEST_F(SessionTable, ContinuesAPageAfterItsLastSessionWasDeleted) {
+  for (const char* id : {"x", "y", "z"}) Create("rig", id);
+  ASSERT_THAT(store().DeleteSession("y"), IsOk());
+  EXPECT_THAT(List("", 10, "y"), ElementsAre("x"));
+}
+
+TEST_F(SessionTable, TakesCamerasUntilTheyHaveObservations) {
+  Session session = CapturingSession({});
+  session.state = SessionState::kCreated;
+  ASSERT_THAT(store().CreateSession(session), IsOk());
+  EXPECT_TRUE(store().GetSessionCounts("s-test")->empty());
+  ASSERT_THAT(store().UpdateSession(CapturingSession({"c", "a", "b"})), IsOk());
+  ASSERT_THAT(store().UpdateSession(CapturingSession({"a", "b"})), IsOk());
+  ASSERT_OK_AND_ASSIGN(const auto counts, store().GetSessionCounts("s-test"));
+  ASSERT_EQ(counts.size(), 2u);
+  EXPECT_EQ(counts[0].camera, "a");
+  EXPECT_EQ(counts[1].camera, "b");
+  EXPECT_FALSE(counts[0].ended());
+
+  Append(MakeBatch(KeyOf("b"), 1, 4));
+  EXPECT_THAT(store().UpdateSession(CapturingSession({"a"})),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("camera b")));
+  EXPECT_EQ(store().GetSession("s-test")->cameras.size(), 2u);
+}
+
+TEST_F(SessionTable, DeletesObservationsOfThatSessionOnly) {
+  ASSERT_THAT(store().CreateSession(CapturingSession({"a", "b"})), IsOk());
+  Session other = CapturingSession({"a"});
+  other.id = "other";
+  ASSERT_THAT(store().CreateSession(other), IsOk());
+  StreamKey other_stream = KeyOf("a");
+  other_stream.session_id = "other";
+  Append(MakeBatch(KeyOf("a"), 1, 20));
+  Append(MakeBatch(KeyOf("b"), 1, 20));
+  Append(MakeBatch(other_stream, 1, 20));
+
+  ASSERT_THAT(store().DeleteSession("s-test"), IsOk());
+  EXPECT_THAT(store().GetStream(KeyOf("a")), StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_THAT(store().ReadObservations("s-test", "", [](StoredBatch) { return absl::OkStatus(); }),
+              StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_EQ(::rigcal::testing::ReadRows(store(), "other").size(), 20u);
+  EXPECT_TRUE(Append(MakeBatch(KeyOf("a"), 21, 30)).unknown);
+}
+
+}  // namespace
+}  // namespace rigcal::server::session_table_test

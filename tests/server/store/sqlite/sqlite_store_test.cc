@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/sqlite/sqlite_store.h"
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <string>
+
+#include "server/store/sqlite/sqlite_schema.h"
+#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::sqlite_store_test {
+namespace {
+
+using ::rigcal::testing::CapturingSession;
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::_;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class SqliteStoreTest : public ::rigcal::testing::StoreFixture {
+ protected:
+  std::filesystem::path File() const { return Options().data_directory / "rigcal.db"; }
+  // With the store closed.
+  void Execute(const std::string& sql) {
+    SQLite::Database database(File().string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    database.exec(sql);
+  }
+};
+
+TEST_F(SqliteStoreTest, KeepsItsIdentity) {
+  const std::string id = store().server_id();
+  EXPECT_EQ(id.size(), 32u);
+  Reopen();
+  EXPECT_EQ(store().server_id(), id);
+  SqliteStoreOptions other = Options();
+  other.data_directory = directory_.path() / "other";
+  ASSERT_OK_AND_ASSIGN(const auto second, SqliteStore::Open(other));
+  EXPECT_NE(second->server_id(), id);
+}
+
+TEST_F(SqliteStoreTest, ReportsItsHealth) {
+  const StoreHealth health = store().Health();
+  EXPECT_EQ(health.kind, "sqlite");
+  EXPECT_EQ(health.schema_version, kSchemaVersion);
+  EXPECT_GT(health.size_bytes, 0u);
+  EXPECT_GT(health.free_bytes, 0u);
+}
+
+TEST_F(SqliteStoreTest, RefusesADirectoryThatIsInUse) {
+  const std::string directory = Options().data_directory.string();
+  EXPECT_THAT(SqliteStore::Open(Options()),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr(directory), HasSubstr(std::to_string(getpid())))));
+  Close();
+  EXPECT_THAT(SqliteStore::Open(Options()), IsOk());
+}
+
+TEST_F(SqliteStoreTest, RefusesANewerSchemaAndLeavesItAlone) {
+  Close();
+  Execute("PRAGMA user_version=7");
+  EXPECT_THAT(SqliteStore::Open(Options()),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("schema version 7"), HasSubstr(File().string()))));
+  Execute("PRAGMA user_version=1");
+  EXPECT_THAT(SqliteStore::Open(Options()), IsOk());
+}
+
+TEST_F(SqliteStoreTest, BringsAnOlderSchemaUpToDate) {
+  const std::string id = store().server_id();
+  Close();
+  Execute("DROP TABLE report_count; PRAGMA user_version=1");
+  ASSERT_OK_AND_ASSIGN(const auto again, SqliteStore::Open(Options()));
+  EXPECT_EQ(again->server_id(), id);
+  SQLite::Database database(File().string());
+  EXPECT_EQ(database.execAndGet("PRAGMA user_version").getUInt(), kSchemaVersion);
+  EXPECT_EQ(database.execAndGet("SELECT count(*) FROM report_count").getInt(), 0);
+}
+
+TEST_F(SqliteStoreTest, RefusesADatabaseOfAnotherProgram) {
+  Close();
+  std::filesystem::remove(File());
+  Execute("CREATE TABLE diary(entry TEXT)");
+  EXPECT_THAT(SqliteStore::Open(Options()),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("another program")));
+}
+
+TEST_F(SqliteStoreTest, RefusesAFileThatIsNoDatabase) {
+  Close();
+  std::filesystem::remove(File());
+  directory_.WriteFile("data/rigcal.db", std::string(8192, 'x'));
+  EXPECT_THAT(SqliteStore::Open(Options()),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("restore a backup")));
+}
+
+TEST_F(SqliteStoreTest, RefusesADirectoryThatCannotBe) {
+  SqliteStoreOptions options = Options();
+  options.data_directory = directory_.WriteFile("file", "text") / "data";
+  EXPECT_THAT(SqliteStore::Open(options),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("file/data")));
+  options.data_directory.clear();
+  EXPECT_THAT(SqliteStore::Open(options), StatusIs(absl::StatusCode::kInvalidArgument, _));
+}
+
+TEST_F(SqliteStoreTest, NamesTheRecordThatIsDamaged) {
+  ASSERT_THAT(store().CreateSession(CapturingSession({"a"})), IsOk());
+  Calibration calibration;
+  calibration.rig = "rig";
+  ASSERT_THAT(store().CreateCalibration(calibration), IsOk());
+  Close();
+  Execute("UPDATE session SET body=body||x'00'; UPDATE calibration SET checksum=checksum+1");
+  Open();
+  EXPECT_THAT(store().GetSession("s-test"),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("session s-test")));
+  EXPECT_THAT(store().ListSessions("", 10, ""),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("session s-test")));
+  EXPECT_THAT(store().GetCalibration("c-000001"),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("calibration c-000001")));
+}
+
+}  // namespace
+}  // namespace rigcal::server::sqlite_store_test

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Every outside library, in one place. All of them are Debian 12 packages; deploy/install-deps.sh installs them.
+# All external libraries. They are Debian 12 packages, installed by deploy/install-deps.sh.
 find_package(Threads REQUIRED)
 find_package(absl CONFIG REQUIRED)
 find_package(Protobuf REQUIRED) # module mode: Debian ships no CONFIG package for 3.21
@@ -19,13 +19,13 @@ pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5)
 find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
 
-option(RIGCAL_METAVISION "Live event cameras, through OpenEB or the Metavision SDK (4.1 to 5.x; not in Debian)" OFF)
+option(RIGCAL_METAVISION "Support live event cameras through OpenEB or the Metavision SDK (4.1 to 5.x; not in Debian)" OFF)
 if(RIGCAL_METAVISION)
   find_package(MetavisionHAL CONFIG QUIET)
   if(NOT MetavisionHAL_FOUND)
-    message(FATAL_ERROR "RIGCAL_METAVISION is ON, but MetavisionHAL is not found. Install OpenEB or the Metavision SDK "
-      "(4.1 to 5.x) and name its prefix with -DCMAKE_PREFIX_PATH=PREFIX, or leave RIGCAL_METAVISION off: recordings of "
-      "event cameras need neither.")
+    message(FATAL_ERROR "RIGCAL_METAVISION is ON, but MetavisionHAL was not found. Install OpenEB or the Metavision SDK "
+      "(4.1 to 5.x) and pass its prefix with -DCMAKE_PREFIX_PATH=PREFIX, or switch RIGCAL_METAVISION off: recordings "
+      "of event cameras do not need it.")
   elseif(MetavisionHAL_VERSION VERSION_LESS 4.1)
     message(FATAL_ERROR "RIGCAL_METAVISION needs MetavisionHAL 4.1 to 5.x; found ${MetavisionHAL_VERSION}")
   endif()

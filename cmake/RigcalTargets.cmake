@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# How this project declares libraries, programs and tests, so that each folder's list stays short.
+# Build options, and the functions that declare libraries and programs.
 
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
@@ -20,15 +20,15 @@ endif()
 # Warnings are never errors here: the flag would split the compiler cache in two. tests/run.sh fails on any warning.
 add_library(rigcal_build_flags INTERFACE)
 target_compile_options(rigcal_build_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow)
-# gcc 12 sees overlapping copies in std::string that cannot happen (GCC bug 105651).
+# gcc 12 warns about overlapping copies in std::string that cannot happen (GCC bug 105651).
 target_compile_options(rigcal_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
-# One answer to a*b+c on every machine: a calibration must not change with the compiler's use of FMA.
+# The same result of a*b+c on every machine: a calibration must not depend on the compiler's use of FMA.
 target_compile_options(rigcal_build_flags INTERFACE -ffp-contract=off)
 if(RIGCAL_SANITIZE)
   target_compile_options(rigcal_build_flags INTERFACE -fsanitize=${RIGCAL_SANITIZE}
     -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(rigcal_build_flags INTERFACE -fsanitize=${RIGCAL_SANITIZE})
-  # Sanitizers make gcc 12 see uninitialised values and too small regions; the normal build warns about the same files.
+  # With sanitizers, gcc 12 gives false warnings of these kinds; the normal build checks the same files.
   target_compile_options(rigcal_build_flags INTERFACE
     $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized> $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>)
 endif()
@@ -40,7 +40,7 @@ if(RIGCAL_FUZZ)
   target_compile_options(rigcal_build_flags INTERFACE -fsanitize=fuzzer-no-link -Wno-unknown-warning-option)
 endif()
 
-# Sources with compile options of their own (one per instruction set) stay apart by themselves.
+# CMake compiles sources with their own compile options (one per instruction set) separately.
 function(rigcal_compile_together target)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${RIGCAL_UNITY} UNITY_BUILD_BATCH_SIZE 16)
 endfunction()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# How test folders are declared. A folder's tests are one program; in CTest each file is a test of its own,
-# <folder>/<file>, so that `ctest -R server/solve` selects as one expects and a crash ends one file's tests only.
+# Functions that declare test folders. The tests of a folder are one program. In CTest each file is a separate test,
+# <folder>/<file>, so that `ctest -R server/solve` selects that folder and a crash ends only one file's tests.
 
 # The googletest filter for one file's tests: the suites it defines, read from its TEST macros.
 function(rigcal_suites_of file result)

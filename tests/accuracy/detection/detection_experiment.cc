@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/accuracy/detection/detection_experiment.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+
+#include "common/camera/camera_model.h"
+#include "common/simulation/frames/scene_renderer.h"
+#include "tests/accuracy/rig/statistics.h"
+#include "tests/accuracy/seed_runs.h"
+
+namespace rigcal::accuracy {
+namespace {
+
+constexpr std::array<double, 5> kDistancesM = {2, 3, 4, 5, 6.5};
+constexpr std::array<double, 4> kRadiiPx = {200, 400, 600, 900};
+
+void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Target& target,
+             const DetectionOptions& options, const Observation& observation, ImageResult* result) {
+  const Intrinsics& intrinsics = *options.camera.intrinsics;
+  const Eigen::Vector2d middle(intrinsics.cx_px, intrinsics.cy_px);
+  double worst = 0;
+  for (size_t k = 0; k < truth.markers.size(); ++k) {
+    const MarkerObservation& marker = observation.markers[k];
+    if (!marker.visible) continue;
+    CentreError centre;
+    centre.truth_px = truth.markers[k].centre_px;
+    centre.error_px = marker.centre_px - centre.truth_px;
+    centre.nees = centre.error_px.dot(marker.covariance_px2.inverse() * centre.error_px);
+    centre.distance_m = truth.markers[k].distance_m;
+    const Eigen::Vector2d away = centre.truth_px - middle;
+    centre.image_radius_px = away.norm();
+    centre.radial_px = centre.error_px.dot(away.normalized());
+    const SphereMotion sphere = motion.Marker(target.marker_positions_m[k]);
+    Eigen::Vector2d pixel, later;
+    if (Project(intrinsics, sphere.centre_m, &pixel) &&
+        Project(intrinsics, sphere.centre_m + 1e-4 * sphere.velocity_m_s, &later) &&
+        (later - pixel).norm() > 0) {
+      centre.motion = (later - pixel).normalized();
+    }
+    worst = std::max(worst, centre.error_px.norm());
+    result->centres.push_back(centre);
+  }
+  const int seen = observation.VisibleCount();
+  result->false_wand = result->outcome == DetectionOutcome::kWand && (worst > 3 || seen == 0);
+  result->found = seen == target.marker_count() && worst <= 1;
+  if (!result->found && !result->false_wand && worst <= 1) return;
+  if (!result->found) result->centres.clear();
+}
+
+// The pictures of one room.
+std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
+  std::vector<ImageResult> results(static_cast<size_t>(options.pictures_per_room));
+  FrameRenderOptions render = options.render;
+  render.seed = options.seed * 1000 + static_cast<uint32_t>(room);
+  auto renderer = SceneRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
+                                        options.target, render);
+  auto detector = agent::WandDetector::Create(options.detector, options.target, options.camera);
+  if (!renderer.ok() || !detector.ok()) {
+    for (ImageResult& result : results) {
+      result.status = renderer.ok() ? detector.status() : renderer.status();
+    }
+    return results;
+  }
+  std::vector<uint8_t> picture(renderer->buffer_size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    ImageResult& result = results[i];
+    SceneFrame frame;
+    frame.seed = static_cast<uint64_t>(render.seed) * 100000 + i;
+    result.seed = frame.seed;
+    if (options.with_wand) {
+      frame.wand = RandomWandPose(*options.camera.intrinsics, options.camera.image_size_px,
+                                  options.target, options.pose, frame.seed);
+      if (frame.wand.has_value()) {
+        const Eigen::Vector3d at = frame.wand->origin_m.normalized();
+        result.distance_m = frame.wand->origin_m.norm();
+        result.tilt_deg =
+            std::asin(std::abs(at.dot(frame.wand->direction))) * 180 / std::numbers::pi;
+      }
+    }
+    const auto truth = renderer->Render(frame, picture);
+    if (!truth.ok()) {
+      result.status = truth.status();
+      continue;
+    }
+    const ImageSize size = options.camera.image_size_px;
+    const agent::ImageView view{picture.data(), static_cast<int>(size.width),
+                                static_cast<int>(size.height),
+                                static_cast<ptrdiff_t>(size.width) * 3, agent::PixelFormat::kBgr8};
+    const auto begin = std::chrono::steady_clock::now();
+    const auto detection = detector->Detect(view, static_cast<int64_t>(i + 1) * 1000000000, 0);
+    result.milliseconds =
+        1e3 * std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    if (!detection.ok()) {
+      result.status = detection.status();
+      continue;
+    }
+    result.outcome = detection->outcome;
+    result.confidence = detection->confidence;
+    result.covered_markers = detection->covered_markers;
+    if (!frame.wand.has_value()) {
+      result.false_wand = detection->outcome == DetectionOutcome::kWand;
+      continue;
+    }
+    result.shown = truth->WandVisible();
+    Compare(*truth, *frame.wand, options.target, options, detection->observation, &result);
+  }
+  return results;
+}
+
+}  // namespace
+
+DetectionOptions PaperDetection() {
+  DetectionOptions options;
+  options.camera.camera = "sim";
+  options.camera.image_size_px = {1280, 1024};
+  Intrinsics intrinsics;
+  intrinsics.fx_px = 1010;
+  intrinsics.fy_px = 1008;
+  intrinsics.cx_px = 641;
+  intrinsics.cy_px = 509;
+  intrinsics.distortion = {-0.18, 0.09, 0.0005, -0.0003, -0.01};
+  options.camera.intrinsics = intrinsics;
+  options.target.marker_positions_m = {0, 0.13, 0.39};
+  options.target.diameter_m = 0.04;
+  options.target.blink_hz = {500};
+  options.render.clutter = 0.5;
+  options.render.read_noise_grey = 2.6;
+  return options;
+}
+
+std::vector<ImageResult> RunDetection(const DetectionOptions& options) {
+  const int rooms = (options.pictures + options.pictures_per_room - 1) / options.pictures_per_room;
+  const auto by_room = RunAll<std::vector<ImageResult>>(
+      rooms, options.threads, [&](int room) { return RunRoom(options, room); });
+  std::vector<ImageResult> results;
+  for (const auto& some : by_room) results.insert(results.end(), some.begin(), some.end());
+  return results;
+}
+
+DetectionSummary Summarise(const std::vector<ImageResult>& results) {
+  DetectionSummary summary;
+  std::vector<double> milliseconds;
+  double squares = 0, along = 0, nees = 0;
+  int centres = 0;
+  for (const ImageResult& result : results) {
+    ++summary.pictures;
+    summary.failures += result.status.ok() ? 0 : 1;
+    summary.shown += result.shown ? 1 : 0;
+    summary.found += result.shown && result.found ? 1 : 0;
+    summary.false_wands += result.false_wand ? 1 : 0;
+    milliseconds.push_back(result.milliseconds);
+    if (!result.shown) continue;
+    for (const CentreError& centre : result.centres) {
+      squares += centre.error_px.squaredNorm();
+      along += centre.error_px.dot(centre.motion);
+      nees += centre.nees;
+      ++centres;
+    }
+  }
+  summary.median_ms = Quantile(milliseconds, 0.5);
+  if (centres == 0) return summary;
+  summary.rms_px = std::sqrt(squares / (2 * centres));
+  summary.motion_bias_px = along / centres;
+  summary.nees = nees / (2 * centres);
+  return summary;
+}
+
+std::vector<RadialBin> RadialBins(const std::vector<ImageResult>& results) {
+  std::vector<RadialBin> bins;
+  double nearer = 0;
+  for (const double distance_m : kDistancesM) {
+    double within = 0;
+    for (const double radius_px : kRadiiPx) {
+      RadialBin bin{distance_m, radius_px};
+      double sum = 0, squares = 0;
+      for (const ImageResult& result : results) {
+        if (!result.shown) continue;
+        for (const CentreError& centre : result.centres) {
+          if (centre.distance_m <= nearer || centre.distance_m > distance_m ||
+              centre.image_radius_px <= within || centre.image_radius_px > radius_px) {
+            continue;
+          }
+          ++bin.count;
+          sum += centre.radial_px;
+          squares += centre.radial_px * centre.radial_px;
+        }
+      }
+      within = radius_px;
+      if (bin.count < 2) continue;
+      bin.mean_px = sum / bin.count;
+      bin.sigma_px =
+          std::sqrt(std::max(0.0, squares / bin.count - bin.mean_px * bin.mean_px) / bin.count);
+      bins.push_back(bin);
+    }
+    nearer = distance_m;
+  }
+  return bins;
+}
+
+}  // namespace rigcal::accuracy

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "tests/accuracy/experiment.h"
+
+namespace rigcal::accuracy {
+
+// The detectors on rendered frames and on rendered event streams.
+Experiment AmbientLight();
+Experiment BlinkFrequency();
+Experiment Detection();
+Experiment EventDetection();
+
+}  // namespace rigcal::accuracy

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/accuracy/detection/detection_experiments.h"
+#include "tests/accuracy/experiment.h"
+#include "tests/accuracy/solver/solver_experiments.h"
+
+namespace rigcal::accuracy {
+
+std::vector<Experiment> AllExperiments() {
+  return {Crb(),       Consistency(),  Clocks(),         Robustness(),    Real(),
+          Detection(), AmbientLight(), EventDetection(), BlinkFrequency()};
+}
+
+}  // namespace rigcal::accuracy

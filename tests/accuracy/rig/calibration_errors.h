@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration.h"
+#include "common/simulation/world/simulated_world.h"
+#include "tests/accuracy/rig/simulated_tracks.h"
+
+namespace rigcal::accuracy {
+
+// What a calibration got wrong about one camera: estimate minus truth.
+struct CameraError {
+  std::string camera;
+  int index = 0;  // of the world's camera
+  bool is_reference = false;
+  PoseError pose;  // in the gauge of CameraUncertainty
+  Eigen::Vector3d true_position_m =
+      Eigen::Vector3d::Zero();  // of its centre in the rig frame of the reference
+  // At the calibration's own time epoch, both sides against the median of their clocks.
+  double time_offset_s = 0;
+  double time_rate_ppm = 0;
+  std::vector<double> intrinsics;  // fx fy cx cy and the coefficients; empty when not refined
+  std::optional<CameraUncertainty> sigma;  // as the calibration states it
+};
+
+struct CalibrationErrors {
+  std::vector<CameraError> cameras;
+  int reference = 0;                       // index of the world's camera
+  std::vector<double> marker_positions_m;  // of markers 1, 2, ...
+  double target_length_rel = 0;            // of the whole target
+  // The common factor that brings the camera positions closest to the true ones, less 1, and what
+  // is left of the position errors without it.
+  double scale_rel = 0;
+  std::vector<Eigen::Vector3d> shape_m;  // by entry of `cameras`
+
+  // The position error of an entry of `cameras` as it would be with the target's true length.
+  Eigen::Vector3d PositionErrorAtTrueLengthM(size_t camera) const;
+  // Root mean square over the cameras but the reference.
+  double PositionRmsM() const;
+};
+
+// INTERNAL where the result does not hold each of the world's cameras once.
+absl::StatusOr<CalibrationErrors> CompareWithGroundTruth(const SimulatedWorld& world,
+                                                         const CalibrationResult& result);
+
+// Middle value; of an even number the mean of the two in the middle.
+double Median(std::vector<double> values);
+
+}  // namespace rigcal::accuracy

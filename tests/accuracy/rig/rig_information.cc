@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/accuracy/rig/rig_information.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/camera/camera_model.h"
+#include "common/status/status_macros.h"
+#include "tests/accuracy/rig/simulated_tracks.h"
+
+namespace rigcal::accuracy {
+namespace {
+
+using InstantBlock = Eigen::Matrix<double, 5, 5>;
+using WandColumns = Eigen::Matrix<double, 3, 5>;  // d x_in_rig / d (origin, two of the direction)
+
+Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d matrix;
+  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return matrix;
+}
+
+// Numeric, as this has to be independent of what it judges, and need not be fast.
+Eigen::MatrixXd IntrinsicsColumns(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam) {
+  const auto count = static_cast<Eigen::Index>(4 + intrinsics.distortion.size());
+  const auto pixel_with = [&](Eigen::Index which, double step) {
+    Intrinsics moved = intrinsics;
+    double* const values[4] = {&moved.fx_px, &moved.fy_px, &moved.cx_px, &moved.cy_px};
+    (which < 4 ? *values[which] : moved.distortion[static_cast<size_t>(which - 4)]) += step;
+    Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+    Project(moved, x_in_cam, &pixel);
+    return pixel;
+  };
+  Eigen::MatrixXd columns(2, count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const double step = i < 4 ? 1e-2 : 1e-4;
+    columns.col(i) = (pixel_with(i, step) - pixel_with(i, -step)) / (2 * step);
+  }
+  return columns;
+}
+
+// Adds up the information of one instant and takes the wand's pose out of it.
+class InformationSum {
+ public:
+  InformationSum(const TrueRig& rig, const InformationOptions& options, const RigBound& layout,
+                 Eigen::Index size)
+      : rig_(rig), options_(options), layout_(layout), sum_(Eigen::MatrixXd::Zero(size, size)) {}
+
+  absl::Status Add(const TrueInstant& instant) {
+    std::set<int> cameras;
+    for (const SeenMarker& seen : instant.markers) cameras.insert(seen.camera);
+    if (cameras.size() < 2) return absl::OkStatus();
+    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(sum_.rows(), sum_.cols());
+    Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(sum_.rows(), 5);
+    InstantBlock wand = InstantBlock::Zero();
+    for (const SeenMarker& seen : instant.markers) {
+      Eigen::MatrixXd rig_columns = Eigen::MatrixXd::Zero(2, sum_.cols());
+      Eigen::Matrix<double, 2, 5> wand_columns;
+      RIGCAL_RETURN_IF_ERROR(Linearise(instant, seen, &rig_columns, &wand_columns));
+      const Eigen::Matrix2d weight = seen.covariance_px2.inverse();
+      own += rig_columns.transpose() * weight * rig_columns;
+      mixed += rig_columns.transpose() * weight * wand_columns;
+      wand += wand_columns.transpose() * weight * wand_columns;
+    }
+    sum_ += own - mixed * PseudoInverse(wand) * mixed.transpose();
+    return absl::OkStatus();
+  }
+
+  Eigen::MatrixXd& sum() { return sum_; }
+
+ private:
+  // Directions that an instant leaves open carry no information; they must not become infinite.
+  static InstantBlock PseudoInverse(const InstantBlock& block) {
+    constexpr double kOpen = 1e-10;
+    const Eigen::SelfAdjointEigenSolver<InstantBlock> eigen(block);
+    const double largest = eigen.eigenvalues().maxCoeff();
+    Eigen::Matrix<double, 5, 1> inverse;
+    for (int i = 0; i < 5; ++i) {
+      const double value = eigen.eigenvalues()[i];
+      inverse[i] = value > kOpen * largest ? 1 / value : 0;
+    }
+    return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+  }
+
+  absl::Status Linearise(const TrueInstant& instant, const SeenMarker& seen,
+                         Eigen::MatrixXd* rig_columns, Eigen::Matrix<double, 2, 5>* wand_columns) {
+    const TrueCamera& camera = rig_.cameras[static_cast<size_t>(seen.camera)];
+    const double s = rig_.marker_positions_m[static_cast<size_t>(seen.marker)];
+    const Eigen::Vector3d& direction = instant.wand.direction;
+    const Eigen::Vector3d x_in_cam = camera.cam_from_rig * (instant.wand.origin_m + s * direction);
+    Eigen::Vector2d pixel;
+    Eigen::Matrix<double, 2, 3> d_point;
+    if (!Project(camera.intrinsics, x_in_cam, &pixel, &d_point)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("marker ", seen.marker, " is not before camera ", seen.camera));
+    }
+    const Eigen::Matrix<double, 2, 3> d_rig_point =
+        d_point * camera.cam_from_rig.rotation.toRotationMatrix();
+    WandColumns d_wand;
+    const Eigen::Vector3d across = direction.unitOrthogonal();
+    d_wand << Eigen::Matrix3d::Identity(), s * across, s * direction.cross(across);
+    *wand_columns = d_rig_point * d_wand;
+    if (const int pose = layout_.PoseIndex(seen.camera); pose >= 0) {
+      rig_columns->middleCols<3>(pose) = -d_point * Cross(x_in_cam);
+      rig_columns->middleCols<3>(pose + 3) = -d_rig_point;
+    }
+    if (options_.marker_positions && seen.marker > 0) {
+      rig_columns->col(layout_.first_marker_position + seen.marker - 1) = d_rig_point * direction;
+    }
+    if (options_.time_offsets && seen.camera != rig_.reference_camera) {
+      // With a larger offset the camera is taken to have seen the wand at a later moment.
+      rig_columns->col(layout_.TimeOffsetIndex(seen.camera)) =
+          d_rig_point * (instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s);
+    }
+    if (options_.intrinsics) {
+      const Eigen::MatrixXd columns = IntrinsicsColumns(camera.intrinsics, x_in_cam);
+      rig_columns->middleCols(
+          layout_.first_intrinsics + static_cast<int>(columns.cols()) * seen.camera,
+          columns.cols()) = columns;
+    }
+    return absl::OkStatus();
+  }
+
+  const TrueRig& rig_;
+  const InformationOptions& options_;
+  const RigBound& layout_;
+  Eigen::MatrixXd sum_;
+};
+
+void AddPriors(const TrueRig& rig, const InformationOptions& options, const RigBound& layout,
+               Eigen::MatrixXd* information) {
+  if (options.marker_positions) {
+    const auto spans = static_cast<Eigen::Index>(rig.marker_positions_m.size()) - 1;
+    // Spans are differences of neighbouring positions, the first of which is 0.
+    Eigen::MatrixXd differences = Eigen::MatrixXd::Identity(spans, spans);
+    for (Eigen::Index i = 1; i < spans; ++i) differences(i, i - 1) = -1;
+    information->block(layout.first_marker_position, layout.first_marker_position, spans, spans) +=
+        differences.transpose() * differences / (options.span_sigma_m * options.span_sigma_m);
+  }
+  if (options.intrinsics) {
+    const Eigen::VectorXd weights = options.intrinsics_sigma.array().square().inverse();
+    for (int c = 0; c < layout.camera_count; ++c) {
+      information->diagonal().segment(
+          layout.first_intrinsics + static_cast<int>(weights.size()) * c, weights.size()) +=
+          weights;
+    }
+  }
+}
+
+}  // namespace
+
+int RigBound::PoseIndex(int camera) const {
+  if (camera == reference_camera) return -1;
+  return 6 * (camera - (camera > reference_camera ? 1 : 0));
+}
+
+int RigBound::TimeOffsetIndex(int camera) const {
+  if (camera == reference_camera) return -1;
+  return first_time_offset + camera - (camera > reference_camera ? 1 : 0);
+}
+
+absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOptions& options) {
+  RigBound bound;
+  bound.reference_camera = rig.reference_camera;
+  bound.camera_count = static_cast<int>(rig.cameras.size());
+  bound.first_marker_position = 6 * (bound.camera_count - 1);
+  const int spans = static_cast<int>(rig.marker_positions_m.size()) - 1;
+  bound.first_time_offset = bound.first_marker_position + (options.marker_positions ? spans : 0);
+  bound.first_intrinsics =
+      bound.first_time_offset + (options.time_offsets ? bound.camera_count - 1 : 0);
+  const int intrinsics = options.intrinsics ? static_cast<int>(options.intrinsics_sigma.size()) : 0;
+  const Eigen::Index size = bound.first_intrinsics + bound.camera_count * intrinsics;
+
+  InformationSum information(rig, options, bound, size);
+  for (const TrueInstant& instant : rig.instants) {
+    RIGCAL_RETURN_IF_ERROR(information.Add(instant));
+  }
+  AddPriors(rig, options, bound, &information.sum());
+  // Parameters of very different units: a factor from a matrix of order one keeps their digits.
+  const Eigen::VectorXd scale = information.sum().diagonal().cwiseSqrt().cwiseInverse();
+  if (!scale.allFinite()) {
+    return absl::FailedPreconditionError("a parameter is not touched by any observation");
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information.sum() *
+                                            scale.asDiagonal());
+  if (factor.info() != Eigen::Success || factor.vectorD().minCoeff() < 1e-12) {
+    return absl::FailedPreconditionError("the observations do not determine the rig");
+  }
+  bound.covariance = scale.asDiagonal() *
+                     factor.solve(Eigen::MatrixXd::Identity(size, size)).eval() *
+                     scale.asDiagonal();
+  return bound;
+}
+
+TrueRig MakeTrueRig(const SimulatedWorld& world, int reference) {
+  constexpr double kStepS = 1e-4;
+  TrueRig rig;
+  rig.reference_camera = reference;
+  rig.marker_positions_m = world.true_target().marker_positions_m;
+  const RigidTransform& reference_from_world =
+      world.cameras()[static_cast<size_t>(reference)].cam_from_rig;
+  int frames = world.FrameCount(0);
+  for (int c = 0; c < static_cast<int>(world.cameras().size()); ++c) {
+    rig.cameras.push_back(
+        {TruePose(world, c, reference), world.cameras()[static_cast<size_t>(c)].true_intrinsics});
+    frames = std::min(frames, world.FrameCount(c));
+  }
+  const auto wand_at = [&](double rig_time_s) {
+    const WandPose wand = world.WandAt(rig_time_s);
+    return WandPose{reference_from_world * wand.origin_m,
+                    reference_from_world.rotation * wand.direction};
+  };
+  for (int frame = 0; frame < frames; ++frame) {
+    const double rig_time_s = world.FrameRigTime(0, frame);
+    TrueInstant instant;
+    instant.wand = wand_at(rig_time_s);
+    const WandPose before = wand_at(rig_time_s - kStepS), after = wand_at(rig_time_s + kStepS);
+    instant.origin_velocity_m_s = (after.origin_m - before.origin_m) / (2 * kStepS);
+    instant.direction_velocity_rad_s = (after.direction - before.direction) / (2 * kStepS);
+    for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
+      std::vector<bool> is_outlier;
+      const Observation row = world.Observe(c, frame, &is_outlier);
+      for (size_t m = 0; m < row.markers.size(); ++m) {
+        if (!row.markers[m].visible || is_outlier[m]) continue;
+        instant.markers.push_back({c, static_cast<int>(m), row.markers[m].covariance_px2});
+      }
+    }
+    rig.instants.push_back(std::move(instant));
+  }
+  return rig;
+}
+
+}  // namespace rigcal::accuracy

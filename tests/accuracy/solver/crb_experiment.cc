@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/accuracy/solver/crb_experiment.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/solve/calibrate.h"
+#include "tests/accuracy/rig/rig_information.h"
+#include "tests/accuracy/rig/simulated_tracks.h"
+
+namespace rigcal::accuracy {
+namespace {
+
+absl::Status Measure(const SimulatedWorld& world, CrbTrial* trial) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = options.marker_positions = Estimate::kFixed;
+  const server::CalibrationOutcome outcome = server::Calibrate(MakeInput(world), options);
+  RIGCAL_RETURN_IF_ERROR(outcome.result.status());
+  const int reference = CameraIndex(world, outcome.result->reference_camera);
+  RIGCAL_ASSIGN_OR_RETURN(const RigBound bound, ComputeRigBound(MakeTrueRig(world, reference), {}));
+
+  const auto count = static_cast<Eigen::Index>(3 * (world.cameras().size() - 1));
+  Eigen::VectorXd errors(count);
+  Eigen::MatrixXd covariance(count, count);
+  std::vector<int> index;
+  Eigen::Index row = 0;
+  for (const CalibratedCamera& camera : outcome.result->cameras) {
+    const int c = CameraIndex(world, camera.camera);
+    if (c == reference) continue;
+    const Eigen::Vector3d error =
+        ErrorOf(camera.cam_from_rig, TruePose(world, c, reference)).position_m;
+    const double bound_m2 = bound.PositionCovariance(c).trace();
+    trial->squared_error_m2 += error.squaredNorm();
+    trial->bound_m2 += bound_m2;
+    trial->largest_ratio = std::max(trial->largest_ratio, error.norm() / std::sqrt(bound_m2));
+    errors.segment<3>(row) = error;
+    for (int axis = 0; axis < 3; ++axis) index.push_back(bound.PoseIndex(c) + 3 + axis);
+    row += 3;
+  }
+  if (row != count) return absl::InternalError("a camera is missing in the result");
+  for (Eigen::Index i = 0; i < count; ++i) {
+    for (Eigen::Index j = 0; j < count; ++j) {
+      covariance(i, j) =
+          bound.covariance(index[static_cast<size_t>(i)], index[static_cast<size_t>(j)]);
+    }
+  }
+  trial->position_nees = NormalisedErrorSquared(errors, covariance);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+double CrbTrial::Ratio() const { return std::sqrt(squared_error_m2 / bound_m2); }
+
+CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed) {
+  SimulationOptions simulation;
+  simulation.seed = seed;
+  simulation.camera_count = options.camera_count;
+  simulation.duration_s = options.duration_s;
+  simulation.noise_px = options.noise_px;
+  simulation.outlier_share = options.outlier_share;
+  simulation.dropout_share = options.dropout_share;
+  Target target;
+  target.marker_positions_m = {0, 0.13, 0.39};
+  CrbTrial trial;
+  const absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(simulation, target);
+  trial.status = world.ok() ? Measure(*world, &trial) : world.status();
+  return trial;
+}
+
+CrbSummary Summarise(const std::vector<CrbTrial>& trials) {
+  CrbSummary summary;
+  double error_m2 = 0, bound_m2 = 0;
+  for (const CrbTrial& trial : trials) {
+    if (!trial.status.ok()) {
+      ++summary.failures;
+      continue;
+    }
+    error_m2 += trial.squared_error_m2;
+    bound_m2 += trial.bound_m2;
+    summary.largest_trial_ratio = std::max(summary.largest_trial_ratio, trial.Ratio());
+    summary.largest_camera_ratio = std::max(summary.largest_camera_ratio, trial.largest_ratio);
+    summary.position_nees.Add(trial.position_nees);
+  }
+  summary.ratio = std::sqrt(error_m2 / bound_m2);
+  return summary;
+}
+
+}  // namespace rigcal::accuracy

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "tests/accuracy/rig/statistics.h"
+
+namespace rigcal::accuracy {
+
+// How near the solver comes to the Cramer-Rao bound of the camera positions where nothing but
+// poses is estimated: spacing exactly nominal and fixed, intrinsics and clocks right and fixed.
+struct CrbOptions {
+  int camera_count = 6;
+  double duration_s = 40;  // at 25 instants per second
+  double noise_px = 0.3;
+  double outlier_share = 0;
+  double dropout_share = 0.05;
+};
+
+struct CrbTrial {
+  absl::Status status;
+  // Over the cameras but the reference: |error|^2 of the position, and what the bound says of it.
+  double squared_error_m2 = 0;
+  double bound_m2 = 0;
+  double largest_ratio = 0;  // of one camera: |error| / sqrt(trace of its bound)
+  Nees position_nees;        // of all positions together, against the bound
+
+  double Ratio() const;
+};
+
+// One simulated rig, wave and noise.
+CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed);
+
+struct CrbSummary {
+  int failures = 0;
+  double ratio = 0;  // RMSE over all cameras and seeds / root mean bound
+  double largest_trial_ratio = 0;
+  double largest_camera_ratio = 0;
+  NeesSum position_nees;
+};
+CrbSummary Summarise(const std::vector<CrbTrial>& trials);
+
+}  // namespace rigcal::accuracy

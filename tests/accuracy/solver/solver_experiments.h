@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "tests/accuracy/experiment.h"
+
+namespace rigcal::accuracy {
+
+// The solver on simulated observations, and on the real recording.
+Experiment Clocks();
+Experiment Consistency();
+Experiment Crb();
+Experiment Real();
+Experiment Robustness();
+
+}  // namespace rigcal::accuracy

@@ -32,6 +32,7 @@ function(rigcal_tests folder)
   target_link_libraries(${target} PRIVATE ${ARG_DEPS} rigcal::testing GTest::gmock GTest::gtest_main
     rigcal_build_flags)
   rigcal_compile_together(${target})
+  rigcal_optimise(${target} COLD)
   if(ARG_PROGRAMS)
     add_dependencies(${target} ${ARG_PROGRAMS})
   endif()

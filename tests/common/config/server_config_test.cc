@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <fstream>
 #include <string>
 
 #include "tests/testing/status_matchers.h"
@@ -29,6 +30,23 @@ TEST_F(ServerConfigTest, AnEmptyFileIsTheDefault) {
   EXPECT_EQ(config.listen, "127.0.0.1:7420");
   EXPECT_EQ(config.data_dir, "");
   EXPECT_EQ(config.log_level, "info");
+  EXPECT_EQ(config.limits, ServerLimits());
+}
+
+// deploy/server.toml shows every default; with its comment signs gone it must mean the same.
+TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
+  std::ifstream sample(std::string(RIGCAL_SOURCE_DIR) + "/deploy/server.toml");
+  std::string text;
+  int keys = 0;
+  for (std::string line; std::getline(sample, line);) {
+    if (line.substr(0, 2) == "# ") continue;
+    keys += line.find(" = ") != std::string::npos ? 1 : 0;
+    text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
+  }
+  EXPECT_EQ(keys, 13);
+  ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
+  EXPECT_EQ(config.listen, ServerConfig().listen);
+  EXPECT_EQ(config.log_level, ServerConfig().log_level);
   EXPECT_EQ(config.limits, ServerLimits());
 }
 

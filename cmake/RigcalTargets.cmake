@@ -22,6 +22,10 @@ add_library(rigcal_build_flags INTERFACE)
 target_compile_options(rigcal_build_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow)
 # gcc 12 warns about overlapping copies in std::string that cannot happen (GCC bug 105651).
 target_compile_options(rigcal_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)
+# Compiled together, a source is an included file, and gcc takes its anonymous namespace for a header's.
+if(RIGCAL_UNITY)
+  target_compile_options(rigcal_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+endif()
 # The same result of a*b+c on every machine: a calibration must not depend on the compiler's use of FMA.
 target_compile_options(rigcal_build_flags INTERFACE -ffp-contract=off)
 if(RIGCAL_SANITIZE)

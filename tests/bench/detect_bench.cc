@@ -1,22 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// From pixels to blobs, against OpenCV and against reading the pixels, in one run, one thread:
-//
-//   build/release/tests/bench.detect_bench [--benchmark_repetitions=5] [--benchmark_filter=Dark]
-//
-// 64 different 1280x1024 BGR pictures (252 MB, more than caches hold), all buffers re-used. Scenes:
-// `Dark` is a room of grey level 40 with noise of 3, three warm discs, reflections and warm clutter
-// on 2 to 5 % of the pixels; `Daylight` is the same at level 120, where every pixel is bright
-// enough to be asked for its colour; `Mottled` is a wall whose hue lies about the range's limit, so
-// that noise decides on every pixel (of its blobs OpenCV leaves out those that lie within others).
-// Ways:
-//   Script     BGR2HSV, inRange, SimpleBlobDetector: what the published wand scripts do
+// From pixels to blobs, against OpenCV and against reading the pixels, one thread. 64 different
+// 1280x1024 BGR images (252 MB, more than caches hold), all buffers re-used. Scenes: `Dark` is a
+// room of grey level 40 with noise of 3, three warm discs, reflections and warm clutter on 2 to 5 %
+// of the pixels; `Daylight` is the same at level 120, where the colour of every pixel has to be
+// computed; `Mottled` is a wall whose hue is near the limit of the range, so that noise decides
+// every pixel (OpenCV leaves out blobs that lie within others). Ways:
+//   Script     BGR2HSV, inRange, SimpleBlobDetector, as in the published wand scripts
 //   OpenCv     BGR2HSV, inRange, findContours, moments: the fastest chain of OpenCV's functions
 //   Read       or-ing all bytes together
-//   <kernel>   BlobFinder, with each instruction set this CPU has
+//   <kernel>   BlobFinder, with each instruction set of this CPU
 //   Window     BlobFinder with the best one in a tracked window of 200x200 pixels
 // Ratios of the shortest and of the median CPU times of all repetitions are printed at the end.
-// What is wanted of the full picture, dark or in daylight: OpenCv / ours >= 10, Script / ours >=
-// 25, ours / Read <= 2.5, OpenCv / portable >= 3.
+// Required of the full image, dark or in daylight: OpenCv / ours >= 10, Script / ours >= 25,
+// ours / Read <= 2.5, OpenCv / portable >= 3.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -24,7 +20,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <map>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
@@ -34,25 +29,26 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/detect/blobs/blob_finder.h"
+#include "tests/bench/suites.h"
 
-namespace rigcal::agent {
+namespace rigcal::agent::detect_bench {
 namespace {
 
-constexpr int kPictures = 64;
+constexpr int kImages = 64;
 constexpr int kWidth = 1280;
 constexpr int kHeight = 1024;
 constexpr int kWindow = 200;
 
-ImageView View(const cv::Mat& picture) {
-  return {picture.data, picture.cols, picture.rows, static_cast<ptrdiff_t>(picture.step[0]),
+ImageView View(const cv::Mat& image) {
+  return {image.data, image.cols, image.rows, static_cast<ptrdiff_t>(image.step[0]),
           PixelFormat::kBgr8};
 }
 
-void AddNoise(uint32_t seed, cv::Mat* picture) {
+void AddNoise(uint32_t seed, cv::Mat* image) {
   cv::RNG random(seed);
-  cv::Mat noise(picture->size(), CV_16SC3);
+  cv::Mat noise(image->size(), CV_16SC3);
   random.fill(noise, cv::RNG::NORMAL, 0, 3);
-  cv::add(*picture, noise, *picture, cv::noArray(), CV_8UC3);
+  cv::add(*image, noise, *image, cv::noArray(), CV_8UC3);
 }
 
 cv::Point AnyPoint(std::mt19937* random) {
@@ -61,32 +57,31 @@ cv::Point AnyPoint(std::mt19937* random) {
 }
 
 struct Scene {
-  std::vector<cv::Mat> pictures;
+  std::vector<cv::Mat> images;
   std::vector<PixelRect> windows;  // around the discs
 };
 
-// Warm patches until `share` of the picture is covered, about.
-void AddClutter(double share, std::mt19937* random, cv::Mat* picture) {
+// Warm patches on about `share` of the image.
+void AddClutter(double share, std::mt19937* random, cv::Mat* image) {
   std::uniform_int_distribution<int> size(2, 40), green(60, 130), red(150, 220);
-  for (double covered = 0; covered < share * kWidth * kHeight;) {
+  for (double filled = 0; filled < share * kWidth * kHeight;) {
     const cv::Size axes(size(*random), size(*random));
-    cv::ellipse(*picture, AnyPoint(random), axes, 30.0 * size(*random), 0, 360,
+    cv::ellipse(*image, AnyPoint(random), axes, 30.0 * size(*random), 0, 360,
                 cv::Scalar(50, green(*random), red(*random)), cv::FILLED);
-    covered += 3.14 * axes.width * axes.height;
+    filled += 3.14 * axes.width * axes.height;
   }
 }
 
-// The wand's discs, and fainter below them their reflection.
-PixelRect AddWand(std::mt19937* random, cv::Mat* picture) {
+// The wand's discs, and their fainter reflections below.
+PixelRect AddWand(std::mt19937* random, cv::Mat* image) {
   const cv::Point start(std::uniform_int_distribution<int>(60, kWidth - 200)(*random),
                         std::uniform_int_distribution<int>(60, kHeight - 260)(*random));
   const double angle = std::uniform_real_distribution<double>(0, 1.2)(*random);
   for (const double along : {0.0, 50.0, 150.0}) {
     const cv::Point at(start.x + static_cast<int>(along * std::cos(angle)),
                        start.y + static_cast<int>(along * std::sin(angle)));
-    cv::circle(*picture, at, 8, cv::Scalar(60, 150, 250), cv::FILLED, cv::LINE_AA);
-    cv::circle(*picture, at + cv::Point(0, 100), 7, cv::Scalar(30, 60, 90), cv::FILLED,
-               cv::LINE_AA);
+    cv::circle(*image, at, 8, cv::Scalar(60, 150, 250), cv::FILLED, cv::LINE_AA);
+    cv::circle(*image, at + cv::Point(0, 100), 7, cv::Scalar(30, 60, 90), cv::FILLED, cv::LINE_AA);
   }
   return {start.x - 25, start.y - 25, kWindow, kWindow};
 }
@@ -94,21 +89,21 @@ PixelRect AddWand(std::mt19937* random, cv::Mat* picture) {
 Scene MakeScene(const cv::Scalar& wall_bgr) {
   Scene scene;
   std::mt19937 random(3);
-  for (int i = 0; i < kPictures; ++i) {
-    cv::Mat picture(kHeight, kWidth, CV_8UC3, wall_bgr);
-    AddClutter(std::uniform_real_distribution<double>(0.02, 0.05)(random), &random, &picture);
-    scene.windows.push_back(AddWand(&random, &picture));
-    AddNoise(static_cast<uint32_t>(i) + 1, &picture);
-    scene.pictures.push_back(picture);
+  for (int i = 0; i < kImages; ++i) {
+    cv::Mat image(kHeight, kWidth, CV_8UC3, wall_bgr);
+    AddClutter(std::uniform_real_distribution<double>(0.02, 0.05)(random), &random, &image);
+    scene.windows.push_back(AddWand(&random, &image));
+    AddNoise(static_cast<uint32_t>(i) + 1, &image);
+    scene.images.push_back(image);
   }
   return scene;
 }
 
-// In OpenCV's units (half degrees; 255) the range that ColourRange has by itself.
+// The default ColourRange in OpenCV's units (half degrees; 255).
 class HsvMask {
  public:
-  const cv::Mat& Mask(const cv::Mat& picture) {
-    cv::cvtColor(picture, hsv_, cv::COLOR_BGR2HSV);
+  const cv::Mat& Mask(const cv::Mat& image) {
+    cv::cvtColor(image, hsv_, cv::COLOR_BGR2HSV);
     cv::inRange(hsv_, cv::Scalar(0, 90, 60), cv::Scalar(25, 255, 255), mask_);
     return mask_;
   }
@@ -127,7 +122,7 @@ void Script(benchmark::State& state, const Scene& scene) {
   std::vector<cv::KeyPoint> points;
   size_t next = 0, found = 0;
   for (auto _ : state) {
-    detector->detect(hsv.Mask(scene.pictures[next++ % kPictures]), points);
+    detector->detect(hsv.Mask(scene.images[next++ % kImages]), points);
     found += points.size();
   }
   state.counters["blobs"] = static_cast<double>(found) / static_cast<double>(next);
@@ -138,7 +133,7 @@ void OpenCv(benchmark::State& state, const Scene& scene) {
   std::vector<std::vector<cv::Point>> contours;
   size_t next = 0, found = 0;
   for (auto _ : state) {
-    cv::findContours(hsv.Mask(scene.pictures[next++ % kPictures]), contours, cv::RETR_EXTERNAL,
+    cv::findContours(hsv.Mask(scene.images[next++ % kImages]), contours, cv::RETR_EXTERNAL,
                      cv::CHAIN_APPROX_SIMPLE);
     for (const std::vector<cv::Point>& contour : contours) {
       const cv::Moments moments = cv::moments(contour);
@@ -165,9 +160,9 @@ OrAll(const uint64_t* words, size_t count) {
 void Read(benchmark::State& state, const Scene& scene) {
   size_t next = 0;
   for (auto _ : state) {
-    const cv::Mat& picture = scene.pictures[next++ % kPictures];
-    benchmark::DoNotOptimize(OrAll(reinterpret_cast<const uint64_t*>(picture.data),
-                                   picture.total() * picture.elemSize() / sizeof(uint64_t)));
+    const cv::Mat& image = scene.images[next++ % kImages];
+    benchmark::DoNotOptimize(OrAll(reinterpret_cast<const uint64_t*>(image.data),
+                                   image.total() * image.elemSize() / sizeof(uint64_t)));
   }
 }
 
@@ -184,9 +179,9 @@ void Ours(benchmark::State& state, const Scene& scene, const MaskKernel* kernel,
   BlobFinder finder = MakeFinder(*kernel);
   size_t next = 0, found = 0, pixels = 0;
   for (auto _ : state) {
-    const size_t i = next++ % kPictures;
-    const ImageView picture = View(scene.pictures[i]);
-    const BlobResult& result = finder.Find(picture, tracked ? scene.windows[i] : picture.Bounds());
+    const size_t i = next++ % kImages;
+    const ImageView image = View(scene.images[i]);
+    const BlobResult& result = finder.Find(image, tracked ? scene.windows[i] : image.Bounds());
     found += result.blobs.size();
     pixels += static_cast<size_t>(result.mask_pixels);
   }
@@ -194,76 +189,70 @@ void Ours(benchmark::State& state, const Scene& scene, const MaskKernel* kernel,
   state.counters["mask_pixels"] = static_cast<double>(pixels) / static_cast<double>(next);
 }
 
-// Prints as usual and remembers the time of every repetition.
-class RatioReporter : public benchmark::ConsoleReporter {
- public:
-  void ReportRuns(const std::vector<Run>& runs) override {
-    for (const Run& run : runs) {
-      if (run.run_type == Run::RT_Iteration && !run.error_occurred) {
-        times_ms_[run.run_name.function_name].push_back(run.GetAdjustedCPUTime());
-      }
+// Only the scene in use is kept in memory.
+const Scene& SceneOf(const std::string& name) {
+  static Scene scene;
+  static std::string current;
+  if (current != name) {
+    scene = {};
+    if (name == "Dark") scene = MakeScene(cv::Scalar::all(40));
+    if (name == "Daylight") scene = MakeScene(cv::Scalar::all(120));
+    if (name == "Mottled") scene = MakeScene(cv::Scalar(60, 134, 150));
+    current = name;
+  }
+  return scene;
+}
+
+constexpr const char* kScenes[] = {"Dark", "Daylight", "Mottled"};
+
+void Register() {
+  for (const std::string scene : kScenes) {
+    const auto add = [&scene](const std::string& way, auto run) {
+      benchmark::RegisterBenchmark(
+          absl::StrCat("detect/", scene, "/", way).c_str(),
+          [scene, run](benchmark::State& state) { run(state, SceneOf(scene)); })
+          ->Unit(benchmark::kMillisecond);
+    };
+    add("Script", Script);
+    add("OpenCv", OpenCv);
+    add("Read", Read);
+    for (const MaskKernel* kernel : AvailableMaskKernels()) {
+      add(kernel->name, [kernel](benchmark::State& state, const Scene& images) {
+        Ours(state, images, kernel, false);
+      });
     }
-    ConsoleReporter::ReportRuns(runs);
+    add("Window", [](benchmark::State& state, const Scene& images) {
+      Ours(state, images, &BestMaskKernel(), true);
+    });
   }
+}
 
-  void PrintRatios(const std::string& scene) const {
-    const std::string best = absl::StrCat(scene, "/", BestMaskKernel().name);
-    Print(scene, "OpenCv", best);
-    Print(scene, "Script", best);
-    Print(best, absl::StrCat(scene, "/Read"));
-    Print(scene, "OpenCv", absl::StrCat(scene, "/portable"));
-    Print(best, absl::StrCat(scene, "/Window"));
+void PrintRatios(const bench::MeasuredTimes& times) {
+  for (const std::string scene : kScenes) {
+    const char* best = BestMaskKernel().name;
+    for (const auto& [slow, fast] : {std::pair<const char*, const char*>("OpenCv", best),
+                                     {"Script", best},
+                                     {best, "Read"},
+                                     {"OpenCv", "portable"},
+                                     {best, "Window"}}) {
+      const std::string above = absl::StrCat("detect/", scene, "/", slow);
+      const std::string below = absl::StrCat("detect/", scene, "/", fast);
+      if (!times.Contains(above) || !times.Contains(below)) continue;
+      std::printf("%-25s / %-25s %7.2f of shortest, %7.2f of medians\n", above.c_str(),
+                  below.c_str(), times.Shortest(above) / times.Shortest(below),
+                  times.Median(above) / times.Median(below));
+    }
   }
-
- private:
-  void Print(const std::string& scene, const std::string& slow, const std::string& fast) const {
-    Print(absl::StrCat(scene, "/", slow), fast);
-  }
-  void Print(const std::string& slow, const std::string& fast) const {
-    if (!times_ms_.contains(slow) || !times_ms_.contains(fast)) return;
-    const auto [slow_min, slow_median] = Summary(slow);
-    const auto [fast_min, fast_median] = Summary(fast);
-    std::printf("%-18s / %-18s %7.2f of shortest, %7.2f of medians\n", slow.c_str(), fast.c_str(),
-                slow_min / fast_min, slow_median / fast_median);
-  }
-  std::pair<double, double> Summary(const std::string& name) const {
-    std::vector<double> times = times_ms_.at(name);
-    std::sort(times.begin(), times.end());
-    return {times.front(), times[times.size() / 2]};
-  }
-
-  std::map<std::string, std::vector<double>> times_ms_;
-};
-
-void Register(const std::string& name, const Scene& scene) {
-  const auto add = [&](const std::string& way, auto function) {
-    benchmark::RegisterBenchmark(absl::StrCat(name, "/", way).c_str(), function)
-        ->Unit(benchmark::kMillisecond);
-  };
-  add("Script", [&scene](benchmark::State& state) { Script(state, scene); });
-  add("OpenCv", [&scene](benchmark::State& state) { OpenCv(state, scene); });
-  add("Read", [&scene](benchmark::State& state) { Read(state, scene); });
-  for (const MaskKernel* kernel : AvailableMaskKernels()) {
-    add(kernel->name,
-        [&scene, kernel](benchmark::State& state) { Ours(state, scene, kernel, false); });
-  }
-  add("Window", [&scene](benchmark::State& state) { Ours(state, scene, &BestMaskKernel(), true); });
 }
 
 }  // namespace
-}  // namespace rigcal::agent
+}  // namespace rigcal::agent::detect_bench
 
-int main(int argc, char** argv) {
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  cv::setNumThreads(1);
-  const std::pair<std::string, rigcal::agent::Scene> scenes[] = {
-      {"Dark", rigcal::agent::MakeScene(cv::Scalar::all(40))},
-      {"Daylight", rigcal::agent::MakeScene(cv::Scalar::all(120))},
-      {"Mottled", rigcal::agent::MakeScene(cv::Scalar(60, 134, 150))}};
-  for (const auto& [name, scene] : scenes) rigcal::agent::Register(name, scene);
-  rigcal::agent::RatioReporter reporter;
-  benchmark::RunSpecifiedBenchmarks(&reporter);
-  for (const auto& [name, scene] : scenes) reporter.PrintRatios(name);
-  return 0;
+namespace rigcal::bench {
+
+Suite DetectSuite() {
+  return {"detect", "blobs in whole images, against chains of OpenCV functions",
+          agent::detect_bench::Register, agent::detect_bench::PrintRatios};
 }
+
+}  // namespace rigcal::bench

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The yardstick of ingest_bench: takes the same stream and answers every message at once, storing
+// The reference of the ingest suite: acknowledges every message of the same stream at once, storing
 // and checking nothing. Prints its port; ends with its standard input.
 #include <grpcpp/grpcpp.h>
 

@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Events per second of decoder and blink filter, one thread, beside the plain ways of
-// tests/testing/textbook_events.h and two yardsticks of the memory, in one run:
-//
-//   build/release/tests/bench.event_bench [--benchmark_repetitions=3]
-//
-// Decode: EVT 3.0 to events of eight bytes, of the kernels in batches. Chain: decode, filter, and
-// blobs fifty times per second. Take: what the agent runs, the wand in those blobs included. Each
-// with the kernels this CPU has, the plainest first; the last is what runs where none is asked for.
-// Mev_s: million events per second. Below: how many times as fast as the textbook (medians).
-// Streams: tests/testing/event_streams.h.
+// tests/testing/textbook_events.h and two reference figures of the memory. Decode: EVT 3.0 to
+// events of eight bytes, for the kernels in batches. Chain: decode, filter, and blobs fifty times
+// per second. Take: what the agent runs, including the search for the wand in those blobs. Each
+// with the kernels of this CPU, the plainest first; the last is the default. Mev_s: million events
+// per second. Below the table: speed relative to the textbook (medians). Streams:
+// tests/testing/event_streams.h.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -25,15 +22,15 @@
 #include "agent/detect/event/blink_filter.h"
 #include "agent/detect/event/blink_wand_detector.h"
 #include "agent/event/event_decoder.h"
+#include "tests/bench/suites.h"
 #include "tests/testing/event_streams.h"
 #include "tests/testing/textbook_events.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::event_bench {
 namespace {
 
 constexpr double kOutputHz = 50;
-constexpr size_t kChunkBytes = size_t{64} << 10;  // as raw: hands them over
-constexpr char kTextbook[] = "Textbook";
+constexpr size_t kChunkBytes = size_t{64} << 10;  // as the `raw:` source delivers them
 
 const EventStream& Stream(const EventStreamOptions& options) {
   static auto* const streams = new std::map<std::string, EventStream>;
@@ -48,7 +45,7 @@ void Report(const EventStream& stream, benchmark::State& state) {
                                                benchmark::Counter::kIsIterationInvariantRate);
 }
 
-// Does nothing with the batches but have them written.
+// Only makes sure that the batches are written.
 struct BatchCounter {
   size_t count = 0;
 
@@ -93,7 +90,7 @@ void Decode(benchmark::State& state, const EventStreamOptions& options,
   ReportDecoding(counter.count, stream, state);
 }
 
-// The stream cut where it passes the times of output.
+// Positions in the stream at the output times.
 std::vector<size_t> CutsAtOutputs(const EventStream& stream) {
   std::vector<size_t> cuts;
   double next_us = 1e6 / kOutputHz;
@@ -213,7 +210,6 @@ void MemoryRead(benchmark::State& state) {
   }
   state.SetBytesProcessed(static_cast<int64_t>(state.iterations() * data.size() * 8));
 }
-BENCHMARK(MemoryRead)->Unit(benchmark::kMillisecond);
 
 void MemoryCopy(benchmark::State& state) {
   const std::vector<uint64_t> data(16 << 20, 1);
@@ -224,10 +220,11 @@ void MemoryCopy(benchmark::State& state) {
   }
   state.SetBytesProcessed(static_cast<int64_t>(state.iterations() * data.size() * 8));
 }
-BENCHMARK(MemoryCopy)->Unit(benchmark::kMillisecond);
 
-// Rows are called STREAM/STEP/WAY; one of each step is the textbook's.
+// Rows are named event/STREAM/STEP/WAY; each step has one of the textbook.
 void Register() {
+  benchmark::RegisterBenchmark("event/MemoryRead", MemoryRead)->Unit(benchmark::kMillisecond);
+  benchmark::RegisterBenchmark("event/MemoryCopy", MemoryCopy)->Unit(benchmark::kMillisecond);
   using Row = std::function<void(benchmark::State&)>;
   for (const EventStreamOptions& options : BenchStreams()) {
     std::vector<std::pair<std::string, Row>> rows;
@@ -244,59 +241,31 @@ void Register() {
     }
     rows.emplace_back("Chain/Take", [=](auto& state) { Take(state, options); });
     for (const auto& [name, row] : rows) {
-      benchmark::RegisterBenchmark(absl::StrCat(options.name, "/", name).c_str(), row)
+      benchmark::RegisterBenchmark(absl::StrCat("event/", options.name, "/", name).c_str(), row)
           ->Unit(benchmark::kMillisecond);
     }
   }
 }
 
-// The console's table, then the ratios.
-class RatioReporter : public benchmark::ConsoleReporter {
- public:
-  void ReportRuns(const std::vector<Run>& runs) override {
-    ConsoleReporter::ReportRuns(runs);
-    for (const Run& run : runs) {
-      if (run.run_type != Run::RT_Iteration || run.error_occurred) continue;
-      const std::string& name = run.run_name.function_name;
-      const auto [row, is_new] = times_.try_emplace(name);
-      if (is_new) names_.push_back(name);
-      row->second.push_back(run.GetAdjustedCPUTime());
+void PrintRatios(const bench::MeasuredTimes& times) {
+  for (const std::string& name : times.names()) {
+    const std::string textbook = absl::StrCat(name.substr(0, name.rfind('/')), "/Textbook");
+    if (!absl::StartsWith(name, "event/") || name == textbook || !times.Contains(textbook)) {
+      continue;
     }
+    std::printf("%-30s %6.2f x the textbook's\n", name.c_str(),
+                times.Median(textbook) / times.Median(name));
   }
-
-  void Finalize() override {
-    ConsoleReporter::Finalize();
-    double textbook = 0;
-    for (const std::string& name : names_) {
-      const double time = Median(name);
-      if (absl::EndsWith(name, kTextbook)) {
-        textbook = time;
-      } else if (absl::StrContains(name, "/")) {
-        std::printf("%-24s %6.2f x the textbook's\n", name.c_str(), textbook / time);
-      }
-    }
-  }
-
- private:
-  double Median(const std::string& name) {
-    std::vector<double>& times = times_[name];
-    std::sort(times.begin(), times.end());
-    return times[times.size() / 2];
-  }
-
-  std::map<std::string, std::vector<double>> times_;
-  std::vector<std::string> names_;
-};
+}
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::event_bench
 
-int main(int argc, char** argv) {
-  cv::setNumThreads(1);
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  rigcal::testing::Register();
-  rigcal::testing::RatioReporter reporter;
-  benchmark::RunSpecifiedBenchmarks(&reporter);
-  return 0;
+namespace rigcal::bench {
+
+Suite EventSuite() {
+  return {"event", "event decoder and blink filter, against textbook implementations",
+          testing::event_bench::Register, testing::event_bench::PrintRatios};
 }
+
+}  // namespace rigcal::bench

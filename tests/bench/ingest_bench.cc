@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Durable ingest of one server over loopback, beside the same stream answered without storing and
-// the time of an fdatasync in the data directory, all in one run:
-//   build/release/tests/bench.ingest_bench
-// Columns: obs/s; ratio to the echo with the same agents and message size; p50 and p99 of the time
-// from a message's write to the acknowledgement that covers it (at full load this is mostly the
-// window of unacknowledged rows; the paced rows show the answer of an unloaded server); CPU of the
-// server process per observation.
+// Durable ingest of one server over loopback, beside the same stream acknowledged without storing
+// and the time of an fdatasync in the data directory. Columns: obs/s; ratio to the echo with the
+// same agents and message size; p50 and p99 of the time from writing a message to its
+// acknowledgement (at full load this is mostly the window of unacknowledged rows; the paced rows
+// show the response of an unloaded server); CPU of the server process per observation.
 #include <benchmark/benchmark.h>
 #include <fcntl.h>
 #include <unistd.h>
@@ -21,15 +19,17 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "common/target/target.h"
 #include "common/wire/camera_wire.h"
 #include "tests/bench/bench_agent.h"
+#include "tests/bench/suites.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::bench {
+namespace rigcal::bench::ingest_bench {
 namespace {
 
 using testing::Process;
@@ -80,7 +80,7 @@ void Report(benchmark::State& state, const LoadResult& result, double cpu_s) {
   state.counters["ack_p99_ms"] = quantile(0.99);
 }
 
-void BM_Fdatasync(benchmark::State& state) {
+void Fdatasync(benchmark::State& state) {
   const TemporaryDirectory directory;
   const int file = open((directory.path() / "x").c_str(), O_CREAT | O_WRONLY, 0600);
   const std::string page(4096, 'x');
@@ -92,9 +92,8 @@ void BM_Fdatasync(benchmark::State& state) {
   }
   close(file);
 }
-BENCHMARK(BM_Fdatasync)->Unit(benchmark::kMicrosecond);
 
-void BM_Echo(benchmark::State& state) {
+void Echo(benchmark::State& state) {
   int to_child[2];
   int from_child[2];
   if (pipe(to_child) != 0 || pipe(from_child) != 0) throw std::runtime_error("no pipe");
@@ -162,30 +161,37 @@ void RunIngest(benchmark::State& state, double rows_per_s) {
   }
 }
 
-void BM_Ingest(benchmark::State& state) { RunIngest(state, 0); }
+void Ingest(benchmark::State& state) { RunIngest(state, 0); }
 // Each agent at 500 observations/s, the rate of a fast event camera.
-void BM_IngestPaced(benchmark::State& state) { RunIngest(state, 500); }
+void IngestPaced(benchmark::State& state) { RunIngest(state, 500); }
 
-#define RIGCAL_LOADS                     \
-  ->ArgNames({"agents", "rows/message"}) \
-      ->Args({1, 16})                    \
-      ->Args({1, 64})                    \
-      ->Args({16, 16})                   \
-      ->Args({16, 64})                   \
-      ->Iterations(1)                    \
-      ->UseManualTime()                  \
-      ->Unit(benchmark::kMillisecond)
-BENCHMARK(BM_Echo) RIGCAL_LOADS;
-BENCHMARK(BM_Ingest) RIGCAL_LOADS;
-BENCHMARK(BM_IngestPaced)
-    ->ArgNames({"agents", "rows/message"})
-    ->Args({1, 16})
-    ->Args({16, 16})
-    ->Iterations(1)
-    ->UseManualTime()
-    ->Unit(benchmark::kMillisecond);
+using Run = void (*)(benchmark::State&);
+
+void RegisterLoads(const char* name, Run run, const std::vector<std::vector<int64_t>>& loads) {
+  auto* const registered = benchmark::RegisterBenchmark(name, run);
+  for (const std::vector<int64_t>& load : loads) registered->Args(load);
+  registered->ArgNames({"agents", "rows/message"})
+      ->Iterations(1)
+      ->UseManualTime()
+      ->Unit(benchmark::kMillisecond);
+}
+
+void Register() {
+  const std::vector<std::vector<int64_t>> full = {{1, 16}, {1, 64}, {16, 16}, {16, 64}};
+  benchmark::RegisterBenchmark("ingest/Fdatasync", Fdatasync)->Unit(benchmark::kMicrosecond);
+  RegisterLoads("ingest/Echo", Echo, full);
+  RegisterLoads("ingest/Ingest", Ingest, full);
+  RegisterLoads("ingest/IngestPaced", IngestPaced, {{1, 16}, {16, 16}});
+}
 
 }  // namespace
-}  // namespace rigcal::bench
+}  // namespace rigcal::bench::ingest_bench
 
-BENCHMARK_MAIN();
+namespace rigcal::bench {
+
+Suite IngestSuite() {
+  return {"ingest", "durable ingest over gRPC, against an echo server and fdatasync",
+          ingest_bench::Register};
+}
+
+}  // namespace rigcal::bench

@@ -1,20 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the time of a calibration of the real recording goes, everything estimated, one thread:
-//
-//   OMP_THREAD_LIMIT=1 build/release/tests/bench.recorded_bench
-//
-// Whole: all of Calibrate, held-out folds, choices and findings included. CoarseSearch: offsets of
-// the clocks up to +-1 s. FineSolve: from those clocks and nothing else (no poses) to poses,
-// offsets, intrinsics and spacing, outliers and labels settled, and their covariance. Adjustment:
-// one bundle adjustment of the same problem, from the given intrinsics and no offsets.
-//
-// Reads the recording `ewand` in ../shared/data beside the project, or in RIGCAL_TEST_DATA.
+// Where the time goes in a calibration of the real recording `ewand`, everything estimated, one
+// thread (OMP_THREAD_LIMIT=1). Whole: all of Calibrate, including held-out folds, model selection
+// and findings. CoarseSearch: offsets of the clocks up to +-1 s. FineSolve: from those clocks alone
+// (no poses) to poses, offsets, intrinsics and spacing, with outliers and labels settled, and their
+// covariance. Adjustment: one bundle adjustment of the same problem, from the given intrinsics and
+// no offsets. Needs ../shared/data beside the project, or RIGCAL_TEST_DATA.
 #include <benchmark/benchmark.h>
 
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "server/associate/align_clocks.h"
 #include "server/solve/bundle/line_bundle.h"
@@ -22,10 +20,11 @@
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
-#include "tests/accuracy/recording.h"
+#include "tests/accuracy/solver/recording.h"
+#include "tests/bench/suites.h"
 #include "tests/testing/recorded_data.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::recorded_bench {
 namespace {
 
 template <typename T>
@@ -51,28 +50,31 @@ struct Recording {
   server::BundleProblem solved;
 };
 
-const Recording& TheRecording() {
-  static const Recording* const kRecording = [] {
-    auto* const recording = new Recording;
-    const std::optional<std::filesystem::path> data = RecordedDataDirectory();
-    if (!data) {
-      std::fprintf(stderr, "the real recordings are not there; set RIGCAL_TEST_DATA\n");
-      std::exit(1);
-    }
-    recording->input = Must(accuracy::LoadRecording(*data));
-    server::CalibrationHooks hooks;
-    hooks.solved = [recording](const server::RigObservations& rig,
-                               const server::RigSolution& solution) {
-      recording->rig = rig;
-      recording->solved = solution.built.problem;
-    };
-    Must(server::Calibrate(recording->input, {}, hooks).result);
-    recording->rig.index = server::IndexRig(recording->rig.tracks, &recording->clocks);
-    recording->searched = recording->clocks;
-    Must(server::SearchTimeOffsets(recording->rig, 0, {}, &recording->searched));
-    return recording;
-  }();
-  return *kRecording;
+Recording Load(const std::filesystem::path& data) {
+  Recording recording;
+  recording.input = Must(accuracy::LoadRecording(data));
+  server::CalibrationHooks hooks;
+  hooks.solved = [&recording](const server::RigObservations& rig,
+                              const server::RigSolution& solution) {
+    recording.rig = rig;
+    recording.solved = solution.built.problem;
+  };
+  Must(server::Calibrate(recording.input, {}, hooks).result);
+  recording.rig.index = server::IndexRig(recording.rig.tracks, &recording.clocks);
+  recording.searched = recording.clocks;
+  Must(server::SearchTimeOffsets(recording.rig, 0, {}, &recording.searched));
+  return recording;
+}
+
+// Null, with the benchmark skipped, if the recording is not there.
+const Recording* LoadedRecording(benchmark::State& state) {
+  const std::optional<std::filesystem::path> data = RecordedDataDirectory();
+  if (!data) {
+    state.SkipWithError("no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA");
+    return nullptr;
+  }
+  static const Recording recording = Load(*data);
+  return &recording;
 }
 
 server::RigSolveOptions Everything() {
@@ -84,34 +86,35 @@ server::RigSolveOptions Everything() {
 }
 
 void Whole(benchmark::State& state) {
-  const Recording& recording = TheRecording();
-  for (auto _ : state) Must(server::Calibrate(recording.input, {}).result);
+  const Recording* const recording = LoadedRecording(state);
+  if (recording == nullptr) return;
+  for (auto _ : state) Must(server::Calibrate(recording->input, {}).result);
 }
-BENCHMARK(Whole)->Unit(benchmark::kMillisecond);
 
 void CoarseSearch(benchmark::State& state) {
-  const Recording& recording = TheRecording();
+  const Recording* const recording = LoadedRecording(state);
+  if (recording == nullptr) return;
   for (auto _ : state) {
-    std::vector<server::ClockCorrection> clocks = recording.clocks;
-    Must(server::SearchTimeOffsets(recording.rig, 0, {}, &clocks));
+    std::vector<server::ClockCorrection> clocks = recording->clocks;
+    Must(server::SearchTimeOffsets(recording->rig, 0, {}, &clocks));
   }
 }
-BENCHMARK(CoarseSearch)->Unit(benchmark::kMillisecond);
 
 void FineSolve(benchmark::State& state) {
-  const Recording& recording = TheRecording();
+  const Recording* const recording = LoadedRecording(state);
+  if (recording == nullptr) return;
   for (auto _ : state) {
     const server::RigSolution solution =
-        Must(server::SolveRig(recording.rig, recording.searched, Everything()));
+        Must(server::SolveRig(recording->rig, recording->searched, Everything()));
     Must(server::ComputeUncertainty(solution, Everything()));
     state.counters["iterations"] = solution.iterations;
   }
 }
-BENCHMARK(FineSolve)->Unit(benchmark::kMillisecond);
 
 void Adjustment(benchmark::State& state) {
-  const Recording& recording = TheRecording();
-  server::BundleProblem start = recording.solved;
+  const Recording* const recording = LoadedRecording(state);
+  if (recording == nullptr) return;
+  server::BundleProblem start = recording->solved;
   for (server::BundleCamera& camera : start.cameras) {
     if (!camera.intrinsics_fixed) camera.intrinsics = camera.intrinsics_mean;
   }
@@ -121,9 +124,25 @@ void Adjustment(benchmark::State& state) {
     state.counters["iterations"] = Must(server::SolveLineBundle({}, &problem)).iterations;
   }
 }
-BENCHMARK(Adjustment)->Unit(benchmark::kMillisecond);
+
+void Register() {
+  for (const auto& [name, run] :
+       {std::pair<const char*, void (*)(benchmark::State&)>("recorded/Whole", Whole),
+        {"recorded/CoarseSearch", CoarseSearch},
+        {"recorded/FineSolve", FineSolve},
+        {"recorded/Adjustment", Adjustment}}) {
+    benchmark::RegisterBenchmark(name, run)->Unit(benchmark::kMillisecond);
+  }
+}
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::recorded_bench
 
-BENCHMARK_MAIN();
+namespace rigcal::bench {
+
+Suite RecordedSuite() {
+  return {"recorded", "stages of the calibration of the real recording; needs test data",
+          testing::recorded_bench::Register};
+}
+
+}  // namespace rigcal::bench

@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The line bundle against the plain reference (reference_bundle.h) and against Ceres with analytic
-// derivatives and DENSE_SCHUR, in one run, one thread:
-//
-//   OMP_THREAD_LIMIT=1 build/release/tests/bench.solve_bench [--benchmark_filter=24x1000]
-//
-// Time is that of one iteration. Counters: ms per iteration of each (ms, analytic_ms, plain_ms),
-// how many times faster the line bundle is (vs_analytic, vs_plain), iterations, setup_ms, the share
-// of an iteration that goes into each stage (in %), and how much lower than the line bundle's the
-// reference's cost is, relative (excess; must be below 1e-9). With more than 24 cameras the
-// reference is timed over three iterations and then started at the line bundle's optimum.
-// `all_threads`: ms per iteration with every core of this machine, vs_one how many times faster
-// that is, same: 1 when it ends at the same bits.
+// derivatives and DENSE_SCHUR, one thread (OMP_THREAD_LIMIT=1). Time is that of one iteration.
+// Counters: ms per iteration of each (ms, analytic_ms, plain_ms), speed relative to each
+// (vs_analytic, vs_plain), iterations, setup_ms, share of each stage in an iteration (in %), and
+// how much lower the cost of the reference is, relative (excess; must be below 1e-9). With more
+// than 24 cameras the reference is timed over three iterations and then started at the line
+// bundle's optimum. all_threads: ms per iteration on every core; vs_one: speed relative to one;
+// same: 1 if both end at the same bits.
 #include <benchmark/benchmark.h>
 #include <malloc.h>
 
@@ -22,6 +18,7 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "server/solve/bundle/bundle_adjuster.h"
@@ -29,9 +26,10 @@
 #include "server/solve/bundle/line_bundle_kernel.h"
 #include "server/solve/bundle/line_bundle_system.h"
 #include "tests/bench/reference_bundle.h"
+#include "tests/bench/suites.h"
 #include "tests/testing/bundle_scene.h"
 
-namespace rigcal::testing {
+namespace rigcal::testing::solve_bench {
 namespace {
 
 using server::BundleOptions;
@@ -93,7 +91,7 @@ void ReportLine(const LineRun& run, benchmark::State& state) {
   state.counters["step"] = 100 * times.step_s / solving_s;
 }
 
-// Of SolveBundle, which does not tell its preparation apart: from a short and a long run.
+// Of SolveBundle, without its preparation: from a short and a long run.
 double AnalyticPerIteration(BundleOptions options, const BundleProblem& start) {
   double seconds[2];
   int iterations[2];
@@ -163,29 +161,10 @@ void RunAgainstReference(benchmark::State& state, bool everything) {
 }
 
 void PosesOffsetsSpacing(benchmark::State& state) { RunAgainstReference(state, false); }
-BENCHMARK(PosesOffsetsSpacing)
-    ->ArgNames({"cameras", "instants"})
-    ->Args({4, 614})
-    ->Args({6, 1000})
-    ->Args({6, 5000})
-    ->Args({24, 1000})
-    ->Args({24, 5000})
-    ->Args({100, 1000})
-    ->Args({100, 5000})
-    ->UseManualTime()
-    ->Iterations(1)
-    ->Unit(benchmark::kMillisecond);
 
 void Everything(benchmark::State& state) { RunAgainstReference(state, true); }
-BENCHMARK(Everything)
-    ->ArgNames({"cameras", "instants"})
-    ->Args({6, 1000})
-    ->Args({24, 1000})
-    ->UseManualTime()
-    ->Iterations(1)
-    ->Unit(benchmark::kMillisecond);
 
-// One iteration with each instruction set this CPU has.
+// One iteration with one instruction set of this CPU.
 void Iteration(benchmark::State& state, const server::LineBundleKernel* kernel, int cameras,
                int instants) {
   const BundleScene scene = MakeScene(cameras, instants, false);
@@ -201,17 +180,6 @@ void Iteration(benchmark::State& state, const server::LineBundleKernel* kernel, 
   }
 }
 
-void RegisterIterations() {
-  for (const server::LineBundleKernel* kernel : server::AvailableLineBundleKernels()) {
-    for (const auto& [cameras, instants] : {std::pair(6, 1000), {24, 1000}, {100, 1000}}) {
-      const std::string name =
-          absl::StrCat("Iteration/", kernel->name, "/cameras:", cameras, "/instants:", instants);
-      benchmark::RegisterBenchmark(name.c_str(), Iteration, kernel, cameras, instants)
-          ->Unit(benchmark::kMillisecond);
-    }
-  }
-}
-
 // Kilobytes of a field of /proc/self/status.
 double StatusKb(const std::string& field) {
   std::ifstream status("/proc/self/status");
@@ -223,15 +191,15 @@ double StatusKb(const std::string& field) {
   return value;
 }
 
-// Peak of the whole process while it solves, and what of it was the problem itself.
+// Peak memory of the solver, and the size of the problem itself.
 void Memory(benchmark::State& state) {
   const BundleScene scene =
       MakeScene(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)), true);
   for (auto _ : state) {
     BundleProblem problem = scene.start;
-    malloc_trim(0);  // what former benchmarks left behind
+    malloc_trim(0);  // memory freed by former benchmarks
     const double before_kb = StatusKb("VmRSS");
-    std::ofstream("/proc/self/clear_refs") << "5";  // the peak begins anew
+    std::ofstream("/proc/self/clear_refs") << "5";  // resets the peak
     LineBundleTimes times;
     const BundleSummary summary = Must(server::SolveLineBundle({}, &problem, &times));
     state.SetIterationTime(PerIteration(times.total_s - times.setup_s, summary));
@@ -243,20 +211,44 @@ void Memory(benchmark::State& state) {
         (1024 * 1024);
   }
 }
-BENCHMARK(Memory)
-    ->ArgNames({"cameras", "instants"})
-    ->Args({24, 20000})
-    ->UseManualTime()
-    ->Iterations(1)
-    ->Unit(benchmark::kMillisecond);
+
+void RegisterIterations() {
+  for (const server::LineBundleKernel* kernel : server::AvailableLineBundleKernels()) {
+    for (const auto& [cameras, instants] : {std::pair(6, 1000), {24, 1000}, {100, 1000}}) {
+      const std::string name = absl::StrCat("solve/Iteration/", kernel->name, "/cameras:", cameras,
+                                            "/instants:", instants);
+      benchmark::RegisterBenchmark(name.c_str(), Iteration, kernel, cameras, instants)
+          ->Unit(benchmark::kMillisecond);
+    }
+  }
+}
+
+void RegisterWhole(const char* name, void (*run)(benchmark::State&),
+                   const std::vector<std::vector<int64_t>>& sizes) {
+  auto* const registered = benchmark::RegisterBenchmark(name, run);
+  for (const std::vector<int64_t>& size : sizes) registered->Args(size);
+  registered->ArgNames({"cameras", "instants"})
+      ->UseManualTime()
+      ->Iterations(1)
+      ->Unit(benchmark::kMillisecond);
+}
+
+void Register() {
+  RegisterWhole("solve/PosesOffsetsSpacing", PosesOffsetsSpacing,
+                {{4, 614}, {6, 1000}, {6, 5000}, {24, 1000}, {24, 5000}, {100, 1000}, {100, 5000}});
+  RegisterWhole("solve/Everything", Everything, {{6, 1000}, {24, 1000}});
+  RegisterWhole("solve/Memory", Memory, {{24, 20000}});
+  RegisterIterations();
+}
 
 }  // namespace
-}  // namespace rigcal::testing
+}  // namespace rigcal::testing::solve_bench
 
-int main(int argc, char** argv) {
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  rigcal::testing::RegisterIterations();
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
+namespace rigcal::bench {
+
+Suite SolveSuite() {
+  return {"solve", "one iteration of the solver, against automatic differentiation in Ceres",
+          testing::solve_bench::Register};
 }
+
+}  // namespace rigcal::bench

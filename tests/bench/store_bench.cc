@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What storing costs, without the network: Append of 1, 64 and 512 batches to a transaction,
-// reading them back, and the way through validation, queue and writer.
-//   build/release/tests/bench.store_bench            (TMPDIR on the disk in question)
-
+// The cost of storing, without the network: Append of 1, 64 and 512 batches to a transaction,
+// reading them back, and the path through validation, queue and writer. TMPDIR chooses the disk.
 #include <benchmark/benchmark.h>
 
 #include <condition_variable>
@@ -17,10 +15,11 @@
 #include "server/ingest/queued_ingest.h"
 #include "server/store/sqlite/batch_blob.h"
 #include "server/store/sqlite/sqlite_store.h"
+#include "tests/bench/suites.h"
 #include "tests/server/store/sqlite/store_fixture.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::server {
+namespace rigcal::server::store_bench {
 namespace {
 
 using ::rigcal::testing::CapturingSession;
@@ -40,7 +39,7 @@ struct OpenStore {
   std::unique_ptr<SqliteStore> store;
 };
 
-// The batch a stream of equal batches would send next.
+// The next batch of a stream of equal batches.
 void Advance(ObservationBatch* batch) {
   const auto rows = static_cast<uint32_t>(batch->rows());
   batch->first_seq += rows;
@@ -64,13 +63,6 @@ void Append(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * static_cast<int64_t>(group * rows));
 }
-BENCHMARK(Append)
-    ->ArgNames({"batches", "rows"})
-    ->Args({1, 16})
-    ->Args({64, 16})
-    ->Args({512, 16})
-    ->Args({1, 1600})
-    ->UseRealTime();
 
 void Encode(benchmark::State& state) {
   const ObservationBatch batch = MakeBatch(KeyOf("a"), 1, 16);
@@ -82,7 +74,6 @@ void Encode(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * 16);
   state.counters["bytes"] = static_cast<double>(blob.size());
 }
-BENCHMARK(Encode);
 
 void Validate(benchmark::State& state) {
   const ObservationBatch batch = MakeBatch(KeyOf("a"), 1, 16);
@@ -93,7 +84,6 @@ void Validate(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * 16);
 }
-BENCHMARK(Validate);
 
 class OneContext : public StreamContextSource {
  public:
@@ -135,7 +125,6 @@ void Ingest(benchmark::State& state) {
       static_cast<double>(ingest->Stats().stored_observation_count) / ingest->Stats().commit_count;
   ingest->Shutdown();
 }
-BENCHMARK(Ingest)->UseRealTime();
 
 void Read(benchmark::State& state) {
   OpenStore open;
@@ -154,9 +143,29 @@ void Read(benchmark::State& state) {
   }
   state.SetItemsProcessed(state.iterations() * 65536);
 }
-BENCHMARK(Read)->UseRealTime();
+
+void Register() {
+  benchmark::RegisterBenchmark("store/Append", Append)
+      ->ArgNames({"batches", "rows"})
+      ->Args({1, 16})
+      ->Args({64, 16})
+      ->Args({512, 16})
+      ->Args({1, 1600})
+      ->UseRealTime();
+  benchmark::RegisterBenchmark("store/Encode", Encode);
+  benchmark::RegisterBenchmark("store/Validate", Validate);
+  benchmark::RegisterBenchmark("store/Ingest", Ingest)->UseRealTime();
+  benchmark::RegisterBenchmark("store/Read", Read)->UseRealTime();
+}
 
 }  // namespace
-}  // namespace rigcal::server
+}  // namespace rigcal::server::store_bench
 
-BENCHMARK_MAIN();
+namespace rigcal::bench {
+
+Suite StoreSuite() {
+  return {"store", "cost of storing and reading, without the network",
+          server::store_bench::Register};
+}
+
+}  // namespace rigcal::bench

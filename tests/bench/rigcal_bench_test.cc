@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/testing/process.h"
+
+namespace rigcal::testing::rigcal_bench_test {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr const char* kSuites[] = {"detect", "event", "ingest", "recorded", "solve", "store"};
+
+TEST(RigcalBench, HelpAndListNameEverySuite) {
+  const CommandResult help = RunCommand({"rigcal-bench", "--help"});
+  const CommandResult list = RunCommand({"rigcal-bench", "--benchmark_list_tests"});
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_EQ(list.exit_code, 0);
+  for (const std::string suite : kSuites) {
+    EXPECT_THAT(help.output, HasSubstr("\n  " + suite + " "));
+    EXPECT_THAT("\n" + list.output, HasSubstr("\n" + suite + "/"));
+  }
+}
+
+TEST(RigcalBench, RunsOneSuiteWithAFilter) {
+  const CommandResult run = RunCommand({"rigcal-bench", "store", "--benchmark_filter=Encode",
+                                        "--benchmark_min_time=0.001", "--benchmark_format=csv"});
+  EXPECT_EQ(run.exit_code, 0) << run.error;
+  EXPECT_THAT(run.output, HasSubstr("\"store/Encode\""));
+  EXPECT_THAT(run.output, Not(HasSubstr("store/Append")));
+}
+
+TEST(RigcalBench, RefusesAnUnknownSuite) {
+  const CommandResult run = RunCommand({"rigcal-bench", "stores"});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_THAT(run.error, HasSubstr("'stores'"));
+}
+
+}  // namespace
+}  // namespace rigcal::testing::rigcal_bench_test

@@ -69,7 +69,7 @@ Experiment::Run PrepareAmbientLight(OptionList* list) {
   AmbientLightOptions& options = arguments->options;
   agent::ColourRange& colour = options.detection.detector.colour;
   AddFigureOptions(list, &arguments->csv, &arguments->png);
-  list->Add("--pictures", &options.pictures, 1, 100000,
+  list->Add("--pictures", &options.frames, 1, 100000,
             "frames of each case and lux with a wand; as many without one");
   list->Add("--seed", &arguments->seed, 0, 4000000, "of rooms, poses and noise");
   list->Add("--lux", &options.lux, 0, 1e5, "levels of light, ascending");
@@ -80,7 +80,7 @@ Experiment::Run PrepareAmbientLight(OptionList* list) {
   return [arguments] {
     AmbientLightOptions run = arguments->options;
     run.detection.seed = static_cast<uint32_t>(arguments->seed);
-    run.empty_pictures = run.pictures;
+    run.empty_frames = run.frames;
     return RunAmbientLightCases(run, arguments->csv, arguments->png);
   };
 }

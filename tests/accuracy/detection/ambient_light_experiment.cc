@@ -38,10 +38,10 @@ std::vector<AmbientLightPoint> RunAmbientLight(const AmbientLightOptions& option
       point.setting = setting;
       point.lux = lux;
       point.grey_per_cd_m2 = LightModel(detection.render).grey_per_cd_m2;
-      detection.pictures = options.pictures;
+      detection.frames = options.frames;
       detection.with_wand = true;
       point.shown = Summarise(RunDetection(detection));
-      detection.pictures = options.empty_pictures;
+      detection.frames = options.empty_frames;
       detection.with_wand = false;
       detection.seed += 500;
       point.empty = Summarise(RunDetection(detection));
@@ -54,13 +54,13 @@ std::vector<AmbientLightPoint> RunAmbientLight(const AmbientLightOptions& option
 std::string AmbientLightCsv(const std::vector<AmbientLightPoint>& points) {
   std::string csv =
       "case,clutter,auto_gain,lux,grey_per_cd_m2,wands_shown,wands_found,detection_rate,"
-      "centre_rms_px,empty_pictures,false_wands,failures\n";
+      "centre_rms_px,empty_frames,false_wands,failures\n";
   for (const AmbientLightPoint& point : points) {
     absl::StrAppendFormat(&csv, "\"%s\",%g,%d,%.1f,%.5f,%d,%d,%.4f,%.4f,%d,%d,%d\n",
                           point.setting.name, point.setting.clutter, point.setting.auto_gain,
                           point.lux, point.grey_per_cd_m2, point.shown.shown, point.shown.found,
-                          point.Rate(), point.shown.rms_px, point.empty.pictures,
-                          point.FalseWands(), point.shown.failures + point.empty.failures);
+                          point.Rate(), point.shown.rms_px, point.empty.frames, point.FalseWands(),
+                          point.shown.failures + point.empty.failures);
   }
   return csv;
 }

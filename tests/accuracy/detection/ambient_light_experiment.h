@@ -9,7 +9,7 @@
 
 namespace rigcal::accuracy {
 
-// How the camera and the room are set while the ambient light grows; one curve of the figure.
+// Settings of camera and room while the ambient light increases; one curve of the figure.
 struct AmbientLightCase {
   std::string name;
   double clutter = 0;      // FrameRenderOptions::clutter
@@ -17,27 +17,27 @@ struct AmbientLightCase {
 };
 
 struct AmbientLightOptions {
-  // Camera, wand and sensor; lux, clutter, auto_gain and the number of pictures are not looked at.
+  // Camera, wand and sensor; lux, clutter, auto_gain and the number of frames are ignored.
   DetectionOptions detection;
   std::vector<double> lux;  // ascending
   std::vector<AmbientLightCase> cases;
-  int pictures = 100;        // with a wand, of each case and lux
-  int empty_pictures = 100;  // without one
+  int frames = 100;        // with a wand, of each case and lux
+  int empty_frames = 100;  // without one
 };
 
 // The paper's rig with a wand 1.5 to 4 m away, thirteen levels of light from 10 to 5 000 lux: with
-// and without moderate clutter, each with the gain as it is and with the gain turned down before a
-// sphere saturates.
+// and without moderate clutter, each with fixed gain and with the gain reduced before a sphere
+// saturates.
 AmbientLightOptions PaperAmbientLight();
 
 struct AmbientLightPoint {
   AmbientLightCase setting;
   double lux = 0;
   double grey_per_cd_m2 = 0;  // of the camera at this setting (LightModel)
-  DetectionSummary shown;     // pictures with a wand
-  DetectionSummary empty;     // pictures without one
+  DetectionSummary shown;     // frames with a wand
+  DetectionSummary empty;     // frames without one
 
-  // Of the pictures with a wand fully visible, 0 to 1; NaN where there is none.
+  // Share of the frames with a fully visible wand in which it was found; NaN if there are none.
   double Rate() const;
   int FalseWands() const { return shown.false_wands + empty.false_wands; }
 };

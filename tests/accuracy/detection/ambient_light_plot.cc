@@ -11,7 +11,7 @@ namespace rigcal::accuracy {
 namespace {
 
 constexpr double kMinLux = 8, kMaxLux = 6000;
-// What is asked for: this rate up to this much light.
+// The requirement: this rate up to this much light.
 constexpr double kGoalRate = 0.95, kGoalLux = 1000;
 
 }  // namespace

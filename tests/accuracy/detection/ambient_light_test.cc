@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small part of accuracy.ambient_light.
+// A small part of `rigcal-accuracy ambient_light`.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,11 +18,11 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-AmbientLightOptions Some(int pictures, double clutter, std::vector<double> lux) {
+AmbientLightOptions Some(int frames, double clutter, std::vector<double> lux) {
   AmbientLightOptions options = PaperAmbientLight();
-  options.detection.pictures_per_room = 5;
-  options.pictures = options.empty_pictures = pictures;
-  options.cases = {{"gain turned down", clutter, true}};
+  options.detection.frames_per_room = 5;
+  options.frames = options.empty_frames = frames;
+  options.cases = {{"reduced gain", clutter, true}};
   options.lux = std::move(lux);
   return options;
 }
@@ -41,15 +41,15 @@ TEST(AmbientLight, LosesTheLedsColourInDaylight) {
   EXPECT_GT(points[0].Rate(), 0.9);
   EXPECT_LT(points[1].Rate(), 0.1);
   EXPECT_EQ(points[1].FalseWands(), 0);
-  // Sixty times the light on the shells, so the gain was turned down.
+  // Sixty times the light on the shells, so the gain was reduced.
   EXPECT_LT(points[1].grey_per_cd_m2, 0.5 * points[0].grey_per_cd_m2);
 }
 
-TEST(AmbientLight, CountsEveryPicture) {
+TEST(AmbientLight, CountsEveryFrame) {
   const auto points = RunAmbientLight(Some(10, 0.5, {300}));
   ASSERT_EQ(points.size(), 1u);
-  EXPECT_EQ(points[0].shown.pictures, 10);
-  EXPECT_EQ(points[0].empty.pictures, 10);
+  EXPECT_EQ(points[0].shown.frames, 10);
+  EXPECT_EQ(points[0].empty.frames, 10);
   EXPECT_EQ(points[0].empty.shown, 0);
   EXPECT_EQ(points[0].shown.failures + points[0].empty.failures, 0);
 }
@@ -59,11 +59,11 @@ AmbientLightPoint Measured(double lux, int shown, int found, int false_wands) {
   point.setting = {"a room", 0.5, true};
   point.lux = lux;
   point.grey_per_cd_m2 = 0.25;
-  point.shown.shown = point.shown.pictures = shown;
+  point.shown.shown = point.shown.frames = shown;
   point.shown.found = found;
   point.shown.false_wands = false_wands;
   point.empty.false_wands = 1;
-  point.empty.pictures = 7;
+  point.empty.frames = 7;
   return point;
 }
 
@@ -85,7 +85,7 @@ TEST(AmbientLight, DrawsPointsWithoutARate) {
   EXPECT_EQ(head, "\x89PNG\r\n\x1a\n");
 }
 
-TEST(AmbientLight, NamesThePictureItCannotWrite) {
+TEST(AmbientLight, NamesTheFigureItCannotWrite) {
   const testing::TemporaryDirectory directory;
   const std::string path = directory.path() / "missing" / "figure.png";
   const absl::Status status = DrawAmbientLight({Measured(10, 8, 8, 0)}, path);

@@ -50,7 +50,7 @@ std::string BlinkFrequencyCsv(const BlinkFrequencyOptions& options,
                               const std::vector<BlinkFrequencyPoint>& points) {
   const EventRenderOptions& sensor = options.detection.sensor;
   std::string csv =
-      "blink_hz,refractory_us,refractory_spread,latency_us,answers,wand_rate,false_wands,rms_px,"
+      "blink_hz,refractory_us,refractory_spread,latency_us,detections,wand_rate,false_wands,rms_px,"
       "outputs,textbook_rate,failures\n";
   for (const BlinkFrequencyPoint& point : points) {
     const EventDetectionSummary& s = point.summary;

@@ -10,23 +10,23 @@ namespace rigcal::accuracy {
 
 // Detection rate of event cameras against the frequency at which the wand blinks.
 struct BlinkFrequencyOptions {
-  EventDetectionOptions detection;  // frequency and warm-up are not looked at
+  EventDetectionOptions detection;  // frequency and warm-up are ignored
   std::vector<double> blink_hz;     // ascending
 };
 
 // The wand 1.5 to 5 m away before a sensor with a refractory period of 0.7 ms, with one sigma of
 // 10 % over the pixels; sixteen frequencies from 100 to 1 500 Hz. The chain that the paper
-// describes sees the same events.
+// describes gets the same events.
 BlinkFrequencyOptions PaperBlinkFrequency();
 
 struct BlinkFrequencyPoint {
   double blink_hz = 0;
   EventDetectionSummary summary;
 
-  // Of the detector's answers at whose time the wand was fully visible, those with it; 0 to 1, NaN
-  // where there is none.
+  // Share of the detections at times of a fully visible wand that contain it; NaN if there are
+  // none.
   double WandRate() const;
-  // Wands with a blob of the textbook's chain in every marker, of those fully visible.
+  // Share of fully visible wands with a blob of the textbook chain in every marker.
   double TextbookRate() const;
 };
 

@@ -8,7 +8,7 @@ namespace rigcal::accuracy {
 namespace {
 
 constexpr double kMaxHz = 1600;
-// What is asked for at 500 Hz.
+// The requirement at 500 Hz.
 constexpr double kPlotGoalRate = 0.98, kGoalHz = 500;
 
 }  // namespace

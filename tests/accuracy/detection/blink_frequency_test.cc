@@ -16,8 +16,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-// A small part of accuracy.blink_frequency: both ends and the wand's own frequency.
-TEST(BlinkFrequency, FiveHundredHertzIsSeenAndTwelveHundredIsNot) {
+// A small part of `rigcal-accuracy blink_frequency`: both ends and the wand's own frequency.
+TEST(BlinkFrequency, FindsFiveHundredHertzButNotTwelveHundred) {
   BlinkFrequencyOptions options = PaperBlinkFrequency();
   EXPECT_LE(options.detection.sensor.refractory_us, 700);
   options.detection.streams = 2;
@@ -56,7 +56,7 @@ TEST(BlinkFrequency, WritesOneLineForEachPoint) {
   EXPECT_THAT(csv, HasSubstr("\n900,700,0.10,50,0,nan,0,0.0000,0,nan,0\n"));
 }
 
-TEST(BlinkFrequency, DrawsPointsWithoutARateAndNamesWhatItCannotWrite) {
+TEST(BlinkFrequency, DrawsPointsWithoutARateAndNamesAFileItCannotWrite) {
   const testing::TemporaryDirectory directory;
   const std::string path = directory.path() / "figure.png";
   const std::vector<BlinkFrequencyPoint> points = {Measured(500, 8, 6), Measured(900, 0, 0)};

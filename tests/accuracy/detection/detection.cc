@@ -44,9 +44,9 @@ std::vector<ImageResult> PrintDetectionCase(const std::string& name,
   auto results = RunDetection(options);
   const DetectionSummary summary = Summarise(results);
   fmt::print("{:26} {:6} {:6} {:8.2f} {:6} {:8.3f} {:9.4f} {:9.4f} {:7.2f} {:7.2f}\n", name,
-             summary.pictures, summary.failures,
+             summary.frames, summary.failures,
              summary.shown > 0 ? 100.0 * summary.found / summary.shown : 0.0, summary.false_wands,
-             100.0 * summary.false_wands / summary.pictures, summary.rms_px, summary.motion_bias_px,
+             100.0 * summary.false_wands / summary.frames, summary.rms_px, summary.motion_bias_px,
              summary.nees, summary.median_ms);
   if (!verbose) return results;
   for (const ImageResult& result : results) {
@@ -77,7 +77,7 @@ void PrintBins(const std::vector<ImageResult>& results) {
 
 int RunDetectionCases(const SeedOptions& seeds) {
   DetectionOptions plain = PaperDetection();
-  plain.pictures = plain.pictures_per_room * seeds.count;
+  plain.frames = plain.frames_per_room * seeds.count;
   plain.seed = static_cast<uint32_t>(seeds.first);
   plain.threads = seeds.threads;
   fmt::print("LED {} grey at {} ms, {} lux, read noise {} grey, defocus {} px, clutter {}\n",

@@ -28,11 +28,11 @@ void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Targ
     const MarkerObservation& marker = observation.markers[k];
     if (!marker.visible) continue;
     CentreError centre;
-    centre.truth_px = truth.markers[k].centre_px;
-    centre.error_px = marker.centre_px - centre.truth_px;
+    centre.true_px = truth.markers[k].centre_px;
+    centre.error_px = marker.centre_px - centre.true_px;
     centre.nees = centre.error_px.dot(marker.covariance_px2.inverse() * centre.error_px);
     centre.distance_m = truth.markers[k].distance_m;
-    const Eigen::Vector2d away = centre.truth_px - middle;
+    const Eigen::Vector2d away = centre.true_px - middle;
     centre.image_radius_px = away.norm();
     centre.radial_px = centre.error_px.dot(away.normalized());
     const SphereMotion sphere = motion.Marker(target.marker_positions_m[k]);
@@ -52,9 +52,9 @@ void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Targ
   if (!result->found) result->centres.clear();
 }
 
-// The pictures of one room.
+// The frames of one room.
 std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
-  std::vector<ImageResult> results(static_cast<size_t>(options.pictures_per_room));
+  std::vector<ImageResult> results(static_cast<size_t>(options.frames_per_room));
   FrameRenderOptions render = options.render;
   render.seed = options.seed * 1000 + static_cast<uint32_t>(room);
   auto renderer = SceneRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
@@ -66,7 +66,7 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
     }
     return results;
   }
-  std::vector<uint8_t> picture(renderer->buffer_size());
+  std::vector<uint8_t> pixels(renderer->buffer_size());
   for (size_t i = 0; i < results.size(); ++i) {
     ImageResult& result = results[i];
     SceneFrame frame;
@@ -82,13 +82,13 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
             std::asin(std::abs(at.dot(frame.wand->direction))) * 180 / std::numbers::pi;
       }
     }
-    const auto truth = renderer->Render(frame, picture);
-    if (!truth.ok()) {
-      result.status = truth.status();
+    const auto ground_truth = renderer->Render(frame, pixels);
+    if (!ground_truth.ok()) {
+      result.status = ground_truth.status();
       continue;
     }
     const ImageSize size = options.camera.image_size_px;
-    const agent::ImageView view{picture.data(), static_cast<int>(size.width),
+    const agent::ImageView view{pixels.data(), static_cast<int>(size.width),
                                 static_cast<int>(size.height),
                                 static_cast<ptrdiff_t>(size.width) * 3, agent::PixelFormat::kBgr8};
     const auto begin = std::chrono::steady_clock::now();
@@ -106,8 +106,8 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
       result.false_wand = detection->outcome == DetectionOutcome::kWand;
       continue;
     }
-    result.shown = truth->WandVisible();
-    Compare(*truth, *frame.wand, options.target, options, detection->observation, &result);
+    result.shown = ground_truth->WandVisible();
+    Compare(*ground_truth, *frame.wand, options.target, options, detection->observation, &result);
   }
   return results;
 }
@@ -134,7 +134,7 @@ DetectionOptions PaperDetection() {
 }
 
 std::vector<ImageResult> RunDetection(const DetectionOptions& options) {
-  const int rooms = (options.pictures + options.pictures_per_room - 1) / options.pictures_per_room;
+  const int rooms = (options.frames + options.frames_per_room - 1) / options.frames_per_room;
   const auto by_room = RunAll<std::vector<ImageResult>>(
       rooms, options.threads, [&](int room) { return RunRoom(options, room); });
   std::vector<ImageResult> results;
@@ -148,7 +148,7 @@ DetectionSummary Summarise(const std::vector<ImageResult>& results) {
   double squares = 0, along = 0, nees = 0;
   int centres = 0;
   for (const ImageResult& result : results) {
-    ++summary.pictures;
+    ++summary.frames;
     summary.failures += result.status.ok() ? 0 : 1;
     summary.shown += result.shown ? 1 : 0;
     summary.found += result.shown && result.found ? 1 : 0;

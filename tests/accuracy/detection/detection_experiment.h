@@ -14,7 +14,7 @@
 
 namespace rigcal::accuracy {
 
-// Single pictures of a wand that stands anywhere, or of none.
+// Single frames, each with a wand anywhere or without one.
 struct DetectionOptions {
   CameraDescription camera;  // with intrinsics
   Target target;
@@ -22,8 +22,8 @@ struct DetectionOptions {
   RandomWandPoseOptions pose;
   agent::WandDetectorOptions detector;
   bool with_wand = true;
-  int pictures = 100;
-  int pictures_per_room = 25;  // each room has clutter of its own
+  int frames = 100;
+  int frames_per_room = 25;  // each room has clutter of its own
   uint32_t seed = 1;
   int threads = 2;
 };
@@ -31,22 +31,22 @@ struct DetectionOptions {
 // The camera of the paper's rig: 1280x1024 with barrel distortion; and its wand.
 DetectionOptions PaperDetection();
 
-// One marker that was seen, against the truth.
+// One detected marker, against ground truth.
 struct CentreError {
   Eigen::Vector2d error_px = Eigen::Vector2d::Zero();
   double nees = 0;  // e^T C^-1 e, of 2 degrees of freedom
-  Eigen::Vector2d truth_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d true_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d motion = Eigen::Vector2d::Zero();  // unit, in the image; zero without motion
   double distance_m = 0;
-  double radial_px = 0;        // of the error, away from the image's middle
-  double image_radius_px = 0;  // of the truth, from the image's middle
+  double radial_px = 0;        // of the error, away from the image centre
+  double image_radius_px = 0;  // of the true centre, from the image centre
 };
 
 struct ImageResult {
   absl::Status status;
-  bool shown = false;       // the truth holds a wand, fully visible
+  bool shown = false;       // the frame shows a fully visible wand
   bool found = false;       // and it was found, all markers within 1 px
-  bool false_wand = false;  // a wand where there is none, or off by more than 3 px, or turned round
+  bool false_wand = false;  // a wand where there is none, off by more than 3 px, or flipped
   DetectionOutcome outcome = DetectionOutcome::kNoBlob;
   int covered_markers = 0;
   double confidence = 0;
@@ -59,7 +59,7 @@ struct ImageResult {
 std::vector<ImageResult> RunDetection(const DetectionOptions& options);
 
 struct DetectionSummary {
-  int failures = 0, shown = 0, found = 0, false_wands = 0, pictures = 0;
+  int failures = 0, shown = 0, found = 0, false_wands = 0, frames = 0;
   double rms_px = 0;          // of each coordinate
   double motion_bias_px = 0;  // mean error along the motion
   double nees = 0;            // per degree of freedom

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small part of accuracy.detection.
+// A small part of `rigcal-accuracy detection`.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,31 +11,31 @@ namespace {
 
 DetectionOptions Some(int rooms) {
   DetectionOptions options = PaperDetection();
-  options.pictures_per_room = 10;
-  options.pictures = 10 * rooms;
+  options.frames_per_room = 10;
+  options.frames = 10 * rooms;
   options.seed = 3;
   return options;
 }
 
-TEST(Detection, FindsStandingWandsInModerateClutter) {
+TEST(Detection, FindsStationaryWandsInModerateClutter) {
   const DetectionSummary summary = Summarise(RunDetection(Some(10)));
   EXPECT_EQ(summary.failures, 0);
   EXPECT_GE(summary.shown, 95);
-  // 99 % over many pictures; a hundred may hold two hard ones.
+  // 99 % over many frames; a hundred may contain two hard ones.
   EXPECT_GE(summary.found, summary.shown - 3);
   EXPECT_EQ(summary.false_wands, 0);
   EXPECT_LE(summary.rms_px, 0.06);
 }
 
-TEST(Detection, SeesNoWandWhereThereIsNone) {
+TEST(Detection, FindsNoWandInEmptyFrames) {
   DetectionOptions options = Some(10);
   options.with_wand = false;
   const DetectionSummary summary = Summarise(RunDetection(options));
-  EXPECT_EQ(summary.pictures, 100);
+  EXPECT_EQ(summary.frames, 100);
   EXPECT_EQ(summary.false_wands, 0);
 }
 
-TEST(Detection, CovarianceIsHonestWithoutClutter) {
+TEST(Detection, CovarianceIsConsistentWithoutClutter) {
   DetectionOptions options = Some(10);
   options.render.clutter = 0;
   const auto results = RunDetection(options);

@@ -48,9 +48,9 @@ EventDetectionSummary PrintEventCase(const std::string& name, const EventDetecti
       s.markers > 0 ? 100.0 * s.markers_found / s.markers : 0.0, s.false_blobs, s.rms_px,
       s.raw_rms_px, s.latency_us, s.motion_bias_px, s.mev_per_s, s.render_ratio);
   fmt::print("{:22} {:7} detections, {:.2f} % of wands, {} false ({:.2f} %), rms {:.4f} px\n",
-             "  wand detector", s.answers,
+             "  wand detector", s.detections,
              s.wands_shown > 0 ? 100.0 * s.wands_found / s.wands_shown : 0.0, s.false_wands,
-             s.answers > 0 ? 100.0 * s.false_wands / s.answers : 0.0, s.wands.rms_px);
+             s.detections > 0 ? 100.0 * s.false_wands / s.detections : 0.0, s.wands.rms_px);
   if (s.wands.centres > 0) PrintCentreErrors(results, 1e-6 * s.latency_us);
   std::fflush(stdout);
   if (!verbose) return s;
@@ -120,10 +120,11 @@ int RunEventCases(const SeedOptions& seeds) {
   empty.with_wand = false;
   empty.seed += 500;
   const EventDetectionSummary none = PrintEventCase("no wand", empty, seeds.verbose);
-  const int answers = moving.answers + none.answers;
+  const int detections = moving.detections + none.detections;
   const int false_wands = moving.false_wands + none.false_wands;
   fmt::print("false wands: {} of {} detections ({:.3f} %), {} of them without a wand in view\n",
-             false_wands, answers, 100.0 * false_wands / std::max(1, answers), none.answers);
+             false_wands, detections, 100.0 * false_wands / std::max(1, detections),
+             none.detections);
   PrintVariants(plain, seeds.verbose);
   return 0;
 }

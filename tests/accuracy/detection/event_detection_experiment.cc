@@ -23,7 +23,7 @@ namespace {
 constexpr double kFoundPx = 3;
 constexpr int64_t kSliceUs = 5000;
 
-// A wand that moves evenly, where `at` is how it is at `middle_s`.
+// The wand after `seconds` of uniform motion.
 WandMotion MovedBy(const WandMotion& at, double seconds) {
   WandMotion now = at;
   now.origin_m += seconds * at.velocity_m_s;
@@ -32,7 +32,7 @@ WandMotion MovedBy(const WandMotion& at, double seconds) {
   return now;
 }
 
-// Of the wand's middle in the image.
+// Speed of the wand's middle in the image, px/s.
 double ImageSpeed(const Intrinsics& intrinsics, const Target& target, const WandMotion& wand) {
   const SphereMotion middle = wand.Marker(0.5 * target.marker_positions_m.back());
   Eigen::Vector2d a, b;
@@ -57,8 +57,8 @@ std::optional<WandMotion> DrawWand(const EventDetectionOptions& options, uint64_
   return wand;
 }
 
-EventOutput Judge(const EventRenderer& renderer, const WandPath& path, double now_s,
-                  const std::vector<agent::BlinkBlob>& blobs) {
+EventOutput Evaluate(const EventRenderer& renderer, const WandPath& path, double now_s,
+                     const std::vector<agent::BlinkBlob>& blobs) {
   EventOutput output;
   const auto wand = path ? path(now_s) : std::nullopt;
   if (!wand.has_value()) {
@@ -96,7 +96,7 @@ EventOutput Judge(const EventRenderer& renderer, const WandPath& path, double no
   return output;
 }
 
-// Of markers with a blob in them.
+// Number of markers with a blob in them.
 int CountFilled(const EventRenderer& renderer, const WandMotion& wand,
                 const std::vector<Eigen::Vector2d>& blobs_px) {
   int count = 0;
@@ -110,7 +110,7 @@ int CountFilled(const EventRenderer& renderer, const WandMotion& wand,
 
 void VerifyWand(const EventRenderer& renderer, const WandPath& path,
                 const agent::Detection& detection, EventWands* wands) {
-  ++wands->answers;
+  ++wands->detections;
   const bool is_wand = detection.outcome == DetectionOutcome::kWand;
   const Observation& seen = detection.observation;
   const double time_s = 1e-9 * static_cast<double>(seen.time_ns);
@@ -147,7 +147,7 @@ void VerifyWand(const EventRenderer& renderer, const WandPath& path,
   wands->found += shown && good ? 1 : 0;
 }
 
-// Renders up to a time and passes it on to the filter as a sensor would.
+// Renders events and passes them to filter and detector as a sensor would.
 class Chain {
  public:
   Chain(EventRenderer* renderer, agent::BlinkFilter* filter, agent::BlinkWandDetector* detector,
@@ -239,8 +239,8 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     const int64_t now_us = cells * EventRenderer::kCellUs;
     result.status = chain.RunTo(now_us, path, &result);
     if (!result.status.ok()) return result;
-    result.outputs.push_back(Judge(*renderer, path, 1e-6 * static_cast<double>(now_us),
-                                   filter->FindBlobs(static_cast<uint32_t>(now_us))));
+    result.outputs.push_back(Evaluate(*renderer, path, 1e-6 * static_cast<double>(now_us),
+                                      filter->FindBlobs(static_cast<uint32_t>(now_us))));
     result.outputs.back().seed = seed;
     if (textbook && path) {
       result.outputs.back().textbook_markers = CountFilled(

@@ -26,7 +26,7 @@ struct EventDetectionOptions {
   double max_speed_px_s = 1e9;  // slower where the wand would move faster in the image
   agent::BlinkFilterOptions filter;
   bool with_wand = true;
-  bool textbook = false;  // is TextbookChain run beside?
+  bool textbook = false;  // run TextbookChain too
   int streams = 20;
   double warm_up_s = 0.03;  // before the first output
   int outputs = 10;         // of each stream
@@ -40,7 +40,7 @@ EventDetectionOptions PaperEventDetection();
 
 // A marker at an output.
 struct EventCentre {
-  bool found = false;  // a blob within 3 px of the truth at the blob's own time
+  bool found = false;  // a blob within 3 px of the true centre at the blob's own time
   Eigen::Vector2d error_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();  // as stated; of wands only
@@ -57,10 +57,10 @@ struct EventOutput {
   std::vector<EventCentre> centres;  // by marker
 };
 
-// What agent::BlinkWandDetector made of a stream, from the warm-up on.
+// The detections of agent::BlinkWandDetector in a stream, after the warm-up.
 struct EventWands {
-  int answers = 0;
-  int shown = 0;        // the wand was fully within the image at the answer's time
+  int detections = 0;
+  int shown = 0;        // the wand was fully within the image at the time of the detection
   int found = 0;        // and all its markers are within 3 px
   int false_wands = 0;  // a marker further away, or a wand where there is none
   std::vector<EventCentre> centres;
@@ -77,14 +77,14 @@ struct EventStreamResult {
 
 std::vector<EventStreamResult> RunEventDetection(const EventDetectionOptions& options);
 
-// Centres of the detector that are summed up.
+// Selects centres of the detector.
 struct EventCentreRange {
   double min_radius_px = 0, max_radius_px = 1e9;
   double min_px_s = 0, max_px_s = 1e9;
 };
 
-// Normalised errors squared along and across the motion (of what stands still: x and y), each 1 in
-// the mean where the stated covariance is right.
+// Normalised errors squared along and across the motion (x and y if stationary), each 1 in the mean
+// if the stated covariance is right.
 struct EventCentreErrors {
   int centres = 0;
   double rms_px = 0;  // of each coordinate
@@ -98,12 +98,12 @@ struct EventDetectionSummary {
   int markers = 0, markers_found = 0, false_blobs = 0;
   int textbook_found = 0;     // of `shown`, with a blob of TextbookChain in every marker
   double latency_us = 0;      // mean of error along the motion over speed
-  double rms_px = 0;          // of each coordinate, with that latency taken out
-  double raw_rms_px = 0;      // as it is
-  double motion_bias_px = 0;  // mean error along the motion at 450 to 650 px/s, latency taken out
+  double rms_px = 0;          // of each coordinate, with that latency subtracted
+  double raw_rms_px = 0;      // without that
+  double motion_bias_px = 0;  // mean error along the motion at 450 to 650 px/s, latency subtracted
   int motion_centres = 0;     // in that mean
-  int answers = 0, wands_shown = 0, wands_found = 0, false_wands = 0;  // of the detector
-  EventCentreErrors wands;  // of its centres, that latency taken out
+  int detections = 0, wands_shown = 0, wands_found = 0, false_wands = 0;  // of the detector
+  EventCentreErrors wands;  // of its centres, that latency subtracted
   double mev_per_s = 0;     // events of a second of the streams
   double render_ratio = 0;  // wall time over simulated time, one thread
 };

@@ -46,7 +46,7 @@ EventDetectionSummary Summarise(const std::vector<EventStreamResult>& results) {
     rendered_s += result.rendered_s;
     wall_s += result.render_wall_s;
     events += static_cast<double>(result.events);
-    summary.answers += result.wands.answers;
+    summary.detections += result.wands.detections;
     summary.wands_shown += result.wands.shown;
     summary.wands_found += result.wands.found;
     summary.false_wands += result.wands.false_wands;

@@ -8,8 +8,8 @@
 namespace rigcal::accuracy::event_detection_test {
 namespace {
 
-// A small part of accuracy.event_detection, whose full run gives RMS 0.07 px; limits are those that
-// the project promises.
+// A small part of `rigcal-accuracy event_detection`, whose full run gives RMS 0.07 px; the limits
+// are the required ones.
 TEST(EventDetection, FindsMovingWandsAtTheRightTime) {
   EventDetectionOptions options = PaperEventDetection();
   options.streams = 3;
@@ -25,8 +25,8 @@ TEST(EventDetection, FindsMovingWandsAtTheRightTime) {
   EXPECT_LT(std::abs(summary.latency_us), 300);
 }
 
-// Sigma a quarter off, a variance a factor of 1.5, leaves these limits.
-TEST(EventDetection, StatesCovariancesThatHold) {
+// A sigma off by a quarter (a variance off by a factor of 1.5) is outside these limits.
+TEST(EventDetection, StatesConsistentCovariances) {
   EventDetectionOptions options = PaperEventDetection();
   options.streams = 8;
   options.output_hz = 200;
@@ -46,7 +46,7 @@ TEST(EventDetection, StatesCovariancesThatHold) {
   EXPECT_LT(summary.wands.nees_across, 1.5);
 }
 
-TEST(EventDetection, FindsNothingWhereThereIsNoWand) {
+TEST(EventDetection, FindsNothingWithoutAWand) {
   EventDetectionOptions options = PaperEventDetection();
   options.streams = 2;
   options.outputs = 3;

@@ -18,7 +18,7 @@ constexpr double kMinRate = 0, kMaxRate = 1.05;
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 const cv::Scalar kBlack(30, 30, 30), kGrid(225, 225, 225), kGoal(150, 150, 150);
 
-// Blue, orange, green, vermilion: told apart by colour-blind eyes too.
+// Blue, orange, green, vermilion: safe for colour-blind readers.
 const std::array<cv::Scalar, 4> kColours = {cv::Scalar(178, 114, 0), cv::Scalar(0, 159, 230),
                                             cv::Scalar(115, 158, 0), cv::Scalar(0, 94, 213)};
 
@@ -132,10 +132,10 @@ absl::Status DrawRates(const RatePlot& plot, const std::string& png_path) {
   try {
     if (cv::imwrite(png_path, image)) return absl::OkStatus();
   } catch (const cv::Exception&) {
-    // Said below.
+    // Reported below.
   }
   return absl::UnavailableError(absl::StrCat(
-      png_path, ": cannot write the picture; does its folder exist, and does it end in .png?"));
+      png_path, ": cannot write the figure; does its folder exist, and does it end in .png?"));
 }
 
 }  // namespace rigcal::accuracy

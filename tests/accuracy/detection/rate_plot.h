@@ -11,7 +11,7 @@ namespace rigcal::accuracy {
 
 struct RateCurve {
   std::string name;
-  std::vector<std::pair<double, double>> points;  // x, rate from 0 to 1; NaN: not known
+  std::vector<std::pair<double, double>> points;  // x, rate from 0 to 1; NaN: unknown
 };
 
 // A figure of rates in percent over x, a curve for each case.
@@ -20,10 +20,10 @@ struct RatePlot {
   double min_x = 0, max_x = 1;
   bool logarithmic_x = false;
   std::vector<double> grid_x, labelled_x;
-  std::vector<std::pair<double, double>> goal;  // a grey line: what is asked for
+  std::vector<std::pair<double, double>> goal;  // a grey line: the requirement
   std::vector<RateCurve> curves;
   std::vector<std::string> notes;  // below the curves' names
-  double legend_x = 0;             // where those begin, at the bottom
+  double legend_x = 0;             // left end of both, at the bottom
 };
 
 // As a PNG file. UNAVAILABLE: the file cannot be written.

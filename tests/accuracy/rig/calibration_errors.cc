@@ -24,7 +24,8 @@ std::vector<double> Difference(const std::vector<double>& a, const std::vector<d
 }
 
 // rig_time = raw - origin + offset + rate * (raw - origin), written around the epoch in raw time.
-// Origins are hours: what is common to result and truth is taken off before the digits are gone.
+// Origins are hours: the part common to result and ground truth is subtracted before it costs
+// digits.
 double TrueOffsetAtEpoch(const SimulatedCamera& camera, double time_epoch_s) {
   const double origin_s = 1e-9 * static_cast<double>(camera.clock_origin_ns);
   return -origin_s + camera.time_offset_s + 1e-6 * camera.time_rate_ppm * (time_epoch_s - origin_s);

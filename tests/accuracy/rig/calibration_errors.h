@@ -13,7 +13,7 @@
 
 namespace rigcal::accuracy {
 
-// What a calibration got wrong about one camera: estimate minus truth.
+// Errors of one camera: estimate minus ground truth.
 struct CameraError {
   std::string camera;
   int index = 0;  // of the world's camera
@@ -33,22 +33,21 @@ struct CalibrationErrors {
   int reference = 0;                       // index of the world's camera
   std::vector<double> marker_positions_m;  // of markers 1, 2, ...
   double target_length_rel = 0;            // of the whole target
-  // The common factor that brings the camera positions closest to the true ones, less 1, and what
-  // is left of the position errors without it.
+  // The common factor, less 1, that fits the camera positions best to the true ones, and the
+  // position errors without it.
   double scale_rel = 0;
   std::vector<Eigen::Vector3d> shape_m;  // by entry of `cameras`
 
-  // The position error of an entry of `cameras` as it would be with the target's true length.
+  // The position error of an entry of `cameras` at the target's true length.
   Eigen::Vector3d PositionErrorAtTrueLengthM(size_t camera) const;
-  // Root mean square over the cameras but the reference.
+  // Root mean square over all cameras except the reference.
   double PositionRmsM() const;
 };
 
-// INTERNAL where the result does not hold each of the world's cameras once.
+// INTERNAL: the result does not contain each of the world's cameras once.
 absl::StatusOr<CalibrationErrors> CompareWithGroundTruth(const SimulatedWorld& world,
                                                          const CalibrationResult& result);
 
-// Middle value; of an even number the mean of the two in the middle.
 double Median(std::vector<double> values);
 
 }  // namespace rigcal::accuracy

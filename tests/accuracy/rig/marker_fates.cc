@@ -15,7 +15,7 @@ double ShareOf(int part, int rest) {
   return static_cast<double>(part) / (part + rest);
 }
 
-// Row of the input that a marker of the problem comes from.
+// Finds the camera and frame that a marker of the problem comes from.
 class RowFinder {
  public:
   explicit RowFinder(const SimulatedWorld& world) : world_(world) {
@@ -38,8 +38,8 @@ class RowFinder {
   std::vector<std::map<int64_t, int>> frame_of_time_;
 };
 
-// Which marker of the row this is: the solver may have turned its label, and moved its centre a
-// little along its path.
+// Index in the row of a marker whose label the solver may have flipped, and whose centre it may
+// have moved a little along its path.
 size_t MarkerInRow(const Observation& row, const server::BundleMarker& marker) {
   const auto label = static_cast<size_t>(marker.marker);
   const size_t other = row.markers.size() - 1 - label;
@@ -52,8 +52,8 @@ size_t MarkerInRow(const Observation& row, const server::BundleMarker& marker) {
 
 struct RowFate {
   bool any_end = false;
-  bool turned = false;
-  bool kept_wrong = false;  // an end marker is used with the label the row gave it
+  bool flipped = false;           // by the solver
+  bool kept_as_labelled = false;  // an end marker is used with the label of the row
 };
 
 }  // namespace
@@ -61,8 +61,8 @@ struct RowFate {
 FateCounts& FateCounts::operator+=(const FateCounts& other) {
   for (int FateCounts::*count :
        {&FateCounts::outlier_removed, &FateCounts::outlier_kept, &FateCounts::good_removed,
-        &FateCounts::good_kept, &FateCounts::reversed_turned, &FateCounts::reversed_removed,
-        &FateCounts::reversed_kept, &FateCounts::straight_turned}) {
+        &FateCounts::good_kept, &FateCounts::flipped_corrected, &FateCounts::flipped_removed,
+        &FateCounts::flipped_kept, &FateCounts::good_flipped}) {
     this->*count += other.*count;
   }
   return *this;
@@ -70,8 +70,8 @@ FateCounts& FateCounts::operator+=(const FateCounts& other) {
 
 double FateCounts::OutlierPrecision() const { return ShareOf(outlier_removed, good_removed); }
 double FateCounts::OutlierRecall() const { return ShareOf(outlier_removed, outlier_kept); }
-double FateCounts::ReversedRecall() const {
-  return ShareOf(reversed_turned + reversed_removed, reversed_kept);
+double FateCounts::FlippedRecall() const {
+  return ShareOf(flipped_corrected + flipped_removed, flipped_kept);
 }
 
 FateCounts CountFates(const SimulatedWorld& world, const server::RigObservations& rig,
@@ -86,7 +86,7 @@ FateCounts CountFates(const SimulatedWorld& world, const server::RigObservations
       const server::BundleObservation& observation =
           problem.observations[static_cast<size_t>(instant.first_observation + o)];
       RowFate fate;
-      bool reversed = false;
+      bool row_is_flipped = false;
       for (int i = 0; i < observation.marker_count; ++i) {
         const auto m = static_cast<size_t>(observation.first_marker + i);
         const server::MarkerSource& source = solution.built.sources[m];
@@ -98,25 +98,25 @@ FateCounts CountFates(const SimulatedWorld& world, const server::RigObservations
             truth[static_cast<size_t>(camera)][static_cast<size_t>(frame)];
         const server::BundleMarker& marker = problem.markers[m];
         const size_t in_row = MarkerInRow(world.Observe(camera, frame), marker);
-        reversed = row_truth.reversed;
+        row_is_flipped = row_truth.flipped;
         if (row_truth.is_outlier[in_row]) {
           ++(marker.used ? counts.outlier_kept : counts.outlier_removed);
           continue;
         }
         const bool is_end = 2 * in_row + 1 != row_truth.is_outlier.size();
-        const bool turned = in_row != static_cast<size_t>(marker.marker);
+        const bool flipped = in_row != static_cast<size_t>(marker.marker);
         fate.any_end |= is_end;
-        fate.turned |= turned && marker.used;
-        fate.kept_wrong |= is_end && !turned && marker.used;
-        if (!reversed) ++(marker.used ? counts.good_kept : counts.good_removed);
+        fate.flipped |= flipped && marker.used;
+        fate.kept_as_labelled |= is_end && !flipped && marker.used;
+        if (!row_is_flipped) ++(marker.used ? counts.good_kept : counts.good_removed);
       }
       if (!fate.any_end) continue;
-      if (!reversed) {
-        counts.straight_turned += fate.turned ? 1 : 0;
-      } else if (fate.kept_wrong) {
-        ++counts.reversed_kept;
+      if (!row_is_flipped) {
+        counts.good_flipped += fate.flipped ? 1 : 0;
+      } else if (fate.kept_as_labelled) {
+        ++counts.flipped_kept;
       } else {
-        ++(fate.turned ? counts.reversed_turned : counts.reversed_removed);
+        ++(fate.flipped ? counts.flipped_corrected : counts.flipped_removed);
       }
     }
   }

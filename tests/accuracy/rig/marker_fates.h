@@ -8,25 +8,25 @@
 
 namespace rigcal::accuracy {
 
-// What became of the markers of the instants that a solve used, against the truth.
+// The solver's decisions about the markers of the used instants, against ground truth.
 struct FateCounts {
-  // Markers. Those of reversed rows that are no outliers count below instead.
+  // Markers; those of flipped rows that are no outliers are counted below.
   int outlier_removed = 0;
   int outlier_kept = 0;
   int good_removed = 0;
   int good_kept = 0;
-  // Rows with a marker at an end that is no outlier: the middle of a wand has the same label either
-  // way. A reversed row is dealt with where each such marker was turned or removed.
-  int reversed_turned = 0;
-  int reversed_removed = 0;
-  int reversed_kept = 0;
-  int straight_turned = 0;
+  // Rows with an end marker that is no outlier (a middle marker keeps its label when flipped). A
+  // flipped row is handled if each such marker was corrected or removed.
+  int flipped_corrected = 0;
+  int flipped_removed = 0;
+  int flipped_kept = 0;
+  int good_flipped = 0;  // correct labels that the solver flipped
 
   FateCounts& operator+=(const FateCounts& other);
   // NaN where nothing was removed, or there was nothing to find.
   double OutlierPrecision() const;
   double OutlierRecall() const;
-  double ReversedRecall() const;  // turned or removed, of all reversed ones
+  double FlippedRecall() const;  // share of flipped rows corrected or removed
 };
 
 FateCounts CountFates(const SimulatedWorld& world, const server::RigObservations& rig,

@@ -14,7 +14,7 @@ namespace {
 
 using ::rigcal::testing::IsOk;
 
-// A solve of a bad recording, whose decisions the tests then overrule.
+// A solve of a bad recording, whose decisions the tests then override.
 class CountFatesTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -35,7 +35,7 @@ class CountFatesTest : public ::testing::Test {
     ASSERT_FALSE(solution_.built.problem.markers.empty());
   }
 
-  // Calls visit(marker, truth of its row).
+  // Calls visit(marker, ground truth of its row).
   template <typename Visit>
   void ForEachMarker(Visit visit) {
     const auto truth = MakeRowGroundTruth(*world_);
@@ -44,7 +44,7 @@ class CountFatesTest : public ::testing::Test {
       const auto& track = rig_.tracks[static_cast<size_t>(source.track)].track;
       const int camera = CameraIndex(*world_, track.camera.camera);
       const Observation& row = track.observations[static_cast<size_t>(source.observation)];
-      // 25 Hz, no offset: the stamp tells the frame.
+      // 25 Hz, no offset: the stamp gives the frame.
       const double since_origin_s =
           1e-9 * static_cast<double>(
                      row.time_ns - world_->cameras()[static_cast<size_t>(camera)].clock_origin_ns);
@@ -78,35 +78,35 @@ TEST_F(CountFatesTest, WhoDecidesNothingFindsNothing) {
   EXPECT_EQ(counts.outlier_removed, 0);
   EXPECT_EQ(counts.good_removed, 0);
   EXPECT_GT(counts.outlier_kept, 200);
-  EXPECT_GT(counts.reversed_kept, 80);
-  EXPECT_EQ(counts.reversed_turned + counts.reversed_removed + counts.straight_turned, 0);
+  EXPECT_GT(counts.flipped_kept, 80);
+  EXPECT_EQ(counts.flipped_corrected + counts.flipped_removed + counts.good_flipped, 0);
   EXPECT_TRUE(std::isnan(counts.OutlierPrecision()));
   EXPECT_EQ(counts.OutlierRecall(), 0);
-  EXPECT_EQ(counts.ReversedRecall(), 0);
+  EXPECT_EQ(counts.FlippedRecall(), 0);
 }
 
-TEST_F(CountFatesTest, WhoKnowsTheTruthFindsEverything) {
+TEST_F(CountFatesTest, GroundTruthAsDecisionsFindsEverything) {
   ForgetDecisions();
   const FateCounts before = Count();
   ForEachMarker([](server::BundleMarker& marker, const RowGroundTruth& row) {
     marker.used = !row.is_outlier[static_cast<size_t>(marker.marker)];
-    if (row.reversed) marker.marker = 2 - marker.marker;
+    if (row.flipped) marker.marker = 2 - marker.marker;
   });
   const FateCounts counts = Count();
   EXPECT_EQ(counts.outlier_removed, before.outlier_kept);
   EXPECT_EQ(counts.good_kept, before.good_kept);
-  EXPECT_EQ(counts.reversed_turned, before.reversed_kept);
-  EXPECT_EQ(counts.outlier_kept + counts.good_removed + counts.reversed_kept +
-                counts.reversed_removed + counts.straight_turned,
+  EXPECT_EQ(counts.flipped_corrected, before.flipped_kept);
+  EXPECT_EQ(counts.outlier_kept + counts.good_removed + counts.flipped_kept +
+                counts.flipped_removed + counts.good_flipped,
             0);
 }
 
-TEST_F(CountFatesTest, RemovingReversedRowsIsNoFalseAlarmButTurningStraightOnesIs) {
+TEST_F(CountFatesTest, RemovingFlippedRowsIsNoFalseAlarmButFlippingGoodOnesIs) {
   ForgetDecisions();
   const FateCounts before = Count();
   ForEachMarker([](server::BundleMarker& marker, const RowGroundTruth& row) {
     if (row.is_outlier[static_cast<size_t>(marker.marker)]) return;
-    if (row.reversed) {
+    if (row.flipped) {
       marker.used = false;
     } else {
       marker.marker = 2 - marker.marker;
@@ -114,8 +114,8 @@ TEST_F(CountFatesTest, RemovingReversedRowsIsNoFalseAlarmButTurningStraightOnesI
   });
   const FateCounts counts = Count();
   EXPECT_EQ(counts.good_removed, 0);
-  EXPECT_EQ(counts.reversed_removed, before.reversed_kept);
-  EXPECT_GT(counts.straight_turned, 500);
+  EXPECT_EQ(counts.flipped_removed, before.flipped_kept);
+  EXPECT_GT(counts.good_flipped, 500);
 }
 
 TEST_F(CountFatesTest, RemovingEverythingHasRecallWithoutPrecision) {

@@ -37,7 +37,7 @@ double ErrorOf(const CalibrationErrors& errors, const RigParameter& parameter) {
     case RigParameterKind::kTimeRate:
       return 1e-6 * (camera.time_rate_ppm - reference.time_rate_ppm);
     default:
-      // Not refined after all: the error of the given ones is not known here.
+      // Not refined: the error of the given ones is not known here.
       return camera.intrinsics.empty()
                  ? 0
                  : camera.intrinsics[static_cast<size_t>(parameter.component)];
@@ -64,8 +64,8 @@ Nees Part(const CalibrationErrors& errors, const RigCovariance& covariance,
   return NormalisedErrorSquared(error, part);
 }
 
-// Poses only, in the parameters' order: the direction in which a common scale moves them, and the
-// weights that read the scale out of the errors (CompareWithGroundTruth reads it in the same way).
+// Separates the scale of the poses from their shape, as CompareWithGroundTruth does: `along` is the
+// direction in which a common scale moves them, `weights` gives the scale of the errors.
 void FillPoses(const CalibrationErrors& errors, const RigCovariance& covariance, RigNees* nees) {
   std::vector<Eigen::Index> rows;
   for (size_t i = 0; i < covariance.parameters.size(); ++i) {
@@ -97,7 +97,7 @@ void FillPoses(const CalibrationErrors& errors, const RigCovariance& covariance,
   nees->shape = NormalisedErrorSquared(without * error, without * part * without.transpose());
 }
 
-// Solver's columns to ours: positions of centres instead of translations.
+// From the solver's parameters to RigParameter: positions of centres instead of translations.
 struct ColumnMap {
   std::vector<RigParameter> parameters;
   Eigen::MatrixXd ours_from_solver;

@@ -29,8 +29,8 @@ struct RigParameter {
   int component = 0;
 };
 
-// Joint covariance of everything but the instants, with the reference camera's pose and clock
-// fixed.
+// Joint covariance of all parameters except the instants, with the reference camera's pose and
+// clock fixed.
 struct RigCovariance {
   std::vector<RigParameter> parameters;
   Eigen::MatrixXd matrix;
@@ -38,14 +38,14 @@ struct RigCovariance {
 
 RigCovariance FromBound(const RigBound& bound, const InformationOptions& options);
 
-// What the solver says of itself (uncertainty.h), scale included. One session, a clock for each
+// The solver's own covariance (uncertainty.h), scale included. One session, a clock for each
 // camera.
 absl::StatusOr<RigCovariance> FromSolution(const SimulatedWorld& world,
                                            const server::RigSolution& solution);
 
-// Normalised errors squared, by part. What is not estimated has no degrees of freedom.
+// Normalised errors squared, by part. Parameters not estimated have no degrees of freedom.
 struct RigNees {
-  Nees shape;  // all rotations and positions, common scale of the positions taken out
+  Nees shape;  // all rotations and positions, without the common scale of the positions
   Nees scale;  // that common scale
   Nees marker_positions;
   Nees time_offsets;

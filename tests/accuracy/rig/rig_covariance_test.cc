@@ -75,9 +75,9 @@ TEST(NormaliseErrors, AShapeErrorIsNoScaleErrorAndTimesAreAgainstTheReference) {
   EXPECT_EQ(nees.intrinsics.dof, 0);
 }
 
-// The solver's information at its estimates and the bound at the truth are computed apart, from
-// other derivatives and in other parameters. The robust loss at two sigmas costs 9 % of variance
-// over Gaussian noise, and the solver scales by its own residuals.
+// The solver's information at its estimates and the bound at the ground truth are computed from
+// different derivatives and in different parameters. The robust loss at two sigmas costs 9 % of
+// variance over Gaussian noise, and the solver scales by its own residuals.
 TEST(FromSolution, IsTheBoundUpToTheRobustLoss) {
   const SimulatedWorld world =
       World("seed=6;cameras=4;duration=20;outliers=0;offset.1=0.002;offset.3=-0.001");

@@ -26,7 +26,7 @@ Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
   return matrix;
 }
 
-// Numeric, as this has to be independent of what it judges, and need not be fast.
+// Numeric, to be independent of the solver; need not be fast.
 Eigen::MatrixXd IntrinsicsColumns(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam) {
   const auto count = static_cast<Eigen::Index>(4 + intrinsics.distortion.size());
   const auto pixel_with = [&](Eigen::Index which, double step) {
@@ -45,7 +45,7 @@ Eigen::MatrixXd IntrinsicsColumns(const Intrinsics& intrinsics, const Eigen::Vec
   return columns;
 }
 
-// Adds up the information of one instant and takes the wand's pose out of it.
+// Sums the information of the instants, with the wand's pose eliminated.
 class InformationSum {
  public:
   InformationSum(const TrueRig& rig, const InformationOptions& options, const RigBound& layout,
@@ -75,7 +75,7 @@ class InformationSum {
   Eigen::MatrixXd& sum() { return sum_; }
 
  private:
-  // Directions that an instant leaves open carry no information; they must not become infinite.
+  // Unobserved directions of an instant carry no information; they must not become infinite.
   static InstantBlock PseudoInverse(const InstantBlock& block) {
     constexpr double kOpen = 1e-10;
     const Eigen::SelfAdjointEigenSolver<InstantBlock> eigen(block);
@@ -98,7 +98,7 @@ class InformationSum {
     Eigen::Matrix<double, 2, 3> d_point;
     if (!Project(camera.intrinsics, x_in_cam, &pixel, &d_point)) {
       return absl::FailedPreconditionError(
-          absl::StrCat("marker ", seen.marker, " is not before camera ", seen.camera));
+          absl::StrCat("marker ", seen.marker, " is behind camera ", seen.camera));
     }
     const Eigen::Matrix<double, 2, 3> d_rig_point =
         d_point * camera.cam_from_rig.rotation.toRotationMatrix();
@@ -114,7 +114,7 @@ class InformationSum {
       rig_columns->col(layout_.first_marker_position + seen.marker - 1) = d_rig_point * direction;
     }
     if (options_.time_offsets && seen.camera != rig_.reference_camera) {
-      // With a larger offset the camera is taken to have seen the wand at a later moment.
+      // With a larger offset the camera saw the wand at a later instant.
       rig_columns->col(layout_.TimeOffsetIndex(seen.camera)) =
           d_rig_point * (instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s);
     }
@@ -185,7 +185,7 @@ absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOp
   // Parameters of very different units: a factor from a matrix of order one keeps their digits.
   const Eigen::VectorXd scale = information.sum().diagonal().cwiseSqrt().cwiseInverse();
   if (!scale.allFinite()) {
-    return absl::FailedPreconditionError("a parameter is not touched by any observation");
+    return absl::FailedPreconditionError("a parameter is in no observation");
   }
   const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information.sum() *
                                             scale.asDiagonal());

@@ -11,8 +11,8 @@
 
 namespace rigcal::accuracy {
 
-// Everything that decides how well a rig can be known from what its cameras saw of a line target,
-// at the truth.
+// Everything that determines how well a rig can be estimated from observations of a line target, at
+// the ground truth.
 struct TrueCamera {
   RigidTransform cam_from_rig;
   Intrinsics intrinsics;
@@ -36,19 +36,19 @@ struct TrueRig {
   int reference_camera = 0;  // its pose is known and its clock is the time
 };
 
-// What is estimated besides the poses of the cameras and of the target in every instant, and what
-// is known of it beforehand (one sigma; must be positive).
+// Parameters estimated besides the poses of the cameras and of the target in every instant, with
+// the sigmas of their priors (must be positive).
 struct InformationOptions {
   bool marker_positions = false;
   double span_sigma_m = 0.002;
-  bool time_offsets = false;         // of every camera but the reference, nothing known beforehand
+  bool time_offsets = false;         // of every camera but the reference, no prior
   bool intrinsics = false;           // of every camera
   Eigen::VectorXd intrinsics_sigma;  // fx fy cx cy and the coefficients
 };
 
 // The Cramer-Rao bound: the inverse of the Fisher information of Gaussian centres, with the
-// instants' five degrees of freedom eliminated. What fewer than two cameras saw takes no part.
-// With priors it is the bound for an average over truths drawn from them.
+// instants' five degrees of freedom eliminated. Instants seen by fewer than two cameras are left
+// out. With priors it is the bound for an average over ground truths drawn from them.
 struct RigBound {
   // Of the parameters in this order: per camera but the reference three of its rotation (vector in
   // the camera frame) and three of its centre (rig frame, metres); the positions of markers 1, 2,
@@ -56,7 +56,7 @@ struct RigBound {
   Eigen::MatrixXd covariance;
   int reference_camera = 0;
   int camera_count = 0;
-  int first_marker_position = 0;  // index of the first of each group; of use if it is estimated
+  int first_marker_position = 0;  // index of the first of each group, valid if it is estimated
   int first_time_offset = 0;
   int first_intrinsics = 0;
 
@@ -68,12 +68,12 @@ struct RigBound {
   }
 };
 
-// FAILED_PRECONDITION: the observations do not determine the parameters, or a marker is not before
-// its camera.
+// FAILED_PRECONDITION: the observations do not determine the parameters, or a marker is behind its
+// camera.
 absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOptions& options);
 
 // The true rig behind the frames of cameras that run together (equal rates, no free running, no
-// reversed labels): what was visible and is no outlier. Poses in the rig frame of `reference`.
+// flipped labels): what was visible and is no outlier. Poses in the rig frame of `reference`.
 TrueRig MakeTrueRig(const SimulatedWorld& world, int reference);
 
 }  // namespace rigcal::accuracy

@@ -29,8 +29,8 @@ TrueRig SmallRig(const std::string& more = "") {
   return MakeTrueRig(world, 0);
 }
 
-// One draw of the truth from its priors and of the noise, and the errors of the plain least-squares
-// estimate, in the order of RigBound.
+// One draw of the ground truth from its priors and of the noise, and the errors of the plain
+// least-squares estimate, in the order of RigBound.
 Eigen::VectorXd EstimateOnce(const TrueRig& given, const InformationOptions& options,
                              const RigBound& bound, uint64_t trial) {
   RandomStream random{7, trial};
@@ -160,7 +160,7 @@ NeesSum MonteCarlo(const TrueRig& rig, const InformationOptions& options, int tr
 TEST(RigBound, IsWhatLeastSquaresReaches) {
   const NeesSum poses = MonteCarlo(SmallRig(), {}, 250);
   EXPECT_EQ(poses.dof(), 250 * 12);
-  EXPECT_TRUE(poses.Honest(0.999).Contains(poses.Ratio())) << poses.Ratio();
+  EXPECT_TRUE(poses.ConsistentInterval(0.999).Contains(poses.Ratio())) << poses.Ratio();
 }
 
 // The priors are narrow enough for the bound at their middle to be that at every draw.
@@ -171,7 +171,7 @@ TEST(RigBound, HoldsOverPriorsOfSpansOffsetsAndIntrinsics) {
   options.intrinsics_sigma << 1, 1, 1, 1, 3e-3, 3e-3, 2e-4, 2e-4, 3e-3;
   const NeesSum all = MonteCarlo(SmallRig(), options, 400);
   EXPECT_EQ(all.dof(), 400 * (12 + 2 + 2 + 27));
-  EXPECT_TRUE(all.Honest(0.999).Contains(all.Ratio())) << all.Ratio();
+  EXPECT_TRUE(all.ConsistentInterval(0.999).Contains(all.Ratio())) << all.Ratio();
 }
 
 TEST(RigBound, ScalesWithTheNoiseAndShrinksWithMoreInstants) {

@@ -30,18 +30,17 @@ server::CalibrationInput MakeInput(const SimulatedWorld& world) {
 }
 
 std::vector<std::vector<RowGroundTruth>> MakeRowGroundTruth(const SimulatedWorld& world) {
-  // The same world but for its reversed labels tells which they are.
-  SimulationOptions straight_options = world.options();
-  straight_options.swap_share = 0;
-  const SimulatedWorld straight = *SimulatedWorld::Create(straight_options, world.target());
+  SimulationOptions unflipped_options = world.options();
+  unflipped_options.swap_share = 0;
+  const SimulatedWorld unflipped = *SimulatedWorld::Create(unflipped_options, world.target());
   std::vector<std::vector<RowGroundTruth>> truth(world.cameras().size());
   for (int c = 0; c < static_cast<int>(truth.size()); ++c) {
     for (int frame = 0; frame < world.FrameCount(c); ++frame) {
       RowGroundTruth entry;
       const Observation row = world.Observe(c, frame, &entry.is_outlier);
-      const Observation as_it_was = straight.Observe(c, frame);
+      const Observation original = unflipped.Observe(c, frame);
       for (size_t m = 0; m < row.markers.size(); ++m) {
-        entry.reversed |= row.markers[m].centre_px != as_it_was.markers[m].centre_px;
+        entry.flipped |= row.markers[m].centre_px != original.markers[m].centre_px;
       }
       truth[static_cast<size_t>(c)].push_back(std::move(entry));
     }

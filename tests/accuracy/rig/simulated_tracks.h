@@ -10,13 +10,13 @@
 
 namespace rigcal::accuracy {
 
-// What the agents of a simulated world would have delivered, row i of a camera being its frame i.
+// The observations of a simulated world as agents deliver them; row i of a camera is its frame i.
 server::CalibrationInput MakeInput(const SimulatedWorld& world);
 
 // Of one frame of one camera.
 struct RowGroundTruth {
   std::vector<bool> is_outlier;  // by marker, as labelled in the row
-  bool reversed = false;         // the row's labels are
+  bool flipped = false;          // the labels of the row
 };
 // By camera and frame.
 std::vector<std::vector<RowGroundTruth>> MakeRowGroundTruth(const SimulatedWorld& world);

@@ -17,7 +17,7 @@ double RootMeanSquare(const std::vector<double>& values);
 // Linear between neighbouring values; `share` 0 to 1. NaN for no values.
 double Quantile(std::vector<double> values, double share);
 
-// Where chi-square / dof lies with this probability, as much left out on either side.
+// The central interval of chi-square / dof with this probability.
 Interval ChiSquareShareInterval(double dof, double probability);
 
 // A normalised error squared, e^T C^-1 e, and its degrees of freedom.
@@ -26,8 +26,8 @@ struct Nees {
   int dof = 0;
 };
 
-// With the inverse on the part of the space that `covariance` fills, which is `dof` wide. The
-// parameters may be of different units: what is negligible is judged after scaling to unit
+// Uses the inverse on the range of `covariance`, whose dimension is `dof`. The
+// parameters may be of different units: negligible eigenvalues are found after scaling to unit
 // diagonal. A covariance that is not finite gives NaN.
 Nees NormalisedErrorSquared(const Eigen::VectorXd& error, const Eigen::MatrixXd& covariance);
 
@@ -37,9 +37,12 @@ class NeesSum {
   void Add(const Nees& nees);
   int trials() const { return trials_; }
   int dof() const { return dof_; }
-  // Mean of e^T C^-1 e over its degrees of freedom: 1 where the covariance is honest.
+  // Mean of e^T C^-1 e over its degrees of freedom: 1 if the covariance is consistent.
   double Ratio() const { return sum_ / dof_; }
-  Interval Honest(double probability) const { return ChiSquareShareInterval(dof_, probability); }
+  // Contains Ratio() of a consistent covariance with this probability.
+  Interval ConsistentInterval(double probability) const {
+    return ChiSquareShareInterval(dof_, probability);
+  }
 
  private:
   double sum_ = 0;

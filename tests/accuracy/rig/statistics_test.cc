@@ -29,7 +29,7 @@ TEST(ChiSquareShareInterval, AgreesWithTables) {
   EXPECT_FALSE(interval.Contains(3));
 }
 
-TEST(NormalisedErrorSquared, IsThatOfTheInverseForAFullCovarianceOfMixedUnits) {
+TEST(NormalisedErrorSquared, UsesTheInverseOfAFullCovarianceOfMixedUnits) {
   Eigen::Matrix3d factor;
   factor << 1e3, 0, 0, 2e-3, 1e-6, 0, 5, 1e-3, 2;
   const Eigen::Matrix3d covariance = factor * factor.transpose();
@@ -39,7 +39,7 @@ TEST(NormalisedErrorSquared, IsThatOfTheInverseForAFullCovarianceOfMixedUnits) {
   EXPECT_NEAR(nees.value, unit.squaredNorm(), 1e-6);
 }
 
-TEST(NormalisedErrorSquared, LeavesOutWhatTheCovarianceDoesNotFill) {
+TEST(NormalisedErrorSquared, LeavesOutTheNullSpaceOfTheCovariance) {
   Eigen::Matrix3d projector = Eigen::Matrix3d::Identity() - Eigen::Matrix3d::Constant(1.0 / 3);
   const Eigen::Vector3d error = projector * Eigen::Vector3d(1, 2, 4);
   const Nees nees = NormalisedErrorSquared(error, 4 * projector);
@@ -50,7 +50,7 @@ TEST(NormalisedErrorSquared, LeavesOutWhatTheCovarianceDoesNotFill) {
   EXPECT_EQ(fixed.dof, 1);
 }
 
-TEST(NormalisedErrorSquared, IsNotANumberForWhatIsNoCovariance) {
+TEST(NormalisedErrorSquared, IsNanForAnInvalidCovariance) {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
   covariance(0, 0) = std::numeric_limits<double>::quiet_NaN();
   EXPECT_TRUE(std::isnan(NormalisedErrorSquared(Eigen::Vector2d(1, 1), covariance).value));
@@ -58,20 +58,20 @@ TEST(NormalisedErrorSquared, IsNotANumberForWhatIsNoCovariance) {
       NormalisedErrorSquared(Eigen::Vector2d(std::nan(""), 1), Eigen::Matrix2d::Identity()).value));
 }
 
-TEST(NeesSum, TellsHonestFromBoastfulAndTimid) {
-  NeesSum honest, boastful, timid;
+TEST(NeesSum, SeparatesConsistentFromOverconfidentAndConservative) {
+  NeesSum consistent, overconfident, conservative;
   RandomStream random{1};
   for (int trial = 0; trial < 500; ++trial) {
     const Eigen::Vector2d error(random.Gaussian(), random.Gaussian());
-    honest.Add(NormalisedErrorSquared(error, Eigen::Matrix2d::Identity()));
-    boastful.Add(NormalisedErrorSquared(error, 0.8 * Eigen::Matrix2d::Identity()));
-    timid.Add(NormalisedErrorSquared(error, 1.3 * Eigen::Matrix2d::Identity()));
+    consistent.Add(NormalisedErrorSquared(error, Eigen::Matrix2d::Identity()));
+    overconfident.Add(NormalisedErrorSquared(error, 0.8 * Eigen::Matrix2d::Identity()));
+    conservative.Add(NormalisedErrorSquared(error, 1.3 * Eigen::Matrix2d::Identity()));
   }
-  EXPECT_EQ(honest.dof(), 1000);
-  EXPECT_EQ(honest.trials(), 500);
-  EXPECT_TRUE(honest.Honest(0.99).Contains(honest.Ratio()));
-  EXPECT_GT(boastful.Ratio(), boastful.Honest(0.99).high);
-  EXPECT_LT(timid.Ratio(), timid.Honest(0.99).low);
+  EXPECT_EQ(consistent.dof(), 1000);
+  EXPECT_EQ(consistent.trials(), 500);
+  EXPECT_TRUE(consistent.ConsistentInterval(0.99).Contains(consistent.Ratio()));
+  EXPECT_GT(overconfident.Ratio(), overconfident.ConsistentInterval(0.99).high);
+  EXPECT_LT(conservative.Ratio(), conservative.ConsistentInterval(0.99).low);
 }
 
 }  // namespace

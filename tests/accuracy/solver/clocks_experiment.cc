@@ -48,7 +48,8 @@ int OffsetRow(const RigCovariance& covariance, int camera) {
 absl::Status Measure(const SimulatedWorld& world, ClocksTrial* trial) {
   CalibrationOptions options;
   options.intrinsics = Estimate::kFixed;
-  absl::StatusOr<RigCovariance> covariance = absl::UnavailableError("the solve was not shown");
+  absl::StatusOr<RigCovariance> covariance =
+      absl::UnavailableError("the solve did not call its hook");
   server::CalibrationHooks hooks;
   hooks.solved = [&](const server::RigObservations&, const server::RigSolution& solution) {
     covariance = FromSolution(world, solution);

@@ -11,8 +11,8 @@
 
 namespace rigcal::accuracy {
 
-// Free-running cameras of 50, 60 and 120 frames per second, random phases, jitter of the stamps, a
-// fast wand, clocks that are off.
+// Free-running cameras of 50, 60 and 120 frames per second with random phases, jitter, clock
+// offsets, and a fast wand.
 struct ClocksOptions {
   int camera_count = 6;
   double duration_s = 60;
@@ -21,15 +21,15 @@ struct ClocksOptions {
   double largest_offset_s = 0.5;  // uniform in +-
   double largest_rate_ppm = 0;    // uniform in +-
   bool free_running = true;       // else 50 fps, exposed together
-  bool clock_samples = false;     // clocks of unknown origin, put beside each other by samples
+  bool clock_samples = false;     // clocks of unknown origin, aligned by samples only
 };
 
 struct ClockError {
   std::string camera;
   double offset_s = 0;  // against the median clock
   double rate_ppm = 0;  // likewise
-  // Of the offset: as the result states it, and against the reference's clock from the covariance;
-  // 0: not computed.
+  // Sigmas of the offset: from the result, and relative to the reference's clock from the
+  // covariance; 0: not computed.
   double stated_sigma_s = 0;
   double offset_against_reference_s = 0;
   double covariance_sigma_s = 0;

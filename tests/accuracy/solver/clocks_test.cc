@@ -17,9 +17,10 @@ constexpr int kSeeds = 4;
 constexpr uint32_t kFirstSeed = 1000;  // not those of the table
 
 // With 15 s of 60, sigmas of up to 60 us are twice those of the table; 0.25 ms is more than four of
-// them, and a clock that was paired a frame off would be 8 ms off at the least. The bounds on the
-// normalised error are wide for 4 x 5 offsets: 0.45 to 1.6 of sigma hold 99.9 % of honest solvers.
-TEST(ClocksTest, OffsetsOfFreeRunningCamerasAreFound) {
+// them, and a clock paired with the wrong frame would be at least 8 ms off. The bounds on the
+// normalised error are wide for 4 x 5 offsets: 0.45 to 1.6 of sigma hold 99.9 % of consistent
+// solvers.
+TEST(ClocksTest, RecoversOffsetsOfFreeRunningCameras) {
   ClocksOptions options;
   options.duration_s = 15;
   const std::vector<ClocksTrial> trials = RunAll<ClocksTrial>(kSeeds, 2, [&](int i) {

@@ -24,7 +24,7 @@ void PrintParts(const std::vector<ConsistencyTrial>& trials) {
       fmt::print("{:10} {:>6}   not computed\n", part.name, "-");
       continue;
     }
-    const Interval interval = part.stated.Honest(0.99);
+    const Interval interval = part.stated.ConsistentInterval(0.99);
     fmt::print("{:10} {:6} {:10.3f}  [{:.3f}, {:.3f}] {:>12}", part.name, part.stated.dof(),
                part.stated.Ratio(), interval.low, interval.high,
                interval.Contains(part.stated.Ratio()) ? "yes" : "NO");

@@ -54,7 +54,7 @@ void CompareWithSigmas(const CalibrationErrors& errors, const CalibrationResult&
   for (size_t c = 0; c < errors.cameras.size(); ++c) {
     const CameraError& camera = errors.cameras[c];
     if (!camera.sigma) continue;
-    // The sigmas of the poses are of the shape; that of the scale stands by itself.
+    // The sigmas of the poses are those of the shape; the scale has its own.
     const Eigen::Vector3d position_m = errors.PositionErrorAtTrueLengthM(c);
     for (int i = 0; i < 3; ++i) {
       Append(camera.pose.rotation_rad[i], camera.sigma->rotation_sigma_rad[i], &trial->rotation);
@@ -72,7 +72,7 @@ void CompareWithSigmas(const CalibrationErrors& errors, const CalibrationResult&
 absl::Status Measure(const SimulatedWorld& world, ConsistencyTrial* trial) {
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = options.marker_positions = Estimate::kRefined;
-  absl::StatusOr<RigCovariance> stated = absl::UnavailableError("the solve was not shown");
+  absl::StatusOr<RigCovariance> stated = absl::UnavailableError("the solve did not call its hook");
   server::CalibrationHooks hooks;
   hooks.solved = [&](const server::RigObservations&, const server::RigSolution& solution) {
     stated = FromSolution(world, solution);

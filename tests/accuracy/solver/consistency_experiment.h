@@ -11,9 +11,9 @@
 
 namespace rigcal::accuracy {
 
-// Whether the solver's uncertainty is that of its errors, with the truth drawn from every prior:
-// spans with their tolerance, intrinsics with the solver's prior, clock offsets. Everything is
-// estimated. Cameras run together, so that the bound at the truth can stand beside it.
+// Consistency of the solver's uncertainty with its errors. The ground truth is drawn from every
+// prior: spans with their tolerance, intrinsics with the solver's prior, clock offsets. Everything
+// is estimated. Cameras are synchronous, so that the bound at the ground truth can be computed too.
 struct ConsistencyOptions {
   int camera_count = 6;
   double duration_s = 40;
@@ -23,9 +23,9 @@ struct ConsistencyOptions {
 
 struct ConsistencyTrial {
   absl::Status status;
-  std::optional<RigNees> stated;  // against the solver's covariance; none: it has none
-  RigNees bound;                  // against the Cramer-Rao bound at the truth
-  // Squared errors over the sigmas in the result, each value by itself; empty where the result has
+  std::optional<RigNees> stated;  // against the solver's covariance, if it has one
+  RigNees bound;                  // against the Cramer-Rao bound at the ground truth
+  // Squared errors over the sigmas in the result, each value on its own; empty if the result has
   // no sigma.
   std::vector<double> rotation, position, time_offset, intrinsics, scale;
 };
@@ -41,7 +41,7 @@ struct ConsistencyPart {
 std::vector<ConsistencyPart> SummariseParts(const std::vector<ConsistencyTrial>& trials);
 
 // Mean over the trials of the mean of each; the interval is 2.58 standard errors from the scatter
-// of the trials, as values within one are not independent. No trials: nothing was stated.
+// of the trials, as values within one are not independent. No trials: no sigma was stated.
 struct MarginalPart {
   std::string name;
   int trials = 0;

@@ -33,7 +33,7 @@ void PrintCrbTable(const SeedOptions& seeds, double outlier_share) {
     }
   }
   const CrbSummary summary = Summarise(trials);
-  const Interval efficient = summary.position_nees.Honest(0.99);
+  const Interval efficient = summary.position_nees.ConsistentInterval(0.99);
   fmt::print("{:7.0f} % {:8} {:9} {:11.3f} {:12.3f} {:12.3f} {:9.3f} [{:.3f}, {:.3f}]\n",
              100 * outlier_share, seeds.count, summary.failures, summary.ratio,
              summary.largest_trial_ratio, summary.largest_camera_ratio,

@@ -10,8 +10,8 @@
 
 namespace rigcal::accuracy {
 
-// How near the solver comes to the Cramer-Rao bound of the camera positions where nothing but
-// poses is estimated: spacing exactly nominal and fixed, intrinsics and clocks right and fixed.
+// Camera positions against their Cramer-Rao bound when only poses are estimated: spacing exactly
+// nominal and fixed, intrinsics and clocks right and fixed.
 struct CrbOptions {
   int camera_count = 6;
   double duration_s = 40;  // at 25 instants per second
@@ -22,7 +22,7 @@ struct CrbOptions {
 
 struct CrbTrial {
   absl::Status status;
-  // Over the cameras but the reference: |error|^2 of the position, and what the bound says of it.
+  // Sums over all cameras except the reference: |error|^2 of the position, and its bound.
   double squared_error_m2 = 0;
   double bound_m2 = 0;
   double largest_ratio = 0;  // of one camera: |error| / sqrt(trace of its bound)
@@ -31,7 +31,7 @@ struct CrbTrial {
   double Ratio() const;
 };
 
-// One simulated rig, wave and noise.
+// One simulated rig, trajectory and noise.
 CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed);
 
 struct CrbSummary {

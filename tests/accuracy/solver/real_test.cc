@@ -12,9 +12,9 @@ namespace {
 
 using ::rigcal::testing::IsOk;
 
-// What was promised for this recording; a prototype reached 0.32 to 0.39 px, 0.48 to 0.67 px left
-// out, -8.15 ms and 0.51 mm.
-TEST(RealTest, RecordingIsAsGoodAsPromised) {
+// The required accuracy; a prototype reached 0.32 to 0.39 px, 0.48 to 0.67 px left out, -8.15 ms
+// and 0.51 mm.
+TEST(RealTest, RecordingHasTheRequiredAccuracy) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
   ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, LoadRecording(data));
   const server::CalibrationOutcome outcome = server::Calibrate(input, {});
@@ -43,7 +43,7 @@ TEST(RealTest, RecordingIsAsGoodAsPromised) {
   }
 }
 
-// The offset must follow a known shift to 0.3 ms, also with fewer rows to tell it from.
+// The offset must follow a known shift to 0.3 ms, also with fewer rows.
 TEST(RealTest, OffsetsFollowKnownShifts) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
   ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, LoadRecording(data));

@@ -10,11 +10,10 @@
 
 namespace rigcal::accuracy {
 
-// The real recording `ewand` in the folder of the real recordings, its wand with the spacing that
-// its authors give.
+// The real recording `ewand` in the folder of recordings, with its authors' wand spacing.
 absl::StatusOr<server::CalibrationInput> LoadRecording(const std::filesystem::path& data);
 
-// What is done to one camera's rows.
+// A change of one camera's rows.
 struct ClockChange {
   std::string camera;
   double shift_s = 0;   // added to every stamp: the offset becomes smaller by as much
@@ -25,9 +24,8 @@ struct ClockChange {
 absl::StatusOr<server::CalibrationInput> Change(const server::CalibrationInput& input,
                                                 const ClockChange& change);
 
-// Offset, at this moment of the camera's own clock, and rate of one camera, both against the
-// median of the other cameras: one camera that moves does not move what it is compared with. NaN
-// for no such camera.
+// Offset (at an instant of the camera's own clock) and rate of one camera, against the median of
+// the other cameras, which does not depend on this camera. NaN for no such camera.
 double OffsetAgainstOthersS(const CalibrationResult& result, const std::string& camera,
                             double camera_time_s);
 double RateAgainstOthersPpm(const CalibrationResult& result, const std::string& camera);

@@ -26,7 +26,7 @@ server::CalibrationInput TwoCameras() {
   return input;
 }
 
-TEST(Change, ShiftsStretchesAndThinsOneCameraAlone) {
+TEST(Change, ShiftsStretchesAndThinsOneCameraOnly) {
   const server::CalibrationInput input = TwoCameras();
   ASSERT_OK_AND_ASSIGN(const server::CalibrationInput changed,
                        Change(input, {"b", -0.7, 50, true}));
@@ -39,7 +39,7 @@ TEST(Change, ShiftsStretchesAndThinsOneCameraAlone) {
   EXPECT_EQ(rows[4].time_ns, 10'300'000'000 + 300'000);
 }
 
-TEST(Change, NamesACameraThatIsNotThere) {
+TEST(Change, NamesAMissingCamera) {
   EXPECT_THAT(Change(TwoCameras(), {"c"}),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("camera c")));
 }

@@ -63,9 +63,9 @@ void PrintRobustnessCase(const RobustnessCase& entry, const SeedOptions& seeds,
   if (shown) {
     PrintPercent(fates.OutlierPrecision());
     PrintPercent(fates.OutlierRecall());
-    PrintPercent(fates.ReversedRecall());
-    fmt::print(" {:8} {:8} {:8}\n", fates.reversed_turned, fates.reversed_removed,
-               fates.straight_turned);
+    PrintPercent(fates.FlippedRecall());
+    fmt::print(" {:8} {:8} {:8}\n", fates.flipped_corrected, fates.flipped_removed,
+               fates.good_flipped);
   } else {
     fmt::print("  outliers and labels: not computed\n");
   }
@@ -74,12 +74,11 @@ void PrintRobustnessCase(const RobustnessCase& entry, const SeedOptions& seeds,
 int RunRobustness(const SeedOptions& seeds) {
   fmt::print("{} cameras, {} s at 25 Hz, 0.3 px, all defaults\n", seeds.camera_count,
              seeds.duration_s);
-  fmt::print(
-      "                             position    times     bound   outliers            reversed "
-      "rows             straight\n");
-  fmt::print(
-      "case           seeds failed    rms mm    clean     times  precision     recall   dealt "
-      "with  turned  removed   turned\n");
+  fmt::print("{:26} {:>9} {:>9} {:>9} {:>21} {:>28} {:>8}\n", "", "position", "times", "bound",
+             "outliers", "flipped rows", "good");
+  fmt::print("{:14} {:>5} {:>6} {:>9} {:>9} {:>9} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8}\n", "case",
+             "seeds", "failed", "rms mm", "clean", "times", "precision", "recall", "handled",
+             "correct.", "removed", "flipped");
   std::vector<RobustnessTrial> clean;
   for (const RobustnessCase& entry : RobustnessCases(seeds.camera_count, seeds.duration_s)) {
     const auto trials = RunAll<RobustnessTrial>(seeds.count, seeds.threads, [&](int i) {

@@ -25,13 +25,13 @@ absl::Status Measure(const SimulatedWorld& world, RobustnessTrial* trial) {
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors,
                           CompareWithGroundTruth(world, *outcome.result));
   trial->position_rms_m = errors.PositionRmsM();
-  // For the bound every marker has the label that it truly has.
-  SimulationOptions straight = world.options();
-  straight.swap_share = 0;
-  RIGCAL_ASSIGN_OR_RETURN(const SimulatedWorld straight_world,
-                          SimulatedWorld::Create(straight, world.target()));
+  // The bound is that of correct labels.
+  SimulationOptions unflipped = world.options();
+  unflipped.swap_share = 0;
+  RIGCAL_ASSIGN_OR_RETURN(const SimulatedWorld unflipped_world,
+                          SimulatedWorld::Create(unflipped, world.target()));
   RIGCAL_ASSIGN_OR_RETURN(const RigBound bound,
-                          ComputeRigBound(MakeTrueRig(straight_world, errors.reference), {}));
+                          ComputeRigBound(MakeTrueRig(unflipped_world, errors.reference), {}));
   double trace = 0;
   for (int c = 0; c < bound.camera_count; ++c) {
     if (c != bound.reference_camera) trace += bound.PositionCovariance(c).trace();
@@ -61,7 +61,7 @@ std::vector<RobustnessCase> RobustnessCases(int camera_count, double duration_s)
          options->camera_outlier_share[std::min(kBadCamera, options->camera_count - 1)] = 0.3;
        })});
   cases.push_back(
-      {"5 % reversed", put([](SimulationOptions* options) { options->swap_share = 0.05; })});
+      {"5 % flipped", put([](SimulationOptions* options) { options->swap_share = 0.05; })});
   cases.push_back(
       {"40 % dropouts", put([](SimulationOptions* options) { options->dropout_share = 0.4; })});
   cases.push_back({"10 s gap", put([](SimulationOptions* options) {

@@ -12,28 +12,27 @@
 
 namespace rigcal::accuracy {
 
-// A way in which a recording is bad; the first one is clean, and the last is all of them together.
+// A kind of bad recording; the first one is clean, the last combines all of them.
 struct RobustnessCase {
   std::string name;
   SimulationOptions simulation;
 };
-// 30 % gross outliers in one camera, 5 % reversed labels, 40 % dropouts, 10 s without any camera
+// 30 % gross outliers in one camera, 5 % flipped labels, 40 % dropouts, 10 s without any camera
 // seeing the wand.
 std::vector<RobustnessCase> RobustnessCases(int camera_count, double duration_s);
 
 struct RobustnessTrial {
   absl::Status status;
   double position_rms_m = 0;
-  // What any solver could reach that is told labels and outliers and estimates poses alone.
+  // The bound of a solver that knows labels and outliers and estimates only poses.
   double bound_rms_m = 0;
-  std::optional<FateCounts> fates;  // none: the solver does not show them
+  std::optional<FateCounts> fates;
 };
 
-// All defaults, as a user would calibrate.
+// Calibrates with all defaults.
 RobustnessTrial RunRobustnessTrial(const RobustnessCase& entry, uint32_t seed);
 
-// Root mean square position error over the trials, by that of the clean ones; where both
-// succeeded.
+// Root mean square position error over that of the clean trials, of seeds where both succeeded.
 double RatioOfRms(const std::vector<RobustnessTrial>& trials,
                   const std::vector<RobustnessTrial>& clean);
 

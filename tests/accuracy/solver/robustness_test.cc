@@ -30,9 +30,8 @@ std::vector<RobustnessTrial> RunSeeds(const std::string& name) {
   return {};
 }
 
-// Runs of the same rigs with other noise: the errors of two equal solvers over 4 seeds differ by up
-// to a half.
-TEST(RobustnessTest, GrossOutliersInOneCameraAreFoundAndCostLittle) {
+// The runs differ in noise: errors of two equal solvers over 4 seeds differ by up to a half.
+TEST(RobustnessTest, FindsGrossOutliersInOneCameraAtLittleCost) {
   const std::vector<RobustnessTrial> clean = RunSeeds("clean");
   const std::vector<RobustnessTrial> bad = RunSeeds("30 % outliers");
   FateCounts fates;
@@ -46,21 +45,21 @@ TEST(RobustnessTest, GrossOutliersInOneCameraAreFoundAndCostLittle) {
   EXPECT_LE(RatioOfRms(bad, clean), 1.5);
 }
 
-TEST(RobustnessTest, ReversedLabelsAreTurnedOrRemoved) {
-  const std::vector<RobustnessTrial> bad = RunSeeds("5 % reversed");
+TEST(RobustnessTest, FlippedLabelsAreCorrectedOrRemoved) {
+  const std::vector<RobustnessTrial> bad = RunSeeds("5 % flipped");
   FateCounts fates;
   for (const RobustnessTrial& trial : bad) {
     ASSERT_TRUE(trial.fates);
     fates += *trial.fates;
     EXPECT_LT(trial.position_rms_m, 0.002);
   }
-  EXPECT_GE(fates.ReversedRecall(), 0.95);
-  EXPECT_LE(fates.straight_turned, 2);
-  EXPECT_GT(fates.reversed_turned + fates.reversed_removed, 500);
+  EXPECT_GE(fates.FlippedRecall(), 0.95);
+  EXPECT_LE(fates.good_flipped, 2);
+  EXPECT_GT(fates.flipped_corrected + fates.flipped_removed, 500);
 }
 
-// The whole of it, where the lost information alone costs 1.57.
-TEST(RobustnessTest, EverythingAtOnceCostsLittleMoreThanTheInformationThatIsLost) {
+// The lost information alone costs 1.57.
+TEST(RobustnessTest, AllDefectsCostLittleMoreThanTheLostInformation) {
   const std::vector<RobustnessTrial> bad = RunSeeds("all of them");
   FateCounts fates;
   double squares = 0, bound_squares = 0;
@@ -72,9 +71,9 @@ TEST(RobustnessTest, EverythingAtOnceCostsLittleMoreThanTheInformationThatIsLost
   }
   EXPECT_GE(fates.OutlierPrecision(), 0.95);
   EXPECT_GE(fates.OutlierRecall(), 0.95);
-  EXPECT_GE(fates.ReversedRecall(), 0.95);
+  EXPECT_GE(fates.FlippedRecall(), 0.95);
   EXPECT_GT(fates.outlier_removed, 500);
-  // The scale, common to all positions of a seed, rules the ratio of so few.
+  // With few seeds the ratio depends mostly on the scale, common to all positions of a seed.
   EXPECT_LT(std::sqrt(squares / bound_squares), 1.6);
 }
 

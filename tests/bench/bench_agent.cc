@@ -79,7 +79,7 @@ class BenchAgent {
     stream_ = stub_->Connect(&context_);
   }
 
-  // Greets and waits for the answer.
+  // Sends a hello and waits for the reply.
   bool Greet() {
     v1::ServerMessage answer;
     return stream_->Write(Hello(agent_)) && stream_->Read(&answer) && answer.has_hello();

@@ -25,11 +25,11 @@ struct LoadOptions {
 struct LoadResult {
   double duration_s = 0;
   uint64_t rows = 0;
-  std::vector<double>
-      ack_latency_s;  // per message, from its write to the acknowledgement that covers it
+  // Per message, from its write to its acknowledgement; ascending.
+  std::vector<double> ack_latency_s;
 };
 
-// Opens the streams first; `start` is called once all have been greeted (it starts the session).
+// Opens the streams first; `start` is called after every hello (it starts the session).
 absl::StatusOr<LoadResult> RunLoad(const LoadOptions& options,
                                    const std::function<absl::Status()>& start);
 

@@ -10,18 +10,18 @@
 
 namespace rigcal::testing {
 
-// The plain way to solve a BundleProblem, as anybody would write it down: automatic differentiation
-// per marker and Ceres's EIGEN_SPARSE with a Schur complement, one thread. It shares no derivative
-// and no projection with server/solve, so it is the oracle of the tests and the yardstick of the
-// bench. Intrinsics that are not estimated are constants of the cost, not parameters.
+// A plain solver of BundleProblem: automatic differentiation per marker and Ceres's EIGEN_SPARSE
+// with a Schur complement, one thread. It shares no derivative and no projection with server/solve:
+// the oracle of the tests and the reference of the benchmarks. Intrinsics that are not estimated
+// are constants of the cost, not parameters.
 //
 // `minimizer_s`, if given: seconds without the preparation.
 absl::StatusOr<server::BundleSummary> SolveReferenceBundle(const server::BundleOptions& options,
                                                            server::BundleProblem* problem,
                                                            double* minimizer_s = nullptr);
 
-// The covariance of `parameters`, in their order and with the steps they are described with, at
-// the problem's estimates: ceres::Covariance over all free parameters, instants included.
+// The covariance of `parameters`, in their order and units of step, at the
+// problem's estimates: ceres::Covariance over all free parameters, instants included.
 absl::StatusOr<Eigen::MatrixXd> ReferenceCovariance(
     const server::BundleOptions& options, const server::BundleProblem& problem,
     const std::vector<server::ReducedParameter>& parameters);

@@ -128,7 +128,7 @@ class Scene {
     for (const bool on : {true, false}) {
       events_.clear();
       for (const Disc& disc : discs_) Fill(disc, on);
-      // Some noise at least: in a silence of a second nothing is asked.
+      // At least some noise: after a second of silence nothing is searched.
       if (events_.empty()) events_.push_back({.time_us = time_us_, .x = 0, .y = 0, .on = false});
       writer_.Write(events_, &bytes_);
       time_us_ += static_cast<int64_t>(period_us_ / 2);
@@ -217,7 +217,7 @@ Detected Detect(const Settings& settings, std::span<const uint8_t> bytes, size_t
   std::vector<Detection> found;
   while (!bytes.empty()) {
     const size_t size = std::min(piece_bytes, bytes.size());
-    // A copy of its own size, so that a look behind its end is seen.
+    // A copy of exactly this size: the sanitizer sees reads past its end.
     const std::vector<uint8_t> piece(bytes.begin(),
                                      bytes.begin() + static_cast<std::ptrdiff_t>(size));
     detector->Take(piece, &found);
@@ -258,7 +258,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::vector<uint8_t> bytes = Scene(settings).Write(&input);
   const Detected whole = Detect(settings, bytes, bytes.size() + 1);
   const Detected cut = Detect(settings, bytes, piece);
-  // What is left out because a piece has too little data for it goes with the pieces.
+  // Counts of pieces with too little data depend on the pieces.
   if (whole.counts.beyond_data != 0 || cut.counts.beyond_data != 0) return 0;
   FUZZ_CHECK(whole.found.size() == cut.found.size());
   FUZZ_CHECK(std::equal(whole.found.begin(), whole.found.end(), cut.found.begin(), Same));

@@ -16,10 +16,10 @@ namespace rigcal::testing {
 struct Told {
   enum class Kind : uint8_t { kPixel, kTrigger, kStepBack };
   Kind kind = Kind::kPixel;
-  uint32_t x = 0;  // of a trigger its channel
+  uint32_t x = 0;  // for a trigger, its channel
   uint32_t y = 0;
-  bool on = false;      // of a trigger: rising
-  int64_t time_us = 0;  // of a pixel the lower 32 bits
+  bool on = false;      // for a trigger: rising
+  int64_t time_us = 0;  // for a pixel, the lower 32 bits
   friend bool operator==(const Told&, const Told&) = default;
 };
 

@@ -96,7 +96,7 @@ void CheckDecoder(const Decoder& fresh, const DecoderCase& given, const Referenc
   }
   FUZZ_CHECK(DecodeInPieces<kWithRows>(fresh, given, safe_ends) == reference.result);
   FUZZ_CHECK(DecodeBatches(fresh, given, safe_ends) == reference.result);
-  // Where a doubtful time waits for the next one, it may be weighed otherwise; nothing is lost.
+  // A doubtful time that waits for the next one may be decided differently; no event is lost.
   const DecodedStream anyhow = DecodeInPieces<kWithRows>(fresh, given, ends);
   FUZZ_CHECK(Placed(anyhow) == Placed(reference.result));
   FUZZ_CHECK(DecodeBatches(fresh, given, ends) == anyhow);

@@ -23,7 +23,7 @@ class FuzzInput {
     const uint32_t low = Byte();
     return low | static_cast<uint32_t>(Byte()) << 8;
   }
-  // Between, both included; `low` where the input has ended.
+  // In [low, high]; `low` after the end of the input.
   uint32_t Between(uint32_t low, uint32_t high) { return low + Word16() % (high - low + 1); }
 
   bool empty() const { return rest_.empty(); }

@@ -231,7 +231,7 @@ bool SaveDetector(const std::filesystem::path& folder) {
     AppendPeriods(blink == 1 ? 6 : 60, 8, &bytes);
     ok &= Save(folder, name, bytes);
   }
-  // Triggers in the middle of a pulse, then the wand goes and comes again at another place.
+  // Triggers in the middle of a pulse, then the wand disappears and reappears elsewhere.
   Bytes bytes = DetectorCase{.times = 0x30}.Begin();
   AppendDiscs(60, 6, &bytes);
   for (int i = 0; i < 20; ++i) {
@@ -258,7 +258,7 @@ bool SaveDetector(const std::filesystem::path& folder) {
     }
     ok &= Save(folder, name, bytes);
   }
-  // A fault of time in every second word, with an event after it.
+  // A time fault in every second word, followed by an event.
   bytes = DetectorCase{.kind = 4}.Begin();
   for (uint16_t i = 0; i < 200; ++i) {
     Append(static_cast<uint16_t>(0x8000 | (i * 1789 & 0xfff)), &bytes);

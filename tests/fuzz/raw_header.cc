@@ -20,7 +20,7 @@ constexpr size_t kHeaderBytes = 64 * 1024;
 void CheckHeader(const RawHeader& header, std::span<const uint8_t> bytes) {
   FUZZ_CHECK(header.byte_count > 0);
   FUZZ_CHECK(header.byte_count <= std::min(bytes.size(), kHeaderBytes));
-  // The events begin behind the end of a line.
+  // The events begin after the end of a line.
   FUZZ_CHECK(bytes[header.byte_count - 1] == '\n');
   FUZZ_CHECK(bytes[0] == '%');
   FUZZ_CHECK(header.format == EventFormat::kEvt2 || header.format == EventFormat::kEvt21 ||
@@ -45,7 +45,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     return 0;
   }
   CheckHeader(*header, bytes);
-  // A header by itself says the same, where no event behind it looks like another line of it.
+  // The header alone gives the same result, unless the events after it look like another line.
   const auto alone = ParseRawHeader(bytes.first(header->byte_count));
   FUZZ_CHECK(alone.ok());
   FUZZ_CHECK(alone->byte_count == header->byte_count);

@@ -29,8 +29,8 @@ class ReferenceDecoder {
  public:
   explicit ReferenceDecoder(agent::SensorGeometry geometry) : geometry_(geometry) {}
   DecodedStream result;
-  // Behind which words (by index) a cut changes nothing: no doubtful TIME_HIGH waits there for the
-  // next one.
+  // Words (by index) after which a cut changes nothing: no doubtful TIME_HIGH waits for the next
+  // one.
   std::vector<bool> cut_is_safe;
 
  protected:
@@ -134,7 +134,7 @@ class ReferenceEvt3 : public ReferenceDecoder<agent::TimeHigh<12, 12>> {
   }
 
  private:
-  // Until a row is told there is none to place a pixel in.
+  // Pixels before the first row word have no row.
   static constexpr uint32_t kNoRow = 0xffff;
 
   void Pixels(uint32_t mask, uint32_t count) {
@@ -170,7 +170,7 @@ class ReferenceEvt2 : public ReferenceDecoder<agent::TimeHigh<28, 6>> {
   }
 
  private:
-  // `masks`: which pixels from x on, empty in EVT 2.0.
+  // `masks`: the pixels from x on; empty in EVT 2.0.
   void DecodeHalves(const std::vector<uint32_t>& words, const std::vector<uint32_t>& masks) {
     cut_is_safe.assign(words.size(), true);
     for (size_t i = 0; i < words.size(); ++i) {

@@ -36,9 +36,9 @@ int main(int argc, char** argv) {
         std::fprintf(stderr, "cannot read %s\n", path.c_str());
         return 1;
       }
-      // The last line of a run that dies names the input.
+      // The last line of a crashed run names the input.
       std::fprintf(stderr, "%s, %zu bytes\n", path.filename().c_str(), bytes.size());
-      // Of its own size, so that one byte too far is seen.
+      // Exactly this size: the sanitizer sees a read of one byte too many.
       const std::vector<uint8_t> input(bytes.begin(), bytes.end());
       LLVMFuzzerTestOneInput(input.data(), input.size());
       ++count;

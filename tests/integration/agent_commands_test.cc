@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// rigcal-agent's commands, as a user types them, on rendered pictures.
+// rigcal-agent's commands, as a user types them, on rendered frames.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ constexpr int kPictures = 12;
 
 class AgentCommands : public ::testing::Test {
  protected:
-  // Pictures of a simulated camera as a folder, named by their times.
+  // Frames of a simulated camera as a folder of images, named by their times.
   void SetUp() override {
     SimulationOptions options;
     options.camera_count = 4;
@@ -102,7 +102,7 @@ TEST_F(AgentCommands, DetectFindsTheWandInAFolder) {
     EXPECT_EQ(row[0], static_cast<double>(world_->Observe(kCamera, i).time_ns));
     for (int m = 0; m < 3; ++m) {
       const Eigen::Vector2d truth = TrueCentre(i, m);
-      // The centre of an image is up to 0.2 px from that of its sphere: no calibration was given.
+      // Without intrinsics, the centre of an image is up to 0.2 px from that of its sphere.
       EXPECT_NEAR(row[static_cast<size_t>(1 + 2 * m)], truth.x(), 0.5);
       EXPECT_NEAR(row[static_cast<size_t>(2 + 2 * m)], truth.y(), 0.5);
     }
@@ -115,7 +115,7 @@ TEST_F(AgentCommands, DetectFindsTheWandInAFolder) {
   EXPECT_EQ(annotated, kPictures);
 }
 
-TEST_F(AgentCommands, DetectGivesTheCentresOfSpheresWhereItKnowsTheCamera) {
+TEST_F(AgentCommands, DetectGivesTheCentresOfSpheresIfItHasIntrinsics) {
   const SimulatedCamera& camera = world_->cameras()[kCamera];
   ASSERT_THAT(WriteCameraExport(Path("camera.yaml").string(),
                                 {.camera = "left",
@@ -140,7 +140,7 @@ TEST_F(AgentCommands, DetectGivesTheCentresOfSpheresWhereItKnowsTheCamera) {
       square_px2 += (found - TrueCentre(i, m)).squaredNorm() / 2;
     }
   }
-  // Twice what the project asks of the detector, as here the wand moves.
+  // Twice the requirement for stationary wands, as here the wand moves.
   EXPECT_LT(std::sqrt(square_px2 / (3 * kPictures)), 0.12);
 }
 
@@ -162,7 +162,7 @@ TEST_F(AgentCommands, DetectFindsTheSameWithoutTracking) {
   }
 }
 
-TEST_F(AgentCommands, DetectGoesOnAfterDamagedPictures) {
+TEST_F(AgentCommands, DetectContinuesAfterDamagedImages) {
   std::vector<fs::path> pictures;
   for (const auto& entry : fs::directory_iterator(folder())) pictures.push_back(entry.path());
   fs::resize_file(pictures[0], fs::file_size(pictures[0]) / 2);
@@ -187,7 +187,7 @@ TEST_F(AgentCommands, TuneLearnsARangeThatFindsTheWand) {
   std::ifstream stream(Path("detector.toml"));
   const std::string snippet(std::istreambuf_iterator<char>(stream), {});
   EXPECT_THAT(tuned.output, HasSubstr(snippet));
-  // As somebody would paste it.
+  // As a user would paste it.
   std::ofstream(Path("agent.toml")) << "[[camera]]\nsource = \"images:my left\"\nname = \"left\"\n"
                                     << "calibration = \"none\"\nspeed = \"max\"\n"
                                     << snippet;
@@ -198,8 +198,8 @@ TEST_F(AgentCommands, TuneLearnsARangeThatFindsTheWand) {
   EXPECT_EQ(json::parse(result.output)["detection_rate"], 1.0);
 }
 
-TEST_F(AgentCommands, MaskHidesWhatStandsStill) {
-  // A folder in which nothing moves but the last pictures' wand.
+TEST_F(AgentCommands, MaskHidesStationaryPixels) {
+  // A folder in which only the wand of the last images moves.
   const fs::path still = Path("still");
   fs::create_directory(still);
   std::vector<fs::path> pictures;
@@ -219,7 +219,7 @@ TEST_F(AgentCommands, MaskHidesWhatStandsStill) {
   EXPECT_EQ(json::parse(hidden.output)["outcomes"]["wand"], 0);
 }
 
-TEST_F(AgentCommands, SayWhatIsWrongAndExitWithOneOrTwo) {
+TEST_F(AgentCommands, ReportErrorsAndExitWithOneOrTwo) {
   struct Case {
     std::vector<std::string> arguments;
     int exit_code;

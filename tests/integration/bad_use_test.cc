@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What people do wrong with the programs, and what they are told.
+// Wrong use of the programs, and their messages.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -54,10 +54,10 @@ TEST_F(BadUse, SecondAgentWithATakenCameraIsRefusedNamingBoth) {
   EXPECT_TRUE(first.Running());
 }
 
-TEST_F(BadUse, AgentThatWasFrozenAndReplacedByItsOwnRestartComesBack) {
+TEST_F(BadUse, RestartedAgentReplacesItsFrozenPredecessor) {
   auto first = std::make_unique<Process>(Agent("pc", "sim:camera=0"));
   ASSERT_TRUE(WaitFor([&] { return ConnectedCount() == 1; }));
-  // Killed without a word while the server still believes in it, and started again at once.
+  // Killed while the server still counts it as connected, and restarted at once.
   first->Signal(SIGKILL);
   first->Wait();
   Process second(Agent("pc", "sim:camera=0"));

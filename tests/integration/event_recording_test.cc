@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recorded rig in which markers of frame cameras lie beside RAW files of event cameras.
+// A recorded rig with markers of frame cameras and RAW files of event cameras.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -113,7 +113,7 @@ TEST_F(EventRecording, IsCalibratedTogetherWithMarkers) {
   EXPECT_GE(right["residuals"]["observation_count"], 1000);
 }
 
-TEST_F(EventRecording, SaysTheSameAsHdf5) {
+TEST_F(EventRecording, GivesTheSameResultAsHdf5) {
   const CommandResult raw = Local();
   ASSERT_EQ(raw.exit_code, 0) << raw.error;
   const fs::path recording = directory_->path() / "sim_3.raw";
@@ -121,7 +121,7 @@ TEST_F(EventRecording, SaysTheSameAsHdf5) {
   const CommandResult convert =
       RunCommand({"rigcal-agent", "convert", recording.string(), converted.string()});
   ASSERT_EQ(convert.exit_code, 0) << convert.error;
-  // Beside each other they are two recordings of one camera.
+  // Both files in one folder are two recordings of one camera.
   EXPECT_THAT(Local().error, HasSubstr("several recordings: sim_3.h5, sim_3.raw"));
   fs::rename(recording, directory_->path() / "away");
   const CommandResult hdf5 = Local();
@@ -140,7 +140,7 @@ TEST_F(EventRecording, WithoutItsCalibrationItIsNamed) {
   EXPECT_THAT(result.error, AllOf(HasSubstr("sim_3.raw is there, but"), HasSubstr("sim_3.yaml")));
 }
 
-TEST_F(EventRecording, WhatIsNoRecordingOfEventsIsNamed) {
+TEST_F(EventRecording, FileWithoutEventsIsNamed) {
   const fs::path raw = directory_->path() / "sim_3.raw";
   fs::rename(raw, directory_->path() / "away");
   std::ofstream(raw) << "no events\n";

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rig of the paper: four frame cameras and two event cameras, each with an agent of its own,
-// through pictures and events to one calibration, as a user types it. Less noise and a shorter wave
-// than deploy/demo.sh has, for the sake of time.
+// from rendered frames and events to one calibration, as a user types it. With less noise and
+// shorter than deploy/demo.sh, to save time.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -30,8 +30,8 @@ constexpr char kTarget[] = "wand:0,0.13,0.39;diameter=0.04;hz=500";
 
 struct Result {
   std::string table;                    // as printed
-  json calibration;                     // as exported; null: it failed
-  std::map<std::string, json> cameras;  // of it
+  json calibration;                     // as exported; null: failed
+  std::map<std::string, json> cameras;  // of that
 };
 
 Result Calibrate(const std::string& more) {
@@ -56,8 +56,7 @@ const Result& Plain() {
   return *result;
 }
 
-// A run is compared with the plain one camera by camera: the median clock is another one in each,
-// camera 0 has no offset in any.
+// Runs are compared camera by camera: the median clock differs, camera 0 has no offset in any.
 double OffsetSince(const Result& result, const std::string& camera) {
   const auto against_first = [&](const Result& of) {
     return of.cameras.at(camera)["time_offset_s"].get<double>() -
@@ -76,7 +75,7 @@ void ExpectTruth(const Result& result) {
   EXPECT_GT(truth["max_position_error_m"], 0.0) << "nothing was compared";
 }
 
-TEST(EventRig, AllCamerasComeOutRightEachWithItsOwnRateAndNoise) {
+TEST(EventRig, CalibratesAllCamerasWithTheirRatesAndNoise) {
   const Result& result = Plain();
   ASSERT_EQ(result.cameras.size(), 6u);
   ExpectTruth(result);
@@ -90,25 +89,25 @@ TEST(EventRig, AllCamerasComeOutRightEachWithItsOwnRateAndNoise) {
     worst_frame_px = std::max(worst_frame_px, residuals["inlier"]["rms_px"].get<double>());
   }
   for (const char* name : {"sim_4", "sim_5"}) {
-    // The wave begins in darkness: a blink is known after three of them.
+    // A blink is recognised after three periods.
     EXPECT_THAT(result.table, ContainsRegex(absl::StrCat(name,
                                                          " +event +(19|20)[0-9][0-9] +"
                                                          "(199|200)\\.[0-9] ")));
     const json& camera = result.cameras.at(name);
     const json& residuals = camera["residuals"];
-    // Between the frames, too.
+    // Between the frames too.
     EXPECT_GE(residuals["observation_count"], 0.9 * 200 * kDurationS) << name;
     EXPECT_GE(residuals["inlier"]["rms_px"], worst_frame_px) << name;
     EXPECT_LE(residuals["inlier"]["rms_px"], 0.2) << name;
     EXPECT_GT(camera["uncertainty"]["time_offset_sigma_s"],
               result.cameras.at("sim_2")["uncertainty"]["time_offset_sigma_s"]);
-    // What the low pass of its pixels does (docs/event_cameras.md).
+    // The effect of its pixels' low pass (docs/event_cameras.md).
     EXPECT_NEAR(camera["time_offset_s"], 5e-5, 1.5e-4) << name;
     EXPECT_EQ(camera["image_size_px"], json({{"width", 1280}, {"height", 720}}));
   }
 }
 
-TEST(EventRig, AnOffsetOfOneEventCameraIsFound) {
+TEST(EventRig, RecoversAnOffsetOfOneEventCamera) {
   ASSERT_EQ(Plain().cameras.size(), 6u);
   const Result shifted = Calibrate(";offset.5=0.004");
   ASSERT_EQ(shifted.cameras.size(), 6u);
@@ -116,7 +115,7 @@ TEST(EventRig, AnOffsetOfOneEventCameraIsFound) {
   EXPECT_NEAR(OffsetSince(shifted, "sim_5"), 0.004, 1e-4);
   EXPECT_NEAR(OffsetSince(shifted, "sim_4"), 0, 1e-4);
   EXPECT_NEAR(OffsetSince(shifted, "sim_2"), 0, 1e-4);
-  // No row is lost because the two event cameras now look at other blinks.
+  // No row is lost although the two event cameras now see different blinks.
   EXPECT_GE(shifted.cameras.at("sim_5")["residuals"]["observation_count"], 0.9 * 200 * kDurationS);
 }
 
@@ -134,7 +133,7 @@ TEST(EventRig, SensorsOnOneCableHaveOneOffset) {
             right["uncertainty"]["time_offset_sigma_s"]);
   EXPECT_NE(Plain().cameras.at("sim_4")["time_offset_s"],
             Plain().cameras.at("sim_5")["time_offset_s"]);
-  // Of the two latencies, which differ a little, the mean.
+  // The mean of the two latencies, which differ a little.
   EXPECT_NEAR(0.5 * (OffsetSince(shared, "sim_4") + OffsetSince(shared, "sim_5")), 0.004, 1e-4);
 }
 

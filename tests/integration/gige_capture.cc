@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Captures test pictures from a GigE Vision camera for some seconds, looks at every byte of them,
-// and prints one line: what came, and what did not.
+// Captures test frames from a GigE Vision camera for some seconds, checks every byte, and prints
+// one line of counts: received, lost, damaged ones.
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -16,7 +16,7 @@
 
 namespace {
 
-// Whether this process may open packet sockets (capabilities(7), bit 13).
+// True if this process may open packet sockets (capabilities(7), bit 13).
 bool HasCapNetRaw() {
   std::ifstream status("/proc/self/status");
   for (std::string line; std::getline(status, line);) {
@@ -33,10 +33,10 @@ int main(int argc, char** argv) {
   options.device = "127.0.0.1";
   options.frame_rate_hz = 50;
   double seconds = 20;
-  CLI::App app("Captures test pictures of a fake GigE Vision camera.");
+  CLI::App app("Captures test frames of a fake GigE Vision camera.");
   app.add_option("--device", options.device, "address or id")->capture_default_str();
   app.add_option("--interface", options.network_interface, "network interface");
-  app.add_option("--rate", options.frame_rate_hz, "pictures a second");
+  app.add_option("--rate", options.frame_rate_hz, "frames per second");
   app.add_option("--trigger", options.trigger, "free or software")->capture_default_str();
   app.add_option("--packet-size", options.packet_size, "bytes")->capture_default_str();
   app.add_option("--seconds", seconds, "how long")->capture_default_str();

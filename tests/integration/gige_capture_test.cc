@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A GigE Vision camera of 1280 x 1024 pixels at 50 Hz over the true protocol on loopback: every
-// picture it sent is accounted for, and nearly all come whole, with and without rights.
+// A GigE Vision camera of 1280 x 1024 pixels at 50 Hz over the real protocol on loopback: every
+// frame sent is accounted for, and nearly all arrive complete, with and without privileges.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -53,27 +53,27 @@ void CaptureForTwentySeconds(std::vector<std::string> as_user, bool may_have_raw
   if (!may_have_raw_sockets) {
     EXPECT_EQ(counts["cap_net_raw"], 0u);
   }
-  // 50 a second for 20 s; a machine that has no time for the camera makes it send fewer.
+  // 50 per second for 20 s; the camera sends fewer on a busy machine.
   EXPECT_GE(sent["sent"], 500u);
   EXPECT_EQ(counts["received"] + counts["damaged"] + counts["lost"], sent["sent"]);
   EXPECT_GE(100 * counts["received"], 99 * sent["sent"]);
-  EXPECT_LE(counts["received"] - counts["yielded"], 32u);  // what was in the buffers at the end
+  EXPECT_LE(counts["received"] - counts["yielded"], 32u);  // still in the buffers at the end
   EXPECT_EQ(counts["wrong"], 0u);
   EXPECT_EQ(counts["reconnects"], 0u);
 }
 
-TEST(GigeCapture, EveryPictureIsAccountedForAsWeAre) {
+TEST(GigeCapture, AccountsForEveryFrameAsThisUser) {
   CaptureForTwentySeconds({}, /*may_have_raw_sockets=*/true);
 }
 
-TEST(GigeCapture, EveryPictureIsAccountedForWithoutRights) {
-  if (geteuid() != 0) GTEST_SKIP() << "we are a plain user already: the other case is this one";
+TEST(GigeCapture, AccountsForEveryFrameWithoutPrivileges) {
+  if (geteuid() != 0) GTEST_SKIP() << "not root: the other case covers this one";
   CaptureForTwentySeconds({"/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups",
                            "--inh-caps=-all", "--bounding-set=-all"},
                           /*may_have_raw_sockets=*/false);
 }
 
-TEST(GigeCapture, ACameraWithoutAnswerIsSaidOnce) {
+TEST(GigeCapture, SilentCameraIsReportedOnce) {
   const CommandResult capture =
       RunCommand({"rigcal-gige-capture", "--device", "127.0.0.77", "--interface", "lo"});
   EXPECT_EQ(capture.exit_code, 1);

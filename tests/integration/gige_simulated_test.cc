@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a camera of the simulated world sees, over the true GigE Vision protocol: the same pixels at
-// the same times as if there were no network between.
+// Frames of a simulated camera over the real GigE Vision protocol: the same pixels and times as
+// without a network.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,9 +28,9 @@ RenderedFramesOptions SmallWorld(const std::string& pixel_format) {
   return options;
 }
 
-TEST(GigeSimulated, PixelsAndTimesComeThroughUnchanged) {
-  ASSERT_OK_AND_ASSIGN(const auto pictures, RenderedFrames::Create(SmallWorld("RGB8")));
-  // The truth: the same world, rendered here.
+TEST(GigeSimulated, PixelsAndTimesArriveUnchanged) {
+  ASSERT_OK_AND_ASSIGN(const auto frames, RenderedFrames::Create(SmallWorld("RGB8")));
+  // The expected frames: the same world, rendered here.
   ASSERT_OK_AND_ASSIGN(SimulatedWorld world,
                        SimulatedWorld::Create(SmallWorld("").simulation, SmallWorld("").target));
   const auto shared = std::make_shared<const SimulatedWorld>(std::move(world));
@@ -43,16 +43,16 @@ TEST(GigeSimulated, PixelsAndTimesComeThroughUnchanged) {
 
   FakeGigeCameraOptions camera_options;
   camera_options.pixel_format = "RGB8";
-  camera_options.width = static_cast<int>(pictures->image_size_px().width);
-  camera_options.height = static_cast<int>(pictures->image_size_px().height);
-  camera_options.frame_rate_hz = pictures->rate_hz();
+  camera_options.width = static_cast<int>(frames->image_size_px().width);
+  camera_options.height = static_cast<int>(frames->image_size_px().height);
+  camera_options.frame_rate_hz = frames->rate_hz();
   camera_options.fill = [&](uint64_t index, double exposure_s, std::span<uint8_t> pixels) {
-    return pictures->Take(index, exposure_s, pixels);
+    return frames->Take(index, exposure_s, pixels);
   };
   ASSERT_OK_AND_ASSIGN(const auto camera, FakeGigeCamera::Create(camera_options));
   const TemporaryDirectory directory;
   const std::string calibration = directory.path() / "gige.yaml";
-  ASSERT_THAT(WriteCameraExport(calibration, pictures->Export("gige")), IsOk());
+  ASSERT_THAT(WriteCameraExport(calibration, frames->Export("gige")), IsOk());
 
   agent::AravisSourceOptions options;
   options.camera = "gige";
@@ -75,30 +75,30 @@ TEST(GigeSimulated, PixelsAndTimesComeThroughUnchanged) {
     ++compared;
   }
   EXPECT_EQ(compared, 5);
-  EXPECT_EQ(pictures->late(), 0u);
+  EXPECT_EQ(frames->late(), 0u);
 }
 
 TEST(RenderedFrames, AreBlackWhenLateAndAfterTheEnd) {
   RenderedFramesOptions options = SmallWorld("Mono8");
   options.ahead = 3;
-  ASSERT_OK_AND_ASSIGN(const auto pictures, RenderedFrames::Create(options));
-  const ImageSize size = pictures->image_size_px();
+  ASSERT_OK_AND_ASSIGN(const auto frames, RenderedFrames::Create(options));
+  const ImageSize size = frames->image_size_px();
   std::vector<uint8_t> pixels(size_t{size.width} * size.height, 77);
-  const int64_t first_ns = pictures->Take(0, 0, pixels);
+  const int64_t first_ns = frames->Take(0, 0, pixels);
   EXPECT_GT(*std::max_element(pixels.begin(), pixels.end()), 100);
-  EXPECT_EQ(pictures->late(), 0u);
-  // Number 9 is not among the first ones rendered.
-  const int64_t last_ns = pictures->Take(9, 0, pixels);
+  EXPECT_EQ(frames->late(), 0u);
+  // Frame 9 is not among the first ones rendered.
+  const int64_t last_ns = frames->Take(9, 0, pixels);
   EXPECT_EQ(*std::max_element(pixels.begin(), pixels.end()), 0);
-  EXPECT_EQ(pictures->late(), 1u);
+  EXPECT_EQ(frames->late(), 1u);
   EXPECT_NEAR(static_cast<double>(last_ns - first_ns), 0.9e9, 1e3);
-  const int64_t after_ns = pictures->Take(12, 0.004, pixels);
+  const int64_t after_ns = frames->Take(12, 0.004, pixels);
   EXPECT_NEAR(static_cast<double>(after_ns - last_ns), 0.3e9 - 0.002e9, 1e3);
   EXPECT_EQ(*std::max_element(pixels.begin(), pixels.end()), 0);
-  EXPECT_EQ(pictures->late(), 1u);
+  EXPECT_EQ(frames->late(), 1u);
 }
 
-TEST(RenderedFrames, RefuseACameraThatIsNotThere) {
+TEST(RenderedFrames, RefuseAMissingCamera) {
   RenderedFramesOptions options = SmallWorld("Mono8");
   options.camera_index = 7;
   EXPECT_FALSE(RenderedFrames::Create(options).ok());

@@ -72,14 +72,14 @@ TEST(LocalCommand, CalibratesTheRealRecording) {
   EXPECT_EQ(WithoutIdentity(json::parse(again.output)), WithoutIdentity(calibration));
 }
 
-TEST(LocalCommand, CalibratesASimulatedRigToItsTruth) {
+TEST(LocalCommand, CalibratesASimulatedRigToGroundTruth) {
   const CommandResult result =
       RunCommand({"rigcal", "local", "--simulate", "", "--target", kTarget, "-o", "json"});
   ASSERT_EQ(result.exit_code, 0) << result.error;
   const json calibration = json::parse(result.output);
   ASSERT_EQ(calibration["cameras"].size(), 6u);
   ASSERT_EQ(calibration["truth"]["cameras"].size(), 6u);
-  // The bounds of the project's first milestone: 0.3 px noise, 2 % outliers, nominal spacing.
+  // Requirements for 0.3 px of noise, 2 % outliers, nominal spacing.
   EXPECT_LE(calibration["truth"]["max_position_error_m"], 0.002);
   EXPECT_LE(calibration["truth"]["max_rotation_error_deg"], 0.05);
   EXPECT_GT(calibration["truth"]["max_position_error_m"], 0.0) << "nothing was compared";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same set of observations gives the same stored rows and the same calibration bit for bit, in
-// whatever order, cut and repetition it is delivered to a real server.
+// The same set of observations gives the same stored rows and the same calibration bit for bit, for
+// any order, batching and repetition of its delivery to a real server.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Four simulated cameras with rendered pixels, each seen through the detector of its own agent,
-// calibrated by a real server, against the truth of the simulated world.
+// calibrated by a real server, against ground truth.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ constexpr int kCameras = 4;
 constexpr char kTarget[] = "wand:0,0.13,0.39;diameter=0.04;hz=500";
 constexpr char kWorld[] = "seed=1;cameras=4;duration=40;rate=10";
 
-// Calibrates what the agents of this world see; `more` goes behind each source.
+// Calibrates the rig of this world; `more` is appended to each source.
 absl::StatusOr<v1::Calibration> CalibrateFromPixels(const std::string& more) {
   const TemporaryDirectory directory;
   ServerProcess server(directory.path() / "store");
@@ -94,7 +94,7 @@ TEST(PixelCalibration, FindsTheRigToAMillimetre) {
         (truth.Inverse().translation_m - found.Inverse().translation_m).norm();
     const double rotation_deg =
         truth.rotation.angularDistance(found.rotation) * 180 / std::numbers::pi;
-    // The bounds that the project sets itself for rendered pixels.
+    // The requirements for rendered pixels.
     EXPECT_LE(position_m, 0.001) << camera.description.camera;
     EXPECT_LE(rotation_deg, 0.03) << camera.description.camera;
     std::cout << camera.description.camera << ": " << position_m * 1e3 << " mm, " << rotation_deg
@@ -112,7 +112,7 @@ TEST(PixelCalibration, FindsTheOffsetsPutIntoTwoCameras) {
   for (const auto& [camera, offset_s] : Offsets(*without)) offsets_s[camera] -= offset_s;
   const std::map<std::string, double> put_in_s = {
       {"sim_0", 0}, {"sim_1", 0.004}, {"sim_2", 0}, {"sim_3", -0.007}};
-  // Offsets count from the median clock, which is no camera of its own here: compare differences.
+  // Offsets are relative to the median clock, which is no single camera here: compare differences.
   for (const auto& [camera, offset_s] : put_in_s) {
     EXPECT_NEAR(offsets_s.at(camera) - offsets_s.at("sim_0"), offset_s, 0.0002) << camera;
   }

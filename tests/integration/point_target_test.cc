@@ -49,7 +49,7 @@ TEST(PointTarget, IsCalibratedUpToScaleAndClaimsNoMetres) {
   EXPECT_THAT(calibration["target"]["spans"], IsEmpty());
   EXPECT_EQ(calibration["target"]["scale_sigma_rel"], 0);
   EXPECT_FALSE(calibration.contains("wand_volume"));
-  // Against the truth after a similarity; 2 mm as for the wand.
+  // Against ground truth after a similarity; 2 mm as for the wand.
   EXPECT_LE(calibration["truth"]["max_position_error_m"], 0.002);
   EXPECT_GT(calibration["truth"]["max_position_error_m"], 0.0) << "nothing was compared";
   EXPECT_LE(calibration["truth"]["max_rotation_error_deg"], 0.05);
@@ -89,7 +89,7 @@ TEST(PointTarget, IsMetricWithAKnownDistance) {
   EXPECT_LE(calibration["truth"]["max_rotation_error_deg"], 0.05);
 }
 
-TEST(PointTarget, ADistanceThatCannotBeUsedIsRefused) {
+TEST(PointTarget, RefusesAnUnusableDistance) {
   const CommandResult unknown = Local({"--distance", "sim_1,cellar,2"});
   EXPECT_EQ(unknown.exit_code, 1);
   EXPECT_THAT(unknown.error, AllOf(HasSubstr("cellar"), HasSubstr("sim_4")));

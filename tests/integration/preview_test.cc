@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a camera sees, from the agent's picture to a file, through the real programs.
+// Previews, from a frame of the agent to a file, through the real programs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -52,7 +52,7 @@ class PreviewPrograms : public ::testing::Test {
   ServerProcess server_{directory_.path() / "store"};
 };
 
-TEST_F(PreviewPrograms, APictureComesWhileASessionCapturesAndFitsTheAgentsLimit) {
+TEST_F(PreviewPrograms, ArrivesDuringACaptureWithinTheAgentsLimit) {
   Process agent(Agent("pc", "cam=sim:camera=0;pixels=1",
                       "[preview]\nenabled = true\nmax_kb = 32\nmax_rate_hz = 10\n"));
   ASSERT_TRUE(AwaitAgents(1)) << agent.StandardError();
@@ -70,19 +70,19 @@ TEST_F(PreviewPrograms, APictureComesWhileASessionCapturesAndFitsTheAgentsLimit)
     return taken.exit_code == 0;
   })) << taken.error;
   const json meta = json::parse(taken.output);
-  const cv::Mat picture = cv::imread(File(), cv::IMREAD_COLOR);
-  ASSERT_FALSE(picture.empty());
+  const cv::Mat image = cv::imread(File(), cv::IMREAD_COLOR);
+  ASSERT_FALSE(image.empty());
   EXPECT_LE(std::filesystem::file_size(File()), 32u << 10);
   EXPECT_EQ(std::filesystem::file_size(File()), meta.at("info").at("jpeg_bytes"));
-  EXPECT_EQ(picture.cols, meta.at("info").at("jpeg_size_px").at("width"));
-  EXPECT_EQ(picture.rows, meta.at("info").at("jpeg_size_px").at("height"));
+  EXPECT_EQ(image.cols, meta.at("info").at("jpeg_size_px").at("width"));
+  EXPECT_EQ(image.rows, meta.at("info").at("jpeg_size_px").at("height"));
   EXPECT_EQ(meta.at("info").at("image_size_px").at("width"), 1280);
   EXPECT_EQ(meta.at("agent_id"), "pc");
 
   const CommandResult unknown = Preview("other");
   EXPECT_EQ(unknown.exit_code, 1);
   EXPECT_THAT(unknown.error, HasSubstr("connected are rig/cam"));
-  // Counts of pictures come with the reports.
+  // Frame counts come with the reports.
   EXPECT_TRUE(WaitFor([&] {
     const json session = json::parse(Rigcal({"session", "get", "wave", "-o", "json"}).output);
     const json& camera = session.at("cameras").at(0);
@@ -91,7 +91,7 @@ TEST_F(PreviewPrograms, APictureComesWhileASessionCapturesAndFitsTheAgentsLimit)
   }));
 }
 
-TEST_F(PreviewPrograms, SaysThatPreviewsAreOffOrThatThereAreNoPictures) {
+TEST_F(PreviewPrograms, ReportsPreviewsThatAreOffAndCamerasWithoutFrames) {
   Process silent(Agent("silent", "cam=sim:camera=0;pixels=1"));
   Process blind(Agent("blind", "rows=sim:camera=1", "[preview]\nenabled = true\n"));
   ASSERT_TRUE(AwaitAgents(2)) << silent.StandardError() << blind.StandardError();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A calibration below the quality gate ends with an exit code of its own, and says why.
+// A calibration below the quality gate has its own exit code, and reports the cause.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -29,14 +29,14 @@ class BadRecording : public ::testing::Test {
     options.duration_s = 30;
     options.rate_hz = 10;
     WriteRecordedRig(options, data());
-    // The lens of sim_1 was zoomed by 15 % after it had been calibrated.
+    // The lens of sim_1 was zoomed by 15 % after its calibration.
     const fs::path file = data() / "sim_1.yaml";
     std::ifstream stream(file);
     std::string text(std::istreambuf_iterator<char>(stream), {});
     const size_t begin = text.find('[', text.find("camera_matrix")) + 1;
     const size_t end = text.find(']', begin);
     ASSERT_NE(end, std::string::npos) << text;
-    // OpenCV writes "0.", which JSON does not know.
+    // OpenCV writes "0.", which is not JSON.
     std::vector<double> matrix;
     std::stringstream values(text.substr(begin, end - begin));
     for (std::string value; std::getline(values, value, ',');) matrix.push_back(std::stod(value));
@@ -74,7 +74,7 @@ TEST_F(BadRecording, EndsWithExitCode3AndTheCause) {
   EXPECT_FALSE(calibration.contains("camera_covariance"));
 }
 
-TEST_F(BadRecording, RefiningTakesItOut) {
+TEST_F(BadRecording, RefinementFixesIt) {
   const CommandResult result = Local("refined");
   EXPECT_EQ(result.exit_code, 0) << result.error;
   EXPECT_NE(json::parse(result.output)["quality"]["grade"], "BAD");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A server killed in the middle of a capture comes back on the same data and the capture completes
-// with every observation stored once.
+// A server killed during a capture is restarted on the same data, and the capture completes with
+// every observation stored once.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -39,7 +39,7 @@ uint32_t StoredCount(const std::string& address) {
   return session.ok() ? session->observation_count() : 0;
 }
 
-// Every (camera, stream epoch, seq) once, and as many as there are.
+// Each (camera, stream epoch, seq) is stored exactly once.
 void ExpectStoredOnce(ServerClient& client, uint32_t expected) {
   const auto batches = client.ReadObservations("wave");
   ASSERT_THAT(batches, IsOk());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Four simulated cameras with rendered pictures, through agents and server, as a user types it.
+// Four simulated cameras with rendered frames, through agents and server, as a user types it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -34,7 +34,7 @@ std::map<std::string, double> OffsetsOf(const json& calibration) {
   return offsets;
 }
 
-TEST(SimulatedPictures, CalibrateToTheTruthAndTellOffsets) {
+TEST(SimulatedFrames, CalibrateToGroundTruthAndRecoverOffsets) {
   const json plain = Calibrate("");
   ASSERT_FALSE(plain.is_null());
   EXPECT_LE(plain["truth"]["max_position_error_m"], 0.001);
@@ -45,7 +45,7 @@ TEST(SimulatedPictures, CalibrateToTheTruthAndTellOffsets) {
   ASSERT_FALSE(shifted.is_null());
   EXPECT_LE(shifted["truth"]["max_position_error_m"], 0.001);
   std::map<std::string, double> before = OffsetsOf(plain), after = OffsetsOf(shifted);
-  // Each against camera 0, which has none: the median clock is another one in the two runs.
+  // Each against camera 0, which has none: the median clock differs between the runs.
   const auto moved = [&](const std::string& camera) {
     return (after[camera] - after["sim_0"]) - (before[camera] - before["sim_0"]);
   };

@@ -11,8 +11,9 @@
 
 namespace rigcal::testing {
 
-// A wand of three spheres that blinks in front of an event camera and moves sideways: discs whose
-// pixels change when the light does. For plumbing; the physics of sensors are in common/simulation.
+// A blinking wand of three spheres that moves sideways in front of an event camera: discs whose
+// pixels change with the light. For tests of the data flow; for sensor physics see
+// common/simulation.
 struct BlinkingWand {
   agent::SensorGeometry geometry{640, 480};
   double blink_hz = 500;
@@ -33,7 +34,6 @@ struct BlinkingWand {
   std::vector<uint8_t> RawFile() const;
 };
 
-// Writes and reads whole files.
 void WriteBytes(const std::string& path, const std::vector<uint8_t>& bytes);
 
 }  // namespace rigcal::testing

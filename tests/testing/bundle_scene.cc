@@ -32,7 +32,7 @@ class Builder {
     truth_.target.given_positions_m = options_.marker_positions_m;
     truth_.target.fixed = !options_.free_spacing;
     for (int i = 0; i < options_.instant_count; ++i) AddInstant(i);
-    return {Disturbed(), truth_};
+    return {Perturbed(), truth_};
   }
 
  private:
@@ -139,20 +139,21 @@ class Builder {
     if (Uniform(0, 1) < options_.outlier_share) {
       marker.centre_px = {Uniform(0, kWidth), Uniform(0, kHeight)};
     }
-    // Elongated and turned, so that neither its shape nor its orientation can be mixed up.
+    // Elongated and rotated: errors of shape or orientation show.
     const double angle = Uniform(0, M_PI), sigma = std::max(options_.noise_px, 0.1);
     marker.sqrt_information = Eigen::DiagonalMatrix<double, 2>(1 / sigma, 0.8 / sigma) *
                               Eigen::Rotation2Dd(angle).toRotationMatrix();
     return marker;
   }
 
-  BundleProblem Disturbed() {
+  BundleProblem Perturbed() {
     BundleProblem start = truth_;
     const double scale = options_.start_error;
     for (BundleCamera& camera : start.cameras) {
-      const Eigen::Vector3d turn = Normal3(0.01 * scale), shift = Normal3(0.02 * scale);
+      const Eigen::Vector3d rotation = Normal3(0.01 * scale), shift = Normal3(0.02 * scale);
       if (!camera.pose_fixed) {
-        const Eigen::Quaterniond by(Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()));
+        const Eigen::Quaterniond by(
+            Eigen::AngleAxisd(rotation.norm(), rotation.stableNormalized()));
         camera.cam_from_rig.rotation = by * camera.cam_from_rig.rotation;
         camera.cam_from_rig.translation_m += shift;
       }

@@ -9,19 +9,19 @@
 
 namespace rigcal::testing {
 
-// A bundle adjustment made up from numbers: cameras in a ring look at a wand in random poses. Its
-// measured centres obey the residual of bundle_problem.h exactly but for noise and outliers.
+// A synthetic bundle adjustment: cameras in a ring around random wand poses. Its centres satisfy
+// the residual of bundle_problem.h exactly, except for noise and outliers.
 struct BundleSceneOptions {
   uint32_t seed = 1;
   int camera_count = 4;
   int instant_count = 40;
   std::vector<double> marker_positions_m = {0, 0.13, 0.39};
-  std::vector<DistortionModel> models = {DistortionModel::kBrownConrady};  // taken in turns
+  std::vector<DistortionModel> models = {DistortionModel::kBrownConrady};  // assigned in turn
   double noise_px = 0.3;
-  double outlier_share = 0;  // of markers, put anywhere in the image
+  double outlier_share = 0;  // of markers, moved anywhere in the image
   double hidden_share = 0;   // of observations
   double dropout_share = 0;  // of markers
-  int clock_count = 0;       // cameras take clocks in turns; 0: each its own
+  int clock_count = 0;       // cameras share them in turn; 0: one for each camera
   double offset_s = 0.004;   // one sigma of the true offsets
   double rate = 2e-5;        // one sigma of the true rates
   double start_error = 1;    // 1: 0.01 rad, 2 cm for cameras; 3 cm, 0.05 rad for instants
@@ -40,10 +40,10 @@ struct BundleScene {
 
 BundleScene MakeBundleScene(const BundleSceneOptions& options);
 
-// Four cameras with all lens models, a number of instants that fills no group of eight.
+// Four cameras with all lens models, and a number of instants that is no multiple of eight.
 BundleSceneOptions SmallBundleScene();
 
-// Tolerances that leave nothing to rounding but the last digits.
+// Tolerances at which only rounding remains.
 server::BundleOptions TightTolerances();
 
 }  // namespace rigcal::testing

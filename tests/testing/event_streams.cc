@@ -15,7 +15,7 @@ constexpr std::array<double, 3> kDiameterPx = {20, 25, 30};
 constexpr double kStepUs = 50;
 constexpr int kEdgeCount = 6;
 
-// Pixels of a disc that are lit, before and after one step of time.
+// Lit pixels of a disc before and after one time step.
 class DiscPainter {
  public:
   DiscPainter(const EventStreamOptions& options, std::mt19937* random, std::vector<CdEvent>* events)
@@ -71,7 +71,7 @@ void AddNoise(const EventStreamOptions& options, std::mt19937* random,
   }
 }
 
-// Vertical edges that walk to the right: each column they reach fires over its whole height.
+// Vertical edges moving to the right: each column they reach fires over its whole height.
 void AddEdges(const EventStreamOptions& options, std::mt19937* random,
               std::vector<CdEvent>* events) {
   const double columns_per_s = options.edges_per_s / kStreamGeometry.height / kEdgeCount;

@@ -9,14 +9,14 @@
 
 namespace rigcal::testing {
 
-// A second of what an event camera sees, for benches and for comparing decoders and filters: three
-// blinking discs of 20, 25 and 30 pixels that move side by side, noise all over, and a comb of
-// vertical edges that moves across. No physics: for that see common/simulation.
+// One second of events, for benchmarks and for comparing decoders and filters: three
+// blinking discs of 20, 25 and 30 pixels moving side by side, noise everywhere, and a moving comb
+// of vertical edges. For sensor physics see common/simulation.
 struct EventStreamOptions {
   std::string name;
   double noise_per_s = 1e6;    // events, all pixels together
   double edges_per_s = 1.2e6;  // events, all edges together
-  bool rows_together = false;  // what changes in a row in one step is read out at one time
+  bool rows_together = false;  // all changes of a row in one step are read out together
   double duration_s = 1;
   double blink_hz = 500;
   double speed_px_s = 550;

@@ -21,8 +21,8 @@ namespace {
 
 constexpr uint16_t kControlPort = 3956;
 
-// Lets one process at a time have an address. The name lives as long as the socket: a process that
-// is killed leaves nothing behind.
+// A lock of an address between processes. It lives as long as the socket, so that a killed process
+// leaves nothing behind.
 class AddressLock {
  public:
   ~AddressLock() {
@@ -42,7 +42,7 @@ class AddressLock {
   int fd_ = -1;
 };
 
-// Aravis does not say when it could not have the port.
+// Aravis does not report a port in use.
 bool PortIsFree(const std::string& address) {
   sockaddr_in name{};
   name.sin_family = AF_INET;
@@ -76,7 +76,7 @@ FakeGigeCamera::FakeGigeCamera(FakeGigeCameraOptions options)
     : options_(std::move(options)), impl_(std::make_unique<Impl>()) {}
 
 FakeGigeCamera::~FakeGigeCamera() {
-  // Its thread calls us, and we ask it for its registers, until it is gone.
+  // Its thread calls Fill(), which reads its registers, until it has ended.
   if (impl_->camera) g_object_unref(impl_->camera.get());
   impl_->camera.release();
 }
@@ -112,7 +112,7 @@ absl::StatusOr<std::unique_ptr<FakeGigeCamera>> FakeGigeCamera::Create(
                       static_cast<uint32_t>(1e6 / set.frame_rate_hz));
   fake->WriteRegister(ARV_FAKE_CAMERA_REGISTER_EXPOSURE_TIME_US,
                       static_cast<uint32_t>(set.exposure_s * 1e6));
-  // How often it looks whether a trigger came.
+  // How often it polls for a trigger.
   arv_fake_camera_set_trigger_frequency(fake->impl_->registers(), 1000);
   arv_fake_camera_set_fill_pattern(
       fake->impl_->registers(),
@@ -125,7 +125,7 @@ absl::StatusOr<std::unique_ptr<FakeGigeCamera>> FakeGigeCamera::Create(
 
 void FakeGigeCamera::Fill(void* buffer, double exposure_s) {
   auto* const arv_buffer = static_cast<ArvBuffer*>(buffer);
-  size_t received = 0;  // nothing has come into this buffer: Aravis says 0
+  size_t received = 0;  // stays 0: nothing was received into this buffer
   void* const data = const_cast<void*>(arv_buffer_get_data(arv_buffer, &received));
   const size_t size =
       size_t{ReadRegister(ARV_FAKE_CAMERA_REGISTER_WIDTH)} *
@@ -152,7 +152,7 @@ std::optional<int64_t> FillTestImage(uint64_t index, double, std::span<uint8_t> 
   const auto first = static_cast<uint8_t>(index * 7);
   if (pixels.size() < 8) return std::nullopt;
   std::memset(pixels.data(), first, pixels.size());
-  // Every 1024th byte says where it is: packets in the wrong place would show.
+  // Every 1024th byte depends on its place, so that misplaced packets show.
   for (size_t i = 0; i < pixels.size(); i += 1024) {
     pixels[i] = static_cast<uint8_t>(index + i / 1024);
   }

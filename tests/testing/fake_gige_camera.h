@@ -14,9 +14,9 @@
 
 namespace rigcal::testing {
 
-// Writes picture `index` (from 0) as it goes over the wire: the pixels of the camera's format, rows
-// without padding. Returns the device's stamp of it, ns (none: the camera's own clock). Called by
-// the thread that also answers the camera's control packets: it must be quick.
+// Writes frame `index` (from 0) in the camera's pixel format, rows without padding. Returns its
+// device timestamp, ns (none: the camera's own clock). Called by the thread that also handles the
+// camera's control packets: it must be quick.
 using FillImage = std::function<std::optional<int64_t>(uint64_t index, double exposure_s,
                                                        std::span<uint8_t> pixels)>;
 
@@ -26,16 +26,16 @@ struct FakeGigeCameraOptions {
   int width = 1280;
   int height = 1024;
   std::string pixel_format = "Mono8";  // Mono8, BayerRG8 (GR, GB, BG), RGB8
-  double frame_rate_hz = 50;           // unless the other side sets it
-  double exposure_s = 0.005;           // unless the other side sets it
+  double frame_rate_hz = 50;           // unless the client sets it
+  double exposure_s = 0.005;           // unless the client sets it
   double lost_packet_share = 0;        // of packets that are not sent, 0 to 1
-  std::string genicam_path;            // another description of the camera; empty: Aravis' own
+  std::string genicam_path;            // GenICam description; empty: Aravis' own
   FillImage fill;                      // empty: FillTestImage
-  // For how long another camera at this address, of any process, is waited for.
+  // How long to wait for another camera at this address, of any process, to end.
   std::chrono::seconds wait_for_address{60};
 };
 
-// Aravis' fake GigE Vision camera: true control and stream packets over UDP, on this machine.
+// Aravis' fake GigE Vision camera: real control and stream packets over UDP, on this machine.
 class FakeGigeCamera {
  public:
   // UNAVAILABLE: the address or its port 3956 is in use or not of this machine.
@@ -44,7 +44,7 @@ class FakeGigeCamera {
   FakeGigeCamera(const FakeGigeCamera&) = delete;
   FakeGigeCamera& operator=(const FakeGigeCamera&) = delete;
 
-  // Pictures sent so far.
+  // Frames sent so far.
   uint64_t sent() const { return sent_; }
   // "Aravis-RIGCAL01", as Aravis names it.
   std::string id() const { return "Aravis-" + options_.serial; }
@@ -62,13 +62,13 @@ class FakeGigeCamera {
   std::unique_ptr<Impl> impl_;
 };
 
-// A picture that shows its number: the first eight bytes hold it, low byte first, the others follow
-// from it and their place. Returns no stamp.
+// A frame that contains its index: the first eight bytes hold it, low byte first; the others follow
+// from it and their position. Returns no timestamp.
 std::optional<int64_t> FillTestImage(uint64_t index, double exposure_s, std::span<uint8_t> pixels);
-// Whether all of these pixels are those of one test picture; its number.
+// Index of the test frame with exactly these pixels; none if a byte differs.
 std::optional<uint64_t> TestImageIndex(std::span<const uint8_t> pixels);
 
-// Aravis' own description of the fake camera, with `more` nodes put before its end.
+// Aravis' own description of the fake camera, with `more` nodes added.
 std::string FakeCameraXml(const std::string& more);
 
 }  // namespace rigcal::testing

@@ -17,7 +17,7 @@ class Process {
   struct Options {
     std::vector<std::string>
         arguments;  // [0]: name of a program in the build's bin folder, or a path
-    std::map<std::string, std::string> environment;  // on top of ours
+    std::map<std::string, std::string> environment;  // added to this process's
   };
   explicit Process(Options options);
   ~Process();
@@ -50,7 +50,7 @@ struct CommandResult {
 CommandResult RunCommand(std::vector<std::string> arguments,
                          std::map<std::string, std::string> environment = {});
 
-// Waits until `condition` holds, looking again every few milliseconds; false after `limit`.
+// Polls `condition` every few milliseconds until it holds; false after `limit`.
 template <typename Condition>
 bool WaitFor(Condition condition, std::chrono::seconds limit = std::chrono::seconds(60));
 

@@ -9,7 +9,7 @@
 namespace rigcal::testing {
 
 // The folder with the real recordings: RIGCAL_TEST_DATA, or ../shared/data beside the project. None
-// where there is no such folder.
+// if there is no such folder.
 std::optional<std::filesystem::path> RecordedDataDirectory();
 bool RunsInCi();  // CI=true
 

@@ -17,7 +17,7 @@ struct RecordedCamera {
 
 // Reads the folder of a recorded rig, `<camera>.csv` beside `<camera>.yaml`, as the agents would
 // deliver it: markers in capture order with clock epochs, one sigma of `sigma_px` each. For tests
-// of what comes after the agents; refuses anything malformed.
+// of the server; refuses anything malformed.
 absl::StatusOr<std::vector<RecordedCamera>> LoadRecordedTracks(const std::filesystem::path& folder,
                                                                double sigma_px = 0.5);
 

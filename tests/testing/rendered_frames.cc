@@ -9,7 +9,7 @@
 namespace rigcal::testing {
 namespace {
 
-// Which channel of BGR a Bayer sensor has at a pixel of its first two rows and columns.
+// The channel (of BGR) of a Bayer sensor at a pixel of its first two rows and columns.
 constexpr size_t kBlue = 0;
 constexpr size_t kGreen = 1;
 constexpr size_t kRed = 2;
@@ -58,24 +58,22 @@ void EncodeImage(const std::string& pixel_format, std::span<const uint8_t> bgr, 
 
 absl::StatusOr<std::unique_ptr<RenderedFrames>> RenderedFrames::Create(
     RenderedFramesOptions options) {
-  std::unique_ptr<RenderedFrames> pictures(new RenderedFrames(std::move(options)));
-  const RenderedFramesOptions& set = pictures->options_;
+  std::unique_ptr<RenderedFrames> frames(new RenderedFrames(std::move(options)));
+  const RenderedFramesOptions& set = frames->options_;
   RIGCAL_ASSIGN_OR_RETURN(SimulatedWorld world, SimulatedWorld::Create(set.simulation, set.target));
-  pictures->world_ = std::make_shared<const SimulatedWorld>(std::move(world));
+  frames->world_ = std::make_shared<const SimulatedWorld>(std::move(world));
   for (int i = 0; i < std::max(1, set.threads); ++i) {
-    RIGCAL_ASSIGN_OR_RETURN(
-        FrameRenderer renderer,
-        FrameRenderer::Create(pictures->world_, set.camera_index, set.rendering));
-    pictures->frame_count_ = static_cast<uint64_t>(pictures->world_->FrameCount(set.camera_index));
-    pictures->threads_.emplace_back(
-        [self = pictures.get(), renderer = std::move(renderer)]() mutable {
-          self->Render(std::move(renderer));
-        });
+    RIGCAL_ASSIGN_OR_RETURN(FrameRenderer renderer,
+                            FrameRenderer::Create(frames->world_, set.camera_index, set.rendering));
+    frames->frame_count_ = static_cast<uint64_t>(frames->world_->FrameCount(set.camera_index));
+    frames->threads_.emplace_back([self = frames.get(), renderer = std::move(renderer)]() mutable {
+      self->Render(std::move(renderer));
+    });
   }
-  std::unique_lock lock(pictures->mutex_);
-  const uint64_t first = std::min(static_cast<uint64_t>(set.ahead), pictures->frame_count_);
-  pictures->changed_.wait(lock, [&] { return pictures->ready_.size() >= first; });
-  return pictures;
+  std::unique_lock lock(frames->mutex_);
+  const uint64_t first = std::min(static_cast<uint64_t>(set.ahead), frames->frame_count_);
+  frames->changed_.wait(lock, [&] { return frames->ready_.size() >= first; });
+  return frames;
 }
 
 RenderedFrames::~RenderedFrames() {
@@ -96,13 +94,13 @@ void RenderedFrames::Render(FrameRenderer renderer) {
     changed_.wait(lock, [&] {
       return ending_ || next_render_ < next_due_ + static_cast<uint64_t>(options_.ahead);
     });
-    // What is late already is not worth its time.
+    // Frames that are late already are not rendered.
     next_render_ = std::max(next_render_, next_due_);
     if (ending_ || next_render_ >= frame_count_) return;
     const uint64_t index = next_render_++;
     lock.unlock();
     std::vector<uint8_t> pixels(bytes);
-    // Fails for no index below the count.
+    // Never fails for an index below the count.
     if (renderer.Render(static_cast<int>(index), bgr).ok()) {
       EncodeImage(options_.pixel_format, bgr, width, pixels);
     }
@@ -121,10 +119,10 @@ int64_t RenderedFrames::Take(uint64_t index, double exposure_s, std::span<uint8_
   {
     const std::lock_guard lock(mutex_);
     next_due_ = index + 1;
-    const auto picture = ready_.find(index);
-    const bool fits = picture != ready_.end() && picture->second.size() == pixels.size();
+    const auto frame = ready_.find(index);
+    const bool fits = frame != ready_.end() && frame->second.size() == pixels.size();
     if (fits) {
-      std::copy(picture->second.begin(), picture->second.end(), pixels.begin());
+      std::copy(frame->second.begin(), frame->second.end(), pixels.begin());
     } else {
       std::fill(pixels.begin(), pixels.end(), uint8_t{0});
       if (index < frame_count_) ++late_;

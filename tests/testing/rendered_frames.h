@@ -28,16 +28,16 @@ struct RenderedFramesOptions {
   Target target;
   int camera_index = 0;
   std::string pixel_format = "BayerRG8";  // Mono8, BayerRG8 (GR, GB, BG), RGB8
-  int threads = 2;                        // that render
-  int ahead = 50;                         // pictures that are rendered before they are due
+  int threads = 2;                        // rendering threads
+  int ahead = 50;                         // frames rendered before they are due
 };
 
-// The pictures of one camera of a simulated world as a GenICam camera sends them, rendered ahead by
-// threads of their own, so that taking one is quick. A picture that is not ready when it is due is
-// sent black and counted; after the last one everything is black.
+// The frames of one camera of a simulated world as a GenICam camera sends them, rendered ahead by
+// threads of their own. A frame that is not ready when it is due is sent black and counted; after
+// the last one every frame is black.
 class RenderedFrames {
  public:
-  // Renders the first `ahead` pictures before it returns.
+  // Renders the first `ahead` frames before it returns.
   static absl::StatusOr<std::unique_ptr<RenderedFrames>> Create(RenderedFramesOptions options);
   ~RenderedFrames();
   RenderedFrames(const RenderedFrames&) = delete;
@@ -45,17 +45,17 @@ class RenderedFrames {
 
   ImageSize image_size_px() const { return camera().description.image_size_px; }
   double rate_hz() const { return camera().rate_hz; }
-  // The camera's intrinsics and true pose, for the file that an agent is given.
+  // The camera's intrinsics and true pose, for an agent's calibration file.
   CameraExport Export(const std::string& name) const;
 
-  // Picture `index` as it goes over the wire. Its stamp: the start of its exposure on the device's
-  // clock, ns, where the exposure is as long as the other side believes; the middle is that of the
-  // rendered one. In growing order; for one thread.
+  // Frame `index` in the wire's format. Returns the start of its exposure on the device's clock,
+  // ns, for the exposure that the client has set; the middle is that of the rendered frame. Indices
+  // must increase; for one thread.
   int64_t Take(uint64_t index, double exposure_s, std::span<uint8_t> pixels);
-  // The picture of this moment, the first one at the first call: where pictures are asked for late
-  // or seldom, some are left out, and the device's clock keeps pace with the host's.
+  // The frame of this instant, the first one at the first call. After late or rare calls frames are
+  // skipped, so that the device's clock keeps pace with the host's.
   int64_t TakeNow(double exposure_s, std::span<uint8_t> pixels);
-  // Pictures that were sent black because they were not ready.
+  // Frames sent black because they were not ready.
   uint64_t late() const;
 
  private:
@@ -63,7 +63,7 @@ class RenderedFrames {
   const SimulatedCamera& camera() const {
     return world_->cameras()[static_cast<size_t>(options_.camera_index)];
   }
-  void Render(FrameRenderer renderer);  // a thread's work
+  void Render(FrameRenderer renderer);  // run by each thread
 
   const RenderedFramesOptions options_;
   std::shared_ptr<const SimulatedWorld> world_;

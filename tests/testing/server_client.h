@@ -15,8 +15,7 @@
 
 namespace rigcal::testing {
 
-// A tool that talks to a server as any program could: creates sessions, delivers without an agent,
-// calibrates, reads back.
+// A client of a server's API: creates sessions, delivers without an agent, calibrates, reads back.
 class ServerClient {
  public:
   explicit ServerClient(const std::string& address);
@@ -45,13 +44,13 @@ class ServerClient {
   std::unique_ptr<v1::StatusService::Stub> status_;
 };
 
-// Rows cut out of a batch one by one.
+// Each row of a batch as a batch of its own.
 std::vector<ObservationBatch> SingleRows(const ObservationBatch& batch);
 
-// What two calibrations of the same observations must agree on, as bytes: everything except ids,
-// version and `run`.
+// Everything on which two calibrations of the same observations must agree, as bytes: all except
+// ids, version and `run`.
 std::string ComparableBytes(v1::Calibration calibration);
-// The same for what is stored: every row with its number.
+// The same for stored observations: every row with its number.
 std::string ComparableBytes(const std::vector<ObservationBatch>& batches);
 
 }  // namespace rigcal::testing

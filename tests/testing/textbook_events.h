@@ -13,10 +13,10 @@
 
 namespace rigcal::testing {
 
-// The plain ways, as one would write them down after the papers and manuals: oracles of the tests
-// and yardsticks of the bench.
+// Plain implementations after papers and manuals: oracles of the tests and references of the
+// benchmarks.
 
-// EVT 3.0 word by word (docs.prophesee.ai, "EVT 3.0 Format"), trusting what it reads.
+// EVT 3.0 word by word (docs.prophesee.ai, "EVT 3.0 Format"), without any checks.
 // `consume(x, y, on, time_us)` per event.
 template <typename Consume>
 void DecodeTextbookEvt3(std::span<const uint8_t> bytes, Consume consume) {

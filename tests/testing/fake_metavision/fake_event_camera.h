@@ -23,7 +23,7 @@ struct FakeBias {
   bool can_change = true;
 };
 
-// What a fake camera sends from one start of its stream on.
+// The data of a fake camera after one start of its stream.
 struct FakeStream {
   enum class Then { kNothing, kEnd, kThrow };
 
@@ -31,20 +31,21 @@ struct FakeStream {
   Then then = Then::kNothing;
 };
 
-// What a fake camera is and does. Functions are named as in the SDK: "I_LL_Biases::set", "open".
+// Properties and behaviour of a fake camera. Functions are named as in the SDK: "I_LL_Biases::set",
+// "open".
 struct FakeEventCameraOptions {
   std::string serial = "00050423";
   int width = 640;
   int height = 480;
-  std::string format = "EVT3";     // now; the one that is asked for at opening goes before
-  std::string header_format = {};  // what a file's header would say; empty: nothing
+  std::string format = "EVT3";     // current; a format requested at opening overrides it
+  std::string header_format = {};  // of a file's header; empty: none
   std::vector<std::string> formats = {"EVT3", "EVT21"};
   std::map<std::string, FakeBias> biases = {{"bias_fo", {}}, {"bias_hpf", {0, 0, 120, true}}};
   std::map<Metavision::I_TriggerIn::Channel, short> inputs = {
       {Metavision::I_TriggerIn::Channel::Main, 0}};
   uint32_t lowest_rate = 1000;
   uint32_t highest_rate = 50'000'000;
-  std::deque<FakeStream> streams = {};      // one for each start; behind the last: nothing comes
+  std::deque<FakeStream> streams = {};      // one for each start; none after the last
   std::set<std::string> missing = {};       // facilities
   std::set<std::string> refusing = {};      // functions that return false
   std::set<std::string> throwing = {};      // functions that throw a HalException
@@ -58,17 +59,17 @@ class FakeEventCamera {
   // To be changed only while nothing reads from the camera.
   FakeEventCameraOptions options;
 
-  // What was done to it.
+  // Record of the calls.
   std::vector<std::string> calls;  // "set_mode_slave", "enable main", ...
   int opens = 0;
-  int starts = 0;  // tried
+  int starts = 0;  // attempted
   int stops = 0;
-  int polls_in_vain = 0;  // somebody looked for bytes when there were none
+  int polls_in_vain = 0;  // polls that found no bytes
   bool streaming = false;
-  bool anti_flicker = true;  // on, as no camera comes, to see that it is switched off
+  bool anti_flicker = true;  // on, unlike real cameras: it must be switched off
   std::optional<uint32_t> rate_limit;
 
-  // Throws, or tells whether the function is to succeed.
+  // Throws, or returns whether the function is to succeed.
   bool MayDo(const std::string& function) const;
   void Start();
   void Stop();
@@ -93,13 +94,13 @@ class FakeBus {
  public:
   static FakeBus& Get();
 
-  // Nothing is plugged in, nothing was asked.
+  // Removes all cameras and records.
   void Reset();
   std::shared_ptr<FakeEventCamera> Plug(FakeEventCameraOptions options);
 
   std::vector<std::shared_ptr<FakeEventCamera>> cameras;
-  std::vector<std::string> opened;  // the serial numbers that were asked for
-  int absences = 0;                 // so many more opens find nothing
+  std::vector<std::string> opened;  // requested serial numbers
+  int absences = 0;                 // number of further opens that find nothing
   bool list_throws = false;
 };
 

@@ -20,8 +20,8 @@
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
-#include "tests/accuracy/solver/recording.h"
 #include "tests/bench/suites.h"
+#include "tests/server/solve/recorded_input.h"
 #include "tests/testing/recorded_data.h"
 
 namespace rigcal::testing::recorded_bench {
@@ -52,7 +52,7 @@ struct Recording {
 
 Recording Load(const std::filesystem::path& data) {
   Recording recording;
-  recording.input = Must(accuracy::LoadRecording(data));
+  recording.input = Must(server::RecordedInput(data));
   server::CalibrationHooks hooks;
   hooks.solved = [&recording](const server::RigObservations& rig,
                               const server::RigSolution& solution) {

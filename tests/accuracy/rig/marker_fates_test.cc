@@ -7,6 +7,7 @@
 
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
+#include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::accuracy::marker_fates_test {
@@ -31,7 +32,7 @@ class CountFatesTest : public ::testing::Test {
     };
     CalibrationOptions fixed;
     fixed.intrinsics = fixed.time_offsets = fixed.marker_positions = Estimate::kFixed;
-    ASSERT_THAT(server::Calibrate(MakeInput(*world_), fixed, hooks).result, IsOk());
+    ASSERT_THAT(server::Calibrate(server::InputOf(*world_), fixed, hooks).result, IsOk());
     ASSERT_FALSE(solution_.built.problem.markers.empty());
   }
 

@@ -7,6 +7,7 @@
 
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
+#include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::accuracy::rig_covariance_test {
@@ -89,7 +90,7 @@ TEST(FromSolution, IsTheBoundUpToTheRobustLoss) {
   hooks.solved = [&](const server::RigObservations&, const server::RigSolution& solution) {
     stated = FromSolution(world, solution);
   };
-  ASSERT_THAT(server::Calibrate(MakeInput(world), options, hooks).result, IsOk());
+  ASSERT_THAT(server::Calibrate(server::InputOf(world), options, hooks).result, IsOk());
   ASSERT_THAT(stated, IsOk());
 
   InformationOptions information;

@@ -5,29 +5,6 @@
 #include <utility>
 
 namespace rigcal::accuracy {
-namespace {
-
-constexpr int kFramesPerClockSample = 25;
-
-}  // namespace
-
-server::CalibrationInput MakeInput(const SimulatedWorld& world) {
-  server::CalibrationInput input;
-  input.target = world.target();
-  for (int c = 0; c < static_cast<int>(world.cameras().size()); ++c) {
-    server::CameraTrack track;
-    track.session_id = "simulated";
-    track.camera = world.cameras()[static_cast<size_t>(c)].description;
-    for (int frame = 0; frame < world.FrameCount(c); ++frame) {
-      track.observations.push_back(world.Observe(c, frame));
-      if (world.options().clock_samples && frame % kFramesPerClockSample == 0) {
-        track.clock_samples.push_back({0, world.SampleClock(c, frame)});
-      }
-    }
-    input.tracks.push_back(std::move(track));
-  }
-  return input;
-}
 
 std::vector<std::vector<RowGroundTruth>> MakeRowGroundTruth(const SimulatedWorld& world) {
   SimulationOptions unflipped_options = world.options();

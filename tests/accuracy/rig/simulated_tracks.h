@@ -6,12 +6,8 @@
 
 #include "common/calibration/calibration.h"
 #include "common/simulation/world/simulated_world.h"
-#include "server/solve/calibrate.h"
 
 namespace rigcal::accuracy {
-
-// The observations of a simulated world as agents deliver them; row i of a camera is its frame i.
-server::CalibrationInput MakeInput(const SimulatedWorld& world);
 
 // Of one frame of one camera.
 struct RowGroundTruth {

@@ -7,6 +7,7 @@
 #include "common/simulation/world/random_stream.h"
 #include "common/status/status_macros.h"
 #include "server/solve/calibrate.h"
+#include "tests/server/solve/simulated_input.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -54,7 +55,8 @@ absl::Status Measure(const SimulatedWorld& world, ClocksTrial* trial) {
   hooks.solved = [&](const server::RigObservations&, const server::RigSolution& solution) {
     covariance = FromSolution(world, solution);
   };
-  const server::CalibrationOutcome outcome = server::Calibrate(MakeInput(world), options, hooks);
+  const server::CalibrationOutcome outcome =
+      server::Calibrate(server::InputOf(world), options, hooks);
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors,
                           CompareWithGroundTruth(world, *outcome.result));

@@ -8,6 +8,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/calibrate.h"
 #include "server/solve/rig/intrinsics_prior.h"
+#include "tests/server/solve/simulated_input.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -77,7 +78,8 @@ absl::Status Measure(const SimulatedWorld& world, ConsistencyTrial* trial) {
   hooks.solved = [&](const server::RigObservations&, const server::RigSolution& solution) {
     stated = FromSolution(world, solution);
   };
-  const server::CalibrationOutcome outcome = server::Calibrate(MakeInput(world), options, hooks);
+  const server::CalibrationOutcome outcome =
+      server::Calibrate(server::InputOf(world), options, hooks);
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors,
                           CompareWithGroundTruth(world, *outcome.result));

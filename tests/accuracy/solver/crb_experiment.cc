@@ -9,6 +9,7 @@
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/rig_information.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
+#include "tests/server/solve/simulated_input.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -16,7 +17,7 @@ namespace {
 absl::Status Measure(const SimulatedWorld& world, CrbTrial* trial) {
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = options.marker_positions = Estimate::kFixed;
-  const server::CalibrationOutcome outcome = server::Calibrate(MakeInput(world), options);
+  const server::CalibrationOutcome outcome = server::Calibrate(server::InputOf(world), options);
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
   const int reference = CameraIndex(world, outcome.result->reference_camera);
   RIGCAL_ASSIGN_OR_RETURN(const RigBound bound, ComputeRigBound(MakeTrueRig(world, reference), {}));

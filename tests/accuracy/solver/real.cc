@@ -11,6 +11,7 @@
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/solver/recording.h"
 #include "tests/accuracy/solver/solver_experiments.h"
+#include "tests/server/solve/recorded_input.h"
 #include "tests/testing/recorded_data.h"
 
 namespace rigcal::accuracy {
@@ -145,7 +146,7 @@ int RunReal() {
     fmt::print(stderr, "no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA\n");
     return 1;
   }
-  const absl::StatusOr<server::CalibrationInput> input = LoadRecording(*data);
+  const absl::StatusOr<server::CalibrationInput> input = server::RecordedInput(*data);
   if (!input.ok()) {
     fmt::print(stderr, "{}\n", input.status().ToString());
     return 1;

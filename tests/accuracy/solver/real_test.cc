@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tests/accuracy/solver/recording.h"
+#include "tests/server/solve/recorded_input.h"
 #include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
 
@@ -16,7 +17,7 @@ using ::rigcal::testing::IsOk;
 // and 0.51 mm.
 TEST(RealTest, RecordingHasTheRequiredAccuracy) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
-  ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, LoadRecording(data));
+  ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, server::RecordedInput(data));
   const server::CalibrationOutcome outcome = server::Calibrate(input, {});
   ASSERT_THAT(outcome.result, IsOk());
   ASSERT_EQ(outcome.result->cameras.size(), 4u);
@@ -46,7 +47,7 @@ TEST(RealTest, RecordingHasTheRequiredAccuracy) {
 // The offset must follow a known shift to 0.3 ms, also with fewer rows.
 TEST(RealTest, OffsetsFollowKnownShifts) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
-  ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, LoadRecording(data));
+  ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, server::RecordedInput(data));
   const server::CalibrationOutcome base = server::Calibrate(input, {});
   ASSERT_THAT(base.result, IsOk());
   for (const ClockChange& change :

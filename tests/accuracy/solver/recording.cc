@@ -9,9 +9,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "common/status/status_macros.h"
 #include "tests/accuracy/rig/statistics.h"
-#include "tests/testing/recorded_tracks.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -33,20 +31,6 @@ double AgainstOthers(const CalibrationResult& result, const std::string& name,
 }
 
 }  // namespace
-
-absl::StatusOr<server::CalibrationInput> LoadRecording(const std::filesystem::path& data) {
-  RIGCAL_ASSIGN_OR_RETURN(auto cameras, rigcal::testing::LoadRecordedTracks(data / "ewand"));
-  server::CalibrationInput input;
-  input.target.marker_positions_m = {0, 0.13, 0.39};
-  for (auto& camera : cameras) {
-    server::CameraTrack track;
-    track.session_id = "recorded";
-    track.camera = std::move(camera.description);
-    track.observations = std::move(camera.observations);
-    input.tracks.push_back(std::move(track));
-  }
-  return input;
-}
 
 absl::StatusOr<server::CalibrationInput> Change(const server::CalibrationInput& input,
                                                 const ClockChange& change) {

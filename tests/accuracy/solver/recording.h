@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <filesystem>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -9,9 +8,6 @@
 #include "server/solve/calibrate.h"
 
 namespace rigcal::accuracy {
-
-// The real recording `ewand` in the folder of recordings, with its authors' wand spacing.
-absl::StatusOr<server::CalibrationInput> LoadRecording(const std::filesystem::path& data);
 
 // A change of one camera's rows.
 struct ClockChange {

@@ -9,6 +9,7 @@
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/calibration_errors.h"
 #include "tests/accuracy/rig/rig_information.h"
+#include "tests/server/solve/simulated_input.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -20,7 +21,7 @@ absl::Status Measure(const SimulatedWorld& world, RobustnessTrial* trial) {
   hooks.solved = [&](const server::RigObservations& rig, const server::RigSolution& solution) {
     trial->fates = CountFates(world, rig, solution);
   };
-  const server::CalibrationOutcome outcome = server::Calibrate(MakeInput(world), {}, hooks);
+  const server::CalibrationOutcome outcome = server::Calibrate(server::InputOf(world), {}, hooks);
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors,
                           CompareWithGroundTruth(world, *outcome.result));

@@ -6,9 +6,9 @@
 #include <random>
 
 #include "server/solve/calibrate.h"
+#include "tests/server/solve/recorded_input.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/recorded_data.h"
-#include "tests/testing/recorded_tracks.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::calibrate_recorded_test {
@@ -17,18 +17,9 @@ namespace {
 using ::rigcal::testing::IsOk;
 
 CalibrationInput Recording(const std::filesystem::path& folder) {
-  const auto cameras = rigcal::testing::LoadRecordedTracks(folder / "ewand");
-  EXPECT_THAT(cameras, IsOk());
-  CalibrationInput input;
-  input.target = WandTarget();
-  for (const auto& camera : *cameras) {
-    CameraTrack track;
-    track.session_id = "s";
-    track.camera = camera.description;
-    track.observations = camera.observations;
-    input.tracks.push_back(std::move(track));
-  }
-  return input;
+  auto input = RecordedInput(folder);
+  EXPECT_THAT(input, IsOk());
+  return input.value_or(CalibrationInput{});
 }
 
 uint32_t Refused(const CalibrationResult& result, const std::string& camera,

@@ -5,7 +5,6 @@
 
 #include <utility>
 
-#include "server/associate/clean_track.h"
 #include "server/solve/evaluate/evaluated_solve.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
@@ -18,13 +17,7 @@ using ::rigcal::testing::IsOk;
 RigObservations Rig(const std::string& options, std::vector<ClockCorrection>* clocks) {
   const auto world = SimulatedWorld::Create(*ParseSimulationOptions(options), WandTarget());
   EXPECT_THAT(world, IsOk());
-  const CalibrationInput input = InputOf(*world);
-  RefusalCounter refused;
-  RigObservations rig;
-  rig.target = input.target;
-  rig.tracks = AlignClocks(input.tracks, CleanTracks(input.tracks, 3, &refused), &refused);
-  rig.index = IndexRig(rig.tracks, clocks);
-  return rig;
+  return RigOf(InputOf(*world), clocks);
 }
 
 TEST(FindBetterOffset, LeavesARigThatIsMatchedRightlyAlone) {

@@ -22,15 +22,6 @@ CalibrationInput Input(const std::string& options, const std::string& session = 
   return input;
 }
 
-RigObservations RigOf(const CalibrationInput& input, std::vector<ClockCorrection>* clocks) {
-  RefusalCounter refused;
-  RigObservations rig;
-  rig.target = input.target;
-  rig.tracks = AlignClocks(input.tracks, CleanTracks(input.tracks, 3, &refused), &refused);
-  rig.index = IndexRig(rig.tracks, clocks);
-  return rig;
-}
-
 TEST(SearchTimeOffsetsEdge, FindsThemThroughGapsAndDropouts) {
   std::vector<ClockCorrection> clocks;
   const RigObservations rig =

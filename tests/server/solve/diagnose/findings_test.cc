@@ -14,9 +14,9 @@
 #include "absl/strings/str_cat.h"
 #include "common/camera/camera_model.h"
 #include "server/solve/calibrate.h"
+#include "tests/server/solve/recorded_input.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/recorded_data.h"
-#include "tests/testing/recorded_tracks.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::findings_test {
@@ -282,17 +282,7 @@ TEST(Findings, CameraThatHangsOnFewInstants) {
 
 TEST(Findings, TheRealRecordingNamesTheCameraWhoseClockIsOff) {
   RIGCAL_REQUIRE_RECORDED_DATA(folder);
-  const auto cameras = rigcal::testing::LoadRecordedTracks(folder / "ewand");
-  ASSERT_THAT(cameras, IsOk());
-  CalibrationInput input;
-  input.target = WandTarget();
-  for (const auto& camera : *cameras) {
-    CameraTrack track;
-    track.session_id = "s";
-    track.camera = camera.description;
-    track.observations = camera.observations;
-    input.tracks.push_back(std::move(track));
-  }
+  ASSERT_OK_AND_ASSIGN(const CalibrationInput input, RecordedInput(folder));
   const CalibrationResult result = Solve(input, {});
   EXPECT_EQ(Alarms(result), Strings{"clock_offset:frame_0"});
   EXPECT_NEAR(Get(result, "clock_offset").value, -8.1, 0.5);

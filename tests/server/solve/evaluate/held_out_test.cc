@@ -128,12 +128,9 @@ Solved Solve(const std::string& text) {
   const auto world = SimulatedWorld::Create(*ParseSimulationOptions(text), WandTarget());
   EXPECT_THAT(world, IsOk());
   const CalibrationInput input = InputOf(*world);
-  RefusalCounter refused;
   std::vector<ClockCorrection> clocks;
   Solved solved;
-  solved.rig.target = input.target;
-  solved.rig.tracks = AlignClocks(input.tracks, CleanTracks(input.tracks, 3, &refused), &refused);
-  solved.rig.index = IndexRig(solved.rig.tracks, &clocks);
+  solved.rig = RigOf(input, &clocks);
   auto solution = SolveRig(solved.rig, clocks, solved.options);
   EXPECT_THAT(solution, IsOk());
   if (solution.ok()) solved.solution = *std::move(solution);

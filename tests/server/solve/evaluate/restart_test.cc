@@ -29,11 +29,8 @@ World MakeWorld(const std::string& options) {
   const auto simulated = SimulatedWorld::Create(*ParseSimulationOptions(options), WandTarget());
   EXPECT_THAT(simulated, IsOk());
   const CalibrationInput input = InputOf(*simulated);
-  RefusalCounter refused;
   World world;
-  world.rig.target = input.target;
-  world.rig.tracks = AlignClocks(input.tracks, CleanTracks(input.tracks, 3, &refused), &refused);
-  world.rig.index = IndexRig(world.rig.tracks, &world.clocks);
+  world.rig = RigOf(input, &world.clocks);
   const RigidTransform reference = simulated->cameras()[0].cam_from_rig;
   for (const SimulatedCamera& camera : simulated->cameras()) {
     world.true_poses.push_back(camera.cam_from_rig * reference.Inverse());

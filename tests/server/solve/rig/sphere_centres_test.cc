@@ -104,11 +104,9 @@ struct Placed {
 
 Placed Place(const CalibrationInput& input) {
   Placed placed;
-  RefusalCounter refused;
   std::vector<ClockCorrection> clocks;
-  placed.rig.target = placed.target = input.target;
-  placed.rig.tracks = AlignClocks(input.tracks, CleanTracks(input.tracks, 3, &refused), &refused);
-  placed.rig.index = IndexRig(placed.rig.tracks, &clocks);
+  placed.rig = RigOf(input, &clocks);
+  placed.target = input.target;
   const auto solution = SolveRig(placed.rig, clocks, {});
   EXPECT_THAT(solution, IsOk());
   if (!solution.ok()) return placed;

@@ -14,7 +14,7 @@
 #include "common/config/server_config.h"
 #include "common/status/status_macros.h"
 #include "common/wire/protocol_version.h"
-#include "server/ingest/queued_ingest.h"
+#include "server/ingest/ingest.h"
 #include "server/rpc/grpc_log.h"
 #include "server/rpc/rpc_server.h"
 #include "server/session/agent_directory.h"
@@ -138,9 +138,8 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   const auto report_progress = [&](const StreamKey& stream, const AppendOutcome& outcome) {
     coordinator->RecordProgress(stream, outcome);
   };
-  RIGCAL_ASSIGN_OR_RETURN(
-      const auto ingest,
-      QueuedIngest::Create(QueueOptions(limits), store.get(), coordinator.get(), report_progress));
+  RIGCAL_ASSIGN_OR_RETURN(const auto ingest, Ingest::Create(QueueOptions(limits), store.get(),
+                                                            coordinator.get(), report_progress));
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
       CalibrationRunner::Create(RunnerOptions(limits), store.get(), coordinator.get(), Calibrate));

@@ -82,9 +82,7 @@ ObservationBatch& MemorySpool::ChunkFor(const StreamKey& key, Stream& stream,
     return stream.chunks.back();
   }
   ObservationBatch& chunk = stream.chunks.emplace_back();
-  chunk.session_id = key.session_id;
-  chunk.camera = key.camera;
-  chunk.stream_epoch = key.stream_epoch;
+  chunk.stream = key;
   chunk.first_seq = stream.end_seq;
   chunk.clock_epoch = observation.clock_epoch;
   chunk.marker_count = static_cast<uint32_t>(stream.marker_count);
@@ -110,9 +108,7 @@ absl::StatusOr<ObservationBatch> MemorySpool::Read(const StreamKey& key, uint32_
   if (found == streams_.end()) return NotOpen(key);
   const Stream& stream = found->second;
   ObservationBatch batch;
-  batch.session_id = key.session_id;
-  batch.camera = key.camera;
-  batch.stream_epoch = key.stream_epoch;
+  batch.stream = key;
   batch.first_seq = std::max(from_seq, stream.first_seq);
   batch.marker_count = static_cast<uint32_t>(stream.marker_count);
 

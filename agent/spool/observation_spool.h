@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
 #include "common/target/observation.h"
 #include "common/time/clock.h"

@@ -26,8 +26,8 @@ void WriteObservationHead(uint32_t marker_count, std::ostream& out) {
 void WriteObservationRows(const ObservationBatch& batch, std::ostream& out) {
   for (size_t row = 0; row < batch.rows(); ++row) {
     std::string line =
-        absl::StrCat(batch.camera, ",", batch.stream_epoch, ",", batch.first_seq + row, ",",
-                     batch.clock_epoch, ",", batch.time_ns[row]);
+        absl::StrCat(batch.stream.camera, ",", batch.stream.stream_epoch, ",",
+                     batch.first_seq + row, ",", batch.clock_epoch, ",", batch.time_ns[row]);
     for (uint32_t m = 0; m < batch.marker_count; ++m) {
       if ((batch.visible_mask[row] >> m & 1U) != 0) {
         const size_t i = row * batch.marker_count + m;

@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "client/commands/command_context.h"
-#include "common/target/observation.h"
+#include "common/session/observation_batch.h"
 
 namespace rigcal::client {
 

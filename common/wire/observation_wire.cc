@@ -2,23 +2,16 @@
 #include "common/wire/observation_wire.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "absl/strings/str_cat.h"
 #include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
-#include "common/target/target.h"
 
 namespace rigcal::wire {
 namespace {
 
-absl::Status Fault(absl::string_view field, absl::string_view what) {
-  return absl::InvalidArgumentError(absl::StrCat("batch.", field, ": ", what));
-}
-
-absl::Status CheckSize(absl::string_view field, int size, int64_t expected) {
-  if (size == expected) return absl::OkStatus();
-  return Fault(field, absl::StrCat("has ", size, " values, expected ", expected));
+absl::Status Fault(absl::string_view message) {
+  return absl::InvalidArgumentError(absl::StrCat("batch.", message));
 }
 
 absl::Status CheckKey(absl::string_view session_id, absl::string_view camera,
@@ -40,38 +33,36 @@ void Copy(const Repeated& from, std::vector<T>* to) {
 }
 
 absl::Status CopyCentreKinds(const v1::ObservationBatch& proto, ObservationBatch* batch) {
-  const int64_t values = static_cast<int64_t>(batch->x_px.size());
-  const int given = proto.centre_kind_size();
-  if (given != 1) RIGCAL_RETURN_IF_ERROR(CheckSize("centre_kind", given, values));
-  batch->centre_kind.resize(batch->x_px.size());
-  for (size_t i = 0; i < batch->centre_kind.size(); ++i) {
-    const int kind = proto.centre_kind(given == 1 ? 0 : static_cast<int>(i));
+  batch->centre_kind.reserve(static_cast<size_t>(proto.centre_kind_size()));
+  for (int i = 0; i < proto.centre_kind_size(); ++i) {
+    const int kind = proto.centre_kind(i);
     if (kind < 0 || kind > v1::CENTRE_KIND_SPHERE_CENTRE) {
-      return Fault(absl::StrCat("centre_kind[", i, "]"),
-                   absl::StrCat(kind, " is not a known kind of centre"));
+      return Fault(absl::StrCat("centre_kind[", i, "]: ", kind, " is not a known kind of centre"));
     }
-    batch->centre_kind[i] = static_cast<uint8_t>(kind);
+    batch->centre_kind.push_back(static_cast<uint8_t>(kind));
   }
   return absl::OkStatus();
 }
 
+// Columns that the sender left out because all their values are the same.
+void FillOmittedColumns(ObservationBatch* batch) {
+  const size_t values = batch->x_px.size();
+  if (batch->time_delta_ns.empty()) batch->time_delta_ns.assign(values, 0);
+  if (batch->label_confidence.empty()) batch->label_confidence.assign(values, 1.0f);
+  if (batch->centre_kind.size() == 1) {
+    const uint8_t kind = batch->centre_kind.front();
+    batch->centre_kind.assign(values, kind);
+  }
+}
+
 // Values of invisible markers mean nothing; as zeros they cannot make equal observations differ.
-absl::Status ApplyVisibility(ObservationBatch* batch) {
+void ClearInvisibleMarkers(ObservationBatch* batch) {
   const uint32_t markers = batch->marker_count;
   for (size_t row = 0; row < batch->rows(); ++row) {
     const uint32_t mask = batch->visible_mask[row];
-    if (mask >> markers != 0) {
-      return Fault(absl::StrCat("visible_mask[", row, "]"),
-                   absl::StrCat("has bits beyond the ", markers, " markers"));
-    }
     for (uint32_t m = 0; m < markers; ++m) {
+      if ((mask >> m & 1u) != 0) continue;
       const size_t i = row * markers + m;
-      if ((mask >> m & 1u) != 0) {
-        if (batch->centre_kind[i] == 0) {
-          return Fault(absl::StrCat("centre_kind[", i, "]"), "unspecified for a visible marker");
-        }
-        continue;
-      }
       batch->x_px[i] = batch->y_px[i] = 0;
       batch->cov_xx_px2[i] = batch->cov_xy_px2[i] = batch->cov_yy_px2[i] = 0;
       batch->time_delta_ns[i] = 0;
@@ -79,32 +70,6 @@ absl::Status ApplyVisibility(ObservationBatch* batch) {
       batch->centre_kind[i] = 0;
     }
   }
-  return absl::OkStatus();
-}
-
-absl::Status CheckRanges(const v1::ObservationBatch& proto) {
-  if (proto.first_seq() == 0 && proto.time_ns_size() > 0) {
-    return Fault("first_seq", "must be at least 1");
-  }
-  constexpr uint64_t kLast = std::numeric_limits<uint32_t>::max();
-  if (proto.first_seq() + static_cast<uint64_t>(proto.time_ns_size()) > kLast) {
-    return Fault("first_seq", "the numbers of the rows do not fit in 32 bits");
-  }
-  const uint64_t end_seq = proto.first_seq() + static_cast<uint64_t>(proto.time_ns_size());
-  for (int i = 0; i < proto.dropped_size(); ++i) {
-    const v1::DroppedRange& range = proto.dropped(i);
-    const uint64_t end = uint64_t{range.first_seq()} + range.count();
-    if (range.first_seq() == 0 || range.count() == 0 || end > kLast) {
-      return Fault(absl::StrCat("dropped[", i, "]"), "not a range of sequence numbers");
-    }
-    if (range.first_seq() < end_seq && proto.first_seq() < end) {
-      return Fault(absl::StrCat("dropped[", i, "]"), "overlaps the rows of the batch");
-    }
-    if (range.reason().empty() || range.reason().size() > 64) {
-      return Fault(absl::StrCat("dropped[", i, "].reason"), "must have 1 to 64 characters");
-    }
-  }
-  return absl::OkStatus();
 }
 
 }  // namespace
@@ -112,33 +77,10 @@ absl::Status CheckRanges(const v1::ObservationBatch& proto) {
 absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
   if (absl::Status key = CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch());
       !key.ok()) {
-    return Fault("key", key.message());
+    return Fault(absl::StrCat("key: ", key.message()));
   }
-  RIGCAL_RETURN_IF_ERROR(CheckRanges(proto));
-  if (proto.marker_count() > static_cast<uint32_t>(kMaxMarkers) ||
-      (proto.marker_count() == 0 && proto.time_ns_size() > 0)) {
-    return Fault("marker_count",
-                 absl::StrCat(proto.marker_count(), " is not within 1 to ", kMaxMarkers));
-  }
-  const int rows = proto.time_ns_size();
-  const int64_t values = static_cast<int64_t>(rows) * proto.marker_count();
-  RIGCAL_RETURN_IF_ERROR(CheckSize("visible_mask", proto.visible_mask_size(), rows));
-  RIGCAL_RETURN_IF_ERROR(CheckSize("x_px", proto.x_px_size(), values));
-  RIGCAL_RETURN_IF_ERROR(CheckSize("y_px", proto.y_px_size(), values));
-  RIGCAL_RETURN_IF_ERROR(CheckSize("cov_xx_px2", proto.cov_xx_px2_size(), values));
-  RIGCAL_RETURN_IF_ERROR(CheckSize("cov_xy_px2", proto.cov_xy_px2_size(), values));
-  RIGCAL_RETURN_IF_ERROR(CheckSize("cov_yy_px2", proto.cov_yy_px2_size(), values));
-  if (proto.time_delta_ns_size() != 0) {
-    RIGCAL_RETURN_IF_ERROR(CheckSize("time_delta_ns", proto.time_delta_ns_size(), values));
-  }
-  if (proto.label_confidence_size() != 0) {
-    RIGCAL_RETURN_IF_ERROR(CheckSize("label_confidence", proto.label_confidence_size(), values));
-  }
-
   ObservationBatch batch;
-  batch.session_id = proto.session_id();
-  batch.camera = proto.camera();
-  batch.stream_epoch = proto.stream_epoch();
+  batch.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
   batch.first_seq = proto.first_seq();
   batch.clock_epoch = proto.clock_epoch();
   batch.marker_count = proto.marker_count();
@@ -151,11 +93,8 @@ absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
   Copy(proto.cov_yy_px2(), &batch.cov_yy_px2);
   Copy(proto.time_delta_ns(), &batch.time_delta_ns);
   Copy(proto.label_confidence(), &batch.label_confidence);
-  batch.time_delta_ns.resize(static_cast<size_t>(values), 0);
-  batch.label_confidence.resize(static_cast<size_t>(values), 1.0f);
-  if (values > 0) RIGCAL_RETURN_IF_ERROR(CopyCentreKinds(proto, &batch));
-  RIGCAL_RETURN_IF_ERROR(ApplyVisibility(&batch));
-
+  RIGCAL_RETURN_IF_ERROR(CopyCentreKinds(proto, &batch));
+  FillOmittedColumns(&batch);
   for (const v1::ClockSample& sample : proto.clock_samples()) {
     batch.clock_samples.push_back({sample.device_ns(), sample.host_monotonic_ns(),
                                    sample.host_utc_ns(), sample.uncertainty_ns()});
@@ -167,14 +106,16 @@ absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
   for (const v1::DroppedRange& range : proto.dropped()) {
     batch.dropped.push_back({range.first_seq(), range.count(), range.reason()});
   }
+  if (absl::Status shape = CheckShape(batch); !shape.ok()) return Fault(shape.message());
+  ClearInvisibleMarkers(&batch);
   return batch;
 }
 
 void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto) {
   proto->Clear();
-  proto->set_session_id(batch.session_id);
-  proto->set_camera(batch.camera);
-  proto->set_stream_epoch(batch.stream_epoch);
+  proto->set_session_id(batch.stream.session_id);
+  proto->set_camera(batch.stream.camera);
+  proto->set_stream_epoch(batch.stream.stream_epoch);
   proto->set_first_seq(batch.first_seq);
   proto->set_clock_epoch(batch.clock_epoch);
   proto->set_marker_count(batch.marker_count);

@@ -2,16 +2,15 @@
 #pragma once
 
 #include "absl/status/statusor.h"
+#include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
-#include "common/target/observation.h"
 #include "rigcal/v1/agent.pb.h"
 #include "rigcal/v1/observation.pb.h"
 
 namespace rigcal::wire {
 
-// FromProto checks form, not values: wrong column sizes, unknown enum values, mask bits beyond the
-// marker count, missing ids are INVALID_ARGUMENT with the field's path. Values (NaN, far outside)
-// pass through. The message's columns are moved or copied as blocks.
+// FromProto checks form, not values: missing ids, unknown enum values, and whatever CheckShape
+// finds are INVALID_ARGUMENT with the field's path. Values (NaN, far outside) pass through.
 absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto);
 void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto);
 

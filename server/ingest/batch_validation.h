@@ -1,28 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "common/session/stream_key.h"
-#include "common/target/observation.h"
-#include "server/ingest/ingest.h"
-#include "server/store/store.h"
+#include "absl/status/statusor.h"
+#include "common/session/observation_batch.h"
+#include "server/ingest/stream_context.h"
+#include "server/store/delivery.h"
 
 namespace rigcal::server {
 
-inline constexpr size_t kMaxListedFaults = 16;
-
-// What is wrong with the values of a batch.
-struct BatchFaults {
-  std::vector<RefusedRow> rows;          // all of them, by row; the first fault of each
-  std::vector<ObservationFault> listed;  // the first kMaxListedFaults of them
-};
-
-// Checks the values of every row against its camera. A row with one of these faults is refused, the
-// rest of the batch is kept:
+// Checks the values of every row against its camera, and returns the rows to refuse, each with its
+// first fault; the rest of the batch is kept:
 //   implausible_time      the row's time is negative or beyond 2^62 ns
 //   time_not_increasing   the row's time is before that of the row ahead (equal is not a fault
 //                         here: association treats it)
@@ -34,9 +23,8 @@ struct BatchFaults {
 //   bad_label_confidence  not within 0 to 1
 // Values of invisible markers are not looked at. Allocates nothing where nothing is wrong.
 //
-// Faults in protocol: INVALID_ARGUMENT that names the field (marker count not the target's, columns
-// of wrong sizes, a mask bit beyond the markers, an unknown kind of centre, numbers out of range).
-absl::Status ValidateBatch(const StreamContext& context, const ObservationBatch& batch,
-                           BatchFaults* faults);
+// The batch has passed CheckShape. INVALID_ARGUMENT: its marker count is not the target's.
+absl::StatusOr<std::vector<RefusedRow>> ValidateBatch(const StreamContext& context,
+                                                      const ObservationBatch& batch);
 
 }  // namespace rigcal::server

@@ -1,38 +1,63 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/ingest/ingest.h"
 
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "absl/container/flat_hash_map.h"
+#include "absl/strings/str_cat.h"
 #include "common/status/fault_list.h"
+#include "common/status/status_macros.h"
+#include "server/ingest/batch_validation.h"
 
 namespace rigcal::server {
 namespace {
 
-template <typename Value>
-size_t ColumnBytes(const std::vector<Value>& column) {
-  return column.capacity() * sizeof(Value);
+constexpr std::chrono::seconds kDiskFullCheckInterval{1};
+// Less than this on the disk counts as full.
+constexpr uint64_t kDiskHasRoomBytes = 16u << 20;
+// Faults listed in an acknowledgement; all are counted.
+constexpr size_t kMaxListedFaults = 16;
+
+// For messages.
+std::string StreamName(const StreamKey& stream) {
+  return absl::StrCat("session ", stream.session_id, ", camera ", stream.camera);
 }
 
-size_t ReportBytes(const CameraReport& report) {
-  size_t bytes = report.refused.capacity() * sizeof(Refusal);
-  for (const Refusal& refusal : report.refused) {
-    bytes += refusal.reason.capacity() + refusal.example.capacity();
+BatchAck MakeAck(const Delivery& delivery, const AppendOutcome& outcome, uint32_t send_window) {
+  const uint64_t send_limit = uint64_t{outcome.durable_seq} + send_window;
+  BatchAck ack;
+  ack.stream = delivery.stream();
+  ack.durable_seq = outcome.durable_seq;
+  ack.send_limit_seq =
+      static_cast<uint32_t>(std::min<uint64_t>(send_limit, std::numeric_limits<uint32_t>::max()));
+  for (const RefusedRow& refused : delivery.refused_rows) {
+    if (ack.faults.size() == kMaxListedFaults) break;
+    ack.faults.push_back(
+        {.seq = delivery.batch.first_seq + refused.row,
+         .field = absl::StrCat(std::string(refused.field), "[", refused.value, "]"),
+         .reason = std::string(refused.reason)});
   }
-  return bytes;
+  ack.fault_count = static_cast<uint32_t>(delivery.refused_rows.size());
+  ack.complete = outcome.complete;
+  return ack;
+}
+
+void AddUp(const AppendOutcome& outcome, AppendOutcome* total) {
+  AppendOutcome sum = outcome;
+  sum.stored_rows += total->stored_rows;
+  sum.duplicate_rows += total->duplicate_rows;
+  sum.refused_rows += total->refused_rows;
+  *total = sum;
 }
 
 }  // namespace
-
-size_t Delivery::Bytes() const {
-  size_t bytes = sizeof(Delivery) + ColumnBytes(batch.time_ns) + ColumnBytes(batch.visible_mask) +
-                 ColumnBytes(batch.x_px) + ColumnBytes(batch.y_px) + ColumnBytes(batch.cov_xx_px2) +
-                 ColumnBytes(batch.cov_xy_px2) + ColumnBytes(batch.cov_yy_px2) +
-                 ColumnBytes(batch.time_delta_ns) + ColumnBytes(batch.label_confidence) +
-                 ColumnBytes(batch.centre_kind) + ColumnBytes(batch.clock_samples) +
-                 ColumnBytes(batch.host_alignments) + ColumnBytes(batch.dropped);
-  for (const DroppedRange& dropped : batch.dropped) bytes += dropped.reason.capacity();
-  if (end) bytes += ReportBytes(end->report);
-  if (report) bytes += ReportBytes(*report);
-  return bytes;
-}
 
 absl::Status IngestOptions::Validate() const {
   FaultList faults;
@@ -40,6 +65,179 @@ absl::Status IngestOptions::Validate() const {
   if (group_limit_bytes == 0) faults.Add("group_limit_bytes must be at least 1");
   if (send_window == 0) faults.Add("send_window must be at least 1 row");
   return faults.Result("ingest options: ");
+}
+
+absl::StatusOr<std::unique_ptr<Ingest>> Ingest::Create(const IngestOptions& options, Store* store,
+                                                       const StreamContextSource* contexts,
+                                                       ProgressHook on_progress) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  return std::unique_ptr<Ingest>(new Ingest(options, store, contexts, std::move(on_progress)));
+}
+
+Ingest::Ingest(const IngestOptions& options, Store* store, const StreamContextSource* contexts,
+               ProgressHook on_progress)
+    : options_(options),
+      store_(store),
+      contexts_(contexts),
+      on_progress_(std::move(on_progress)),
+      queue_(options.queue_limit_bytes, options.group_limit_bytes) {}
+
+Ingest::~Ingest() { Shutdown(); }
+
+void Ingest::Start() {
+  writer_ = std::thread([this] { RunWriter(); });
+}
+
+void Ingest::Shutdown() {
+  queue_.Close();
+  if (writer_.joinable()) return writer_.join();
+  // A writer that never ran.
+  while (std::optional<IngestQueue::Group> group = queue_.Take()) {
+    for (const IngestCallback& done : group->done) {
+      done(absl::UnavailableError("the server is shutting down; try again later"));
+    }
+    for (const auto& on_space : group->on_space) on_space();
+    queue_.Finish(*std::move(group));
+  }
+}
+
+absl::Status Ingest::Submit(Delivery& delivery, IngestCallback done,
+                            std::function<void()> on_space) {
+  RIGCAL_ASSIGN_OR_RETURN(const StreamContext context,
+                          contexts_->GetStreamContext(delivery.stream()));
+  RIGCAL_RETURN_IF_ERROR(failed());
+  const size_t bytes = delivery.Bytes();
+  RIGCAL_RETURN_IF_ERROR(queue_.Reserve(bytes, on_space));
+  auto refused_rows = ValidateBatch(context, delivery.batch);
+  if (!refused_rows.ok()) {
+    queue_.Release(bytes);
+    return absl::Status(refused_rows.status().code(),
+                        absl::StrCat(StreamName(delivery.stream()), ": ",
+                                     std::string(refused_rows.status().message())));
+  }
+  delivery.refused_rows = *std::move(refused_rows);
+  queue_.Push(std::move(delivery), std::move(done), bytes);
+  return absl::OkStatus();
+}
+
+IngestStats Ingest::Stats() const {
+  const std::lock_guard lock(mutex_);
+  IngestStats stats = stats_;
+  stats.queue_bytes = queue_.held_bytes();
+  return stats;
+}
+
+absl::Status Ingest::failed() const {
+  const std::lock_guard lock(mutex_);
+  return failed_;
+}
+
+bool Ingest::disk_full() const {
+  const std::lock_guard lock(mutex_);
+  return disk_full_;
+}
+
+void Ingest::RunWriter() {
+  while (true) {
+    std::optional<std::chrono::milliseconds> timeout;
+    if (disk_full()) timeout = kDiskFullCheckInterval;
+    std::optional<IngestQueue::Group> group = queue_.Take(timeout);
+    if (!group) return;
+    for (const auto& on_space : group->on_space) on_space();
+    if (group->deliveries.empty()) {
+      ForgetDiskFullWhenThereIsRoom();
+    } else {
+      Write(*group);
+    }
+    queue_.Finish(*std::move(group));
+  }
+}
+
+void Ingest::Write(const IngestQueue::Group& group) {
+  const absl::StatusOr<std::vector<AppendOutcome>> outcomes = Append(group);
+  NoteResult(outcomes);
+  if (!outcomes.ok()) {
+    for (const IngestCallback& done : group.done) done(outcomes.status());
+    return;
+  }
+  Answer(group, *outcomes);
+  if (on_progress_) ReportProgress(group, *outcomes);
+}
+
+absl::StatusOr<std::vector<AppendOutcome>> Ingest::Append(const IngestQueue::Group& group) {
+  RIGCAL_RETURN_IF_ERROR(failed());
+  try {
+    absl::StatusOr<std::vector<AppendOutcome>> outcomes = store_->Append(group.deliveries);
+    if (outcomes.ok() && outcomes->size() != group.deliveries.size()) {
+      return absl::InternalError("the store has not answered every delivery");
+    }
+    return outcomes;
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat("storing observations: ", error.what()));
+  }
+}
+
+void Ingest::NoteResult(const absl::StatusOr<std::vector<AppendOutcome>>& outcomes) {
+  const std::lock_guard lock(mutex_);
+  if (outcomes.ok()) {
+    ++stats_.commit_count;
+    for (const AppendOutcome& outcome : *outcomes) {
+      stats_.stored_observation_count += outcome.stored_rows;
+      stats_.duplicate_observation_count += outcome.duplicate_rows;
+      stats_.refused_observation_count += outcome.refused_rows;
+    }
+    if (disk_full_) spdlog::info("ingest: the disk has room again");
+    disk_full_ = false;
+    stats_.problem.clear();
+    return;
+  }
+  const absl::Status& status = outcomes.status();
+  if (!failed_.ok()) return;
+  if (absl::IsResourceExhausted(status)) {
+    if (!disk_full_) spdlog::error("ingest: {}", std::string(status.message()));
+    disk_full_ = true;
+  } else if (absl::IsUnavailable(status)) {
+    spdlog::warn("ingest: {}", std::string(status.message()));
+  } else {
+    // An error other than a full disk is most likely permanent, and trying a failed sync again is
+    // how data gets lost.
+    failed_ = absl::InternalError(
+        absl::StrCat("observations are not stored any more: ", std::string(status.message())));
+    spdlog::error("ingest: {}", std::string(failed_.message()));
+    stats_.problem = std::string(failed_.message());
+    return;
+  }
+  stats_.problem = std::string(status.message());
+}
+
+void Ingest::Answer(const IngestQueue::Group& group,
+                    const std::vector<AppendOutcome>& outcomes) const {
+  for (size_t i = 0; i < outcomes.size(); ++i) {
+    const Delivery& delivery = group.deliveries[i];
+    if (outcomes[i].unknown) {
+      group.done[i](absl::NotFoundError(
+          absl::StrCat(StreamName(delivery.stream()), ": does not exist (any more)")));
+    } else {
+      group.done[i](MakeAck(delivery, outcomes[i], options_.send_window));
+    }
+  }
+}
+
+void Ingest::ReportProgress(const IngestQueue::Group& group,
+                            const std::vector<AppendOutcome>& outcomes) const {
+  absl::flat_hash_map<StreamKey, AppendOutcome> by_stream;
+  for (size_t i = 0; i < outcomes.size(); ++i) {
+    if (!outcomes[i].unknown) AddUp(outcomes[i], &by_stream[group.deliveries[i].stream()]);
+  }
+  for (const auto& [stream, outcome] : by_stream) on_progress_(stream, outcome);
+}
+
+void Ingest::ForgetDiskFullWhenThereIsRoom() {
+  if (!disk_full() || store_->Health().free_bytes < kDiskHasRoomBytes) return;
+  const std::lock_guard lock(mutex_);
+  spdlog::info("ingest: the disk has room again");
+  disk_full_ = false;
+  stats_.problem.clear();
 }
 
 }  // namespace rigcal::server

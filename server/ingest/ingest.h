@@ -5,43 +5,22 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
+#include <mutex>
 #include <string>
+#include <thread>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "common/session/session.h"
-#include "common/target/observation.h"
+#include "common/session/stream_key.h"
+#include "server/ingest/ingest_queue.h"
+#include "server/ingest/stream_context.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
 
-// What arrives for one stream: rows, an end, a report, or several of them.
-struct Delivery {
-  StreamKey stream;
-  ObservationBatch batch;  // rows() == 0 and nothing dropped: none
-  std::optional<EndOfCapture> end;
-  std::optional<CameraReport> report;
-
-  size_t Bytes() const;  // memory it holds, for bounding queues
-};
-
-// What ingest must know of a stream's camera to check its values.
-struct StreamContext {
-  ImageSize image_size_px;
-  int marker_count = 0;
-};
-
-// Where ingest asks for it. Thread-safe, never blocks on the disk.
-class StreamContextSource {
- public:
-  virtual ~StreamContextSource() = default;
-  // NOT_FOUND: no such session, or no such camera in it. FAILED_PRECONDITION: not started.
-  virtual absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const = 0;
-};
-
 struct IngestOptions {
-  // Bytes of waiting deliveries at which Submit says "full".
+  // Bytes of waiting deliveries at which Submit reports that the queue is full.
   size_t queue_limit_bytes = 64u << 20;
   // One transaction takes at most this many bytes of deliveries.
   size_t group_limit_bytes = 1u << 20;
@@ -60,17 +39,39 @@ struct IngestStats {
   std::string problem;  // empty: healthy
 };
 
-using IngestCallback = std::function<void(absl::StatusOr<BatchAck>)>;
+// Called on the writer's thread after a commit, once for each stream in it: the counts of its
+// deliveries added up, the rest as after the last one. Must not block for long: no other commit
+// begins meanwhile.
+using ProgressHook = std::function<void(const StreamKey&, const AppendOutcome&)>;
 
-// Checks deliveries, and writes them through one writer: an acknowledgement means that the rows are
-// on disk. Knows no gRPC.
+// Checks deliveries and writes them with one thread: an acknowledgement means that the rows are on
+// disk. Everything queued during a commit goes into the next one (up to group_limit_bytes); nothing
+// waits for more to arrive.
+//
+// When the disk is full, the deliveries of that commit are given back with RESOURCE_EXHAUSTED, and
+// the next ones are tried as they arrive. After any other error of the store nothing is accepted
+// any more. IngestStats::problem reports both.
 class Ingest {
  public:
-  virtual ~Ingest() = default;
+  // `store` and `contexts` must outlive the ingest; `on_progress` may be empty. INVALID_ARGUMENT:
+  // the options.
+  static absl::StatusOr<std::unique_ptr<Ingest>> Create(const IngestOptions& options, Store* store,
+                                                        const StreamContextSource* contexts,
+                                                        ProgressHook on_progress);
+  ~Ingest();  // shuts down
 
-  // Checks `delivery` and queues it. Thread-safe; never blocks.
-  //   OK                  taken; `done` is called exactly once, later, on the writer's thread, and
-  //                       must not block
+  // Starts the writer; deliveries may be submitted before, and wait. Once only.
+  void Start();
+  // Accepts no more, writes what was accepted, calls every callback, ends the writer. Not from two
+  // threads at once.
+  void Shutdown();
+  // Returns when everything accepted so far is written and its callbacks have returned. The writer
+  // must run.
+  void WaitIdle() { queue_.WaitIdle(); }
+
+  // Checks the values of `delivery` and queues it. Thread-safe; never blocks.
+  //   OK                  accepted; `done` is called exactly once, later, on the writer's thread,
+  //                       and must not block
   //   INVALID_ARGUMENT    fault in protocol (marker count); the message names the field
   //   NOT_FOUND, FAILED_PRECONDITION   from the StreamContextSource
   //   RESOURCE_EXHAUSTED  the queue is full; `delivery` is untouched, and `on_space` is called once
@@ -80,9 +81,36 @@ class Ingest {
   // `done` gets NOT_FOUND when the session was deleted meanwhile, RESOURCE_EXHAUSTED when the disk
   // is full (nothing of the delivery is stored; send it again later), else the store's error.
   // `delivery` is moved from only when OK.
-  virtual absl::Status Submit(Delivery& delivery, IngestCallback done,
-                              std::function<void()> on_space) = 0;
-  virtual IngestStats Stats() const = 0;
+  absl::Status Submit(Delivery& delivery, IngestCallback done, std::function<void()> on_space);
+  IngestStats Stats() const;
+
+ private:
+  Ingest(const IngestOptions& options, Store* store, const StreamContextSource* contexts,
+         ProgressHook on_progress);
+
+  absl::Status failed() const;
+  bool disk_full() const;
+  void RunWriter();
+  void Write(const IngestQueue::Group& group);
+  absl::StatusOr<std::vector<AppendOutcome>> Append(const IngestQueue::Group& group);
+  void NoteResult(const absl::StatusOr<std::vector<AppendOutcome>>& outcomes);
+  void Answer(const IngestQueue::Group& group, const std::vector<AppendOutcome>& outcomes) const;
+  void ReportProgress(const IngestQueue::Group& group,
+                      const std::vector<AppendOutcome>& outcomes) const;
+  void ForgetDiskFullWhenThereIsRoom();
+
+  const IngestOptions options_;
+  Store* const store_;
+  const StreamContextSource* const contexts_;
+  const ProgressHook on_progress_;
+  IngestQueue queue_;
+
+  mutable std::mutex mutex_;
+  bool disk_full_ = false;
+  absl::Status failed_;  // not OK: nothing is accepted any more
+  IngestStats stats_;
+
+  std::thread writer_;
 };
 
 }  // namespace rigcal::server

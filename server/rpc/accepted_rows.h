@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "common/target/observation.h"
+#include "common/session/observation_batch.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {

@@ -29,6 +29,14 @@ absl::Status CheckWord(absl::string_view field, const std::string& word) {
                                                  kMaxWordBytes, " are allowed"));
 }
 
+absl::Status TakeEnd(const v1::EndOfCapture& proto, Delivery* delivery) {
+  RIGCAL_ASSIGN_OR_RETURN(EndOfCapture end, wire::FromProto(proto));
+  delivery->batch.stream = std::move(end.stream);
+  delivery->last_seq = end.last_seq;
+  delivery->report = std::move(end.report);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<Hello> ParseHello(const v1::AgentHello& proto) {
@@ -80,21 +88,19 @@ absl::StatusOr<Delivery> ParseDelivery(const v1::ObservationBatch& proto, uint32
   }
   Delivery delivery;
   RIGCAL_ASSIGN_OR_RETURN(delivery.batch, wire::FromProto(proto));
-  delivery.stream = {delivery.batch.session_id, delivery.batch.camera, delivery.batch.stream_epoch};
   return delivery;
 }
 
 absl::StatusOr<Delivery> ParseDelivery(const v1::EndOfCapture& proto) {
   Delivery delivery;
-  RIGCAL_ASSIGN_OR_RETURN(delivery.end, wire::FromProto(proto));
-  delivery.stream = delivery.end->stream;
+  RIGCAL_RETURN_IF_ERROR(TakeEnd(proto, &delivery));
   return delivery;
 }
 
 absl::StatusOr<Delivery> ParseDelivery(const v1::CameraReport& proto) {
   Delivery delivery;
   RIGCAL_ASSIGN_OR_RETURN(delivery.report, wire::FromProto(proto));
-  delivery.stream = delivery.report->stream;
+  delivery.batch.stream = delivery.report->stream;
   return delivery;
 }
 
@@ -105,8 +111,9 @@ absl::StatusOr<Delivery> ParseDelivery(const v1::UploadBatchRequest& proto, uint
   if (!proto.has_batch()) return ParseDelivery(proto.end_of_capture());
   RIGCAL_ASSIGN_OR_RETURN(Delivery delivery, ParseDelivery(proto.batch(), max_rows));
   if (proto.has_end_of_capture()) {
-    RIGCAL_ASSIGN_OR_RETURN(delivery.end, wire::FromProto(proto.end_of_capture()));
-    if (delivery.end->stream != delivery.stream) {
+    const StreamKey stream = delivery.stream();
+    RIGCAL_RETURN_IF_ERROR(TakeEnd(proto.end_of_capture(), &delivery));
+    if (delivery.stream() != stream) {
       return absl::InvalidArgumentError(
           "end_of_capture: is of another session, camera or stream_epoch than batch");
     }

@@ -194,7 +194,7 @@ void AgentStream::Deliver(absl::StatusOr<Delivery> delivery) {
     spdlog::warn("agent {}: {}", agent_id_, std::string(delivery.status().message()));
     return Close(delivery.status());
   }
-  const StreamKey& stream = delivery->stream;
+  const StreamKey& stream = delivery->stream();
   if (!cameras_.contains(stream.camera)) {
     return Close(absl::PermissionDeniedError(
         absl::StrCat("agent '", agent_id_, "' must not deliver camera '", stream.camera,

@@ -112,14 +112,15 @@ absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
     RIGCAL_RETURN_IF_ERROR(store.ReadObservations(id, "", [&](StoredBatch stored) -> absl::Status {
       if (cancelled) return absl::CancelledError("cancelled");
       if (stored.late) {
-        refused->Add(stored.batch.camera, "late", UsableRowCount(stored),
+        refused->Add(stored.batch.stream.camera, "late", UsableRowCount(stored),
                      absl::StrCat("arrived after session '", id, "' was finished"));
         return absl::OkStatus();
       }
-      const auto track = tracks.find(stored.batch.camera);
+      const auto track = tracks.find(stored.batch.stream.camera);
       if (track == tracks.end()) {
         return absl::DataLossError(absl::StrCat("session '", id, "' holds observations of camera '",
-                                                stored.batch.camera, "', which it does not have"));
+                                                stored.batch.stream.camera,
+                                                "', which it does not have"));
       }
       observation_count += AddRows(stored, &track->second);
       if (observation_count > max_observations) {

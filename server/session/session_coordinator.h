@@ -22,7 +22,7 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "common/session/session.h"
-#include "server/ingest/ingest.h"
+#include "server/ingest/stream_context.h"
 #include "server/session/agent_directory.h"
 #include "server/session/agent_link.h"
 #include "server/session/change_notifier.h"

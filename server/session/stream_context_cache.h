@@ -12,7 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/session/session.h"
-#include "server/ingest/ingest.h"
+#include "server/ingest/stream_context.h"
 
 namespace rigcal::server {
 

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,49 +12,9 @@
 #include "absl/types/span.h"
 #include "common/calibration/calibration_record.h"
 #include "common/session/session.h"
-#include "common/target/observation.h"
+#include "server/store/delivery.h"
 
 namespace rigcal::server {
-
-// A row of a delivery that ingest refused, and why. Both texts are static: a batch full of faults
-// costs no allocations. They say nothing about how rows were cut into batches, so that the counts
-// of a session do not either.
-struct RefusedRow {
-  uint32_t row = 0;         // of the batch, from 0
-  std::string_view reason;  // as in Refusal
-  std::string_view detail;  // in words: "the x of a marker is not finite"
-};
-
-// One delivery to a stream: rows, an end, a report, or several of them.
-struct AppendRequest {
-  StreamKey stream;
-  // `rows() == 0` with nothing dropped: no rows in this delivery. Refused rows are in it with their
-  // original values: they count towards durable_seq.
-  ObservationBatch batch;
-  std::vector<RefusedRow> refused_rows;  // by row
-  std::optional<uint32_t> last_seq;
-  std::optional<CameraReport> report;
-};
-
-// What became of it, once the transaction is durable.
-struct AppendOutcome {
-  uint32_t durable_seq = 0;     // everything up to here is on disk
-  uint32_t stored_rows = 0;     // new in this delivery, refused ones not counted
-  uint32_t duplicate_rows = 0;  // were there already
-  uint32_t refused_rows = 0;    // newly refused
-  bool late = false;            // the session had finished: stored as not used
-  bool complete = false;        // the stream has ended and everything of it is durable
-  bool unknown = false;         // no such session or camera: nothing was stored
-};
-
-// A row range of one stream as it is stored. Clock samples and alignments come once each, with the
-// first rows of their clock epoch (or with no rows, where that epoch has none). Dropped ranges are
-// in the counts only.
-struct StoredBatch {
-  ObservationBatch batch;          // refused rows included, see below
-  std::vector<bool> refused_rows;  // one per row; empty: none is refused
-  bool late = false;
-};
 
 struct StoreHealth {
   std::string kind;  // "sqlite"
@@ -97,11 +56,11 @@ class Store {
       std::string_view id) const = 0;
 
   // --- Observations ---
-  // All requests in one transaction, in their order; one outcome for each. What a stream has
+  // All deliveries in one transaction, in their order; one outcome for each. What a stream has
   // already is cut off in the same transaction: any order and any repetition of deliveries ends in
   // the same rows.
   virtual absl::StatusOr<std::vector<AppendOutcome>> Append(
-      absl::Span<const AppendRequest> requests) = 0;
+      absl::Span<const Delivery> deliveries) = 0;
   // 0 for a stream that has nothing yet. NOT_FOUND: no such session, or no such camera in it.
   virtual absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const = 0;
   // Calls `visit` for every stored batch of the session in the order (camera, stream_epoch, seq);

@@ -9,9 +9,6 @@
 
 namespace rigcal::server {
 
-// Sequence numbers are 1 to kMaxSeq, so that one past the last is still a uint32_t.
-inline constexpr uint32_t kMaxSeq = 0xfffffffe;
-
 // Sequence numbers [first, end).
 struct SeqRange {
   uint32_t first = 1;

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "server/ingest/batch_validation.h"
-#include "server/ingest/queued_ingest.h"
+#include "server/ingest/ingest.h"
 #include "server/store/sqlite/batch_blob.h"
 #include "server/store/sqlite/sqlite_store.h"
 #include "tests/bench/suites.h"
@@ -25,7 +25,7 @@ namespace {
 using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
-using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::TemporaryDirectory;
 
 struct OpenStore {
@@ -51,15 +51,15 @@ void Append(benchmark::State& state) {
   const auto group = static_cast<size_t>(state.range(0));
   const auto rows = static_cast<uint32_t>(state.range(1));
   ObservationBatch next = MakeBatch(KeyOf("a"), 1, rows);
-  std::vector<AppendRequest> requests(group);
+  std::vector<Delivery> deliveries(group);
   for (auto _ : state) {
     state.PauseTiming();
-    for (AppendRequest& request : requests) {
-      request = MakeRequest(next);
+    for (Delivery& delivery : deliveries) {
+      delivery = MakeDelivery(next);
       Advance(&next);
     }
     state.ResumeTiming();
-    if (!open.store->Append(requests).ok()) std::abort();
+    if (!open.store->Append(deliveries).ok()) std::abort();
   }
   state.SetItemsProcessed(state.iterations() * static_cast<int64_t>(group * rows));
 }
@@ -78,9 +78,9 @@ void Encode(benchmark::State& state) {
 void Validate(benchmark::State& state) {
   const ObservationBatch batch = MakeBatch(KeyOf("a"), 1, 16);
   const StreamContext context{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
-  BatchFaults faults;
   for (auto _ : state) {
-    if (!ValidateBatch(context, batch, &faults).ok() || !faults.rows.empty()) std::abort();
+    const auto refused_rows = ValidateBatch(context, batch);
+    if (!refused_rows.ok() || !refused_rows->empty()) std::abort();
   }
   state.SetItemsProcessed(state.iterations() * 16);
 }
@@ -96,7 +96,7 @@ class OneContext : public StreamContextSource {
 void Ingest(benchmark::State& state) {
   OpenStore open;
   const OneContext contexts;
-  auto ingest = *QueuedIngest::Create(IngestOptions{}, open.store.get(), &contexts, nullptr);
+  auto ingest = *Ingest::Create(IngestOptions{}, open.store.get(), &contexts, nullptr);
   ingest->Start();
   std::mutex mutex;
   std::condition_variable acknowledged;
@@ -108,9 +108,7 @@ void Ingest(benchmark::State& state) {
       acknowledged.wait(lock, [&] { return under_way < 512; });
       ++under_way;
     }
-    Delivery delivery;
-    delivery.stream = KeyOf("a");
-    delivery.batch = next;
+    Delivery delivery{.batch = next};
     Advance(&next);
     const auto done = [&](const absl::StatusOr<BatchAck>& ack) {
       if (!ack.ok()) std::abort();
@@ -128,11 +126,11 @@ void Ingest(benchmark::State& state) {
 
 void Read(benchmark::State& state) {
   OpenStore open;
-  std::vector<AppendRequest> requests;
+  std::vector<Delivery> deliveries;
   for (uint32_t i = 0; i < 4096; ++i) {
-    requests.push_back(MakeRequest(MakeBatch(KeyOf("a"), 1 + 16 * i, 16 + 16 * i)));
+    deliveries.push_back(MakeDelivery(MakeBatch(KeyOf("a"), 1 + 16 * i, 16 + 16 * i)));
   }
-  if (!open.store->Append(requests).ok()) std::abort();
+  if (!open.store->Append(deliveries).ok()) std::abort();
   for (auto _ : state) {
     size_t rows = 0;
     const auto visit = [&](const StoredBatch& stored) {

@@ -290,8 +290,7 @@ bool SaveCsv(const std::filesystem::path& folder) {
 
 bool SaveBatches(const std::filesystem::path& folder) {
   ObservationBatch batch;
-  batch.session_id = "session";
-  batch.camera = "left";
+  batch.stream = {"session", "left", 1};
   batch.marker_count = 3;
   for (int i = 0; i < 4; ++i) {
     Observation row;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Batches from the wire: form, then values. What passes both must be what the store may take.
-#include <algorithm>
+#include "common/session/observation_batch.h"
+
 #include <cmath>
 #include <cstdint>
 
@@ -11,7 +12,6 @@
 
 using ::rigcal::Observation;
 using ::rigcal::ObservationBatch;
-using ::rigcal::server::BatchFaults;
 using ::rigcal::server::StreamContext;
 
 namespace {
@@ -40,25 +40,23 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     FUZZ_CHECK(batch.status().code() == absl::StatusCode::kInvalidArgument);
     return 0;
   }
+  FUZZ_CHECK(rigcal::CheckShape(*batch).ok());
   const StreamContext context{.image_size_px = {640, 480}, .marker_count = 3};
-  BatchFaults faults;
-  const absl::Status status = ValidateBatch(context, *batch, &faults);
-  if (!status.ok()) {
-    FUZZ_CHECK(status.code() == absl::StatusCode::kInvalidArgument);
+  const auto refused_rows = ValidateBatch(context, *batch);
+  if (!refused_rows.ok()) {
+    FUZZ_CHECK(refused_rows.status().code() == absl::StatusCode::kInvalidArgument);
     return 0;
   }
-  FUZZ_CHECK(faults.listed.size() ==
-             std::min(faults.rows.size(), rigcal::server::kMaxListedFaults));
   size_t next = 0;
   for (uint32_t i = 0; i < batch->rows(); ++i) {
-    if (next < faults.rows.size() && faults.rows[next].row == i) {
-      FUZZ_CHECK(!faults.rows[next].reason.empty());
+    if (next < refused_rows->size() && (*refused_rows)[next].row == i) {
+      FUZZ_CHECK(!(*refused_rows)[next].reason.empty());
       ++next;
     } else {
       CheckKept(batch->Row(i), context);
     }
   }
-  FUZZ_CHECK(next == faults.rows.size());
+  FUZZ_CHECK(next == refused_rows->size());
   rigcal::v1::ObservationBatch again;
   rigcal::wire::ToProto(*batch, &again);
   FUZZ_CHECK(rigcal::wire::FromProto(again).ok());

@@ -37,7 +37,7 @@ Deliveries InOrder(const SimulatedWorld& world) {
   for (size_t c = 0; c < world.cameras().size(); ++c) {
     const int camera = static_cast<int>(c);
     ObservationBatch batch;
-    batch.camera = world.cameras()[c].description.camera;
+    batch.stream.camera = world.cameras()[c].description.camera;
     batch.marker_count = 3;
     for (int frame = 0; frame < world.FrameCount(camera); ++frame) {
       batch.Append(world.Observe(camera, frame));
@@ -80,7 +80,7 @@ class PermutedDelivery : public ::testing::Test {
     const std::string id = session->id();
     EXPECT_THAT(client_.StartSession(id), IsOk());
     for (ObservationBatch batch : deliveries) {
-      batch.session_id = id;
+      batch.stream.session_id = id;
       EXPECT_THAT(client_.Upload(batch), IsOk());
     }
     for (size_t c = 0; c < world_.cameras().size(); ++c) {
@@ -151,7 +151,7 @@ TEST_F(PermutedDelivery, RepetitionAfterTheEndChangesNothing) {
   const auto session = client_.GetSession("s-000001");
   ASSERT_THAT(session, IsOk());
   for (ObservationBatch batch : deliveries) {
-    batch.session_id = session->id();
+    batch.stream.session_id = session->id();
     ASSERT_THAT(client_.Upload(batch), IsOk());
   }
   const auto after = client_.GetSession(session->id());

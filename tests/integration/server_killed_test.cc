@@ -47,7 +47,7 @@ void ExpectStoredOnce(ServerClient& client, uint32_t expected) {
   uint32_t rows = 0;
   for (const ObservationBatch& batch : *batches) {
     for (uint32_t seq = batch.first_seq; seq < batch.end_seq(); ++seq, ++rows) {
-      keys.emplace(batch.camera, batch.stream_epoch, seq);
+      keys.emplace(batch.stream.camera, batch.stream.stream_epoch, seq);
     }
   }
   EXPECT_EQ(rows, expected);

@@ -7,7 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "common/target/observation.h"
+#include "common/session/observation_batch.h"
 #include "rigcal/v1/agent.grpc.pb.h"
 #include "rigcal/v1/calibration.grpc.pb.h"
 #include "rigcal/v1/session.grpc.pb.h"

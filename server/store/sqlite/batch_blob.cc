@@ -5,9 +5,10 @@
 #include <bit>
 #include <cstring>
 #include <type_traits>
-#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/target/target.h"
 #include "server/store/sqlite/record_checksum.h"
 
 namespace rigcal::server {
@@ -130,38 +131,6 @@ std::string ParseBody(std::string_view body, uint32_t first_seq, StoredBatch* st
 
 }  // namespace
 
-absl::Status CheckColumns(const ObservationBatch& batch) {
-  if (batch.rows() > kMaxBatchRows) {
-    return absl::InvalidArgumentError(absl::StrCat("batch has ", batch.rows(),
-                                                   " rows; the most it may have is ", kMaxBatchRows,
-                                                   ": send it in parts"));
-  }
-  if (batch.marker_count > static_cast<uint32_t>(kMaxMarkers)) {
-    return absl::InvalidArgumentError(absl::StrCat("marker_count is ", batch.marker_count,
-                                                   "; a target has at most ", kMaxMarkers));
-  }
-  const size_t element_count = batch.rows() * batch.marker_count;
-  const std::pair<const char*, std::pair<size_t, size_t>> columns[] = {
-      {"visible_mask", {batch.visible_mask.size(), batch.rows()}},
-      {"x_px", {batch.x_px.size(), element_count}},
-      {"y_px", {batch.y_px.size(), element_count}},
-      {"cov_xx_px2", {batch.cov_xx_px2.size(), element_count}},
-      {"cov_xy_px2", {batch.cov_xy_px2.size(), element_count}},
-      {"cov_yy_px2", {batch.cov_yy_px2.size(), element_count}},
-      {"time_delta_ns", {batch.time_delta_ns.size(), element_count}},
-      {"label_confidence", {batch.label_confidence.size(), element_count}},
-      {"centre_kind", {batch.centre_kind.size(), element_count}},
-  };
-  for (const auto& [name, sizes] : columns) {
-    if (sizes.first != sizes.second) {
-      return absl::InvalidArgumentError(absl::StrCat(name, " has ", sizes.first, " values, but ",
-                                                     batch.rows(), " rows of ", batch.marker_count,
-                                                     " markers need ", sizes.second));
-    }
-  }
-  return absl::OkStatus();
-}
-
 absl::Span<const RefusedRow> RowsWithin(absl::Span<const RefusedRow> refused_rows, size_t begin,
                                         size_t end) {
   const auto before = [](const RefusedRow& refused, size_t row) { return refused.row < row; };
@@ -229,9 +198,7 @@ absl::StatusOr<StoredBatch> DecodeBatch(std::string_view blob, const StreamKey& 
         "stored observations of session ", stream.session_id, ", camera ", stream.camera,
         ", stream epoch ", stream.stream_epoch, ", from seq ", first_seq, " are damaged: ", fault));
   }
-  stored.batch.session_id = stream.session_id;
-  stored.batch.camera = stream.camera;
-  stored.batch.stream_epoch = stream.stream_epoch;
+  stored.batch.stream = stream;
   return stored;
 }
 

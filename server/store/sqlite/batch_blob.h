@@ -5,14 +5,10 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
-#include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
-#include "common/session/stream_key.h"
-#include "common/target/observation.h"
-#include "server/store/store.h"
+#include "server/store/delivery.h"
 
 namespace rigcal::server {
 
@@ -34,18 +30,13 @@ namespace rigcal::server {
 //   ...           if refused_count > 0: one bit per row, lowest first
 //   end-4   4     CRC-32 (as in zlib) of all before
 inline constexpr uint16_t kBatchBlobVersion = 1;
-inline constexpr uint32_t kMaxBatchRows = 1u << 20;
-
-// Column sizes that contradict each other, more than kMaxBatchRows rows, or more than kMaxMarkers
-// markers: INVALID_ARGUMENT naming the column.
-absl::Status CheckColumns(const ObservationBatch& batch);
 
 // Those of `refused_rows` (sorted by row) that are of rows [begin, end).
 absl::Span<const RefusedRow> RowsWithin(absl::Span<const RefusedRow> refused_rows, size_t begin,
                                         size_t end);
 
 // Writes rows [begin, end) of `batch` into `blob`, replacing what is there. `refused_rows` as in
-// AppendRequest, of the whole batch. The batch must have passed CheckColumns.
+// Delivery, of the whole batch.
 void EncodeBatch(const ObservationBatch& batch, absl::Span<const RefusedRow> refused_rows,
                  size_t begin, size_t end, std::string* blob);
 

@@ -141,9 +141,7 @@ absl::Status VisitLeftReadings(const StreamKey& key, ReadingsByEpoch readings,
                                const std::function<absl::Status(StoredBatch)>& visit) {
   for (auto& [epoch, left] : readings) {
     StoredBatch stored;
-    stored.batch.session_id = key.session_id;
-    stored.batch.camera = key.camera;
-    stored.batch.stream_epoch = key.stream_epoch;
+    stored.batch.stream = key;
     stored.batch.clock_epoch = epoch.first;
     stored.late = epoch.second;
     TakeReadings(std::move(left), &stored.batch);

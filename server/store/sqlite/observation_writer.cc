@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <tuple>
 
-#include "absl/strings/str_cat.h"
-#include "common/status/status_macros.h"
 #include "server/store/report_counts.h"
 #include "server/store/sqlite/batch_blob.h"
 #include "server/store/sqlite/sqlite_connection.h"
@@ -28,34 +26,7 @@ bool IsPlausible(const HostAlignment& alignment) {
          alignment.server_minus_host_ns <= kMaxPlausibleNs;
 }
 
-bool FitsSeq(uint64_t first, uint64_t count) {
-  return first >= 1 && first + count <= uint64_t{kMaxSeq} + 1;
-}
-
 }  // namespace
-
-absl::Status CheckAppendRequest(const AppendRequest& request) {
-  const ObservationBatch& batch = request.batch;
-  RIGCAL_RETURN_IF_ERROR(CheckColumns(batch));
-  if (batch.rows() > 0 && !FitsSeq(batch.first_seq, batch.rows())) {
-    return absl::InvalidArgumentError(absl::StrCat("first_seq: ", batch.rows(), " rows from ",
-                                                   batch.first_seq, " are not within 1 to ",
-                                                   kMaxSeq));
-  }
-  for (size_t i = 0; i < batch.dropped.size(); ++i) {
-    if (FitsSeq(batch.dropped[i].first_seq, batch.dropped[i].count)) continue;
-    return absl::InvalidArgumentError(absl::StrCat("dropped[", i, "]: ", batch.dropped[i].count,
-                                                   " from ", batch.dropped[i].first_seq,
-                                                   " are not within 1 to ", kMaxSeq));
-  }
-  for (size_t i = 0; i < request.refused_rows.size(); ++i) {
-    const uint32_t row = request.refused_rows[i].row;
-    if (row >= batch.rows() || (i > 0 && row <= request.refused_rows[i - 1].row)) {
-      return absl::InvalidArgumentError(absl::StrCat("refused_rows[", i, "]: row ", row));
-    }
-  }
-  return absl::OkStatus();
-}
 
 ObservationWriter::ObservationWriter(SQLite::Database& database)
     : database_(database),
@@ -86,53 +57,53 @@ void ObservationWriter::Forget() {
   streams_.Forget();
 }
 
-void ObservationWriter::Append(absl::Span<const AppendRequest> requests,
+void ObservationWriter::Append(absl::Span<const Delivery> deliveries,
                                std::vector<AppendOutcome>* outcomes) {
   streams_.Trim();
-  outcomes->assign(requests.size(), {});
-  for (size_t i = 0; i < requests.size(); ++i) AppendOne(requests[i], &(*outcomes)[i]);
+  outcomes->assign(deliveries.size(), {});
+  for (size_t i = 0; i < deliveries.size(); ++i) AppendOne(deliveries[i], &(*outcomes)[i]);
   WriteBack();
 }
 
-void ObservationWriter::AppendOne(const AppendRequest& request, AppendOutcome* outcome) {
-  StreamState* state = streams_.Find(request.stream);
+void ObservationWriter::AppendOne(const Delivery& delivery, AppendOutcome* outcome) {
+  StreamState* state = streams_.Find(delivery.stream());
   if (state == nullptr) {
     outcome->unknown = true;
     return;
   }
-  AppendRows(request, state, outcome);
-  AppendDropped(request, state);
-  AppendClockReadings(request, state);
-  if (request.last_seq && (!state->last_seq || *state->last_seq < *request.last_seq)) {
-    Touch(request.stream, state);
-    state->last_seq = request.last_seq;
+  AppendRows(delivery, state, outcome);
+  AppendDropped(delivery, state);
+  AppendClockReadings(delivery, state);
+  if (delivery.last_seq && (!state->last_seq || *state->last_seq < *delivery.last_seq)) {
+    Touch(delivery.stream(), state);
+    state->last_seq = delivery.last_seq;
   }
-  if (request.report) ReplaceReport(request.stream, *request.report, state);
+  if (delivery.report) ReplaceReport(delivery.stream(), *delivery.report, state);
   outcome->durable_seq = state->ledger.durable_seq();
   outcome->late = state->session_finished;
   outcome->complete = state->last_seq && outcome->durable_seq >= *state->last_seq;
 }
 
-void ObservationWriter::AppendRows(const AppendRequest& request, StreamState* state,
+void ObservationWriter::AppendRows(const Delivery& delivery, StreamState* state,
                                    AppendOutcome* outcome) {
-  const ObservationBatch& batch = request.batch;
+  const ObservationBatch& batch = delivery.batch;
   if (batch.rows() == 0) return;
   uint32_t added = 0;
   for (const SeqRange& range : state->ledger.Missing({batch.first_seq, batch.end_seq()})) {
-    Touch(request.stream, state);
-    InsertRows(request, range, *state, outcome);
+    Touch(delivery.stream(), state);
+    InsertRows(delivery, range, *state, outcome);
     state->ledger.Add(range);
     added += range.size();
   }
   outcome->duplicate_rows = static_cast<uint32_t>(batch.rows()) - added;
 }
 
-void ObservationWriter::InsertRows(const AppendRequest& request, SeqRange range,
+void ObservationWriter::InsertRows(const Delivery& delivery, SeqRange range,
                                    const StreamState& state, AppendOutcome* outcome) {
-  const ObservationBatch& batch = request.batch;
+  const ObservationBatch& batch = delivery.batch;
   const size_t begin = range.first - batch.first_seq;
   const size_t end = range.end - batch.first_seq;
-  EncodeBatch(batch, request.refused_rows, begin, end, &blob_);
+  EncodeBatch(batch, delivery.refused_rows, begin, end, &blob_);
   const StatementScope scope(insert_batch_);
   insert_batch_.bind(1, (state.stream_id << 32) + range.first);
   insert_batch_.bind(2, range.size());
@@ -144,10 +115,10 @@ void ObservationWriter::InsertRows(const AppendRequest& request, SeqRange range,
   auto wands = range.size() -
                static_cast<uint32_t>(std::count(wands_begin + static_cast<ptrdiff_t>(begin),
                                                 wands_begin + static_cast<ptrdiff_t>(end), 0u));
-  const absl::Span<const RefusedRow> refused_rows = RowsWithin(request.refused_rows, begin, end);
+  const absl::Span<const RefusedRow> refused_rows = RowsWithin(delivery.refused_rows, begin, end);
   for (const RefusedRow& row : refused_rows) {
     if (batch.visible_mask[row.row] != 0) --wands;
-    counts_.AddRefusal(state.camera_id, row.reason, 1, request.stream.stream_epoch,
+    counts_.AddRefusal(state.camera_id, row.reason, 1, delivery.stream().stream_epoch,
                        batch.first_seq + row.row, row.detail);
   }
   const auto refused = static_cast<uint32_t>(refused_rows.size());
@@ -157,11 +128,11 @@ void ObservationWriter::InsertRows(const AppendRequest& request, SeqRange range,
   outcome->refused_rows += refused;
 }
 
-void ObservationWriter::AppendDropped(const AppendRequest& request, StreamState* state) {
-  for (const DroppedRange& dropped : request.batch.dropped) {
+void ObservationWriter::AppendDropped(const Delivery& delivery, StreamState* state) {
+  for (const DroppedRange& dropped : delivery.batch.dropped) {
     const SeqRange whole{dropped.first_seq, dropped.first_seq + dropped.count};
     for (const SeqRange& range : state->ledger.Missing(whole)) {
-      Touch(request.stream, state);
+      Touch(delivery.stream(), state);
       const StatementScope scope(insert_dropped_);
       insert_dropped_.bind(1, state->stream_id);
       insert_dropped_.bind(2, range.first);
@@ -170,20 +141,21 @@ void ObservationWriter::AppendDropped(const AppendRequest& request, StreamState*
       insert_dropped_.exec();
       state->ledger.Add(range);
       counts_.AddRefusal(state->camera_id, dropped.reason, range.size(),
-                         request.stream.stream_epoch, range.first, "lost at the agent");
+                         delivery.stream().stream_epoch, range.first, "lost at the agent");
     }
   }
 }
 
-void ObservationWriter::AppendClockReadings(const AppendRequest& request, StreamState* state) {
-  const ObservationBatch& batch = request.batch;
+void ObservationWriter::AppendClockReadings(const Delivery& delivery, StreamState* state) {
+  const ObservationBatch& batch = delivery.batch;
   if (batch.clock_samples.empty() && batch.host_alignments.empty()) return;
-  Touch(request.stream, state);
+  Touch(delivery.stream(), state);
   const int late = state->session_finished ? 1 : 0;
   const auto refuse_if_new = [&](int inserted, bool plausible) {
     if (inserted == 0 || plausible) return;
-    counts_.AddRefusal(state->camera_id, "implausible_clock_sample", 1, request.stream.stream_epoch,
-                       0, "a clock sample is negative or beyond 2^62 ns");
+    counts_.AddRefusal(state->camera_id, "implausible_clock_sample", 1,
+                       delivery.stream().stream_epoch, 0,
+                       "a clock sample is negative or beyond 2^62 ns");
   };
   for (const ClockSample& sample : batch.clock_samples) {
     const StatementScope scope(insert_clock_sample_);

@@ -19,18 +19,17 @@ class ObservationWriter {
  public:
   explicit ObservationWriter(SQLite::Database& database);
 
-  // Requests must have passed CheckAppendRequest.
-  void Append(absl::Span<const AppendRequest> requests, std::vector<AppendOutcome>* outcomes);
+  void Append(absl::Span<const Delivery> deliveries, std::vector<AppendOutcome>* outcomes);
   // After a rollback, and whenever sessions have changed.
   void Forget();
 
  private:
-  void AppendOne(const AppendRequest& request, AppendOutcome* outcome);
-  void AppendRows(const AppendRequest& request, StreamState* state, AppendOutcome* outcome);
-  void InsertRows(const AppendRequest& request, SeqRange range, const StreamState& state,
+  void AppendOne(const Delivery& delivery, AppendOutcome* outcome);
+  void AppendRows(const Delivery& delivery, StreamState* state, AppendOutcome* outcome);
+  void InsertRows(const Delivery& delivery, SeqRange range, const StreamState& state,
                   AppendOutcome* outcome);
-  void AppendDropped(const AppendRequest& request, StreamState* state);
-  void AppendClockReadings(const AppendRequest& request, StreamState* state);
+  void AppendDropped(const Delivery& delivery, StreamState* state);
+  void AppendClockReadings(const Delivery& delivery, StreamState* state);
   void ReplaceReport(const StreamKey& stream, const CameraReport& report, StreamState* state);
   // Gives the stream its row in the database, and marks it as changed.
   void Touch(const StreamKey& stream, StreamState* state);
@@ -52,9 +51,5 @@ class ObservationWriter {
   SQLite::Statement insert_report_;
   SQLite::Statement replace_report_count_;
 };
-
-// Columns that contradict each other, numbers outside of 1 to kMaxSeq, refused rows that are not of
-// the batch: INVALID_ARGUMENT.
-absl::Status CheckAppendRequest(const AppendRequest& request);
 
 }  // namespace rigcal::server

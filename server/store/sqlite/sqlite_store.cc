@@ -154,15 +154,12 @@ absl::StatusOr<std::vector<SessionCameraCounts>> SqliteStore::GetSessionCounts(
 }
 
 absl::StatusOr<std::vector<AppendOutcome>> SqliteStore::Append(
-    absl::Span<const AppendRequest> requests) {
-  for (const AppendRequest& request : requests) {
-    RIGCAL_RETURN_IF_ERROR(CheckAppendRequest(request));
-  }
+    absl::Span<const Delivery> deliveries) {
   std::vector<AppendOutcome> outcomes;
   RIGCAL_RETURN_IF_ERROR(writer_->Transact(
       "storing observations",
       [&] {
-        observations_->Append(requests, &outcomes);
+        observations_->Append(deliveries, &outcomes);
         return absl::OkStatus();
       },
       [&] { observations_->Forget(); }));

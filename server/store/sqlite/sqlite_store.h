@@ -53,8 +53,7 @@ class SqliteStore : public Store {
   absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
       std::string_view id) const override;
 
-  absl::StatusOr<std::vector<AppendOutcome>> Append(
-      absl::Span<const AppendRequest> requests) override;
+  absl::StatusOr<std::vector<AppendOutcome>> Append(absl::Span<const Delivery> deliveries) override;
   absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const override;
   absl::Status ReadObservations(
       std::string_view session_id, std::string_view camera,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/session/observation_batch.h"
 #include "common/session/session.h"
 #include "server/store/sqlite/sqlite_connection.h"
 

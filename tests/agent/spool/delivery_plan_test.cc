@@ -43,7 +43,7 @@ class DeliveryPlanTest : public ::testing::Test {
       return end->stream.camera + " end " + std::to_string(end->last_seq);
     }
     const auto& batch = std::get<ObservationBatch>(message);
-    std::string text = batch.camera;
+    std::string text = batch.stream.camera;
     for (const DroppedRange& range : batch.dropped) {
       text += " dropped " + std::to_string(range.first_seq) + "+" + std::to_string(range.count);
     }

@@ -47,9 +47,7 @@ TEST(MemorySpool, NumbersObservationsAndReadsThemBack) {
     ASSERT_OK_AND_ASSIGN(const ObservationBatch batch, spool.Read(kLeft, next, 100));
     ASSERT_GE(batch.rows(), 1u);
     ASSERT_LE(batch.rows(), 100u);
-    EXPECT_EQ(batch.session_id, "s-1");
-    EXPECT_EQ(batch.camera, "left");
-    EXPECT_EQ(batch.stream_epoch, 3u);
+    EXPECT_EQ(batch.stream, kLeft);
     EXPECT_EQ(batch.first_seq, next);
     EXPECT_EQ(batch.marker_count, 1u);
     for (size_t row = 0; row < batch.rows(); ++row) {

@@ -202,7 +202,7 @@ std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
       }
       Store(*batch);
       if (behaviour_.acknowledges) {
-        answers->push_back(AckOf({batch->session_id, batch->camera, batch->stream_epoch}));
+        answers->push_back(AckOf(batch->stream));
       }
       break;
     }
@@ -237,7 +237,7 @@ std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
 }
 
 void FakeServer::Store(const ObservationBatch& batch) {
-  Stream& stream = state_.streams[{batch.session_id, batch.camera, batch.stream_epoch}];
+  Stream& stream = state_.streams[batch.stream];
   stream.batches.push_back(batch);
   stream.largest_batch = std::max(stream.largest_batch, static_cast<uint32_t>(batch.rows()));
   for (size_t row = 0; row < batch.rows(); ++row) {

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
-#include "common/target/observation.h"
 #include "rigcal/v1/agent.grpc.pb.h"
 
 namespace rigcal::agent {

@@ -22,9 +22,7 @@ constexpr auto kInvalid = absl::StatusCode::kInvalidArgument;
 
 ObservationBatch TwoRows() {
   ObservationBatch batch;
-  batch.session_id = "s-1";
-  batch.camera = "cam";
-  batch.stream_epoch = 3;
+  batch.stream = {"s-1", "cam", 3};
   batch.first_seq = 17;
   batch.clock_epoch = 1;
   batch.marker_count = 3;
@@ -61,9 +59,7 @@ v1::ObservationBatch TwoRowsProto() {
 TEST(ObservationWire, KeepsEveryColumn) {
   const ObservationBatch batch = TwoRows();
   ASSERT_OK_AND_ASSIGN(const ObservationBatch back, FromProto(TwoRowsProto()));
-  EXPECT_EQ(back.session_id, batch.session_id);
-  EXPECT_EQ(back.camera, batch.camera);
-  EXPECT_EQ(back.stream_epoch, batch.stream_epoch);
+  EXPECT_EQ(back.stream, batch.stream);
   EXPECT_EQ(back.first_seq, batch.first_seq);
   EXPECT_EQ(back.clock_epoch, batch.clock_epoch);
   EXPECT_EQ(back.marker_count, batch.marker_count);

@@ -51,24 +51,24 @@ class FakeStore : public server::Store {
     const std::lock_guard lock(mutex_);
     return group_sizes_;
   }
-  std::vector<server::AppendRequest> requests() const {
+  std::vector<server::Delivery> deliveries() const {
     const std::lock_guard lock(mutex_);
-    return requests_;
+    return deliveries_;
   }
 
   absl::StatusOr<std::vector<server::AppendOutcome>> Append(
-      absl::Span<const server::AppendRequest> requests) override {
+      absl::Span<const server::Delivery> deliveries) override {
     std::unique_lock lock(mutex_);
-    group_sizes_.push_back(requests.size());
+    group_sizes_.push_back(deliveries.size());
     ++waiting_;
     changed_.notify_all();
     changed_.wait(lock, [this] { return !held_; });
     --waiting_;
     if (!status_.ok()) return status_;
     std::vector<server::AppendOutcome> outcomes;
-    for (const server::AppendRequest& request : requests) {
-      requests_.push_back(request);
-      outcomes.push_back(Store(request));
+    for (const server::Delivery& delivery : deliveries) {
+      deliveries_.push_back(delivery);
+      outcomes.push_back(Store(delivery));
     }
     return outcomes;
   }
@@ -110,25 +110,25 @@ class FakeStore : public server::Store {
  private:
   static absl::Status None() { return absl::UnimplementedError("the fake store has none"); }
 
-  server::AppendOutcome Store(const server::AppendRequest& request) {
+  server::AppendOutcome Store(const server::Delivery& delivery) {
     server::AppendOutcome outcome;
-    if (request.stream.session_id == unknown_session_) {
+    if (delivery.stream().session_id == unknown_session_) {
       outcome.unknown = true;
       return outcome;
     }
-    Stream& stream = streams_[request.stream];
-    const server::SeqRange rows{request.batch.first_seq, request.batch.end_seq()};
+    Stream& stream = streams_[delivery.stream()];
+    const server::SeqRange rows{delivery.batch.first_seq, delivery.batch.end_seq()};
     for (const server::SeqRange& range : stream.ledger.Missing(rows)) {
       outcome.stored_rows += range.size();
       stream.ledger.Add(range);
     }
-    outcome.duplicate_rows = static_cast<uint32_t>(request.batch.rows()) - outcome.stored_rows;
-    outcome.refused_rows = static_cast<uint32_t>(request.refused_rows.size());
+    outcome.duplicate_rows = static_cast<uint32_t>(delivery.batch.rows()) - outcome.stored_rows;
+    outcome.refused_rows = static_cast<uint32_t>(delivery.refused_rows.size());
     outcome.stored_rows -= outcome.refused_rows;
-    for (const DroppedRange& dropped : request.batch.dropped) {
+    for (const DroppedRange& dropped : delivery.batch.dropped) {
       stream.ledger.Add({dropped.first_seq, dropped.first_seq + dropped.count});
     }
-    if (request.last_seq) stream.last_seq = request.last_seq;
+    if (delivery.last_seq) stream.last_seq = delivery.last_seq;
     outcome.durable_seq = stream.ledger.durable_seq();
     outcome.complete = stream.last_seq && outcome.durable_seq >= *stream.last_seq;
     return outcome;
@@ -147,7 +147,7 @@ class FakeStore : public server::Store {
   uint64_t free_bytes_ = 0;
   std::string unknown_session_;
   std::vector<size_t> group_sizes_;
-  std::vector<server::AppendRequest> requests_;
+  std::vector<server::Delivery> deliveries_;
   std::map<StreamKey, Stream> streams_;
 };
 

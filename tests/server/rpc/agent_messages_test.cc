@@ -59,14 +59,14 @@ TEST(ParseDelivery, KnowsItsStream) {
   v1::ObservationBatch batch;
   wire::ToProto(MakeBatch(kLeft, 5, 8), &batch);
   ASSERT_OK_AND_ASSIGN(const server::Delivery rows, ParseDelivery(batch, 4));
-  EXPECT_EQ(rows.stream, kLeft);
+  EXPECT_EQ(rows.stream(), kLeft);
   EXPECT_EQ(rows.batch.rows(), 4u);
   EXPECT_THAT(ParseDelivery(batch, 3),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("batch.time_ns")));
   ASSERT_OK_AND_ASSIGN(const server::Delivery end,
                        ParseDelivery(EndMessage(kLeft, 8).end_of_capture()));
-  EXPECT_EQ(end.stream, kLeft);
-  EXPECT_EQ(end.end->last_seq, 8u);
+  EXPECT_EQ(end.stream(), kLeft);
+  EXPECT_EQ(end.last_seq, 8u);
   EXPECT_EQ(end.batch.rows(), 0u);
   v1::CameraReport report;
   EXPECT_THAT(ParseDelivery(report),
@@ -84,7 +84,7 @@ TEST(ParseDelivery, AnUploadIsOfOneStream) {
   *request.mutable_end_of_capture() = EndMessage(kLeft, 3).end_of_capture();
   ASSERT_OK_AND_ASSIGN(const server::Delivery both, ParseDelivery(request, 10));
   EXPECT_EQ(both.batch.rows(), 3u);
-  EXPECT_EQ(both.end->last_seq, 3u);
+  EXPECT_EQ(both.last_seq, 3u);
 }
 
 }  // namespace

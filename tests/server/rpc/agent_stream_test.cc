@@ -204,8 +204,7 @@ TEST_F(AgentStream, FaultsInProtocolCloseTheStreamWithTheField) {
 TEST_F(AgentStream, TheMarkersMustBeThoseOfTheTarget) {
   auto agent = CapturingAgent();
   ObservationBatch batch;
-  batch.session_id = "wave";
-  batch.camera = "left";
+  batch.stream = {"wave", "left", 1};
   batch.marker_count = 1;
   Observation observation;
   observation.markers.resize(1);

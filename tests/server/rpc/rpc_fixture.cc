@@ -17,12 +17,12 @@ void RpcFixture::SetUp() {
 }
 
 void RpcFixture::OpenServer() {
-  ASSERT_OK_AND_ASSIGN(ingest_,
-                       server::QueuedIngest::Create(
-                           ingest_options_, faulty_.get(), coordinator_.get(),
-                           [this](const StreamKey& stream, const server::AppendOutcome& outcome) {
-                             coordinator_->RecordProgress(stream, outcome);
-                           }));
+  ASSERT_OK_AND_ASSIGN(
+      ingest_,
+      server::Ingest::Create(ingest_options_, faulty_.get(), coordinator_.get(),
+                             [this](const StreamKey& stream, const server::AppendOutcome& outcome) {
+                               coordinator_->RecordProgress(stream, outcome);
+                             }));
   ingest_->Start();
   ASSERT_OK_AND_ASSIGN(
       rpc_, server::RpcServer::Create(rpc_options_, {.store = faulty_.get(),

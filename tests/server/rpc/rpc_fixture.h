@@ -11,7 +11,7 @@
 #include "rigcal/v1/calibration.grpc.pb.h"
 #include "rigcal/v1/session.grpc.pb.h"
 #include "rigcal/v1/status.grpc.pb.h"
-#include "server/ingest/queued_ingest.h"
+#include "server/ingest/ingest.h"
 #include "server/rpc/rpc_server.h"
 #include "tests/server/rpc/test_agent.h"
 #include "tests/server/session/runner_fixture.h"
@@ -41,7 +41,7 @@ class RpcFixture : public RunnerFixture {
 
   server::RpcServerOptions rpc_options_;
   server::IngestOptions ingest_options_;
-  std::unique_ptr<server::QueuedIngest> ingest_;
+  std::unique_ptr<server::Ingest> ingest_;
   std::unique_ptr<server::RpcServer> rpc_;
   int port_ = 0;
   std::shared_ptr<grpc::Channel> channel_;

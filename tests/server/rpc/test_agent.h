@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
-#include "common/target/observation.h"
 #include "rigcal/v1/agent.grpc.pb.h"
 
 namespace rigcal::testing {

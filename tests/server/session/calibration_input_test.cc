@@ -122,9 +122,9 @@ TEST_F(ReadCalibrationInput, CountsLateRowsInsteadOfUsingThem) {
 
 TEST_F(ReadCalibrationInput, LeavesRefusedRowsOutAndCarriesTheirCount) {
   StartByHand("wave", {"left"});
-  server::AppendRequest request = MakeRequest(MakeBatch({"wave", "left", 1}, 1, 10));
-  request.refused_rows = {{.row = 3, .reason = "not_finite", .detail = "x is not finite"}};
-  Append(request);
+  server::Delivery delivery = MakeDelivery(MakeBatch({"wave", "left", 1}, 1, 10));
+  delivery.refused_rows = {{.row = 3, .reason = "not_finite", .detail = "x is not finite"}};
+  Append(delivery);
   DeliverEnd({"wave", "left", 1}, 10);
   AwaitFinished("wave");
   ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, Read({"wave"}));

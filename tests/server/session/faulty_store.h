@@ -65,9 +65,9 @@ class FaultyStore : public server::Store {
     return store_.GetSessionCounts(id);
   }
   absl::StatusOr<std::vector<server::AppendOutcome>> Append(
-      absl::Span<const server::AppendRequest> requests) override {
+      absl::Span<const server::Delivery> deliveries) override {
     if (absl::Status status = Enter("Append"); !status.ok()) return status;
-    return store_.Append(requests);
+    return store_.Append(deliveries);
   }
   absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const override {
     if (absl::Status status = Enter("GetStream"); !status.ok()) return status;

@@ -209,7 +209,7 @@ TEST_F(SessionCoordinator, SessionsGoOnAfterARestart) {
 TEST_F(SessionCoordinator, ASessionWhoseLastEndWasDurableBeforeTheCrashFinishesAfterIt) {
   StartByHand("wave", {"left"});
   // On disk, but the coordinator has never heard of it.
-  Append(EndRequest({"wave", "left", 1}, 0));
+  Append(EndDelivery({"wave", "left", 1}, 0));
   Restart();
   EXPECT_THAT(AwaitFinished("wave").missing_cameras, IsEmpty());
 }

@@ -76,19 +76,19 @@ SessionFixture::ConnectedAgent SessionFixture::Connect(server::AgentRecord agent
   return connected;
 }
 
-server::AppendOutcome SessionFixture::DeliverRequest(const server::AppendRequest& request) {
-  const server::AppendOutcome outcome = Append(request);
-  coordinator_->RecordProgress(request.stream, outcome);
+server::AppendOutcome SessionFixture::DeliverOne(const server::Delivery& delivery) {
+  const server::AppendOutcome outcome = Append(delivery);
+  coordinator_->RecordProgress(delivery.stream(), outcome);
   return outcome;
 }
 
 server::AppendOutcome SessionFixture::Deliver(const StreamKey& stream, uint32_t first_seq,
                                               uint32_t last_seq) {
-  return DeliverRequest(MakeRequest(MakeBatch(stream, first_seq, last_seq)));
+  return DeliverOne(MakeDelivery(MakeBatch(stream, first_seq, last_seq)));
 }
 
 server::AppendOutcome SessionFixture::DeliverEnd(const StreamKey& stream, uint32_t last_seq) {
-  return DeliverRequest(EndRequest(stream, last_seq));
+  return DeliverOne(EndDelivery(stream, last_seq));
 }
 
 void SessionFixture::StartByHand(const std::string& id, const std::vector<std::string>& cameras) {

@@ -61,7 +61,7 @@ class SessionFixture : public StoreFixture {
 
  private:
   void OpenCoordinator();
-  server::AppendOutcome DeliverRequest(const server::AppendRequest& request);
+  server::AppendOutcome DeliverOne(const server::Delivery& delivery);
 };
 
 }  // namespace rigcal::testing

@@ -22,12 +22,12 @@ namespace {
 
 using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::CountsText;
-using ::rigcal::testing::EndRequest;
+using ::rigcal::testing::EndDelivery;
 using ::rigcal::testing::FaultyVfs;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
-using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::TemporaryDirectory;
 
@@ -42,24 +42,23 @@ bool IsRefused(uint32_t seq) { return seq % 11 == 0; }
 std::vector<StreamKey> Streams() { return {KeyOf("a", 1), KeyOf("a", 2), KeyOf("b", 1)}; }
 
 // Rows [first, last] of a stream as an agent would send them: one clock epoch only.
-AppendRequest Part(const StreamKey& stream, uint32_t first, uint32_t last) {
-  AppendRequest request =
-      MakeRequest(MakeBatch(stream, first, last, first <= kEpochRows ? 0u : 1u));
+Delivery Part(const StreamKey& stream, uint32_t first, uint32_t last) {
+  Delivery delivery = MakeDelivery(MakeBatch(stream, first, last, first <= kEpochRows ? 0u : 1u));
   for (uint32_t seq = first; seq <= last; ++seq) {
     if (!IsRefused(seq)) continue;
     const uint32_t row = seq - first;
-    request.batch.x_px[3 * row] = std::numeric_limits<float>::quiet_NaN();
-    request.refused_rows.push_back({.row = row, .reason = "not_finite", .detail = "not finite"});
+    delivery.batch.x_px[3 * row] = std::numeric_limits<float>::quiet_NaN();
+    delivery.refused_rows.push_back({.row = row, .reason = "not_finite", .detail = "not finite"});
   }
-  return request;
+  return delivery;
 }
 
 // 61 to 70 were lost at the agent.
-AppendRequest Dropped(const StreamKey& stream, uint32_t first, uint32_t count) {
-  AppendRequest request;
-  request.stream = stream;
-  request.batch.dropped = {{.first_seq = first, .count = count, .reason = "spool_full"}};
-  return request;
+Delivery Dropped(const StreamKey& stream, uint32_t first, uint32_t count) {
+  Delivery delivery;
+  delivery.batch.stream = stream;
+  delivery.batch.dropped = {{.first_seq = first, .count = count, .reason = "spool_full"}};
+  return delivery;
 }
 
 struct Stored {
@@ -69,7 +68,7 @@ struct Stored {
 
 // What is in a new store after these deliveries, `groups` of them to a transaction; the store is
 // opened anew after `reopen_after` transactions.
-Stored Deliver(const std::vector<AppendRequest>& requests, size_t group, size_t reopen_after) {
+Stored Deliver(const std::vector<Delivery>& deliveries, size_t group, size_t reopen_after) {
   const TemporaryDirectory directory;
   SqliteStoreOptions options;
   options.data_directory = directory.path();
@@ -79,8 +78,8 @@ Stored Deliver(const std::vector<AppendRequest>& requests, size_t group, size_t 
   EXPECT_THAT(store, IsOk());
   EXPECT_THAT((*store)->CreateSession(CapturingSession({"a", "b"})), IsOk());
   size_t transactions = 0;
-  for (size_t begin = 0; begin < requests.size(); begin += group) {
-    const auto part = absl::MakeSpan(requests).subspan(begin, group);
+  for (size_t begin = 0; begin < deliveries.size(); begin += group) {
+    const auto part = absl::MakeSpan(deliveries).subspan(begin, group);
     EXPECT_THAT((*store)->Append(part), IsOk());
     if (++transactions != reopen_after) continue;
     store->reset();
@@ -92,73 +91,73 @@ Stored Deliver(const std::vector<AppendRequest>& requests, size_t group, size_t 
 
 const Stored& InOrder() {
   static const Stored stored = [] {
-    std::vector<AppendRequest> requests;
+    std::vector<Delivery> deliveries;
     for (const StreamKey& stream : Streams()) {
-      requests.push_back(Part(stream, 1, kEpochRows));
-      requests.push_back(Part(stream, kEpochRows + 1, kRows));
-      requests.push_back(Dropped(stream, kRows + 1, 10));
-      requests.push_back(EndRequest(stream, kRows + 10));
+      deliveries.push_back(Part(stream, 1, kEpochRows));
+      deliveries.push_back(Part(stream, kEpochRows + 1, kRows));
+      deliveries.push_back(Dropped(stream, kRows + 1, 10));
+      deliveries.push_back(EndDelivery(stream, kRows + 10));
     }
-    return Deliver(requests, requests.size(), 0);
+    return Deliver(deliveries, deliveries.size(), 0);
   }();
   return stored;
 }
 
 // Parts that cover the rows [first, last], cut at random, with random repetitions that overlap.
 void AddParts(const StreamKey& stream, uint32_t first, uint32_t last,
-              std::vector<AppendRequest>* requests) {
+              std::vector<Delivery>* deliveries) {
   for (uint32_t begin = first; begin <= last;) {
     const uint32_t end = *rc::gen::inRange(begin, std::min(last, begin + 20) + 1);
-    requests->push_back(Part(stream, begin, end));
+    deliveries->push_back(Part(stream, begin, end));
     begin = end + 1;
   }
   const int repetitions = *rc::gen::inRange(0, 4);
   for (int i = 0; i < repetitions; ++i) {
     const uint32_t begin = *rc::gen::inRange(first, last + 1);
-    requests->push_back(Part(stream, begin, *rc::gen::inRange(begin, last + 1)));
+    deliveries->push_back(Part(stream, begin, *rc::gen::inRange(begin, last + 1)));
   }
 }
 
-std::vector<AppendRequest> ArbitraryDeliveries() {
-  std::vector<AppendRequest> requests;
+std::vector<Delivery> ArbitraryDeliveries() {
+  std::vector<Delivery> deliveries;
   for (const StreamKey& stream : Streams()) {
-    AddParts(stream, 1, kEpochRows, &requests);
-    AddParts(stream, kEpochRows + 1, kRows, &requests);
+    AddParts(stream, 1, kEpochRows, &deliveries);
+    AddParts(stream, kEpochRows + 1, kRows, &deliveries);
     const uint32_t cut = *rc::gen::inRange(1u, 10u);
-    requests.push_back(Dropped(stream, kRows + 1, cut));
-    requests.push_back(Dropped(stream, kRows + cut, 11 - cut));
-    requests.push_back(EndRequest(stream, kRows + 10));
+    deliveries.push_back(Dropped(stream, kRows + 1, cut));
+    deliveries.push_back(Dropped(stream, kRows + cut, 11 - cut));
+    deliveries.push_back(EndDelivery(stream, kRows + 10));
   }
-  for (size_t i = requests.size(); i > 1; --i) {
-    std::swap(requests[i - 1], requests[*rc::gen::inRange<size_t>(0, i)]);
+  for (size_t i = deliveries.size(); i > 1; --i) {
+    std::swap(deliveries[i - 1], deliveries[*rc::gen::inRange<size_t>(0, i)]);
   }
-  return requests;
+  return deliveries;
 }
 
 TEST(DeliveryOrder, EndsInTheSameRowsAndCounts) {
   ASSERT_EQ(InOrder().rows.size(), 3 * kRows);
   EXPECT_TRUE(rc::check([] {
-    const std::vector<AppendRequest> requests = ArbitraryDeliveries();
+    const std::vector<Delivery> deliveries = ArbitraryDeliveries();
     const size_t group = *rc::gen::inRange<size_t>(1, 12);
     const size_t reopen_after = *rc::gen::inRange<size_t>(0, 12);
-    const Stored stored = Deliver(requests, group, reopen_after);
+    const Stored stored = Deliver(deliveries, group, reopen_after);
     RC_ASSERT(stored.counts == InOrder().counts);
     RC_ASSERT(stored.rows == InOrder().rows);
   }));
 }
 
 TEST(DeliveryOrder, EndsInTheSameForSingleObservationsBackwardsAndTwice) {
-  std::vector<AppendRequest> requests;
+  std::vector<Delivery> deliveries;
   for (const int repetition : {1, 2}) {
     static_cast<void>(repetition);
     for (const StreamKey& stream : Streams()) {
-      requests.push_back(EndRequest(stream, kRows + 10));
+      deliveries.push_back(EndDelivery(stream, kRows + 10));
       for (uint32_t seq = kRows + 10; seq > kRows; --seq)
-        requests.push_back(Dropped(stream, seq, 1));
-      for (uint32_t seq = kRows; seq >= 1; --seq) requests.push_back(Part(stream, seq, seq));
+        deliveries.push_back(Dropped(stream, seq, 1));
+      for (uint32_t seq = kRows; seq >= 1; --seq) deliveries.push_back(Part(stream, seq, seq));
     }
   }
-  const Stored stored = Deliver(requests, 40, 3);
+  const Stored stored = Deliver(deliveries, 40, 3);
   EXPECT_EQ(stored.counts, InOrder().counts);
   EXPECT_EQ(stored.rows, InOrder().rows);
 }

@@ -26,7 +26,7 @@ using ::rigcal::testing::FaultyVfs;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
-using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::StatusIs;
 using ::rigcal::testing::TemporaryDirectory;
@@ -58,9 +58,8 @@ class DiskFailure : public ::testing::Test {
   }
 
   absl::StatusOr<AppendOutcome> AppendNext(uint32_t first_seq, uint32_t rows = kBatchRows) {
-    const AppendRequest request =
-        MakeRequest(MakeBatch(KeyOf("a"), first_seq, first_seq + rows - 1));
-    absl::StatusOr<std::vector<AppendOutcome>> outcomes = store_->Append({&request, 1});
+    const Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), first_seq, first_seq + rows - 1));
+    absl::StatusOr<std::vector<AppendOutcome>> outcomes = store_->Append({&delivery, 1});
     if (!outcomes.ok()) return outcomes.status();
     return outcomes->front();
   }
@@ -195,10 +194,10 @@ TEST_F(DiskFailure, ReadsAndDeletesWhileTheDiskIsFull) {
   // What the deleted session took up can be used, though no file may grow.
   StreamKey stream = KeyOf("a");
   stream.session_id = "other";
-  const AppendRequest request = MakeRequest(MakeBatch(stream, 1, 100));
-  absl::Status stored = store_->Append({&request, 1}).status();
+  const Delivery delivery = MakeDelivery(MakeBatch(stream, 1, 100));
+  absl::Status stored = store_->Append({&delivery, 1}).status();
   vfs_.SetGrowthAllowed(nullptr);
-  if (!stored.ok()) stored = store_->Append({&request, 1}).status();
+  if (!stored.ok()) stored = store_->Append({&delivery, 1}).status();
   EXPECT_THAT(stored, IsOk());
 }
 

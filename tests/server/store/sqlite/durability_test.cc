@@ -25,7 +25,7 @@ using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
-using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::TemporaryDirectory;
 
@@ -53,14 +53,14 @@ const std::vector<std::string>& Cameras() {
     durable.push_back(status->durable_seq);
   }
   for (;;) {  // ends with SIGKILL, or with SIGPIPE when the test is gone
-    std::vector<AppendRequest> requests;
+    std::vector<Delivery> deliveries;
     for (size_t camera = 0; camera < Cameras().size(); ++camera) {
       // Some of it again, as after a reconnection.
       const uint32_t first = durable[camera] > 20 ? durable[camera] - 5 : durable[camera] + 1;
-      requests.push_back(
-          MakeRequest(MakeBatch(KeyOf(Cameras()[camera]), first, first + kBatchRows)));
+      deliveries.push_back(
+          MakeDelivery(MakeBatch(KeyOf(Cameras()[camera]), first, first + kBatchRows)));
     }
-    const auto outcomes = (*store)->Append(requests);
+    const auto outcomes = (*store)->Append(deliveries);
     if (!outcomes.ok()) _exit(5);
     for (uint32_t camera = 0; camera < outcomes->size(); ++camera) {
       durable[camera] = (*outcomes)[camera].durable_seq;

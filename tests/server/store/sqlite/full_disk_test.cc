@@ -26,7 +26,7 @@ using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
-using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::StatusIs;
 using ::rigcal::testing::TemporaryDirectory;
@@ -52,8 +52,8 @@ bool MountSmallDisk(const std::string& path) {
 
 absl::Status AppendRows(SqliteStore& store, const StreamKey& stream, uint32_t first_seq,
                         uint32_t rows) {
-  const AppendRequest request = MakeRequest(MakeBatch(stream, first_seq, first_seq + rows - 1));
-  return store.Append({&request, 1}).status();
+  const Delivery delivery = MakeDelivery(MakeBatch(stream, first_seq, first_seq + rows - 1));
+  return store.Append({&delivery, 1}).status();
 }
 
 void FillDeleteAndGoOn(const std::string& path) {

@@ -18,7 +18,7 @@ using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
-using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
@@ -33,13 +33,13 @@ class ObservationReaderTest : public ::rigcal::testing::StoreFixture {
 };
 
 TEST_F(ObservationReaderTest, ReadsMoreThanOneChunkInOrder) {
-  std::vector<AppendRequest> requests;
+  std::vector<Delivery> deliveries;
   for (uint32_t i = 0; i < 600; ++i) {
-    requests.push_back(MakeRequest(MakeBatch(KeyOf("b", 2), 1 + 2 * i, 2 + 2 * i)));
-    requests.push_back(MakeRequest(MakeBatch(KeyOf("a"), 1 + 2 * i, 2 + 2 * i)));
-    requests.push_back(MakeRequest(MakeBatch(KeyOf("b", 1), 1 + 2 * i, 2 + 2 * i)));
+    deliveries.push_back(MakeDelivery(MakeBatch(KeyOf("b", 2), 1 + 2 * i, 2 + 2 * i)));
+    deliveries.push_back(MakeDelivery(MakeBatch(KeyOf("a"), 1 + 2 * i, 2 + 2 * i)));
+    deliveries.push_back(MakeDelivery(MakeBatch(KeyOf("b", 1), 1 + 2 * i, 2 + 2 * i)));
   }
-  ASSERT_THAT(store().Append(requests), IsOk());
+  ASSERT_THAT(store().Append(deliveries), IsOk());
   EXPECT_EQ(ReadRows(store()).size(), 3600u);  // which fails where the order is wrong
 }
 
@@ -48,7 +48,7 @@ TEST_F(ObservationReaderTest, ReadsOneCamera) {
   Append(MakeBatch(KeyOf("b"), 1, 7));
   size_t rows = 0;
   const auto count = [&](StoredBatch stored) {
-    EXPECT_EQ(stored.batch.camera, "b");
+    EXPECT_EQ(stored.batch.stream.camera, "b");
     rows += stored.batch.rows();
     return absl::OkStatus();
   };
@@ -89,11 +89,11 @@ TEST_F(ObservationReaderTest, SaysSoWhenTheSessionIsDeletedMeanwhile) {
 }
 
 TEST_F(ObservationReaderTest, GivesClockReadingsOfEpochsWithoutRows) {
-  AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 5, 0));
-  request.batch.clock_samples = {{.device_ns = 1, .host_monotonic_ns = 1, .host_utc_ns = 1}};
-  Append(request);
-  AppendRequest without_rows;
-  without_rows.stream = KeyOf("a");
+  Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 5, 0));
+  delivery.batch.clock_samples = {{.device_ns = 1, .host_monotonic_ns = 1, .host_utc_ns = 1}};
+  Append(delivery);
+  Delivery without_rows;
+  without_rows.batch.stream = KeyOf("a");
   without_rows.batch.clock_epoch = 4;
   without_rows.batch.clock_samples = {{.device_ns = 2, .host_monotonic_ns = 2, .host_utc_ns = 2}};
   Append(without_rows);

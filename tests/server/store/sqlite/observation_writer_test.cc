@@ -16,12 +16,12 @@ namespace {
 
 using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::CountsText;
-using ::rigcal::testing::EndRequest;
+using ::rigcal::testing::EndDelivery;
 using ::rigcal::testing::HasWand;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;
-using ::rigcal::testing::MakeRequest;
+using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::RowKey;
 using ::rigcal::testing::StatusIs;
@@ -63,7 +63,7 @@ TEST_F(ObservationWriterTest, StoresRowsAndCountsThem) {
 
 TEST_F(ObservationWriterTest, ChangesNothingForWhatIsThereHoweverLateItComes) {
   Append(MakeBatch(KeyOf("a"), 1, 10));
-  Append(EndRequest(KeyOf("a"), 10));
+  Append(EndDelivery(KeyOf("a"), 10));
   const auto rows = ReadRows(store());
   const std::string counts = CountsText(store());
   for (const bool reopened : {false, true}) {
@@ -91,7 +91,7 @@ TEST_F(ObservationWriterTest, CutsWhatOverlaps) {
 
 TEST_F(ObservationWriterTest, KeepsEarlyRowsOverARestart) {
   Append(MakeBatch(KeyOf("a"), 5, 8));
-  AppendRequest dropped = MakeRequest(MakeBatch(KeyOf("a"), 20, 20));
+  Delivery dropped = MakeDelivery(MakeBatch(KeyOf("a"), 20, 20));
   dropped.batch.dropped = {{.first_seq = 10, .count = 3, .reason = "spool_full"}};
   Append(dropped);
   Reopen();
@@ -102,11 +102,11 @@ TEST_F(ObservationWriterTest, KeepsEarlyRowsOverARestart) {
 }
 
 TEST_F(ObservationWriterTest, CountsSeveralDeliveriesOfOneStreamInOneTransaction) {
-  const std::vector<AppendRequest> requests = {
-      MakeRequest(MakeBatch(KeyOf("a"), 1, 8)), MakeRequest(MakeBatch(KeyOf("a"), 5, 12)),
-      MakeRequest(MakeBatch(KeyOf("b"), 1, 3)), MakeRequest(MakeBatch(KeyOf("a"), 1, 8)),
-      EndRequest(KeyOf("a"), 12)};
-  ASSERT_OK_AND_ASSIGN(const std::vector<AppendOutcome> outcomes, store().Append(requests));
+  const std::vector<Delivery> deliveries = {
+      MakeDelivery(MakeBatch(KeyOf("a"), 1, 8)), MakeDelivery(MakeBatch(KeyOf("a"), 5, 12)),
+      MakeDelivery(MakeBatch(KeyOf("b"), 1, 3)), MakeDelivery(MakeBatch(KeyOf("a"), 1, 8)),
+      EndDelivery(KeyOf("a"), 12)};
+  ASSERT_OK_AND_ASSIGN(const std::vector<AppendOutcome> outcomes, store().Append(deliveries));
   ASSERT_EQ(outcomes.size(), 5u);
   EXPECT_EQ(outcomes[0].stored_rows, 8u);
   EXPECT_EQ(outcomes[1].stored_rows, 4u);
@@ -121,18 +121,18 @@ TEST_F(ObservationWriterTest, CountsSeveralDeliveriesOfOneStreamInOneTransaction
 }
 
 TEST_F(ObservationWriterTest, CountsRefusedRowsOnceAndLetsThemPass) {
-  AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 10));
-  request.batch.x_px[3 * 3] = std::numeric_limits<float>::quiet_NaN();
-  request.refused_rows = {
+  Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 10));
+  delivery.batch.x_px[3 * 3] = std::numeric_limits<float>::quiet_NaN();
+  delivery.refused_rows = {
       {.row = 3, .reason = "not_finite", .detail = "the x of a marker is not finite"},
       {.row = 7, .reason = "not_finite", .detail = "the x of a marker is not finite"}};
   Append(MakeBatch(KeyOf("a"), 8, 9));  // row 7 is seq 8: already there, and not refused then
-  const AppendOutcome outcome = Append(request);
+  const AppendOutcome outcome = Append(delivery);
   EXPECT_EQ(outcome.durable_seq, 10u);
   EXPECT_EQ(outcome.stored_rows, 7u);
   EXPECT_EQ(outcome.refused_rows, 1u);
   EXPECT_EQ(outcome.duplicate_rows, 2u);
-  EXPECT_EQ(Append(request).refused_rows, 0u);
+  EXPECT_EQ(Append(delivery).refused_rows, 0u);
 
   const SessionCameraCounts counts = CountsOf("a");
   EXPECT_EQ(counts.observation_count, 9u);
@@ -149,11 +149,11 @@ TEST_F(ObservationWriterTest, CountsRefusedRowsOnceAndLetsThemPass) {
 
 TEST_F(ObservationWriterTest, GivesTheLowestSeqAsExampleWhateverComesFirst) {
   for (const uint32_t seq : {7u, 2u, 9u}) {
-    AppendRequest request = MakeRequest(MakeBatch(KeyOf("a", 2), seq, seq));
-    request.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
-    Append(request);
+    Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a", 2), seq, seq));
+    delivery.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
+    Append(delivery);
   }
-  AppendRequest older_epoch = MakeRequest(MakeBatch(KeyOf("a", 1), 30, 30));
+  Delivery older_epoch = MakeDelivery(MakeBatch(KeyOf("a", 1), 30, 30));
   older_epoch.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
   EXPECT_EQ(CountsOf("a").refused[0].example, "seq 2: d");
   Append(older_epoch);
@@ -162,10 +162,10 @@ TEST_F(ObservationWriterTest, GivesTheLowestSeqAsExampleWhateverComesFirst) {
 }
 
 TEST_F(ObservationWriterTest, TakesDroppedNumbersAsArrived) {
-  AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 4));
-  request.batch.dropped = {{.first_seq = 5, .count = 6, .reason = "spool_full"}};
-  EXPECT_EQ(Append(request).durable_seq, 10u);
-  EXPECT_EQ(Append(request).durable_seq, 10u);
+  Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 4));
+  delivery.batch.dropped = {{.first_seq = 5, .count = 6, .reason = "spool_full"}};
+  EXPECT_EQ(Append(delivery).durable_seq, 10u);
+  EXPECT_EQ(Append(delivery).durable_seq, 10u);
   // Numbers an agent gave up do not come back.
   EXPECT_EQ(Append(MakeBatch(KeyOf("a"), 7, 12)).stored_rows, 2u);
   const SessionCameraCounts counts = CountsOf("a");
@@ -195,8 +195,8 @@ TEST_F(ObservationWriterTest, StoresNothingForUnknownSessionsAndCameras) {
   nowhere.session_id = "s-none";
   EXPECT_TRUE(Append(MakeBatch(nowhere, 1, 3)).unknown);
   EXPECT_TRUE(Append(MakeBatch(KeyOf("c"), 1, 3)).unknown);
-  const std::vector<AppendRequest> mixed = {MakeRequest(MakeBatch(KeyOf("c"), 1, 3)),
-                                            MakeRequest(MakeBatch(KeyOf("a"), 1, 3))};
+  const std::vector<Delivery> mixed = {MakeDelivery(MakeBatch(KeyOf("c"), 1, 3)),
+                                       MakeDelivery(MakeBatch(KeyOf("a"), 1, 3))};
   ASSERT_OK_AND_ASSIGN(const auto outcomes, store().Append(mixed));
   EXPECT_TRUE(outcomes[0].unknown);
   EXPECT_EQ(outcomes[1].durable_seq, 3u);
@@ -209,12 +209,12 @@ TEST_F(ObservationWriterTest, StoresNothingForUnknownSessionsAndCameras) {
 }
 
 TEST_F(ObservationWriterTest, EndsWhenEverythingUpToTheEndIsThere) {
-  EXPECT_FALSE(Append(EndRequest(KeyOf("a"), 4)).complete);
+  EXPECT_FALSE(Append(EndDelivery(KeyOf("a"), 4)).complete);
   EXPECT_FALSE(Append(MakeBatch(KeyOf("a"), 2, 4)).complete);
   EXPECT_FALSE(CountsOf("a").ended());
   EXPECT_TRUE(Append(MakeBatch(KeyOf("a"), 1, 1)).complete);
   EXPECT_TRUE(CountsOf("a").ended());
-  EXPECT_TRUE(Append(EndRequest(KeyOf("b"), 0)).complete);  // not a single observation
+  EXPECT_TRUE(Append(EndDelivery(KeyOf("b"), 0)).complete);  // not a single observation
   EXPECT_TRUE(CountsOf("b").ended());
   ASSERT_OK_AND_ASSIGN(const StreamStatus status, store().GetStream(KeyOf("a")));
   EXPECT_EQ(status.durable_seq, 4u);
@@ -222,7 +222,7 @@ TEST_F(ObservationWriterTest, EndsWhenEverythingUpToTheEndIsThere) {
 }
 
 TEST_F(ObservationWriterTest, TakesTheHighestEpochAsTheNewestStream) {
-  Append(EndRequest(KeyOf("a", 2), 0));
+  Append(EndDelivery(KeyOf("a", 2), 0));
   EXPECT_TRUE(CountsOf("a").ended());
   Append(MakeBatch(KeyOf("a", 5), 1, 3));
   EXPECT_FALSE(CountsOf("a").ended());
@@ -236,16 +236,16 @@ TEST_F(ObservationWriterTest, TakesTheHighestEpochAsTheNewestStream) {
 
 TEST_F(ObservationWriterTest, KeepsTheLargestReportOfEachStream) {
   const auto report = [this](uint32_t epoch, uint32_t observations, uint32_t bad_lines) {
-    AppendRequest request;
-    request.stream = KeyOf("a", epoch);
-    request.report.emplace();
-    request.report->stream = request.stream;
-    request.report->observation_count = observations;
+    Delivery delivery;
+    delivery.batch.stream = KeyOf("a", epoch);
+    delivery.report.emplace();
+    delivery.report->stream = delivery.stream();
+    delivery.report->observation_count = observations;
     if (bad_lines > 0) {
-      request.report->refused = {
+      delivery.report->refused = {
           {.camera = "", .reason = "csv_field_count", .count = bad_lines, .example = "line 7"}};
     }
-    Append(request);
+    Append(delivery);
   };
   report(1, 10, 0);
   report(1, 20, 2);
@@ -260,12 +260,12 @@ TEST_F(ObservationWriterTest, KeepsTheLargestReportOfEachStream) {
 
 TEST_F(ObservationWriterTest, AddsUpTheCountsOfAllStreams) {
   const auto report = [this](uint32_t epoch, uint32_t observations, uint64_t lost) {
-    AppendRequest request;
-    request.stream = KeyOf("a", epoch);
-    request.report = CameraReport{.stream = request.stream, .observation_count = observations};
-    request.report->frames = FrameCounts{.received = observations, .lost = lost};
-    request.report->detections.emplace().Add(DetectionOutcome::kWand, observations);
-    Append(request);
+    Delivery delivery;
+    delivery.batch.stream = KeyOf("a", epoch);
+    delivery.report = CameraReport{.stream = delivery.stream(), .observation_count = observations};
+    delivery.report->frames = FrameCounts{.received = observations, .lost = lost};
+    delivery.report->detections.emplace().Add(DetectionOutcome::kWand, observations);
+    Append(delivery);
   };
   EXPECT_FALSE(CountsOf("a").frames || CountsOf("a").detections);
   report(1, 10, 2);
@@ -284,15 +284,15 @@ TEST_F(ObservationWriterTest, AddsUpTheCountsOfAllStreams) {
 }
 
 TEST_F(ObservationWriterTest, StoresClockReadingsAsASet) {
-  AppendRequest request = MakeRequest(MakeBatch(KeyOf("a"), 1, 4, 1));
-  request.batch.clock_samples = {{.device_ns = 5, .host_monotonic_ns = 7, .host_utc_ns = 9},
-                                 {.device_ns = -5, .host_monotonic_ns = 8, .host_utc_ns = 9}};
-  request.batch.host_alignments = {{.host_monotonic_ns = 7, .server_minus_host_ns = -3}};
-  Append(request);
-  Append(request);
-  request.batch = MakeBatch(KeyOf("a"), 5, 5, 1);
-  request.batch.clock_samples = {{.device_ns = 4, .host_monotonic_ns = 6, .host_utc_ns = 8}};
-  Append(request);
+  Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 4, 1));
+  delivery.batch.clock_samples = {{.device_ns = 5, .host_monotonic_ns = 7, .host_utc_ns = 9},
+                                  {.device_ns = -5, .host_monotonic_ns = 8, .host_utc_ns = 9}};
+  delivery.batch.host_alignments = {{.host_monotonic_ns = 7, .server_minus_host_ns = -3}};
+  Append(delivery);
+  Append(delivery);
+  delivery.batch = MakeBatch(KeyOf("a"), 5, 5, 1);
+  delivery.batch.clock_samples = {{.device_ns = 4, .host_monotonic_ns = 6, .host_utc_ns = 8}};
+  Append(delivery);
 
   std::vector<ClockSample> samples;
   std::vector<HostAlignment> alignments;
@@ -313,31 +313,11 @@ TEST_F(ObservationWriterTest, StoresClockReadingsAsASet) {
 }
 
 TEST_F(ObservationWriterTest, MakesNoStreamOfADeliveryThatSaysNothing) {
-  AppendRequest request;
-  request.stream = KeyOf("a");
-  const AppendOutcome outcome = Append(request);
+  Delivery delivery;
+  delivery.batch.stream = KeyOf("a");
+  const AppendOutcome outcome = Append(delivery);
   EXPECT_EQ(outcome.durable_seq, 0u);
   EXPECT_TRUE(CountsOf("a").streams.empty());
-}
-
-TEST_F(ObservationWriterTest, RefusesRequestsThatContradictThemselvesAndStoresNoneOfTheGroup) {
-  std::vector<AppendRequest> requests = {MakeRequest(MakeBatch(KeyOf("a"), 1, 3)),
-                                         MakeRequest(MakeBatch(KeyOf("b"), 1, 3))};
-  requests[1].batch.y_px.pop_back();
-  EXPECT_THAT(store().Append(requests),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("y_px")));
-  requests[1] = MakeRequest(MakeBatch(KeyOf("b"), 1, 3));
-  requests[1].batch.first_seq = kMaxSeq;
-  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
-  requests[1].batch.first_seq = 0;
-  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
-  requests[1].batch.first_seq = 1;
-  requests[1].batch.dropped = {{.first_seq = 7, .count = kMaxSeq, .reason = "x"}};
-  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
-  requests[1].batch.dropped.clear();
-  requests[1].refused_rows = {{.row = 3, .reason = "r", .detail = "d"}};
-  EXPECT_THAT(store().Append(requests), StatusIs(absl::StatusCode::kInvalidArgument, _));
-  EXPECT_TRUE(ReadRows(store()).empty());
 }
 
 TEST_F(ObservationWriterTest, StoresTheLastPossibleNumber) {

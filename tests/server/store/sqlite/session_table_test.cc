@@ -14,7 +14,7 @@ namespace rigcal::server::session_table_test {
 namespace {
 
 using ::rigcal::testing::CapturingSession;
-using ::rigcal::testing::EndRequest;
+using ::rigcal::testing::EndDelivery;
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::KeyOf;
 using ::rigcal::testing::MakeBatch;

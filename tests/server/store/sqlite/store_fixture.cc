@@ -54,9 +54,7 @@ bool HasWand(uint32_t seq) { return seq % 5 != 0; }
 ObservationBatch MakeBatch(const StreamKey& stream, uint32_t first_seq, uint32_t last_seq,
                            uint32_t clock_epoch) {
   ObservationBatch batch;
-  batch.session_id = stream.session_id;
-  batch.camera = stream.camera;
-  batch.stream_epoch = stream.stream_epoch;
+  batch.stream = stream;
   batch.first_seq = first_seq;
   batch.clock_epoch = clock_epoch;
   batch.marker_count = 3;
@@ -78,19 +76,13 @@ ObservationBatch MakeBatch(const StreamKey& stream, uint32_t first_seq, uint32_t
   return batch;
 }
 
-server::AppendRequest MakeRequest(ObservationBatch batch) {
-  server::AppendRequest request;
-  request.stream = {
-      .session_id = batch.session_id, .camera = batch.camera, .stream_epoch = batch.stream_epoch};
-  request.batch = std::move(batch);
-  return request;
-}
+server::Delivery MakeDelivery(ObservationBatch batch) { return {.batch = std::move(batch)}; }
 
-server::AppendRequest EndRequest(const StreamKey& stream, uint32_t last_seq) {
-  server::AppendRequest request;
-  request.stream = stream;
-  request.last_seq = last_seq;
-  return request;
+server::Delivery EndDelivery(const StreamKey& stream, uint32_t last_seq) {
+  server::Delivery delivery;
+  delivery.batch.stream = stream;
+  delivery.last_seq = last_seq;
+  return delivery;
 }
 
 std::vector<std::pair<RowKey, StoredRow>> ReadRows(const server::Store& store,
@@ -98,9 +90,9 @@ std::vector<std::pair<RowKey, StoredRow>> ReadRows(const server::Store& store,
   std::vector<std::pair<RowKey, StoredRow>> rows;
   const auto visit = [&](server::StoredBatch stored) {
     const ObservationBatch& batch = stored.batch;
-    EXPECT_EQ(batch.session_id, session_id);
+    EXPECT_EQ(batch.stream.session_id, session_id);
     for (size_t row = 0; row < batch.rows(); ++row) {
-      const RowKey key{batch.camera, batch.stream_epoch,
+      const RowKey key{batch.stream.camera, batch.stream.stream_epoch,
                        batch.first_seq + static_cast<uint32_t>(row)};
       EXPECT_TRUE(rows.empty() || rows.back().first < key);
       rows.emplace_back(
@@ -148,8 +140,8 @@ server::SqliteStoreOptions StoreFixture::Options() const {
 
 void StoreFixture::Open() { ASSERT_OK_AND_ASSIGN(store_, server::SqliteStore::Open(Options())); }
 
-server::AppendOutcome StoreFixture::Append(const server::AppendRequest& request) {
-  const auto outcomes = store_->Append({&request, 1});
+server::AppendOutcome StoreFixture::Append(const server::Delivery& delivery) {
+  const auto outcomes = store_->Append({&delivery, 1});
   EXPECT_THAT(outcomes, IsOk());
   if (!outcomes.ok() || outcomes->size() != 1) return {};
   return outcomes->front();

@@ -31,8 +31,8 @@ ObservationBatch MakeBatch(const StreamKey& stream, uint32_t first_seq, uint32_t
                            uint32_t clock_epoch = 0);
 bool HasWand(uint32_t seq);  // of a row of MakeBatch
 
-server::AppendRequest MakeRequest(ObservationBatch batch);
-server::AppendRequest EndRequest(const StreamKey& stream, uint32_t last_seq);
+server::Delivery MakeDelivery(ObservationBatch batch);
+server::Delivery EndDelivery(const StreamKey& stream, uint32_t last_seq);
 
 // One stored row, with everything that was stored of it.
 struct StoredRow {
@@ -64,9 +64,9 @@ class StoreFixture : public ::testing::Test {
   server::Store& store() { return *store_; }
   server::SqliteStoreOptions Options() const;
   // One delivery, which must succeed.
-  server::AppendOutcome Append(const server::AppendRequest& request);
+  server::AppendOutcome Append(const server::Delivery& delivery);
   server::AppendOutcome Append(ObservationBatch batch) {
-    return Append(MakeRequest(std::move(batch)));
+    return Append(MakeDelivery(std::move(batch)));
   }
 
   TemporaryDirectory directory_;

@@ -1,14 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/target/observation.h"
+#include "common/session/observation_batch.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace rigcal::observation_test {
+#include <functional>
+#include <string>
+
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::observation_batch_test {
 namespace {
 
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
 using ::testing::ElementsAre;
 using ::testing::SizeIs;
+using ::testing::StartsWith;
 
 // Row `i` with the middle marker missing in odd rows. Values fit a float exactly.
 Observation MakeObservation(int i) {
@@ -31,9 +39,7 @@ Observation MakeObservation(int i) {
 
 ObservationBatch MakeBatch(int rows) {
   ObservationBatch batch;
-  batch.session_id = "s";
-  batch.camera = "c";
-  batch.stream_epoch = 4;
+  batch.stream = {"s", "c", 4};
   batch.first_seq = 11;
   batch.clock_epoch = 2;
   batch.marker_count = 3;
@@ -102,9 +108,7 @@ TEST(ObservationBatch, SlicesKeepNumbersAndIdentity) {
   const ObservationBatch slice = batch.Slice(1, 4);
   EXPECT_EQ(slice.first_seq, 12u);
   EXPECT_EQ(slice.end_seq(), 15u);
-  EXPECT_EQ(slice.session_id, "s");
-  EXPECT_EQ(slice.camera, "c");
-  EXPECT_EQ(slice.stream_epoch, 4u);
+  EXPECT_EQ(slice.stream, (StreamKey{"s", "c", 4}));
   EXPECT_EQ(slice.clock_epoch, 2u);
   for (int i = 0; i < 3; ++i)
     ExpectEqual(slice.Row(static_cast<size_t>(i)), MakeObservation(i + 1));
@@ -127,5 +131,74 @@ TEST(ObservationBatch, SamplesGoWithTheFirstRowsOnly) {
   EXPECT_EQ(batch.Slice(3, 3).first_seq, 14u);
 }
 
+TEST(CheckShape, AcceptsWhatAppendMakes) {
+  EXPECT_THAT(CheckShape(MakeBatch(5)), IsOk());
+  EXPECT_THAT(CheckShape(ObservationBatch()), IsOk());
+  ObservationBatch dropped_only;
+  dropped_only.dropped = {{.first_seq = 1, .count = kMaxSeq, .reason = "spool_full"}};
+  EXPECT_THAT(CheckShape(dropped_only), IsOk());
+  ObservationBatch last = MakeBatch(5);
+  last.first_seq = kMaxSeq - 4;
+  EXPECT_THAT(CheckShape(last), IsOk());
+}
+
+TEST(CheckShape, IgnoresTheKindOfInvisibleMarkers) {
+  ObservationBatch batch = MakeBatch(2);
+  batch.centre_kind[4] = 77;
+  EXPECT_THAT(CheckShape(batch), IsOk());
+}
+
+struct ShapeFault {
+  const char* name;
+  std::function<void(ObservationBatch&)> damage;
+  const char* message;
+};
+
+class ShapeFaults : public ::testing::TestWithParam<ShapeFault> {};
+
+TEST_P(ShapeFaults, NamesTheField) {
+  ObservationBatch batch = MakeBatch(5);
+  GetParam().damage(batch);
+  EXPECT_THAT(CheckShape(batch),
+              StatusIs(absl::StatusCode::kInvalidArgument, StartsWith(GetParam().message)));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    CheckShape, ShapeFaults,
+    ::testing::Values(
+        ShapeFault{"TooManyRows", [](auto& b) { b.time_ns.resize(kMaxBatchRows + 1); }, "time_ns:"},
+        ShapeFault{"NoMarkers", [](auto& b) { b.marker_count = 0; }, "marker_count: 0"},
+        ShapeFault{"TooManyMarkers", [](auto& b) { b.marker_count = 17; }, "marker_count: 17"},
+        ShapeFault{"ShortMask", [](auto& b) { b.visible_mask.pop_back(); },
+                   "visible_mask: has 4 values, expected 5"},
+        ShapeFault{"ShortX", [](auto& b) { b.x_px.pop_back(); },
+                   "x_px: has 14 values, expected 15"},
+        ShapeFault{"LongY", [](auto& b) { b.y_px.push_back(1); }, "y_px:"},
+        ShapeFault{"ShortXX", [](auto& b) { b.cov_xx_px2.pop_back(); }, "cov_xx_px2:"},
+        ShapeFault{"ShortXY", [](auto& b) { b.cov_xy_px2.pop_back(); }, "cov_xy_px2:"},
+        ShapeFault{"LongYY", [](auto& b) { b.cov_yy_px2.push_back(1); }, "cov_yy_px2:"},
+        ShapeFault{"NoTimeDelta", [](auto& b) { b.time_delta_ns.clear(); }, "time_delta_ns:"},
+        ShapeFault{"ShortConfidence", [](auto& b) { b.label_confidence.pop_back(); },
+                   "label_confidence:"},
+        ShapeFault{"OneKindForAll", [](auto& b) { b.centre_kind.resize(1); }, "centre_kind:"},
+        ShapeFault{"MaskBeyondTheMarkers", [](auto& b) { b.visible_mask[4] = 8; },
+                   "visible_mask[4]:"},
+        ShapeFault{"UnknownKind", [](auto& b) { b.centre_kind[2] = 3; }, "centre_kind[2]: 3"},
+        ShapeFault{"NoKind", [](auto& b) { b.centre_kind[2] = 0; }, "centre_kind[2]: 0"},
+        ShapeFault{"SeqZero", [](auto& b) { b.first_seq = 0; }, "first_seq:"},
+        ShapeFault{"SeqBeyondTheLast", [](auto& b) { b.first_seq = kMaxSeq - 3; }, "first_seq:"},
+        ShapeFault{"DroppedFromZero", [](auto& b) { b.dropped[0].first_seq = 0; }, "dropped[0]:"},
+        ShapeFault{"DroppedNothing", [](auto& b) { b.dropped[0].count = 0; }, "dropped[0]:"},
+        ShapeFault{"DroppedBeyondTheLast", [](auto& b) { b.dropped[0].count = kMaxSeq + 1; },
+                   "dropped[0]:"},
+        ShapeFault{"DroppedOverlapsRows", [](auto& b) { b.dropped[0].count = 11; },
+                   "dropped[0]: overlaps"},
+        ShapeFault{"DroppedWithoutReason", [](auto& b) { b.dropped[0].reason.clear(); },
+                   "dropped[0].reason:"},
+        ShapeFault{"DroppedWithAnEndlessReason",
+                   [](auto& b) { b.dropped[0].reason = std::string(65, 'r'); },
+                   "dropped[0].reason:"}),
+    [](const auto& fault) { return fault.param.name; });
+
 }  // namespace
-}  // namespace rigcal::observation_test
+}  // namespace rigcal::observation_batch_test

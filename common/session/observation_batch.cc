@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/session/observation_batch.h"
+
+#include <cassert>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "common/target/target.h"
+
+namespace rigcal {
+namespace {
+
+template <typename T>
+void CopyRange(const std::vector<T>& from, size_t begin, size_t end, std::vector<T>* to) {
+  to->assign(from.begin() + static_cast<std::ptrdiff_t>(begin),
+             from.begin() + static_cast<std::ptrdiff_t>(end));
+}
+
+absl::Status Fault(absl::string_view field, absl::string_view what) {
+  return absl::InvalidArgumentError(absl::StrCat(field, ": ", what));
+}
+
+absl::Status CheckColumns(const ObservationBatch& batch) {
+  const size_t rows = batch.rows();
+  if (rows > kMaxBatchRows) {
+    return Fault("time_ns", absl::StrCat("has ", rows, " rows, at most ", kMaxBatchRows,
+                                         " are allowed: send the batch in parts"));
+  }
+  if (batch.marker_count > static_cast<uint32_t>(kMaxMarkers) ||
+      (batch.marker_count == 0 && rows > 0)) {
+    return Fault("marker_count",
+                 absl::StrCat(batch.marker_count, " is not within 1 to ", kMaxMarkers));
+  }
+  const size_t values = rows * batch.marker_count;
+  const struct {
+    const char* name;
+    size_t size;
+    size_t expected;
+  } columns[] = {
+      {"visible_mask", batch.visible_mask.size(), rows},
+      {"x_px", batch.x_px.size(), values},
+      {"y_px", batch.y_px.size(), values},
+      {"cov_xx_px2", batch.cov_xx_px2.size(), values},
+      {"cov_xy_px2", batch.cov_xy_px2.size(), values},
+      {"cov_yy_px2", batch.cov_yy_px2.size(), values},
+      {"time_delta_ns", batch.time_delta_ns.size(), values},
+      {"label_confidence", batch.label_confidence.size(), values},
+      {"centre_kind", batch.centre_kind.size(), values},
+  };
+  for (const auto& column : columns) {
+    if (column.size == column.expected) continue;
+    return Fault(column.name,
+                 absl::StrCat("has ", column.size, " values, expected ", column.expected, " for ",
+                              rows, " rows of ", batch.marker_count, " markers"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckVisibleMarkers(const ObservationBatch& batch) {
+  for (size_t row = 0; row < batch.rows(); ++row) {
+    const uint32_t mask = batch.visible_mask[row];
+    if (mask >> batch.marker_count != 0) {
+      return Fault(absl::StrCat("visible_mask[", row, "]"),
+                   absl::StrCat("has bits beyond the ", batch.marker_count, " markers"));
+    }
+    for (uint32_t marker = 0; marker < batch.marker_count; ++marker) {
+      const size_t i = row * batch.marker_count + marker;
+      const uint8_t kind = batch.centre_kind[i];
+      if ((mask >> marker & 1u) == 0 || kind == static_cast<uint8_t>(CentreKind::kImageBlob) ||
+          kind == static_cast<uint8_t>(CentreKind::kSphereCentre)) {
+        continue;
+      }
+      return Fault(absl::StrCat("centre_kind[", i, "]"),
+                   absl::StrCat(kind, " is no kind of centre, but the marker is visible"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckNumbers(const ObservationBatch& batch) {
+  const auto fits = [](uint64_t first, uint64_t count) {
+    return first >= 1 && first + count <= uint64_t{kMaxSeq} + 1;
+  };
+  if (batch.rows() > 0 && !fits(batch.first_seq, batch.rows())) {
+    return Fault("first_seq", absl::StrCat(batch.rows(), " rows from ", batch.first_seq,
+                                           " are not within 1 to ", kMaxSeq));
+  }
+  for (size_t i = 0; i < batch.dropped.size(); ++i) {
+    const DroppedRange& range = batch.dropped[i];
+    const std::string field = absl::StrCat("dropped[", i, "]");
+    if (range.count == 0 || !fits(range.first_seq, range.count)) {
+      return Fault(field, absl::StrCat(range.count, " from ", range.first_seq,
+                                       " is not a range within 1 to ", kMaxSeq));
+    }
+    if (batch.rows() > 0 && range.first_seq < batch.end_seq() &&
+        batch.first_seq < range.first_seq + range.count) {
+      return Fault(field, "overlaps the rows of the batch");
+    }
+    if (range.reason.empty() || range.reason.size() > 64) {
+      return Fault(field + ".reason", "must have 1 to 64 characters");
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void ObservationBatch::Append(const Observation& observation) {
+  assert(observation.clock_epoch == clock_epoch);
+  assert(observation.markers.size() == marker_count);
+  uint32_t mask = 0;
+  for (uint32_t m = 0; m < marker_count; ++m) {
+    const bool visible = m < observation.markers.size() && observation.markers[m].visible;
+    if (!visible) {
+      for (std::vector<float>* column :
+           {&x_px, &y_px, &cov_xx_px2, &cov_xy_px2, &cov_yy_px2, &label_confidence}) {
+        column->push_back(0);
+      }
+      time_delta_ns.push_back(0);
+      centre_kind.push_back(0);
+      continue;
+    }
+    const MarkerObservation& marker = observation.markers[m];
+    mask |= uint32_t{1} << m;
+    x_px.push_back(static_cast<float>(marker.centre_px.x()));
+    y_px.push_back(static_cast<float>(marker.centre_px.y()));
+    cov_xx_px2.push_back(static_cast<float>(marker.covariance_px2(0, 0)));
+    cov_xy_px2.push_back(static_cast<float>(marker.covariance_px2(0, 1)));
+    cov_yy_px2.push_back(static_cast<float>(marker.covariance_px2(1, 1)));
+    label_confidence.push_back(marker.label_confidence);
+    time_delta_ns.push_back(marker.time_delta_ns);
+    centre_kind.push_back(static_cast<uint8_t>(marker.centre_kind));
+  }
+  time_ns.push_back(observation.time_ns);
+  visible_mask.push_back(mask);
+}
+
+Observation ObservationBatch::Row(size_t row) const {
+  assert(row < rows());
+  Observation observation;
+  observation.time_ns = time_ns[row];
+  observation.clock_epoch = clock_epoch;
+  observation.markers.resize(marker_count);
+  for (uint32_t m = 0; m < marker_count; ++m) {
+    if ((visible_mask[row] >> m & 1u) == 0) continue;
+    const size_t i = row * marker_count + m;
+    MarkerObservation& marker = observation.markers[m];
+    marker.visible = true;
+    marker.centre_px = {x_px[i], y_px[i]};
+    marker.covariance_px2 << cov_xx_px2[i], cov_xy_px2[i], cov_xy_px2[i], cov_yy_px2[i];
+    marker.time_delta_ns = time_delta_ns[i];
+    marker.label_confidence = label_confidence[i];
+    marker.centre_kind = static_cast<CentreKind>(centre_kind[i]);
+  }
+  return observation;
+}
+
+ObservationBatch ObservationBatch::Slice(size_t begin, size_t end) const {
+  assert(begin <= end && end <= rows());
+  ObservationBatch slice;
+  slice.stream = stream;
+  slice.first_seq = first_seq + static_cast<uint32_t>(begin);
+  slice.clock_epoch = clock_epoch;
+  slice.marker_count = marker_count;
+  CopyRange(time_ns, begin, end, &slice.time_ns);
+  CopyRange(visible_mask, begin, end, &slice.visible_mask);
+  const size_t first = begin * marker_count;
+  const size_t last = end * marker_count;
+  CopyRange(x_px, first, last, &slice.x_px);
+  CopyRange(y_px, first, last, &slice.y_px);
+  CopyRange(cov_xx_px2, first, last, &slice.cov_xx_px2);
+  CopyRange(cov_xy_px2, first, last, &slice.cov_xy_px2);
+  CopyRange(cov_yy_px2, first, last, &slice.cov_yy_px2);
+  CopyRange(time_delta_ns, first, last, &slice.time_delta_ns);
+  CopyRange(label_confidence, first, last, &slice.label_confidence);
+  CopyRange(centre_kind, first, last, &slice.centre_kind);
+  if (begin == 0) {
+    slice.clock_samples = clock_samples;
+    slice.host_alignments = host_alignments;
+    slice.dropped = dropped;
+  }
+  return slice;
+}
+
+absl::Status CheckShape(const ObservationBatch& batch) {
+  RIGCAL_RETURN_IF_ERROR(CheckColumns(batch));
+  RIGCAL_RETURN_IF_ERROR(CheckNumbers(batch));
+  return CheckVisibleMarkers(batch);
+}
+
+}  // namespace rigcal

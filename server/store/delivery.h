@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "common/session/observation_batch.h"
+#include "common/session/stream_key.h"
+
+namespace rigcal::server {
+
+// A row that ingest refused, and its first fault. The texts are static: a batch full of faults
+// costs no allocations. They do not mention the batch, so that the counts of a session do not
+// depend on how rows were cut into batches.
+struct RefusedRow {
+  uint32_t row = 0;         // of the batch, from 0
+  uint32_t value = 0;       // index of the faulty value within its column
+  std::string_view field;   // the column: "x_px"
+  std::string_view reason;  // as in Refusal
+  std::string_view detail;  // "the x of a marker is not finite"
+};
+
+// What arrives for one stream, `batch.stream`: rows, the end of capture, a report, or several of
+// them. Passes from the RPC layer through ingest to the store.
+struct Delivery {
+  // No rows and nothing dropped: this delivery has no observations. Has passed CheckShape.
+  ObservationBatch batch;
+  // Found by ingest, by row. These rows keep their values and count towards durable_seq.
+  std::vector<RefusedRow> refused_rows = {};
+  std::optional<uint32_t> last_seq = {};  // the capture has ended with this observation
+  std::optional<CameraReport> report = {};
+
+  const StreamKey& stream() const { return batch.stream; }
+  size_t Bytes() const;  // memory it holds, for bounding queues
+};
+
+// The result of one delivery, once the transaction is durable.
+struct AppendOutcome {
+  uint32_t durable_seq = 0;     // everything up to here is on disk
+  uint32_t stored_rows = 0;     // new in this delivery, refused ones not counted
+  uint32_t duplicate_rows = 0;  // were stored before
+  uint32_t refused_rows = 0;    // newly refused
+  bool late = false;            // the session had finished: stored as not used
+  bool complete = false;        // the stream has ended and everything of it is durable
+  bool unknown = false;         // no such session or camera: nothing was stored
+};
+
+// A row range of one stream as it is stored. Clock samples and alignments come once each, with the
+// first rows of their clock epoch (or with no rows, where that epoch has none). Dropped ranges are
+// in the counts only.
+struct StoredBatch {
+  ObservationBatch batch;          // refused rows included
+  std::vector<bool> refused_rows;  // one per row; empty: none is refused
+  bool late = false;
+};
+
+}  // namespace rigcal::server

@@ -21,7 +21,7 @@
 #include "server/session/calibration_runner.h"
 #include "server/session/session_coordinator.h"
 #include "server/solve/calibrate.h"
-#include "server/store/sqlite/sqlite_store.h"
+#include "server/store/factory/open_store.h"
 
 namespace rigcal::server {
 namespace {
@@ -70,12 +70,6 @@ sigset_t BlockStopSignals() {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
   return signals;
-}
-
-SqliteStoreOptions StoreOptions(const ServerConfig& config) {
-  SqliteStoreOptions options;
-  options.data_directory = config.data_dir;
-  return options;
 }
 
 AgentDirectoryOptions DirectoryOptions(const ServerLimits& limits) {
@@ -130,7 +124,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   if (!port_file.empty()) std::remove(port_file.c_str());
   const ServerLimits& limits = config.limits;
   RIGCAL_RETURN_IF_ERROR(CheckLoopback(config.listen));
-  RIGCAL_ASSIGN_OR_RETURN(const auto store, SqliteStore::Open(StoreOptions(config)));
+  RIGCAL_ASSIGN_OR_RETURN(const auto store, OpenStore(config.data_dir));
   AgentDirectory directory(DirectoryOptions(limits));
   RIGCAL_ASSIGN_OR_RETURN(
       const auto coordinator,

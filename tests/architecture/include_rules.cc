@@ -136,6 +136,7 @@ const std::map<std::string, std::set<std::string>>& AllowedFolders() {
        {"common/camera", "common/status", "common/target", "server/associate",
         "server/solve/bundle", "server/solve/geometry", "server/solve/initialize"}},
       {"server/store", {"common/calibration", "common/session"}},
+      {"server/store/factory", {"server/store", "server/store/sqlite"}},
       {"server/store/sqlite",
        {"common/calibration", "common/camera", "common/session", "common/status", "common/target",
         "common/wire", "server/store"}},

@@ -16,7 +16,7 @@
 #include "server/store/sqlite/batch_blob.h"
 #include "server/store/sqlite/sqlite_store.h"
 #include "tests/bench/suites.h"
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/temporary_directory.h"
 
 namespace rigcal::server::store_bench {

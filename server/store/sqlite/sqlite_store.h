@@ -25,7 +25,7 @@ struct SqliteStoreOptions {
   // (positions, counts) are moved once each time, so a large one costs less.
   size_t checkpoint_bytes = 16u << 20;
   // Name of a registered SQLite VFS; empty: the system's own. For tests of failing disks.
-  std::string vfs;
+  std::string vfs = {};
 
   absl::Status Validate() const;
 };

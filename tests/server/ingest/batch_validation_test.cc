@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::batch_validation_test {

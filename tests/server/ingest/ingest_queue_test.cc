@@ -10,7 +10,7 @@
 #include <thread>
 #include <utility>
 
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::ingest_queue_test {

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "tests/server/ingest/fake_store.h"
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::ingest_test {

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 
 namespace rigcal::testing::accepted_rows_test {
 namespace {

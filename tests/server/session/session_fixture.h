@@ -13,7 +13,7 @@
 #include "server/session/session_coordinator.h"
 #include "tests/server/session/faulty_store.h"
 #include "tests/server/session/recording_link.h"
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 
 namespace rigcal::testing {
 

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "server/store/sqlite/record_checksum.h"
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::batch_blob_test {

@@ -13,7 +13,7 @@
 
 #include "server/store/sqlite/sqlite_store.h"
 #include "tests/server/store/sqlite/faulty_vfs.h"
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 

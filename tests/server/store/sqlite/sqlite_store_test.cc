@@ -10,7 +10,7 @@
 #include <string>
 
 #include "server/store/sqlite/sqlite_schema.h"
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::sqlite_store_test {
@@ -18,6 +18,8 @@ namespace {
 
 using ::rigcal::testing::CapturingSession;
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::KeyOf;
+using ::rigcal::testing::MakeBatch;
 using ::rigcal::testing::StatusIs;
 using ::testing::_;
 using ::testing::AllOf;
@@ -25,11 +27,12 @@ using ::testing::HasSubstr;
 
 class SqliteStoreTest : public ::rigcal::testing::StoreFixture {
  protected:
-  std::filesystem::path File() const { return Options().data_directory / "rigcal.db"; }
+  SqliteStoreOptions Options() const { return {.data_directory = folder()}; }
+  std::filesystem::path File() const { return folder() / "rigcal.db"; }
   // With the store closed.
-  void Execute(const std::string& sql) {
+  int Execute(const std::string& sql) {
     SQLite::Database database(File().string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    database.exec(sql);
+    return database.exec(sql);
   }
 };
 
@@ -121,6 +124,23 @@ TEST_F(SqliteStoreTest, NamesTheRecordThatIsDamaged) {
               StatusIs(absl::StatusCode::kDataLoss, HasSubstr("session s-test")));
   EXPECT_THAT(store().GetCalibration("c-000001"),
               StatusIs(absl::StatusCode::kDataLoss, HasSubstr("calibration c-000001")));
+}
+
+TEST_F(SqliteStoreTest, NamesTheRowsThatAreDamaged) {
+  ASSERT_THAT(store().CreateSession(CapturingSession({"a", "b"})), IsOk());
+  Append(MakeBatch(KeyOf("a"), 1, 5));
+  Append(MakeBatch(KeyOf("b", 7), 31, 35));
+  Close();
+  EXPECT_EQ(Execute("UPDATE batch SET body=substr(body,1,40)||x'ff'||substr(body,42) "
+                    "WHERE id & 0xffffffff = 31"),
+            1);
+  Open();
+  const auto visit = [](StoredBatch) { return absl::OkStatus(); };
+  EXPECT_THAT(store().ReadObservations("s-test", "a", visit), IsOk());
+  EXPECT_THAT(
+      store().ReadObservations("s-test", "", visit),
+      StatusIs(absl::StatusCode::kDataLoss,
+               AllOf(HasSubstr("camera b"), HasSubstr("stream epoch 7"), HasSubstr("seq 31"))));
 }
 
 }  // namespace

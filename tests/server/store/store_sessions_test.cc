@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/store/sqlite/session_table.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
 
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server::session_table_test {
+namespace rigcal::server::store_sessions_test {
 namespace {
 
 using ::rigcal::testing::CapturingSession;
@@ -24,7 +22,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-class SessionTable : public ::rigcal::testing::StoreFixture {
+class StoreSessions : public ::rigcal::testing::StoreFixture {
  protected:
   std::string Create(const std::string& rig = "rig", const std::string& id = "") {
     Session session = CapturingSession({"a"});
@@ -43,7 +41,7 @@ class SessionTable : public ::rigcal::testing::StoreFixture {
   }
 };
 
-TEST_F(SessionTable, GivesBackWhatWasStoredAlsoAfterReopening) {
+TEST_F(StoreSessions, GivesBackWhatWasStoredAlsoAfterReopening) {
   Session session = CapturingSession({"a", "b"});
   session.title = "first wave";
   session.create_utc_ns = 123;
@@ -64,7 +62,7 @@ TEST_F(SessionTable, GivesBackWhatWasStoredAlsoAfterReopening) {
   EXPECT_EQ(read.cameras[1].description, session.cameras[1].description);
 }
 
-TEST_F(SessionTable, NamesTheSessionThatIsNotThere) {
+TEST_F(StoreSessions, NamesTheSessionThatIsNotThere) {
   EXPECT_THAT(store().GetSession("s-000009"),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("s-000009")));
   EXPECT_THAT(store().UpdateSession(CapturingSession({})),
@@ -74,7 +72,7 @@ TEST_F(SessionTable, NamesTheSessionThatIsNotThere) {
   EXPECT_THAT(store().ListSessions("", 10, "s-000009"), StatusIs(absl::StatusCode::kNotFound, _));
 }
 
-TEST_F(SessionTable, NeverGivesAnIdTwice) {
+TEST_F(StoreSessions, NeverGivesAnIdTwice) {
   EXPECT_EQ(Create(), "s-000001");
   EXPECT_EQ(Create(), "s-000002");
   ASSERT_THAT(store().DeleteSession("s-000002"), IsOk());
@@ -86,7 +84,7 @@ TEST_F(SessionTable, NeverGivesAnIdTwice) {
   EXPECT_EQ(Create(), "s-000006");
 }
 
-TEST_F(SessionTable, RefusesIdsThatAreOrWereInUse) {
+TEST_F(StoreSessions, RefusesIdsThatAreOrWereInUse) {
   Create("rig", "wave");
   Session again = CapturingSession({"a"});
   again.id = "wave";
@@ -99,7 +97,7 @@ TEST_F(SessionTable, RefusesIdsThatAreOrWereInUse) {
   EXPECT_THAT(store().CreateSession(again), StatusIs(absl::StatusCode::kInvalidArgument, _));
 }
 
-TEST_F(SessionTable, ListsNewestFirstByRigInPages) {
+TEST_F(StoreSessions, ListsNewestFirstByRigInPages) {
   for (const char* id : {"z", "y", "x"}) Create("left", id);
   Create("right", "w");
   EXPECT_THAT(List("", 10, ""), ElementsAre("w", "x", "y", "z"));
@@ -111,13 +109,13 @@ TEST_F(SessionTable, ListsNewestFirstByRigInPages) {
   EXPECT_THAT(store().ListSessions("", 0, ""), StatusIs(absl::StatusCode::kInvalidArgument, _));
 }
 
-TEST_F(SessionTable, ContinuesAPageAfterItsLastSessionWasDeleted) {
+TEST_F(StoreSessions, ContinuesAPageAfterItsLastSessionWasDeleted) {
   for (const char* id : {"x", "y", "z"}) Create("rig", id);
   ASSERT_THAT(store().DeleteSession("y"), IsOk());
   EXPECT_THAT(List("", 10, "y"), ElementsAre("x"));
 }
 
-TEST_F(SessionTable, TakesCamerasUntilTheyHaveObservations) {
+TEST_F(StoreSessions, TakesCamerasUntilTheyHaveObservations) {
   Session session = CapturingSession({});
   session.state = SessionState::kCreated;
   ASSERT_THAT(store().CreateSession(session), IsOk());
@@ -136,7 +134,7 @@ TEST_F(SessionTable, TakesCamerasUntilTheyHaveObservations) {
   EXPECT_EQ(store().GetSession("s-test")->cameras.size(), 2u);
 }
 
-TEST_F(SessionTable, DeletesObservationsOfThatSessionOnly) {
+TEST_F(StoreSessions, DeletesObservationsOfThatSessionOnly) {
   ASSERT_THAT(store().CreateSession(CapturingSession({"a", "b"})), IsOk());
   Session other = CapturingSession({"a"});
   other.id = "other";
@@ -156,4 +154,4 @@ TEST_F(SessionTable, DeletesObservationsOfThatSessionOnly) {
 }
 
 }  // namespace
-}  // namespace rigcal::server::session_table_test
+}  // namespace rigcal::server::store_sessions_test

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/store/sqlite/observation_reader.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,10 +6,10 @@
 #include <thread>
 #include <vector>
 
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server::observation_reader_test {
+namespace rigcal::server::store_read_test {
 namespace {
 
 using ::rigcal::testing::CapturingSession;
@@ -21,10 +19,9 @@ using ::rigcal::testing::MakeBatch;
 using ::rigcal::testing::MakeDelivery;
 using ::rigcal::testing::ReadRows;
 using ::rigcal::testing::StatusIs;
-using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-class ObservationReaderTest : public ::rigcal::testing::StoreFixture {
+class StoreRead : public ::rigcal::testing::StoreFixture {
  protected:
   void SetUp() override {
     StoreFixture::SetUp();
@@ -32,7 +29,7 @@ class ObservationReaderTest : public ::rigcal::testing::StoreFixture {
   }
 };
 
-TEST_F(ObservationReaderTest, ReadsMoreThanOneChunkInOrder) {
+TEST_F(StoreRead, ReadsMoreThanOneChunkInOrder) {
   std::vector<Delivery> deliveries;
   for (uint32_t i = 0; i < 600; ++i) {
     deliveries.push_back(MakeDelivery(MakeBatch(KeyOf("b", 2), 1 + 2 * i, 2 + 2 * i)));
@@ -43,7 +40,7 @@ TEST_F(ObservationReaderTest, ReadsMoreThanOneChunkInOrder) {
   EXPECT_EQ(ReadRows(store()).size(), 3600u);  // which fails where the order is wrong
 }
 
-TEST_F(ObservationReaderTest, ReadsOneCamera) {
+TEST_F(StoreRead, ReadsOneCamera) {
   Append(MakeBatch(KeyOf("a"), 1, 5));
   Append(MakeBatch(KeyOf("b"), 1, 7));
   size_t rows = 0;
@@ -58,7 +55,7 @@ TEST_F(ObservationReaderTest, ReadsOneCamera) {
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("camera c")));
 }
 
-TEST_F(ObservationReaderTest, StopsAtTheFirstErrorOfTheVisitor) {
+TEST_F(StoreRead, StopsAtTheFirstErrorOfTheVisitor) {
   Append(MakeBatch(KeyOf("a"), 1, 5));
   Append(MakeBatch(KeyOf("a"), 6, 9));
   int visits = 0;
@@ -71,7 +68,7 @@ TEST_F(ObservationReaderTest, StopsAtTheFirstErrorOfTheVisitor) {
   EXPECT_EQ(visits, 1);
 }
 
-TEST_F(ObservationReaderTest, LetsTheVisitorUseTheStore) {
+TEST_F(StoreRead, LetsTheVisitorUseTheStore) {
   Append(MakeBatch(KeyOf("a"), 1, 5));
   const auto visit = [&](StoredBatch) {
     Append(MakeBatch(KeyOf("b"), 1, 5));
@@ -80,7 +77,7 @@ TEST_F(ObservationReaderTest, LetsTheVisitorUseTheStore) {
   EXPECT_THAT(store().ReadObservations("s-test", "a", visit), IsOk());
 }
 
-TEST_F(ObservationReaderTest, SaysSoWhenTheSessionIsDeletedMeanwhile) {
+TEST_F(StoreRead, SaysSoWhenTheSessionIsDeletedMeanwhile) {
   Append(MakeBatch(KeyOf("a"), 1, 5));
   Append(MakeBatch(KeyOf("b"), 1, 5));
   const auto visit = [&](StoredBatch) { return store().DeleteSession("s-test"); };
@@ -88,7 +85,7 @@ TEST_F(ObservationReaderTest, SaysSoWhenTheSessionIsDeletedMeanwhile) {
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("deleted")));
 }
 
-TEST_F(ObservationReaderTest, GivesClockReadingsOfEpochsWithoutRows) {
+TEST_F(StoreRead, GivesClockReadingsOfEpochsWithoutRows) {
   Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 5, 0));
   delivery.batch.clock_samples = {{.device_ns = 1, .host_monotonic_ns = 1, .host_utc_ns = 1}};
   Append(delivery);
@@ -108,27 +105,7 @@ TEST_F(ObservationReaderTest, GivesClockReadingsOfEpochsWithoutRows) {
   EXPECT_THAT(seen, ::testing::ElementsAre("0: 5 rows, sample 1", "4: 0 rows, sample 2"));
 }
 
-TEST_F(ObservationReaderTest, NamesTheRowsThatAreDamaged) {
-  Append(MakeBatch(KeyOf("a"), 1, 5));
-  Append(MakeBatch(KeyOf("b", 7), 31, 35));
-  Close();
-  {
-    SQLite::Database database((Options().data_directory / "rigcal.db").string(),
-                              SQLite::OPEN_READWRITE);
-    EXPECT_EQ(database.exec("UPDATE batch SET body=substr(body,1,40)||x'ff'||substr(body,42) "
-                            "WHERE id & 0xffffffff = 31"),
-              1);
-  }
-  Open();
-  const auto visit = [](StoredBatch) { return absl::OkStatus(); };
-  EXPECT_THAT(store().ReadObservations("s-test", "a", visit), IsOk());
-  EXPECT_THAT(
-      store().ReadObservations("s-test", "", visit),
-      StatusIs(absl::StatusCode::kDataLoss,
-               AllOf(HasSubstr("camera b"), HasSubstr("stream epoch 7"), HasSubstr("seq 31"))));
-}
-
-TEST_F(ObservationReaderTest, ReadsWhileOthersWrite) {
+TEST_F(StoreRead, ReadsWhileOthersWrite) {
   std::thread writing([&] {
     for (uint32_t i = 0; i < 50; ++i) Append(MakeBatch(KeyOf("a"), 1 + 4 * i, 4 + 4 * i));
   });
@@ -144,4 +121,4 @@ TEST_F(ObservationReaderTest, ReadsWhileOthersWrite) {
 }
 
 }  // namespace
-}  // namespace rigcal::server::observation_reader_test
+}  // namespace rigcal::server::store_read_test

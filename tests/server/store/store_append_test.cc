@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/store/sqlite/observation_writer.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server::observation_writer_test {
+namespace rigcal::server::store_append_test {
 namespace {
 
 using ::rigcal::testing::CapturingSession;
@@ -29,7 +27,7 @@ using ::testing::_;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-class ObservationWriterTest : public ::rigcal::testing::StoreFixture {
+class StoreAppend : public ::rigcal::testing::StoreFixture {
  protected:
   void SetUp() override {
     StoreFixture::SetUp();
@@ -45,7 +43,7 @@ class ObservationWriterTest : public ::rigcal::testing::StoreFixture {
   }
 };
 
-TEST_F(ObservationWriterTest, StoresRowsAndCountsThem) {
+TEST_F(StoreAppend, StoresRowsAndCountsThem) {
   const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 1, 10, 3));
   EXPECT_EQ(outcome.durable_seq, 10u);
   EXPECT_EQ(outcome.stored_rows, 10u);
@@ -61,7 +59,7 @@ TEST_F(ObservationWriterTest, StoresRowsAndCountsThem) {
   EXPECT_EQ(CountsOf("b").observation_count, 0u);
 }
 
-TEST_F(ObservationWriterTest, ChangesNothingForWhatIsThereHoweverLateItComes) {
+TEST_F(StoreAppend, ChangesNothingForWhatIsThereHoweverLateItComes) {
   Append(MakeBatch(KeyOf("a"), 1, 10));
   Append(EndDelivery(KeyOf("a"), 10));
   const auto rows = ReadRows(store());
@@ -78,7 +76,7 @@ TEST_F(ObservationWriterTest, ChangesNothingForWhatIsThereHoweverLateItComes) {
   }
 }
 
-TEST_F(ObservationWriterTest, CutsWhatOverlaps) {
+TEST_F(StoreAppend, CutsWhatOverlaps) {
   Append(MakeBatch(KeyOf("a"), 4, 6));
   EXPECT_EQ(Append(MakeBatch(KeyOf("a"), 9, 10)).durable_seq, 0u);
   const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 1, 12));
@@ -89,7 +87,7 @@ TEST_F(ObservationWriterTest, CutsWhatOverlaps) {
   EXPECT_EQ(CountsOf("a").observation_count, 12u);
 }
 
-TEST_F(ObservationWriterTest, KeepsEarlyRowsOverARestart) {
+TEST_F(StoreAppend, KeepsEarlyRowsOverARestart) {
   Append(MakeBatch(KeyOf("a"), 5, 8));
   Delivery dropped = MakeDelivery(MakeBatch(KeyOf("a"), 20, 20));
   dropped.batch.dropped = {{.first_seq = 10, .count = 3, .reason = "spool_full"}};
@@ -101,7 +99,7 @@ TEST_F(ObservationWriterTest, KeepsEarlyRowsOverARestart) {
   EXPECT_EQ(CountsOf("a").observation_count, 13u);
 }
 
-TEST_F(ObservationWriterTest, CountsSeveralDeliveriesOfOneStreamInOneTransaction) {
+TEST_F(StoreAppend, CountsSeveralDeliveriesOfOneStreamInOneTransaction) {
   const std::vector<Delivery> deliveries = {
       MakeDelivery(MakeBatch(KeyOf("a"), 1, 8)), MakeDelivery(MakeBatch(KeyOf("a"), 5, 12)),
       MakeDelivery(MakeBatch(KeyOf("b"), 1, 3)), MakeDelivery(MakeBatch(KeyOf("a"), 1, 8)),
@@ -120,7 +118,7 @@ TEST_F(ObservationWriterTest, CountsSeveralDeliveriesOfOneStreamInOneTransaction
   EXPECT_EQ(CountsOf("b").observation_count, 3u);
 }
 
-TEST_F(ObservationWriterTest, CountsRefusedRowsOnceAndLetsThemPass) {
+TEST_F(StoreAppend, CountsRefusedRowsOnceAndLetsThemPass) {
   Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 10));
   delivery.batch.x_px[3 * 3] = std::numeric_limits<float>::quiet_NaN();
   delivery.refused_rows = {
@@ -147,7 +145,7 @@ TEST_F(ObservationWriterTest, CountsRefusedRowsOnceAndLetsThemPass) {
   for (const auto& [key, row] : rows) EXPECT_EQ(row.refused, std::get<2>(key) == 4);
 }
 
-TEST_F(ObservationWriterTest, GivesTheLowestSeqAsExampleWhateverComesFirst) {
+TEST_F(StoreAppend, GivesTheLowestSeqAsExampleWhateverComesFirst) {
   for (const uint32_t seq : {7u, 2u, 9u}) {
     Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a", 2), seq, seq));
     delivery.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
@@ -161,7 +159,7 @@ TEST_F(ObservationWriterTest, GivesTheLowestSeqAsExampleWhateverComesFirst) {
   EXPECT_EQ(CountsOf("a").refused[0].count, 4u);
 }
 
-TEST_F(ObservationWriterTest, TakesDroppedNumbersAsArrived) {
+TEST_F(StoreAppend, TakesDroppedNumbersAsArrived) {
   Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 4));
   delivery.batch.dropped = {{.first_seq = 5, .count = 6, .reason = "spool_full"}};
   EXPECT_EQ(Append(delivery).durable_seq, 10u);
@@ -176,7 +174,7 @@ TEST_F(ObservationWriterTest, TakesDroppedNumbersAsArrived) {
   EXPECT_EQ(counts.refused[0].example, "seq 5: lost at the agent");
 }
 
-TEST_F(ObservationWriterTest, MarksWhatComesAfterTheSessionFinished) {
+TEST_F(StoreAppend, MarksWhatComesAfterTheSessionFinished) {
   Append(MakeBatch(KeyOf("a"), 1, 5));
   Session session = CapturingSession({"a", "b"});
   session.state = SessionState::kFinished;
@@ -190,7 +188,7 @@ TEST_F(ObservationWriterTest, MarksWhatComesAfterTheSessionFinished) {
   for (const auto& [key, row] : ReadRows(store())) EXPECT_EQ(row.late, std::get<2>(key) > 5);
 }
 
-TEST_F(ObservationWriterTest, StoresNothingForUnknownSessionsAndCameras) {
+TEST_F(StoreAppend, StoresNothingForUnknownSessionsAndCameras) {
   StreamKey nowhere = KeyOf("a");
   nowhere.session_id = "s-none";
   EXPECT_TRUE(Append(MakeBatch(nowhere, 1, 3)).unknown);
@@ -208,7 +206,7 @@ TEST_F(ObservationWriterTest, StoresNothingForUnknownSessionsAndCameras) {
   EXPECT_EQ(Append(MakeBatch(KeyOf("c"), 1, 3)).durable_seq, 3u);
 }
 
-TEST_F(ObservationWriterTest, EndsWhenEverythingUpToTheEndIsThere) {
+TEST_F(StoreAppend, EndsWhenEverythingUpToTheEndIsThere) {
   EXPECT_FALSE(Append(EndDelivery(KeyOf("a"), 4)).complete);
   EXPECT_FALSE(Append(MakeBatch(KeyOf("a"), 2, 4)).complete);
   EXPECT_FALSE(CountsOf("a").ended());
@@ -221,7 +219,7 @@ TEST_F(ObservationWriterTest, EndsWhenEverythingUpToTheEndIsThere) {
   EXPECT_EQ(status.last_seq, 4u);
 }
 
-TEST_F(ObservationWriterTest, TakesTheHighestEpochAsTheNewestStream) {
+TEST_F(StoreAppend, TakesTheHighestEpochAsTheNewestStream) {
   Append(EndDelivery(KeyOf("a", 2), 0));
   EXPECT_TRUE(CountsOf("a").ended());
   Append(MakeBatch(KeyOf("a", 5), 1, 3));
@@ -234,7 +232,7 @@ TEST_F(ObservationWriterTest, TakesTheHighestEpochAsTheNewestStream) {
   EXPECT_EQ(counts.observation_count, 6u);
 }
 
-TEST_F(ObservationWriterTest, KeepsTheLargestReportOfEachStream) {
+TEST_F(StoreAppend, KeepsTheLargestReportOfEachStream) {
   const auto report = [this](uint32_t epoch, uint32_t observations, uint32_t bad_lines) {
     Delivery delivery;
     delivery.batch.stream = KeyOf("a", epoch);
@@ -258,7 +256,7 @@ TEST_F(ObservationWriterTest, KeepsTheLargestReportOfEachStream) {
   EXPECT_EQ(CountsOf("a").refused[0].count, 5u);
 }
 
-TEST_F(ObservationWriterTest, AddsUpTheCountsOfAllStreams) {
+TEST_F(StoreAppend, AddsUpTheCountsOfAllStreams) {
   const auto report = [this](uint32_t epoch, uint32_t observations, uint64_t lost) {
     Delivery delivery;
     delivery.batch.stream = KeyOf("a", epoch);
@@ -283,7 +281,7 @@ TEST_F(ObservationWriterTest, AddsUpTheCountsOfAllStreams) {
   EXPECT_FALSE(CountsOf("b").frames) << "another camera";
 }
 
-TEST_F(ObservationWriterTest, StoresClockReadingsAsASet) {
+TEST_F(StoreAppend, StoresClockReadingsAsASet) {
   Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 4, 1));
   delivery.batch.clock_samples = {{.device_ns = 5, .host_monotonic_ns = 7, .host_utc_ns = 9},
                                   {.device_ns = -5, .host_monotonic_ns = 8, .host_utc_ns = 9}};
@@ -312,7 +310,7 @@ TEST_F(ObservationWriterTest, StoresClockReadingsAsASet) {
   EXPECT_EQ(CountsOf("a").refused[0].count, 1u);
 }
 
-TEST_F(ObservationWriterTest, MakesNoStreamOfADeliveryThatSaysNothing) {
+TEST_F(StoreAppend, MakesNoStreamOfADeliveryThatSaysNothing) {
   Delivery delivery;
   delivery.batch.stream = KeyOf("a");
   const AppendOutcome outcome = Append(delivery);
@@ -320,7 +318,7 @@ TEST_F(ObservationWriterTest, MakesNoStreamOfADeliveryThatSaysNothing) {
   EXPECT_TRUE(CountsOf("a").streams.empty());
 }
 
-TEST_F(ObservationWriterTest, StoresTheLastPossibleNumber) {
+TEST_F(StoreAppend, StoresTheLastPossibleNumber) {
   EXPECT_EQ(Append(MakeBatch(KeyOf("a"), kMaxSeq - 1, kMaxSeq)).stored_rows, 2u);
   Reopen();
   EXPECT_EQ(Append(MakeBatch(KeyOf("a"), kMaxSeq - 2, kMaxSeq)).stored_rows, 1u);
@@ -328,4 +326,4 @@ TEST_F(ObservationWriterTest, StoresTheLastPossibleNumber) {
 }
 
 }  // namespace
-}  // namespace rigcal::server::observation_writer_test
+}  // namespace rigcal::server::store_append_test

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/store/sqlite/calibration_table.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
 
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server::calibration_table_test {
+namespace rigcal::server::store_calibrations_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -19,7 +17,7 @@ using ::testing::_;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-class CalibrationTable : public ::rigcal::testing::StoreFixture {
+class StoreCalibrations : public ::rigcal::testing::StoreFixture {
  protected:
   Calibration Create(const std::string& rig) {
     Calibration calibration;
@@ -31,7 +29,7 @@ class CalibrationTable : public ::rigcal::testing::StoreFixture {
   }
 };
 
-TEST_F(CalibrationTable, CountsIdsOverAllAndVersionsByRig) {
+TEST_F(StoreCalibrations, CountsIdsOverAllAndVersionsByRig) {
   EXPECT_EQ(Create("left").id, "c-000001");
   EXPECT_EQ(Create("right").version, 1u);
   Reopen();
@@ -41,7 +39,7 @@ TEST_F(CalibrationTable, CountsIdsOverAllAndVersionsByRig) {
   EXPECT_EQ(store().GetCalibration("c-000003")->version, 2u);
 }
 
-TEST_F(CalibrationTable, KeepsProgressAndResult) {
+TEST_F(StoreCalibrations, KeepsProgressAndResult) {
   Calibration calibration = Create("rig");
   calibration.state = CalibrationState::kRunning;
   calibration.progress_fraction = 0.5;
@@ -61,7 +59,7 @@ TEST_F(CalibrationTable, KeepsProgressAndResult) {
   EXPECT_EQ(read.result->instant_count, 614u);
 }
 
-TEST_F(CalibrationTable, IsImmutableOnceItHasEnded) {
+TEST_F(StoreCalibrations, IsImmutableOnceItHasEnded) {
   for (const CalibrationState end : {CalibrationState::kSucceeded, CalibrationState::kFailed}) {
     Calibration calibration = Create("rig");
     calibration.state = end;
@@ -78,7 +76,7 @@ TEST_F(CalibrationTable, IsImmutableOnceItHasEnded) {
   }
 }
 
-TEST_F(CalibrationTable, RefusesWhatItDoesNotHaveAndAnotherVersion) {
+TEST_F(StoreCalibrations, RefusesWhatItDoesNotHaveAndAnotherVersion) {
   EXPECT_THAT(store().GetCalibration("c-000007"),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("c-000007")));
   EXPECT_THAT(store().UpdateCalibration(Calibration{}), StatusIs(absl::StatusCode::kNotFound, _));
@@ -88,7 +86,7 @@ TEST_F(CalibrationTable, RefusesWhatItDoesNotHaveAndAnotherVersion) {
               StatusIs(absl::StatusCode::kInvalidArgument, _));
 }
 
-TEST_F(CalibrationTable, ListsNewestFirstByRigInPages) {
+TEST_F(StoreCalibrations, ListsNewestFirstByRigInPages) {
   for (const char* rig : {"left", "right", "left", "left"}) Create(rig);
   const auto list = [this](const char* rig, int limit, const char* before) {
     std::vector<std::string> ids;
@@ -102,4 +100,4 @@ TEST_F(CalibrationTable, ListsNewestFirstByRigInPages) {
 }
 
 }  // namespace
-}  // namespace rigcal::server::calibration_table_test
+}  // namespace rigcal::server::store_calibrations_test

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
@@ -12,7 +13,7 @@
 #include <vector>
 
 #include "common/session/session.h"
-#include "server/store/sqlite/sqlite_store.h"
+#include "server/store/store.h"
 #include "tests/testing/temporary_directory.h"
 
 namespace rigcal::testing {
@@ -51,7 +52,7 @@ std::vector<std::pair<RowKey, StoredRow>> ReadRows(const server::Store& store,
 // The counts in words, for comparing.
 std::string CountsText(const server::Store& store, std::string_view session_id = "s-test");
 
-// An open store in a folder of its own.
+// An open store of the default kind in a folder of its own.
 class StoreFixture : public ::testing::Test {
  protected:
   void SetUp() override { Open(); }
@@ -62,7 +63,7 @@ class StoreFixture : public ::testing::Test {
     Open();
   }
   server::Store& store() { return *store_; }
-  server::SqliteStoreOptions Options() const;
+  std::filesystem::path folder() const { return directory_.path() / "data"; }
   // One delivery, which must succeed.
   server::AppendOutcome Append(const server::Delivery& delivery);
   server::AppendOutcome Append(ObservationBatch batch) {
@@ -70,7 +71,7 @@ class StoreFixture : public ::testing::Test {
   }
 
   TemporaryDirectory directory_;
-  std::unique_ptr<server::SqliteStore> store_;
+  std::unique_ptr<server::Store> store_;
 };
 
 }  // namespace rigcal::testing

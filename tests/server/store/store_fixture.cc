@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/server/store/sqlite/store_fixture.h"
+#include "tests/server/store/store_fixture.h"
 
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/store/factory/open_store.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::testing {
@@ -131,14 +132,7 @@ std::string CountsText(const server::Store& store, std::string_view session_id) 
   return text;
 }
 
-server::SqliteStoreOptions StoreFixture::Options() const {
-  server::SqliteStoreOptions options;
-  options.data_directory = directory_.path() / "data";
-  options.reserve_bytes = 1u << 20;
-  return options;
-}
-
-void StoreFixture::Open() { ASSERT_OK_AND_ASSIGN(store_, server::SqliteStore::Open(Options())); }
+void StoreFixture::Open() { ASSERT_OK_AND_ASSIGN(store_, server::OpenStore(folder().string())); }
 
 server::AppendOutcome StoreFixture::Append(const server::Delivery& delivery) {
   const auto outcomes = store_->Append({&delivery, 1});

@@ -4,10 +4,10 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <exception>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/session_rules.h"
@@ -49,6 +49,7 @@ SessionCoordinator::SessionCoordinator(SessionCoordinatorOptions options, Store*
     : options_(std::move(options)),
       store_(store),
       directory_(directory),
+      orders_(store, options_.send_window),
       changes_(options_.max_watches) {}
 
 absl::StatusOr<std::unique_ptr<SessionCoordinator>> SessionCoordinator::Create(
@@ -61,6 +62,11 @@ absl::StatusOr<std::unique_ptr<SessionCoordinator>> SessionCoordinator::Create(
 }
 
 SessionCoordinator::~SessionCoordinator() { Shutdown(); }
+
+void SessionCoordinator::Shutdown() {
+  tasks_.Shutdown();
+  changes_.Shutdown();
+}
 
 absl::Status SessionCoordinator::Load() {
   std::string before;
@@ -83,17 +89,14 @@ absl::Status SessionCoordinator::Load() {
 
 void SessionCoordinator::Activate(const Session& session) {
   contexts_.Put(session);
-  ActiveSession active{.session = session, .check_at = std::nullopt, .finish_at = std::nullopt};
-  if (session.state == SessionState::kDraining) {
-    active.finish_at =
-        std::chrono::steady_clock::now() + DrainTimeLeft(session, UtcNowNs(options_.utc_now_ns));
-  }
   {
     std::lock_guard lock(mutex_);
-    active_.insert_or_assign(session.id, std::move(active));
-    finish_checks_.insert(session.id);
+    active_.insert_or_assign(session.id, session);
   }
-  wake_.notify_all();
+  PostFinishCheck(session.id);
+  if (session.state == SessionState::kDraining) {
+    PostDeadline(session.id, DrainTimeLeft(session, UtcNowNs(options_.utc_now_ns)));
+  }
   changes_.Notify(session.id);
 }
 
@@ -132,7 +135,7 @@ absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
   RIGCAL_RETURN_IF_ERROR(store_->UpdateSession(session));
   Activate(session);
   spdlog::info("session {}: capturing with {} cameras", session.id, session.cameras.size());
-  QueueOrders(session, OrdersFor(session, connected));
+  SendOrders(session, orders_.ToStart(session, connected));
   return session;
 }
 
@@ -155,7 +158,8 @@ absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id,
     const SessionCamera* own = session.FindCamera(camera.camera.description.camera);
     if (own == nullptr || own->agent_id != camera.agent_id) continue;
     if (!told.insert(camera.agent_id).second) continue;
-    Queue([link = camera.link, session_id = session.id] { link->SendStopCapture(session_id); });
+    tasks_.Post(
+        [link = camera.link, session_id = session.id] { link->SendStopCapture(session_id); });
   }
   Activate(session);
   spdlog::info("session {}: draining, at most {} s", session.id, timeout_s);
@@ -214,15 +218,168 @@ absl::StatusOr<std::unique_ptr<SessionHold>> SessionCoordinator::HoldSessions(
 size_t SessionCoordinator::CapturingCount() const {
   std::lock_guard lock(mutex_);
   return static_cast<size_t>(std::count_if(active_.begin(), active_.end(), [](const auto& item) {
-    return item.second.session.state == SessionState::kCapturing;
+    return item.second.state == SessionState::kCapturing;
   }));
 }
 
 std::vector<Session> SessionCoordinator::ActiveSessions() const {
   std::vector<Session> sessions;
   std::lock_guard lock(mutex_);
-  for (const auto& [id, active] : active_) sessions.push_back(active.session);
+  for (const auto& [id, session] : active_) sessions.push_back(session);
   return sessions;
+}
+
+absl::StatusOr<SessionCoordinator::AgentConnection> SessionCoordinator::ConnectAgent(
+    AgentRecord agent, absl::Span<const StreamKey> pending, std::shared_ptr<AgentLink> link) {
+  std::lock_guard change(change_mutex_);
+  AgentConnection connection;
+  std::set<std::string> announced;
+  for (const AnnouncedCamera& camera : agent.cameras) announced.insert(camera.description.camera);
+  for (const StreamKey& stream : pending) {
+    RIGCAL_ASSIGN_OR_RETURN(StreamPosition position, orders_.PositionOf(stream));
+    if (!announced.contains(stream.camera) ||
+        !contexts_.CheckAgent(stream, agent.agent_id, agent.rig).ok()) {
+      position = {.stream = stream, .unknown = true};
+    }
+    connection.positions.push_back(std::move(position));
+  }
+
+  const std::string agent_id = agent.agent_id;
+  const std::string rig = agent.rig;
+  RIGCAL_ASSIGN_OR_RETURN(connection.registration,
+                          directory_->Register(std::move(agent), std::move(link)));
+  std::vector<AgentDirectory::ConnectedCamera> own = directory_->ConnectedCameras(rig);
+  std::erase_if(own, [&](const auto& camera) { return camera.agent_id != agent_id; });
+  for (const Session& session : ActiveSessions()) {
+    if (session.rig != rig) continue;
+    absl::StatusOr<std::vector<CaptureOrder>> orders = orders_.ToResume(session, own);
+    if (!orders.ok()) {
+      directory_->Unregister(connection.registration);
+      return orders.status();
+    }
+    SendOrders(session, *std::move(orders));
+    changes_.Notify(session.id);
+  }
+  return connection;
+}
+
+void SessionCoordinator::SendOrders(const Session& session, std::vector<CaptureOrder> orders) {
+  const bool draining = session.state == SessionState::kDraining;
+  for (CaptureOrder& order : orders) {
+    tasks_.Post([link = std::move(order.link), command = std::move(order.command), draining] {
+      link->SendStartCapture(command);
+      if (draining) link->SendStopCapture(command.session_id);
+    });
+  }
+}
+
+void SessionCoordinator::StopLateCapture(const StreamKey& stream) {
+  const std::optional<StreamContextCache::Owner> owner = contexts_.FindOwner(stream);
+  if (!owner) return;
+  for (const AgentDirectory::ConnectedCamera& camera : directory_->ConnectedCameras(owner->rig)) {
+    if (camera.camera.description.camera != stream.camera || camera.agent_id != owner->agent_id) {
+      continue;
+    }
+    {
+      std::lock_guard lock(mutex_);
+      if (!told_to_stop_.emplace(camera.registration, stream.session_id).second) return;
+    }
+    spdlog::info("session {}: agent {} still captures for it, and is told to stop",
+                 stream.session_id, owner->agent_id);
+    camera.link->SendStopCapture(stream.session_id);
+  }
+}
+
+void SessionCoordinator::DisconnectAgent(AgentDirectory::Registration registration) {
+  {
+    std::lock_guard lock(mutex_);
+    std::erase_if(told_to_stop_, [&](const auto& told) { return told.first == registration; });
+  }
+  if (!directory_->Unregister(registration)) return;
+  for (const Session& session : ActiveSessions()) changes_.Notify(session.id);
+}
+
+void SessionCoordinator::RecordProgress(const StreamKey& stream, const AppendOutcome& outcome) {
+  if (outcome.complete) PostFinishCheck(stream.session_id);
+  // It was away when the session was stopped, and came back after its end.
+  if (outcome.late && !outcome.complete) {
+    tasks_.Post([this, stream] { StopLateCapture(stream); });
+  }
+  changes_.Notify(stream.session_id);
+}
+
+void SessionCoordinator::PostFinishCheck(const std::string& id, std::chrono::milliseconds delay) {
+  {
+    std::lock_guard lock(mutex_);
+    if (!active_.contains(id) || !finish_checks_.insert(id).second) return;
+  }
+  const auto check = [this, id] {
+    {
+      std::lock_guard lock(mutex_);
+      finish_checks_.erase(id);
+    }
+    FinishIfEnded(id, /*overdue=*/false);
+  };
+  if (delay.count() == 0) {
+    tasks_.Post(check);
+  } else {
+    tasks_.PostAt(std::chrono::steady_clock::now() + delay, check);
+  }
+}
+
+void SessionCoordinator::PostDeadline(const std::string& id, std::chrono::nanoseconds delay) {
+  tasks_.PostAt(std::chrono::steady_clock::now() + delay,
+                [this, id] { FinishIfEnded(id, /*overdue=*/true); });
+}
+
+void SessionCoordinator::FinishIfEnded(const std::string& id, bool overdue) {
+  std::lock_guard change(change_mutex_);
+  Session session;
+  {
+    std::lock_guard lock(mutex_);
+    const auto found = active_.find(id);
+    if (found == active_.end()) return;
+    session = found->second;
+  }
+  const auto try_again_later = [&](const absl::Status& status) {
+    spdlog::warn("session {}: cannot be finished now, will be tried again: {}", id,
+                 std::string(status.message()));
+    if (overdue) {
+      PostDeadline(id, options_.store_retry_interval);
+    } else {
+      PostFinishCheck(id, options_.store_retry_interval);
+    }
+  };
+  const auto counts = store_->GetSessionCounts(id);
+  if (!counts.ok()) return try_again_later(counts.status());
+  std::set<std::string> ended;
+  for (const SessionCameraCounts& camera : *counts) {
+    if (camera.ended()) ended.insert(camera.camera);
+  }
+  session.missing_cameras.clear();
+  for (const SessionCamera& camera : session.cameras) {
+    if (!ended.contains(camera.description.camera)) {
+      session.missing_cameras.push_back(camera.description.camera);
+    }
+  }
+  if (!session.missing_cameras.empty() && !overdue) return;
+  session.state = SessionState::kFinished;
+  session.finish_utc_ns = UtcNowNs(options_.utc_now_ns);
+  if (absl::Status status = store_->UpdateSession(session); !status.ok()) {
+    return try_again_later(status);
+  }
+  contexts_.Put(session);
+  {
+    std::lock_guard lock(mutex_);
+    active_.erase(id);
+  }
+  changes_.Notify(id);
+  if (session.missing_cameras.empty()) {
+    spdlog::info("session {}: finished, every camera has ended", id);
+  } else {
+    spdlog::warn("session {}: finished at its deadline; missing: {}", id,
+                 absl::StrJoin(session.missing_cameras, ", "));
+  }
 }
 
 }  // namespace rigcal::server

@@ -2,19 +2,15 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -25,8 +21,10 @@
 #include "server/ingest/stream_context.h"
 #include "server/session/agent_directory.h"
 #include "server/session/agent_link.h"
+#include "server/session/capture_orders.h"
 #include "server/session/change_notifier.h"
 #include "server/session/stream_context_cache.h"
+#include "server/session/task_queue.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
@@ -84,14 +82,14 @@ class SessionCoordinator final : public StreamContextSource {
   ~SessionCoordinator() override;
 
   // Starts the thread that sends commands and finishes sessions.
-  void Start();
+  void Start() { tasks_.Start(); }
   // Ends the thread and every watch. Sessions stay as they are.
   void Shutdown();
   // Ends every watch; no new ones begin.
   void EndWatches() { changes_.Shutdown(); }
   // Returns when all commands have been sent and all finished sessions are stored (deadlines not
   // awaited). Only between Start and Shutdown.
-  void WaitIdle();
+  void WaitIdle() { tasks_.WaitIdle(); }
 
   // --- Sessions; errors as in rigcal/v1/session.proto ---
   absl::StatusOr<Session> CreateSession(Session session);
@@ -134,61 +132,36 @@ class SessionCoordinator final : public StreamContextSource {
   void RecordProgress(const StreamKey& stream, const AppendOutcome& outcome);
 
  private:
-  using SteadyTime = std::chrono::steady_clock::time_point;
-  struct ActiveSession {
-    Session session;
-    std::optional<SteadyTime> check_at;   // look again whether every camera has ended
-    std::optional<SteadyTime> finish_at;  // finish with what is there then
-  };
-  struct CaptureOrder {
-    std::shared_ptr<AgentLink> link;
-    StartCaptureCommand command;
-  };
-
   SessionCoordinator(SessionCoordinatorOptions options, Store* store, AgentDirectory* directory);
   absl::Status Load();
   void Activate(const Session& session);
   std::vector<Session> ActiveSessions() const;
-  absl::StatusOr<StreamPosition> PositionOf(const StreamKey& stream) const;
-  // What to tell the agents of those cameras of `session` that are among `connected`, as for a
-  // session without observations.
-  std::vector<CaptureOrder> OrdersFor(
-      const Session& session, absl::Span<const AgentDirectory::ConnectedCamera> connected) const;
-  // The same from the durable positions on, without the cameras that have ended; queues it.
-  absl::Status ResumeCapture(const Session& session,
-                             absl::Span<const AgentDirectory::ConnectedCamera> connected);
-  void QueueOrders(const Session& session, std::vector<CaptureOrder> orders);
+  void SendOrders(const Session& session, std::vector<CaptureOrder> orders);
   // Tells the agent of a stream whose session has finished to stop, once per connection.
   void StopLateCapture(const StreamKey& stream);
-  void Queue(std::function<void()> command);
-  void Run();
-  // With mutex_ held: moves what is due into finish_checks_ and `overdue`; returns when to look
-  // again.
-  std::optional<SteadyTime> TakeDue(std::set<std::string>* overdue);
-  void Work(std::deque<std::function<void()>> commands, const std::set<std::string>& due,
-            const std::set<std::string>& overdue);
+  // Looks after `delay` whether every camera has ended; nothing happens where that is planned.
+  void PostFinishCheck(const std::string& id, std::chrono::milliseconds delay = {});
+  // Finishes the session after `delay`, whatever is missing then.
+  void PostDeadline(const std::string& id, std::chrono::nanoseconds delay);
   void FinishIfEnded(const std::string& id, bool overdue);
 
   const SessionCoordinatorOptions options_;
   Store* const store_;
   AgentDirectory* const directory_;
+  const CaptureOrders orders_;
   StreamContextCache contexts_;
   ChangeNotifier changes_;
 
   // Held over a whole change, the store's part included. Taken before mutex_.
   mutable std::mutex change_mutex_;
-  // Held for moments only.
+  // Held briefly only.
   mutable std::mutex mutex_;
-  std::condition_variable wake_;
-  std::condition_variable idle_;
-  std::map<std::string, ActiveSession, std::less<>> active_;  // capturing or draining
-  std::deque<std::function<void()>> commands_;
-  std::set<std::string> finish_checks_;
+  std::map<std::string, Session, std::less<>> active_;  // capturing or draining
+  std::set<std::string> finish_checks_;                 // posted, not begun
   // Connected agents that were told to stop when they delivered late.
   std::set<std::pair<AgentDirectory::Registration, std::string>> told_to_stop_;
-  bool working_ = false;
-  bool stopping_ = false;
-  std::thread thread_;
+
+  TaskQueue tasks_;  // its tasks use the members above
 };
 
 }  // namespace rigcal::server

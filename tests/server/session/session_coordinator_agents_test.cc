@@ -11,7 +11,7 @@
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing::session_agents_test {
+namespace rigcal::testing::session_coordinator_agents_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-class SessionAgents : public SessionFixture {
+class SessionCoordinatorAgents : public SessionFixture {
  protected:
   // "wave" with one agent each for left and right, capturing.
   void StartWave() {
@@ -34,7 +34,7 @@ class SessionAgents : public SessionFixture {
   ConnectedAgent right_;
 };
 
-TEST_F(SessionAgents, AreToldToStartAndToStopInOrder) {
+TEST_F(SessionCoordinatorAgents, AreToldToStartAndToStopInOrder) {
   StartWave();
   ASSERT_THAT(coordinator().StopSession("wave", 60), IsOk());
   coordinator().WaitIdle();
@@ -42,7 +42,7 @@ TEST_F(SessionAgents, AreToldToStartAndToStopInOrder) {
   EXPECT_THAT(right_.link->Lines(), ElementsAre("start wave right/1=0", "stop wave"));
 }
 
-TEST_F(SessionAgents, HearNothingOfSessionsOfOtherCamerasAndRigs) {
+TEST_F(SessionCoordinatorAgents, HearNothingOfSessionsOfOtherCamerasAndRigs) {
   server::AgentRecord elsewhere = MakeAgent("pc-other", {"left"});
   elsewhere.rig = "other";
   const auto other = Connect(std::move(elsewhere));
@@ -54,7 +54,7 @@ TEST_F(SessionAgents, HearNothingOfSessionsOfOtherCamerasAndRigs) {
   EXPECT_THAT(late.link->Lines(), IsEmpty());
 }
 
-TEST_F(SessionAgents, OneAgentGetsOneCommandForAllItsCameras) {
+TEST_F(SessionCoordinatorAgents, OneAgentGetsOneCommandForAllItsCameras) {
   const auto agent = Connect(MakeAgent("pc", {"right", "left"}));
   ASSERT_THAT(coordinator().CreateSession(NewSession("wave")), IsOk());
   ASSERT_THAT(coordinator().StartSession("wave"), IsOk());
@@ -62,7 +62,7 @@ TEST_F(SessionAgents, OneAgentGetsOneCommandForAllItsCameras) {
   EXPECT_THAT(agent.link->Lines(), ElementsAre("start wave left/1=0 right/1=0"));
 }
 
-TEST_F(SessionAgents, GoOnFromTheDurablePositionWhenTheyComeBack) {
+TEST_F(SessionCoordinatorAgents, GoOnFromTheDurablePositionWhenTheyComeBack) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   const auto back = Connect(MakeAgent("pc-left", {"left"}, 1, 2), {{"wave", "left", 1}});
@@ -75,7 +75,7 @@ TEST_F(SessionAgents, GoOnFromTheDurablePositionWhenTheyComeBack) {
   EXPECT_FALSE(back.positions[0].unknown);
 }
 
-TEST_F(SessionAgents, GoOnAfterTheServerRestarted) {
+TEST_F(SessionCoordinatorAgents, GoOnAfterTheServerRestarted) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   Restart();
@@ -84,7 +84,7 @@ TEST_F(SessionAgents, GoOnAfterTheServerRestarted) {
   EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=25"));
 }
 
-TEST_F(SessionAgents, ANewLifeOfTheSpoolBeginsAtItsOwnPosition) {
+TEST_F(SessionCoordinatorAgents, ANewLifeOfTheSpoolBeginsAtItsOwnPosition) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   server::AgentRecord restarted = MakeAgent("pc-left", {"left"}, 2, 1);
@@ -94,7 +94,7 @@ TEST_F(SessionAgents, ANewLifeOfTheSpoolBeginsAtItsOwnPosition) {
   EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/2=0"));
 }
 
-TEST_F(SessionAgents, WhileDrainingAreToldToStartAndAtOnceToStop) {
+TEST_F(SessionCoordinatorAgents, WhileDrainingAreToldToStartAndAtOnceToStop) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   ASSERT_THAT(coordinator().StopSession("wave", 60), IsOk());
@@ -103,7 +103,7 @@ TEST_F(SessionAgents, WhileDrainingAreToldToStartAndAtOnceToStop) {
   EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=25", "stop wave"));
 }
 
-TEST_F(SessionAgents, ThatComeBackAfterTheEndAreToldToStopOnce) {
+TEST_F(SessionCoordinatorAgents, ThatComeBackAfterTheEndAreToldToStopOnce) {
   StartWave();
   coordinator().DisconnectAgent(left_.registration);
   ASSERT_THAT(coordinator().StopSession("wave", 0.01), IsOk());
@@ -123,7 +123,7 @@ TEST_F(SessionAgents, ThatComeBackAfterTheEndAreToldToStopOnce) {
   EXPECT_THAT(again.link->Lines(), SizeIs(1));
 }
 
-TEST_F(SessionAgents, ACameraThatHasEndedDoesNotBeginAgain) {
+TEST_F(SessionCoordinatorAgents, ACameraThatHasEndedDoesNotBeginAgain) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   DeliverEnd({"wave", "left", 1}, 25);
@@ -134,7 +134,7 @@ TEST_F(SessionAgents, ACameraThatHasEndedDoesNotBeginAgain) {
   EXPECT_THAT(back.link->Lines(), IsEmpty());
 }
 
-TEST_F(SessionAgents, AnotherAgentDoesNotTakeARunningCameraOver) {
+TEST_F(SessionCoordinatorAgents, AnotherAgentDoesNotTakeARunningCameraOver) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   coordinator().DisconnectAgent(left_.registration);
@@ -147,7 +147,7 @@ TEST_F(SessionAgents, AnotherAgentDoesNotTakeARunningCameraOver) {
               StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("pc-left")));
 }
 
-TEST_F(SessionAgents, PendingStreamsThatNobodyKnowsAreSaidToBeUnknown) {
+TEST_F(SessionCoordinatorAgents, PendingStreamsThatNobodyKnowsAreSaidToBeUnknown) {
   StartWave();
   FinishByHand("gone", {"left"});
   ASSERT_THAT(coordinator().DeleteSession("gone"), IsOk());
@@ -162,7 +162,7 @@ TEST_F(SessionAgents, PendingStreamsThatNobodyKnowsAreSaidToBeUnknown) {
   EXPECT_EQ(back.positions[3].stream.camera, "top");
 }
 
-TEST_F(SessionAgents, AStoreThatCannotBeReadRefusesTheAgentWhole) {
+TEST_F(SessionCoordinatorAgents, AStoreThatCannotBeReadRefusesTheAgentWhole) {
   StartWave();
   faulty().Fail("GetSessionCounts", absl::DataLossError("checksum"));
   const auto link = std::make_shared<RecordingLink>();
@@ -175,7 +175,7 @@ TEST_F(SessionAgents, AStoreThatCannotBeReadRefusesTheAgentWhole) {
   EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/1=0"));
 }
 
-TEST_F(SessionAgents, ComingAndGoingWakesWatchers) {
+TEST_F(SessionCoordinatorAgents, ComingAndGoingWakesWatchers) {
   StartWave();
   ASSERT_OK_AND_ASSIGN(const auto watch, coordinator().WatchSession("wave"));
   watch->Wait(std::chrono::seconds(0));
@@ -186,4 +186,4 @@ TEST_F(SessionAgents, ComingAndGoingWakesWatchers) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing::session_agents_test
+}  // namespace rigcal::testing::session_coordinator_agents_test

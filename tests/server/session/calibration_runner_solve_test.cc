@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// What becomes of a calibration on the runner's own thread.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -11,14 +10,14 @@
 #include "tests/server/session/runner_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing::calibration_worker_test {
+namespace rigcal::testing::calibration_runner_solve_test {
 namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-class CalibrationWorker : public RunnerFixture {
+class CalibrationRunnerSolve : public RunnerFixture {
  protected:
   void SetUp() override {
     RunnerFixture::SetUp();
@@ -31,7 +30,7 @@ class CalibrationWorker : public RunnerFixture {
   }
 };
 
-TEST_F(CalibrationWorker, FailingSolveSaysWhyAndWhatWasLeftOut) {
+TEST_F(CalibrationRunnerSolve, FailingSolveSaysWhyAndWhatWasLeftOut) {
   solver_.SetOutcome(absl::FailedPreconditionError("groups {left} and {right} share no instant"),
                      {{.camera = "left", .reason = "alone", .count = 20, .example = ""}});
   const Calibration ended = AwaitEnd(Create());
@@ -42,7 +41,7 @@ TEST_F(CalibrationWorker, FailingSolveSaysWhyAndWhatWasLeftOut) {
   EXPECT_EQ(ended.refused[0].reason, "alone");
 }
 
-TEST_F(CalibrationWorker, LateRowsAppearInTheResult) {
+TEST_F(CalibrationRunnerSolve, LateRowsAppearInTheResult) {
   Deliver({"wave", "left", 2}, 1, 4);
   const Calibration ended = AwaitEnd(Create());
   ASSERT_EQ(ended.state, CalibrationState::kSucceeded);
@@ -51,7 +50,7 @@ TEST_F(CalibrationWorker, LateRowsAppearInTheResult) {
   EXPECT_EQ(ended.result->refused[0].count, 4u);
 }
 
-TEST_F(CalibrationWorker, ReadingErrorIsAFailureThatKeepsTheServerGoing) {
+TEST_F(CalibrationRunnerSolve, ReadingErrorIsAFailureThatKeepsTheServerGoing) {
   faulty().Fail("ReadObservations", absl::DataLossError("checksum of batch 3 is wrong"));
   const Calibration ended = AwaitEnd(Create());
   EXPECT_EQ(ended.state, CalibrationState::kFailed);
@@ -60,14 +59,14 @@ TEST_F(CalibrationWorker, ReadingErrorIsAFailureThatKeepsTheServerGoing) {
   EXPECT_EQ(AwaitEnd(Create()).state, CalibrationState::kSucceeded);
 }
 
-TEST_F(CalibrationWorker, ExceptionsOfTheSolveAreFailures) {
+TEST_F(CalibrationRunnerSolve, ExceptionsOfTheSolveAreFailures) {
   solver_.SetBody([](const server::CalibrationHooks&) { throw std::bad_alloc(); });
   const Calibration ended = AwaitEnd(Create());
   EXPECT_EQ(ended.state, CalibrationState::kFailed);
   EXPECT_THAT(ended.error, HasSubstr("bad_alloc"));
 }
 
-TEST_F(CalibrationWorker, AResultThatCannotBeStoredIsAFailureUntilTheNextStart) {
+TEST_F(CalibrationRunnerSolve, AResultThatCannotBeStoredIsAFailureUntilTheNextStart) {
   solver_.SetBody([this](const server::CalibrationHooks&) {
     faulty().Fail("UpdateCalibration", absl::ResourceExhaustedError("disk full"));
   });
@@ -80,14 +79,14 @@ TEST_F(CalibrationWorker, AResultThatCannotBeStoredIsAFailureUntilTheNextStart) 
   EXPECT_EQ(AwaitEnd(id).state, CalibrationState::kSucceeded);
 }
 
-TEST_F(CalibrationWorker, OneThatCannotBeBegunFailsWithTheReason) {
+TEST_F(CalibrationRunnerSolve, OneThatCannotBeBegunFailsWithTheReason) {
   faulty().Fail("UpdateCalibration", absl::ResourceExhaustedError("disk full"));
   const Calibration ended = AwaitEnd(Create());
   EXPECT_EQ(ended.state, CalibrationState::kFailed);
   EXPECT_THAT(ended.error, HasSubstr("disk full"));
 }
 
-TEST_F(CalibrationWorker, ProgressIsShownButNotWritten) {
+TEST_F(CalibrationRunnerSolve, ProgressIsShownButNotWritten) {
   std::atomic<int> writes_before = 0;
   std::atomic<int> writes_after = 0;
   std::string id;
@@ -109,7 +108,7 @@ TEST_F(CalibrationWorker, ProgressIsShownButNotWritten) {
   EXPECT_EQ(ended.progress_fraction, 1);
 }
 
-TEST_F(CalibrationWorker, ShutdownEndsWatches) {
+TEST_F(CalibrationRunnerSolve, ShutdownEndsWatches) {
   solver_.Hold();
   const std::string id = Create();
   ASSERT_OK_AND_ASSIGN(const auto watch, runner().WatchCalibration(id));
@@ -119,4 +118,4 @@ TEST_F(CalibrationWorker, ShutdownEndsWatches) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing::calibration_worker_test
+}  // namespace rigcal::testing::calibration_runner_solve_test

@@ -13,7 +13,7 @@ constexpr size_t kMaxInbox = 256;
 
 }  // namespace
 
-ServerConnection::ServerConnection(std::shared_ptr<grpc::Channel> channel,
+UplinkConnection::UplinkConnection(std::shared_ptr<grpc::Channel> channel,
                                    std::function<void()> on_event)
     : on_event_(std::move(on_event)), stub_(v1::AgentService::NewStub(std::move(channel))) {
   stub_->async()->Connect(&context_, this);
@@ -24,7 +24,7 @@ ServerConnection::ServerConnection(std::shared_ptr<grpc::Channel> channel,
   StartCall();
 }
 
-ServerConnection::~ServerConnection() {
+UplinkConnection::~UplinkConnection() {
   Cancel();
   std::unique_lock lock(mutex_);
   inbox_.clear();
@@ -32,12 +32,12 @@ ServerConnection::~ServerConnection() {
   done_changed_.wait(lock, [this] { return result_.has_value(); });
 }
 
-bool ServerConnection::CanWrite() const {
+bool UplinkConnection::CanWrite() const {
   const std::lock_guard lock(mutex_);
   return !writing_ && !broken_ && !finished_writing_;
 }
 
-void ServerConnection::Write(v1::AgentMessage message) {
+void UplinkConnection::Write(v1::AgentMessage message) {
   const std::lock_guard lock(mutex_);
   if (writing_ || broken_ || finished_writing_) return;
   writing_ = true;
@@ -46,14 +46,14 @@ void ServerConnection::Write(v1::AgentMessage message) {
   StartWrite(&outgoing_);
 }
 
-void ServerConnection::FinishWriting() {
+void UplinkConnection::FinishWriting() {
   const std::lock_guard lock(mutex_);
   if (writing_ || broken_ || finished_writing_) return;
   finished_writing_ = true;
   StartWritesDone();
 }
 
-std::vector<v1::ServerMessage> ServerConnection::TakeMessages() {
+std::vector<v1::ServerMessage> UplinkConnection::TakeMessages() {
   const std::lock_guard lock(mutex_);
   std::vector<v1::ServerMessage> messages(std::make_move_iterator(inbox_.begin()),
                                           std::make_move_iterator(inbox_.end()));
@@ -62,19 +62,19 @@ std::vector<v1::ServerMessage> ServerConnection::TakeMessages() {
   return messages;
 }
 
-std::optional<absl::Status> ServerConnection::Result() const {
+std::optional<absl::Status> UplinkConnection::Result() const {
   const std::lock_guard lock(mutex_);
   if (!inbox_.empty()) return std::nullopt;
   return result_;
 }
 
-void ServerConnection::ResumeReadingLocked() {
+void UplinkConnection::ResumeReadingLocked() {
   if (reading_ || broken_ || inbox_.size() >= kMaxInbox) return;
   reading_ = true;
   StartRead(&incoming_);
 }
 
-void ServerConnection::OnReadDone(bool ok) {
+void UplinkConnection::OnReadDone(bool ok) {
   {
     const std::lock_guard lock(mutex_);
     reading_ = false;
@@ -89,7 +89,7 @@ void ServerConnection::OnReadDone(bool ok) {
   on_event_();
 }
 
-void ServerConnection::OnWriteDone(bool ok) {
+void UplinkConnection::OnWriteDone(bool ok) {
   {
     const std::lock_guard lock(mutex_);
     writing_ = false;
@@ -99,7 +99,7 @@ void ServerConnection::OnWriteDone(bool ok) {
   on_event_();
 }
 
-void ServerConnection::OnDone(const grpc::Status& status) {
+void UplinkConnection::OnDone(const grpc::Status& status) {
   // All of it under the lock, even the call: the destructor waits for this, and so may what
   // on_event_ refers to.
   const std::lock_guard lock(mutex_);

@@ -21,13 +21,13 @@ namespace rigcal::agent {
 // whenever one of these changes; it must neither block nor call back.
 //
 // Write, TakeMessages and the getters are for one thread.
-class ServerConnection : private grpc::ClientBidiReactor<v1::AgentMessage, v1::ServerMessage> {
+class UplinkConnection : private grpc::ClientBidiReactor<v1::AgentMessage, v1::ServerMessage> {
  public:
-  ServerConnection(std::shared_ptr<grpc::Channel> channel, std::function<void()> on_event);
+  UplinkConnection(std::shared_ptr<grpc::Channel> channel, std::function<void()> on_event);
   // Cancels what still runs, and waits for gRPC to let go.
-  ~ServerConnection() override;
-  ServerConnection(const ServerConnection&) = delete;
-  ServerConnection& operator=(const ServerConnection&) = delete;
+  ~UplinkConnection() override;
+  UplinkConnection(const UplinkConnection&) = delete;
+  UplinkConnection& operator=(const UplinkConnection&) = delete;
 
   // The message before is on its way, and the stream still stands.
   bool CanWrite() const;

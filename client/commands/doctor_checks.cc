@@ -58,7 +58,7 @@ Check CheckIngest(const v1::IngestStatus& ingest) {
   if (!ingest.problem().empty()) {
     check.level = CheckLevel::kFail;
     check.message = absl::StrCat("nothing is taken: ", ingest.problem());
-    check.advice = "agents keep their data meanwhile; put the cause right and they go on";
+    check.advice = "agents keep their data meanwhile; fix the cause, and delivery resumes";
   } else if (ingest.queue_limit_bytes() > 0 &&
              ingest.queue_bytes() > kFullQueue * ingest.queue_limit_bytes()) {
     check.level = CheckLevel::kWarn;

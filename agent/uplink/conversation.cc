@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/uplink/conversation.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+#include <variant>
+
+#include "absl/strings/str_cat.h"
+#include "agent/uplink/host_alignment.h"
+#include "common/status/status_macros.h"
+#include "common/wire/camera_wire.h"
+#include "common/wire/observation_wire.h"
+#include "common/wire/preview_wire.h"
+#include "common/wire/protocol_version.h"
+
+namespace rigcal::agent {
+namespace {
+
+// A connection that stood for so long was good even if nothing had to be delivered.
+constexpr std::chrono::seconds kGoodConnection{10};
+
+// Rows that fit the server's limits whatever the number of markers.
+size_t BatchRows(size_t wanted, const v1::ServerHello& hello) {
+  constexpr size_t kRowBytes = 13 + 29 * kMaxMarkers;
+  constexpr size_t kOtherBytes = size_t{16} * 1024;
+  size_t rows = wanted;
+  if (hello.max_batch_observations() > 0) {
+    rows = std::min<size_t>(rows, hello.max_batch_observations());
+  }
+  if (hello.max_message_bytes() > 0) {
+    const size_t bytes = std::max<size_t>(hello.max_message_bytes(), kOtherBytes) - kOtherBytes;
+    rows = std::min(rows, bytes / kRowBytes);
+  }
+  return std::max<size_t>(rows, 1);
+}
+
+// Totals only grow, and so does their sum.
+uint64_t CountedIn(const CameraReport& report) {
+  uint64_t sum = 0;
+  for (const Refusal& refusal : report.refused) sum += refusal.count;
+  if (const auto& frames = report.frames) {
+    sum += frames->received + frames->damaged + frames->lost + frames->reconnects;
+  }
+  return sum;
+}
+
+}  // namespace
+
+Conversation::Conversation(const UplinkOptions& options, uint32_t connection, Agent* agent,
+                           Clock::time_point now)
+    : options_(options),
+      connection_(connection),
+      agent_(*agent),
+      start_(now),
+      last_heard_(now),
+      next_ping_(now),
+      next_report_(now) {}
+
+v1::AgentMessage Conversation::Hello() {
+  v1::AgentMessage message;
+  v1::AgentHello* hello = message.mutable_hello();
+  *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
+  hello->set_software_version(std::string(wire::kSoftwareVersion));
+  hello->set_agent_id(options_.agent_id);
+  hello->set_incarnation(options_.incarnation);
+  hello->set_connection(connection_);
+  hello->set_host(options_.host);
+  hello->set_rig(options_.rig);
+  for (const CameraDescription& camera : agent_.captures->cameras()) {
+    v1::AnnouncedCamera* announced = hello->add_cameras();
+    *announced->mutable_description() = wire::ToProto(camera);
+    announced->set_stream_epoch(options_.stream_epoch);
+  }
+  for (const SpooledStream& spooled : agent_.spool->Streams()) {
+    pending_.push_back(spooled.stream);
+    *hello->add_pending() = wire::ToProto(spooled.stream);
+  }
+  return message;
+}
+
+absl::Status Conversation::Handle(const v1::ServerMessage& message, Clock::time_point now) {
+  last_heard_ = now;
+  if (!greeted_ && message.message_case() != v1::ServerMessage::kHello) {
+    return absl::InternalError("the server spoke before its hello");
+  }
+  switch (message.message_case()) {
+    case v1::ServerMessage::kHello:
+      return HandleHello(message.hello());
+    case v1::ServerMessage::kAck:
+      return HandleAck(message.ack());
+    case v1::ServerMessage::kStartCapture:
+      HandleStartCapture(message.start_capture());
+      break;
+    case v1::ServerMessage::kStopCapture:
+      HandleStopCapture(message.stop_capture());
+      break;
+    case v1::ServerMessage::kTimePong:
+      HandlePong(message.time_pong());
+      break;
+    case v1::ServerMessage::kPreviewRequest:
+      HandlePreviewRequest(message.preview_request());
+      break;
+    case v1::ServerMessage::MESSAGE_NOT_SET:
+      // A server one minor version newer may send kinds that are not known here.
+      spdlog::debug("server {}: a message of a kind that is not known here", options_.server);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Conversation::HandleHello(const v1::ServerHello& hello) {
+  if (greeted_) return absl::InternalError("the server sent two hellos");
+  RIGCAL_RETURN_IF_ERROR(wire::CheckProtocolVersion(absl::StrCat("server ", options_.server),
+                                                    hello.protocol_version()));
+  if (static_cast<size_t>(hello.positions_size()) != pending_.size()) {
+    return absl::InternalError(absl::StrCat("the server's hello gives ", hello.positions_size(),
+                                            " positions for ", pending_.size(),
+                                            " pending streams"));
+  }
+  if (!agent_.server_id.empty() && agent_.server_id != hello.server_id()) {
+    spdlog::warn(
+        "server {}: its store has changed ({}, was {}); observations that only the old one had "
+        "are not sent again",
+        options_.server, hello.server_id(), agent_.server_id);
+  }
+  agent_.server_id = hello.server_id();
+  greeted_ = true;
+  spdlog::info("server {}: connected as {} (incarnation {}, connection {})", options_.server,
+               options_.agent_id, options_.incarnation, connection_);
+  agent_.plan->BeginConnection(BatchRows(options_.max_batch_rows, hello));
+  for (int i = 0; i < hello.positions_size(); ++i) {
+    HandlePosition(pending_[static_cast<size_t>(i)], hello.positions(i));
+  }
+  return absl::OkStatus();
+}
+
+void Conversation::HandlePreviewRequest(const v1::PreviewRequest& request) {
+  const absl::StatusOr<PreviewRequest> asked = wire::FromProto(request);
+  if (!asked.ok()) {
+    spdlog::warn("server {}: a request for a preview is refused: {}", options_.server,
+                 std::string(asked.status().message()));
+    return;
+  }
+  agent_.previews->Request(*asked, agent_.captures->PreviewSubjectOf(asked->camera));
+}
+
+void Conversation::HandlePosition(const StreamKey& stream, const v1::StreamPosition& position) {
+  if (!position.unknown()) {
+    agent_.plan->SetPosition(stream, position.durable_seq(), position.send_limit_seq());
+    return;
+  }
+  agent_.captures->EndStream(stream);
+  const uint32_t lost = agent_.plan->Discard(stream);
+  spdlog::warn(
+      "camera {}: the server does not accept session {} any more (deleted, or without this "
+      "camera); {} observations are dropped",
+      stream.camera, stream.session_id, lost);
+}
+
+void Conversation::HandleStartCapture(const v1::StartCapture& command) {
+  const absl::StatusOr<Target> target = wire::FromProto(command.target());
+  if (!target.ok()) {
+    spdlog::error("server {}: the target of session {} is refused: {}", options_.server,
+                  command.session_id(), std::string(target.status().message()));
+    return;
+  }
+  live_sessions_.insert(command.session_id());
+  for (const v1::StreamPosition& position : command.cameras()) {
+    const absl::StatusOr<StreamKey> stream = wire::FromProto(position.stream());
+    if (!stream.ok() || stream->session_id != command.session_id()) {
+      spdlog::error("server {}: a camera of session {} is refused: {}", options_.server,
+                    command.session_id(), stream.status().ToString());
+      continue;
+    }
+    if (position.unknown()) {
+      HandlePosition(*stream, position);
+      continue;
+    }
+    if (!agent_.plan->Knows(*stream)) BeginCapture(*stream, *target, position.durable_seq());
+    agent_.plan->SetPosition(*stream, position.durable_seq(), position.send_limit_seq());
+  }
+}
+
+void Conversation::BeginCapture(const StreamKey& stream, const Target& target,
+                                uint32_t durable_seq) {
+  if (stream.stream_epoch != options_.stream_epoch) {
+    spdlog::warn("camera {}: session {} asks for stream epoch {}, but this agent captures epoch {}",
+                 stream.camera, stream.session_id, stream.stream_epoch, options_.stream_epoch);
+    return;
+  }
+  for (const std::string& session_id : agent_.captures->SessionsOf(stream.camera)) {
+    if (live_sessions_.contains(session_id)) continue;
+    spdlog::warn(
+        "camera {}: session {} ended while the server was not connected; its capture ends, and "
+        "session {} follows",
+        stream.camera, session_id, stream.session_id);
+    agent_.captures->EndStream({.session_id = session_id, .camera = stream.camera});
+  }
+  // Sent by an earlier run that has lost its state. With the same numbers again, new observations
+  // would count as repeated ones.
+  if (durable_seq > 0) {
+    spdlog::warn(
+        "camera {}: the server already has {} observations of session {} from this agent; "
+        "new ones are numbered after them",
+        stream.camera, durable_seq, stream.session_id);
+  }
+  if (const absl::Status status = agent_.captures->Begin(stream, target, durable_seq + 1);
+      !status.ok()) {
+    spdlog::error("camera {}: the capture for session {} cannot begin: {}", stream.camera,
+                  stream.session_id, std::string(status.message()));
+  }
+}
+
+void Conversation::HandleStopCapture(const v1::StopCapture& command) {
+  spdlog::info("server {}: session {} stops", options_.server, command.session_id());
+  live_sessions_.erase(command.session_id());
+  agent_.captures->End(command.session_id());
+}
+
+absl::Status Conversation::HandleAck(const v1::BatchAck& proto) {
+  const absl::StatusOr<BatchAck> ack = wire::FromProto(proto);
+  if (!ack.ok()) {
+    return absl::InternalError(
+        absl::StrCat("an acknowledgement is malformed: ", std::string(ack.status().message())));
+  }
+  if (ack->fault_count > 0) {
+    const ObservationFault first = ack->faults.empty() ? ObservationFault{} : ack->faults.front();
+    spdlog::warn(
+        "camera {}: the server refused {} observations of session {}, first: number {}, "
+        "{}: {}",
+        ack->stream.camera, ack->fault_count, ack->stream.session_id, first.seq, first.field,
+        first.reason);
+  }
+  if (agent_.plan->Acknowledge(*ack)) progressed_ = true;
+  return absl::OkStatus();
+}
+
+void Conversation::HandlePong(const v1::TimePong& pong) {
+  // One that belongs to no ping would shift the clocks.
+  if (ping_ns_ != pong.host_monotonic_ns()) return;
+  ping_ns_.reset();
+  agent_.plan->AddAlignment(
+      AlignHost(pong.host_monotonic_ns(), pong.server_utc_ns(), MonotonicNowNs(), UtcNowNs()));
+}
+
+std::optional<v1::AgentMessage> Conversation::Next(Clock::time_point now) {
+  v1::AgentMessage message;
+  if (now >= next_ping_) {
+    next_ping_ = now + options_.ping_interval;
+    ping_ns_ = MonotonicNowNs();
+    message.mutable_time_ping()->set_host_monotonic_ns(*ping_ns_);
+    return message;
+  }
+  if (now - start_ >= options_.alignment_timeout) agent_.plan->StopWaitingForAlignment();
+  if (now >= next_report_) {
+    if (auto report = NextReport()) return report;
+    next_report_ = now + options_.report_interval;
+  }
+  std::optional<DeliveryPlan::Message> next = agent_.plan->Next(now);
+  if (!next) {
+    // Only when there is nothing else to say.
+    std::optional<Preview> preview = agent_.previews->TakeAnswer();
+    if (!preview) return std::nullopt;
+    *message.mutable_preview() = wire::ToProto(*std::move(preview));
+    return message;
+  }
+  if (const auto* batch = std::get_if<ObservationBatch>(&*next)) {
+    wire::ToProto(*batch, message.mutable_batch());
+  } else {
+    *message.mutable_end_of_capture() = wire::ToProto(std::get<EndOfCapture>(*next));
+  }
+  return message;
+}
+
+std::optional<v1::AgentMessage> Conversation::NextReport() {
+  if (agent_.plan->SendsOneAtATime()) return std::nullopt;
+  for (const CameraReport& report : agent_.captures->RunningReports()) {
+    const uint64_t counted = CountedIn(report);
+    if (counted == 0 || std::exchange(reported_[report.stream], counted) == counted) continue;
+    v1::AgentMessage message;
+    *message.mutable_report() = wire::ToProto(report);
+    return message;
+  }
+  return std::nullopt;
+}
+
+bool Conversation::IsGood(Clock::time_point now) const {
+  return progressed_ || now - start_ >= kGoodConnection;
+}
+
+absl::Status Conversation::CheckTimeouts(Clock::time_point now) const {
+  if (!greeted_ && now - start_ >= options_.hello_timeout) {
+    return absl::DeadlineExceededError(
+        absl::StrCat("no answer within ", options_.hello_timeout.count(), " ms"));
+  }
+  if (now - last_heard_ >= options_.silence_timeout) {
+    return absl::DeadlineExceededError(
+        absl::StrCat("the server has been silent for ", options_.silence_timeout.count(), " ms"));
+  }
+  return absl::OkStatus();
+}
+
+Conversation::Clock::time_point Conversation::NextDeadline(Clock::time_point now,
+                                                           bool can_send) const {
+  if (!greeted_) return start_ + options_.hello_timeout;
+  const Clock::time_point silent = last_heard_ + options_.silence_timeout;
+  // While a write is on its way nothing else can leave; its end wakes this thread.
+  if (!can_send) return silent;
+  if (agent_.plan->HasOpenStreams()) return now + options_.flush_interval;
+  return std::min(silent, next_ping_);
+}
+
+}  // namespace rigcal::agent

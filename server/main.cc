@@ -29,7 +29,7 @@ namespace {
 struct Flags {
   std::string config_file;
   std::string port_file;
-  // What stands here wins over the file.
+  // These override the file.
   std::string listen;
   std::string data_dir;
   std::string log_level;
@@ -49,7 +49,7 @@ absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   return config;
 }
 
-// A reader finds the whole number or no file.
+// Atomic: a reader finds the whole number or no file.
 absl::Status WritePortFile(const std::string& path, int port) {
   const std::string temporary = path + ".new";
   std::ofstream file(temporary, std::ios::trunc);
@@ -61,7 +61,7 @@ absl::Status WritePortFile(const std::string& path, int port) {
   return absl::OkStatus();
 }
 
-// Blocks the signals in this thread and all that it starts, so that WaitForSignal gets them.
+// Blocks the signals in this thread and all that it starts, so that sigwait gets them.
 sigset_t BlockStopSignals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -108,7 +108,7 @@ RpcServerOptions RpcOptions(const ServerConfig& config) {
   const ServerLimits& limits = config.limits;
   RpcServerOptions options;
   options.listen_address = config.listen;
-  // Some more than agents, for streams that have not said hello yet or are being replaced.
+  // More than agents, for streams that have not sent their hello or are being replaced.
   options.agents.max_streams = size_t{limits.max_agents} + 64;
   options.memory_limit_bytes = size_t{limits.rpc_memory_mb} << 20;
   // Every watch holds a thread; the rest is for calls that are answered at once.
@@ -120,7 +120,7 @@ RpcServerOptions RpcOptions(const ServerConfig& config) {
 absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   const sigset_t stop_signals = BlockStopSignals();
   RouteGrpcLog();
-  // One that an earlier run left must not be taken for this one's.
+  // A file left by an earlier run must not be mistaken for this one's.
   if (!port_file.empty()) std::remove(port_file.c_str());
   const ServerLimits& limits = config.limits;
   RIGCAL_RETURN_IF_ERROR(CheckLoopback(config.listen));
@@ -155,7 +155,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   int received = 0;
   sigwait(&stop_signals, &received);
   spdlog::info("stopping on signal {}", received);
-  // In the order of the data: nothing comes in, what has come is written, then the rest.
+  // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.
   rpc->Shutdown(std::chrono::seconds(2));
   ingest->Shutdown();
   runner->Shutdown();
@@ -167,10 +167,10 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
 int Run(int argc, char** argv) {
   Flags flags;
   CLI::App app(
-      "Takes observations from capture agents, keeps them, and calibrates the rig.\n"
+      "Receives observations from capture agents, stores them, and calibrates the rig.\n"
       "Listens on this machine only.");
   app.set_version_flag("--version", std::string(wire::kSoftwareVersion));
-  app.add_option("--config", flags.config_file, "TOML file; flags win over it")->type_name("FILE");
+  app.add_option("--config", flags.config_file, "TOML file; flags override it")->type_name("FILE");
   app.add_option("--listen", flags.listen,
                  "Address to listen on (default 127.0.0.1:7420; port 0: any free one)")
       ->type_name("HOST:PORT");
@@ -178,9 +178,9 @@ int Run(int argc, char** argv) {
                  "Folder of the database (default $XDG_DATA_HOME/rigcal or ~/.local/share/rigcal)")
       ->type_name("DIR");
   app.add_option("--port-file", flags.port_file,
-                 "Where to write the port number once the server serves")
+                 "File for the port number, written once the server accepts calls")
       ->type_name("FILE");
-  app.add_option("--log-level", flags.log_level, "What to log on stderr (default info)")
+  app.add_option("--log-level", flags.log_level, "Lowest level logged on stderr (default info)")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
   try {
     app.parse(argc, argv);
@@ -199,7 +199,7 @@ int Run(int argc, char** argv) {
     status = Serve(*config, flags.port_file);
   }
   if (status.ok()) return 0;
-  // On stderr whatever the log level: the reason for not serving is always wanted.
+  // On stderr whatever the log level.
   std::fprintf(stderr, "rigcal-server: %s\n", std::string(status.message()).c_str());
   return 1;
 }
@@ -211,7 +211,7 @@ int main(int argc, char** argv) {
   try {
     return rigcal::server::Run(argc, argv);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "rigcal-server: an unexpected fault: %s\n", error.what());
+    std::fprintf(stderr, "rigcal-server: unexpected error: %s\n", error.what());
     return 1;
   }
 }

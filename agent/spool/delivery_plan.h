@@ -18,10 +18,10 @@
 
 namespace rigcal::agent {
 
-// What is sent next, over all streams of the spool: full batches at once, smaller ones after a
-// while, rows only within the server's credit, the end of a stream behind its last row. After a
-// new connection each stream goes on behind what the server says is durable. Knows no network; for
-// one thread.
+// Decides what is sent next, over all streams of the spool: full batches at once, smaller ones
+// after a while, rows only within the server's credit, the end of a stream after its last row.
+// After a reconnection each stream continues after the rows that are durable at the server. Knows
+// no network; for one thread.
 class DeliveryPlan {
  public:
   using Message = std::variant<ObservationBatch, EndOfCapture>;
@@ -35,12 +35,12 @@ class DeliveryPlan {
   // A connection was made: nothing is in flight, and no stream has a position yet.
   void BeginConnection(size_t max_batch_rows);
 
-  // What the server says of a stream. Within one connection positions only grow. A stream that has
+  // The server's position of a stream. Within one connection positions only grow. A stream that has
   // been delivered completely repeats its end, in case the server asks because it missed it.
   void SetPosition(const StreamKey& stream, uint32_t durable_seq, uint32_t send_limit_seq);
 
-  // Frees what is durable. True: something new is. Acknowledgements of unknown streams change
-  // nothing.
+  // Frees durable rows. True: more are durable than before. Acknowledgements of unknown streams
+  // change nothing.
   bool Acknowledge(const BatchAck& ack);
 
   // The next message; none: nothing to send, no credit for it, or not enough of it yet.
@@ -48,30 +48,30 @@ class DeliveryPlan {
   // There are streams on this connection that are not delivered.
   bool HasOpenStreams() const { return !progress_.empty(); }
 
-  // The stream is in the spool, or was delivered or given up in this life of the agent.
+  // The stream is in the spool, or was delivered or abandoned by this process.
   bool Knows(const StreamKey& stream) const;
-  // Forgets a stream the server will not take; returns how many observations are lost.
+  // Drops a stream that the server does not accept; returns how many observations are lost.
   uint32_t Discard(const StreamKey& stream);
   // Nothing is in the spool.
   bool IsDelivered() const { return spool_->Streams().empty(); }
 
-  // Beside the rows of each stream, once per connection.
+  // Sent with the rows of each stream, once per connection.
   void AddAlignment(const HostAlignment& alignment);
   // Observations of these cameras wait for the first alignment of a connection, because the server
-  // has nothing else to put their clocks beside others; StopWaitingForAlignment ends that.
+  // cannot relate their clocks to others without one; StopWaitingForAlignment ends that.
   void RequireAlignment(const std::string& camera) { aligned_cameras_.insert(camera); }
   void StopWaitingForAlignment() { waits_for_alignment_ = false; }
 
-  // The server called something that was sent a fault in protocol. The first time, one message is
-  // sent at a time from then on, until all is delivered, so that the guilty one is known. When it
-  // is known, its stream is given up, so that it is not sent for ever: what the server does not
-  // have yet is lost, the stream ends there, and its report says why. Returns the stream given up.
+  // The server rejected a message as malformed. The first time, messages are sent one at a time
+  // from then on, until all is delivered, so that the faulty one is found. Its stream is then
+  // abandoned instead of being sent forever: rows that the server does not have are lost, the
+  // stream ends there, and its report says why. Returns the abandoned stream.
   struct GivenUp {
     StreamKey stream;
     uint32_t lost_count = 0;
   };
   std::optional<GivenUp> OnProtocolFault(const std::string& message);
-  // Something that was sent on this connection may be the fault.
+  // A message sent on this connection may be the faulty one.
   bool SuspectsFault() const { return one_at_a_time_ ? in_flight_.has_value() : sent_any_; }
   bool SendsOneAtATime() const { return one_at_a_time_; }
 
@@ -101,7 +101,7 @@ class DeliveryPlan {
   size_t max_batch_rows_ = 1;
   std::map<StreamKey, Progress> progress_;  // streams the server has given a position for
   StreamKey last_sent_;                     // streams take turns
-  // Streams that are over, with the end to repeat when asked; none: no end that the server takes.
+  // Finished streams, with the end to repeat when asked; none: the server rejects the end too.
   std::map<StreamKey, std::optional<EndOfCapture>> over_;
   std::vector<StreamKey> over_in_order_;
   std::vector<EndOfCapture> ends_to_repeat_;

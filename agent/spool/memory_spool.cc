@@ -52,7 +52,7 @@ absl::StatusOr<uint32_t> MemorySpool::Append(const StreamKey& key, const Observa
                                              const std::vector<ClockSample>& clock_samples) {
   const size_t row_bytes = RowBytes(static_cast<int>(observation.markers.size()));
   std::unique_lock lock(mutex_);
-  // An empty spool takes any observation: one that is too large alone must not wait for ever.
+  // An empty spool takes any observation: one that is too large alone must not wait forever.
   space_changed_.wait(lock, [&] {
     return shut_down_ || bytes_ == 0 || bytes_ + row_bytes <= options_.limit_bytes ||
            !streams_.contains(key);

@@ -22,8 +22,7 @@ struct MemorySpoolOptions {
   absl::Status Validate() const;
 };
 
-// A spool in memory: it ends with the process, so each start of the agent is a stream epoch of its
-// own.
+// A spool in memory: it ends with the process, so each start of the agent begins a stream epoch.
 class MemorySpool : public ObservationSpool {
  public:
   explicit MemorySpool(MemorySpoolOptions options = {}) : options_(options) {}
@@ -47,10 +46,10 @@ class MemorySpool : public ObservationSpool {
     uint32_t seq = 0;  // of the observation it was read with
     ClockSample sample;
   };
-  // Observations stand in chunks of columns, each of one clock epoch, without a gap between them.
+  // Observations are kept in chunks of columns, each of one clock epoch, without gaps.
   struct Stream {
     int marker_count = 0;
-    uint32_t begin_seq = 1;    // where numbering began
+    uint32_t begin_seq = 1;    // the first number
     uint32_t first_seq = 1;    // oldest that is kept
     uint32_t durable_seq = 0;  // highest acknowledged
     uint32_t end_seq = 1;

@@ -15,7 +15,7 @@
 
 namespace rigcal::agent {
 
-// What a spool holds of one stream.
+// The part of one stream that a spool holds.
 struct SpooledStream {
   StreamKey stream;
   uint32_t first_seq = 1;           // the oldest observation that is kept
@@ -23,11 +23,11 @@ struct SpooledStream {
   std::optional<EndOfCapture> end;  // once the capture has ended
 };
 
-// Where observations wait from the camera until the server has them on its disk. Numbers the
+// Keeps observations from the camera until the server has them on its disk. Numbers the
 // observations of each stream, and frees nothing that has not been acknowledged.
 //
 // Bounded by bytes over all streams: a full spool makes Append wait, and so the source. Kept in
-// memory now; a spool on disk takes this place without a change to its users. Thread-safe; one
+// memory now; a spool on disk can replace it without a change to its users. Thread-safe; one
 // thread appends to a stream.
 class ObservationSpool {
  public:
@@ -37,15 +37,15 @@ class ObservationSpool {
   // ALREADY_EXISTS: it is open.
   virtual absl::Status Open(const StreamKey& stream, int marker_count, uint32_t first_seq) = 0;
 
-  // Takes the stream's next observation and the clock samples read with it; returns its number.
+  // Adds the stream's next observation and the clock samples read with it; returns its number.
   // Waits while the spool is full.
   // NOT_FOUND: no such stream, or it was discarded while waiting.  INVALID_ARGUMENT: marker count.
   // FAILED_PRECONDITION: the stream has ended.  CANCELLED: Shutdown was called.
   virtual absl::StatusOr<uint32_t> Append(const StreamKey& stream, const Observation& observation,
                                           const std::vector<ClockSample>& clock_samples) = 0;
 
-  // Ends a stream after what was appended. `report.stream` and its observation_count are filled in
-  // here. NOT_FOUND: no such stream.
+  // Ends a stream after its last appended observation. `report.stream` and its observation_count
+  // are filled in here. NOT_FOUND: no such stream.
   virtual absl::Status Finish(const StreamKey& stream, CameraReport report) = 0;
 
   // At most `max_rows` (>= 1) observations from number `from_seq` on, all of one clock epoch, with
@@ -59,7 +59,7 @@ class ObservationSpool {
   // appended are not acknowledged by it.
   virtual void Acknowledge(const StreamKey& stream, uint32_t durable_seq) = 0;
 
-  // Forgets a stream; returns how many observations that were not acknowledged are lost with it.
+  // Drops a stream; returns how many observations that were not acknowledged are lost with it.
   virtual uint32_t Discard(const StreamKey& stream) = 0;
 
   virtual std::optional<SpooledStream> Find(const StreamKey& stream) const = 0;

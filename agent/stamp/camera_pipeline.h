@@ -18,8 +18,8 @@
 
 namespace rigcal::agent {
 
-// One camera at work: a thread that moves what the source yields into the spool, and ends the
-// stream there with a report of what the source refused. One capture at a time: a second one waits
+// One camera's thread: moves the source's observations into the spool, and ends the stream there
+// with a report of what the source refused. One capture at a time: a second one waits
 // its turn.
 //
 // Knows no network. Begin, End and the getters may be called by any thread.
@@ -50,7 +50,7 @@ class CameraPipeline {
   // nothing.
   void End(const std::string& session_id);
   void EndAll();
-  // Sessions with a capture that runs or waits and has not been told to end.
+  // Sessions with a capture that runs or waits and has not been asked to end.
   std::vector<std::string> Sessions() const;
 
   // Totals of the capture that runs, at most about a second old.

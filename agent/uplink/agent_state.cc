@@ -38,13 +38,13 @@ absl::StatusOr<int> Lock(const std::filesystem::path& directory) {
   const std::filesystem::path path = directory / kLockFile;
   const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (fd < 0) return Errno("open", path);
-  // The kernel gives it up with the process, however that ends.
+  // The kernel releases it when the process ends, however that happens.
   if (flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
-  absl::Status status =
-      errno == EWOULDBLOCK ? absl::AlreadyExistsError(absl::StrCat(
-                                 "another agent runs with the state directory ", directory.string(),
-                                 "; stop it, or give this one another --state-dir"))
-                           : Errno("lock", path);
+  absl::Status status = errno == EWOULDBLOCK
+                            ? absl::AlreadyExistsError(absl::StrCat(
+                                  "another agent uses the state directory ", directory.string(),
+                                  "; stop it, or give this one another --state-dir"))
+                            : Errno("lock", path);
   close(fd);
   return status;
 }
@@ -62,7 +62,7 @@ std::string MadeAgentId() {
   return absl::StrFormat("%s-%08x", HostName().substr(0, 48), random());
 }
 
-// `key=value` lines. An incarnation of 0 stands for no file yet.
+// `key=value` lines. Incarnation 0: there is no file yet.
 absl::StatusOr<AgentIdentity> Load(const std::filesystem::path& path) {
   AgentIdentity identity;
   identity.incarnation = 0;
@@ -87,8 +87,8 @@ absl::StatusOr<AgentIdentity> Load(const std::filesystem::path& path) {
       !ValidateName("agent_id", identity.agent_id).ok()) {
     return absl::DataLossError(
         absl::StrCat(path.string(),
-                     " is damaged: it must hold agent_id=NAME and incarnation=NUMBER; with the "
-                     "file removed the agent starts as a new one"));
+                     " is damaged: it must hold agent_id=NAME and incarnation=NUMBER; remove "
+                     "the file to start as a new agent"));
   }
   return identity;
 }
@@ -126,7 +126,7 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
   std::filesystem::create_directories(directory, error);
   if (error) {
     return absl::ErrnoToStatus(
-        error.value(), absl::StrCat("cannot make the state directory ", directory.string()));
+        error.value(), absl::StrCat("cannot create the state directory ", directory.string()));
   }
   RIGCAL_ASSIGN_OR_RETURN(const int lock_fd, Lock(directory));
   AgentState state(lock_fd, {});
@@ -141,7 +141,7 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
 absl::StatusOr<std::filesystem::path> AgentState::DefaultDirectory(const std::string& agent_id) {
   const std::filesystem::path name = agent_id.empty() ? "default" : agent_id;
   const char* state_home = std::getenv("XDG_STATE_HOME");
-  // The XDG rules say that a relative path there is to be ignored.
+  // The XDG specification says to ignore a relative path there.
   if (state_home != nullptr && state_home[0] == '/') {
     return std::filesystem::path(state_home) / "rigcal" / "agent" / name;
   }

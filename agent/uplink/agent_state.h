@@ -9,27 +9,27 @@
 
 namespace rigcal::agent {
 
-// Who this agent is, for ever and in this life.
+// The agent's identity over all its runs, and the number of this one.
 struct AgentIdentity {
   std::string agent_id;
   uint32_t incarnation = 1;  // grows at each start
-  // Of new streams. Equal to the incarnation as long as the spool is in memory: what a life of the
-  // agent has not delivered ends with it, so the next life must not go on with its numbers. A spool
+  // Of new streams. Equal to the incarnation as long as the spool is in memory: observations that a
+  // run has not delivered are lost with it, so the next run must not continue its numbers. A spool
   // on disk will outlive the process and keep its epoch.
   uint32_t stream_epoch = 1;
 };
 
-// The agent's folder: who it is, and a lock that keeps a second agent out while this object lives.
+// The agent's folder: its identity, and a lock against a second agent while this object lives.
 // Everything in it survives power loss once Open has returned.
 class AgentState {
  public:
-  // Makes the folder where there is none, locks it, and counts the incarnation up. `agent_id`: this
-  // one from now on; empty: the one from before, or at the first start one made of the host's name
-  // and chance.
-  //   ALREADY_EXISTS       another agent uses the folder; both that and what to do is said
+  // Creates the folder where it is missing, locks it, and counts the incarnation up. `agent_id`:
+  // this one from now on; empty: the one from before, or at the first start one made of the host's
+  // name and a random number.
+  //   ALREADY_EXISTS       another agent uses the folder; the message says what to do
   //   DATA_LOSS            the file in it is damaged; it is named
-  //   INVALID_ARGUMENT     the agent_id is no name
-  //   others               as the file system says, naming the path
+  //   INVALID_ARGUMENT     the agent_id is not a valid name
+  //   others               errors of the file system, naming the path
   static absl::StatusOr<AgentState> Open(const std::filesystem::path& directory,
                                          const std::string& agent_id);
   // $XDG_STATE_HOME/rigcal/agent/NAME, or ~/.local/state/rigcal/agent/NAME, with `agent_id` or

@@ -7,8 +7,8 @@
 
 namespace rigcal::agent {
 
-// How long to wait before the next attempt: exponential with full jitter, so that the agents of a
-// rig do not come back in step after their server was away. For one thread.
+// The wait before the next attempt: exponential with full jitter, so that the agents of a rig do
+// not reconnect all at once after their server was down. For one thread.
 class Backoff {
  public:
   using Duration = std::chrono::steady_clock::duration;
@@ -22,7 +22,7 @@ class Backoff {
     ceiling_ = ceiling_ > highest_ / 2 ? highest_ : 2 * ceiling_;
     return Duration(std::uniform_int_distribution<Duration::rep>(0, ceiling.count())(random_));
   }
-  // The connection was good: begin anew.
+  // After a good connection: starts again with the lowest wait.
   void Reset() { ceiling_ = lowest_; }
 
  private:

@@ -39,7 +39,7 @@ class CaptureControl {
   void EndAll();
   // As CameraPipeline::Sessions; empty for an unknown camera.
   std::vector<std::string> SessionsOf(const std::string& camera) const;
-  // What a preview of this camera would show.
+  // The subject of a preview of this camera.
   PreviewSubject PreviewSubjectOf(const std::string& camera) const;
   // Of the captures that run.
   std::vector<CameraReport> RunningReports() const;

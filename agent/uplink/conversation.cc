@@ -83,7 +83,7 @@ v1::AgentMessage Conversation::Hello() {
 absl::Status Conversation::Handle(const v1::ServerMessage& message, Clock::time_point now) {
   last_heard_ = now;
   if (!greeted_ && message.message_case() != v1::ServerMessage::kHello) {
-    return absl::InternalError("the server spoke before its hello");
+    return absl::InternalError("the server sent a message before its hello");
   }
   switch (message.message_case()) {
     case v1::ServerMessage::kHello:
@@ -259,7 +259,7 @@ std::optional<v1::AgentMessage> Conversation::Next(Clock::time_point now) {
   }
   std::optional<DeliveryPlan::Message> next = agent_.plan->Next(now);
   if (!next) {
-    // Only when there is nothing else to say.
+    // Only when there is nothing else to send.
     std::optional<Preview> preview = agent_.previews->TakeAnswer();
     if (!preview) return std::nullopt;
     *message.mutable_preview() = wire::ToProto(*std::move(preview));

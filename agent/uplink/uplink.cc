@@ -38,7 +38,7 @@ bool IsRefusal(absl::StatusCode code) {
 
 std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address) {
   grpc::ChannelArguments arguments;
-  // The server is in the same lab; a proxy that is meant for the web is never the way to it.
+  // The server is in the same network: a web proxy never leads to it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 10'000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
@@ -87,7 +87,7 @@ uint32_t Uplink::Shutdown(std::chrono::milliseconds patience) {
     const std::lock_guard lock(mutex_);
     if (!leave_by_) leave_by_ = Clock::now() + patience;
   }
-  // An uplink whose creation failed half-way has none.
+  // Null in an uplink whose creation failed.
   if (captures_) captures_->EndAll();
   Wake();
   if (thread_.joinable()) thread_.join();

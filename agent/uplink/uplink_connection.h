@@ -16,29 +16,29 @@
 
 namespace rigcal::agent {
 
-// One Connect stream to the server: takes one message at a time to be written, keeps what arrives
-// until it is taken, and says when the stream is over. `on_event` is called on gRPC's threads
+// One Connect stream to the server: writes one message at a time, keeps received messages until
+// they are taken, and reports the end of the stream. `on_event` is called on gRPC's threads
 // whenever one of these changes; it must neither block nor call back.
 //
 // Write, TakeMessages and the getters are for one thread.
 class UplinkConnection : private grpc::ClientBidiReactor<v1::AgentMessage, v1::ServerMessage> {
  public:
   UplinkConnection(std::shared_ptr<grpc::Channel> channel, std::function<void()> on_event);
-  // Cancels what still runs, and waits for gRPC to let go.
+  // Cancels the stream where it still runs, and waits for its end.
   ~UplinkConnection() override;
   UplinkConnection(const UplinkConnection&) = delete;
   UplinkConnection& operator=(const UplinkConnection&) = delete;
 
-  // The message before is on its way, and the stream still stands.
+  // The message before has left, and the stream is open.
   bool CanWrite() const;
   // Only while CanWrite() is true.
   void Write(v1::AgentMessage message);
-  // What has arrived, in order. Reading goes on only when it is taken.
+  // Received messages, in order. Reading continues only when they are taken.
   std::vector<v1::ServerMessage> TakeMessages();
-  // Once the stream is over and everything that had arrived is taken.
+  // Once the stream has ended and every received message is taken.
   std::optional<absl::Status> Result() const;
 
-  // Says that nothing more will be written.
+  // Tells the server that nothing more will be written.
   void FinishWriting();
   void Cancel() { context_.TryCancel(); }
 

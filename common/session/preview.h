@@ -9,7 +9,7 @@
 
 namespace rigcal {
 
-// Asks an agent for the next picture of a camera, with what its detector sees in it.
+// Asks an agent for the next frame of a camera, with the detections in it.
 struct PreviewRequest {
   uint32_t request_id = 0;  // >= 1
   std::string camera;
@@ -29,13 +29,13 @@ enum class PreviewRefusal : uint8_t {
   kFailed = 7,
 };
 
-// What a preview shows.
+// The frame of a preview.
 struct PreviewInfo {
   std::string camera;
   int64_t time_ns = 0;  // the camera's clock, the middle of the exposure
   uint32_t clock_epoch = 0;
   ImageSize image_size_px;
-  ImageSize jpeg_size_px;  // smaller where the whole picture would have been too large to send
+  ImageSize jpeg_size_px;  // smaller where the whole image would be too large to send
   DetectionOutcome outcome = DetectionOutcome::kNoBlob;
   double confidence = 0;  // 0 to 1
   uint32_t visible_marker_count = 0;

@@ -45,7 +45,7 @@ struct Session {
   }
 };
 
-// How far one stream is on disk.
+// How much of one stream is on disk.
 struct StreamStatus {
   uint32_t stream_epoch = 1;
   uint32_t durable_seq = 0;
@@ -59,7 +59,7 @@ struct ClockEpochCount {
   uint32_t observation_count = 0;
 };
 
-// What the store holds of one camera of a session.
+// Counts of one camera of a session in the store.
 struct SessionCameraCounts {
   std::string camera;
   uint32_t observation_count = 0;  // empty and late ones included, refused ones not

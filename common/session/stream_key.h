@@ -13,8 +13,8 @@
 
 namespace rigcal {
 
-// One life of an agent's spool for one camera of a session. Sequence numbers count up from 1 within
-// it.
+// A stream of one camera of a session: the observations from one start of an agent's spool, with
+// sequence numbers from 1.
 struct StreamKey {
   std::string session_id;
   std::string camera;
@@ -33,11 +33,11 @@ struct CameraReport {
   StreamKey stream;
   uint32_t observation_count = 0;                  // rows the source yielded
   std::vector<Refusal> refused = {};               // by the source itself; `camera` may be empty
-  std::optional<FrameCounts> frames = {};          // none: the source yields no pictures
-  std::optional<DetectionCounts> detections = {};  // none: no detector looks at pictures
+  std::optional<FrameCounts> frames = {};          // none: the source has no frames
+  std::optional<DetectionCounts> detections = {};  // none: the source has no detector
 };
 
-// The last word of a stream: nothing after `last_seq` will come.
+// The end of a stream: nothing after `last_seq` will come.
 struct EndOfCapture {
   StreamKey stream;
   uint32_t last_seq = 0;

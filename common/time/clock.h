@@ -9,11 +9,11 @@ namespace rigcal {
 // The clock that stamps a camera's observations. Several cameras may share one. For a clock and
 // epoch
 //   rig_time = camera_time + time_offset + time_rate * (camera_time - time_epoch)
-// so a camera whose rows show an earlier moment than their stamps say has a negative offset.
+// so a camera whose rows show an earlier instant than their stamps say has a negative offset.
 struct Clock {
   std::string clock_id;
   // Name of a time base this clock already follows to within a second ("recording", "ptp"). Empty:
-  // it counts from an origin of its own, and clock samples put it beside the others.
+  // it counts from an origin of its own, and clock samples relate it to the others.
   std::string timebase;
 
   friend bool operator==(const Clock&, const Clock&) = default;
@@ -24,12 +24,12 @@ struct ClockSample {
   int64_t device_ns = 0;
   int64_t host_monotonic_ns = 0;
   int64_t host_utc_ns = 0;
-  uint32_t uncertainty_ns = 0;  // one sigma of the moment of reading; 0 = not known (1 ms assumed)
+  uint32_t uncertainty_ns = 0;  // one sigma of the time of reading; 0 = not known (1 ms assumed)
 
   friend bool operator==(const ClockSample&, const ClockSample&) = default;
 };
 
-// How far an agent's UTC is from the server's, measured by a ping on the stream.
+// Difference between the server's UTC and an agent's, measured by a ping on the stream.
 struct HostAlignment {
   int64_t host_monotonic_ns = 0;
   int64_t server_minus_host_ns = 0;

@@ -24,7 +24,7 @@ RowFault Fault(std::string_view field, size_t value, std::string_view reason,
       .value = static_cast<uint32_t>(value), .field = field, .reason = reason, .detail = detail};
 }
 
-// Where a centre may lie, and how uncertain it may be.
+// Limits of a centre's position and covariance.
 struct Limits {
   float x_min_px, x_max_px, y_min_px, y_max_px;
   double max_variance_px2;

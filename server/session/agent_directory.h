@@ -49,7 +49,7 @@ struct AgentDirectoryOptions {
   absl::Status Validate() const;
 };
 
-// Who is connected, and with which cameras. Thread-safe; calls links only with no lock held.
+// The connected agents and their cameras. Thread-safe; calls links only with no lock held.
 class AgentDirectory {
  public:
   // One successful Register; given back to Unregister. Never 0, never used twice.
@@ -65,7 +65,7 @@ class AgentDirectory {
 
   explicit AgentDirectory(AgentDirectoryOptions options = {});
 
-  // Takes the agent in. The same agent_id with a higher (incarnation, connection) replaces its
+  // Adds the agent. The same agent_id with a higher (incarnation, connection) replaces its
   // older stream, which is closed with ABORTED.
   //   INVALID_ARGUMENT    a name or camera description, the same camera twice, no camera
   //   ABORTED             a newer stream of the same agent_id is connected; both are named
@@ -74,7 +74,7 @@ class AgentDirectory {
   //   RESOURCE_EXHAUSTED  too many agents, or too many cameras for one agent
   //   UNAVAILABLE         after CloseAll
   absl::StatusOr<Registration> Register(AgentRecord agent, std::shared_ptr<AgentLink> link);
-  // Nothing happens when a newer stream has taken the registration's place. True: it was current.
+  // True: the registration was current. False: a newer stream has replaced it, and nothing happens.
   bool Unregister(Registration registration);
 
   // Cameras of `rig` with a live agent, by name.
@@ -84,7 +84,7 @@ class AgentDirectory {
   std::vector<AgentRecord> List(std::string_view rig) const;
   size_t ConnectedCount() const;
 
-  // Closes every link with `reason` and takes nobody in from now on.
+  // Closes every link with `reason` and accepts no agent from now on.
   void CloseAll(const absl::Status& reason);
 
  private:

@@ -27,7 +27,7 @@ struct StartCaptureCommand {
   std::vector<StreamPosition> cameras;  // the agent's cameras that take part
 };
 
-// The way back to one connected agent, implemented by the RPC layer. Thread-safe; never blocks; a
+// Sends to one connected agent; implemented by the RPC layer. Thread-safe; never blocks; a
 // call on a link whose stream has ended does nothing.
 class AgentLink {
  public:

@@ -26,7 +26,7 @@ absl::Status CheckCamerasFit(const Session& session, const Session& other) {
   return absl::OkStatus();
 }
 
-// What the rows of one stored batch add to their camera's track.
+// Adds the accepted rows of a stored batch to their camera's track; returns how many.
 size_t AddRows(const StoredBatch& stored, CameraTrack* track) {
   const ObservationBatch& batch = stored.batch;
   size_t added = 0;

@@ -16,13 +16,13 @@
 
 namespace rigcal::server {
 
-// Whether these sessions may go into one calibration. FAILED_PRECONDITION names the session (or the
-// two that differ) and the camera: not finished, another rig or target, other intrinsics or image
-// size for the same camera, a camera without intrinsics.
+// Checks that these sessions may go into one calibration. FAILED_PRECONDITION names the session (or
+// the two that differ) and the camera: not finished, another rig or target, other intrinsics or
+// image size for the same camera, a camera without intrinsics.
 absl::Status CheckSessionsFit(absl::Span<const Session> sessions);
 
-// Everything the sessions hold, as the solver takes it: one track per session and camera, without
-// refused and late rows. `refused` gets what agents and ingest had refused, and what came late as
+// The observations of the sessions as input of the solver: one track per session and camera,
+// without refused and late rows. `refused` gets what agents and ingest refused, and late rows as
 // reason "late"; also when reading fails.
 //   CANCELLED           `cancelled` has become true
 //   RESOURCE_EXHAUSTED  more than `max_observations`

@@ -274,7 +274,7 @@ void CalibrationRunner::RunJob(const Job& job) {
   if (cancelled) {
     Fail("cancelled", &*calibration);
   } else if (stopping && calibration->state != CalibrationState::kSucceeded) {
-    // A clean stop is no failed attempt: begin anew at the next start.
+    // A clean stop is no failed attempt: it starts again with the server.
     calibration->state = CalibrationState::kQueued;
     calibration->error.clear();
     calibration->refused.clear();

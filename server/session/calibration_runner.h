@@ -27,7 +27,7 @@
 
 namespace rigcal::server {
 
-// server/solve's Calibrate, or what a test puts in its place.
+// server/solve's Calibrate, or a test's.
 using CalibrateFunction = std::function<CalibrationOutcome(
     const CalibrationInput&, const CalibrationOptions&, const CalibrationHooks&)>;
 
@@ -40,7 +40,7 @@ struct CalibrationRunnerOptions {
   size_t max_watches = 64;
   // Watchers are not woken more often by progress within a stage.
   std::chrono::milliseconds progress_interval{100};
-  // How often a calibration is begun that the server did not survive (kill -9, out of memory).
+  // How often a calibration is started again that ended with the server (kill -9, out of memory).
   int max_attempts = 3;
   std::string software_version;
   std::function<int64_t()> utc_now_ns;  // unset: the system's clock

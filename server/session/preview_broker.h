@@ -23,14 +23,14 @@ struct PreviewBrokerOptions {
   size_t max_waiting = 16;
   std::chrono::milliseconds default_wait{5'000};
   std::chrono::milliseconds longest_wait{30'000};
-  // For the answer's way, beyond the time the agent waits for a picture.
+  // For the answer to arrive, beyond the time the agent waits for a frame.
   std::chrono::milliseconds answer_grace{2'000};
   uint32_t max_jpeg_bytes = 1u << 20;
 
   absl::Status Validate() const;
 };
 
-// Asks agents for pictures on behalf of people. Thread-safe.
+// Gets previews from agents for the clients that ask for them. Thread-safe.
 class PreviewBroker {
  public:
   struct CameraPreview {
@@ -42,15 +42,15 @@ class PreviewBroker {
   // The directory outlives the broker.
   PreviewBroker(PreviewBrokerOptions options, const AgentDirectory* directory);
 
-  // Waits for the next picture of the camera; `wait` 0: the default. `rig` empty: the one that has
+  // Waits for the next frame of the camera; `wait` 0: the default. `rig` empty: the one that has
   // the camera. `is_cancelled` is asked now and then.
   //   INVALID_ARGUMENT     no camera, too long a wait, or the camera is in several rigs
   //   NOT_FOUND            no agent has announced it; names those that are connected
   //   FAILED_PRECONDITION  its agent is away or too old; or, in the agent's words: previews are
-  //                        off, there are no pictures, the camera does not capture
+  //                        off, there are no frames, the camera does not capture
   //   RESOURCE_EXHAUSTED   the camera is asked already, or too much is; in the agent's words: too
   //                        often
-  //   ABORTED              no picture or no answer in time, or the agent disconnected
+  //   ABORTED              no frame or no answer in time, or the agent disconnected
   //   INTERNAL             the agent could not make it
   //   CANCELLED            is_cancelled
   //   UNAVAILABLE          after Shutdown

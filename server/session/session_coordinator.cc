@@ -79,7 +79,7 @@ absl::Status SessionCoordinator::Load() {
         continue;
       }
       Activate(session);
-      spdlog::info("session {}: goes on after a restart with {} cameras", session.id,
+      spdlog::info("session {}: continues after a restart with {} cameras", session.id,
                    session.cameras.size());
     }
     if (page.size() < static_cast<size_t>(kSessionPageSize)) return absl::OkStatus();
@@ -284,7 +284,7 @@ void SessionCoordinator::StopLateCapture(const StreamKey& stream) {
       std::lock_guard lock(mutex_);
       if (!told_to_stop_.emplace(camera.registration, stream.session_id).second) return;
     }
-    spdlog::info("session {}: agent {} still captures for it, and is told to stop",
+    spdlog::info("session {}: agent {} still captures for it; sending it the stop command",
                  stream.session_id, owner->agent_id);
     camera.link->SendStopCapture(stream.session_id);
   }

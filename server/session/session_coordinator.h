@@ -44,7 +44,7 @@ struct SessionCoordinatorOptions {
   absl::Status Validate() const;
 };
 
-// A session with what the store and the directory know of it now.
+// A session with its counts in the store and its connected cameras.
 struct SessionView {
   Session session;
   std::vector<SessionCameraCounts> counts;
@@ -65,14 +65,15 @@ class SessionHold {
   const std::vector<std::string> session_ids_;
 };
 
-// The life of sessions: created, capturing, draining, finished. Tells agents what to do through
-// their links, watches acknowledgements for the end of every camera, and keeps drain deadlines.
+// Takes sessions from created over capturing and draining to finished. Sends commands to agents
+// through their links, watches acknowledgements for the end of every camera, and keeps drain
+// deadlines.
 // Thread-safe. Calls that change a session are made one after the other and return when the change
 // is durable; links are called on the coordinator's own thread with no lock held, in the order of
 // the changes.
 //
-// Sessions that were capturing or draining when the server ended go on: their agents are told again
-// when they connect.
+// Sessions that were capturing or draining when the server ended continue: their agents get the
+// commands again when they connect.
 class SessionCoordinator final : public StreamContextSource {
  public:
   // Reads the sessions from `store`. `store` and `directory` must outlive the coordinator. Errors:
@@ -111,8 +112,9 @@ class SessionCoordinator final : public StreamContextSource {
     AgentDirectory::Registration registration = 0;
     std::vector<StreamPosition> positions;  // one for each of `pending`, in its order
   };
-  // Registers the agent, and tells it of the sessions that run with its cameras. Reads the store:
-  // not for a thread that must not block. Errors as AgentDirectory::Register, and the store's.
+  // Registers the agent, and sends it the commands of the sessions that run with its cameras. Reads
+  // the store: not for a thread that must not block. Errors as AgentDirectory::Register, and the
+  // store's.
   absl::StatusOr<AgentConnection> ConnectAgent(AgentRecord agent,
                                                absl::Span<const StreamKey> pending,
                                                std::shared_ptr<AgentLink> link);
@@ -128,7 +130,7 @@ class SessionCoordinator final : public StreamContextSource {
   absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const override {
     return contexts_.GetStreamContext(stream);
   }
-  // What a commit has brought to a stream. Never blocks on the disk.
+  // Notes what a commit has added to a stream. Never blocks on the disk.
   void RecordProgress(const StreamKey& stream, const AppendOutcome& outcome);
 
  private:
@@ -158,7 +160,7 @@ class SessionCoordinator final : public StreamContextSource {
   mutable std::mutex mutex_;
   std::map<std::string, Session, std::less<>> active_;  // capturing or draining
   std::set<std::string> finish_checks_;                 // posted, not begun
-  // Connected agents that were told to stop when they delivered late.
+  // Late deliveries that were answered with a stop command.
   std::set<std::pair<AgentDirectory::Registration, std::string>> told_to_stop_;
 
   TaskQueue tasks_;  // its tasks use the members above

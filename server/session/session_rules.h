@@ -12,7 +12,7 @@
 
 namespace rigcal::server {
 
-// What may be asked for when a session is made: names, target, cameras by hand. INVALID_ARGUMENT
+// Checks a new session: names, target, cameras described by hand. INVALID_ARGUMENT
 // lists every fault. RESOURCE_EXHAUSTED: more than `max_cameras` cameras.
 absl::Status ValidateNewSession(const Session& session, size_t max_cameras);
 
@@ -28,7 +28,7 @@ absl::StatusOr<std::vector<SessionCamera>> ChooseCameras(
 // FAILED_PRECONDITION when a camera of `starting` captures for one of `active` already; names both.
 absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session> active);
 
-// How long to drain: the asked time, or the default for 0. INVALID_ARGUMENT: negative, not finite
+// The drain time: as asked for, or the default for 0. INVALID_ARGUMENT: negative, not finite
 // or above the limit of 600 s.
 absl::StatusOr<double> DrainTimeout(double asked_s);
 

@@ -16,9 +16,8 @@
 
 namespace rigcal::server {
 
-// What the path of the data must know of every session, in memory: ingest asks it for each
-// delivery. Also counts who reads a session, so that it is not deleted under a reader. Thread-safe;
-// never touches the disk.
+// The part of every session that ingest needs for each delivery, in memory. Also counts who reads a
+// session, so that it is not deleted under a reader. Thread-safe; never touches the disk.
 class StreamContextCache final : public StreamContextSource {
  public:
   // Adds or replaces a session.
@@ -43,7 +42,7 @@ class StreamContextCache final : public StreamContextSource {
   // NOT_FOUND: no such session.
   absl::Status AddReader(std::string_view session_id);
   void RemoveReader(std::string_view session_id);
-  // Takes the session out, so that nobody begins to read or deliver. NOT_FOUND.
+  // Removes the session, so that no reading or delivery begins. NOT_FOUND.
   // FAILED_PRECONDITION: somebody is reading it.
   absl::Status Remove(std::string_view session_id);
 

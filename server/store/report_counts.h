@@ -12,10 +12,10 @@
 
 namespace rigcal::server {
 
-// What a report counts, by the names the database keeps it under: "frames.lost",
-// "detections.wand". Nothing of what the report does not speak of.
+// The counts of a report under the names that the store keeps them by: "frames.lost",
+// "detections.wand". Only those that the report has.
 std::vector<std::pair<std::string_view, uint64_t>> NamedCounts(const CameraReport& report);
-// The way back; adds to what is there. A name of a later version is left out.
+// The inverse; adds to the counts of `camera`. Ignores names of later versions.
 void AddNamedCount(std::string_view name, uint64_t count, SessionCameraCounts* camera);
 
 }  // namespace rigcal::server

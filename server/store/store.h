@@ -23,7 +23,7 @@ struct StoreHealth {
   uint64_t free_bytes = 0;  // on its disk
 };
 
-// Where sessions, observations and calibrations live. Thread-safe. Every write is durable (survives
+// Keeps sessions, observations and calibrations. Thread-safe. Every write is durable (survives
 // kill -9 and power loss) when the call returns OK; a call that returns an error has changed
 // nothing.
 //
@@ -35,13 +35,13 @@ class Store {
  public:
   virtual ~Store() = default;
 
-  // Made with the store, for ever the same.
+  // Created with the store; never changes.
   virtual std::string server_id() const = 0;
   virtual StoreHealth Health() const = 0;
 
   // --- Sessions ---
   // An empty id is replaced by a new one ("s-000001"). ALREADY_EXISTS: also for the id of a deleted
-  // session, as what is still under way to that one must not end in another.
+  // session, so that late deliveries to that one cannot end in another.
   virtual absl::StatusOr<Session> CreateSession(Session session) = 0;
   // FAILED_PRECONDITION: it would lose a camera that has observations.
   virtual absl::Status UpdateSession(const Session& session) = 0;
@@ -56,8 +56,8 @@ class Store {
       std::string_view id) const = 0;
 
   // --- Observations ---
-  // All deliveries in one transaction, in their order; one outcome for each. What a stream has
-  // already is cut off in the same transaction: any order and any repetition of deliveries ends in
+  // All deliveries in one transaction, in their order; one outcome for each. Rows that a stream has
+  // already are skipped in the same transaction: any order and any repetition of deliveries ends in
   // the same rows.
   virtual absl::StatusOr<std::vector<AppendOutcome>> Append(
       absl::Span<const Delivery> deliveries) = 0;

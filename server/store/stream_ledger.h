@@ -18,7 +18,7 @@ struct SeqRange {
   friend bool operator==(const SeqRange&, const SeqRange&) = default;
 };
 
-// Which sequence numbers of one stream are stored: all up to durable_seq, and ranges above it that
+// The stored sequence numbers of one stream: all up to durable_seq, and ranges above it that
 // arrived early. Pure logic; not thread-safe.
 class StreamLedger {
  public:

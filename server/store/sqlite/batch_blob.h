@@ -12,7 +12,7 @@
 
 namespace rigcal::server {
 
-// The stored form of a range of rows: what the database keeps as one value. Clock samples and
+// The stored form of a range of rows, one value in the database. Clock samples and
 // dropped ranges are not in it.
 //
 //   offset  size  field (all integers and floats little-endian)

@@ -10,7 +10,7 @@
 
 namespace rigcal::server {
 
-// The folder a server keeps everything in, held by one process at a time.
+// The folder with all data of a server, locked by one process at a time.
 class DataDirectory {
  public:
   // Creates the folder where it is missing. FAILED_PRECONDITION: another process holds it; its pid
@@ -23,8 +23,8 @@ class DataDirectory {
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path database_file() const { return path_ / "rigcal.db"; }
 
-  // A file that takes up room, so that there is some for deleting when the disk is full.
-  // Fill: nothing happens where it is filled already or the disk has no room for it.
+  // A file that reserves space for deleting when the disk is full. Fill does nothing where it is
+  // filled already or the disk has no room for it.
   void FillReserve(size_t bytes);
   void ReleaseReserve();
 

@@ -15,7 +15,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr char kWhat[] = "reading observations";
-// What is read at once, holding up other readers: a few milliseconds.
+// Read at once, while other readers wait: a few milliseconds.
 constexpr int kChunkBatches = 256;
 constexpr size_t kChunkBytes = 1u << 20;
 

@@ -41,7 +41,7 @@ std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera
   return streams;
 }
 
-// What ingest refused, and what the reports of all its streams say.
+// Rows refused by ingest, and refusals in the reports of all its streams.
 std::vector<Refusal> ReadRefusals(SQLite::Database& database, int64_t camera_id,
                                   const std::string& camera) {
   RefusalCounter refusals;

@@ -38,7 +38,7 @@ bool WasIdDeleted(SQLite::Database& database, std::string_view id) {
 
 std::string NewSessionId(SQLite::Database& database) {
   std::string id;
-  do {  // ends: a name given by hand can stand in the way only as often as there are such
+  do {  // ends: only sessions with ids given by hand can be in the way
     id = absl::StrFormat("s-%06d", NextNumber(database, "session_id"));
   } while (IsIdTaken(database, id) || WasIdDeleted(database, id));
   return id;

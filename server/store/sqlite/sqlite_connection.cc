@@ -70,7 +70,7 @@ absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::file
         kBusyTimeoutMs, vfs);
     SQLite::Database& database = *writer->database_;
     ConfigureConnection(database);
-    // Overwriting what is deleted (Debian's default) would make deleting a session cost as much as
+    // Overwriting deleted data (Debian's default) would make deleting a session cost as much as
     // writing it.
     database.exec("PRAGMA secure_delete=OFF");
     const std::string mode = database.execAndGet("PRAGMA journal_mode=WAL").getString();
@@ -152,8 +152,8 @@ void SqliteWriter::CheckpointWhenDue() {
   if (log_pages_ < checkpoint_pages_) return;
   const int result = sqlite3_wal_checkpoint_v2(database_->getHandle(), nullptr,
                                                SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
-  // The transaction itself is durable, so its caller hears nothing of it. A full disk or a busy
-  // reader means that the log grows; the next transaction tries again.
+  // Not an error for the caller: the transaction is durable. With a full disk or a busy reader the
+  // log grows, and the next transaction tries again.
   if ((result & 0xff) != SQLITE_IOERR) return;
   const SQLite::Exception error(database_->getHandle(), result);
   if (!IsDiskFailure(error)) return;

@@ -46,10 +46,10 @@ class SqliteWriter {
   SqliteWriter(const SqliteWriter&) = delete;
   SqliteWriter& operator=(const SqliteWriter&) = delete;
 
-  // Runs `work` in a transaction that is durable when OK is returned. Whatever else is returned has
-  // been rolled back. After a disk failure every later call is refused with INTERNAL: a failed sync
-  // must not be tried again, as the kernel may have thrown away what it could not write.
-  // `on_rollback` is called before anybody else's transaction can begin.
+  // Runs `work` in a transaction that is durable when OK is returned, and rolled back otherwise.
+  // After a disk failure every later call fails with INTERNAL: a failed sync must not be tried
+  // again, as the kernel may have dropped the pages that it could not write. `on_rollback` is
+  // called before another transaction can begin.
   absl::Status Transact(std::string_view what, const std::function<absl::Status()>& work,
                         const std::function<void()>& on_rollback = nullptr);
   // Moves everything from the log into the database and empties the log.

@@ -9,9 +9,9 @@
 
 namespace rigcal::server {
 
-// What SQLite's error means to us; `what` begins the message: "storing observations".
+// The status for an error of SQLite; `what` begins the message: "storing observations".
 //   RESOURCE_EXHAUSTED  the disk is full
-//   DATA_LOSS           the database is damaged, or is none
+//   DATA_LOSS           the database is damaged, or the file is no database
 //   UNAVAILABLE         locked by another program
 //   INTERNAL            anything else, errors of the disk among them
 absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view what);

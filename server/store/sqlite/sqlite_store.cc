@@ -24,7 +24,7 @@ uint64_t FileSize(const std::filesystem::path& path) {
   return error ? 0 : size;
 }
 
-// Runs `query` on the reader, and hands its StatusOr through.
+// Runs `query` on the reader and returns its result.
 template <typename Query>
 auto ReadValue(SqliteReader& reader, std::string_view what, const Query& query)
     -> decltype(query(std::declval<SQLite::Database&>())) {
@@ -135,8 +135,8 @@ absl::Status SqliteStore::EraseSessionRows(std::string_view id) {
 absl::Status SqliteStore::DeleteSession(std::string_view id) {
   absl::Status status = EraseSessionRows(id);
   if (absl::IsResourceExhausted(status)) {
-    // Deleting writes to the log first. The room for it has been kept; what is in the log already
-    // goes to its place, and then the log begins anew.
+    // Deleting writes to the log first. The reserve makes room for that, and the checkpoint empties
+    // the log.
     directory_->ReleaseReserve();
     RIGCAL_RETURN_IF_ERROR(writer_->Checkpoint());
     status = EraseSessionRows(id);

@@ -18,7 +18,7 @@ class SqliteReader;
 class SqliteWriter;
 
 struct SqliteStoreOptions {
-  std::filesystem::path data_directory;  // made where it is missing
+  std::filesystem::path data_directory;  // created where it is missing
   // Room kept on the disk so that sessions can be deleted when it is full.
   size_t reserve_bytes = 8u << 20;
   // Size of the log at which it is moved into the database. Pages that are written again and again
@@ -68,7 +68,7 @@ class SqliteStore : public Store {
  private:
   explicit SqliteStore(const SqliteStoreOptions& options);
   absl::Status OpenDatabase();
-  // Changes sessions: what the observation writer remembers of them ends with it.
+  // Changes sessions, and clears the observation writer's copies of them.
   absl::Status ChangeSessions(std::string_view what, const std::function<absl::Status()>& change);
   absl::Status EraseSessionRows(std::string_view id);
 

@@ -13,7 +13,7 @@
 
 namespace rigcal::server {
 
-// What the writer knows of one stream; equal to the database after each commit.
+// The writer's copy of one stream's state; equal to the database after each commit.
 struct StreamState {
   int64_t camera_id = 0;
   int64_t stream_id = 0;  // 0: the stream has no row yet

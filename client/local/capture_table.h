@@ -9,13 +9,12 @@
 
 namespace rigcal::client {
 
-// One line about a session that captures: how many observations each camera has delivered, or, of
-// many cameras, all together; the share of what is expected, where that is known of all.
+// One line of progress while a session captures: observations delivered per camera, or in total for
+// many cameras; with the percentage where every camera's expected count is known.
 std::string FormatCaptureProgress(const v1::Session& session,
                                   const std::vector<LocalCamera>& cameras);
 
-// What each camera delivered and what of it the calibration uses. `duration_s`: of the wave, which
-// gives rates; 0: not known.
+// Observations delivered and used per camera. `duration_s`: of the wave, for rates; 0: not known.
 std::string FormatCapture(const LocalOutcome& outcome, double duration_s);
 
 }  // namespace rigcal::client

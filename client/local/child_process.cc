@@ -27,15 +27,15 @@ namespace {
 constexpr size_t kTailLines = 8;
 constexpr std::streamoff kTailBytes = 16384;
 constexpr int kPollMs = 5;
-// From linux/close_range.h, which is not everywhere.
+// From linux/close_range.h, which some systems lack.
 constexpr int kCloseRangeCloexec = 1 << 2;
 
 absl::Status Errno(const std::string& what) {
   return absl::FailedPreconditionError(absl::StrCat(what, ": ", strerror(errno)));
 }
 
-// What the child does between fork and exec: nothing but system calls. Other threads of the parent
-// may have held any lock.
+// Runs in the child between fork and exec: only system calls, as other threads of the parent may
+// have held any lock.
 [[noreturn]] void BecomeProgram(char* const* arguments, char* const* environment, int log,
                                 int status_pipe, pid_t parent) {
   const auto fail = [&] {
@@ -46,7 +46,7 @@ absl::Status Errno(const std::string& what) {
   if (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0) fail();
   // The parent may have ended before the line above.
   if (getppid() != parent) _exit(127);
-  // Its own group: Ctrl-C reaches us, and we end it in good order.
+  // Its own group: Ctrl-C goes to the parent only, which stops its children in order.
   setpgid(0, 0);
   sigset_t none;
   sigemptyset(&none);
@@ -57,8 +57,8 @@ absl::Status Errno(const std::string& what) {
       dup2(log, STDERR_FILENO) < 0) {
     fail();
   }
-  // Connections of ours must not stay open in it. Kernels before 5.11 do not know this; there, what
-  // was opened with O_CLOEXEC closes by itself.
+  // The parent's connections must not stay open in it. Kernels before 5.11 lack this flag; there
+  // only descriptors opened with O_CLOEXEC close.
   close_range(STDERR_FILENO + 1, ~0U, kCloseRangeCloexec);
   execve(arguments[0], arguments, environment);
   fail();
@@ -121,7 +121,7 @@ absl::StatusOr<ChildProcess> ChildProcess::Start(ChildProcessOptions options) {
   close(status_pipe[1]);
   int exec_error = 0;
   ssize_t got = 0;
-  // The pipe closes without a word when exec has succeeded.
+  // An empty pipe: exec has succeeded.
   do {
     got = forked.ok() ? read(status_pipe[0], &exec_error, sizeof(exec_error)) : 0;
   } while (got < 0 && errno == EINTR);
@@ -155,7 +155,7 @@ std::optional<std::string> ChildProcess::Ended() {
   int status = 0;
   const pid_t got = waitpid(pid_, &status, WNOHANG);
   if (got == pid_) ended_ = EndOf(status);
-  // Somebody else has waited for it: SIGCHLD is ignored in this process.
+  // Already reaped, because SIGCHLD is ignored in this process.
   if (got < 0 && errno == ECHILD) ended_ = "ended";
   return ended_;
 }

@@ -19,13 +19,16 @@ struct ChildProcessOptions {
   std::filesystem::path program;
   std::vector<std::string> arguments;  // without the program itself
   std::filesystem::path log;           // gets stdout and stderr
-  // NAME=VALUE, besides and before what it inherits.
+  // NAME=VALUE, added to the inherited environment or replacing parts of it.
   std::vector<std::string> environment = {};
 };
 
-// A program started by this one, which does not outlive it: the kernel kills it when the thread
-// that started it ends, however that ends (start children on the main thread). Signals go only to a
-// process that has not been waited for, so never to a stranger with its number. Used by one thread.
+// A program started by this one that does not outlive it: the kernel kills it when the thread that
+// started it ends for any reason (so start children on the main thread). Signals go only to a
+// process that has not been waited for, never to another one with the same id. For one thread.
+//
+// Not Boost.Process: its 1.74 leaves a zombie behind a failed exec, and the parent-death signal,
+// the signal mask and the closing of descriptors would be the same code in its handlers.
 class ChildProcess {
  public:
   // NOT_FOUND: no such program, or it cannot be run.  FAILED_PRECONDITION: no log, no process.

@@ -24,7 +24,7 @@ using Sessions = v1::SessionService::Stub;
 using Calibrations = v1::CalibrationService::Stub;
 
 constexpr std::chrono::milliseconds kPollInterval{40};
-// How long a server that died may take to be seen dead.
+// Until a server that died is noticed.
 constexpr std::chrono::milliseconds kPatience{2000};
 // Generous: only against hanging.
 constexpr std::chrono::seconds kConnectLimit{60};
@@ -43,7 +43,7 @@ class LocalCalibration {
     RIGCAL_RETURN_IF_ERROR(
         rig_.StartServer([this](std::chrono::milliseconds time) { return Wait(time); }));
     ServerConnection server(rig_.address());
-    // Before the agents are there: a target that is refused is refused at once.
+    // Before the agents start, so that a bad target is refused at once.
     RIGCAL_ASSIGN_OR_RETURN(const std::string session, CreateSession(server));
     RIGCAL_RETURN_IF_ERROR(rig_.StartAgents(options_.cameras));
     RIGCAL_RETURN_IF_ERROR(WaitForCameras(server));
@@ -55,7 +55,7 @@ class LocalCalibration {
   }
 
  private:
-  // Between two looks: notices signals and dead processes.
+  // Between two polls; notices signals and dead processes.
   absl::Status Wait(std::chrono::milliseconds time) {
     signals_.Sleep(time);
     if (StopSignals::Received() != 0) return absl::CancelledError("interrupted");
@@ -127,11 +127,11 @@ class LocalCalibration {
         },
         Polling());
     if (!session.ok()) return session.status();
-    RIGCAL_RETURN_IF_ERROR(JudgeCapture(*session, limit));
+    RIGCAL_RETURN_IF_ERROR(CheckCapture(*session, limit));
     return *session;
   }
 
-  absl::Status JudgeCapture(const v1::Session& session, std::chrono::seconds limit) {
+  absl::Status CheckCapture(const v1::Session& session, std::chrono::seconds limit) {
     if (session.state() != v1::Session::FINISHED) {
       std::vector<std::string> waiting;
       for (const v1::SessionCamera& camera : session.cameras()) {
@@ -142,7 +142,7 @@ class LocalCalibration {
             "every camera has delivered everything, but the session does not finish");
       }
       return absl::DeadlineExceededError(absl::StrCat(
-          "nothing has come for ", limit.count(), " s, and ", absl::StrJoin(waiting, ", "),
+          "no observations arrived for ", limit.count(), " s, and ", absl::StrJoin(waiting, ", "),
           " had more to send; the last lines of the log of ", waiting[0], ":\n",
           rig_.AgentLogTail(waiting[0])));
     }
@@ -181,7 +181,7 @@ class LocalCalibration {
 absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalCalibrationOptions& options, LocalRig& rig,
                                               const StopSignals& signals, Console& console) {
   absl::StatusOr<LocalOutcome> outcome = LocalCalibration(options, rig, signals, console).Run();
-  // A call that failed because its server died is explained by the server's last words.
+  // When a call failed because the server died, its log explains more.
   const Clock::time_point deadline = Clock::now() + kPatience;
   while (absl::IsUnavailable(outcome.status()) && Clock::now() < deadline) {
     if (absl::Status died = rig.CheckRunning(); !died.ok()) return died;

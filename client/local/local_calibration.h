@@ -18,7 +18,7 @@ struct LocalCalibrationOptions {
   std::vector<LocalCamera> cameras;
   Target target;
   CalibrationOptions calibration;
-  bool paced = false;  // the sources keep a pace of their own: pauses in them are no fault
+  bool paced = false;  // the sources play at recorded speed: pauses are no fault
 };
 
 struct LocalOutcome {
@@ -27,9 +27,9 @@ struct LocalOutcome {
   rigcal::v1::Calibration calibration;
 };
 
-// Starts `rig`, captures one session with it and calibrates from that; shows progress. What comes
-// back has succeeded or failed. CANCELLED: a signal came.  ABORTED: a process died; with its last
-// words.  DEADLINE_EXCEEDED: nothing moves any more; names what is missing.
+// Starts `rig`, captures one session with it and calibrates from that; shows progress. The returned
+// calibration has succeeded or failed. CANCELLED: by a signal. ABORTED: a process died; with the
+// last lines of its log. DEADLINE_EXCEEDED: no progress; names what is missing.
 absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalCalibrationOptions& options, LocalRig& rig,
                                               const StopSignals& signals, Console& console);
 

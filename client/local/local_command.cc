@@ -26,7 +26,7 @@ absl::Status Export(const v1::Calibration& calibration, const RunFolder& folder)
   return ExportOpenCv(calibration, folder.Export()).status();
 }
 
-// Everything between the first process and the last.
+// Everything that needs the processes.
 absl::StatusOr<LocalOutcome> Run(const LocalOptions& options, const LocalPlan& plan,
                                  const RunFolder& folder, const StopSignals& signals,
                                  Console& console) {
@@ -48,7 +48,7 @@ bool HasEventCamera(const v1::Session& session) {
   });
 }
 
-// The result as far as it has come. Nothing runs any more.
+// Prints the result. No process runs any more.
 ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& folder,
                   CommandContext& context) {
   v1::Calibration& calibration = outcome.calibration;
@@ -84,7 +84,7 @@ ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& 
 
 ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
   const StopSignals signals;
-  // A wrong folder is said before one for the run is made.
+  // Reports a wrong data folder before the folder of the run is created.
   absl::StatusOr<RecordedFolder> recorded = RecordedFolder();
   if (!options.simulation.has_value()) {
     recorded = ReadRecordedFolder(options.data);

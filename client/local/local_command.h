@@ -20,17 +20,17 @@ struct LocalOptions {
   std::optional<SimulatedRigOptions> simulation;
 
   Target target;
-  std::filesystem::path keep;  // empty: nothing stays
+  std::filesystem::path keep;  // empty: nothing is kept
   std::string speed = "max";   // or a factor of the recorded pace
   std::string event_options;   // of recordings of events, as behind `raw:FILE;`
   CalibrationOptions calibration;
 
-  // Where rigcal-server and rigcal-agent lie; empty: beside this program.
+  // Folder of rigcal-server and rigcal-agent; empty: beside this program.
   std::filesystem::path programs;
 };
 
 // `rigcal local`: a server and one agent per camera on this machine, one session, one calibration,
-// printed; a simulated one is compared with its truth. Leaves no process behind. Call it on the
+// printed; with a simulated rig also compared with ground truth. Leaves no process behind. For the
 // main thread.
 ExitCode RunLocal(const LocalOptions& options, CommandContext& context);
 

@@ -34,14 +34,14 @@ absl::StatusOr<fs::path> ReachableFolder(const fs::path& folder, const fs::path&
   return link;
 }
 
-// Parts in an agent's notation; `seed` belongs to all, and the world's stands there already.
+// Options in an agent's notation, without `seed`, which the world's options have already.
 void AppendParts(const std::string& parts, std::string* options) {
   for (const auto part : absl::StrSplit(parts, ';', absl::SkipEmpty())) {
     if (!absl::StartsWith(part, "seed=")) absl::StrAppend(options, ";", part);
   }
 }
 
-// What a camera of the rig sees, behind the world's options.
+// A camera's own options, after those of the world.
 std::string OptionsOf(const SimulatedRigOptions& rig, bool events) {
   std::string options = FormatSimulationOptions(rig.world);
   if (!rig.pictures) return options;
@@ -63,7 +63,7 @@ absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::
   bool events = false;
   for (const RecordedCamera& camera : folder.cameras) {
     events = events || camera.events;
-    // The name in front, so that a '=' in the path is not taken for the end of one.
+    // The name first, so that a '=' in the path does not end one.
     std::string source =
         absl::StrCat(camera.camera, camera.events ? "=raw:" : "=csv:",
                      (reachable / camera.recording.filename()).string(), ";speed=", speed);

@@ -15,10 +15,10 @@
 
 namespace rigcal::client {
 
-// What `rigcal local` will start, and what it may compare with.
+// The cameras that `rigcal local` starts, and ground truth where it has some.
 struct LocalPlan {
   std::vector<LocalCamera> cameras;
-  std::optional<SimulatedWorld> world;  // the truth, of a simulated rig
+  std::optional<SimulatedWorld> world;  // ground truth of a simulated rig
   double duration_s = 0;                // of the wave; 0: not known
 };
 

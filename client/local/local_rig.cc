@@ -23,7 +23,7 @@ constexpr std::chrono::seconds kStopLimit{10};
 constexpr std::chrono::milliseconds kLook{10};
 constexpr size_t kLogTailLines = 8;
 
-// A proxy that the user's environment names has no part in what stays on this machine.
+// No proxy of the user's environment for calls on this machine.
 const char kNoProxy[] = "no_grpc_proxy=127.0.0.1";
 
 std::string AgentName(const std::string& camera) {
@@ -69,7 +69,7 @@ absl::Status LocalRig::StartServer(
     RIGCAL_RETURN_IF_ERROR(CheckRunning());
     if (Clock::now() > deadline) {
       return absl::DeadlineExceededError(
-          absl::StrCat("the server did not come up within ", kStartLimit.count(),
+          absl::StrCat("the server did not start within ", kStartLimit.count(),
                        " s; the last lines of its log:\n", server_[0].LogTail(kLogTailLines)));
     }
     RIGCAL_RETURN_IF_ERROR(wait(kLook));

@@ -14,7 +14,7 @@
 
 namespace rigcal::client {
 
-// A camera of a local rig, and where its observations come from.
+// A camera of a local rig and its source.
 struct LocalCamera {
   std::string name;
   std::string source;           // as behind `rigcal-agent --source`
@@ -32,9 +32,9 @@ class LocalRig {
   LocalRig(const LocalRig&) = delete;
   LocalRig& operator=(const LocalRig&) = delete;
 
-  // Starts the server on a free loopback port and waits until it serves, calling `wait` between
-  // two looks; an error of `wait` ends it. ABORTED: the server has ended; with its last words.
-  // DEADLINE_EXCEEDED: it does not come up.
+  // Starts the server on a free loopback port and waits until it accepts calls; an error of `wait`,
+  // which is called between two polls, ends that. ABORTED: the server has ended; with the last
+  // lines of its log. DEADLINE_EXCEEDED: it does not start.
   absl::Status StartServer(const std::function<absl::Status(std::chrono::milliseconds)>& wait);
   absl::Status StartAgents(const std::vector<LocalCamera>& cameras);
 
@@ -55,7 +55,7 @@ class LocalRig {
   std::string address_;
 };
 
-// The folder this program lies in.
+// The folder of this program.
 absl::StatusOr<std::filesystem::path> ProgramDirectory();
 
 }  // namespace rigcal::client

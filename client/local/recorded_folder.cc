@@ -44,7 +44,7 @@ absl::StatusOr<Listing> List(const fs::path& folder) {
   for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
     const fs::path file = entry->path();
     const std::string stem = file.stem().string();
-    // Hidden files are what editors and file systems leave behind ("._left.csv").
+    // Hidden files are left by editors and file systems ("._left.csv").
     if (stem.empty() || stem.front() == '.') continue;
     if (file.extension() == ".csv" || IsEventFile(file)) {
       listing.recordings[stem].push_back(file.filename());

@@ -21,11 +21,11 @@ struct RecordedCamera {
 struct RecordedFolder {
   std::filesystem::path path;           // absolute
   std::vector<RecordedCamera> cameras;  // by name
-  // What is odd but no reason to stop, for people: a YAML file without its recording.
+  // Warnings for the user: a YAML file without its recording.
   std::vector<std::string> warnings;
 };
 
-// Looks through a folder, and reads its intrinsics, before anything is started. NOT_FOUND: no such
+// Lists the recordings of a folder and reads its intrinsics. NOT_FOUND: no such
 // folder. INVALID_ARGUMENT: names every fault at once: no recording, a single camera, two
 // recordings of one camera, a missing or malformed YAML file, a file name that cannot be a camera's
 // name.

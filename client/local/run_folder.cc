@@ -26,10 +26,10 @@ constexpr char kLockName[] = "lock";
 
 absl::Status CannotMake(const fs::path& path, const std::string& why) {
   return absl::FailedPreconditionError(
-      absl::StrCat("cannot make the folder ", path.string(), ": ", why));
+      absl::StrCat("cannot create the folder ", path.string(), ": ", why));
 }
 
-// Locked before it gets its name: whoever finds a lock that nobody holds has found a dead run.
+// Locked before it gets its name: a folder whose lock is free belongs to a dead run.
 absl::StatusOr<int> Lock(const fs::path& folder) {
   const fs::path file = folder / kLockName;
   const fs::path unnamed = folder / "lock.new";

@@ -7,13 +7,13 @@
 
 namespace rigcal::client {
 
-// Where one `rigcal local` puts its store and logs: a folder of its own under the system's
-// temporary one, removed with the object, or a folder the user names, which stays. A temporary one
-// is locked while its run lives; those that killed runs have left behind are removed by the next.
+// The folder for the store and logs of one `rigcal local`: a temporary one, removed with the
+// object, or one that the user names, which stays. A temporary one is locked while its run lives;
+// folders that killed runs left behind are removed by the next run.
 class RunFolder {
  public:
-  // `keep` empty: a temporary folder. Else it is made where missing; FAILED_PRECONDITION where it
-  // cannot be, or is not empty: runs are not mixed.
+  // `keep` empty: a temporary folder. Else it is created where it is missing. FAILED_PRECONDITION:
+  // it cannot be created, or is not empty (runs are not mixed).
   static absl::StatusOr<RunFolder> Create(const std::filesystem::path& keep);
 
   RunFolder(RunFolder&& other) noexcept;

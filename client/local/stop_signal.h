@@ -8,7 +8,7 @@
 
 namespace rigcal::client {
 
-// While one of these lives, SIGINT, SIGTERM and SIGHUP do not end the process but are noted, so
+// While one of these lives, SIGINT, SIGTERM and SIGHUP are noted instead of ending the process, so
 // that it can clean up. One at a time, on the main thread.
 class StopSignals {
  public:
@@ -20,7 +20,7 @@ class StopSignals {
   // Waits, at most until a signal arrives on this thread.
   void Sleep(std::chrono::milliseconds duration) const;
 
-  // The first signal noted since the process began, 0 with none: what main ends with.
+  // The first signal noted since the process began, for the exit code; 0: none.
   static int Received();
 
  private:

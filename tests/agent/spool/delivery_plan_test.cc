@@ -50,7 +50,7 @@ class DeliveryPlanTest : public ::testing::Test {
     if (batch.rows() == 0) return text;
     return text + " " + std::to_string(batch.first_seq) + "-" + std::to_string(batch.end_seq() - 1);
   }
-  // Everything that leaves at this moment.
+  // Everything that is sent now.
   std::vector<std::string> Sent() {
     std::vector<std::string> sent;
     while (auto message = plan_.Next(now_)) sent.push_back(Show(*message));
@@ -90,7 +90,7 @@ TEST_F(DeliveryPlanTest, SendsFullBatchesAtOnceAndSmallerOnesAfterAWhile) {
   EXPECT_THAT(Sent(), ElementsAre("left 21-26"));
   PassTime();
   EXPECT_THAT(Sent(), IsEmpty());
-  // A row that comes alone after a pause does not wait.
+  // A single row after a pause does not wait.
   Append(kLeft, 1);
   EXPECT_THAT(Sent(), ElementsAre("left 27-27"));
 }
@@ -284,7 +284,7 @@ TEST_F(ProtocolFaultTest, FindsTheGuiltyStreamAndEndsItWhereTheServerStands) {
   Sent();
   EXPECT_TRUE(plan_.SuspectsFault());
   EXPECT_FALSE(plan_.OnProtocolFault("x_px: size"));
-  // From now on one message is on its way at a time.
+  // From now on messages are sent one at a time.
   Reconnect();
   EXPECT_TRUE(plan_.SendsOneAtATime());
   EXPECT_FALSE(plan_.SuspectsFault());
@@ -300,7 +300,7 @@ TEST_F(ProtocolFaultTest, FindsTheGuiltyStreamAndEndsItWhereTheServerStands) {
   ASSERT_TRUE(given_up);
   EXPECT_EQ(given_up->stream, kLeft);
   EXPECT_EQ(given_up->lost_count, 15u);
-  // It is known, so a repeated start does not begin it again, and its end says what happened.
+  // A repeated start does not begin the stream again, and its end has the reason.
   EXPECT_TRUE(plan_.Knows(kLeft));
   Reconnect();
   const auto end = plan_.Next(now_);

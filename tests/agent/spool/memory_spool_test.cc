@@ -112,7 +112,7 @@ TEST(MemorySpool, FreesWhatIsAcknowledgedAndNothingElse) {
   EXPECT_EQ(batch.time_ns.at(0), 601);
   spool.Acknowledge(kLeft, 1000);
   EXPECT_EQ(spool.bytes(), 0u);
-  // Late and repeated ones change nothing, and nobody can acknowledge the future.
+  // Late, repeated and premature acknowledgements change nothing.
   spool.Acknowledge(kLeft, 3);
   spool.Acknowledge(kLeft, 5000);
   spool.Acknowledge(kRight, 1);
@@ -234,8 +234,8 @@ TEST(MemorySpool, TakesARowThatIsLargerThanItsLimitAlone) {
   ASSERT_THAT(spool.Append(kLeft, MakeObservation(2), {}), IsOk());
 }
 
-// Against a model that keeps everything: whatever is appended, acknowledged and read in whatever
-// order, a read gives exactly the appended rows from where it was asked, as far as they are kept.
+// Against a model that keeps everything: after any order of appending, acknowledging and reading, a
+// read returns exactly the appended rows from its first number on, as far as they are kept.
 TEST(MemorySpool, AgreesWithAModel) {
   struct Row {
     int64_t time_ns;

@@ -129,7 +129,7 @@ TEST_F(CameraPipelineTest, ReportsASourceThatFails) {
   EXPECT_EQ(EndOf(kFirst).last_seq, 0u);
   EXPECT_THAT(EndOf(kFirst).report.refused,
               ElementsAre(Refusal{"", "source_failed", 1, "3 markers, not 2"}));
-  // The next capture begins as if nothing had been.
+  // The next capture is not affected.
   source_->FailToStart(absl::OkStatus());
   source_->YieldRows(0, 1);
   source_->YieldError(absl::DataLossError("cable pulled"));

@@ -100,8 +100,8 @@ void FakeServer::Close() {
   server_.reset();
 }
 
-// Over loopback, as an agent does. Through gRPC's in-process channel a test now and then hung at
-// its end on a busy machine, after the agent had closed its stream.
+// Over loopback. With gRPC's in-process channel tests sometimes hung at their end on a busy
+// machine, after the agent had closed its stream.
 std::shared_ptr<grpc::Channel> FakeServer::Channel() {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -130,7 +130,7 @@ FakeServer::State FakeServer::WaitFor(const std::function<bool(const State&)>& c
   std::unique_lock lock(mutex_);
   const bool holds =
       changed_.wait_for(lock, std::chrono::minutes(1), [&] { return condition(state_); });
-  EXPECT_TRUE(holds) << "what the test waits for did not happen";
+  EXPECT_TRUE(holds) << "the awaited condition did not become true";
   return state_;
 }
 

@@ -21,7 +21,7 @@
 
 namespace rigcal::agent {
 
-// What a test wants the fake server to do. Set before or during a run, through FakeServer::Set.
+// Faults and delays of the fake server. Set before or during a run, through FakeServer::Set.
 struct FakeBehaviour {
   std::string server_id = "store-1";
   uint32_t protocol_major = 1;
@@ -35,16 +35,16 @@ struct FakeBehaviour {
   std::function<std::optional<grpc::Status>(const v1::AgentMessage&)> refuses;
 };
 
-// An AgentService that stores what it is sent in memory and misbehaves as told.
+// An AgentService that stores deliveries in memory and fails on demand.
 class FakeServer : public v1::AgentService::CallbackService {
  public:
-  // What has come of one stream.
+  // Deliveries of one stream.
   struct Stream {
     std::map<uint32_t, int64_t> time_of_seq;      // stored rows
     std::map<uint32_t, uint32_t> times_received;  // of each row, over all connections
     uint32_t durable_seq = 0;
     uint32_t send_limit_seq = 0;
-    std::vector<ObservationBatch> batches;  // as they came
+    std::vector<ObservationBatch> batches;  // in the order of arrival
     std::optional<EndOfCapture> end;
     std::optional<CameraReport> report;
     bool exceeded_credit = false;
@@ -83,7 +83,7 @@ class FakeServer : public v1::AgentService::CallbackService {
   void StopCapture(const std::string& session_id);
   void Send(v1::ServerMessage message);
   void Disconnect(const grpc::Status& status);
-  // Makes everything that has been received durable and says so.
+  // Makes everything received durable and acknowledges it.
   void AcknowledgeAll();
 
  private:

@@ -15,8 +15,8 @@
 
 namespace rigcal::agent {
 
-// Made before any thread: the library that makes it is not built with the thread sanitizer, which
-// would take two threads that log for the first time for a race.
+// Created before any thread: spdlog is not built with the thread sanitizer, which would report the
+// first logging of two threads as a race.
 inline spdlog::logger* const kLoggerMadeEarly = spdlog::default_logger_raw();
 
 inline Observation MakeObservation(int64_t time_ns, uint32_t clock_epoch = 0,
@@ -40,8 +40,7 @@ inline Target MakeTarget() {
   return target;
 }
 
-// A camera that yields what a test gives it, when the test gives it, and forgets nothing of what it
-// was told to do.
+// A camera that yields what a test gives it, when the test gives it, and counts its starts.
 class ScriptedSource : public ObservationSource {
  public:
   explicit ScriptedSource(std::string camera, std::string timebase = "recording") {

@@ -139,7 +139,7 @@ TEST_F(UplinkTest, DoesNotBeginACaptureTwice) {
   server_.StartCapture("s-1", {"left"});
   left_->YieldEnd();
   WaitForEnd(kLeft);
-  // Not even when it has ended; the end is repeated, in case that it is what the server misses.
+  // Not even after its end; the end is repeated, in case the server has missed it.
   const uint32_t messages = server_.Now().message_count;
   server_.StartCapture("s-1", {"left"});
   server_.WaitFor([&](const State& now) { return now.message_count > messages; });
@@ -254,7 +254,7 @@ TEST_F(UplinkTest, SendsNoMoreThanItsCreditWithoutAcknowledgement) {
   server_.StartCapture("s-1", {"left"});
   left_->YieldRows(0, 500);
   server_.WaitFor([](const State& now) { return now.At(kLeft).times_received.contains(10); });
-  // The connection lives on, and nothing but pings comes.
+  // The connection stays, with nothing but pings.
   const uint32_t pings = server_.Now().ping_count;
   const State state =
       server_.WaitFor([&](const State& now) { return now.ping_count >= pings + 5; });
@@ -367,7 +367,7 @@ TEST_F(UplinkTest, GivesUpAStreamTheServerDoesNotUnderstandAndDeliversTheOther) 
   left_->YieldEnd();
   right_->YieldRows(0, 600);
   right_->YieldEnd();
-  // As the real server does, tell the agent again after each of its connections.
+  // The real server repeats the command after each connection.
   for (size_t connection = 1;; ++connection) {
     const State state = server_.WaitFor([&](const State& now) {
       return now.hellos.size() >= connection || (now.HasEnded(kLeft) && now.HasEnded(kRight));
@@ -435,7 +435,7 @@ TEST_F(UplinkTest, EndsACaptureWhoseSessionEndedWhileTheServerWasAway) {
   left_->WaitUntilStarted(1);
   server_.Disconnect(grpc::Status(grpc::StatusCode::UNAVAILABLE, "cable"));
   server_.WaitForHello(2);
-  // Nobody tells it to go on with s-1.
+  // No command to continue s-1 arrives.
   server_.StartCapture("s-2", {"left"});
   left_->WaitUntilStarted(2);
   EXPECT_EQ(WaitForEnd(kLeft).At(kLeft).end->last_seq, 0u);

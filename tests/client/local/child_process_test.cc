@@ -28,7 +28,7 @@ using ::testing::Not;
 
 class ChildProcessTest : public ::testing::Test {
  protected:
-  // A shell that does this.
+  // A shell that runs the script.
   absl::StatusOr<ChildProcess> Shell(const std::string& script) {
     return ChildProcess::Start({.name = "helper",
                                 .program = "/bin/sh",
@@ -39,7 +39,7 @@ class ChildProcessTest : public ::testing::Test {
     std::ifstream stream(directory_.path() / "log");
     return {std::istreambuf_iterator<char>(stream), {}};
   }
-  // Nothing of this number is there, not even a zombie.
+  // No process has this id, not even a zombie.
   static bool Gone(pid_t pid) { return kill(pid, 0) != 0 && errno == ESRCH; }
   static std::chrono::steady_clock::time_point Soon() {
     return std::chrono::steady_clock::now() + std::chrono::seconds(60);
@@ -205,7 +205,7 @@ TEST_F(ChildProcessTest, DiesWithItsParentHoweverThatEnds) {
   EXPECT_EQ(kill(child, 0), 0);
   kill(parent, SIGKILL);
   waitpid(parent, nullptr, 0);
-  // Whoever inherits it may be slow to wait for it, so a zombie is gone enough.
+  // Its new parent may be slow to wait for it, so a zombie counts as ended.
   EXPECT_TRUE(WaitFor([&] {
     std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
     const std::string text{std::istreambuf_iterator<char>(stat), {}};

@@ -66,7 +66,7 @@ class LocalCommand : public ::testing::Test {
   // Where temporary folders go, so that what stays behind is seen.
   fs::path Temporary() const { return directory_.path() / "tmp"; }
 
-  // Every stand-in notes its number, its name and its arguments first.
+  // Every stand-in first writes its process id, name and arguments.
   void WriteProgram(const std::string& name, const std::string& body) {
     const fs::path file = directory_.WriteFile(
         "bin/" + name, "#!/bin/sh\necho $$ >> " + (directory_.path() / "pids").string() +
@@ -122,7 +122,7 @@ class LocalCommand : public ::testing::Test {
     return outcome;
   }
 
-  // The stand-ins stay until they are asked to go.
+  // The stand-ins run until they are stopped.
   static constexpr const char* kStay = "echo started\nexec sleep 1000\n";
 
   const SimulatedWorld world_ = *SimulatedWorld::Create(
@@ -250,7 +250,7 @@ class LocalProgram : public LocalCommand {
  protected:
   LocalProgram() {
     fs::copy_file(fs::path(RIGCAL_BIN_DIR) / "rigcal", Programs() / "rigcal");
-    fake_.on_get_session = nullptr;  // it captures until the end of time
+    fake_.on_get_session = nullptr;  // captures forever
   }
   Process::Options Command() const {
     return {{(Programs() / "rigcal").string(), "local", "--simulate", kSimulation},

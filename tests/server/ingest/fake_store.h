@@ -13,7 +13,7 @@
 
 namespace rigcal::testing {
 
-// A store in memory that takes observations only, and does with them as a test says. Thread-safe.
+// A store in memory for observations only, with delays and errors on demand. Thread-safe.
 class FakeStore : public server::Store {
  public:
   // Holds the next Append until Release; returns when one is held.
@@ -32,7 +32,7 @@ class FakeStore : public server::Store {
     }
     changed_.notify_all();
   }
-  // What every Append answers from now on; OK: it stores.
+  // Result of every Append from now on; OK: it stores.
   void SetStatus(absl::Status status) {
     const std::lock_guard lock(mutex_);
     status_ = std::move(status);
@@ -46,7 +46,7 @@ class FakeStore : public server::Store {
     unknown_session_ = std::move(id);
   }
 
-  // Requests of each Append so far, failed ones included.
+  // Number of deliveries of each Append so far, failed ones included.
   std::vector<size_t> group_sizes() const {
     const std::lock_guard lock(mutex_);
     return group_sizes_;

@@ -77,7 +77,7 @@ class IngestTest : public ::testing::Test {
   }
   absl::Status Submit(Delivery&& delivery) { return Submit(delivery); }
 
-  // Starts the writer and lets it hang in its first commit, with one delivery of camera "z" in it.
+  // Starts the writer and holds it in its first commit, with one delivery of camera "z" in it.
   void HoldFirstCommit() {
     store_.Hold();
     ASSERT_THAT(Submit(MakeDelivery(KeyOf("z"), 1, 1)), IsOk());
@@ -135,7 +135,7 @@ TEST_F(IngestTest, PutsWhatQueuedUpDuringACommitIntoTheNext) {
   // Each delivery has its own answer, in the order they were submitted in.
   ASSERT_EQ(answers().size(), 11u);
   for (uint32_t i = 0; i < 10; ++i) EXPECT_EQ(answers()[1 + i]->durable_seq, 4 + 4 * i);
-  // The coordinator hears of a stream once for each commit.
+  // Progress of a stream is reported once per commit.
   ASSERT_EQ(progress_.size(), 2u);
   EXPECT_EQ(progress_[1].first, KeyOf("a"));
   EXPECT_EQ(progress_[1].second.durable_seq, 40u);
@@ -304,7 +304,7 @@ TEST_F(IngestTest, StopsTakingAfterAnyOtherErrorOfTheStore) {
   EXPECT_THAT(answers(), ElementsAre(StatusIs(absl::StatusCode::kInternal, HasSubstr("fsync")),
                                      StatusIs(absl::StatusCode::kInternal, HasSubstr("fsync"))));
   EXPECT_THAT(ingest_->Stats().problem, HasSubstr("fsync failed"));
-  // Not even when the store would take it again: what it holds is no longer certain.
+  // Not even when the store would accept it again: its contents are no longer certain.
   store_.SetStatus(absl::OkStatus());
   EXPECT_THAT(Submit(MakeDelivery(KeyOf("a"), 1, 16)),
               StatusIs(absl::StatusCode::kInternal, HasSubstr("fsync failed")));
@@ -315,7 +315,7 @@ TEST_F(IngestTest, WritesWhatWasTakenBeforeItShutsDown) {
   HoldFirstCommit();
   ASSERT_THAT(Submit(MakeDelivery(KeyOf("a"), 1, 16)), IsOk());
   std::thread shutdown([this] { ingest_->Shutdown(); });
-  // From some moment on nothing is taken; what was taken is answered.
+  // At some point nothing is accepted any more; every accepted delivery is answered.
   int taken = 2;
   while (Submit(MakeDelivery(KeyOf("b"), 1, 1)).ok() && taken < 1'000'000) ++taken;
   store_.Release();

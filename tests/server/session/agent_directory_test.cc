@@ -56,7 +56,7 @@ TEST(AgentDirectory, HigherConnectionFencesOffTheHalfDeadStream) {
                                            AllOf(HasSubstr("incarnation 3, connection 1"),
                                                  HasSubstr("incarnation 3, connection 2"))));
   EXPECT_THAT(new_link->closed(), IsOk());
-  // The end of the old stream must not take the new one with it.
+  // The end of the old stream must not unregister the new one.
   EXPECT_FALSE(directory.Unregister(old_registration));
   EXPECT_EQ(directory.ConnectedCount(), 1u);
   EXPECT_EQ(directory.List("")[0].connection, 2u);
@@ -105,7 +105,7 @@ TEST(AgentDirectory, CameraOfAnotherAgentIsRefusedAndAllAreNamed) {
       directory.Register(MakeAgent("second", {"top", "right"}), Link()),
       StatusIs(absl::StatusCode::kAlreadyExists,
                AllOf(HasSubstr("'first'"), HasSubstr("'second'"), HasSubstr("'rig/right'"))));
-  // Nothing of the refused one stays.
+  // The refused one leaves nothing behind.
   EXPECT_THAT(directory.ConnectedCameraNames("rig"), ElementsAre("left", "right"));
   EXPECT_TRUE(directory.Unregister(registration));
   EXPECT_THAT(directory.Register(MakeAgent("second", {"top", "right"}), Link()), IsOk());

@@ -110,7 +110,7 @@ TEST_F(ReadCalibrationInput, GivesEveryRowOfEveryCamera) {
 
 TEST_F(ReadCalibrationInput, CountsLateRowsInsteadOfUsingThem) {
   FinishByHand("wave", {"left", "right"}, 20);
-  // A new life of the spool, after the end.
+  // A new stream epoch, after the end.
   Deliver({"wave", "right", 2}, 1, 7);
   ASSERT_OK_AND_ASSIGN(const server::CalibrationInput input, Read({"wave"}));
   EXPECT_THAT(input.tracks[1].observations, SizeIs(20));

@@ -61,7 +61,7 @@ TEST_F(CalibrationRunner, RefusesWhatCannotBeCalibrated) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("sigma")));
   EXPECT_THAT(runner().CreateCalibration(std::vector<std::string>(65, "x"), {}),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("65")));
-  // Nothing of the refused ones holds its sessions.
+  // The refused ones do not hold their sessions.
   EXPECT_THAT(coordinator().DeleteSession("wave"), IsOk());
 }
 

@@ -13,7 +13,7 @@
 
 namespace rigcal::testing {
 
-// A store in front of another one; calls fail as a test asks for. Thread-safe.
+// Forwards to another store; calls fail on demand. Thread-safe.
 class FaultyStore : public server::Store {
  public:
   explicit FaultyStore(server::Store* store) : store_(*store) {}

@@ -10,9 +10,8 @@
 
 namespace rigcal::testing {
 
-// Remembers what an agent was told, one line each: "start s-1 left/1=12 right/1=0", "stop s-1",
-// "preview left",
-// "close ABORTED: ...". Thread-safe.
+// Records commands to an agent, one line each: "start s-1 left/1=12 right/1=0", "stop s-1",
+// "preview left", "close ABORTED: ...". Thread-safe.
 class RecordingLink : public server::AgentLink {
  public:
   void SendStartCapture(const server::StartCaptureCommand& command) override;

@@ -20,7 +20,7 @@ server::CalibrationOutcome ScriptedSolver::Solve(const server::CalibrationInput&
     last_input_ = input;
     body = body_;
     changed_.notify_all();
-    // As a solver does: cancellation is looked at now and then.
+    // Polls for cancellation, as a solver does.
     while (held_ && !*hooks.cancelled) changed_.wait_for(lock, std::chrono::milliseconds(1));
   }
   if (body) body(hooks);

@@ -16,8 +16,8 @@
 
 namespace rigcal::testing {
 
-// A solver that does what a test says. Until Release it stays in the solve, as long as it is not
-// cancelled.
+// A solver under the control of a test. After Hold it stays in the solve until Release or until it
+// is cancelled.
 class ScriptedSolver {
  public:
   server::CalibrateFunction Function();
@@ -26,7 +26,7 @@ class ScriptedSolver {
   void Release();
   // Waits until `count` solves have begun in all.
   void AwaitBegun(int count);
-  // What a solve returns.
+  // The result of a solve.
   void SetOutcome(absl::StatusOr<CalibrationResult> result, std::vector<Refusal> refused = {});
   // Runs in the solve, before it returns.
   void SetBody(std::function<void(const server::CalibrationHooks&)> body);

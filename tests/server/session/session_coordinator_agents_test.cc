@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// What agents are told, and when.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -138,7 +137,7 @@ TEST_F(SessionCoordinatorAgents, AnotherAgentDoesNotTakeARunningCameraOver) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   coordinator().DisconnectAgent(left_.registration);
-  // Its stream epoch counts from 1 as well; going on in the stream of the other would mix the two.
+  // Its stream epoch counts from 1 as well; continuing the other's stream would mix the two.
   const auto other = Connect(MakeAgent("pc-new", {"left"}), {{"wave", "left", 1}});
   coordinator().WaitIdle();
   EXPECT_THAT(other.link->Lines(), IsEmpty());

@@ -128,7 +128,7 @@ TEST_F(SessionCoordinator, StopNamesWhoIsMissingAtTheDeadline) {
   EXPECT_EQ(stopped.drain_deadline_utc_ns - stopped.stop_utc_ns, 50'000'000);
   const Session finished = AwaitFinished("wave");
   EXPECT_THAT(finished.missing_cameras, ElementsAre("right", "top"));
-  // What comes now is stored as late.
+  // Later rows are stored as late.
   EXPECT_TRUE(Deliver({"wave", "right", 1}, 6, 8).late);
 }
 
@@ -208,7 +208,7 @@ TEST_F(SessionCoordinator, SessionsGoOnAfterARestart) {
 
 TEST_F(SessionCoordinator, ASessionWhoseLastEndWasDurableBeforeTheCrashFinishesAfterIt) {
   StartByHand("wave", {"left"});
-  // On disk, but the coordinator has never heard of it.
+  // On disk, but unknown to the coordinator.
   Append(EndDelivery({"wave", "left", 1}, 0));
   Restart();
   EXPECT_THAT(AwaitFinished("wave").missing_cameras, IsEmpty());

@@ -30,8 +30,7 @@ class SessionFixture : public StoreFixture {
  protected:
   void SetUp() override;
   void TearDown() override;
-  // Ends the coordinator and the store without a word to anybody and starts them anew, as after
-  // kill -9.
+  // Ends the coordinator and the store without a shutdown and starts them again, as after kill -9.
   void Restart();
 
   struct ConnectedAgent {

@@ -45,7 +45,7 @@ TEST_F(StoreCalibrations, KeepsProgressAndResult) {
   calibration.progress_fraction = 0.5;
   ASSERT_THAT(store().UpdateCalibration(calibration), IsOk());
   Reopen();
-  // Whoever runs calibrations decides what becomes of one that was interrupted.
+  // The runner decides what happens to an interrupted calibration.
   EXPECT_EQ(store().GetCalibration("c-000001")->state, CalibrationState::kRunning);
   EXPECT_EQ(store().GetCalibration("c-000001")->progress_fraction, 0.5);
 

@@ -35,7 +35,7 @@ bool HasWand(uint32_t seq);  // of a row of MakeBatch
 server::Delivery MakeDelivery(ObservationBatch batch);
 server::Delivery EndDelivery(const StreamKey& stream, uint32_t last_seq);
 
-// One stored row, with everything that was stored of it.
+// One row with all its stored values.
 struct StoredRow {
   uint32_t clock_epoch = 0;
   bool refused = false;
@@ -49,7 +49,7 @@ using RowKey = std::tuple<std::string, uint32_t, uint32_t>;  // camera, stream e
 // is not ascending.
 std::vector<std::pair<RowKey, StoredRow>> ReadRows(const server::Store& store,
                                                    std::string_view session_id = "s-test");
-// The counts in words, for comparing.
+// The counts as text, for comparing.
 std::string CountsText(const server::Store& store, std::string_view session_id = "s-test");
 
 // An open store of the default kind in a folder of its own.

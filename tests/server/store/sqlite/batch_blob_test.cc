@@ -29,7 +29,7 @@ std::string Encode(const ObservationBatch& batch, size_t begin, size_t end,
   return blob;
 }
 
-// As if whoever wrote the blob had meant it.
+// With a valid checksum.
 void SealAgain(std::string* blob) {
   const uint32_t checksum = Checksum(std::string_view(*blob).substr(0, blob->size() - 4));
   std::memcpy(blob->data() + blob->size() - 4, &checksum, 4);
@@ -140,7 +140,7 @@ TEST(BatchBlob, NoticesEveryLengthItCanBeCutTo) {
               StatusIs(absl::StatusCode::kDataLoss, ::testing::_));
 }
 
-// Sizes in the header are not believed even where the checksum is right.
+// Sizes in the header are checked even where the checksum is right.
 TEST(BatchBlob, DoesNotTrustSizes) {
   const std::string blob = Encode(MakeBatch(KeyOf("a"), 1, 3), 0, 3);
   for (const size_t offset : {6u, 12u, 20u}) {  // marker_count, row_count, refused_count
@@ -149,7 +149,7 @@ TEST(BatchBlob, DoesNotTrustSizes) {
       std::memcpy(lying.data() + offset, &value, offset == 6 ? 2 : 4);
       if (lying == blob) continue;
       SealAgain(&lying);
-      if (offset == 20 && value == 0) continue;  // that is the truth
+      if (offset == 20 && value == 0) continue;  // the original value
       EXPECT_THAT(DecodeBatch(lying, KeyOf("a"), 1),
                   StatusIs(absl::StatusCode::kDataLoss, ::testing::_))
           << "offset " << offset << " value " << value;

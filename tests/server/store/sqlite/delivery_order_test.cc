@@ -66,14 +66,14 @@ struct Stored {
   std::string counts;
 };
 
-// What is in a new store after these deliveries, `groups` of them to a transaction; the store is
-// opened anew after `reopen_after` transactions.
+// The contents of a new store after these deliveries, `group` of them per transaction; the store is
+// reopened after `reopen_after` transactions.
 Stored Deliver(const std::vector<Delivery>& deliveries, size_t group, size_t reopen_after) {
   const TemporaryDirectory directory;
   SqliteStoreOptions options;
   options.data_directory = directory.path();
   options.reserve_bytes = 0;
-  options.vfs = FaultyVfs::Get().name();  // without faults: for not waiting for the disk
+  options.vfs = FaultyVfs::Get().name();  // without faults, so as not to wait for the disk
   auto store = SqliteStore::Open(options);
   EXPECT_THAT(store, IsOk());
   EXPECT_THAT((*store)->CreateSession(CapturingSession({"a", "b"})), IsOk());

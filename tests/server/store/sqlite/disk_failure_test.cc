@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every write and sync fails once: what was acknowledged stays, nothing is stored twice, a full
-// disk is got over, and after any other failure nothing is written any more.
+// Every write and sync fails once: acknowledged rows stay, nothing is stored twice, the store
+// recovers from a full disk, and after any other failure nothing is written any more.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -178,7 +178,7 @@ TEST_F(DiskFailure, ReadsAndDeletesWhileTheDiskIsFull) {
   ASSERT_THAT(AppendNext(1, 5000), IsOk());
   const std::filesystem::path reserve = directory_->path() / "reserve";
   ASSERT_TRUE(std::filesystem::exists(reserve));
-  // Nothing may grow but what takes the place of the reserve.
+  // No file may grow beyond the space of the reserve.
   vfs_.SetGrowthAllowed([reserve] { return !std::filesystem::exists(reserve); });
   absl::Status full;
   for (uint32_t batch = 0; batch < 1000 && full.ok(); ++batch) {
@@ -191,7 +191,7 @@ TEST_F(DiskFailure, ReadsAndDeletesWhileTheDiskIsFull) {
   ASSERT_THAT(store_->DeleteSession("s-test"), IsOk());
   EXPECT_THAT(store_->GetSession("s-test"), StatusIs(absl::StatusCode::kNotFound, _));
   EXPECT_TRUE(std::filesystem::exists(reserve));  // filled again for the next time
-  // What the deleted session took up can be used, though no file may grow.
+  // The space of the deleted session is usable, though no file may grow.
   StreamKey stream = KeyOf("a");
   stream.session_id = "other";
   const Delivery delivery = MakeDelivery(MakeBatch(stream, 1, 100));

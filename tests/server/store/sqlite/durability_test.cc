@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was acknowledged survives kill -9 of the process at any moment, once.
+// Acknowledged rows survive kill -9 of the process at any instant, and are stored once.
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -94,7 +94,7 @@ class Durability : public ::testing::Test {
       Note(ack);
       ++seen;
     }
-    usleep(delay_us);  // not to wait for anything: to kill at another moment of a commit each time
+    usleep(delay_us);  // no synchronization: kills at another point of a commit each time
     kill(child, SIGKILL);
     while (read(fds[0], &ack, sizeof(ack)) == sizeof(ack)) Note(ack);
     close(fds[0]);

@@ -75,7 +75,7 @@ void FillDeleteAndGoOn(const std::string& path) {
   }
   ASSERT_THAT(status, StatusIs(absl::StatusCode::kResourceExhausted, _));
   ASSERT_GT(next_seq, 10'000u);
-  // It says so again and again, and takes smaller things where there is room for them.
+  // The error repeats, and smaller batches are stored where there is room.
   EXPECT_THAT(AppendRows(*store, KeyOf("a"), next_seq, 5000),
               StatusIs(absl::StatusCode::kResourceExhausted, _));
   EXPECT_EQ(ReadRows(*store).size(), next_seq - 1);

@@ -16,11 +16,11 @@ namespace rigcal::server {
 // costs no allocations. They do not mention the batch, so that the counts of a session do not
 // depend on how rows were cut into batches.
 struct RefusedRow {
-  uint32_t row = 0;         // of the batch, from 0
-  uint32_t value = 0;       // index of the faulty value within its column
-  std::string_view field;   // the column: "x_px"
-  std::string_view reason;  // as in Refusal
-  std::string_view detail;  // "the x of a marker is not finite"
+  uint32_t row = 0;              // of the batch, from 0
+  uint32_t value = 0;            // index of the faulty value within its column
+  std::string_view field = {};   // the column: "x_px"
+  std::string_view reason = {};  // as in Refusal
+  std::string_view detail = {};  // "the x of a marker is not finite"
 };
 
 // What arrives for one stream, `batch.stream`: rows, the end of capture, a report, or several of

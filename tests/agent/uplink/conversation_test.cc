@@ -187,9 +187,12 @@ TEST_F(ConversationTest, IsGoodOnceSomethingBecameDurableOrItStoodForAWhile) {
   ASSERT_THAT(conversation.Handle(Greeting(), now_), IsOk());
   EXPECT_FALSE(conversation.IsGood(now_));
   EXPECT_TRUE(conversation.IsGood(now_ + std::chrono::seconds(10)));
-  v1::ServerMessage ack;
-  *ack.mutable_ack() = wire::ToProto(BatchAck{.stream = kLeft, .durable_seq = 2});
-  ASSERT_THAT(conversation.Handle(ack, now_), IsOk());
+  BatchAck ack;
+  ack.stream = kLeft;
+  ack.durable_seq = 2;
+  v1::ServerMessage message;
+  *message.mutable_ack() = wire::ToProto(ack);
+  ASSERT_THAT(conversation.Handle(message, now_), IsOk());
   EXPECT_TRUE(conversation.IsGood(now_));
 }
 

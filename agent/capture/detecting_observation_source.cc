@@ -151,8 +151,8 @@ void DetectingObservationSource::Note(const Frame& frame) {
     refused_.Add("", advice.reason, 1, example(advice.what));
     Warn(advice.reason, example(advice.what));
   }
-  if (detection_.covered_markers > 0) {
-    refused_.Add("", "marker_covered", static_cast<uint32_t>(detection_.covered_markers),
+  if (detection_.occluded_markers > 0) {
+    refused_.Add("", "marker_covered", static_cast<uint32_t>(detection_.occluded_markers),
                  example("a sphere is half hidden"));
   }
 }

@@ -5,7 +5,6 @@ namespace rigcal::agent {
 namespace {
 
 struct NoSink {
-  void Row(uint32_t) {}
   void Event(uint32_t, uint32_t, bool, uint32_t) {}
   void Vector(uint32_t, uint32_t, bool, uint32_t, uint32_t) {}
   void Trigger(const TriggerEvent&) {}

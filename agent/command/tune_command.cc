@@ -60,7 +60,7 @@ std::string Snippet(const ColourRange& colour) {
 std::string TunedJson(const TunedColour& tuned) {
   const ColourRange& colour = tuned.colour;
   const nlohmann::ordered_json json = {
-      {"pictures", tuned.pictures},
+      {"pictures", tuned.frames},
       {"wands", tuned.wands},
       {"median",
        {{"hue_deg", tuned.hue_deg}, {"saturation", tuned.saturation}, {"value", tuned.value}}},
@@ -89,7 +89,7 @@ absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
   out << absl::StrFormat(
              "# The wand was found in %d of %d pictures; its colour in the middle: hue %.0f deg, "
              "saturation %.2f, value %.0f\n",
-             tuned.wands, tuned.pictures, tuned.hue_deg, tuned.saturation, tuned.value)
+             tuned.wands, tuned.frames, tuned.hue_deg, tuned.saturation, tuned.value)
       << snippet;
   return absl::OkStatus();
 }

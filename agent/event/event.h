@@ -23,7 +23,7 @@ struct TriggerEvent {
   bool rising = false;
 };
 
-// How a stream of events is encoded. Words are little-endian.
+// Encoding of a stream of events. Words are little-endian.
 enum class EventFormat : uint8_t {
   kEvt2 = 1,   // 32-bit words, Prophesee EVT 2.0
   kEvt21 = 2,  // 64-bit words, Prophesee EVT 2.1
@@ -31,11 +31,11 @@ enum class EventFormat : uint8_t {
   kPlain = 4,  // 128-bit records of this project (plain_events.h), from CSV and HDF5
 };
 
-// What was wrong in a stream; everything good around it is kept.
+// Faults of a stream; everything good around them is kept.
 struct EventFaults {
   uint64_t unknown_words = 0;     // of a type the format does not have
   uint64_t outside_geometry = 0;  // pixels the sensor does not have
-  uint64_t before_time = 0;       // events before the first word that tells the time
+  uint64_t before_time = 0;       // events before the first TIME_HIGH word
   uint64_t time_steps_back = 0;   // the sensor's clock stepped backwards: a new clock epoch
   uint64_t truncated_bytes = 0;   // at the end, less than a word
 

@@ -30,7 +30,6 @@ class EventBatcher {
   EventBatcher(const EventBatcher&) = delete;
   EventBatcher& operator=(const EventBatcher&) = delete;
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
     *to_++ = {time_us, static_cast<uint16_t>(x), static_cast<uint16_t>(y | (on ? 0x8000u : 0u))};
     if (to_ >= full()) [[unlikely]]

@@ -17,16 +17,14 @@
 
 namespace rigcal::agent {
 
-// A piece of an encoded stream, cut at a word's border. Decoding and filtering are one pass over
-// it, so sources hand on bytes, not events. The view is valid until the source's next Next or
-// Start.
+// A piece of an encoded stream, cut between words. Decoding and filtering are one pass over it, so
+// sources deliver bytes, not events. Valid until the source's next Next or Start.
 struct EventChunk {
   EventFormat format = EventFormat::kEvt3;
   bool halves_swapped = false;  // EVT 2.1 as an IMX636 sends it
   std::span<const uint8_t> bytes;
   uint64_t byte_offset = 0;  // of the first byte in its file or stream, for messages
-  // Between the piece before and this one the camera was away: its clock began anew, and nothing of
-  // before goes on.
+  // The camera was disconnected before this piece: its clock began anew.
   bool clock_began_anew = false;
 };
 
@@ -38,15 +36,15 @@ class EventSource {
 
   // Valid from construction on, never changes.
   virtual const CameraDescription& description() const = 0;
-  // Begins a capture, from the beginning where there is one. The target is what the world of a
-  // simulated camera shows; the others ignore it.
+  // Begins a capture, from the beginning where there is one. The target is for simulated
+  // cameras; the others ignore it.
   virtual absl::Status Start(const Target& target) = 0;
   // The next piece, at most a few milliseconds or one megabyte of it; waits for it. None: the
   // source has ended or was stopped.
   virtual absl::StatusOr<std::optional<EventChunk>> Next() = 0;
   // Makes a waiting and every later Next return none, until the next Start.
   virtual void Stop() = 0;
-  // Where a word of the last piece is, for messages.
+  // Place of a word of the last piece, for messages.
   virtual std::string PlaceOf(uint64_t byte_offset) const {
     return "byte " + std::to_string(byte_offset);
   }

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cstdint>
 #include <cstring>
-#include <optional>
+#include <span>
 
 #include "agent/event/event.h"
 
@@ -15,7 +15,6 @@ namespace rigcal::agent {
 // functions are inlined into the decoder's loop. Where speed counts DecodeInBatches(decoder, bytes,
 // consumer) is the better way (event_batcher.h). A sink:
 //
-//   void Row(uint32_t y)            the row of what follows (EVT 3.0: not repeated for each event)
 //   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us)
 //   void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask)
 //                                   bit k of mask: pixel x + k; never 0, never outside the geometry
@@ -31,36 +30,80 @@ struct SensorGeometry {
   friend bool operator==(const SensorGeometry&, const SensorGeometry&) = default;
 };
 
-namespace event_words {
-
 template <typename Word>
-Word Load(const uint8_t* bytes) {
+Word LoadWord(const uint8_t* bytes) {
   static_assert(std::endian::native == std::endian::little);
   Word word;
   std::memcpy(&word, bytes, sizeof(word));
   return word;
 }
 
-// Takes a TIME_HIGH word that may be a gap, a restart or damage; find_next() looks ahead for the
-// one behind it. False: damaged, and nothing has changed.
-template <typename High, typename FindNext, typename Sink>
-bool TakeTimeHigh(uint32_t value, FindNext find_next, High* high, EventFaults* faults, Sink& sink) {
-  if (high->Take(value) == High::Verdict::kGoesOn) return true;
-  const std::optional<uint32_t> next = find_next();
-  switch (high->Decide(value, next ? &*next : nullptr)) {
-    case High::Change::kDamaged:
-      ++faults->unknown_words;
-      return false;
-    case High::Change::kStepBack:
-      ++faults->time_steps_back;
-      sink.TimeStepBack(high->time_us());
-      break;
-    case High::Change::kGap:
-      break;
-  }
-  return true;
-}
+// The walk over the words of a chunk, shared by all decoders. A `Decoder` derives from it and has
+//
+//   Word Load(const uint8_t*) const
+//   std::optional<...> TimeOf(Word) const   of words whose time is believed only with the next one
+//   void Take(Word, const uint8_t* rest, const uint8_t* end, Sink&)   `rest`: behind the word
+template <typename Decoder, typename WordType>
+class WordDecoder {
+ public:
+  using Word = WordType;
+  static constexpr size_t kWordBytes = sizeof(Word);
 
-}  // namespace event_words
+  explicit WordDecoder(SensorGeometry geometry) : geometry_(geometry) {}
+
+  const EventFaults& faults() const { return faults_; }
+
+  template <typename Sink>
+  void Decode(std::span<const uint8_t> bytes, Sink& sink) {
+    const std::span<const uint8_t> whole = WholeWords(bytes);
+    const uint8_t* const end = whole.data() + whole.size();
+    self().DecodeWords(whole.data(), end, end, sink);
+  }
+
+  // Decode may look ahead to the next such word before it believes this one.
+  bool AsksAhead(const uint8_t* word) const { return self().TimeOf(self().Load(word)).has_value(); }
+
+  Word Load(const uint8_t* bytes) const { return LoadWord<Word>(bytes); }
+
+  // From `at` to `stop`; may look ahead to `end`.
+  template <typename Sink>
+  void DecodeWords(const uint8_t* at, const uint8_t* stop, const uint8_t* end, Sink& sink) {
+    for (; at != stop; at += kWordBytes) {
+      self().Take(self().Load(at), at + kWordBytes, end, sink);
+    }
+  }
+
+ protected:
+  std::span<const uint8_t> WholeWords(std::span<const uint8_t> bytes) {
+    faults_.truncated_bytes += bytes.size() % kWordBytes;
+    return bytes.first(bytes.size() / kWordBytes * kWordBytes);
+  }
+
+  // Takes a TIME_HIGH word that may be a gap, a restart or damage: the one behind it decides.
+  template <typename High>
+  typename High::Change TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end,
+                                     High* high) {
+    if (high->Take(value)) return High::Change::kNone;
+    const auto next = FindTime(rest, end);
+    const auto change = high->Decide(value, next ? &*next : nullptr);
+    if (change == High::Change::kDamaged) ++faults_.unknown_words;
+    if (change == High::Change::kStepBack) ++faults_.time_steps_back;
+    return change;
+  }
+
+  // Of the first word from `at` on that has one.
+  auto FindTime(const uint8_t* at, const uint8_t* end) const {
+    decltype(self().TimeOf(Word{})) time;
+    for (; at != end && !time; at += kWordBytes) time = self().TimeOf(self().Load(at));
+    return time;
+  }
+
+  SensorGeometry geometry_;
+  EventFaults faults_;
+
+ private:
+  Decoder& self() { return static_cast<Decoder&>(*this); }
+  const Decoder& self() const { return static_cast<const Decoder&>(*this); }
+};
 
 }  // namespace rigcal::agent

@@ -15,27 +15,24 @@
 
 namespace rigcal::agent {
 
-// 16-bit words; a row, a time and a base column hold until they are told anew.
-class Evt3Decoder {
+// EVT 3.0: words of 16 bits. A row, a time and a base column hold until the next of their kind.
+class Evt3Decoder : public WordDecoder<Evt3Decoder, uint16_t> {
+  using Base = WordDecoder<Evt3Decoder, uint16_t>;
+
  public:
   static constexpr EventFormat kFormat = EventFormat::kEvt3;
-  static constexpr size_t kWordBytes = 2;
 
   explicit Evt3Decoder(SensorGeometry geometry, const Evt3Kernel& kernel = BestEvt3Kernel())
-      : geometry_(geometry), kernel_(&kernel) {}
+      : Base(geometry), kernel_(&kernel) {}
 
-  const EventFaults& faults() const { return faults_; }
   int64_t time_us() const { return time_high_.time_us() + time_low_; }
 
-  // Word by word.
-  template <typename Sink>
-  void Decode(std::span<const uint8_t> bytes, Sink& sink);
-
-  // The same, in batches (see EventBatcher) and by the kernel wherever it can.
+  // As Decode does, in batches (see EventBatcher) and by the kernel wherever it can.
   template <typename Consumer>
   void DecodeInBatches(std::span<const uint8_t> bytes, Consumer& consumer);
 
  private:
+  friend Base;
   enum Type : uint32_t {
     kAddressY = 0x0,
     kAddressX = 0x2,
@@ -50,30 +47,30 @@ class Evt3Decoder {
     kContinued12 = 0xF,
   };
 
-  // Where the kernel stops, one of so many words is the reason.
-  static constexpr size_t kSteppedBytes = Evt3Kernel::kBlockWords * kWordBytes;
+  // Where the kernel stops, one of the next kBlockWords words is the reason.
+  static constexpr ptrdiff_t kSteppedBytes = Evt3Kernel::kBlockWords * kWordBytes;
 
-  // From `at` to `stop`; a TIME_HIGH word may look ahead to `end`.
+  std::optional<uint32_t> TimeOf(uint32_t word) const {
+    if (word >> 12 != kTimeHigh) return std::nullopt;
+    return word & 0xfff;
+  }
   template <typename Sink>
-  void Decode(const uint8_t* at, const uint8_t* stop, const uint8_t* end, Sink& sink);
+  void DecodeWords(const uint8_t* at, const uint8_t* stop, const uint8_t* end, Sink& sink);
   bool CanUseKernel() const {
     return row_ok_ && time_high_.known() && geometry_.width <= Evt3State::kMaxWidth &&
            base_x_ <= Evt3State::kMaxBase / 2;
   }
   Evt3Kernel::Position RunKernel(Evt3Kernel::Position from, const uint8_t* end,
                                  const PackedEvent* full);
-  template <typename Sink>
-  void TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end, Sink& sink);
   void CountUnplaced(uint64_t count) {
     (time_high_.known() ? faults_.outside_geometry : faults_.before_time) += count;
   }
 
   static constexpr uint32_t kFarColumn = 1u << 30;
+  using High = TimeHigh<12, 12>;
 
-  SensorGeometry geometry_;
   const Evt3Kernel* kernel_;
-  EventFaults faults_;
-  TimeHigh<12, 12> time_high_;
+  High time_high_;
   int64_t high_us_ = 0;
   uint32_t time_low_ = 0;
   uint32_t y_ = 0;
@@ -81,29 +78,6 @@ class Evt3Decoder {
   uint32_t base_x_ = 0;
   bool base_on_ = false;
 };
-
-template <typename Sink>
-void Evt3Decoder::TakeTimeHigh(uint32_t value, const uint8_t* rest, const uint8_t* end,
-                               Sink& sink) {
-  const auto find_next = [rest, end]() -> std::optional<uint32_t> {
-    for (const uint8_t* at = rest; at != end; at += kWordBytes) {
-      const uint32_t word = event_words::Load<uint16_t>(at);
-      if (word >> 12 == kTimeHigh) return word & 0xfff;
-    }
-    return std::nullopt;
-  };
-  const uint64_t steps_back = faults_.time_steps_back;
-  if (!event_words::TakeTimeHigh(value, find_next, &time_high_, &faults_, sink)) return;
-  if (faults_.time_steps_back != steps_back) time_low_ = 0;
-  high_us_ = time_high_.time_us();
-}
-
-template <typename Sink>
-void Evt3Decoder::Decode(std::span<const uint8_t> bytes, Sink& sink) {
-  const uint8_t* const end = bytes.data() + bytes.size() / kWordBytes * kWordBytes;
-  faults_.truncated_bytes += bytes.size() % kWordBytes;
-  Decode(bytes.data(), end, end, sink);
-}
 
 inline Evt3Kernel::Position Evt3Decoder::RunKernel(Evt3Kernel::Position from, const uint8_t* end,
                                                    const PackedEvent* full) {
@@ -127,35 +101,51 @@ template <typename Consumer>
 void Evt3Decoder::DecodeInBatches(std::span<const uint8_t> bytes, Consumer& consumer) {
   EventBatcher<Consumer> batcher(&consumer);
   static_assert(EventBatcher<Consumer>::kRoomEvents >= Evt3Kernel::kRoomEvents);
+  bytes = WholeWords(bytes);
   const uint8_t* at = bytes.data();
-  const uint8_t* const end = at + bytes.size() / kWordBytes * kWordBytes;
-  faults_.truncated_bytes += bytes.size() % kWordBytes;
+  const uint8_t* const end = at + bytes.size();
   while (at != end) {
-    if (CanUseKernel()) {
-      const Evt3Kernel::Position reached = RunKernel({at, batcher.to()}, end, batcher.full());
-      const bool is_full = reached.to >= batcher.full();
-      at = reached.at;
-      batcher.Wrote(reached.to);
-      if (is_full) continue;
+    const uint8_t* stop = end;
+    if (kernel_->decode != nullptr) {
+      if (CanUseKernel()) {
+        const Evt3Kernel::Position reached = RunKernel({at, batcher.to()}, end, batcher.full());
+        const bool is_full = reached.to >= batcher.full();
+        at = reached.at;
+        batcher.Wrote(reached.to);
+        if (is_full) continue;
+      }
+      stop = at + std::min(end - at, kSteppedBytes);
     }
-    const size_t left = std::min<size_t>(static_cast<size_t>(end - at), kSteppedBytes);
-    Decode(at, at + left, end, batcher);
-    at += left;
+    DecodeWords(at, stop, end, batcher);
+    at = stop;
   }
   batcher.Flush();
 }
 
 template <typename Sink>
-void Evt3Decoder::Decode(const uint8_t* at, const uint8_t* const stop, const uint8_t* const end,
-                         Sink& sink) {
-  // What every event needs stands in variables that no store of the sink can touch. `width` is that
-  // of the rows that events can be placed in, or 0 where they cannot.
+void Evt3Decoder::DecodeWords(const uint8_t* at, const uint8_t* const stop,
+                              const uint8_t* const end, Sink& sink) {
+  // Variables that no store of the sink can alias. Widths are 0 where events cannot be placed.
   uint32_t y = y_, base_x = base_x_, base_on = base_on_ ? 1 : 0;
   uint32_t now = static_cast<uint32_t>(high_us_) + time_low_;
-  uint32_t width = row_ok_ && time_high_.known() ? geometry_.width : 0;
-  const uint32_t full_width = geometry_.width, height = geometry_.height;
-  for (; at != stop; at += kWordBytes) {
-    const uint32_t word = event_words::Load<uint16_t>(at);
+  uint32_t known_width = time_high_.known() ? geometry_.width : 0;
+  uint32_t width = row_ok_ ? known_width : 0;
+  const uint32_t height = geometry_.height;
+  while (at != stop) {
+    // Most events are a row and a column: those two words are taken together.
+    while (stop - at >= 4) {
+      const auto words = LoadWord<uint32_t>(at);
+      const uint32_t row = words & 0x7ff, x = words >> 16 & 0x7ff;
+      if ((words & 0xf000f000) != 0x20000000 || row >= height || x >= known_width) break;
+      y = row;
+      width = known_width;
+      row_ok_ = true;
+      sink.Event(x, y, (words & 0x8000000) != 0, now);
+      at += 4;
+    }
+    if (at == stop) break;
+    const uint32_t word = LoadWord<uint16_t>(at);
+    at += kWordBytes;
     switch (word >> 12) {
       case kAddressX: {
         const uint32_t x = word & 0x7ff;
@@ -169,8 +159,7 @@ void Evt3Decoder::Decode(const uint8_t* at, const uint8_t* const stop, const uin
       case kAddressY:
         y = word & 0x7ff;
         row_ok_ = y < height;
-        width = row_ok_ && time_high_.known() ? full_width : 0;
-        if (row_ok_) sink.Row(y);
+        width = row_ok_ ? known_width : 0;
         break;
       case kVectorBase:
         base_x = word & 0x7ff;
@@ -196,11 +185,18 @@ void Evt3Decoder::Decode(const uint8_t* at, const uint8_t* const stop, const uin
         time_low_ = word & 0xfff;
         now = static_cast<uint32_t>(high_us_) + time_low_;
         break;
-      case kTimeHigh:
-        TakeTimeHigh(word & 0xfff, at + kWordBytes, end, sink);
+      case kTimeHigh: {
+        const auto change = TakeTimeHigh(word & 0xfff, at, end, &time_high_);
+        high_us_ = time_high_.time_us();
+        if (change == High::Change::kStepBack) {
+          sink.TimeStepBack(high_us_);
+          time_low_ = 0;
+        }
         now = static_cast<uint32_t>(high_us_) + time_low_;
-        width = row_ok_ ? full_width : 0;
+        known_width = geometry_.width;
+        width = row_ok_ ? known_width : 0;
         break;
+      }
       case kExternalTrigger:
         if (time_high_.known()) {
           sink.Trigger(TriggerEvent{.time_us = high_us_ + time_low_,

@@ -3,20 +3,24 @@
 
 namespace rigcal::agent {
 
-extern const Evt3Kernel kPortableEvt3Kernel;
 #if defined(__x86_64__)
-extern const Evt3Kernel kAvx2Evt3Kernel;
-extern const Evt3Kernel kAvx512Evt3Kernel;
+namespace evt3_kernel_avx2 {
+extern const Evt3Kernel kKernel;
+}
+namespace evt3_kernel_avx512 {
+extern const Evt3Kernel kKernel;
+}
 #endif
 
 std::vector<const Evt3Kernel*> AvailableEvt3Kernels() {
-  std::vector<const Evt3Kernel*> kernels = {&kPortableEvt3Kernel};
+  static constexpr Evt3Kernel kPortable = {"portable", nullptr};
+  std::vector<const Evt3Kernel*> kernels = {&kPortable};
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("popcnt")) {
-    kernels.push_back(&kAvx2Evt3Kernel);
+    kernels.push_back(&evt3_kernel_avx2::kKernel);
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512cd")) {
-      kernels.push_back(&kAvx512Evt3Kernel);
+      kernels.push_back(&evt3_kernel_avx512::kKernel);
     }
   }
 #endif

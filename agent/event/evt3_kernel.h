@@ -9,8 +9,8 @@
 
 namespace rigcal::agent {
 
-// What holds from one EVT 3.0 word to the next, while nothing is out of the ordinary: the time is
-// known and the row is one of the sensor's.
+// Holds from one EVT 3.0 word to the next while the time is known and the row is one of the
+// sensor's.
 struct Evt3State {
   uint32_t width = 0;  // of the sensor, at most kMaxWidth
   uint32_t height = 0;
@@ -18,15 +18,15 @@ struct Evt3State {
   uint32_t base = 0;  // of vectors: column * 2 + (brighter ? 1 : 0), at most kMaxBase
   uint32_t time_low = 0;
   uint32_t high_us = 0;     // lower 32 bits
-  uint32_t known_high = 0;  // the TIME_HIGH word that tells nothing new
+  uint32_t known_high = 0;  // the TIME_HIGH word that repeats the time
 
   static constexpr uint32_t kMaxWidth = 2048;
   static constexpr uint32_t kMaxBase = 8191;
 };
 
-// EVT 3.0 words to events, compiled for several instruction sets, all with the same result: what
-// Evt3Decoder::Decode makes of them word by word, for those words that a stream consists of.
-// Damage, triggers and new TIME_HIGH words are left to that.
+// EVT 3.0 words to events, compiled for several instruction sets, all with the same result as
+// Evt3Decoder::Decode, word by word, for the words that a stream consists of. Damage, triggers and
+// new TIME_HIGH words are left to that; so is all where `decode` is null (the portable one).
 struct Evt3Kernel {
   static constexpr size_t kBlockWords = 16;
   // Of one block; so many events behind `full` may be written to.
@@ -45,7 +45,7 @@ struct Evt3Kernel {
   Position (*decode)(Position from, const uint8_t* end, const PackedEvent* full, Evt3State* state);
 };
 
-// The best this CPU has; all that it has, the plainest first.
+// The fastest that this CPU can run; all that it can run, the portable one first.
 const Evt3Kernel& BestEvt3Kernel();
 std::vector<const Evt3Kernel*> AvailableEvt3Kernels();
 

@@ -32,7 +32,7 @@ class Evt3Writer {
   // Appends words to `bytes`. Columns and rows are below 2048.
   void Write(std::span<const CdEvent> events, std::vector<uint8_t>* bytes);
   void Write(const TriggerEvent& trigger, std::vector<uint8_t>* bytes);
-  // Tells the time without an event, so that a decoder knows that nothing happened.
+  // Writes the time without an event, so that a decoder knows that nothing happened.
   void WriteTime(int64_t time_us, std::vector<uint8_t>* bytes);
 
  private:

@@ -3,13 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 
 namespace rigcal::agent {
 namespace {
 
 struct NoSink {
-  void Row(uint32_t) {}
   void Event(uint32_t, uint32_t, bool, uint32_t) {}
   void Vector(uint32_t, uint32_t, bool, uint32_t, uint32_t) {}
   void Trigger(const TriggerEvent&) {}
@@ -43,25 +41,9 @@ std::vector<std::pair<std::string_view, uint64_t>> FaultPlaces::Named() const {
   return named;
 }
 
-bool FaultLocator::AsksAhead(const Evt2Decoder&, const uint8_t* word) const {
-  return event_words::Load<uint32_t>(word) >> 28 == 0x8;
-}
-
-bool FaultLocator::AsksAhead(const Evt21Decoder&, const uint8_t* word) const {
-  return std::rotl(event_words::Load<uint64_t>(word), halves_swapped_ ? 32 : 0) >> 60 == 0x8;
-}
-
-bool FaultLocator::AsksAhead(const Evt3Decoder&, const uint8_t* word) const {
-  return event_words::Load<uint16_t>(word) >> 12 == 0x8;
-}
-
-bool FaultLocator::AsksAhead(const PlainEventDecoder&, const uint8_t* word) const {
-  return IsReadable(event_words::Load<PlainEvent>(word));
-}
-
 template <typename Decoder>
-[[gnu::cold]] void FaultLocator::FindIn(const Decoder& before, std::span<const uint8_t> bytes,
-                                        const EventFaults& after) {
+[[gnu::cold]] void FaultLocator::Find(const Decoder& before, std::span<const uint8_t> bytes,
+                                      const EventFaults& after) {
   constexpr size_t kWord = Decoder::kWordBytes;
   const size_t end = bytes.size() / kWord * kWord;
   if (after.truncated_bytes != before.faults().truncated_bytes && !places_.truncated_bytes) {
@@ -79,11 +61,11 @@ template <typename Decoder>
     std::array<uint8_t, 2 * kWord> pair;
     std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), kWord, pair.begin());
     bool damaged = false;
-    if (AsksAhead(decoder, pair.data())) {
+    if (decoder.AsksAhead(pair.data())) {
       // The whole chunk's decoder saw the next such word: with it alone behind this one the verdict
       // is the same.
       for (ahead = std::max(ahead, at + kWord);
-           ahead < end && !AsksAhead(decoder, bytes.data() + ahead);) {
+           ahead < end && !decoder.AsksAhead(bytes.data() + ahead);) {
         ahead += kWord;
       }
       if (ahead < end) {
@@ -106,24 +88,10 @@ template <typename Decoder>
   }
 }
 
-void FaultLocator::Find(const Evt2Decoder& before, std::span<const uint8_t> bytes,
-                        const EventFaults& after) {
-  FindIn(before, bytes, after);
-}
-
-void FaultLocator::Find(const Evt21Decoder& before, std::span<const uint8_t> bytes,
-                        const EventFaults& after) {
-  FindIn(before, bytes, after);
-}
-
-void FaultLocator::Find(const Evt3Decoder& before, std::span<const uint8_t> bytes,
-                        const EventFaults& after) {
-  FindIn(before, bytes, after);
-}
-
-void FaultLocator::Find(const PlainEventDecoder& before, std::span<const uint8_t> bytes,
-                        const EventFaults& after) {
-  FindIn(before, bytes, after);
-}
+template void FaultLocator::Find(const Evt2Decoder&, std::span<const uint8_t>, const EventFaults&);
+template void FaultLocator::Find(const Evt21Decoder&, std::span<const uint8_t>, const EventFaults&);
+template void FaultLocator::Find(const Evt3Decoder&, std::span<const uint8_t>, const EventFaults&);
+template void FaultLocator::Find(const PlainEventDecoder&, std::span<const uint8_t>,
+                                 const EventFaults&);
 
 }  // namespace rigcal::agent

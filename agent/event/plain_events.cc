@@ -17,12 +17,4 @@ PlainClock::Verdict PlainClock::Decide(int64_t time_us, const int64_t* next) {
   return ahead > static_cast<uint64_t>(kLeapUs) ? Verdict::kLeap : Verdict::kGoesOn;
 }
 
-std::optional<int64_t> PlainEventDecoder::NextTime(const uint8_t* at, const uint8_t* end) {
-  for (; at != end; at += kWordBytes) {
-    const auto event = event_words::Load<PlainEvent>(at);
-    if (IsReadable(event)) return event.time_us;
-  }
-  return std::nullopt;
-}
-
 }  // namespace rigcal::agent

@@ -3,10 +3,9 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 
 #include "agent/event/event.h"
-#include "agent/event/event_decoder.h"
+#include "agent/event/event_words.h"
 
 namespace rigcal::agent {
 
@@ -30,18 +29,18 @@ struct PlainEvent {
 };
 static_assert(sizeof(PlainEvent) == 16);
 
-// Whether a record is an event, of a time that a recording can have.
+// The record is an event or trigger, at a time that a recording can have.
 inline bool IsReadable(const PlainEvent& event);
 
-// Follows the times of plain records. Files that were merged or sorted by frame are out of order by
-// some microseconds: that is let through. A longer step back is a new clock epoch, as is a leap so
-// far ahead that 32 bits of microseconds do not reach; unless the next record goes on from where
-// the last one was: then this one is damaged.
+// Checks the times of plain records. Files that were merged or sorted by frame are out of order by
+// some microseconds, which is allowed. A longer step back is a new clock epoch, as is a leap of
+// more than 32 bits of microseconds; unless the next record continues from the last one: then this
+// one is damaged.
 class PlainClock {
  public:
   static constexpr int64_t kMaxUs = 9'000'000'000'000'000;  // 285 years, which are 63 bits of ns
   static constexpr int64_t kJitterUs = 1000;
-  static constexpr int64_t kStepUs = int64_t{1} << 16;  // longer ones are looked at twice
+  static constexpr int64_t kStepUs = int64_t{1} << 16;  // longer ones are checked by Decide
   static constexpr int64_t kLeapUs = int64_t{1} << 30;  // 18 minutes
 
   enum class Verdict : uint8_t { kGoesOn, kStepBack, kLeap, kDamaged };
@@ -49,7 +48,7 @@ class PlainClock {
   // The largest of this clock epoch.
   int64_t time_us() const { return time_us_; }
 
-  // Whether this time goes on from the last one without a gap, and so is taken. Else call Decide.
+  // Takes a time that follows the last one without a gap. False: call Decide.
   bool Take(int64_t time_us) {
     if (!known_ || !Follows(time_us, time_us_)) return false;
     if (time_us > time_us_) time_us_ = time_us;
@@ -77,66 +76,56 @@ inline bool IsReadable(const PlainEvent& event) {
 
 // Decodes records of EventFormat::kPlain; for its sinks see event_decoder.h. Counts what cannot be
 // read and damaged times as unknown words, and new clock epochs as time_steps_back.
-class PlainEventDecoder {
+class PlainEventDecoder : public WordDecoder<PlainEventDecoder, PlainEvent> {
+  using Base = WordDecoder<PlainEventDecoder, PlainEvent>;
+
  public:
   static constexpr EventFormat kFormat = EventFormat::kPlain;
-  static constexpr size_t kWordBytes = sizeof(PlainEvent);
 
-  explicit PlainEventDecoder(SensorGeometry geometry) : geometry_(geometry) {}
+  using Base::Base;
 
-  const EventFaults& faults() const { return faults_; }
   int64_t time_us() const { return clock_.time_us(); }
 
-  template <typename Sink>
-  void Decode(std::span<const uint8_t> bytes, Sink& sink) {
-    const uint8_t* at = bytes.data();
-    const uint8_t* const end = at + bytes.size() / kWordBytes * kWordBytes;
-    faults_.truncated_bytes += bytes.size() % kWordBytes;
-    for (; at != end; at += kWordBytes) {
-      const auto event = event_words::Load<PlainEvent>(at);
-      if (!IsReadable(event)) [[unlikely]] {
-        ++faults_.unknown_words;
-        continue;
-      }
-      if (!clock_.Take(event.time_us)) [[unlikely]] {
-        if (!DecideTime(event.time_us, at + kWordBytes, end, sink)) continue;
-      }
-      if (event.kind >= PlainEvent::kTriggerFalling) {
-        sink.Trigger(TriggerEvent{.time_us = event.time_us,
-                                  .channel = event.channel,
-                                  .rising = event.kind == PlainEvent::kTriggerRising});
-      } else if (event.x < geometry_.width && event.y < geometry_.height) {
-        sink.Event(event.x, event.y, event.kind == PlainEvent::kOn,
-                   static_cast<uint32_t>(event.time_us));
-      } else {
-        ++faults_.outside_geometry;
-      }
-    }
-  }
-
  private:
-  template <typename Sink>
-  [[gnu::noinline]] bool DecideTime(int64_t time_us, const uint8_t* rest, const uint8_t* end,
-                                    Sink& sink) {
-    const std::optional<int64_t> next = NextTime(rest, end);
-    switch (clock_.Decide(time_us, next ? &*next : nullptr)) {
-      case PlainClock::Verdict::kDamaged:
-        ++faults_.unknown_words;
-        return false;
-      case PlainClock::Verdict::kStepBack:
-      case PlainClock::Verdict::kLeap:
-        ++faults_.time_steps_back;
-        sink.TimeStepBack(time_us);
-        return true;
-      case PlainClock::Verdict::kGoesOn:
-        break;
-    }
-    return true;
-  }
-  static std::optional<int64_t> NextTime(const uint8_t* at, const uint8_t* end);
+  friend Base;
 
-  SensorGeometry geometry_;
-  EventFaults faults_;
+  std::optional<int64_t> TimeOf(const PlainEvent& event) const {
+    return IsReadable(event) ? std::optional(event.time_us) : std::nullopt;
+  }
+
+  template <typename Sink>
+  void Take(const PlainEvent& event, const uint8_t* rest, const uint8_t* end, Sink& sink) {
+    if (!IsReadable(event)) [[unlikely]] {
+      ++faults_.unknown_words;
+      return;
+    }
+    if (!clock_.Take(event.time_us)) [[unlikely]] {
+      const std::optional<int64_t> next = FindTime(rest, end);
+      switch (clock_.Decide(event.time_us, next ? &*next : nullptr)) {
+        case PlainClock::Verdict::kDamaged:
+          ++faults_.unknown_words;
+          return;
+        case PlainClock::Verdict::kStepBack:
+        case PlainClock::Verdict::kLeap:
+          ++faults_.time_steps_back;
+          sink.TimeStepBack(event.time_us);
+          break;
+        case PlainClock::Verdict::kGoesOn:
+          break;
+      }
+    }
+    if (event.kind >= PlainEvent::kTriggerFalling) {
+      sink.Trigger(TriggerEvent{.time_us = event.time_us,
+                                .channel = event.channel,
+                                .rising = event.kind == PlainEvent::kTriggerRising});
+    } else if (event.x < geometry_.width && event.y < geometry_.height) {
+      sink.Event(event.x, event.y, event.kind == PlainEvent::kOn,
+                 static_cast<uint32_t>(event.time_us));
+    } else {
+      ++faults_.outside_geometry;
+    }
+  }
+
   PlainClock clock_;
 };
 

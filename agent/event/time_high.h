@@ -5,12 +5,11 @@
 
 namespace rigcal::agent {
 
-// The upper part of a sensor's time, as its TIME_HIGH words tell it: `kBits` bits in units of
-// 2^kShift microseconds, repeated many times a second. Takes the overflows out.
+// The upper part of a sensor's time, from its TIME_HIGH words: `kBits` bits in units of 2^kShift
+// microseconds, repeated many times a second. Takes the overflows out.
 //
 // A word that follows its predecessor within kStepUs is believed at once. Any other is a gap, a
-// reset, or a damaged word; which of them is told by the TIME_HIGH word that comes next: the caller
-// looks ahead for it and passes it on.
+// reset, or a damaged word; the next TIME_HIGH word, which the caller looks up, decides.
 template <int kBits, int kShift>
 class TimeHigh {
  public:
@@ -18,20 +17,20 @@ class TimeHigh {
   static constexpr uint32_t kStepUs = 1 << 16;
   static constexpr uint32_t kStep = kStepUs >> kShift;
 
-  enum class Verdict : uint8_t { kGoesOn, kAsk };
-  enum class Change : uint8_t { kGap, kStepBack, kDamaged };
+  // kNone and kGap: time goes on. kDamaged: the word was not taken.
+  enum class Change : uint8_t { kNone, kGap, kStepBack, kDamaged };
 
   bool known() const { return known_; }
   // Of the last word believed, in microseconds, overflows taken out.
   int64_t time_us() const { return base_us_ + (static_cast<int64_t>(value_) << kShift); }
 
-  // kGoesOn: taken. kAsk: nothing has changed, call Decide.
-  Verdict Take(uint32_t value) {
-    if (known_ && ((value - value_) & kMask) > kStep) return Verdict::kAsk;
+  // False: nothing has changed, call Decide.
+  bool Take(uint32_t value) {
+    if (known_ && ((value - value_) & kMask) > kStep) return false;
     if (known_ && value < value_) base_us_ += kPeriodUs;
     value_ = value;
     known_ = true;
-    return Verdict::kGoesOn;
+    return true;
   }
 
   // `next`: the TIME_HIGH word behind this one, or nullptr where the stream does not show it yet.

@@ -31,7 +31,6 @@ struct PlainSink {
   std::vector<PlainEvent> events;
   uint64_t trigger_events = 0;
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
     // Times of CD events are 32 bits; the decoder's own time leads to all 64.
     const int64_t near_us = decoder.time_us();

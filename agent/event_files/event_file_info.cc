@@ -23,7 +23,6 @@ class InfoSink {
  public:
   InfoSink(const Decoder* decoder, EventFileInfo* info) : decoder_(*decoder), info_(*info) {}
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) { Vector(x, y, on, time_us, 1); }
   void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
     const auto count = static_cast<uint64_t>(std::popcount(mask));
@@ -83,7 +82,6 @@ class InfoSink {
 struct ExtentSink {
   SensorGeometry extent;
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool, uint32_t) {
     extent.width = std::max(extent.width, x + 1);
     extent.height = std::max(extent.height, y + 1);
@@ -98,15 +96,15 @@ struct ExtentSink {
 template <typename Decoder>
 absl::Status CountAll(Decoder decoder, EventFile* file, EventFileInfo* info) {
   InfoSink sink(&decoder, info);
-  FaultLocator finder(file->header().halves_swapped);
+  FaultLocator locator;
   const uint64_t begin = file->byte_offset();
   while (true) {
     RIGCAL_ASSIGN_OR_RETURN(const auto bytes, file->Next(kInfoPieceBytes));
     if (bytes.empty()) break;
     const Decoder before = decoder;
     decoder.Decode(bytes, sink);
-    finder.Look(before, bytes, decoder.faults());
-    for (const auto& [name, offset] : finder.places().Named()) {
+    locator.Look(before, bytes, decoder.faults());
+    for (const auto& [name, offset] : locator.places().Named()) {
       info->first_faults.try_emplace(std::string(name), file->PlaceOf(begin + offset));
     }
   }

@@ -6,15 +6,15 @@
 
 namespace rigcal::agent {
 
-// What a detector found in one frame, or in the events of one output interval.
+// The result for one frame, or for the events of one output interval.
 struct Detection {
   DetectionOutcome outcome = DetectionOutcome::kNoBlob;
-  // As the wand's markers lie; without a wand every marker is invisible. A half-covered sphere is
-  // invisible and counted in `covered_markers`.
+  // As the wand's markers lie; without a wand every marker is invisible. A half-occluded sphere is
+  // invisible and counted in `occluded_markers`.
   Observation observation;
   double confidence = 0;  // 0 to 1, of the whole wand
   int blob_count = 0;
-  int covered_markers = 0;
+  int occluded_markers = 0;
   bool tracked = false;  // found in the predicted window, without a full search
 };
 

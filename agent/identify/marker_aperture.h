@@ -9,7 +9,7 @@
 
 namespace rigcal::agent {
 
-// An ellipse of semi-axes `a` >= `b`, and how far the looked at pixels lie from it.
+// An ellipse of semi-axes `a` >= `b`, with a margin and a ring for the background.
 struct MarkerAperture {
   // Around the blob's ellipse, for what its threshold left out, and from there to the ring in which
   // the background is read.

@@ -9,17 +9,17 @@
 namespace rigcal::agent {
 namespace {
 
-// Coverage up to which a pixel counts as free, and from which on as covered.
+// Coverage up to which a pixel counts as background, and from which on as marker.
 constexpr float kFree = 0.22f, kCovered = 0.8f;
 constexpr float kStrange = 0.3f;     // of the contrast: away from all mixtures of the two colours
 constexpr double kCore = 0.55;       // of the blob's ellipse: the plateau is read there
 constexpr double kMinContrast = 20;  // grey levels
-// What is this bright further than this outside of the blob is something else.
+// Pixels this bright (kForeign) and this far outside of the blob belong to something else.
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMaxIterations = 12;
-// Radii of the centroid per skewness, found on rendered pictures.
+// Radii of the centroid per skewness, found on rendered images.
 constexpr double kShiftPerSkewness = 4;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
 
@@ -203,8 +203,7 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
           (1 - static_cast<double>(kFree) - static_cast<double>(kCovered - kFree) * coverage) * d;
     }
   }
-  // What the background's own noise does, which all pixels of an arc share; neighbouring arcs
-  // overlap.
+  // The noise of the background, which all pixels of an arc share; neighbouring arcs overlap.
   constexpr double kOverlap = 1.6;
   for (size_t k = 0; k < arcs.size(); ++k) {
     noise += kOverlap * kMedianVariance / std::max(1, arcs[k].pixels) * by_arc[k] *
@@ -218,8 +217,8 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
   // Each mixed moment stands for three equal ones of the tensor.
   centre->skewness = scale * std::sqrt(third.dot(third.cwiseProduct(Eigen::Vector4d(1, 3, 3, 1))));
   centre->skewness_sigma = std::sqrt(variance * noise6) * scale;
-  // What makes a sphere's image lopsided, such as an edge of the background along its outline, has
-  // moved its centroid too.
+  // A disturbance that skews a sphere's image, such as an edge of the background along its outline,
+  // has moved its centroid too.
   const double disturbed_px = kShiftPerSkewness * centre->radius_px *
                               std::max(0.0, centre->skewness - 2.5 * centre->skewness_sigma);
   centre->covariance_px2 += disturbed_px * disturbed_px * Eigen::Matrix2d::Identity();

@@ -12,25 +12,25 @@
 
 namespace rigcal::agent {
 
-// A marker's image, measured from the picture's brightness. "Coverage" is the share of a pixel that
+// A marker's image, measured by brightness. "Coverage" is the share of a pixel that
 // the marker's light covers: 0 background, 1 marker.
 struct MarkerCentre {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // centroid of the marker's image
-  // From the picture's noise, and from what makes the image lopsided.
+  // From noise and skewness.
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
   double radius_px = 0;                                             // of a disc of the same area
   Eigen::Matrix2d second_moment_px2 = Eigen::Matrix2d::Identity();  // of the coverage
   // Of the coverage about its centroid, over radius^3. 0 for a sphere, whatever the blur, motion or
   // saturation; 0.04 for a sphere of which a twentieth is hidden.
   double skewness = 0;
-  double skewness_sigma = 0;  // what noise makes of it
+  double skewness_sigma = 0;  // by noise
   // Squared area of the ellipse of the same second moment over the area: 1 for an ellipse, more
   // with blur and for anything else.
   double spread = 1;
   Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
   double contrast_grey = 0;  // of the plateau against the background, over all channels
   double noise_grey = 0;     // one sigma of one pixel and channel
-  bool cut = false;          // the image's border cuts what had to be looked at
+  bool cut = false;          // the image's border cuts the aperture
 };
 
 // Measures the blob's centre. Buffers are kept; one thread at a time.
@@ -40,10 +40,10 @@ struct MarkerCentre {
 // a * plateau + (1 - a) * background in every channel, which holds for blur, motion and defocus; so
 // `a` is computed for each pixel (least squares over the channels, with the background of its arc)
 // and the centroid of `a` is taken, clipped well below 1, so that neither noise, shading nor
-// saturation inside the marker counts, and well above 0, so that what the background is not quite
-// like counts little. Both leave a symmetric image symmetric. Where something else is near, its
+// saturation inside the marker counts, and well above 0, so that deviations from the background
+// count little. Both leave a symmetric image symmetric. Where something else is near, its
 // side and the opposite one are cut at the marker's outline. The ellipse in which it is summed
-// follows the centroid until it rests.
+// follows the centroid until it converges.
 class MarkerMeter {
  public:
   // False where there is nothing to measure: no contrast, or a window without background.
@@ -54,7 +54,7 @@ class MarkerMeter {
   bool ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
                    MarkerCentre* centre) const;
   bool Cover(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
-  // The blob of what is more marker than background: without what its mask has grown together with.
+  // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob) const;
   void Block(const MarkerAperture& aperture);
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);

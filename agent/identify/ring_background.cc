@@ -63,7 +63,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
   }
   if (pixels.size() < kMinRingPixels) return false;
   const int channels = image.format == PixelFormat::kMono8 ? 1 : 3;
-  // What looks like the marker in its ring is the next marker.
+  // Pixels of the ring that look like the marker belong to the next one.
   Eigen::Vector3f middle = Eigen::Vector3f::Zero();
   for (int c = 0; c < channels; ++c) {
     residuals_.clear();
@@ -92,7 +92,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
       }
     }
   }
-  // Arcs without a pixel, outside of the picture or hidden by a neighbour, are like the nearest
+  // Arcs without a pixel, outside of the image or hidden by a neighbour, are like the nearest
   // one.
   const std::vector<Arc> read = arcs_;
   for (int k = 0; k < count; ++k) {

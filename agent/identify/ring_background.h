@@ -10,7 +10,7 @@
 
 namespace rigcal::agent {
 
-// The channels of a pixel; of a picture with one, the others are 0.
+// The channels of a pixel; of an image with one, the others are 0.
 inline Eigen::Vector3f GreyAt(const ImageView& image, int x, int y) {
   const uint8_t* row = image.Row(y);
   if (image.format == PixelFormat::kMono8) return {static_cast<float>(row[x]), 0, 0};

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kCellPx = 32;
 constexpr int kMaxGridSide = 512;
-constexpr double kMaxCost = 60;       // of a candidate; what is covered costs more than it should
+constexpr double kMaxCost = 60;       // of a candidate; occluded markers cost more than they should
 constexpr double kMinFill = 0.6;      // area over that of the ellipse of the same moments
 constexpr double kMaxElongation = 4;  // of a sphere that moves during the exposure
 constexpr double kPlacePx = 0.4, kPlaceShare = 0.1;  // sigma of a blob's centre: + share * radius
@@ -25,8 +25,8 @@ constexpr size_t kFewPairs = 1000;                      // in whatever order the
 
 double PlaceSigma(double radius_px) { return kPlacePx + kPlaceShare * radius_px; }
 
-// Where between its ends (0 to 1) the image of a line shows what lies at `share` of it, when the
-// last end is `ratio` times as deep as the first.
+// Position between the ends of a line's image (0 to 1) of the point at `share` of the line, when
+// the last end is `ratio` times as deep as the first.
 double ImageShare(double share, double ratio) { return share * ratio / (1 + (ratio - 1) * share); }
 
 }  // namespace
@@ -49,7 +49,7 @@ WandFinder::WandFinder(const WandFinderOptions& options, const Target& target,
   }
   fit_options_.diameter_m = calibrated_ ? target.diameter_m : 0;
   fit_options_.span_sigma_m = target.span_tolerance_m;
-  // An assumed lens tells distances to a factor only, and bends lines.
+  // An assumed lens gives distances up to a factor only, and bends lines.
   const double slack = calibrated_ ? 1 : 2.5;
   if (!calibrated_) fit_options_.span_sigma_m += 0.01 * length_m_;
   fit_options_.min_distance_m = options.min_distance_m / slack;
@@ -187,7 +187,7 @@ void WandFinder::Near(const Eigen::Vector2d& from, const Eigen::Vector2d& to, do
 void WandFinder::SearchBetween(const Entry& first, const Entry& last) {
   const auto index = [this](const Entry& entry) { return static_cast<int>(&entry - &entries_[0]); };
   if (shares_.size() == 2) return Offer({index(first), index(last)});
-  // How much deeper the last end can be than the first: by the steepest tilt, and by the sizes.
+  // Limits of the depth of the last end over that of the first: by the steepest tilt and the sizes.
   const double width = (first.sight.ray - last.sight.ray).norm();
   const double half = std::min(0.6, 0.5 * width * std::tan(fit_options_.max_tilt_rad));
   const double r0 = first.sight.radius_px, r1 = last.sight.radius_px;

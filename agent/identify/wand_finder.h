@@ -19,12 +19,12 @@ struct WandFinderOptions {
   double min_distance_m = 0.3;
   double max_distance_m = 20;
   double max_tilt_deg = 82;
-  int max_candidates = 40;  // those of least cost are told
+  int max_candidates = 40;  // those of least cost are kept
   // Bound the work with hundreds of blobs: pairs of possible ends, most alike in size first, and
   // poses that are tried, a few microseconds each.
   int max_pairs = 20000;
   int max_fits = 100000;
-  // By marker: the kind of blob it shows as, where kinds are told apart (what it blinks at). Empty:
+  // By marker: the kind of blob it appears as (its blink frequency). Empty:
   // any blob can be any marker.
   std::vector<int> marker_kinds;
 };
@@ -32,14 +32,14 @@ struct WandFinderOptions {
 // Blobs that can be the target's markers.
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
-  double cost = 0;                    // chi-squared of what blobs tell; less is better
+  double cost = 0;                    // chi-squared; less is better
   WandImageFit fit;
 };
 
 // Looks for the target among blobs: every pair that can be the two ends, and between them a blob
 // where each inner marker can be seen in perspective; then the cost of the best pose (FitWand). How
 // large a blob is compared with other blobs means nothing, how large it is for its distance does.
-// One marker: every blob of round shape. Both ways round are told where both are possible. One
+// One marker: every blob of round shape. Both orientations are listed where both are possible. One
 // thread at a time.
 class WandFinder {
  public:
@@ -53,13 +53,13 @@ class WandFinder {
   const std::vector<WandCandidate>& Find(absl::Span<const Blob> blobs,
                                          absl::Span<const int> kinds = {});
 
-  // How the camera sees a marker's image around `centre_px`: ray and scale; the rest is as it was.
+  // Sets ray and scale of a marker's image around `centre_px`; the rest stays.
   // False where the lens has no ray.
   bool Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) const;
   const WandImageFitOptions& fit_options() const { return fit_options_; }
   absl::Span<const double> shares() const { return shares_; }  // along the wand, 0 to 1
   double length_m() const { return length_m_; }
-  // What is used of the camera, its own or an assumed one.
+  // Of the camera, or assumed.
   const Intrinsics& intrinsics() const { return intrinsics_; }
   bool calibrated() const { return calibrated_; }
 

@@ -23,7 +23,7 @@ struct WandImageFitOptions {
   double min_distance_m = 0.3;
   double max_distance_m = 20;
   double max_tilt_rad = 1.43;  // out of the plane across the line of sight
-  // What blur and threshold make of all radii alike: mean and sigma.
+  // Common error of all radii by blur and threshold: mean and sigma.
   double radius_bias_px = 0.1;
   double radius_bias_sigma_px = 0.8;
 };

@@ -15,7 +15,7 @@ constexpr double kColourSigma = 0.12;     // rad
 constexpr double kHalfCost = 13;          // confidence 0.5
 constexpr double kCostScale = 2.5;
 constexpr double kSkewness = 0.012;
-constexpr double kCoveredCost = 9;
+constexpr double kOccludedCost = 9;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
@@ -29,10 +29,10 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
 
-// The cost of a marker that is not quite symmetric, at most that of a covered one.
+// The cost of a marker that is not quite symmetric, at most that of an occluded one.
 double Lopsidedness(const MarkerCentre& centre) {
   const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
-  return std::min(Squared(excess / kSkewness), kCoveredCost);
+  return std::min(Squared(excess / kSkewness), kOccludedCost);
 }
 
 double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
@@ -70,7 +70,7 @@ double MeanBrightness(const VerifiedWand& wand) {
 
 }  // namespace
 
-int VerifiedWand::CoveredCount() const {
+int VerifiedWand::OccludedCount() const {
   return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
 
@@ -110,28 +110,28 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
     }
   }
   const int count = static_cast<int>(wand.blobs.size());
-  const int covered = wand.CoveredCount();
-  if (covered > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
+  const int occluded = wand.OccludedCount();
+  if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
   if (count > 1 &&
       !FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand.fit)) {
     return std::nullopt;
   }
   wand.cost = wand.fit.cost + Likeness(wand.centres);
   for (size_t k = 0; k < wand.whole.size(); ++k) {
-    if (!wand.whole[k]) wand.cost += kCoveredCost - Lopsidedness(wand.centres[k]);
+    if (!wand.whole[k]) wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
   }
   wand.confidence = 1 / (1 + std::exp((wand.cost - kHalfCost) / kCostScale));
   return wand;
 }
 
-Judgement WandVerifier::Choose() {
-  Judgement judgement;
-  if (judged_.empty()) return judgement;
-  std::stable_sort(judged_.begin(), judged_.end(),
+Verdict WandVerifier::Choose() {
+  Verdict verdict;
+  if (evaluated_.empty()) return verdict;
+  std::stable_sort(evaluated_.begin(), evaluated_.end(),
                    [](const VerifiedWand& a, const VerifiedWand& b) { return a.cost < b.cost; });
   size_t best = 0;
-  for (size_t i = 1; i < judged_.size(); ++i) {
-    const VerifiedWand &now = judged_[best], &other = judged_[i];
+  for (size_t i = 1; i < evaluated_.size(); ++i) {
+    const VerifiedWand &now = evaluated_[best], &other = evaluated_[i];
     if (other.confidence < min_confidence_ || SameBlobs(now, other)) continue;
     if (Disjoint(now, other)) {
       const double ratio = MeanBrightness(other) / MeanBrightness(now);
@@ -139,31 +139,30 @@ Judgement WandVerifier::Choose() {
       if (ratio > kBrighter || ratio < 1 / kBrighter) continue;
     }
     // A part of the wand with something else beside it.
-    if (!Disjoint(now, other) && other.CoveredCount() > now.CoveredCount()) continue;
-    judgement.ambiguous |= other.cost < now.cost + kMargin;
+    if (!Disjoint(now, other) && other.OccludedCount() > now.OccludedCount()) continue;
+    verdict.ambiguous |= other.cost < now.cost + kMargin;
   }
-  VerifiedWand& wand = judged_[best];
-  if (wand.confidence < min_confidence_) return Judgement();
-  if (judgement.ambiguous) return judgement;
-  for (const VerifiedWand& other : judged_) {
+  VerifiedWand& wand = evaluated_[best];
+  if (wand.confidence < min_confidence_) return Verdict();
+  if (verdict.ambiguous) return verdict;
+  for (const VerifiedWand& other : evaluated_) {
     if (&other == &wand || !SameBlobs(wand, other)) continue;
     const double certainty = 1 / (1 + std::exp(0.5 * (wand.cost - other.cost)));
     wand.label_confidence = std::min(wand.label_confidence, certainty);
   }
   wand.label_confidence = std::clamp(wand.label_confidence, 0.5, kCertain);
   if (wand.blobs.size() == 1) wand.label_confidence = 1;
-  judgement.wand = wand;
-  return judgement;
+  verdict.wand = wand;
+  return verdict;
 }
 
-Judgement WandVerifier::Judge(const ImageView& image, absl::Span<const Blob> blobs,
-                              const WandFinder& finder,
-                              absl::Span<const WandCandidate> candidates) {
+Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
+                             const WandFinder& finder, absl::Span<const WandCandidate> candidates) {
   measured_.clear();
-  judged_.clear();
+  evaluated_.clear();
   for (const WandCandidate& candidate : candidates) {
     auto wand = EvaluateOne(image, blobs, finder, candidate);
-    if (wand.has_value()) judged_.push_back(*std::move(wand));
+    if (wand.has_value()) evaluated_.push_back(*std::move(wand));
   }
   return Choose();
 }

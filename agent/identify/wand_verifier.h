@@ -18,31 +18,31 @@ namespace rigcal::agent {
 struct VerifiedWand {
   absl::InlinedVector<int, 3> blobs;             // by marker
   absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
-  absl::InlinedVector<bool, 3> whole;            // by marker: neither cut nor covered nor disturbed
+  absl::InlinedVector<bool, 3> whole;  // by marker: neither cut nor occluded nor disturbed
   WandImageFit fit;
   double cost = 0;              // chi-squared of pose, shape and likeness
   double confidence = 0;        // 0 to 1, from the cost
-  double label_confidence = 1;  // 0.5 to 1: against the same blobs the other way round
+  double label_confidence = 1;  // 0.5 to 1: against the same blobs with flipped labels
 
-  int CoveredCount() const;
+  int OccludedCount() const;
 };
 
-struct Judgement {
+struct Verdict {
   std::optional<VerifiedWand> wand;
   bool ambiguous = false;  // another one is as good; then `wand` is none
 };
 
-// Chooses among candidates by what the picture's brightness tells of their blobs: sub-pixel centres
-// and radii against the pose, and how alike the markers are in brightness, colour and shape. Of two
-// wands without a common blob that are equally good the brighter one is taken (the other is its
-// reflection in a floor or a window); others are ambiguous. One thread at a time.
+// Chooses among candidates by the brightness of their pixels: sub-pixel centres and radii against
+// the pose, and how alike the markers are in brightness, colour and shape. Of two wands without a
+// common blob that are equally good the brighter one is taken (the other is its reflection in a
+// floor or a window); others are ambiguous. One thread at a time.
 class WandVerifier {
  public:
   WandVerifier(double min_confidence, double min_contrast_grey)
       : min_confidence_(min_confidence), min_contrast_grey_(min_contrast_grey) {}
 
-  Judgement Judge(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
-                  absl::Span<const WandCandidate> candidates);
+  Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
+                 absl::Span<const WandCandidate> candidates);
 
  private:
   struct Measured {
@@ -53,13 +53,13 @@ class WandVerifier {
   const Measured& Measure(const ImageView& image, absl::Span<const Blob> blobs, int blob);
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
-  Judgement Choose();
+  Verdict Choose();
 
   double min_confidence_;
   double min_contrast_grey_;
   MarkerMeter meter_;
   std::vector<Measured> measured_;
-  std::vector<VerifiedWand> judged_;
+  std::vector<VerifiedWand> evaluated_;
 };
 
 }  // namespace rigcal::agent

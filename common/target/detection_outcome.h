@@ -8,15 +8,15 @@
 
 namespace rigcal {
 
-// What one picture gave.
+// Outcome of the detection in one image, or in one interval of events.
 enum class DetectionOutcome : uint8_t {
   kWand = 1,
   kNoBlob,        // no pixel in range formed a blob
-  kNoWand,        // blobs, but no triple that can be the wand
-  kAmbiguous,     // several triples as good as each other
+  kNoWand,        // blobs, but no wand among them
+  kAmbiguous,     // several wands fit equally well
   kTooManyBlobs,  // more than the finder keeps, and no wand among those kept
-  kBlack,         // the picture is black: lens cap, exposure, no light
-  kSaturated,     // most of the picture is at its brightest
+  kBlack,         // black image: lens cap, exposure, no light
+  kSaturated,     // most pixels are at their brightest
 };
 
 inline constexpr std::array kDetectionOutcomes = {
@@ -45,7 +45,7 @@ constexpr std::string_view DetectionOutcomeText(DetectionOutcome outcome) {
   return "unknown";
 }
 
-// How many pictures had which outcome.
+// Images by outcome.
 class DetectionCounts {
  public:
   void Add(DetectionOutcome outcome, uint64_t count = 1) { counts_[Index(outcome)] += count; }

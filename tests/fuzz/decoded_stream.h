@@ -30,21 +30,13 @@ struct DecodedStream {
   friend bool operator==(const DecodedStream&, const DecodedStream&) = default;
 };
 
-// A sink that checks what event_decoder.h promises of each call. EVT 3.0 tells rows: kWithRows.
-template <bool kWithRows>
+// A sink that checks what event_decoder.h promises of each call.
 class CheckingSink {
  public:
   explicit CheckingSink(agent::SensorGeometry geometry) : geometry_(geometry) {}
 
-  void Row(uint32_t y) {
-    FUZZ_CHECK(kWithRows);
-    FUZZ_CHECK(y < geometry_.height);
-    row_ = y;
-    row_known_ = true;
-  }
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
     FUZZ_CHECK(x < geometry_.width && y < geometry_.height);
-    FUZZ_CHECK(!kWithRows || (row_known_ && y == row_));
     told_.push_back({Told::Kind::kPixel, x, y, on, time_us});
   }
   void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
@@ -68,8 +60,6 @@ class CheckingSink {
 
  private:
   const agent::SensorGeometry geometry_;
-  uint32_t row_ = 0;
-  bool row_known_ = false;
   std::vector<Told> told_;
 };
 
@@ -90,7 +80,7 @@ class CheckingConsumer {
   std::vector<Told> TakeTold() { return sink_.TakeTold(); }
 
  private:
-  CheckingSink<false> sink_;
+  CheckingSink sink_;
 };
 
 }  // namespace rigcal::testing

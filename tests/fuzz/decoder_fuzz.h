@@ -53,10 +53,10 @@ void ForEachPiece(const DecoderCase& given, size_t word_bytes, const std::vector
 }
 
 // Word by word into a sink.
-template <bool kWithRows, typename Decoder>
+template <typename Decoder>
 DecodedStream DecodeInPieces(Decoder decoder, const DecoderCase& given,
                              const std::vector<size_t>& ends) {
-  CheckingSink<kWithRows> sink(given.geometry);
+  CheckingSink sink(given.geometry);
   ForEachPiece(given, Decoder::kWordBytes, ends,
                [&](std::span<const uint8_t> piece) { decoder.Decode(piece, sink); });
   return {.told = sink.TakeTold(), .faults = decoder.faults(), .time_us = decoder.time_us()};
@@ -81,9 +81,9 @@ inline uint64_t Placed(const DecodedStream& stream) {
 }
 
 // `reference` has decoded the whole stream.
-template <bool kWithRows, typename Decoder, typename Reference>
+template <typename Decoder, typename Reference>
 void CheckDecoder(const Decoder& fresh, const DecoderCase& given, const Reference& reference) {
-  FUZZ_CHECK(DecodeInPieces<kWithRows>(fresh, given, {}) == reference.result);
+  FUZZ_CHECK(DecodeInPieces(fresh, given, {}) == reference.result);
   FUZZ_CHECK(DecodeBatches(fresh, given, {}) == reference.result);
   const size_t words = given.bytes.size() / Decoder::kWordBytes;
   if (words == 0) return;
@@ -94,10 +94,10 @@ void CheckDecoder(const Decoder& fresh, const DecoderCase& given, const Referenc
   for (const size_t end : ends) {
     if (reference.cut_is_safe[end]) safe_ends.push_back(end);
   }
-  FUZZ_CHECK(DecodeInPieces<kWithRows>(fresh, given, safe_ends) == reference.result);
+  FUZZ_CHECK(DecodeInPieces(fresh, given, safe_ends) == reference.result);
   FUZZ_CHECK(DecodeBatches(fresh, given, safe_ends) == reference.result);
   // A doubtful time that waits for the next one may be decided differently; no event is lost.
-  const DecodedStream anyhow = DecodeInPieces<kWithRows>(fresh, given, ends);
+  const DecodedStream anyhow = DecodeInPieces(fresh, given, ends);
   FUZZ_CHECK(Placed(anyhow) == Placed(reference.result));
   FUZZ_CHECK(DecodeBatches(fresh, given, ends) == anyhow);
 }

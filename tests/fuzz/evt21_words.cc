@@ -10,8 +10,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   for (const bool halves_swapped : {false, true}) {
     rigcal::testing::ReferenceEvt2 reference(given.geometry);
     reference.Decode21(given.bytes, halves_swapped);
-    rigcal::testing::CheckDecoder<false>(
-        rigcal::agent::Evt21Decoder(given.geometry, halves_swapped), given, reference);
+    rigcal::testing::CheckDecoder(rigcal::agent::Evt21Decoder(given.geometry, halves_swapped),
+                                  given, reference);
   }
   return 0;
 }

@@ -9,6 +9,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const DecoderCase given = DecoderCase::From(data, size);
   rigcal::testing::ReferenceEvt3 reference(given.geometry);
   reference.Decode(given.bytes);
-  rigcal::testing::CheckDecoder<true>(rigcal::agent::Evt3Decoder(given.geometry), given, reference);
+  for (const rigcal::agent::Evt3Kernel* kernel : rigcal::agent::AvailableEvt3Kernels()) {
+    const rigcal::agent::Evt3Decoder decoder(given.geometry, *kernel);
+    rigcal::testing::CheckDecoder(decoder, given, reference);
+  }
   return 0;
 }

@@ -20,7 +20,6 @@ class Sink {
   Sink(const DecoderCase& given, const PlainEventDecoder* decoder)
       : geometry_(given.geometry), decoder_(*decoder) {}
 
-  void Row(uint32_t) { FUZZ_CHECK(false); }
   void Event(uint32_t x, uint32_t y, bool, uint32_t time_us) {
     FUZZ_CHECK(x < geometry_.width && y < geometry_.height);
     const auto behind = static_cast<uint32_t>(decoder_.time_us()) - time_us;

@@ -40,7 +40,7 @@ class ReferenceDecoder {
     uint32_t value;
   };
   bool TakeHigh(size_t index, uint32_t value, std::optional<Next> next) {
-    if (high_.Take(value) == High::Verdict::kGoesOn) return true;
+    if (high_.Take(value)) return true;
     if (next) {
       for (size_t i = index; i < next->index; ++i) cut_is_safe[i] = false;
     }
@@ -53,6 +53,7 @@ class ReferenceDecoder {
         result.told.push_back({.kind = Told::Kind::kStepBack, .time_us = high_.time_us()});
         low_us_ = 0;
         return true;
+      case High::Change::kNone:
       case High::Change::kGap:
         return true;
     }

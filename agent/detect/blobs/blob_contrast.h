@@ -6,9 +6,9 @@
 
 namespace rigcal::agent {
 
-// Whether a blob differs clearly from what is around it on most sides, as a lamp does and the
-// brighter parts of a warm wall do not. Reads some twenty pixels, so that hundreds of warm blobs
-// need not be looked at more closely. `min_contrast_grey`: over all channels.
+// The blob differs clearly from its surroundings on most sides, as a lamp does and the brighter
+// parts of a warm wall do not. Reads some twenty pixels, a cheap test for hundreds of blobs.
+// `min_contrast_grey`: over all channels.
 bool StandsOut(const ImageView& image, const Blob& blob, double min_contrast_grey);
 
 }  // namespace rigcal::agent

@@ -8,9 +8,9 @@
 namespace rigcal::agent {
 namespace {
 
-PixelRect Clip(const PixelRect& rect, const ImageView& picture) {
-  const int64_t right = std::min<int64_t>(int64_t{rect.x} + rect.width, picture.width);
-  const int64_t bottom = std::min<int64_t>(int64_t{rect.y} + rect.height, picture.height);
+PixelRect Clip(const PixelRect& rect, const ImageView& image) {
+  const int64_t right = std::min<int64_t>(int64_t{rect.x} + rect.width, image.width);
+  const int64_t bottom = std::min<int64_t>(int64_t{rect.y} + rect.height, image.height);
   PixelRect clipped;
   clipped.x = std::max(0, rect.x);
   clipped.y = std::max(0, rect.y);
@@ -19,14 +19,14 @@ PixelRect Clip(const PixelRect& rect, const ImageView& picture) {
   return clipped;
 }
 
-// sum_ab / n - (sum_a / n) (sum_b / n), without losing digits far from the picture's origin.
+// sum_ab / n - (sum_a / n) (sum_b / n), without losing digits far from the image's origin.
 double CentralMoment(int64_t n, int64_t sum_ab, int64_t sum_a, int64_t sum_b) {
   const __int128 scaled = static_cast<__int128>(n) * sum_ab - static_cast<__int128>(sum_a) * sum_b;
   const auto count = static_cast<double>(n);
   return static_cast<double>(scaled) / count / count;
 }
 
-Blob ToBlob(const ComponentSums& sums, const ImageView& picture) {
+Blob ToBlob(const ComponentSums& sums, const ImageView& image) {
   Blob blob;
   const auto n = static_cast<double>(sums.area);
   blob.centre_px = {static_cast<double>(sums.x) / n, static_cast<double>(sums.y) / n};
@@ -36,8 +36,8 @@ Blob ToBlob(const ComponentSums& sums, const ImageView& picture) {
   blob.second_moment_px2 << xx, xy, xy, yy;
   blob.area_px = static_cast<int>(sums.area);
   blob.box = {sums.min_x, sums.min_y, sums.max_x - sums.min_x + 1, sums.max_y - sums.min_y + 1};
-  blob.touches_border = sums.min_x == 0 || sums.min_y == 0 || sums.max_x == picture.width - 1 ||
-                        sums.max_y == picture.height - 1;
+  blob.touches_border = sums.min_x == 0 || sums.min_y == 0 || sums.max_x == image.width - 1 ||
+                        sums.max_y == image.height - 1;
   return blob;
 }
 
@@ -61,18 +61,18 @@ absl::StatusOr<BlobFinder> BlobFinder::Create(BlobFinderOptions options, const M
   return BlobFinder(options, *masker);
 }
 
-const BlobResult& BlobFinder::Find(const ImageView& picture, PixelRect window) {
+const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.blobs.clear();
   result_.too_small = result_.too_large = result_.over_limit = 0;
   result_.mask_pixels = 0;
-  const PixelRect inside = Clip(window, picture);
-  if (picture.data == nullptr || inside.empty()) return result_;
-  LabelRows(picture, inside);
-  KeepBlobs(picture, labeller_.Finish());
+  const PixelRect inside = Clip(window, image);
+  if (image.data == nullptr || inside.empty()) return result_;
+  LabelRows(image, inside);
+  KeepBlobs(image, labeller_.Finish());
   return result_;
 }
 
-void BlobFinder::LabelRows(const ImageView& picture, const PixelRect& window) {
+void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window) {
   const int first_word = window.x / kMaskWordBits;
   const int last_column = window.x + window.width - 1;
   const int word_count = last_column / kMaskWordBits - first_word + 1;
@@ -83,7 +83,7 @@ void BlobFinder::LabelRows(const ImageView& picture, const PixelRect& window) {
   labeller_.Start(word_count);
   for (int y = window.y; y < window.y + window.height; ++y) {
     uint64_t* words = words_.data();
-    if (masker_.MaskRow(picture, y, first_word, word_count, words) == 0) continue;
+    if (masker_.MaskRow(image, y, first_word, word_count, words) == 0) continue;
     words[0] &= first_bits;
     words[word_count - 1] &= last_bits;
     if (y < ignored_.height()) {
@@ -94,7 +94,7 @@ void BlobFinder::LabelRows(const ImageView& picture, const PixelRect& window) {
   }
 }
 
-void BlobFinder::KeepBlobs(const ImageView& picture, const std::vector<ComponentSums>& components) {
+void BlobFinder::KeepBlobs(const ImageView& image, const std::vector<ComponentSums>& components) {
   kept_.clear();
   for (size_t i = 0; i < components.size(); ++i) {
     const int64_t area = components[i].area;
@@ -120,7 +120,7 @@ void BlobFinder::KeepBlobs(const ImageView& picture, const std::vector<Component
     std::sort(kept_.begin(), kept_.end());
   }
   for (const int i : kept_) {
-    result_.blobs.push_back(ToBlob(components[static_cast<size_t>(i)], picture));
+    result_.blobs.push_back(ToBlob(components[static_cast<size_t>(i)], image));
   }
 }
 

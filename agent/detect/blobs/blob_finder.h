@@ -23,7 +23,7 @@ struct Blob {
   Eigen::Matrix2d second_moment_px2 = Eigen::Matrix2d::Zero();  // about that mean
   int area_px = 0;
   PixelRect box;
-  bool touches_border = false;  // of the picture, not of the window
+  bool touches_border = false;  // of the image, not of the window
 };
 
 struct BlobFinderOptions {
@@ -44,33 +44,33 @@ struct BlobResult {
   int64_t mask_pixels = 0;  // taken by the colour range, in the window and not ignored
 };
 
-// Finds the connected pixels of a colour in one pass over a picture: pixels to mask bits, bits to
-// runs, runs to components and their moments. Buffers are kept from picture to picture. One thread
+// Finds the connected pixels of a colour in one pass over an image: pixels to mask bits, bits to
+// runs, runs to components and their moments. Buffers are kept from image to image. One thread
 // at a time.
 class BlobFinder {
  public:
-  // Fails with INVALID_ARGUMENT if the options are not valid. `kernel` decides how fast, never
-  // what.
+  // Fails with INVALID_ARGUMENT if the options are not valid. `kernel` changes the speed,
+  // never the result.
   static absl::StatusOr<BlobFinder> Create(BlobFinderOptions options,
                                            const MaskKernel& kernel = BestMaskKernel());
 
   // Pixels that never belong to a blob from now on, such as lamps. Pixels outside of the mask are
-  // not ignored: a mask of another size than the pictures is the caller's fault to find.
+  // not ignored: a mask of another size than the images is the caller's fault to find.
   void SetIgnored(PixelMask ignored) { ignored_ = std::move(ignored); }
   const PixelMask& ignored() const { return ignored_; }
 
-  // The blobs of a picture, or of its part inside `window`; pixels outside are as if they were
-  // black. The result is valid until the next call. A picture without pixels has no blobs.
-  const BlobResult& Find(const ImageView& picture, PixelRect window);
-  const BlobResult& Find(const ImageView& picture) { return Find(picture, picture.Bounds()); }
+  // The blobs of an image, or of its part inside `window`; pixels outside are as if they were
+  // black. The result is valid until the next call. An image without pixels has no blobs.
+  const BlobResult& Find(const ImageView& image, PixelRect window);
+  const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
 
   const BlobFinderOptions& options() const { return options_; }
 
  private:
   BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}
 
-  void LabelRows(const ImageView& picture, const PixelRect& window);
-  void KeepBlobs(const ImageView& picture, const std::vector<ComponentSums>& components);
+  void LabelRows(const ImageView& image, const PixelRect& window);
+  void KeepBlobs(const ImageView& image, const std::vector<ComponentSums>& components);
 
   BlobFinderOptions options_;
   ColourMasker masker_;

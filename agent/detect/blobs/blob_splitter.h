@@ -9,16 +9,16 @@
 
 namespace rigcal::agent {
 
-// Whether a blob fills an ellipse that is hardly longer than a sphere's image.
+// The blob fills an ellipse that is hardly longer than a sphere's image.
 bool IsRound(const Blob& blob);
 
-// Takes blobs apart that have grown together: a marker in front of wood whose colour is in range
+// Splits blobs that have merged: a marker in front of wood whose colour is in range
 // too, or two markers of a wand that points at the camera. Buffers are kept; one thread at a time.
 class BlobSplitter {
  public:
-  // What of `blob` is bright against its brightest parts, as blobs of at least `min_area_px`; at a
-  // higher level again what is not round then. `blob` itself where that tells nothing new or its
-  // box is too large to be looked at. Until the next call.
+  // Thresholds `blob` relative to its brightest pixels into blobs of at least `min_area_px`; parts
+  // that are not round again at a higher level. `blob` itself where it stays one or its box is too
+  // large. Valid until the next call.
   const std::vector<Blob>& Split(const ImageView& image, const Blob& blob, int min_area_px);
 
  private:

@@ -12,28 +12,28 @@ absl::StatusOr<ColourMasker> ColourMasker::Create(const ColourRange& range,
   return ColourMasker(ToIntegers(range), kernel);
 }
 
-uint64_t ColourMasker::MaskRow(const ImageView& picture, int y, int first_word, int word_count,
+uint64_t ColourMasker::MaskRow(const ImageView& image, int y, int first_word, int word_count,
                                uint64_t* words) const {
-  const auto mask = picture.format == PixelFormat::kBgr8 ? kernel_->bgr : kernel_->mono;
-  const int word_bytes = kMaskWordBits * BytesPerPixel(picture.format);
-  const uint8_t* pixels = picture.Row(y) + static_cast<ptrdiff_t>(first_word) * word_bytes;
-  const int whole_words = std::min(word_count, picture.width / kMaskWordBits - first_word);
-  uint64_t all = mask(range_, pixels, picture.stride_bytes, whole_words, words);
+  const auto mask = image.format == PixelFormat::kBgr8 ? kernel_->bgr : kernel_->mono;
+  const int word_bytes = kMaskWordBits * BytesPerPixel(image.format);
+  const uint8_t* pixels = image.Row(y) + static_cast<ptrdiff_t>(first_word) * word_bytes;
+  const int whole_words = std::min(word_count, image.width / kMaskWordBits - first_word);
+  uint64_t all = mask(range_, pixels, image.stride_bytes, whole_words, words);
   if (whole_words == word_count) return all;
 
-  // The last word's columns end within it: nobody may read on. Black is never taken.
+  // The last word is incomplete: nothing may be read behind it. Black is never taken.
   uint8_t padded[kMaskWordBits * 3] = {};
-  const int columns = picture.width % kMaskWordBits;
+  const int columns = image.width % kMaskWordBits;
   std::memcpy(padded, pixels + static_cast<ptrdiff_t>(whole_words) * word_bytes,
-              static_cast<size_t>(columns * BytesPerPixel(picture.format)));
+              static_cast<size_t>(columns * BytesPerPixel(image.format)));
   all |= mask(range_, padded, 0, 1, words + whole_words);
   return all;
 }
 
-PixelMask ColourMasker::Mask(const ImageView& picture) const {
-  PixelMask mask(picture.width, picture.height);
+PixelMask ColourMasker::Mask(const ImageView& image) const {
+  PixelMask mask(image.width, image.height);
   for (int y = 0; y < mask.height(); ++y) {
-    MaskRow(picture, y, 0, mask.words_per_row(), mask.MutableRow(y));
+    MaskRow(image, y, 0, mask.words_per_row(), mask.MutableRow(y));
   }
   return mask;
 }

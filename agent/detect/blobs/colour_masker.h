@@ -12,19 +12,20 @@
 
 namespace rigcal::agent {
 
-// Which pixels of a picture a colour range takes. For any number of threads.
+// The mask of the pixels of an image that a colour range takes. Thread-safe.
 class ColourMasker {
  public:
-  // Fails with INVALID_ARGUMENT if the range is not valid. `kernel` decides how fast, never what.
+  // Fails with INVALID_ARGUMENT if the range is not valid. `kernel` changes the speed, never the
+  // result.
   static absl::StatusOr<ColourMasker> Create(const ColourRange& range,
                                              const MaskKernel& kernel = BestMaskKernel());
 
   // Bits of columns [64 * first_word, 64 * (first_word + word_count)) of row y, 0 past the last
   // column. Returns all words or-ed together. Nothing before or after the row is read.
-  uint64_t MaskRow(const ImageView& picture, int y, int first_word, int word_count,
+  uint64_t MaskRow(const ImageView& image, int y, int first_word, int word_count,
                    uint64_t* words) const;
 
-  PixelMask Mask(const ImageView& picture) const;
+  PixelMask Mask(const ImageView& image) const;
 
  private:
   ColourMasker(const IntegerColourRange& range, const MaskKernel& kernel)

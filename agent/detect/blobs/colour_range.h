@@ -5,12 +5,12 @@
 
 namespace rigcal::agent {
 
-// Which pixels may belong to a marker. Of a pixel with channels r, g, b: its value is the largest
-// of them (0 to 255), its chroma the largest minus the smallest, its saturation chroma / value, and
-// its hue the usual angle of the colour hexagon (red 0, green 120, blue 240 degrees; 0 of a pixel
-// without chroma). A pixel is taken when its value is at least `value_min` and either its
-// saturation and hue are in range, or it is so bright that the sensor has lost its colour (`value`
-// and smallest channel >= `washed_out_min`). Of a grey picture only `value_min` counts.
+// The pixels that may belong to a marker. Of a pixel with channels r, g, b: its value is the
+// largest of them (0 to 255), its chroma the largest minus the smallest, its saturation chroma /
+// value, and its hue the usual angle of the colour hexagon (red 0, green 120, blue 240 degrees; 0
+// of a pixel without chroma). A pixel is taken when its value is at least `value_min` and either
+// its saturation and hue are in range, or it is so bright that the sensor has lost its colour
+// (`value` and smallest channel >= `washed_out_min`). Of a grey image only `value_min` counts.
 struct ColourRange {
   double hue_min_deg = 0;  // [hue_min, hue_max] walks upwards and may pass 360: 340 to 20 holds 0
   double hue_max_deg = 50;

@@ -24,7 +24,7 @@ struct PixelRect {
   bool empty() const { return width <= 0 || height <= 0; }
 };
 
-// A picture that somebody else owns. Row y begins at data + y * stride_bytes; no padding is read.
+// An image owned by the caller. Row y begins at data + y * stride_bytes; no padding is read.
 struct ImageView {
   const uint8_t* data = nullptr;
   int width = 0;   // pixels

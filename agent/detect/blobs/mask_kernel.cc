@@ -3,18 +3,24 @@
 
 namespace rigcal::agent {
 
-extern const MaskKernel kPortableMaskKernel;
+namespace mask_kernel_portable {
+extern const MaskKernel kKernel;
+}
 #if defined(__x86_64__)
-extern const MaskKernel kAvx2MaskKernel;
-extern const MaskKernel kAvx512MaskKernel;
+namespace mask_kernel_avx2 {
+extern const MaskKernel kKernel;
+}
+namespace mask_kernel_avx512 {
+extern const MaskKernel kKernel;
+}
 #endif
 
 std::vector<const MaskKernel*> AvailableMaskKernels() {
-  std::vector<const MaskKernel*> kernels = {&kPortableMaskKernel};
+  std::vector<const MaskKernel*> kernels = {&mask_kernel_portable::kKernel};
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) kernels.push_back(&kAvx2MaskKernel);
+  if (__builtin_cpu_supports("avx2")) kernels.push_back(&mask_kernel_avx2::kKernel);
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw")) {
-    kernels.push_back(&kAvx512MaskKernel);
+    kernels.push_back(&mask_kernel_avx512::kKernel);
   }
 #endif
   return kernels;

@@ -11,8 +11,8 @@ namespace rigcal::agent {
 
 // Pixels of one row to mask bits, compiled for several instruction sets, all with the same result.
 // A word holds 64 pixels, the first one in its lowest bit; exactly 64 * word_count pixels are read.
-// What lies `next_row` bytes further is fetched into the cache, if it exists: the stride of a
-// picture that is walked row by row. (Without it a dark picture took AVX-512 1.7 times as long.)
+// The pixels `next_row` bytes further on are prefetched if they exist. (Without it a dark image
+// took AVX-512 1.7 times as long.)
 struct MaskKernel {
   const char* name;
 
@@ -23,7 +23,7 @@ struct MaskKernel {
                    int word_count, uint64_t* words);
 };
 
-// The best this CPU has; all that it has, the plainest first.
+// The fastest that this CPU can run; all that it can run, the portable one first.
 const MaskKernel& BestMaskKernel();
 std::vector<const MaskKernel*> AvailableMaskKernels();
 

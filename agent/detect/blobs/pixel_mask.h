@@ -9,7 +9,7 @@ namespace rigcal::agent {
 
 inline constexpr int kMaskWordBits = 64;
 
-// One bit per pixel of a picture, packed row by row: bit x % 64 of word x / 64 of a row is column
+// One bit per pixel of an image, packed row by row: bit x % 64 of word x / 64 of a row is column
 // x. Bits past the last column are 0.
 class PixelMask {
  public:

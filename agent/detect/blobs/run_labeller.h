@@ -6,7 +6,7 @@
 
 namespace rigcal::agent {
 
-// Sums over the pixels of one component, in pixels of the picture.
+// Sums over the pixels of one component, in pixels of the image.
 struct ComponentSums {
   int64_t area = 0;
   int64_t x = 0;
@@ -22,10 +22,10 @@ struct ComponentSums {
 
 // Joins mask pixels that touch (8 neighbours) to components, row by row from the top. Rows are cut
 // into runs of pixels; runs that touch a run of the row above get its label, and labels that meet
-// are joined (union-find). Buffers are kept from picture to picture.
+// are joined (union-find). Buffers are kept from image to image.
 class RunLabeller {
  public:
-  // Forgets the last picture. Rows that follow have at most `max_words` words.
+  // Forgets the last image. Rows that follow have at most `max_words` words.
   void Start(int max_words);
 
   // Row y, below all rows before; rows left out are empty. Bit k of word i is column

@@ -25,7 +25,7 @@ void BlinkDetections::Take(const OutputTime& asked, BlinkWand wand, std::vector<
   observation.clock_epoch = clock_epoch_;
   if (wand.outcome == DetectionOutcome::kWand) {
     observation.markers = std::move(wand.markers);
-    detection.covered_markers =
+    detection.occluded_markers =
         static_cast<int>(marker_period_us_.size()) - observation.VisibleCount();
     if (!SetTimes(asked, wand, &observation)) {
       ++counts_->same_burst;
@@ -48,7 +48,7 @@ void BlinkDetections::Finish(std::vector<Detection>* found) {
 void BlinkDetections::StepBack(std::vector<Detection>* found) {
   Finish(found);
   last_burst_us_.clear();
-  last_told_ns_.reset();
+  last_emitted_ns_.reset();
   ++clock_epoch_;
 }
 
@@ -88,11 +88,11 @@ void BlinkDetections::Release(int64_t before_ns, std::vector<Detection>* found) 
   size_t count = 0;
   for (; count < held_.size() && held_[count].observation.time_ns < before_ns; ++count) {
     Detection& detection = held_[count];
-    if (last_told_ns_ && detection.observation.time_ns <= *last_told_ns_) {
+    if (last_emitted_ns_ && detection.observation.time_ns <= *last_emitted_ns_) {
       ++counts_->out_of_order;
       continue;
     }
-    last_told_ns_ = detection.observation.time_ns;
+    last_emitted_ns_ = detection.observation.time_ns;
     counts_->by_outcome.Add(detection.outcome);
     found->push_back(std::move(detection));
   }

@@ -13,20 +13,19 @@
 
 namespace rigcal::agent {
 
-// Makes answers of what the judge found: gives them their times and tells them in the order of
-// these. At the fixed rate an answer's time is that of its light, so answers of triggers and of the
-// rate may overtake each other; each is held back until none can come before it. One thread at a
-// time.
+// Turns verified wands into detections with times and emits them in the order of these. At the
+// fixed rate a detection's time is that of its light, so detections of triggers and of the rate may
+// overtake each other; each is held back until none can come before it. One thread at a time.
 class BlinkDetections {
  public:
-  static constexpr double kHoldPeriods = 2;  // until then answers may overtake
+  static constexpr double kHoldPeriods = 2;  // until then detections may overtake
 
   // `period_us`: the longest; `marker_period_us`: by marker. `counts` must outlive this.
   BlinkDetections(double period_us, absl::InlinedVector<double, 3> marker_period_us,
                   BlinkWandCounts* counts);
 
-  // The answer to `asked`, or none: at the fixed rate, where a marker has had no new burst since it
-  // was told last. Appends to `found` what need not be held back any longer.
+  // The detection for `asked`; none at the fixed rate where a marker has had no new burst since its
+  // last one. Appends to `found` what need not be held back any longer.
   void Take(const OutputTime& asked, BlinkWand wand, std::vector<Detection>* found);
   // Appends all that is held back.
   void Finish(std::vector<Detection>* found);
@@ -42,7 +41,7 @@ class BlinkDetections {
   BlinkWandCounts* counts_;
   uint32_t clock_epoch_ = 0;
   absl::InlinedVector<double, 3> last_burst_us_;  // by marker; empty: none yet
-  std::optional<int64_t> last_told_ns_;
+  std::optional<int64_t> last_emitted_ns_;
   std::vector<Detection> held_;  // by time
 };
 

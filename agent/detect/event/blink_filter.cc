@@ -41,9 +41,8 @@ absl::Status BlinkFilterOptions::Validate() const {
   for (size_t i = 1; i < sorted_hz.size(); ++i) {
     if (sorted_hz[i] >= kMinRatio * sorted_hz[i - 1]) continue;
     faults.push_back(absl::StrCat("blink frequencies ", sorted_hz[i - 1], " and ", sorted_hz[i],
-                                  " Hz are too near to be told apart: the higher one must be at "
-                                  "least ",
-                                  kMinRatio, " times the lower, or both the same"));
+                                  " Hz are too close: the higher one must be at least ", kMinRatio,
+                                  " times the lower, or both the same"));
   }
   if (sorted_hz.size() > 1 && sorted_hz.back() > kMaxRatio * sorted_hz.front()) {
     faults.push_back(absl::StrCat("blink frequencies ", sorted_hz.front(), " and ",
@@ -120,7 +119,7 @@ void BlinkFilter::Sweep(uint32_t time_us) {
 
 const std::vector<BlinkBlob>& BlinkFilter::FindBlobs(uint32_t time_us) {
   blobs_.clear();
-  const BlinkSurface picture = {.geometry = options_.geometry,
+  const BlinkSurface surface = {.geometry = options_.geometry,
                                 .states = states_.data(),
                                 .tiles = tiles_.data(),
                                 .tile_columns = rules_.tile_columns,
@@ -128,9 +127,9 @@ const std::vector<BlinkBlob>& BlinkFilter::FindBlobs(uint32_t time_us) {
                                 .time_us = time_us,
                                 .shift = shift_};
   for (const BlinkPeriod& blink : blinks_) {
-    for (const ComponentSums& seeds : seeds_.Find(blink, picture)) {
+    for (const ComponentSums& seeds : seeds_.Find(blink, surface)) {
       if (seeds.area < options_.min_blob_pixels) continue;
-      measurer_.Measure(blink, seeds, picture, &blobs_);
+      measurer_.Measure(blink, seeds, surface, &blobs_);
     }
   }
   return blobs_;

@@ -19,17 +19,17 @@ namespace rigcal::agent {
 
 struct BlinkFilterOptions {
   SensorGeometry geometry;
-  // 20 to 5000 each; markers are lit for half of each period. Several are told apart: at least
-  // kMinRatio from one to the next, at most kMaxRatio from the lowest to the highest.
+  // 20 to 5000 each; markers are lit for half of each period. Several must be at least kMinRatio
+  // apart, and at most kMaxRatio from the lowest to the highest.
   std::vector<double> blink_hz = {500};
   double band_rel = 0.15;   // periods within this share of a nominal one are the wand's
   int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
   int min_blob_pixels = 8;  // seeds, side by side
   int reach_px = 40;        // from the seeds, as far as a burst is followed
 
-  // Nearer ones cannot be told apart.
+  // Nearer ones cannot be distinguished.
   static constexpr double kMinRatio = 1.1;
-  // All markers are looked at about one time, when the last burst of the slowest is over. A pixel
+  // All markers are measured about one time, when the last burst of the slowest is over. A pixel
   // remembers two blinks: of the fastest, both would be newer.
   static constexpr double kMaxRatio = 1.6;
 
@@ -45,8 +45,8 @@ struct BlinkFilterOptions {
 // "Frequency Cam: imaging periodic signals in real-time", arXiv 2211.00198, section 3, which
 // filters the polarities with a second-order IIR first; a wand is high contrast, so the filter is
 // left out and a crossing is asked to come at least 0.3 periods after the last one instead). A
-// pixel that lights up late in a burst is still held in reset when the LED goes out and tells no
-// OFF; so an ON event more than half a period after the last crossing is one too, but proves no
+// pixel that lights up late in a burst is still in reset when the LED goes out and emits no OFF
+// event; so an ON event more than half a period after the last crossing is one too, but proves no
 // period: without it the front of a moving marker is missing and its centre lags by a millisecond.
 // Four bytes of state per pixel: the time of the last crossing, the time between the last two, how
 // many periods in a row were the wand's, and the last polarity.
@@ -74,8 +74,8 @@ class BlinkFilter {
   // Forgets everything: the clock begins anew.
   void TimeStepBack(int64_t time_us);
 
-  // To be called with a time at least every 10 periods: forgets pixels that have been silent, a
-  // part of the sensor in each call.
+  // To be called at least every 10 periods: forgets pixels without events, a part of the sensor in
+  // each call.
   void Sweep(uint32_t time_us);
 
   // Markers as they were in the last burst that was over at `time_us`, from top to bottom; with
@@ -102,7 +102,7 @@ class BlinkFilter {
   size_t sweep_from_ = 0;
   uint32_t swept_us_ = 0;
   bool has_swept_ = false;
-  std::vector<uint32_t> tiles_;      // time at which a pixel of it was found to blink; 0: never
+  std::vector<uint32_t> tiles_;      // when a pixel of it last blinked; 0: never
   std::vector<BlinkPeriod> blinks_;  // as in options_
   BlinkSeeds seeds_;
   BurstMeasurer measurer_;
@@ -111,7 +111,6 @@ class BlinkFilter {
 
 class BlinkFilter::Pass {
  public:
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
     const PackedEvent event = {time_us, static_cast<uint16_t>(x),
                                static_cast<uint16_t>(y | (on ? 0x8000u : 0u))};

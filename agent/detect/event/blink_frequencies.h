@@ -7,8 +7,7 @@
 
 namespace rigcal::agent {
 
-// What a target's markers blink at: the frequencies to tell apart, ascending, and which of them
-// each marker has.
+// The distinct blink frequencies of a target, ascending, and which of them each marker has.
 struct BlinkFrequencies {
   std::vector<double> hz;
   std::vector<int> of_marker;
@@ -17,7 +16,7 @@ struct BlinkFrequencies {
 // Frequencies up to this ratio apart count as one, their mean: oscillators that should be equal.
 inline constexpr double kSameBlinkRatio = 1.02;
 
-// The target must be valid; `default_hz` is that of one that tells none.
+// The target must be valid; `default_hz` is for one without frequencies.
 BlinkFrequencies BlinkFrequenciesOf(const Target& target, double default_hz);
 
 }  // namespace rigcal::agent

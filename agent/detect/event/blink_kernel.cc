@@ -3,17 +3,21 @@
 
 namespace rigcal::agent {
 
-extern const BlinkKernel kPortableBlinkKernel;
+namespace blink_kernel_portable {
+extern const BlinkKernel kKernel;
+}
 #if defined(__x86_64__)
-extern const BlinkKernel kAvx512BlinkKernel;
+namespace blink_kernel_avx512 {
+extern const BlinkKernel kKernel;
+}
 #endif
 
 std::vector<const BlinkKernel*> AvailableBlinkKernels() {
-  std::vector<const BlinkKernel*> kernels = {&kPortableBlinkKernel};
+  std::vector<const BlinkKernel*> kernels = {&blink_kernel_portable::kKernel};
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
       __builtin_cpu_supports("avx512cd")) {
-    kernels.push_back(&kAvx512BlinkKernel);
+    kernels.push_back(&blink_kernel_avx512::kKernel);
   }
 #endif
   return kernels;

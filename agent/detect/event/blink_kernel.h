@@ -9,15 +9,15 @@
 
 namespace rigcal::agent {
 
-// What BlinkFilter knows of a pixel, in 32 bits: bits 16 to 31 the time of the last upward
-// crossing, 4 to 15 the units between the last two, 3 whether it is brighter, 0 to 2 how many
-// periods in a row were the wand's. Units of 2^shift microseconds.
+// The state of a pixel, 32 bits: bits 16 to 31 the time of the last upward crossing, 4 to 15 the
+// units between the last two, 3 the last polarity, 0 to 2 how many periods in a row were the
+// wand's. Units of 2^shift microseconds.
 struct BlinkRules {
   static constexpr uint32_t kOnBit = 8;
   static constexpr uint32_t kPeriodsMask = 7;
   static constexpr uint32_t kMaxGap = 0xfff;
-  // A pixel that has been silent for so many units, eight periods or more, is as one that never
-  // spoke.
+  // A pixel without events for so many units, eight periods or more, counts as one that never had
+  // any.
   static constexpr uint32_t kForgetUnits = 0x2000;
   static constexpr int kTileShift = 4;
 
@@ -31,20 +31,19 @@ struct BlinkRules {
   uint32_t min_periods = 0;   // before a pixel blinks
 };
 
-// The filter's work on every event and every pixel, compiled for several instruction sets, all with
-// the same result.
+// Compiled for several instruction sets, all with the same result.
 struct BlinkKernel {
   const char* name;
 
-  // Takes events one after the other. A tile in which a pixel blinks is given the event's time, its
-  // lowest bit set.
+  // As if events were taken one after the other. A tile in which a pixel blinks gets the event's
+  // time with the lowest bit set.
   void (*update)(const BlinkRules& rules, const PackedEvent* events, size_t count, uint32_t* states,
                  uint32_t* tiles);
-  // Sets pixels that have been silent for kForgetUnits or longer to just that.
+  // Pixels without events for longer than kForgetUnits are set to that age.
   void (*sweep)(uint32_t now_units, uint32_t* states, size_t count);
 };
 
-// The best this CPU has; all that it has, the plainest first.
+// The fastest that this CPU can run; all that it can run, the portable one first.
 const BlinkKernel& BestBlinkKernel();
 std::vector<const BlinkKernel*> AvailableBlinkKernels();
 

@@ -7,10 +7,10 @@
 namespace rigcal::agent {
 namespace {
 
-// Of the way to the next frequency: what lies within it is a marker's.
+// Of the way to the next frequency: within it a period belongs to this one.
 constexpr double kOwnShare = 0.4;
-// Of the time by which a period is shorter than the longest: so much longer ago its burst is looked
-// for, which is near the middle of the time within which that of the longest lies.
+// Of the time by which a period is shorter than the longest: its burst is looked for that much
+// earlier, near the middle of the interval in which the burst of the longest lies.
 constexpr double kLookBack = 0.8;
 
 }  // namespace

@@ -8,14 +8,14 @@
 
 namespace rigcal::agent {
 
-// One of the frequencies that BlinkFilter looks for, and what a pixel's state (BlinkRules) says of
-// it at the time `now`. Times in units of 2^shift microseconds unless named; periods between
+// One of the frequencies that BlinkFilter looks for, compared with a pixel's state (BlinkRules) at
+// the time `now`. Times in units of 2^shift microseconds unless named; periods between
 // `shortest` and `longest` are nearest to this one.
 struct BlinkPeriod {
-  int index = 0;  // of the frequency asked for
+  int index = 0;  // into BlinkFilterOptions::blink_hz
   double period_us = 0, band_rel = 0;
   uint32_t period = 0, lit = 0, shortest = 0, longest = 0;
-  uint32_t over = 0;         // from when on a burst counts as over
+  uint32_t over = 0;         // age at which a burst counts as over
   uint32_t min_periods = 0;  // in a row, before a pixel is a seed
 
   // The pixel blinks with this period.

@@ -6,8 +6,8 @@
 namespace rigcal::agent {
 namespace {
 
-// Groups of seeds that are looked at for one answer, and pixels around them: so many images, or
-// this many where an image is small.
+// Limits of one detection: groups of seeds, and pixels around them as a multiple of the sensor's,
+// or absolute where a sensor is small.
 constexpr size_t kMaxGroups = 1024;
 constexpr int64_t kWorkImages = 4, kLeastWorkPx = 1 << 20;
 
@@ -17,30 +17,30 @@ BlinkSeeds::BlinkSeeds(uint32_t recent_us, int min_pixels, int reach_px)
     : recent_us_(recent_us), min_pixels_(min_pixels), reach_px_(reach_px) {}
 
 const std::vector<ComponentSums>& BlinkSeeds::Find(const BlinkPeriod& blink,
-                                                   const BlinkSurface& picture) {
-  Mark(blink, picture);
-  return Promising(labeller_.Finish(), picture.geometry);
+                                                   const BlinkSurface& surface) {
+  Mark(blink, surface);
+  return Promising(labeller_.Finish(), surface.geometry);
 }
 
-void BlinkSeeds::Mark(const BlinkPeriod& blink, const BlinkSurface& picture) {
-  const uint32_t now = picture.now();
-  const uint32_t width = picture.geometry.width;
+void BlinkSeeds::Mark(const BlinkPeriod& blink, const BlinkSurface& surface) {
+  const uint32_t now = surface.now();
+  const uint32_t width = surface.geometry.width;
   const auto words = static_cast<int>((width + 63) / 64);
   labeller_.Start(words);
-  for (uint32_t tile_row = 0; tile_row < picture.tile_rows; ++tile_row) {
+  for (uint32_t tile_row = 0; tile_row < surface.tile_rows; ++tile_row) {
     const uint32_t* const tiles =
-        picture.tiles + static_cast<size_t>(tile_row) * picture.tile_columns;
+        surface.tiles + static_cast<size_t>(tile_row) * surface.tile_columns;
     // A tile's time is up to 1 late.
     const auto is_active = [&](uint32_t tile) {
-      return tile != 0 && picture.time_us + 1 - tile <= recent_us_;
+      return tile != 0 && surface.time_us + 1 - tile <= recent_us_;
     };
-    if (std::none_of(tiles, tiles + picture.tile_columns, is_active)) continue;
+    if (std::none_of(tiles, tiles + surface.tile_columns, is_active)) continue;
     const uint32_t y_end =
-        std::min(picture.geometry.height, (tile_row + 1) << BlinkRules::kTileShift);
+        std::min(surface.geometry.height, (tile_row + 1) << BlinkRules::kTileShift);
     for (uint32_t y = tile_row << BlinkRules::kTileShift; y < y_end; ++y) {
-      const uint32_t* const row = picture.Row(static_cast<int>(y));
+      const uint32_t* const row = surface.Row(static_cast<int>(y));
       words_.assign(static_cast<size_t>(words), 0);
-      for (uint32_t tile = 0; tile < picture.tile_columns; ++tile) {
+      for (uint32_t tile = 0; tile < surface.tile_columns; ++tile) {
         if (!is_active(tiles[tile])) continue;
         const uint32_t x_end = std::min(width, (tile + 1) << BlinkRules::kTileShift);
         for (uint32_t x = tile << BlinkRules::kTileShift; x < x_end; ++x) {

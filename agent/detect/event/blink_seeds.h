@@ -11,7 +11,7 @@
 
 namespace rigcal::agent {
 
-// Where to look for a marker: pixels that blink with its period, joined to groups. Buffers are
+// Seeds of markers: pixels that blink with its period, joined to groups. Buffers are
 // kept; one thread at a time.
 class BlinkSeeds {
  public:
@@ -19,12 +19,12 @@ class BlinkSeeds {
   // `min_pixels` do not count when there are too many; around each is looked as far as `reach_px`.
   BlinkSeeds(uint32_t recent_us, int min_pixels, int reach_px);
 
-  // Groups from top to bottom: all, or of many the largest, so that an answer takes no longer when
-  // a screen or a wall of lamps blinks as the wand does. Until the next call.
-  const std::vector<ComponentSums>& Find(const BlinkPeriod& blink, const BlinkSurface& picture);
+  // Groups from top to bottom; only the largest when there are many, so that the time is bounded
+  // when a screen or a wall of lamps blinks as the wand does. Valid until the next call.
+  const std::vector<ComponentSums>& Find(const BlinkPeriod& blink, const BlinkSurface& surface);
 
  private:
-  void Mark(const BlinkPeriod& blink, const BlinkSurface& picture);
+  void Mark(const BlinkPeriod& blink, const BlinkSurface& surface);
   const std::vector<ComponentSums>& Promising(const std::vector<ComponentSums>& components,
                                               SensorGeometry geometry);
 

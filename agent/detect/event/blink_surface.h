@@ -9,11 +9,11 @@
 
 namespace rigcal::agent {
 
-// What BlinkFilter knows of all pixels, looked at at one time. Does not own them.
+// The states of all pixels (the surface of active events) at one time. Does not own them.
 struct BlinkSurface {
   SensorGeometry geometry;
   const uint32_t* states = nullptr;  // see BlinkRules; row by row, geometry.width each
-  const uint32_t* tiles = nullptr;   // time at which a pixel of it was found to blink; 0: never
+  const uint32_t* tiles = nullptr;   // when a pixel of it last blinked; 0: never
   uint32_t tile_columns = 0, tile_rows = 0;
   uint32_t time_us = 0;  // the sensor's clock, lower 32 bits
   int shift = 0;         // units of 2^shift microseconds

@@ -113,22 +113,23 @@ struct BlinkWandDetector::Impl {
                  options.output, MarkerPeriods(frequencies)) {}
 
   Decoder decoder;
-  FaultLocator fault_finder;
+  FaultLocator fault_locator;
   BlinkWandTimeline timeline;
 };
 
 namespace {
 
 struct FirstTimeSink {
-  std::optional<uint32_t> first_us;
+  bool seen = false;
+  uint32_t first_us = 0;
 
-  void Row(uint32_t) {}
   void Event(uint32_t, uint32_t, bool, uint32_t time_us) { Take(time_us); }
   void Vector(uint32_t, uint32_t, bool, uint32_t time_us, uint32_t) { Take(time_us); }
   void Trigger(const TriggerEvent& trigger) { Take(static_cast<uint32_t>(trigger.time_us)); }
-  void TimeStepBack(int64_t) { first_us.reset(); }
+  void TimeStepBack(int64_t) { seen = false; }
   void Take(uint32_t time_us) {
-    if (!first_us) first_us = time_us;
+    if (!seen) first_us = time_us;
+    seen = true;
   }
 };
 
@@ -137,9 +138,9 @@ template <typename Decoder>
 std::optional<int64_t> FirstTime(Decoder decoder, std::span<const uint8_t> bytes) {
   FirstTimeSink sink;
   decoder.Decode(bytes, sink);
-  if (!sink.first_us) return std::nullopt;
+  if (!sink.seen) return std::nullopt;
   const auto last_us = static_cast<uint32_t>(decoder.time_us());
-  return decoder.time_us() + static_cast<int32_t>(*sink.first_us - last_us);
+  return decoder.time_us() + static_cast<int32_t>(sink.first_us - last_us);
 }
 
 // TIME_HIGH alone: the lower bits may still be those of the one before.
@@ -176,7 +177,6 @@ absl::StatusOr<BlinkWandDetector> BlinkWandDetector::Create(const BlinkWandDetec
   auto impl = std::make_unique<Impl>(options, target, camera, frequencies,
                                      MakeDecoder(format, halves_swapped, GeometryOf(camera)),
                                      *std::move(filter));
-  impl->fault_finder = FaultLocator(halves_swapped);
   return BlinkWandDetector(std::move(impl));
 }
 
@@ -192,7 +192,7 @@ void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detecti
         const auto before = decoder;
         StoppingConsumer consumer{timeline.BeginPass(), &timeline, timeline.NextStop()};
         DecodeInBatches(decoder, bytes, consumer);
-        impl_->fault_finder.Look(before, bytes, decoder.faults());
+        impl_->fault_locator.Look(before, bytes, decoder.faults());
         if (timeline.has_begun()) timeline.AdvanceTo(SafeTime(decoder));
       },
       impl_->decoder);
@@ -211,7 +211,7 @@ const EventFaults& BlinkWandDetector::faults() const {
                     impl_->decoder);
 }
 
-const FaultPlaces& BlinkWandDetector::fault_places() const { return impl_->fault_finder.places(); }
+const FaultPlaces& BlinkWandDetector::fault_places() const { return impl_->fault_locator.places(); }
 
 const BlinkWandCounts& BlinkWandDetector::counts() const { return impl_->timeline.counts(); }
 

@@ -20,7 +20,7 @@ namespace rigcal::agent {
 
 struct BlinkWandDetectorOptions {
   OutputTimesOptions output;
-  double blink_hz = 500;    // of a target that does not tell; 20 to 5000
+  double blink_hz = 500;    // for a target without frequencies; 20 to 5000
   double band_rel = 0.15;   // periods within this share of the target's are the wand's
   int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
   int min_blob_pixels = 8;  // that blink side by side, >= 1
@@ -35,12 +35,12 @@ struct BlinkWandDetectorOptions {
 };
 
 // Finds the wand in the events of one camera: encoded words to pixels that blink, to bursts of
-// light of each marker, to the wand; at the times that OutputSchedule asks for. Each answer tells
-// the burst nearest to its time. At the fixed rate observation.time_ns is the time its light
+// light of each marker, to the wand; at the times of OutputSchedule. Each detection
+// holds the burst nearest to its time. At the fixed rate observation.time_ns is the time its light
 // centred on; at a trigger it is the trigger's, and each marker's time_delta_ns leads to its light.
-// A trigger and the fixed rate may tell the same burst. Markers that blink at frequencies of their
-// own are told by them, each in a burst of its own; frequencies within 2 % count as one. Where
-// there is no wand every marker is invisible.
+// A trigger and the fixed rate may yield the same burst. Markers that blink at frequencies of their
+// own are identified by them, each in a burst of its own; frequencies within 2 % count as one.
+// Where there is no wand every marker is invisible.
 //
 // With intrinsics and the spheres' diameter a centre is the projection of the sphere's centre. A
 // clock that steps back begins a new clock epoch; within one, times strictly increase. Movable; one
@@ -48,7 +48,7 @@ struct BlinkWandDetectorOptions {
 class BlinkWandDetector {
  public:
   // INVALID_ARGUMENT: options, target or camera not valid, or markers that blink at frequencies
-  // that differ and cannot be told apart (BlinkFilterOptions); names the camera.
+  // that differ but are too close (BlinkFilterOptions); names the camera.
   static absl::StatusOr<BlinkWandDetector> Create(const BlinkWandDetectorOptions& options,
                                                   const Target& target,
                                                   const CameraDescription& camera,
@@ -57,9 +57,9 @@ class BlinkWandDetector {
   BlinkWandDetector& operator=(BlinkWandDetector&&) noexcept;
   ~BlinkWandDetector();
 
-  // Decodes whole words and appends what they answer, about four periods after it was asked.
+  // Decodes whole words and appends detections, about four periods after their times.
   void Take(std::span<const uint8_t> bytes, std::vector<Detection>* found);
-  // The stream has ended: what is still to be told.
+  // The stream has ended: appends what is still held back.
   void Finish(std::vector<Detection>* found);
 
   const EventFaults& faults() const;

@@ -9,9 +9,9 @@ namespace rigcal::agent {
 namespace {
 
 constexpr double kWaitPeriods = 0.8;  // then the burst nearest to a time is over
-// What is asked of one Take: a marker of a few pixels tells each period in more bytes.
-constexpr size_t kBytesPerAnswer = 8;
-constexpr int64_t kLeastAnswers = 1000;
+// Limit of one Take: a marker of a few pixels takes more bytes for each period.
+constexpr size_t kBytesPerDetection = 8;
+constexpr int64_t kLeastDetections = 1000;
 constexpr int64_t kSilencePeriods = 20;
 constexpr size_t kBytesPerForget = 512;
 constexpr int64_t kLeastForgets = 16;
@@ -19,16 +19,16 @@ constexpr int64_t kSweepPeriods = 2;
 
 }  // namespace
 
-BlinkWandTimeline::BlinkWandTimeline(BlinkFilter filter, BlinkWandVerifier judge,
+BlinkWandTimeline::BlinkWandTimeline(BlinkFilter filter, BlinkWandVerifier verifier,
                                      const OutputTimesOptions& output,
                                      absl::InlinedVector<double, 3> marker_period_us)
     : filter_(std::move(filter)),
-      judge_(std::move(judge)),
+      verifier_(std::move(verifier)),
       period_us_(filter_.period_us()),
       sweep_us_(static_cast<int64_t>(static_cast<double>(kSweepPeriods) * period_us_)),
       silence_us_(std::min(OutputSchedule::kMaxGapUs, kSilencePeriods * sweep_us_ / kSweepPeriods)),
       schedule_(output, std::llround(kWaitPeriods * period_us_)),
-      answers_(period_us_, std::move(marker_period_us), &counts_) {}
+      detections_(period_us_, std::move(marker_period_us), &counts_) {}
 
 void BlinkWandTimeline::Begin(int64_t time_us) {
   begun_ = true;
@@ -39,7 +39,7 @@ void BlinkWandTimeline::Begin(int64_t time_us) {
 
 void BlinkWandTimeline::BeginTake(size_t byte_count, std::vector<Detection>* found) {
   found_ = found;
-  answers_left_ = kLeastAnswers + static_cast<int64_t>(byte_count / kBytesPerAnswer);
+  detections_left_ = kLeastDetections + static_cast<int64_t>(byte_count / kBytesPerDetection);
   forgets_left_ = kLeastForgets + static_cast<int64_t>(byte_count / kBytesPerForget);
 }
 
@@ -56,7 +56,7 @@ void BlinkWandTimeline::Finish(int64_t time_us, std::vector<Detection>* found) {
     AdvanceTo(time_us);
     Run(reached_us_ + static_cast<int64_t>(kWaitPeriods * period_us_));
   }
-  answers_.Finish(found);
+  detections_.Finish(found);
 }
 
 uint32_t BlinkWandTimeline::Reach(uint32_t time_us) {
@@ -72,7 +72,7 @@ uint32_t BlinkWandTimeline::TakeTrigger(const TriggerEvent& trigger) {
 }
 
 uint32_t BlinkWandTimeline::StepBack(int64_t time_us) {
-  answers_.StepBack(found_);
+  detections_.StepBack(found_);
   Forget(time_us);
   Begin(time_us);
   return NextStop();
@@ -90,7 +90,7 @@ void BlinkWandTimeline::Forget(int64_t time_us) {
 void BlinkWandTimeline::AdvanceTo(int64_t time_us) {
   if (!begun_) Begin(time_us);
   if (time_us - reached_us_ > silence_us_) {
-    // What was asked before is still answered, the rest without a look at every pixel's age.
+    // What was due before is still detected; the rest is skipped without a look at every pixel.
     Run(reached_us_ + static_cast<int64_t>(2 * BlinkDetections::kHoldPeriods * period_us_));
     schedule_.Skip(reached_us_, time_us);
     Forget(time_us);
@@ -106,9 +106,9 @@ void BlinkWandTimeline::Run(int64_t time_us) {
     if (std::min(due_us, next_sweep_us_) > time_us) return;
     if (due_us <= next_sweep_us_) {
       const OutputTime asked = schedule_.Pop();
-      if (asked.trigger || answers_left_ > 0) {
-        Answer(asked);
-        --answers_left_;
+      if (asked.trigger || detections_left_ > 0) {
+        Detect(asked);
+        --detections_left_;
       } else {
         ++counts_.beyond_data;
       }
@@ -119,10 +119,11 @@ void BlinkWandTimeline::Run(int64_t time_us) {
   }
 }
 
-void BlinkWandTimeline::Answer(const OutputTime& asked) {
+void BlinkWandTimeline::Detect(const OutputTime& asked) {
   static const std::vector<BlinkBlob> kNone;
   const auto due_us = static_cast<uint32_t>(asked.due_us);
-  answers_.Take(asked, judge_.Judge(must_forget_ ? kNone : filter_.FindBlobs(due_us)), found_);
+  detections_.Take(asked, verifier_.Verify(must_forget_ ? kNone : filter_.FindBlobs(due_us)),
+                   found_);
 }
 
 }  // namespace rigcal::agent

@@ -78,8 +78,8 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
   }
 }
 
-bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Judged* judged) const {
-  judged->candidate = &candidate;
+bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluated) const {
+  evaluated->candidate = &candidate;
   if (candidate.blobs.size() == 1) return true;
   const auto time_us = [this](int blob) { return times_us_[static_cast<size_t>(blob)]; };
   const double any_us = time_us(candidate.blobs[0]);
@@ -101,14 +101,15 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Judged* judged) co
       sight.radius_sigma_px += 0.5 * sight.radius_px;
     }
   }
-  if (!FitWand(sights, finder_.shares(), finder_.length_m(), finder_.fit_options(), &judged->fit)) {
+  if (!FitWand(sights, finder_.shares(), finder_.length_m(), finder_.fit_options(),
+               &evaluated->fit)) {
     return false;
   }
-  judged->cost = judged->fit.cost;
+  evaluated->cost = evaluated->fit.cost;
   return true;
 }
 
-MarkerObservation BlinkWandVerifier::Observe(const Judged& wand, size_t k) const {
+MarkerObservation BlinkWandVerifier::Observe(const Evaluated& wand, size_t k) const {
   const Blob& blob = blobs_[static_cast<size_t>(wand.candidate->blobs[k])];
   MarkerObservation marker;
   if (blob.touches_border) return marker;
@@ -128,26 +129,26 @@ MarkerObservation BlinkWandVerifier::Observe(const Judged& wand, size_t k) const
   return marker;
 }
 
-BlinkWand BlinkWandVerifier::Judge(const std::vector<BlinkBlob>& blobs) {
+BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
   BlinkWand wand;
   TakeBlobs(blobs);
   wand.blob_count = static_cast<int>(blobs_.size());
   if (blobs_.empty()) return wand;
   wand.outcome = DetectionOutcome::kNoWand;
-  judged_.clear();
+  evaluated_.clear();
   for (const WandCandidate& candidate : finder_.Find(blobs_, frequencies_)) {
-    Judged judged;
-    if (Refit(candidate, &judged)) judged_.push_back(judged);
+    Evaluated evaluated;
+    if (Refit(candidate, &evaluated)) evaluated_.push_back(evaluated);
   }
-  std::stable_sort(judged_.begin(), judged_.end(),
-                   [](const Judged& a, const Judged& b) { return a.cost < b.cost; });
-  if (judged_.empty()) return wand;
-  const Judged& best = judged_.front();
+  std::stable_sort(evaluated_.begin(), evaluated_.end(),
+                   [](const Evaluated& a, const Evaluated& b) { return a.cost < b.cost; });
+  if (evaluated_.empty()) return wand;
+  const Evaluated& best = evaluated_.front();
   wand.confidence = 1 / (1 + std::exp((best.cost - kHalfCost) / kCostScale));
   if (wand.confidence < min_confidence_) return wand;
   double label_confidence = kCertain;
-  for (size_t i = 1; i < judged_.size(); ++i) {
-    const Judged& other = judged_[i];
+  for (size_t i = 1; i < evaluated_.size(); ++i) {
+    const Evaluated& other = evaluated_[i];
     if (SameBlobs(*best.candidate, *other.candidate)) {
       const double certainty = 1 / (1 + std::exp(0.5 * (best.cost - other.cost)));
       label_confidence = std::min(label_confidence, std::max(0.5, certainty));

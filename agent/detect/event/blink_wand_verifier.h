@@ -24,34 +24,34 @@ struct BlinkWand {
 };
 
 // Chooses the wand among blobs that blink at its frequency: the candidate of WandFinder whose pose
-// explains places and sizes best, given how well a burst of light tells them. A centre's variance
-// goes with the number of its pixels: each of the 2 pi r pixels along the rim of a disc is in or
-// out by chance, which moves the centroid by a variance of w / (4 pi r), w the width of the rim
-// that is uncertain.
+// explains places and sizes best, given the accuracy that a burst of light allows. A centre's
+// variance goes with the number of its pixels: each of the 2 pi r pixels along the rim of a disc is
+// in or out by chance, which moves the centroid by a variance of w / (4 pi r), w the width of the
+// rim that is uncertain.
 //
 // Markers that blink at several frequencies (WandFinderOptions::marker_kinds holds what each marker
 // has as BlinkBlob::frequency) are seen at different times, so that a moving wand's do not lie
 // quite as they should; it is allowed what such a wand moves. One thread at a time.
 class BlinkWandVerifier {
  public:
-  // Of how many blobs at most, the largest ones.
+  // Only the largest blobs are considered.
   static constexpr int kMaxBlobs = 256;
 
   // Target and camera must be valid.
   BlinkWandVerifier(const WandFinderOptions& options, double min_confidence, const Target& target,
                     const CameraDescription& camera);
 
-  BlinkWand Judge(const std::vector<BlinkBlob>& blobs);
+  BlinkWand Verify(const std::vector<BlinkBlob>& blobs);
 
  private:
-  struct Judged {
+  struct Evaluated {
     const WandCandidate* candidate = nullptr;
     WandImageFit fit;
     double cost = 0;
   };
   void TakeBlobs(const std::vector<BlinkBlob>& blobs);
-  bool Refit(const WandCandidate& candidate, Judged* judged) const;
-  MarkerObservation Observe(const Judged& wand, size_t marker) const;
+  bool Refit(const WandCandidate& candidate, Evaluated* evaluated) const;
+  MarkerObservation Observe(const Evaluated& wand, size_t marker) const;
 
   WandFinder finder_;
   double min_confidence_;
@@ -61,7 +61,7 @@ class BlinkWandVerifier {
   std::vector<double> times_us_;  // of blobs_
   std::vector<int> frequencies_;  // likewise
   std::vector<int> order_;
-  std::vector<Judged> judged_;
+  std::vector<Evaluated> evaluated_;
 };
 
 }  // namespace rigcal::agent

@@ -26,29 +26,29 @@ BurstMeasurer::BurstMeasurer(std::vector<BlinkPeriod> blinks, int min_pixels, in
     : blinks_(std::move(blinks)), min_pixels_(min_pixels), reach_px_(reach_px) {}
 
 void BurstMeasurer::Measure(const BlinkPeriod& blink, const ComponentSums& seeds,
-                            const BlinkSurface& picture, std::vector<BlinkBlob>* blobs) {
-  const Burst burst = FindBurst(blink, seeds, picture);
+                            const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
+  const Burst burst = FindBurst(blink, seeds, surface);
   if (!burst.found) return;
   const double jitter = kJitterShare * blink.period;
   const auto oldest = static_cast<uint32_t>(std::lround(burst.start_units + jitter));
   const auto newest =
       static_cast<uint32_t>(std::max(0L, std::lround(burst.start_units - blink.lit)));
-  Grow(blink, seeds, picture, newest, oldest);
+  Grow(blink, seeds, surface, newest, oldest);
   Smooth();
   if (static_cast<int>(lit_.size()) < min_pixels_) return;
-  if (!ShapeOf(lit_).IsLong()) return AddBlob(blink, &lit_, burst, picture, blobs);
+  if (!ShapeOf(lit_).IsLong()) return AddBlob(blink, &lit_, burst, surface, blobs);
   for (PixelList part : splitter_.Split(lit_, min_pixels_)) {
-    AddBlob(blink, &part, burst, picture, blobs);
+    AddBlob(blink, &part, burst, surface, blobs);
   }
 }
 
 BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
-                                              const BlinkSurface& picture) {
-  const uint32_t now = picture.now();
+                                              const BlinkSurface& surface) {
+  const uint32_t now = surface.now();
   ages_.clear();
   double gaps = 0;
   for (int y = seeds.min_y; y <= seeds.max_y; ++y) {
-    const uint32_t* const row = picture.Row(y);
+    const uint32_t* const row = surface.Row(y);
     for (int x = seeds.min_x; x <= seeds.max_x; ++x) {
       if (!blink.IsSeed(row[x], now)) continue;
       ages_.push_back(blink.UnitsSinceBurst(row[x], now));
@@ -57,7 +57,7 @@ BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const Co
   }
   Burst burst;
   if (ages_.empty()) return burst;
-  burst.period_us = gaps / static_cast<double>(ages_.size()) * (1 << picture.shift);
+  burst.period_us = gaps / static_cast<double>(ages_.size()) * (1 << surface.shift);
   if (std::abs(burst.period_us / blink.period_us - 1) > blink.band_rel) return burst;
   // Pixels whose burst is just over and those whose next one has begun are a period apart: the
   // newest burst that most pixels took part in.
@@ -69,13 +69,13 @@ BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const Co
 }
 
 void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
-                         const BlinkSurface& picture, uint32_t newest, uint32_t oldest) {
-  const uint32_t now = picture.now();
+                         const BlinkSurface& surface, uint32_t newest, uint32_t oldest) {
+  const uint32_t now = surface.now();
   const int reach = reach_px_;
   const int x_begin = std::max(0, seeds.min_x - reach);
   const int y_begin = std::max(0, seeds.min_y - reach);
-  const int x_end = std::min(static_cast<int>(picture.geometry.width), seeds.max_x + 1 + reach);
-  const int y_end = std::min(static_cast<int>(picture.geometry.height), seeds.max_y + 1 + reach);
+  const int x_end = std::min(static_cast<int>(surface.geometry.width), seeds.max_x + 1 + reach);
+  const int y_end = std::min(static_cast<int>(surface.geometry.height), seeds.max_y + 1 + reach);
   const int width = x_end - x_begin;
   window_ = {x_begin, y_begin, width, y_end - y_begin};
   lit_.clear();
@@ -84,7 +84,7 @@ void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
     uint8_t& seen = seen_[static_cast<size_t>((y - y_begin) * width + x - x_begin)];
     if (seen != 0) return;
     seen = kSeen;
-    const uint32_t state = picture.Row(y)[x];
+    const uint32_t state = surface.Row(y)[x];
     if (!LitUpBetween(state, now, newest, oldest)) return;
     // Of a marker beside this one.
     if (blinks_.size() > 1 && IsSeedOfAnother(blink, state, now)) return;
@@ -93,7 +93,7 @@ void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
   };
   for (int y = seeds.min_y; y <= seeds.max_y; ++y) {
     for (int x = seeds.min_x; x <= seeds.max_x; ++x) {
-      if (blink.IsSeed(picture.Row(y)[x], now)) visit(x, y);
+      if (blink.IsSeed(surface.Row(y)[x], now)) visit(x, y);
     }
   }
   for (size_t next = 0; next < lit_.size(); ++next) {
@@ -139,26 +139,26 @@ void BurstMeasurer::Smooth() {
 }
 
 void BurstMeasurer::AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
-                            const BlinkSurface& picture, std::vector<BlinkBlob>* blobs) {
+                            const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
   const BurstShape shape = MarkerShapeOf(pixels);
   int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
   for (const auto& [x, y] : *pixels) {
     min_x = std::min(min_x, x), max_x = std::max(max_x, x);
     min_y = std::min(min_y, y), max_y = std::max(max_y, y);
   }
-  const double unit_us = 1 << picture.shift;
+  const double unit_us = 1 << surface.shift;
   BlinkBlob blob;
   blob.centre_px = shape.centre_px;
   blob.second_moment_px2 = shape.second_moment_px2;
   blob.area_px = shape.area_px;
-  blob.time_us = unit_us * (static_cast<double>(picture.now()) - burst.start_units +
+  blob.time_us = unit_us * (static_cast<double>(surface.now()) - burst.start_units +
                             0.5 * static_cast<double>(blink.lit));
   blob.period_us = burst.period_us;
   blob.frequency = blink.index;
   blob.box = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
   blob.touches_border = min_x == 0 || min_y == 0 ||
-                        max_x + 1 == static_cast<int>(picture.geometry.width) ||
-                        max_y + 1 == static_cast<int>(picture.geometry.height);
+                        max_x + 1 == static_cast<int>(surface.geometry.width) ||
+                        max_y + 1 == static_cast<int>(surface.geometry.height);
   // Markers that have grown together are found from the seeds of each.
   for (const BlinkBlob& other : *blobs) {
     if (other.frequency == blob.frequency && (other.centre_px - blob.centre_px).squaredNorm() < 4)

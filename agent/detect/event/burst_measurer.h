@@ -21,7 +21,7 @@ class BurstMeasurer {
   BurstMeasurer(std::vector<BlinkPeriod> blinks, int min_pixels, int reach_px);
 
   // Appends what is not among `blobs` yet: one, several where markers have grown together, or none.
-  void Measure(const BlinkPeriod& blink, const ComponentSums& seeds, const BlinkSurface& picture,
+  void Measure(const BlinkPeriod& blink, const ComponentSums& seeds, const BlinkSurface& surface,
                std::vector<BlinkBlob>* blobs);
 
  private:
@@ -31,15 +31,15 @@ class BurstMeasurer {
     bool found = false;
   };
   Burst FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
-                  const BlinkSurface& picture);
+                  const BlinkSurface& surface);
   // The pixels that lit up between these ages and are connected with a seed, into lit_.
-  void Grow(const BlinkPeriod& blink, const ComponentSums& seeds, const BlinkSurface& picture,
+  void Grow(const BlinkPeriod& blink, const ComponentSums& seeds, const BlinkSurface& surface,
             uint32_t newest, uint32_t oldest);
   bool IsSeedOfAnother(const BlinkPeriod& blink, uint32_t state, uint32_t now) const;
   // Drops from lit_ what hangs on by a pixel or two, and fills in pixels that were dead: noise.
   void Smooth();
   static void AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
-                      const BlinkSurface& picture, std::vector<BlinkBlob>* blobs);
+                      const BlinkSurface& surface, std::vector<BlinkBlob>* blobs);
 
   std::vector<BlinkPeriod> blinks_;
   int min_pixels_, reach_px_;

@@ -20,7 +20,7 @@ absl::Status OutputTimesOptions::Validate() const {
     faults.Add("rate is ", rate_hz, " Hz, but must be 10 to 1000, or 0");
   }
   if (rate_hz == 0 && trigger == TriggerInstant::kNone) {
-    faults.Add("neither a rate nor a trigger says when the wand is looked for");
+    faults.Add("neither a rate nor a trigger is set; one is needed");
   }
   if (trigger_channel < -1 || trigger_channel > 31) {
     faults.Add("trigger_channel is ", trigger_channel, ", not 0 to 31");

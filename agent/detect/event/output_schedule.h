@@ -10,7 +10,7 @@
 
 namespace rigcal::agent {
 
-// Which moment of a pulse at the external-trigger input counts.
+// The instant of a pulse at the external-trigger input that counts.
 enum class TriggerInstant : uint8_t { kNone, kRising, kFalling, kMiddle };
 
 struct OutputTimesOptions {
@@ -23,24 +23,24 @@ struct OutputTimesOptions {
 };
 
 struct OutputTime {
-  int64_t time_us = 0;   // that is asked for, the sensor's clock
-  int64_t due_us = 0;    // when it can be answered
+  int64_t time_us = 0;   // requested, the sensor's clock
+  int64_t due_us = 0;    // when the wand can be detected for it
   bool trigger = false;  // else of the fixed rate
 };
 
-// When an event camera is asked where the wand is: at triggers, at a fixed rate (whole multiples of
-// its period on the sensor's clock, so that sensors with one clock are asked together), or both.
-// Each is answered `wait_us` later, when the burst of light nearest to it is over.
+// The times at which an event camera detects the wand: at triggers, at a fixed rate (whole
+// multiples of its period on the sensor's clock, so that sensors with one clock agree), or both.
+// Each is due `wait_us` later, when the burst of light nearest to it is over.
 class OutputSchedule {
  public:
   // Triggers closer together are noise at the input.
   static constexpr int64_t kMinTriggerGapUs = 400;
-  // In a longer silence nothing is asked at the fixed rate.
+  // In longer gaps there is no output at the fixed rate.
   static constexpr int64_t kMaxGapUs = 1'000'000;
 
   OutputSchedule(const OutputTimesOptions& options, int64_t wait_us);
 
-  // The clock begins, or begins anew: forgets what was asked.
+  // The clock begins, or begins anew: forgets all triggers.
   void Start(int64_t time_us);
   void Take(const TriggerEvent& trigger);
   // Nothing is known between these times.

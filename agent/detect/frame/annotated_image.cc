@@ -40,9 +40,9 @@ cv::Mat ColourCopy(const ImageView& image) {
 }
 
 // A value far outside would overflow OpenCV's fixed point.
-bool CanDraw(const cv::Mat& picture, const Eigen::Vector2d& point_px) {
-  return point_px.x() >= -picture.cols && point_px.x() <= 2 * picture.cols &&
-         point_px.y() >= -picture.rows && point_px.y() <= 2 * picture.rows;
+bool CanDraw(const cv::Mat& canvas, const Eigen::Vector2d& point_px) {
+  return point_px.x() >= -canvas.cols && point_px.x() <= 2 * canvas.cols &&
+         point_px.y() >= -canvas.rows && point_px.y() <= 2 * canvas.rows;
 }
 
 cv::Point SubPixel(const Eigen::Vector2d& point_px) {
@@ -50,40 +50,40 @@ cv::Point SubPixel(const Eigen::Vector2d& point_px) {
           static_cast<int>(std::lround(point_px.y() * (1 << kSubPixelBits)))};
 }
 
-// Grows with the picture, so that it can still be read in a smaller copy.
-double Scale(const cv::Mat& picture) { return std::clamp(picture.cols / 1280.0, 0.4, 4.0); }
+// Grows with the image, so that it can still be read in a smaller copy.
+double Scale(const cv::Mat& canvas) { return std::clamp(canvas.cols / 1280.0, 0.4, 4.0); }
 
-void Write(cv::Mat& picture, const std::string& text, const cv::Point& where, double size,
+void Write(cv::Mat& canvas, const std::string& text, const cv::Point& where, double size,
            const cv::Scalar& colour) {
   const int thickness = std::max(1, static_cast<int>(std::lround(1.6 * size)));
-  cv::putText(picture, text, where, cv::FONT_HERSHEY_SIMPLEX, size, kOutlineColour, 3 * thickness,
+  cv::putText(canvas, text, where, cv::FONT_HERSHEY_SIMPLEX, size, kOutlineColour, 3 * thickness,
               cv::LINE_AA);
-  cv::putText(picture, text, where, cv::FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv::LINE_AA);
+  cv::putText(canvas, text, where, cv::FONT_HERSHEY_SIMPLEX, size, colour, thickness, cv::LINE_AA);
 }
 
-void DrawBlob(cv::Mat& picture, const Blob& blob) {
-  if (!CanDraw(picture, blob.centre_px) || !blob.second_moment_px2.allFinite()) return;
+void DrawBlob(cv::Mat& canvas, const Blob& blob) {
+  if (!CanDraw(canvas, blob.centre_px) || !blob.second_moment_px2.allFinite()) return;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(blob.second_moment_px2);
   // A full ellipse has semi-axes of twice the square roots of its second moments.
-  const double limit = picture.cols + picture.rows;
+  const double limit = canvas.cols + canvas.rows;
   const Eigen::Vector2d semi_px =
       (2 * axes.eigenvalues().cwiseMax(0).cwiseSqrt().array() + 2).min(limit);
   const Eigen::Vector2d major = axes.eigenvectors().col(1);
-  cv::ellipse(picture, SubPixel(blob.centre_px), SubPixel({semi_px[1], semi_px[0]}),
+  cv::ellipse(canvas, SubPixel(blob.centre_px), SubPixel({semi_px[1], semi_px[0]}),
               std::atan2(major.y(), major.x()) * 180 / M_PI, 0, 360, kBlobColour, 1, cv::LINE_AA,
               kSubPixelBits);
 }
 
-void DrawMarkers(cv::Mat& picture, const Observation& observation) {
-  const double scale = Scale(picture);
+void DrawMarkers(cv::Mat& canvas, const Observation& observation) {
+  const double scale = Scale(canvas);
   const double arm_px = 14 * scale;
   const Eigen::Vector2d* before = nullptr;
   for (size_t m = 0; m < observation.markers.size(); ++m) {
     const MarkerObservation& marker = observation.markers[m];
     const Eigen::Vector2d& centre = marker.centre_px;
-    if (!marker.visible || !CanDraw(picture, centre)) continue;
+    if (!marker.visible || !CanDraw(canvas, centre)) continue;
     const auto line = [&](const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
-      cv::line(picture, SubPixel(from), SubPixel(to), kMarkerColour, 1, cv::LINE_AA, kSubPixelBits);
+      cv::line(canvas, SubPixel(from), SubPixel(to), kMarkerColour, 1, cv::LINE_AA, kSubPixelBits);
     };
     if (before != nullptr) line(*before, centre);
     before = &centre;
@@ -91,7 +91,7 @@ void DrawMarkers(cv::Mat& picture, const Observation& observation) {
     line(centre - Eigen::Vector2d(0, arm_px), centre + Eigen::Vector2d(0, arm_px));
     const cv::Point label(static_cast<int>(centre.x() + arm_px),
                           static_cast<int>(centre.y() - arm_px));
-    Write(picture, absl::StrCat(m), label, 0.8 * scale, kMarkerColour);
+    Write(canvas, absl::StrCat(m), label, 0.8 * scale, kMarkerColour);
   }
 }
 
@@ -105,19 +105,19 @@ std::string Summary(const Detection& detection) {
   }
   absl::StrAppend(&text, ", ", detection.blob_count,
                   detection.blob_count == 1 ? " blob" : " blobs");
-  if (detection.covered_markers > 0) {
-    absl::StrAppend(&text, ", ", detection.covered_markers, " half covered");
+  if (detection.occluded_markers > 0) {
+    absl::StrAppend(&text, ", ", detection.occluded_markers, " half occluded");
   }
   if (detection.tracked) absl::StrAppend(&text, ", tracked");
   return text;
 }
 
-// The picture with 1 / `divisor` of its columns and rows.
-cv::Mat Shrunk(const cv::Mat& picture, int divisor) {
-  if (divisor == 1) return picture;
+// The image with 1 / `divisor` of its columns and rows.
+cv::Mat Shrunk(const cv::Mat& image, int divisor) {
+  if (divisor == 1) return image;
   cv::Mat small;
-  const cv::Size size(std::max(1, picture.cols / divisor), std::max(1, picture.rows / divisor));
-  cv::resize(picture, small, size, 0, 0, cv::INTER_AREA);
+  const cv::Size size(std::max(1, image.cols / divisor), std::max(1, image.rows / divisor));
+  cv::resize(image, small, size, 0, 0, cv::INTER_AREA);
   return small;
 }
 
@@ -125,34 +125,34 @@ cv::Mat Shrunk(const cv::Mat& picture, int divisor) {
 
 cv::Mat Annotate(const ImageView& image, const Detection& detection, const PixelRect& window,
                  absl::Span<const Blob> blobs) {
-  cv::Mat picture = ColourCopy(image);
-  if (picture.empty()) return picture;
-  const double scale = Scale(picture);
+  cv::Mat canvas = ColourCopy(image);
+  if (canvas.empty()) return canvas;
+  const double scale = Scale(canvas);
   const cv::Rect shown = cv::Rect(window.x, window.y, window.width, window.height) &
-                         cv::Rect(0, 0, picture.cols, picture.rows);
-  if (!window.empty() && !shown.empty()) cv::rectangle(picture, shown, kWindowColour, 1);
-  for (const Blob& blob : blobs) DrawBlob(picture, blob);
-  DrawMarkers(picture, detection.observation);
+                         cv::Rect(0, 0, canvas.cols, canvas.rows);
+  if (!window.empty() && !shown.empty()) cv::rectangle(canvas, shown, kWindowColour, 1);
+  for (const Blob& blob : blobs) DrawBlob(canvas, blob);
+  DrawMarkers(canvas, detection.observation);
   const bool found = detection.outcome == DetectionOutcome::kWand;
   const auto margin = static_cast<int>(12 * scale);
-  Write(picture, Summary(detection), {margin, static_cast<int>(32 * scale)}, 0.8 * scale,
+  Write(canvas, Summary(detection), {margin, static_cast<int>(32 * scale)}, 0.8 * scale,
         found ? kMarkerColour : kBlobColour);
-  return picture;
+  return canvas;
 }
 
-absl::StatusOr<JpegImage> EncodeJpeg(const cv::Mat& picture, size_t max_bytes) {
-  if (picture.empty() || (picture.type() != CV_8UC3 && picture.type() != CV_8UC1)) {
-    return absl::InvalidArgumentError(absl::StrCat("a picture of ", picture.cols, "x", picture.rows,
-                                                   " pixels and type ", picture.type(),
+absl::StatusOr<JpegImage> EncodeJpeg(const cv::Mat& image, size_t max_bytes) {
+  if (image.empty() || (image.type() != CV_8UC3 && image.type() != CV_8UC1)) {
+    return absl::InvalidArgumentError(absl::StrCat("an image of ", image.cols, "x", image.rows,
+                                                   " pixels and type ", image.type(),
                                                    " cannot be written as JPEG"));
   }
   try {
     std::vector<uint8_t> bytes;
     for (int divisor = 1;; divisor *= 2) {
-      const cv::Mat small = Shrunk(picture, divisor);
+      const cv::Mat small = Shrunk(image, divisor);
       for (const int quality : kQualities) {
         if (!cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, quality})) {
-          return absl::InternalError("OpenCV could not write the picture as JPEG");
+          return absl::InternalError("OpenCV could not write the image as JPEG");
         }
         if (bytes.size() > max_bytes) continue;
         return JpegImage{std::string(bytes.begin(), bytes.end()), small.cols, small.rows};
@@ -160,9 +160,9 @@ absl::StatusOr<JpegImage> EncodeJpeg(const cv::Mat& picture, size_t max_bytes) {
       if (std::min(small.cols, small.rows) < 2 * kLeastSide) break;
     }
   } catch (const cv::Exception& error) {
-    return absl::InternalError(absl::StrCat("OpenCV could not write the picture: ", error.what()));
+    return absl::InternalError(absl::StrCat("OpenCV could not write the image: ", error.what()));
   }
-  return absl::ResourceExhaustedError(absl::StrCat("a picture of ", picture.cols, "x", picture.rows,
+  return absl::ResourceExhaustedError(absl::StrCat("an image of ", image.cols, "x", image.rows,
                                                    " pixels cannot be made as small as ", max_bytes,
                                                    " bytes; allow more"));
 }

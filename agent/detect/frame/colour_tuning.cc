@@ -58,7 +58,7 @@ int Quantile(const std::array<int64_t, N>& counts, double share) {
   return static_cast<int>(N) - 1;
 }
 
-// Turned so that the widest gap between hues lies at its ends: `turn` is the hue of index 0.
+// Rotated so that the widest gap between hues lies at the ends; `turn` is the hue of index 0.
 std::array<int64_t, 360> Unrolled(const std::array<int64_t, 360>& hues, int* turn) {
   int best = -1, run = 0;
   *turn = 0;
@@ -105,13 +105,13 @@ absl::Status ColourTuner::Add(const ImageView& image) {
   std::optional<Detection> best;
   grey_ = image.format == PixelFormat::kMono8;
   for (size_t i = 0; i < detectors_.size(); ++i) {
-    if (grey_ && i % kSectors != 0) continue;  // no hue to tell them apart
-    RIGCAL_ASSIGN_OR_RETURN(Detection detection, detectors_[i].Detect(image, pictures_, 0));
-    if (detection.outcome != DetectionOutcome::kWand || detection.covered_markers > 0) continue;
+    if (grey_ && i % kSectors != 0) continue;  // no hue to distinguish them
+    RIGCAL_ASSIGN_OR_RETURN(Detection detection, detectors_[i].Detect(image, frames_, 0));
+    if (detection.outcome != DetectionOutcome::kWand || detection.occluded_markers > 0) continue;
     if (best.has_value() && best->confidence >= detection.confidence) continue;
     best = std::move(detection);
   }
-  ++pictures_;
+  ++frames_;
   if (!best.has_value()) return absl::OkStatus();
   ++wands_;
   Count(image, best->observation);
@@ -141,14 +141,14 @@ void ColourTuner::Count(const ImageView& image, const Observation& observation) 
 absl::StatusOr<TunedColour> ColourTuner::Result() const {
   constexpr char kAdvice[] =
       "; show all of it, 1.5 to 4 m away and moving slowly, without lamps of its colour beside it, "
-      "shorten the exposure or lower the gain if it is white in the picture, and tune again";
-  if (wands_ < kLeastWands || 3 * wands_ < pictures_) {
+      "shorten the exposure or lower the gain if it is white in the frame, and tune again";
+  if (wands_ < kLeastWands || 3 * wands_ < frames_) {
     return absl::FailedPreconditionError(absl::StrCat(
-        "nothing like the wand in ", pictures_ - wands_, " of ", pictures_,
-        " pictures, it must be in at least ", std::max(kLeastWands, (pictures_ + 2) / 3), kAdvice));
+        "nothing like the wand in ", frames_ - wands_, " of ", frames_,
+        " frames, it must be in at least ", std::max(kLeastWands, (frames_ + 2) / 3), kAdvice));
   }
   TunedColour tuned;
-  tuned.pictures = pictures_;
+  tuned.frames = frames_;
   tuned.wands = wands_;
   tuned.value = Quantile(values_, 0.5);
   tuned.colour.value_min =

@@ -18,16 +18,16 @@ namespace rigcal::agent {
 
 struct TunedColour {
   ColourRange colour;
-  int pictures = 0;  // looked at
-  int wands = 0;     // of them with the wand
-  // Medians over the markers' pixels, for people. Of grey pictures the first two are 0.
+  int frames = 0;  // used
+  int wands = 0;   // of them with the wand
+  // Medians over the markers' pixels, for people. Of grey frames the first two are 0.
   double hue_deg = 0;     // 0 to 360
   double saturation = 0;  // 0 to 1
   double value = 0;       // grey levels, 0 to 255
 };
 
-// Learns the colour of a wand from some pictures that show it: looks for the wand with wide ranges
-// of every hue and of several brightnesses, takes the most wand-like find of each picture, and
+// Learns the colour of a wand from some frames that show it: looks for the wand with wide ranges
+// of every hue and of several brightnesses, takes the most wand-like find of each frame, and
 // puts limits with margins around the colours in the middle of its markers. One thread at a time.
 class ColourTuner {
  public:
@@ -35,10 +35,10 @@ class ColourTuner {
   // two lamps would do).
   static absl::StatusOr<ColourTuner> Create(const Target& target, const CameraDescription& camera);
 
-  // INVALID_ARGUMENT: a picture of another size.
+  // INVALID_ARGUMENT: a frame of another size.
   absl::Status Add(const ImageView& image);
 
-  // FAILED_PRECONDITION, with what to do: the wand was in fewer than a third of the pictures or in
+  // FAILED_PRECONDITION, with what to do: the wand was in fewer than a third of the frames or in
   // fewer than three, or its finds have no colour in common.
   absl::StatusOr<TunedColour> Result() const;
 
@@ -47,7 +47,7 @@ class ColourTuner {
   void Count(const ImageView& image, const Observation& observation);
 
   std::vector<WandDetector> detectors_;  // one per range that is tried
-  int pictures_ = 0;
+  int frames_ = 0;
   int wands_ = 0;
   bool grey_ = false;
   std::array<int64_t, 360> hues_{};

@@ -23,7 +23,7 @@
 namespace rigcal::agent {
 namespace {
 
-// What is not noise: sampling, the clipped coverage, the lens between calibration points.
+// Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
@@ -45,7 +45,7 @@ WandFinderOptions FinderOptions(const WandDetectorOptions& options) {
   return result;
 }
 
-// A blob that a window inside the picture may have cut.
+// A blob that a window inside the image may have cut.
 bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
   return (box.x <= window.x && window.x > bounds.x) || (box.y <= window.y && window.y > bounds.y) ||
          (box.x + box.width >= window.x + window.width &&
@@ -81,22 +81,22 @@ struct WandDetector::Impl {
         camera(camera_in),
         blob_finder(std::move(blob_finder_in)),
         wand_finder(FinderOptions(options_in), target_in, camera_in),
-        judge(options_in.min_confidence, options_in.min_contrast_grey),
+        verifier(options_in.min_confidence, options_in.min_contrast_grey),
         light_sigma_s(LightTimeSigma(options_in.exposure_s, target_in)) {}
 
-  Judgement Search(const ImageView& image, const PixelRect& part);
+  Verdict Search(const ImageView& image, const PixelRect& part);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
                                             uint32_t clock_epoch);
   MarkerObservation Observe(const VerifiedWand& wand, size_t marker) const;
   void Follow(const VerifiedWand& wand, Detection* detection);
-  DetectionOutcome WhyNone(const ImageView& image, const Judgement& judgement) const;
+  DetectionOutcome WhyNone(const ImageView& image, const Verdict& verdict) const;
 
   const WandDetectorOptions options;
   const Target target;
   const CameraDescription camera;
   BlobFinder blob_finder;
   WandFinder wand_finder;
-  WandVerifier judge;
+  WandVerifier verifier;
   const double light_sigma_s;
   WandTrack track;
   WandDetectorCounts counts;
@@ -107,7 +107,7 @@ struct WandDetector::Impl {
   std::vector<bool> cut;           // of these: the window may have cut it
 };
 
-Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& part) {
+Verdict WandDetector::Impl::Search(const ImageView& image, const PixelRect& part) {
   window = part;
   blobs = &blob_finder.Find(image, part);
   standing_out.clear();
@@ -140,7 +140,7 @@ Judgement WandDetector::Impl::Search(const ImageView& image, const PixelRect& pa
       keep(piece, is_cut);
     }
   }
-  return judge.Judge(image, standing_out, wand_finder, wand_finder.Find(standing_out));
+  return verifier.Verify(image, standing_out, wand_finder, wand_finder.Find(standing_out));
 }
 
 std::optional<VerifiedWand> WandDetector::Impl::SearchTracked(const ImageView& image,
@@ -148,12 +148,12 @@ std::optional<VerifiedWand> WandDetector::Impl::SearchTracked(const ImageView& i
                                                               uint32_t clock_epoch) {
   const auto part = track.Window(time_ns, clock_epoch, image.Bounds());
   if (!part.has_value()) return std::nullopt;
-  const Judgement judgement = Search(image, *part);
-  if (!judgement.wand.has_value() || judgement.wand->CoveredCount() > 0) return std::nullopt;
-  for (const int blob : judgement.wand->blobs) {
+  const Verdict verdict = Search(image, *part);
+  if (!verdict.wand.has_value() || verdict.wand->OccludedCount() > 0) return std::nullopt;
+  for (const int blob : verdict.wand->blobs) {
     if (cut[static_cast<size_t>(blob)]) return std::nullopt;
   }
-  return judgement.wand;
+  return verdict.wand;
 }
 
 MarkerObservation WandDetector::Impl::Observe(const VerifiedWand& wand, size_t k) const {
@@ -185,7 +185,7 @@ MarkerObservation WandDetector::Impl::Observe(const VerifiedWand& wand, size_t k
 void WandDetector::Impl::Follow(const VerifiedWand& wand, Detection* detection) {
   Observation& observation = detection->observation;
   detection->confidence = wand.confidence;
-  detection->covered_markers = wand.CoveredCount();
+  detection->occluded_markers = wand.OccludedCount();
   WandTrack::Points centres;
   double radius_px = 0;
   for (const MarkerCentre& centre : wand.centres) {
@@ -196,11 +196,10 @@ void WandDetector::Impl::Follow(const VerifiedWand& wand, Detection* detection) 
   for (size_t k = 0; k < wand.blobs.size(); ++k) observation.markers[k] = Observe(wand, k);
 }
 
-DetectionOutcome WandDetector::Impl::WhyNone(const ImageView& image,
-                                             const Judgement& judgement) const {
+DetectionOutcome WandDetector::Impl::WhyNone(const ImageView& image, const Verdict& verdict) const {
   const ImageExposure exposure = LookAtExposure(image);
   if (exposure == ImageExposure::kSaturated) return DetectionOutcome::kSaturated;
-  if (judgement.ambiguous) return DetectionOutcome::kAmbiguous;
+  if (verdict.ambiguous) return DetectionOutcome::kAmbiguous;
   if (blobs->over_limit > 0) return DetectionOutcome::kTooManyBlobs;
   if (!blobs->blobs.empty()) return DetectionOutcome::kNoWand;
   return exposure == ImageExposure::kBlack ? DetectionOutcome::kBlack : DetectionOutcome::kNoBlob;
@@ -235,7 +234,7 @@ absl::Status WandDetector::SetIgnored(PixelMask ignored) {
       ignored.height() != static_cast<int>(size.height)) {
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", impl_->camera.camera, ": the mask has ", ignored.width(), "x",
-                     ignored.height(), " pixels, the pictures ", size.width, "x", size.height,
+                     ignored.height(), " pixels, the images ", size.width, "x", size.height,
                      "; learn it again with `rigcal-agent mask`"));
   }
   impl_->blob_finder.SetIgnored(std::move(ignored));
@@ -248,7 +247,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   if (image.data == nullptr || image.width != static_cast<int>(size.width) ||
       image.height != static_cast<int>(size.height)) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "camera ", impl_->camera.camera, ": a picture of ", image.width, "x", image.height,
+        "camera ", impl_->camera.camera, ": an image of ", image.width, "x", image.height,
         " pixels", image.data == nullptr ? " without data" : "", ", its description says ",
         size.width, "x", size.height, "; set the camera's region or its calibration right"));
   }
@@ -262,9 +261,9 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.tracked = wand.has_value();
   detection.outcome = DetectionOutcome::kWand;
   if (!wand.has_value()) {
-    const Judgement judgement = impl_->Search(image, image.Bounds());
-    wand = judgement.wand;
-    if (!wand.has_value()) detection.outcome = impl_->WhyNone(image, judgement);
+    const Verdict verdict = impl_->Search(image, image.Bounds());
+    wand = verdict.wand;
+    if (!wand.has_value()) detection.outcome = impl_->WhyNone(image, verdict);
   }
   detection.blob_count = static_cast<int>(impl_->blobs->blobs.size());
   if (wand.has_value()) {
@@ -276,7 +275,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   ++counts.frames;
   counts.wands += wand.has_value() ? 1 : 0;
   counts.tracked += detection.tracked ? 1 : 0;
-  counts.covered_markers += static_cast<uint64_t>(detection.covered_markers);
+  counts.occluded_markers += static_cast<uint64_t>(detection.occluded_markers);
   counts.by_outcome.Add(detection.outcome);
   return detection;
 }

@@ -10,8 +10,8 @@
 
 namespace rigcal::agent {
 
-// Where a followed wand will be: constant velocity of its markers in the image, their size as last
-// seen. Forgets on a new clock epoch, a step backwards and a pause.
+// Predicts where a followed wand will be: constant velocity of its markers in the image, their size
+// as last seen. Forgets on a new clock epoch, a step backwards and a pause.
 class WandTrack {
  public:
   using Points = absl::InlinedVector<Eigen::Vector2d, 3>;
@@ -20,7 +20,7 @@ class WandTrack {
   // The wand as it was seen, markers in the target's order; `radius_px` of the largest.
   void Add(int64_t time_ns, uint32_t clock_epoch, const Points& centres_px, double radius_px);
 
-  // What to look at; none: all of the picture.
+  // The window to search; none: all of the image.
   std::optional<PixelRect> Window(int64_t time_ns, uint32_t clock_epoch,
                                   const PixelRect& bounds) const;
   // Image velocity of marker `k` between its last two places, px/s; none: not followed long enough.

@@ -101,7 +101,7 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
     }
     result.outcome = detection->outcome;
     result.confidence = detection->confidence;
-    result.covered_markers = detection->covered_markers;
+    result.covered_markers = detection->occluded_markers;
     if (!frame.wand.has_value()) {
       result.false_wand = detection->outcome == DetectionOutcome::kWand;
       continue;

@@ -57,7 +57,6 @@ std::map<int64_t, std::vector<double>> ReadTruth(const std::string& path) {
 struct NearTruth {
   const std::map<int64_t, std::vector<double>>& truth;
   int near = 0, far = 0;
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool, uint32_t time_us) {
     const auto row = truth.lower_bound(1000 * static_cast<int64_t>(time_us) - 500'000);
     if (row == truth.end()) return;

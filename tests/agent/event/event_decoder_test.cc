@@ -21,7 +21,6 @@ struct Recorder {
   std::vector<std::tuple<int64_t, int, bool>> triggers;
   std::vector<int64_t> steps_back;
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
     events.emplace_back(x, y, on, time_us);
   }
@@ -167,7 +166,6 @@ TEST(Evt21Decoder, ReadsBothOrdersOfHalves) {
 template <typename Decoder>
 void FeedNoise(Decoder decoder) {
   struct Bounds {
-    void Row(uint32_t y) { EXPECT_LT(y, 480u); }
     void Event(uint32_t x, uint32_t y, bool, uint32_t) {
       EXPECT_LT(x, 640u);
       EXPECT_LT(y, 480u);

@@ -20,7 +20,6 @@ struct Collector {
   std::vector<CdEvent> events;
   std::vector<TriggerEvent> triggers;
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
     events.push_back({time_us, static_cast<uint16_t>(x), static_cast<uint16_t>(y), on});
   }

@@ -14,7 +14,6 @@ using ::testing::Eq;
 using ::testing::Optional;
 
 struct NoSink {
-  void Row(uint32_t) {}
   void Event(uint32_t, uint32_t, bool, uint32_t) {}
   void Vector(uint32_t, uint32_t, bool, uint32_t, uint32_t) {}
   void Trigger(const TriggerEvent&) {}
@@ -28,9 +27,8 @@ std::vector<uint8_t> Bytes(const std::vector<Word>& words) {
 }
 
 template <typename Decoder>
-FaultPlaces Find(Decoder decoder, const std::vector<uint8_t>& bytes, size_t chunk,
-                 bool halves_swapped = false) {
-  FaultLocator finder(halves_swapped);
+FaultPlaces Find(Decoder decoder, const std::vector<uint8_t>& bytes, size_t chunk) {
+  FaultLocator finder;
   NoSink sink;
   for (size_t at = 0; at < bytes.size(); at += chunk) {
     const auto piece = std::span(bytes).subspan(at, std::min(chunk, bytes.size() - at));
@@ -103,7 +101,7 @@ TEST(FaultLocator, OtherFormats) {
     if (swapped) {
       for (uint64_t& word : stream) word = word << 32 | word >> 32;
     }
-    const FaultPlaces evt21 = Find(Evt21Decoder({500, 480}, swapped), Bytes(stream), 1024, swapped);
+    const FaultPlaces evt21 = Find(Evt21Decoder({500, 480}, swapped), Bytes(stream), 1024);
     EXPECT_THAT(evt21.unknown_words, Optional(Eq(8u)));  // the damaged time
     EXPECT_THAT(evt21.outside_geometry, Optional(Eq(16u)));
     EXPECT_FALSE(evt21.time_steps_back);

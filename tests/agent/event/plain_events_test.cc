@@ -19,7 +19,6 @@ using ::testing::IsEmpty;
 struct Script {
   std::vector<std::string> said;
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
     said.push_back(absl::StrCat(x, ",", y, on ? ",on,@" : ",off,@", time_us));
   }

@@ -22,7 +22,6 @@ struct Sums {
   std::vector<TriggerEvent> triggers;
   int steps_back = 0;
 
-  void Row(uint32_t) {}
   void Event(uint32_t column, uint32_t row, bool is_on, uint32_t time_us) {
     Vector(column, row, is_on, time_us, 1);
   }

@@ -43,7 +43,6 @@ struct CollectingSink {
   std::vector<PlainEvent> events;
   uint64_t epochs = 0;
 
-  void Row(uint32_t) {}
   void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) { Vector(x, y, on, time_us, 1); }
   void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
     for (uint32_t k = 0; k < 32; ++k) {

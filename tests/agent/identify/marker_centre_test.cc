@@ -56,11 +56,11 @@ TEST(MarkerMeter, FindsTheCentreOfADiscAnywhereInItsPixel) {
   MarkerMeter meter;
   for (const double radius : {3.3, 8.0, 13.0}) {
     for (double shift = 0; shift < 1; shift += 0.17) {
-      const Eigen::Vector2d truth(31 + shift, 33 - 0.6 * shift);
-      const DiscImage picture(truth, radius, 1, Flat);
+      const Eigen::Vector2d true_px(31 + shift, 33 - 0.6 * shift);
+      const DiscImage image(true_px, radius, 1, Flat);
       MarkerCentre centre;
-      ASSERT_TRUE(meter.Measure(picture.View(), picture.blob_, &centre));
-      EXPECT_LT((centre.centre_px - truth).norm(), 0.03) << radius << " " << shift;
+      ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
+      EXPECT_LT((centre.centre_px - true_px).norm(), 0.03) << radius << " " << shift;
       EXPECT_NEAR(centre.radius_px, radius, 0.3);
       EXPECT_LT(centre.skewness, 0.01);
     }
@@ -69,36 +69,37 @@ TEST(MarkerMeter, FindsTheCentreOfADiscAnywhereInItsPixel) {
 
 TEST(MarkerMeter, SaturationAndASlopingBackgroundMoveNothing) {
   MarkerMeter meter;
-  const Eigen::Vector2d truth(31.3, 32.8);
-  const DiscImage saturated(truth, 8, 2.2, Flat);
-  const DiscImage sloping(truth, 8, 1, [](int x, int) { return 10.0 + x; });
-  for (const DiscImage* picture : {&saturated, &sloping}) {
+  const Eigen::Vector2d true_px(31.3, 32.8);
+  const DiscImage saturated(true_px, 8, 2.2, Flat);
+  const DiscImage sloping(true_px, 8, 1, [](int x, int) { return 10.0 + x; });
+  for (const DiscImage* image : {&saturated, &sloping}) {
     MarkerCentre centre;
-    ASSERT_TRUE(meter.Measure(picture->View(), picture->blob_, &centre));
-    EXPECT_LT((centre.centre_px - truth).norm(), 0.04);
+    ASSERT_TRUE(meter.Measure(image->View(), image->blob_, &centre));
+    EXPECT_LT((centre.centre_px - true_px).norm(), 0.04);
   }
 }
 
 TEST(MarkerMeter, AnotherDiscBesideItMovesLittle) {
   MarkerMeter meter;
-  const Eigen::Vector2d truth(28.2, 32.6);
-  const DiscImage picture(
-      truth, 6, 1, [](int x, int y) { return std::hypot(x - 42, y - 32.6) < 6 ? 175.0 : 10.0; });
+  const Eigen::Vector2d true_px(28.2, 32.6);
+  const DiscImage image(
+      true_px, 6, 1, [](int x, int y) { return std::hypot(x - 42, y - 32.6) < 6 ? 175.0 : 10.0; });
   MarkerCentre centre;
-  ASSERT_TRUE(meter.Measure(picture.View(), picture.blob_, &centre));
-  EXPECT_LT((centre.centre_px - truth).norm(), 0.2) << "1.8 px of gap, less than the blur of both";
+  ASSERT_TRUE(meter.Measure(image.View(), image.blob_, &centre));
+  EXPECT_LT((centre.centre_px - true_px).norm(), 0.2)
+      << "1.8 px of gap, less than the blur of both";
 }
 
 TEST(MarkerMeter, AHalfCoveredDiscIsLopsided) {
   MarkerMeter meter;
-  DiscImage picture({32, 32}, 8, 1, Flat);
-  std::vector<uint8_t> pixels(picture.View().data, picture.View().data + kSize * kSize * 3);
+  DiscImage image({32, 32}, 8, 1, Flat);
+  std::vector<uint8_t> pixels(image.View().data, image.View().data + kSize * kSize * 3);
   for (int y = 0; y < kSize; ++y) {
     std::fill_n(pixels.begin() + (y * kSize + 33) * 3, 3 * 20, uint8_t{10});
   }
-  ImageView view = picture.View();
+  ImageView view = image.View();
   view.data = pixels.data();
-  Blob half = picture.blob_;
+  Blob half = image.blob_;
   half.centre_px.x() -= 3;
   MarkerCentre centre;
   ASSERT_TRUE(meter.Measure(view, half, &centre));

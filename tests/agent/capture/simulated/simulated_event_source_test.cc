@@ -27,7 +27,6 @@ SimulatedEventSourceOptions Options() {
 struct Counter {
   uint64_t events = 0;
   uint32_t first_us = 0, last_us = 0;
-  void Row(uint32_t) {}
   void Event(uint32_t, uint32_t, bool, uint32_t time_us) {
     if (events++ == 0) first_us = time_us;
     last_us = time_us;

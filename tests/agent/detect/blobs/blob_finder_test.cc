@@ -22,10 +22,10 @@ using ::testing::SizeIs;
 
 constexpr uint8_t kWarm[3] = {40, 120, 230};
 
-void Paint(const PixelRect& rect, Picture* picture) {
+void Paint(const PixelRect& rect, Image* image) {
   for (int y = rect.y; y < rect.y + rect.height; ++y) {
     for (int x = rect.x; x < rect.x + rect.width; ++x) {
-      std::copy(kWarm, kWarm + 3, picture->Pixel(x, y));
+      std::copy(kWarm, kWarm + 3, image->Pixel(x, y));
     }
   }
 }
@@ -41,17 +41,16 @@ BlobFinderOptions TakesAll() {
 using Pixels = std::vector<std::pair<int, int>>;
 
 // Components by flooding, pixel by pixel, in the order of their first pixels.
-std::vector<Pixels> Flood(const Picture& picture, const PixelRect& window,
-                          const ColourRange& range) {
-  PixelMask left(picture.width, picture.height);
+std::vector<Pixels> Flood(const Image& image, const PixelRect& window, const ColourRange& range) {
+  PixelMask left(image.width, image.height);
   for (int y = window.y; y < window.y + window.height; ++y) {
     for (int x = window.x; x < window.x + window.width; ++x) {
-      left.Set(x, y, picture.InRange(range, x, y));
+      left.Set(x, y, image.InRange(range, x, y));
     }
   }
   std::vector<Pixels> components;
-  for (int y = 0; y < picture.height; ++y) {
-    for (int x = 0; x < picture.width; ++x) {
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
       if (!left.Get(x, y)) continue;
       Pixels pixels = {{x, y}};
       left.Set(x, y, false);
@@ -81,9 +80,9 @@ Blob Measure(const Pixels& pixels) {
   return blob;
 }
 
-void ExpectAsFlooded(const Picture& picture, const PixelRect& window, const ColourRange& range,
+void ExpectAsFlooded(const Image& image, const PixelRect& window, const ColourRange& range,
                      const BlobResult& found) {
-  const std::vector<Pixels> expected = Flood(picture, window, range);
+  const std::vector<Pixels> expected = Flood(image, window, range);
   ASSERT_EQ(found.blobs.size(), expected.size());
   int64_t pixels = 0;
   for (size_t i = 0; i < expected.size(); ++i) {
@@ -112,9 +111,9 @@ TEST(BlobFinderOptions, NamesEveryFault) {
 
 TEST(BlobFinder, MeasuresARectangle) {
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create({}));
-  Picture picture(100, 50);
-  Paint({60, 10, 9, 5}, &picture);
-  const BlobResult& found = finder.Find(picture.View());
+  Image image(100, 50);
+  Paint({60, 10, 9, 5}, &image);
+  const BlobResult& found = finder.Find(image.View());
   ASSERT_THAT(found.blobs, SizeIs(1));
   const Blob& blob = found.blobs[0];
   EXPECT_EQ(blob.centre_px, Eigen::Vector2d(64, 12));
@@ -132,10 +131,9 @@ TEST(BlobFinder, FindsWhatFloodingFinds) {
     for (const PixelFormat format : {PixelFormat::kBgr8, PixelFormat::kMono8}) {
       ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll(), *kernel));
       for (int trial = 0; trial < 60; ++trial) {
-        Picture picture(1 + 7 * trial % 171, 1 + 5 * trial % 43, format, trial % 4);
-        FillRandomly(static_cast<uint32_t>(trial), 0.1 * (trial % 11), &picture);
-        ExpectAsFlooded(picture, picture.View().Bounds(), ColourRange{},
-                        finder.Find(picture.View()));
+        Image image(1 + 7 * trial % 171, 1 + 5 * trial % 43, format, trial % 4);
+        FillRandomly(static_cast<uint32_t>(trial), 0.1 * (trial % 11), &image);
+        ExpectAsFlooded(image, image.View().Bounds(), ColourRange{}, finder.Find(image.View()));
         if (HasFatalFailure()) FAIL() << kernel->name << ", trial " << trial;
       }
     }
@@ -145,12 +143,12 @@ TEST(BlobFinder, FindsWhatFloodingFinds) {
 // Pixels beside the window must not leak in, wherever its edges fall within the words.
 TEST(BlobFinder, SearchesWindowsAtEveryPlace) {
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll()));
-  Picture picture(150, 6);
-  FillRandomly(11, 0.6, &picture);
-  for (int x = 0; x < picture.width; x += 1) {
+  Image image(150, 6);
+  FillRandomly(11, 0.6, &image);
+  for (int x = 0; x < image.width; x += 1) {
     for (const int width : {1, 2, 31, 63, 64, 65, 128, 150}) {
-      const PixelRect window = {x, 1, std::min(width, picture.width - x), 4};
-      ExpectAsFlooded(picture, window, ColourRange{}, finder.Find(picture.View(), window));
+      const PixelRect window = {x, 1, std::min(width, image.width - x), 4};
+      ExpectAsFlooded(image, window, ColourRange{}, finder.Find(image.View(), window));
       if (HasFatalFailure()) FAIL() << "window at " << x << ", " << width << " wide";
     }
   }
@@ -158,14 +156,14 @@ TEST(BlobFinder, SearchesWindowsAtEveryPlace) {
 
 TEST(BlobFinder, CutsWindowsAtThePicture) {
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll()));
-  Picture picture(70, 20);
-  FillRandomly(12, 0.3, &picture);
+  Image image(70, 20);
+  FillRandomly(12, 0.3, &image);
   constexpr int kMax = std::numeric_limits<int>::max();
   constexpr int kMin = std::numeric_limits<int>::min();
-  ExpectAsFlooded(picture, picture.View().Bounds(), ColourRange{},
-                  finder.Find(picture.View(), {-10, -10, kMax, kMax}));
-  ExpectAsFlooded(picture, {65, 15, 5, 5}, ColourRange{},
-                  finder.Find(picture.View(), {65, 15, kMax, kMax}));
+  ExpectAsFlooded(image, image.View().Bounds(), ColourRange{},
+                  finder.Find(image.View(), {-10, -10, kMax, kMax}));
+  ExpectAsFlooded(image, {65, 15, 5, 5}, ColourRange{},
+                  finder.Find(image.View(), {65, 15, kMax, kMax}));
   for (const PixelRect& window : {PixelRect{70, 0, 5, 5},
                                   {0, 20, 5, 5},
                                   {-5, 0, 5, 5},
@@ -174,7 +172,7 @@ TEST(BlobFinder, CutsWindowsAtThePicture) {
                                   {kMax, kMax, kMax, kMax},
                                   {kMin, kMin, kMax, kMax},
                                   {kMin, 0, kMin, 5}}) {
-    const BlobResult& found = finder.Find(picture.View(), window);
+    const BlobResult& found = finder.Find(image.View(), window);
     EXPECT_THAT(found.blobs, IsEmpty());
     EXPECT_EQ(found.mask_pixels, 0);
   }
@@ -188,10 +186,10 @@ TEST(BlobFinder, HasNoBlobsWithoutPixels) {
 
 TEST(BlobFinder, TakesAPictureOfOnePixel) {
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll()));
-  Picture picture(1, 1);
-  EXPECT_THAT(finder.Find(picture.View()).blobs, IsEmpty());
-  Paint({0, 0, 1, 1}, &picture);
-  const BlobResult& found = finder.Find(picture.View());
+  Image image(1, 1);
+  EXPECT_THAT(finder.Find(image.View()).blobs, IsEmpty());
+  Paint({0, 0, 1, 1}, &image);
+  const BlobResult& found = finder.Find(image.View());
   ASSERT_THAT(found.blobs, SizeIs(1));
   EXPECT_TRUE(found.blobs[0].touches_border);
   EXPECT_EQ(found.blobs[0].second_moment_px2, Eigen::Matrix2d::Zero());
@@ -206,15 +204,15 @@ TEST(BlobFinder, SaysWhatTouchesThePicturesBorder) {
                                                {{5, 37, 3, 3}, true},
                                                {{1, 1, 3, 3}, false},
                                                {{76, 36, 3, 3}, false}}) {
-    Picture picture(80, 40);
-    Paint(rect, &picture);
-    const BlobResult& found = finder.Find(picture.View());
+    Image image(80, 40);
+    Paint(rect, &image);
+    const BlobResult& found = finder.Find(image.View());
     ASSERT_THAT(found.blobs, SizeIs(1));
     EXPECT_EQ(found.blobs[0].touches_border, touches) << rect.x << " " << rect.y;
   }
-  Picture picture(80, 40);
-  Paint({20, 20, 10, 10}, &picture);
-  const BlobResult& cut = finder.Find(picture.View(), {22, 22, 5, 5});
+  Image image(80, 40);
+  Paint({20, 20, 10, 10}, &image);
+  const BlobResult& cut = finder.Find(image.View(), {22, 22, 5, 5});
   ASSERT_THAT(cut.blobs, SizeIs(1));
   EXPECT_FALSE(cut.blobs[0].touches_border);
 }
@@ -225,14 +223,14 @@ TEST(BlobFinder, CountsWhatItDoesNotKeep) {
   options.max_area_px = 30;
   options.max_blobs = 2;
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(options));
-  Picture picture(200, 60);
-  Paint({1, 1, 3, 1}, &picture);   // too small
-  Paint({10, 1, 2, 2}, &picture);  // smallest of those in range
-  Paint({20, 1, 5, 4}, &picture);
-  Paint({40, 1, 6, 5}, &picture);
-  Paint({60, 1, 3, 3}, &picture);
-  Paint({80, 20, 31, 1}, &picture);  // too large
-  const BlobResult& found = finder.Find(picture.View());
+  Image image(200, 60);
+  Paint({1, 1, 3, 1}, &image);   // too small
+  Paint({10, 1, 2, 2}, &image);  // smallest of those in range
+  Paint({20, 1, 5, 4}, &image);
+  Paint({40, 1, 6, 5}, &image);
+  Paint({60, 1, 3, 3}, &image);
+  Paint({80, 20, 31, 1}, &image);  // too large
+  const BlobResult& found = finder.Find(image.View());
   EXPECT_EQ(found.too_small, 1);
   EXPECT_EQ(found.too_large, 1);
   EXPECT_EQ(found.over_limit, 2);
@@ -245,12 +243,12 @@ TEST(BlobFinder, KeepsTheFirstOfEqualBlobs) {
   BlobFinderOptions options = TakesAll();
   options.max_blobs = 512;
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(options));
-  Picture picture(1280, 1024);
+  Image image(1280, 1024);
   int count = 0;
   for (int y = 2; y < 1020; y += 8) {
-    for (int x = 2; x < 1270; x += 10, ++count) Paint({x, y, 3, 3}, &picture);
+    for (int x = 2; x < 1270; x += 10, ++count) Paint({x, y, 3, 3}, &image);
   }
-  const BlobResult& found = finder.Find(picture.View());
+  const BlobResult& found = finder.Find(image.View());
   ASSERT_THAT(found.blobs, SizeIs(512));
   EXPECT_EQ(found.over_limit, count - 512);
   EXPECT_EQ(found.mask_pixels, 9 * count);
@@ -263,9 +261,9 @@ TEST(BlobFinder, KeepsTheFirstOfEqualBlobs) {
 TEST(BlobFinder, TakesAPictureThatIsAllBright) {
   for (const MaskKernel* kernel : AvailableMaskKernels()) {
     ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create({}, *kernel));
-    Picture picture(1280, 1024);
-    std::fill(picture.bytes.begin(), picture.bytes.end(), uint8_t{255});
-    const BlobResult& found = finder.Find(picture.View());
+    Image image(1280, 1024);
+    std::fill(image.bytes.begin(), image.bytes.end(), uint8_t{255});
+    const BlobResult& found = finder.Find(image.View());
     EXPECT_THAT(found.blobs, IsEmpty());
     EXPECT_EQ(found.too_large, 1);
     EXPECT_EQ(found.mask_pixels, 1280 * 1024);
@@ -274,43 +272,43 @@ TEST(BlobFinder, TakesAPictureThatIsAllBright) {
 
 TEST(BlobFinder, IgnoresPixelsItWasToldTo) {
   ASSERT_OK_AND_ASSIGN(BlobFinder finder, BlobFinder::Create(TakesAll()));
-  Picture picture(200, 30);
-  Paint({10, 10, 8, 4}, &picture);
-  Paint({150, 10, 8, 4}, &picture);
+  Image image(200, 30);
+  Paint({10, 10, 8, 4}, &image);
+  Paint({150, 10, 8, 4}, &image);
   PixelMask ignored(200, 30);
   for (int y = 0; y < 30; ++y) {
     for (int x = 140; x < 154; ++x) ignored.Set(x, y);
   }
   finder.SetIgnored(ignored);
-  for (const PixelRect& window : {picture.View().Bounds(), PixelRect{5, 5, 190, 20}}) {
-    const BlobResult& found = finder.Find(picture.View(), window);
+  for (const PixelRect& window : {image.View().Bounds(), PixelRect{5, 5, 190, 20}}) {
+    const BlobResult& found = finder.Find(image.View(), window);
     ASSERT_THAT(found.blobs, SizeIs(2));
     EXPECT_EQ(found.blobs[0].box, (PixelRect{10, 10, 8, 4}));
     EXPECT_EQ(found.blobs[1].box, (PixelRect{154, 10, 4, 4}));
     EXPECT_EQ(found.mask_pixels, 48);
   }
-  finder.SetIgnored(PixelMask(100, 12));  // smaller than the picture, and nothing in it
-  EXPECT_EQ(finder.Find(picture.View()).mask_pixels, 64);
+  finder.SetIgnored(PixelMask(100, 12));  // smaller than the image, and nothing in it
+  EXPECT_EQ(finder.Find(image.View()).mask_pixels, 64);
   PixelMask larger(400, 60);
   larger.Set(10, 10);
   larger.Set(300, 50);
   finder.SetIgnored(larger);
-  EXPECT_EQ(finder.Find(picture.View()).mask_pixels, 63);
-  EXPECT_EQ(finder.Find(picture.View(), {150, 0, 50, 30}).mask_pixels, 32);
+  EXPECT_EQ(finder.Find(image.View()).mask_pixels, 63);
+  EXPECT_EQ(finder.Find(image.View(), {150, 0, 50, 30}).mask_pixels, 32);
   finder.SetIgnored({});
-  EXPECT_EQ(finder.Find(picture.View()).mask_pixels, 64);
+  EXPECT_EQ(finder.Find(image.View()).mask_pixels, 64);
 }
 
-// What one picture leaves in the buffers must not show in the next, larger, smaller or other one.
+// Buffers carry nothing over from one image to the next, of whatever size or format.
 TEST(BlobFinder, ForgetsTheLastPicture) {
   ASSERT_OK_AND_ASSIGN(BlobFinder used, BlobFinder::Create(TakesAll()));
   for (int trial = 0; trial < 30; ++trial) {
     const PixelFormat format = trial % 3 == 0 ? PixelFormat::kMono8 : PixelFormat::kBgr8;
-    Picture picture(1 + 37 * trial % 211, 1 + 13 * trial % 40, format);
-    FillRandomly(static_cast<uint32_t>(100 + trial), trial % 4 == 0 ? 0 : 0.4, &picture);
+    Image image(1 + 37 * trial % 211, 1 + 13 * trial % 40, format);
+    FillRandomly(static_cast<uint32_t>(100 + trial), trial % 4 == 0 ? 0 : 0.4, &image);
     ASSERT_OK_AND_ASSIGN(BlobFinder fresh, BlobFinder::Create(TakesAll()));
-    const BlobResult& a = used.Find(picture.View());
-    const BlobResult& b = fresh.Find(picture.View());
+    const BlobResult& a = used.Find(image.View());
+    const BlobResult& b = fresh.Find(image.View());
     ASSERT_EQ(a.blobs.size(), b.blobs.size());
     EXPECT_EQ(a.mask_pixels, b.mask_pixels);
     for (size_t i = 0; i < a.blobs.size(); ++i) {

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kSize = 80;
 
-struct Picture {
+struct Image {
   std::vector<uint8_t> pixels = std::vector<uint8_t>(kSize * kSize, 10);
   void Disc(double x0, double y0, double radius, uint8_t grey) {
     for (int y = 0; y < kSize; ++y) {
@@ -34,11 +34,11 @@ struct Picture {
 };
 
 TEST(BlobSplitter, FindsTheMarkerInFrontOfSomethingDimmer) {
-  Picture picture;
-  picture.Disc(40, 40, 20, 80);
-  picture.Disc(56, 40, 7, 200);
+  Image image;
+  image.Disc(40, 40, 20, 80);
+  image.Disc(56, 40, 7, 200);
   BlobSplitter splitter;
-  const auto& parts = splitter.Split(picture.View(), picture.Find(), 6);
+  const auto& parts = splitter.Split(image.View(), image.Find(), 6);
   ASSERT_EQ(parts.size(), 1u);
   EXPECT_NEAR(parts[0].centre_px.x(), 56, 0.2);
   EXPECT_NEAR(parts[0].centre_px.y(), 40, 0.2);
@@ -46,32 +46,32 @@ TEST(BlobSplitter, FindsTheMarkerInFrontOfSomethingDimmer) {
 }
 
 TEST(BlobSplitter, TakesTwoMarkersApart) {
-  Picture picture;
-  picture.Disc(37.5, 40, 2.2, 140);  // the bridge of their blur
-  picture.Disc(30, 40, 7, 200);
-  picture.Disc(45, 40, 7, 200);
-  const Blob both = picture.Find();
+  Image image;
+  image.Disc(37.5, 40, 2.2, 140);  // the bridge of their blur
+  image.Disc(30, 40, 7, 200);
+  image.Disc(45, 40, 7, 200);
+  const Blob both = image.Find();
   EXPECT_FALSE(IsRound(both));
   BlobSplitter splitter;
-  EXPECT_EQ(splitter.Split(picture.View(), both, 6).size(), 2u);
+  EXPECT_EQ(splitter.Split(image.View(), both, 6).size(), 2u);
 }
 
 TEST(BlobSplitter, OneDiscStaysOne) {
-  Picture picture;
-  picture.Disc(40, 40, 9, 200);
-  const Blob blob = picture.Find();
+  Image image;
+  image.Disc(40, 40, 9, 200);
+  const Blob blob = image.Find();
   EXPECT_TRUE(IsRound(blob));
   BlobSplitter splitter;
-  const auto& parts = splitter.Split(picture.View(), blob, 6);
+  const auto& parts = splitter.Split(image.View(), blob, 6);
   ASSERT_EQ(parts.size(), 1u);
   EXPECT_EQ(parts[0].area_px, blob.area_px);
 }
 
 TEST(StandsOut, TellsALampFromTheBrighterPartOfAWall) {
-  Picture picture;
-  picture.Disc(40, 40, 8, 200);
-  EXPECT_TRUE(StandsOut(picture.View(), picture.Find(), 50));
-  Picture wall;
+  Image image;
+  image.Disc(40, 40, 8, 200);
+  EXPECT_TRUE(StandsOut(image.View(), image.Find(), 50));
+  Image wall;
   wall.pixels.assign(wall.pixels.size(), 50);
   wall.Disc(40, 40, 8, 70);
   EXPECT_FALSE(StandsOut(wall.View(), wall.Find(), 50));

@@ -13,10 +13,10 @@ namespace {
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 
-PixelMask Expected(const Picture& picture, const ColourRange& range) {
-  PixelMask mask(picture.width, picture.height);
-  for (int y = 0; y < picture.height; ++y) {
-    for (int x = 0; x < picture.width; ++x) mask.Set(x, y, picture.InRange(range, x, y));
+PixelMask Expected(const Image& image, const ColourRange& range) {
+  PixelMask mask(image.width, image.height);
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) mask.Set(x, y, image.InRange(range, x, y));
   }
   return mask;
 }
@@ -35,9 +35,9 @@ TEST(ColourMasker, MasksPicturesOfEveryWidthStrideAndFormat) {
     ASSERT_OK_AND_ASSIGN(const ColourMasker masker, ColourMasker::Create(range, *kernel));
     for (const PixelFormat format : {PixelFormat::kBgr8, PixelFormat::kMono8}) {
       for (int width = 1; width < 200; ++width) {
-        Picture picture(width, 3, format, width % 5);
-        FillRandomly(static_cast<uint32_t>(width), 0.5, &picture);
-        ASSERT_EQ(masker.Mask(picture.View()), Expected(picture, range))
+        Image image(width, 3, format, width % 5);
+        FillRandomly(static_cast<uint32_t>(width), 0.5, &image);
+        ASSERT_EQ(masker.Mask(image.View()), Expected(image, range))
             << kernel->name << ", width " << width;
       }
     }
@@ -45,17 +45,17 @@ TEST(ColourMasker, MasksPicturesOfEveryWidthStrideAndFormat) {
 }
 
 TEST(ColourMasker, MasksAnyWordsOfARow) {
-  Picture picture(300, 2);
-  FillRandomly(3, 0.5, &picture);
+  Image image(300, 2);
+  FillRandomly(3, 0.5, &image);
   const ColourRange range;
-  const PixelMask expected = Expected(picture, range);
+  const PixelMask expected = Expected(image, range);
   ASSERT_OK_AND_ASSIGN(const ColourMasker masker, ColourMasker::Create(range));
   for (int first = 0; first < 5; ++first) {
     for (int count = 1; first + count <= 5; ++count) {
       std::vector<uint64_t> words(static_cast<size_t>(count));
       uint64_t all = 0;
       for (int i = 0; i < count; ++i) all |= expected.Row(1)[first + i];
-      EXPECT_EQ(masker.MaskRow(picture.View(), 1, first, count, words.data()), all);
+      EXPECT_EQ(masker.MaskRow(image.View(), 1, first, count, words.data()), all);
       for (int i = 0; i < count; ++i) {
         EXPECT_EQ(words[static_cast<size_t>(i)], expected.Row(1)[first + i]) << first << " " << i;
       }
@@ -64,17 +64,17 @@ TEST(ColourMasker, MasksAnyWordsOfARow) {
 }
 
 TEST(ColourMasker, WalksRowsBackwardsWithANegativeStride) {
-  Picture picture(70, 9);
-  FillRandomly(4, 0.5, &picture);
-  ImageView flipped = picture.View();
-  flipped.data = flipped.Row(picture.height - 1);
+  Image image(70, 9);
+  FillRandomly(4, 0.5, &image);
+  ImageView flipped = image.View();
+  flipped.data = flipped.Row(image.height - 1);
   flipped.stride_bytes = -flipped.stride_bytes;
   ASSERT_OK_AND_ASSIGN(const ColourMasker masker, ColourMasker::Create(ColourRange{}));
-  const PixelMask mask = masker.Mask(picture.View());
+  const PixelMask mask = masker.Mask(image.View());
   const PixelMask flipped_mask = masker.Mask(flipped);
-  for (int y = 0; y < picture.height; ++y) {
-    for (int x = 0; x < picture.width; ++x) {
-      ASSERT_EQ(flipped_mask.Get(x, y), mask.Get(x, picture.height - 1 - y));
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      ASSERT_EQ(flipped_mask.Get(x, y), mask.Get(x, image.height - 1 - y));
     }
   }
 }

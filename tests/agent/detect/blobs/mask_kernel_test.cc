@@ -20,7 +20,7 @@ std::vector<uint64_t> WordByWord(const IntegerColourRange& range,
   return words;
 }
 
-// What each kernel makes of the pixels, and that it reads and writes no more than it should.
+// Every kernel agrees with the reference, and reads and writes no more than it should.
 void ExpectSame(const IntegerColourRange& range, const std::vector<uint8_t>& pixels, bool colour) {
   const std::vector<uint64_t> expected = WordByWord(range, pixels, colour);
   uint64_t expected_all = 0;

@@ -79,10 +79,10 @@ inline std::vector<ColourRange> ManyRanges() {
   return ranges;
 }
 
-// A picture with its own pixels. Its buffer ends with the last pixel of the last row.
-struct Picture {
-  Picture(int width_px, int height_px, PixelFormat pixel_format = PixelFormat::kBgr8,
-          int padding_bytes = 0)
+// An image with its own pixels. Its buffer ends with the last pixel of the last row.
+struct Image {
+  Image(int width_px, int height_px, PixelFormat pixel_format = PixelFormat::kBgr8,
+        int padding_bytes = 0)
       : width(width_px),
         height(height_px),
         format(pixel_format),
@@ -105,17 +105,17 @@ struct Picture {
 };
 
 // `bright_share` of the pixels are of any colour, the others darker than any usual range takes.
-inline void FillRandomly(uint32_t seed, double bright_share, Picture* picture) {
+inline void FillRandomly(uint32_t seed, double bright_share, Image* image) {
   std::mt19937 random(seed);
   std::bernoulli_distribution bright(bright_share);
   std::uniform_int_distribution<int> any(0, 255);
   std::uniform_int_distribution<int> dark(0, 50);
-  const int channels = BytesPerPixel(picture->format);
-  for (int y = 0; y < picture->height; ++y) {
-    for (int x = 0; x < picture->width; ++x) {
+  const int channels = BytesPerPixel(image->format);
+  for (int y = 0; y < image->height; ++y) {
+    for (int x = 0; x < image->width; ++x) {
       auto& level = bright(random) ? any : dark;
       for (int c = 0; c < channels; ++c) {
-        picture->Pixel(x, y)[c] = static_cast<uint8_t>(level(random));
+        image->Pixel(x, y)[c] = static_cast<uint8_t>(level(random));
       }
     }
   }

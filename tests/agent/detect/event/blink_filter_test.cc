@@ -34,7 +34,7 @@ class Scene {
   double radius_px = 12;
   double hz = 500;
   double noise_per_s = 0;
-  uint32_t refractory_us = 0;  // in which a pixel tells no change and is where it was at its end
+  uint32_t refractory_us = 0;  // in which a pixel emits no event
   uint32_t duration_us = 40'000;
   Eigen::Vector2d start_px{100.3, 80.6};
 
@@ -195,7 +195,7 @@ TEST(BlinkFilter, KnowsOtherFrequencies) {
   }
 }
 
-// Above the middle of the picture, below it and in it.
+// Above the middle of the image, below it and in it.
 std::vector<Scene> ThreeDiscs(const std::vector<double>& hz) {
   std::vector<Scene> discs(3);
   for (size_t i = 0; i < 3; ++i) {
@@ -255,7 +255,7 @@ TEST(BlinkFilter, DiscsOfTwoFrequenciesThatTouchAreTwo) {
 TEST(BlinkFilter, NoiseInAndAroundADiscMovesItsCentreLittle) {
   Scene scene;
   std::vector<Event> events = scene.Events();
-  // Pixels in reset: a sixteenth of the disc tells nothing in the last burst; and a tail of three
+  // Pixels in reset: a sixteenth of the disc emits nothing in the last burst; and a tail of three
   // lit pixels beside it.
   std::erase_if(events, [](const Event& event) {
     return event.time_us > 30'000 && event.x > 100 && event.x % 4 == 0 && event.y % 4 == 0;
@@ -269,13 +269,13 @@ TEST(BlinkFilter, NoiseInAndAroundADiscMovesItsCentreLittle) {
   EXPECT_LT((blobs[0].centre_px - scene.start_px).norm(), 0.06);
 }
 
-TEST(BlinkFilter, RefusesFrequenciesThatCannotBeToldApart) {
+TEST(BlinkFilter, RefusesFrequenciesThatAreTooClose) {
   BlinkFilterOptions options;
   options.geometry = {Scene::kWidth, Scene::kHeight};
   options.blink_hz = {390, 620, 640};
   EXPECT_THAT(BlinkFilter::Create(options).status(),
               StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("620 and 640 Hz are too near"), HasSubstr("1.1 times"),
+                       AllOf(HasSubstr("620 and 640 Hz are too close"), HasSubstr("1.1 times"),
                              HasSubstr("390 and 640 Hz are too far apart"))));
   options.blink_hz = {};
   EXPECT_THAT(BlinkFilter::Create(options).status(),

@@ -11,9 +11,9 @@
 namespace rigcal::agent::blink_kernel_test {
 namespace {
 
-// As one would write it down.
-void UpdatePlainly(const BlinkRules& rules, const PackedEvent& event, std::vector<uint32_t>* states,
-                   std::vector<uint32_t>* tiles) {
+// The rules, one event at a time.
+void UpdateOne(const BlinkRules& rules, const PackedEvent& event, std::vector<uint32_t>* states,
+               std::vector<uint32_t>* tiles) {
   uint32_t& state = (*states)[event.y() * rules.stride + event.x];
   const uint32_t now = event.time_us >> rules.shift;
   const uint32_t gap = (now - (state >> 16)) & 0xffff;
@@ -56,7 +56,7 @@ TEST(BlinkKernel, ThePortableOneIsAlwaysThere) {
 }
 
 // Few pixels, so that many of the events taken together are of the same; counts of every remainder;
-// steps of time at which all that the rules tell apart occurs.
+// time steps that reach every case of the rules.
 TEST(BlinkKernel, EveryKernelTakesEventsOneAfterTheOther) {
   std::mt19937 random(3);
   for (const Sensor& sensor :
@@ -82,7 +82,7 @@ TEST(BlinkKernel, EveryKernelTakesEventsOneAfterTheOther) {
       std::vector<uint32_t> expected = start, expected_tiles = no_tiles;
       for (const auto& chunk : chunks) {
         for (const PackedEvent& event : chunk) {
-          UpdatePlainly(rules, event, &expected, &expected_tiles);
+          UpdateOne(rules, event, &expected, &expected_tiles);
         }
       }
       for (const BlinkKernel* kernel : AvailableBlinkKernels()) {

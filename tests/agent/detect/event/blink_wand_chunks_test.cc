@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Events reach the filter in batches; what is due in the middle of one must be answered as if they
+// Events reach the filter in batches; detections due in the middle of one must be as if they
 // came one by one.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,16 +16,16 @@
 namespace rigcal::agent::blink_wand_chunks_test {
 namespace {
 
-using Answer = std::tuple<DetectionOutcome, int64_t, double, int>;
+using Summary = std::tuple<DetectionOutcome, int64_t, double, int>;
 using Marker = std::tuple<bool, double, double, int64_t>;
 
-struct Told {
-  std::vector<Answer> answers;
+struct Detected {
+  std::vector<Summary> detections;
   std::vector<Marker> markers;
   uint64_t same_burst = 0;
 };
 
-absl::StatusOr<Told> Feed(std::span<const uint8_t> bytes, size_t chunk_bytes) {
+absl::StatusOr<Detected> Feed(std::span<const uint8_t> bytes, size_t chunk_bytes) {
   CameraDescription camera;
   camera.camera = "left";
   camera.image_size_px = {640, 480};
@@ -42,20 +42,20 @@ absl::StatusOr<Told> Feed(std::span<const uint8_t> bytes, size_t chunk_bytes) {
     bytes = bytes.subspan(size);
   }
   detector->Finish(&found);
-  Told told;
-  told.same_burst = detector->counts().same_burst;
+  Detected detected;
+  detected.same_burst = detector->counts().same_burst;
   for (const Detection& detection : found) {
-    told.answers.emplace_back(detection.outcome, detection.observation.time_ns,
-                              detection.confidence, detection.blob_count);
+    detected.detections.emplace_back(detection.outcome, detection.observation.time_ns,
+                                     detection.confidence, detection.blob_count);
     for (const MarkerObservation& marker : detection.observation.markers) {
-      told.markers.emplace_back(marker.visible, marker.centre_px.x(), marker.centre_px.y(),
-                                marker.time_delta_ns);
+      detected.markers.emplace_back(marker.visible, marker.centre_px.x(), marker.centre_px.y(),
+                                    marker.time_delta_ns);
     }
   }
-  return told;
+  return detected;
 }
 
-TEST(BlinkWandChunks, AnswersDoNotDependOnHowTheStreamIsCut) {
+TEST(BlinkWandChunks, DetectionsDoNotDependOnHowTheStreamIsCut) {
   testing::BlinkingWand wand;
   wand.duration_s = 0.12;
   wand.noise_per_s = 500'000;
@@ -67,17 +67,17 @@ TEST(BlinkWandChunks, AnswersDoNotDependOnHowTheStreamIsCut) {
   const size_t header = Evt3Header(wand.geometry, "1").size();
   const std::span<const uint8_t> bytes = std::span(file).subspan(header);
 
-  ASSERT_OK_AND_ASSIGN(const Told one_by_one, Feed(bytes, 2));
-  EXPECT_GT(one_by_one.answers.size(), 40u);
+  ASSERT_OK_AND_ASSIGN(const Detected one_by_one, Feed(bytes, 2));
+  EXPECT_GT(one_by_one.detections.size(), 40u);
   EXPECT_GT(
-      std::count_if(one_by_one.answers.begin(), one_by_one.answers.end(),
-                    [](const Answer& a) { return std::get<0>(a) == DetectionOutcome::kWand; }),
+      std::count_if(one_by_one.detections.begin(), one_by_one.detections.end(),
+                    [](const Summary& a) { return std::get<0>(a) == DetectionOutcome::kWand; }),
       30);
   for (const size_t chunk_bytes : {size_t{66}, size_t{4096}, size_t{65536}, bytes.size()}) {
-    ASSERT_OK_AND_ASSIGN(const Told told, Feed(bytes, chunk_bytes));
-    EXPECT_EQ(told.answers, one_by_one.answers) << chunk_bytes;
-    EXPECT_EQ(told.markers, one_by_one.markers) << chunk_bytes;
-    EXPECT_EQ(told.same_burst, one_by_one.same_burst) << chunk_bytes;
+    ASSERT_OK_AND_ASSIGN(const Detected detected, Feed(bytes, chunk_bytes));
+    EXPECT_EQ(detected.detections, one_by_one.detections) << chunk_bytes;
+    EXPECT_EQ(detected.markers, one_by_one.markers) << chunk_bytes;
+    EXPECT_EQ(detected.same_burst, one_by_one.same_burst) << chunk_bytes;
   }
 }
 

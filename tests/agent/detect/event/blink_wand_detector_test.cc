@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What no camera sends: see event_observation_source_test.cc for wands.
+// Streams that no camera sends; see event_observation_source_test.cc for wands.
 #include "agent/detect/event/blink_wand_detector.h"
 
 #include <gmock/gmock.h>
@@ -97,7 +97,7 @@ TEST(BlinkWandDetector, ALongSilenceIsNotFilledWithAnswers) {
 }
 
 TEST(BlinkWandDetector, TimesBeyond31BitsBeginToo) {
-  // EVT 2.0 tells 34 bits.
+  // EVT 2.0 has 34 bits of time.
   const int64_t first_us = 3'000'000'000;
   std::vector<uint8_t> bytes;
   const auto put = [&](uint32_t word) {

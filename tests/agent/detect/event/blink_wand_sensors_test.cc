@@ -53,14 +53,14 @@ struct Setting {
   double rate_hz = 200;
 };
 
-struct Told {
+struct Observed {
   std::vector<Detection> detections;
   std::vector<double> errors_px;  // of all visible markers of wands
   int wands = 0, ambiguous = 0, without_wand = 0;
   double least_label_confidence = 1;
 };
 
-Told Watch(const Setting& setting) {
+Observed Watch(const Setting& setting) {
   const CameraDescription camera = Camera();
   const Target shown = *ParseTarget(setting.shown);
   FrameRenderOptions scene;
@@ -86,40 +86,40 @@ Told Watch(const Setting& setting) {
   auto detector = *BlinkWandDetector::Create(
       options, setting.asked.empty() ? shown : *ParseTarget(setting.asked), camera,
       EventFormat::kEvt3, false);
-  Told told;
-  detector.Take(bytes, &told.detections);
-  detector.Finish(&told.detections);
-  // The first periods only tell pixels that they blink.
-  std::erase_if(told.detections, [](const Detection& detection) {
+  Observed observed;
+  detector.Take(bytes, &observed.detections);
+  detector.Finish(&observed.detections);
+  // Pixels need the first periods to count as blinking.
+  std::erase_if(observed.detections, [](const Detection& detection) {
     return detection.observation.time_ns < 15'000'000;
   });
-  for (const Detection& detection : told.detections) {
-    told.ambiguous += detection.outcome == DetectionOutcome::kAmbiguous ? 1 : 0;
-    told.without_wand += detection.outcome == DetectionOutcome::kNoWand ? 1 : 0;
+  for (const Detection& detection : observed.detections) {
+    observed.ambiguous += detection.outcome == DetectionOutcome::kAmbiguous ? 1 : 0;
+    observed.without_wand += detection.outcome == DetectionOutcome::kNoWand ? 1 : 0;
     if (detection.outcome != DetectionOutcome::kWand) continue;
-    ++told.wands;
+    ++observed.wands;
     const Observation& observation = detection.observation;
     for (size_t k = 0; k < observation.markers.size(); ++k) {
       const MarkerObservation& marker = observation.markers[k];
-      told.least_label_confidence =
-          std::min(told.least_label_confidence, static_cast<double>(marker.label_confidence));
+      observed.least_label_confidence =
+          std::min(observed.least_label_confidence, static_cast<double>(marker.label_confidence));
       if (!marker.visible) continue;
       const double at_s = 1e-9 * static_cast<double>(observation.time_ns + marker.time_delta_ns);
-      const MarkerGroundTruth truth = renderer.TruthOf(WandAt(at_s))[k];
-      told.errors_px.push_back((marker.centre_px - truth.centre_px).norm());
+      const MarkerGroundTruth ground_truth = renderer.TruthOf(WandAt(at_s))[k];
+      observed.errors_px.push_back((marker.centre_px - ground_truth.centre_px).norm());
     }
   }
-  return told;
+  return observed;
 }
 
 TEST(BlinkWandSensors, FrequenciesTellTheMarkersOfAnEvenWand) {
   Setting setting;
   setting.shown = "wand:0,0.2,0.4;diameter=0.04;hz=400,500,620";
-  const Told told = Watch(setting);
-  EXPECT_GE(told.wands, 20);  // of 21
-  EXPECT_EQ(told.ambiguous, 0);
-  EXPECT_GT(told.least_label_confidence, 0.99);
-  for (const double error_px : told.errors_px) EXPECT_LT(error_px, 0.6);
+  const Observed observed = Watch(setting);
+  EXPECT_GE(observed.wands, 20);  // of 21
+  EXPECT_EQ(observed.ambiguous, 0);
+  EXPECT_GT(observed.least_label_confidence, 0.99);
+  for (const double error_px : observed.errors_px) EXPECT_LT(error_px, 0.6);
 
   // Alike, either end may be the first.
   setting.shown = "wand:0,0.2,0.4;diameter=0.04;hz=500";
@@ -131,9 +131,9 @@ TEST(BlinkWandSensors, AWandWithFrequenciesAtOtherPlacesIsAnother) {
   setting.asked = "wand:0,0.2,0.4;diameter=0.04;hz=400,500,620";
   for (const char* shown : {"400,620,500", "500,400,620", "500,500,620", "500"}) {
     setting.shown = std::string("wand:0,0.2,0.4;diameter=0.04;hz=") + shown;
-    const Told told = Watch(setting);
-    EXPECT_EQ(told.wands, 0) << shown;
-    EXPECT_GE(told.without_wand, 20) << shown;
+    const Observed observed = Watch(setting);
+    EXPECT_EQ(observed.wands, 0) << shown;
+    EXPECT_GE(observed.without_wand, 20) << shown;
   }
 }
 
@@ -141,12 +141,12 @@ TEST(BlinkWandSensors, EveryMarkerIsToldOncePerBurst) {
   Setting setting;
   setting.shown = "wand:0,0.13,0.39;diameter=0.04;hz=400,500,620";
   setting.rate_hz = 1000;
-  const Told told = Watch(setting);
-  EXPECT_GE(told.wands, 28);  // 0.105 s; the slowest has 42 bursts
-  EXPECT_LE(told.wands, 42);
+  const Observed observed = Watch(setting);
+  EXPECT_GE(observed.wands, 28);  // 0.105 s; the slowest has 42 bursts
+  EXPECT_LE(observed.wands, 42);
   const double periods_ns[] = {2.5e6, 2e6, 1e9 / 620};
   const Observation* before = nullptr;
-  for (const Detection& detection : told.detections) {
+  for (const Detection& detection : observed.detections) {
     if (detection.outcome != DetectionOutcome::kWand) continue;
     const Observation& now = detection.observation;
     for (size_t k = 0; before != nullptr && k < 3; ++k) {
@@ -164,9 +164,9 @@ TEST(BlinkWandSensors, LedsMayDrift) {
       Setting setting;
       setting.shown = std::string("wand:0,0.13,0.39;diameter=0.04;hz=") + hz;
       setting.drift_ppm = ppm;
-      const Told told = Watch(setting);
-      EXPECT_GE(told.wands, 20) << ppm << " " << hz;
-      for (const double error_px : told.errors_px) EXPECT_LT(error_px, 0.6) << ppm << " " << hz;
+      const Observed observed = Watch(setting);
+      EXPECT_GE(observed.wands, 20) << ppm << " " << hz;
+      for (const double error_px : observed.errors_px) EXPECT_LT(error_px, 0.6) << ppm << " " << hz;
     }
   }
 }
@@ -175,10 +175,10 @@ TEST(BlinkWandSensors, TwoSensorsOnOneClockTellTheSameBursts) {
   // A primary and a secondary: equal times, each with pixels and noise of its own.
   Setting setting;
   setting.shown = "wand:0,0.13,0.39;diameter=0.04;hz=500";
-  const Told primary = Watch(setting);
+  const Observed primary = Watch(setting);
   setting.seed = 2;
   setting.noise_hz = 5;
-  const Told secondary = Watch(setting);
+  const Observed secondary = Watch(setting);
   ASSERT_EQ(primary.detections.size(), secondary.detections.size());
   int both = 0;
   for (size_t i = 0; i < primary.detections.size(); ++i) {
@@ -190,7 +190,7 @@ TEST(BlinkWandSensors, TwoSensorsOnOneClockTellTheSameBursts) {
   EXPECT_GE(both, 20);
 }
 
-TEST(BlinkWandSensors, RefusesFrequenciesThatCannotBeToldApart) {
+TEST(BlinkWandSensors, RefusesFrequenciesThatAreTooClose) {
   const auto create = [](const char* hz) {
     return BlinkWandDetector::Create({}, *ParseTarget(std::string("wand:0,0.2,0.4;hz=") + hz),
                                      Camera(), EventFormat::kEvt3, false)
@@ -198,7 +198,7 @@ TEST(BlinkWandSensors, RefusesFrequenciesThatCannotBeToldApart) {
   };
   EXPECT_THAT(create("500,520,640"),
               StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("camera left"), HasSubstr("500 and 520 Hz are too near"))));
+                       AllOf(HasSubstr("camera left"), HasSubstr("500 and 520 Hz are too close"))));
   EXPECT_THAT(create("300,400,620"), StatusIs(absl::StatusCode::kInvalidArgument,
                                               HasSubstr("300 and 620 Hz are too far apart")));
   EXPECT_TRUE(create("500,501,500").ok());

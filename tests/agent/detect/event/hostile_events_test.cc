@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What no sensor sends, or only a broken one: the detector's work and memory stay bounded, its
-// answers in order, and it finds the wand again. What is counted here is work, not time.
+// Streams that only a broken sensor sends: the detector's work and memory stay bounded, its
+// detections in order, and it finds the wand again. What is counted here is work, not time.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -46,17 +46,17 @@ void Put(uint32_t word, std::vector<uint8_t>* bytes) {
 }
 
 struct Seen {
-  size_t answers = 0, wands = 0, blobs = 0;
-  size_t most_at_once = 0;  // answers of one Take
+  size_t detections = 0, wands = 0, blobs = 0;
+  size_t most_at_once = 0;  // detections of one Take
 };
 
-// Takes all in pieces and drops the answers as a source's reader does; checks their order.
+// Takes all in pieces and drops the detections as a source's reader does; checks their order.
 Seen Feed(std::span<const uint8_t> bytes, BlinkWandDetector* detector) {
   Seen seen;
   std::vector<Detection> found;
   std::optional<Observation> last;
   const auto look = [&] {
-    seen.answers += found.size();
+    seen.detections += found.size();
     seen.most_at_once = std::max(seen.most_at_once, found.size());
     for (Detection& detection : found) {
       if (detection.outcome == DetectionOutcome::kWand) ++seen.wands;
@@ -98,18 +98,18 @@ std::vector<uint8_t> Flicker(int periods, Inside inside) {
 TEST(HostileEvents, AFlickeringScreenIsNoWand) {
   BlinkWandDetector detector = Detector();
   const Seen seen = Feed(Flicker(20, [](int, int) { return true; }), &detector);
-  EXPECT_GE(seen.answers, 6u);
+  EXPECT_GE(seen.detections, 6u);
   EXPECT_EQ(seen.wands, 0u);
   EXPECT_EQ(seen.blobs, 1u);
   EXPECT_EQ(detector.counts().by_outcome.Of(DetectionOutcome::kNoBlob), 1u);  // at the beginning
 }
 
-// Each is a blob, far more than are looked at.
+// Each is a blob, far more than are considered.
 TEST(HostileEvents, AWallOfLampsIsLookedAtInPart) {
   BlinkWandDetector detector = Detector();
   const Seen seen =
       Feed(Flicker(20, [](int x, int y) { return x % 6 < 4 && y % 6 < 4; }), &detector);
-  EXPECT_GE(seen.answers, 6u);
+  EXPECT_GE(seen.detections, 6u);
   EXPECT_EQ(seen.wands, 0u);
   EXPECT_EQ(seen.blobs, 256u);
 }
@@ -118,7 +118,7 @@ TEST(HostileEvents, AWallOfLampsIsLookedAtInPart) {
 TEST(HostileEvents, StripesAreLookedAtInPart) {
   BlinkWandDetector detector = Detector();
   const Seen seen = Feed(Flicker(20, [](int x, int y) { return (x + 2 * y) % 16 < 8; }), &detector);
-  EXPECT_GE(seen.answers, 6u);
+  EXPECT_GE(seen.detections, 6u);
   EXPECT_EQ(seen.wands, 0u);
   EXPECT_GE(seen.blobs, 1u);
   EXPECT_LE(seen.blobs, 4u);  // images' worth of pixels
@@ -140,7 +140,7 @@ TEST(HostileEvents, AClockThatRunsBackwardsAllTheTime) {
   EXPECT_EQ(seen.wands, 0u);
 }
 
-// A few bytes for each half second: no answers beyond what bytes can tell, and all others are
+// A few bytes for each half second: no detections beyond what the bytes allow, and all others are
 // counted.
 TEST(HostileEvents, AClockThatJumpsAheadDoesNotFillTheMemory) {
   BlinkWandDetectorOptions options;
@@ -155,7 +155,7 @@ TEST(HostileEvents, AClockThatJumpsAheadDoesNotFillTheMemory) {
   }
   const Seen seen = Feed(bytes, &detector);
   EXPECT_LE(seen.most_at_once, 1000 + kPieceBytes / 8);
-  const uint64_t asked = seen.answers + detector.counts().beyond_data;
+  const uint64_t asked = seen.detections + detector.counts().beyond_data;
   EXPECT_NEAR(static_cast<double>(asked), 524.288 * kJumps, 1000);
 }
 
@@ -174,10 +174,10 @@ TEST(HostileEvents, AFaultOfTimeInEverySecondWord) {
 
 TEST(HostileEvents, TriggersAtOneMegahertz) {
   for (const char* target : {"wand:0,0.13,0.39;hz=20", "wand:0,0.13,0.39;hz=5000"}) {
-    for (const TriggerInstant moment :
+    for (const TriggerInstant instant :
          {TriggerInstant::kRising, TriggerInstant::kFalling, TriggerInstant::kMiddle}) {
       BlinkWandDetectorOptions options;
-      options.output = {.rate_hz = 0, .trigger = moment};
+      options.output = {.rate_hz = 0, .trigger = instant};
       BlinkWandDetector detector = Detector(options, target);
       Evt3Writer writer;
       std::vector<uint8_t> bytes;
@@ -187,9 +187,9 @@ TEST(HostileEvents, TriggersAtOneMegahertz) {
                      &bytes);
       }
       const Seen seen = Feed(bytes, &detector);
-      // One in 0.4 ms is answered, the others are counted.
-      EXPECT_NEAR(static_cast<double>(seen.answers), kEdges / 400.0, 2) << target;
-      EXPECT_EQ(seen.answers + detector.counts().dense_triggers, kEdges / 2u) << target;
+      // One in 0.4 ms is detected, the others are counted.
+      EXPECT_NEAR(static_cast<double>(seen.detections), kEdges / 400.0, 2) << target;
+      EXPECT_EQ(seen.detections + detector.counts().dense_triggers, kEdges / 2u) << target;
     }
   }
 }
@@ -203,7 +203,7 @@ TEST(HostileEvents, TenThousandTriggersAreEachAnsweredOnce) {
   for (int64_t i = 0; i < 10'000; ++i) {
     writer.Write(TriggerEvent{.time_us = 10'000 + 400 * i, .channel = 0, .rising = true}, &bytes);
   }
-  EXPECT_EQ(Feed(bytes, &detector).answers, 10'000u);
+  EXPECT_EQ(Feed(bytes, &detector).detections, 10'000u);
   EXPECT_EQ(detector.counts().dense_triggers, 0u);
   EXPECT_EQ(detector.counts().out_of_order, 0u);
 }
@@ -235,7 +235,7 @@ TEST(HostileEvents, FindsTheWandAfterAStorm) {
         options, *ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=" + std::to_string(hz)), camera,
         EventFormat::kEvt3, false);
     ASSERT_THAT(detector.status(), testing::IsOk());
-    // In pieces, as what stands in one with a storm is not told.
+    // In pieces, as a piece with a storm yields none.
     std::vector<Detection> found;
     for (size_t at = 0; at < bytes.size(); at += 2048) {
       detector->Take(std::span(bytes).subspan(at, std::min<size_t>(2048, bytes.size() - at)),
@@ -245,7 +245,7 @@ TEST(HostileEvents, FindsTheWandAfterAStorm) {
     const auto wands = std::count_if(found.begin(), found.end(), [](const Detection& detection) {
       return detection.outcome == DetectionOutcome::kWand;
     });
-    EXPECT_GE(wands, hz < 100 ? 4 : 15) << hz << " Hz, " << found.size() << " answers";
+    EXPECT_GE(wands, hz < 100 ? 4 : 15) << hz << " Hz, " << found.size() << " detections";
   }
 }
 
@@ -256,7 +256,7 @@ int64_t ResidentBytes() {
   return resident * sysconf(_SC_PAGESIZE);
 }
 
-// Hot pixels that tell noise all the time, an event each microsecond; endless.
+// Hot pixels that emit noise all the time, an event each microsecond; endless.
 class HotPixels {
  public:
   HotPixels() {
@@ -295,19 +295,19 @@ TEST(HostileEvents, AGigabyteOfHotPixelsTakesNoMemory) {
   HotPixels source;
   std::vector<uint8_t> piece;
   std::vector<Detection> found;
-  size_t answers = 0;
+  size_t detections = 0;
   int64_t begin_bytes = 0, most_bytes = 0;
   for (size_t taken = 0; taken < kBytes; taken += piece.size()) {
     source.Fill(&piece);
     detector.Take(piece, &found);
-    answers += found.size();
+    detections += found.size();
     found.clear();
     if (taken % (64 * kPieceBytes) != 0) continue;
     (taken < kBytes / 16 ? begin_bytes : most_bytes) = std::max(most_bytes, ResidentBytes());
   }
   // Six bytes for each microsecond.
-  EXPECT_NEAR(static_cast<double>(answers), static_cast<double>(kBytes) / 6 * 1.05e-3,
-              0.01 * static_cast<double>(answers));
+  EXPECT_NEAR(static_cast<double>(detections), static_cast<double>(kBytes) / 6 * 1.05e-3,
+              0.01 * static_cast<double>(detections));
   EXPECT_EQ(detector.counts().by_outcome.Of(DetectionOutcome::kWand), 0u);
   EXPECT_EQ(detector.faults(), EventFaults());
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)

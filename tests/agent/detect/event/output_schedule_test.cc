@@ -38,8 +38,8 @@ TEST(OutputSchedule, RateIsOnMultiplesOfItsPeriod) {
 }
 
 TEST(OutputSchedule, MomentsOfAPulse) {
-  const auto times = [](TriggerInstant moment) {
-    OutputSchedule schedule({.rate_hz = 0, .trigger = moment}, 1600);
+  const auto times = [](TriggerInstant instant) {
+    OutputSchedule schedule({.rate_hz = 0, .trigger = instant}, 1600);
     schedule.Start(0);
     EXPECT_EQ(schedule.due_us(), kNever);
     // Begins within a pulse.

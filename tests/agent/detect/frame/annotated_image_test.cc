@@ -19,12 +19,12 @@ namespace {
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 
-ImageView ViewOf(const cv::Mat& picture) {
-  return {.data = picture.data,
-          .width = picture.cols,
-          .height = picture.rows,
-          .stride_bytes = static_cast<ptrdiff_t>(picture.step),
-          .format = picture.channels() == 3 ? PixelFormat::kBgr8 : PixelFormat::kMono8};
+ImageView ViewOf(const cv::Mat& image) {
+  return {.data = image.data,
+          .width = image.cols,
+          .height = image.rows,
+          .stride_bytes = static_cast<ptrdiff_t>(image.step),
+          .format = image.channels() == 3 ? PixelFormat::kBgr8 : PixelFormat::kMono8};
 }
 
 // A wand of three markers, the last of which is hidden.
@@ -33,7 +33,7 @@ Detection TwoOfThree() {
   detection.outcome = DetectionOutcome::kWand;
   detection.confidence = 0.93;
   detection.blob_count = 4;
-  detection.covered_markers = 1;
+  detection.occluded_markers = 1;
   detection.observation.markers.resize(3);
   detection.observation.markers[0].visible = true;
   detection.observation.markers[0].centre_px = {200, 300};
@@ -52,10 +52,10 @@ int CountDifferent(const cv::Mat& a, const cv::Mat& b, const cv::Rect& where) {
 }
 
 cv::Mat Noise(int columns, int rows) {
-  cv::Mat picture(rows, columns, CV_8UC3);
+  cv::Mat image(rows, columns, CV_8UC3);
   cv::RNG random(7);
-  random.fill(picture, cv::RNG::UNIFORM, 0, 256);
-  return picture;
+  random.fill(image, cv::RNG::UNIFORM, 0, 256);
+  return image;
 }
 
 TEST(Annotate, DrawsVisibleMarkersAndLeavesTheOriginalAlone) {

@@ -54,9 +54,8 @@ TEST(ColourTuner, RefusesPicturesWithoutAWandAndSaysWhatToDo) {
     scene.Render(std::nullopt, static_cast<uint64_t>(i));
     ASSERT_THAT(tuner.Add(scene.View()), IsOk());
   }
-  EXPECT_THAT(tuner.Result(),
-              StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("4 of 4 pictures"), HasSubstr("tune again"))));
+  EXPECT_THAT(tuner.Result(), StatusIs(absl::StatusCode::kFailedPrecondition,
+                                       AllOf(HasSubstr("4 of 4 frames"), HasSubstr("tune again"))));
 }
 
 TEST(ColourTuner, RefusesTwoMarkersAndPicturesOfAnotherSize) {

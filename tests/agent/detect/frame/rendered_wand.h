@@ -16,7 +16,7 @@
 
 namespace rigcal::agent {
 
-// Pictures of a small camera (640x480) with the paper's wand.
+// Images of a small camera (640x480) with the paper's wand.
 class RenderedWand {
  public:
   explicit RenderedWand(const FrameRenderOptions& options = QuietRoom()) {
@@ -54,9 +54,9 @@ class RenderedWand {
     SceneFrame frame;
     frame.wand = wand;
     frame.seed = seed;
-    auto truth = renderer_->Render(frame, pixels);
-    EXPECT_TRUE(truth.ok()) << truth.status();
-    return *std::move(truth);
+    auto ground_truth = renderer_->Render(frame, pixels);
+    EXPECT_TRUE(ground_truth.ok()) << ground_truth.status();
+    return *std::move(ground_truth);
   }
 
   ImageView View() const { return {pixels.data(), 640, 480, 640 * 3, PixelFormat::kBgr8}; }

@@ -27,7 +27,7 @@ WandMotion Standing() { return RenderedWand::Wand({-0.3, 0.1, 2.2}, {1, 0.2, 0.3
 
 TEST(WandDetector, FindsTheProjectionsOfTheSpheresCentres) {
   RenderedWand scene;
-  const FrameGroundTruth truth = scene.Render(Standing());
+  const FrameGroundTruth ground_truth = scene.Render(Standing());
   ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
   const Detection detection = MustDetect(detector, scene.View(), 77);
   ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
@@ -37,7 +37,7 @@ TEST(WandDetector, FindsTheProjectionsOfTheSpheresCentres) {
     const MarkerObservation& marker = detection.observation.markers[k];
     ASSERT_TRUE(marker.visible);
     EXPECT_EQ(marker.centre_kind, CentreKind::kSphereCentre);
-    EXPECT_LT((marker.centre_px - truth.markers[k].centre_px).norm(), 0.06) << k;
+    EXPECT_LT((marker.centre_px - ground_truth.markers[k].centre_px).norm(), 0.06) << k;
     EXPECT_GT(marker.label_confidence, 0.99f);
   }
 }
@@ -45,12 +45,14 @@ TEST(WandDetector, FindsTheProjectionsOfTheSpheresCentres) {
 TEST(WandDetector, LabelsFollowTheWandTurnedRound) {
   RenderedWand scene;
   ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
-  const FrameGroundTruth truth = scene.Render(RenderedWand::Wand({0.3, 0.1, 2.2}, {-1, -0.4, 0.2}));
+  const FrameGroundTruth ground_truth =
+      scene.Render(RenderedWand::Wand({0.3, 0.1, 2.2}, {-1, -0.4, 0.2}));
   const Detection detection = MustDetect(detector, scene.View());
   ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
   for (size_t k = 0; k < 3; ++k) {
-    EXPECT_LT((detection.observation.markers[k].centre_px - truth.markers[k].centre_px).norm(),
-              0.1);
+    EXPECT_LT(
+        (detection.observation.markers[k].centre_px - ground_truth.markers[k].centre_px).norm(),
+        0.1);
   }
 }
 
@@ -71,32 +73,33 @@ TEST(WandDetector, SymmetricWandHasNoSureLabels) {
 
 TEST(WandDetector, WithoutIntrinsicsTellsTheCentreOfTheImage) {
   RenderedWand scene;
-  const FrameGroundTruth truth = scene.Render(Standing());
+  const FrameGroundTruth ground_truth = scene.Render(Standing());
   scene.camera.intrinsics.reset();
   ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
   const Detection detection = MustDetect(detector, scene.View());
   ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
   for (size_t k = 0; k < 3; ++k) {
     EXPECT_EQ(detection.observation.markers[k].centre_kind, CentreKind::kImageBlob);
-    EXPECT_LT((detection.observation.markers[k].centre_px - truth.markers[k].centre_px).norm(),
-              0.2);
+    EXPECT_LT(
+        (detection.observation.markers[k].centre_px - ground_truth.markers[k].centre_px).norm(),
+        0.2);
   }
 }
 
 TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {
   RenderedWand scene;
-  const FrameGroundTruth truth = scene.Render(Standing());
-  const MarkerGroundTruth& covered = truth.markers[1];
-  const int x = static_cast<int>(covered.centre_px.x()) + 1;
-  scene.Fill(x, static_cast<int>(covered.centre_px.y()) - 15, 9, 30, 9, 9, 9);
+  const FrameGroundTruth ground_truth = scene.Render(Standing());
+  const MarkerGroundTruth& occluded = ground_truth.markers[1];
+  const int x = static_cast<int>(occluded.centre_px.x()) + 1;
+  scene.Fill(x, static_cast<int>(occluded.centre_px.y()) - 15, 9, 30, 9, 9, 9);
   ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
   const Detection detection = MustDetect(detector, scene.View());
   ASSERT_EQ(detection.outcome, DetectionOutcome::kWand);
-  EXPECT_EQ(detection.covered_markers, 1);
+  EXPECT_EQ(detection.occluded_markers, 1);
   EXPECT_TRUE(detection.observation.markers[0].visible);
   EXPECT_FALSE(detection.observation.markers[1].visible);
   EXPECT_TRUE(detection.observation.markers[2].visible);
-  EXPECT_EQ(detector.counts().covered_markers, 1u);
+  EXPECT_EQ(detector.counts().occluded_markers, 1u);
 }
 
 TEST(WandDetector, TwoEquallyGoodWandsAreAmbiguous) {

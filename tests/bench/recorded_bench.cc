@@ -20,6 +20,7 @@
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
+#include "tests/bench/must.h"
 #include "tests/bench/suites.h"
 #include "tests/server/solve/recorded_input.h"
 #include "tests/testing/recorded_data.h"
@@ -27,20 +28,7 @@
 namespace rigcal::testing::recorded_bench {
 namespace {
 
-template <typename T>
-T Must(absl::StatusOr<T> result) {
-  if (!result.ok()) {
-    std::fprintf(stderr, "%s\n", result.status().ToString().c_str());
-    std::exit(1);
-  }
-  return *std::move(result);
-}
-
-void Must(const absl::Status& status) {
-  if (status.ok()) return;
-  std::fprintf(stderr, "%s\n", status.ToString().c_str());
-  std::exit(1);
-}
+using bench::Must;
 
 struct Recording {
   server::CalibrationInput input;

@@ -25,6 +25,7 @@
 #include "server/solve/bundle/line_bundle.h"
 #include "server/solve/bundle/line_bundle_kernel.h"
 #include "server/solve/bundle/line_bundle_system.h"
+#include "tests/bench/must.h"
 #include "tests/bench/reference_bundle.h"
 #include "tests/bench/suites.h"
 #include "tests/testing/bundle_scene.h"
@@ -32,6 +33,7 @@
 namespace rigcal::testing::solve_bench {
 namespace {
 
+using bench::Must;
 using server::BundleOptions;
 using server::BundleProblem;
 using server::BundleSummary;
@@ -50,15 +52,6 @@ BundleScene MakeScene(int cameras, int instants, bool everything) {
   options.free_intrinsics = everything;
   options.free_rates = everything;
   return MakeBundleScene(options);
-}
-
-template <typename T>
-T Must(absl::StatusOr<T> result) {
-  if (!result.ok()) {
-    std::fprintf(stderr, "%s\n", result.status().ToString().c_str());
-    std::exit(1);
-  }
-  return *std::move(result);
 }
 
 double PerIteration(double seconds, const BundleSummary& summary) {

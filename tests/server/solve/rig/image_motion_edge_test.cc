@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "server/solve/rig/image_motion.h"
+#include "tests/server/solve/rig/track_of_path.h"
 
 namespace rigcal::server::image_motion_edge_test {
 namespace {
@@ -15,19 +16,7 @@ constexpr double kPeriod_s = 0.02;
 using Path = std::function<Eigen::Vector2d(double)>;
 
 AlignedTrack TrackOf(const Path& path, int rows, double period_s = kPeriod_s) {
-  AlignedTrack track;
-  track.period_s = period_s;
-  for (int i = 0; i < rows; ++i) {
-    Observation row;
-    row.time_ns = std::llround(1e9 * i * period_s);
-    MarkerObservation marker;
-    marker.visible = true;
-    marker.centre_px = path(i * period_s);
-    marker.covariance_px2 = 0.09 * Eigen::Matrix2d::Identity();
-    row.markers.push_back(marker);
-    track.track.observations.push_back(row);
-  }
-  return track;
+  return TrackOfPath(path, rows, period_s, 0.3);
 }
 
 MarkerObservation& Marker(AlignedTrack& track, int row) {

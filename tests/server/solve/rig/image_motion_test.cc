@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/simulation/world/random_stream.h"
+#include "tests/server/solve/rig/track_of_path.h"
 
 namespace rigcal::server::image_motion_test {
 namespace {
@@ -15,21 +16,7 @@ Eigen::Vector2d PathAt(double t) {
 }
 Eigen::Vector2d VelocityAt(double t) { return {800 * std::cos(4 * t), -450 * std::sin(3 * t)}; }
 
-AlignedTrack Track(int rows, double period_s) {
-  AlignedTrack track;
-  track.period_s = period_s;
-  for (int i = 0; i < rows; ++i) {
-    Observation row;
-    row.time_ns = std::llround(1e9 * i * period_s);
-    MarkerObservation marker;
-    marker.visible = true;
-    marker.centre_px = PathAt(i * period_s);
-    marker.covariance_px2 = 0.25 * Eigen::Matrix2d::Identity();
-    row.markers.push_back(marker);
-    track.track.observations.push_back(row);
-  }
-  return track;
-}
+AlignedTrack Track(int rows, double period_s) { return TrackOfPath(PathAt, rows, period_s, 0.5); }
 
 TEST(ImageMotion, FollowsASmoothPath) {
   const AlignedTrack track = Track(40, 0.05);

@@ -15,7 +15,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "agent/capture/source_spec.h"
+#include "agent/capture/registry/source_help.h"
+#include "agent/capture/registry/source_registry.h"
 #include "agent/command/subcommands.h"
 #include "agent/spool/memory_spool.h"
 #include "agent/uplink/agent_state.h"
@@ -26,31 +27,22 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr std::chrono::seconds kPatienceAtEnd{2};
+constexpr std::chrono::seconds kDeliveryTimeAtEnd{2};
 
 constexpr char kDescription[] =
-    "Streams what the cameras of this PC see of the wand to a rigcal server.";
-constexpr char kFooter[] =
-    "SPEC is [NAME=]KIND and what it needs:\n"
-    "  csv:PATH[;sigma=PX][;centres=blob|sphere]    recorded markers\n"
-    "  images:FOLDER[;fps=RATE][;timestamps=FILE]   recorded pictures\n"
-    "  video:FILE[;fps=RATE][;timestamps=FILE]      the same\n"
-    "  aravis:DEVICE[;exposure=S][;gain=DB][;frame_rate=HZ][;trigger=software|LINE]\n"
-    "        [;pixel_format=NAME][;ptp=1]           a GenICam camera, by id, serial or address\n"
-    "  raw:FILE[;rate=HZ][;trigger=rising|falling|middle]   a recording of an event camera\n"
-    "  metavision:[serial=NUMBER][;biases=FILE][;rate=HZ][;trigger=...][;sync=primary|secondary]\n"
-    "                                               a live event camera, where it was built in\n"
-    "  sim:camera=INDEX[;pixels=1][;OPTION=VALUE]   a simulated camera, with pictures or without\n"
-    "  All but sim: [;calibration=FILE]. All that is recorded or simulated: [;speed=max|FACTOR].\n"
-    "  All with pictures: [;hue_min=DEG][;hue_max=DEG][;saturation_min=0..1][;value_min=1..255]\n"
-    "        [;min_area=PX][;max_area=PX][;tracking=0][;mask=FILE][;learn_mask=S]; see the\n"
-    "        commands tune and mask, and deploy/agent.toml for the rest.\n"
-    "Examples:\n"
-    "  rigcal-agent --source csv:rig/left.csv --source csv:rig/right.csv\n"
-    "  rigcal-agent --server 10.0.0.5:7420 --source 'left=aravis:192.168.1.5;exposure=0.004'\n"
-    "  rigcal-agent --source 'sim:camera=0;cameras=4;pixels=1'\n"
-    "SIGTERM or SIGINT ends captures, delivers what is there for up to 2 s, and exits with 0.\n"
-    "Exit codes: 0 ended by signal or the command is done, 1 failed, 2 usage.";
+    "Streams the wand observations of this PC's cameras to a rigcal server.";
+std::string Footer() {
+  return absl::StrCat(
+      "SPEC is [NAME=]KIND:[SUBJECT][;OPTION=VALUE]..., where KIND is one of\n", SourceSummaries(),
+      "Command `sources KIND` lists the options of a kind; deploy/agent.toml shows the same in a "
+      "file.\n"
+      "Examples:\n"
+      "  rigcal-agent --source csv:rig/left.csv --source csv:rig/right.csv\n"
+      "  rigcal-agent --server 10.0.0.5:7420 --source 'left=aravis:192.168.1.5;exposure=0.004'\n"
+      "  rigcal-agent --source 'sim:camera=0;cameras=4;pixels=1'\n"
+      "SIGTERM or SIGINT ends captures, delivers what is there for up to 2 s, and exits with 0.\n"
+      "Exit codes: 0 ended by signal or the command is done, 1 failed, 2 usage.");
+}
 
 struct Flags {
   std::string config;
@@ -63,16 +55,16 @@ struct Flags {
 };
 
 void AddFlags(CLI::App& app, Flags& flags) {
-  app.add_option("--config", flags.config, "TOML file; flags go before what it says");
+  app.add_option("--config", flags.config, "TOML file; flags override it");
   app.add_option("--server", flags.server, "HOST:PORT of the server [127.0.0.1:7420]");
   app.add_option("--rig", flags.rig, "Rig the cameras belong to [rig]");
   app.add_option("--agent-id", flags.agent_id, "Name of this agent [kept in the state directory]");
   app.add_option("--state-dir", flags.state_dir,
                  "Folder of this agent alone [~/.local/state/rigcal/agent/AGENT_ID]");
   app.add_option("--source", flags.sources,
-                 "SPEC of a camera; repeatable; instead of the cameras of the file");
+                 "SPEC of a camera; repeatable; replaces the cameras of the file");
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error, off [info]");
-  app.footer(kFooter);
+  app.footer(Footer());
 }
 
 absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
@@ -89,18 +81,18 @@ absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
   return config;
 }
 
-// Every source that is wrong, at once.
+// INVALID_ARGUMENT with the faults of all sources.
 absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
     const Flags& flags, const AgentConfig& config) {
-  std::vector<absl::StatusOr<SourceSpec>> specs;
+  std::vector<absl::StatusOr<std::unique_ptr<SourceSpec>>> specs;
   for (const std::string& text : flags.sources) specs.push_back(ParseSourceSpec(text));
   if (specs.empty()) {
     for (const CameraConfig& camera : config.cameras) specs.push_back(ParseSourceSpec(camera));
   }
   std::vector<std::unique_ptr<ObservationSource>> sources;
   std::vector<std::string> faults;
-  for (const absl::StatusOr<SourceSpec>& spec : specs) {
-    auto source = spec.ok() ? CreateSource(*spec) : spec.status();
+  for (const auto& spec : specs) {
+    auto source = spec.ok() ? (*spec)->Create() : spec.status();
     if (source.ok()) {
       sources.push_back(*std::move(source));
     } else {
@@ -142,7 +134,7 @@ absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("signal {}: ending captures", signal);
-  uplink->Shutdown(kPatienceAtEnd);
+  uplink->Shutdown(kDeliveryTimeAtEnd);
   return absl::OkStatus();
 }
 
@@ -154,7 +146,7 @@ int Run(const Flags& flags, const sigset_t& signals) {
 }
 
 int RunSubcommand(const std::function<absl::Status()>& run, const sigset_t& signals) {
-  // What is written is written as it goes: a signal may end it at once.
+  // Output is written as it goes: a signal may end the command at once.
   pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
   absl::Status status;
   try {

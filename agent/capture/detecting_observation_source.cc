@@ -30,11 +30,11 @@ struct Advice {
 };
 constexpr Advice kAdvice[] = {
     {DetectionOutcome::kBlack, "picture_black",
-     "the picture is black: lens cap, too short an exposure, or no light"},
+     "the frame is black: lens cap, too short an exposure, or no light"},
     {DetectionOutcome::kSaturated, "picture_saturated",
-     "most of the picture is at its brightest: shorten the exposure or turn the gain down"},
+     "most of the frame is at its brightest: shorten the exposure or turn the gain down"},
     {DetectionOutcome::kTooManyBlobs, "too_many_blobs",
-     "the colour range takes far too much of the picture: learn it with rigcal-agent tune, and "
+     "the colour range takes far too much of the frame: learn it with rigcal-agent tune, and "
      "static spots with rigcal-agent mask"},
 };
 
@@ -125,8 +125,8 @@ absl::StatusOr<bool> DetectingObservationSource::LearnsMask(const Frame& frame) 
   for (int y = 0; y < std::min(mask_.height(), learnt.height()); ++y) {
     for (int i = 0; i < learnt.words_per_row(); ++i) learnt.MutableRow(y)[i] |= mask_.Row(y)[i];
   }
-  spdlog::info("camera {}: learnt from {} pictures to ignore {} pixels that do not move",
-               description().camera, learner_->picture_count(), learnt.CountPixels());
+  spdlog::info("camera {}: learnt from {} frames to ignore {} pixels that do not move",
+               description().camera, learner_->frame_count(), learnt.CountPixels());
   learner_.reset();
   RIGCAL_RETURN_IF_ERROR(detector_->SetIgnored(std::move(learnt)));
   return false;
@@ -137,14 +137,14 @@ void DetectingObservationSource::CheckExposure(const Frame& frame) {
   if (frame.exposure_s <= 0 || blink_period_s_ <= 0 || frame.exposure_s >= blink_period_s_) return;
   spdlog::warn(
       "camera {}: the exposure of {} ms is shorter than one blink of the target ({} ms): in some "
-      "pictures its markers are dark. Lengthen the exposure, or let the target blink faster",
+      "frames its markers are dark. Lengthen the exposure, or let the target blink faster",
       description().camera, frame.exposure_s * 1e3, blink_period_s_ * 1e3);
 }
 
 void DetectingObservationSource::Note(const Frame& frame) {
   detections_.Add(detection_.outcome);
   const auto example = [&](std::string_view what) {
-    return absl::StrCat("picture at ", frame.time_ns, " ns: ", std::string(what));
+    return absl::StrCat("frame at ", frame.time_ns, " ns: ", std::string(what));
   };
   for (const Advice& advice : kAdvice) {
     if (detection_.outcome != advice.outcome) continue;

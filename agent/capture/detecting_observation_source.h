@@ -22,25 +22,24 @@
 
 namespace rigcal::agent {
 
-// How the wand is found in a camera's pictures.
+// How the wand is found in a camera's frames.
 struct DetectingOptions {
   WandDetectorOptions detector;
-  // A picture of the camera's size, white where nothing is looked for; empty: none. As written by
-  // `rigcal-agent mask`.
+  // An image of the camera's size, white where pixels are ignored, as `rigcal-agent mask` writes
+  // it; empty: none.
   std::string mask_path;
-  // At the beginning of each capture, for so long (camera time, 0 to 600 s), static bright spots
-  // are learnt, on top of the mask's. The observations of that time are empty.
+  // At the start of each capture (camera time, 0 to 600 s) static bright spots are learnt and added
+  // to the mask. Observations of that time are empty.
   double learn_mask_s = 0;
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };
 
-// A detector behind a camera that yields pictures: one observation per picture, empty where the
-// wand is not found. Refuses nothing, but counts among the refused what the pictures are not good
-// for: picture_black, picture_saturated, too_many_blobs, and marker_covered for each sphere that is
-// half hidden. Warns of these now and then, and of an exposure shorter than one blink of the
-// target.
+// Observations of a camera that yields frames: one per frame, empty if the wand is not found.
+// Refused counts faults of the frames (picture_black, picture_saturated, too_many_blobs) and
+// marker_covered for each sphere that is half occluded; they are logged from time to time, as is an
+// exposure shorter than one blink of the target.
 class DetectingObservationSource : public ObservationSource {
  public:
   // INVALID_ARGUMENT: the options, or a mask that does not fit; NOT_FOUND: no such mask. Messages
@@ -58,9 +57,9 @@ class DetectingObservationSource : public ObservationSource {
   std::optional<DetectionCounts> detection_counts() const override { return detections_; }
   PreviewTap* preview_tap() override { return &preview_tap_; }
 
-  // What the picture gave whose observation was yielded last.
+  // Of the last observation.
   const Detection& last_detection() const { return detection_; }
-  // Where the detector looked and the blobs it saw there; empty before the first picture.
+  // The region searched and the blobs found in it; empty before the first frame.
   PixelRect last_window() const { return detector_ ? detector_->window() : PixelRect{}; }
   absl::Span<const Blob> last_blobs() const {
     return detector_ ? detector_->blobs() : absl::Span<const Blob>();

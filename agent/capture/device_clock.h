@@ -9,38 +9,38 @@
 
 namespace rigcal::agent {
 
-// When a picture came, by the host's clocks.
+// The arrival of a frame by the host's clocks.
 struct FrameArrival {
-  int64_t device_ns = 0;  // what the camera's clock showed about then: stamp + exposure
+  int64_t device_ns = 0;  // the camera's clock at about that time: timestamp + exposure
   int64_t host_monotonic_ns = 0;
   int64_t host_utc_ns = 0;
 };
 
-// Follows a camera's clock: tells when it began anew, and gathers readings of it beside the host's
-// clocks, one a second. A reading is best taken from the camera (AddReading); from a camera that
-// cannot be asked it is the picture that came with the least delay in that second, which is late by
-// readout and network, so its uncertainty is kArrivalUncertaintyNs. For one thread.
+// Follows a camera's clock: detects restarts and pairs one reading a second with the host's clocks.
+// The camera's own reading is best (AddReading). Without it, the frame that arrived with the least
+// delay in that second serves; readout and network delay it, so its uncertainty is
+// kArrivalUncertaintyNs. For one thread.
 class DeviceClock {
  public:
   static constexpr int64_t kIntervalNs = 1'000'000'000;
   static constexpr uint32_t kArrivalUncertaintyNs = 5'000'000;
-  // After a reconnect: a clock this far from where it should be has begun anew.
+  // After a reconnect, a clock that deviates by more than this has restarted.
   static constexpr int64_t kSameClockNs = 500'000'000;
 
-  // The epoch of a picture's stamp: a new one when the clock went back, or when the camera was away
-  // (Reconnected) and its clock no longer stands where it would. Stamps in capture order.
+  // The clock epoch of a timestamp: a new one if the clock stepped back, or restarted while the
+  // camera was away (Reconnected). Timestamps in capture order.
   uint32_t EpochOf(int64_t stamp_ns, const FrameArrival& arrival);
   void Reconnected() { was_away_ = true; }
 
-  // Whether a second has gone since the last reading.
+  // True a second after the last reading.
   bool ReadingIsDue(int64_t host_monotonic_ns) const;
-  // A reading that the camera itself gave. False: it stands more than two seconds from where the
-  // pictures' stamps put the clock, so it counts something else; it is not kept.
+  // The camera's own reading. False: it is more than two seconds from the frames' timestamps, so it
+  // is of another clock; it is discarded.
   bool AddReading(const ClockSample& sample);
-  // To be called for every picture of a camera that cannot be asked.
+  // For every frame of a camera whose clock cannot be read.
   void AddArrival(const FrameArrival& arrival);
 
-  // Gathered since the last call, all of the epoch of the last stamp.
+  // Since the last call, all in the epoch of the last timestamp.
   std::vector<ClockSample> Take();
 
  private:

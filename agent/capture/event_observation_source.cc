@@ -44,13 +44,13 @@ absl::Status EventObservationSource::Start(const Target& target) {
   last_epoch_ = 0;
   found_.clear();
   next_ = 0;
-  // Says at once what a detector cannot do, whatever the format will be.
+  // Fails now if the detector cannot work, whatever the format will be.
   RIGCAL_RETURN_IF_ERROR(BlinkWandDetector::Create(options_, target, description(),
                                                    EventFormat::kEvt3, /*halves_swapped=*/false)
                              .status());
   if (target.blink_hz.empty()) {
     spdlog::warn(
-        "camera {}: the target does not say how fast its markers blink; {} Hz are assumed: add "
+        "camera {}: the target has no blink frequency; {} Hz is assumed: add "
         ";hz=RATE to the target",
         description().camera, options_.blink_hz);
   }
@@ -86,7 +86,7 @@ absl::Status EventObservationSource::Detect(const EventChunk& chunk) {
   const size_t first_found = found_.size();
   detector_->Take(chunk.bytes, &found_);
   CountEpochs(first_found);
-  // Now, while the source still knows where these bytes are from.
+  // Now, while the source still knows the place of these bytes.
   for (const auto& [name, offset] : detector_->fault_places().Named()) {
     if (first_faults_.contains(name)) continue;
     first_faults_.emplace(name, events_->PlaceOf(detector_offset_ + offset));
@@ -112,25 +112,13 @@ void EventObservationSource::CountEpochs(size_t first_found) {
 
 EventFaults EventObservationSource::AllFaults() const {
   EventFaults all = past_faults_;
-  if (!detector_) return all;
-  const EventFaults& now = detector_->faults();
-  all.unknown_words += now.unknown_words;
-  all.outside_geometry += now.outside_geometry;
-  all.before_time += now.before_time;
-  all.time_steps_back += now.time_steps_back;
-  all.truncated_bytes += now.truncated_bytes;
+  if (detector_) all += detector_->faults();
   return all;
 }
 
 BlinkWandCounts EventObservationSource::AllCounts() const {
   BlinkWandCounts all = past_counts_;
-  if (!detector_) return all;
-  const BlinkWandCounts& now = detector_->counts();
-  all.by_outcome += now.by_outcome;
-  all.same_burst += now.same_burst;
-  all.out_of_order += now.out_of_order;
-  all.dense_triggers += now.dense_triggers;
-  all.beyond_data += now.beyond_data;
+  if (detector_) all += detector_->counts();
   return all;
 }
 
@@ -159,22 +147,21 @@ std::vector<Refusal> EventObservationSource::Refused() const {
                                          : absl::StrCat(what, "; the first one: ", first->second));
   };
   add("event_unknown_word", faults.unknown_words, "unknown_words",
-      "words or times that cannot be: damaged, or another format than the header says");
+      "invalid words or times: damaged, or not the format of the header");
   add("event_outside_geometry", faults.outside_geometry, "outside_geometry",
       absl::StrCat("events of pixels that a sensor of ", description().image_size_px.width, "x",
                    description().image_size_px.height, " does not have; is its geometry right?"));
-  add("event_before_time", faults.before_time, "before_time",
-      "events ahead of the first word that tells the time");
+  add("event_before_time", faults.before_time, "before_time", "events before the first time word");
   add("event_truncated_bytes", faults.truncated_bytes, "truncated_bytes",
       "the stream ends within a word");
   all.Add("", "event_trigger_too_dense", Clamped(counts.dense_triggers),
           "triggers less than 0.4 ms apart: noise at the trigger input?");
   all.Add(
       "", "event_answer_without_data", Clamped(counts.beyond_data),
-      "answers of the fixed rate that were left out: the clock jumps ahead by more of them than "
-      "the bytes around can tell anything about");
+      "observations at the fixed rate left out: the clock jumps ahead by more of them than there "
+      "are events for");
   all.Add("", "event_out_of_order", Clamped(counts.out_of_order),
-          "observations older than the one told before");
+          "observations older than the previous one");
   return all.List();
 }
 

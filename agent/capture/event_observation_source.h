@@ -19,11 +19,10 @@
 
 namespace rigcal::agent {
 
-// A detector behind a camera that yields events: one observation for each answer of
-// BlinkWandDetector, empty where the wand is not found. Counts among the refused what was wrong in
-// the stream: event_unknown_word, event_outside_geometry, event_before_time,
-// event_truncated_bytes, and of its answers event_trigger_too_dense, event_answer_without_data and
-// event_out_of_order.
+// Observations of a camera that yields events: one for each detection of BlinkWandDetector, empty
+// if the wand is not found. Refused counts faults of the stream (event_unknown_word,
+// event_outside_geometry, event_before_time, event_truncated_bytes) and of the detections
+// (event_trigger_too_dense, event_answer_without_data, event_out_of_order).
 class EventObservationSource : public ObservationSource {
  public:
   // INVALID_ARGUMENT: the options; the message begins with the camera's name.
@@ -40,10 +39,10 @@ class EventObservationSource : public ObservationSource {
 
  private:
   EventObservationSource(std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options);
-  // More answers; false: there will be none.
+  // More detections; false: there will be none.
   absl::StatusOr<bool> TakeChunk();
   absl::Status Detect(const EventChunk& chunk);
-  void FinishDetector();  // and keeps what it counted
+  void FinishDetector();  // keeps its counts
   void CountEpochs(size_t first_found);
   EventFaults AllFaults() const;
   BlinkWandCounts AllCounts() const;
@@ -51,14 +50,14 @@ class EventObservationSource : public ObservationSource {
   const std::unique_ptr<EventSource> events_;
   const BlinkWandDetectorOptions options_;
   Target target_;
-  std::optional<BlinkWandDetector> detector_;  // from the first chunk on, which tells the format
-  // Of detectors before this one: the clock began anew in between.
+  std::optional<BlinkWandDetector> detector_;  // from the first chunk on, which has the format
+  // Of earlier detectors: the clock restarted in between.
   EventFaults past_faults_;
   BlinkWandCounts past_counts_;
   uint64_t detector_offset_ = 0;  // in the stream, of the first byte the detector took
   std::map<std::string, std::string, std::less<>> first_faults_;  // by kind: its place
   uint32_t first_epoch_ = 0;                                      // of the detector
-  uint32_t last_epoch_ = 0;                                       // told so far
+  uint32_t last_epoch_ = 0;                                       // emitted so far
   std::vector<Detection> found_;
   size_t next_ = 0;  // of found_
   bool ended_ = true;

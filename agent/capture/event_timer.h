@@ -11,7 +11,7 @@
 
 namespace rigcal::agent {
 
-// Tells what time it is in a stream as a sensor encodes it, exactly as its decoder does.
+// Follows the time of an encoded stream exactly as its decoder does.
 class EventTimer {
  public:
   EventTimer(EventFormat format, bool halves_swapped, const SensorGeometry& geometry);

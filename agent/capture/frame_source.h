@@ -16,7 +16,7 @@
 
 namespace rigcal::agent {
 
-// One picture. The view is valid until the source's next Next, Start or its end.
+// Valid until the source's next Next, Start or its end.
 struct Frame {
   ImageView image;
   int64_t time_ns = 0;  // the camera's clock, the middle of the exposure
@@ -26,7 +26,7 @@ struct Frame {
 
 using rigcal::FrameCounts;
 
-// One camera's pictures in capture order. Start, Next, TakeClockSamples and the getters are called
+// One camera's frames in capture order. Start, Next, TakeClockSamples and the getters are called
 // by one thread; Stop by any.
 class FrameSource {
  public:
@@ -39,8 +39,8 @@ class FrameSource {
   // simulated camera shows; the others ignore it.
   virtual absl::Status Start(const Target& target) = 0;
 
-  // The next whole picture; waits for it. None: the source has ended or was stopped. A damaged
-  // picture is counted and skipped. An error ends the capture.
+  // The next complete frame; waits for it. None: the source has ended or was stopped. A damaged
+  // frame is counted and skipped. An error ends the capture.
   virtual absl::StatusOr<std::optional<Frame>> Next() = 0;
 
   // Makes a waiting and every later Next return none, until the next Start.

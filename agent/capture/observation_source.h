@@ -18,7 +18,7 @@ namespace rigcal::agent {
 class PreviewTap;
 
 // One camera's observations in capture order. Recorded and simulated cameras yield them directly; a
-// camera that yields pictures or events has a detector between it and this interface.
+// camera that yields frames or events has a detector between it and this interface.
 //
 // Start, Next, the takers and the getters are called by one thread; Stop and preview_tap by any.
 class ObservationSource {
@@ -43,16 +43,15 @@ class ObservationSource {
   // yielded last.
   virtual std::vector<ClockSample> TakeClockSamples() { return {}; }
 
-  // What was refused since Start, by reason. `camera` is left empty.
+  // Refused since Start, by reason. `camera` is left empty.
   virtual std::vector<Refusal> Refused() const { return {}; }
 
-  // What became of the pictures since Start, and what the detector made of them. None: the source
-  // has no pictures, or no detector.
+  // Counts of frames and of detections since Start. None: the source has no frames, or no detector.
   virtual std::optional<FrameCounts> frame_counts() const { return std::nullopt; }
   virtual std::optional<DetectionCounts> detection_counts() const { return std::nullopt; }
 
-  // Where a picture can be asked for, by any thread; lives as long as the source. Null: the source
-  // has no pictures.
+  // For requests of frames by any thread; lives as long as the source. Null: the source has no
+  // frames.
   virtual PreviewTap* preview_tap() { return nullptr; }
 };
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/recorded/image_file.h"
+#include "agent/capture/image_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -31,12 +31,12 @@ StaticMaskLearner::StaticMaskLearner(ColourMasker masker, const ImageSize& size_
       taken_(static_cast<size_t>(width_) * static_cast<size_t>(height_)),
       words_(static_cast<size_t>((width_ + kMaskWordBits - 1) / kMaskWordBits)) {}
 
-void StaticMaskLearner::Add(const ImageView& picture) {
-  if (picture.width != width_ || picture.height != height_) return;
-  ++picture_count_;
+void StaticMaskLearner::Add(const ImageView& frame) {
+  if (frame.width != width_ || frame.height != height_) return;
+  ++frame_count_;
   for (int y = 0; y < height_; ++y) {
     uint32_t* const taken = taken_.data() + static_cast<size_t>(y) * static_cast<size_t>(width_);
-    if (masker_.MaskRow(picture, y, 0, static_cast<int>(words_.size()), words_.data()) == 0) {
+    if (masker_.MaskRow(frame, y, 0, static_cast<int>(words_.size()), words_.data()) == 0) {
       continue;
     }
     for (int x = 0; x < width_; ++x) {
@@ -48,8 +48,7 @@ void StaticMaskLearner::Add(const ImageView& picture) {
 
 PixelMask StaticMaskLearner::Learn() const {
   PixelMask mask(width_, height_);
-  const auto enough =
-      static_cast<uint32_t>(std::max(1.0, std::ceil(kStaticShare * picture_count_)));
+  const auto enough = static_cast<uint32_t>(std::max(1.0, std::ceil(kStaticShare * frame_count_)));
   for (int y = 0; y < height_; ++y) {
     for (int x = 0; x < width_; ++x) {
       if (taken_[static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x)] <
@@ -65,35 +64,35 @@ PixelMask StaticMaskLearner::Learn() const {
 }
 
 absl::StatusOr<PixelMask> ReadMask(const std::string& path, const ImageSize& size_px) {
-  RIGCAL_ASSIGN_OR_RETURN(const cv::Mat picture, ReadImage(path));
-  if (picture.cols != static_cast<int>(size_px.width) ||
-      picture.rows != static_cast<int>(size_px.height)) {
+  RIGCAL_ASSIGN_OR_RETURN(const cv::Mat image, ReadImage(path));
+  if (image.cols != static_cast<int>(size_px.width) ||
+      image.rows != static_cast<int>(size_px.height)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the mask ", path, " is ", picture.cols, "x", picture.rows,
-                     " pixels, but the camera's pictures are ", size_px.width, "x", size_px.height,
+        absl::StrCat("the mask ", path, " is ", image.cols, "x", image.rows,
+                     " pixels, but the camera's frames are ", size_px.width, "x", size_px.height,
                      "; learn it anew with rigcal-agent mask"));
   }
-  PixelMask mask(picture.cols, picture.rows);
-  for (int y = 0; y < picture.rows; ++y) {
-    const uchar* const row = picture.ptr(y);
-    for (int x = 0; x < picture.cols; ++x) {
-      const uchar* const pixel = row + x * picture.channels();
-      mask.Set(x, y, *std::max_element(pixel, pixel + picture.channels()) >= kHalfBrightness);
+  PixelMask mask(image.cols, image.rows);
+  for (int y = 0; y < image.rows; ++y) {
+    const uchar* const row = image.ptr(y);
+    for (int x = 0; x < image.cols; ++x) {
+      const uchar* const pixel = row + x * image.channels();
+      mask.Set(x, y, *std::max_element(pixel, pixel + image.channels()) >= kHalfBrightness);
     }
   }
   return mask;
 }
 
 absl::Status WriteMask(const PixelMask& mask, const std::string& path) {
-  cv::Mat picture(mask.height(), mask.width(), CV_8UC1);
-  for (int y = 0; y < picture.rows; ++y) {
-    for (int x = 0; x < picture.cols; ++x) picture.at<uchar>(y, x) = mask.Get(x, y) ? 255 : 0;
+  cv::Mat image(mask.height(), mask.width(), CV_8UC1);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) image.at<uchar>(y, x) = mask.Get(x, y) ? 255 : 0;
   }
   try {
-    if (cv::imwrite(path, picture)) return absl::OkStatus();
+    if (cv::imwrite(path, image)) return absl::OkStatus();
   } catch (const cv::Exception&) {
     return absl::InvalidArgumentError(
-        absl::StrCat("cannot write ", path, ": name a picture file, such as mask.png"));
+        absl::StrCat("cannot write ", path, ": name an image file, such as mask.png"));
   }
   return absl::PermissionDeniedError(absl::StrCat("cannot write ", path));
 }

@@ -15,9 +15,9 @@
 
 namespace rigcal::agent {
 
-// Learns what in front of a camera looks like a marker but stands still: lamps, their reflections,
-// warm-coloured things. From pictures without the wand, or with one that is moved: what the colour
-// range takes in at least kStaticShare of the pictures is static, and so is what lies around it.
+// Learns the static pixels that look like a marker: lamps, their reflections, warm-coloured things.
+// Needs frames without the wand, or with a moving one: pixels in the colour range in at least
+// kStaticShare of the frames are static, with a margin around them.
 class StaticMaskLearner {
  public:
   static constexpr double kStaticShare = 0.25;
@@ -27,10 +27,10 @@ class StaticMaskLearner {
   static absl::StatusOr<StaticMaskLearner> Create(const ColourRange& colour,
                                                   const ImageSize& size_px);
 
-  // Pictures of another size are left out.
-  void Add(const ImageView& picture);
-  int picture_count() const { return picture_count_; }
-  // Empty (no pixel set) before the first picture.
+  // Frames of another size are ignored.
+  void Add(const ImageView& frame);
+  int frame_count() const { return frame_count_; }
+  // Empty (no pixel set) before the first frame.
   PixelMask Learn() const;
 
  private:
@@ -39,14 +39,13 @@ class StaticMaskLearner {
   ColourMasker masker_;
   int width_ = 0;
   int height_ = 0;
-  int picture_count_ = 0;
-  std::vector<uint32_t> taken_;  // pictures in which a pixel was taken, row by row
+  int frame_count_ = 0;
+  std::vector<uint32_t> taken_;  // frames in which a pixel was taken, row by row
   std::vector<uint64_t> words_;
 };
 
-// A mask as a picture, white where pixels are ignored. ReadMask takes every picture and looks at
-// its brightest channel, from half of the brightness on.
-// INVALID_ARGUMENT: its size is not `size_px`. Others as ReadImage.
+// A mask as an image, white where pixels are ignored: where the brightest channel is at least half
+// of full scale. INVALID_ARGUMENT: its size is not `size_px`. Others as ReadImage.
 absl::StatusOr<PixelMask> ReadMask(const std::string& path, const ImageSize& size_px);
 absl::Status WriteMask(const PixelMask& mask, const std::string& path);
 

@@ -45,15 +45,14 @@ std::string FormatSummary(const ConvertFlags& flags, const ConversionSummary& su
 
 absl::Status Convert(const ConvertFlags& flags, std::ostream& out) {
   RIGCAL_RETURN_IF_ERROR(CheckEventFileEnding(flags.out));
-  RIGCAL_ASSIGN_OR_RETURN(const auto geometry, flags.file.Geometry());
   const auto summary = ConvertEventFile({.in = flags.in,
                                          .out = flags.out,
-                                         .geometry = geometry,
-                                         .plain = flags.file.Plain(),
+                                         .geometry = flags.file.geometry,
+                                         .plain = flags.file.plain,
                                          .layout = flags.layout,
                                          .force = flags.force});
   if (!summary.ok()) {
-    // What is in the file is no fault of what was typed.
+    // A fault of the file, not of the command line.
     return absl::FailedPreconditionError(std::string(summary.status().message()));
   }
   out << FormatSummary(flags, *summary);
@@ -66,7 +65,9 @@ void AddConvertCommand(CLI::App& app, std::ostream& out, std::function<absl::Sta
   CLI::App* const command =
       app.add_subcommand("convert", "Writes a file of events in another format");
   const auto flags = std::make_shared<ConvertFlags>();
-  command->add_option("in", flags->in, "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, told by what it is")
+  command
+      ->add_option("in", flags->in,
+                   "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, the format is detected from the content")
       ->required();
   command
       ->add_option("out", flags->out,
@@ -83,7 +84,7 @@ void AddConvertCommand(CLI::App& app, std::ostream& out, std::function<absl::Sta
       "Examples:\n"
       "  rigcal-agent convert left.raw left.h5\n"
       "  rigcal-agent convert events.csv left.raw --geometry 640x480 --time s\n"
-      "Triggers are kept but in CSV and in --layout events. What was left out is printed.\n"
+      "Triggers are kept, except in CSV and in --layout events. Everything left out is printed.\n"
       "Exit codes: 0 ok, 1 failed, 2 usage.");
   command->callback(
       [flags, chosen, &out] { *chosen = [flags, &out] { return Convert(*flags, out); }; });

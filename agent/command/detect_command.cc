@@ -12,7 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "agent/capture/detecting_observation_source.h"
-#include "agent/capture/recorded/image_file.h"
+#include "agent/capture/image_file.h"
 #include "agent/command/detection_report.h"
 #include "agent/command/frame_input.h"
 #include "agent/command/marker_csv.h"
@@ -33,11 +33,11 @@ struct DetectFlags {
   std::string out;
   std::string annotate;
   bool no_tracking = false;
-  uint64_t pictures = 0;
+  uint64_t frames = 0;
   std::string format = "table";
 };
 
-// Where annotated pictures go: one file for one picture, or a folder.
+// Where annotated images go: one file for one image, or a folder.
 class Annotations {
  public:
   static absl::StatusOr<Annotations> Create(const std::string& path) {
@@ -55,7 +55,7 @@ class Annotations {
     const bool is_file = IsImageName(path_);
     if (is_file && count_ == 1) {
       return absl::InvalidArgumentError(
-          absl::StrCat(path_, " is one picture, but there are several: name a folder"));
+          absl::StrCat(path_, " is one image, but there are several frames: name a folder"));
     }
     const fs::path path =
         is_file ? fs::path(path_)
@@ -77,7 +77,7 @@ class Annotations {
   int count_ = 0;
 };
 
-// Takes what one picture gave into the report, the CSV and the annotations.
+// Writes the detections of each frame to the report, the CSV and the annotations.
 class Detecting {
  public:
   Detecting(TimedFrameSource* frames, DetectingObservationSource* source)
@@ -123,13 +123,13 @@ class Detecting {
 
 absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_ASSIGN_OR_RETURN(FrameSourceSpec spec, ResolvePictureInput(flags.input));
-  if (flags.no_tracking) spec.detecting.detector.tracking = false;
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, CreateFrameSource(spec));
-  auto timed = std::make_unique<TimedFrameSource>(std::move(frames), flags.pictures);
+  RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
+  if (flags.no_tracking) spec->detecting.detector.tracking = false;
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, spec->Make());
+  auto timed = std::make_unique<TimedFrameSource>(std::move(frames), flags.frames);
   TimedFrameSource* const timed_frames = timed.get();
   RIGCAL_ASSIGN_OR_RETURN(const auto source,
-                          DetectingObservationSource::Create(std::move(timed), spec.detecting));
+                          DetectingObservationSource::Create(std::move(timed), spec->detecting));
   RIGCAL_ASSIGN_OR_RETURN(Annotations annotations, Annotations::Create(flags.annotate));
   std::optional<MarkerCsvWriter> csv;
   if (!flags.out.empty()) {
@@ -141,25 +141,24 @@ absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   out << (flags.format == "json" ? ReportJson(detecting.report())
                                  : FormatReport(detecting.report()));
   if (timed_frames->counts().received > 0) return absl::OkStatus();
-  return absl::FailedPreconditionError("there was no picture to look at");
+  return absl::FailedPreconditionError("there were no frames");
 }
 
 }  // namespace
 
 void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
   CLI::App* const command =
-      app.add_subcommand("detect", "Finds the wand in a picture, a folder or a video");
+      app.add_subcommand("detect", "Finds the wand in an image, a folder or a video");
   const auto flags = std::make_shared<DetectFlags>();
-  AddPictureInput(*command, &flags->input);
+  AddFrameInput(*command, &flags->input);
   command->add_option("--target", flags->target, "wand:0,0.13,0.39;diameter=0.04;hz=500")
       ->required();
   command->add_option("--out", flags->out,
-                      "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per picture");
-  command->add_option(
-      "--annotate", flags->annotate,
-      "Folder for pictures with what was found drawn in; FILE.png for a single one");
-  command->add_flag("--no-tracking", flags->no_tracking, "Search every picture whole");
-  command->add_option("--pictures", flags->pictures, "At most so many [all]");
+                      "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per frame");
+  command->add_option("--annotate", flags->annotate,
+                      "Folder for images with the detections drawn in; FILE.png for a single one");
+  command->add_flag("--no-tracking", flags->no_tracking, "Search every frame completely");
+  command->add_option("--pictures", flags->frames, "At most so many [all]");
   command->add_option("-o,--output", flags->format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command->footer(

@@ -59,13 +59,13 @@ double DetectionReport::detection_rate() const {
                    : 0;
 }
 
-double DetectionReport::pictures_per_s() const {
+double DetectionReport::frames_per_s() const {
   return wall_s > 0 ? static_cast<double>(frames.received) / wall_s : 0;
 }
 
 std::string FormatReport(const DetectionReport& report) {
   const uint64_t looked_at = report.looked_at();
-  std::string text = absl::StrFormat("%-30s %8d\n", "pictures looked at", looked_at);
+  std::string text = absl::StrFormat("%-30s %8d\n", "frames searched", looked_at);
   for (const DetectionOutcome outcome : kDetectionOutcomes) {
     const uint64_t count = report.detections.Of(outcome);
     if (count == 0 && outcome != DetectionOutcome::kWand) continue;
@@ -76,18 +76,16 @@ std::string FormatReport(const DetectionReport& report) {
     absl::StrAppendFormat(&text, "%-30s %8s\n", "centres (csv:PATH;centres=...)", report.centres);
   }
   if (report.learning > 0) {
-    absl::StrAppendFormat(&text, "%-30s %8d\n", "pictures for the mask only", report.learning);
+    absl::StrAppendFormat(&text, "%-30s %8d\n", "frames for the mask only", report.learning);
   }
   if (report.frames.damaged + report.frames.lost > 0) {
-    absl::StrAppendFormat(&text, "%-30s %8d\n", "pictures damaged, not used",
-                          report.frames.damaged);
-    absl::StrAppendFormat(&text, "%-30s %8d\n", "pictures lost", report.frames.lost);
+    absl::StrAppendFormat(&text, "%-30s %8d\n", "frames damaged, not used", report.frames.damaged);
+    absl::StrAppendFormat(&text, "%-30s %8d\n", "frames lost", report.frames.lost);
   }
-  absl::StrAppendFormat(&text, "%-30s %8s  %8s  %8s\n", "ms per picture", "mean", "median", "p95");
+  absl::StrAppendFormat(&text, "%-30s %8s  %8s  %8s\n", "ms per frame", "mean", "median", "p95");
   AppendTimes(&text, "reading", report.reading);
   AppendTimes(&text, "detecting", report.detecting);
-  absl::StrAppendFormat(&text, "%-30s %8.1f\n", "pictures/s, all together",
-                        report.pictures_per_s());
+  absl::StrAppendFormat(&text, "%-30s %8.1f\n", "frames/s, in total", report.frames_per_s());
   for (const Refusal& refusal : report.refused) {
     absl::StrAppend(&text, refusal.reason, " x ", refusal.count, ", first: ", refusal.example,
                     "\n");
@@ -117,7 +115,7 @@ std::string ReportJson(const DetectionReport& report) {
   }
   json["reading_ms"] = TimesJson(report.reading);
   json["detecting_ms"] = TimesJson(report.detecting);
-  json["pictures_per_s"] = report.pictures_per_s();
+  json["pictures_per_s"] = report.frames_per_s();
   return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

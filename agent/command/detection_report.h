@@ -11,7 +11,7 @@
 
 namespace rigcal::agent {
 
-// How long something took, per picture.
+// How long something took, per frame.
 class Durations {
  public:
   void Add(double seconds) { seconds_.push_back(seconds); }
@@ -22,11 +22,11 @@ class Durations {
   std::vector<double> seconds_;
 };
 
-// What became of the pictures of one run of the detector.
+// Results of one run of the detector.
 struct DetectionReport {
   FrameCounts frames;
   DetectionCounts detections;
-  uint64_t learning = 0;  // pictures that went into the mask only
+  uint64_t learning = 0;  // frames that went into the mask only
   uint64_t tracked = 0;   // wands found in the predicted window
   // "sphere" or "blob", as csv: is to be told with ;centres=; empty: no marker was seen.
   std::string centres;
@@ -37,7 +37,7 @@ struct DetectionReport {
 
   uint64_t looked_at() const;
   double detection_rate() const;  // wands of those looked at, 0 without any
-  double pictures_per_s() const;
+  double frames_per_s() const;
 };
 
 // For people: counts and rates, then times.

@@ -3,24 +3,27 @@
 
 #include <CLI/CLI.hpp>
 #include <optional>
-#include <string>
 
-#include "absl/status/statusor.h"
-#include "agent/event/event_decoder.h"
 #include "agent/event_files/plain_event_reader.h"
+#include "agent/event_files/sensor_geometry.h"
+#include "common/options/option_table.h"
 
 namespace rigcal::agent {
 
-// What a subcommand is told about a file of events that does not say it itself.
-struct EventFileFlags {
-  std::string geometry;
-  std::string time = "auto";
-  std::string columns = "xypt";
-
+// How a file of events is to be read where it does not say so itself: --geometry, --time,
+// --columns.
+class EventFileFlags {
+ public:
+  EventFileFlags();
+  EventFileFlags(const EventFileFlags&) = delete;
+  EventFileFlags& operator=(const EventFileFlags&) = delete;
   void AddTo(CLI::App& command);
-  // INVALID_ARGUMENT quotes the flag.
-  absl::StatusOr<std::optional<SensorGeometry>> Geometry() const;
-  PlainFileOptions Plain() const;
+
+  std::optional<SensorGeometry> geometry;
+  PlainFileOptions plain;
+
+ private:
+  OptionTable table_;
 };
 
 }  // namespace rigcal::agent

@@ -10,7 +10,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "agent/capture/recorded/image_file.h"
+#include "agent/capture/image_file.h"
+#include "agent/capture/registry/source_registry.h"
 #include "common/config/agent_config.h"
 #include "common/status/status_macros.h"
 
@@ -18,14 +19,6 @@ namespace rigcal::agent {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool IsSpec(const std::string& text) {
-  const size_t equals = text.find('=');
-  const std::string behind_name = equals == std::string::npos ? "" : text.substr(equals + 1);
-  return std::any_of(kSourceKindNames.begin(), kSourceKindNames.end(), [&](const auto& kind) {
-    return text.starts_with(kind.prefix) || behind_name.starts_with(kind.prefix);
-  });
-}
 
 // A path that has no calibration beside it needs none for detecting.
 std::string SpecOfPath(const FrameInput& input) {
@@ -44,22 +37,21 @@ std::string SpecOfPath(const FrameInput& input) {
                       has_calibration || !input.calibration.empty() ? "" : ";calibration=none");
 }
 
-absl::StatusOr<std::vector<SourceOption>> Typed(const FrameInput& input) {
+absl::StatusOr<std::vector<OptionText>> Typed(const FrameInput& input) {
   std::vector<std::string> texts = input.settings;
   if (!input.calibration.empty()) texts.push_back("calibration=" + input.calibration);
   if (!input.fps.empty()) texts.push_back("fps=" + input.fps);
-  RIGCAL_ASSIGN_OR_RETURN(SourceOptions options, SourceOptions::Split(texts));
-  return options.TakeRest();
+  return SplitOptions(texts);
 }
 
-absl::StatusOr<SourceSpec> FromConfig(const FrameInput& input,
-                                      const std::vector<SourceOption>& typed) {
+absl::StatusOr<std::unique_ptr<SourceSpec>> FromConfig(const FrameInput& input,
+                                                       const std::vector<OptionText>& typed) {
   RIGCAL_ASSIGN_OR_RETURN(const AgentConfig config, ReadAgentConfig(input.config));
   std::vector<std::string> names;
   for (CameraConfig camera : config.cameras) {
-    for (const SourceOption& option : typed) camera.options.push_back(option);
-    RIGCAL_ASSIGN_OR_RETURN(SourceSpec spec, ParseSourceSpec(camera));
-    names.push_back(CameraNameOf(spec));
+    camera.options.insert(camera.options.end(), typed.begin(), typed.end());
+    RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<SourceSpec> spec, ParseSourceSpec(camera));
+    names.push_back(spec->camera());
     if (names.back() == input.camera || (input.camera.empty() && config.cameras.size() == 1)) {
       return spec;
     }
@@ -69,45 +61,53 @@ absl::StatusOr<SourceSpec> FromConfig(const FrameInput& input,
                    names.empty() ? "NAME" : absl::StrJoin(names, " or ")));
 }
 
+absl::StatusOr<std::unique_ptr<FrameSourceSpec>> AsFrames(std::unique_ptr<SourceSpec> spec,
+                                                          const std::string& otherwise) {
+  auto* const frames = dynamic_cast<FrameSourceSpec*>(spec.get());
+  if (frames == nullptr) return absl::InvalidArgumentError(otherwise);
+  spec.release();
+  return std::unique_ptr<FrameSourceSpec>(frames);
+}
+
 }  // namespace
 
-void AddPictureInput(CLI::App& command, FrameInput* input) {
+void AddFrameInput(CLI::App& command, FrameInput* input) {
   command.add_option("INPUT", input->input,
-                     "A picture, a folder of pictures, a video, or a SPEC as for --source");
+                     "An image, a folder of images, a video, or a SPEC as for --source");
   command.add_option("--config", input->config, "Instead of INPUT: TOML file of an agent ...");
   command.add_option("--camera", input->camera, "... and which of its cameras");
   command.add_option("--calibration", input->calibration,
-                     "OpenCV YAML of the camera [the same path with .yaml, if it is there]");
-  command.add_option("--fps", input->fps, "Pictures per second where they have no times");
+                     "OpenCV YAML of the camera [the same path with .yaml, if it exists]");
+  command.add_option("--fps", input->fps, "Frame rate, if the frames have no times");
   command.add_option("--set", input->settings,
-                     "KEY=VALUE of the source or the detector, as in a SPEC; repeatable");
+                     "OPTION=VALUE of the source or the detector, as in a SPEC; repeatable");
 }
 
-absl::StatusOr<FrameSourceSpec> ResolvePictureInput(const FrameInput& input) {
+absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameInput& input) {
   if (input.input.empty() == input.config.empty()) {
     return absl::InvalidArgumentError(
-        "say which pictures: a file, a folder or a SPEC, or --config FILE --camera NAME");
+        "name the frames: a file, a folder or a SPEC, or --config FILE --camera NAME");
   }
-  RIGCAL_ASSIGN_OR_RETURN(std::vector<SourceOption> typed, Typed(input));
+  RIGCAL_ASSIGN_OR_RETURN(std::vector<OptionText> typed, Typed(input));
   if (!input.config.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(SourceSpec spec, FromConfig(input, typed));
-    if (auto* pictures = std::get_if<FrameSourceSpec>(&spec)) return std::move(*pictures);
-    return absl::InvalidArgumentError(
-        absl::StrCat("camera ", CameraNameOf(spec), " of ", input.config, " yields no pictures"));
+    RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<SourceSpec> spec, FromConfig(input, typed));
+    const std::string camera = spec->camera();
+    return AsFrames(std::move(spec),
+                    absl::StrCat("camera ", camera, " of ", input.config, " yields no frames"));
   }
-  const bool is_path = !IsSpec(input.input);
+  const bool is_path = !IsSourceText(input.input);
   if (std::error_code error; is_path && !fs::exists(input.input, error)) {
     return absl::NotFoundError(absl::StrCat("there is no file or folder ", input.input));
   }
-  // A file is no camera: nobody waits for its pace.
-  const bool says_speed = std::any_of(typed.begin(), typed.end(),
-                                      [](const SourceOption& o) { return o.key == "speed"; });
-  if (is_path && !says_speed) typed.push_back({.key = "speed", .value = "max", .where = ""});
-  RIGCAL_ASSIGN_OR_RETURN(SourceSpec spec,
+  // A file needs no pace.
+  if (is_path && std::ranges::find(typed, "speed", &OptionText::key) == typed.end()) {
+    typed.push_back({.key = "speed", .value = "max"});
+  }
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<SourceSpec> spec,
                           ParseSourceSpec(is_path ? SpecOfPath(input) : input.input, typed));
-  if (auto* pictures = std::get_if<FrameSourceSpec>(&spec)) return std::move(*pictures);
-  return absl::InvalidArgumentError(
-      absl::StrCat(input.input, " yields no pictures; a simulated camera does with ;pixels=1"));
+  return AsFrames(std::move(spec), absl::StrCat(input.input,
+                                                " yields no frames; a simulated camera does with "
+                                                ";pixels=1"));
 }
 
 }  // namespace rigcal::agent

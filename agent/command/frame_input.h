@@ -2,30 +2,30 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "agent/capture/source_spec.h"
+#include "agent/capture/frame_source_spec.h"
 
 namespace rigcal::agent {
 
-// Which pictures a subcommand looks at, as typed.
+// The frames a subcommand works on, as typed.
 struct FrameInput {
-  std::string input = {};  // a picture, a folder, a video, or a SPEC as for --source
+  std::string input = {};  // an image, a folder, a video, or a SPEC as for --source
   std::string config = {};
   std::string camera = {};
   std::string calibration = {};
   std::string fps = {};
-  std::vector<std::string> settings = {};  // KEY=VALUE
+  std::vector<std::string> settings = {};  // OPTION=VALUE
 };
 
-void AddPictureInput(CLI::App& command, FrameInput* input);
+void AddFrameInput(CLI::App& command, FrameInput* input);
 
-// The source of these pictures, as fast as it goes unless said otherwise. A path without a
-// calibration beside it is taken for a camera without one.
-// INVALID_ARGUMENT: what was typed is wrong, or is no source of pictures; the configuration is
-// wrong.
-absl::StatusOr<FrameSourceSpec> ResolvePictureInput(const FrameInput& input);
+// The source of these frames, without a pace unless one is given. A path without a calibration
+// beside it is taken for a camera without one. INVALID_ARGUMENT: what was typed or the
+// configuration is wrong, or it is no source of frames.
+absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameInput& input);
 
 }  // namespace rigcal::agent

@@ -17,11 +17,10 @@ struct InfoFlags {
 };
 
 absl::Status Info(const InfoFlags& flags, std::ostream& out) {
-  RIGCAL_ASSIGN_OR_RETURN(const auto geometry, flags.file.Geometry());
   const absl::StatusOr<EventFileInfo> info =
-      ReadEventFileInfo(flags.path, geometry, flags.file.Plain());
+      ReadEventFileInfo(flags.path, flags.file.geometry, flags.file.plain);
   if (!info.ok()) {
-    // What is in the file is no fault of what was typed.
+    // A fault of the file, not of the command line.
     return absl::FailedPreconditionError(std::string(info.status().message()));
   }
   out << (flags.format == "json" ? InfoJson(*info) : FormatInfo(*info));
@@ -31,11 +30,11 @@ absl::Status Info(const InfoFlags& flags, std::ostream& out) {
 }  // namespace
 
 void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command =
-      app.add_subcommand("info", "Tells what is in a file of an event camera");
+  CLI::App* const command = app.add_subcommand("info", "Prints the contents of an event recording");
   const auto flags = std::make_shared<InfoFlags>();
   command
-      ->add_option("file", flags->path, "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, told by what it is")
+      ->add_option("file", flags->path,
+                   "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, the format is detected from the content")
       ->required();
   flags->file.AddTo(*command);
   command->add_option("-o,--output", flags->format, "table or json [table]")

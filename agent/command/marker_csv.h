@@ -15,7 +15,7 @@ namespace rigcal::agent {
 // not seen. What csv: reads.
 std::string MarkerCsvLine(const Observation& observation);
 
-// Such lines in a file, one per picture, in their order.
+// Such lines in a file, one per frame, in their order.
 class MarkerCsvWriter {
  public:
   // PERMISSION_DENIED: the file cannot be written.

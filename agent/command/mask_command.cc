@@ -20,17 +20,17 @@ struct MaskFlags {
   FrameInput input;
   std::string out;
   std::string target = "wand:0,0.13,0.39";
-  uint64_t pictures = 100;
+  uint64_t frames = 100;
   std::string format = "table";
 };
 
 absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_ASSIGN_OR_RETURN(const FrameSourceSpec spec, ResolvePictureInput(flags.input));
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, CreateFrameSource(spec));
-  TimedFrameSource frames(std::move(source), flags.pictures);
+  RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, spec->Make());
+  TimedFrameSource frames(std::move(source), flags.frames);
   RIGCAL_ASSIGN_OR_RETURN(StaticMaskLearner learner,
-                          StaticMaskLearner::Create(spec.detecting.detector.colour,
+                          StaticMaskLearner::Create(spec->detecting.detector.colour,
                                                     frames.description().image_size_px));
   RIGCAL_RETURN_IF_ERROR(frames.Start(target));
   while (true) {
@@ -38,22 +38,22 @@ absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
     if (!frame) break;
     learner.Add(frame->image);
   }
-  if (learner.picture_count() == 0) {
-    return absl::FailedPreconditionError("there was no picture to learn from");
+  if (learner.frame_count() == 0) {
+    return absl::FailedPreconditionError("there were no frames to learn from");
   }
   const PixelMask mask = learner.Learn();
   RIGCAL_RETURN_IF_ERROR(WriteMask(mask, flags.out));
   const int64_t ignored = mask.CountPixels();
   const double share = static_cast<double>(ignored) / (1.0 * mask.width() * mask.height());
   if (flags.format == "json") {
-    const nlohmann::ordered_json json = {{"pictures", learner.picture_count()},
+    const nlohmann::ordered_json json = {{"pictures", learner.frame_count()},
                                          {"ignored_pixels", ignored},
                                          {"ignored_share", share},
                                          {"mask", flags.out}};
     out << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
     return absl::OkStatus();
   }
-  out << absl::StrCat("learnt from ", learner.picture_count(), " pictures to ignore ", ignored,
+  out << absl::StrCat("learnt from ", learner.frame_count(), " frames to ignore ", ignored,
                       " pixels (", share * 100, " %)\n\n", "[camera.detector]\nmask = \"",
                       flags.out, "\"\n");
   return absl::OkStatus();
@@ -65,11 +65,11 @@ void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status
   CLI::App* const command = app.add_subcommand(
       "mask", "Learns which bright spots stand still, so that the detector ignores them");
   const auto flags = std::make_shared<MaskFlags>();
-  AddPictureInput(*command, &flags->input);
-  command->add_option("--out", flags->out, "Picture of the camera's size, white where to ignore")
+  AddFrameInput(*command, &flags->input);
+  command->add_option("--out", flags->out, "Image of the camera's size, white where to ignore")
       ->required();
   command->add_option("--target", flags->target, "What a simulated camera shows");
-  command->add_option("--pictures", flags->pictures, "At most so many; 0: all [100]");
+  command->add_option("--pictures", flags->frames, "At most so many; 0: all [100]");
   command->add_option("-o,--output", flags->format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command->footer(

@@ -5,12 +5,11 @@
 #include <optional>
 #include <string>
 #include <utility>
-#include <variant>
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/pacer.h"
-#include "agent/capture/simulated/shared_world.h"
-#include "agent/capture/source_spec.h"
+#include "agent/capture/registry/source_registry.h"
+#include "agent/capture/simulated/simulated_event_source.h"
 #include "agent/command/marker_csv.h"
 #include "agent/command/subcommands.h"
 #include "agent/event/evt3_writer.h"
@@ -33,16 +32,17 @@ struct SimulateFlags {
 };
 
 absl::StatusOr<SimulatedEventSourceOptions> OptionsOf(const std::string& text) {
-  RIGCAL_ASSIGN_OR_RETURN(const SourceSpec spec, ParseSourceSpec(text));
-  if (const auto* const events = std::get_if<EventSourceSpec>(&spec)) {
-    if (const auto* const options = std::get_if<SimulatedEventSourceOptions>(&events->events)) {
-      SimulatedEventSourceOptions fast = *options;
-      fast.speed = kMaxSpeed;
-      return fast;
-    }
+  RIGCAL_ASSIGN_OR_RETURN(const auto spec, ParseSourceSpec(text));
+  const auto* const simulated =
+      dynamic_cast<const HasOptions<SimulatedEventSourceOptions>*>(spec.get());
+  if (simulated == nullptr) {
+    return absl::InvalidArgumentError(absl::StrCat("\"", text,
+                                                   "\" is not a simulated event camera; example: "
+                                                   "\"sim:camera=0;events=1;duration=2\""));
   }
-  return absl::InvalidArgumentError(absl::StrCat("\"", text, "\" is no simulated event camera, as ",
-                                                 "\"sim:camera=0;events=1;duration=2\" is one"));
+  SimulatedEventSourceOptions options = simulated->options;
+  options.speed = kMaxSpeed;
+  return options;
 }
 
 Observation TruthAt(const SimulatedEventSource& source, int64_t time_us) {

@@ -5,6 +5,7 @@ namespace rigcal::agent {
 
 void Subcommands::AddTo(CLI::App& app) {
   app.require_subcommand(0, 1);
+  AddSourcesCommand(app, out_, &chosen_);
   AddDetectCommand(app, out_, &chosen_);
   AddTuneCommand(app, out_, &chosen_);
   AddMaskCommand(app, out_, &chosen_);

@@ -21,9 +21,8 @@ inline int ExitCodeOf(const absl::Status& status) {
   return absl::IsInvalidArgument(status) ? kExitUsage : kExitFailed;
 }
 
-// What rigcal-agent can do besides being an agent: detect, tune, mask, info, convert,
-// simulate. Add before parsing; after it, Chosen runs what was asked for. `out` outlives the
-// object.
+// The subcommands of rigcal-agent. Add before parsing; after it, Chosen runs the one that was asked
+// for. `out` outlives the object.
 class Subcommands {
  public:
   explicit Subcommands(std::ostream& out) : out_(out) {}
@@ -42,6 +41,7 @@ void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Stat
 void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddSimulateCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
+void AddSourcesCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 
 }  // namespace rigcal::agent

@@ -12,7 +12,7 @@
 
 namespace rigcal::agent {
 
-// A source of pictures that remembers how long it took to get the last one, and ends after a number
+// A source of frames that remembers how long it took to get the last one, and ends after a number
 // of them.
 class TimedFrameSource : public FrameSource {
  public:

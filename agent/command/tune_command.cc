@@ -22,15 +22,15 @@ struct TuneFlags {
   FrameInput input;
   std::string target;
   std::string out;
-  uint64_t pictures = 50;
+  uint64_t frames = 50;
   std::string format = "table";
 };
 
 absl::StatusOr<TunedColour> LearnColour(const TuneFlags& flags) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
-  RIGCAL_ASSIGN_OR_RETURN(const FrameSourceSpec spec, ResolvePictureInput(flags.input));
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, CreateFrameSource(spec));
-  TimedFrameSource frames(std::move(source), flags.pictures);
+  RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
+  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, spec->Make());
+  TimedFrameSource frames(std::move(source), flags.frames);
   RIGCAL_ASSIGN_OR_RETURN(ColourTuner tuner, ColourTuner::Create(target, frames.description()));
   RIGCAL_RETURN_IF_ERROR(frames.Start(target));
   while (true) {
@@ -87,7 +87,7 @@ absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
     return absl::OkStatus();
   }
   out << absl::StrFormat(
-             "# The wand was found in %d of %d pictures; its colour in the middle: hue %.0f deg, "
+             "# The wand was found in %d of %d frames; its colour in the middle: hue %.0f deg, "
              "saturation %.2f, value %.0f\n",
              tuned.wands, tuned.frames, tuned.hue_deg, tuned.saturation, tuned.value)
       << snippet;
@@ -98,13 +98,13 @@ absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
 
 void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
   CLI::App* const command =
-      app.add_subcommand("tune", "Learns the wand's colour from pictures that show it");
+      app.add_subcommand("tune", "Learns the wand's colour from frames that show it");
   const auto flags = std::make_shared<TuneFlags>();
-  AddPictureInput(*command, &flags->input);
+  AddFrameInput(*command, &flags->input);
   command->add_option("--target", flags->target, "wand:0,0.13,0.39;diameter=0.04;hz=500")
       ->required();
   command->add_option("--out", flags->out, "File for what is to be pasted into a configuration");
-  command->add_option("--pictures", flags->pictures, "At most so many; 0: all [50]");
+  command->add_option("--pictures", flags->frames, "At most so many; 0: all [50]");
   command->add_option("-o,--output", flags->format, "table (TOML to paste) or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command->footer(

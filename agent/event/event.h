@@ -40,6 +40,14 @@ struct EventFaults {
   uint64_t truncated_bytes = 0;   // at the end, less than a word
 
   friend bool operator==(const EventFaults&, const EventFaults&) = default;
+  EventFaults& operator+=(const EventFaults& other) {
+    unknown_words += other.unknown_words;
+    outside_geometry += other.outside_geometry;
+    before_time += other.before_time;
+    time_steps_back += other.time_steps_back;
+    truncated_bytes += other.truncated_bytes;
+    return *this;
+  }
 };
 
 }  // namespace rigcal::agent

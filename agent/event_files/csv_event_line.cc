@@ -46,7 +46,7 @@ size_t Split(std::string_view line, std::array<std::string_view, kMaxFields>* fi
   return count;
 }
 
-// A whole number, perhaps with ".0" behind it as tables of floats write it.
+// A whole number, also with ".0" as tables of floats have it.
 bool ParseWhole(std::string_view field, int64_t* value) {
   if (field.starts_with('+')) field.remove_prefix(1);
   const char* const end = field.data() + field.size();

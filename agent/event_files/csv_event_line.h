@@ -19,10 +19,10 @@ namespace rigcal::agent {
 struct CsvEventColumns {
   size_t x = 0, y = 1, p = 2, t = 3;
   size_t count = 4;
-  TimeUnit time_unit = TimeUnit::kAuto;  // that the header line tells
+  TimeUnit time_unit = TimeUnit::kAuto;  // of the header line
 };
 
-// The fields of a line, parted by comma, semicolon, tab or blanks, without blanks around them.
+// The fields of a line, separated by comma, semicolon, tab or blanks, without blanks around them.
 std::vector<std::string_view> SplitCsvEventFields(std::string_view line);
 
 // Whether a line is names and no numbers.

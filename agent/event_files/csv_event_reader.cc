@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "agent/event_files/csv_event_line.h"
+#include "agent/event_files/sensor_geometry.h"
 #include "common/status/status_macros.h"
 #include "common/text/line_reader.h"
 
@@ -17,7 +18,6 @@ namespace {
 
 constexpr int kLinesLookedAt = 1000;
 constexpr uint64_t kBadLinesAtLeast = 1000;
-constexpr uint32_t kMaxSide = 2048;
 
 bool IsBlank(std::string_view text) { return text.find_first_not_of(" \t\r") == text.npos; }
 bool IsComment(std::string_view text) { return text.starts_with('#') || text.starts_with('%'); }
@@ -34,10 +34,8 @@ std::optional<SensorGeometry> Sides(std::string_view text) {
     at = end + 1;
   }
   if (numbers.size() != 2) return std::nullopt;
-  for (const uint32_t side : numbers) {
-    if (side < 1 || side > kMaxSide) return std::nullopt;
-  }
-  return SensorGeometry{numbers[0], numbers[1]};
+  const SensorGeometry geometry{numbers[0], numbers[1]};
+  return IsSensorGeometry(geometry) ? std::optional(geometry) : std::nullopt;
 }
 
 class CsvEventReader : public PlainEventReader {

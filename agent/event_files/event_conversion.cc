@@ -15,14 +15,14 @@
 #include "absl/strings/str_cat.h"
 #include "agent/event_files/event_file.h"
 #include "agent/event_files/event_file_writer.h"
+#include "agent/event_files/sensor_geometry.h"
+#include "agent/event_files/with_decoder.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr size_t kPieceBytes = size_t{256} << 10;
-constexpr SensorGeometry kEveryPixel{2048, 2048};
-constexpr SensorGeometry kEveryPlainPixel{65535, 65535};
 
 // Collects events with their whole times.
 template <typename Decoder>
@@ -74,32 +74,7 @@ absl::Status CopyAll(Decoder decoder, EventFile* file, PlainEventWriter* writer,
   return absl::OkStatus();
 }
 
-absl::Status Copy(SensorGeometry geometry, EventFile* file, PlainEventWriter* writer,
-                  ConversionSummary* summary) {
-  switch (file->header().format) {
-    case EventFormat::kEvt2:
-      return CopyAll(Evt2Decoder(geometry), file, writer, summary);
-    case EventFormat::kEvt21:
-      return CopyAll(Evt21Decoder(geometry, file->header().halves_swapped), file, writer, summary);
-    case EventFormat::kEvt3:
-      return CopyAll(Evt3Decoder(geometry), file, writer, summary);
-    case EventFormat::kPlain:
-      break;
-  }
-  return CopyAll(PlainEventDecoder(geometry), file, writer, summary);
-}
-
-// Of the file and the option, the one; both must agree.
-absl::StatusOr<std::optional<SensorGeometry>> Geometry(const ConversionOptions& options,
-                                                       const EventFileHeader& header) {
-  if (!options.geometry) return header.geometry;
-  if (!header.geometry || *header.geometry == *options.geometry) return options.geometry;
-  return absl::InvalidArgumentError(absl::StrCat(
-      options.in, ": the file says ", header.geometry->width, "x", header.geometry->height,
-      " pixels, not ", options.geometry->width, "x", options.geometry->height));
-}
-
-// What of a file's own words may stand in another one.
+// The fields of a file's header that are also true of the new file.
 std::map<std::string, std::string> Fields(const EventFileHeader& header) {
   std::map<std::string, std::string> fields = header.fields;
   for (const char* const about_the_file :
@@ -109,13 +84,13 @@ std::map<std::string, std::string> Fields(const EventFileHeader& header) {
   return fields;
 }
 
-// A file that is there only once it is whole.
+// A file that appears under its name once it is complete.
 class NewFile {
  public:
   explicit NewFile(std::string path)
       : path_(std::move(path)), part_(absl::StrCat(path_, ".part", ::getpid())) {}
   ~NewFile() {
-    if (!is_there_) std::remove(part_.c_str());
+    if (!is_complete_) std::remove(part_.c_str());
   }
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
@@ -126,14 +101,14 @@ class NewFile {
       return absl::FailedPreconditionError(
           absl::StrCat("cannot make ", path_, ": ", std::strerror(errno)));
     }
-    is_there_ = true;
+    is_complete_ = true;
     return absl::OkStatus();
   }
 
  private:
   const std::string path_;
   const std::string part_;
-  bool is_there_ = false;
+  bool is_complete_ = false;
 };
 
 }  // namespace
@@ -143,14 +118,15 @@ absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& opti
   std::error_code ignored;
   if (!options.force && std::filesystem::exists(out, ignored)) {
     return absl::AlreadyExistsError(
-        absl::StrCat(options.out, " is there already; add --force to replace it"));
+        absl::StrCat(options.out, " exists; add --force to replace it"));
   }
   if (std::filesystem::equivalent(options.in, out, ignored)) {
     return absl::InvalidArgumentError(
-        absl::StrCat(options.out, " is the file to read from; name another one"));
+        absl::StrCat(options.out, " is the input file; name another one"));
   }
   RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(options.in, options.plain));
-  RIGCAL_ASSIGN_OR_RETURN(const auto geometry, Geometry(options, file->header()));
+  RIGCAL_ASSIGN_OR_RETURN(const auto geometry,
+                          GeometryOf(options.in, file->header(), options.geometry));
   NewFile new_file(options.out);
   const std::string ending = absl::AsciiStrToLower(out.extension().string());
   RIGCAL_ASSIGN_OR_RETURN(
@@ -159,9 +135,11 @@ absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& opti
                             {.geometry = geometry, .fields = Fields(file->header())},
                             options.layout));
   const SensorGeometry every =
-      file->header().format == EventFormat::kPlain ? kEveryPlainPixel : kEveryPixel;
+      file->header().format == EventFormat::kPlain ? kWholePlainSensor : kWholeSensor;
   ConversionSummary summary;
-  RIGCAL_RETURN_IF_ERROR(Copy(geometry.value_or(every), file.get(), writer.get(), &summary));
+  RIGCAL_RETURN_IF_ERROR(WithDecoder(file->header(), geometry.value_or(every), [&](auto decoder) {
+    return CopyAll(std::move(decoder), file.get(), writer.get(), &summary);
+  }));
   RIGCAL_RETURN_IF_ERROR(writer->Finish());
   summary.losses = writer->losses();
   RIGCAL_RETURN_IF_ERROR(new_file.Appear());

@@ -18,7 +18,7 @@ namespace rigcal::agent {
 struct ConversionOptions {
   std::string in;
   std::string out;                         // its ending names the format
-  std::optional<SensorGeometry> geometry;  // where the file does not say
+  std::optional<SensorGeometry> geometry;  // if the file has none
   PlainFileOptions plain;                  // how an HDF5 or CSV file is to be read
   std::string layout = "prophesee";        // of HDF5: prophesee or events
   bool force = false;                      // replace a file that is there
@@ -27,15 +27,15 @@ struct ConversionOptions {
 struct ConversionSummary {
   uint64_t cd_events = 0, trigger_events = 0;  // read
   EventFaults faults;
-  std::vector<Refusal> refused;  // lines that were no events
+  std::vector<Refusal> refused;  // lines that are not events
   WriterLosses losses;
 };
 
 // Reads a file of events and writes it in another format. The new file appears under its name when
-// it is whole.
+// it is complete.
 //
-// ALREADY_EXISTS: `out` is there and force is not. INVALID_ARGUMENT, NOT_FOUND,
-// FAILED_PRECONDITION: what OpenEventFile and CreateEventFileWriter say. DATA_LOSS: reading or
+// ALREADY_EXISTS: `out` exists and force is false. INVALID_ARGUMENT, NOT_FOUND,
+// FAILED_PRECONDITION: as OpenEventFile and CreateEventFileWriter. DATA_LOSS: reading or
 // writing failed on the way.
 absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& options);
 

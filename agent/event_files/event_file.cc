@@ -16,15 +16,16 @@
 #include "agent/event_files/hdf5_event_reader.h"
 #include "agent/event_files/plain_event_file.h"
 #include "agent/event_files/raw_event_file.h"
+#include "agent/event_files/sensor_geometry.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr std::string_view kHdf5Signature = "\x89HDF\r\n\x1a\n";
-// HDF5 may stand behind a block of somebody else's; then it begins at one of these.
+// HDF5 may follow a user block; then it begins at one of these.
 constexpr std::array<long, 4> kHdf5Offsets = {0, 512, 1024, 2048};
-// A comment of CSV files; RAW headers have a blank behind the '%'.
+// A comment of CSV files; RAW headers have a blank after the '%'.
 constexpr std::string_view kCsvComment = "%geometry";
 constexpr size_t kLookedAtBytes = 4096;
 
@@ -101,6 +102,16 @@ absl::StatusOr<std::unique_ptr<EventFile>> OpenEventFile(const std::string& path
     RIGCAL_ASSIGN_OR_RETURN(reader, std::move(csv));
   }
   return std::make_unique<PlainEventFile>(std::move(reader), front.byte_count);
+}
+
+absl::StatusOr<std::optional<SensorGeometry>> GeometryOf(
+    const std::string& path, const EventFileHeader& header,
+    const std::optional<SensorGeometry>& given) {
+  if (!given) return header.geometry;
+  if (!header.geometry || *header.geometry == *given) return given;
+  return absl::InvalidArgumentError(absl::StrCat(path, ": the file says ",
+                                                 FormatSensorGeometry(*header.geometry),
+                                                 " pixels, not ", FormatSensorGeometry(*given)));
 }
 
 }  // namespace rigcal::agent

@@ -5,17 +5,15 @@
 #include <bit>
 #include <cstddef>
 
-#include "absl/strings/str_cat.h"
 #include "agent/event/fault_locator.h"
-#include "agent/event/plain_events.h"
+#include "agent/event_files/sensor_geometry.h"
+#include "agent/event_files/with_decoder.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr size_t kInfoPieceBytes = size_t{64} << 10;
-constexpr SensorGeometry kWholeSensor{2048, 2048};
-constexpr SensorGeometry kWholePlainSensor{65535, 65535};
 
 // Counts. Times of CD events are 32 bits; the decoder's own time leads to all 64.
 template <typename Decoder>
@@ -126,22 +124,6 @@ absl::Status FindExtent(Decoder decoder, EventFile* file, EventFileInfo* info) {
   return absl::OkStatus();
 }
 
-// Calls `take` with the file's decoder.
-template <typename Take>
-absl::Status WithDecoder(const EventFileHeader& header, SensorGeometry geometry, Take take) {
-  switch (header.format) {
-    case EventFormat::kEvt2:
-      return take(Evt2Decoder(geometry));
-    case EventFormat::kEvt21:
-      return take(Evt21Decoder(geometry, header.halves_swapped));
-    case EventFormat::kEvt3:
-      return take(Evt3Decoder(geometry));
-    case EventFormat::kPlain:
-      break;
-  }
-  return take(PlainEventDecoder(geometry));
-}
-
 }  // namespace
 
 absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
@@ -152,13 +134,8 @@ absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
   info.path = path;
   info.byte_count = file->byte_count();
   info.header = file->header();
-  const std::optional<SensorGeometry>& said = info.header.geometry;
-  if (geometry && said && *geometry != *said) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": the file says ", said->width, "x",
-                                                   said->height, " pixels, not ", geometry->width,
-                                                   "x", geometry->height));
-  }
-  const SensorGeometry taken = said.value_or(geometry.value_or(kWholeSensor));
+  RIGCAL_ASSIGN_OR_RETURN(const auto known, GeometryOf(path, info.header, geometry));
+  const SensorGeometry taken = known.value_or(kWholeSensor);
   RIGCAL_RETURN_IF_ERROR(WithDecoder(
       info.header, taken, [&](auto decoder) { return CountAll(decoder, file.get(), &info); }));
   if (info.faults.outside_geometry == 0) return info;

@@ -32,7 +32,7 @@ struct EventFileInfo {
   uint64_t byte_count = 0;
   EventFileHeader header;
   uint64_t cd_events = 0, on_events = 0;
-  uint64_t sum_x = 0, sum_y = 0;  // of all CD events: tell whether two decoders agree
+  uint64_t sum_x = 0, sum_y = 0;  // of all CD events: to compare two decoders
   uint32_t largest_x = 0, largest_y = 0;
   uint64_t trigger_events = 0;
   std::map<int, TriggerEdges> rising, falling;  // by channel
@@ -42,7 +42,7 @@ struct EventFileInfo {
   EventFaults faults;
   // Where the first fault of each kind is, by the name of its count: "byte 4096", "line 17".
   std::map<std::string, std::string> first_faults;
-  // Where events contradict the geometry: the smallest one that would hold all of them.
+  // If events contradict the geometry: the smallest that holds all of them.
   std::optional<SensorGeometry> extent;
   std::vector<Refusal> refused;  // lines that are no events
 

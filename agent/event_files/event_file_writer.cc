@@ -17,7 +17,7 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr size_t kBufferBytes = size_t{1} << 20;
+constexpr size_t kTextBufferBytes = size_t{1} << 20;
 
 template <typename Number>
 void AppendNumber(Number number, char end, std::vector<uint8_t>* text) {
@@ -91,7 +91,7 @@ absl::Status CsvEventWriter::Write(std::span<const PlainEvent> events) {
     AppendNumber(event.y, ',', &text_);
     AppendNumber(event.kind == PlainEvent::kOn ? 1 : 0, ',', &text_);
     AppendNumber(event.time_us, '\n', &text_);
-    if (text_.size() < kBufferBytes) continue;
+    if (text_.size() < kTextBufferBytes) continue;
     RIGCAL_RETURN_IF_ERROR(file_.Write(text_));
     text_.clear();
   }

@@ -97,7 +97,7 @@ absl::StatusOr<std::shared_ptr<const Hdf5Dataset>> Hdf5Dataset::Open(const std::
         "h5repack -l CHUNK=65536 IN.h5 OUT.h5"));
   }
   if (chunk_bytes > 0) {
-    // A chunk that does not fit into its cache is read and unpacked anew for every block of it.
+    // A chunk that does not fit into its cache is read and unpacked again for every block of it.
     const Hdf5Handle access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
     constexpr size_t kSlots = 521;
     constexpr size_t kDefaultBytes = size_t{1} << 20;

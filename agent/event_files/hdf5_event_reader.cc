@@ -43,7 +43,7 @@ class Hdf5EventReader : public PlainEventReader {
   // Events or triggers read ahead.
   struct Queue {
     std::vector<PlainEvent> block;
-    std::vector<int64_t> events_before;  // of triggers, where the file notes it
+    std::vector<int64_t> events_before;  // of triggers, if the file has it
     size_t next = 0;                     // in the block
     uint64_t row = 0;                    // of the file, of block.front()
     uint64_t row_count = 0;

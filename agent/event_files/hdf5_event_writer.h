@@ -15,11 +15,11 @@ enum class Hdf5EventLayout : uint8_t {
 };
 
 // Writes an HDF5 file as OpenHdf5Events reads it, compressed with HDF5's own filters (shuffle,
-// deflate). /EXT_TRIGGER/cd_events_before keeps how many events stood ahead of each trigger, so
-// that the stream comes back in its order. Attributes of the file: geometry, width, height and the
+// deflate). /EXT_TRIGGER/cd_events_before keeps the number of events before each trigger, so
+// that the order of the stream is kept. Attributes of the file: geometry, width, height and the
 // fields.
 //
-// FAILED_PRECONDITION: the file cannot be made.
+// FAILED_PRECONDITION: the file cannot be created.
 absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateHdf5EventWriter(const std::string& path,
                                                                         const PlainFileFront& front,
                                                                         Hdf5EventLayout layout);

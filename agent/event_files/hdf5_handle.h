@@ -20,7 +20,7 @@ class Hdf5Lock {
   std::lock_guard<std::recursive_mutex> lock_;
 };
 
-// What HDF5 said when its last call failed, the innermost cause.
+// The innermost cause of HDF5's last failed call.
 std::string Hdf5Reason();
 
 // Owns an identifier. Negative: none.
@@ -51,7 +51,7 @@ class Hdf5Handle {
   Close close_ = nullptr;
 };
 
-// An attribute as text, none where there is no such one or it is no number and no text.
+// An attribute as text; none if it does not exist or is neither number nor text.
 std::optional<std::string> Hdf5AttributeText(hid_t object, const char* name);
 
 }  // namespace rigcal::agent

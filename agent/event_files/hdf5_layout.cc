@@ -9,12 +9,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "agent/event_files/sensor_geometry.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr uint32_t kMaxHdf5Side = 2048;
 // Whole microseconds that a double and 64 bits can hold with room for differences.
 constexpr double kMaxOffsetUs = 4e18;
 
@@ -126,8 +126,7 @@ absl::StatusOr<int64_t> ReadTimeOffset(const std::string& path, hid_t file) {
 std::optional<SensorGeometry> Sides(const std::string& width, const std::string& height) {
   SensorGeometry geometry;
   if (absl::SimpleAtoi(width, &geometry.width) && absl::SimpleAtoi(height, &geometry.height) &&
-      geometry.width >= 1 && geometry.width <= kMaxHdf5Side && geometry.height >= 1 &&
-      geometry.height <= kMaxHdf5Side) {
+      IsSensorGeometry(geometry)) {
     return geometry;
   }
   return std::nullopt;

@@ -19,7 +19,7 @@ struct Hdf5EventColumns {
 
 struct Hdf5TriggerColumns {
   Hdf5Column p, t, id;
-  std::optional<Hdf5Column> events_before;  // how many events stood ahead of each
+  std::optional<Hdf5Column> events_before;  // the number of events before each
 };
 
 // Where the events of an HDF5 file are, and what it says about them; see hdf5_event_reader.h. Hold

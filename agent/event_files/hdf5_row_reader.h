@@ -25,8 +25,8 @@ class Hdf5RowReader {
   // Replaces `events` by `count` rows from `first`, which must be there. DATA_LOSS: they cannot be
   // read.
   absl::Status ReadEvents(uint64_t first, size_t count, std::vector<PlainEvent>* events);
-  // Likewise, of a layout with triggers. `events_before`: how many events stood ahead of each;
-  // empty where the file does not note it.
+  // Likewise, of a layout with triggers. `events_before`: the number of events before
+  // each; empty if the file does not have it.
   absl::Status ReadTriggers(uint64_t first, size_t count, std::vector<PlainEvent>* triggers,
                             std::vector<int64_t>* events_before);
 

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/event_files/plain_event_reader.h"
 
+#include <utility>
+
+#include "agent/event_files/csv_event_line.h"
+
 namespace rigcal::agent {
 
 std::string TimeUnitName(TimeUnit unit) {
@@ -14,15 +18,26 @@ std::string TimeUnitName(TimeUnit unit) {
     case TimeUnit::kAuto:
       break;
   }
-  return "a unit still to be told";
+  return "an unknown unit";
 }
 
-std::optional<TimeUnit> ParseTimeUnit(std::string_view text) {
-  if (text == "s") return TimeUnit::kSeconds;
-  if (text == "us") return TimeUnit::kMicroseconds;
-  if (text == "ns") return TimeUnit::kNanoseconds;
-  if (text == "auto") return TimeUnit::kAuto;
-  return std::nullopt;
+void AddOptions(PlainFileOptions* options, OptionTable* table) {
+  table->AddChoice("time", &options->time_unit,
+                   std::vector<std::pair<std::string, TimeUnit>>{{"auto", TimeUnit::kAuto},
+                                                                 {"s", TimeUnit::kSeconds},
+                                                                 {"us", TimeUnit::kMicroseconds},
+                                                                 {"ns", TimeUnit::kNanoseconds}},
+                   "unit of times in CSV or HDF5; auto: fractions are seconds, whole numbers "
+                   "microseconds");
+  const auto read = [columns = &options->columns](const std::string& text) {
+    if (!ParseCsvEventOrder(text).ok()) {
+      return absl::InvalidArgumentError("must be an order of x, y, p and t, such as txyp");
+    }
+    *columns = text;
+    return absl::OkStatus();
+  };
+  table->Add("columns", "ORDER", "of CSV without a header line", read,
+             [columns = &options->columns] { return *columns; });
 }
 
 }  // namespace rigcal::agent

@@ -13,10 +13,10 @@
 
 namespace rigcal::agent {
 
-// What a file says ahead of its events.
+// Header of a new file.
 struct PlainFileFront {
   std::optional<SensorGeometry> geometry;
-  std::map<std::string, std::string> fields;  // "serial_number" and so on, where the format can
+  std::map<std::string, std::string> fields;  // "serial_number" and so on, if the format allows
 };
 
 // What a file's format could not hold.
@@ -30,10 +30,10 @@ class PlainEventWriter {
  public:
   virtual ~PlainEventWriter() = default;
 
-  // Events in the order of their stream. FAILED_PRECONDITION: a time that the format cannot tell.
+  // Events in the order of their stream. FAILED_PRECONDITION: a time that the format cannot hold.
   // DATA_LOSS: the file cannot be written.
   virtual absl::Status Write(std::span<const PlainEvent> events) = 0;
-  // Once, at the end; the file is whole and closed behind it. DATA_LOSS.
+  // Once, at the end: completes and closes the file. DATA_LOSS.
   virtual absl::Status Finish() = 0;
   virtual WriterLosses losses() const = 0;
 };

@@ -9,13 +9,13 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "agent/event_files/sensor_geometry.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr size_t kMaxHeaderBytes = 64 * 1024;
-constexpr uint32_t kMaxRawSide = 2048;  // 11 bits
 constexpr std::string_view kKnownFormats = "known: EVT2 (2.0), EVT21 (2.1), EVT3 (3.0)";
 
 absl::Status Fault(size_t offset, std::string_view what) {
@@ -43,12 +43,11 @@ absl::StatusOr<SensorGeometry> ParseGeometry(std::string_view width, std::string
                                              size_t offset) {
   SensorGeometry geometry;
   if (absl::SimpleAtoi(std::string(width), &geometry.width) &&
-      absl::SimpleAtoi(std::string(height), &geometry.height) && geometry.width >= 1 &&
-      geometry.height >= 1 && geometry.width <= kMaxRawSide && geometry.height <= kMaxRawSide) {
+      absl::SimpleAtoi(std::string(height), &geometry.height) && IsSensorGeometry(geometry)) {
     return geometry;
   }
   return Fault(offset, absl::StrCat("geometry ", std::string(width), " x ", std::string(height),
-                                    " is not 1 to ", kMaxRawSide, " pixels each way"));
+                                    " is not 1 to ", kMaxSensorSide, " pixels each way"));
 }
 
 class Parser {
@@ -96,7 +95,7 @@ class Parser {
     return false;
   }
 
-  // All return false: the header goes on.
+  // All return false: the header continues.
   absl::StatusOr<bool> TakeFormat(std::string_view name, size_t offset) {
     RIGCAL_ASSIGN_OR_RETURN(const EventFormat format, ParseFormat(name, offset));
     if (has_format_ && format != header_.format) {

@@ -15,11 +15,11 @@
 namespace rigcal::agent {
 
 // The text in front of a RAW file: lines that begin with '%', the last of them "% end" in newer
-// files. Old files have no such line; their events begin behind the last line.
+// files. Old files have no such line; their events follow the last line.
 struct RawHeader {
   EventFormat format = EventFormat::kEvt3;
   bool halves_swapped = false;                // EVT 2.1 as an IMX636 sends it
-  std::optional<SensorGeometry> geometry;     // none: the file does not say
+  std::optional<SensorGeometry> geometry;     // none: not stated
   size_t byte_count = 0;                      // the events begin here
   std::map<std::string, std::string> fields;  // as written, "date" -> "2023-01-01 00:00:00"
 };
@@ -30,8 +30,8 @@ struct RawHeader {
 // geometry; where both are there they must agree. Sensors of the third generation did not write
 // their geometry: it is taken from the name of their plugin.
 //
-// INVALID_ARGUMENT, each with a byte offset: not a RAW file at all, no format, an unknown format
-// (the known ones are listed), a geometry that is no geometry or contradicts itself.
+// INVALID_ARGUMENT, each with a byte offset: not a RAW file, no format, an unknown format (the
+// known ones are listed), a geometry that is invalid or contradicts itself.
 absl::StatusOr<RawHeader> ParseRawHeader(std::span<const uint8_t> bytes);
 
 }  // namespace rigcal::agent

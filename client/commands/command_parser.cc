@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "client/net/server_connection.h"
-#include "client/output/utf8.h"
+#include "common/text/utf8.h"
 #include "common/wire/protocol_version.h"
 
 namespace rigcal::client {

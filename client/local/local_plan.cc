@@ -44,9 +44,9 @@ void AppendParts(const std::string& parts, std::string* options) {
 // A camera's own options, after those of the world.
 std::string OptionsOf(const SimulatedRigOptions& rig, bool events) {
   std::string options = FormatSimulationOptions(rig.world);
-  if (!rig.pictures) return options;
+  if (!rig.frames) return options;
   absl::StrAppend(&options, events ? ";events=1" : ";pixels=1");
-  AppendParts(FormatFrameRenderOptions(*rig.pictures), &options);
+  AppendParts(FormatFrameRenderOptions(*rig.frames), &options);
   if (!events) return options;
   AppendParts(FormatEventRenderOptions(rig.sensors), &options);
   absl::StrAppend(&options, ";output=", rig.output_hz);

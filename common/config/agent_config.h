@@ -1,63 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/options/option_table.h"
 
 namespace rigcal {
 
-// What a source can begin with.
-struct SourceKindName {
-  std::string_view prefix;
-  bool is_path = false;  // what follows is a path, up to the first ';'
-};
-inline constexpr std::array kSourceKindNames = {
-    SourceKindName{"csv:", true},   SourceKindName{"sim:"},    SourceKindName{"images:", true},
-    SourceKindName{"video:", true}, SourceKindName{"aravis:"}, SourceKindName{"raw:", true},
-    SourceKindName{"metavision:"},
-};
-// "csv:, sim:, ...": for messages.
-std::string ListOfSourceKinds();
-
-// One `key=value` for a source, as text whatever its type was.
-struct SourceOption {
-  std::string key;
-  std::string value;
-  std::string where;  // "agent.toml:12", for messages; empty: typed behind --source
-
-  friend bool operator==(const SourceOption&, const SourceOption&) = default;
-};
-
-// One [[camera]] of an agent's configuration. What is not set is as the source's own notation says.
+// One [[camera]] of an agent's configuration. Which options there are is the source's to say:
+// making it refuses the others with their file and line.
 struct CameraConfig {
-  std::string source;              // `csv:PATH`, `sim:camera=INDEX`, ..., as for --source
-  std::string name;                // within the rig; empty: from the source
-  std::string calibration;         // OpenCV YAML with the intrinsics, or "none"; empty: from the
-                                   // source
-  std::optional<double> speed;     // times the recorded pace; infinity for "max"
-  std::optional<double> sigma_px;  // of each centre, pixels
-  // The tables [camera.settings] and [camera.detector]. Which keys there are is the source's to
-  // say: making it refuses the others with their file and line.
-  std::vector<SourceOption> options;
-  std::string where;  // "agent.toml:12", for messages
+  std::string source;  // `csv:PATH`, `sim:camera=INDEX`, ..., as for --source
+  std::string name;    // within the rig; empty: from the source
+  // calibration, speed and sigma, and the tables [camera.settings] and [camera.detector]; they
+  // override the options behind `source`.
+  std::vector<OptionText> options;
+  std::string folder;  // of the file, which paths are relative to
+  std::string where;   // "agent.toml:12", for messages
 };
 
-// [preview]: pictures for people, with what the detector sees drawn in.
+// [preview]: frames for people, with the detections drawn in.
 struct PreviewConfig {
-  bool enabled = false;    // pictures leave the PC only where somebody allowed it
+  bool enabled = false;    // frames leave the PC only where somebody allowed it
   double max_rate_hz = 1;  // per camera, above 0 to 10
-  int64_t max_kb = 256;    // KiB of one picture, 8 to 1024
+  int64_t max_kb = 256;    // KiB of one JPEG, 8 to 1024
 };
 
-// What an agent's TOML file holds:
+// An agent's TOML file:
 //
 //   server = "127.0.0.1:7420"
 //   rig = "rig"
@@ -69,7 +43,7 @@ struct PreviewConfig {
 //   [preview]
 //   enabled = true
 //   max_rate_hz = 1           # of each camera
-//   max_kb = 256              # of one picture
+//   max_kb = 256              # of one JPEG
 //
 //   [[camera]]
 //   name = "left"
@@ -82,7 +56,7 @@ struct PreviewConfig {
 //   source = "aravis:192.168.1.5"
 //   [camera.settings]         # of the camera itself
 //   exposure = 0.004          # s
-//   [camera.detector]         # how the wand is found in its pictures
+//   [camera.detector]         # how the wand is found in its frames
 //   hue_min = 345             # degrees
 //   mask = "left_mask.png"
 //
@@ -98,9 +72,12 @@ struct AgentConfig {
   PreviewConfig preview;
   std::vector<CameraConfig> cameras;
 
-  // Also what flags have put over the file: INVALID_ARGUMENT with every fault.
+  // After flags have overridden the file. INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };
+
+void AddOptions(AgentConfig* config, OptionTable* table);
+void AddOptions(PreviewConfig* config, OptionTable* table);
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT: every unknown key and every bad value at once, each
 // with file and line.

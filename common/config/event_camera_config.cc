@@ -14,74 +14,28 @@
 namespace rigcal {
 namespace {
 
-constexpr std::array kFormats = {"EVT2", "EVT21", "EVT3"};
 constexpr std::array kInputs = {"main", "aux", "loopback"};
-constexpr std::array<std::pair<const char*, EventCameraSync>, 3> kSyncs = {
-    {{"standalone", EventCameraSync::kStandalone},
-     {"primary", EventCameraSync::kPrimary},
-     {"secondary", EventCameraSync::kSecondary}}};
-
-template <typename List>
-bool Contains(const List& list, const std::string& text) {
-  return std::find(list.begin(), list.end(), text) != list.end();
-}
-
-void ReadFormat(TomlSection& section, EventCameraConfig* config) {
-  if (!section.Take("format", &config->format) || Contains(kFormats, config->format)) return;
-  section.AddFault("format", absl::StrCat("\"", config->format,
-                                          "\" is not known: ", absl::StrJoin(kFormats, ", ")));
-}
-
-void ReadSync(TomlSection& section, EventCameraConfig* config) {
-  std::string text;
-  if (!section.Take("sync", &text)) return;
-  const absl::StatusOr<EventCameraSync> sync = ParseEventCameraSync(text);
-  if (sync.ok()) {
-    config->sync = *sync;
-  } else {
-    section.AddFault("sync", std::string(sync.status().message()));
-  }
-}
 
 void ReadTriggerInputs(TomlFile* file, TomlSection& section, EventCameraConfig* config) {
   const toml::node* node = section.TakeNode("trigger_in");
   if (node == nullptr) return;
   const toml::array* list = node->as_array();
-  if (list == nullptr) {
-    section.AddFault("trigger_in", "must be a list, such as [\"main\"]");
-    return;
-  }
+  if (list == nullptr) return section.AddFault("trigger_in", "must be a list, such as [\"main\"]");
+  std::vector<std::string>& inputs = config->trigger_in;
   for (const toml::node& entry : *list) {
     const std::string input = entry.value<std::string>().value_or("");
-    if (!Contains(kInputs, input)) {
-      file->AddFault(entry,
-                     absl::StrCat("trigger_in holds ",
-                                  input.empty() ? "something" : absl::StrCat("\"", input, "\""),
-                                  " that is none of ", absl::StrJoin(kInputs, ", ")));
-    } else if (!Contains(config->trigger_in, input)) {
-      config->trigger_in.push_back(input);
+    if (std::find(kInputs.begin(), kInputs.end(), input) == kInputs.end()) {
+      file->AddFault(entry, absl::StrCat("trigger_in must hold ", absl::StrJoin(kInputs, ", "),
+                                         ", not ", input.empty() ? "this" : input));
+    } else if (std::find(inputs.begin(), inputs.end(), input) == inputs.end()) {
+      inputs.push_back(input);
     }
   }
 }
 
-void ReadEventRateLimit(TomlSection& section, EventCameraConfig* config) {
-  int64_t limit = 0;
-  if (!section.Take("event_rate_limit", &limit)) return;
-  if (limit < 0 || limit > std::numeric_limits<uint32_t>::max()) {
-    section.AddFault("event_rate_limit", "must be 0 (no limit) to 4294967295 events a second");
-    return;
-  }
-  config->event_rate_limit = limit;
-}
-
 void ReadBiases(TomlFile* file, TomlSection& section, EventCameraConfig* config) {
-  const toml::node* node = section.TakeNode("biases");
-  if (node == nullptr) return;
-  const toml::table* table = node->as_table();
-  if (table == nullptr) {
-    section.AddFault("biases", "must be written as [biases]");
-    return;
-  }
+  const toml::table* table = section.TakeTable("biases");
+  if (table == nullptr) return;
   for (const auto& [name, value] : *table) {
     const toml::value<int64_t>* number = value.as_integer();
     if (number == nullptr || number->get() < std::numeric_limits<int>::min() ||
@@ -95,16 +49,16 @@ void ReadBiases(TomlFile* file, TomlSection& section, EventCameraConfig* config)
 
 }  // namespace
 
-absl::StatusOr<EventCameraSync> ParseEventCameraSync(std::string_view text) {
-  for (const auto& [name, sync] : kSyncs) {
-    if (text == name) return sync;
-  }
-  return absl::InvalidArgumentError(
-      absl::StrCat("\"", std::string(text), "\" is none of standalone, primary and secondary"));
+const std::vector<std::pair<std::string, EventCameraSync>>& EventCameraSyncNames() {
+  static const auto* const kNames = new std::vector<std::pair<std::string, EventCameraSync>>{
+      {"standalone", EventCameraSync::kStandalone},
+      {"primary", EventCameraSync::kPrimary},
+      {"secondary", EventCameraSync::kSecondary}};
+  return *kNames;
 }
 
 std::string EventCameraSyncName(EventCameraSync sync) {
-  for (const auto& [name, value] : kSyncs) {
+  for (const auto& [name, value] : EventCameraSyncNames()) {
     if (value == sync) return name;
   }
   return "unknown";
@@ -113,11 +67,17 @@ std::string EventCameraSyncName(EventCameraSync sync) {
 absl::StatusOr<EventCameraConfig> ReadEventCameraConfig(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
   EventCameraConfig config;
+  OptionTable options;
+  options.AddChoice("format", &config.format,
+                    std::vector<std::pair<std::string, std::string>>{
+                        {"EVT2", "EVT2"}, {"EVT21", "EVT21"}, {"EVT3", "EVT3"}},
+                    "of the stream");
+  options.AddChoice("sync", &config.sync, EventCameraSyncNames(), "role on a sync cable");
+  options.Add("event_rate_limit", &config.event_rate_limit, {0, 4294967295, "events/s"},
+              "0: no limit");
   TomlSection section(&file, file.root);
-  ReadFormat(section, &config);
-  ReadSync(section, &config);
+  section.Take(options);
   ReadTriggerInputs(&file, section, &config);
-  ReadEventRateLimit(section, &config);
   ReadBiases(&file, section, &config);
   section.RefuseOtherKeys();
   RIGCAL_RETURN_IF_ERROR(file.Result());

@@ -5,33 +5,32 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
 namespace rigcal {
 
-// How the clock of an event camera goes with those of others on one sync cable.
+// The role of an event camera on a sync cable.
 enum class EventCameraSync : uint8_t { kStandalone, kPrimary, kSecondary };
 
-// "standalone", "primary" or "secondary"; INVALID_ARGUMENT quotes what is none of them.
-absl::StatusOr<EventCameraSync> ParseEventCameraSync(std::string_view text);
+// "standalone", "primary", "secondary"
+const std::vector<std::pair<std::string, EventCameraSync>>& EventCameraSyncNames();
 std::string EventCameraSyncName(EventCameraSync sync);
 
-// What a TOML file sets on a live event camera:
+// Settings of a live event camera, from a TOML file:
 //
-//   format = "EVT3"                  # asked of the camera; EVT2, EVT21, EVT3
+//   format = "EVT3"                  # requested of the camera; EVT2, EVT21, EVT3
 //   sync = "standalone"              # standalone, primary, secondary
-//   trigger_in = ["main"]            # inputs that are listened to: main, aux, loopback
+//   trigger_in = ["main"]            # inputs in use: main, aux, loopback
 //   event_rate_limit = 20_000_000    # events a second that the camera may send; 0: no limit
 //
 //   [biases]                         # by the camera's own names
 //   bias_fo = 0
 //
-// Every key may be left out: what is not given stays as the camera has it. Which biases there are
-// and what they may be is the camera's to say.
+// Every key may be left out; the camera then keeps its setting. The camera determines which biases
+// there are and their ranges.
 struct EventCameraConfig {
   std::string format;  // empty: the camera's own
   std::optional<EventCameraSync> sync;

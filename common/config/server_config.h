@@ -9,14 +9,14 @@
 
 namespace rigcal {
 
-// What one server takes at most.
+// Upper limits of one server.
 struct ServerLimits {
-  uint32_t max_agents = 256;               // connected at a time
-  uint32_t max_cameras_per_agent = 64;     //
-  uint32_t max_sessions = 10'000;          // kept, finished ones included
-  uint32_t max_cameras_per_session = 256;  //
-  uint32_t max_watches = 64;               // clients that watch sessions; calibrations the same
-  uint32_t max_queued_calibrations = 32;   //
+  uint32_t max_agents = 256;  // connected at a time
+  uint32_t max_cameras_per_agent = 64;
+  uint32_t max_sessions = 10'000;  // kept, finished ones included
+  uint32_t max_cameras_per_session = 256;
+  uint32_t max_watches = 64;  // clients that watch sessions; calibrations the same
+  uint32_t max_queued_calibrations = 32;
   uint32_t max_calibration_observations = 10'000'000;  // in one calibration, about 250 bytes each
   uint32_t ingest_queue_mb = 64;                       // MiB of deliveries that wait for the disk
   uint32_t send_window_rows = 32'768;                  // unacknowledged, per camera
@@ -25,7 +25,7 @@ struct ServerLimits {
   friend bool operator==(const ServerLimits&, const ServerLimits&) = default;
 };
 
-// What a server's TOML file holds:
+// A server's TOML file:
 //
 //   listen = "127.0.0.1:7420"     # HOST:PORT; port 0: any free one
 //   data_dir = "/var/lib/rigcal"

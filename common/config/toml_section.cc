@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/config/toml_section.h"
 
-#include <cmath>
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/options/nearest_name.h"
+#include "common/text/shortest_text.h"
 
 namespace rigcal {
 
-void TomlFile::AddFault(const toml::node& node, const std::string& what) {
-  faults.push_back(absl::StrCat(path, ":", node.source().begin.line, ": ", what));
+std::string TomlFile::PlaceOf(const toml::node& node) const {
+  return absl::StrCat(path, ":", node.source().begin.line);
 }
 
-absl::Status TomlFile::Result() const {
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
+void TomlFile::AddFault(const toml::node& node, const std::string& what) {
+  faults.Add(PlaceOf(node), ": ", what);
 }
 
 absl::StatusOr<TomlFile> ReadTomlFile(const std::string& path) {
@@ -37,9 +37,66 @@ absl::StatusOr<TomlFile> ReadTomlFile(const std::string& path) {
   }
 }
 
+absl::StatusOr<OptionText> OptionOf(const TomlFile& file, std::string_view key,
+                                    const toml::node& value) {
+  OptionText option = {.key = std::string(key), .value = "", .where = file.PlaceOf(value)};
+  if (const auto* text = value.as_string()) {
+    option.value = text->get();
+    option.type = OptionText::Type::kText;
+  } else if (const auto* flag = value.as_boolean()) {
+    option.value = flag->get() ? "1" : "0";
+    option.type = OptionText::Type::kSwitch;
+  } else if (const auto* whole = value.as_integer()) {
+    option.value = absl::StrCat(whole->get());
+    option.type = OptionText::Type::kNumber;
+  } else if (const auto* number = value.as_floating_point()) {
+    option.value = ShortestText(number->get());
+    option.type = OptionText::Type::kNumber;
+  } else {
+    return absl::InvalidArgumentError(
+        absl::StrCat(option.key, " must be a number, true, false or a text"));
+  }
+  return option;
+}
+
 const toml::node* TomlSection::TakeNode(std::string_view key) {
-  taken_.emplace(key);
+  known_.emplace_back(key);
   return table_.get(key);
+}
+
+void TomlSection::Take(const OptionTable& options) {
+  for (const std::string& name : options.Names()) {
+    const toml::node* node = TakeNode(name);
+    if (node == nullptr) continue;
+    const absl::StatusOr<OptionText> option = OptionOf(*file_, name, *node);
+    if (option.ok()) {
+      options.ReadOne(*option, &file_->faults);
+    } else {
+      file_->AddFault(*node, std::string(option.status().message()));
+    }
+  }
+}
+
+const toml::table* TomlSection::TakeTable(std::string_view key) {
+  const toml::node* node = TakeNode(key);
+  if (node == nullptr) return nullptr;
+  if (node->as_table() == nullptr) {
+    AddFault(key, absl::StrCat("must be a table: [", std::string(key), "]"));
+  }
+  return node->as_table();
+}
+
+std::vector<const toml::table*> TomlSection::TakeTables(std::string_view key) {
+  const toml::node* node = TakeNode(key);
+  if (node == nullptr) return {};
+  const toml::array* list = node->as_array();
+  if (list == nullptr || !list->is_homogeneous<toml::table>()) {
+    AddFault(key, absl::StrCat("must be written as [[", std::string(key), "]]"));
+    return {};
+  }
+  std::vector<const toml::table*> tables;
+  for (const toml::node& entry : *list) tables.push_back(entry.as_table());
+  return tables;
 }
 
 void TomlSection::AddFault(std::string_view key, const std::string& what) {
@@ -48,62 +105,21 @@ void TomlSection::AddFault(std::string_view key, const std::string& what) {
                   absl::StrCat(std::string(key), " ", what));
 }
 
-bool TomlSection::Take(std::string_view key, std::string* value) {
-  const toml::node* node = TakeNode(key);
-  if (node == nullptr) return false;
-  const auto* text = node->as_string();
-  if (text == nullptr) {
-    AddFault(key, "must be a text in quotes");
-    return false;
-  }
-  *value = text->get();
-  return true;
-}
-
-bool TomlSection::Take(std::string_view key, double* value) {
-  const toml::node* node = TakeNode(key);
-  if (node == nullptr) return false;
-  const std::optional<double> number =
-      node->is_number() ? node->value<double>() : std::optional<double>();
-  if (!number || !std::isfinite(*number)) {
-    AddFault(key, "must be a finite number");
-    return false;
-  }
-  *value = *number;
-  return true;
-}
-
-bool TomlSection::Take(std::string_view key, int64_t* value) {
-  const toml::node* node = TakeNode(key);
-  if (node == nullptr) return false;
-  const auto* number = node->as_integer();
-  if (number == nullptr) {
-    AddFault(key, "must be a whole number");
-    return false;
-  }
-  *value = number->get();
-  return true;
-}
-
-bool TomlSection::Take(std::string_view key, bool* value) {
-  const toml::node* node = TakeNode(key);
-  if (node == nullptr) return false;
-  const auto* flag = node->as_boolean();
-  if (flag == nullptr) {
-    AddFault(key, "must be true or false");
-    return false;
-  }
-  *value = flag->get();
-  return true;
-}
-
 void TomlSection::RefuseOtherKeys() {
   for (const auto& [key, node] : table_) {
     const std::string_view name = key.str();
-    if (taken_.contains(name)) continue;
-    file_->AddFault(node, absl::StrCat("unknown key ", std::string(name),
-                                       " (known: ", absl::StrJoin(taken_, ", "), ")"));
+    if (std::find(known_.begin(), known_.end(), name) != known_.end()) continue;
+    file_->AddFault(node, UnknownName("key", name, known_));
   }
+}
+
+void ReadTable(TomlFile* file, TomlSection* section, std::string_view key,
+               const OptionTable& options) {
+  const toml::table* table = section->TakeTable(key);
+  if (table == nullptr) return;
+  TomlSection own(file, *table);
+  own.Take(options);
+  own.RefuseOtherKeys();
 }
 
 }  // namespace rigcal

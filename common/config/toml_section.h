@@ -3,13 +3,13 @@
 
 #include <toml++/toml.h>
 
-#include <cstdint>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/options/option_table.h"
+#include "common/status/fault_list.h"
 
 namespace rigcal {
 
@@ -17,39 +17,47 @@ namespace rigcal {
 struct TomlFile {
   std::string path;
   toml::table root;
-  std::vector<std::string> faults;
+  FaultList faults;
 
+  std::string PlaceOf(const toml::node& node) const;  // "agent.toml:12"
   void AddFault(const toml::node& node, const std::string& what);
   // OK, or INVALID_ARGUMENT with every fault on a line of its own.
-  absl::Status Result() const;
+  absl::Status Result() const { return faults.Result("", "\n"); }
 };
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT: it is not TOML; file and line are named.
 absl::StatusOr<TomlFile> ReadTomlFile(const std::string& path);
 
-// One table of a file. Each Take reads a key if it is there, leaves `value` alone if not, and notes
-// a fault if it is of the wrong type; keys that nobody took are faults too.
+// A value as an option table reads it. INVALID_ARGUMENT: a table, a list or an empty text.
+absl::StatusOr<OptionText> OptionOf(const TomlFile& file, std::string_view key,
+                                    const toml::node& value);
+
+// One table of a file. Each Take reads a key if it is there and adds a fault if its value is of the
+// wrong type; keys that nobody took are faults of RefuseOtherKeys.
 class TomlSection {
  public:
   // Both outlive the section.
   TomlSection(TomlFile* file, const toml::table& table) : file_(file), table_(table) {}
 
-  // True: the key is there and `value` is set.
-  bool Take(std::string_view key, std::string* value);
-  bool Take(std::string_view key, double* value);  // whole numbers too; finite
-  bool Take(std::string_view key, int64_t* value);
-  bool Take(std::string_view key, bool* value);
-  // The node itself; none: not there. It counts as taken.
+  // Every key that the options have.
+  void Take(const OptionTable& options);
+  // [key] or, as a list of tables, [[key]]. Null or empty: not there.
+  const toml::table* TakeTable(std::string_view key);
+  std::vector<const toml::table*> TakeTables(std::string_view key);
+  // The node itself. Null: not there.
   const toml::node* TakeNode(std::string_view key);
 
-  // A fault of a key that was taken.
   void AddFault(std::string_view key, const std::string& what);
   void RefuseOtherKeys();
 
  private:
   TomlFile* const file_;
   const toml::table& table_;
-  std::set<std::string, std::less<>> taken_;
+  std::vector<std::string> known_;
 };
+
+// The table [key] of a section into the options of a struct, unknown keys refused.
+void ReadTable(TomlFile* file, TomlSection* section, std::string_view key,
+               const OptionTable& options);
 
 }  // namespace rigcal

@@ -5,10 +5,10 @@
 
 namespace rigcal {
 
-absl::Status FaultList::Result(std::string_view context) const {
+absl::Status FaultList::Result(std::string_view context, std::string_view separator) const {
   if (faults_.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat(std::string(context), absl::StrJoin(faults_, "; ")));
+      absl::StrCat(std::string(context), absl::StrJoin(faults_, std::string(separator))));
 }
 
 }  // namespace rigcal

@@ -33,8 +33,8 @@ class FaultList {
     Add(std::string(name), " is ", value, unit, ", it must be ", low, " to ", high, unit);
   }
 
-  // OK if there is none, else INVALID_ARGUMENT: `context`, then the faults with "; " between them.
-  absl::Status Result(std::string_view context = {}) const;
+  // OK if there is none, else INVALID_ARGUMENT: `context`, then the faults.
+  absl::Status Result(std::string_view context = {}, std::string_view separator = "; ") const;
 
  private:
   std::vector<std::string> faults_;

@@ -8,7 +8,7 @@
 
 namespace rigcal {
 
-// What a marker's centre is, so that the correction from one to the other is made once.
+// The kind of a marker's centre, so that the correction from one to the other is made once.
 enum class CentreKind : uint8_t {
   kImageBlob = 1,     // centre of the marker's image (an ellipse)
   kSphereCentre = 2,  // projection of the sphere's centre

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numeric>
-#include <optional>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
@@ -13,11 +13,15 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "common/options/option_table.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/text/shortest_text.h"
 
 namespace rigcal {
+
+void AddOptions(Target* target, OptionTable* table);
+
 namespace {
 
 constexpr char kExample[] = "wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002";
@@ -31,7 +35,7 @@ constexpr size_t kMaxTextLength = 4096;
 absl::Status Refuse(std::string_view text, std::string_view why) {
   return absl::InvalidArgumentError(
       absl::StrCat("target \"", absl::CHexEscape(std::string(text.substr(0, 200))),
-                   "\": ", std::string(why), "; a right one is ", kExample));
+                   "\": ", std::string(why), "; example: ", kExample));
 }
 
 absl::Status ParseNumbers(std::string_view part, std::vector<double>* numbers) {
@@ -76,59 +80,33 @@ absl::Status Normalise(Target* target) {
   return absl::OkStatus();
 }
 
-absl::Status ParseOption(std::string_view option, Target* target) {
-  const size_t equals = option.find('=');
-  const std::string_view key = option.substr(0, equals);
-  if (equals == std::string_view::npos ||
-      (key != "diameter" && key != "hz" && key != "tolerance")) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "unknown option \"", absl::CHexEscape(std::string(option.substr(0, 64))),
-        "\", known are diameter=METRES, hz=FREQUENCY (or one per marker: hz=500,600) and "
-        "tolerance=METRES"));
-  }
-  std::vector<double> values;
-  RIGCAL_RETURN_IF_ERROR(ParseNumbers(option.substr(equals + 1), &values));
-  if (key == "hz") {
-    target->blink_hz = std::move(values);
-    return absl::OkStatus();
-  }
-  if (values.size() != 1) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("option \"", std::string(option.substr(0, 64)), "\" takes one number"));
-  }
-  (key == "diameter" ? target->diameter_m : target->span_tolerance_m) = values[0];
-  return absl::OkStatus();
-}
-
 absl::Status ParseParts(std::string_view text, Target* target) {
   std::vector<std::string> parts;
   for (absl::string_view part : absl::StrSplit(absl::string_view(text.data(), text.size()), ';')) {
     parts.emplace_back(absl::StripAsciiWhitespace(part));
   }
   constexpr std::string_view kWandPrefix = "wand:";
-  const std::string_view head = parts[0];
+  const std::string head = parts[0];
   if (head == "point") {
     target->kind = TargetKind::kPoint;
     target->marker_positions_m = {0};
-  } else if (head.substr(0, kWandPrefix.size()) == kWandPrefix) {
+  } else if (head.starts_with(kWandPrefix)) {
     target->kind = TargetKind::kWand;
     RIGCAL_RETURN_IF_ERROR(
         ParseNumbers(head.substr(kWandPrefix.size()), &target->marker_positions_m));
   } else {
     return absl::InvalidArgumentError(
-        absl::StrCat("\"", absl::CHexEscape(std::string(head.substr(0, 64))),
-                     "\" is not a target, it begins with \"wand:\" and positions in metres, or is "
+        absl::StrCat("\"", absl::CHexEscape(head.substr(0, 64)),
+                     "\" is not a target: it must be \"wand:\" and positions in metres, or "
                      "\"point\""));
   }
-  std::vector<std::string> seen;
-  for (size_t i = 1; i < parts.size(); ++i) {
-    RIGCAL_RETURN_IF_ERROR(ParseOption(parts[i], target));
-    const std::string key = parts[i].substr(0, parts[i].find('='));
-    if (std::find(seen.begin(), seen.end(), key) != seen.end()) {
-      return absl::InvalidArgumentError(absl::StrCat("option \"", key, "\" is given twice"));
-    }
-    seen.push_back(key);
-  }
+  parts.erase(parts.begin());
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<OptionText> given, SplitOptions(parts));
+  OptionTable table;
+  AddOptions(target, &table);
+  FaultList faults;
+  table.Read(given, &faults);
+  RIGCAL_RETURN_IF_ERROR(faults.Result());
   if (target->marker_count() > kMaxMarkers) {
     return absl::InvalidArgumentError(
         absl::StrCat(target->marker_count(), " markers, at most ", kMaxMarkers));
@@ -170,16 +148,14 @@ void CheckPositions(const Target& target, FaultList* faults) {
   }
 }
 
-void CheckRange(const char* name, double value, double low, double high, bool low_included,
-                FaultList* faults) {
-  const bool good = (low_included ? value >= low : value > low) && value <= high;
-  if (!good) {
-    faults->Add(name, " is ", value, ", it must be ", low_included ? "at least " : "more than ",
-                low, " and at most ", high);
-  }
-}
-
 }  // namespace
+
+void AddOptions(Target* target, OptionTable* table) {
+  table->Add("diameter", &target->diameter_m, {0, kMaxDiameterM, "m"}, "of the spheres");
+  table->Add("hz", &target->blink_hz, {kAboveZero, kMaxBlinkHz, "Hz"}, "of each marker");
+  table->Add("tolerance", &target->span_tolerance_m, {kAboveZero, kMaxToleranceM, "m"},
+             "one sigma of each span");
+}
 
 absl::Status Target::Validate() const {
   FaultList faults;
@@ -187,13 +163,11 @@ absl::Status Target::Validate() const {
     faults.Add("target kind ", static_cast<int>(kind), " is unknown");
   }
   CheckPositions(*this, &faults);
-  CheckRange("diameter (m)", diameter_m, 0, kMaxDiameterM, true, &faults);
-  CheckRange("tolerance (m)", span_tolerance_m, 0, kMaxToleranceM, false, &faults);
+  CheckOptions(*this, &faults);
   if (blink_hz.size() > 1 && blink_hz.size() != marker_positions_m.size()) {
     faults.Add(blink_hz.size(), " blink frequencies for ", marker_positions_m.size(),
                " markers, give one for all or one for each");
   }
-  for (double hz : blink_hz) CheckRange("hz", hz, 0, kMaxBlinkHz, false, &faults);
   return faults.Result();
 }
 
@@ -206,18 +180,11 @@ absl::StatusOr<Target> ParseTarget(std::string_view text) {
 }
 
 std::string FormatTarget(const Target& target) {
-  const Target defaults;
-  std::string text = target.kind == TargetKind::kPoint
-                         ? "point"
-                         : absl::StrCat("wand:", Join(target.marker_positions_m));
-  if (target.diameter_m != defaults.diameter_m) {
-    absl::StrAppend(&text, ";diameter=", ShortestText(target.diameter_m));
-  }
-  if (!target.blink_hz.empty()) absl::StrAppend(&text, ";hz=", Join(target.blink_hz));
-  if (target.span_tolerance_m != defaults.span_tolerance_m) {
-    absl::StrAppend(&text, ";tolerance=", ShortestText(target.span_tolerance_m));
-  }
-  return text;
+  const std::string options = FormatOptions(target);
+  return absl::StrCat(target.kind == TargetKind::kPoint
+                          ? "point"
+                          : absl::StrCat("wand:", Join(target.marker_positions_m)),
+                      options.empty() ? "" : ";", options);
 }
 
 }  // namespace rigcal

@@ -15,7 +15,7 @@ inline constexpr int kMaxMarkers = 16;
 
 enum class TargetKind : uint8_t { kWand = 1, kPoint = 2 };
 
-// What is waved: markers on a line. Frame `wand`: origin at marker 0, x along the wand.
+// The waved target: markers on a line. Frame `wand`: origin at marker 0, x along the wand.
 struct Target {
   TargetKind kind = TargetKind::kWand;
   std::vector<double> marker_positions_m;  // strictly increasing, first 0

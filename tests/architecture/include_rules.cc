@@ -8,53 +8,35 @@
 #include <sstream>
 
 namespace rigcal::testing {
-namespace {
 
-// "server/solve/rig/x.cc" -> "server/solve/rig"; a program's main is a folder of its own:
-// "agent/main.cc" -> "agent/main.cc".
-std::string FolderOf(std::string_view path) {
-  const size_t last = path.rfind('/');
-  if (last == std::string_view::npos) return "";
-  if (path.substr(last) == "/main.cc") return std::string(path);
-  return std::string(path.substr(0, last));
-}
-
-// "server/solve/rig" is inside "server/solve".
-bool IsInside(std::string_view folder, std::string_view outer) {
-  return folder == outer ||
-         (folder.size() > outer.size() && folder.substr(0, outer.size()) == outer &&
-          folder[outer.size()] == '/');
-}
-
-std::string LayerOf(std::string_view path) { return std::string(path.substr(0, path.find('/'))); }
-
-// Which folders a folder may include besides itself. A program's main.cc may include everything of
-// its own layer and of common.
-const std::map<std::string, std::set<std::string>>& AllowedFolders() {
-  static const auto* const kAllowed = new std::map<std::string, std::set<std::string>>{
+const FolderGraph& AllowedFolders() {
+  static const auto* const kAllowed = new FolderGraph{
       {"agent/capture",
-       {"agent/capture/genicam", "agent/capture/metavision", "agent/capture/preview",
-        "agent/capture/recorded", "agent/capture/simulated", "agent/detect/blobs",
-        "agent/detect/event", "agent/detect/frame", "agent/event", "common/camera", "common/config",
-        "common/status", "common/target", "common/text", "common/time"}},
+       {"agent/capture/preview", "agent/detect/blobs", "agent/detect/event", "agent/detect/frame",
+        "agent/event", "common/camera", "common/options", "common/status", "common/target",
+        "common/text", "common/time"}},
       {"agent/capture/genicam",
-       {"agent/capture", "agent/detect/blobs", "common/camera", "common/status", "common/time"}},
+       {"agent/capture", "agent/detect/blobs", "common/camera", "common/options", "common/status",
+        "common/time"}},
       {"agent/capture/metavision",
        {"agent/capture", "agent/event", "agent/event_files", "common/camera", "common/config",
-        "common/status"}},
+        "common/options", "common/status"}},
       {"agent/capture/preview",
        {"agent/detect/blobs", "agent/detect/frame", "common/session", "common/status"}},
       {"agent/capture/recorded",
-       {"agent/capture", "agent/detect/blobs", "agent/event", "agent/event_files", "common/camera",
+       {"agent/capture", "agent/event", "agent/event_files", "common/camera", "common/options",
         "common/status", "common/target", "common/text", "common/time"}},
+      {"agent/capture/registry",
+       {"agent/capture", "common/camera", "common/config", "common/options", "common/status",
+        "common/text"}},
       {"agent/capture/simulated",
-       {"agent/capture", "agent/event", "common/camera", "common/simulation/events",
-        "common/simulation/frames", "common/simulation/world", "common/status", "common/target",
-        "common/time"}},
+       {"agent/capture", "agent/event", "common/camera", "common/options",
+        "common/simulation/events", "common/simulation/frames", "common/simulation/world",
+        "common/status", "common/target", "common/time"}},
       {"agent/command",
-       {"agent/capture", "agent/capture/recorded", "agent/capture/simulated", "agent/detect/frame",
-        "agent/event", "agent/event_files", "common/camera", "common/config", "common/status",
-        "common/target"}},
+       {"agent/capture", "agent/capture/registry", "agent/capture/simulated", "agent/detect/frame",
+        "agent/event", "agent/event_files", "common/camera", "common/config", "common/options",
+        "common/status", "common/target"}},
       {"agent/detect/blobs", {"common/status"}},
       {"agent/detect/event",
        {"agent/detect/blobs", "agent/event", "agent/identify", "common/camera", "common/status",
@@ -62,7 +44,7 @@ const std::map<std::string, std::set<std::string>>& AllowedFolders() {
       {"agent/detect/frame",
        {"agent/detect/blobs", "agent/identify", "common/camera", "common/status", "common/target"}},
       {"agent/event", {"common/camera", "common/status", "common/target", "common/time"}},
-      {"agent/event_files", {"agent/event", "common/status", "common/text"}},
+      {"agent/event_files", {"agent/event", "common/options", "common/status", "common/text"}},
       {"agent/identify", {"agent/detect/blobs", "common/camera", "common/target"}},
       {"agent/spool", {"common/session", "common/target", "common/time"}},
       {"agent/stamp", {"agent/capture", "agent/spool", "common/status"}},
@@ -72,7 +54,7 @@ const std::map<std::string, std::set<std::string>>& AllowedFolders() {
       {"client", {"client/commands", "client/output"}},
       {"client/commands",
        {"client/net", "client/output", "client/results", "client/tables", "common/calibration",
-        "common/target", "common/wire"}},
+        "common/session", "common/target", "common/text", "common/wire"}},
       {"client/local",
        {"client/commands", "client/net", "client/output", "client/results", "client/tables",
         "common/calibration", "common/camera", "common/simulation", "common/simulation/world",
@@ -86,21 +68,23 @@ const std::map<std::string, std::set<std::string>>& AllowedFolders() {
       {"common/calibration",
        {"common/camera", "common/geometry", "common/status", "common/target"}},
       {"common/camera", {"common/geometry", "common/status", "common/time"}},
-      {"common/config", {"common/camera", "common/status", "common/text"}},
+      {"common/config", {"common/camera", "common/options", "common/status", "common/text"}},
       {"common/geometry", {}},
+      {"common/options", {"common/status", "common/text"}},
       {"common/session", {"common/camera", "common/status", "common/target", "common/time"}},
       {"common/simulation",
-       {"common/simulation/events", "common/simulation/frames", "common/simulation/world",
-        "common/status"}},
+       {"common/options", "common/simulation/events", "common/simulation/frames",
+        "common/simulation/world", "common/status"}},
       {"common/simulation/events",
-       {"common/camera", "common/simulation/frames", "common/simulation/world", "common/status",
-        "common/target"}},
+       {"common/camera", "common/options", "common/simulation/frames", "common/simulation/world",
+        "common/status", "common/target"}},
       {"common/simulation/frames",
-       {"common/camera", "common/simulation/world", "common/status", "common/target"}},
+       {"common/camera", "common/options", "common/simulation/world", "common/status",
+        "common/target"}},
       {"common/simulation/world",
-       {"common/camera", "common/geometry", "common/status", "common/target", "common/text"}},
+       {"common/camera", "common/geometry", "common/options", "common/status", "common/target"}},
       {"common/status", {}},
-      {"common/target", {"common/status", "common/text", "common/time"}},
+      {"common/target", {"common/options", "common/status", "common/text"}},
       {"common/text", {}},
       {"common/time", {}},
       {"common/wire",
@@ -109,8 +93,8 @@ const std::map<std::string, std::set<std::string>>& AllowedFolders() {
       {"server/associate", {"common/camera", "common/status", "common/target", "common/time"}},
       {"server/ingest", {"common/camera", "common/session", "common/status", "server/store"}},
       {"server/rpc",
-       {"common/calibration", "common/camera", "common/session", "common/status", "common/target",
-        "common/wire", "server/ingest", "server/session", "server/solve/evaluate", "server/store"}},
+       {"common/calibration", "common/camera", "common/session", "common/status", "common/wire",
+        "server/ingest", "server/session", "server/solve/evaluate", "server/store"}},
       {"server/session",
        {"common/calibration", "common/camera", "common/session", "common/status", "common/target",
         "server/ingest", "server/solve", "server/store"}},
@@ -143,6 +127,26 @@ const std::map<std::string, std::set<std::string>>& AllowedFolders() {
   };
   return *kAllowed;
 }
+
+namespace {
+
+// "server/solve/rig/x.cc" -> "server/solve/rig"; a program's main is a folder of its own:
+// "agent/main.cc" -> "agent/main.cc".
+std::string FolderOf(std::string_view path) {
+  const size_t last = path.rfind('/');
+  if (last == std::string_view::npos) return "";
+  if (path.substr(last) == "/main.cc") return std::string(path);
+  return std::string(path.substr(0, last));
+}
+
+// "server/solve/rig" is inside "server/solve".
+bool IsInside(std::string_view folder, std::string_view outer) {
+  return folder == outer ||
+         (folder.size() > outer.size() && folder.substr(0, outer.size()) == outer &&
+          folder[outer.size()] == '/');
+}
+
+std::string LayerOf(std::string_view path) { return std::string(path.substr(0, path.find('/'))); }
 
 // An outside library, told by how its headers begin, and the folders that may see it.
 struct LibraryRule {
@@ -200,7 +204,34 @@ std::string CheckProjectInclude(std::string_view file, std::string_view include)
   return "";
 }
 
+// Depth first; `path` leads to `folder`.
+std::string CycleFrom(const FolderGraph& graph, const std::string& folder,
+                      std::vector<std::string> path, std::set<std::string>* done) {
+  const auto before = std::find(path.begin(), path.end(), folder);
+  if (before != path.end()) {
+    std::string cycle;
+    for (auto step = before; step != path.end(); ++step) cycle += *step + " -> ";
+    return cycle + folder;
+  }
+  if (!done->insert(folder).second) return "";
+  path.push_back(folder);
+  const auto edges = graph.find(folder);
+  if (edges == graph.end()) return "";
+  for (const std::string& next : edges->second) {
+    if (std::string cycle = CycleFrom(graph, next, path, done); !cycle.empty()) return cycle;
+  }
+  return "";
+}
+
 }  // namespace
+
+std::string CycleOf(const FolderGraph& graph) {
+  std::set<std::string> done;
+  for (const auto& [folder, edges] : graph) {
+    if (std::string cycle = CycleFrom(graph, folder, {}, &done); !cycle.empty()) return cycle;
+  }
+  return "";
+}
 
 std::string ForbiddenBecause(std::string_view file, std::string_view include) {
   if (IsProjectInclude(include)) return CheckProjectInclude(file, include);

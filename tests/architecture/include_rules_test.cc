@@ -37,6 +37,12 @@ TEST(IncludeRules, HoldInTheWholeTree) {
   EXPECT_GT(files, 50) << "the tree was not found";
 }
 
+TEST(IncludeRules, FoldersHaveNoCycle) {
+  EXPECT_EQ(CycleOf(AllowedFolders()), "");
+  EXPECT_EQ(CycleOf({{"a", {"b", "c"}}, {"b", {"d"}}, {"c", {"d"}}, {"d", {}}}), "");
+  EXPECT_EQ(CycleOf({{"a", {"b"}}, {"b", {"c", "d"}}, {"d", {"b"}}}), "b -> d -> b");
+}
+
 TEST(IncludeRules, ProgramsDoNotKnowEachOther) {
   EXPECT_THAT(ForbiddenBecause("agent/uplink/uplink.cc", "server/store/store.h"),
               HasSubstr("agent never includes server"));

@@ -152,7 +152,7 @@ absl::Status AravisCamera::Configure(const AravisSourceOptions& options) {
   int width = 0;
   int height = 0;
   arv_camera_get_region(camera_.get(), &x, &y, &width, &height, error.out());
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot read its picture size")));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot read its frame size")));
   image_size_px_ = {static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
   if (is_gige()) {
     // A packet socket needs CAP_NET_RAW and sees nothing on some interfaces; without it a plain
@@ -234,11 +234,11 @@ absl::StatusOr<ClockSample> AravisCamera::ReadClock() const {
   return sample;
 }
 
-absl::Status CheckImageSize(const std::string& camera, ImageSize pictures_px,
-                            ImageSize calibrated_px, const std::string& calibration_path) {
-  if (pictures_px == calibrated_px) return absl::OkStatus();
+absl::Status CheckImageSize(const std::string& camera, ImageSize frames_px, ImageSize calibrated_px,
+                            const std::string& calibration_path) {
+  if (frames_px == calibrated_px) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(
-      "camera ", camera, ": its pictures have ", pictures_px.width, " x ", pictures_px.height,
+      "camera ", camera, ": its frames have ", frames_px.width, " x ", frames_px.height,
       " pixels, but the intrinsics of ", calibration_path, " are for ", calibrated_px.width, " x ",
       calibrated_px.height,
       "; set the camera's region and binning as they were, or calibrate its lens again"));

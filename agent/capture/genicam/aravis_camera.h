@@ -20,10 +20,10 @@ namespace rigcal::agent {
 // except control_lost.
 class AravisCamera {
  public:
-  // NOT_FOUND: no such camera; lists those that are there. FAILED_PRECONDITION: another program
-  // holds it; names the host where that is known. INVALID_ARGUMENT: it cannot be set that way.
+  // NOT_FOUND: no such camera; lists the cameras found. FAILED_PRECONDITION: another program
+  // controls it; names the host if known. INVALID_ARGUMENT: the camera does not take a setting.
   // UNAVAILABLE: it does not answer.
-  // `list_others`: look for others where it does not answer, which takes up to a second more.
+  // `list_others`: search for other cameras if it does not answer, which takes up to a second.
   static absl::StatusOr<std::unique_ptr<AravisCamera>> Open(const AravisSourceOptions& options,
                                                             bool list_others);
   ~AravisCamera();
@@ -38,10 +38,10 @@ class AravisCamera {
   ImageSize image_size_px() const { return image_size_px_; }
   const std::string& ptp_clock_id() const { return ptp_clock_id_; }  // empty: its own clock
   bool exposure_is_automatic() const { return exposure_is_automatic_; }
-  // It was unplugged, or another program took it. Any thread may ask.
+  // It was unplugged, or another program took control. Any thread may call.
   bool control_lost() const { return control_lost_; }
 
-  // Bytes of one picture.
+  // Bytes of one frame.
   absl::StatusOr<uint32_t> PayloadBytes() const;
   bool CanReadClock() const { return latch_command_ != nullptr; }
   // Latches the camera's clock between two readings of the host's.
@@ -69,9 +69,9 @@ class AravisCamera {
   double ns_per_tick_ = 1;
 };
 
-// The camera's pictures must be as large as those the intrinsics were found with.
+// The camera's frames must have the size of the calibration.
 // FAILED_PRECONDITION names both sizes.
-absl::Status CheckImageSize(const std::string& camera, ImageSize pictures_px,
-                            ImageSize calibrated_px, const std::string& calibration_path);
+absl::Status CheckImageSize(const std::string& camera, ImageSize frames_px, ImageSize calibrated_px,
+                            const std::string& calibration_path);
 
 }  // namespace rigcal::agent

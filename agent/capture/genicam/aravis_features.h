@@ -6,7 +6,7 @@
 
 #include "agent/capture/genicam/aravis_objects.h"
 
-// GenICam's named features, where a camera may lack any of them. Private to agent/capture.
+// GenICam features by name; a camera may lack any of them.
 namespace rigcal::agent {
 
 inline bool FeatureIsAvailable(ArvCamera* camera, const char* feature) {
@@ -14,7 +14,8 @@ inline bool FeatureIsAvailable(ArvCamera* camera, const char* feature) {
   return arv_camera_is_feature_available(camera, feature, error.out()) && error.ok();
 }
 
-// Cameras name the same thing by the feature convention of their time. None: it has no such thing.
+// The first of several names (they changed between versions of the convention) that the camera has.
+// None: it has none of them.
 inline const char* FirstAvailableFeature(ArvCamera* camera,
                                          std::initializer_list<const char*> names) {
   for (const char* name : names) {

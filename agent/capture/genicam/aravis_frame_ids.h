@@ -6,13 +6,12 @@
 
 namespace rigcal::agent {
 
-// Finds the pictures that never came, from the numbers of those that did. GigE Vision counts in 16
-// bits, from 65535 on to 1 (0 is no number there); GigE Vision 2 and USB3 Vision count in 64 bits.
-// Which of the two is seen from the numbers: 64 bits once one is above 65535.
+// Counts lost frames from gaps in the frame ids. GigE Vision has 16-bit ids that wrap from 65535 to
+// 1 (0 is invalid); GigE Vision 2 and USB3 Vision have 64-bit ids, detected by an id above 65535.
 class FrameIdTracker {
  public:
-  // How many were lost just before this one, whose number is `id`. 0 for the first one, and for a
-  // number that is not ahead of the last one: repeated, late, or 0 or 1 of a count that began anew.
+  // Frames lost immediately before `id`. 0 for the first frame, and for an id that does not follow
+  // the last one: repeated, late, or 0 or 1 after a restart.
   uint64_t Arrived(uint64_t id) {
     if (id > kLargest16Bit) wide_ = true;
     const std::optional<uint64_t> last = last_;
@@ -26,17 +25,17 @@ class FrameIdTracker {
     return ahead ? steps - 1 : 0;
   }
 
-  // One whose number did not come with it: the next in turn.
+  // A frame without an id: counted as the next one.
   void ArrivedWithoutId() {
     if (last_) last_ = !wide_ && *last_ == kLargest16Bit ? 1 : *last_ + 1;
   }
 
-  // A new stream: what is lost between is not known.
+  // A new stream: losses in between are not known.
   void Restart() { *this = {}; }
 
  private:
   static constexpr uint64_t kLargest16Bit = 65'535;
-  static constexpr uint64_t kLongestGap = 10'000'000;  // more is no gap but another count
+  static constexpr uint64_t kLongestGap = 10'000'000;  // more is a restarted count
 
   std::optional<uint64_t> last_;
   bool wide_ = false;

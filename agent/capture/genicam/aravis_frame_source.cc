@@ -16,6 +16,10 @@
 namespace rigcal::agent {
 namespace {
 
+constexpr std::chrono::milliseconds kShortestPause(200);
+constexpr std::chrono::milliseconds kLongestPause(5000);
+constexpr std::chrono::milliseconds kLongestWait(200);  // then the connection is checked
+
 int64_t ClockNowNs(clockid_t clock) {
   timespec now{};
   clock_gettime(clock, &now);
@@ -27,7 +31,7 @@ int64_t ToNs(double seconds) { return static_cast<int64_t>(std::llround(seconds 
 const char* StatusWord(ArvBufferStatus status) {
   switch (status) {
     case ARV_BUFFER_STATUS_TIMEOUT:
-      return "packets did not come in time";
+      return "packets were late";
     case ARV_BUFFER_STATUS_MISSING_PACKETS:
       return "packets are missing";
     case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
@@ -37,18 +41,18 @@ const char* StatusWord(ArvBufferStatus status) {
     case ARV_BUFFER_STATUS_ABORTED:
       return "the stream ended in the middle of it";
     default:
-      return "it did not come whole";
+      return "it is incomplete";
   }
 }
 
-// When the first packet came, by the host's clocks. Aravis notes it in UTC alone.
+// The arrival of the first packet. Aravis has it in UTC only.
 FrameArrival ArrivalOf(ArvBuffer* buffer, double exposure_s) {
   const int64_t utc_now_ns = ClockNowNs(CLOCK_REALTIME);
   const int64_t monotonic_now_ns = ClockNowNs(CLOCK_MONOTONIC);
   FrameArrival arrival;
   arrival.device_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer)) + ToNs(exposure_s);
   arrival.host_utc_ns = static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer));
-  // A wall clock that stepped meanwhile must not be taken for a picture from long ago.
+  // A wall clock that stepped must not make the frame look old.
   const int64_t age_ns = std::clamp<int64_t>(utc_now_ns - arrival.host_utc_ns, 0, 10'000'000'000);
   arrival.host_monotonic_ns = monotonic_now_ns - age_ns;
   return arrival;
@@ -188,7 +192,7 @@ bool AravisFrameSource::Count(ArvBuffer* buffer) {
     lost_by_id_ += lost;
     counts_.lost = lost_before_ + lost_by_id_;
     refused_.Add("", "frame_lost", static_cast<uint32_t>(lost),
-                 absl::StrCat(lost, " before number ", id, " never came"));
+                 absl::StrCat(lost, " before number ", id, " never arrived"));
   } else {
     frame_ids_.ArrivedWithoutId();
   }
@@ -218,9 +222,10 @@ std::optional<Frame> AravisFrameSource::ToFrame(ArvBuffer* buffer) {
   const ImageSize size_px{static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
   if (!format || size_px != description_.image_size_px) {
     --counts_.received;
-    Damaged("frame_wrong_size", absl::StrCat(width, " x ", height, " pixels",
-                                             format ? "" : " in a format that is not supported",
-                                             "; was the camera set anew by another program?"));
+    Damaged("frame_wrong_size",
+            absl::StrCat(width, " x ", height, " pixels",
+                         format ? "" : " in a format that is not supported",
+                         "; did another program change the camera's settings?"));
     return std::nullopt;
   }
   const absl::StatusOr<ImageView> view =
@@ -249,16 +254,90 @@ void AravisFrameSource::FollowClock(ArvBuffer* buffer, Frame* frame) {
     const absl::StatusOr<ClockSample> reading = camera_->ReadClock();
     if (!reading.ok() || !clock_.AddReading(*reading)) {
       clock_can_be_read_ = false;
-      spdlog::warn("camera {}: its clock is taken from when pictures arrive, to about {} ms: {}",
-                   options_.camera, DeviceClock::kArrivalUncertaintyNs / 1'000'000,
-                   reading.ok() ? "what it latches is not the clock of its stamps"
-                                : std::string(reading.status().message()));
+      spdlog::warn(
+          "camera {}: its clock is estimated from the arrival of frames, to about {} ms: {}",
+          options_.camera, DeviceClock::kArrivalUncertaintyNs / 1'000'000,
+          reading.ok() ? "the latched clock is not that of the timestamps"
+                       : std::string(reading.status().message()));
     }
   }
   if (camera_->exposure_is_automatic() && arrival.host_monotonic_ns >= next_exposure_ns_) {
     exposure_s_ = ExposureSeconds(camera_->get());
     next_exposure_ns_ = arrival.host_monotonic_ns + DeviceClock::kIntervalNs;
   }
+}
+
+bool AravisFrameSource::Reconnect() {
+  using Clock = std::chrono::steady_clock;
+  spdlog::warn("camera {}: {} was lost; trying to reopen it", options_.camera, options_.device);
+  refused_.Add("", "camera_lost", 1, absl::StrCat(options_.device, " was unplugged or taken"));
+  EndStream();
+  camera_.reset();
+  const Clock::time_point began = Clock::now();
+  std::string last_reason;
+  for (auto pause = kShortestPause; !stopped_; pause = std::min(2 * pause, kLongestPause)) {
+    const absl::Status status = OpenAgain();
+    if (status.ok()) {
+      ++counts_.reconnects;
+      clock_.Reconnected();
+      spdlog::info("camera {}: {} is back after {:.1f} s", options_.camera, options_.device,
+                   std::chrono::duration<double>(Clock::now() - began).count());
+      return true;
+    }
+    const std::string reason(status.message());
+    if (reason != last_reason) spdlog::info("camera {}: not reopened: {}", options_.camera, reason);
+    last_reason = reason;
+    if (!Pause(pause)) break;
+  }
+  return false;
+}
+
+absl::Status AravisFrameSource::OpenAgain() {
+  RIGCAL_ASSIGN_OR_RETURN(camera_, AravisCamera::Open(options_, /*list_others=*/false));
+  absl::Status status;
+  // It must match the description.
+  if (camera_->image_size_px() != description_.image_size_px) {
+    status = CheckImageSize(options_.camera, camera_->image_size_px(), description_.image_size_px,
+                            "this capture");
+  } else if (const std::string& clock_id =
+                 camera_->ptp_clock_id().empty() ? camera_->device_id() : camera_->ptp_clock_id();
+             clock_id != description_.clock.clock_id) {
+    status = absl::FailedPreconditionError(
+        absl::StrCat("camera ", options_.camera, ": another camera or clock answers: ", clock_id,
+                     " instead of ", description_.clock.clock_id));
+  } else {
+    status = BeginStream();
+  }
+  if (!status.ok()) camera_.reset();
+  return status;
+}
+
+bool AravisFrameSource::Pause(std::chrono::milliseconds time) {
+  const auto deadline = std::chrono::steady_clock::now() + time;
+  while (!stopped_) {
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
+        deadline - std::chrono::steady_clock::now());
+    if (left.count() <= 0) return true;
+    bell_.Wait(left);
+  }
+  return false;
+}
+
+std::chrono::milliseconds AravisFrameSource::TriggerIfDue() {
+  using Clock = std::chrono::steady_clock;
+  if (options_.trigger != "software") return kLongestWait;
+  const Clock::time_point now = Clock::now();
+  if (now >= next_trigger_) {
+    GErrorSlot error;
+    arv_camera_software_trigger(camera_->get(), error.out());
+    if (!error.ok()) spdlog::debug("camera {}: trigger: {}", options_.camera, error.message());
+    const auto period = std::chrono::duration_cast<Clock::duration>(
+        std::chrono::duration<double>(1 / options_.frame_rate_hz.value_or(1)));
+    // A late trigger is not made up for by two at once.
+    next_trigger_ = std::max(next_trigger_ + period, now);
+  }
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(next_trigger_ - now);
+  return std::min(left, kLongestWait);
 }
 
 }  // namespace rigcal::agent

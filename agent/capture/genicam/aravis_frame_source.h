@@ -24,20 +24,20 @@ namespace rigcal::agent {
 // A GenICam camera, GigE Vision or USB3 Vision, through Aravis. Under our control from Create to
 // the end of the object.
 //
-// Time: GenICam stamps a picture at the start of its exposure, by the camera's own clock (or by PTP
-// where that was asked for and has locked; then all such cameras share one clock). The time of a
-// picture is its stamp plus half the exposure that the camera says it has. For a camera that stamps
-// at another moment, AravisSourceOptions::latency_s says by how much.
+// Time: a GenICam timestamp is the start of the exposure by the camera's clock, or by PTP if that
+// was requested and has locked (then all such cameras share one clock). A frame's time is its
+// timestamp plus half the exposure that the camera reports; AravisSourceOptions::latency_s corrects
+// cameras that timestamp at another instant.
 //
-// Counts: pictures that came whole; damaged ones (packets missing, wrong size); lost ones, whose
-// numbers were never seen or that found every buffer in use. What has come but was not fetched when
-// the capture stopped counts as received. A camera that is unplugged is looked for again, with
-// growing pauses, until Stop; pictures of that time cannot be counted. Reasons in Refused:
-// frame_incomplete, frame_lost, frame_no_buffer, frame_wrong_size, camera_lost.
+// Counts: received frames; damaged ones (missing packets, wrong size); lost ones (ids never seen,
+// or no free buffer). Frames that had arrived when the capture stopped count as received. A camera
+// that is unplugged is reopened, with growing pauses, until Stop; frames lost meanwhile are not
+// counted. Reasons in Refused: frame_incomplete, frame_lost, frame_no_buffer, frame_wrong_size,
+// camera_lost.
 class AravisFrameSource : public FrameSource {
  public:
-  // As AravisCamera::Open; FAILED_PRECONDITION too where the pictures are not as large as the
-  // intrinsics say; NOT_FOUND or INVALID_ARGUMENT for the calibration file.
+  // As AravisCamera::Open; FAILED_PRECONDITION also if the frame size is not that of the
+  // calibration; NOT_FOUND or INVALID_ARGUMENT for the calibration file.
   static absl::StatusOr<std::unique_ptr<AravisFrameSource>> Create(AravisSourceOptions options);
   ~AravisFrameSource() override;
 
@@ -54,16 +54,16 @@ class AravisFrameSource : public FrameSource {
       : options_(std::move(options)), description_(std::move(description)) {}
 
   absl::Status BeginStream();
-  void EndStream();  // counts what has come
+  void EndStream();  // counts frames that have arrived
   bool Reconnect();  // false: stopped
   absl::Status OpenAgain();
   bool Pause(std::chrono::milliseconds time);  // false: stopped
-  // Whether the picture is whole; counts it either way.
+  // Counts the frame; true if it is complete.
   bool Count(ArvBuffer* buffer);
   std::optional<Frame> ToFrame(ArvBuffer* buffer);
   void FollowClock(ArvBuffer* buffer, Frame* frame);
   void Damaged(std::string_view reason, const std::string& example);
-  // Asks for a picture when one is due (trigger=software). How long until the next.
+  // Requests a frame when one is due (trigger=software); the time until the next.
   std::chrono::milliseconds TriggerIfDue();
 
   const AravisSourceOptions options_;
@@ -74,13 +74,13 @@ class AravisFrameSource : public FrameSource {
   std::unique_ptr<AravisCamera> camera_;
   std::unique_ptr<AravisStream> stream_;
   std::chrono::steady_clock::time_point next_trigger_;
-  ArvBuffer* held_ = nullptr;  // the one that the last Frame shows
+  ArvBuffer* held_ = nullptr;  // of the last Frame
   std::vector<uint8_t> converted_;
   FrameIdTracker frame_ids_;
   uint64_t lost_by_id_ = 0;   // of this stream
   uint64_t lost_before_ = 0;  // of earlier streams of this capture
   double exposure_s_ = 0;
-  int64_t next_exposure_ns_ = 0;  // when to ask for it again, host monotonic
+  int64_t next_exposure_ns_ = 0;  // next time to read it, host monotonic
   DeviceClock clock_;
   bool clock_can_be_read_ = false;
   FrameCounts counts_;

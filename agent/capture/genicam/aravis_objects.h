@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "arv.h"
 
-// Ownership for what Aravis hands out. Private to agent/capture.
+// Ownership of Aravis objects.
 namespace rigcal::agent {
 
 struct GObjectDeleter {
@@ -26,7 +26,7 @@ struct GFreeDeleter {
 // A list of strings that the camera still owns.
 using GStringList = std::unique_ptr<const char*, GFreeDeleter>;
 
-// Where a call of Aravis leaves its error; may be used again once it was looked at.
+// The error of a call of Aravis; reusable once it was read.
 class GErrorSlot {
  public:
   GErrorSlot() = default;
@@ -34,7 +34,7 @@ class GErrorSlot {
   GErrorSlot(const GErrorSlot&) = delete;
   GErrorSlot& operator=(const GErrorSlot&) = delete;
 
-  // For the next call; forgets the error before.
+  // For the next call; clears the previous error.
   GError** out() {
     g_clear_error(&error_);
     return &error_;
@@ -42,7 +42,7 @@ class GErrorSlot {
   bool ok() const { return error_ == nullptr; }
   std::string message() const { return error_ == nullptr ? "no reason given" : error_->message; }
 
-  // `what` says what failed and with which camera.
+  // `what`: the operation and the camera.
   absl::Status ToStatus(std::string_view what) const {
     if (ok()) return absl::OkStatus();
     const std::string text = std::string(what) + ": " + message();

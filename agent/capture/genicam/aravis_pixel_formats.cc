@@ -163,14 +163,14 @@ absl::StatusOr<ImageView> ViewPixels(const GenicamPixelFormat& format, const uin
                                      int line_padding_bytes, std::vector<uint8_t>* converted) {
   if (data == nullptr || width < 1 || height < 1 || line_padding_bytes < 0) {
     return absl::InvalidArgumentError(
-        absl::StrCat("a ", format.name, " picture of ", width, " x ", height, " pixels"));
+        absl::StrCat("a ", format.name, " frame of ", width, " x ", height, " pixels"));
   }
   const size_t columns = static_cast<size_t>(width);
   const size_t rows = static_cast<size_t>(height);
   const size_t line_bytes = LineBytes(format, columns);
   const size_t stride = line_bytes + static_cast<size_t>(line_padding_bytes);
   if (size_bytes < stride * (rows - 1) + line_bytes) {
-    return absl::InvalidArgumentError(absl::StrCat("a ", format.name, " picture of ", width, " x ",
+    return absl::InvalidArgumentError(absl::StrCat("a ", format.name, " frame of ", width, " x ",
                                                    height, " pixels has ", stride * rows,
                                                    " bytes, but only ", size_bytes, " came"));
   }

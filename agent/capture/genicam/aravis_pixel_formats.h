@@ -14,7 +14,7 @@
 
 namespace rigcal::agent {
 
-// How the samples of one pixel lie in a GenICam picture (EMVA's Pixel Format Naming Convention).
+// Memory layout of the samples of a GenICam image (EMVA's Pixel Format Naming Convention).
 enum class SamplePacking : uint8_t {
   k8,       // one byte each
   k16,      // two bytes, low byte first, the value in the low bits
@@ -30,7 +30,7 @@ struct GenicamPixelFormat {
   SamplePacking packing = SamplePacking::k8;
   int bits = 8;  // of a sample: 8, 10 or 12
 
-  // Mono8 and BGR8 are handed on as they lie in the buffer.
+  // Mono8 and BGR8 are used without conversion.
   bool zero_copy() const {
     return packing == SamplePacking::k8 &&
            (layout == SampleLayout::kMono || layout == SampleLayout::kBgr);
@@ -46,10 +46,10 @@ std::optional<GenicamPixelFormat> FindPixelFormat(std::string_view name);
 // Names, best first for finding a coloured wand: colour before grey, 8 bit before more.
 const std::vector<std::string>& SupportedPixelFormats();
 
-// The picture that lies in `data`. Samples of 10 and 12 bits keep their highest 8; Bayer patterns
-// are interpolated. `line_padding_bytes` follow each line. The view lies in `data` itself where the
-// format allows, else in `*converted`, which must outlive it and is best used again.
-// INVALID_ARGUMENT: `size_bytes` is less than such a picture has, or a side is not positive.
+// The image in `data`. Samples of 10 and 12 bits keep their highest 8; Bayer patterns are
+// interpolated. `line_padding_bytes` follow each line. The view is of `data` if the format allows,
+// else of `*converted`, which must outlive it and should be reused. INVALID_ARGUMENT: `size_bytes`
+// is too small for such an image, or a side is not positive.
 // INTERNAL: OpenCV refused.
 absl::StatusOr<ImageView> ViewPixels(const GenicamPixelFormat& format, const uint8_t* data,
                                      size_t size_bytes, int width, int height,

@@ -9,11 +9,11 @@
 
 namespace rigcal::agent {
 
-// Lets the camera's clock follow IEEE 1588 and waits until it does. `prefix` begins the errors:
+// Makes the camera's clock follow IEEE 1588 and waits until it has locked. `prefix` begins errors:
 // INVALID_ARGUMENT: the camera has no PTP. UNAVAILABLE: it did not lock in time.
 absl::Status SwitchPtpOn(ArvCamera* camera, const std::string& prefix);
 
-// The clock that PTP keeps ("ptp-<grandmaster>", "ptp"), or empty if it does not.
+// The clock of PTP ("ptp-<grandmaster>", "ptp"), or empty if it does not.
 std::string PtpClockId(ArvCamera* camera);
 
 }  // namespace rigcal::agent

@@ -155,7 +155,7 @@ absl::Status SetQuantities(ArvCamera* camera, const AravisSourceOptions& options
     }
     RIGCAL_RETURN_IF_ERROR(SetQuantity(camera, options, kGain, *options.gain_db));
   }
-  // With a trigger the pictures come when they are asked for; Aravis would switch it off.
+  // With a trigger the frames come when they are asked for; Aravis would switch it off.
   if (options.frame_rate_hz && options.trigger == "free") {
     RIGCAL_RETURN_IF_ERROR(SetQuantity(camera, options, kRate, *options.frame_rate_hz));
   }
@@ -233,7 +233,7 @@ std::optional<std::string> ShortExposureWarning(const std::string& camera, doubl
   return absl::StrCat("camera ", camera, ": an exposure of ", exposure_s * 1e3,
                       " ms is shorter than one blink of the wand (", 1e3 / blink_hz, " ms at ",
                       blink_hz,
-                      " Hz): markers will be missing or dark in some pictures; set "
+                      " Hz): markers will be missing or dark in some frames; set "
                       "exposure to at least ",
                       1e3 / blink_hz, " ms");
 }

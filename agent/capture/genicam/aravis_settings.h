@@ -14,29 +14,29 @@
 
 namespace rigcal::agent {
 
-// Puts what `options` give on the camera, in an order in which no setting limits a later one, and
-// waits for PTP if that is asked. Errors begin with the camera's name, say what the camera offers
-// instead, and leave what was set before.
+// Applies `options` to the camera, in an order in which no setting limits a later one, and waits
+// for PTP if requested. Errors begin with the camera's name and list what the camera offers;
+// settings made before the error remain.
 absl::Status ApplySettings(ArvCamera* camera, const AravisSourceOptions& options);
 
-// As the camera has them now. What it does not say stays empty or 0.
+// The camera's present settings; empty or 0 if it does not report one.
 CameraSettings ReadSettings(ArvCamera* camera);
 
-// What a person should know about these settings for a wand that blinks: exposure shorter than a
-// blink, automatic exposure, settings that the camera changed. Each begins with the camera's name.
+// Warnings about settings for a blinking wand: exposure shorter than a blink, automatic exposure,
+// settings that the camera changed. Each begins with the camera's name.
 std::vector<std::string> SettingWarnings(ArvCamera* camera, const AravisSourceOptions& options,
                                          const CameraSettings& settings);
 
-// The paper's rule: an exposure must not be shorter than one period of the wand's blinking. None:
-// it is not, or one of the two is not known (0).
+// The paper's rule: an exposure must not be shorter than one blink period. None: it is not, or one
+// of the two is not known (0).
 std::optional<std::string> ShortExposureWarning(const std::string& camera, double exposure_s,
                                                 double blink_hz);
 
-// The camera's pixel format. INVALID_ARGUMENT: not supported; lists what is, and what of it the
-// camera offers.
+// The camera's pixel format. INVALID_ARGUMENT: not supported; lists the supported formats and those
+// that the camera offers.
 absl::StatusOr<GenicamPixelFormat> CurrentPixelFormat(ArvCamera* camera, const std::string& name);
 
-// Seconds of the exposure that is set now; 0: the camera does not say.
+// The present exposure in seconds; 0: not known.
 double ExposureSeconds(ArvCamera* camera);
 bool ExposureIsAutomatic(ArvCamera* camera);
 

@@ -13,11 +13,11 @@
 namespace rigcal::agent {
 namespace {
 
-// Buffers of all pictures together; more would be a slip of the pen.
+// Buffers of all frames together; more would be a slip of the pen.
 constexpr uint64_t kMostBufferBytes = uint64_t{4} << 30;
 // When a camera has stopped, what it sent has come when nothing came for this long.
 constexpr std::chrono::milliseconds kQuiet(60);
-// Aravis gives an incomplete picture up after 100 ms.
+// Aravis gives an incomplete frame up after 100 ms.
 constexpr std::chrono::milliseconds kGivenUp(400);
 // A camera that does not stop sending is not waited for.
 constexpr std::chrono::seconds kLongestEnd(1);
@@ -31,7 +31,7 @@ void WarnOfSmallSocketBuffer(const std::string& camera, int asked_bytes) {
   if (!(file >> most_bytes) || most_bytes >= asked_bytes) return;
   spdlog::warn(
       "camera {}: the kernel gives a socket at most {} bytes of buffer, not {}: under load "
-      "pictures "
+      "frames "
       "will be damaged; run `sysctl -w net.core.rmem_max={}`, and put that into /etc/sysctl.d",
       camera, most_bytes, asked_bytes, asked_bytes);
 }
@@ -57,11 +57,11 @@ absl::StatusOr<std::unique_ptr<AravisStream>> AravisStream::Start(
     return absl::UnavailableError(absl::StrCat(prefix, "cannot receive a stream"));
   }
   if (ARV_IS_GV_STREAM(stream->stream_.get())) {
-    // Aravis counts the packets of such pictures, not the pictures.
+    // Aravis counts the packets of such frames, not the frames.
     const uint64_t packet_bytes = arv_camera_gv_get_packet_size(camera->get(), error.out());
     if (error.ok() && packet_bytes > kPacketOverheadBytes) {
       const uint64_t data_bytes = packet_bytes - kPacketOverheadBytes;
-      stream->packets_per_picture_ = (payload_bytes + data_bytes - 1) / data_bytes + 2;
+      stream->packets_per_frame_ = (payload_bytes + data_bytes - 1) / data_bytes + 2;
     }
     WarnOfSmallSocketBuffer(options.camera, options.socket_buffer_bytes);
     g_object_set(stream->stream_.get(), "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
@@ -73,7 +73,7 @@ absl::StatusOr<std::unique_ptr<AravisStream>> AravisStream::Start(
   for (uint64_t i = 0; i < buffer_count; ++i) {
     ArvBuffer* const buffer = arv_buffer_new_allocate(payload_bytes);
     if (buffer == nullptr) {
-      return absl::ResourceExhaustedError(absl::StrCat(prefix, "no memory for its pictures"));
+      return absl::ResourceExhaustedError(absl::StrCat(prefix, "no memory for its frames"));
     }
     stream->GiveBack(buffer);
   }
@@ -94,7 +94,7 @@ void AravisStream::OnEvent(void* self, ArvStreamCallbackType type, ArvBuffer*) {
 }
 
 void AravisStream::GiveBack(ArvBuffer* buffer) {
-  // Aravis leaves the number of an earlier picture in place when the packet with it is lost.
+  // Aravis leaves the number of an earlier frame in place when the packet with it is lost.
   arv_buffer_set_frame_id(buffer, 0);
   arv_stream_push_buffer(stream_.get(), buffer);
 }
@@ -117,7 +117,7 @@ uint64_t AravisStream::underruns() const {
   guint64 failures = 0;
   guint64 underruns = 0;
   arv_stream_get_statistics(stream_.get(), &completed, &failures, &underruns);
-  return underruns / packets_per_picture_;
+  return underruns / packets_per_frame_;
 }
 
 }  // namespace rigcal::agent

@@ -14,8 +14,7 @@
 
 namespace rigcal::agent {
 
-// Tells a waiting thread that a picture came, or that something else needs its attention. Rung by
-// any thread.
+// Wakes a thread that waits for a frame or another change. Rung by any thread.
 class CaptureBell {
  public:
   void Ring() {
@@ -25,7 +24,7 @@ class CaptureBell {
     }
     changed_.notify_all();
   }
-  // Returns at once if it was rung since the last wait. False: `limit` has gone by.
+  // Returns at once if it was rung since the last wait. False: timed out.
   bool Wait(std::chrono::milliseconds limit) {
     std::unique_lock lock(mutex_);
     const bool rung = changed_.wait_for(lock, limit, [&] { return rung_; });
@@ -39,30 +38,29 @@ class CaptureBell {
   bool rung_ = false;
 };
 
-// The pictures of one camera while it sends: its buffers and the thread that fills them. For one
-// thread; the bell rings for each picture.
+// A running stream of frames: its buffers and the thread that fills them. For one thread; the bell
+// rings for each frame.
 class AravisStream {
  public:
-  // Makes the buffers and lets the camera send. Both arguments must outlive the stream.
+  // Allocates the buffers and starts the camera. Both arguments must outlive the stream.
   static absl::StatusOr<std::unique_ptr<AravisStream>> Start(AravisCamera* camera,
                                                              const AravisSourceOptions& options,
                                                              CaptureBell* bell);
-  // Ends without asking the camera, for one that is gone or after Finish.
+  // Ends without the camera, which may be gone.
   ~AravisStream();
   AravisStream(const AravisStream&) = delete;
   AravisStream& operator=(const AravisStream&) = delete;
 
-  // The next picture that has come, whole or not; none if there is none yet. Give it back.
+  // The next frame that has arrived, complete or not; null if there is none. Give it back.
   ArvBuffer* TryPop() { return arv_stream_try_pop_buffer(stream_.get()); }
   void GiveBack(ArvBuffer* buffer);
 
-  // Tells the camera to send no more. What is on its way comes yet: TryPop until WaitForLast says
-  // that nothing more can come.
+  // Stops the camera. Frames in transit still arrive: TryPop until WaitForLast is false.
   void StopCamera();
-  // Waits for the next picture; false: that was all.
+  // Waits for the next frame; false: there are no more.
   bool WaitForLast();
 
-  // Pictures that came while every buffer was in use, as far as their packets tell.
+  // Frames that arrived while every buffer was in use, estimated from their packets.
   uint64_t underruns() const;
 
  private:
@@ -71,9 +69,9 @@ class AravisStream {
 
   AravisCamera* const camera_;
   CaptureBell* const bell_;
-  std::atomic<uint64_t> begun_ = 0;  // pictures
+  std::atomic<uint64_t> begun_ = 0;  // frames
   std::atomic<uint64_t> done_ = 0;
-  uint64_t packets_per_picture_ = 1;
+  uint64_t packets_per_frame_ = 1;
   std::chrono::steady_clock::time_point last_wait_ends_;
   GObjectPtr<ArvStream> stream_;
 };

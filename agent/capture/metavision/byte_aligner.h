@@ -8,13 +8,13 @@
 
 namespace rigcal::agent {
 
-// Makes whole words of a stream of bytes that is cut anywhere.
+// Regroups a stream of bytes that may be cut anywhere into whole words.
 class ByteAligner {
  public:
   explicit ByteAligner(size_t word_bytes) : word_bytes_(word_bytes) {}
 
-  // The whole words that `bytes` ends, with what was left over before; none: not even one. Copies
-  // only where a word was cut. The view is valid as long as `bytes`, until the next Join.
+  // The whole words in the bytes left over before and `bytes`. Copies only a word that was cut. The
+  // view is valid as long as `bytes`, until the next Join.
   std::span<const uint8_t> Join(std::span<const uint8_t> bytes) {
     joined_.erase(joined_.begin(), joined_.begin() + static_cast<std::ptrdiff_t>(whole_bytes_));
     whole_bytes_ = 0;
@@ -30,8 +30,8 @@ class ByteAligner {
 
  private:
   size_t word_bytes_;
-  std::vector<uint8_t> joined_;  // the words shown last, if they were joined, and a word's begin
-  size_t whole_bytes_ = 0;       // of joined_, shown last
+  std::vector<uint8_t> joined_;  // the last words, if joined, and the beginning of the next
+  size_t whole_bytes_ = 0;       // of joined_
 };
 
 }  // namespace rigcal::agent

@@ -110,7 +110,7 @@ absl::StatusOr<std::unique_ptr<MetavisionEventSource>> MetavisionEventSource::Cr
   RIGCAL_ASSIGN_OR_RETURN(MetavisionRequest request, MakeRequest(options));
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<MetavisionDevice> device, OpenMetavisionDevice(request));
   RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, Describe(options, device->identity()));
-  // Should it be lost, no other one will do.
+  // If it is lost, only the same camera may replace it.
   request.serial = device->identity().opened_as;
   return std::unique_ptr<MetavisionEventSource>(new MetavisionEventSource(
       std::move(options), std::move(request), std::move(description), std::move(device)));
@@ -158,7 +158,7 @@ bool MetavisionEventSource::WaitUntil(SteadyTime deadline) {
 
 absl::StatusOr<std::optional<EventChunk>> MetavisionEventSource::Next() {
   if (arrival_) {
-    // Only now: what was told before the last piece has left under the clock's epoch of its time.
+    // Only now: samples taken before belong to the epoch of the previous piece.
     clock_.EpochOf(arrival_->device_ns, *arrival_);
     clock_.AddArrival(*arrival_);
     arrival_.reset();
@@ -169,7 +169,7 @@ absl::StatusOr<std::optional<EventChunk>> MetavisionEventSource::Next() {
       BeginStream();
       continue;
     }
-    // Its wait could only be ended by its stop, which takes the bytes away that were told last.
+    // The SDK's own wait could only be ended by a stop, which invalidates the last bytes.
     const absl::StatusOr<std::span<const uint8_t>> bytes = device_->Read();
     if (!bytes.ok()) {
       Lose(bytes.status());
@@ -190,11 +190,11 @@ void MetavisionEventSource::BeginStream() {
     pause_ = NextPause(pause_, options_);
     if (const absl::Status status = OpenAgain(); !status.ok()) {
       std::string reason(status.message());
-      if (reason != told_reason_) spdlog::info("camera {}: not yet: {}", options_.camera, reason);
-      told_reason_ = std::move(reason);
+      if (reason != logged_reason_) spdlog::info("camera {}: not yet: {}", options_.camera, reason);
+      logged_reason_ = std::move(reason);
       return;
     }
-    told_reason_.clear();
+    logged_reason_.clear();
     spdlog::info("camera {}: {} is back", options_.camera, identity_.serial);
   }
   if (!WaitUntil(begins_at_)) return;
@@ -205,12 +205,12 @@ void MetavisionEventSource::BeginStream() {
   if (const absl::Status status = device_->Start(); !status.ok()) return Lose(status);
   streaming_ = true;
   silent_since_ = SteadyClock::now();
-  silence_is_told_ = false;
+  silence_is_logged_ = false;
 }
 
 absl::Status MetavisionEventSource::OpenAgain() {
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<MetavisionDevice> device, OpenMetavisionDevice(request_));
-  // What was told about this camera must still hold.
+  // It must match the description.
   const MetavisionIdentity& now = device->identity();
   if (now.geometry != identity_.geometry || now.serial != identity_.serial) {
     return absl::FailedPreconditionError(
@@ -248,7 +248,7 @@ std::chrono::milliseconds MetavisionEventSource::NextPause(std::chrono::millisec
 void MetavisionEventSource::TakeBytes(std::span<const uint8_t> bytes) {
   pending_ = joiner_->Join(bytes);
   pause_ = options_.shortest_pause;
-  silence_is_told_ = true;
+  silence_is_logged_ = true;
 }
 
 EventChunk MetavisionEventSource::TakePiece() {
@@ -276,8 +276,8 @@ void MetavisionEventSource::FollowClock() {
 }
 
 void MetavisionEventSource::WarnOfSilence() {
-  if (silence_is_told_ || SteadyClock::now() - silent_since_ < kSilence) return;
-  silence_is_told_ = true;
+  if (silence_is_logged_ || SteadyClock::now() - silent_since_ < kSilence) return;
+  silence_is_logged_ = true;
   spdlog::warn("camera {}: {} has sent nothing for {} s{}", options_.camera, identity_.serial,
                kSilence.count(),
                request_.config.sync == EventCameraSync::kSecondary

@@ -26,15 +26,15 @@ namespace rigcal::agent {
 // A live event camera, through OpenEB or the Metavision SDK. Under our control from Create to the
 // end of the object.
 //
-// Time: the sensor's clock begins with each Start, at zero, or for a secondary camera with that of
-// its primary. It is compared with the host's by when events arrive, to about 5 ms. A camera that
-// is unplugged is looked for again, with growing pauses, until Stop; its clock then begins anew
-// (EventChunk::clock_began_anew). Refused counts camera_lost. What the SDK throws away because
-// nobody fetched it in time it does not tell.
+// Time: the sensor's clock starts at zero with each Start, or with the primary's for a secondary
+// camera. It is related to the host's clocks by the arrival of events, to about 5 ms. A camera that
+// is unplugged is reopened, with growing pauses, until Stop; its clock then restarts
+// (EventChunk::clock_began_anew). Refused counts camera_lost. The SDK does not report events that
+// it drops.
 class MetavisionEventSource : public EventSource {
  public:
-  // As OpenMetavisionDevice; NOT_FOUND or INVALID_ARGUMENT too for the file of settings and the
-  // calibration; FAILED_PRECONDITION where the sensor is not as large as that says.
+  // As OpenMetavisionDevice; NOT_FOUND or INVALID_ARGUMENT also for the files of settings and
+  // calibration; FAILED_PRECONDITION if the sensor size is not that of the calibration.
   static absl::StatusOr<std::unique_ptr<MetavisionEventSource>> Create(
       MetavisionSourceOptions options);
   ~MetavisionEventSource() override;
@@ -46,7 +46,7 @@ class MetavisionEventSource : public EventSource {
   std::vector<ClockSample> TakeClockSamples() override { return clock_.Take(); }
   std::vector<Refusal> Refused() const override { return refused_.List(); }
 
-  // How long to wait before a camera that was lost is looked for once more.
+  // The pause before the next attempt to reopen a lost camera.
   static std::chrono::milliseconds NextPause(std::chrono::milliseconds pause,
                                              const MetavisionSourceOptions& options);
 
@@ -56,7 +56,7 @@ class MetavisionEventSource : public EventSource {
   MetavisionEventSource(MetavisionSourceOptions options, MetavisionRequest request,
                         CameraDescription description, std::unique_ptr<MetavisionDevice> device);
 
-  void BeginStream();  // or waits for the time to, or looks for a lost camera
+  void BeginStream();  // or waits for its time, or reopens a lost camera
   absl::Status OpenAgain();
   void Lose(const absl::Status& why);
   void EndStream();
@@ -80,15 +80,15 @@ class MetavisionEventSource : public EventSource {
   bool streaming_ = false;
   SteadyTime begins_at_;     // not before
   SteadyTime silent_since_;  // no byte since the stream began
-  bool silence_is_told_ = true;
-  bool clock_began_anew_ = false;  // tell it with the next piece
+  bool silence_is_logged_ = true;
+  bool clock_began_anew_ = false;  // passed on with the next piece
   std::chrono::milliseconds pause_{0};
-  std::string told_reason_;  // why a lost camera is not back yet
+  std::string logged_reason_;  // why a lost camera cannot be reopened
   std::optional<ByteAligner> joiner_;
-  std::span<const uint8_t> pending_;  // whole words that are not told yet
+  std::span<const uint8_t> pending_;  // whole words not yet passed on
   uint64_t byte_offset_ = 0;          // of pending_ in the capture
   std::optional<EventTimer> timer_;
-  std::optional<FrameArrival> arrival_;  // of the piece that was told last
+  std::optional<FrameArrival> arrival_;  // of the last piece
   int64_t last_time_us_ = 0;
   DeviceClock clock_;
   RefusalCounter refused_;

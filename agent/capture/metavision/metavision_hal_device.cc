@@ -137,19 +137,19 @@ absl::StatusOr<std::unique_ptr<Metavision::Device>> OpenDevice(const MetavisionR
                    found.ok() ? Listed(*found) : std::string(found.status().message())));
 }
 
-// The format as a RAW file's header would tell it; only there EVT 2.1 says in which order its
+// The format in the words of a RAW header; only there EVT 2.1 says in which order its
 // halves come.
 absl::Status ReadFormat(const Metavision::I_HW_Identification& about,
                         MetavisionIdentity* identity) {
   const std::string current = about.get_current_data_encoding_format();
-  std::string told = about.get_header().get_field("format");
-  if (told.empty()) told = current;
-  const std::string text = absl::StrCat("% format ", told, "\n% end\n");
+  std::string name = about.get_header().get_field("format");
+  if (name.empty()) name = current;
+  const std::string text = absl::StrCat("% format ", name, "\n% end\n");
   const absl::StatusOr<RawHeader> header =
       ParseRawHeader({reinterpret_cast<const uint8_t*>(text.data()), text.size()});
   if (!header.ok()) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "it sends events as \"", told, "\": ", std::string(header.status().message()),
+        "it sends events as \"", name, "\": ", std::string(header.status().message()),
         "; it offers: ", absl::StrJoin(about.get_available_data_encoding_formats(), ", "),
         "; ask for one with format = \"EVT3\" in the file that biases= names"));
   }
@@ -163,7 +163,7 @@ absl::StatusOr<MetavisionIdentity> Identify(Metavision::Device& device) {
   const auto* const geometry = device.get_facility<Metavision::I_Geometry>();
   if (about == nullptr || geometry == nullptr) {
     return absl::InvalidArgumentError(
-        "its plugin tells neither what it is nor how large; is it an event camera?");
+        "its plugin reports neither type nor size; is it an event camera?");
   }
   MetavisionIdentity identity;
   identity.serial = about->get_serial();

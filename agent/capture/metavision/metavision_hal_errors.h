@@ -9,11 +9,10 @@
 
 namespace rigcal::agent {
 
-// UNAVAILABLE, "WHAT: why". The SDK's messages are several lines with rulers around them: they
-// become one.
+// UNAVAILABLE, "WHAT: why", with the SDK's message of several lines on one.
 absl::Status MetavisionFailure(std::string_view what, std::string_view why);
 
-// Runs something of the SDK; what it throws comes back as a status.
+// Calls the SDK; its exceptions become a status.
 template <typename Function>
 absl::Status WithoutExceptions(std::string_view what, Function&& run) {
   try {

@@ -12,8 +12,8 @@
 
 namespace rigcal::agent {
 
-// Puts what is asked on the camera, before it streams, and switches anti-flicker off. The trigger
-// inputs that are listened to. Errors as in OpenMetavisionDevice, without the camera's name. The
+// Applies the settings to the camera before it streams and switches anti-flicker off. Returns the
+// trigger inputs in use. Errors as in OpenMetavisionDevice, without the camera's name. The
 // SDK may throw.
 absl::StatusOr<std::vector<std::string>> ApplyMetavisionSettings(Metavision::Device& device,
                                                                  const MetavisionRequest& request);

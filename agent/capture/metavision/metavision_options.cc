@@ -2,15 +2,26 @@
 #include "agent/capture/metavision/metavision_options.h"
 
 #include "absl/strings/str_cat.h"
-#include "common/status/fault_list.h"
+#include "agent/capture/source_kind.h"
 
 namespace rigcal::agent {
+
+void AddOptions(MetavisionSourceOptions* options, OptionTable* table) {
+  MetavisionSourceOptions& o = *options;
+  table->Add("serial", &o.serial, "NUMBER", "needed if there are several cameras");
+  table->AddPath("biases", &o.settings_path, "TOML with biases, trigger inputs, event rate limit");
+  table->AddChoice("sync", &o.sync, EventCameraSyncNames(), "role on a sync cable");
+  table->Add("primary_delay", &o.primary_delay_s, {0, 60, "s"},
+             "by which a primary starts after the others");
+  table->Add("clock", &o.clock_id, "NAME", "shared by sensors on one sync cable");
+  AddCalibration(&o.calibration_path, table);
+  table->Add("latency", &o.latency_s, {-10, 10, "s"}, "from an event to its timestamp");
+}
 
 absl::Status MetavisionSourceOptions::Validate() const {
   FaultList faults;
   if (camera.empty()) faults.Add("the camera's name is empty");
-  faults.CheckRange("primary_delay", primary_delay_s, 0.0, 60.0, " s");
-  faults.CheckRange("latency", latency_s, -10.0, 10.0, " s");
+  CheckOptions(*this, &faults);
   if (trigger_channel != -1) faults.CheckRange("trigger_channel", trigger_channel, 0, 31);
   if (shortest_pause.count() < 1 || longest_pause < shortest_pause) {
     faults.Add("the shortest pause must be above 0 and not longer than the longest");

@@ -14,10 +14,10 @@
 
 namespace rigcal::agent {
 
-// A picture with what the detector made of it, copied so that the camera goes on meanwhile.
+// A copy of a frame with its detections.
 struct PreviewFrame {
   PreviewFrame() = default;
-  // A copy's `image` would still be that of the original.
+  // A copy's `image` would still refer to the original.
   PreviewFrame(PreviewFrame&&) = default;
   PreviewFrame& operator=(PreviewFrame&&) = default;
 
@@ -26,13 +26,12 @@ struct PreviewFrame {
   int64_t time_ns = 0;          // the camera's clock
   uint32_t clock_epoch = 0;
   Detection detection;
-  PixelRect window;         // looked at while tracking; empty: the whole picture
-  std::vector<Blob> blobs;  // as many as the detector tells
+  PixelRect window;         // searched while tracking; empty: the whole frame
+  std::vector<Blob> blobs;  // of the detector
 };
 
-// Where a source hands out a picture when somebody asks for one. Asking is for any thread, offering
-// for the one that captures. Costs the capture a look at a flag per picture, and the copy of one
-// picture per request.
+// Hands out a frame of a source on request. Any thread may request; the capturing thread offers. A
+// capture pays for reading a flag per frame and for one copy per request.
 class PreviewTap {
  public:
   using Take = std::function<void(PreviewFrame)>;
@@ -41,13 +40,13 @@ class PreviewTap {
   PreviewTap(const PreviewTap&) = delete;
   PreviewTap& operator=(const PreviewTap&) = delete;
 
-  // The next picture offered is copied for `take`, which is called by the capturing thread and must
-  // not block. One that still waits is forgotten.
+  // The next frame offered is copied for `take`, which the capturing thread calls; it must not
+  // block. A pending request is replaced.
   void Request(Take take);
-  // Nobody waits any more. After the return `take` is neither running nor called.
+  // Drops a pending request. After the return `take` is neither running nor called.
   void Cancel();
 
-  // What the detector made of a picture. `image` is read during the call only.
+  // A frame and its detections. `image` is read during the call only.
   void Offer(const ImageView& image, int64_t time_ns, uint32_t clock_epoch,
              const Detection& detection, const PixelRect& window = {},
              absl::Span<const Blob> blobs = {});

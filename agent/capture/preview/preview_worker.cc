@@ -33,7 +33,7 @@ Preview Refusal(const PreviewRequest& request, PreviewRefusal refusal, std::stri
 Preview TimedOut(const PreviewRequest& request) {
   return Refusal(
       request, PreviewRefusal::kTimedOut,
-      absl::StrCat("camera ", request.camera, " took no picture within ", request.max_wait_ms,
+      absl::StrCat("camera ", request.camera, " took no frame within ", request.max_wait_ms,
                    " ms: is it triggered, and has its recording not ended?"));
 }
 
@@ -91,12 +91,12 @@ std::optional<Preview> PreviewWorker::Refused(const PreviewRequest& request,
   }
   if (subject.tap == nullptr) {
     return Refusal(request, PreviewRefusal::kNoFrames,
-                   absl::StrCat(camera, " has no pictures: its source yields observations"));
+                   absl::StrCat(camera, " has no frames: its source yields observations"));
   }
   if (!subject.capturing) {
     return Refusal(request, PreviewRefusal::kNotCapturing,
                    absl::StrCat(camera,
-                                " takes pictures only while a session captures; start one "
+                                " takes frames only while a session captures; start one "
                                 "with rigcal session start"));
   }
   const Clock::time_point now = Clock::now();
@@ -220,7 +220,7 @@ Preview PreviewWorker::Draw(const PreviewRequest& request, const PreviewFrame& f
     preview.info.jpeg_size_px = {static_cast<uint32_t>(jpeg->width),
                                  static_cast<uint32_t>(jpeg->height)};
     preview.info.outcome = frame.detection.outcome;
-    // A picture is worth seeing with a confidence that is no number, too.
+    // A frame is worth seeing with a confidence that is no number, too.
     const double confidence = frame.detection.confidence;
     preview.info.confidence = std::isnan(confidence) ? 0 : std::clamp(confidence, 0.0, 1.0);
     preview.info.visible_marker_count =
@@ -231,7 +231,7 @@ Preview PreviewWorker::Draw(const PreviewRequest& request, const PreviewFrame& f
     return preview;
   } catch (const std::exception& error) {
     return Refusal(request, PreviewRefusal::kFailed,
-                   absl::StrCat("the picture could not be drawn: ", error.what()));
+                   absl::StrCat("the frame could not be drawn: ", error.what()));
   }
 }
 

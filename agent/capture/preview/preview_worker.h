@@ -20,41 +20,40 @@
 namespace rigcal::agent {
 
 struct PreviewOptions {
-  bool enabled = false;    // pictures leave the PC only where somebody allowed it
-  double max_rate_hz = 1;  // per camera, above 0 to 10
+  bool enabled = false;                       // frames leave the PC only where somebody allowed it
+  double max_rate_hz = 1;                     // per camera, above 0 to 10
   size_t max_jpeg_bytes = size_t{256} << 10;  // 8 KiB to 1 MiB; the server may ask for less
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };
 
-// What a camera is doing, as far as it concerns its previews.
+// State of a camera that matters for previews.
 struct PreviewSubject {
   bool known = false;         // the agent has it
-  bool capturing = false;     // only then it takes pictures
-  PreviewTap* tap = nullptr;  // null: no pictures; must live until Shutdown
+  bool capturing = false;     // frames arrive only then
+  PreviewTap* tap = nullptr;  // null: no frames; must live until Shutdown
 };
 
-// Makes pictures for people from what cameras see, on a thread of its own, so that the capture is
-// held up by the copy of one picture and by nothing else. At most one request per camera at a time,
-// and no more of them than the options allow. Any thread may call.
+// Makes previews on a thread of its own, so that a capture is delayed by the copy of one frame
+// only. At most one request per camera at a time, at most at the rate of the options. Any thread
+// may call.
 class PreviewWorker {
  public:
-  // `on_answer` is called on any thread when there is a new answer; it must neither block nor call
-  // back.
+  // `on_answer` is called on any thread for each new answer; it must neither block nor call back.
   PreviewWorker(PreviewOptions options, std::function<void()> on_answer);
   ~PreviewWorker();
   PreviewWorker(const PreviewWorker&) = delete;
   PreviewWorker& operator=(const PreviewWorker&) = delete;
 
-  // Each request gets one answer, a refusal at once, a picture or kTimedOut within
-  // request.max_wait_ms and the time to draw it.
+  // Each request gets one answer: a refusal at once, or a preview or kTimedOut within
+  // request.max_wait_ms plus the time to draw it.
   void Request(const PreviewRequest& request, const PreviewSubject& subject);
-  // None: there is none now.
+  // None: no answer is ready.
   std::optional<Preview> TakeAnswer();
-  // Forgets requests and answers: whoever asked has gone.
+  // Drops requests and answers, because the client has gone.
   void Forget();
-  // No tap is used, and no answer made, after the return.
+  // After the return no tap is used and no answer is made.
   void Shutdown();
 
  private:
@@ -63,13 +62,13 @@ class PreviewWorker {
     PreviewRequest request;
     PreviewTap* tap = nullptr;
     Clock::time_point deadline;
-    std::optional<PreviewFrame> frame;  // has come, and is to be drawn
+    std::optional<PreviewFrame> frame;  // to be drawn
   };
 
   std::optional<Preview> Refused(const PreviewRequest& request, const PreviewSubject& subject);
   void TakeFrame(const std::string& camera, uint32_t request_id, PreviewFrame frame);
   void Run();
-  // Makes the answer of a request whose picture has come or whose time is over; unlocks meanwhile.
+  // Answers a request whose frame has arrived or that has timed out; unlocks meanwhile.
   void Finish(std::unique_lock<std::mutex>& lock, Waiting* due);
   Preview Draw(const PreviewRequest& request, const PreviewFrame& frame) const;
   void Answer(Preview preview);

@@ -3,7 +3,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <cmath>
 #include <filesystem>
 #include <utility>
 
@@ -33,10 +32,7 @@ absl::Status CsvSourceOptions::Validate() const {
   if (camera.empty()) faults.Add("the camera's name is empty");
   if (path.empty()) faults.Add("the path of the CSV file is empty");
   if (calibration_path.empty()) faults.Add("the path of the calibration is empty");
-  if (!std::isfinite(sigma_px) || sigma_px <= 0) {
-    faults.Add("sigma is ", sigma_px, " px, but must be above 0");
-  }
-  if (!(speed > 0)) faults.Add("speed is ", speed, ", but must be above 0");
+  CheckOptions(*this, &faults);
   return faults.Result(absl::StrCat("camera ", camera, ": "));
 }
 

@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
 #include "agent/capture/pacer.h"
+#include "common/options/option_table.h"
 #include "common/status/refusal.h"
 #include "common/text/line_reader.h"
 #include "common/time/clock.h"
@@ -31,6 +32,8 @@ struct CsvSourceOptions {
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };
+
+void AddOptions(CsvSourceOptions* options, OptionTable* table);
 
 // A recorded camera: marker centres from a CSV file, in the order of its lines. The camera is its
 // own clock, of time base "recording". A line that cannot be read is refused with its reason, file

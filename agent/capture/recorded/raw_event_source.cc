@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "agent/event_files/sensor_geometry.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
@@ -16,11 +16,6 @@ constexpr size_t kFastBytes = size_t{64} << 10;
 constexpr size_t kPacedBytes = size_t{256} << 10;
 constexpr size_t kTimedBytes = 512;
 constexpr int64_t kPacedUs = 2000;
-constexpr uint32_t kMaxSide = 2048;
-
-std::string Text(const SensorGeometry& geometry) {
-  return absl::StrCat(geometry.width, "x", geometry.height);
-}
 
 // Of what header, option and calibration say, the one; they must agree.
 absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
@@ -46,9 +41,10 @@ absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
   }
   for (const Statement& other : said) {
     if (other.geometry == said.front().geometry) continue;
-    return absl::InvalidArgumentError(absl::StrCat(
-        options.path, ": the sensor has ", Text(said.front().geometry), " pixels by ",
-        said.front().by, ", but ", Text(other.geometry), " by ", other.by, "; name the right one"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(options.path, ": the sensor has ", FormatSensorGeometry(said.front().geometry),
+                     " pixels by ", said.front().by, ", but ", FormatSensorGeometry(other.geometry),
+                     " by ", other.by, "; name the right one"));
   }
   return said.front().geometry;
 }
@@ -56,18 +52,11 @@ absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
 }  // namespace
 
 absl::Status RawSourceOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (camera.empty()) faults.push_back("the camera's name is empty");
-  if (path.empty()) faults.push_back("the path of the file is empty");
-  if (geometry && (geometry->width < 1 || geometry->width > kMaxSide || geometry->height < 1 ||
-                   geometry->height > kMaxSide)) {
-    faults.push_back(absl::StrCat("geometry is ", Text(*geometry), ", but must be 1 to ", kMaxSide,
-                                  " pixels each way"));
-  }
-  if (!(speed > 0)) faults.push_back(absl::StrCat("speed is ", speed, ", but must be above 0"));
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("camera ", camera, ": ", absl::StrJoin(faults, "; ")));
+  FaultList faults;
+  if (camera.empty()) faults.Add("the camera's name is empty");
+  if (path.empty()) faults.Add("the path of the file is empty");
+  CheckOptions(*this, &faults);
+  return faults.Result(absl::StrCat("camera ", camera, ": "));
 }
 
 absl::StatusOr<std::unique_ptr<RawEventSource>> RawEventSource::Create(RawSourceOptions options) {

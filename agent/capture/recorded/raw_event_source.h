@@ -15,6 +15,7 @@
 #include "agent/event/event_decoder.h"
 #include "agent/event/event_source.h"
 #include "agent/event_files/event_file.h"
+#include "common/options/option_table.h"
 
 namespace rigcal::agent {
 
@@ -30,6 +31,8 @@ struct RawSourceOptions {
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };
+
+void AddOptions(RawSourceOptions* options, OptionTable* table);
 
 // The events of a RAW, HDF5 or CSV file, in order, in pieces of some milliseconds. What is damaged
 // in them is for the decoder to count.

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/simulated/shared_world.h"
+#include "agent/capture/simulated/simulated_camera.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -29,17 +29,21 @@ Intrinsics EventLens(const Intrinsics& lens, const ImageSize& size) {
 
 }  // namespace
 
+void AddOptions(SimulatedEventSourceOptions* options, OptionTable* table) {
+  AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
+  AddOptions(&options->scene, table);
+  AddOptions(&options->rendering, table);
+  table->Add("clock", &options->clock_id, "NAME", "shared by sensors on one sync cable");
+}
+
 absl::Status SimulatedEventSourceOptions::Validate() const {
-  return CheckSimulatedCamera(camera, camera_index, simulation.camera_count, speed,
-                              {simulation.Validate(), scene.Validate(), rendering.Validate()});
+  return Check({scene.Validate(), rendering.Validate()});
 }
 
 absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Create(
     SimulatedEventSourceOptions options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  RIGCAL_ASSIGN_OR_RETURN(
-      CameraDescription description,
-      DescribeSimulatedCamera(options.simulation, options.camera_index, options.camera));
+  RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, DescribeSimulatedCamera(options));
   absl::StrAppend(&description.source, ";events=1");
   description.sensor = SensorKind::kEvent;
   description.intrinsics = EventLens(*description.intrinsics, description.image_size_px);

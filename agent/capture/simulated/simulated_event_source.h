@@ -9,28 +9,26 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/pacer.h"
+#include "agent/capture/simulated/simulated_camera.h"
 #include "agent/event/event_source.h"
 #include "agent/event/evt3_writer.h"
 #include "common/simulation/events/event_render_options.h"
 #include "common/simulation/events/event_renderer.h"
 #include "common/simulation/frames/frame_render_options.h"
 #include "common/simulation/world/simulated_world.h"
-#include "common/simulation/world/simulation_options.h"
 
 namespace rigcal::agent {
 
-struct SimulatedEventSourceOptions {
-  std::string camera;            // name within the rig
-  int camera_index = 0;          // of the world's cameras, 0 to camera_count - 1
-  SimulationOptions simulation;  // the world; equal options are one world in every process
+struct SimulatedEventSourceOptions : SimulatedCameraOptions {
   FrameRenderOptions scene;      // its light and LEDs
   EventRenderOptions rendering;  // the sensor
   std::string clock_id;          // sensors on one sync cable share one; empty: the camera's own
-  double speed = 1;              // times the world's pace, > 0; kMaxSpeed: no waiting
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };
+
+void AddOptions(SimulatedEventSourceOptions* options, OptionTable* table);
 
 // What an event camera at the place of one camera of a simulated world sees, as EVT 3.0 words,
 // stamped by that camera's clock. Its sensor has 1280x720 pixels and a lens that is as much wider

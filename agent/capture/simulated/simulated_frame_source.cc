@@ -6,22 +6,22 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/simulated/shared_world.h"
+#include "agent/capture/simulated/simulated_camera.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 
-absl::Status SimulatedFrameSourceOptions::Validate() const {
-  return CheckSimulatedCamera(camera, camera_index, simulation.camera_count, speed,
-                              {simulation.Validate(), rendering.Validate()});
+void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table) {
+  AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
+  AddOptions(&options->rendering, table);
 }
+
+absl::Status SimulatedFrameSourceOptions::Validate() const { return Check({rendering.Validate()}); }
 
 absl::StatusOr<std::unique_ptr<SimulatedFrameSource>> SimulatedFrameSource::Create(
     SimulatedFrameSourceOptions options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  RIGCAL_ASSIGN_OR_RETURN(
-      CameraDescription description,
-      DescribeSimulatedCamera(options.simulation, options.camera_index, options.camera));
+  RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, DescribeSimulatedCamera(options));
   absl::StrAppend(&description.source, ";pixels=1");
   description.settings.emplace();
   description.settings->model = "simulated";

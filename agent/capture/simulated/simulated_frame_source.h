@@ -11,25 +11,23 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/pacer.h"
+#include "agent/capture/simulated/simulated_camera.h"
 #include "common/simulation/frames/frame_renderer.h"
 #include "common/simulation/world/simulated_world.h"
-#include "common/simulation/world/simulation_options.h"
 #include "common/time/clock.h"
 
 namespace rigcal::agent {
 
-struct SimulatedFrameSourceOptions {
-  std::string camera;            // name within the rig
-  int camera_index = 0;          // of the world's cameras, 0 to camera_count - 1
-  SimulationOptions simulation;  // the world; equal options are one world in every process
-  FrameRenderOptions rendering;  // how light, lens and sensor make its pictures
-  double speed = 1;              // times the world's pace, > 0; kMaxSpeed: no waiting
+struct SimulatedFrameSourceOptions : SimulatedCameraOptions {
+  FrameRenderOptions rendering;  // how light, lens and sensor make its frames
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };
 
-// The pictures of one camera of a simulated world, rendered as they are asked for, with the stamps
+void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table);
+
+// The frames of one camera of a simulated world, rendered as they are asked for, with the stamps
 // and clocks that SimulatedObservationSource gives its observations.
 class SimulatedFrameSource : public FrameSource {
  public:

@@ -6,21 +6,17 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/simulated/shared_world.h"
+#include "agent/capture/simulated/simulated_camera.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
-absl::Status SimulatedSourceOptions::Validate() const {
-  return CheckSimulatedCamera(camera, camera_index, simulation.camera_count, speed,
-                              {simulation.Validate()});
-}
+
+absl::Status SimulatedSourceOptions::Validate() const { return Check({}); }
 
 absl::StatusOr<std::unique_ptr<SimulatedObservationSource>> SimulatedObservationSource::Create(
     SimulatedSourceOptions options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  RIGCAL_ASSIGN_OR_RETURN(
-      CameraDescription description,
-      DescribeSimulatedCamera(options.simulation, options.camera_index, options.camera));
+  RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, DescribeSimulatedCamera(options));
   return std::unique_ptr<SimulatedObservationSource>(
       new SimulatedObservationSource(std::move(options), std::move(description)));
 }

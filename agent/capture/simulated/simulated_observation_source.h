@@ -10,18 +10,13 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
 #include "agent/capture/pacer.h"
+#include "agent/capture/simulated/simulated_camera.h"
 #include "common/simulation/world/simulated_world.h"
-#include "common/simulation/world/simulation_options.h"
 #include "common/time/clock.h"
 
 namespace rigcal::agent {
 
-struct SimulatedSourceOptions {
-  std::string camera;            // name within the rig
-  int camera_index = 0;          // of the world's cameras, 0 to camera_count - 1
-  SimulationOptions simulation;  // the world; equal options are one world in every process
-  double speed = 1;              // times the world's pace, > 0; kMaxSpeed: no waiting
-
+struct SimulatedSourceOptions : SimulatedCameraOptions {
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
 };

@@ -17,6 +17,15 @@ struct BlinkWandCounts {
   // At the fixed rate, skipped: a clock that jumps ahead requests more than one detection for each
   // 8 bytes, in which there is no wand.
   uint64_t beyond_data = 0;
+
+  BlinkWandCounts& operator+=(const BlinkWandCounts& other) {
+    by_outcome += other.by_outcome;
+    same_burst += other.same_burst;
+    out_of_order += other.out_of_order;
+    dense_triggers += other.dense_triggers;
+    beyond_data += other.beyond_data;
+    return *this;
+  }
 };
 
 }  // namespace rigcal::agent

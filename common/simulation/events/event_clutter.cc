@@ -20,7 +20,7 @@ constexpr double kMaxParts = 40;
 
 int Parts(double wanted) { return static_cast<int>(std::ceil(std::clamp(wanted, 1.0, kMaxParts))); }
 
-// How far from an edge, on either side of it, a bar of this factor can be told from what is there.
+// The distance from an edge, on either side, within which a bar of this factor changes the light.
 double EdgeReach(const EdgeProfile& profile, float factor) {
   constexpr double kStepPx = 0.05;
   double reach = profile.reach_px();
@@ -105,24 +105,24 @@ double EventClutter::Bar::CentreAt(double time_s) const {
   return way < range_px ? way : 2 * range_px - way;
 }
 
-void EventClutter::MomentAt(double time_s, Moment* moment) const {
-  moment->bar_px.clear();
-  moment->lamp_light.clear();
-  for (const Bar& bar : bars_) moment->bar_px.push_back(bar.CentreAt(time_s));
+void EventClutter::InstantAt(double time_s, Instant* instant) const {
+  instant->bar_px.clear();
+  instant->lamp_light.clear();
+  for (const Bar& bar : bars_) instant->bar_px.push_back(bar.CentreAt(time_s));
   for (const Lamp& lamp : lamps_) {
     const double turn = 2 * std::numbers::pi * (lamp.hz * time_s + lamp.phase);
-    moment->lamp_light.push_back(lamp.light *
-                                 (1 + lamp.modulation * static_cast<float>(std::sin(turn))));
+    instant->lamp_light.push_back(lamp.light *
+                                  (1 + lamp.modulation * static_cast<float>(std::sin(turn))));
   }
 }
 
-void EventClutter::LightOf(int y, PixelSpan columns, const Moment& moment, float* light) const {
+void EventClutter::LightOf(int y, PixelSpan columns, const Instant& instant, float* light) const {
   const float* room = &room_[static_cast<size_t>(y) * size_.width];
   std::copy(room + columns.begin, room + columns.end, light);
   for (size_t i = 0; i < bars_.size(); ++i) {
     const Bar& bar = bars_[i];
     if (y < bar.y_begin || y >= bar.y_end) continue;
-    const double middle = bar.MiddleIn(y, moment.bar_px[i]);
+    const double middle = bar.MiddleIn(y, instant.bar_px[i]);
     const double half = bar.half_width_px + bar.reach_px;
     if (middle + half <= columns.begin || middle - half >= columns.end) continue;
     const int begin = std::max(columns.begin, static_cast<int>(middle - half));
@@ -143,7 +143,7 @@ void EventClutter::LightOf(int y, PixelSpan columns, const Moment& moment, float
     const int end = std::min(columns.end, patch.x + patch.width);
     for (int x = std::max(columns.begin, patch.x); x < end; ++x) {
       float& one = light[x - columns.begin];
-      one += cover[x - patch.x] * (moment.lamp_light[i] - one);
+      one += cover[x - patch.x] * (instant.lamp_light[i] - one);
     }
   }
 }
@@ -156,7 +156,7 @@ int EventClutter::LampParts(double duration_s) const {
   return std::max(BarParts(duration_s), Parts(fastest_lamp_hz_ * duration_s / kPartTurns));
 }
 
-void EventClutter::AddBarSpans(int y, const Moment& begin, const Moment& end,
+void EventClutter::AddBarSpans(int y, const Instant& begin, const Instant& end,
                                std::vector<PixelSpan>* spans) const {
   for (size_t i = 0; i < bars_.size(); ++i) {
     const Bar& bar = bars_[i];

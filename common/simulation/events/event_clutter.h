@@ -19,22 +19,22 @@ class EventClutter {
   EventClutter(const ImageSize& size, const EventRenderOptions& options, std::vector<float> room,
                float lamp_light, const EdgeProfile* profile);
 
-  // Where the bars are and how bright the lamps.
-  struct Moment {
+  // Positions of the bars and brightness of the lamps.
+  struct Instant {
     std::vector<double> bar_px;
     std::vector<float> lamp_light;
   };
-  void MomentAt(double time_s, Moment* moment) const;
+  void InstantAt(double time_s, Instant* instant) const;
   // Light of columns [begin, end) of a row.
-  void LightOf(int y, PixelSpan columns, const Moment& moment, float* light) const;
+  void LightOf(int y, PixelSpan columns, const Instant& instant, float* light) const;
 
   // Into how many parts a stretch of time must be cut so that within each the logarithm of the
   // light goes nearly linearly, where bars move and where lamps flicker.
   int BarParts(double duration_s) const;
   int LampParts(double duration_s) const;
-  // Appends the columns of a row whose light changes by the bars between two moments, and by the
+  // Appends the columns of a row whose light the bars change between two instants, and by the
   // lamps; in no order, some twice.
-  void AddBarSpans(int y, const Moment& begin, const Moment& end,
+  void AddBarSpans(int y, const Instant& begin, const Instant& end,
                    std::vector<PixelSpan>* spans) const;
   void AddLampSpans(int y, std::vector<PixelSpan>* spans) const;
 
@@ -44,7 +44,7 @@ class EventClutter {
     double half_width_px = 0, slant = 0, cosine = 1;
     int y_begin = 0, y_end = 0;
     float factor = 0;     // its light over the room's, less one
-    double reach_px = 0;  // to either side of its edge, along a row, its light can be told
+    double reach_px = 0;  // to either side of its edge, along a row, it changes the light
     double CentreAt(double time_s) const;
     double MiddleIn(int y, double centre_px) const { return centre_px + slant * (y - y_begin); }
   };

@@ -26,7 +26,7 @@ class EventNoise {
  public:
   EventNoise(const ImageSize& size, const EventRenderOptions& options);
 
-  // Appends what happens before `end_us` and has not been told.
+  // Appends the events before `end_us` that were not yet emitted.
   void Until(double end_us, std::vector<NoiseEvent>* events);
 
  private:

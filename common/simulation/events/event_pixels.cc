@@ -35,7 +35,7 @@ inline __attribute__((always_inline)) void AnswerLanes(const LowPassSpeed& speed
     const float tau_us = speed.TauUs(to);
     const LowPassAnswer answer(block->level[i], from, to, duration_us, tau_us);
     const float end = answer.end();
-    // Where the level turns it is on the line of its input.
+    // At its turning point the level is on the line of its input.
     const float lesser = from < to ? from : to, greater = from < to ? to : from;
     const bool turns = answer.MayTurn();
     block->tau_us[i] = tau_us;

@@ -60,7 +60,7 @@ class EventPixels {
   RandomStream random_;
   std::vector<Pixel> pixels_;
   std::vector<Scales> scales_;
-  // What was added.
+  // The added events.
   std::vector<uint32_t> index_;
   std::vector<float> from_, to_;
 };

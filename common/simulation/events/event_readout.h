@@ -50,7 +50,7 @@ class EventReadout {
   double row_us_, event_us_;
   double free_at_us_ = 0;
   uint32_t next_row_ = 0;
-  // What waits in each row: 2 * column, plus one if it is darker; so ON comes before OFF.
+  // Events waiting in each row: 2 * column, plus one if it is darker; so ON comes before OFF.
   std::vector<std::vector<uint32_t>> rows_;
   std::vector<uint64_t> row_waits_;  // a bit for each row
   size_t waiting_ = 0;

@@ -74,41 +74,42 @@ struct EventRenderer::Impl {
         noise(size, options),
         pixels(size, options, FastLog(std::max(light.led, light.dark))),
         readout(size.height, 1e-3 * options.row_ns, 1e-3 * options.event_ns),
-        bar_moments(static_cast<size_t>(clutter.BarParts(kCellS)) + 1),
-        lamp_moments(static_cast<size_t>(clutter.LampParts(kCellS)) + 1) {
-    clutter.MomentAt(0, &lamp_moments[0]);
+        bar_instants(static_cast<size_t>(clutter.BarParts(kCellS)) + 1),
+        lamp_instants(static_cast<size_t>(clutter.LampParts(kCellS)) + 1) {
+    clutter.InstantAt(0, &lamp_instants[0]);
     for (uint32_t y = 0; y < size.height; ++y) {
       const RowSpan row{y, {0, static_cast<int>(size.width)}};
-      LogLight({&row, 1}, lamp_moments[0]);
+      LogLight({&row, 1}, lamp_instants[0]);
       for (uint32_t x = 0; x < size.width; ++x) pixels.Settle(x, y, log_light[x]);
     }
   }
 
   // Of one span after the other.
-  void LogLight(std::span<const RowSpan> spans, const EventClutter::Moment& moment) {
+  void LogLight(std::span<const RowSpan> spans, const EventClutter::Instant& instant) {
     size_t count = 0;
     for (const RowSpan& span : spans) count += span.columns.size();
     log_light.resize(count);
     float* next = log_light.data();
     for (const auto& [y, columns] : spans) {
-      clutter.LightOf(static_cast<int>(y), columns, moment, next);
+      clutter.LightOf(static_cast<int>(y), columns, instant, next);
       next += columns.size();
     }
     for (float& one : log_light) one = FastLog(one);
   }
 
-  void MomentsOf(std::span<EventClutter::Moment> moments) const {
+  void InstantsOf(std::span<EventClutter::Instant> instants) const {
     const double begin_s = 1e-6 * static_cast<double>(now_us);
-    const double parts = static_cast<double>(moments.size() - 1);
-    for (size_t i = 0; i < moments.size(); ++i) {
-      clutter.MomentAt(begin_s + static_cast<double>(i) / parts * kCellS, &moments[i]);
+    const double parts = static_cast<double>(instants.size() - 1);
+    for (size_t i = 0; i < instants.size(); ++i) {
+      clutter.InstantAt(begin_s + static_cast<double>(i) / parts * kCellS, &instants[i]);
     }
   }
 
-  void FollowSpans(std::span<const RowSpan> spans, std::span<const EventClutter::Moment> moments) {
-    const double part_us = static_cast<double>(kCellUs) / static_cast<double>(moments.size() - 1);
-    for (size_t i = 1; i < moments.size(); ++i) {
-      LogLight(spans, moments[i]);
+  void FollowSpans(std::span<const RowSpan> spans,
+                   std::span<const EventClutter::Instant> instants) {
+    const double part_us = static_cast<double>(kCellUs) / static_cast<double>(instants.size() - 1);
+    for (size_t i = 1; i < instants.size(); ++i) {
+      LogLight(spans, instants[i]);
       std::span<const float> rest = log_light;
       for (const auto& [y, columns] : spans) {
         pixels.Add(static_cast<uint32_t>(columns.begin), y, {}, rest.first(columns.size()));
@@ -121,8 +122,8 @@ struct EventRenderer::Impl {
 
   // Each pixel once: spheres before lamps before bars.
   void FollowClutter() {
-    MomentsOf(bar_moments);
-    MomentsOf(lamp_moments);
+    InstantsOf(bar_instants);
+    InstantsOf(lamp_instants);
     lamp_rows.clear();
     bar_rows.clear();
     for (uint32_t y = 0; y < size.height; ++y) {
@@ -130,7 +131,7 @@ struct EventRenderer::Impl {
       lamp_spans.clear();
       bar_spans.clear();
       clutter.AddLampSpans(row, &lamp_spans);
-      clutter.AddBarSpans(row, bar_moments.front(), bar_moments.back(), &bar_spans);
+      clutter.AddBarSpans(row, bar_instants.front(), bar_instants.back(), &bar_spans);
       if (lamp_spans.empty() && bar_spans.empty()) continue;
       sphere_spans.clear();
       spheres.AddSpans(row, &sphere_spans);
@@ -141,21 +142,21 @@ struct EventRenderer::Impl {
       for (const PixelSpan& columns : lamp_spans) lamp_rows.push_back({y, columns});
       for (const PixelSpan& columns : bar_spans) bar_rows.push_back({y, columns});
     }
-    FollowSpans(lamp_rows, lamp_moments);
-    FollowSpans(bar_rows, bar_moments);
+    FollowSpans(lamp_rows, lamp_instants);
+    FollowSpans(bar_rows, bar_instants);
   }
 
   absl::Status RenderCell(const WandPath& path, std::vector<SimulatedEvent>* events) {
     RIGCAL_RETURN_IF_ERROR(spheres.DrawCell(now_us, kCellUs, path));
     const int parts = spheres.parts();
-    sphere_moments.resize(static_cast<size_t>(parts) + 1);
-    MomentsOf(sphere_moments);
+    sphere_instants.resize(static_cast<size_t>(parts) + 1);
+    InstantsOf(sphere_instants);
     for (int part = 0; part < parts; ++part) {
       const auto i = static_cast<size_t>(part);
       noise_events.clear();
       noise.Until(static_cast<double>(now_us + (part + 1) * kCellUs / parts), &noise_events);
       pixels.Fire(noise_events, &requests);
-      spheres.Follow(part, clutter, sphere_moments[i], sphere_moments[i + 1], &pixels, &requests);
+      spheres.Follow(part, clutter, sphere_instants[i], sphere_instants[i + 1], &pixels, &requests);
     }
     FollowClutter();
     now_us += kCellUs;
@@ -186,7 +187,7 @@ struct EventRenderer::Impl {
   EventNoise noise;
   EventPixels pixels;
   EventReadout readout;
-  std::vector<EventClutter::Moment> sphere_moments, bar_moments, lamp_moments;
+  std::vector<EventClutter::Instant> sphere_instants, bar_instants, lamp_instants;
   std::vector<PixelSpan> sphere_spans, lamp_spans, bar_spans;
   std::vector<RowSpan> lamp_rows, bar_rows;
   std::vector<float> log_light;

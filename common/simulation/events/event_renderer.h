@@ -23,10 +23,10 @@ struct SimulatedTrigger {
   bool rising = false;
 };
 
-// What one event camera sees of the world of SceneRenderer: the same room, lens, spheres and LEDs.
-// Pixels near a sphere, a moving edge or a lamp are followed through their low pass; all others
-// only make noise. Deterministic: equal arguments give equal events, however the time is cut into
-// slices. One thread at a time.
+// The view of one event camera of the world of SceneRenderer: the same room, lens, spheres and
+// LEDs. Pixels near a sphere, a moving edge or a lamp are followed through their low pass; all
+// others only make noise. Deterministic: equal arguments give equal events, however the time is cut
+// into slices. One thread at a time.
 class EventRenderer {
  public:
   // Pixels are followed by cells, cut so that spheres and edges move by at most 0.35 px and lamps
@@ -53,7 +53,7 @@ class EventRenderer {
 
   // Projections of the spheres' centres, whether inside, distance and radius.
   std::vector<MarkerGroundTruth> TruthOf(const WandMotion& wand) const;
-  // Whether the LED of a marker shines.
+  // True if the LED of a marker is lit.
   bool IsLit(int marker, double time_s) const;
   // Events that were never read because too many waited.
   uint64_t lost_events() const;

@@ -17,7 +17,7 @@ namespace {
 constexpr double kDefaultDiameterM = 0.04;
 // Around a sphere: where pixels may still settle after it has passed.
 constexpr int kSettlePx = 2;
-// Noise before a sphere is told part by part, so at least so many.
+// Noise of a sphere's pixels is drawn for each part, so at least this many.
 constexpr int kLeastParts = 2;
 // A sphere's way in one part, where possible.
 constexpr double kSpherePartPx = 0.35;
@@ -181,7 +181,7 @@ void EventSpheres::AddSpans(int y, std::vector<PixelSpan>* spans) const {
 }
 
 void EventSpheres::Shine(const Marker& marker, const SphereImage& image,
-                         const EventClutter& clutter, const EventClutter::Moment& moment,
+                         const EventClutter& clutter, const EventClutter::Instant& instant,
                          std::vector<float>* dark, std::vector<float>* lit) {
   const ImagePatch& patch = marker.patch;
   const auto width = static_cast<size_t>(patch.width);
@@ -192,7 +192,7 @@ void EventSpheres::Shine(const Marker& marker, const SphereImage& image,
     const int y = patch.y + row;
     float* const dark_row = dark->data() + static_cast<size_t>(row) * width;
     float* const lit_row = lit->data() + static_cast<size_t>(row) * width;
-    clutter.LightOf(y, {patch.x, patch.x + patch.width}, moment, dark_row);
+    clutter.LightOf(y, {patch.x, patch.x + patch.width}, instant, dark_row);
     std::copy(dark_row, dark_row + width, lit_row);
     if (HasRow(image.patch, y)) {
       const size_t first = IndexIn(image.patch, image.patch.x, y);
@@ -223,8 +223,8 @@ const EventSpheres::Marker* EventSpheres::OwnerOf(int x, int y, int part) const 
   return owner;
 }
 
-void EventSpheres::Follow(int part, const EventClutter& clutter, const EventClutter::Moment& begin,
-                          const EventClutter::Moment& end, EventPixels* pixels,
+void EventSpheres::Follow(int part, const EventClutter& clutter, const EventClutter::Instant& begin,
+                          const EventClutter::Instant& end, EventPixels* pixels,
                           std::vector<PixelRequest>* requests) {
   const double part_us = static_cast<double>(cell_us_) / parts_;
   const double begin_us = static_cast<double>(begin_us_) + part * part_us;

@@ -50,10 +50,10 @@ class EventSpheres {
   int parts() const { return parts_; }
   // Appends the columns of a row that this cell's spheres take, with room for pixels to settle.
   void AddSpans(int y, std::vector<PixelSpan>* spans) const;
-  // Follows those pixels through one part of the cell, 0 to parts() - 1, in order. `moments`: of
+  // Follows those pixels through one part of the cell, 0 to parts() - 1, in order. `instants`: of
   // the clutter behind, at the part's beginning and end.
-  void Follow(int part, const EventClutter& clutter, const EventClutter::Moment& begin,
-              const EventClutter::Moment& end, EventPixels* pixels,
+  void Follow(int part, const EventClutter& clutter, const EventClutter::Instant& begin,
+              const EventClutter::Instant& end, EventPixels* pixels,
               std::vector<PixelRequest>* requests);
 
   bool IsLit(size_t marker, double time_s) const { return markers_[marker].led.IsLit(time_s); }
@@ -74,7 +74,8 @@ class EventSpheres {
   int PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& path) const;
   absl::Status Draw(double time_s, const WandPath& path, int image);
   void Shine(const Marker& marker, const SphereImage& image, const EventClutter& clutter,
-             const EventClutter::Moment& moment, std::vector<float>* dark, std::vector<float>* lit);
+             const EventClutter::Instant& instant, std::vector<float>* dark,
+             std::vector<float>* lit);
   void FindOwned(int part, const Marker& drawn);
   void FollowOwned(const Marker& marker, double begin_us, EventPixels* pixels,
                    std::vector<PixelRequest>* requests);

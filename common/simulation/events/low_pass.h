@@ -24,7 +24,7 @@ struct LowPassSpeed {
   }
 };
 
-// How a low pass of first order answers an input that goes linearly from `from` to `to` within
+// The response of a first-order low pass to an input that changes linearly from `from` to `to` in
 // `duration_us`:
 //
 //   level(t) = from + slope t - lag + amplitude exp(-t / tau),   slope = (to - from) / duration,
@@ -52,7 +52,7 @@ class LowPassAnswer {
   }
   // Sure, if false.
   bool MayTurn() const { return slope_ * amplitude_ > 0; }
-  // Where the level turns, the only time at most; none: below 0 or beyond the end.
+  // The turning point of the level, at most one; none: below 0 or beyond the end.
   float TurnUs() const {
     const float lag = slope_ * tau_us_;
     // exp(-t / tau) = lag / amplitude there.
@@ -74,7 +74,7 @@ class LowPassAnswer {
       const float steepness = slope_ - decay / tau_us_;
       const float change = away / steepness;
       t -= change;
-      // What the bend leaves for the next step.
+      // The remainder of the bend for the next step.
       const float left = change * change * std::abs(decay);
       if (left < kTimeUs * std::abs(steepness) * tau_us_ * tau_us_) break;
       if (high_us - low_us < kTimeUs) break;

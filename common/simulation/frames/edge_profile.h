@@ -6,8 +6,8 @@
 
 namespace rigcal {
 
-// What share of a pixel's light comes from beyond a straight edge, by the signed distance of the
-// pixel's centre from that edge: the step, blurred by the square pixel (its mean over all
+// The share of a pixel's light that comes from beyond a straight edge, by the signed distance of
+// the pixel's centre from that edge: the step, blurred by the square pixel (its mean over all
 // directions of the edge), by a Gaussian and by a uniform disc. A table.
 class EdgeProfile {
  public:

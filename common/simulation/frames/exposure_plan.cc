@@ -7,7 +7,7 @@
 namespace rigcal {
 namespace {
 
-// Bounds the work where a sphere crosses half the picture during one exposure.
+// Bounds the work if a sphere crosses half the image during one exposure.
 constexpr int kMaxPartsPerPiece = 400;
 
 void AddPiece(double begin_s, double end_s, bool lit, double exposure_s, double longest_part_s,

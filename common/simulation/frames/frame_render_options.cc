@@ -1,65 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/simulation/frames/frame_render_options.h"
 
-#include "absl/strings/str_join.h"
-#include "common/simulation/world/option_table.h"
+#include "common/options/option_table.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal {
-namespace {
 
-constexpr NumberOption<FrameRenderOptions> kNumbers[] = {
-    {"exposure", &FrameRenderOptions::exposure_s, 1e-5, 1},
-    {"led_grey", &FrameRenderOptions::led_grey, 0, 5000},
-    {"led_cd_m2", &FrameRenderOptions::led_cd_m2, 1, 1e6},
-    {"led_hue", &FrameRenderOptions::led_hue_deg, 0, 360},
-    {"led_saturation", &FrameRenderOptions::led_saturation, 0, 1},
-    {"blink_hz", &FrameRenderOptions::blink_hz, 0, 1e5},
-    {"blink_duty", &FrameRenderOptions::blink_duty, 0.001, 1},
-    {"blink_drift", &FrameRenderOptions::blink_drift_ppm, -1e5, 1e5},
-    {"limb", &FrameRenderOptions::limb, 0, 1},
-    {"defocus", &FrameRenderOptions::defocus_px, 0, 20},
-    {"defocus_disc", &FrameRenderOptions::defocus_disc_px, 0, 20},
-    {"vignetting", &FrameRenderOptions::vignetting, 0, 0.9},
-    {"bloom", &FrameRenderOptions::bloom, 0, 1},
-    {"bloom_radius", &FrameRenderOptions::bloom_radius_px, 0.5, 50},
-    {"black", &FrameRenderOptions::black_grey, 0, 100},
-    {"read_noise", &FrameRenderOptions::read_noise_grey, 0, 12},
-    {"electrons_per_grey", &FrameRenderOptions::electrons_per_grey, 1, 1e9},
-    {"lux", &FrameRenderOptions::lux, 0, 1e5},
-    {"reflectance", &FrameRenderOptions::background_reflectance, 0, 1},
-    {"clutter", &FrameRenderOptions::clutter, 0, 5},
-    {"reflection", &FrameRenderOptions::reflection, 0, 1},
-    {"occlusion", &FrameRenderOptions::occlusion, 0, 1},
-};
-constexpr SwitchOption<FrameRenderOptions> kSwitches[] = {
-    {"auto_gain", &FrameRenderOptions::auto_gain},
-};
-constexpr OptionTable<FrameRenderOptions> kTable = {
-    .notation = {.kind = "picture option", .example = "lux=200"},
-    .numbers = kNumbers,
-    .switches = kSwitches,
-};
-
-}  // namespace
+void AddOptions(FrameRenderOptions* options, OptionTable* table) {
+  FrameRenderOptions& o = *options;
+  table->Add("seed", &o.seed, {0, 4294967295}, "of the room and of all noise");
+  table->Add("exposure", &o.exposure_s, {1e-5, 1, "s"}, "of a frame");
+  table->Add("led_grey", &o.led_grey, {0, 5000}, "red of a lit sphere after 5 ms");
+  table->Add("led_cd_m2", &o.led_cd_m2, {1, 1e6, "cd/m^2"}, "luminance of a lit sphere");
+  table->Add("led_hue", &o.led_hue_deg, {0, 360, "deg"}, "hue of the LED");
+  table->Add("led_saturation", &o.led_saturation, {0, 1}, "saturation of the LED");
+  table->Add("blink_hz", &o.blink_hz, {0, 1e5, "Hz"},
+             "if the target does not say; 0: lit all the time");
+  table->Add("blink_duty", &o.blink_duty, {0.001, 1}, "share of a period in which the LED is lit");
+  table->Add("blink_drift", &o.blink_drift_ppm, {-1e5, 1e5}, "of the LED's oscillator, ppm");
+  table->Add("limb", &o.limb, {0, 1}, "how much darker a sphere is at its rim");
+  table->Add("defocus", &o.defocus_px, {0, 20, "px"}, "one sigma of a Gaussian");
+  table->Add("defocus_disc", &o.defocus_disc_px, {0, 20, "px"}, "radius of a disc besides it");
+  table->Add("vignetting", &o.vignetting, {0, 0.9}, "share of light lost in the corners");
+  table->Add("bloom", &o.bloom, {0, 1}, "share of a light's grey in its halo");
+  table->Add("bloom_radius", &o.bloom_radius_px, {0.5, 50, "px"}, "in which the halo falls to 1/e");
+  table->Add("black", &o.black_grey, {0, 100}, "grey level without light");
+  table->Add("read_noise", &o.read_noise_grey, {0, 12}, "one sigma, grey levels");
+  table->Add("electrons_per_grey", &o.electrons_per_grey, {1, 1e9}, "shot noise");
+  table->Add("lux", &o.lux, {0, 1e5, "lx"}, "ambient light");
+  table->Add("reflectance", &o.background_reflectance, {0, 1}, "of the room, on average");
+  table->Add("clutter", &o.clutter, {0, 5}, "warm patches, wood, lamps; 0.5 moderate, 1 much");
+  table->Add("reflection", &o.reflection, {0, 1}, "brightness of a mirrored wand");
+  table->Add("occlusion", &o.occlusion, {0, 1}, "share of frames with a bar over one marker");
+  table->Add("auto_gain", &o.auto_gain, "no more than 200 grey in red on a lit sphere");
+}
 
 absl::Status FrameRenderOptions::Validate() const {
   FaultList faults;
-  kTable.Check(*this, &faults);
+  CheckOptions(*this, &faults);
   // So that an exposure is made of a bounded number of flashes.
   if (blink_hz * exposure_s > 1000) {
     faults.Add("exposure ", exposure_s, " s holds more than 1000 blinks of ", blink_hz, " Hz");
   }
-  return faults.Result("picture options: ");
+  return faults.Result("rendering options: ");
 }
 
-bool IsFrameRenderOption(std::string_view name) { return kTable.Has(name); }
-
 absl::StatusOr<FrameRenderOptions> ParseFrameRenderOptions(std::string_view text) {
-  return kTable.Parse(text);
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<OptionText> given, SplitOptionList(text));
+  return ParseOptions<FrameRenderOptions>(given, "rendering options: ");
 }
 
 std::string FormatFrameRenderOptions(const FrameRenderOptions& options) {
-  return absl::StrJoin(kTable.Format(options), ";");
+  return FormatOptions(options);
 }
 
 }  // namespace rigcal

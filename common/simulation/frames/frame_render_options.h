@@ -10,7 +10,9 @@
 
 namespace rigcal {
 
-// How a simulated frame camera and the room before it look. The sensor is linear, 8 bits: a grey
+class OptionTable;
+
+// The appearance of a simulated frame camera and its room. The sensor is linear, 8 bits: a grey
 // level is `black_grey` plus luminance (cd/m^2) times exposure times the gain at which a sphere
 // whose LED blinks without any other light has `led_grey` in red after 5 ms.
 //
@@ -18,57 +20,52 @@ namespace rigcal {
 // 800 cd/m^2 are 13 lumens). A surface of reflectance rho under `lux` of ambient light has
 // rho * lux / pi (Lambert); the spheres' shells have 0.5 and are white, the room's mean is
 // `background_reflectance`. So ambient light adds white to the LED's colour, lifts the background,
-// and ends in saturation: red clips at about 1 000 lux with the values given here. `auto_gain`
-// turns the gain down, as a camera with automatic gain or a stopped-down lens does.
+// and ends in saturation: red clips at about 1 000 lux with these defaults. `auto_gain` turns the
+// gain down, as a camera with automatic gain or a stopped-down lens does. Ranges: see AddOptions.
 struct FrameRenderOptions {
   uint32_t seed = 1;  // of the room and of all noise
 
   // Exposure.
-  double exposure_s = 0.005;  // 1e-5 to 1; the paper's rule: longer than one blink
-  double led_grey = 180;      // 0 to 5000, see above; at exposure_s = 5 ms
-  double led_cd_m2 = 800;     // 1 to 1e6
-  double led_hue_deg = 24;    // 0 to 360: orange
+  double exposure_s = 0.005;  // longer than one blink, as in the paper
+  double led_grey = 180;      // see above; at exposure_s = 5 ms
+  double led_cd_m2 = 800;
+  double led_hue_deg = 24;  // orange
   double led_saturation = 0.85;
-  double blink_hz = 500;       // where the target says none; 0: lit all the time
-  double blink_duty = 0.5;     // (0, 1]
+  double blink_hz = 500;  // where the target says none; 0: lit all the time
+  double blink_duty = 0.5;
   double blink_drift_ppm = 0;  // of the LED's oscillator against the rig time (world only)
   bool auto_gain = false;      // no more than 200 grey in red on an unclouded sphere
-  double limb = 0.1;           // 0 to 1: how much darker a sphere is at its rim than in its middle
+  double limb = 0.1;           // how much darker a sphere is at its rim than in its middle
 
   // Lens.
-  double defocus_px = 0.6;     // one sigma of a Gaussian, 0 to 20
-  double defocus_disc_px = 0;  // radius of a disc besides it, 0 to 20
-  double vignetting = 0.15;    // 0 to 0.9: light lost in the corners
-  double bloom = 0;            // 0 to 1: share of a light's grey that its halo begins with
-  double bloom_radius_px = 8;  // in which the halo falls to 1/e, 0.5 to 50
+  double defocus_px = 0.6;     // one sigma of a Gaussian
+  double defocus_disc_px = 0;  // radius of a disc besides it
+  double vignetting = 0.15;    // share of light lost in the corners
+  double bloom = 0;            // share of a light's grey that its halo begins with
+  double bloom_radius_px = 8;  // in which the halo falls to 1/e
 
   // Sensor.
-  double black_grey = 6;           // 0 to 100
-  double read_noise_grey = 2.6;    // one sigma, 0 to 12
-  double electrons_per_grey = 40;  // shot noise: sigma^2 = grey / this; 1 to 1e9
+  double black_grey = 6;
+  double read_noise_grey = 2.6;    // one sigma
+  double electrons_per_grey = 40;  // shot noise: sigma^2 = grey / this
 
   // Room.
-  double lux = 200;                     // 0 to 1e5
-  double background_reflectance = 0.2;  // mean, 0 to 1
-  double clutter = 0;     // 0 none, 0.5 moderate, 1 much, up to 5: warm patches, wood, lamps
-  double reflection = 0;  // 0 to 1: brightness of a mirrored wand, see SceneFrame
-  double occlusion = 0;   // 0 to 1: share of frames with an opaque bar over one marker
+  double lux = 200;
+  double background_reflectance = 0.2;  // mean
+  double clutter = 0;                   // 0.5 moderate, 1 much: warm patches, wood, lamps
+  double reflection = 0;                // brightness of a mirrored wand, see SceneFrame
+  double occlusion = 0;                 // share of frames with an opaque bar over one marker
 
   friend bool operator==(const FrameRenderOptions&, const FrameRenderOptions&) = default;
   // Every fault.
   absl::Status Validate() const;
 };
 
-// Reads `exposure=0.005;lux=50;clutter=0.5;...`; every part may be left out: seed, exposure,
-// led_grey, led_cd_m2, led_hue, led_saturation, blink_hz, blink_duty, blink_drift, auto_gain, limb,
-// defocus, defocus_disc, vignetting, bloom, bloom_radius, black, read_noise, electrons_per_grey,
-// lux, reflectance, clutter, reflection, occlusion. The error names the part and lists the known
-// ones.
+void AddOptions(FrameRenderOptions* options, OptionTable* table);
+
+// Reads `exposure=0.005;lux=50;clutter=0.5`; every part may be left out.
 absl::StatusOr<FrameRenderOptions> ParseFrameRenderOptions(std::string_view text);
 // The same notation: every part that differs from its default.
 std::string FormatFrameRenderOptions(const FrameRenderOptions& options);
-// Whether `name` (what stands before '=') is one of these, so that a source can tell which parts of
-// its specification are the picture's and which are the world's. `seed` belongs to both.
-bool IsFrameRenderOption(std::string_view name);
 
 }  // namespace rigcal

@@ -13,10 +13,10 @@
 
 namespace rigcal {
 
-// The pictures of one camera of a simulated world: frame `index` is exposed around
+// The frames of one camera of a simulated world: frame `index` is exposed around
 // SimulatedWorld::FrameRigTime (its middle), with the wand moving along the world's trajectory and
 // its true spans, seen through the camera's true lens. Within the world's gap no camera sees the
-// wand. The world's noise, outliers, dropouts and swaps concern observations, not pictures.
+// wand. The world's noise, outliers, dropouts and swaps concern observations, not frames.
 // Deterministic as SceneRenderer; frames in any order. One thread at a time.
 class FrameRenderer {
  public:

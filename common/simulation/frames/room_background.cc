@@ -21,7 +21,7 @@ double LogUniform(RandomStream* random, double low, double high) {
   return low * std::pow(high / low, random->Uniform());
 }
 
-// A thing before the wall: a turned rectangle or ellipse. `bgr_grey` is its light without
+// An object before the wall: a rotated rectangle or ellipse. `bgr_grey` is its light without
 // vignetting; wood has rings besides.
 struct Thing {
   Eigen::Vector2d centre_px;

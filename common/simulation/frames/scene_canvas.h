@@ -25,7 +25,7 @@ struct SphereLight {
   double lit_share = 0;  // of the exposure
 };
 
-// The room in linear light, onto which one picture's spheres and bars are put and from which they
+// The room in linear light, onto which one frame's spheres and bars are put and from which they
 // are taken again. One thread at a time.
 class SceneCanvas {
  public:
@@ -56,7 +56,7 @@ class SceneCanvas {
   const SensorNoise noise_;
   std::vector<int16_t> linear_;
   std::vector<uint8_t> sigma_;
-  // What was behind the patches, for Reset.
+  // Background of the patches, for Reset.
   std::vector<ImagePatch> kept_patches_;
   std::vector<int16_t> kept_;
 };

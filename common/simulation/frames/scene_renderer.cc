@@ -153,15 +153,15 @@ struct SceneRenderer::Impl {
     return lit_share;
   }
 
-  // A bar over one of the markers in the picture, in a share of the pictures.
+  // A bar over one of the markers in the image, in a share of the frames.
   std::optional<OccludingBar> BarOf(const SceneFrame& frame,
                                     std::span<const MarkerGroundTruth> markers) const {
     RandomStream random{options.seed, kFramePurpose, frame.seed, 2};
     if (markers.empty() || random.Uniform() >= options.occlusion) return std::nullopt;
-    const MarkerGroundTruth& covered =
+    const MarkerGroundTruth& occluded =
         markers[static_cast<size_t>(random.Uniform() * static_cast<double>(markers.size()))];
-    if (!covered.inside) return std::nullopt;
-    return RandomBar(covered.centre_px, covered.radius_px, &random);
+    if (!occluded.inside) return std::nullopt;
+    return RandomBar(occluded.centre_px, occluded.radius_px, &random);
   }
 
   FrameGroundTruth Draw(const SceneFrame& frame, std::span<const SphereMotion> spheres) {
@@ -205,7 +205,7 @@ absl::StatusOr<SceneRenderer> SceneRenderer::Create(const Intrinsics& intrinsics
   RIGCAL_RETURN_IF_ERROR(target.Validate());
   if (std::min(image_size.width, image_size.height) < 2 ||
       uint64_t{image_size.width} * image_size.height > (uint64_t{1} << 27)) {
-    return absl::InvalidArgumentError(absl::StrCat("a picture of ", image_size.width, "x",
+    return absl::InvalidArgumentError(absl::StrCat("an image of ", image_size.width, "x",
                                                    image_size.height,
                                                    " px cannot be drawn, 2x2 to 134 Mpx can"));
   }
@@ -233,7 +233,7 @@ absl::StatusOr<FrameGroundTruth> SceneRenderer::Render(const SceneFrame& frame,
                                                        std::span<const SphereMotion> spheres,
                                                        std::span<uint8_t> bgr) {
   if (bgr.size() != buffer_size()) {
-    return absl::InvalidArgumentError(absl::StrCat("the picture's buffer has ", bgr.size(),
+    return absl::InvalidArgumentError(absl::StrCat("the image's buffer has ", bgr.size(),
                                                    " bytes, it must have ", buffer_size()));
   }
   if (!spheres.empty() && spheres.size() != impl_->target.marker_positions_m.size()) {

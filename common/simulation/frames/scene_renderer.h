@@ -34,7 +34,7 @@ struct WandMotion {
   SphereMotion Marker(double position_m) const;
 };
 
-// What is true of one marker in one picture.
+// Ground truth of one marker in one frame.
 struct MarkerGroundTruth {
   bool projects = false;  // the lens images its centre at all
   bool inside = false;    // the centre lies in the image
@@ -43,7 +43,7 @@ struct MarkerGroundTruth {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
   double distance_m = 0;
   double radius_px = 0;  // of its image, mean
-  // 0 to 1: share of its image at mid exposure that is within the picture and covered by nothing.
+  // 0 to 1: share of its projection at mid exposure that is within the image and not occluded.
   double visible_share = 0;
 };
 
@@ -54,10 +54,10 @@ struct FrameGroundTruth {
   bool WandVisible(double min_share = 0.98) const;
 };
 
-// What changes from picture to picture.
+// What changes from frame to frame.
 struct SceneFrame {
   std::optional<WandMotion> wand;  // none: the room alone
-  uint64_t seed = 0;               // of this picture's noise, occlusion and blink phase
+  uint64_t seed = 0;               // of this frame's noise, occlusion and blink phase
   // Time on the LEDs' oscillator at mid exposure, s; an LED is on during the first `duty` of each
   // period. None: drawn from `seed`.
   std::optional<double> led_time_s;
@@ -66,11 +66,11 @@ struct SceneFrame {
   std::optional<Eigen::Vector4d> floor;  // unit normal, offset_m
 };
 
-// What one frame camera sees. The room is drawn once; a picture then costs the noise and what is
+// The view of one frame camera. The room is drawn once; a frame then costs the noise and what is
 // around the wand. Every sphere is imaged exactly: the ray of each pixel, through the lens model,
 // against the sphere (so its image is the true ellipse, not centred on its centre's projection),
 // averaged over the exposure with the LED's blinking, then the lens' blur, light, saturation and
-// noise. Deterministic: equal arguments give equal pictures in every process, whatever was drawn
+// noise. Deterministic: equal arguments give equal frames in every process, whatever was drawn
 // before. One thread at a time.
 class SceneRenderer {
  public:

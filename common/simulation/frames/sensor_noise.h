@@ -8,7 +8,7 @@
 
 namespace rigcal {
 
-// What the sensor would show without noise and saturation, in 1/64 grey levels, black level
+// The sensor's output without noise and saturation, in 1/64 grey levels, black level
 // included, up to kMaxLinear: beyond 255 so that what is saturated is free of noise.
 inline constexpr int kLinearPerGrey = 64;
 inline constexpr int16_t kMaxLinear = 430 * kLinearPerGrey;
@@ -16,7 +16,7 @@ inline constexpr int16_t kMaxLinear = 430 * kLinearPerGrey;
 int16_t ToLinear(double grey);
 
 // Shot and read noise of a linear sensor: sigma^2 = read^2 + grey / electrons_per_grey. Gaussian
-// numbers come from one large table, every row from another place of it, so that a picture costs
+// numbers come from one large table, every row from another place of it, so that a frame costs
 // little more than its own memory traffic. Thread-compatible.
 class SensorNoise {
  public:

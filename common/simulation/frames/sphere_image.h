@@ -22,7 +22,7 @@ struct ImagePatch {
   bool empty() const { return width <= 0 || height <= 0; }
 };
 
-// What one sphere puts on the pixels of a patch, row by row.
+// The light of one sphere on the pixels of a patch, row by row.
 struct SphereImage {
   ImagePatch patch;
   std::vector<float> cover;  // share of the exposure and of the pixel that the sphere takes
@@ -47,7 +47,7 @@ class SphereImager {
   // Both must outlive the imager.
   SphereImager(const Intrinsics* intrinsics, const ImageSize& image_size, const RayGrid* rays);
 
-  // False, with an empty patch: no part of it in the picture. `profile` is the lens' blur.
+  // False, with an empty patch: no part of it is in the image. `profile` is the lens' blur.
   bool Draw(const SphereMotion& sphere, std::span<const ExposurePart> parts,
             const EdgeProfile& profile, const SphereImageOptions& options, SphereImage* image);
 

@@ -12,7 +12,7 @@
 namespace rigcal {
 namespace {
 
-// What the clocks of one time base show when the rig time is 0: no stamp is negative, whatever
+// The clocks of one time base at rig time 0: no timestamp is negative, whatever
 // offset a clock is given.
 constexpr int64_t kSharedOriginNs = 10'000'000'000;
 
@@ -25,7 +25,7 @@ constexpr double kRingDistanceM = 3.4;
 constexpr double kVolumeHeightM = 1.5;
 const ImageSize kImageSize{1280, 1024};
 
-// How `camera_count` cameras are spread over rings of one radius.
+// Places of `camera_count` cameras on rings of one radius.
 struct RingPlan {
   int rings = 1;
   int slots = kFullRing;  // places on the fullest ring
@@ -83,7 +83,7 @@ Intrinsics MakeIntrinsics(RandomStream* random) {
   return intrinsics;
 }
 
-// What the lens truly is when `given` is only what somebody measured. Brown-Conrady.
+// The true lens if `given` is a measurement with errors. Brown-Conrady.
 Intrinsics DrawTrueIntrinsics(const Intrinsics& given, const SimulationOptions& options,
                               RandomStream random) {
   Intrinsics drawn = given;

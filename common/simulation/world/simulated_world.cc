@@ -29,7 +29,7 @@ bool InsideImage(const ImageSize& size, const Eigen::Vector2d& pixel) {
 }
 
 // The marker's image. Beyond the part of the field in which the lens model is one to one a marker
-// would come back into the picture at a wrong place; a lens does not do that.
+// would reappear at a wrong place in the image; a lens does not do that.
 bool SeesMarker(const SimulatedCamera& camera, const Eigen::Vector3d& x_in_rig,
                 Eigen::Vector2d* pixel) {
   const Intrinsics& intrinsics = camera.true_intrinsics;

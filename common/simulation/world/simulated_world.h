@@ -15,9 +15,9 @@
 
 namespace rigcal {
 
-// The truth about one simulated camera.
+// Ground truth of one simulated camera.
 struct SimulatedCamera {
-  CameraDescription description;  // named "sim_0", "sim_1", ..., as the solver is told
+  CameraDescription description;  // named "sim_0", "sim_1", ..., as given to the solver
   Intrinsics true_intrinsics;     // those described, unless the options draw them away
   RigidTransform cam_from_rig;    // frame `rig` of the world: z up, metres
   double time_offset_s = 0;
@@ -30,7 +30,7 @@ struct SimulatedCamera {
   double phase_s = 0;  // rig time of the first frame
 };
 
-// Where the wand is: x_in_rig of a point at `s` metres along it is origin_m + s * direction.
+// Pose of the wand: x_in_rig of a point at `s` metres along it is origin_m + s * direction.
 struct WandPose {
   Eigen::Vector3d origin_m;
   Eigen::Vector3d direction;  // unit
@@ -45,7 +45,7 @@ class SimulatedWorld {
                                                const Target& target);
 
   const SimulationOptions& options() const { return options_; }
-  const Target& target() const { return target_; }            // as the solver is told
+  const Target& target() const { return target_; }            // as given to the solver
   const Target& true_target() const { return true_target_; }  // with its errors of length
   const std::vector<SimulatedCamera>& cameras() const { return cameras_; }
 
@@ -55,7 +55,7 @@ class SimulatedWorld {
 
   // Frames of a camera, in capture order.
   int FrameCount(int camera) const;
-  // Frame `index` of a camera: noisy, with outliers, dropouts and reversed labels; empty where the
+  // Frame `index` of a camera: noisy, with outliers, dropouts and flipped labels; empty where the
   // wand is outside the image. `is_outlier`, if given, says which markers were put anywhere.
   Observation Observe(int camera, int index, std::vector<bool>* is_outlier = nullptr) const;
   // Rig time at which frame `index` was truly taken.

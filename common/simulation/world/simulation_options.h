@@ -11,24 +11,26 @@
 
 namespace rigcal {
 
-// One shared world: rig, trajectory and truth follow from these alone, so that every agent process
-// that is given the same options simulates its own camera of the same world.
+class OptionTable;
+
+// One shared world: rig, trajectory and ground truth follow from these alone, so that every agent
+// process that is given the same options simulates its own camera of the same world. Ranges: see
+// AddOptions.
 struct SimulationOptions {
   uint32_t seed = 1;
-  int camera_count = 6;         // 2 to 100, in a ring around the volume, neighbours 3 to 5 m apart
+  int camera_count = 6;         // in a ring around the volume, neighbours 3 to 5 m apart
   double duration_s = 60;       // of the wave
   double rate_hz = 25;          // observations per second and camera
   double noise_px = 0.3;        // one sigma of each coordinate of a centre
   double outlier_share = 0.02;  // of markers, put anywhere in the image
   double dropout_share = 0.05;  // of markers, not seen
-  double swap_share = 0;        // of observations, with the markers' labels reversed
+  double swap_share = 0;        // of observations, with flipped labels
   double max_speed_m_s = 1.5;   // of the wand's middle
   double jitter_s = 0;          // one sigma of each stamp; at most a tenth of the shortest period
   double length_error_m = 0;    // added to every span of the true wand, unknown to the solver
   double length_sigma_m = 0;    // one sigma of what is drawn and added to each span besides
-  // One sigma of what each camera's true intrinsics are away from those it is described with, drawn
-  // for each value by itself: of fx and fy, relative; of cx and cy; of k1 and k2; of k3; of p1 and
-  // p2.
+  // One sigma of the difference between each camera's true and described intrinsics, drawn for each
+  // value independently: of fx and fy, relative; of cx and cy; of k1 and k2; of k3; of p1 and p2.
   double focal_sigma_rel = 0;
   double centre_sigma_px = 0;
   double radial_sigma = 0;
@@ -37,9 +39,8 @@ struct SimulationOptions {
   // From this rig time on, and for how long, no camera sees the wand.
   double gap_start_s = 0;
   double gap_duration_s = 0;
-  bool free_running = false;  // each camera begins its period at a phase of its own
-  bool clock_samples =
-      false;  // clocks count from origins of their own, aligned by clock samples only
+  bool free_running = false;   // each camera begins its period at a phase of its own
+  bool clock_samples = false;  // clocks have origins of their own, aligned by clock samples only
   // By camera index; cameras not named have 0. Same sense as in Clock.
   std::map<int, double> time_offset_s;
   std::map<int, double> time_rate_ppm;
@@ -51,13 +52,11 @@ struct SimulationOptions {
   absl::Status Validate() const;
 };
 
-// Reads
-// `seed=1;cameras=6;duration=60;rate=25;noise=0.3;outliers=0.02;dropouts=0.05;swaps=0;
-// wand_speed=1.5;jitter=0;length_error=0;length_sigma=0;focal_sigma=0;centre_sigma=0;
-// radial_sigma=0;radial_high_sigma=0;tangential_sigma=0;gap_start=0;gap=0;free_running=1;clock_samples=1;
-// offset.2=0.008;rate_ppm.2=50;rate.3=60;outliers.4=0.3`; every part may be left out. `speed` is
+void AddOptions(SimulationOptions* options, OptionTable* table);
+
+// Reads `seed=1;cameras=6;duration=60;offset.2=0.008;...`; every part may be left out. `speed` is
 // read as `wand_speed`; where a source has a pace of its own called `speed`, only the longer word
-// means the wand. The error names the part and lists the known ones.
+// means the wand.
 absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text);
 // The same notation: seed, cameras, and every part that differs from its default.
 std::string FormatSimulationOptions(const SimulationOptions& options);

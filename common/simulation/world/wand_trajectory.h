@@ -13,8 +13,8 @@ struct WaveVolume {
   Eigen::Vector3d half_extent_m = Eigen::Vector3d::Ones();
 };
 
-// How a simulated wand moves: its middle by a sum of three sines along each axis, its direction by
-// an azimuth that turns on and an elevation that swings up and down. Every derivative is
+// The motion of a simulated wand: its middle by a sum of three sines along each axis, its direction
+// by an azimuth that turns on and an elevation that swings up and down. Every derivative is
 // continuous.
 class WandTrajectory {
  public:

@@ -9,8 +9,8 @@
 #include "agent/detect/frame/wand_detector.h"
 #include "common/camera/camera_description.h"
 #include "common/simulation/frames/frame_render_options.h"
-#include "common/simulation/frames/random_wand_pose.h"
 #include "common/target/target.h"
+#include "tests/accuracy/detection/random_wand_pose.h"
 
 namespace rigcal::accuracy {
 

@@ -10,8 +10,8 @@
 #include "common/camera/camera_description.h"
 #include "common/simulation/events/event_render_options.h"
 #include "common/simulation/frames/frame_render_options.h"
-#include "common/simulation/frames/random_wand_pose.h"
 #include "common/target/target.h"
+#include "tests/accuracy/detection/random_wand_pose.h"
 
 namespace rigcal::accuracy {
 

@@ -16,8 +16,8 @@
 #include <utility>
 #include <vector>
 
+#include "agent/capture/image_file.h"
 #include "agent/capture/pacer.h"
-#include "agent/capture/recorded/image_file.h"
 #include "agent/capture/simulated/simulated_frame_source.h"
 #include "common/camera/camera_model.h"
 #include "tests/testing/status_matchers.h"
@@ -42,11 +42,11 @@ const cv::Scalar kOrange(20, 110, 235);
 
 Target Wand() { return *ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500"); }
 
-// Pictures that a test has made.
+// Frames that a test has made.
 class ScriptedFrames : public FrameSource {
  public:
-  explicit ScriptedFrames(std::vector<cv::Mat> pictures, double exposure_s = 0)
-      : pictures_(std::move(pictures)), exposure_s_(exposure_s) {
+  explicit ScriptedFrames(std::vector<cv::Mat> images, double exposure_s = 0)
+      : images_(std::move(images)), exposure_s_(exposure_s) {
     description_.camera = "left";
     description_.image_size_px = {kWidth, kHeight};
     description_.clock = {"left", "recording"};
@@ -58,9 +58,9 @@ class ScriptedFrames : public FrameSource {
     return absl::OkStatus();
   }
   absl::StatusOr<std::optional<Frame>> Next() override {
-    if (stopped_ || next_ == pictures_.size()) return std::nullopt;
+    if (stopped_ || next_ == images_.size()) return std::nullopt;
     const auto time_ns = static_cast<int64_t>(next_) * 40'000'000;
-    return Frame{.image = ViewOf(pictures_[next_++]),
+    return Frame{.image = ViewOf(images_[next_++]),
                  .time_ns = time_ns,
                  .clock_epoch = 0,
                  .exposure_s = exposure_s_};
@@ -72,7 +72,7 @@ class ScriptedFrames : public FrameSource {
   }
 
  private:
-  const std::vector<cv::Mat> pictures_;
+  const std::vector<cv::Mat> images_;
   const double exposure_s_;
   CameraDescription description_;
   size_t next_ = 0;
@@ -83,11 +83,11 @@ cv::Mat Room() { return cv::Mat(kHeight, kWidth, CV_8UC3, cv::Scalar(30, 30, 30)
 
 // Spheres on a line at 0, 0.13 and 0.39 of 400 px per 0.39 m.
 cv::Mat WandAt(double x, double y) {
-  cv::Mat picture = Room();
+  cv::Mat image = Room();
   for (const double along : {0.0, 100.0, 300.0}) {
-    cv::circle(picture, cv::Point2d(x + along, y), 9, kOrange, cv::FILLED, cv::LINE_AA);
+    cv::circle(image, cv::Point2d(x + along, y), 9, kOrange, cv::FILLED, cv::LINE_AA);
   }
-  return picture;
+  return image;
 }
 
 std::unique_ptr<DetectingObservationSource> Make(std::unique_ptr<FrameSource> frames,
@@ -129,11 +129,11 @@ class LoggedText {
   std::shared_ptr<spdlog::logger> old_;
 };
 
-TEST(DetectingObservationSource, YieldsAnObservationPerPicture) {
-  std::vector<cv::Mat> pictures;
-  for (int i = 0; i < 5; ++i) pictures.push_back(WandAt(100 + 4 * i, 200));
-  pictures.push_back(Room());
-  const auto source = Make(std::make_unique<ScriptedFrames>(pictures));
+TEST(DetectingObservationSource, YieldsAnObservationPerFrame) {
+  std::vector<cv::Mat> images;
+  for (int i = 0; i < 5; ++i) images.push_back(WandAt(100 + 4 * i, 200));
+  images.push_back(Room());
+  const auto source = Make(std::make_unique<ScriptedFrames>(images));
   for (int capture = 0; capture < 2; ++capture) {
     const std::vector<Observation> observations = Drain(*source);
     ASSERT_EQ(observations.size(), 6u);
@@ -150,7 +150,7 @@ TEST(DetectingObservationSource, YieldsAnObservationPerPicture) {
   }
 }
 
-TEST(DetectingObservationSource, CountsAndWarnsOfPicturesThatAreNoGood) {
+TEST(DetectingObservationSource, CountsAndWarnsOfFramesThatAreNoGood) {
   const LoggedText log;
   const cv::Mat black(kHeight, kWidth, CV_8UC3, cv::Scalar(0, 0, 0));
   const cv::Mat white(kHeight, kWidth, CV_8UC3, cv::Scalar(255, 255, 255));
@@ -164,19 +164,19 @@ TEST(DetectingObservationSource, CountsAndWarnsOfPicturesThatAreNoGood) {
   EXPECT_THAT(log.text(), AllOf(HasSubstr("camera left"), HasSubstr("lens cap"),
                                 HasSubstr("shorten the exposure")));
   const size_t first = log.text().find("lens cap");
-  EXPECT_EQ(log.text().find("lens cap", first + 1), std::string::npos) << "warns of every picture";
+  EXPECT_EQ(log.text().find("lens cap", first + 1), std::string::npos) << "warns of every frame";
 }
 
 TEST(DetectingObservationSource, WarnsOnceOfAnExposureShorterThanABlink) {
   const LoggedText log;
-  const std::vector<cv::Mat> pictures(3, WandAt(100, 100));
-  const auto enough = Make(std::make_unique<ScriptedFrames>(pictures, 0.002));
+  const std::vector<cv::Mat> images(3, WandAt(100, 100));
+  const auto enough = Make(std::make_unique<ScriptedFrames>(images, 0.002));
   Drain(*enough);
   EXPECT_THAT(log.text(), Not(HasSubstr("shorter than one blink")));
-  const auto unknown = Make(std::make_unique<ScriptedFrames>(pictures, 0));
+  const auto unknown = Make(std::make_unique<ScriptedFrames>(images, 0));
   Drain(*unknown);
   EXPECT_THAT(log.text(), Not(HasSubstr("shorter than one blink")));
-  const auto source = Make(std::make_unique<ScriptedFrames>(pictures, 0.001));
+  const auto source = Make(std::make_unique<ScriptedFrames>(images, 0.001));
   Drain(*source);
   const std::string text = log.text();
   const size_t first = text.find("1 ms is shorter than one blink of the target (2 ms)");
@@ -186,16 +186,16 @@ TEST(DetectingObservationSource, WarnsOnceOfAnExposureShorterThanABlink) {
 
 TEST(DetectingObservationSource, LearnsWhatStandsStillBeforeTheWave) {
   // Lamps that stand like a wand.
-  std::vector<cv::Mat> pictures(3, WandAt(100, 400));
+  std::vector<cv::Mat> images(3, WandAt(100, 400));
   for (int i = 0; i < 3; ++i) {
     cv::Mat both = WandAt(100, 400);
     const cv::Mat wand = WandAt(150 + 3 * i, 150);
     cv::max(both, wand, both);
-    pictures.push_back(both);
+    images.push_back(both);
   }
   DetectingOptions options;
-  options.learn_mask_s = 0.12;  // three pictures
-  const auto source = Make(std::make_unique<ScriptedFrames>(pictures), options);
+  options.learn_mask_s = 0.12;  // three frames
+  const auto source = Make(std::make_unique<ScriptedFrames>(images), options);
   const std::vector<Observation> observations = Drain(*source);
   ASSERT_EQ(observations.size(), 6u);
   for (size_t i = 0; i < 3; ++i) EXPECT_EQ(observations[i].VisibleCount(), 0) << i;
@@ -215,25 +215,23 @@ TEST(DetectingObservationSource, TakesAMaskOfTheRightSizeOnly) {
   ASSERT_THAT(WriteMask(mask, path), IsOk());
   DetectingOptions options;
   options.mask_path = path;
-  const std::vector<cv::Mat> pictures = {WandAt(100, 100), WandAt(100, 200)};
-  const auto source = Make(std::make_unique<ScriptedFrames>(pictures), options);
+  const std::vector<cv::Mat> images = {WandAt(100, 100), WandAt(100, 200)};
+  const auto source = Make(std::make_unique<ScriptedFrames>(images), options);
   const std::vector<Observation> observations = Drain(*source);
   ASSERT_EQ(observations.size(), 2u);
   EXPECT_EQ(observations[0].VisibleCount(), 0);
   EXPECT_EQ(observations[1].VisibleCount(), 3);
 
   ASSERT_THAT(WriteMask(PixelMask(64, 48), path), IsOk());
-  EXPECT_THAT(
-      DetectingObservationSource::Create(std::make_unique<ScriptedFrames>(pictures), options),
-      StatusIs(absl::StatusCode::kInvalidArgument,
-               AllOf(HasSubstr("camera left"), HasSubstr("64x48"), HasSubstr("640x480"))));
+  EXPECT_THAT(DetectingObservationSource::Create(std::make_unique<ScriptedFrames>(images), options),
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr("camera left"), HasSubstr("64x48"), HasSubstr("640x480"))));
   options.mask_path = "/nowhere.png";
-  EXPECT_THAT(
-      DetectingObservationSource::Create(std::make_unique<ScriptedFrames>(pictures), options),
-      StatusIs(absl::StatusCode::kNotFound, HasSubstr("/nowhere.png")));
+  EXPECT_THAT(DetectingObservationSource::Create(std::make_unique<ScriptedFrames>(images), options),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("/nowhere.png")));
 }
 
-TEST(DetectingObservationSource, StopsWithItsPictures) {
+TEST(DetectingObservationSource, StopsWithItsFrames) {
   const auto source =
       Make(std::make_unique<ScriptedFrames>(std::vector<cv::Mat>(3, WandAt(100, 100))));
   ASSERT_THAT(source->Start(Wand()), IsOk());
@@ -242,7 +240,7 @@ TEST(DetectingObservationSource, StopsWithItsPictures) {
   EXPECT_FALSE((*source->Next()).has_value());
 }
 
-TEST(DetectingObservationSource, HandsPicturesToWhoeverAsksForOne) {
+TEST(DetectingObservationSource, HandsFramesToWhoeverAsksForOne) {
   const auto source =
       Make(std::make_unique<ScriptedFrames>(std::vector<cv::Mat>(2, WandAt(100, 100))));
   std::optional<PreviewFrame> preview;

@@ -12,7 +12,7 @@ constexpr int64_t kSecond = 1000 * kMs;
 constexpr int64_t kHost = 500 * kSecond;           // monotonic, when the device's clock shows 0
 constexpr int64_t kUtc = 1'700'000'000 * kSecond;  // then
 
-// The picture that the device stamped then and that took this long to come.
+// The frame that the device stamped then and that took this long to come.
 FrameArrival ArrivalAt(int64_t device_ns, int64_t delay_ns = 2 * kMs, int64_t host_ns = kHost) {
   return {device_ns, host_ns + device_ns + delay_ns, kUtc + device_ns + delay_ns};
 }
@@ -46,7 +46,7 @@ TEST(DeviceClock, AClockThatBeganAnewWhileAwayIsAnotherEvenAhead) {
   DeviceClock clock;
   clock.EpochOf(5 * kSecond, ArrivalAt(5 * kSecond));
   clock.Reconnected();
-  // Powered up again 20 s before this picture.
+  // Powered up again 20 s before this frame.
   EXPECT_EQ(clock.EpochOf(20 * kSecond, ArrivalAt(20 * kSecond, 0, kHost + 100 * kSecond)), 1u);
   EXPECT_EQ(clock.EpochOf(21 * kSecond, ArrivalAt(21 * kSecond, 0, kHost + 100 * kSecond)), 1u);
 }
@@ -86,7 +86,7 @@ TEST(DeviceClock, ReadingsOfTheEpochBeforeAreDropped) {
   EXPECT_TRUE(clock.ReadingIsDue(kHost + 5 * kSecond));
 }
 
-TEST(DeviceClock, TakesThePictureThatCameQuickestOfEachSecond) {
+TEST(DeviceClock, TakesTheFrameThatCameQuickestOfEachSecond) {
   DeviceClock clock;
   // The first at once, so that a short capture has one too.
   clock.AddArrival(ArrivalAt(0, 9 * kMs));

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "agent/capture/recorded/raw_event_source.h"
-#include "agent/capture/source_spec.h"
+#include "agent/capture/registry/source_registry.h"
 #include "tests/testing/blinking_wand.h"
 #include "tests/testing/recorded_data.h"
 #include "tests/testing/status_matchers.h"
@@ -37,10 +37,9 @@ class EventObservationSourceTest : public ::testing::Test {
                                                           const std::string& options) {
     const std::string path = (directory_.path() / "left.raw").string();
     testing::WriteBytes(path, bytes);
-    absl::StatusOr<SourceSpec> spec =
-        ParseSourceSpec("raw:" + path + ";calibration=none;speed=max" + options);
+    const auto spec = ParseSourceSpec("raw:" + path + ";calibration=none;speed=max" + options);
     if (!spec.ok()) return spec.status();
-    return CreateSource(*spec);
+    return (*spec)->Create();
   }
 
   std::vector<Observation> Observe(const std::vector<uint8_t>& bytes, const std::string& options,
@@ -299,9 +298,9 @@ TEST_F(EventObservationSourceTest, TheRecordedPaceChangesNothing) {
   wand.duration_s = 0.1;
   const auto fast = Observe(wand.RawFile(), ";rate=200");
   const std::string path = (directory_.path() / "left.raw").string();
-  ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+  ASSERT_OK_AND_ASSIGN(const auto spec,
                        ParseSourceSpec("raw:" + path + ";calibration=none;speed=1000;rate=200"));
-  ASSERT_OK_AND_ASSIGN(const auto source, CreateSource(spec));
+  ASSERT_OK_AND_ASSIGN(const auto source, spec->Create());
   ASSERT_THAT(source->Start(*ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500")), IsOk());
   size_t count = 0;
   for (;; ++count) {
@@ -362,10 +361,10 @@ TEST_F(EventObservationSourceTest, RealRecordingsAreAnsweredAtTheirTriggers) {
        {Case{"evt3_640x480_trigger_1khz.raw", ";trigger=rising;trigger_channel=6", 2079, 2079},
         Case{"evt3_640x480_trigger_1khz.raw", ";rate=500", 1036, 1040},
         Case{"evt2_gen3.raw", ";rate=500", 46, 49}}) {
-    ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+    ASSERT_OK_AND_ASSIGN(const auto spec,
                          ParseSourceSpec("left=raw:" + (data / "events" / file).string() +
                                          ";calibration=none;speed=max" + options));
-    ASSERT_OK_AND_ASSIGN(const auto source, CreateSource(spec));
+    ASSERT_OK_AND_ASSIGN(const auto source, spec->Create());
     ASSERT_THAT(source->Start(*ParseTarget("wand:0,0.13,0.39;hz=500")), IsOk());
     size_t count = 0;
     int64_t first_ns = 0, last_ns = 0;

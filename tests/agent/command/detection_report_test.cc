@@ -43,7 +43,7 @@ TEST(Durations, AreInMilliseconds) {
 TEST(DetectionReport, CountsWhatWasLookedAt) {
   EXPECT_EQ(SomeReport().looked_at(), 8u);
   EXPECT_EQ(SomeReport().detection_rate(), 0.75);
-  EXPECT_EQ(SomeReport().pictures_per_s(), 6);
+  EXPECT_EQ(SomeReport().frames_per_s(), 6);
   EXPECT_EQ(DetectionReport{}.detection_rate(), 0);
 }
 

@@ -5,7 +5,11 @@
 #include <string>
 
 #include "agent/capture/pacer.h"
+#include "agent/capture/recorded/recorded_frame_source.h"
+#include "agent/capture/recorded/video_frame_source.h"
+#include "agent/capture/simulated/simulated_frame_source.h"
 #include "tests/agent/capture/recorded/image_files.h"
+#include "tests/agent/capture/source_options_of.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -18,39 +22,41 @@ using ::rigcal::testing::TemporaryDirectory;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-class ResolvePictureInputTest : public ::testing::Test {
+class ResolveFrameInputTest : public ::testing::Test {
  protected:
   std::string Path(const std::string& name) const { return (directory_.path() / name).string(); }
   TemporaryDirectory directory_;
 };
 
-TEST_F(ResolvePictureInputTest, TellsFoldersPicturesAndVideosApart) {
+TEST_F(ResolveFrameInputTest, TellsFoldersFramesAndVideosApart) {
   std::filesystem::create_directory(Path("my left"));
   FrameInput input{.input = Path("my left/")};
-  ASSERT_OK_AND_ASSIGN(const FrameSourceSpec folder, ResolvePictureInput(input));
-  const auto& images = std::get<ImagesSourceOptions>(folder.frames);
+  ASSERT_OK_AND_ASSIGN(const auto folder, ResolveFrameInput(input));
+  const auto& images = OptionsOf<RecordedFramesOptions>(*folder);
   EXPECT_EQ(images.camera, "my_left");
   EXPECT_EQ(images.calibration_path, "");
   EXPECT_EQ(images.speed, kMaxSpeed);
 
   input.input = directory_.WriteFile("one.PNG", "x").string();
   directory_.WriteFile("one.yaml", kSmallCameraYaml);
-  ASSERT_OK_AND_ASSIGN(const FrameSourceSpec one, ResolvePictureInput(input));
-  EXPECT_EQ(std::get<ImagesSourceOptions>(one.frames).calibration_path, Path("one.yaml"));
+  ASSERT_OK_AND_ASSIGN(const auto one, ResolveFrameInput(input));
+  EXPECT_EQ(OptionsOf<RecordedFramesOptions>(*one).calibration_path, Path("one.yaml"));
 
   input.input = directory_.WriteFile("film.mkv", "x").string();
   input.fps = "50";
   input.settings = {"hue_max=44", "speed=2"};
-  ASSERT_OK_AND_ASSIGN(const FrameSourceSpec film, ResolvePictureInput(input));
-  EXPECT_EQ(std::get<VideoSourceOptions>(film.frames).fps, 50);
-  EXPECT_EQ(std::get<VideoSourceOptions>(film.frames).speed, 2);
-  EXPECT_EQ(film.detecting.detector.colour.hue_max_deg, 44);
+  ASSERT_OK_AND_ASSIGN(const auto film, ResolveFrameInput(input));
+  EXPECT_EQ(OptionsOf<RecordedFramesOptions>(*film).fps, 50);
+  EXPECT_EQ(OptionsOf<RecordedFramesOptions>(*film).speed, 2);
+  EXPECT_NE(
+      (dynamic_cast<SpecOf<FrameSourceSpec, VideoFrameSource, RecordedFramesOptions>*>(film.get())),
+      nullptr);
+  EXPECT_EQ(film->detecting.detector.colour.hue_max_deg, 44);
 }
 
-TEST_F(ResolvePictureInputTest, TakesASpecAndACameraOfAConfiguration) {
-  ASSERT_OK_AND_ASSIGN(const FrameSourceSpec sim,
-                       ResolvePictureInput({.input = "sim:camera=1;pixels=1"}));
-  EXPECT_EQ(std::get<SimulatedFrameSourceOptions>(sim.frames).camera_index, 1);
+TEST_F(ResolveFrameInputTest, TakesASpecAndACameraOfAConfiguration) {
+  ASSERT_OK_AND_ASSIGN(const auto sim, ResolveFrameInput({.input = "sim:camera=1;pixels=1"}));
+  EXPECT_EQ(OptionsOf<SimulatedFrameSourceOptions>(*sim).camera_index, 1);
   FrameInput input;
   input.config = directory_
                      .WriteFile("agent.toml",
@@ -60,28 +66,28 @@ TEST_F(ResolvePictureInputTest, TakesASpecAndACameraOfAConfiguration) {
                      .string();
   input.camera = "b";
   input.settings = {"hue_max=33"};
-  ASSERT_OK_AND_ASSIGN(const FrameSourceSpec b, ResolvePictureInput(input));
-  EXPECT_EQ(std::get<SimulatedFrameSourceOptions>(b.frames).camera_index, 2);
-  EXPECT_EQ(b.detecting.detector.colour.value_min, 99);
-  EXPECT_EQ(b.detecting.detector.colour.hue_max_deg, 33);
+  ASSERT_OK_AND_ASSIGN(const auto b, ResolveFrameInput(input));
+  EXPECT_EQ(OptionsOf<SimulatedFrameSourceOptions>(*b).camera_index, 2);
+  EXPECT_EQ(b->detecting.detector.colour.value_min, 99);
+  EXPECT_EQ(b->detecting.detector.colour.hue_max_deg, 33);
   input.camera = "c";
-  EXPECT_THAT(ResolvePictureInput(input),
+  EXPECT_THAT(ResolveFrameInput(input),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("\"c\""), HasSubstr("sim_0 or b"))));
 }
 
-TEST_F(ResolvePictureInputTest, SaysWhatIsWrong) {
-  EXPECT_THAT(ResolvePictureInput({}),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("which pictures")));
-  EXPECT_THAT(ResolvePictureInput({.input = "/nowhere"}),
+TEST_F(ResolveFrameInputTest, SaysWhatIsWrong) {
+  EXPECT_THAT(ResolveFrameInput({}),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("name the frames")));
+  EXPECT_THAT(ResolveFrameInput({.input = "/nowhere"}),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("/nowhere")));
-  EXPECT_THAT(ResolvePictureInput({.input = "sim:camera=0"}),
+  EXPECT_THAT(ResolveFrameInput({.input = "sim:camera=0"}),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("pixels=1")));
-  EXPECT_THAT(ResolvePictureInput({.input = "csv:a.csv"}),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("no pictures")));
-  EXPECT_THAT(ResolvePictureInput({.input = "sim:camera=0;pixels=1", .settings = {"colour=red"}}),
+  EXPECT_THAT(ResolveFrameInput({.input = "csv:a.csv"}),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("no frames")));
+  EXPECT_THAT(ResolveFrameInput({.input = "sim:camera=0;pixels=1", .settings = {"colour=red"}}),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("colour")));
-  EXPECT_THAT(ResolvePictureInput({.input = "sim:camera=0;pixels=1", .settings = {"colour"}}),
+  EXPECT_THAT(ResolveFrameInput({.input = "sim:camera=0;pixels=1", .settings = {"colour"}}),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("KEY=VALUE")));
 }
 

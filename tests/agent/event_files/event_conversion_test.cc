@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/source_spec.h"
+#include "agent/capture/registry/source_registry.h"
 #include "agent/command/subcommands.h"
 #include "agent/event/event_decoder.h"
 #include "agent/event_files/event_file.h"
@@ -213,7 +213,7 @@ TEST_F(EventConversionTest, ASimulatedWand) {
 std::vector<Observation> Observe(const std::string& path, const std::string& options) {
   const auto spec = ParseSourceSpec("raw:" + path + ";calibration=none" + options);
   EXPECT_THAT(spec, IsOk());
-  auto source = CreateSource(*spec);
+  auto source = (*spec)->Create();
   EXPECT_THAT(source, IsOk());
   if (!source.ok()) return {};
   EXPECT_THAT((*source)->Start(*ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500")), IsOk());

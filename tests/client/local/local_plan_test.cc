@@ -68,7 +68,7 @@ TEST(PlanSimulated, GivesEveryAgentTheSameWorld) {
                        ParseSimulationOptions("cameras=3;seed=9;offset.2=0.008;wand_speed=2"));
   ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39"));
   ASSERT_OK_AND_ASSIGN(const LocalPlan plan,
-                       PlanSimulated({.world = options, .pictures = std::nullopt}, target, "max"));
+                       PlanSimulated({.world = options, .frames = std::nullopt}, target, "max"));
   ASSERT_TRUE(plan.world.has_value());
   ASSERT_EQ(plan.cameras.size(), 3u);
   for (size_t i = 0; i < 3; ++i) {

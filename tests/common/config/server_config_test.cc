@@ -98,10 +98,11 @@ TEST_F(ServerConfigTest, ListsEveryFaultWithFileAndLine) {
                    "max_wathces = 1\n"),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("server.toml:1: listen"), HasSubstr("server.toml:2: "),
-                             HasSubstr("data_dri"), HasSubstr("server.toml:3: log_level"),
-                             HasSubstr("server.toml:5: max_agents is 0"),
+                             HasSubstr("unknown key \"data_dri\"; did you mean \"data_dir\"?"),
+                             HasSubstr("server.toml:3: log_level"),
+                             HasSubstr("server.toml:5: max_agents=0"),
                              HasSubstr("server.toml:6: max_sessions"), HasSubstr("server.toml:7: "),
-                             HasSubstr("max_wathces"))));
+                             HasSubstr("did you mean \"max_watches\"?"))));
 }
 
 TEST_F(ServerConfigTest, RefusesValuesThatCannotBeMeant) {

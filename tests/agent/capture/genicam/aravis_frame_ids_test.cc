@@ -71,7 +71,7 @@ TEST(FrameIdTracker, ANumberFromNowhereIsNoGap) {
   EXPECT_EQ(LostOf({70'000, UINT64_MAX, 70'001}), 0u);
 }
 
-TEST(FrameIdTracker, APictureWithoutNumberTakesTheNext) {
+TEST(FrameIdTracker, AFrameWithoutNumberTakesTheNext) {
   FrameIdTracker tracker;
   tracker.ArrivedWithoutId();  // before any: tells nothing
   tracker.Arrived(65'534);

@@ -60,7 +60,7 @@ std::span<const uint8_t> Pixels(const Frame& frame) {
           static_cast<size_t>(frame.image.stride_bytes) * static_cast<size_t>(frame.image.height)};
 }
 
-// The next `count` pictures' times; fails the test if they do not come.
+// The next `count` frames' times; fails the test if they do not come.
 std::vector<Frame> Take(AravisFrameSource* source, int count) {
   std::vector<Frame> frames;
   for (int i = 0; i < count; ++i) {
@@ -83,7 +83,7 @@ void End(AravisFrameSource* source) {
 
 uint64_t Sum(const FrameCounts& counts) { return counts.received + counts.damaged + counts.lost; }
 
-TEST(AravisFrameSource, YieldsTheCamerasPictures) {
+TEST(AravisFrameSource, YieldsTheCamerasFrames) {
   const auto camera = Serve(SmallCamera());
   ASSERT_OK_AND_ASSIGN(const auto source, AravisFrameSource::Create(OnLoopback()));
   ASSERT_THAT(source->Start({}), IsOk());
@@ -177,7 +177,7 @@ TEST(AravisFrameSource, AClockThatGoesBackOpensAnEpoch) {
   }
 }
 
-TEST(AravisFrameSource, ColourPicturesComeAsBgr) {
+TEST(AravisFrameSource, ColourFramesComeAsBgr) {
   for (const char* format : {"BayerRG8", "BayerGB8", "RGB8"}) {
     SCOPED_TRACE(format);
     FakeGigeCameraOptions camera_options = SmallCamera();
@@ -240,7 +240,7 @@ TEST(AravisFrameSource, RefusesSettingsTheCameraDoesNotHave) {
   EXPECT_THAT(refusal([](auto* o) { o->ptp = true; }), HasSubstr("has no PTP"));
 }
 
-TEST(AravisFrameSource, SoftwareTriggersAskForEachPicture) {
+TEST(AravisFrameSource, SoftwareTriggersAskForEachFrame) {
   const auto camera = Serve(SmallCamera());
   AravisSourceOptions options = OnLoopback();
   options.trigger = "software";
@@ -293,7 +293,7 @@ TEST(AravisFrameSource, ACameraInUseIsRefused) {
   Take(first.get(), 2);  // is not disturbed
 }
 
-TEST(AravisFrameSource, PicturesMustBeAsLargeAsTheIntrinsicsSay) {
+TEST(AravisFrameSource, FramesMustBeAsLargeAsTheIntrinsicsSay) {
   const TemporaryDirectory directory;
   const std::string path = directory.path() / "left.yaml";
   std::ofstream(path) << "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n"
@@ -401,9 +401,9 @@ TEST(AravisFrameSource, EndsInTheMiddleOfACapture) {
   }
 }
 
-TEST(AravisFrameSource, DamagedPicturesAreCountedAndNotYielded) {
+TEST(AravisFrameSource, DamagedFramesAreCountedAndNotYielded) {
   FakeGigeCameraOptions camera_options = SmallCamera();
-  camera_options.lost_packet_share = 0.05;  // a picture has 5 packets
+  camera_options.lost_packet_share = 0.05;  // a frame has 5 packets
   const auto camera = Serve(camera_options);
   for (const bool resend : {true, false}) {
     AravisSourceOptions options = OnLoopback();
@@ -426,7 +426,7 @@ TEST(AravisFrameSource, DamagedPicturesAreCountedAndNotYielded) {
   }
 }
 
-TEST(AravisFrameSource, PicturesThatFindNoBufferAreCountedAsLost) {
+TEST(AravisFrameSource, FramesThatFindNoBufferAreCountedAsLost) {
   const auto camera = Serve(SmallCamera());
   AravisSourceOptions options = OnLoopback();
   options.buffer_count = 3;
@@ -461,7 +461,7 @@ TEST(AravisFrameSource, ClockIsTakenFromArrivalsWhereItCannotBeRead) {
   const std::vector<ClockSample> samples = source->TakeClockSamples();
   ASSERT_FALSE(samples.empty());
   EXPECT_GE(samples[0].uncertainty_ns, 1'000'000u);
-  // A generous limit: the machine may be busy while a picture waits.
+  // A generous limit: the machine may be busy while a frame waits.
   EXPECT_NEAR(static_cast<double>(samples[0].host_monotonic_ns - samples[0].device_ns), 7e12, 2e9);
   EXPECT_NEAR(static_cast<double>(samples[0].host_utc_ns) * 1e-9,
               static_cast<double>(std::chrono::system_clock::now().time_since_epoch() /

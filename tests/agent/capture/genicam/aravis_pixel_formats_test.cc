@@ -137,7 +137,7 @@ TEST(ViewPixels, GreyKeepsTheHighestEightBits) {
   }
 }
 
-TEST(ViewPixels, BayerPicturesGetTheirColours) {
+TEST(ViewPixels, BayerFramesGetTheirColours) {
   constexpr int kWidth = 16;
   constexpr int kHeight = 8;
   constexpr std::array<int, 3> kRedGreenBlue{200, 100, 50};
@@ -199,7 +199,7 @@ TEST(ViewPixels, WhatNeedsNoConversionIsNotCopied) {
   }
 }
 
-TEST(ViewPixels, MemoryForConvertedPicturesIsUsedAgain) {
+TEST(ViewPixels, MemoryForConvertedFramesIsUsedAgain) {
   const auto format = *FindPixelFormat(std::string_view("BayerRG12p"));
   std::vector<uint8_t> data(64 * 32 * 2, 128);
   std::vector<uint8_t> converted;

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "agent/capture/source_spec.h"
+#include "agent/capture/registry/source_registry.h"
 #include "tests/agent/capture/metavision/live_event_camera.h"
 #include "tests/testing/blinking_wand.h"
 #include "tests/testing/fake_metavision/fake_event_camera.h"
@@ -52,8 +52,8 @@ TEST_F(MetavisionWandTest, IsFoundBeforeAndAfterTheCameraWasAway) {
   wand.first_s = 1.5;  // a clock that went on, as far as times alone tell
   camera.streams.push_back({.pieces = Pieces(wand)});
   FakeBus::Get().Plug(camera);
-  ASSERT_OK_AND_ASSIGN(const SourceSpec spec, ParseSourceSpec("left=metavision:rate=200"));
-  ASSERT_OK_AND_ASSIGN(const auto source, CreateSource(spec));
+  ASSERT_OK_AND_ASSIGN(const auto spec, ParseSourceSpec("left=metavision:rate=200"));
+  ASSERT_OK_AND_ASSIGN(const auto source, spec->Create());
   ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39;hz=500"));
   ASSERT_THAT(source->Start(target), IsOk());
   std::array<int, 2> wands = {0, 0};

@@ -28,7 +28,7 @@ class PreviewTapTest : public ::testing::Test {
   PreviewTap tap_;
 };
 
-TEST_F(PreviewTapTest, GivesTheNextPictureOnce) {
+TEST_F(PreviewTapTest, GivesTheNextFrameOnce) {
   detection_.outcome = DetectionOutcome::kAmbiguous;
   std::vector<PreviewFrame> taken;
   Offer(1);

@@ -50,7 +50,7 @@ class PreviewWorkerTest : public ::testing::Test {
         {.known = true, .capturing = true, .tap = &tap_});
   }
 
-  void TakePicture(PreviewTap* tap, const Detection& detection = {}) {
+  void TakeImage(PreviewTap* tap, const Detection& detection = {}) {
     tap->Offer({.data = pixels_.data(),
                 .width = 320,
                 .height = 200,
@@ -76,7 +76,7 @@ class PreviewWorkerTest : public ::testing::Test {
   std::unique_ptr<PreviewWorker> worker_;
 };
 
-TEST_F(PreviewWorkerTest, DrawsTheNextPicture) {
+TEST_F(PreviewWorkerTest, DrawsTheNextFrame) {
   Make(SwitchedOn());
   Ask(7);
   Detection detection;
@@ -86,7 +86,7 @@ TEST_F(PreviewWorkerTest, DrawsTheNextPicture) {
   detection.tracked = true;
   detection.observation.markers.resize(3);
   detection.observation.markers[1].visible = true;
-  TakePicture(&tap_, detection);
+  TakeImage(&tap_, detection);
   const Preview preview = WaitForAnswer();
   EXPECT_EQ(preview.request_id, 7u);
   ASSERT_EQ(preview.refusal, PreviewRefusal::kNone) << preview.message;
@@ -114,7 +114,7 @@ TEST_F(PreviewWorkerTest, IsOffUnlessSwitchedOn) {
   EXPECT_TRUE(preview.jpeg.empty());
 }
 
-TEST_F(PreviewWorkerTest, SaysWhyThereIsNoPicture) {
+TEST_F(PreviewWorkerTest, SaysWhyThereIsNoFrame) {
   Make(SwitchedOn());
   const PreviewRequest request{.request_id = 3, .camera = "left", .max_wait_ms = kLongMs};
   worker_->Request(request, {});
@@ -132,7 +132,7 @@ TEST_F(PreviewWorkerTest, KeepsToItsRateForEachCamera) {
   Ask(1);
   Ask(2);
   EXPECT_THAT(WaitForAnswer().message, HasSubstr("under way"));
-  TakePicture(&tap_);
+  TakeImage(&tap_);
   EXPECT_EQ(WaitForAnswer().request_id, 1u);
   Ask(3);
   const Preview too_soon = WaitForAnswer();
@@ -142,37 +142,37 @@ TEST_F(PreviewWorkerTest, KeepsToItsRateForEachCamera) {
   PreviewTap other;
   worker_->Request({.request_id = 4, .camera = "right", .max_wait_ms = kLongMs},
                    {.known = true, .capturing = true, .tap = &other});
-  TakePicture(&other);
+  TakeImage(&other);
   EXPECT_EQ(WaitForAnswer().refusal, PreviewRefusal::kNone);
 }
 
-TEST_F(PreviewWorkerTest, ACameraWithoutPicturesTimesOut) {
+TEST_F(PreviewWorkerTest, ACameraWithoutFramesTimesOut) {
   Make(SwitchedOn());
   Ask(1, "left", 10);
   const Preview preview = WaitForAnswer();
   EXPECT_EQ(preview.refusal, PreviewRefusal::kTimedOut);
   EXPECT_THAT(preview.message, AllOf(HasSubstr("left"), HasSubstr("10 ms")));
-  TakePicture(&tap_);
+  TakeImage(&tap_);
   worker_->Shutdown();
-  EXPECT_FALSE(worker_->TakeAnswer()) << "a picture that came after the time";
+  EXPECT_FALSE(worker_->TakeAnswer()) << "a frame that came after the time";
 }
 
 TEST_F(PreviewWorkerTest, ForgetsWhoHasGone) {
   Make(SwitchedOn());
   Ask(1);
   worker_->Forget();
-  TakePicture(&tap_);
+  TakeImage(&tap_);
   Ask(2, "right");
-  TakePicture(&tap_);
+  TakeImage(&tap_);
   EXPECT_EQ(WaitForAnswer().request_id, 2u);
 }
 
-TEST_F(PreviewWorkerTest, APictureThatCannotBeMadeSmallFailsAndSaysSo) {
+TEST_F(PreviewWorkerTest, AFrameThatCannotBeMadeSmallFailsAndSaysSo) {
   Make(SwitchedOn());
   worker_->Request(
       {.request_id = 1, .camera = "left", .max_jpeg_bytes = 50, .max_wait_ms = kLongMs},
       {.known = true, .capturing = true, .tap = &tap_});
-  TakePicture(&tap_);
+  TakeImage(&tap_);
   const Preview preview = WaitForAnswer();
   EXPECT_EQ(preview.refusal, PreviewRefusal::kFailed);
   EXPECT_THAT(preview.message, HasSubstr("50 bytes"));
@@ -184,7 +184,7 @@ TEST_F(PreviewWorkerTest, ADetectionThatIsNoNumberCanBeSent) {
   Detection detection;
   detection.confidence = std::numeric_limits<double>::quiet_NaN();
   detection.blob_count = -1;
-  TakePicture(&tap_, detection);
+  TakeImage(&tap_, detection);
   EXPECT_THAT(wire::FromProto(wire::ToProto(WaitForAnswer())), IsOk());
 }
 
@@ -192,7 +192,7 @@ TEST_F(PreviewWorkerTest, EndsWhileSomebodyWaits) {
   Make(SwitchedOn());
   Ask(1);
   worker_->Shutdown();
-  TakePicture(&tap_);
+  TakeImage(&tap_);
   Ask(2);
   EXPECT_FALSE(worker_->TakeAnswer());
 }

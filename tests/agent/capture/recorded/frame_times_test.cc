@@ -51,7 +51,7 @@ TEST(TimeFromName, TakesTheLastLongNumber) {
   EXPECT_THAT(TimeFromName("0000000040000000.png"), Optional(40000000));
   EXPECT_THAT(TimeFromName("1699999999123456789_000123.jpg"), Optional(1699999999123456789));
   EXPECT_THAT(TimeFromName("1000000000_2000000000.png"), Optional(2000000000));
-  EXPECT_THAT(TimeFromName("000123.png"), Eq(std::nullopt)) << "counts pictures";
+  EXPECT_THAT(TimeFromName("000123.png"), Eq(std::nullopt)) << "counts frames";
   EXPECT_THAT(TimeFromName("left.png"), Eq(std::nullopt));
   EXPECT_THAT(TimeFromName("99999999999999999999.png"), Eq(std::nullopt)) << "beyond 64 bits";
 }

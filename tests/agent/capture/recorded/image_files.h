@@ -14,7 +14,7 @@ namespace rigcal::agent {
 inline constexpr int kImageWidth = 64;
 inline constexpr int kImageHeight = 48;
 
-// OpenCV YAML of a camera with pictures of that size.
+// OpenCV YAML of a camera with frames of that size.
 inline constexpr std::string_view kSmallCameraYaml = R"(%YAML:1.0
 image_width: 64
 image_height: 48
@@ -31,23 +31,23 @@ distortion_coefficients: !!opencv-matrix
    data: [0., 0., 0., 0., 0.]
 )";
 
-// A picture whose brightness says which one it is.
+// A frame whose brightness says which one it is.
 inline cv::Mat NumberedFrame(int number, int width = kImageWidth, int height = kImageHeight) {
-  cv::Mat picture(height, width, CV_8UC3, cv::Scalar(10, 20, 10 + 10 * number));
+  cv::Mat image(height, width, CV_8UC3, cv::Scalar(10, 20, 10 + 10 * number));
   // Something to encode, so that a truncated file lacks something.
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      picture.at<cv::Vec3b>(y, x)[0] = static_cast<uchar>((37 * x + 91 * y + x * y) % 251);
+      image.at<cv::Vec3b>(y, x)[0] = static_cast<uchar>((37 * x + 91 * y + x * y) % 251);
     }
   }
-  return picture;
+  return image;
 }
 
 // Which one it is, from the red of its middle.
 inline int NumberOf(const cv::Vec3b& pixel) { return (pixel[2] - 5) / 10; }
 
-inline std::string WriteImage(const std::filesystem::path& path, const cv::Mat& picture) {
-  cv::imwrite(path.string(), picture);
+inline std::string WriteImage(const std::filesystem::path& path, const cv::Mat& image) {
+  cv::imwrite(path.string(), image);
   return path.string();
 }
 

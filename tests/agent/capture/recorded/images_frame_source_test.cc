@@ -39,8 +39,8 @@ class ImagesFrameSourceTest : public ::testing::Test {
   void Write(const std::string& name, int number) {
     WriteImage(folder() / name, NumberedFrame(number));
   }
-  ImagesSourceOptions Options() const {
-    ImagesSourceOptions options;
+  RecordedFramesOptions Options() const {
+    RecordedFramesOptions options;
     options.camera = "left";
     options.path = folder().string();
     options.speed = kMaxSpeed;
@@ -53,10 +53,10 @@ class ImagesFrameSourceTest : public ::testing::Test {
       const auto frame = source.Next();
       EXPECT_THAT(frame, IsOk());
       if (!frame.ok() || !*frame) return seen;
-      const cv::Mat picture((*frame)->image.height, (*frame)->image.width, CV_8UC3,
-                            const_cast<uint8_t*>((*frame)->image.data));
+      const cv::Mat image((*frame)->image.height, (*frame)->image.width, CV_8UC3,
+                          const_cast<uint8_t*>((*frame)->image.data));
       seen.push_back(
-          {NumberOf(picture.at<cv::Vec3b>(20, 20)), (*frame)->time_ns, (*frame)->clock_epoch});
+          {NumberOf(image.at<cv::Vec3b>(20, 20)), (*frame)->time_ns, (*frame)->clock_epoch});
     }
   }
   static std::map<std::string, uint32_t> Counts(const ImagesFrameSource& source) {
@@ -68,11 +68,11 @@ class ImagesFrameSourceTest : public ::testing::Test {
   TemporaryDirectory directory_;
 };
 
-TEST_F(ImagesFrameSourceTest, YieldsPicturesInTheirNaturalOrderWithTheTimesOfTheirNames) {
+TEST_F(ImagesFrameSourceTest, YieldsFramesInTheirNaturalOrderWithTheTimesOfTheirNames) {
   Write("f10_0000000080000000.png", 3);
   Write("f9_0000000040000000.png", 2);
   Write("f1_0000000000000000.png", 1);
-  directory_.WriteFile("left/notes.txt", "no picture");
+  directory_.WriteFile("left/notes.txt", "no image");
   ASSERT_OK_AND_ASSIGN(const auto source, ImagesFrameSource::Create(Options()));
   EXPECT_EQ(source->description().camera, "left");
   EXPECT_EQ(source->description().image_size_px, (ImageSize{kImageWidth, kImageHeight}));
@@ -98,9 +98,9 @@ TEST_F(ImagesFrameSourceTest, TakesTimesFromTheFileBeside) {
   EXPECT_EQ(source->counts().damaged, 1u);
 }
 
-TEST_F(ImagesFrameSourceTest, CountsOutATimePerPicture) {
+TEST_F(ImagesFrameSourceTest, CountsOutATimePerFrame) {
   for (const int number : {0, 1, 2}) Write("p" + std::to_string(number) + ".png", number);
-  ImagesSourceOptions options = Options();
+  RecordedFramesOptions options = Options();
   options.fps = 25;
   options.exposure_s = 0.004;
   ASSERT_OK_AND_ASSIGN(const auto source, ImagesFrameSource::Create(options));
@@ -136,8 +136,8 @@ TEST_F(ImagesFrameSourceTest, BeginsAnEpochWhereTimesGoBackAndKeepsEqualOnes) {
                 {0, 500000000, 0}, {1, 500000000, 0}, {2, 100000000, 1}, {3, 140000000, 1}}));
 }
 
-TEST_F(ImagesFrameSourceTest, TakesASinglePictureWithoutATime) {
-  ImagesSourceOptions options = Options();
+TEST_F(ImagesFrameSourceTest, TakesASingleFrameWithoutATime) {
+  RecordedFramesOptions options = Options();
   options.path = WriteImage(directory_.path() / "one.png", NumberedFrame(4));
   ASSERT_OK_AND_ASSIGN(const auto source, ImagesFrameSource::Create(options));
   EXPECT_EQ(Drain(*source), (std::vector<Seen>{{4, 0, 0}}));
@@ -146,8 +146,8 @@ TEST_F(ImagesFrameSourceTest, TakesASinglePictureWithoutATime) {
 TEST_F(ImagesFrameSourceTest, RefusesFoldersItCannotUse) {
   EXPECT_THAT(ImagesFrameSource::Create(Options()),
               StatusIs(absl::StatusCode::kNotFound,
-                       AllOf(HasSubstr("camera left"), HasSubstr("no picture in the folder"))));
-  ImagesSourceOptions missing = Options();
+                       AllOf(HasSubstr("camera left"), HasSubstr("no image in the folder"))));
+  RecordedFramesOptions missing = Options();
   missing.path = "/nowhere";
   EXPECT_THAT(ImagesFrameSource::Create(missing),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("/nowhere")));
@@ -171,7 +171,7 @@ TEST_F(ImagesFrameSourceTest, RefusesTimesThatAreNoNanoseconds) {
 TEST_F(ImagesFrameSourceTest, RefusesACalibrationOfAnotherSize) {
   Write("0000000000000000.png", 0);
   Write("0000000040000000.png", 0);
-  ImagesSourceOptions options = Options();
+  RecordedFramesOptions options = Options();
   options.calibration_path = directory_.WriteFile("left.yaml", kSmallCameraYaml).string();
   EXPECT_THAT(ImagesFrameSource::Create(options), IsOk());
   for (const char* name : {"0000000000000000.png", "0000000040000000.png"}) {
@@ -188,7 +188,7 @@ TEST_F(ImagesFrameSourceTest, SaysSoWhenNothingCanBeRead) {
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("none of the first")));
 }
 
-TEST_F(ImagesFrameSourceTest, StopsBetweenPictures) {
+TEST_F(ImagesFrameSourceTest, StopsBetweenFrames) {
   Write("0000000000000000.png", 0);
   Write("0000000040000000.png", 1);
   ASSERT_OK_AND_ASSIGN(const auto source, ImagesFrameSource::Create(Options()));
@@ -196,17 +196,6 @@ TEST_F(ImagesFrameSourceTest, StopsBetweenPictures) {
   ASSERT_TRUE((*source->Next()).has_value());
   source->Stop();
   EXPECT_FALSE((*source->Next()).has_value());
-}
-
-TEST(ImagesSourceOptions, ListsEveryFault) {
-  ImagesSourceOptions options;
-  options.fps = -1;
-  options.exposure_s = 11;
-  options.speed = 0;
-  EXPECT_THAT(options.Validate(),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("name is empty"), HasSubstr("path of the pictures"),
-                             HasSubstr("fps"), HasSubstr("exposure"), HasSubstr("speed"))));
 }
 
 }  // namespace

@@ -9,8 +9,9 @@
 #include <variant>
 #include <vector>
 
-#include "agent/capture/source_spec.h"
+#include "agent/capture/registry/source_registry.h"
 #include "agent/event/plain_events.h"
+#include "tests/agent/capture/source_options_of.h"
 #include "tests/testing/blinking_wand.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
@@ -126,9 +127,9 @@ TEST_F(RawEventSourceTest, RefusesOtherFiles) {
 TEST_F(RawEventSourceTest, TellsHowCsvIsToBeRead) {
   const RawSourceOptions file = Options("1000000 5 6 1\n2000000 5 7 0\n");
   const std::string text = "raw:" + file.path + ";calibration=none;speed=max";
-  ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+  ASSERT_OK_AND_ASSIGN(const auto spec,
                        ParseSourceSpec(text + ";geometry=640x480;time=ns;columns=txyp"));
-  const auto& options = std::get<RawSourceOptions>(std::get<EventSourceSpec>(spec).events);
+  const auto& options = OptionsOf<RawSourceOptions>(*spec);
   EXPECT_EQ(options.plain.time_unit, TimeUnit::kNanoseconds);
   ASSERT_OK_AND_ASSIGN(const auto source, RawEventSource::Create(options));
   ASSERT_THAT(source->Start(Target()), IsOk());
@@ -141,8 +142,8 @@ TEST_F(RawEventSourceTest, TellsHowCsvIsToBeRead) {
   EXPECT_EQ(event, (PlainEvent{.time_us = 1000, .x = 5, .y = 6, .kind = PlainEvent::kOn}));
   EXPECT_THAT(source->PlaceOf(sizeof(PlainEvent)), HasSubstr("left.raw, line 2"));
 
-  ASSERT_OK_AND_ASSIGN(const SourceSpec no_geometry, ParseSourceSpec(text + ";columns=txyp"));
-  EXPECT_THAT(CreateSource(no_geometry),
+  ASSERT_OK_AND_ASSIGN(const auto no_geometry, ParseSourceSpec(text + ";columns=txyp"));
+  EXPECT_THAT(no_geometry->Create(),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("left.raw"), HasSubstr(";geometry=WxH"))));
   EXPECT_THAT(ParseSourceSpec(text + ";time=ms"),

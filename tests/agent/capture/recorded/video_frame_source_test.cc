@@ -29,8 +29,8 @@ constexpr int kFrames = 12;
 
 class VideoFrameSourceTest : public ::testing::Test {
  protected:
-  // Lossless, 25 pictures per second.
-  VideoSourceOptions Write(const std::string& name, const char* codec = "FFV1") {
+  // Lossless, 25 frames per second.
+  RecordedFramesOptions Write(const std::string& name, const char* codec = "FFV1") {
     const std::string path = (directory_.path() / name).string();
     cv::VideoWriter writer(path, cv::CAP_FFMPEG,
                            cv::VideoWriter::fourcc(codec[0], codec[1], codec[2], codec[3]), 25,
@@ -38,7 +38,7 @@ class VideoFrameSourceTest : public ::testing::Test {
     EXPECT_TRUE(writer.isOpened()) << "this OpenCV cannot write " << name;
     for (int number = 0; number < kFrames; ++number) writer << NumberedFrame(number);
     writer.release();
-    VideoSourceOptions options;
+    RecordedFramesOptions options;
     options.camera = "left";
     options.path = path;
     options.speed = kMaxSpeed;
@@ -65,7 +65,7 @@ class VideoFrameSourceTest : public ::testing::Test {
   TemporaryDirectory directory_;
 };
 
-TEST_F(VideoFrameSourceTest, YieldsEveryPictureWithTheTimeOfTheFile) {
+TEST_F(VideoFrameSourceTest, YieldsEveryFrameWithTheTimeOfTheFile) {
   for (const char* name : {"a.mkv", "a.avi"}) {
     ASSERT_OK_AND_ASSIGN(const auto source, VideoFrameSource::Create(Write(name)));
     EXPECT_EQ(source->description().image_size_px, (ImageSize{kImageWidth, kImageHeight}));
@@ -84,7 +84,7 @@ TEST_F(VideoFrameSourceTest, YieldsEveryPictureWithTheTimeOfTheFile) {
 }
 
 TEST_F(VideoFrameSourceTest, NeedsARateWhereTheFileHasNoTimes) {
-  VideoSourceOptions options = Write("raw.mjpg", "MJPG");
+  RecordedFramesOptions options = Write("raw.mjpg", "MJPG");
   EXPECT_THAT(VideoFrameSource::Create(options),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("camera left"), HasSubstr("has no times"),
@@ -99,7 +99,7 @@ TEST_F(VideoFrameSourceTest, NeedsARateWhereTheFileHasNoTimes) {
 TEST_F(VideoFrameSourceTest, TakesTimesFromTheFileBeside) {
   std::string text = "timestamp_ns\n";
   for (int i = 0; i < kFrames - 1; ++i) text += std::to_string(1000000000 + 33000000 * i) + "\n";
-  const VideoSourceOptions options = Write("b.mkv");
+  const RecordedFramesOptions options = Write("b.mkv");
   directory_.WriteFile("b.timestamps.csv", text);
   ASSERT_OK_AND_ASSIGN(const auto source, VideoFrameSource::Create(options));
   const std::vector<int64_t> times_ns = Drain(*source);
@@ -109,7 +109,7 @@ TEST_F(VideoFrameSourceTest, TakesTimesFromTheFileBeside) {
 }
 
 TEST_F(VideoFrameSourceTest, KeepsWhatIsGoodOfATruncatedFile) {
-  const VideoSourceOptions options = Write("a.mkv");
+  const RecordedFramesOptions options = Write("a.mkv");
   Truncate(options.path, 0.5);
   ASSERT_OK_AND_ASSIGN(const auto source, VideoFrameSource::Create(options));
   const size_t kept = Drain(*source).size();
@@ -120,7 +120,7 @@ TEST_F(VideoFrameSourceTest, KeepsWhatIsGoodOfATruncatedFile) {
 }
 
 TEST_F(VideoFrameSourceTest, NeverYieldsATimeThatDoesNotGrow) {
-  // The last pictures of this codec come without their times.
+  // The last frames of this codec come without their times.
   ASSERT_OK_AND_ASSIGN(const auto source, VideoFrameSource::Create(Write("a.mp4", "mp4v")));
   const std::vector<int64_t> times_ns = Drain(*source);
   ASSERT_GE(times_ns.size(), size_t{kFrames - 4});
@@ -129,7 +129,7 @@ TEST_F(VideoFrameSourceTest, NeverYieldsATimeThatDoesNotGrow) {
 }
 
 TEST_F(VideoFrameSourceTest, RefusesWhatIsNoVideo) {
-  VideoSourceOptions options = Write("a.mkv");
+  RecordedFramesOptions options = Write("a.mkv");
   options.path = "/nowhere.mkv";
   EXPECT_THAT(VideoFrameSource::Create(options),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("/nowhere.mkv")));
@@ -143,7 +143,7 @@ TEST_F(VideoFrameSourceTest, RefusesWhatIsNoVideo) {
 }
 
 TEST_F(VideoFrameSourceTest, RefusesACalibrationOfAnotherSize) {
-  VideoSourceOptions options = Write("a.mkv");
+  RecordedFramesOptions options = Write("a.mkv");
   std::string yaml(kSmallCameraYaml);
   yaml.replace(yaml.find("image_width: 64"), 15, "image_width: 99");
   options.calibration_path = directory_.WriteFile("a.yaml", yaml).string();

@@ -4,8 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "agent/capture/source_spec.h"
+#include "agent/capture/event_source_spec.h"
+#include "agent/capture/registry/source_registry.h"
 #include "agent/event/event_decoder.h"
+#include "tests/agent/capture/source_options_of.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::agent::simulated_event_source_test {
@@ -78,26 +80,21 @@ TEST(SimulatedEventSource, SeesTheHeightThatAFrameCameraWouldSee) {
 }
 
 TEST(SimulatedEventSource, SensorsOnOneCableShareAClock) {
-  ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+  ASSERT_OK_AND_ASSIGN(const auto spec,
                        ParseSourceSpec("sim:camera=1;cameras=4;events=1;clock=cable"));
-  const auto* events = std::get_if<EventSourceSpec>(&spec);
-  ASSERT_NE(events, nullptr);
-  ASSERT_OK_AND_ASSIGN(
-      const auto source,
-      SimulatedEventSource::Create(std::get<SimulatedEventSourceOptions>(events->events)));
+  ASSERT_OK_AND_ASSIGN(const auto source,
+                       SimulatedEventSource::Create(OptionsOf<SimulatedEventSourceOptions>(*spec)));
   EXPECT_EQ(source->description().clock.clock_id, "cable");
   ASSERT_OK_AND_ASSIGN(const auto alone, SimulatedEventSource::Create(Options()));
   EXPECT_EQ(alone->description().clock.clock_id, "events");
 }
 
 TEST(SimulatedEventSource, IsMadeFromItsNotation) {
-  ASSERT_OK_AND_ASSIGN(const SourceSpec spec,
+  ASSERT_OK_AND_ASSIGN(const auto spec,
                        ParseSourceSpec("sim:camera=1;cameras=4;events=1;output=500;lux=100"));
-  const auto* events = std::get_if<EventSourceSpec>(&spec);
-  ASSERT_NE(events, nullptr);
-  EXPECT_EQ(events->detector.output.rate_hz, 500);
-  EXPECT_EQ(std::get<SimulatedEventSourceOptions>(events->events).scene.lux, 100);
-  EXPECT_EQ(CameraNameOf(spec), "sim_1");
+  EXPECT_EQ(dynamic_cast<const EventSourceSpec&>(*spec).detector.output.rate_hz, 500);
+  EXPECT_EQ(OptionsOf<SimulatedEventSourceOptions>(*spec).scene.lux, 100);
+  EXPECT_EQ(spec->camera(), "sim_1");
 }
 
 TEST(SimulatedEventSource, RefusesACameraTheWorldDoesNotHave) {

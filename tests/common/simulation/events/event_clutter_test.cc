@@ -24,12 +24,12 @@ TEST(EventClutter, SpansHoldEveryPixelThatChanges) {
   options.bar_px_s = 400;
   options.bar_contrast = 1.5;
   const EventClutter clutter = MakeClutter(options, &profile);
-  EventClutter::Moment begin, end;
+  EventClutter::Instant begin, end;
   std::vector<float> before(kSize.width), after(kSize.width);
   int changed = 0, followed = 0;
   for (int cell = 0; cell < 400; cell += 10) {
-    clutter.MomentAt(1e-3 * cell, &begin);
-    clutter.MomentAt(1e-3 * (cell + 1), &end);
+    clutter.InstantAt(1e-3 * cell, &begin);
+    clutter.InstantAt(1e-3 * (cell + 1), &end);
     for (int y = 0; y < static_cast<int>(kSize.height); y += 3) {
       const PixelSpan row{0, static_cast<int>(kSize.width)};
       clutter.LightOf(y, row, begin, before.data());
@@ -61,13 +61,13 @@ TEST(EventClutter, LightOfAPartIsThatOfTheRow) {
   options.lamps = 6;
   options.lamp_radius_px = 30;
   const EventClutter clutter = MakeClutter(options, &profile);
-  EventClutter::Moment moment;
-  clutter.MomentAt(0.123, &moment);
+  EventClutter::Instant instant;
+  clutter.InstantAt(0.123, &instant);
   std::vector<float> whole(kSize.width), part(kSize.width);
   for (int y = 0; y < static_cast<int>(kSize.height); y += 7) {
-    clutter.LightOf(y, {0, static_cast<int>(kSize.width)}, moment, whole.data());
+    clutter.LightOf(y, {0, static_cast<int>(kSize.width)}, instant, whole.data());
     for (int begin = 0; begin < 300; begin += 23) {
-      clutter.LightOf(y, {begin, begin + 20}, moment, part.data());
+      clutter.LightOf(y, {begin, begin + 20}, instant, part.data());
       for (int x = 0; x < 20; ++x) {
         ASSERT_NEAR(part[static_cast<size_t>(x)] / whole[static_cast<size_t>(begin + x)], 1, 1e-5);
         ASSERT_GT(part[static_cast<size_t>(x)], 0);

@@ -43,9 +43,9 @@ TEST(FrameRenderer, ItsTruthIsWhatTheWorldObservesWithoutNoise) {
   int seen = 0;
   for (int camera = 0; camera < 4; ++camera) {
     ASSERT_OK_AND_ASSIGN(FrameRenderer renderer, FrameRenderer::Create(world, camera, {}));
-    std::vector<uint8_t> picture(renderer.buffer_size());
+    std::vector<uint8_t> image(renderer.buffer_size());
     for (int frame = 0; frame < world->FrameCount(camera); frame += 3) {
-      ASSERT_OK_AND_ASSIGN(const FrameGroundTruth truth, renderer.Render(frame, picture));
+      ASSERT_OK_AND_ASSIGN(const FrameGroundTruth truth, renderer.Render(frame, image));
       const Observation observation = world->Observe(camera, frame);
       for (size_t m = 0; m < 3; ++m) {
         if (!observation.markers[m].visible) continue;
@@ -82,9 +82,9 @@ TEST(FrameRenderer, ShowsNoWandInTheGap) {
   options.gap_start_s = 2;
   options.gap_duration_s = 1;
   ASSERT_OK_AND_ASSIGN(FrameRenderer renderer, FrameRenderer::Create(World(options), 0, {}));
-  std::vector<uint8_t> picture(renderer.buffer_size());
-  ASSERT_OK_AND_ASSIGN(const FrameGroundTruth before, renderer.Render(9, picture));
-  ASSERT_OK_AND_ASSIGN(const FrameGroundTruth within, renderer.Render(12, picture));
+  std::vector<uint8_t> image(renderer.buffer_size());
+  ASSERT_OK_AND_ASSIGN(const FrameGroundTruth before, renderer.Render(9, image));
+  ASSERT_OK_AND_ASSIGN(const FrameGroundTruth within, renderer.Render(12, image));
   EXPECT_EQ(before.markers.size(), 3u);
   EXPECT_TRUE(within.markers.empty());
 }
@@ -96,13 +96,13 @@ TEST(FrameRenderer, RefusesCamerasAndFramesThatAreNotThere) {
                 StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("the world has 0 to 3")));
   }
   ASSERT_OK_AND_ASSIGN(FrameRenderer renderer, FrameRenderer::Create(world, 0, {}));
-  std::vector<uint8_t> picture(renderer.buffer_size());
+  std::vector<uint8_t> image(renderer.buffer_size());
   for (const int frame : {-1, world->FrameCount(0)}) {
-    EXPECT_THAT(renderer.Render(frame, picture).status(),
+    EXPECT_THAT(renderer.Render(frame, image).status(),
                 StatusIs(absl::StatusCode::kOutOfRange, HasSubstr("it has 0 to")));
   }
-  picture.pop_back();
-  EXPECT_THAT(renderer.Render(0, picture).status(),
+  image.pop_back();
+  EXPECT_THAT(renderer.Render(0, image).status(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("bytes")));
 }
 

@@ -17,7 +17,7 @@ using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 
-using Picture = std::vector<uint8_t>;
+using Image = std::vector<uint8_t>;
 const ImageSize kSize{640, 512};
 
 Intrinsics Lens() {
@@ -26,7 +26,7 @@ Intrinsics Lens() {
 
 Target Wand() { return *ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500"); }
 
-// Two metres away, along the picture's rows.
+// Two metres away, along the frame's rows.
 SceneFrame WandFrame(uint64_t seed = 1) {
   SceneFrame frame;
   frame.wand.emplace();
@@ -40,27 +40,27 @@ SceneRenderer Make(std::string_view options) {
   return *SceneRenderer::Create(Lens(), kSize, Wand(), *ParseFrameRenderOptions(options));
 }
 
-Picture Draw(SceneRenderer& renderer, const SceneFrame& frame, FrameGroundTruth* truth = nullptr) {
-  Picture picture(renderer.buffer_size());
-  const auto result = renderer.Render(frame, std::span<uint8_t>(picture));
+Image Draw(SceneRenderer& renderer, const SceneFrame& frame, FrameGroundTruth* truth = nullptr) {
+  Image image(renderer.buffer_size());
+  const auto result = renderer.Render(frame, std::span<uint8_t>(image));
   EXPECT_TRUE(result.ok()) << result.status();
   if (truth != nullptr) *truth = *result;
-  return picture;
+  return image;
 }
 
-std::array<int, 3> PixelAt(const Picture& picture, const Eigen::Vector2d& pixel) {
+std::array<int, 3> PixelAt(const Image& image, const Eigen::Vector2d& pixel) {
   const auto x = static_cast<size_t>(std::lround(pixel.x()));
   const auto y = static_cast<size_t>(std::lround(pixel.y()));
-  const uint8_t* p = &picture[3 * (y * kSize.width + x)];
+  const uint8_t* p = &image[3 * (y * kSize.width + x)];
   return {p[0], p[1], p[2]};
 }
 
 constexpr char kNoNoise[] = "read_noise=0;electrons_per_grey=1e9;vignetting=0;limb=0;";
 
-TEST(SceneRenderer, EqualArgumentsGiveEqualPictures) {
+TEST(SceneRenderer, EqualArgumentsGiveEqualFrames) {
   constexpr char kAll[] = "clutter=1;lux=500;reflection=0.3;bloom=0.2;occlusion=0.5";
   SceneRenderer a = Make(kAll), b = Make(kAll);
-  const Picture first = Draw(a, WandFrame(3));
+  const Image first = Draw(a, WandFrame(3));
   Draw(a, WandFrame(4));
   Draw(a, SceneFrame{});
   EXPECT_EQ(Draw(a, WandFrame(3)), first);
@@ -79,19 +79,19 @@ TEST(SceneRenderer, SpheresShineWhereTheTruthSays) {
   SceneRenderer renderer =
       Make(std::string(kNoNoise) + "lux=0;black=0;blink_hz=0;exposure=0.004;led_grey=250");
   FrameGroundTruth truth;
-  const Picture picture = Draw(renderer, WandFrame(), &truth);
+  const Image image = Draw(renderer, WandFrame(), &truth);
   ASSERT_EQ(truth.markers.size(), 3u);
   EXPECT_TRUE(truth.WandVisible());
   for (const MarkerGroundTruth& marker : truth.markers) {
     EXPECT_TRUE(marker.projects && marker.inside);
     EXPECT_EQ(marker.visible_share, 1);
     EXPECT_NEAR(marker.radius_px, 6.2, 0.3);
-    const auto [blue, green, red] = PixelAt(picture, marker.centre_px);
+    const auto [blue, green, red] = PixelAt(image, marker.centre_px);
     EXPECT_NEAR(red, 100, 1);  // two blinks at the target's 500 Hz: half of the time
     EXPECT_LT(green, red);
     EXPECT_LT(blue, green);
     const Eigen::Vector2d beside = marker.centre_px + Eigen::Vector2d(0, 12);
-    EXPECT_EQ(PixelAt(picture, beside)[2], 0);
+    EXPECT_EQ(PixelAt(image, beside)[2], 0);
   }
 }
 
@@ -102,10 +102,10 @@ TEST(SceneRenderer, TheLitShareIsTheLight) {
   double least = 1, most = 0;
   for (uint64_t seed = 0; seed < 40; ++seed) {
     FrameGroundTruth truth;
-    const Picture picture = Draw(renderer, WandFrame(seed), &truth);
+    const Image image = Draw(renderer, WandFrame(seed), &truth);
     // 500 grey in 5 ms at half duty: 200 in 1 ms lit throughout. Each LED has its own phase, marker
     // 0's is told.
-    EXPECT_NEAR(PixelAt(picture, truth.markers[0].centre_px)[2], 200 * truth.lit_share, 1.5);
+    EXPECT_NEAR(PixelAt(image, truth.markers[0].centre_px)[2], 200 * truth.lit_share, 1.5);
     least = std::min(least, truth.lit_share);
     most = std::max(most, truth.lit_share);
   }
@@ -118,10 +118,10 @@ TEST(SceneRenderer, AmbientLightTakesColourAndContrast) {
   for (const char* lux : {"10", "300", "1000", "5000"}) {
     SceneRenderer renderer = Make(std::string(kNoNoise) + "auto_gain=1;lux=" + lux);
     FrameGroundTruth truth;
-    const Picture picture = Draw(renderer, WandFrame(), &truth);
-    const auto [blue, green, red] = PixelAt(picture, truth.markers[1].centre_px);
+    const Image image = Draw(renderer, WandFrame(), &truth);
+    const auto [blue, green, red] = PixelAt(image, truth.markers[1].centre_px);
     const double its_colour = static_cast<double>(red - blue) / red;
-    const int wall = PixelAt(picture, {20, 20})[2];
+    const int wall = PixelAt(image, {20, 20})[2];
     const double its_contrast = static_cast<double>(red) / wall;
     EXPECT_LT(its_colour, colour) << lux;
     EXPECT_LT(its_contrast, contrast) << lux;
@@ -131,8 +131,8 @@ TEST(SceneRenderer, AmbientLightTakesColourAndContrast) {
   }
   SceneRenderer fixed = Make(std::string(kNoNoise) + "lux=5000");
   FrameGroundTruth truth;
-  const Picture picture = Draw(fixed, WandFrame(), &truth);
-  EXPECT_EQ(PixelAt(picture, truth.markers[1].centre_px)[2], 255);
+  const Image image = Draw(fixed, WandFrame(), &truth);
+  EXPECT_EQ(PixelAt(image, truth.markers[1].centre_px)[2], 255);
 }
 
 TEST(SceneRenderer, BarsCoverWhatTheTruthCallsHidden) {
@@ -141,15 +141,15 @@ TEST(SceneRenderer, BarsCoverWhatTheTruthCallsHidden) {
   int partly = 0;
   for (uint64_t seed = 0; seed < 50; ++seed) {
     FrameGroundTruth truth, open_truth;
-    const Picture picture = Draw(renderer, WandFrame(seed), &truth);
-    const Picture whole = Draw(open, WandFrame(seed), &open_truth);
+    const Image image = Draw(renderer, WandFrame(seed), &truth);
+    const Image whole = Draw(open, WandFrame(seed), &open_truth);
     for (size_t m = 0; m < 3; ++m) {
       const MarkerGroundTruth& marker = truth.markers[m];
       double light = 0, all_light = 0;
       for (int y = -9; y <= 9; ++y) {
         for (int x = -9; x <= 9; ++x) {
           const Eigen::Vector2d at = marker.centre_px + Eigen::Vector2d(x, y);
-          light += PixelAt(picture, at)[2];
+          light += PixelAt(image, at)[2];
           all_light += PixelAt(whole, at)[2];
         }
       }
@@ -166,20 +166,20 @@ TEST(SceneRenderer, ReflectionsAreDimmerThanTheWand) {
   SceneFrame frame = WandFrame();
   frame.floor = Eigen::Vector4d(0, 1, 0, 0.3);  // 0.2 m below the wand
   FrameGroundTruth truth;
-  const Picture picture = Draw(renderer, frame, &truth);
-  const int red = PixelAt(picture, truth.markers[1].centre_px)[2];
+  const Image image = Draw(renderer, frame, &truth);
+  const int red = PixelAt(image, truth.markers[1].centre_px)[2];
   const Eigen::Vector2d mirrored = truth.markers[1].centre_px + Eigen::Vector2d(0, 0.4 / 2 * 624);
-  const int mirrored_red = PixelAt(picture, mirrored)[2];
+  const int mirrored_red = PixelAt(image, mirrored)[2];
   EXPECT_NEAR(mirrored_red, 0.4 * red, 0.05 * red);
 }
 
 TEST(SceneRenderer, BloomMakesAHalo) {
   SceneRenderer renderer = Make(std::string(kNoNoise) + "bloom=0.3;bloom_radius=6;lux=0;black=0");
   FrameGroundTruth truth;
-  const Picture picture = Draw(renderer, WandFrame(), &truth);
+  const Image image = Draw(renderer, WandFrame(), &truth);
   const Eigen::Vector2d centre = truth.markers[2].centre_px;
-  const int near = PixelAt(picture, centre + Eigen::Vector2d(10, 0))[2];
-  const int far = PixelAt(picture, centre + Eigen::Vector2d(20, 0))[2];
+  const int near = PixelAt(image, centre + Eigen::Vector2d(10, 0))[2];
+  const int far = PixelAt(image, centre + Eigen::Vector2d(20, 0))[2];
   EXPECT_GT(near, 15);
   EXPECT_GT(near, 3 * far);
   EXPECT_GT(far, 0);
@@ -198,7 +198,7 @@ TEST(SceneRenderer, TheNearerSphereHidesTheFarther) {
   EXPECT_FALSE(truth.WandVisible());
 }
 
-TEST(SceneRenderer, WandOutsideThePictureIsNotVisible) {
+TEST(SceneRenderer, WandOutsideTheFrameIsNotVisible) {
   SceneRenderer renderer = Make("clutter=0");
   for (const Eigen::Vector3d& origin :
        {Eigen::Vector3d(0, 0, -3), Eigen::Vector3d(30, 0, 2), Eigen::Vector3d(0, 0, 0)}) {
@@ -217,18 +217,18 @@ TEST(SceneRenderer, WandOutsideThePictureIsNotVisible) {
 
 TEST(SceneRenderer, RefusesWhatCannotBeDrawn) {
   SceneRenderer renderer = Make("");
-  Picture small(renderer.buffer_size() - 1);
+  Image small(renderer.buffer_size() - 1);
   const auto refused = renderer.Render(WandFrame(), std::span<uint8_t>(small));
   EXPECT_THAT(refused.status(), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("bytes")));
   EXPECT_THAT(std::string(refused.status().message()), HasSubstr("983039 bytes"));
 
-  Picture picture(renderer.buffer_size());
+  Image image(renderer.buffer_size());
   SceneFrame frame = WandFrame();
   frame.wand->velocity_m_s.x() = std::numeric_limits<double>::infinity();
-  EXPECT_THAT(renderer.Render(frame, std::span<uint8_t>(picture)).status(),
+  EXPECT_THAT(renderer.Render(frame, std::span<uint8_t>(image)).status(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not finite")));
   const std::vector<SphereMotion> two(2);
-  EXPECT_THAT(renderer.Render(SceneFrame{}, two, std::span<uint8_t>(picture)).status(),
+  EXPECT_THAT(renderer.Render(SceneFrame{}, two, std::span<uint8_t>(image)).status(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("2 spheres")));
 
   FrameRenderOptions options;

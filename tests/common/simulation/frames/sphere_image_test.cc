@@ -183,7 +183,7 @@ TEST_F(SphereImagerTest, LimbDarkensTheRimAndMovesNothing) {
   EXPECT_EQ(flat.cover, round.cover);
 }
 
-TEST_F(SphereImagerTest, WhatIsNotInThePictureIsNotDrawn) {
+TEST_F(SphereImagerTest, WhatIsNotInTheFrameIsNotDrawn) {
   const Intrinsics lens = BrownConrady();
   for (const Eigen::Vector3d& centre :
        {Eigen::Vector3d(0, 0, -2), Eigen::Vector3d(3, 0, 2), Eigen::Vector3d(0, 0, 0),
@@ -195,7 +195,7 @@ TEST_F(SphereImagerTest, WhatIsNotInThePictureIsNotDrawn) {
   }
 }
 
-TEST_F(SphereImagerTest, StaysWithinThePictureAtItsBorders) {
+TEST_F(SphereImagerTest, StaysWithinTheFrameAtItsBorders) {
   for (const Intrinsics& lens : {BrownConrady(), Fisheye()}) {
     for (const Eigen::Vector2d& pixel :
          {Eigen::Vector2d(0, 0), Eigen::Vector2d(1279, 1023), Eigen::Vector2d(-6, 500),

@@ -17,19 +17,19 @@ using ::testing::HasSubstr;
 TEST(SimulatedRigOptions, WithoutPixelsIsTheWorldAlone) {
   ASSERT_OK_AND_ASSIGN(const SimulatedRigOptions options, ParseSimulatedRigOptions("cameras=4"));
   EXPECT_EQ(options.world.camera_count, 4);
-  EXPECT_FALSE(options.pictures);
+  EXPECT_FALSE(options.frames);
   EXPECT_EQ(options.event_cameras, 0);
 }
 
-TEST(SimulatedRigOptions, TellsPicturesFromTheWorld) {
+TEST(SimulatedRigOptions, TellsFramesFromTheWorld) {
   ASSERT_OK_AND_ASSIGN(
       const SimulatedRigOptions options,
       ParseSimulatedRigOptions("cameras=6;seed=7;pixels=1;lux=300;events=2;offset.2=0.008"));
   EXPECT_EQ(options.world.seed, 7u);
   EXPECT_EQ(options.world.time_offset_s.at(2), 0.008);
-  ASSERT_TRUE(options.pictures);
-  EXPECT_EQ(options.pictures->seed, 7u);
-  EXPECT_EQ(options.pictures->lux, 300);
+  ASSERT_TRUE(options.frames);
+  EXPECT_EQ(options.frames->seed, 7u);
+  EXPECT_EQ(options.frames->lux, 300);
   EXPECT_EQ(options.event_cameras, 2);
 }
 
@@ -44,7 +44,7 @@ TEST(SimulatedRigOptions, TellsTheEventSensorFromTheWorld) {
   EXPECT_EQ(options.sensors.seed, 7u);
   EXPECT_EQ(options.output_hz, 500);
   EXPECT_EQ(options.event_clock, "cable");
-  EXPECT_EQ(options.pictures->lux, 300);
+  EXPECT_EQ(options.frames->lux, 300);
 }
 
 TEST(SimulatedRigOptions, RefusesWhatDoesNotFit) {
@@ -62,8 +62,9 @@ TEST(SimulatedRigOptions, RefusesWhatDoesNotFit) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("needs pixels=1")));
   EXPECT_THAT(ParseSimulatedRigOptions("cameras=4;pixels=1;events=5"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("as many cameras")));
-  EXPECT_THAT(ParseSimulatedRigOptions("cameras=4;pixels=1;events=x"),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("\"events=x\"")));
+  EXPECT_THAT(
+      ParseSimulatedRigOptions("cameras=4;pixels=1;events=x"),
+      StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("events=x must be a whole number")));
 }
 
 }  // namespace

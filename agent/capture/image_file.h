@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "agent/detect/blobs/image_view.h"
+
+namespace rigcal::agent {
+
+// `image` is CV_8UC1 or CV_8UC3 (BGR) and outlives the view.
+ImageView ViewOf(const cv::Mat& image);
+
+// CV_8UC1 or CV_8UC3 from a decoder's image: 16 bits lose the lower eight, alpha is dropped.
+// INVALID_ARGUMENT: another depth or number of channels.
+absl::StatusOr<cv::Mat> AsEightBit(const cv::Mat& image);
+
+// True for the endings of image files (.png, .jpg, .bmp, .tif, ...) in any case.
+bool IsImageName(std::string_view name);
+
+// An image from a file, as it lies on the sensor (EXIF rotation is ignored), CV_8UC1 or CV_8UC3.
+// NOT_FOUND: no such file. DATA_LOSS: it is empty, truncated, damaged or not an image. Both name
+// it.
+absl::StatusOr<cv::Mat> ReadImage(const std::string& path);
+
+}  // namespace rigcal::agent

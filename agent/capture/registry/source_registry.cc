@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/capture/registry/source_registry.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "common/camera/camera_id.h"
+#include "common/options/nearest_name.h"
+#include "common/status/status_macros.h"
+#include "common/text/utf8.h"
+
+namespace rigcal::agent {
+
+// Each is defined beside its source. A new one is declared and listed here.
+extern const SourceKind kCsvSource, kImagesSource, kVideoSource, kAravisSource, kRawSource,
+    kMetavisionSource, kSimulatedMarkersSource, kSimulatedFramesSource, kSimulatedEventsSource;
+
+std::span<const SourceKind* const> SourceKinds() {
+  static constexpr const SourceKind* kKinds[] = {&kCsvSource,
+                                                 &kImagesSource,
+                                                 &kVideoSource,
+                                                 &kAravisSource,
+                                                 &kRawSource,
+                                                 &kMetavisionSource,
+                                                 &kSimulatedMarkersSource,
+                                                 &kSimulatedFramesSource,
+                                                 &kSimulatedEventsSource};
+  return kKinds;
+}
+
+namespace {
+
+// "csv" of "csv:left.csv;speed=max"; empty: no kind that there is.
+std::string_view KindNameOf(std::string_view text) {
+  const std::string_view name = text.substr(0, std::min(text.find(':'), text.size()));
+  const auto is_it = [&](const SourceKind* kind) { return kind->name == name; };
+  return name.size() < text.size() && std::ranges::any_of(SourceKinds(), is_it)
+             ? name
+             : std::string_view();
+}
+
+// "left" and "csv:left.csv" of "left=csv:left.csv".
+std::pair<std::string_view, std::string_view> SplitName(std::string_view text) {
+  const size_t equals = text.find('=');
+  if (!KindNameOf(text).empty() || equals == text.npos) return {"", text};
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
+
+std::string UnknownKind(std::string_view text) {
+  std::vector<std::string> names;
+  for (const SourceKind* kind : SourceKinds()) names.emplace_back(kind->name);
+  const size_t colon = text.find(':');
+  const std::string near =
+      colon == text.npos ? "" : NearestName(std::string(text.substr(0, colon)), names);
+  return absl::StrCat("\"", Shown(text), "\" begins with none of ", ListOfSourceKinds(),
+                      near.empty() ? "" : absl::StrCat("; did you mean \"", near, ":\"?"));
+}
+
+// The kind of this name whose selector is among the options, which loses all selectors; else the
+// one without a selector.
+const SourceKind* ChooseKind(std::string_view name, std::vector<OptionText>* options,
+                             FaultList* faults) {
+  const SourceKind* chosen = nullptr;
+  for (const SourceKind* kind : SourceKinds()) {
+    if (kind->name != name) continue;
+    bool is_selected = kind->selector.empty();
+    if (!is_selected) {
+      OptionTable selector;
+      selector.Add(std::string(kind->selector), &is_selected, "");
+      std::erase_if(*options, [&](const OptionText& option) {
+        return selector.Has(option.key) && (selector.ReadOne(option, faults), true);
+      });
+    }
+    if (is_selected) chosen = kind;
+  }
+  return chosen;
+}
+
+absl::Status CheckSubject(const SourceKind& kind, const std::string& subject) {
+  if (!kind.subject_is_path) return absl::OkStatus();
+  if (subject.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("there is no path behind ", std::string(kind.name), ":"));
+  }
+  if (!IsUtf8(subject)) return absl::InvalidArgumentError("the path is not UTF-8; rename it");
+  return absl::OkStatus();
+}
+
+// `options` with those of one key replaced by the last of `overrides`.
+std::vector<OptionText> Overridden(std::vector<OptionText> options,
+                                   const std::vector<OptionText>& overrides) {
+  for (const OptionText& option : overrides) {
+    std::erase_if(options, [&](const OptionText& old) { return old.key == option.key; });
+    options.push_back(option);
+  }
+  return options;
+}
+
+// What follows "csv:". Paths of a configuration file are relative to `folder`.
+class SpecParser {
+ public:
+  SpecParser(std::string name, std::string folder)
+      : name_(std::move(name)), folder_(std::move(folder)) {}
+
+  // The kind that was meant, for the example in messages.
+  const SourceKind& kind() const { return *kind_; }
+
+  absl::StatusOr<std::unique_ptr<SourceSpec>> Parse(const SourceKind* kind, std::string_view body,
+                                                    const std::vector<OptionText>& overrides) {
+    kind_ = kind;
+    std::string subject;
+    std::vector<std::string> parts = absl::StrSplit(std::string(body), ';');
+    if (kind->subject.empty()) {
+      std::erase(parts, "");
+    } else {
+      subject = parts.front();
+      parts.erase(parts.begin());
+    }
+    FaultList faults;
+    faults.Add(CheckSubject(*kind, subject));
+    const absl::StatusOr<std::vector<OptionText>> typed = SplitOptions(parts);
+    faults.Add(typed.status());
+    RIGCAL_RETURN_IF_ERROR(faults.Result());
+    std::vector<OptionText> options = Overridden(*typed, overrides);
+    kind_ = ChooseKind(kind->name, &options, &faults);
+    return Read(std::move(options), kind_->subject_is_path ? Resolved(subject) : subject, &faults);
+  }
+
+ private:
+  std::string Resolved(const std::string& path) const {
+    return folder_.empty() ? path
+                           : (std::filesystem::path(folder_) / path).lexically_normal().string();
+  }
+
+  absl::StatusOr<std::unique_ptr<SourceSpec>> Read(std::vector<OptionText> options,
+                                                   const std::string& subject, FaultList* faults) {
+    std::unique_ptr<SourceSpec> spec = kind_->make();
+    OptionTable table;
+    spec->AddTo(&table);
+    bool has_required = kind_->required.empty();
+    for (OptionText& option : options) {
+      has_required = has_required || option.key == kind_->required;
+      // Typed paths are relative to where they are typed.
+      if (!option.where.empty() && table.IsPath(option.key) && option.value != "none") {
+        option.value = Resolved(option.value);
+      }
+    }
+    if (!has_required) {
+      faults->Add("the option ", std::string(kind_->required), " is missing");
+    }
+    table.Read(options, faults);
+    RIGCAL_RETURN_IF_ERROR(faults->Result());
+    RIGCAL_RETURN_IF_ERROR(spec->Resolve(name_, subject));
+    RIGCAL_RETURN_IF_ERROR(ValidateName("camera name", spec->camera()));
+    return spec;
+  }
+
+  const std::string name_;
+  const std::string folder_;
+  const SourceKind* kind_ = nullptr;
+};
+
+absl::Status SourceFault(std::string_view text, std::string_view why, const SourceKind& kind) {
+  return absl::InvalidArgumentError(absl::StrCat("source \"", Shown(text), "\": ", std::string(why),
+                                                 "; example: ", std::string(kind.example)));
+}
+
+absl::StatusOr<std::unique_ptr<SourceSpec>> ParseIn(const std::string& folder,
+                                                    std::string_view text,
+                                                    const std::vector<OptionText>& overrides) {
+  const auto [name, rest] = SplitName(text);
+  if (name.empty() && rest.size() < text.size()) {
+    return SourceFault(text, "there is no name before '='", *SourceKinds().front());
+  }
+  const std::string_view kind_name = KindNameOf(rest);
+  if (kind_name.empty()) {
+    return SourceFault(text, UnknownKind(rest), *SourceKinds().front());
+  }
+  SpecParser parser{std::string(name), folder};
+  auto spec = parser.Parse(*std::ranges::find(SourceKinds(), kind_name, &SourceKind::name),
+                           rest.substr(kind_name.size() + 1), overrides);
+  if (spec.ok()) return spec;
+  return SourceFault(text, std::string(spec.status().message()), parser.kind());
+}
+
+}  // namespace
+
+std::string ListOfSourceKinds() {
+  std::vector<std::string> names;
+  for (const SourceKind* kind : SourceKinds()) {
+    if (kind->selector.empty()) names.push_back(absl::StrCat(std::string(kind->name), ":"));
+  }
+  return absl::StrJoin(names, ", ");
+}
+
+bool IsSourceText(std::string_view text) { return !KindNameOf(SplitName(text).second).empty(); }
+
+absl::StatusOr<std::unique_ptr<SourceSpec>> ParseSourceSpec(
+    std::string_view text, const std::vector<OptionText>& overrides) {
+  return ParseIn("", text, overrides);
+}
+
+absl::StatusOr<std::unique_ptr<SourceSpec>> ParseSourceSpec(const CameraConfig& camera) {
+  const std::string text =
+      camera.name.empty() ? camera.source : absl::StrCat(camera.name, "=", camera.source);
+  auto spec = ParseIn(camera.folder, text, camera.options);
+  if (spec.ok()) return spec;
+  return absl::InvalidArgumentError(
+      absl::StrCat(camera.where, ": ", std::string(spec.status().message())));
+}
+
+}  // namespace rigcal::agent

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
+#include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
 namespace {
@@ -38,12 +39,8 @@ double Durations::MeanMs() const {
 
 double Durations::QuantileMs(double share) const {
   if (seconds_.empty()) return 0;
-  std::vector<double> sorted = seconds_;
-  const auto index =
-      std::lround(std::clamp(share, 0.0, 1.0) * static_cast<double>(sorted.size() - 1));
-  const auto middle = sorted.begin() + index;
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  return 1e3 * *middle;
+  std::vector<double> reordered = seconds_;
+  return 1e3 * NearestQuantile(&reordered, std::clamp(share, 0.0, 1.0));
 }
 
 uint64_t DetectionReport::looked_at() const {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/statistics/robust_statistics.h"
+
 namespace rigcal::agent {
 namespace {
 
@@ -13,15 +15,9 @@ constexpr int kMinArcs = 16, kMaxArcs = 64;
 constexpr float kAlike = 0.4f;  // of the contrast: as near as this is the marker's colour
 constexpr int kMinRingPixels = 24;
 
-float Median(std::vector<float>* values) {
-  const auto middle = values->begin() + static_cast<ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
-
 // One sigma of values around medians of some ten of them, without what does not belong to them.
 double NoiseSigma(std::vector<float>* residuals) {
-  const float limit = 2.5f * 1.4826f * (Median(residuals) + 0.5f);
+  const float limit = 2.5f * static_cast<float>(kSigmaOverMad) * (UpperMedian(residuals) + 0.5f);
   double squares = 0;
   int count = 0;
   for (const float residual : *residuals) {
@@ -68,7 +64,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
   for (int c = 0; c < channels; ++c) {
     residuals_.clear();
     for (const RingPixel& pixel : pixels) residuals_.push_back(pixel.grey[c]);
-    middle[c] = Median(&residuals_);
+    middle[c] = UpperMedian(&residuals_);
   }
   const float alike = kAlike * (plateau_grey - middle).norm();
   std::erase_if(pixels, [&](const RingPixel& p) { return (p.grey - plateau_grey).norm() < alike; });
@@ -86,7 +82,7 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
     arc.pixels = static_cast<int>(values_[0].size());
     if (arc.pixels == 0) continue;
     for (int c = 0; c < channels; ++c) {
-      arc.background[c] = Median(&values_[c]);
+      arc.background[c] = UpperMedian(&values_[c]);
       for (const float value : values_[c]) {
         residuals_.push_back(std::abs(value - arc.background[c]));
       }

@@ -7,6 +7,7 @@
 #include "client/output/quantities.h"
 #include "client/results/calibration_export.h"
 #include "client/results/rigid_alignment.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 
@@ -27,12 +28,6 @@ double TrueOffset(const SimulatedCamera& camera, double time_s) {
 }
 
 }  // namespace
-
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const size_t middle = values.size() / 2;
-  return values.size() % 2 == 1 ? values[middle] : (values[middle - 1] + values[middle]) / 2;
-}
 
 absl::StatusOr<v1::TruthComparison> CompareWithGroundTruth(const v1::Calibration& calibration,
                                                            const SimulatedWorld& world) {

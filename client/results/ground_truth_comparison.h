@@ -20,7 +20,4 @@ namespace rigcal::client {
 absl::StatusOr<rigcal::v1::TruthComparison> CompareWithGroundTruth(
     const rigcal::v1::Calibration& calibration, const SimulatedWorld& world);
 
-// The middle value; with an even number the mean of the two in the middle. `values` is not empty.
-double Median(std::vector<double> values);
-
 }  // namespace rigcal::client

@@ -2,6 +2,7 @@
 #include "common/camera/camera_model.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -24,94 +25,39 @@ const double* Coefficients(const Intrinsics& intrinsics) {
   return intrinsics.distortion.size() == count ? intrinsics.distortion.data() : nullptr;
 }
 
-// Distorted coordinates of a normalised point, and their derivative, which is symmetric.
-struct Distorted {
-  double x, y;
-  double dx_dx, dx_dy, dy_dy;
-};
+using Distorted = PolynomialDistortion<double>;
 
-// Brown-Conrady (`rational` false) and rational model. False at or beyond a pole.
-inline bool DistortPolynomial(const double* k, bool rational, double x, double y, Distorted* out) {
-  const double r2 = x * x + y * y;
-  double radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
-  double radial_slope = k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]);  // d radial / d r2
+// False at or beyond a pole of the rational model.
+bool Distort(const double* k, bool rational, double x, double y, Distorted* out) {
   if (rational) {
-    const double pole = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
-    const double pole_slope = k[5] + r2 * (2 * k[6] + r2 * 3 * k[7]);
-    if (!(pole > 0)) return false;
-    radial /= pole;
-    radial_slope = (radial_slope - radial * pole_slope) / pole;
+    DistortPolynomial<true, true>(k, x, y, out);
+  } else {
+    DistortPolynomial<false, true>(k, x, y, out);
   }
-  const double p1 = k[2], p2 = k[3];
-  out->x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
-  out->y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
-  out->dx_dx = radial + 2 * x * x * radial_slope + 2 * p1 * y + 6 * p2 * x;
-  out->dx_dy = 2 * x * y * radial_slope + 2 * p1 * x + 2 * p2 * y;
-  out->dy_dy = radial + 2 * y * y * radial_slope + 6 * p1 * y + 2 * p2 * x;
-  return true;
+  return out->pole > 0;
 }
 
-inline double DistortedTheta(const double* k, double theta, double* slope) {
+double DistortedTheta(const double* k, double theta, double* slope) {
   const double t2 = theta * theta;
-  *slope = 1 + t2 * (3 * k[0] + t2 * (5 * k[1] + t2 * (7 * k[2] + t2 * 9 * k[3])));
-  return theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
+  *slope = DistortThetaSlope(k, t2);
+  return DistortTheta(k, theta, t2);
 }
 
-// Distorted coordinates of a point before the camera and their derivative by the point (2x3).
-bool DistortPoint(const Intrinsics& intrinsics, const double* k, const Eigen::Vector3d& point,
-                  Eigen::Vector2d* distorted, Eigen::Matrix<double, 2, 3>* jacobian) {
-  const double inverse_z = 1 / point.z();
-  const double x = point.x() * inverse_z, y = point.y() * inverse_z;
-  Distorted d;
-  if (!DistortPolynomial(k, intrinsics.model == DistortionModel::kRational, x, y, &d)) return false;
-  *distorted = {d.x, d.y};
-  if (jacobian != nullptr) {
-    *jacobian << d.dx_dx * inverse_z, d.dx_dy * inverse_z,
-        -(d.dx_dx * x + d.dx_dy * y) * inverse_z,  //
-        d.dx_dy * inverse_z, d.dy_dy * inverse_z, -(d.dx_dy * x + d.dy_dy * y) * inverse_z;
-  }
-  return true;
-}
-
-void DistortFisheyePoint(const double* k, const Eigen::Vector3d& point, Eigen::Vector2d* distorted,
-                         Eigen::Matrix<double, 2, 3>* jacobian) {
-  const double x = point.x(), y = point.y(), z = point.z();
-  const double rho2 = x * x + y * y;
-  const double rho = std::sqrt(rho2);
-  // Near the axis theta / rho is 1 / z to the last digit, and the exact form divides 0 by 0.
-  const bool on_axis = rho < 1e-8 * z;
-  double slope = 1;
-  const double theta_distorted = on_axis ? rho / z : DistortedTheta(k, std::atan2(rho, z), &slope);
-  const double gain = on_axis ? 1 / z : theta_distorted / rho;
-  *distorted = {x * gain, y * gain};
-  if (jacobian == nullptr) return;
-  const double distance2 = rho2 + z * z;
-  const double bend = on_axis ? 0 : (slope * z / distance2 - gain) / rho2;
-  *jacobian << gain + x * x * bend, x * y * bend, -x * slope / distance2,  //
-      x * y * bend, gain + y * y * bend, -y * slope / distance2;
-}
-
-bool ProjectImpl(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam,
-                 Eigen::Vector2d* pixel, Eigen::Matrix<double, 2, 3>* jacobian) {
+template <bool kPointDerivatives, bool kIntrinsicsDerivatives>
+bool ProjectIfVisible(DistortionModel model, const double* intrinsics,
+                      const Eigen::Vector3d& x_in_cam, ProjectedPoint<double>* projected) {
   if (!(x_in_cam.z() > 0)) return false;
-  const double* k = Coefficients(intrinsics);
-  if (k == nullptr) return false;
-  Eigen::Vector2d distorted;
-  if (intrinsics.model == DistortionModel::kFisheye) {
-    DistortFisheyePoint(k, x_in_cam, &distorted, jacobian);
-  } else if (!DistortPoint(intrinsics, k, x_in_cam, &distorted, jacobian)) {
-    return false;
+  const double point[3] = {x_in_cam.x(), x_in_cam.y(), x_in_cam.z()};
+  ProjectPoint<kPointDerivatives, kIntrinsicsDerivatives>(model, intrinsics, point, projected);
+  if (!(projected->visible > 0)) return false;
+  if constexpr (kPointDerivatives) {
+    for (const auto& row : projected->d_point) {
+      for (const double value : row) {
+        if (!std::isfinite(value)) return false;
+      }
+    }
   }
-  const Eigen::Vector2d result(intrinsics.fx_px * distorted.x() + intrinsics.cx_px,
-                               intrinsics.fy_px * distorted.y() + intrinsics.cy_px);
-  if (!std::isfinite(result.x()) || !std::isfinite(result.y())) return false;
-  if (jacobian != nullptr) {
-    jacobian->row(0) *= intrinsics.fx_px;
-    jacobian->row(1) *= intrinsics.fy_px;
-    if (!jacobian->allFinite()) return false;
-  }
-  *pixel = result;
-  return true;
+  return std::isfinite(projected->pixel[0]) && std::isfinite(projected->pixel[1]);
 }
 
 bool IsPositiveDefinite(const Distorted& d) {
@@ -124,7 +70,7 @@ bool MonotoneUpTo(const double* k, bool rational, const Eigen::Vector2d& point) 
   Distorted d;
   for (int i = 1; i <= kMonotonicitySamples; ++i) {
     const double t = static_cast<double>(i) / kMonotonicitySamples;
-    if (!DistortPolynomial(k, rational, t * point.x(), t * point.y(), &d)) return false;
+    if (!Distort(k, rational, t * point.x(), t * point.y(), &d)) return false;
     if (!IsPositiveDefinite(d)) return false;
   }
   return true;
@@ -136,7 +82,7 @@ bool UndistortPolynomial(const double* k, bool rational, const Eigen::Vector2d& 
                          Eigen::Vector2d* point) {
   Eigen::Vector2d x = Eigen::Vector2d::Zero();
   Distorted d;
-  if (!DistortPolynomial(k, rational, 0, 0, &d)) return false;
+  if (!Distort(k, rational, 0, 0, &d)) return false;
   double error = distorted.norm();
   for (int step = 0; step < kMaxNewtonSteps && error > 0; ++step) {
     const Eigen::Vector2d residual = distorted - Eigen::Vector2d(d.x, d.y);
@@ -148,7 +94,7 @@ bool UndistortPolynomial(const double* k, bool rational, const Eigen::Vector2d& 
     for (int halving = 0; halving < kMaxHalvings && !better; ++halving, delta *= 0.5) {
       const Eigen::Vector2d next = x + delta;
       Distorted at_next;
-      if (!DistortPolynomial(k, rational, next.x(), next.y(), &at_next)) continue;
+      if (!Distort(k, rational, next.x(), next.y(), &at_next)) continue;
       const double next_error = (distorted - Eigen::Vector2d(at_next.x, at_next.y)).norm();
       if (!(next_error < error) || !IsPositiveDefinite(at_next)) continue;
       x = next;
@@ -194,14 +140,44 @@ bool UndistortFisheye(const double* k, const Eigen::Vector2d& distorted, Eigen::
 
 }  // namespace
 
-bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam,
-             Eigen::Vector2d* pixel) {
-  return ProjectImpl(intrinsics, x_in_cam, pixel, nullptr);
+bool Project(DistortionModel model, const double* intrinsics, const Eigen::Vector3d& x_in_cam,
+             Eigen::Vector2d* pixel, Eigen::Matrix<double, 2, 3>* d_pixel_d_point,
+             IntrinsicsJacobian* d_pixel_d_intrinsics) {
+  ProjectedPoint<double> projected;
+  const bool visible =
+      d_pixel_d_intrinsics != nullptr
+          ? ProjectIfVisible<true, true>(model, intrinsics, x_in_cam, &projected)
+          : (d_pixel_d_point != nullptr
+                 ? ProjectIfVisible<true, false>(model, intrinsics, x_in_cam, &projected)
+                 : ProjectIfVisible<false, false>(model, intrinsics, x_in_cam, &projected));
+  if (!visible) return false;
+  *pixel = {projected.pixel[0], projected.pixel[1]};
+  if (d_pixel_d_point != nullptr) {
+    *d_pixel_d_point =
+        Eigen::Map<const Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>(projected.d_point[0]);
+  }
+  if (d_pixel_d_intrinsics != nullptr) {
+    *d_pixel_d_intrinsics =
+        Eigen::Map<const Eigen::Matrix<double, 2, kMaxIntrinsics, Eigen::RowMajor>>(
+            projected.d_intrinsics[0])
+            .leftCols(IntrinsicsSize(model));
+  }
+  return true;
 }
 
 bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel,
              Eigen::Matrix<double, 2, 3>* d_pixel_d_point) {
-  return ProjectImpl(intrinsics, x_in_cam, pixel, d_pixel_d_point);
+  const double* const k = Coefficients(intrinsics);
+  if (k == nullptr) return false;
+  double values[kMaxIntrinsics] = {intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px,
+                                   intrinsics.cy_px};
+  std::copy_n(k, CoefficientCount(intrinsics.model), values + 4);
+  return Project(intrinsics.model, values, x_in_cam, pixel, d_pixel_d_point, nullptr);
+}
+
+bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam,
+             Eigen::Vector2d* pixel) {
+  return Project(intrinsics, x_in_cam, pixel, nullptr);
 }
 
 absl::StatusOr<Eigen::Vector2d> Undistort(const Intrinsics& intrinsics,

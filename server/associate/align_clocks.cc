@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 
 namespace rigcal::server {
 namespace {
@@ -17,12 +18,6 @@ namespace {
 constexpr double kDefaultSampleSigmaS = 1e-3;
 
 using ClockKey = std::tuple<std::string, std::string, uint32_t>;  // session, clock, epoch
-
-int64_t Median(std::vector<int64_t> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Server UTC minus host UTC: the median of the pings that were about as good as the best.
 int64_t HostCorrectionNs(const std::vector<HostAlignment>& alignments) {
@@ -37,7 +32,7 @@ int64_t HostCorrectionNs(const std::vector<HostAlignment>& alignments) {
       corrections.push_back(alignment.server_minus_host_ns);
     }
   }
-  return Median(std::move(corrections));
+  return LowerMedian(std::move(corrections));
 }
 
 struct Offset {
@@ -61,9 +56,9 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
   }
   std::map<ClockKey, Offset> offsets;
   for (auto& [key, values] : differences) {
-    const int64_t median = Median(values);
+    const int64_t median = LowerMedian(values);
     for (int64_t& value : values) value = std::abs(value - median);
-    const double spread = 1.4826e-9 * static_cast<double>(Median(values));
+    const double spread = 1e-9 * kSigmaOverMad * static_cast<double>(LowerMedian(values));
     offsets[key] = {median, std::max(sigmas[key], spread)};
   }
   return offsets;
@@ -86,7 +81,7 @@ double MedianPeriodS(const std::vector<Observation>& observations) {
   for (size_t i = 1; i < observations.size(); ++i) {
     steps.push_back(observations[i].time_ns - observations[i - 1].time_ns);
   }
-  return 1e-9 * static_cast<double>(Median(std::move(steps)));
+  return 1e-9 * static_cast<double>(LowerMedian(std::move(steps)));
 }
 
 // Index into `clean` of the epoch that stands for each (session, camera) without clock samples.

@@ -24,7 +24,7 @@ constexpr double kFreeRunningGain = 1.25;
 constexpr uint32_t kStarvedTrackGain = 2;
 // A camera of so much shorter a period than the slowest has rows between theirs.
 constexpr double kFastShare = 0.6;
-// How far a row of such a camera may be from a moment of the slow ones, in its own periods: its
+// How far a row of such a camera may be from an instant of the slow ones, in its own periods: its
 // rows need not come evenly.
 constexpr double kReachPeriods = 0.75;
 // For cameras with one row each, which have no period.
@@ -56,7 +56,7 @@ void Close(const ViewGroup& group, InstantList* list) {
   }
   Instant instant;
   instant.rig_time_ns = MeanTimeNs(group);
-  for (const View& view : group) {
+  for (const WandView& view : group) {
     instant.members.push_back({view.track, view.observation});
     ++list->instant_count[static_cast<size_t>(view.track)];
   }
@@ -90,7 +90,8 @@ size_t MemberCount(const InstantList& list) {
 InstantList ListOf(size_t tracks, const ViewGrouping& grouping) {
   InstantList list = EmptyList(tracks);
   for (const ViewGroup& group : grouping.groups) Close(group, &list);
-  for (const View& view : grouping.skipped) ++list.skipped_count[static_cast<size_t>(view.track)];
+  for (const WandView& view : grouping.skipped)
+    ++list.skipped_count[static_cast<size_t>(view.track)];
   return list;
 }
 
@@ -132,7 +133,7 @@ struct AlikeGrouping {
 
 // Cameras of about one rate.
 AlikeGrouping GroupAlike(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                         const std::vector<View>& views, const InstantOptions& options,
+                         const std::vector<WandView>& views, const InstantOptions& options,
                          double period_share) {
   const Periods periods = PeriodsOf(tracks, members);
   double tolerance_s = options.tolerance_s;
@@ -163,9 +164,9 @@ std::vector<int> FastTracks(const std::vector<AlignedTrack>& tracks,
   return fast;
 }
 
-std::vector<View> ViewsOf(const std::vector<View>& views, const std::vector<int>& members) {
-  std::vector<View> own;
-  for (const View& view : views) {
+std::vector<WandView> ViewsOf(const std::vector<WandView>& views, const std::vector<int>& members) {
+  std::vector<WandView> own;
+  for (const WandView& view : views) {
     if (std::find(members.begin(), members.end(), view.track) != members.end()) own.push_back(view);
   }
   return own;
@@ -177,11 +178,11 @@ bool IsNear(const std::vector<int64_t>& times_ns, int64_t time_ns, int64_t reach
   return after != times_ns.end() && *after <= time_ns + reach_ns;
 }
 
-// Several rates: first the slowest cameras, whose moments the fast ones join; what these saw in
-// between makes instants among themselves. Slow cameras that run freely share no moments; then each
-// instant is as wide as their period and holds one view of every camera.
+// Several rates: first the slowest cameras, whose instants the fast ones join; what these saw in
+// between makes instants among themselves. Slow cameras that run freely share no instants; then
+// each instant is as wide as their period and holds one view of every camera.
 ViewGrouping GroupByRates(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                          const std::vector<View>& views, const InstantOptions& options,
+                          const std::vector<WandView>& views, const InstantOptions& options,
                           double period_share) {
   const std::vector<int> fast =
       options.tolerance_s > 0 ? std::vector<int>() : FastTracks(tracks, members);
@@ -194,10 +195,10 @@ ViewGrouping GroupByRates(const std::vector<AlignedTrack>& tracks, const std::ve
   ViewGrouping grouping = std::move(of_slow.views);
   std::vector<int64_t> slow_times_ns;
   for (const ViewGroup& group : grouping.groups) slow_times_ns.push_back(MeanTimeNs(group));
-  std::vector<View> between;
+  std::vector<WandView> between;
   for (const int track : fast) {
     const double period_s = tracks[static_cast<size_t>(track)].period_s;
-    const std::vector<View> rest =
+    const std::vector<WandView> rest =
         JoinNearest(tracks, ViewsOf(views, {track}), slow_times_ns,
                     Nanoseconds(kReachPeriods * period_s), &grouping.groups);
     between.insert(between.end(), rest.begin(), rest.end());
@@ -221,7 +222,7 @@ ViewGrouping GroupByRates(const std::vector<AlignedTrack>& tracks, const std::ve
 }
 
 InstantList FindInSession(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                          const std::vector<View>& views, const InstantOptions& options) {
+                          const std::vector<WandView>& views, const InstantOptions& options) {
   InstantList list =
       ListOf(tracks.size(), GroupByRates(tracks, members, views, options, kPeriodShare));
   std::stable_sort(
@@ -241,7 +242,7 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
     sessions[tracks[t].track.session_id].push_back(static_cast<int>(t));
   }
   for (const auto& [session_id, members] : sessions) {
-    std::vector<View> views;
+    std::vector<WandView> views;
     for (const int t : members) {
       const std::vector<Observation>& rows = tracks[static_cast<size_t>(t)].track.observations;
       for (size_t i = 0; i < rows.size(); ++i) {

@@ -14,7 +14,7 @@ struct InstantMember {
   int observation = 0;  // index into that track's observations
 };
 
-// Observations of at least two cameras of one session that belong to one moment.
+// Observations of at least two cameras of one session that belong to one instant.
 struct Instant {
   int64_t rig_time_ns = 0;             // mean of its members
   std::vector<InstantMember> members;  // ascending by track, one per camera
@@ -29,7 +29,7 @@ struct InstantOptions {
   // instants to move each view to the instant's time.
   //
   // That is for cameras of about one rate. Of much faster ones (event cameras at 200 Hz beside
-  // frame cameras at 50 that run together) the view nearest to each moment of the slow ones joins
+  // frame cameras at 50 that run together) the view nearest to each instant of the slow ones joins
   // it, and what they saw in between makes instants among the fast cameras in the same way.
   double tolerance_s = 0;
 };
@@ -39,7 +39,7 @@ struct InstantList {
   std::vector<uint32_t> alone_count;    // by track: wand views that nobody else shares
   std::vector<uint32_t> instant_count;  // by track: wand views that are part of an instant
   // By track: wand views with a nearer one of the same camera in their instant, or that a fast
-  // camera alone has between the slow ones' moments.
+  // camera alone has between the slow ones' instants.
   std::vector<uint32_t> skipped_count;
   std::vector<std::vector<int>> shared_count;  // by pair of tracks
 };

@@ -11,30 +11,30 @@
 namespace rigcal::server {
 namespace {
 
-const std::string* CameraOf(const std::vector<AlignedTrack>& tracks, const View& view) {
+const std::string* CameraOf(const std::vector<AlignedTrack>& tracks, const WandView& view) {
   return &tracks[static_cast<size_t>(view.track)].track.camera.camera;
 }
 
 bool Has(const std::vector<AlignedTrack>& tracks, const ViewGroup& group,
          const std::string& camera) {
   return std::any_of(group.begin(), group.end(),
-                     [&](const View& view) { return *CameraOf(tracks, view) == camera; });
+                     [&](const WandView& view) { return *CameraOf(tracks, view) == camera; });
 }
 
 }  // namespace
 
-bool Earlier(const View& a, const View& b) {
+bool Earlier(const WandView& a, const WandView& b) {
   return std::tie(a.time_ns, a.track, a.observation) < std::tie(b.time_ns, b.track, b.observation);
 }
 
 int64_t MeanTimeNs(const ViewGroup& group) {
   int64_t sum = 0;
-  for (const View& view : group) sum += view.time_ns - group.front().time_ns;
+  for (const WandView& view : group) sum += view.time_ns - group.front().time_ns;
   return group.front().time_ns + sum / static_cast<int64_t>(group.size());
 }
 
-ViewGrouping GroupTogether(const std::vector<AlignedTrack>& tracks, const std::vector<View>& views,
-                           int64_t tolerance_ns) {
+ViewGrouping GroupTogether(const std::vector<AlignedTrack>& tracks,
+                           const std::vector<WandView>& views, int64_t tolerance_ns) {
   ViewGrouping grouping;
   for (size_t begin = 0; begin < views.size();) {
     size_t end = begin + 1;
@@ -54,18 +54,18 @@ ViewGrouping GroupTogether(const std::vector<AlignedTrack>& tracks, const std::v
   return grouping;
 }
 
-ViewGrouping GroupNearest(const std::vector<AlignedTrack>& tracks, const std::vector<View>& views,
-                          int64_t window_ns) {
+ViewGrouping GroupNearest(const std::vector<AlignedTrack>& tracks,
+                          const std::vector<WandView>& views, int64_t window_ns) {
   ViewGrouping grouping;
   for (size_t begin = 0; begin < views.size();) {
     size_t end = begin + 1;
     while (end < views.size() && views[end].time_ns - views[begin].time_ns < window_ns) ++end;
     const int64_t middle_ns = views[begin].time_ns + window_ns / 2;
-    std::map<std::string, View> nearest;
+    std::map<std::string, WandView> nearest;
     for (size_t i = begin; i < end; ++i) {
       const auto [entry, inserted] = nearest.try_emplace(*CameraOf(tracks, views[i]), views[i]);
       if (inserted) continue;
-      View& other = entry->second;
+      WandView& other = entry->second;
       const bool nearer =
           std::abs(views[i].time_ns - middle_ns) < std::abs(other.time_ns - middle_ns);
       grouping.skipped.push_back(nearer ? other : views[i]);
@@ -79,10 +79,10 @@ ViewGrouping GroupNearest(const std::vector<AlignedTrack>& tracks, const std::ve
   return grouping;
 }
 
-std::vector<View> JoinNearest(const std::vector<AlignedTrack>& tracks,
-                              const std::vector<View>& of_track,
-                              const std::vector<int64_t>& times_ns, int64_t reach_ns,
-                              std::vector<ViewGroup>* groups) {
+std::vector<WandView> JoinNearest(const std::vector<AlignedTrack>& tracks,
+                                  const std::vector<WandView>& of_track,
+                                  const std::vector<int64_t>& times_ns, int64_t reach_ns,
+                                  std::vector<ViewGroup>* groups) {
   if (of_track.empty()) return {};
   const std::string& camera = *CameraOf(tracks, of_track.front());
   std::vector<bool> joined(of_track.size(), false);
@@ -90,7 +90,7 @@ std::vector<View> JoinNearest(const std::vector<AlignedTrack>& tracks,
     ViewGroup& group = (*groups)[g];
     if (Has(tracks, group, camera)) continue;
     const auto after = std::lower_bound(of_track.begin(), of_track.end(), times_ns[g],
-                                        [](const View& a, int64_t t) { return a.time_ns < t; });
+                                        [](const WandView& a, int64_t t) { return a.time_ns < t; });
     const auto at = static_cast<size_t>(after - of_track.begin());
     size_t best = of_track.size();
     int64_t least_ns = reach_ns + 1;
@@ -102,7 +102,7 @@ std::vector<View> JoinNearest(const std::vector<AlignedTrack>& tracks,
     joined[best] = true;
     group.push_back(of_track[best]);
   }
-  std::vector<View> rest;
+  std::vector<WandView> rest;
   for (size_t i = 0; i < of_track.size(); ++i) {
     if (!joined[i]) rest.push_back(of_track[i]);
   }

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
@@ -25,13 +26,6 @@ namespace {
 constexpr double kMinSpreadShare = 0.01;
 // Sigma, as a share of a known distance, with which the solver holds it.
 constexpr double kDistanceHold = 1e-4;
-
-double Median(std::vector<double>* values) {
-  if (values->empty()) return 0;
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
@@ -65,7 +59,7 @@ absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptio
   return absl::OkStatus();
 }
 
-// What each camera delivered, before anything is left out.
+// Counts by camera before anything is rejected.
 std::map<std::string, CameraCounts> CountInput(const CalibrationInput& input) {
   std::map<std::string, CameraCounts> counts;
   for (const CameraTrack& track : input.tracks) {
@@ -126,12 +120,13 @@ absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, Came
   return absl::OkStatus();
 }
 
-// How far a camera's view of the wand moves about in its image, in pixels: the median distance of a
-// marker from its median place.
+// The spread of the wand in a camera's image, in pixels: the median distance of a marker from its
+// median position.
 double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& index, int camera) {
   std::vector<double> x, y, distance;
   for (const bool measure : {false, true}) {
-    const Eigen::Vector2d middle(measure ? Median(&x) : 0, measure ? Median(&y) : 0);
+    if (measure && x.empty()) return 0;
+    const Eigen::Vector2d middle(measure ? UpperMedian(&x) : 0, measure ? UpperMedian(&y) : 0);
     for (size_t t = 0; t < tracks.size(); ++t) {
       if (index.camera_of_track[t] != camera) continue;
       for (const Observation& row : tracks[t].track.observations) {
@@ -143,7 +138,7 @@ double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& in
       }
     }
   }
-  return Median(&distance);
+  return UpperMedian(&distance);
 }
 
 absl::Status CheckMotion(const std::vector<AlignedTrack>& tracks, const RigIndex& index) {
@@ -179,15 +174,15 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
   search.progress = [&solve](double fraction) { solve.progress("searching times", fraction); };
   std::vector<ClockCorrection> found = clocks;
   RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, search, &found));
-  absl::StatusOr<EvaluatedSolution> judged = SolveAndEvaluate(rig, found, solve, options);
+  absl::StatusOr<EvaluatedSolution> evaluated = SolveAndEvaluate(rig, found, solve, options);
   const bool moved = !std::equal(found.begin(), found.end(), clocks.begin(),
                                  [](const ClockCorrection& a, const ClockCorrection& b) {
                                    return a.time_offset_s == b.time_offset_s;
                                  });
-  if (!moved || !absl::IsFailedPrecondition(judged.status())) return judged;
+  if (!moved || !absl::IsFailedPrecondition(evaluated.status())) return evaluated;
   absl::StatusOr<EvaluatedSolution> as_given = SolveAndEvaluate(rig, clocks, solve, options);
   return as_given.ok() || absl::IsCancelled(as_given.status()) ? std::move(as_given)
-                                                               : std::move(judged);
+                                                               : std::move(evaluated);
 }
 
 absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
@@ -229,11 +224,11 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   for (const auto& [camera, count] : counts) {
     solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution judged,
+  RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution evaluated,
                           SearchAndSolve(rig, clocks, solve, options));
   progress("reporting", 1);
-  if (hooks.solved) hooks.solved(rig, judged.solution);
-  return ReportCalibration({rig, judged, options, counts}, refused);
+  if (hooks.solved) hooks.solved(rig, evaluated.solution);
+  return ReportCalibration({rig, evaluated, options, counts}, refused);
 }
 
 }  // namespace

@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/camera/intrinsics_vector.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/projection_jacobian.h"
 #include "server/solve/diagnose/findings.h"
 #include "server/solve/evaluate/camera_covariance.h"
 #include "server/solve/evaluate/error_figures.h"
@@ -26,12 +27,6 @@ size_t FirstTrack(const RigIndex& index, size_t camera) {
     if (index.camera_of_track[t] == static_cast<int>(camera)) return t;
   }
   return 0;
-}
-
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const size_t middle = values.size() / 2;
-  return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
 }
 
 // Offsets and rates of the clocks against the median clock of their session.
@@ -55,7 +50,7 @@ double SigmaAgainstMedian(const RigUncertainty& uncertainty, ReducedParameterKin
 }
 
 ClockReport ReportClocks(const ReportInput& input) {
-  const size_t count = input.judged.solution.clocks.size();
+  const size_t count = input.evaluated.solution.clocks.size();
   std::vector<int64_t> coarse_ns(count, 0);
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     coarse_ns[static_cast<size_t>(input.rig.index.clock_of_track[t])] =
@@ -63,13 +58,13 @@ ClockReport ReportClocks(const ReportInput& input) {
   }
   ClockReport report;
   for (size_t k = 0; k < count; ++k) {
-    const ClockCorrection& correction = input.judged.solution.clocks[k];
-    const BundleClock& rest = input.judged.solution.built.problem.clocks[k];
+    const ClockCorrection& correction = input.evaluated.solution.clocks[k];
+    const BundleClock& rest = input.evaluated.solution.built.problem.clocks[k];
     // Coarse offsets are as large as UTC: whole nanoseconds are taken off before they become
     // doubles.
     size_t first = k;
     for (size_t j = 0; j < k; ++j) {
-      if (input.judged.solution.clocks[j].session_id == correction.session_id) {
+      if (input.evaluated.solution.clocks[j].session_id == correction.session_id) {
         first = j;
         break;
       }
@@ -80,18 +75,18 @@ ClockReport ReportClocks(const ReportInput& input) {
   }
   std::map<std::string, std::vector<size_t>> sessions;
   for (size_t k = 0; k < count; ++k) {
-    sessions[input.judged.solution.clocks[k].session_id].push_back(k);
+    sessions[input.evaluated.solution.clocks[k].session_id].push_back(k);
   }
   report.offset_sigma_s.assign(count, 0);
   report.rate_sigma.assign(count, 0);
   for (const auto& [session, clocks] : sessions) {
-    if (input.judged.uncertainty) {
+    if (input.evaluated.uncertainty) {
       for (const size_t k : clocks) {
         report.offset_sigma_s[k] =
-            SigmaAgainstMedian(*input.judged.uncertainty, ReducedParameterKind::kTimeOffset, k,
+            SigmaAgainstMedian(*input.evaluated.uncertainty, ReducedParameterKind::kTimeOffset, k,
                                clocks, report.offset_s);
         report.rate_sigma[k] = SigmaAgainstMedian(
-            *input.judged.uncertainty, ReducedParameterKind::kTimeRate, k, clocks, report.rate);
+            *input.evaluated.uncertainty, ReducedParameterKind::kTimeRate, k, clocks, report.rate);
       }
     }
     std::vector<double> offsets, rates;
@@ -110,14 +105,14 @@ ClockReport ReportClocks(const ReportInput& input) {
 
 void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
   const RigIndex& index = input.rig.index;
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 "alone_in_instant", input.judged.solution.instants.alone_count[t],
-                 "no other camera saw the wand at that moment");
+                 "alone_in_instant", input.evaluated.solution.instants.alone_count[t],
+                 "no other camera saw the wand at that time");
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 "not_nearest_in_instant", input.judged.solution.instants.skipped_count[t],
-                 "it saw the wand again nearer the moment that it shares with other cameras");
+                 "not_nearest_in_instant", input.evaluated.solution.instants.skipped_count[t],
+                 "it saw the wand again nearer the instant that it shares with other cameras");
   }
   for (const BundleInstant& instant : problem.instants) {
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
@@ -127,7 +122,7 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
                      "too few markers in common to place the wand");
         continue;
       }
-      refused->Add(camera, "label_turned", IsTurned(input.judged.solution, observation) ? 1 : 0,
+      refused->Add(camera, "label_turned", IsFlipped(input.evaluated.solution, observation) ? 1 : 0,
                    "labels fit the other cameras when counted from the other end");
       uint32_t outliers = 0;
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
@@ -143,9 +138,9 @@ std::string Digest(const ReportInput& input) {
   for (const AlignedTrack& track : input.rig.tracks) {
     used.emplace_back(track.track.observations.size(), false);
   }
-  const std::vector<Instant>& instants = input.judged.solution.instants.instants;
+  const std::vector<Instant>& instants = input.evaluated.solution.instants.instants;
   for (size_t i = 0; i < instants.size(); ++i) {
-    if (!input.judged.solution.built.problem.instants[i].used) continue;
+    if (!input.evaluated.solution.built.problem.instants[i].used) continue;
     for (const InstantMember& member : instants[i].members) {
       used[static_cast<size_t>(member.track)][static_cast<size_t>(member.observation)] = true;
     }
@@ -154,13 +149,13 @@ std::string Digest(const ReportInput& input) {
 }
 
 CalibratedTarget ReportTarget(const ReportInput& input) {
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   CalibratedTarget target;
   target.given = input.rig.target;
   if (problem.target.marker_positions_m.size() == 1) {
-    // No lengths: only what a known distance says.
-    if (input.judged.uncertainty) {
-      target.scale_sigma_rel = input.judged.uncertainty->scale_sigma_rel;
+    // No lengths, but perhaps a known distance.
+    if (input.evaluated.uncertainty) {
+      target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
     }
     return target;
   }
@@ -169,13 +164,13 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
   const LengthErrors lengths = MeasureLengths(problem, target.marker_positions_m, 2);
   target.spans = SummariseSpans(lengths, target.marker_positions_m);
   target.length_error_rms_m = OverallRms(lengths);
-  if (input.judged.uncertainty) {
-    target.marker_position_sigma_m = input.judged.uncertainty->marker_position_sigma_m;
-    target.scale_sigma_rel = input.judged.uncertainty->scale_sigma_rel;
+  if (input.evaluated.uncertainty) {
+    target.marker_position_sigma_m = input.evaluated.uncertainty->marker_position_sigma_m;
+    target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
   }
-  if (input.judged.held_out) {
+  if (input.evaluated.held_out) {
     const std::vector<SpanError> held_out =
-        SummariseSpans(input.judged.held_out->lengths, target.marker_positions_m);
+        SummariseSpans(input.evaluated.held_out->lengths, target.marker_positions_m);
     for (size_t s = 0; s < target.spans.size(); ++s) {
       target.spans[s].held_out_error_rms_m = held_out[s].error_rms_m;
       target.spans[s].held_out_count = held_out[s].count;
@@ -188,7 +183,7 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
 
 absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
                                                     RefusalCounter* refused) {
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   CountWhatWasLeftOut(input, refused);
   const std::vector<Residuals> residuals = ComputeResiduals(problem);
   const ClockReport clocks = ReportClocks(input);
@@ -198,8 +193,8 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     result.unit_camera = problem.cameras[static_cast<size_t>(problem.distance->camera_b)].name;
   }
   result.reference_camera =
-      problem.cameras[static_cast<size_t>(input.judged.options.reference_camera)].name;
-  result.iteration_count = static_cast<uint32_t>(input.judged.solution.iterations);
+      problem.cameras[static_cast<size_t>(input.evaluated.options.reference_camera)].name;
+  result.iteration_count = static_cast<uint32_t>(input.evaluated.solution.iterations);
   for (const BundleInstant& instant : problem.instants) {
     result.instant_count += instant.used ? 1 : 0;
   }
@@ -219,18 +214,19 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.clock_id = description.clock.clock_id;
     camera.time_offset_s = clocks.offset_s[k];
     camera.time_rate_ppm = 1e6 * clocks.rate[k];
-    camera.time_epoch_s = 1e-9 * static_cast<double>(input.judged.solution.clocks[k].time_epoch_ns);
-    camera.time_offset_estimated = input.judged.options.estimate_time_offsets;
+    camera.time_epoch_s =
+        1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
+    camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
     camera.residuals = residuals[c];
-    if (input.judged.held_out) {
-      const EvaluatedErrors& held_out = *input.judged.held_out;
+    if (input.evaluated.held_out) {
+      const EvaluatedErrors& held_out = *input.evaluated.held_out;
       camera.held_out = Figures(held_out.reprojection_px[c]);
       if (!held_out.leave_one_out_px[c].empty()) {
         camera.leave_one_out = Figures(held_out.leave_one_out_px[c]);
       }
     }
-    if (input.judged.uncertainty) {
-      camera.uncertainty = input.judged.uncertainty->cameras[c];
+    if (input.evaluated.uncertainty) {
+      camera.uncertainty = input.evaluated.uncertainty->cameras[c];
       camera.uncertainty->time_offset_sigma_s = clocks.offset_sigma_s[k];
       camera.uncertainty->time_rate_sigma_ppm = 1e6 * clocks.rate_sigma[k];
     }
@@ -250,11 +246,11 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   }
   result.target = ReportTarget(input);
   if (result.scale_known) result.wand_volume = MeasureWandVolume(problem);
-  if (input.judged.uncertainty) {
-    result.camera_covariance = PackCameraCovariance(problem, input.judged.options.reference_camera,
-                                                    *input.judged.uncertainty);
+  if (input.evaluated.uncertainty) {
+    result.camera_covariance = PackCameraCovariance(
+        problem, input.evaluated.options.reference_camera, *input.evaluated.uncertainty);
   }
-  result.findings = FindCauses(input.rig, input.judged, result);
+  result.findings = FindCauses(input.rig, input.evaluated, result);
   result.quality = GradeQuality(result);
   result.observation_digest = Digest(input);
   return result;

@@ -11,7 +11,7 @@
 
 namespace rigcal::server {
 
-// What one camera delivered over all sessions.
+// Counts of one camera over all sessions.
 struct CameraCounts {
   uint32_t observation_count = 0;
   uint32_t wand_count = 0;
@@ -19,7 +19,7 @@ struct CameraCounts {
 
 struct ReportInput {
   const RigObservations& rig;
-  const EvaluatedSolution& judged;
+  const EvaluatedSolution& evaluated;
   const CalibrationOptions& options;
   const std::map<std::string, CameraCounts>& counts;  // by camera
 };

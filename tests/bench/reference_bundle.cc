@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "tests/bench/reference_costs.h"
 
 namespace rigcal::testing {
@@ -167,24 +168,26 @@ class Reference {
   }
 
   template <int kIntrinsics>
-  void AddFree(const MarkerResidual& residual, size_t c, size_t k, double* target) {
-    auto* functor = new FreeIntrinsicsCost{residual};
+  void AddFree(const server::MarkerFunctor& residual, size_t c, size_t k, double* position,
+               double* target) {
+    auto* functor = new server::MarkerFunctor(residual);
     ceres_->AddResidualBlock(
-        new ceres::AutoDiffCostFunction<FreeIntrinsicsCost, 2, 4, 3, kIntrinsics, 1, 1, 1, 6>(
+        new ceres::AutoDiffCostFunction<server::MarkerFunctor, 2, 4, 3, kIntrinsics, 1, 1, 1, 6>(
             functor),
         loss_.get(), rotations_[c].coeffs().data(), translations_[c].data(), intrinsics_[c].data(),
-        &offsets_[k], &rates_[k], &positions_[static_cast<size_t>(residual.marker.marker)], target);
+        &offsets_[k], &rates_[k], position, target);
   }
 
-  void AddMarker(const MarkerResidual& residual, size_t c, size_t k, double* target) {
+  void AddMarker(const server::MarkerFunctor& residual, size_t c, size_t k, double* position,
+                 double* target) {
     if (IntrinsicsFree(c)) {
       switch (residual.model) {
         case DistortionModel::kBrownConrady:
-          return AddFree<9>(residual, c, k, target);
+          return AddFree<9>(residual, c, k, position, target);
         case DistortionModel::kRational:
-          return AddFree<12>(residual, c, k, target);
+          return AddFree<12>(residual, c, k, position, target);
         case DistortionModel::kFisheye:
-          return AddFree<8>(residual, c, k, target);
+          return AddFree<8>(residual, c, k, position, target);
       }
     }
     auto* functor = new FixedIntrinsicsCost{residual, {}};
@@ -194,25 +197,20 @@ class Reference {
     ceres_->AddResidualBlock(
         new ceres::AutoDiffCostFunction<FixedIntrinsicsCost, 2, 4, 3, 1, 1, 1, 6>(functor),
         loss_.get(), rotations_[c].coeffs().data(), translations_[c].data(), &offsets_[k],
-        &rates_[k], &positions_[static_cast<size_t>(residual.marker.marker)], target);
+        &rates_[k], position, target);
   }
 
   void AddMarkers() {
     for (size_t i = 0; i < problem_.instants.size(); ++i) {
-      const BundleInstant& instant = problem_.instants[i];
-      if (!instant.used) continue;
-      for (int o = 0; o < instant.observation_count; ++o) {
-        const BundleObservation& observation =
-            problem_.observations[static_cast<size_t>(instant.first_observation + o)];
-        const auto c = static_cast<size_t>(observation.camera);
-        for (int m = 0; m < observation.marker_count; ++m) {
-          const BundleMarker& marker =
-              problem_.markers[static_cast<size_t>(observation.first_marker + m)];
-          if (!marker.used) continue;
-          AddMarker({problem_.cameras[c].model, marker, observation.clock_time_s}, c,
-                    static_cast<size_t>(observation.clock), targets_[i].data());
-        }
-      }
+      ForEachUsedMarker(
+          problem_, problem_.instants[i],
+          [&](const BundleObservation& observation, const BundleMarker& marker) {
+            const auto c = static_cast<size_t>(observation.camera);
+            AddMarker(
+                {problem_.cameras[c].model, server::ToMeasured(marker), observation.clock_time_s},
+                c, static_cast<size_t>(observation.clock),
+                &positions_[static_cast<size_t>(marker.marker)], targets_[i].data());
+          });
     }
   }
 
@@ -292,7 +290,7 @@ class Reference {
   const BundleProblem& problem_;
   std::vector<Eigen::Quaterniond> rotations_;
   std::vector<Eigen::Vector3d> translations_;
-  std::vector<server::IntrinsicsVector> intrinsics_;
+  std::vector<IntrinsicsVector> intrinsics_;
   std::vector<double> offsets_, rates_, positions_;
   std::vector<Eigen::Matrix<double, 6, 1>> targets_;
   std::unique_ptr<ceres::LossFunction> loss_;

@@ -11,7 +11,8 @@
 namespace rigcal::testing {
 
 // A plain solver of BundleProblem: automatic differentiation per marker and Ceres's EIGEN_SPARSE
-// with a Schur complement, one thread. It shares no derivative and no projection with server/solve:
+// with a Schur complement, one thread. It shares the residual with server/solve (which
+// marker_cost_test compares with OpenCV's formulas) but no derivative, no elimination and no solver:
 // the oracle of the tests and the reference of the benchmarks. Intrinsics that are not estimated
 // are constants of the cost, not parameters.
 //

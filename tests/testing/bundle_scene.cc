@@ -6,7 +6,8 @@
 #include <random>
 #include <string>
 
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/camera_model.h"
+#include "common/camera/intrinsics_vector.h"
 
 namespace rigcal::testing {
 namespace {
@@ -75,7 +76,7 @@ class Builder {
     camera.cam_from_rig = {Eigen::Quaterniond(rotation), rotation * -centre};
     camera.pose_fixed = index == 0 || !options_.free_poses;
     camera.model = options_.models[static_cast<size_t>(index) % options_.models.size()];
-    const int size = server::IntrinsicsSize(camera.model);
+    const int size = IntrinsicsSize(camera.model);
     camera.intrinsics.setZero(size);
     camera.intrinsics.head<4>() << 1000 + Normal(20), 1000 + Normal(20), 640 + Normal(10),
         512 + Normal(10);
@@ -128,9 +129,8 @@ class Builder {
     marker.marker = index;
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3> jacobian;
-    marker.used =
-        server::ProjectWithJacobian(camera.model, camera.intrinsics.data(),
-                                    camera.cam_from_rig * x_in_rig, &pixel, &jacobian, nullptr);
+    marker.used = Project(camera.model, camera.intrinsics.data(), camera.cam_from_rig * x_in_rig,
+                          &pixel, &jacobian, nullptr);
     if (!marker.used) return marker;
     marker.velocity_px_s = jacobian * (camera.cam_from_rig.rotation * velocity);
     const double offset_s = clock.time_offset_s + clock.time_rate * observation.clock_time_s;

@@ -7,6 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "common/text/line_reader.h"
 
@@ -122,9 +123,7 @@ int64_t MedianStepNs(const std::vector<int64_t>& times_ns) {
     const auto step = static_cast<uint64_t>(times_ns[i]) - static_cast<uint64_t>(times_ns[i - 1]);
     steps.push_back(static_cast<int64_t>(step));
   }
-  const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
+  return UpperMedian(&steps);
 }
 
 }  // namespace rigcal::agent

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/detect/event/burst_shape.h"
+#include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
 namespace {
@@ -61,10 +62,8 @@ BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const Co
   if (std::abs(burst.period_us / blink.period_us - 1) > blink.band_rel) return burst;
   // Pixels whose burst is just over and those whose next one has begun are a period apart: the
   // newest burst that most pixels took part in.
-  const auto middle = ages_.begin() + static_cast<std::ptrdiff_t>(ages_.size() / 2);
-  std::nth_element(ages_.begin(), middle, ages_.end());
-  burst.start_units = *middle;
-  burst.found = *middle >= 0;
+  burst.start_units = UpperMedian(&ages_);
+  burst.found = burst.start_units >= 0;
   return burst;
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -42,20 +43,6 @@ Colour ColourOf(double b, double g, double r) {
     }
   }
   return {std::fmod(60 * hue + 360, 360), high > 0 ? chroma / high : 0, high};
-}
-
-// The least index at which `share` of all are counted.
-template <size_t N>
-int Quantile(const std::array<int64_t, N>& counts, double share) {
-  int64_t all = 0, sum = 0;
-  for (const int64_t count : counts) all += count;
-  for (size_t i = 0; i < N; ++i) {
-    sum += counts[i];
-    if (sum > 0 && static_cast<double>(sum) >= share * static_cast<double>(all)) {
-      return static_cast<int>(i);
-    }
-  }
-  return static_cast<int>(N) - 1;
 }
 
 // Rotated so that the widest gap between hues lies at the ends; `turn` is the hue of index 0.
@@ -150,23 +137,24 @@ absl::StatusOr<TunedColour> ColourTuner::Result() const {
   TunedColour tuned;
   tuned.frames = frames_;
   tuned.wands = wands_;
-  tuned.value = Quantile(values_, 0.5);
+  tuned.value = HistogramQuantile(values_, 0.5);
   tuned.colour.value_min =
-      std::clamp(static_cast<int>(kValueShare * Quantile(values_, kOutside)), 1, 255);
+      std::clamp(static_cast<int>(kValueShare * HistogramQuantile(values_, kOutside)), 1, 255);
   if (grey_) return tuned;
   int turn = 0;
   const auto hues = Unrolled(hues_, &turn);
-  const double low = Quantile(hues, kOutside), high = Quantile(hues, 1 - kOutside);
+  const double low = HistogramQuantile(hues, kOutside),
+               high = HistogramQuantile(hues, 1 - kOutside);
   if (high - low > kLargestHueRangeDeg) {
     return absl::FailedPreconditionError(
         absl::StrCat("what looks like the wand has hues from ", std::fmod(low + turn, 360), " to ",
                      std::fmod(high + turn, 360), " degrees, no colour of its own", kAdvice));
   }
-  tuned.hue_deg = std::fmod(Quantile(hues, 0.5) + turn, 360);
-  tuned.saturation = 0.01 * Quantile(saturations_, 0.5);
+  tuned.hue_deg = std::fmod(HistogramQuantile(hues, 0.5) + turn, 360);
+  tuned.saturation = 0.01 * HistogramQuantile(saturations_, 0.5);
   tuned.colour.hue_min_deg = std::fmod(low + turn - kHueMarginDeg + 360, 360);
   tuned.colour.hue_max_deg = std::fmod(high + turn + 1 + kHueMarginDeg, 360);
-  tuned.colour.saturation_min = kSaturationShare * 0.01 * Quantile(saturations_, kOutside);
+  tuned.colour.saturation_min = kSaturationShare * 0.01 * HistogramQuantile(saturations_, kOutside);
   return tuned;
 }
 

@@ -12,7 +12,6 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/marker_cost.h"
-#include "server/solve/bundle/projection_jacobian.h"
 
 namespace rigcal::server {
 namespace {
@@ -118,21 +117,18 @@ int AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, Paramete
                ceres::Problem* ceres_problem) {
   int count = 0;
   for (size_t i = 0; i < problem.instants.size(); ++i) {
-    const BundleInstant& instant = problem.instants[i];
-    if (!instant.used) continue;
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      const auto c = static_cast<size_t>(observation.camera);
-      const auto k = static_cast<size_t>(observation.clock);
-      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-        if (!marker.used) continue;
-        ceres_problem->AddResidualBlock(
-            new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
-            blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c), blocks->offset(k),
-            blocks->rate(k), blocks->position(static_cast<size_t>(marker.marker)),
-            blocks->instant(i));
-        count += 2;
-      }
-    }
+    ForEachUsedMarker(
+        problem, problem.instants[i],
+        [&](const BundleObservation& observation, const BundleMarker& marker) {
+          const auto c = static_cast<size_t>(observation.camera);
+          const auto k = static_cast<size_t>(observation.clock);
+          ceres_problem->AddResidualBlock(
+              new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
+              blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c), blocks->offset(k),
+              blocks->rate(k), blocks->position(static_cast<size_t>(marker.marker)),
+              blocks->instant(i));
+          count += 2;
+        });
   }
   return count;
 }
@@ -289,29 +285,6 @@ absl::StatusOr<BundleSummary> SolveBundle(const BundleOptions& options, BundlePr
   } catch (const std::exception& error) {
     return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
   }
-}
-
-Eigen::Vector2d CentreAtInstantPx(const BundleProblem& problem,
-                                  const BundleObservation& observation,
-                                  const BundleMarker& marker) {
-  const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
-  const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
-  return marker.centre_px - dt * marker.velocity_px_s;
-}
-
-bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant,
-                      const BundleObservation& observation, const BundleMarker& marker,
-                      Eigen::Vector2d* residual_px) {
-  const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
-  const double position = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
-  Eigen::Vector2d pixel;
-  if (!ProjectWithJacobian(camera.model, camera.intrinsics.data(),
-                           camera.cam_from_rig * (instant.origin_m + position * instant.direction),
-                           &pixel, nullptr, nullptr)) {
-    return false;
-  }
-  *residual_px = pixel - CentreAtInstantPx(problem, observation, marker);
-  return true;
 }
 
 }  // namespace rigcal::server

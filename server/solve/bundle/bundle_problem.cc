@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "server/solve/bundle/projection_jacobian.h"
 
 namespace rigcal::server {
 namespace {
@@ -118,6 +117,14 @@ absl::Status BundleProblem::Validate() const {
     if (absl::Status status = ValidateInstant(*this, i); !status.ok()) return status;
   }
   return absl::OkStatus();
+}
+
+std::vector<Intrinsics> CurrentIntrinsics(const BundleProblem& problem) {
+  std::vector<Intrinsics> intrinsics;
+  for (const BundleCamera& camera : problem.cameras) {
+    intrinsics.push_back(FromVector(camera.model, camera.intrinsics));
+  }
+  return intrinsics;
 }
 
 absl::Status BundleOptions::Validate() const {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "common/camera/intrinsics.h"
+#include "common/camera/intrinsics_vector.h"
 #include "common/geometry/rigid_transform.h"
 
 namespace rigcal::server {
@@ -24,14 +24,11 @@ namespace rigcal::server {
 // with u the measured centre at the instant's time under the clock alignment the problem was built
 // with, u' its image velocity, L^T L the inverse of u's covariance, s_m the marker's position along
 // the target, and dt = time_offset_s + time_rate * clock_time_s what the camera's clock is still
-// off (same sense as in Clock: negative where rows show an earlier moment than their stamps say).
+// off (same sense as in Clock: negative where rows show an earlier time than their stamps say).
 //
 // What to solve (BundleProblem, estimates are changed in place), how (BundleOptions) and what came
 // out (BundleSummary) are three structs. Everything refers by index; instants own a contiguous run
 // of observations, observations a contiguous run of markers.
-
-// fx fy cx cy, then the coefficients of the distortion model in OpenCV's order.
-using IntrinsicsVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 12, 1>;
 
 struct BundleCamera {
   std::string name;
@@ -72,7 +69,7 @@ struct BundleMarker {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
   Eigen::Matrix2d sqrt_information = Eigen::Matrix2d::Identity();  // L, 1/px
-  bool used = true;  // false: no part of the cost (counted out), residual still of interest
+  bool used = true;  // false: no part of the cost (rejected), residual still of interest
 };
 
 struct BundleObservation {
@@ -137,6 +134,9 @@ struct BundleProblem {
   // is not positive or not between two cameras.
   absl::Status Validate() const;
 };
+
+// Of each camera, by index.
+std::vector<Intrinsics> CurrentIntrinsics(const BundleProblem& problem);
 
 // Calls function(observation, marker) for what of an instant is part of the cost.
 template <typename Function>

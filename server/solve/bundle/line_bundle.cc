@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/line_bundle_system.h"
-#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
@@ -63,24 +63,18 @@ absl::Status UnseenMarker(const BundleProblem& problem) {
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-        const double position =
-            problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
-        Eigen::Vector2d pixel;
-        if (!marker.used ||
-            ProjectWithJacobian(
-                camera.model, camera.intrinsics.data(),
-                camera.cam_from_rig * (instant.origin_m + position * instant.direction), &pixel,
-                nullptr, nullptr)) {
+        Eigen::Vector2d residual_px;
+        if (!marker.used || MarkerResidualPx(problem, instant, observation, marker, &residual_px)) {
           continue;
         }
         return absl::FailedPreconditionError(absl::StrCat(
             "bundle adjustment: marker ", marker.marker, " of instant ", i, " lies behind camera ",
-            camera.name, " at the start; leave it out or start elsewhere"));
+            camera.name, " at the initial values; leave it out or initialize differently"));
       }
     }
   }
   return absl::FailedPreconditionError(
-      "bundle adjustment: the cost at the start is not finite; a marker lies next to its camera's "
+      "bundle adjustment: the initial cost is not finite; a marker lies next to its camera's "
       "image plane or its centre is absurdly far away");
 }
 
@@ -120,7 +114,7 @@ class Solver {
   enum class Outcome { kGoOn, kConverged, kGivenUp, kBroken };
 
   Outcome Iterate(BundleSummary* summary);
-  Outcome Judge(const LineBundleSystem::Move& move, BundleSummary* summary);
+  Outcome Accept(const LineBundleSystem::Move& move, BundleSummary* summary);
 
   const BundleOptions& options_;
   LineBundleLayout layout_;
@@ -130,7 +124,7 @@ class Solver {
   TrustRegion region_;
 };
 
-Solver::Outcome Solver::Judge(const LineBundleSystem::Move& move, BundleSummary* summary) {
+Solver::Outcome Solver::Accept(const LineBundleSystem::Move& move, BundleSummary* summary) {
   const double cost = summary->final_cost;
   const double change = cost - move.cost;
   const bool small_step =
@@ -164,7 +158,7 @@ Solver::Outcome Solver::Iterate(BundleSummary* summary) {
   ++summary->iterations;
   const LineBundleSystem::Move move = system_.Solve(estimate_, &moved_);
   if (move.valid && move.model_decrease > 0) {
-    const Outcome outcome = Judge(move, summary);
+    const Outcome outcome = Accept(move, summary);
     if (outcome != Outcome::kGoOn) return outcome;
   } else {
     region_.Reject();

@@ -9,18 +9,6 @@
 namespace rigcal::server {
 namespace {
 
-KernelModel ToKernelModel(DistortionModel model) {
-  switch (model) {
-    case DistortionModel::kRational:
-      return KernelModel::kRational;
-    case DistortionModel::kFisheye:
-      return KernelModel::kFisheye;
-    case DistortionModel::kBrownConrady:
-      break;
-  }
-  return KernelModel::kBrownConrady;
-}
-
 // exp([vector]x)
 Eigen::Quaterniond FromRotationVector(const Eigen::Vector3d& vector) {
   const double angle = vector.norm();
@@ -59,8 +47,8 @@ void LineBundleEstimate::RefreshViews() {
   for (size_t v = 0; v < views_.size(); ++v) {
     const BundleCamera& camera = cameras_[static_cast<size_t>(layout_->views[v].camera)];
     const BundleClock& clock = clocks_[static_cast<size_t>(layout_->views[v].clock)];
-    KernelView& view = views_[v];
-    view.model = ToKernelModel(camera.model);
+    ViewEstimate<double>& view = views_[v];
+    view.model = camera.model;
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(view.rotation) =
         camera.cam_from_rig.rotation.toRotationMatrix();
     Eigen::Map<Eigen::Vector3d>(view.translation) = camera.cam_from_rig.translation_m;

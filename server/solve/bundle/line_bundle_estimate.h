@@ -10,7 +10,7 @@
 
 namespace rigcal::server {
 
-// What a line bundle estimates, as the kernel reads it: cameras, clocks and target as in the
+// The estimates of a line bundle as the kernel reads them: cameras, clocks and target as in the
 // problem, the instants' poses in lanes.
 class LineBundleEstimate {
  public:
@@ -41,7 +41,7 @@ class LineBundleEstimate {
   std::vector<BundleCamera> cameras_;
   std::vector<BundleClock> clocks_;
   std::vector<double> positions_;
-  std::vector<KernelView> views_;
+  std::vector<ViewEstimate<double>> views_;
   AlignedBuffer poses_;
 };
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "server/solve/bundle/line_bundle_projection.h"
+#include "server/solve/bundle/marker_residual.h"
 
 namespace rigcal::server {
 
@@ -22,7 +22,7 @@ inline constexpr int kInstantColumns = 5;   // origin x y z, direction in its ta
 inline constexpr int kTileSize = 8;         // columns of the reduced matrix side by side
 inline constexpr int kMaxBatchGroups = 8;   // a batch's instants fit the bits of one word
 inline constexpr int kMaxLineMarkers = 32;  // of one target
-inline constexpr int kMaxBaseColumns = 2 + 12;
+inline constexpr int kMaxBaseColumns = ViewUnknowns::kMaxCount;
 
 // Per marker slot of an entry: upper triangle a b c of the root of the information (r = [a b; 0 c]
 // (p - u + dt u')), centre u (2), velocity u' (2), lanes each. a = c = 0: the lane has no such
@@ -44,25 +44,14 @@ struct KernelEntry {
   size_t data = 0;     // into KernelInput::data: clock time, then kSlotLanes for each bit of slots
 };
 
-// A view at the present estimates. rotation: row by row, cam_from_rig.
-struct KernelView {
-  KernelModel model = KernelModel::kBrownConrady;
-  double rotation[9] = {};
-  double translation[3] = {};
-  double intrinsics[12] = {};
-  double offset_s = 0;
-  double rate = 0;
-};
-
-// Which derivatives of a view are free and their columns. Base columns are time offset, rate and
-// intrinsics, in this order. Columns that several entries of one group can reach are shared: added
+// Which derivatives of a view are free and their columns. Base columns are ViewUnknowns, in their
+// order. Columns that several entries of one group can reach are shared: added
 // to instead of set.
 struct KernelColumns {
-  static constexpr int kOffset = 0, kRate = 1, kFirstIntrinsic = 2;
   int pose = -1;  // first of rotation vector (3, left, in the camera's frame) and translation (3)
   bool pose_shared = false;
   int base_count = 0;
-  int base_kind[kMaxBaseColumns] = {};
+  int base_kind[kMaxBaseColumns] = {};  // of ViewUnknowns
   int base_column[kMaxBaseColumns] = {};
   bool base_shared[kMaxBaseColumns] = {};
   bool any_intrinsic = false;
@@ -70,7 +59,7 @@ struct KernelColumns {
   int pose_count() const { return pose < 0 ? 0 : 6; }
 };
 
-// What does not change while a problem is solved.
+// The constant part of a problem.
 struct KernelInput {
   KernelLoss loss = KernelLoss::kNone;
   double loss_scale = 1;
@@ -96,7 +85,7 @@ struct KernelInput {
 
 // Estimates: views, positions of the markers along the target, kPoseLanes per group.
 struct KernelEstimate {
-  const KernelView* views = nullptr;
+  const ViewEstimate<double>* views = nullptr;
   const double* positions = nullptr;
   const double* poses = nullptr;
 };

@@ -105,12 +105,12 @@ LineBundleLayout LayOut(const BundleProblem& problem) {
     }
     KernelColumns columns;
     columns.pose = cameras[camera].pose;
-    AddBase(KernelColumns::kOffset, clocks[clock].first, &columns);
-    AddBase(KernelColumns::kRate, clocks[clock].second, &columns);
+    AddBase(ViewUnknowns::kOffset, clocks[clock].first, &columns);
+    AddBase(ViewUnknowns::kRate, clocks[clock].second, &columns);
     for (int i = 0; i < kMaxIntrinsics; ++i) {
       const int column = cameras[camera].intrinsics[static_cast<size_t>(i)];
       columns.any_intrinsic = columns.any_intrinsic || column >= 0;
-      AddBase(KernelColumns::kFirstIntrinsic + i, column, &columns);
+      AddBase(ViewUnknowns::kFirstIntrinsic + i, column, &columns);
     }
     layout.views.push_back({camera, clock});
     layout.columns.push_back(columns);

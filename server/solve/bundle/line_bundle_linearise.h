@@ -43,22 +43,22 @@ struct EntrySums {
 };
 
 template <bool kIntrinsics>
-void SumMarkers(const KernelInput& input, const KernelView& view, const KernelColumns& columns,
-                const KernelEntry& entry, const LineInView& line, const double* positions,
-                EntrySums* sums, CostSum* cost) {
+void SumMarkers(const KernelInput& input, const ViewEstimate<double>& view,
+                const KernelColumns& columns, const KernelEntry& entry, const Line& line,
+                const double* positions, EntrySums* sums, CostSum* cost) {
   const double* slot = input.data + entry.data;
   const Lanes clock_time = Load(slot);
-  const Lanes dt = Lanes(view.offset_s) + Lanes(view.rate) * clock_time;
+  const Lanes dt = TimeShift(view, clock_time);
   slot += kLanes;
   const int base = columns.base_count;
   for (int m = 0; m < input.marker_count; ++m) {
     if ((entry.slots >> m & 1u) == 0) continue;
     const Lanes s(positions[m]);
-    ProjectedPoint<Lanes> projected;
+    Projected projected;
     const MarkerResidual marker = EvaluateMarker<true, kIntrinsics>(
         input, view, slot, line.start + s * line.slope, dt, &projected, cost);
     Vec3 row0, row1;
-    WhitenedRows(marker, projected, &row0, &row1);
+    PointDerivative(marker.measured, projected, &row0, &row1);
     const Vec3 weighted0 = marker.weight * row0, weighted1 = marker.weight * row1;
     const Sym3 point = {
         row0.x * weighted0.x + row1.x * weighted1.x, row0.x * weighted0.y + row1.x * weighted1.y,
@@ -74,8 +74,8 @@ void SumMarkers(const KernelInput& input, const KernelView& view, const KernelCo
     int count = base + 1;
     for (int i = 0; i < base; ++i) {
       index[i] = i;
-      BaseDerivative<kIntrinsics>(columns.base_kind[i], marker, slot, clock_time, projected, &e0[i],
-                                  &e1[i]);
+      ViewDerivative<kIntrinsics>(columns.base_kind[i], marker.measured, projected, clock_time,
+                                  &e0[i], &e1[i]);
     }
     index[base] = base;
     e0[base] = marker.r0, e1[base] = marker.r1;
@@ -159,7 +159,7 @@ RIGCAL_INLINE void AddInstantBlock(const EntrySums& sums, const double* rotation
 
 // The view's own block, and the coupling of its columns to the instants.
 void AddReducedBlocks(const KernelInput& input, const KernelColumns& columns, EntrySums* sums,
-                      const LineInView& line, const CouplingWriter& writer, double* view_sums) {
+                      const Line& line, const CouplingWriter& writer, double* view_sums) {
   const int pose = columns.pose_count(), base = columns.base_count;
   if (pose > 0) {
     Vec3 rot0[3], rot1[3];  // N0 and N1 of the rotation: [p]x A^T A with p = R o + s R d
@@ -271,9 +271,9 @@ void Linearise(const KernelInput& input, const KernelEstimate& estimate, double 
     Lanes v[15];
     for (Lanes& value : v) value = Lanes(0.0);
     for (const KernelEntry* entry = begin; entry != end; ++entry) {
-      const KernelView& view = estimate.views[entry->view];
+      const ViewEstimate<double>& view = estimate.views[entry->view];
       const KernelColumns& columns = input.columns[entry->view];
-      const LineInView line = SeeLine(view, pose.origin, pose.direction);
+      const Line line = SeeLine(view, pose.origin, pose.direction);
       sums.Clear(input.LocalCount(columns) - columns.pose_count());
       if (columns.any_intrinsic) {
         SumMarkers<true>(input, view, columns, *entry, line, estimate.positions, &sums, &cost);

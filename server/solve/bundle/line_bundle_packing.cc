@@ -3,27 +3,19 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <new>
 #include <set>
 #include <utility>
+
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr size_t kCacheLine = 64;
 
-// [a b; 0 c] with the same a^T a as L: a rotation of the residual changes nothing that counts.
-std::array<double, 3> UpperTriangle(const Eigen::Matrix2d& root) {
-  const double norm = std::hypot(root(0, 0), root(1, 0));
-  if (norm == 0) return {0, 0, std::hypot(root(0, 1), root(1, 1))};
-  const double cosine = root(0, 0) / norm, sine = root(1, 0) / norm;
-  return {norm, cosine * root(0, 1) + sine * root(1, 1),
-          std::abs(cosine * root(1, 1) - sine * root(0, 1))};
-}
-
-// Where the markers of one group go.
+// A marker and its place in a group.
 struct Placement {
   const BundleObservation* observation;
   const BundleMarker* marker;
@@ -144,7 +136,7 @@ void MarkShared(const PackedMarkers& packed, LineBundleLayout* layout) {
     KernelColumns& columns = layout->columns[v];
     columns.pose_shared = shared_cameras.contains(layout->views[v].camera);
     for (int i = 0; i < columns.base_count; ++i) {
-      columns.base_shared[i] = columns.base_kind[i] < KernelColumns::kFirstIntrinsic
+      columns.base_shared[i] = columns.base_kind[i] < ViewUnknowns::kFirstIntrinsic
                                    ? shared_clocks.contains(layout->views[v].clock)
                                    : columns.pose_shared;
     }
@@ -157,14 +149,9 @@ void Fill(const Placement& placement, const KernelEntry& entry, double* data) {
   at[lane] = placement.observation->clock_time_s;
   const uint32_t below = entry.slots & ((1u << placement.marker->marker) - 1);
   double* const slot = at + kGroupSize * (1 + kSlotLanes * __builtin_popcount(below));
-  const std::array<double, 3> root = UpperTriangle(placement.marker->sqrt_information);
-  const double values[kSlotLanes] = {root[0],
-                                     root[1],
-                                     root[2],
-                                     placement.marker->centre_px.x(),
-                                     placement.marker->centre_px.y(),
-                                     placement.marker->velocity_px_s.x(),
-                                     placement.marker->velocity_px_s.y()};
+  const MeasuredMarker<double> m = ToMeasured(*placement.marker);
+  const double values[kSlotLanes] = {m.a,         m.b,           m.c,          m.centre[0],
+                                     m.centre[1], m.velocity[0], m.velocity[1]};
   for (int i = 0; i < kSlotLanes; ++i) slot[i * kGroupSize + lane] = values[i];
 }
 

@@ -111,14 +111,14 @@ struct ViewStep {
 
 // J_i^T w (r + J_reduced step): what the instant's own step has to answer.
 template <bool kIntrinsics>
-void SumAnswer(const KernelInput& input, const KernelView& view, const KernelColumns& columns,
-               const KernelEntry& entry, const LineInView& line, const double* positions,
-               const double* step, Vec3* n0, Vec3* n1) {
+void SumAnswer(const KernelInput& input, const ViewEstimate<double>& view,
+               const KernelColumns& columns, const KernelEntry& entry, const Line& line,
+               const double* positions, const double* step, Vec3* n0, Vec3* n1) {
   CostSum ignored;
   const ViewStep view_step(columns, step);
   const double* slot = input.data + entry.data;
   const Lanes clock_time = Load(slot);
-  const Lanes dt = Lanes(view.offset_s) + Lanes(view.rate) * clock_time;
+  const Lanes dt = TimeShift(view, clock_time);
   slot += kLanes;
   const Vec3 start_moves = view_step.translation + Cross(view_step.rotation, line.origin);
   const Vec3 slope_moves = Cross(view_step.rotation, line.slope);
@@ -127,11 +127,11 @@ void SumAnswer(const KernelInput& input, const KernelView& view, const KernelCol
   for (int m = 0; m < input.marker_count; ++m) {
     if ((entry.slots >> m & 1u) == 0) continue;
     const Lanes s(positions[m]);
-    ProjectedPoint<Lanes> projected;
+    Projected projected;
     const MarkerResidual marker = EvaluateMarker<true, kIntrinsics>(
         input, view, slot, line.start + s * line.slope, dt, &projected, &ignored);
     Vec3 row0, row1;
-    WhitenedRows(marker, projected, &row0, &row1);
+    PointDerivative(marker.measured, projected, &row0, &row1);
     Vec3 moves = start_moves + s * slope_moves;
     if (input.spacing_column >= 0 && m > 0) {
       moves += Lanes(step[input.spacing_column + m - 1]) * line.slope;
@@ -139,7 +139,7 @@ void SumAnswer(const KernelInput& input, const KernelView& view, const KernelCol
     Lanes e0 = marker.r0 + Dot(row0, moves), e1 = marker.r1 + Dot(row1, moves);
     for (int i = 0; i < columns.base_count; ++i) {
       Lanes d0, d1;
-      BaseDerivative<kIntrinsics>(columns.base_kind[i], marker, slot, clock_time, projected, &d0,
+      ViewDerivative<kIntrinsics>(columns.base_kind[i], marker.measured, projected, clock_time, &d0,
                                   &d1);
       e0 += Lanes(view_step.base[i]) * d0;
       e1 += Lanes(view_step.base[i]) * d1;
@@ -155,14 +155,14 @@ void SumCost(const KernelInput& input, const KernelEstimate& estimate, int group
              const Vec3& origin, const Vec3& direction, CostSum* cost) {
   for (uint32_t e = input.first_entry[group]; e < input.first_entry[group + 1]; ++e) {
     const KernelEntry& entry = input.entries[e];
-    const KernelView& view = estimate.views[entry.view];
-    const LineInView line = SeeLine(view, origin, direction);
+    const ViewEstimate<double>& view = estimate.views[entry.view];
+    const Line line = SeeLine(view, origin, direction);
     const double* slot = input.data + entry.data;
-    const Lanes dt = Lanes(view.offset_s) + Lanes(view.rate) * Load(slot);
+    const Lanes dt = TimeShift(view, Load(slot));
     slot += kLanes;
     for (int m = 0; m < input.marker_count; ++m) {
       if ((entry.slots >> m & 1u) == 0) continue;
-      ProjectedPoint<Lanes> projected;
+      Projected projected;
       EvaluateMarker<false, false>(input, view, slot,
                                    line.start + Lanes(estimate.positions[m]) * line.slope, dt,
                                    &projected, cost);
@@ -178,9 +178,9 @@ void SolveInstants(const KernelInput& input, const KernelEstimate& estimate, int
   for (Lanes& value : x) value = Lanes(0.0);
   for (uint32_t e = input.first_entry[group]; e < input.first_entry[group + 1]; ++e) {
     const KernelEntry& entry = input.entries[e];
-    const KernelView& view = estimate.views[entry.view];
+    const ViewEstimate<double>& view = estimate.views[entry.view];
     const KernelColumns& columns = input.columns[entry.view];
-    const LineInView line = SeeLine(view, pose.origin, pose.direction);
+    const Line line = SeeLine(view, pose.origin, pose.direction);
     Vec3 n0, n1;
     if (columns.any_intrinsic) {
       SumAnswer<true>(input, view, columns, entry, line, estimate.positions, step, &n0, &n1);

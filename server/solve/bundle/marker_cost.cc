@@ -2,99 +2,90 @@
 #include "server/solve/bundle/marker_cost.h"
 
 #include <Eigen/Geometry>
+#include <cmath>
 
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/intrinsics_vector.h"
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
 
-template <int kColumns>
-using RowMajor2 =
-    Eigen::Matrix<double, 2, kColumns, kColumns == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
-
-// A Jacobian of two rows as Ceres stores it.
-template <int kColumns>
-Eigen::Map<RowMajor2<kColumns>> Rows(double* jacobian) {
-  return Eigen::Map<RowMajor2<kColumns>>(jacobian);
+bool IsFinite(const double* residuals) {
+  return std::isfinite(residuals[0]) && std::isfinite(residuals[1]);
 }
 
-enum Block { kRotation, kTranslation, kIntrinsics, kOffset, kRate, kPosition, kTarget };
+void StoreVec3(const Vec3<double>& v, double* to) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
 
-// d (R(q) v) / d (x y z w), for R(q) v = v + 2 w (a x v) + 2 a x (a x v), a = (x y z).
-Eigen::Matrix<double, 3, 4> RotatedByQuaternion(const Eigen::Vector3d& a, double w,
-                                                const Eigen::Vector3d& v) {
-  Eigen::Matrix3d cross;  // v x
-  cross << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  Eigen::Matrix<double, 3, 4> jacobian;
-  jacobian.leftCols<3>() = -2 * w * cross + 2 * a.dot(v) * Eigen::Matrix3d::Identity() +
-                           2 * a * v.transpose() - 4 * v * a.transpose();
-  jacobian.col(3) = 2 * a.cross(v);
-  return jacobian;
+// The derivative by x y z w of unit q, given that by a rotation vector applied from the left: along
+// the sphere, on which alone q moves, half a rotation vector v is the step (v, 0) * q.
+void StoreQuaternionDerivative(const Vec3<double>& d_rotation, const double* q, double* to) {
+  const Vec3<double> axis = {q[0], q[1], q[2]};
+  const Vec3<double> d_axis = 2.0 * (q[3] * d_rotation + Cross(d_rotation, axis));
+  StoreVec3(d_axis, to);
+  to[3] = -2 * Dot(axis, d_rotation);
 }
 
 }  // namespace
 
 MarkerCost::MarkerCost(DistortionModel model, const BundleMarker& marker, double clock_time_s)
-    : model_(model),
-      centre_px_(marker.centre_px),
-      velocity_px_s_(marker.velocity_px_s),
-      sqrt_information_(marker.sqrt_information),
-      clock_time_s_(clock_time_s) {
+    : functor_{model, ToMeasured(marker), clock_time_s} {
   set_num_residuals(2);
   *mutable_parameter_block_sizes() = {4, 3, IntrinsicsSize(model), 1, 1, 1, 6};
 }
 
 bool MarkerCost::Evaluate(double const* const* parameters, double* residuals,
                           double** jacobians) const {
-  const Eigen::Map<const Eigen::Quaterniond> rotation(parameters[kRotation]);
-  const Eigen::Map<const Eigen::Vector3d> translation(parameters[kTranslation]);
-  const Eigen::Map<const Eigen::Vector3d> origin(parameters[kTarget]);
-  const Eigen::Map<const Eigen::Vector3d> direction(parameters[kTarget] + 3);
-  const double position = parameters[kPosition][0];
-  const double offset_s = parameters[kOffset][0] + parameters[kRate][0] * clock_time_s_;
-  const Eigen::Vector3d x_in_rig = origin + position * direction;
-  const Eigen::Matrix3d rotation_matrix = rotation.toRotationMatrix();
-  const Eigen::Vector3d x_in_cam = rotation_matrix * x_in_rig + translation;
-  const bool with_jacobians = jacobians != nullptr;
-  Eigen::Vector2d pixel;
-  Eigen::Matrix<double, 2, 3> d_point;
-  IntrinsicsJacobian d_intrinsics;
-  if (!ProjectWithJacobian(
-          model_, parameters[kIntrinsics], x_in_cam, &pixel, with_jacobians ? &d_point : nullptr,
-          with_jacobians && jacobians[kIntrinsics] != nullptr ? &d_intrinsics : nullptr)) {
+  const MarkerFunctor::Seen<double> seen = functor_.SeenFrom(parameters);
+  ProjectedPoint<double> projected;
+  if (jacobians == nullptr) {
+    return functor_.Evaluate<false, false>(seen, &projected, residuals) && IsFinite(residuals);
+  }
+  if (!functor_.Evaluate<true, true>(seen, &projected, residuals) || !IsFinite(residuals)) {
     return false;
   }
-  Eigen::Map<Eigen::Vector2d> residual(residuals);
-  residual = sqrt_information_ * (pixel - centre_px_ + offset_s * velocity_px_s_);
-  if (!with_jacobians) return true;
-
-  const Eigen::Matrix<double, 2, 3> d_cam = sqrt_information_ * d_point;
-  const Eigen::Matrix<double, 2, 3> d_rig = d_cam * rotation_matrix;
-  const Eigen::Vector2d d_offset = sqrt_information_ * velocity_px_s_;
-  if (jacobians[kRotation] != nullptr) {
-    const Eigen::Vector3d axis(rotation.x(), rotation.y(), rotation.z());
-    Rows<4>(jacobians[kRotation]) = d_cam * RotatedByQuaternion(axis, rotation.w(), x_in_rig);
+  // Rows of a block's Jacobian are as long as the block.
+  const auto block = [jacobians](MarkerBlock which) {
+    return jacobians[static_cast<size_t>(which)];
+  };
+  Vec3<double> rows[2];
+  PointDerivative(functor_.measured, projected, &rows[0], &rows[1]);
+  const auto view_derivative = [&](int unknown, double* jacobian, int column, int columns) {
+    ViewDerivative<true>(unknown, functor_.measured, projected, functor_.clock_time_s,
+                         jacobian + column, jacobian + columns + column);
+  };
+  for (int i = 0; i < 2; ++i) {
+    const Vec3<double>& row = rows[i];
+    const Vec3<double> in_rig = TransposedTimes(seen.view.rotation, row);
+    if (double* const jacobian = block(MarkerBlock::kRotation)) {
+      const double* const q = parameters[static_cast<size_t>(MarkerBlock::kRotation)];
+      const Vec3<double> rotated = {seen.x_in_cam.x - seen.view.translation[0],
+                                    seen.x_in_cam.y - seen.view.translation[1],
+                                    seen.x_in_cam.z - seen.view.translation[2]};
+      StoreQuaternionDerivative(Cross(rotated, row), q, jacobian + 4 * i);
+    }
+    if (double* const jacobian = block(MarkerBlock::kTranslation)) {
+      StoreVec3(row, jacobian + 3 * i);
+    }
+    if (double* const jacobian = block(MarkerBlock::kPosition)) {
+      jacobian[i] = Dot(row, seen.line.slope);
+    }
+    if (double* const jacobian = block(MarkerBlock::kTarget)) {
+      const double position = *parameters[static_cast<size_t>(MarkerBlock::kPosition)];
+      StoreVec3(in_rig, jacobian + 6 * i);
+      StoreVec3(position * in_rig, jacobian + 6 * i + 3);
+    }
   }
-  if (jacobians[kTranslation] != nullptr) {
-    Rows<3>(jacobians[kTranslation]) = d_cam;
+  if (double* const jacobian = block(MarkerBlock::kOffset)) {
+    view_derivative(ViewUnknowns::kOffset, jacobian, 0, 1);
   }
-  if (jacobians[kIntrinsics] != nullptr) {
-    Eigen::Map<Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>>(
-        jacobians[kIntrinsics], 2, d_intrinsics.cols()) = sqrt_information_ * d_intrinsics;
+  if (double* const jacobian = block(MarkerBlock::kRate)) {
+    view_derivative(ViewUnknowns::kRate, jacobian, 0, 1);
   }
-  if (jacobians[kOffset] != nullptr) {
-    Rows<1>(jacobians[kOffset]) = d_offset;
-  }
-  if (jacobians[kRate] != nullptr) {
-    Rows<1>(jacobians[kRate]) = clock_time_s_ * d_offset;
-  }
-  if (jacobians[kPosition] != nullptr) {
-    Rows<1>(jacobians[kPosition]) = d_rig * direction;
-  }
-  if (jacobians[kTarget] != nullptr) {
-    Eigen::Map<RowMajor2<6>> d_target(jacobians[kTarget]);
-    d_target.leftCols<3>() = d_rig;
-    d_target.rightCols<3>() = position * d_rig;
+  if (double* const jacobian = block(MarkerBlock::kIntrinsics)) {
+    const int count = IntrinsicsSize(functor_.model);
+    for (int k = 0; k < count; ++k) {
+      view_derivative(ViewUnknowns::kFirstIntrinsic + k, jacobian, k, count);
+    }
   }
   return true;
 }
@@ -150,17 +141,16 @@ bool DistancePriorCost::Evaluate(double const* const* parameters, double* residu
     const Eigen::Map<const Eigen::Vector3d> translation(parameters[2 * i + 1]);
     // Along which the centre makes the distance longer.
     const Eigen::Vector3d outward = (i == 0 ? -1 : 1) / (distance_m * sigma_m_) * difference;
+    const Eigen::Vector3d outward_in_cam = rotation * outward;
     if (jacobians[2 * i] != nullptr) {
-      // The centre is -R(conj q) t.
-      Eigen::Matrix<double, 3, 4> d_centre =
-          RotatedByQuaternion(-rotation.vec(), rotation.w(), translation);
-      d_centre.col(3) *= -1;
-      Eigen::Map<Eigen::RowVector4d> d_rotation(jacobians[2 * i]);
-      d_rotation = outward.transpose() * d_centre;
+      // The centre is -R^T t.
+      const Eigen::Vector3d d_rotation = translation.cross(outward_in_cam);
+      StoreQuaternionDerivative({d_rotation.x(), d_rotation.y(), d_rotation.z()}, parameters[2 * i],
+                                jacobians[2 * i]);
     }
     if (jacobians[2 * i + 1] != nullptr) {
       Eigen::Map<Eigen::RowVector3d> d_translation(jacobians[2 * i + 1]);
-      d_translation = -(rotation.toRotationMatrix() * outward).transpose();
+      d_translation = -outward_in_cam.transpose();
     }
   }
   return true;

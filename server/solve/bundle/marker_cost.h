@@ -3,12 +3,19 @@
 
 #include <ceres/cost_function.h>
 
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
 #include "server/solve/bundle/bundle_problem.h"
+#include "server/solve/bundle/marker_residual.h"
 
 namespace rigcal::server {
 
-// The residual of one marker, r = L (p - (u - dt u')) of bundle_problem.h, with analytic
-// derivatives. Two residuals; parameter blocks, in this order:
+// The residual of one marker (marker_residual.h) for Ceres. Two residuals; parameter blocks, in
+// this order:
 //   rotation (4)     of cam_from_rig, Eigen's storage x y z w
 //   translation (3)  of cam_from_rig, metres
 //   intrinsics (n)   fx fy cx cy and the coefficients of `model`
@@ -18,6 +25,76 @@ namespace rigcal::server {
 //   target (6)       origin in the rig (3, metres), direction (3, unit)
 // Evaluation fails, and with it the step that led there, for a marker the camera cannot see; a
 // silent zero would draw the target behind the camera.
+enum class MarkerBlock : uint8_t {
+  kRotation,
+  kTranslation,
+  kIntrinsics,
+  kOffset,
+  kRate,
+  kPosition,
+  kTarget
+};
+inline constexpr size_t kMarkerBlockCount = 7;
+
+// With T = double the residual, with Ceres's Jets automatic differentiation.
+struct MarkerFunctor {
+  DistortionModel model;
+  MeasuredMarker<double> measured;
+  double clock_time_s;
+
+  template <typename T>
+  bool operator()(const T* rotation, const T* translation, const T* intrinsics, const T* offset,
+                  const T* rate, const T* position, const T* target, T* residuals) const {
+    const T* const blocks[kMarkerBlockCount] = {rotation, translation, intrinsics, offset,
+                                                rate,     position,    target};
+    ProjectedPoint<T> projected;
+    return Evaluate<false, false>(SeenFrom(blocks), &projected, residuals);
+  }
+
+  // The view, the line in it, and the marker's point.
+  template <typename T>
+  struct Seen {
+    ViewEstimate<T> view;
+    LineInView<T> line;
+    Vec3<T> x_in_cam;
+  };
+  template <typename T>
+  Seen<T> SeenFrom(T const* const* blocks) const {
+    const auto block = [blocks](MarkerBlock which) { return blocks[static_cast<size_t>(which)]; };
+    Seen<T> seen;
+    seen.view.model = model;
+    Eigen::Map<Eigen::Matrix<T, 3, 3, Eigen::RowMajor>>(seen.view.rotation) =
+        Eigen::Map<const Eigen::Quaternion<T>>(block(MarkerBlock::kRotation)).toRotationMatrix();
+    std::copy_n(block(MarkerBlock::kTranslation), 3, seen.view.translation);
+    std::copy_n(block(MarkerBlock::kIntrinsics), 4 + CoefficientCount(model), seen.view.intrinsics);
+    seen.view.offset_s = *block(MarkerBlock::kOffset);
+    seen.view.rate = *block(MarkerBlock::kRate);
+    const T* const target = block(MarkerBlock::kTarget);
+    seen.line = SeeLine(seen.view, Vec3<T>{target[0], target[1], target[2]},
+                        Vec3<T>{target[3], target[4], target[5]});
+    seen.x_in_cam = seen.line.start + *block(MarkerBlock::kPosition) * seen.line.slope;
+    return seen;
+  }
+
+  template <bool kPointDerivatives, bool kIntrinsicsDerivatives, typename T>
+  bool Evaluate(const Seen<T>& seen, ProjectedPoint<T>* projected, T* residuals) const {
+    if (!(seen.x_in_cam.z > T(0.0))) return false;
+    const T point[3] = {seen.x_in_cam.x, seen.x_in_cam.y, seen.x_in_cam.z};
+    ProjectPoint<kPointDerivatives, kIntrinsicsDerivatives>(model, seen.view.intrinsics, point,
+                                                            projected);
+    if (!(projected->visible > T(0.0))) return false;
+    const MeasuredMarker<T> m = {T(measured.a),
+                                 T(measured.b),
+                                 T(measured.c),
+                                 {T(measured.centre[0]), T(measured.centre[1])},
+                                 {T(measured.velocity[0]), T(measured.velocity[1])}};
+    WhitenedResidual(m, *projected, TimeShift(seen.view, T(clock_time_s)), &residuals[0],
+                     &residuals[1]);
+    return true;
+  }
+};
+
+// The same with analytic derivatives.
 class MarkerCost final : public ceres::CostFunction {
  public:
   MarkerCost(DistortionModel model, const BundleMarker& marker, double clock_time_s);
@@ -26,11 +103,7 @@ class MarkerCost final : public ceres::CostFunction {
                 double** jacobians) const override;
 
  private:
-  DistortionModel model_;
-  Eigen::Vector2d centre_px_;
-  Eigen::Vector2d velocity_px_s_;
-  Eigen::Matrix2d sqrt_information_;
-  double clock_time_s_;
+  MarkerFunctor functor_;
 };
 
 // (value - mean) / sigma of one scalar block.

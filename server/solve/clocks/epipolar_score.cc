@@ -8,6 +8,8 @@
 #include <limits>
 #include <vector>
 
+#include "common/statistics/robust_statistics.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -32,12 +34,6 @@ std::vector<Match> Matches(const TrackPaths& a, const TrackPaths& b, double offs
     }
   }
   return matches;
-}
-
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Moves and scales one camera's coordinates to order one, in which the eight-point algorithm is
@@ -85,7 +81,7 @@ double EpipolarScorePx(const TrackPaths& a, const TrackPaths& b, double offset_s
                                      line_b.head<2>().squaredNorm() * scale_b * scale_b);
       distances[i] = std::abs(y.dot(line_b)) / std::max(slope, 1e-12);
     }
-    median = MedianOf(distances);
+    median = UpperMedian(distances);
     for (size_t i = 0; i < matches.size(); ++i) {
       const double share = distances[i] / std::max(1.5 * median, 1e-12);
       weights[i] = 1 / (1 + share * share);

@@ -8,7 +8,7 @@ namespace rigcal::server {
 // Fewer matches say nothing: the matrix has eight degrees of freedom.
 inline constexpr int kMinEpipolarMatches = 40;
 
-// How many markers of track a have been seen by track b at the same moment if its clock is off by
+// How many markers of track a have been seen by track b at the same time if its clock is off by
 // `offset_s` (as in SearchTimeOffsets), of at most `max_samples` of each marker that are asked.
 int CountMatches(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples);
 

@@ -31,10 +31,10 @@ TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_
       seen_ns.push_back(times_ns[i] + marker.time_delta_ns);
       centres_px.push_back(marker.centre_px);
     }
-    const std::vector<bool> wild = FindOutlierCentres(seen_ns, centres_px, paths.gap_s);
+    const std::vector<bool> is_outlier = FindOutlierCentres(seen_ns, centres_px, paths.gap_s);
     RayPath path;
     for (size_t i = 0; i < seen_ns.size(); ++i) {
-      if (wild[i]) continue;
+      if (is_outlier[i]) continue;
       const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics, centres_px[i]);
       if (!ray.ok()) continue;
       path.time_s.push_back(1e-9 * static_cast<double>(seen_ns[i] - origin_ns));

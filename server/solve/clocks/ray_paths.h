@@ -23,8 +23,8 @@ struct TrackPaths {
   double period_s = 0;
 };
 
-// The rows of a track at rig times `times_ns` (one each), in seconds from `origin_ns`, without wild
-// centres and those that have no ray.
+// The rows of a track at rig times `times_ns` (one each), in seconds from `origin_ns`, without
+// outlying centres and those that have no ray.
 TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_ns,
                    int64_t origin_ns, int marker_count);
 

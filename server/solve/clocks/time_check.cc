@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "common/camera/camera_model.h"
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/intrinsics_vector.h"
+#include "common/statistics/robust_statistics.h"
 #include "server/solve/clocks/ray_paths.h"
 #include "server/solve/geometry/triangulation.h"
 
@@ -30,9 +31,9 @@ struct TimedPoint {
 };
 
 // Views of one marker by the cameras of other clocks.
-std::vector<PointView> ViewsOf(const BundleProblem& problem, const BundleInstant& instant,
+std::vector<CameraRay> ViewsOf(const BundleProblem& problem, const BundleInstant& instant,
                                int marker, int clock, double* focal_px) {
-  std::vector<PointView> views;
+  std::vector<CameraRay> views;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     if (observation.clock == clock) continue;
     const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
@@ -62,11 +63,11 @@ std::vector<TimedPoint> PointsWithout(const RigObservations& rig, const RigSolut
     const size_t i = usable[k * usable.size() / samples];
     for (int m = 0; m < rig.target.marker_count(); ++m) {
       double focal_px = 1;
-      const std::vector<PointView> views =
+      const std::vector<CameraRay> views =
           ViewsOf(problem, problem.instants[i], m, clock, &focal_px);
       Eigen::Vector3d point;
       if (!Triangulate(views, &point)) continue;
-      const bool agree = std::all_of(views.begin(), views.end(), [&](const PointView& view) {
+      const bool agree = std::all_of(views.begin(), views.end(), [&](const CameraRay& view) {
         return ((view.cam_from_rig * point).hnormalized() - view.ray).norm() * focal_px < kAgreePx;
       });
       const auto away_ns = static_cast<double>(solution.built.instant_time_ns[i] - origin_ns);
@@ -76,14 +77,9 @@ std::vector<TimedPoint> PointsWithout(const RigObservations& rig, const RigSolut
   return points;
 }
 
-struct Sight {
-  Eigen::Vector3d x_in_rig;
-  Eigen::Vector2d ray;
-};
-
-std::vector<Sight> SightsAt(const std::vector<TimedPoint>& points, const TrackPaths& paths,
-                            double offset_s) {
-  std::vector<Sight> sights;
+std::vector<PointAndRay> SightsAt(const std::vector<TimedPoint>& points, const TrackPaths& paths,
+                                  double offset_s) {
+  std::vector<PointAndRay> sights;
   for (const TimedPoint& point : points) {
     const auto ray =
         At(paths.markers[static_cast<size_t>(point.marker)], point.time_s - offset_s, paths.gap_s);
@@ -93,11 +89,13 @@ std::vector<Sight> SightsAt(const std::vector<TimedPoint>& points, const TrackPa
 }
 
 // Median error of the projection that fits best, in rays.
-double ResectionError(std::vector<Sight> sights) {
+double ResectionError(std::vector<PointAndRay> sights) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Sight& sight : sights) middle += sight.x_in_rig / static_cast<double>(sights.size());
+  for (const PointAndRay& sight : sights)
+    middle += sight.x_in_rig / static_cast<double>(sights.size());
   double spread = 1e-9;
-  for (const Sight& sight : sights) spread = std::max(spread, (sight.x_in_rig - middle).norm());
+  for (const PointAndRay& sight : sights)
+    spread = std::max(spread, (sight.x_in_rig - middle).norm());
   std::vector<double> weights(sights.size(), 1), errors(sights.size(), 0);
   double median = kNoScore;
   for (int round = 0; round < kCheckReweightings; ++round) {
@@ -119,10 +117,7 @@ double ResectionError(std::vector<Sight> sights) {
       const double depth = p.tail<4>().dot(x);
       errors[i] = std::abs(depth) > 1e-12 ? (image / depth - sights[i].ray).norm() : 1e6;
     }
-    std::vector<double> sorted = errors;
-    const auto half = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), half, sorted.end());
-    median = *half;
+    median = UpperMedian(errors);
     for (size_t i = 0; i < sights.size(); ++i) {
       const double share = errors[i] / std::max(2 * median, 1e-12);
       weights[i] = 1 / (1 + share * share);
@@ -142,7 +137,7 @@ class TrackScores {
                                      static_cast<double>(SightsAt(points, paths, 0).size())));
   }
   double At(double offset_s) const {
-    std::vector<Sight> sights = SightsAt(points_, paths_, offset_s);
+    std::vector<PointAndRay> sights = SightsAt(points_, paths_, offset_s);
     if (sights.size() < min_sights_) return kNoScore;
     return paths_.focal_px * ResectionError(std::move(sights));
   }
@@ -198,7 +193,7 @@ std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig, const Ri
   std::optional<OffsetDoubt> doubt;
   if (solution.built.instant_time_ns.empty()) return doubt;
   const int64_t origin_ns = solution.built.instant_time_ns.front();
-  const auto times = RigTimes(rig.tracks, rig.index, StartFrom(solution).clocks);
+  const auto times = RigTimes(rig.tracks, rig.index, InitializationFrom(solution).clocks);
   for (int k = 0; k < static_cast<int>(solution.clocks.size()); ++k) {
     const int track = TrackOf(rig, solution, k);
     if (track < 0) continue;

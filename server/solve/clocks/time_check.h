@@ -27,7 +27,7 @@ struct OffsetDoubt {
   double here_px = 0, there_px = 0;
 };
 
-// Looks whether a solved rig has matched a clock with the wrong moment: the coarse search knows
+// Checks whether a solved rig has matched a clock at a wrong offset: the coarse search knows
 // pairs of cameras only, and a wave that repeats itself can match a period off. For each clock the
 // markers are triangulated from the cameras of the other clocks (two at least, which must agree),
 // and one of its own cameras is fitted to them by resection (direct linear transform, Hartley and

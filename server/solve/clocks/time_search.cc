@@ -25,7 +25,7 @@ constexpr double kTellingPx = 0.1;
 // Clocks that agree to this share of a period are left as they are: half the width of an instant.
 constexpr double kLeftAlonePeriods = 0.125;
 
-// How well a pair's offsets explain it. Scores are kept: searches overlap.
+// Scores of a pair by offset, kept because searches overlap.
 class PairScores {
  public:
   PairScores(const TrackPaths& a, const TrackPaths& b, const TimeSearchOptions& options)
@@ -72,7 +72,7 @@ std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b,
                                       const TimeSearchOptions& options) {
   PairScores scores(a, b, options);
   // A wand at rest looks the same at any offset.
-  const auto tells = [&scores](double offset_s) {
+  const auto is_distinct = [&scores](double offset_s) {
     return scores.At(offset_s) + kTellingPx <
            std::max(scores.At(offset_s - kTellingS), scores.At(offset_s + kTellingS));
   };
@@ -99,7 +99,7 @@ std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b,
         best < options.convincing_px && best < options.convincing_share * all[all.size() / 2].first;
     if (!convinces) return std::nullopt;
   }
-  if (best_s != 0 && !tells(best_s)) return std::nullopt;
+  if (best_s != 0 && !is_distinct(best_s)) return std::nullopt;
   const bool leave = std::abs(best_s) <= kLeftAlonePeriods * std::min(a.period_s, b.period_s);
   return FoundOffset{best, leave ? 0 : best_s};
 }
@@ -136,7 +136,7 @@ class ClockGroups {
     std::iota(group_.begin(), group_.end(), 0);
   }
   bool Joined(int a, int b) const { return group_[Index(a)] == group_[Index(b)]; }
-  // Rows of clock b show moments `offset_s` later than those of a, on top of what is known.
+  // Rows of clock b are `offset_s` later than those of a, on top of what is known.
   void Join(int a, int b, double offset_s) {
     const int from = group_[Index(b)], to = group_[Index(a)];
     const double shift_s = offset_s_[Index(a)] + offset_s - offset_s_[Index(b)];

@@ -24,7 +24,7 @@ struct TimeSearchOptions {
   const std::atomic<bool>* cancelled = nullptr;
 };
 
-// How badly two cameras contradict each other when the second one's rows show moments `offset_s`
+// How badly two cameras contradict each other when the second one's rows are `offset_s`
 // later than their rig times say: the median epipolar distance, in pixels, of the fundamental
 // matrix that fits best (eight-point algorithm, reweighted against outliers) between the first
 // camera's views and the second one's interpolated at the same times. Infinite where too little is

@@ -17,7 +17,7 @@ struct Cause {
 
 struct CauseInput {
   const RigObservations& rig;
-  const EvaluatedSolution& judged;
+  const EvaluatedSolution& evaluated;
   const CalibrationResult& result;
   const TrialProblem& trial;  // solved
 };

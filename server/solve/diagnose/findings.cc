@@ -25,7 +25,7 @@ void Append(std::vector<Cause> from, std::vector<Cause>* to) {
 
 // Takes out one cause after the other, the one that explains most first, until nothing is left that
 // explains anything. `trial` is then solved without them.
-std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolution& judged,
+std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
                                  const CalibrationResult& result, TrialProblem* trial) {
   std::vector<Cause> causes;
   std::vector<RepairFunction> left(std::begin(kRepairs), std::end(kRepairs));
@@ -34,7 +34,7 @@ std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolu
     size_t best_function = 0;
     double best_gain_px = 0;
     for (size_t f = 0; f < left.size(); ++f) {
-      Repair repair = left[f]({rig, judged, result, *trial});
+      Repair repair = left[f]({rig, evaluated, result, *trial});
       if (repair.causes.empty()) continue;
       const double gain_px =
           Overall(CompareErrors(trial->problem, repair.repaired.problem)).gain_px();
@@ -56,19 +56,19 @@ std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolu
 
 }  // namespace
 
-std::vector<Finding> FindCauses(const RigObservations& rig, const EvaluatedSolution& judged,
+std::vector<Finding> FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
                                 const CalibrationResult& result) {
   std::vector<Cause> causes;
-  TrialProblem trial = MakeTrialProblem(judged.solution, judged.options);
+  TrialProblem trial = MakeTrialProblem(evaluated.solution, evaluated.options);
   if (SolveTrial(trial, &trial.problem).ok()) {
-    causes = TakeOutCauses(rig, judged, result, &trial);
-    for (const CauseFunction find : kCauses) Append(find({rig, judged, result, trial}), &causes);
+    causes = TakeOutCauses(rig, evaluated, result, &trial);
+    for (const CauseFunction find : kCauses) Append(find({rig, evaluated, result, trial}), &causes);
   }
   std::stable_sort(causes.begin(), causes.end(),
                    [](const Cause& a, const Cause& b) { return a.cost_px > b.cost_px; });
   std::vector<Finding> findings;
   for (Cause& cause : causes) findings.push_back(std::move(cause.finding));
-  findings.insert(findings.end(), judged.findings.begin(), judged.findings.end());
+  findings.insert(findings.end(), evaluated.findings.begin(), evaluated.findings.end());
   return findings;
 }
 

@@ -14,8 +14,8 @@ namespace rigcal::server {
 //
 // An explanation counts when its parameter is significant and it also takes away a part of the
 // error that matters; a recording of many thousand markers makes everything significant. Worst
-// first; what `judged` found comes last. Cancelled or failed trials give no finding.
-std::vector<Finding> FindCauses(const RigObservations& rig, const EvaluatedSolution& judged,
+// first; what `evaluated` found comes last. Cancelled or failed trials give no finding.
+std::vector<Finding> FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
                                 const CalibrationResult& result);
 
 }  // namespace rigcal::server

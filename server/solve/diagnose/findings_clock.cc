@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "common/statistics/robust_statistics.h"
 #include "server/solve/diagnose/finding_causes.h"
 
 namespace rigcal::server {
@@ -17,12 +18,6 @@ constexpr double kMinOffsetS = 1e-3;
 constexpr double kClockSigmas = 5;
 // Farther than this a view cannot be moved along its image velocity.
 constexpr double kMaxExtrapolationS = 0.05;
-
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const size_t middle = values.size() / 2;
-  return values.size() % 2 == 1 ? values[middle] : 0.5 * (values[middle - 1] + values[middle]);
-}
 
 struct ClockOffset {
   double offset_s = 0;  // on top of the coarse alignment, against the session's median
@@ -38,7 +33,7 @@ std::map<std::string, std::vector<size_t>> ClocksBySession(const RigSolution& so
 }
 
 std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& problem) {
-  const RigSolution& solution = input.judged.solution;
+  const RigSolution& solution = input.evaluated.solution;
   std::vector<ClockOffset> offsets(solution.clocks.size());
   std::vector<double> estimate_sigma_s(offsets.size(), 0);
   if (const auto sigmas = ComputeSigmas(input.trial, problem); sigmas.ok()) {
@@ -123,7 +118,7 @@ std::string Advice(const std::vector<std::string>& cameras, const ClockOffset& o
 std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& problem, bool corrected) {
   const std::vector<ClockOffset> offsets = Offsets(input, problem);
   std::vector<Cause> causes;
-  for (const auto& [session, clocks] : ClocksBySession(input.judged.solution)) {
+  for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution)) {
     for (const size_t k : clocks) {
       ClockOffset offset = offsets[k];
       const bool two_clocks = clocks.size() == 2;
@@ -147,16 +142,16 @@ std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& proble
 }  // namespace
 
 std::vector<Cause> FindClockOffsets(const CauseInput& input) {
-  if (!input.judged.options.estimate_time_offsets) return {};
+  if (!input.evaluated.options.estimate_time_offsets) return {};
   return CausesOf(input, input.trial.problem, true);
 }
 
 Repair RepairClocks(const CauseInput& input) {
   Repair repair;
-  if (input.judged.options.estimate_time_offsets) return repair;
+  if (input.evaluated.options.estimate_time_offsets) return repair;
   repair.repaired = input.trial;
   BundleProblem& problem = repair.repaired.problem;
-  for (const auto& [session, clocks] : ClocksBySession(input.judged.solution)) {
+  for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution)) {
     for (const size_t k : clocks) {
       problem.clocks[k].offset_fixed = k == clocks.front();
       problem.clocks[k].offset_sigma_s = 0;

@@ -64,7 +64,7 @@ std::vector<std::vector<int>> SharedInstants(const BundleProblem& problem) {
 
 std::vector<Cause> FindUnseenEdges(const CauseInput& input) {
   // Of all markers, not the trial's share of them.
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   std::vector<Cells> cells(problem.cameras.size(), Cells{});
   ForEachMarker(problem, [&](size_t, const BundleObservation& observation, size_t m) {
     if (!problem.markers[m].used) return;
@@ -97,7 +97,7 @@ std::vector<Cause> FindUnseenEdges(const CauseInput& input) {
 }
 
 std::vector<Cause> FindWeakLinks(const CauseInput& input) {
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   const std::vector<std::vector<int>> shared = SharedInstants(problem);
   const size_t count = problem.cameras.size();
   // Prim: the strongest way to join one camera after the other; a weak edge of this tree has no

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/statistics/robust_statistics.h"
 #include "server/solve/diagnose/finding_causes.h"
 #include "server/solve/initialize/shared_views.h"
 
@@ -18,13 +19,7 @@ constexpr double kNarrowDegrees = 2;
 constexpr double kLooseSigmaShare = 0.005;  // of the distance to the wand
 constexpr size_t kMinInstants = 8;
 
-double UpperMedian(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// How a camera sees the wand over the instants it shares with others.
+// A camera's geometry to the wand over the instants it shares with others.
 struct Sighting {
   std::vector<double> degrees;     // by instant, the widest angle at the wand to another camera
   std::vector<double> distance_m;  // likewise, to the wand
@@ -68,7 +63,7 @@ size_t Partner(const Sighting& sighting) {
 }  // namespace
 
 std::vector<Cause> FindNarrowBaselines(const CauseInput& input) {
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   const std::vector<Sighting> sightings = Sightings(problem);
   std::vector<bool> named(sightings.size(), false);
   std::vector<Cause> causes;
@@ -93,7 +88,7 @@ std::vector<Cause> FindNarrowBaselines(const CauseInput& input) {
 }
 
 std::vector<Cause> FindLoosePoses(const CauseInput& input) {
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   const std::vector<Sighting> sightings = Sightings(problem);
   std::vector<Cause> causes;
   for (const CalibratedCamera& camera : input.result.cameras) {

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/intrinsics_vector.h"
 #include "server/solve/diagnose/finding_causes.h"
 #include "server/solve/rig/intrinsics_prior.h"
 
@@ -122,7 +122,7 @@ std::vector<size_t> Suspects(const CauseInput& input) {
 
 Repair RepairIntrinsics(const CauseInput& input) {
   Repair repair;
-  if (input.judged.options.refine_intrinsics) return repair;
+  if (input.evaluated.options.refine_intrinsics) return repair;
   const std::vector<size_t> suspects = Suspects(input);
   if (suspects.empty()) return repair;
   repair.repaired = input.trial;
@@ -151,7 +151,7 @@ Repair RepairIntrinsics(const CauseInput& input) {
 
 std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
   std::vector<Cause> causes;
-  if (!input.judged.options.refine_intrinsics) return causes;
+  if (!input.evaluated.options.refine_intrinsics) return causes;
   const BundleProblem& solved = input.trial.problem;
   for (size_t c = 0; c < solved.cameras.size(); ++c) {
     const BundleCamera& camera = solved.cameras[c];

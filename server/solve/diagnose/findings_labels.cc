@@ -4,26 +4,26 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
-#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/diagnose/finding_causes.h"
 
 namespace rigcal::server {
 namespace {
 
-constexpr int kMinReversed = 3;
+constexpr int kMinFlipped = 3;
 constexpr double kMinShare = 0.002;
 
-// Whether the observation's markers fit with the labels counted from the other end, and do not as
+// True if the observation's markers fit with flipped labels, and do not as
 // they are.
 bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
                  const BundleObservation& observation, double limit) {
   const int last = static_cast<int>(problem.target.marker_positions_m.size()) - 1;
   bool fits_as_is = true;
   for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-    BundleMarker reversed = marker;
-    reversed.marker = last - marker.marker;
+    BundleMarker flipped = marker;
+    flipped.marker = last - marker.marker;
     Eigen::Vector2d residual;
-    if (!MarkerResidualPx(problem, instant, observation, reversed, &residual) ||
+    if (!MarkerResidualPx(problem, instant, observation, flipped, &residual) ||
         (marker.sqrt_information * residual).norm() > limit) {
       return false;
     }
@@ -35,35 +35,35 @@ bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
 }  // namespace
 
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
-  const BundleProblem& problem = input.judged.solution.built.problem;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
   const std::vector<double> scales = CameraScales(problem, input.trial.outliers);
   struct Count {
-    int observations = 0, reversed = 0;
+    int observations = 0, flipped = 0;
   };
   std::vector<Count> counts(problem.cameras.size());
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      const bool turned = IsTurned(input.judged.solution, observation);
-      if (observation.marker_count < 2 && !turned) continue;
+      const bool flipped = IsFlipped(input.evaluated.solution, observation);
+      if (observation.marker_count < 2 && !flipped) continue;
       const auto c = static_cast<size_t>(observation.camera);
       const double limit = input.trial.outliers.sigmas * scales[c];
       ++counts[c].observations;
-      const bool fits_reversed = turned || FitsFlipped(problem, instant, observation, limit);
-      counts[c].reversed += fits_reversed ? 1 : 0;
+      const bool fits_flipped = flipped || FitsFlipped(problem, instant, observation, limit);
+      counts[c].flipped += fits_flipped ? 1 : 0;
     }
   }
   std::vector<Cause> causes;
   for (size_t c = 0; c < counts.size(); ++c) {
     const double share =
-        static_cast<double>(counts[c].reversed) / std::max(1, counts[c].observations);
-    if (counts[c].reversed < kMinReversed || share < kMinShare) continue;
+        static_cast<double>(counts[c].flipped) / std::max(1, counts[c].observations);
+    if (counts[c].flipped < kMinFlipped || share < kMinShare) continue;
     causes.push_back(
         {{"swapped_markers", problem.cameras[c].name, 100 * share, "%",
           absl::StrFormat(
               "%d of its %d wand views fit with the markers counted from the other end. "
               "Check its detector and the spacing it was given",
-              counts[c].reversed, counts[c].observations)},
+              counts[c].flipped, counts[c].observations)},
          0});
   }
   return causes;

@@ -140,9 +140,9 @@ Repair RepairMovedCamera(const CauseInput& input) {
   }
   const double time_s =
       1e-9 * static_cast<double>(candidate->change.rig_time_ns -
-                                 input.judged.solution.built.instant_time_ns.front());
+                                 input.evaluated.solution.built.instant_time_ns.front());
   const bool metric =
-      !input.trial.problem.distance || input.judged.options.known_distance.has_value();
+      !input.trial.problem.distance || input.evaluated.options.known_distance.has_value();
   const std::string distance =
       metric ? absl::StrFormat("%.1f mm and ", 1e3 * move.centre_m) : std::string();
   const double angle_deg = kDegreesPerRadian * move.rotation_rad;

@@ -49,7 +49,7 @@ BundleProblem WithRowClocks(const CauseInput& input, bool keep_drift,
       const double rate_to_take_out =
           keep_drift
               ? clock.time_rate
-              : -input.judged.solution.clocks[static_cast<size_t>(observation.clock)].time_rate;
+              : -input.evaluated.solution.clocks[static_cast<size_t>(observation.clock)].time_rate;
       const double drift_s = rate_to_take_out * observation.clock_time_s;
       const double middle_row = 0.5 * ImageHeightPx(input, static_cast<size_t>(observation.camera));
       observation.clock = entry->second;
@@ -109,7 +109,7 @@ Repair RepairRollingShutters(const CauseInput& input) {
   std::vector<int> camera_of_clock;
   BundleProblem by_row = WithRowClocks(input, true, &camera_of_clock);
   if (!SolveTrialFromAfar(input.trial, &by_row).ok()) return repair;
-  if (input.judged.options.estimate_time_rates) {
+  if (input.evaluated.options.estimate_time_rates) {
     std::vector<int> same;
     BundleProblem undone = WithRowClocks(input, false, &same);
     if (SolveTrialFromAfar(input.trial, &undone).ok() &&

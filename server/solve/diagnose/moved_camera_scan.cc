@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/solve/bundle/bundle_adjuster.h"
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/camera_model.h"
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
@@ -38,16 +38,15 @@ std::vector<Sample> SamplesOf(const TrialProblem& trial, int camera) {
     const Eigen::Vector3d x_in_rig =
         instant.origin_m +
         problem.target.marker_positions_m[static_cast<size_t>(marker.marker)] * instant.direction;
-    const Eigen::Vector3d turned = solved.cam_from_rig.rotation * x_in_rig;
+    const Eigen::Vector3d rotated = solved.cam_from_rig.rotation * x_in_rig;
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3> d_point;
-    if (!ProjectWithJacobian(solved.model, solved.intrinsics.data(),
-                             turned + solved.cam_from_rig.translation_m, &pixel, &d_point,
-                             nullptr)) {
+    if (!Project(solved.model, solved.intrinsics.data(),
+                 rotated + solved.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
       return;
     }
     Eigen::Matrix3d cross;
-    cross << 0, -turned.z(), turned.y(), turned.z(), 0, -turned.x(), -turned.y(), turned.x(), 0;
+    cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(), 0;
     sample.jacobian.leftCols<3>() = -d_point * cross;
     sample.jacobian.rightCols<3>() = d_point;
     samples.push_back(sample);

@@ -6,8 +6,9 @@
 #include <cmath>
 #include <limits>
 
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
@@ -15,7 +16,6 @@ namespace {
 constexpr int kMaxRounds = 4;
 constexpr double kWideLoss = 20;
 constexpr double kUnseenPx = 100;
-constexpr double kMedianOfRayleigh = 1.17741;
 
 std::vector<double> ErrorsPx(const BundleProblem& problem) {
   std::vector<double> errors(problem.markers.size(), kUnseenPx);
@@ -41,9 +41,7 @@ double VarianceFactor(const BundleProblem& problem) {
     }
   });
   if (norms.empty()) return 1;
-  const auto middle = norms.begin() + static_cast<std::ptrdiff_t>(norms.size() / 2);
-  std::nth_element(norms.begin(), middle, norms.end());
-  const double scale = *middle / kMedianOfRayleigh;
+  const double scale = UpperMedian(&norms) / kMedianOfRayleigh;
   return std::max(1.0, scale * scale);
 }
 

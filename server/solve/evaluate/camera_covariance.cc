@@ -7,6 +7,8 @@
 #include <map>
 #include <tuple>
 
+#include "common/statistics/robust_statistics.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -69,12 +71,8 @@ std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
   WandVolume volume;
   for (size_t i = 0; i < 3; ++i) {
     std::vector<double>& values = coordinates[i];
-    std::sort(values.begin(), values.end());
-    const auto last = static_cast<double>(values.size() - 1);
-    volume.min_m[static_cast<Eigen::Index>(i)] =
-        values[static_cast<size_t>(std::floor(kLowShare * last))];
-    volume.max_m[static_cast<Eigen::Index>(i)] =
-        values[static_cast<size_t>(std::ceil(kHighShare * last))];
+    volume.min_m[static_cast<Eigen::Index>(i)] = LowerQuantile(&values, kLowShare);
+    volume.max_m[static_cast<Eigen::Index>(i)] = UpperQuantile(&values, kHighShare);
   }
   return volume;
 }

@@ -15,7 +15,7 @@ namespace rigcal::server {
 std::vector<double> PackCameraCovariance(const BundleProblem& problem, int reference_camera,
                                          const RigUncertainty& uncertainty);
 
-// Where the ends of the placed target were. None without any.
+// The volume of the ends of the placed target; none if none was placed.
 std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem);
 
 }  // namespace rigcal::server

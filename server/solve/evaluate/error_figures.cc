@@ -4,19 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "server/solve/bundle/bundle_adjuster.h"
+#include "common/statistics/robust_statistics.h"
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
-namespace {
-
-double Quantile(const std::vector<double>& sorted, double share) {
-  const double position = share * static_cast<double>(sorted.size() - 1);
-  const auto below = static_cast<size_t>(position);
-  const size_t above = std::min(below + 1, sorted.size() - 1);
-  return sorted[below] + (position - static_cast<double>(below)) * (sorted[above] - sorted[below]);
-}
-
-}  // namespace
+namespace {}  // namespace
 
 ErrorFigures Figures(std::vector<double> errors_px) {
   ErrorFigures figures;
@@ -30,8 +22,8 @@ ErrorFigures Figures(std::vector<double> errors_px) {
   const auto count = static_cast<double>(errors_px.size());
   figures.mean_px = sum / count;
   figures.rms_px = std::sqrt(squares / count);
-  figures.median_px = Quantile(errors_px, 0.5);
-  figures.p95_px = Quantile(errors_px, 0.95);
+  figures.median_px = InterpolatedQuantile(errors_px, 0.5);
+  figures.p95_px = InterpolatedQuantile(errors_px, 0.95);
   figures.marker_count = static_cast<uint32_t>(errors_px.size());
   return figures;
 }

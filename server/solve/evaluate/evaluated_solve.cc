@@ -32,15 +32,16 @@ std::function<void(std::string_view, double)> Stage(const RigSolveOptions& optio
              std::string_view, double fraction) { progress(name, fraction); };
 }
 
-// Solves on what `keep` keeps and judges on what `judge` selects.
+// Solves on what `keep` keeps and evaluates on what `evaluate_on` selects.
 absl::StatusOr<EvaluatedErrors> SolveAndMeasure(const RigObservations& rig,
-                                                const RigInitialization& start,
+                                                const RigInitialization& initial,
                                                 RigSolveOptions options,
                                                 const std::function<bool(int64_t)>& keep,
-                                                const std::function<bool(int64_t)>& judge) {
+                                                const std::function<bool(int64_t)>& evaluate_on) {
   options.keep_instant = keep;
-  RIGCAL_ASSIGN_OR_RETURN(const RigSolution solution, SolveRig(rig, start.clocks, options, &start));
-  EvaluatedErrors errors = Judge(rig, solution, options, judge);
+  RIGCAL_ASSIGN_OR_RETURN(const RigSolution solution,
+                          SolveRig(rig, initial.clocks, options, &initial));
+  EvaluatedErrors errors = EvaluateSolution(rig, solution, options, evaluate_on);
   if (errors.instant_count < kMinHeldOutInstants) {
     return absl::FailedPreconditionError("too few instants are held out");
   }
@@ -61,16 +62,16 @@ struct IntrinsicsScores {
   }
 };
 
-// Within what fold `outer` leaves: two solves without blocks `inner`, judged on those.
+// Within what fold `outer` leaves: two solves without blocks `inner`, evaluated on those.
 absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig,
-                                                 const RigInitialization& start,
+                                                 const RigInitialization& initial,
                                                  const TimeBlocks& blocks,
                                                  const RigSolveOptions& base, int outer) {
   const int inner = (outer + 2) % blocks.period;
   const auto keep = [&blocks, outer, inner](int64_t t) {
     return blocks.IsKept(t, outer) && blocks.IsKept(t, inner);
   };
-  const auto judge = [&blocks, outer, inner](int64_t t) {
+  const auto evaluate_on = [&blocks, outer, inner](int64_t t) {
     return blocks.IsHeldOut(t, inner) && blocks.IsKept(t, outer);
   };
   double score_px[2] = {INFINITY, INFINITY};
@@ -79,7 +80,7 @@ absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig,
     options.refine_intrinsics = refine;
     options.progress = Stage(base, "choosing");
     const absl::StatusOr<EvaluatedErrors> errors =
-        SolveAndMeasure(rig, start, options, keep, judge);
+        SolveAndMeasure(rig, initial, options, keep, evaluate_on);
     if (absl::IsCancelled(errors.status())) return errors.status();
     if (errors.ok()) score_px[refine ? 1 : 0] = ChoiceScorePx(*errors);
   }
@@ -120,7 +121,7 @@ double ClockSpanS(const BundleProblem& problem, int clock) {
   return last_s > first_s ? last_s - first_s : 0;
 }
 
-// Which of the clocks with a rate have one of their own.
+// The clocks whose rate is significantly not zero.
 std::vector<bool> OwnRates(const RigSolution& solution, const RigUncertainty& uncertainty) {
   std::vector<RateEstimate> rates;
   for (size_t k = 0; k < solution.clocks.size(); ++k) {
@@ -145,14 +146,14 @@ absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& op
   for (int i = 0; i < kMaxTimeRepairs; ++i) {
     if (!result->solution.converged) {
       // Clocks that still move are on their way to where they match.
-      const RigInitialization start = StartFrom(result->solution);
-      absl::StatusOr<RigSolution> further = SolveRig(rig, start.clocks, options, &start);
+      const RigInitialization initial = InitializationFrom(result->solution);
+      absl::StatusOr<RigSolution> further = SolveRig(rig, initial.clocks, options, &initial);
       if (absl::IsCancelled(further.status())) return further.status();
       if (further.ok()) result->solution = *std::move(further);
     }
     const auto doubt = FindBetterOffset(rig, result->solution, TimeCheckOptions{});
     if (!doubt) return absl::OkStatus();
-    std::vector<ClockCorrection> clocks = StartFrom(result->solution).clocks;
+    std::vector<ClockCorrection> clocks = InitializationFrom(result->solution).clocks;
     clocks[static_cast<size_t>(doubt->clock)].time_offset_s += doubt->offset_s;
     absl::StatusOr<RigSolution> again = SolveRig(rig, clocks, options);
     if (absl::IsCancelled(again.status())) return again.status();
@@ -176,7 +177,7 @@ absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& op
   return absl::OkStatus();
 }
 
-// Times come first: markers of another moment agree with no pose.
+// Times come first: markers of another time agree with no pose.
 absl::Status LeaveWrongMinimum(const RigObservations& rig,
                                const std::vector<ClockCorrection>& clocks,
                                const RigSolveOptions& options, EvaluatedSolution* result) {
@@ -184,14 +185,14 @@ absl::Status LeaveWrongMinimum(const RigObservations& rig,
   const bool repaired = !result->findings.empty();
   RIGCAL_ASSIGN_OR_RETURN(
       const std::optional<Finding> restarted,
-      RestartIfWrong(rig, repaired ? StartFrom(result->solution).clocks : clocks, options,
+      RestartIfWrong(rig, repaired ? InitializationFrom(result->solution).clocks : clocks, options,
                      RestartOptions{}, &result->solution));
   if (!restarted) return absl::OkStatus();
   result->findings.push_back(*restarted);
   return options.estimate_time_offsets ? RepairOffsets(rig, options, result) : absl::OkStatus();
 }
 
-// A camera that agrees with nobody has a pose that says nothing.
+// A camera that agrees with no other has a meaningless pose.
 absl::Status CheckHeld(const BundleProblem& problem) {
   const std::string lost = DescribeLostCameras(problem, kMinAgreeingViews);
   if (lost.empty()) return absl::OkStatus();
@@ -204,8 +205,8 @@ absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigS
   RigSolveOptions with_rates = *options;
   with_rates.estimate_time_rates = true;
   for (int i = 0; i < kMaxRateTries; ++i) {
-    RigInitialization start = StartFrom(*solution);
-    absl::StatusOr<RigSolution> tried = SolveRig(rig, start.clocks, with_rates, &start);
+    RigInitialization initial = InitializationFrom(*solution);
+    absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, with_rates, &initial);
     if (absl::IsCancelled(tried.status())) return tried.status();
     if (!tried.ok()) return absl::OkStatus();
     const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, with_rates);
@@ -254,14 +255,14 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
                                                    const std::vector<ClockCorrection>& clocks,
                                                    const RigSolveOptions& base,
                                                    const CalibrationOptions& options,
-                                                   const RigInitialization* first_start) {
+                                                   const RigInitialization* given) {
   EvaluatedSolution result;
   result.options = base;
   RigSolveOptions first = base;
   first.refine_intrinsics = options.intrinsics == Estimate::kRefined;
   const bool choose =
       options.intrinsics == Estimate::kDefault || options.intrinsics == Estimate::kAuto;
-  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first, first_start));
+  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, clocks, first, given));
   if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
   RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
   RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
@@ -273,23 +274,23 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   RigSolveOptions chosen_from = base;
   chosen_from.estimate_time_rates = first.estimate_time_rates;
   chosen_from.own_rates = first.own_rates;
-  const RigInitialization start = StartFrom(result.solution);
+  const RigInitialization initial = InitializationFrom(result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
 
   IntrinsicsScores scores;
   EvaluatedErrors held_out;
   for (int fold = 0; fold < blocks.period; ++fold) {
-    RigSolveOptions judged = first;
-    judged.progress = Stage(base, "judging");
+    RigSolveOptions fold_options = first;
+    fold_options.progress = Stage(base, "judging");
     if (choose) {
       RIGCAL_ASSIGN_OR_RETURN(const IntrinsicsScores own,
-                              ScoreIntrinsics(rig, start, blocks, chosen_from, fold));
-      judged.refine_intrinsics = own.RefinedPays();
+                              ScoreIntrinsics(rig, initial, blocks, chosen_from, fold));
+      fold_options.refine_intrinsics = own.RefinedPays();
       scores.Add(own);
     }
     const absl::StatusOr<EvaluatedErrors> errors = SolveAndMeasure(
-        rig, start, judged, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); },
+        rig, initial, fold_options, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); },
         [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
     if (absl::IsCancelled(errors.status())) return errors.status();
     if (errors.ok()) Append(*errors, &held_out);
@@ -304,7 +305,8 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   result.options.refine_intrinsics = choose ? scores.RefinedPays() : first.refine_intrinsics;
   if (choose) result.findings.push_back(IntrinsicsFinding(scores));
   if (result.options.refine_intrinsics != first.refine_intrinsics) {
-    RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, start.clocks, result.options, &start));
+    RIGCAL_ASSIGN_OR_RETURN(result.solution,
+                            SolveRig(rig, initial.clocks, result.options, &initial));
   }
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);

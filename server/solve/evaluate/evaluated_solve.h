@@ -21,21 +21,20 @@ struct EvaluatedSolution {
   std::vector<Finding> findings;              // about what was chosen, and why
 };
 
-// Solves the rig and judges it on data that the judged solve did not use: time in blocks of 2 s,
-// with guards of 0.2 s; every fourth block stays out of a solve and is judged by it, four times, so
-// that each block is judged once. A choice (`auto`) is made for each of the four anew within its
-// rest, on blocks of it that stay out of two solves in the same way; it never sees the blocks that
-// judge. What is published is then solved on everything, with the choice the four make together.
-// The judged solves begin at the estimates of the first solve, and end at the optimum of their own
-// data.
+// Solves the rig and cross-validates it: time is cut into blocks of 2 s with guards of 0.2 s, and
+// every fourth block is held out of a solve and evaluated with it, four times, so that each block
+// is evaluated once. A choice (`auto`) is made anew in each of the four folds, by two inner solves
+// that hold out blocks of the rest in the same way; it never sees the fold's own blocks. The
+// published solution uses all data, with the choice of the four folds together. The solves of the
+// folds begin at the estimates of the first solve and end at the optimum of their own data.
 //
-// Clock rates are estimated where the data can tell at least one of them from zero.
-// The first solve begins at `first_start`, if given, else from nothing. It is checked for clocks
-// matched with the wrong moment (time_check.h) and for a wrong minimum (restart.h).
+// Clock rates are estimated where at least one of them is significantly not zero.
+// The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong
+// offset (time_check.h) and for a wrong minimum (restart.h).
 absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
                                                    const std::vector<ClockCorrection>& clocks,
                                                    const RigSolveOptions& base,
                                                    const CalibrationOptions& options,
-                                                   const RigInitialization* first_start = nullptr);
+                                                   const RigInitialization* given = nullptr);
 
 }  // namespace rigcal::server

@@ -6,9 +6,8 @@
 #include <numeric>
 
 #include "common/camera/camera_model.h"
-#include "server/solve/bundle/bundle_adjuster.h"
-#include "server/solve/bundle/projection_jacobian.h"
-#include "server/solve/geometry/inlier_views.h"
+#include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/triangulation.h"
 #include "server/solve/initialize/initialization.h"
 #include "server/solve/rig/outliers.h"
@@ -25,9 +24,9 @@ int64_t BlockOf(const TimeBlocks& blocks, int64_t rig_time_ns) {
 }
 
 // The instants of the problem, with the estimates of the solution, none of them placed yet.
-BuiltProblem BuildForJudging(const RigObservations& rig, const RigSolution& solution,
-                             const RigSolveOptions& options,
-                             const std::function<bool(int64_t)>& select) {
+BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& solution,
+                                const RigSolveOptions& options,
+                                const std::function<bool(int64_t)>& select) {
   InstantList list = FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks),
                                   {options.tolerance_s});
   std::erase_if(list.instants,
@@ -44,19 +43,19 @@ BuiltProblem BuildForJudging(const RigObservations& rig, const RigSolution& solu
 
 void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
                  const BundleInstant& instant, EvaluatedErrors* errors) {
-  const std::vector<InlierView> views = InlierViews(problem, intrinsics, instant);
-  for (const InlierView& left_out : views) {
+  const std::vector<MarkerRay> views = UsedMarkerRays(problem, intrinsics, instant);
+  for (const MarkerRay& left_out : views) {
     const auto camera = static_cast<size_t>(left_out.camera);
-    std::vector<PointView> others;
-    for (const InlierView& view : views) {
+    std::vector<CameraRay> others;
+    for (const MarkerRay& view : views) {
       if (view.marker == left_out.marker && view.camera != left_out.camera && view.has_ray) {
-        others.push_back(view.view);
+        others.push_back(view.ray);
       }
     }
     Eigen::Vector3d point;
     Eigen::Vector2d pixel;
     if (others.size() < 2 || !Triangulate(others, &point) ||
-        !Project(intrinsics[camera], left_out.view.cam_from_rig * point, &pixel)) {
+        !Project(intrinsics[camera], left_out.ray.cam_from_rig * point, &pixel)) {
       continue;
     }
     errors->leave_one_out_px[camera].push_back((pixel - left_out.centre_px).norm());
@@ -94,15 +93,15 @@ bool TimeBlocks::IsKept(int64_t rig_time_ns, int remainder) const {
          !IsHeldOut(rig_time_ns + guard_ns, remainder);
 }
 
-EvaluatedErrors Judge(const RigObservations& rig, const RigSolution& solution,
-                      const RigSolveOptions& options,
-                      const std::function<bool(int64_t rig_time_ns)>& select) {
-  BuiltProblem built = BuildForJudging(rig, solution, options, select);
+EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& solution,
+                                 const RigSolveOptions& options,
+                                 const std::function<bool(int64_t rig_time_ns)>& select) {
+  BuiltProblem built = BuildForEvaluation(rig, solution, options, select);
   BundleProblem& problem = built.problem;
   EvaluatedErrors errors;
   errors.reprojection_px.resize(problem.cameras.size());
   errors.leave_one_out_px.resize(problem.cameras.size());
-  errors.instant_count = PlaceInstants(options.start_threshold_px, &problem);
+  errors.instant_count = PlaceInstants(options.initialization_threshold_px, &problem);
   CorrectSphereCentres(rig.target, rig.tracks, solution.motions, IsMetric(rig, options), &built);
   ClassifyOutliers(options.outliers, &problem);
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);

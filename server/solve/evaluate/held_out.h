@@ -10,7 +10,7 @@
 
 namespace rigcal::server {
 
-// Time in blocks, some of which stay out of a solve that is judged on them.
+// Blocks of time, some of which are held out of a solve and used to evaluate it.
 struct TimeBlocks {
   int64_t origin_ns = 0;  // rig time at which block 0 begins
   int64_t block_ns = 2'000'000'000;
@@ -34,14 +34,15 @@ struct EvaluatedErrors {
   int instant_count = 0;
 };
 
-// Places the target in those instants for which `select` holds, by the cameras, clocks and target
-// of the solution alone, and measures. Outliers are found anew by the rule of outliers.h.
-EvaluatedErrors Judge(const RigObservations& rig, const RigSolution& solution,
-                      const RigSolveOptions& options,
-                      const std::function<bool(int64_t rig_time_ns)>& select);
+// Evaluates a solution: places the target in those instants for which `select` holds, by the
+// cameras, clocks and target of the solution alone, and measures errors. Outliers are classified
+// anew (outliers.h).
+EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& solution,
+                                 const RigSolveOptions& options,
+                                 const std::function<bool(int64_t rig_time_ns)>& select);
 
 // One figure to choose by: the mean over the cameras of the leave-one-camera-out error, or where
-// there is too little of it of the reprojection error. Infinite where there is nothing to judge by.
+// there is too little of it of the reprojection error. Infinite where there is nothing to evaluate.
 double ChoiceScorePx(const EvaluatedErrors& errors);
 
 }  // namespace rigcal::server

@@ -4,8 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "server/solve/bundle/projection_jacobian.h"
-#include "server/solve/geometry/inlier_views.h"
+#include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/triangulation.h"
 
 namespace rigcal::server {
@@ -16,9 +15,9 @@ using MarkerPoints = std::vector<std::optional<Eigen::Vector3d>>;
 MarkerPoints TriangulateMarkers(const BundleProblem& problem,
                                 const std::vector<Intrinsics>& intrinsics,
                                 const BundleInstant& instant, int min_cameras) {
-  std::vector<std::vector<PointView>> views(problem.target.marker_positions_m.size());
-  for (const InlierView& seen : InlierViews(problem, intrinsics, instant)) {
-    if (seen.has_ray) views[static_cast<size_t>(seen.marker)].push_back(seen.view);
+  std::vector<std::vector<CameraRay>> views(problem.target.marker_positions_m.size());
+  for (const MarkerRay& seen : UsedMarkerRays(problem, intrinsics, instant)) {
+    if (seen.has_ray) views[static_cast<size_t>(seen.marker)].push_back(seen.ray);
   }
   MarkerPoints points(views.size());
   for (size_t m = 0; m < views.size(); ++m) {

@@ -8,8 +8,8 @@
 
 namespace rigcal::server {
 
-// What came of the spans between neighbouring markers, each marker triangulated by itself from at
-// least `min_cameras` cameras without the wand constraint.
+// Errors of the spans between neighbouring markers, each marker triangulated on its own from at
+// least `min_cameras` cameras, without the wand constraint.
 struct LengthErrors {
   std::vector<std::vector<double>> errors_m;  // by span: triangulated minus expected length
 };

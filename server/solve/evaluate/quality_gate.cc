@@ -39,7 +39,7 @@ class GradeBuilder {
   std::vector<std::string> bad_, usable_;
 };
 
-void JudgeCamera(const CalibratedCamera& camera, const QualityLimits& limits,
+void GradeCamera(const CalibratedCamera& camera, const QualityLimits& limits,
                  GradeBuilder* grade_builder) {
   const std::string name = absl::StrCat("camera ", camera.camera, ": ");
   const bool held_out =
@@ -75,7 +75,7 @@ void EvaluateFinding(const CalibrationResult& result, const Finding& finding,
   const CalibratedCamera* camera = found == result.cameras.end() ? nullptr : &*found;
   const std::string who =
       finding.camera.empty() ? "the rig" : absl::StrCat("camera ", finding.camera);
-  // What the solve has taken out itself is no fault of the calibration.
+  // An effect that the solve has corrected itself is no fault of the calibration.
   if (finding.kind == "camera_moved") {
     grade_builder->Add(QualityGrade::kBad, absl::StrCat(who, " moved while it was recorded"));
   } else if (finding.kind == "wrong_intrinsics" && !(camera && camera->intrinsics_refined)) {
@@ -121,7 +121,7 @@ Quality GradeQuality(const CalibrationResult& result, const QualityLimits& limit
   GradeBuilder grade_builder;
   double worst_px = 0;
   for (const CalibratedCamera& camera : result.cameras) {
-    JudgeCamera(camera, limits, &grade_builder);
+    GradeCamera(camera, limits, &grade_builder);
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
   EvaluateTarget(result.target, limits, &grade_builder);

@@ -12,7 +12,7 @@ struct QualityLimit {
   double usable = 0;
 };
 
-// What is looked at, and why so. Errors are of data that the judged solve did not use.
+// Limits of each figure and their reasons. Errors are held-out ones.
 struct QualityLimits {
   // Mean held-out reprojection error of a camera. Centres are detected to 0.3 to 0.5 px, which
   // gives a mean of 0.4 to 0.6 px; three times that is a model that does not describe the camera.
@@ -22,17 +22,16 @@ struct QualityLimits {
   QualityLimit leave_one_out_mean_px = {1.2, 3};
   // Without anything held out: mean error of the inliers that were solved for, which flatters.
   QualityLimit inlier_mean_px = {0.6, 1.5};
-  // Markers counted out. Reflections make some; beyond a third the rule that finds them has little
-  // left to stand on.
+  // Rejected markers. Reflections cause some; beyond a third the outlier rule is unreliable.
   QualityLimit outlier_share = {0.1, 0.35};
   // Held-out error of a span against the length of the whole wand. 0.3 px at 3 m and a focal length
   // of 1000 px are 1 mm, 0.3 % of a wand of 0.4 m.
   QualityLimit length_error_rel = {0.006, 0.02};
-  // Held-out errors (markers) of a camera below which it is not judged by them.
+  // Held-out errors (markers) of a camera below which they are ignored.
   uint32_t min_held_out_count = 60;
 };
 
-// Judges a reported calibration by the limits and by its findings:
+// Grades a reported calibration by the limits and by its findings:
 //   bad     a limit for `usable` is passed, or a camera moved while it was recorded: its pose is
 //           that of neither time
 //   usable  a limit for `good` is passed, nothing could be held out or too little of a camera, or

@@ -11,8 +11,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "server/solve/bundle/bundle_adjuster.h"
-#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/geometry/marker_rays.h"
+#include "server/solve/geometry/target_pose.h"
 #include "server/solve/geometry/triangulation.h"
 
 namespace rigcal::server {
@@ -24,18 +25,14 @@ constexpr double kMinSightShare = 0.5;  // that must agree with a pose found ane
 constexpr int kResectionSamples = 300;
 constexpr size_t kMaxPairInstants = 100;
 
-// A marker as the trusted cameras triangulate it, and as another one sees it.
-struct Sight {
-  cv::Point3d x_in_rig;
-  cv::Point2d ray;
-};
-
-std::vector<Sight> SightsOf(const BundleProblem& problem, const std::vector<Eigen::Vector2d>& rays,
-                            const std::vector<bool>& trusted, int camera, double agree_px) {
-  std::vector<Sight> sights;
+// Markers as the trusted cameras triangulate them, and as `camera` sees them.
+std::vector<PointAndRay> SightsOf(const BundleProblem& problem,
+                                  const std::vector<Eigen::Vector2d>& rays,
+                                  const std::vector<bool>& trusted, int camera, double agree_px) {
+  std::vector<PointAndRay> sights;
   for (const BundleInstant& instant : problem.instants) {
     for (size_t k = 0; k < problem.target.marker_positions_m.size(); ++k) {
-      std::vector<PointView> views;
+      std::vector<CameraRay> views;
       std::vector<double> focal_px;
       std::optional<Eigen::Vector2d> own;
       for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
@@ -56,20 +53,21 @@ std::vector<Sight> SightsOf(const BundleProblem& problem, const std::vector<Eige
         const Eigen::Vector2d ray = (views[v].cam_from_rig * point).hnormalized();
         agree = agree && (ray - views[v].ray).norm() * focal_px[v] < agree_px;
       }
-      if (agree) sights.push_back({{point.x(), point.y(), point.z()}, {own->x(), own->y()}});
+      if (agree) sights.push_back({point, *own});
     }
   }
   return sights;
 }
 
-std::optional<RigidTransform> Resect(const std::vector<Sight>& sights, double threshold) {
+std::optional<RigidTransform> Resect(const std::vector<PointAndRay>& sights, double threshold) {
   if (static_cast<int>(sights.size()) < kMinSights) return std::nullopt;
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> rays;
   const size_t count = std::min(sights.size(), kMaxSights);
   for (size_t i = 0; i < count; ++i) {
-    points.push_back(sights[i * sights.size() / count].x_in_rig);
-    rays.push_back(sights[i * sights.size() / count].ray);
+    const PointAndRay& sight = sights[i * sights.size() / count];
+    points.emplace_back(sight.x_in_rig.x(), sight.x_in_rig.y(), sight.x_in_rig.z());
+    rays.emplace_back(sight.ray.x(), sight.ray.y());
   }
   cv::Mat rotation_vector, translation, inliers, rotation_matrix;
   Eigen::Matrix3d rotation;
@@ -93,36 +91,36 @@ std::optional<RigidTransform> Resect(const std::vector<Sight>& sights, double th
 
 // The solution with the doubted cameras' poses from the others' markers; none where there are too
 // few of either.
-std::optional<RigInitialization> ResectedStart(const RigSolution& solution,
-                                               const Agreement& agreement,
-                                               const std::vector<ClockCorrection>& clocks,
-                                               const RestartOptions& options) {
+std::optional<RigInitialization> ResectedInitialization(const RigSolution& solution,
+                                                        const Agreement& agreement,
+                                                        const std::vector<ClockCorrection>& clocks,
+                                                        const RestartOptions& options) {
   const BundleProblem& problem = solution.built.problem;
   std::vector<bool> trusted(problem.cameras.size(), true);
   for (const int c : agreement.doubted) trusted[static_cast<size_t>(c)] = false;
   if (std::count(trusted.begin(), trusted.end(), true) < 2) return std::nullopt;
   const std::vector<Eigen::Vector2d> rays = UndistortMarkers(problem);
-  RigInitialization start = StartFrom(solution);
-  start.clocks = clocks;
-  start.instants.clear();
+  RigInitialization initial = InitializationFrom(solution);
+  initial.clocks = clocks;
+  initial.instants.clear();
   for (const int c : agreement.doubted) {
     const BundleCamera& camera = problem.cameras[static_cast<size_t>(c)];
     const auto pose = Resect(SightsOf(problem, rays, trusted, c, options.agree_px),
                              2 * options.agree_px / camera.intrinsics[0]);
     if (!pose) return std::nullopt;
-    start.cameras[static_cast<size_t>(c)].cam_from_rig = *pose;
+    initial.cameras[static_cast<size_t>(c)].cam_from_rig = *pose;
   }
   // The rig frame is where its camera says, also where that is one of those found anew.
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     if (!problem.cameras[c].pose_fixed) continue;
     const RigidTransform old_from_new =
-        start.cameras[c].cam_from_rig.Inverse() * problem.cameras[c].cam_from_rig;
-    for (BundleCamera& camera : start.cameras) {
+        initial.cameras[c].cam_from_rig.Inverse() * problem.cameras[c].cam_from_rig;
+    for (BundleCamera& camera : initial.cameras) {
       camera.cam_from_rig = camera.cam_from_rig * old_from_new;
     }
-    start.cameras[c].cam_from_rig = problem.cameras[c].cam_from_rig;
+    initial.cameras[c].cam_from_rig = problem.cameras[c].cam_from_rig;
   }
-  return start;
+  return initial;
 }
 
 // Share of the markers that two cameras show at once which fit the rigid target placed by these
@@ -139,14 +137,15 @@ double PairAgreement(const BundleProblem& problem, const std::vector<Eigen::Vect
     }
     if (seen == 2) shared.push_back(&instant);
   }
-  TargetPoseFitOptions fit;
+  TargetPoseOptions fit;
   fit.truncation_px = agree_px;
   int agreeing = 0, all = 0;
   const size_t count = std::min(shared.size(), kMaxPairInstants);
   for (size_t i = 0; i < count; ++i) {
     BundleInstant instant = *shared[i * shared.size() / count];
     int inliers = 0, markers = 0;
-    const bool placed = FitWand(problem, has_pose, rays, fit, &instant, &inliers, &markers);
+    const bool placed =
+        EstimateTargetPose(problem, has_pose, rays, fit, &instant, &inliers, &markers);
     agreeing += placed ? inliers : 0;
     all += placed ? markers : 2;
   }
@@ -158,7 +157,7 @@ std::optional<std::pair<int, int>> WorstPair(const RigSolution& solution,
   const std::vector<Eigen::Vector2d> rays = UndistortMarkers(solution.built.problem);
   std::optional<std::pair<int, int>> worst;
   double worst_share = 0;
-  for (const std::pair<int, int>& pair : solution.start_tree) {
+  for (const std::pair<int, int>& pair : solution.spanning_tree) {
     const double share = PairAgreement(solution.built.problem, rays, pair, options.agree_px);
     if (worst && share >= worst_share) continue;
     worst = pair;
@@ -207,8 +206,8 @@ Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& o
   }
   agreement.error_px /= std::max(1, count);
   for (size_t c = 0; c < seen.size(); ++c) {
-    const bool judged = seen[c] >= std::max(1, options.min_markers);
-    agreement.shares.push_back(judged ? static_cast<double>(agreeing[c]) / seen[c] : 1);
+    const bool enough = seen[c] >= std::max(1, options.min_markers);
+    agreement.shares.push_back(enough ? static_cast<double>(agreeing[c]) / seen[c] : 1);
     if (agreement.shares[c] < options.doubt_share) agreement.doubted.push_back(static_cast<int>(c));
   }
   std::stable_sort(agreement.doubted.begin(), agreement.doubted.end(), [&agreement](int a, int b) {
@@ -227,17 +226,17 @@ absl::StatusOr<std::optional<Finding>> RestartIfWrong(const RigObservations& rig
   Agreement best = first;
   RigSolveOptions again = solve;
   bool resect = true;
-  RigSolution base;  // what the next start from nothing is to avoid
+  RigSolution base;  // what the next initialization is to avoid
   for (int i = 0; i < options.max_restarts && !best.doubted.empty(); ++i) {
-    std::optional<RigInitialization> start;
-    if (resect) start = ResectedStart(*solution, best, clocks, options);
+    std::optional<RigInitialization> initial;
+    if (resect) initial = ResectedInitialization(*solution, best, clocks, options);
     resect = false;
     std::string how = "with its pose from what the other cameras see";
     absl::StatusOr<RigSolution> tried = absl::UnknownError("not tried");
-    if (start) {
-      tried = SolveRig(rig, clocks, again, &*start);
+    if (initial) {
+      tried = SolveRig(rig, clocks, again, &*initial);
     } else {
-      const RigSolution& misled = base.start_tree.empty() ? *solution : base;
+      const RigSolution& misled = base.spanning_tree.empty() ? *solution : base;
       if (const auto pair = WorstPair(misled, options)) again.avoided_pairs.push_back(*pair);
       again.seed = solve.seed + 0x9e3779b9u * static_cast<uint32_t>(i + 1);
       how = "from other pairs of cameras";
@@ -252,7 +251,7 @@ absl::StatusOr<std::optional<Finding>> RestartIfWrong(const RigObservations& rig
       *solution = *std::move(tried);
       base = {};
       resect = true;
-    } else if (!start) {
+    } else if (!initial) {
       base = *std::move(tried);
     }
   }

@@ -8,9 +8,10 @@
 
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
+#include "common/camera/intrinsics_vector.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/projection_jacobian.h"
 
 namespace rigcal::server {
 namespace {
@@ -64,13 +65,13 @@ class Rig {
     PointAccuracy accuracy;
     accuracy.point_m = point_m;
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    // How the sum of J^T r moves with the parameters.
+    // Derivative of the sum of J^T r by the parameters.
     Eigen::Matrix<double, 3, Eigen::Dynamic> pull =
         Eigen::Matrix<double, 3, Eigen::Dynamic>::Zero(3, covariance_.rows());
     for (const Camera& camera : cameras_) {
       Eigen::Matrix<double, 2, 3> d_point;
       Jacobian d_parameters;
-      if (!View(camera, point_m, &d_point, &d_parameters)) continue;
+      if (!Linearise(camera, point_m, &d_point, &d_parameters)) continue;
       ++accuracy.camera_count;
       normal += d_point.transpose() * d_point;
       pull.middleCols(camera.first_row, camera.rows()) = d_point.transpose() * d_parameters;
@@ -93,16 +94,16 @@ class Rig {
 
  private:
   // False where the camera does not see the point.
-  static bool View(const Camera& camera, const Eigen::Vector3d& point_m,
-                   Eigen::Matrix<double, 2, 3>* d_point, Jacobian* d_parameters) {
+  static bool Linearise(const Camera& camera, const Eigen::Vector3d& point_m,
+                        Eigen::Matrix<double, 2, 3>* d_point, Jacobian* d_parameters) {
     const CalibratedCamera& calibrated = *camera.calibrated;
-    const Eigen::Vector3d turned = calibrated.cam_from_rig.rotation * point_m;
-    const Eigen::Vector3d x_in_cam = turned + calibrated.cam_from_rig.translation_m;
+    const Eigen::Vector3d rotated = calibrated.cam_from_rig.rotation * point_m;
+    const Eigen::Vector3d x_in_cam = rotated + calibrated.cam_from_rig.translation_m;
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3> d_cam;
     IntrinsicsJacobian d_intrinsics;
-    if (!ProjectWithJacobian(calibrated.intrinsics.model, camera.intrinsics.data(), x_in_cam,
-                             &pixel, &d_cam, &d_intrinsics)) {
+    if (!Project(calibrated.intrinsics.model, camera.intrinsics.data(), x_in_cam, &pixel, &d_cam,
+                 &d_intrinsics)) {
       return false;
     }
     if (!(pixel.x() >= -0.5) || !(pixel.y() >= -0.5) ||
@@ -119,7 +120,8 @@ class Rig {
     d_parameters->resize(2, camera.rows());
     if (camera.has_pose) {
       Eigen::Matrix3d cross;
-      cross << 0, -turned.z(), turned.y(), turned.z(), 0, -turned.x(), -turned.y(), turned.x(), 0;
+      cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(),
+          rotated.x(), 0;
       d_parameters->leftCols<3>() = -d_cam * cross;
       d_parameters->middleCols<3>(3) = d_cam;
     }
@@ -170,13 +172,9 @@ AccuracySummary Summarise(const Accuracy& accuracy, Eigen::Vector3d PointAccurac
     }
   }
   if (totals.empty()) return summary;
-  std::sort(totals.begin(), totals.end());
   summary.count = static_cast<uint32_t>(totals.size());
-  const auto quantile = [&totals](double share) {
-    return totals[static_cast<size_t>(std::lround(share * static_cast<double>(totals.size() - 1)))];
-  };
-  summary.median_m = quantile(0.5);
-  summary.p95_m = quantile(0.95);
+  summary.median_m = NearestQuantile(&totals, 0.5);
+  summary.p95_m = NearestQuantile(&totals, 0.95);
   return summary;
 }
 
@@ -217,7 +215,7 @@ absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,
   if (options.points_m.empty() || options.grid_step_m > 0) {
     if (!calibration.wand_volume) {
       return absl::FailedPreconditionError(
-          "the calibration does not say where the wand was: ask for points");
+          "the calibration does not hold the volume of the wand: ask for points");
     }
     const WandVolume& volume = *calibration.wand_volume;
     accuracy.grid_step_m = options.grid_step_m;

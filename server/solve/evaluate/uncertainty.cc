@@ -6,19 +6,19 @@
 #include <cmath>
 
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
 
 // Freedom of a line and of a point.
 constexpr int kLineParameters = 5, kPointParameters = 3;
-// Of two cameras that see one marker each nothing is left to judge by.
+// Two cameras that see one marker each leave no redundancy.
 constexpr double kMaxLeverage = 0.8;
 
 double InverseSquare(double sigma) { return sigma > 0 ? 1 / (sigma * sigma) : 0; }
 
-// What the priors put into the information.
+// The priors' part of the information.
 Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
                                  const std::vector<ReducedParameter>& parameters) {
   const auto size = static_cast<Eigen::Index>(parameters.size());

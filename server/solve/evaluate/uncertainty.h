@@ -11,14 +11,14 @@
 
 namespace rigcal::server {
 
-// What a solution is worth. The scale is that of the target's whole length, or with one marker that
+// Covariance of a solution. The scale is that of the target's whole length, or with one marker that
 // of the distance of the problem (where it only names the unit, both covariances are the same). The
 // reference camera's pose and, in each session, one clock are held fixed (rig_solver.h).
 struct RigUncertainty {
   std::vector<ReducedParameter> parameters;  // the rows of the covariances
   Eigen::MatrixXd covariance;                // scale included
   Eigen::MatrixXd shape_covariance;          // the length that gives the scale held fixed
-  double variance_factor = 1;                // what the residuals say about the stated sigmas
+  double variance_factor = 1;                // of the residuals against the stated sigmas
   double scale_sigma_rel = 0;                // of that length; 0: the scale is not known
   std::vector<CameraUncertainty> cameras;    // poses and intrinsics; of the shape
   std::vector<double> marker_position_sigma_m;

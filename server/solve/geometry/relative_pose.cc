@@ -7,10 +7,12 @@
 #include <limits>
 #include <utility>
 
-#include "server/solve/bundle/bundle_adjuster.h"
+#include "common/statistics/robust_statistics.h"
 #include "server/solve/bundle/line_bundle.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/geometry/essential_matrix.h"
-#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/geometry/marker_rays.h"
+#include "server/solve/geometry/target_pose.h"
 #include "server/solve/geometry/triangulation.h"
 
 namespace rigcal::server {
@@ -49,8 +51,8 @@ struct InstantVerdict {
   std::optional<double> log_scale;
 };
 
-InstantVerdict Judge(const PairInstant& instant, const RigidTransform& b_from_a,
-                     const RelativePoseOptions& options) {
+InstantVerdict ScoreInstant(const PairInstant& instant, const RigidTransform& b_from_a,
+                            const RelativePoseOptions& options) {
   InstantVerdict verdict;
   std::vector<std::pair<double, Eigen::Vector3d>> points;
   double sum = 0;
@@ -82,7 +84,7 @@ ScoredPose ScorePose(const std::vector<PairInstant>& instants, const RigidTransf
   std::vector<InstantVerdict> verdicts;
   std::vector<double> log_scales;
   for (const PairInstant& instant : instants) {
-    verdicts.push_back(Judge(instant, unit_pose, options));
+    verdicts.push_back(ScoreInstant(instant, unit_pose, options));
     if (verdicts.back().log_scale) log_scales.push_back(*verdicts.back().log_scale);
   }
   ScoredPose scored;
@@ -93,17 +95,16 @@ ScoredPose ScorePose(const std::vector<PairInstant>& instants, const RigidTransf
     return scored;
   }
   if (log_scales.empty()) return scored;
-  const auto middle = log_scales.begin() + static_cast<std::ptrdiff_t>(log_scales.size() / 2);
-  std::nth_element(log_scales.begin(), middle, log_scales.end());
+  const double middle = UpperMedian(&log_scales);
   scored.cost = 0;
   for (const InstantVerdict& verdict : verdicts) {
     double deviation = 1;
     if (verdict.log_scale) {
-      deviation = std::min(1.0, std::abs(*verdict.log_scale - *middle) / kMaxLogScale);
+      deviation = std::min(1.0, std::abs(*verdict.log_scale - middle) / kMaxLogScale);
     }
     scored.cost += 0.5 * verdict.reprojection + 0.5 * deviation * deviation;
   }
-  scored.b_from_a = {unit_pose.rotation, unit_pose.translation_m * std::exp(*middle)};
+  scored.b_from_a = {unit_pose.rotation, unit_pose.translation_m * std::exp(middle)};
   return scored;
 }
 
@@ -149,7 +150,7 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
   const std::vector<Eigen::Vector2d> rays = UndistortMarkers(problem);
   problem.cameras[1].cam_from_rig = b_from_a;
   const std::vector<bool> has_pose(2, true);
-  TargetPoseFitOptions fit;
+  TargetPoseOptions fit;
   fit.truncation_px = 2 * options.threshold_px;
   RelativePose result;
   result.instant_count = static_cast<int>(instants.size());
@@ -157,8 +158,9 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
     int used = 0;
     for (BundleInstant& instant : problem.instants) {
       int inliers = 0, markers = 0;
-      instant.used = FitWand(problem, has_pose, rays, fit, &instant, &inliers, &markers) &&
-                     inliers * 2 > markers;
+      instant.used =
+          EstimateTargetPose(problem, has_pose, rays, fit, &instant, &inliers, &markers) &&
+          inliers * 2 > markers;
       used += instant.used ? 1 : 0;
     }
     if (used < options.min_inlier_instants) return std::nullopt;
@@ -185,9 +187,7 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
     result.inlier_count += worst < options.threshold_px ? 1 : 0;
   }
   if (result.inlier_count < options.min_inlier_instants) return std::nullopt;
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::nth_element(errors.begin(), middle, errors.end());
-  result.median_px = *middle;
+  result.median_px = UpperMedian(&errors);
   result.b_from_a = problem.cameras[1].cam_from_rig;
   if (IsPoint(options)) result.b_from_a.translation_m.normalize();
   return result;

@@ -17,7 +17,7 @@ struct PairMarker {
   Eigen::Vector2d ray_b = Eigen::Vector2d::Zero();
 };
 
-// What two cameras share of one instant; at least one marker.
+// The markers that two cameras share in one instant; at least one.
 using PairInstant = std::vector<PairMarker>;
 
 struct RelativePoseOptions {

@@ -11,23 +11,23 @@ namespace {
 constexpr double kMinSinAngle = 1e-4;
 constexpr int kTriangulationSteps = 5;
 
-Eigen::Vector3d Bearing(const PointView& view) {
+Eigen::Vector3d Bearing(const CameraRay& view) {
   return view.cam_from_rig.rotation.conjugate() *
          Eigen::Vector3d(view.ray.x(), view.ray.y(), 1).normalized();
 }
 
-bool AllBefore(const std::vector<PointView>& views, const Eigen::Vector3d& point) {
-  for (const PointView& view : views) {
+bool AllBefore(const std::vector<CameraRay>& views, const Eigen::Vector3d& point) {
+  for (const CameraRay& view : views) {
     if (!((view.cam_from_rig * point).z() > 1e-9)) return false;
   }
   return point.allFinite();
 }
 
-void Refine(const std::vector<PointView>& views, Eigen::Vector3d* point) {
+void Refine(const std::vector<CameraRay>& views, Eigen::Vector3d* point) {
   for (int step = 0; step < kTriangulationSteps; ++step) {
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    for (const PointView& view : views) {
+    for (const CameraRay& view : views) {
       const Eigen::Vector3d x = view.cam_from_rig * *point;
       const double inverse_z = 1 / x.z();
       Eigen::Matrix<double, 2, 3> jacobian;
@@ -49,7 +49,7 @@ void Refine(const std::vector<PointView>& views, Eigen::Vector3d* point) {
 
 }  // namespace
 
-bool TriangulatePair(const PointView& a, const PointView& b, Eigen::Vector3d* x_in_rig) {
+bool TriangulatePair(const CameraRay& a, const CameraRay& b, Eigen::Vector3d* x_in_rig) {
   // Least squares of the distances along both bearings; equal to the linear method for two views.
   const Eigen::Vector3d da = Bearing(a), db = Bearing(b);
   if (!(da.cross(db).norm() > kMinSinAngle)) return false;
@@ -64,12 +64,12 @@ bool TriangulatePair(const PointView& a, const PointView& b, Eigen::Vector3d* x_
   return AllBefore({a, b}, *x_in_rig);
 }
 
-bool Triangulate(const std::vector<PointView>& views, Eigen::Vector3d* x_in_rig) {
+bool Triangulate(const std::vector<CameraRay>& views, Eigen::Vector3d* x_in_rig) {
   if (views.size() < 2) return false;
   Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
   double max_sine = 0;
   const Eigen::Vector3d first = Bearing(views.front());
-  for (const PointView& view : views) {
+  for (const CameraRay& view : views) {
     Eigen::Matrix<double, 3, 4> projection;
     projection.leftCols<3>() = view.cam_from_rig.rotation.toRotationMatrix();
     projection.col(3) = view.cam_from_rig.translation_m;

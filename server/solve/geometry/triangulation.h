@@ -8,18 +8,24 @@
 
 namespace rigcal::server {
 
-// One camera's view of a point: normalised coordinates (x/z, y/z) without distortion.
-struct PointView {
+// A camera's ray towards a point: normalised coordinates (x/z, y/z) without distortion.
+struct CameraRay {
   RigidTransform cam_from_rig;
+  Eigen::Vector2d ray;
+};
+
+// A known point and its ray in a camera whose pose is looked for.
+struct PointAndRay {
+  Eigen::Vector3d x_in_rig;
   Eigen::Vector2d ray;
 };
 
 // The point that two or more views see, by the linear method (Hartley and Zisserman, Multiple View
 // Geometry, section 12.2) followed by Gauss-Newton on the normalised residuals. False with fewer
 // than two views, where it is not before every camera, or where the rays are too parallel to meet.
-bool Triangulate(const std::vector<PointView>& views, Eigen::Vector3d* x_in_rig);
+bool Triangulate(const std::vector<CameraRay>& views, Eigen::Vector3d* x_in_rig);
 
 // The same for two views, linear method only.
-bool TriangulatePair(const PointView& a, const PointView& b, Eigen::Vector3d* x_in_rig);
+bool TriangulatePair(const CameraRay& a, const CameraRay& b, Eigen::Vector3d* x_in_rig);
 
 }  // namespace rigcal::server

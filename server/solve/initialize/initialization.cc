@@ -8,11 +8,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/bundle_adjuster.h"
 #include "server/solve/bundle/line_bundle.h"
-#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/relative_pose.h"
-#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/geometry/target_pose.h"
 #include "server/solve/initialize/overlap_graph.h"
 #include "server/solve/initialize/point_chain.h"
 #include "server/solve/initialize/shared_views.h"
@@ -205,7 +205,7 @@ int PlaceInstants(double threshold_px, BundleProblem* problem) {
   Rays rays(problem->markers.size());
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(*problem);
   const std::vector<bool> has_pose(problem->cameras.size(), true);
-  TargetPoseFitOptions fit;
+  TargetPoseOptions fit;
   fit.truncation_px = 2 * threshold_px;
   int placed = 0;
   for (BundleInstant& instant : problem->instants) {
@@ -215,7 +215,7 @@ int PlaceInstants(double threshold_px, BundleProblem* problem) {
     if (!agrees) {
       UndistortInstant(*problem, intrinsics, instant, &rays);
       BundleInstant candidate = instant;
-      candidate.used = FitWand(*problem, has_pose, rays, fit, &candidate) &&
+      candidate.used = EstimateTargetPose(*problem, has_pose, rays, fit, &candidate) &&
                        IsBeforeItsCameras(*problem, candidate);
       if (candidate.used && (!had_pose || RobustCost(*problem, candidate, fit.truncation_px) <
                                               RobustCost(*problem, instant, fit.truncation_px))) {

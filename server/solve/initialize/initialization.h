@@ -18,15 +18,15 @@ struct InitializationOptions {
   uint32_t seed = 0;        // of every random choice
   int min_instants = 8;     // that two cameras must share to be joined
   int max_instants = 400;   // used while the cameras' poses are found
-  // Pairs of cameras (a < b) that a start before this one was misled by: other ways through the
-  // rig are taken where there are any, else the pair's next best pose. Once for each time.
+  // Pairs of cameras (a < b) that misled an earlier initialization: other paths through the rig are
+  // taken where there are any, else the pair's next best pose. Once for each time listed.
   std::vector<std::pair<int, int>> avoided_pairs;
   std::vector<std::string> camera_notes;  // for error messages
   std::function<void(double fraction)> progress;
   const std::atomic<bool>* cancelled = nullptr;
 };
 
-// Finds poses of all cameras and all instants from nothing: relative poses over the spanning tree
+// Finds initial poses of all cameras and all instants: relative poses over the spanning tree
 // of the overlap graph, chained from the camera whose pose is fixed (and stays as it is), then a
 // robust bundle adjustment over some of the instants. A target of one marker has no size: its poses
 // have the problem's `distance`, or, where it has none, the farthest camera from the fixed one is

@@ -17,7 +17,7 @@ namespace {
 // An edge that keeps this share (inverse) of its views is as good as any: looking at all edges of a
 // large rig to find slightly heavier ones would cost more than it gives.
 constexpr double kGoodEnough = 1.3;
-// What is left of the weight of an edge to be avoided: less than any other edge.
+// Weight factor of an edge to be avoided: less than any other edge.
 constexpr double kAvoidedShare = 1e-6;
 // Shared views beyond which their number is no reason for a pose that cannot be had.
 constexpr int kManyShared = 40;

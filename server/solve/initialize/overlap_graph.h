@@ -12,7 +12,7 @@
 
 namespace rigcal::server {
 
-// Which cameras share wand views.
+// Counts of wand views that cameras share.
 struct OverlapGraph {
   std::vector<std::string> cameras;
   std::vector<int> view_counts;                 // wand views of each camera

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/geometry/triangulation.h"
 #include "server/solve/initialize/point_joins.h"
@@ -30,12 +31,12 @@ class PointChain {
         problem_(problem),
         count_(static_cast<int>(problem.cameras.size())),
         estimate_(estimate),
-        instants_(AllPointSights(problem, rays)),
+        instants_(SharedRays(problem, rays)),
         joins_(graph, instants_) {}
 
   // cam_from_rig by camera, in the frame and the unit of the pair it began with.
   absl::StatusOr<std::vector<RigidTransform>> Run() {
-    // Whether they are connected at all, in the words of every other target.
+    // First the connectivity that every target needs, with the same error messages.
     RIGCAL_RETURN_IF_ERROR(
         FindSpanningTree(graph_, [this](int a, int b) { return Pair(a, b); }).status());
     std::vector<bool> best;
@@ -100,10 +101,10 @@ class PointChain {
   std::optional<double> Baseline(const std::vector<bool>& joined, const PointJoins::Join& join,
                                  const RigidTransform& next_from_via) const {
     std::vector<double> log_scales;
-    for (const PointSights& views : instants_) {
-      const PointSight *via = nullptr, *next = nullptr;
-      std::vector<PointSight> known;
-      for (const PointSight& view : views) {
+    for (const RaysOfInstant& views : instants_) {
+      const RayOfCamera *via = nullptr, *next = nullptr;
+      std::vector<RayOfCamera> known;
+      for (const RayOfCamera& view : views) {
         if (view.camera == join.via) via = &view;
         if (view.camera == join.next) next = &view;
         if (joined[static_cast<size_t>(view.camera)]) known.push_back(view);
@@ -114,9 +115,7 @@ class PointChain {
       if (depth && unit_depth) log_scales.push_back(std::log(*depth / *unit_depth));
     }
     if (static_cast<int>(log_scales.size()) < graph_.min_shared) return std::nullopt;
-    const auto middle = log_scales.begin() + static_cast<std::ptrdiff_t>(log_scales.size() / 2);
-    std::nth_element(log_scales.begin(), middle, log_scales.end());
-    const double median = *middle;
+    const double median = UpperMedian(&log_scales);
     const auto agree = std::count_if(log_scales.begin(), log_scales.end(), [median](double value) {
       return std::abs(value - median) < kMaxLogScale;
     });
@@ -125,12 +124,12 @@ class PointChain {
   }
 
   // Depth in the camera of `via` of what the joined cameras see, where they agree about it.
-  std::optional<double> KnownDepth(const std::vector<PointSight>& known,
-                                   const PointSight& via) const {
-    std::vector<PointView> views;
+  std::optional<double> KnownDepth(const std::vector<RayOfCamera>& known,
+                                   const RayOfCamera& via) const {
+    std::vector<CameraRay> views;
     double sine = 0;
     const RigidTransform& via_pose = poses_[static_cast<size_t>(via.camera)];
-    for (const PointSight& view : known) {
+    for (const RayOfCamera& view : known) {
       const RigidTransform& pose = poses_[static_cast<size_t>(view.camera)];
       views.push_back({pose, view.ray});
       sine = std::max(sine, Sine(view.ray, via.ray, pose * via_pose.Inverse()));
@@ -147,7 +146,7 @@ class PointChain {
     return (via_pose * point).z();
   }
 
-  static std::optional<double> UnitDepth(const PointSight& via, const PointSight& next,
+  static std::optional<double> UnitDepth(const RayOfCamera& via, const RayOfCamera& next,
                                          const RigidTransform& next_from_via) {
     Eigen::Vector3d point;
     if (Sine(next.ray, via.ray, next_from_via) < kMinSine ||
@@ -170,7 +169,7 @@ class PointChain {
   const BundleProblem& problem_;
   const int count_;
   const PairEstimate& estimate_;
-  const std::vector<PointSights> instants_;
+  const std::vector<RaysOfInstant> instants_;
   const PointJoins joins_;
   std::map<CameraPair, std::optional<RelativePose>> pairs_;
   std::vector<RigidTransform> poses_;

@@ -15,7 +15,7 @@ namespace rigcal::server {
 
 // Poses of all cameras of a problem whose target is one marker, from relative poses with baselines
 // of unknown length. The fixed camera's pose stays as it is. Two cameras alone say nothing about
-// lengths, so the scale is carried from camera to camera by moments that three of them share: of a
+// lengths, so the scale is carried from camera to camera by instants that three of them share: of a
 // camera to be joined, by what it and one that is joined triangulate against what the joined ones
 // do. `estimate(a, b)`, a < b, gives the pose of a pair (of which the baseline has length 1), or
 // none. `rays` are the markers' normalised coordinates, by index.

@@ -15,11 +15,11 @@ constexpr size_t kMaxSeeds = 50;  // pairs that are looked at for one from which
 
 }  // namespace
 
-std::vector<PointSights> AllPointSights(const BundleProblem& problem,
-                                        const std::vector<Eigen::Vector2d>& rays) {
-  std::vector<PointSights> all;
+std::vector<RaysOfInstant> SharedRays(const BundleProblem& problem,
+                                      const std::vector<Eigen::Vector2d>& rays) {
+  std::vector<RaysOfInstant> all;
   for (const BundleInstant& instant : problem.instants) {
-    PointSights views;
+    RaysOfInstant views;
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       if (observation.marker_count == 0) continue;
       const auto m = static_cast<size_t>(observation.first_marker);
@@ -32,15 +32,15 @@ std::vector<PointSights> AllPointSights(const BundleProblem& problem,
   return all;
 }
 
-PointJoins::PointJoins(const OverlapGraph& graph, const std::vector<PointSights>& instants)
+PointJoins::PointJoins(const OverlapGraph& graph, const std::vector<RaysOfInstant>& instants)
     : graph_(graph),
       count_(static_cast<int>(graph.cameras.size())),
       triple_counts_(graph.cameras.size() * graph.cameras.size() * graph.cameras.size(), 0) {
-  for (const PointSights& sights : instants) {
-    for (const PointSight& a : sights) {
-      for (const PointSight& b : sights) {
+  for (const RaysOfInstant& sights : instants) {
+    for (const RayOfCamera& a : sights) {
+      for (const RayOfCamera& b : sights) {
         if (b.camera <= a.camera) continue;
-        for (const PointSight& c : sights) {
+        for (const RayOfCamera& c : sights) {
           if (c.camera > b.camera) ++triple_counts_[TripleIndex(a.camera, b.camera, c.camera)];
         }
       }

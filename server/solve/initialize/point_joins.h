@@ -12,18 +12,18 @@
 
 namespace rigcal::server {
 
-// A camera's view of a target of one marker.
-struct PointSight {
+// Where a camera sees a target of one marker.
+struct RayOfCamera {
   int camera;
   Eigen::Vector2d ray;  // normalised coordinates without distortion
 };
-using PointSights = std::vector<PointSight>;  // of one instant, one of each camera
+using RaysOfInstant = std::vector<RayOfCamera>;  // of one instant, one of each camera
 
 // Of the instants in which two cameras or more see the marker. `rays` by marker index.
-std::vector<PointSights> AllPointSights(const BundleProblem& problem,
-                                        const std::vector<Eigen::Vector2d>& rays);
+std::vector<RaysOfInstant> SharedRays(const BundleProblem& problem,
+                                      const std::vector<Eigen::Vector2d>& rays);
 
-// Which camera to join next to those that are in one scale, by counts alone: the scale is carried
+// Chooses the camera to join next to those of one scale, by counts alone: the scale is carried
 // by instants that three cameras share. What is referred to must outlive it.
 class PointJoins {
  public:
@@ -36,7 +36,7 @@ class PointJoins {
     int via = -1, next = -1;
   };
 
-  PointJoins(const OverlapGraph& graph, const std::vector<PointSights>& instants);
+  PointJoins(const OverlapGraph& graph, const std::vector<RaysOfInstant>& instants);
 
   // Pairs to begin with: those from which most is reached, then those that share most.
   std::vector<CameraPair> Seeds() const;
@@ -51,7 +51,7 @@ class PointJoins {
   size_t TripleIndex(int a, int b, int c) const;
   // Instants that `via`, `next` and another camera that is joined share, at least.
   int Weight(const std::vector<bool>& joined, int via, int next) const;
-  // How many cameras can be reached, as far as counts tell.
+  // The number of cameras that can be reached, by counts alone.
   int Reach(int a, int b) const;
 
   const OverlapGraph& graph_;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "common/statistics/robust_statistics.h"
 
 namespace rigcal::server {
 namespace {
@@ -26,20 +27,15 @@ const BundleObservation* ObservationBy(const BundleProblem& problem, const Bundl
   return nullptr;
 }
 
-double Quantile(std::vector<double>* values, double share) {
-  const auto index = static_cast<std::ptrdiff_t>(share * static_cast<double>(values->size() - 1));
-  std::nth_element(values->begin(), values->begin() + index, values->end());
-  return (*values)[static_cast<size_t>(index)];
-}
-
 // Along one axis, in focal lengths from the centre.
 struct Extent {
   double middle = 0, degrees = 0;
 };
 
 Extent ExtentOf(std::vector<double> values) {
-  const double low = Quantile(&values, kLowQuantile), high = Quantile(&values, kHighQuantile);
-  return {Quantile(&values, 0.5), (std::atan(high) - std::atan(low)) * 180 / M_PI};
+  const double low = LowerQuantile(&values, kLowQuantile),
+               high = LowerQuantile(&values, kHighQuantile);
+  return {LowerQuantile(&values, 0.5), (std::atan(high) - std::atan(low)) * 180 / M_PI};
 }
 
 std::string PlaceIn(const BundleCamera& camera, std::vector<double> x, std::vector<double> y) {

@@ -16,8 +16,8 @@ namespace rigcal::server {
 std::string DescribeSharedViews(const BundleProblem& problem, int a, int b);
 
 // For error messages: the cameras that have fewer than `min_views` observations with a marker that
-// is part of the cost, each with the camera it shares most moments with and what to do. Empty where
-// every camera has enough.
+// is part of the cost, each with the camera it shares most instants with and what to do. Empty
+// where every camera has enough.
 std::string DescribeLostCameras(const BundleProblem& problem, int min_views);
 
 // For error messages: the two cameras whose wand views come nearest in time, and how near. Empty

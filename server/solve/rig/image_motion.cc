@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/statistics/robust_statistics.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -22,12 +24,6 @@ Eigen::Index CountDistinct(const PointWeights& times, double apart_s) {
     ++count;
   }
   return count;
-}
-
-double Median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
 }
 
 }  // namespace
@@ -58,23 +54,21 @@ std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
       }
     }
     if (errors.size() < 3) continue;
-    // The lower median: one wild neighbour spoils half of six predictions.
-    std::sort(errors.begin(), errors.end());
-    deviations[own] = errors[(errors.size() - 1) / 2];
+    // The lower median: one outlying neighbour spoils half of six predictions.
+    deviations[own] = LowerMedian(std::move(errors));
   }
-  std::vector<bool> wild(times_ns.size(), false);
-  if (deviations.empty()) return wild;
-  std::vector<double> copy = deviations;
-  const double limit_px = std::max(kMotionOutlierPx, kOutlierTimesUsual * Median(&copy));
-  for (size_t i = 0; i < deviations.size(); ++i) wild[i] = deviations[i] > limit_px;
-  return wild;
+  std::vector<bool> is_outlier(times_ns.size(), false);
+  if (deviations.empty()) return is_outlier;
+  const double limit_px = std::max(kMotionOutlierPx, kOutlierTimesUsual * UpperMedian(deviations));
+  for (size_t i = 0; i < deviations.size(); ++i) is_outlier[i] = deviations[i] > limit_px;
+  return is_outlier;
 }
 
 ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
-                         const ImageMotionOptions& options, std::vector<bool> turned)
+                         const ImageMotionOptions& options, std::vector<bool> flipped)
     : options_(options),
       period_s_(track.period_s),
-      turned_(std::move(turned)),
+      flipped_(std::move(flipped)),
       samples_(static_cast<size_t>(marker_count)),
       sample_of_row_(static_cast<size_t>(marker_count),
                      std::vector<int>(track.track.observations.size(), -1)) {
@@ -83,7 +77,8 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
     for (size_t m = 0; m < observation.markers.size(); ++m) {
       const MarkerObservation& marker = observation.markers[m];
       if (!marker.visible) continue;
-      const size_t label = IsTurned(static_cast<int>(row)) ? observation.markers.size() - 1 - m : m;
+      const size_t label =
+          IsFlipped(static_cast<int>(row)) ? observation.markers.size() - 1 - m : m;
       sample_of_row_[label][row] = static_cast<int>(samples_[label].size());
       samples_[label].push_back({static_cast<int>(row), observation.time_ns + marker.time_delta_ns,
                                  marker.centre_px, marker.covariance_px2});
@@ -96,9 +91,9 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
       times_ns.push_back(sample.time_ns);
       centres_px.push_back(sample.centre_px);
     }
-    const std::vector<bool> wild =
+    const std::vector<bool> is_outlier =
         FindOutlierCentres(times_ns, centres_px, options_.max_gap_periods * period_s_);
-    for (size_t i = 0; i < samples.size(); ++i) samples[i].excluded = wild[i];
+    for (size_t i = 0; i < samples.size(); ++i) samples[i].excluded = is_outlier[i];
   }
   std::vector<double> speeds;
   for (const std::vector<Sample>& samples : samples_) {
@@ -109,7 +104,7 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
     }
   }
   if (speeds.empty()) return;
-  typical_speed_px_s_ = Median(&speeds);
+  typical_speed_px_s_ = UpperMedian(&speeds);
 }
 
 void ImageMotion::Exclude(int observation, int marker) {
@@ -147,7 +142,7 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s,
   std::vector<const Sample*> points;
   Eigen::Index before = 0, after = 0, own_index = -1;
   for (size_t i = around.begin; i < around.end; ++i) {
-    // A wild row moves as its neighbours say, and stays wild.
+    // An outlying row moves with its neighbours, and stays an outlier.
     if (samples[i].excluded) continue;
     if (i == own) own_index = static_cast<Eigen::Index>(points.size());
     before += i < own ? 1 : 0;

@@ -10,7 +10,7 @@
 
 namespace rigcal::server {
 
-// Where a marker's image is and how it moves, at a time near one of its rows.
+// Centre and image velocity of a marker at a time near one of its rows.
 struct MarkerMotion {
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
   // To weigh the centre with beside those of the neighbouring instants (ImageMotion says how).
@@ -21,8 +21,8 @@ struct MarkerMotion {
   bool has_velocity = false;
 };
 
-// Which centres of one marker lie far from where their neighbours say they should be: further than
-// 15 px, and 12 times what is usual. Neighbours further away than `gap_s` say nothing; a centre
+// Finds centres of one marker far from the position that their neighbours predict: further than
+// 15 px, and 12 times what is usual. Neighbours further away than `gap_s` are ignored; a centre
 // with fewer than three of them is believed. Times ascend.
 std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
                                      const std::vector<Eigen::Vector2d>& centres_px, double gap_s);
@@ -53,16 +53,16 @@ struct ImageMotionOptions {
 // Its weights are those of the least-squares polynomial among v with sum_i v_i w_i = 0, where there
 // are rows enough: an instrument in the sense of errors in variables (Fuller 1987, 2.4).
 //
-// A wild centre takes no part in its neighbours' fits.
+// An outlying centre takes no part in its neighbours' fits.
 class ImageMotion {
  public:
-  // Observations of which `turned` is true (empty: none is) have their labels counted from the
-  // target's other end, here and by whoever asks IsTurned().
+  // Observations of which `flipped` is true (empty: none is) have their labels counted from the
+  // target's other end, here and by whoever asks IsFlipped().
   ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options,
-              std::vector<bool> turned = {});
+              std::vector<bool> flipped = {});
 
-  bool IsTurned(int observation) const {
-    return !turned_.empty() && turned_[static_cast<size_t>(observation)];
+  bool IsFlipped(int observation) const {
+    return !flipped_.empty() && flipped_[static_cast<size_t>(observation)];
   }
 
   // Takes a marker of a row out of its neighbours' fits: it is an outlier.
@@ -92,7 +92,7 @@ class ImageMotion {
 
   ImageMotionOptions options_;
   double period_s_;
-  std::vector<bool> turned_;                     // by observation
+  std::vector<bool> flipped_;                    // by observation
   std::vector<std::vector<Sample>> samples_;     // by marker, ascending in time
   std::vector<std::vector<int>> sample_of_row_;  // by marker, then observation; -1 = not visible
   double typical_speed_px_s_ = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/rig/intrinsics_prior.h"
 
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/intrinsics_vector.h"
 
 namespace rigcal::server {
 

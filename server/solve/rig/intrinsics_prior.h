@@ -6,7 +6,7 @@
 
 namespace rigcal::server {
 
-// How far given intrinsics may be from the truth, one sigma each: what a careful chessboard
+// Uncertainty of given intrinsics, one sigma each: what a careful chessboard
 // calibration of a lens that was touched since leaves open.
 struct IntrinsicsPrior {
   double focal_share = 0.02;   // of fx and of fy

@@ -6,9 +6,9 @@
 #include <limits>
 #include <optional>
 
-#include "server/solve/bundle/bundle_adjuster.h"
-#include "server/solve/bundle/projection_jacobian.h"
-#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/geometry/marker_rays.h"
+#include "server/solve/geometry/target_pose.h"
 
 namespace rigcal::server {
 namespace {
@@ -31,8 +31,8 @@ class LabelContest {
   }
 
   std::vector<int> Run() {
-    std::vector<int> reversed;
-    if (last_label_ < 1) return reversed;  // one marker has one order
+    std::vector<int> flipped;
+    if (last_label_ < 1) return flipped;  // one marker has one order
     for (size_t i = 0; i < problem_.instants.size(); ++i) {
       const BundleInstant& instant = problem_.instants[i];
       std::vector<int> found;
@@ -41,20 +41,20 @@ class LabelContest {
       if (!IsExplained(instant, found)) {
         if (const std::optional<int> contested = Contested(instant)) found = {*contested};
       }
-      reversed.insert(reversed.end(), found.begin(), found.end());
+      flipped.insert(flipped.end(), found.begin(), found.end());
     }
-    std::sort(reversed.begin(), reversed.end());
-    return reversed;
+    std::sort(flipped.begin(), flipped.end());
+    return flipped;
   }
 
  private:
   // `pose` is the instant's, or one to be tried.
-  double Score(const BundleInstant& pose, int index, bool turned) const {
+  double Score(const BundleInstant& pose, int index, bool flipped) const {
     const BundleObservation& observation = problem_.observations[static_cast<size_t>(index)];
     const double limit = limits_[static_cast<size_t>(observation.camera)];
     double score = 0;
     for (BundleMarker marker : problem_.MarkersOf(observation)) {
-      if (turned) marker.marker = last_label_ - marker.marker;
+      if (flipped) marker.marker = last_label_ - marker.marker;
       Eigen::Vector2d residual;
       double share = 1;
       if (MarkerResidualPx(problem_, pose, observation, marker, &residual)) {
@@ -65,11 +65,12 @@ class LabelContest {
     return score;
   }
 
-  double TotalScore(const BundleInstant& pose, const std::vector<int>& turned) const {
+  double TotalScore(const BundleInstant& pose, const std::vector<int>& flipped) const {
     double total = 0;
     for (int o = 0; o < pose.observation_count; ++o) {
       const int index = pose.first_observation + o;
-      total += Score(pose, index, std::find(turned.begin(), turned.end(), index) != turned.end());
+      total +=
+          Score(pose, index, std::find(flipped.begin(), flipped.end(), index) != flipped.end());
     }
     return total;
   }
@@ -100,7 +101,7 @@ class LabelContest {
     return true;
   }
 
-  // All observations of the instant, where they fit the target turned about its middle as well.
+  // All observations of the instant, where they fit the target flipped about its middle as well.
   std::vector<int> AllIfMirrored(const BundleInstant& instant) const {
     BundleInstant mirrored = instant;
     mirrored.origin_m += problem_.target.marker_positions_m.back() * instant.direction;
@@ -114,8 +115,8 @@ class LabelContest {
   }
 
   // Nothing is left that another order of labels would have to explain.
-  bool IsExplained(const BundleInstant& instant, const std::vector<int>& turned) const {
-    return instant.used && TotalScore(instant, turned) < options_.min_gain;
+  bool IsExplained(const BundleInstant& instant, const std::vector<int>& flipped) const {
+    return instant.used && TotalScore(instant, flipped) < options_.min_gain;
   }
 
   std::optional<int> Contested(const BundleInstant& instant) const {
@@ -146,20 +147,20 @@ class LabelContest {
     return best_index;
   }
 
-  // Of all the instant's markers, with the target placed anew and one observation turned; -1: none.
-  // `small` is OneInstant's and comes back as it was, `rays` are its undistorted markers.
-  double PlacedScore(const BundleInstant& instant, int turned,
+  // Of all the instant's markers, with the target placed anew and one observation flipped; -1:
+  // none. `small` is OneInstant's and comes back as it was, `rays` are its undistorted markers.
+  double PlacedScore(const BundleInstant& instant, int flipped,
                      const std::vector<Eigen::Vector2d>& rays, BundleProblem* small) const {
-    const int index = turned - instant.first_observation;  // in `small`
-    TargetPoseFitOptions fit;
-    fit.truncation_px = 2 * options_.start_threshold_px;
+    const int index = flipped - instant.first_observation;  // in `small`
+    TargetPoseOptions fit;
+    fit.truncation_px = 2 * options_.initialization_threshold_px;
     BundleInstant pose = small->instants.front();
-    if (turned >= 0) TurnLabels(index, small);
-    const bool placed = FitWand(*small, has_pose_, rays, fit, &pose);
-    if (turned >= 0) TurnLabels(index, small);
+    if (flipped >= 0) FlipLabels(index, small);
+    const bool placed = EstimateTargetPose(*small, has_pose_, rays, fit, &pose);
+    if (flipped >= 0) FlipLabels(index, small);
     if (!placed) return kInfinity;
     pose.first_observation = instant.first_observation;
-    return TotalScore(pose, turned >= 0 ? std::vector<int>{turned} : std::vector<int>{});
+    return TotalScore(pose, flipped >= 0 ? std::vector<int>{flipped} : std::vector<int>{});
   }
 
   // A copy of one instant in which every marker takes part.
@@ -197,7 +198,7 @@ std::vector<int> FindFlippedLabels(const LabelOptions& options, const OutlierOpt
   return LabelContest(options, outliers, problem, instant_time_ns).Run();
 }
 
-void TurnLabels(int observation, BundleProblem* problem) {
+void FlipLabels(int observation, BundleProblem* problem) {
   const BundleObservation& entry = problem->observations[static_cast<size_t>(observation)];
   const int last_label = static_cast<int>(problem->target.marker_positions_m.size()) - 1;
   for (BundleMarker& marker : problem->MarkersOf(entry)) {

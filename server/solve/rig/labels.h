@@ -11,18 +11,18 @@ namespace rigcal::server {
 
 // The rule by which an observation's labels are counted from the wrong end of the target:
 //   an order of its labels scores, over its markers, the sum of min(1, (|r| / limit)^2), with r the
-//   whitened residual and `limit` the one beyond which a marker of its camera is a gross outlier;
-//   it is turned when the other order scores better by more than `min_gain`.
+//   whitened residual and `limit` the one beyond which a marker of its camera is an outlier;
+//   it is flipped when the other order scores better by more than `min_gain`.
 // So a wand seen from its end, which fits either way, stays as it is. Where too few cameras see an
 // instant for the others to say which of them is wrong, the target is placed anew with each
-// observation turned in its turn; the best is taken if it explains every marker and the next best
+// observation flipped in its turn; the best is taken if it explains every marker and the next best
 // does not fit nearly as well. An instant that points against its neighbours on both sides is
-// turned as a whole where that fits as well: two ends alone look the same both ways. A single
+// flipped as a whole where that fits as well: two ends alone look the same both ways. A single
 // marker with another's label is an outlier.
 struct LabelOptions {
   double min_gain = 0.5;
-  double start_threshold_px = 3;
-  // Instants of more observations outvote one that is reversed.
+  double initialization_threshold_px = 3;
+  // Instants of more observations outvote one that is flipped.
   int max_contested_observations = 4;
   double neighbour_s = 0.2;          // two instants this close are neighbours
   double min_opposite_cosine = 0.5;  // below minus this, directions are opposite
@@ -37,6 +37,6 @@ std::vector<int> FindFlippedLabels(const LabelOptions& options, const OutlierOpt
 
 // Counts the labels of an observation from the other end and lets all its markers take part again.
 // Their order in the problem stays.
-void TurnLabels(int observation, BundleProblem* problem);
+void FlipLabels(int observation, BundleProblem* problem);
 
 }  // namespace rigcal::server

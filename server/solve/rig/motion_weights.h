@@ -11,7 +11,7 @@ inline constexpr Eigen::Index kMaxMotionPoints = 15;
 // A number for each point of a fit.
 using PointWeights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxMotionPoints, 1>;
 
-// What a local polynomial fit is asked about. Times in seconds from the own row's.
+// The query of a local polynomial fit. Times in seconds from the own row's.
 struct MotionQuery {
   PointWeights times_s;
   Eigen::Index degree;  // 1 to 4, less than there are points

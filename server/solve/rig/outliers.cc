@@ -5,12 +5,11 @@
 #include <cmath>
 #include <limits>
 
-#include "server/solve/bundle/bundle_adjuster.h"
+#include "common/statistics/robust_statistics.h"
+#include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
-
-constexpr double kMedianOfRayleigh = 1.17741;
 
 // Calls visit(observation, marker, whitened norm); infinite where the camera cannot see it.
 template <typename Problem, typename Visit>
@@ -52,18 +51,14 @@ std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOpti
   std::vector<std::vector<double>> norms(problem.cameras.size());
   ForEachResidual(problem,
                   [&norms](const BundleObservation& observation, const BundleMarker&, double norm) {
-                    // Markers the camera cannot see say nothing of how well it measures.
+                    // Markers that the camera cannot see are no measure of its noise.
                     if (!std::isfinite(norm)) return;
                     norms[static_cast<size_t>(observation.camera)].push_back(norm);
                   });
   std::vector<double> scales;
   for (std::vector<double>& values : norms) {
     double scale = options.min_scale;
-    if (!values.empty()) {
-      const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-      std::nth_element(values.begin(), middle, values.end());
-      scale = std::max(scale, *middle / kMedianOfRayleigh);
-    }
+    if (!values.empty()) scale = std::max(scale, UpperMedian(&values) / kMedianOfRayleigh);
     scales.push_back(scale);
   }
   return scales;

@@ -7,13 +7,13 @@
 
 namespace rigcal::server {
 
-// The rule by which a marker is a gross outlier:
+// A marker is an outlier by this rule:
 //   a camera's scale is the median of its markers' whitened residual norms |r| over 1.1774 (the
 //   median norm of a standard normal 2-vector), and never less than `min_scale`;
 //   a marker is out when |r| > sigmas * scale, or when its camera cannot see where it should be.
 // The scale follows the camera, so that one whose clock or intrinsics are off keeps its markers;
 // nothing is dropped by share;
-//   an instant with outliers says nothing when less than `min_markers` of it are left, or those of
+//   an instant with outliers is not used when less than `min_markers` of it are left, or those of
 // one camera only: that many fit a target somewhere whichever is wrong. Of a target of one marker,
 // of which a camera shows no more, two are enough.
 // Errors below that are the robust loss's business.
@@ -26,8 +26,8 @@ struct OutlierOptions {
 // Whitened robust scale of each camera over the markers of placed instants.
 std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOptions& options);
 
-// Sets `used` of every marker of every placed instant by the rule, and of the instants that say
-// nothing. Returns how many changed.
+// Sets `used` of every marker of every placed instant by the rule, and of the instants that are not
+// used nothing. Returns how many changed.
 int ClassifyOutliers(const OutlierOptions& options, BundleProblem* problem);
 
 }  // namespace rigcal::server

@@ -8,7 +8,7 @@
 #include <map>
 #include <tuple>
 
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/intrinsics_vector.h"
 
 namespace rigcal::server {
 namespace {
@@ -30,7 +30,7 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
     const int64_t coarse_ns = track.CoarseRigTimeNs(row) + row.markers[m].time_delta_ns;
     const double shift_s =
         1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
-    const size_t label = motion.IsTurned(member.observation) ? row.markers.size() - 1 - m : m;
+    const size_t label = motion.IsFlipped(member.observation) ? row.markers.size() - 1 - m : m;
     MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, &memory);
     if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     BundleMarker marker;

@@ -13,7 +13,7 @@
 
 namespace rigcal::server {
 
-// What is known of one clock of one session, on top of the coarse alignment of its tracks:
+// Correction of one clock of one session, on top of the coarse alignment of its tracks:
 //   rig_time = coarse rig time + time_offset_s + time_rate * (camera_time - time_epoch)
 struct ClockCorrection {
   std::string session_id;
@@ -43,7 +43,7 @@ std::vector<std::vector<int64_t>> RigTimes(const std::vector<AlignedTrack>& trac
                                            const RigIndex& index,
                                            const std::vector<ClockCorrection>& clocks);
 
-// Where a marker of the problem comes from.
+// Origin of a marker of the problem.
 struct MarkerSource {
   int track = 0;
   int observation = 0;

@@ -10,8 +10,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/bundle_adjuster.h"
 #include "server/solve/bundle/line_bundle.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/initialize/initialization.h"
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/image_motion.h"
@@ -28,7 +28,7 @@ constexpr double kOutlierPx = 15;
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
 constexpr double kCoarseTolerance = 1e-7;
 constexpr double kExactBelow = 10;
-constexpr int kMaxTurns = 2;  // there and back
+constexpr int kMaxFlips = 2;  // there and back
 
 using MarkerKey = std::pair<std::pair<int, int>, int>;  // track, observation, marker
 
@@ -41,38 +41,38 @@ class RigSolver {
     solution_.clocks = clocks;
     for (const AlignedTrack& track : rig_.tracks) {
       solution_.motions.emplace_back(track, rig_.target.marker_count(), ImageMotionOptions{});
-      turns_.emplace_back(track.track.observations.size(), 0);
+      flip_counts_.emplace_back(track.track.observations.size(), 0);
     }
   }
 
-  absl::StatusOr<RigSolution> Run(const RigInitialization* start) {
-    if (start != nullptr) solution_.clocks = start->clocks;
+  absl::StatusOr<RigSolution> Run(const RigInitialization* initial) {
+    if (initial != nullptr) solution_.clocks = initial->clocks;
     Build();
     if (problem().instants.empty()) return NoInstants();
-    if (start != nullptr) {
-      Adopt(*start);
-      PlaceInstants(options_.start_threshold_px, &problem());
+    if (initial != nullptr) {
+      Adopt(*initial);
+      PlaceInstants(options_.initialization_threshold_px, &problem());
     } else {
       RIGCAL_RETURN_IF_ERROR(
-          FindInitialization(InitializationOptionsOf(), &problem(), &solution_.start_tree));
+          FindInitialization(InitializationOptionsOf(), &problem(), &solution_.spanning_tree));
     }
-    // By the distances of a start, which are rough.
+    // By the rough distances of the initialization.
     bool rough_centres = CorrectCentres() > 0;
-    if (FlipReversed() > 0) Rebuild();
+    if (FlipWrongLabels() > 0) Rebuild();
     bool exact = false;
     for (int round = 0; round < options_.max_rounds; ++round) {
       const bool is_last = round + 1 == options_.max_rounds;
       exact = exact || is_last;
       RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
-      const int turned = is_last ? 0 : FlipReversed();
+      const int flipped = is_last ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(options_.outliers, &problem());
       const double moved_s = ClockMovement();
       const bool settled =
-          turned == 0 && changed == 0 && !rough_centres && moved_s < options_.time_tolerance_s;
+          flipped == 0 && changed == 0 && !rough_centres && moved_s < options_.time_tolerance_s;
       solution_.converged = settled && exact;
       if (solution_.converged) break;
       exact = settled || moved_s < kExactBelow * options_.time_tolerance_s;
-      if (!is_last && (turned > 0 || rough_centres || moved_s >= options_.time_tolerance_s)) {
+      if (!is_last && (flipped > 0 || rough_centres || moved_s >= options_.time_tolerance_s)) {
         Rebuild();
         rough_centres = false;
       }
@@ -145,7 +145,7 @@ class RigSolver {
 
   absl::Status NoInstants() const {
     return absl::FailedPreconditionError(absl::StrCat(
-        "no moment at which two cameras saw the wand: ", rig_.tracks.size(),
+        "no instant at which two cameras saw the wand: ", rig_.tracks.size(),
         " camera tracks share no time within the tolerance",
         DescribeNearestViews(rig_.tracks, RigTimes(rig_.tracks, rig_.index, solution_.clocks)),
         "; check that the cameras ran at the same time, and their clocks (a clock that does not "
@@ -153,30 +153,32 @@ class RigSolver {
   }
 
   InitializationOptions InitializationOptionsOf() const {
-    InitializationOptions start;
-    start.threshold_px = options_.start_threshold_px;
-    start.seed = options_.seed;
-    start.avoided_pairs = options_.avoided_pairs;
-    start.camera_notes = options_.camera_notes;
-    start.cancelled = options_.cancelled;
+    InitializationOptions initial;
+    initial.threshold_px = options_.initialization_threshold_px;
+    initial.seed = options_.seed;
+    initial.avoided_pairs = options_.avoided_pairs;
+    initial.camera_notes = options_.camera_notes;
+    initial.cancelled = options_.cancelled;
     if (options_.progress) {
-      start.progress = [this](double fraction) { options_.progress("finding a start", fraction); };
+      initial.progress = [this](double fraction) {
+        options_.progress("finding a start", fraction);
+      };
     }
-    return start;
+    return initial;
   }
 
-  void Adopt(const RigInitialization& start) {
+  void Adopt(const RigInitialization& initial) {
     for (size_t c = 0; c < problem().cameras.size(); ++c) {
-      problem().cameras[c].cam_from_rig = start.cameras[c].cam_from_rig;
-      problem().cameras[c].intrinsics = start.cameras[c].intrinsics;
+      problem().cameras[c].cam_from_rig = initial.cameras[c].cam_from_rig;
+      problem().cameras[c].intrinsics = initial.cameras[c].intrinsics;
     }
-    problem().target.marker_positions_m = start.marker_positions_m;
-    problem().distance = start.distance;
+    problem().target.marker_positions_m = initial.marker_positions_m;
+    problem().distance = initial.distance;
     for (size_t i = 0; i < problem().instants.size(); ++i) {
       BundleInstant& instant = problem().instants[i];
       const InstantMember& first = solution_.instants.instants[i].members.front();
-      const auto known = start.instants.find({first.track, first.observation});
-      instant.used = known != start.instants.end();
+      const auto known = initial.instants.find({first.track, first.observation});
+      instant.used = known != initial.instants.end();
       if (instant.used) std::tie(instant.origin_m, instant.direction) = known->second;
     }
   }
@@ -222,8 +224,8 @@ class RigSolver {
     return moved_s;
   }
 
-  // Keeps wild centres out of their neighbours' image motion. Those that are a few pixels off say
-  // more about the motion than their absence would.
+  // Keeps outlying centres out of their neighbours' image motion. Those that are a few pixels off
+  // say more about the motion than their absence would.
   void ExcludeFromMotion() {
     for (const BundleInstant& instant : problem().instants) {
       if (!instant.used) continue;
@@ -242,9 +244,9 @@ class RigSolver {
     }
   }
 
-  // Turns labels round in the problem and in the image motion that the next one is built with.
+  // Flips labels in the problem and in the image motion that the next one is built with.
   // Returns the number of observations.
-  int FlipReversed() {
+  int FlipWrongLabels() {
     std::set<int> touched;
     int count = 0;
     for (const int index : FindFlippedLabels(options_.labels, options_.outliers, problem(),
@@ -252,20 +254,21 @@ class RigSolver {
       const BundleObservation& observation = problem().observations[static_cast<size_t>(index)];
       const MarkerSource& source =
           solution_.built.sources[static_cast<size_t>(observation.first_marker)];
-      int& turns =
-          turns_[static_cast<size_t>(source.track)][static_cast<size_t>(source.observation)];
-      if (turns == kMaxTurns) continue;
-      ++turns;
+      int& flips =
+          flip_counts_[static_cast<size_t>(source.track)][static_cast<size_t>(source.observation)];
+      if (flips == kMaxFlips) continue;
+      ++flips;
       ++count;
       touched.insert(source.track);
-      TurnLabels(index, &problem());
+      FlipLabels(index, &problem());
     }
     for (const int t : touched) {
-      std::vector<bool> turned;
-      for (const int turns : turns_[static_cast<size_t>(t)]) turned.push_back(turns % 2 == 1);
+      std::vector<bool> flipped;
+      for (const int flips : flip_counts_[static_cast<size_t>(t)])
+        flipped.push_back(flips % 2 == 1);
       solution_.motions[static_cast<size_t>(t)] =
           ImageMotion(rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(),
-                      ImageMotionOptions{}, std::move(turned));
+                      ImageMotionOptions{}, std::move(flipped));
     }
     return count;
   }
@@ -278,23 +281,23 @@ class RigSolver {
       if (problem().markers[m].used) continue;
       outliers.insert({{source.track, source.observation}, problem().markers[m].marker});
     }
-    const RigInitialization start = StartFrom(solution_);
-    solution_.clocks = start.clocks;
+    const RigInitialization initial = InitializationFrom(solution_);
+    solution_.clocks = initial.clocks;
     Build();
-    Adopt(start);
+    Adopt(initial);
     for (size_t m = 0; m < problem().markers.size(); ++m) {
       const MarkerSource& source = solution_.built.sources[m];
       problem().markers[m].used =
           !outliers.contains({{source.track, source.observation}, problem().markers[m].marker});
     }
-    PlaceInstants(options_.start_threshold_px, &problem());
+    PlaceInstants(options_.initialization_threshold_px, &problem());
     CorrectCentres();
   }
 
   const RigObservations& rig_;
   const RigSolveOptions& options_;
   RigSolution solution_;
-  std::vector<std::vector<int>> turns_;  // by track and observation
+  std::vector<std::vector<int>> flip_counts_;  // by track and observation
 };
 
 }  // namespace
@@ -303,38 +306,38 @@ bool IsMetric(const RigObservations& rig, const RigSolveOptions& options) {
   return rig.target.marker_count() > 1 || options.known_distance.has_value();
 }
 
-bool IsTurned(const RigSolution& solution, const BundleObservation& observation) {
+bool IsFlipped(const RigSolution& solution, const BundleObservation& observation) {
   if (observation.marker_count == 0) return false;
   const MarkerSource& source =
       solution.built.sources[static_cast<size_t>(observation.first_marker)];
-  return solution.motions[static_cast<size_t>(source.track)].IsTurned(source.observation);
+  return solution.motions[static_cast<size_t>(source.track)].IsFlipped(source.observation);
 }
 
-RigInitialization StartFrom(const RigSolution& solution) {
+RigInitialization InitializationFrom(const RigSolution& solution) {
   const BundleProblem& problem = solution.built.problem;
-  RigInitialization start;
-  start.cameras = problem.cameras;
-  start.marker_positions_m = problem.target.marker_positions_m;
-  start.distance = problem.distance;
-  start.clocks = solution.clocks;
-  for (size_t k = 0; k < start.clocks.size(); ++k) {
-    start.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;
-    start.clocks[k].time_rate += problem.clocks[k].time_rate;
+  RigInitialization initial;
+  initial.cameras = problem.cameras;
+  initial.marker_positions_m = problem.target.marker_positions_m;
+  initial.distance = problem.distance;
+  initial.clocks = solution.clocks;
+  for (size_t k = 0; k < initial.clocks.size(); ++k) {
+    initial.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;
+    initial.clocks[k].time_rate += problem.clocks[k].time_rate;
   }
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     if (!problem.instants[i].used) continue;
     const InstantMember& first = solution.instants.instants[i].members.front();
-    start.instants[{first.track, first.observation}] = {problem.instants[i].origin_m,
-                                                        problem.instants[i].direction};
+    initial.instants[{first.track, first.observation}] = {problem.instants[i].origin_m,
+                                                          problem.instants[i].direction};
   }
-  return start;
+  return initial;
 }
 
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
                                      const std::vector<ClockCorrection>& clocks,
                                      const RigSolveOptions& options,
-                                     const RigInitialization* start) {
-  return RigSolver(rig, clocks, options).Run(start);
+                                     const RigInitialization* initial) {
+  return RigSolver(rig, clocks, options).Run(initial);
 }
 
 }  // namespace rigcal::server

@@ -38,16 +38,15 @@ struct RigSolveOptions {
   bool refine_intrinsics = false;
   bool estimate_marker_positions = false;
   // Between two cameras of the index, in metres: the scale of a target of one marker. None: its
-  // unit is the distance from the reference camera of the one that the start puts farthest from it.
+  // unit is the distance from the reference camera to the camera initialized farthest from it.
   std::optional<BundleDistance> known_distance;
   double known_distance_sigma_m = 0;  // of the measurement
   double sigma_px = 0;                // instead of the observed covariances; 0 = as observed
   double tolerance_s = 0;             // of an instant; 0 = from the periods
   uint32_t seed = 0;
-  double start_threshold_px = 3;  // of markers that agree while poses are looked for
-  std::vector<std::pair<int, int>>
-      avoided_pairs;      // of cameras, while poses are looked for: start.h
-  double loss_scale = 2;  // of the Cauchy loss, in sigmas
+  double initialization_threshold_px = 3;          // of markers that agree, during initialization
+  std::vector<std::pair<int, int>> avoided_pairs;  // of cameras, see initialization.h
+  double loss_scale = 2;                           // of the Cauchy loss, in sigmas
   double function_tolerance = 1e-9;
   OutlierOptions outliers;
   LabelOptions labels;
@@ -62,9 +61,10 @@ struct RigSolveOptions {
 struct RigSolution {
   BuiltProblem built;                   // solved; markers not used are the outliers
   std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
-  std::vector<ImageMotion> motions;     // by track, wild centres taken out, labels turned
+  std::vector<ImageMotion> motions;     // by track, outlying centres excluded, labels flipped
   InstantList instants;
-  std::vector<std::pair<int, int>> start_tree;  // of cameras; none where a start was given
+  std::vector<std::pair<int, int>>
+      spanning_tree;  // of cameras; empty where an initialization was given
   int iterations = 0;
   double final_cost = 0;
   bool converged = false;
@@ -74,12 +74,12 @@ struct RigSolution {
 bool IsMetric(const RigObservations& rig, const RigSolveOptions& options);
 
 // The labels of this observation were given counted from the target's other end.
-bool IsTurned(const RigSolution& solution, const BundleObservation& observation);
+bool IsFlipped(const RigSolution& solution, const BundleObservation& observation);
 
 // The target's pose at an instant, known by its first member.
 using InstantPoses = std::map<std::pair<int, int>, std::pair<Eigen::Vector3d, Eigen::Vector3d>>;
 
-// Where a solve begins instead of from nothing.
+// Initial values of a solve.
 struct RigInitialization {
   std::vector<BundleCamera> cameras;  // poses and intrinsics
   std::vector<double> marker_positions_m;
@@ -88,18 +88,17 @@ struct RigInitialization {
   InstantPoses instants;  // origin and direction; those not named are placed anew
 };
 
-RigInitialization StartFrom(const RigSolution& solution);
+RigInitialization InitializationFrom(const RigSolution& solution);
 
-// Associates, finds a start unless one is given, and alternates bundle adjustment, turning of
-// labels, classification of outliers, and interpolation at the new clock corrections until nothing
-// moves. Which observations are turned is found anew in each solve, from what it keeps. In each
-// session the clock of the reference camera (or else the first) keeps its correction: time has no
-// origin.
+// Associates, initializes unless given initial values, and alternates bundle adjustment, flipping
+// of labels, classification of outliers, and interpolation at the new clock corrections until
+// nothing moves. Flipped observations are found anew in each solve. In each session the clock of
+// the reference camera (or else the first) keeps its correction: time has no origin.
 //
 // FAILED_PRECONDITION: no instants, not connected, cannot be placed. CANCELLED.
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
                                      const std::vector<ClockCorrection>& clocks,
                                      const RigSolveOptions& options,
-                                     const RigInitialization* start = nullptr);
+                                     const RigInitialization* initial = nullptr);
 
 }  // namespace rigcal::server

@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 
 #include "common/camera/sphere_projection.h"
-#include "server/solve/bundle/projection_jacobian.h"
 
 namespace rigcal::server {
 namespace {
@@ -13,7 +12,7 @@ bool IsImageBlob(const AlignedTrack& track, const ImageMotion& motion, int obser
                  int marker) {
   const Observation& row = track.track.observations[static_cast<size_t>(observation)];
   const auto label = static_cast<size_t>(marker);
-  const size_t source = motion.IsTurned(observation) ? row.markers.size() - 1 - label : label;
+  const size_t source = motion.IsFlipped(observation) ? row.markers.size() - 1 - label : label;
   return row.markers[source].centre_kind == CentreKind::kImageBlob;
 }
 

@@ -10,6 +10,7 @@
 
 #include "common/camera/camera_model.h"
 #include "common/simulation/frames/scene_renderer.h"
+#include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/seed_runs.h"
 
@@ -162,7 +163,7 @@ DetectionSummary Summarise(const std::vector<ImageResult>& results) {
       ++centres;
     }
   }
-  summary.median_ms = Quantile(milliseconds, 0.5);
+  summary.median_ms = InterpolatedQuantile(milliseconds, 0.5);
   if (centres == 0) return summary;
   summary.rms_px = std::sqrt(squares / (2 * centres));
   summary.motion_bias_px = along / centres;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/rig/statistics.h"
 
 namespace rigcal::accuracy {
@@ -62,8 +63,6 @@ void TakeOutScale(CalibrationErrors* errors) {
 }
 
 }  // namespace
-
-double Median(std::vector<double> values) { return Quantile(std::move(values), 0.5); }
 
 Eigen::Vector3d CalibrationErrors::PositionErrorAtTrueLengthM(size_t camera) const {
   const CameraError& error = cameras[camera];

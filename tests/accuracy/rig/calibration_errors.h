@@ -48,6 +48,4 @@ struct CalibrationErrors {
 absl::StatusOr<CalibrationErrors> CompareWithGroundTruth(const SimulatedWorld& world,
                                                          const CalibrationResult& result);
 
-double Median(std::vector<double> values);
-
 }  // namespace rigcal::accuracy

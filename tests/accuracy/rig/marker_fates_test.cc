@@ -58,7 +58,7 @@ class CountFatesTest : public ::testing::Test {
     for (server::BundleInstant& instant : solution_.built.problem.instants) instant.used = true;
     for (server::BundleMarker& marker : solution_.built.problem.markers) marker.used = true;
     for (const server::BundleObservation& observation : solution_.built.problem.observations) {
-      if (!server::IsTurned(solution_, observation)) continue;
+      if (!server::IsFlipped(solution_, observation)) continue;
       for (int m = 0; m < observation.marker_count; ++m) {
         server::BundleMarker& marker =
             solution_.built.problem.markers[static_cast<size_t>(observation.first_marker + m)];

@@ -10,40 +10,16 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/camera/camera_model.h"
+#include "common/camera/intrinsics_vector.h"
+#include "common/camera/projection.h"
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 
 namespace rigcal::accuracy {
 namespace {
 
 using InstantBlock = Eigen::Matrix<double, 5, 5>;
-using WandColumns = Eigen::Matrix<double, 3, 5>;  // d x_in_rig / d (origin, two of the direction)
-
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return matrix;
-}
-
-// Numeric, to be independent of the solver; need not be fast.
-Eigen::MatrixXd IntrinsicsColumns(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam) {
-  const auto count = static_cast<Eigen::Index>(4 + intrinsics.distortion.size());
-  const auto pixel_with = [&](Eigen::Index which, double step) {
-    Intrinsics moved = intrinsics;
-    double* const values[4] = {&moved.fx_px, &moved.fy_px, &moved.cx_px, &moved.cy_px};
-    (which < 4 ? *values[which] : moved.distortion[static_cast<size_t>(which - 4)]) += step;
-    Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
-    Project(moved, x_in_cam, &pixel);
-    return pixel;
-  };
-  Eigen::MatrixXd columns(2, count);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const double step = i < 4 ? 1e-2 : 1e-4;
-    columns.col(i) = (pixel_with(i, step) - pixel_with(i, -step)) / (2 * step);
-  }
-  return columns;
-}
 
 // Sums the information of the instants, with the wand's pose eliminated.
 class InformationSum {
@@ -63,10 +39,9 @@ class InformationSum {
       Eigen::MatrixXd rig_columns = Eigen::MatrixXd::Zero(2, sum_.cols());
       Eigen::Matrix<double, 2, 5> wand_columns;
       RIGCAL_RETURN_IF_ERROR(Linearise(instant, seen, &rig_columns, &wand_columns));
-      const Eigen::Matrix2d weight = seen.covariance_px2.inverse();
-      own += rig_columns.transpose() * weight * rig_columns;
-      mixed += rig_columns.transpose() * weight * wand_columns;
-      wand += wand_columns.transpose() * weight * wand_columns;
+      own += rig_columns.transpose() * rig_columns;
+      mixed += rig_columns.transpose() * wand_columns;
+      wand += wand_columns.transpose() * wand_columns;
     }
     sum_ += own - mixed * PseudoInverse(wand) * mixed.transpose();
     return absl::OkStatus();
@@ -88,41 +63,54 @@ class InformationSum {
     return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
   }
 
+  // Columns of the whitened residual by the estimated parameters and by the wand's pose (origin,
+  // two of the direction).
   absl::Status Linearise(const TrueInstant& instant, const SeenMarker& seen,
                          Eigen::MatrixXd* rig_columns, Eigen::Matrix<double, 2, 5>* wand_columns) {
     const TrueCamera& camera = rig_.cameras[static_cast<size_t>(seen.camera)];
     const double s = rig_.marker_positions_m[static_cast<size_t>(seen.marker)];
     const Eigen::Vector3d& direction = instant.wand.direction;
     const Eigen::Vector3d x_in_cam = camera.cam_from_rig * (instant.wand.origin_m + s * direction);
-    Eigen::Vector2d pixel;
-    Eigen::Matrix<double, 2, 3> d_point;
-    if (!Project(camera.intrinsics, x_in_cam, &pixel, &d_point)) {
+    if (!(x_in_cam.z() > 0)) {
       return absl::FailedPreconditionError(
           absl::StrCat("marker ", seen.marker, " is behind camera ", seen.camera));
     }
-    const Eigen::Matrix<double, 2, 3> d_rig_point =
-        d_point * camera.cam_from_rig.rotation.toRotationMatrix();
-    WandColumns d_wand;
+    server::BundleMarker marker;
+    marker.sqrt_information = seen.covariance_px2.inverse().llt().matrixU();
+    const server::MeasuredMarker<double> measured = server::ToMeasured(marker);
+    const IntrinsicsVector intrinsics = ToVector(camera.intrinsics);
+    const double point[3] = {x_in_cam.x(), x_in_cam.y(), x_in_cam.z()};
+    ProjectedPoint<double> projected;
+    ProjectPoint<true, true>(camera.intrinsics.model, intrinsics.data(), point, &projected);
+    server::Vec3<double> rows[2];
+    server::PointDerivative(measured, projected, &rows[0], &rows[1]);
     const Eigen::Vector3d across = direction.unitOrthogonal();
-    d_wand << Eigen::Matrix3d::Identity(), s * across, s * direction.cross(across);
-    *wand_columns = d_rig_point * d_wand;
-    if (const int pose = layout_.PoseIndex(seen.camera); pose >= 0) {
-      rig_columns->middleCols<3>(pose) = -d_point * Cross(x_in_cam);
-      rig_columns->middleCols<3>(pose + 3) = -d_rig_point;
-    }
-    if (options_.marker_positions && seen.marker > 0) {
-      rig_columns->col(layout_.first_marker_position + seen.marker - 1) = d_rig_point * direction;
-    }
-    if (options_.time_offsets && seen.camera != rig_.reference_camera) {
-      // With a larger offset the camera saw the wand at a later instant.
-      rig_columns->col(layout_.TimeOffsetIndex(seen.camera)) =
-          d_rig_point * (instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s);
+    const Eigen::Matrix3d rotation = camera.cam_from_rig.rotation.toRotationMatrix();
+    for (int i = 0; i < 2; ++i) {
+      const Eigen::RowVector3d row(rows[i].x, rows[i].y, rows[i].z);
+      const Eigen::RowVector3d rig_row = row * rotation;
+      wand_columns->row(i) << rig_row, s * rig_row.dot(across),
+          s * rig_row.dot(direction.cross(across));
+      if (const int pose = layout_.PoseIndex(seen.camera); pose >= 0) {
+        rig_columns->row(i).segment<3>(pose) = x_in_cam.cross(row.transpose());
+        rig_columns->row(i).segment<3>(pose + 3) = -rig_row;
+      }
+      if (options_.marker_positions && seen.marker > 0) {
+        (*rig_columns)(i, layout_.first_marker_position + seen.marker - 1) = rig_row.dot(direction);
+      }
+      if (options_.time_offsets && seen.camera != rig_.reference_camera) {
+        // With a larger offset the camera saw the wand at a later instant.
+        (*rig_columns)(i, layout_.TimeOffsetIndex(seen.camera)) =
+            rig_row.dot(instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s);
+      }
     }
     if (options_.intrinsics) {
-      const Eigen::MatrixXd columns = IntrinsicsColumns(camera.intrinsics, x_in_cam);
-      rig_columns->middleCols(
-          layout_.first_intrinsics + static_cast<int>(columns.cols()) * seen.camera,
-          columns.cols()) = columns;
+      const int count = static_cast<int>(options_.intrinsics_sigma.size());
+      for (int k = 0; k < count; ++k) {
+        const int column = layout_.first_intrinsics + count * seen.camera + k;
+        server::ViewDerivative<true>(server::ViewUnknowns::kFirstIntrinsic + k, measured, projected,
+                                     0.0, &(*rig_columns)(0, column), &(*rig_columns)(1, column));
+      }
     }
     return absl::OkStatus();
   }

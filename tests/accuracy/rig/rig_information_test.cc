@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "common/camera/camera_model.h"
+#include "common/camera/intrinsics_vector.h"
 #include "common/simulation/world/random_stream.h"
 #include "server/solve/bundle/bundle_adjuster.h"
-#include "server/solve/bundle/projection_jacobian.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/testing/status_matchers.h"
@@ -56,17 +56,17 @@ Eigen::VectorXd EstimateOnce(const TrueRig& given, const InformationOptions& opt
     entry.cam_from_rig = camera.cam_from_rig;
     entry.pose_fixed = c == bound.reference_camera;
     entry.model = camera.intrinsics.model;
-    entry.intrinsics_mean = server::ToVector(camera.intrinsics);
+    entry.intrinsics_mean = ToVector(camera.intrinsics);
     if (options.intrinsics) {
-      server::IntrinsicsVector drawn = entry.intrinsics_mean;
+      IntrinsicsVector drawn = entry.intrinsics_mean;
       for (Eigen::Index i = 0; i < drawn.size(); ++i) {
         drawn[i] += options.intrinsics_sigma[i] * random.Gaussian();
       }
-      camera.intrinsics = server::FromVector(camera.intrinsics.model, drawn);
+      camera.intrinsics = FromVector(camera.intrinsics.model, drawn);
       entry.intrinsics_fixed = false;
       entry.intrinsics_sigma = options.intrinsics_sigma;
     }
-    entry.intrinsics = server::ToVector(camera.intrinsics);
+    entry.intrinsics = ToVector(camera.intrinsics);
     problem.cameras.push_back(entry);
     server::BundleClock clock;
     clock.clock_id = entry.name;
@@ -129,7 +129,7 @@ Eigen::VectorXd EstimateOnce(const TrueRig& given, const InformationOptions& opt
     if (options.intrinsics) {
       const auto count = options.intrinsics_sigma.size();
       error.segment(bound.first_intrinsics + c * count, count) =
-          problem.cameras[i].intrinsics - server::ToVector(truth.cameras[i].intrinsics);
+          problem.cameras[i].intrinsics - ToVector(truth.cameras[i].intrinsics);
     }
   }
   if (options.marker_positions) {

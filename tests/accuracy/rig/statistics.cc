@@ -19,16 +19,6 @@ double RootMeanSquare(const std::vector<double>& values) {
   return std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-double Quantile(std::vector<double> values, double share) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(values.begin(), values.end());
-  const double position = share * static_cast<double>(values.size() - 1);
-  const auto below = static_cast<size_t>(position);
-  const size_t above = std::min(below + 1, values.size() - 1);
-  const double part = position - static_cast<double>(below);
-  return (1 - part) * values[below] + part * values[above];
-}
-
 Interval ChiSquareShareInterval(double dof, double probability) {
   if (!(dof > 0)) return {};
   const boost::math::chi_squared distribution(dof);

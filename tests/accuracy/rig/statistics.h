@@ -14,8 +14,6 @@ struct Interval {
 
 double Mean(const std::vector<double>& values);
 double RootMeanSquare(const std::vector<double>& values);
-// Linear between neighbouring values; `share` 0 to 1. NaN for no values.
-double Quantile(std::vector<double> values, double share);
 
 // The central interval of chi-square / dof with this probability.
 Interval ChiSquareShareInterval(double dof, double probability);

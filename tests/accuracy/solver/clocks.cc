@@ -9,6 +9,7 @@
 #include <cmath>
 #include <vector>
 
+#include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
@@ -92,9 +93,10 @@ void PrintClocksCase(const ClocksCase& entry, const SeedOptions& seeds) {
     }
   }
   fmt::print("{:17} {:5} {:6} {:9.4f} {:9.4f} {:9.4f} {:7} {:6} {:8.2f} {:8.2f} {:8.2f}",
-             entry.name, seeds.count, failures, Quantile(offsets_ms, 0.5),
-             Quantile(offsets_ms, 0.95), Quantile(offsets_ms, 1), beyond, false_rates,
-             Quantile(rates_ppm, 1), Quantile(stated, 1), Quantile(by_covariance, 1));
+             entry.name, seeds.count, failures, InterpolatedQuantile(offsets_ms, 0.5),
+             InterpolatedQuantile(offsets_ms, 0.95), InterpolatedQuantile(offsets_ms, 1), beyond,
+             false_rates, InterpolatedQuantile(rates_ppm, 1), InterpolatedQuantile(stated, 1),
+             InterpolatedQuantile(by_covariance, 1));
   PrintRatio(offset_nees.value, offset_nees.dof);
   PrintRatio(shape_nees.value, shape_nees.dof);
   fmt::print(" {:8.2f}\n", positions_m.empty() ? std::nan("") : 1e3 * RootMeanSquare(positions_m));

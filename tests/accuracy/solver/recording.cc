@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/rig/statistics.h"
 
 namespace rigcal::accuracy {
@@ -27,7 +28,7 @@ double AgainstOthers(const CalibrationResult& result, const std::string& name,
       others.push_back(value(camera));
     }
   }
-  return own - Quantile(others, 0.5);
+  return own - InterpolatedQuantile(others, 0.5);
 }
 
 }  // namespace

@@ -139,11 +139,5 @@ TEST(CompareWithGroundTruth, RefusesWhatCannotBeCompared) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rotation")));
 }
 
-TEST(Median, IsTheMiddleOrTheMeanOfTheTwoMiddles) {
-  EXPECT_EQ(Median({5}), 5);
-  EXPECT_EQ(Median({9, 1, 5}), 5);
-  EXPECT_EQ(Median({9, 1, 5, 6}), 5.5);
-}
-
 }  // namespace
 }  // namespace rigcal::client::ground_truth_comparison_test

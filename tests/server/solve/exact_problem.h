@@ -5,8 +5,9 @@
 #include <utility>
 #include <vector>
 
+#include "common/camera/camera_model.h"
+#include "common/camera/intrinsics_vector.h"
 #include "server/solve/bundle/bundle_problem.h"
-#include "server/solve/bundle/projection_jacobian.h"
 
 namespace rigcal::server {
 
@@ -50,8 +51,8 @@ inline BundleProblem ExactProblem(const std::vector<Eigen::Vector3d>& camera_cen
             instant.origin_m +
             problem.target.marker_positions_m[static_cast<size_t>(m)] * instant.direction;
         Eigen::Vector2d pixel;
-        if (ProjectWithJacobian(camera.model, camera.intrinsics.data(),
-                                camera.cam_from_rig * x_in_rig, &pixel, nullptr, nullptr)) {
+        if (Project(camera.model, camera.intrinsics.data(), camera.cam_from_rig * x_in_rig, &pixel,
+                    nullptr, nullptr)) {
           marker.centre_px = pixel;
         }
         problem.markers.push_back(marker);

@@ -11,6 +11,7 @@
 #include <memory>
 #include <vector>
 
+#include "server/solve/bundle/marker_residual_px.h"
 #include "tests/server/solve/exact_problem.h"
 #include "tests/testing/bundle_scene.h"
 #include "tests/testing/status_matchers.h"

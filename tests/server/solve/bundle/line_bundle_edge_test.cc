@@ -9,8 +9,8 @@
 #include <limits>
 #include <vector>
 
+#include "common/camera/camera_model.h"
 #include "server/solve/bundle/line_bundle.h"
-#include "server/solve/bundle/projection_jacobian.h"
 #include "tests/bench/reference_bundle.h"
 #include "tests/testing/bundle_scene.h"
 #include "tests/testing/status_matchers.h"
@@ -78,9 +78,9 @@ TEST(LineBundleEdge, NeverStepsBehindACamera) {
       marker.velocity_px_s.setZero();
       marker.centre_px = camera.intrinsics.segment<2>(2);
       if (observation.camera == 1) continue;
-      ASSERT_TRUE(ProjectWithJacobian(camera.model, camera.intrinsics.data(),
-                                      camera.cam_from_rig * (behind + position * instant.direction),
-                                      &marker.centre_px, nullptr, nullptr));
+      ASSERT_TRUE(Project(camera.model, camera.intrinsics.data(),
+                          camera.cam_from_rig * (behind + position * instant.direction),
+                          &marker.centre_px, nullptr, nullptr));
     }
   }
   instant.origin_m = rig_from_cam * Eigen::Vector3d(0, 0, 0.3);

@@ -7,94 +7,12 @@
 #include <random>
 #include <vector>
 
-#include "server/solve/bundle/line_bundle_projection.h"
+#include "common/camera/intrinsics_vector.h"
 #include "server/solve/bundle/line_bundle_system.h"
-#include "server/solve/bundle/projection_jacobian.h"
 #include "tests/testing/bundle_scene.h"
 
 namespace rigcal::server::line_bundle_kernel_test {
 namespace {
-
-struct ModelCase {
-  DistortionModel model;
-  KernelModel kernel_model;
-  IntrinsicsVector intrinsics;
-};
-
-std::vector<ModelCase> AllModels() {
-  std::vector<ModelCase> cases(3);
-  cases[0] = {DistortionModel::kBrownConrady, KernelModel::kBrownConrady, IntrinsicsVector(9)};
-  cases[0].intrinsics << 1010, 990, 633, 517, -0.21, 0.11, 1e-3, -2e-3, 0.03;
-  cases[1] = {DistortionModel::kRational, KernelModel::kRational, IntrinsicsVector(12)};
-  cases[1].intrinsics << 1010, 990, 633, 517, 0.21, -0.11, 1e-3, -2e-3, 0.03, 0.3, -0.05, 0.02;
-  cases[2] = {DistortionModel::kFisheye, KernelModel::kFisheye, IntrinsicsVector(8)};
-  cases[2].intrinsics << 610, 590, 633, 517, -0.02, 0.01, -3e-3, 1e-3;
-  return cases;
-}
-
-ProjectedPoint<double> ProjectAll(const ModelCase& camera, const Eigen::Vector3d& point,
-                                  const IntrinsicsVector& intrinsics) {
-  const double x_in_cam[3] = {point.x(), point.y(), point.z()};
-  ProjectedPoint<double> projected;
-  ProjectWith<true, true>(camera.kernel_model, intrinsics.data(), x_in_cam, &projected);
-  return projected;
-}
-
-TEST(LineBundleProjection, AgreesWithTheProjectionOfTheReference) {
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> side(-1.2, 1.2), depth(0.5, 5);
-  for (const ModelCase& camera : AllModels()) {
-    for (int i = 0; i < 200; ++i) {
-      const double z = depth(random);
-      const Eigen::Vector3d point = i == 0 ? Eigen::Vector3d(0, 0, z)
-                                           : Eigen::Vector3d(z * side(random), z * side(random), z);
-      const ProjectedPoint<double> mine = ProjectAll(camera, point, camera.intrinsics);
-      Eigen::Vector2d pixel;
-      Eigen::Matrix<double, 2, 3> d_point;
-      IntrinsicsJacobian d_intrinsics;
-      ASSERT_TRUE(ProjectWithJacobian(camera.model, camera.intrinsics.data(), point, &pixel,
-                                      &d_point, &d_intrinsics));
-      for (int r = 0; r < 2; ++r) {
-        EXPECT_NEAR(mine.pixel[r], pixel[r], 1e-9);
-        for (int c = 0; c < 3; ++c) EXPECT_NEAR(mine.d_point[r][c], d_point(r, c), 1e-8);
-        for (int c = 0; c < d_intrinsics.cols(); ++c) {
-          EXPECT_NEAR(mine.d_intrinsics[r][c], d_intrinsics(r, c), 1e-8);
-        }
-      }
-    }
-  }
-}
-
-TEST(LineBundleProjection, AgreesWithDifferences) {
-  const double step = 1e-6;
-  for (const ModelCase& camera : AllModels()) {
-    const Eigen::Vector3d point(0.7, -0.4, 1.9);
-    const ProjectedPoint<double> at = ProjectAll(camera, point, camera.intrinsics);
-    for (int c = 0; c < 3; ++c) {
-      const Eigen::Vector3d delta = step * Eigen::Vector3d::Unit(c);
-      const auto plus = ProjectAll(camera, point + delta, camera.intrinsics);
-      const auto minus = ProjectAll(camera, point - delta, camera.intrinsics);
-      for (int r = 0; r < 2; ++r) {
-        EXPECT_NEAR(at.d_point[r][c], (plus.pixel[r] - minus.pixel[r]) / (2 * step), 1e-5);
-      }
-    }
-    for (int c = 0; c < camera.intrinsics.size(); ++c) {
-      IntrinsicsVector more = camera.intrinsics, less = camera.intrinsics;
-      more[c] += step, less[c] -= step;
-      const auto plus = ProjectAll(camera, point, more), minus = ProjectAll(camera, point, less);
-      for (int r = 0; r < 2; ++r) {
-        EXPECT_NEAR(at.d_intrinsics[r][c], (plus.pixel[r] - minus.pixel[r]) / (2 * step), 1e-5);
-      }
-    }
-  }
-}
-
-TEST(LineBundleProjection, SaysWhatLiesBeyondAPole) {
-  ModelCase camera = AllModels()[1];
-  camera.intrinsics.tail<3>() << -1, 0, 0;  // the denominator is 1 - r^2
-  EXPECT_GT(ProjectAll(camera, {0.9, 0, 1}, camera.intrinsics).visible, 0);
-  EXPECT_LE(ProjectAll(camera, {1.1, 0, 1}, camera.intrinsics).visible, 0);
-}
 
 struct OneStep {
   Eigen::MatrixXd matrix;

@@ -10,11 +10,13 @@
 #include <memory>
 #include <vector>
 
+#include "server/solve/bundle/marker_residual_px.h"
+
 namespace rigcal::server::marker_cost_test {
 namespace {
 
-// The same residual by automatic differentiation, from the formulas of OpenCV's documentation.
-struct AutomaticMarkerCost {
+// The residual written down a second time, from the formulas of OpenCV's documentation.
+struct DocumentedMarkerCost {
   DistortionModel model;
   BundleMarker marker;
   double clock_time_s;
@@ -75,21 +77,21 @@ struct Point {
   }
 };
 
-template <int kIntrinsics>
-std::unique_ptr<ceres::CostFunction> Automatic(const Point& point) {
-  return std::make_unique<
-      ceres::AutoDiffCostFunction<AutomaticMarkerCost, 2, 4, 3, kIntrinsics, 1, 1, 1, 6>>(
-      new AutomaticMarkerCost{point.model, point.marker, 12.5});
+template <int kIntrinsics, typename Functor>
+std::unique_ptr<ceres::CostFunction> AutomaticOfSize(const Functor& functor) {
+  return std::make_unique<ceres::AutoDiffCostFunction<Functor, 2, 4, 3, kIntrinsics, 1, 1, 1, 6>>(
+      new Functor(functor));
 }
 
-std::unique_ptr<ceres::CostFunction> Automatic(const Point& point) {
+template <typename Functor>
+std::unique_ptr<ceres::CostFunction> Automatic(const Point& point, const Functor& functor) {
   switch (point.model) {
     case DistortionModel::kRational:
-      return Automatic<12>(point);
+      return AutomaticOfSize<12>(functor);
     case DistortionModel::kFisheye:
-      return Automatic<8>(point);
+      return AutomaticOfSize<8>(functor);
     default:
-      return Automatic<9>(point);
+      return AutomaticOfSize<9>(functor);
   }
 }
 
@@ -109,14 +111,10 @@ Evaluation Evaluate(const ceres::CostFunction& cost, const Point& point) {
 
 class MarkerCostEveryModel : public ::testing::TestWithParam<DistortionModel> {};
 
-TEST_P(MarkerCostEveryModel, AgreesWithAutomaticDifferentiation) {
-  const Point point(GetParam());
-  const MarkerCost cost(point.model, point.marker, 12.5);
-  const Evaluation analytic = Evaluate(cost, point);
-  const Evaluation automatic = Evaluate(*Automatic(point), point);
+void ExpectEqual(const Evaluation& analytic, const Evaluation& automatic, const Point& point) {
   EXPECT_LT((analytic.residual - automatic.residual).norm(), 1e-9);
-  // The ambient derivatives by the quaternion differ off the unit sphere, where nobody is: compared
-  // along the manifold.
+  // The ambient derivatives by the quaternion differ off the unit sphere, where it never is:
+  // compared along the manifold.
   ceres::EigenQuaternionManifold quaternion;
   Eigen::Matrix<double, 4, 3, Eigen::RowMajor> plus;
   quaternion.PlusJacobian(point.rotation.data(), plus.data());
@@ -126,6 +124,23 @@ TEST_P(MarkerCostEveryModel, AgreesWithAutomaticDifferentiation) {
               1e-10 * (1 + automatic.jacobians[block].norm()))
         << block;
   }
+}
+
+TEST_P(MarkerCostEveryModel, AgreesWithTheDocumentedFormulas) {
+  const Point point(GetParam());
+  const Evaluation analytic = Evaluate(MarkerCost(point.model, point.marker, 12.5), point);
+  const Evaluation documented =
+      Evaluate(*Automatic(point, DocumentedMarkerCost{point.model, point.marker, 12.5}), point);
+  ExpectEqual(analytic, documented, point);
+}
+
+// The derivatives written down against dual numbers through the same residual.
+TEST_P(MarkerCostEveryModel, AgreesWithItsFunctorThroughAutomaticDifferentiation) {
+  const Point point(GetParam());
+  const Evaluation analytic = Evaluate(MarkerCost(point.model, point.marker, 12.5), point);
+  const Evaluation automatic = Evaluate(
+      *Automatic(point, MarkerFunctor{point.model, ToMeasured(point.marker), 12.5}), point);
+  ExpectEqual(analytic, automatic, point);
 }
 
 TEST_P(MarkerCostEveryModel, AgreesWithDifferences) {
@@ -145,8 +160,8 @@ INSTANTIATE_TEST_SUITE_P(MarkerCost, MarkerCostEveryModel,
                          ::testing::Values(DistortionModel::kBrownConrady,
                                            DistortionModel::kRational, DistortionModel::kFisheye));
 
-TEST(MarkerCost, NegativeOffsetMeansRowsShowAnEarlierMoment) {
-  // A row stamped t shows the moment t + offset; with offset -1 ms the marker at t itself is 1 ms
+TEST(MarkerCost, NegativeOffsetMeansRowsShowAnEarlierInstant) {
+  // A row stamped t shows the instant t + offset; with offset -1 ms the marker at t itself is 1 ms
   // of motion further along.
   Point point(DistortionModel::kBrownConrady);
   point.marker.sqrt_information.setIdentity();

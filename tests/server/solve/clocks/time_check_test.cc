@@ -65,7 +65,7 @@ TEST(SolveAndEvaluate, IsRescuedFromAWrongMatchOfTimes) {
     options.intrinsics = Estimate::kFixed;
     const auto judged = SolveAndEvaluate(rig, clocks, {}, options);
     ASSERT_THAT(judged, IsOk());
-    const std::vector<ClockCorrection> found = StartFrom(judged->solution).clocks;
+    const std::vector<ClockCorrection> found = InitializationFrom(judged->solution).clocks;
     for (size_t k = 0; k < found.size(); ++k) {
       EXPECT_NEAR(found[k].time_offset_s - found[1].time_offset_s, k == 3 ? 0.003 : 0, 0.0005) << k;
     }

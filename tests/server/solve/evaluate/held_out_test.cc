@@ -54,7 +54,7 @@ TEST(TimeBlocks, HaveAGuardOnBothSidesOfWhatIsHeldOut) {
   EXPECT_TRUE(blocks.IsKept(4200 * kMillisecond, 1));
 }
 
-TEST(TimeBlocks, PutEveryInstantOnOneSideAtMostAndJudgeItOnce) {
+TEST(TimeBlocks, PutEveryInstantOnOneSideAtMostAndEvaluateItOnce) {
   TimeBlocks blocks;
   blocks.origin_ns = -7 * kMillisecond;
   for (int64_t time_ns = -20'000 * kMillisecond; time_ns < 20'000 * kMillisecond;
@@ -105,7 +105,7 @@ TEST(ChoiceScorePx, PrefersTheCameraLeftOutWhereThereIsEnough) {
   EXPECT_DOUBLE_EQ(ChoiceScorePx(Errors(100, 0.5, 29, 0.75)), 0.5);
 }
 
-TEST(ChoiceScorePx, IsInfiniteWhereThereIsNothingToJudgeBy) {
+TEST(ChoiceScorePx, IsInfiniteWithoutErrors) {
   EXPECT_TRUE(std::isinf(ChoiceScorePx({})));
   EXPECT_TRUE(std::isinf(ChoiceScorePx(Errors(29, 0.5, 0, 0))));
 }
@@ -146,32 +146,34 @@ double Mean(const std::vector<std::vector<double>>& errors) {
   return sum / count;
 }
 
-TEST(Judge, MeasuresTheSelectedInstantsOnly) {
+TEST(EvaluateSolution, MeasuresTheSelectedInstantsOnly) {
   const Solved solved = Solve("cameras=4;duration=12;noise=0.3");
   std::set<int64_t> asked;
   const EvaluatedErrors all =
-      Judge(solved.rig, solved.solution, solved.options, [&](int64_t time_ns) {
+      EvaluateSolution(solved.rig, solved.solution, solved.options, [&](int64_t time_ns) {
         asked.insert(time_ns);
         return true;
       });
   const EvaluatedErrors none =
-      Judge(solved.rig, solved.solution, solved.options, [](int64_t) { return false; });
+      EvaluateSolution(solved.rig, solved.solution, solved.options, [](int64_t) { return false; });
   EXPECT_EQ(none.instant_count, 0);
   for (const std::vector<double>& camera : none.reprojection_px) EXPECT_TRUE(camera.empty());
   EXPECT_TRUE(std::isinf(ChoiceScorePx(none)));
   const int64_t middle_ns = (*asked.begin() + *asked.rbegin()) / 2;
-  const EvaluatedErrors first = Judge(solved.rig, solved.solution, solved.options,
-                                      [&](int64_t time_ns) { return time_ns < middle_ns; });
-  const EvaluatedErrors second = Judge(solved.rig, solved.solution, solved.options,
-                                       [&](int64_t time_ns) { return time_ns >= middle_ns; });
+  const EvaluatedErrors first =
+      EvaluateSolution(solved.rig, solved.solution, solved.options,
+                       [&](int64_t time_ns) { return time_ns < middle_ns; });
+  const EvaluatedErrors second =
+      EvaluateSolution(solved.rig, solved.solution, solved.options,
+                       [&](int64_t time_ns) { return time_ns >= middle_ns; });
   EXPECT_GT(first.instant_count, 50);
   EXPECT_EQ(first.instant_count + second.instant_count, all.instant_count);
 }
 
-TEST(Judge, OfATrueCalibrationShowsTheNoise) {
+TEST(EvaluateSolution, OfATrueCalibrationShowsTheNoise) {
   const Solved solved = Solve("cameras=4;duration=12;noise=0.3;outliers=0.03");
   const EvaluatedErrors errors =
-      Judge(solved.rig, solved.solution, solved.options, [](int64_t) { return true; });
+      EvaluateSolution(solved.rig, solved.solution, solved.options, [](int64_t) { return true; });
   // The mean length of noise of 0.3 px in each coordinate is 0.376 px; leaving the camera out adds
   // what its others are uncertain.
   EXPECT_GT(Mean(errors.reprojection_px), 0.25);
@@ -181,20 +183,20 @@ TEST(Judge, OfATrueCalibrationShowsTheNoise) {
   for (const std::vector<double>& span : errors.lengths.errors_m) EXPECT_GT(span.size(), 50u);
 }
 
-TEST(Judge, SeesThatACameraIsNotWhereItIsSaidToBe) {
+TEST(EvaluateSolution, SeesThatACameraIsNotWhereItIsSaidToBe) {
   Solved solved = Solve("cameras=4;duration=12;noise=0.3");
   const auto all = [](int64_t) { return true; };
   const double before_px =
-      Mean(Judge(solved.rig, solved.solution, solved.options, all).leave_one_out_px);
+      Mean(EvaluateSolution(solved.rig, solved.solution, solved.options, all).leave_one_out_px);
   solved.solution.built.problem.cameras[2].cam_from_rig.translation_m.x() += 0.02;
-  const EvaluatedErrors moved = Judge(solved.rig, solved.solution, solved.options, all);
+  const EvaluatedErrors moved = EvaluateSolution(solved.rig, solved.solution, solved.options, all);
   EXPECT_GT(Mean({moved.leave_one_out_px[2]}), 3 * before_px);
 }
 
-TEST(Judge, TwoCamerasHaveNoneToLeaveOut) {
+TEST(EvaluateSolution, TwoCamerasHaveNoneToLeaveOut) {
   const Solved solved = Solve("cameras=2;duration=12");
   const EvaluatedErrors errors =
-      Judge(solved.rig, solved.solution, solved.options, [](int64_t) { return true; });
+      EvaluateSolution(solved.rig, solved.solution, solved.options, [](int64_t) { return true; });
   EXPECT_TRUE(errors.leave_one_out_px[0].empty());
   EXPECT_FALSE(errors.reprojection_px[0].empty());
   for (const std::vector<double>& span : errors.lengths.errors_m) EXPECT_TRUE(span.empty());

@@ -41,7 +41,7 @@ World MakeWorld(const std::string& options) {
 // At the truth but for one camera, which is turned by half a turn about the vertical through a
 // point before the reference camera.
 RigInitialization MirroredStart(const World& world, const RigSolution& right, size_t wrong) {
-  RigInitialization start = StartFrom(right);
+  RigInitialization start = InitializationFrom(right);
   start.clocks = world.clocks;
   start.instants.clear();
   const Eigen::Vector3d middle(0, 0, 2.5);

@@ -60,7 +60,7 @@ void Compare(const SimulatedWorld& world, const CalibrationResult& result, uint3
   std::vector<Eigen::Vector3d> triangulated;
   for (int i = 0; i < 40; ++i) {
     const Eigen::Vector3d x_in_world = world.WandAt(when(random)).origin_m;
-    std::vector<PointView> views;
+    std::vector<CameraRay> views;
     for (size_t c = 0; c < world.cameras().size(); ++c) {
       const SimulatedCamera& camera = world.cameras()[c];
       Eigen::Vector2d pixel;

@@ -16,11 +16,11 @@ RigidTransform Camera(const Eigen::Vector3d& centre_m, double turn_rad = 0) {
   return {rotation, rotation * -centre_m};
 }
 
-PointView View(const RigidTransform& cam_from_rig, const Eigen::Vector3d& x_in_rig) {
+CameraRay View(const RigidTransform& cam_from_rig, const Eigen::Vector3d& x_in_rig) {
   return {cam_from_rig, (cam_from_rig * x_in_rig).hnormalized()};
 }
 
-bool TriangulateBoth(const PointView& a, const PointView& b, Eigen::Vector3d* pair,
+bool TriangulateBoth(const CameraRay& a, const CameraRay& b, Eigen::Vector3d* pair,
                      Eigen::Vector3d* many) {
   const bool pair_ok = TriangulatePair(a, b, pair);
   const bool many_ok = Triangulate({a, b}, many);
@@ -30,7 +30,7 @@ bool TriangulateBoth(const PointView& a, const PointView& b, Eigen::Vector3d* pa
 
 TEST(Triangulate, FindsTheExactPoint) {
   const Eigen::Vector3d truth(0.3, -0.2, 4);
-  const PointView a = View(Camera({0, 0, 0}), truth), b = View(Camera({2, 0.5, 0}, 0.4), truth);
+  const CameraRay a = View(Camera({0, 0, 0}), truth), b = View(Camera({2, 0.5, 0}, 0.4), truth);
   Eigen::Vector3d pair, many;
   ASSERT_TRUE(TriangulateBoth(a, b, &pair, &many));
   EXPECT_LT((pair - truth).norm(), 1e-10);
@@ -39,13 +39,13 @@ TEST(Triangulate, FindsTheExactPoint) {
 
 TEST(Triangulate, MinimisesTheErrorsInTheImagesOfAllViews) {
   const Eigen::Vector3d truth(0.3, -0.2, 4);
-  std::vector<PointView> views = {View(Camera({0, 0, 0}), truth),
+  std::vector<CameraRay> views = {View(Camera({0, 0, 0}), truth),
                                   View(Camera({2, 0, 0}, 0.4), truth),
                                   View(Camera({-2, 1, 1}, -0.3), truth)};
   views[1].ray += Eigen::Vector2d(0.002, -0.001);
   const auto cost = [&views](const Eigen::Vector3d& point) {
     double sum = 0;
-    for (const PointView& view : views) {
+    for (const CameraRay& view : views) {
       sum += ((view.cam_from_rig * point).hnormalized() - view.ray).squaredNorm();
     }
     return sum;
@@ -86,7 +86,7 @@ TEST(Triangulate, APointOnTheBaselineHasNoDepth) {
 
 TEST(Triangulate, ParallelRaysDoNotMeet) {
   Eigen::Vector3d pair, many;
-  const PointView a{Camera({0, 0, 0}), {0.1, 0.1}}, b{Camera({1, 0, 0}), {0.1, 0.1}};
+  const CameraRay a{Camera({0, 0, 0}), {0.1, 0.1}}, b{Camera({1, 0, 0}), {0.1, 0.1}};
   EXPECT_FALSE(TriangulateBoth(a, b, &pair, &many));
 }
 
@@ -108,10 +108,10 @@ TEST(Triangulate, RefusesAPointBehindACamera) {
 
 TEST(Triangulate, RefusesWhatIsNotFinite) {
   const Eigen::Vector3d truth(0.3, -0.2, 4);
-  const PointView a = View(Camera({0, 0, 0}), truth), b = View(Camera({2, 0, 0}), truth);
-  const PointView c = View(Camera({0, 2, 0}), truth);
+  const CameraRay a = View(Camera({0, 0, 0}), truth), b = View(Camera({2, 0, 0}), truth);
+  const CameraRay c = View(Camera({0, 2, 0}), truth);
   for (const double bad : {kNaN, std::numeric_limits<double>::infinity()}) {
-    PointView broken = c;
+    CameraRay broken = c;
     broken.ray.x() = bad;
     Eigen::Vector3d point;
     EXPECT_FALSE(TriangulatePair(a, broken, &point));

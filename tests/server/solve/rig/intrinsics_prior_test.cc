@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "server/solve/bundle/projection_jacobian.h"
+#include "common/camera/intrinsics_vector.h"
 
 namespace rigcal::server::intrinsics_prior_test {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/calibrate.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
@@ -65,7 +65,7 @@ class Labels : public ::testing::Test {
     time_ns_.push_back(40'000'000 * index);
   }
 
-  void Reverse(int observation) { TurnLabels(observation, &problem_); }
+  void Reverse(int observation) { FlipLabels(observation, &problem_); }
   std::vector<int> Find() { return FindFlippedLabels({}, {}, problem_, time_ns_); }
 
   BundleProblem problem_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/geometry/target_pose.h"
 
 #include <Eigen/Cholesky>
 #include <cmath>
@@ -8,8 +8,7 @@
 #include <utility>
 
 #include "common/camera/camera_model.h"
-#include "server/solve/bundle/bundle_adjuster.h"
-#include "server/solve/bundle/projection_jacobian.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/geometry/triangulation.h"
 
 namespace rigcal::server {
@@ -26,7 +25,7 @@ struct Score {
 
 // Stops as soon as the cost is beyond `most`: the score is then of no use.
 Score Evaluate(const BundleProblem& problem, const std::vector<bool>& has_pose,
-               const TargetPoseFitOptions& options, const BundleInstant& instant, double most) {
+               const TargetPoseOptions& options, const BundleInstant& instant, double most) {
   Score score;
   score.cost = 0;
   const double limit = options.truncation_px * options.truncation_px;
@@ -139,9 +138,9 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
         const double s = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
         Eigen::Vector2d pixel;
         Eigen::Matrix<double, 2, 3> d_point;
-        if (!ProjectWithJacobian(camera.model, camera.intrinsics.data(),
-                                 camera.cam_from_rig * (instant->origin_m + s * direction), &pixel,
-                                 &d_point, nullptr)) {
+        if (!Project(camera.model, camera.intrinsics.data(),
+                     camera.cam_from_rig * (instant->origin_m + s * direction), &pixel, &d_point,
+                     nullptr)) {
           continue;
         }
         const Eigen::Vector2d residual = pixel - CentreAtInstantPx(problem, observation, marker);
@@ -163,30 +162,9 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
 
 }  // namespace
 
-void UndistortInstant(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
-                      const BundleInstant& instant, std::vector<Eigen::Vector2d>* rays) {
-  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-      const absl::StatusOr<Eigen::Vector2d> ray =
-          Undistort(intrinsics[static_cast<size_t>(observation.camera)], marker.centre_px);
-      (*rays)[problem.IndexOf(marker)] =
-          ray.ok() ? *ray : Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
-    }
-  }
-}
-
-std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem) {
-  std::vector<Eigen::Vector2d> rays(problem.markers.size());
-  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
-  for (const BundleInstant& instant : problem.instants) {
-    UndistortInstant(problem, intrinsics, instant, &rays);
-  }
-  return rays;
-}
-
-bool FitWand(const BundleProblem& problem, const std::vector<bool>& has_pose,
-             const std::vector<Eigen::Vector2d>& rays, const TargetPoseFitOptions& options,
-             BundleInstant* instant, int* inlier_count, int* marker_count) {
+bool EstimateTargetPose(const BundleProblem& problem, const std::vector<bool>& has_pose,
+                        const std::vector<Eigen::Vector2d>& rays, const TargetPoseOptions& options,
+                        BundleInstant* instant, int* inlier_count, int* marker_count) {
   Score best;
   BundleInstant best_instant = *instant;
   std::vector<MarkerPoint> points;

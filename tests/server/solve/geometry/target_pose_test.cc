@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/solve/geometry/target_pose_fit.h"
+#include "server/solve/geometry/target_pose.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,10 @@
 #include <cmath>
 #include <limits>
 
+#include "server/solve/geometry/marker_rays.h"
 #include "tests/server/solve/exact_problem.h"
 
-namespace rigcal::server::target_pose_fit_test {
+namespace rigcal::server::target_pose_test {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -29,7 +30,8 @@ Fit FitFirst(const BundleProblem& problem, const std::vector<bool>& has_pose,
   fit.instant = problem.instants[0];
   fit.instant.origin_m = {9, 9, 9};
   fit.instant.direction = Eigen::Vector3d::UnitZ();
-  fit.found = FitWand(problem, has_pose, rays, {}, &fit.instant, &fit.inliers, &fit.markers);
+  fit.found =
+      EstimateTargetPose(problem, has_pose, rays, {}, &fit.instant, &fit.inliers, &fit.markers);
   return fit;
 }
 Fit FitFirst(const BundleProblem& problem) {
@@ -68,14 +70,14 @@ TEST(UndistortMarkers, GivesNaNWhereTheModelHasNoInverse) {
   EXPECT_FALSE(rays[2].allFinite());
 }
 
-TEST(FitWand, FindsTheExactPoseFromTwoCameras) {
+TEST(EstimateTargetPose, FindsTheExactPoseFromTwoCameras) {
   const Fit fit = FitFirst(ExactProblem({{0, 0, 0}, {1, 0, 0}}, {kWand}));
   ExpectIsTheWand(fit);
   EXPECT_EQ(fit.inliers, 6);
   EXPECT_EQ(fit.markers, 6);
 }
 
-TEST(FitWand, FindsItThroughAnOutlier) {
+TEST(EstimateTargetPose, FindsItThroughAnOutlier) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {kWand});
   problem.markers[4].centre_px += Eigen::Vector2d(-200, 130);
   const Fit fit = FitFirst(problem);
@@ -86,7 +88,7 @@ TEST(FitWand, FindsItThroughAnOutlier) {
   EXPECT_EQ(fit.markers, 9);
 }
 
-TEST(FitWand, LeavesOutMarkersThatAreNotUsed) {
+TEST(EstimateTargetPose, LeavesOutMarkersThatAreNotUsed) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}}, {kWand});
   problem.markers[1].centre_px = {0, 0};
   problem.markers[1].used = false;
@@ -95,7 +97,7 @@ TEST(FitWand, LeavesOutMarkersThatAreNotUsed) {
   EXPECT_EQ(fit.markers, 5);
 }
 
-TEST(FitWand, JoinsMarkersOfDifferentPairs) {
+TEST(EstimateTargetPose, JoinsMarkersOfDifferentPairs) {
   // Marker 0 is shown by cameras 0 and 1 alone, marker 2 by cameras 2 and 3 alone.
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}}, {kWand});
   for (size_t c = 0; c < 4; ++c) {
@@ -104,35 +106,35 @@ TEST(FitWand, JoinsMarkersOfDifferentPairs) {
   ExpectIsTheWand(FitFirst(problem));
 }
 
-TEST(FitWand, OneCameraIsNotEnough) {
+TEST(EstimateTargetPose, OneCameraIsNotEnough) {
   ExpectNothing(FitFirst(ExactProblem({{0, 0, 0}}, {kWand})));
   const BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}}, {kWand});
   ExpectNothing(FitFirst(problem, {true, false}, UndistortMarkers(problem)));
 }
 
-TEST(FitWand, OneMarkerIsNotEnough) {
+TEST(EstimateTargetPose, OneMarkerIsNotEnough) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}}, {kWand});
   for (const size_t m : {1, 2, 4, 5}) problem.markers[m].used = false;
   ExpectNothing(FitFirst(problem));
 }
 
-TEST(FitWand, TwoCamerasAtOnePlaceAreNotEnough) {
+TEST(EstimateTargetPose, TwoCamerasAtOnePlaceAreNotEnough) {
   ExpectNothing(FitFirst(ExactProblem({{1, 0, 0}, {1, 0, 0}}, {kWand})));
 }
 
-TEST(FitWand, AnInstantWithoutObservationsHasNoPose) {
+TEST(EstimateTargetPose, AnInstantWithoutObservationsHasNoPose) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}}, {kWand});
   problem.instants[0].observation_count = 0;
   ExpectNothing(FitFirst(problem));
 }
 
-TEST(FitWand, RefusesATargetOfAnotherSize) {
+TEST(EstimateTargetPose, RefusesATargetOfAnotherSize) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}}, {kWand});
   problem.target.marker_positions_m = {0, 0.26, 0.78};
   ExpectNothing(FitFirst(problem));
 }
 
-TEST(FitWand, RaysWithoutAnInverseTakeNoPart) {
+TEST(EstimateTargetPose, RaysWithoutAnInverseTakeNoPart) {
   const BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {kWand});
   std::vector<Eigen::Vector2d> rays = UndistortMarkers(problem);
   rays[0].setConstant(kNaN);
@@ -141,14 +143,14 @@ TEST(FitWand, RaysWithoutAnInverseTakeNoPart) {
   ExpectNothing(FitFirst(problem, {true, true, true}, rays));
 }
 
-TEST(FitWand, KeepsTheDirectionOfAWandNearlyAlongTheView) {
+TEST(EstimateTargetPose, KeepsTheDirectionOfAWandNearlyAlongTheView) {
   const ExactWand along{{0.2, -0.1, 4}, {0.05, 0.02, -1}};
   const Fit fit = FitFirst(ExactProblem({{0, 0, 0}, {1, 0, 0}}, {along}));
   ASSERT_TRUE(fit.found);
   EXPECT_GT(fit.instant.direction.dot(along.direction.normalized()), 1 - 1e-9);
 }
 
-TEST(FitWand, OfOneMarkerIsThePlaceWhereTwoCamerasSeeIt) {
+TEST(EstimateTargetPose, OfOneMarkerIsThePlaceWhereTwoCamerasSeeIt) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {kWand});
   problem.target.marker_positions_m = problem.target.given_positions_m = {0};
   for (BundleObservation& observation : problem.observations) observation.marker_count = 1;
@@ -167,4 +169,4 @@ TEST(FitWand, OfOneMarkerIsThePlaceWhereTwoCamerasSeeIt) {
 }
 
 }  // namespace
-}  // namespace rigcal::server::target_pose_fit_test
+}  // namespace rigcal::server::target_pose_test

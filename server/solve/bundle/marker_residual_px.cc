@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/bundle/marker_residual_px.h"
+
+#include <cmath>
+
+#include "common/camera/camera_model.h"
+
+namespace rigcal::server {
+
+MeasuredMarker<double> ToMeasured(const BundleMarker& marker) {
+  MeasuredMarker<double> measured = {0,
+                                     0,
+                                     0,
+                                     {marker.centre_px.x(), marker.centre_px.y()},
+                                     {marker.velocity_px_s.x(), marker.velocity_px_s.y()}};
+  const Eigen::Matrix2d& root = marker.sqrt_information;
+  const double norm = std::hypot(root(0, 0), root(1, 0));
+  if (norm == 0) {
+    measured.c = std::hypot(root(0, 1), root(1, 1));
+    return measured;
+  }
+  const double cosine = root(0, 0) / norm, sine = root(1, 0) / norm;
+  measured.a = norm;
+  measured.b = cosine * root(0, 1) + sine * root(1, 1);
+  measured.c = std::abs(cosine * root(1, 1) - sine * root(0, 1));
+  return measured;
+}
+
+Eigen::Vector2d CentreAtInstantPx(const BundleProblem& problem,
+                                  const BundleObservation& observation,
+                                  const BundleMarker& marker) {
+  const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
+  const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
+  return marker.centre_px - dt * marker.velocity_px_s;
+}
+
+bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant,
+                      const BundleObservation& observation, const BundleMarker& marker,
+                      Eigen::Vector2d* residual_px) {
+  const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+  const double position = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+  Eigen::Vector2d pixel;
+  if (!Project(camera.model, camera.intrinsics.data(),
+               camera.cam_from_rig * (instant.origin_m + position * instant.direction), &pixel,
+               nullptr, nullptr)) {
+    return false;
+  }
+  *residual_px = pixel - CentreAtInstantPx(problem, observation, marker);
+  return true;
+}
+
+}  // namespace rigcal::server

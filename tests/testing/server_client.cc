@@ -172,7 +172,7 @@ std::string ComparableBytes(const std::vector<ObservationBatch>& batches) {
   std::string bytes;
   for (const ObservationBatch& batch : batches) {
     for (ObservationBatch& row : SingleRows(batch)) {
-      row.session_id = "s";
+      row.stream.session_id = "s";
       v1::ObservationBatch proto;
       wire::ToProto(row, &proto);
       bytes += proto.SerializeAsString();

@@ -36,11 +36,5 @@ TEST(ValidateName, ShowsOnlySafeAndShortTextOfTheName) {
   EXPECT_LT(status.message().size(), 1000u);
 }
 
-TEST(CameraId, SortsByRigThenCamera) {
-  EXPECT_LT((CameraId{"a", "z"}), (CameraId{"b", "a"}));
-  EXPECT_LT((CameraId{"a", "y"}), (CameraId{"a", "z"}));
-  EXPECT_EQ((CameraId{"a", "z"}).ToString(), "a/z");
-}
-
 }  // namespace
 }  // namespace rigcal::camera_id_test

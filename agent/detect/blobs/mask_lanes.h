@@ -22,6 +22,9 @@
 #define RIGCAL_MM(name) _mm256_##name
 #define RIGCAL_KERNEL_NAME "avx2"
 #else
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 #define RIGCAL_KERNEL_NAME "portable"
 #endif
 #define RIGCAL_INLINE __attribute__((always_inline)) inline
@@ -174,11 +177,15 @@ RIGCAL_INLINE Mask ToMask(Bytes a) { return a; }
 RIGCAL_INLINE Mask AtMost(Bytes a, Bytes b) { return (Mask)(a <= b); }
 RIGCAL_INLINE Mask Equal(Bytes a, Bytes b) { return (Mask)(a == b); }
 RIGCAL_INLINE uint64_t ToBits(Mask mask) {
+#if defined(__SSE2__)
+  return static_cast<uint32_t>(_mm_movemask_epi8((__m128i)mask));
+#else
   uint64_t halves[2];
   const Bytes ones = mask & 1;
   std::memcpy(halves, &ones, sizeof(ones));
   constexpr uint64_t kGather = 0x0102040810204080;  // eight bytes of 0 or 1 to the highest byte
   return halves[0] * kGather >> 56 | halves[1] * kGather >> 56 << 8;
+#endif
 }
 RIGCAL_INLINE bool AnyAbove(Bytes a, Bytes below) {
   uint64_t halves[2];
@@ -202,16 +209,24 @@ RIGCAL_INLINE Bytes PackLevels(Words low, Words high) {
 }
 RIGCAL_INLINE Bytes PackTruths(Words low, Words high) { return PackLevels(low, high); }
 RIGCAL_INLINE Words MultiplyHigh(Words a, uint16_t b) {
+#if defined(__SSE2__)  // which gcc does not find for a loop of eight
+  return (Words)_mm_mulhi_epu16((__m128i)a, _mm_set1_epi16(static_cast<int16_t>(b)));
+#else
   Words high;
   for (int i = 0; i < 8; ++i) {
     high[i] = static_cast<int16_t>(static_cast<uint16_t>(a[i]) * uint32_t{b} >> 16);
   }
   return high;
+#endif
 }
 RIGCAL_INLINE Words MultiplyHighSigned(Words a, int16_t b) {
+#if defined(__SSE2__)
+  return (Words)_mm_mulhi_epi16((__m128i)a, _mm_set1_epi16(b));
+#else
   Words high;
   for (int i = 0; i < 8; ++i) high[i] = static_cast<int16_t>(a[i] * b >> 16);
   return high;
+#endif
 }
 
 // Byte i of the 48 moves to 2 i modulo 47 in each round; after four rounds it has moved to 16 i

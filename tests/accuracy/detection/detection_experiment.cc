@@ -11,6 +11,7 @@
 #include "common/camera/camera_model.h"
 #include "common/simulation/frames/scene_renderer.h"
 #include "common/statistics/robust_statistics.h"
+#include "tests/accuracy/detection/paper_rig.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/seed_runs.h"
 
@@ -117,18 +118,8 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
 
 DetectionOptions PaperDetection() {
   DetectionOptions options;
-  options.camera.camera = "sim";
-  options.camera.image_size_px = {1280, 1024};
-  Intrinsics intrinsics;
-  intrinsics.fx_px = 1010;
-  intrinsics.fy_px = 1008;
-  intrinsics.cx_px = 641;
-  intrinsics.cy_px = 509;
-  intrinsics.distortion = {-0.18, 0.09, 0.0005, -0.0003, -0.01};
-  options.camera.intrinsics = intrinsics;
-  options.target.marker_positions_m = {0, 0.13, 0.39};
-  options.target.diameter_m = 0.04;
-  options.target.blink_hz = {500};
+  options.camera = PaperCamera({1280, 1024}, 509);
+  options.target = PaperWand();
   options.render.clutter = 0.5;
   options.render.read_noise_grey = 2.6;
   return options;

@@ -14,6 +14,7 @@
 #include "common/camera/camera_model.h"
 #include "common/simulation/events/event_renderer.h"
 #include "common/simulation/world/random_stream.h"
+#include "tests/accuracy/detection/paper_rig.h"
 #include "tests/accuracy/detection/textbook_chain.h"
 #include "tests/accuracy/seed_runs.h"
 
@@ -260,19 +261,9 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
 
 EventDetectionOptions PaperEventDetection() {
   EventDetectionOptions options;
-  options.camera.camera = "sim";
+  options.camera = PaperCamera({1280, 720}, 357);
   options.camera.sensor = SensorKind::kEvent;
-  options.camera.image_size_px = {1280, 720};
-  Intrinsics intrinsics;
-  intrinsics.fx_px = 1010;
-  intrinsics.fy_px = 1008;
-  intrinsics.cx_px = 641;
-  intrinsics.cy_px = 357;
-  intrinsics.distortion = {-0.18, 0.09, 0.0005, -0.0003, -0.01};
-  options.camera.intrinsics = intrinsics;
-  options.target.marker_positions_m = {0, 0.13, 0.39};
-  options.target.diameter_m = 0.04;
-  options.target.blink_hz = {500};
+  options.target = PaperWand();
   options.scene.clutter = 0.5;
   options.sensor.background_hz = 5e6 / (1280.0 * 720.0);
   options.sensor.bars = 4;

@@ -30,11 +30,11 @@ struct Advice {
 };
 constexpr Advice kAdvice[] = {
     {DetectionOutcome::kBlack, "picture_black",
-     "the frame is black: lens cap, too short an exposure, or no light"},
+     "the frame is black: lens cap, short exposure, or no light"},
     {DetectionOutcome::kSaturated, "picture_saturated",
-     "most of the frame is at its brightest: shorten the exposure or turn the gain down"},
+     "most of the frame is saturated: shorten the exposure or turn the gain down"},
     {DetectionOutcome::kTooManyBlobs, "too_many_blobs",
-     "the colour range takes far too much of the frame: learn it with rigcal-agent tune, and "
+     "the colour range contains too much of the frame: learn it with rigcal-agent tune, and "
      "static spots with rigcal-agent mask"},
 };
 
@@ -153,7 +153,7 @@ void DetectingObservationSource::Note(const Frame& frame) {
   }
   if (detection_.occluded_markers > 0) {
     refused_.Add("", "marker_covered", static_cast<uint32_t>(detection_.occluded_markers),
-                 example("a sphere is half hidden"));
+                 example("a sphere is half occluded"));
   }
 }
 

@@ -13,9 +13,9 @@ namespace rigcal::agent {
 // Yield everything at once.
 inline constexpr double kMaxSpeed = std::numeric_limits<double>::infinity();
 
-// When rows with camera times fall due, replayed at `speed` times their own pace. The first row and
-// one that steps backwards are due at once; a gap is shortened to kMaxGap of waiting, so that a
-// damaged time stamp cannot stop a replay for years.
+// Due times of rows with camera times, replayed at `speed` times their own pace. The first row and
+// one that steps backwards are due at once; waiting is limited to kMaxGap, so that a damaged
+// timestamp cannot stop a replay for years.
 class PaceSchedule {
  public:
   using Clock = std::chrono::steady_clock;
@@ -37,7 +37,7 @@ class Pacer {
  public:
   explicit Pacer(double speed) : speed_(speed), schedule_(speed) {}
 
-  void Start();  // a new capture: the schedule begins anew
+  void Start();  // a new capture: restarts the schedule
   void Stop();   // every Wait returns false until the next Start
   // False: stopped.
   bool Wait(int64_t time_ns);

@@ -53,7 +53,7 @@ absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
     out << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
     return absl::OkStatus();
   }
-  out << absl::StrCat("learnt from ", learner.frame_count(), " frames to ignore ", ignored,
+  out << absl::StrCat("learned from ", learner.frame_count(), " frames to ignore ", ignored,
                       " pixels (", share * 100, " %)\n\n", "[camera.detector]\nmask = \"",
                       flags.out, "\"\n");
   return absl::OkStatus();
@@ -62,18 +62,18 @@ absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
 }  // namespace
 
 void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command = app.add_subcommand(
-      "mask", "Learns which bright spots stand still, so that the detector ignores them");
+  CLI::App* const command =
+      app.add_subcommand("mask", "Learns static bright spots for the detector to ignore");
   const auto flags = std::make_shared<MaskFlags>();
   AddFrameInput(*command, &flags->input);
   command->add_option("--out", flags->out, "Image of the camera's size, white where to ignore")
       ->required();
-  command->add_option("--target", flags->target, "What a simulated camera shows");
+  command->add_option("--target", flags->target, "Target of a simulated camera");
   command->add_option("--pictures", flags->frames, "At most so many; 0: all [100]");
   command->add_option("-o,--output", flags->format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command->footer(
-      "Show it the room without the wand, or with one that moves. Example:\n"
+      "Point the camera at the room without the wand, or with a moving one. Example:\n"
       "  rigcal-agent mask aravis:192.168.1.5 --out left_mask.png\n"
       "Exit codes: 0 ok, 1 failed, 2 usage.");
   command->callback(

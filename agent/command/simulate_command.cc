@@ -21,7 +21,7 @@
 namespace rigcal::agent {
 namespace {
 
-// EVT 3.0 counts so far before it overflows, and a reader begins below that.
+// EVT 3.0 counts up to here before it overflows; readers start below.
 constexpr int64_t kOverflowUs = int64_t{1} << 24;
 
 struct SimulateFlags {
@@ -69,7 +69,7 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
   const std::filesystem::path raw_path = flags.out;
   if (raw_path.extension() != ".raw") {
     return absl::InvalidArgumentError(
-        absl::StrCat(flags.out, " does not end in .raw, and only RAW files are written"));
+        absl::StrCat(flags.out, " must end in .raw: only RAW files are written"));
   }
   std::filesystem::path truth_path = raw_path, calibration_path = raw_path;
   truth_path.replace_extension(".csv");
@@ -79,9 +79,9 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const auto source, SimulatedEventSource::Create(options));
   RIGCAL_RETURN_IF_ERROR(source->Start(target));
   if (source->time_us() >= kOverflowUs) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("the camera's clock begins at ", source->time_us(),
-                     " us, but a RAW file cannot tell a beginning at 16.8 s or later"));
+    return absl::InvalidArgumentError(absl::StrCat("the camera's clock begins at ",
+                                                   source->time_us(),
+                                                   " us, but a RAW file must begin before 16.8 s"));
   }
   RIGCAL_ASSIGN_OR_RETURN(OutputFile raw, OutputFile::Create(flags.out));
   RIGCAL_ASSIGN_OR_RETURN(MarkerCsvWriter truth, MarkerCsvWriter::Create(truth_path.string()));
@@ -118,19 +118,19 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
 
 void AddSimulateCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
   CLI::App* const command = app.add_subcommand(
-      "simulate", "Writes what a simulated event camera sees as a RAW file, with the truth");
+      "simulate", "Writes the events of a simulated event camera as a RAW file, with ground truth");
   const auto flags = std::make_shared<SimulateFlags>();
   command->add_option("source", flags->source, "A simulated event camera, as for --source")
       ->required();
   command
       ->add_option(
           "--out", flags->out,
-          "RAW file (EVT 3.0); the truth comes beside it as .csv, the calibration as .yaml")
+          "RAW file (EVT 3.0); ground truth is written beside it as .csv, the calibration as .yaml")
       ->required();
   command->add_option("--target", flags->target, "The wand and its blink frequency");
   command
       ->add_option("--truth-rate", flags->truth_hz,
-                   "Truth at multiples of its period on the sensor's clock, Hz [200]")
+                   "Rate of ground truth on the sensor's clock, Hz [200]")
       ->check(CLI::Range(1.0, 1e4));
   command->footer(
       "Example:\n"

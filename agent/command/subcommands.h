@@ -15,7 +15,7 @@ inline constexpr int kExitOk = 0;
 inline constexpr int kExitFailed = 1;
 inline constexpr int kExitUsage = 2;
 
-// INVALID_ARGUMENT is what was typed; everything else that is not OK has failed.
+// INVALID_ARGUMENT: a wrong command line; any other error: the command failed.
 inline int ExitCodeOf(const absl::Status& status) {
   if (status.ok()) return kExitOk;
   return absl::IsInvalidArgument(status) ? kExitUsage : kExitFailed;
@@ -35,7 +35,7 @@ class Subcommands {
   std::function<absl::Status()> chosen_;
 };
 
-// Each adds one subcommand whose run is put into `chosen` when it is asked for.
+// Each adds one subcommand, which sets `chosen` when it is selected.
 void AddConvertCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
 void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);

@@ -12,8 +12,7 @@
 
 namespace rigcal::agent {
 
-// A source of frames that remembers how long it took to get the last one, and ends after a number
-// of them.
+// A source of frames that measures the time to read each, and ends after a number of them.
 class TimedFrameSource : public FrameSource {
  public:
   // `limit` 0: none.

@@ -41,7 +41,7 @@ absl::StatusOr<TunedColour> LearnColour(const TuneFlags& flags) {
   return tuner.Result();
 }
 
-// What to paste into a configuration; the same options, in the words of a SPEC, as its comment.
+// TOML to paste into a configuration, with the same options of a SPEC as its comment.
 std::string Snippet(const ColourRange& colour) {
   std::string spec;
   std::string toml;
@@ -87,7 +87,7 @@ absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
     return absl::OkStatus();
   }
   out << absl::StrFormat(
-             "# The wand was found in %d of %d frames; its colour in the middle: hue %.0f deg, "
+             "# The wand was found in %d of %d frames; median colour: hue %.0f deg, "
              "saturation %.2f, value %.0f\n",
              tuned.wands, tuned.frames, tuned.hue_deg, tuned.saturation, tuned.value)
       << snippet;
@@ -103,12 +103,12 @@ void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status
   AddFrameInput(*command, &flags->input);
   command->add_option("--target", flags->target, "wand:0,0.13,0.39;diameter=0.04;hz=500")
       ->required();
-  command->add_option("--out", flags->out, "File for what is to be pasted into a configuration");
+  command->add_option("--out", flags->out, "File for the TOML to paste into a configuration");
   command->add_option("--pictures", flags->frames, "At most so many; 0: all [50]");
   command->add_option("-o,--output", flags->format, "table (TOML to paste) or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command->footer(
-      "Hold the wand before the camera, near and far. Example:\n"
+      "Hold the wand in front of the camera, near and far. Example:\n"
       "  rigcal-agent tune aravis:192.168.1.5 --target wand:0,0.13,0.39 >> agent.toml\n"
       "Exit codes: 0 ok, 1 failed (the wand was not found), 2 usage.");
   command->callback(

@@ -79,7 +79,7 @@ absl::Status CsvObservationSource::CheckMarkerCount(int marker_count) const {
     first_other = absl::StrCat(options_.path, ":", line->number, " shows ", (field_count - 1) / 2,
                                " markers (", field_count, " fields)");
   }
-  // No line of any marker count is not the target's fault: every line will be refused by itself.
+  // Without a valid line every line will be refused by itself.
   if (first_other.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrCat("camera ", options_.camera, ": ", first_other, ", but the session's target has ",
@@ -139,8 +139,8 @@ void CsvObservationSource::AssignClockEpoch(uint64_t line, Observation* observat
   if (observation->clock_epoch != clock_epoch_) {
     clock_epoch_ = observation->clock_epoch;
     spdlog::warn(
-        "camera {}: {}:{}: the clock jumps back from {} ns to {} ns; what follows is clock epoch "
-        "{}: stored, but used only if its own time offset can be found",
+        "camera {}: {}:{}: the clock steps back from {} ns to {} ns; a new clock epoch {} begins: "
+        "stored, but used only if its own time offset can be found",
         options_.camera, options_.path, line, last_time_ns_, observation->time_ns, clock_epoch_);
   }
   last_time_ns_ = observation->time_ns;

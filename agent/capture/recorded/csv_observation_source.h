@@ -24,10 +24,10 @@ struct CsvSourceOptions {
   std::string path;              // lines `timestamp_ns;x0;y0;x1;y1;...`, see csv_line.h
   std::string calibration_path;  // OpenCV YAML with the camera's intrinsics and image size
   double sigma_px = 0.5;         // one sigma of each coordinate of every centre, > 0
-  // What the centres of the file are; sphere centres are what `rigcal-agent detect` writes where it
-  // knows the camera's intrinsics and the spheres' diameter.
+  // The kind of the centres; `rigcal-agent detect` writes sphere centres if it has the camera's
+  // intrinsics and the spheres' diameter.
   CentreKind centre_kind = CentreKind::kImageBlob;
-  double speed = 1;  // times the recorded pace, > 0; kMaxSpeed: no waiting
+  double speed = 1;  // multiple of the recorded pace, > 0; kMaxSpeed: no waiting
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
@@ -36,9 +36,9 @@ struct CsvSourceOptions {
 void AddOptions(CsvSourceOptions* options, OptionTable* table);
 
 // A recorded camera: marker centres from a CSV file, in the order of its lines. The camera is its
-// own clock, of time base "recording". A line that cannot be read is refused with its reason, file
-// and line number, and the file goes on after it. A time stamp before the one of the line above
-// opens a new clock epoch and is logged; equal ones are passed on.
+// own clock, of time base "recording". A bad line is refused with its reason, file and line number,
+// and skipped. A timestamp before the previous one begins a new clock epoch and is logged; equal
+// ones are passed on.
 class CsvObservationSource : public ObservationSource {
  public:
   // NOT_FOUND, INVALID_ARGUMENT, ...: the CSV file or the calibration is missing or malformed; the
@@ -46,7 +46,7 @@ class CsvObservationSource : public ObservationSource {
   static absl::StatusOr<std::unique_ptr<CsvObservationSource>> Create(CsvSourceOptions options);
 
   const CameraDescription& description() const override { return description_; }
-  // INVALID_ARGUMENT: the recording shows another number of markers than `target` has.
+  // INVALID_ARGUMENT: the recording has another number of markers than `target`.
   absl::Status Start(const Target& target) override;
   absl::StatusOr<std::optional<Observation>> Next() override;
   void Stop() override { pacer_.Stop(); }

@@ -13,13 +13,13 @@
 
 namespace rigcal::agent {
 
-// Names as people count: runs of digits by their value, so "f_9" comes before "f_10"; everything
+// Natural order of names: runs of digits by their value, so "f_9" comes before "f_10"; everything
 // else byte by byte. A strict order: names that differ only in leading zeros compare by bytes.
 bool NaturallyBefore(std::string_view a, std::string_view b);
 
 // The time in an image's name: the last run of at least ten digits, in nanoseconds, as in
 // "frame_000123_1699999999123456789.png" or "0000000040000000.png". Shorter numbers count images
-// and are no times. None: there is no such run, or it is beyond 64 bits.
+// and are not times. None: there is no such run, or it is beyond 64 bits.
 std::optional<int64_t> TimeFromName(std::string_view name);
 
 // Times from a file beside the images. Lines are `name;timestamp_ns` for named images, or
@@ -35,7 +35,7 @@ struct FrameTimes {
 // NOT_FOUND, PERMISSION_DENIED, ...: naming the file.
 absl::StatusOr<FrameTimes> ReadImageTimes(const std::string& path);
 
-// How far apart two times follow each other in the middle, ns; 0 for fewer than two.
+// The median difference between successive times, ns; 0 for fewer than two.
 int64_t MedianStepNs(const std::vector<int64_t>& times_ns);
 
 }  // namespace rigcal::agent

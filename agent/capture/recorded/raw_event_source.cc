@@ -17,7 +17,7 @@ constexpr size_t kPacedBytes = size_t{256} << 10;
 constexpr size_t kTimedBytes = 512;
 constexpr int64_t kPacedUs = 2000;
 
-// Of what header, option and calibration say, the one; they must agree.
+// Header, option and calibration must agree.
 absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
                                                const RawSourceOptions& options,
                                                const std::optional<IntrinsicsFile>& calibration) {
@@ -27,7 +27,7 @@ absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
   };
   std::vector<Statement> said;
   if (header.geometry) {
-    said.push_back({header.format == EventFormat::kPlain ? "what it says itself" : "its header",
+    said.push_back({header.format == EventFormat::kPlain ? "its own statement" : "its header",
                     *header.geometry});
   }
   if (options.geometry) said.push_back({"geometry=", *options.geometry});

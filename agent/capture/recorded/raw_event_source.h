@@ -23,10 +23,10 @@ struct RawSourceOptions {
   std::string camera;                      // name within the rig
   std::string path;                        // RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV
   std::string calibration_path;            // OpenCV YAML; empty: none
-  std::optional<SensorGeometry> geometry;  // where the file does not say; 1 to 2048 each way
+  std::optional<SensorGeometry> geometry;  // if the file has none; 1 to 2048 each way
   std::string clock_id;    // of the sensor; sensors on one sync cable share one; empty: the camera
-  PlainFileOptions plain;  // how an HDF5 or CSV file is to be read
-  double speed = 1;        // times the recorded pace, > 0; kMaxSpeed: no waiting
+  PlainFileOptions plain;  // how an HDF5 or CSV file is read
+  double speed = 1;        // multiple of the recorded pace, > 0; kMaxSpeed: no waiting
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
@@ -34,12 +34,12 @@ struct RawSourceOptions {
 
 void AddOptions(RawSourceOptions* options, OptionTable* table);
 
-// The events of a RAW, HDF5 or CSV file, in order, in pieces of some milliseconds. What is damaged
-// in them is for the decoder to count.
+// The events of a RAW, HDF5 or CSV file, in order, in pieces of some milliseconds. The decoder
+// counts damage.
 class RawEventSource : public EventSource {
  public:
-  // NOT_FOUND, FAILED_PRECONDITION: no such file, or none that can be read. INVALID_ARGUMENT: no
-  // file of events (OpenEventFile), no geometry, or one that contradicts the options or the
+  // NOT_FOUND, FAILED_PRECONDITION: the file does not exist or cannot be read. INVALID_ARGUMENT:
+  // not a file of events (OpenEventFile), no geometry, or one that contradicts the options or the
   // calibration. Each names the camera, the file and what to do.
   static absl::StatusOr<std::unique_ptr<RawEventSource>> Create(RawSourceOptions options);
 
@@ -59,7 +59,7 @@ class RawEventSource : public EventSource {
   Pacer pacer_;
   std::atomic<bool> stopped_ = true;
   std::unique_ptr<EventFile> file_;
-  std::optional<EventTimer> timer_;  // tells what time it is in the file
+  std::optional<EventTimer> timer_;  // follows the time of the file
   std::vector<uint8_t> piece_;
 };
 

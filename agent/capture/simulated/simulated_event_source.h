@@ -30,9 +30,9 @@ struct SimulatedEventSourceOptions : SimulatedCameraOptions {
 
 void AddOptions(SimulatedEventSourceOptions* options, OptionTable* table);
 
-// What an event camera at the place of one camera of a simulated world sees, as EVT 3.0 words,
-// stamped by that camera's clock. Its sensor has 1280x720 pixels and a lens that is as much wider
-// as they are smaller: it sees as much of the height as the frame camera would.
+// The events of an event camera in the pose of one camera of a simulated world, as EVT 3.0 words
+// with times of that camera's clock. The sensor has 1280x720 pixels and the vertical field of view
+// of the frame camera.
 class SimulatedEventSource : public EventSource {
  public:
   static absl::StatusOr<std::unique_ptr<SimulatedEventSource>> Create(
@@ -45,9 +45,9 @@ class SimulatedEventSource : public EventSource {
   void Stop() override { pacer_.Stop(); }
   std::vector<ClockSample> TakeClockSamples() override;
 
-  // Up to where it has told everything, on the camera's clock. Once started.
+  // Everything before it was emitted, on the camera's clock. Once started.
   int64_t time_us() const { return StampUs(renderer_->time_us()); }
-  // Where the markers truly are at a time of that clock; none in a gap. Once started.
+  // Ground truth of the markers at a time of that clock; none in a gap. Once started.
   std::vector<MarkerGroundTruth> TruthAt(int64_t time_us) const;
 
  private:

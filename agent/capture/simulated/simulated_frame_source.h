@@ -19,7 +19,7 @@
 namespace rigcal::agent {
 
 struct SimulatedFrameSourceOptions : SimulatedCameraOptions {
-  FrameRenderOptions rendering;  // how light, lens and sensor make its frames
+  FrameRenderOptions rendering;  // light, lens and sensor
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
@@ -27,7 +27,7 @@ struct SimulatedFrameSourceOptions : SimulatedCameraOptions {
 
 void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table);
 
-// The frames of one camera of a simulated world, rendered as they are asked for, with the stamps
+// The frames of one camera of a simulated world, rendered on request, with the timestamps
 // and clocks that SimulatedObservationSource gives its observations.
 class SimulatedFrameSource : public FrameSource {
  public:

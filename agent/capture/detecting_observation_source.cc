@@ -25,15 +25,15 @@ double BlinkPeriodS(const Target& target) {
 
 struct Advice {
   DetectionOutcome outcome;
-  std::string_view reason;
+  RefusalReason reason;
   std::string_view what;
 };
 constexpr Advice kAdvice[] = {
-    {DetectionOutcome::kBlack, "picture_black",
+    {DetectionOutcome::kBlack, RefusalReason::kFrameBlack,
      "the frame is black: lens cap, short exposure, or no light"},
-    {DetectionOutcome::kSaturated, "picture_saturated",
+    {DetectionOutcome::kSaturated, RefusalReason::kFrameSaturated,
      "most of the frame is saturated: shorten the exposure or turn the gain down"},
-    {DetectionOutcome::kTooManyBlobs, "too_many_blobs",
+    {DetectionOutcome::kTooManyBlobs, RefusalReason::kTooManyBlobs,
      "the colour range contains too much of the frame: learn it with rigcal-agent tune, and "
      "static spots with rigcal-agent mask"},
 };
@@ -152,16 +152,17 @@ void DetectingObservationSource::Note(const Frame& frame) {
     Warn(advice.reason, example(advice.what));
   }
   if (detection_.occluded_markers > 0) {
-    refused_.Add("", "marker_covered", static_cast<uint32_t>(detection_.occluded_markers),
+    refused_.Add("", RefusalReason::kMarkerOccluded,
+                 static_cast<uint32_t>(detection_.occluded_markers),
                  example("a sphere is half occluded"));
   }
 }
 
-void DetectingObservationSource::Warn(std::string_view reason, const std::string& what) {
+void DetectingObservationSource::Warn(RefusalReason reason, const std::string& what) {
   const auto now = std::chrono::steady_clock::now();
   const auto last = warned_.find(reason);
   if (last != warned_.end() && now - last->second < kWarnInterval) return;
-  warned_.insert_or_assign(std::string(reason), now);
+  warned_.insert_or_assign(reason, now);
   spdlog::warn("camera {}: {}", description().camera, what);
 }
 

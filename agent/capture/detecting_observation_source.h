@@ -71,7 +71,7 @@ class DetectingObservationSource : public ObservationSource {
   absl::StatusOr<bool> LearnsMask(const Frame& frame);
   void CheckExposure(const Frame& frame);
   void Note(const Frame& frame);
-  void Warn(std::string_view reason, const std::string& what);
+  void Warn(RefusalReason reason, const std::string& what);
 
   const std::unique_ptr<FrameSource> frames_;
   const DetectingOptions options_;
@@ -86,7 +86,7 @@ class DetectingObservationSource : public ObservationSource {
   Detection detection_;
   DetectionCounts detections_;
   RefusalCounter refused_;
-  std::map<std::string, std::chrono::steady_clock::time_point, std::less<>> warned_;
+  std::map<RefusalReason, std::chrono::steady_clock::time_point> warned_;
 };
 
 }  // namespace rigcal::agent

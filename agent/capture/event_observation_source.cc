@@ -12,14 +12,6 @@
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
-namespace {
-
-uint32_t Clamped(uint64_t count) {
-  return static_cast<uint32_t>(std::min<uint64_t>(count, std::numeric_limits<uint32_t>::max()));
-}
-
-}  // namespace
-
 absl::StatusOr<std::unique_ptr<EventObservationSource>> EventObservationSource::Create(
     std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options) {
   if (const absl::Status status = options.Validate(); !status.ok()) {
@@ -139,28 +131,28 @@ std::vector<Refusal> EventObservationSource::Refused() const {
   for (const Refusal& refusal : events_->Refused()) all.Add(refusal);
   const EventFaults faults = AllFaults();
   const BlinkWandCounts counts = AllCounts();
-  const auto add = [&](const char* reason, uint64_t count, const char* name,
+  const auto add = [&](RefusalReason reason, uint64_t count, const char* name,
                        const std::string& what) {
     const auto first = first_faults_.find(name);
-    all.Add("", reason, Clamped(count),
+    all.Add("", reason, count,
             first == first_faults_.end() ? what
                                          : absl::StrCat(what, "; the first one: ", first->second));
   };
-  add("event_unknown_word", faults.unknown_words, "unknown_words",
+  add(RefusalReason::kEventUnknownWord, faults.unknown_words, "unknown_words",
       "invalid words or times: damaged, or not the format of the header");
-  add("event_outside_geometry", faults.outside_geometry, "outside_geometry",
+  add(RefusalReason::kEventOutsideGeometry, faults.outside_geometry, "outside_geometry",
       absl::StrCat("events of pixels that a sensor of ", description().image_size_px.width, "x",
                    description().image_size_px.height, " does not have; is its geometry right?"));
-  add("event_before_time", faults.before_time, "before_time", "events before the first time word");
-  add("event_truncated_bytes", faults.truncated_bytes, "truncated_bytes",
+  add(RefusalReason::kEventBeforeTime, faults.before_time, "before_time", "events before the first time word");
+  add(RefusalReason::kEventTruncatedBytes, faults.truncated_bytes, "truncated_bytes",
       "the stream ends within a word");
-  all.Add("", "event_trigger_too_dense", Clamped(counts.dense_triggers),
+  all.Add("", RefusalReason::kEventTriggerTooDense, counts.dense_triggers,
           "triggers less than 0.4 ms apart: noise at the trigger input?");
   all.Add(
-      "", "event_answer_without_data", Clamped(counts.beyond_data),
+      "", RefusalReason::kEventDetectionWithoutData, counts.beyond_data,
       "observations at the fixed rate left out: the clock jumps ahead by more of them than there "
       "are events for");
-  all.Add("", "event_out_of_order", Clamped(counts.out_of_order),
+  all.Add("", RefusalReason::kEventDetectionOutOfOrder, counts.out_of_order,
           "observations older than the previous one");
   return all.List();
 }

@@ -84,8 +84,8 @@ std::string FormatReport(const DetectionReport& report) {
   AppendTimes(&text, "detecting", report.detecting);
   absl::StrAppendFormat(&text, "%-30s %8.1f\n", "frames/s, in total", report.frames_per_s());
   for (const Refusal& refusal : report.refused) {
-    absl::StrAppend(&text, refusal.reason, " x ", refusal.count, ", first: ", refusal.example,
-                    "\n");
+    absl::StrAppend(&text, std::string(NameOf(refusal.reason)), " x ", refusal.count,
+                    ", first: ", refusal.example, "\n");
   }
   return text;
 }
@@ -107,8 +107,9 @@ std::string ReportJson(const DetectionReport& report) {
   json["centres"] = report.centres;
   json["refused"] = nlohmann::ordered_json::array();
   for (const Refusal& refusal : report.refused) {
-    json["refused"].push_back(
-        {{"reason", refusal.reason}, {"count", refusal.count}, {"example", refusal.example}});
+    json["refused"].push_back({{"reason", NameOf(refusal.reason)},
+                               {"count", refusal.count},
+                               {"example", refusal.example}});
   }
   json["reading_ms"] = TimesJson(report.reading);
   json["detecting_ms"] = TimesJson(report.detecting);

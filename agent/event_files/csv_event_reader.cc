@@ -142,7 +142,7 @@ absl::Status CsvEventReader::Look(const PlainFileOptions& options) {
 
 absl::Status CsvEventReader::CountBad(uint64_t line, const std::string& what) {
   ++bad_;
-  refused_.Add("", "event_csv_bad_line", 1, absl::StrCat(path_, ":", line, ": ", what));
+  refused_.Add("", RefusalReason::kEventCsvBadLine, 1, absl::StrCat(path_, ":", line, ": ", what));
   if (bad_ <= kBadLinesAtLeast || bad_ <= good_) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(path_, ":", line, ": ", bad_, " of ", bad_ + good_,
                                           " lines so far are no events, the last one has ", what,

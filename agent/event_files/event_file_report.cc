@@ -101,7 +101,7 @@ std::string FormatInfo(const EventFileInfo& info) {
   AppendFault(&text, "time steps back", faults.time_steps_back, info, "time_steps_back");
   AppendFault(&text, "truncated bytes", faults.truncated_bytes, info, "truncated_bytes");
   for (const Refusal& refusal : info.refused) {
-    AppendLine(&text, absl::StrCat("  ", refusal.reason),
+    AppendLine(&text, absl::StrCat("  ", std::string(NameOf(refusal.reason))),
                absl::StrCat(refusal.count, ", the first one ", refusal.example));
   }
   return text;
@@ -149,8 +149,9 @@ std::string InfoJson(const EventFileInfo& info) {
   for (const auto& [name, place] : info.first_faults) json["first_faults"][name] = place;
   json["refused"] = Json::array();
   for (const Refusal& refusal : info.refused) {
-    json["refused"].push_back(
-        {{"reason", refusal.reason}, {"count", refusal.count}, {"example", refusal.example}});
+    json["refused"].push_back({{"reason", NameOf(refusal.reason)},
+                               {"count", refusal.count},
+                               {"example", refusal.example}});
   }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -180,7 +180,7 @@ std::optional<DeliveryPlan::GivenUp> DeliveryPlan::OnProtocolFault(const std::st
   end.report.stream = guilty.stream;
   end.report.observation_count = end.last_seq + lost;
   end.report.refused.push_back(
-      {.camera = "", .reason = "protocol_fault", .count = lost, .example = message});
+      {.camera = "", .reason = RefusalReason::kProtocolFault, .count = lost, .example = message});
   Remember(guilty.stream, std::move(end));
   return GivenUp{.stream = guilty.stream, .lost_count = lost};
 }

@@ -124,8 +124,9 @@ absl::StatusOr<ObservationBatch> MemorySpool::Read(const StreamKey& key, uint32_
     if (numbered.seq >= batch.first_seq) batch.clock_samples.push_back(numbered.sample);
   }
   if (from_seq < stream.first_seq) {
-    batch.dropped.push_back(
-        {.first_seq = from_seq, .count = stream.first_seq - from_seq, .reason = "spool_freed"});
+    batch.dropped.push_back({.first_seq = from_seq,
+                             .count = stream.first_seq - from_seq,
+                             .reason = RefusalReason::kSpoolFreed});
   }
   return batch;
 }

@@ -143,11 +143,11 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
     spdlog::error("camera {}: capture for session {} ends early: {}", stream.camera,
                   stream.session_id, message);
     report.refused.push_back(
-        {.camera = "", .reason = "source_failed", .count = 1, .example = message});
+        {.camera = "", .reason = RefusalReason::kSourceFailed, .count = 1, .example = message});
   }
   for (const Refusal& refusal : report.refused) {
-    spdlog::warn("camera {}: {} x {}, first: {}", stream.camera, refusal.reason, refusal.count,
-                 refusal.example);
+    spdlog::warn("camera {}: {} x {}, first: {}", stream.camera, NameOf(refusal.reason),
+                 refusal.count, refusal.example);
   }
   if (spool_->Finish(stream, std::move(report)).ok()) {
     spdlog::info("camera {}: capture for session {} has ended", stream.camera, stream.session_id);

@@ -58,8 +58,8 @@ Conversation::Conversation(const UplinkOptions& options, uint32_t connection, Ag
       next_ping_(now),
       next_report_(now) {}
 
-v1::AgentMessage Conversation::Hello() {
-  v1::AgentMessage message;
+v1::ConnectRequest Conversation::Hello() {
+  v1::ConnectRequest message;
   v1::AgentHello* hello = message.mutable_hello();
   *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
   hello->set_software_version(std::string(wire::kSoftwareVersion));
@@ -80,29 +80,29 @@ v1::AgentMessage Conversation::Hello() {
   return message;
 }
 
-absl::Status Conversation::Handle(const v1::ServerMessage& message, Clock::time_point now) {
+absl::Status Conversation::Handle(const v1::ConnectResponse& message, Clock::time_point now) {
   last_heard_ = now;
-  if (!greeted_ && message.message_case() != v1::ServerMessage::kHello) {
+  if (!greeted_ && message.message_case() != v1::ConnectResponse::kHello) {
     return absl::InternalError("the server sent a message before its hello");
   }
   switch (message.message_case()) {
-    case v1::ServerMessage::kHello:
+    case v1::ConnectResponse::kHello:
       return HandleHello(message.hello());
-    case v1::ServerMessage::kAck:
+    case v1::ConnectResponse::kAck:
       return HandleAck(message.ack());
-    case v1::ServerMessage::kStartCapture:
+    case v1::ConnectResponse::kStartCapture:
       HandleStartCapture(message.start_capture());
       break;
-    case v1::ServerMessage::kStopCapture:
+    case v1::ConnectResponse::kStopCapture:
       HandleStopCapture(message.stop_capture());
       break;
-    case v1::ServerMessage::kTimePong:
+    case v1::ConnectResponse::kTimePong:
       HandlePong(message.time_pong());
       break;
-    case v1::ServerMessage::kPreviewRequest:
+    case v1::ConnectResponse::kPreviewRequest:
       HandlePreviewRequest(message.preview_request());
       break;
-    case v1::ServerMessage::MESSAGE_NOT_SET:
+    case v1::ConnectResponse::MESSAGE_NOT_SET:
       // A server one minor version newer may send kinds that are not known here.
       spdlog::debug("server {}: a message of a kind that is not known here", options_.server);
   }
@@ -230,7 +230,7 @@ absl::Status Conversation::HandleAck(const v1::BatchAck& proto) {
         "camera {}: the server refused {} observations of session {}, first: number {}, "
         "{}: {}",
         ack->stream.camera, ack->fault_count, ack->stream.session_id, first.seq, first.field,
-        first.reason);
+        NameOf(first.reason));
   }
   if (agent_.plan->Acknowledge(*ack)) progressed_ = true;
   return absl::OkStatus();
@@ -244,8 +244,8 @@ void Conversation::HandlePong(const v1::TimePong& pong) {
       AlignHost(pong.host_monotonic_ns(), pong.server_utc_ns(), MonotonicNowNs(), UtcNowNs()));
 }
 
-std::optional<v1::AgentMessage> Conversation::Next(Clock::time_point now) {
-  v1::AgentMessage message;
+std::optional<v1::ConnectRequest> Conversation::Next(Clock::time_point now) {
+  v1::ConnectRequest message;
   if (now >= next_ping_) {
     next_ping_ = now + options_.ping_interval;
     ping_ns_ = MonotonicNowNs();
@@ -273,12 +273,12 @@ std::optional<v1::AgentMessage> Conversation::Next(Clock::time_point now) {
   return message;
 }
 
-std::optional<v1::AgentMessage> Conversation::NextReport() {
+std::optional<v1::ConnectRequest> Conversation::NextReport() {
   if (agent_.plan->SendsOneAtATime()) return std::nullopt;
   for (const CameraReport& report : agent_.captures->RunningReports()) {
     const uint64_t counted = CountedIn(report);
     if (counted == 0 || std::exchange(reported_[report.stream], counted) == counted) continue;
-    v1::AgentMessage message;
+    v1::ConnectRequest message;
     *message.mutable_report() = wire::ToProto(report);
     return message;
   }

@@ -16,7 +16,7 @@
 #include "agent/spool/observation_spool.h"
 #include "agent/uplink/capture_control.h"
 #include "agent/uplink/uplink_options.h"
-#include "rigcal/v1/agent.pb.h"
+#include "rigcal/v1/ingest_service.pb.h"
 
 namespace rigcal::agent {
 
@@ -44,11 +44,11 @@ class Conversation {
                Clock::time_point now);
 
   // The first message.
-  v1::AgentMessage Hello();
+  v1::ConnectRequest Hello();
   // Follows a message of the server. An error ends the connection.
-  absl::Status Handle(const v1::ServerMessage& message, Clock::time_point now);
+  absl::Status Handle(const v1::ConnectResponse& message, Clock::time_point now);
   // What to send next; none: nothing yet. Only once greeted.
-  std::optional<v1::AgentMessage> Next(Clock::time_point now);
+  std::optional<v1::ConnectRequest> Next(Clock::time_point now);
 
   bool greeted() const { return greeted_; }  // the server's hello has arrived
   // Something became durable, or the connection stood for a while.
@@ -68,7 +68,7 @@ class Conversation {
   void HandlePreviewRequest(const v1::PreviewRequest& request);
   void HandlePosition(const StreamKey& stream, const v1::StreamPosition& position);
   void BeginCapture(const StreamKey& stream, const Target& target, uint32_t durable_seq);
-  std::optional<v1::AgentMessage> NextReport();
+  std::optional<v1::ConnectRequest> NextReport();
 
   const UplinkOptions& options_;
   const uint32_t connection_;

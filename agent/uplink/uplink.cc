@@ -141,7 +141,7 @@ absl::Status Uplink::Serve(Conversation& conversation) {
   previews_->Forget();
   connection.Write(conversation.Hello());
   while (true) {
-    for (const v1::ServerMessage& message : connection.TakeMessages()) {
+    for (const v1::ConnectResponse& message : connection.TakeMessages()) {
       RIGCAL_RETURN_IF_ERROR(conversation.Handle(message, Clock::now()));
     }
     if (const auto result = connection.Result()) {

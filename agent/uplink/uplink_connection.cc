@@ -15,7 +15,7 @@ constexpr size_t kMaxInbox = 256;
 
 UplinkConnection::UplinkConnection(std::shared_ptr<grpc::Channel> channel,
                                    std::function<void()> on_event)
-    : on_event_(std::move(on_event)), stub_(v1::AgentService::NewStub(std::move(channel))) {
+    : on_event_(std::move(on_event)), stub_(v1::IngestService::NewStub(std::move(channel))) {
   stub_->async()->Connect(&context_, this);
   // Writes start outside of gRPC's callbacks: without a hold the stream could be done before one.
   AddHold();
@@ -37,7 +37,7 @@ bool UplinkConnection::CanWrite() const {
   return !writing_ && !broken_ && !finished_writing_;
 }
 
-void UplinkConnection::Write(v1::AgentMessage message) {
+void UplinkConnection::Write(v1::ConnectRequest message) {
   const std::lock_guard lock(mutex_);
   if (writing_ || broken_ || finished_writing_) return;
   writing_ = true;
@@ -53,10 +53,10 @@ void UplinkConnection::FinishWriting() {
   StartWritesDone();
 }
 
-std::vector<v1::ServerMessage> UplinkConnection::TakeMessages() {
+std::vector<v1::ConnectResponse> UplinkConnection::TakeMessages() {
   const std::lock_guard lock(mutex_);
-  std::vector<v1::ServerMessage> messages(std::make_move_iterator(inbox_.begin()),
-                                          std::make_move_iterator(inbox_.end()));
+  std::vector<v1::ConnectResponse> messages(std::make_move_iterator(inbox_.begin()),
+                                            std::make_move_iterator(inbox_.end()));
   inbox_.clear();
   ResumeReadingLocked();
   return messages;

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "rigcal/v1/agent.grpc.pb.h"
+#include "rigcal/v1/ingest_service.grpc.pb.h"
 
 namespace rigcal::agent {
 
@@ -21,7 +21,7 @@ namespace rigcal::agent {
 // whenever one of these changes; it must neither block nor call back.
 //
 // Write, TakeMessages and the getters are for one thread.
-class UplinkConnection : private grpc::ClientBidiReactor<v1::AgentMessage, v1::ServerMessage> {
+class UplinkConnection : private grpc::ClientBidiReactor<v1::ConnectRequest, v1::ConnectResponse> {
  public:
   UplinkConnection(std::shared_ptr<grpc::Channel> channel, std::function<void()> on_event);
   // Cancels the stream where it still runs, and waits for its end.
@@ -32,9 +32,9 @@ class UplinkConnection : private grpc::ClientBidiReactor<v1::AgentMessage, v1::S
   // The message before has left, and the stream is open.
   bool CanWrite() const;
   // Only while CanWrite() is true.
-  void Write(v1::AgentMessage message);
+  void Write(v1::ConnectRequest message);
   // Received messages, in order. Reading continues only when they are taken.
-  std::vector<v1::ServerMessage> TakeMessages();
+  std::vector<v1::ConnectResponse> TakeMessages();
   // Once the stream has ended and every received message is taken.
   std::optional<absl::Status> Result() const;
 
@@ -50,13 +50,13 @@ class UplinkConnection : private grpc::ClientBidiReactor<v1::AgentMessage, v1::S
 
   const std::function<void()> on_event_;
   grpc::ClientContext context_;
-  std::unique_ptr<v1::AgentService::Stub> stub_;
+  std::unique_ptr<v1::IngestService::Stub> stub_;
 
   mutable std::mutex mutex_;
   std::condition_variable done_changed_;
-  v1::AgentMessage outgoing_;
-  v1::ServerMessage incoming_;
-  std::deque<v1::ServerMessage> inbox_;
+  v1::ConnectRequest outgoing_;
+  v1::ConnectResponse incoming_;
+  std::deque<v1::ConnectResponse> inbox_;
   bool writing_ = false;
   bool reading_ = false;
   bool broken_ = false;  // no more reads, and no more writes are of use

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/net/paging.h"
 #include "client/net/server_connection.h"
 #include "client/output/output.h"
 #include "client/output/quantities.h"
@@ -76,11 +77,21 @@ std::string FormatAgents(const v1::ListAgentsResponse& response) {
 
 }  // namespace
 
-ExitCode ListAgents(const std::string& rig, CommandContext& context) {
+absl::StatusOr<v1::ListAgentsResponse> ReadAllAgents(ServerConnection& server,
+                                                     const ListOptions& options) {
+  return ReadAllPages<v1::ListAgentsRequest, v1::ListAgentsResponse>(
+      [&](const v1::ListAgentsRequest& request) {
+        return server.Call(server.agents(), &v1::AgentService::Stub::ListAgents,
+                           WithListOptions(request, options));
+      },
+      [](v1::ListAgentsResponse& all, v1::ListAgentsResponse& page) {
+        for (v1::Agent& agent : *page.mutable_agents()) all.add_agents()->Swap(&agent);
+      });
+}
+
+ExitCode ListAgents(const ListOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
-  v1::ListAgentsRequest request;
-  request.set_rig(rig);
-  const auto agents = server.Call(server.status(), &v1::StatusService::Stub::ListAgents, request);
+  const auto agents = ReadAllAgents(server, options);
   if (!agents.ok()) return context.Fail(agents.status());
   if (context.console.format == OutputFormat::kJson) {
     PrintJson(context.console, *agents);

@@ -59,11 +59,7 @@ ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& conte
   v1::GetPreviewRequest request;
   request.set_camera(options.camera);
   request.set_rig(options.rig);
-  const auto preview = server.Call(server.status(), &v1::StatusService::Stub::GetPreview, request);
-  if (absl::IsUnimplemented(preview.status())) {
-    return context.Fail(absl::UnimplementedError(
-        absl::StrCat("the server at ", context.server, " is older than previews; update it")));
-  }
+  const auto preview = server.Call(server.cameras(), &v1::CameraService::Stub::GetPreview, request);
   if (!preview.ok()) return context.Fail(preview.status());
   // The server has checked the name: it is no path.
   const std::string file = options.file.empty() ? preview->info().camera() + ".jpg" : options.file;

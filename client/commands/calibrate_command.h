@@ -6,9 +6,11 @@
 
 #include "client/commands/command_context.h"
 #include "common/calibration/calibration_options.h"
-#include "rigcal/v1/calibration.pb.h"
+#include "rigcal/v1/calibration_service.pb.h"
 
 namespace rigcal::client {
+
+struct GroundTruthComparison;
 
 struct CalibrateOptions {
   std::vector<std::string> sessions;
@@ -21,7 +23,9 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context);
 
 // Prints a calibration and returns the exit code for its state: FAILED is kFailed, with the error
 // on `err`; SUCCEEDED but graded BAD is kBelowQualityGate; anything else kOk.
-ExitCode ShowCalibration(const rigcal::v1::Calibration& calibration, CommandContext& context);
+// `ground_truth`: printed with it, where there is one.
+ExitCode ShowCalibration(const rigcal::v1::Calibration& calibration, CommandContext& context,
+                         const GroundTruthComparison* ground_truth = nullptr);
 
 bool HasEnded(const rigcal::v1::Calibration& calibration);
 rigcal::v1::CreateCalibrationRequest MakeCalibrationRequest(

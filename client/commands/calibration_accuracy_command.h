@@ -6,7 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "client/commands/command_context.h"
-#include "rigcal/v1/calibration.pb.h"
+#include "rigcal/v1/calibration_service.pb.h"
 
 namespace rigcal::client {
 

@@ -5,6 +5,7 @@
 
 #include "client/commands/calibrate_command.h"
 #include "client/net/paging.h"
+#include "client/net/resources.h"
 #include "client/net/server_connection.h"
 #include "client/output/output.h"
 #include "client/results/calibration_comparison.h"
@@ -19,7 +20,8 @@ using CalibrationStub = v1::CalibrationService::Stub;
 absl::StatusOr<v1::Calibration> FetchCalibration(ServerConnection& server, const std::string& id) {
   v1::GetCalibrationRequest request;
   request.set_id(id);
-  return server.Call(server.calibrations(), &CalibrationStub::GetCalibration, request);
+  return CalibrationOf(
+      server.Call(server.calibrations(), &CalibrationStub::GetCalibration, request));
 }
 
 void PrintFiles(const CalibrationExportOptions& options,
@@ -37,12 +39,12 @@ void PrintFiles(const CalibrationExportOptions& options,
 
 }  // namespace
 
-ExitCode ListCalibrations(const std::string& rig, CommandContext& context) {
+ExitCode ListCalibrations(const ListOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
   const auto calibrations = ReadAllPages<v1::ListCalibrationsRequest, v1::ListCalibrationsResponse>(
-      [&](v1::ListCalibrationsRequest request) {
-        request.set_rig(rig);
-        return server.Call(server.calibrations(), &CalibrationStub::ListCalibrations, request);
+      [&](const v1::ListCalibrationsRequest& request) {
+        return server.Call(server.calibrations(), &CalibrationStub::ListCalibrations,
+                           WithListOptions(request, options));
       },
       [](v1::ListCalibrationsResponse& all, v1::ListCalibrationsResponse& page) {
         for (v1::Calibration& calibration : *page.mutable_calibrations()) {
@@ -74,13 +76,28 @@ ExitCode CancelCalibration(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
   v1::CancelCalibrationRequest request;
   request.set_id(id);
-  const auto calibration =
-      server.Call(server.calibrations(), &CalibrationStub::CancelCalibration, request);
+  const auto calibration = CalibrationOf(
+      server.Call(server.calibrations(), &CalibrationStub::CancelCalibration, request));
   if (!calibration.ok()) return context.Fail(calibration.status());
   if (context.console.format == OutputFormat::kJson) {
     PrintJson(context.console, *calibration);
   } else {
     context.console.out << FormatCalibration(*calibration);
+  }
+  return ExitCode::kOk;
+}
+
+ExitCode DeleteCalibration(const std::string& id, CommandContext& context) {
+  ServerConnection server(context.server);
+  v1::DeleteCalibrationRequest request;
+  request.set_id(id);
+  const auto response =
+      server.Call(server.calibrations(), &CalibrationStub::DeleteCalibration, request);
+  if (!response.ok()) return context.Fail(response.status());
+  if (context.console.format == OutputFormat::kJson) {
+    PrintJson(context.console, *response);
+  } else {
+    context.console.out << "calibration " << Printable(id) << " is deleted\n";
   }
   return ExitCode::kOk;
 }

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "client/commands/command_context.h"
+#include "client/commands/list_options.h"
 
 namespace rigcal::client {
 
@@ -17,10 +18,10 @@ struct CalibrationExportOptions {
 
 // `rigcal calibration ...`. Each returns the exit code.
 
-// `rig` empty: every rig.
-ExitCode ListCalibrations(const std::string& rig, CommandContext& context);
+ExitCode ListCalibrations(const ListOptions& options, CommandContext& context);
 ExitCode GetCalibration(const std::string& id, CommandContext& context);
 ExitCode CancelCalibration(const std::string& id, CommandContext& context);
+ExitCode DeleteCalibration(const std::string& id, CommandContext& context);
 // Prints the files it wrote.
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context);
 // Prints how B differs from A.

@@ -17,6 +17,7 @@ struct IdCommand {
 constexpr IdCommand kIdCommands[] = {
     {"get", "One calibration with everything in it", GetCalibration},
     {"cancel", "Stop one that is queued or running", CancelCalibration},
+    {"delete", "Remove one that has ended", DeleteCalibration},
 };
 
 void AddCalibrate(CommandParser& parser) {
@@ -100,12 +101,13 @@ void AddCalibrationCommands(CommandParser& parser) {
   AddCalibrate(parser);
   CLI::App* group =
       parser.AddGroup("calibration", "Calibrations: the results (list, get, export, compare, ...)");
-  const auto rig = std::make_shared<std::string>();
-  parser
-      .AddCommand(group, "list", "All calibrations, newest first",
-                  [rig](CommandContext& context) { return ListCalibrations(*rig, context); })
-      ->add_option("--rig", *rig, "Of this rig only")
-      ->type_name("RIG");
+  const auto list = std::make_shared<ListOptions>();
+  CLI::App* list_app = parser.AddCommand(
+      group, "list", "Calibrations, newest first",
+      [list](CommandContext& context) { return ListCalibrations(*list, context); });
+  list_app->add_option("--session", list->session, "Made from this session only")
+      ->type_name("SESSION");
+  AddListOptions(list_app, "state=STATE_SUCCEEDED", "create_time or id", list.get());
   for (const IdCommand& command : kIdCommands) {
     const auto id = std::make_shared<std::string>();
     parser

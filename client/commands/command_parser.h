@@ -6,6 +6,7 @@
 #include <string>
 
 #include "client/commands/command_context.h"
+#include "client/commands/list_options.h"
 #include "common/calibration/calibration_options.h"
 #include "common/target/target.h"
 
@@ -50,6 +51,10 @@ void AddLocalCommand(CommandParser& parser);
 
 // Options that several commands share. What cannot be read is a usage error naming the option.
 void AddTargetOption(CLI::App* app, bool required, Target* target);
+// --rig, --filter and --order-by of a list command. `example` is a term for --filter, `orders`
+// names the fields for --order-by.
+void AddListOptions(CLI::App* app, const std::string& example, const std::string& orders,
+                    ListOptions* options);
 void AddCalibrationOptions(CLI::App* app, CalibrationOptions* options);
 // A finite number from `low` to `high`.
 CLI::Validator NumberBetween(double low, double high);

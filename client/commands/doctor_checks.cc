@@ -10,8 +10,8 @@
 namespace rigcal::client {
 namespace {
 
-constexpr uint32_t kWarnFreeMib = 2048;
-constexpr uint32_t kFailFreeMib = 200;
+constexpr uint64_t kWarnFreeBytes = uint64_t{2} << 30;
+constexpr uint64_t kFailFreeBytes = uint64_t{200} << 20;
 constexpr double kFullQueue = 0.9;
 // A session that drains is finished at its deadline; so much longer, and it is stuck.
 constexpr double kDrainSlackS = 10;
@@ -27,7 +27,7 @@ std::vector<std::string> AbsentCameras(const v1::Session& session) {
 
 }  // namespace
 
-Check CheckVersions(const v1::ServerStatus& status) {
+Check CheckVersions(const v1::GetStatusResponse& status) {
   const std::string own(wire::kSoftwareVersion);
   Check check{CheckLevel::kOk, "versions",
               absl::StrCat("server ", status.software_version(), ", rigcal ", own), ""};
@@ -60,11 +60,11 @@ Check CheckIngest(const v1::IngestStatus& ingest) {
     check.message = absl::StrCat("nothing is taken: ", ingest.problem());
     check.advice = "agents keep their data meanwhile; fix the cause, and delivery resumes";
   } else if (ingest.queue_limit_bytes() > 0 &&
-             ingest.queue_bytes() > kFullQueue * ingest.queue_limit_bytes()) {
+             static_cast<double>(ingest.queue_bytes()) >
+                 kFullQueue * static_cast<double>(ingest.queue_limit_bytes())) {
     check.level = CheckLevel::kWarn;
-    check.message =
-        absl::StrCat("the queue is nearly full: ", FormatKib(ingest.queue_bytes() / 1024.0), " of ",
-                     FormatKib(ingest.queue_limit_bytes() / 1024.0));
+    check.message = absl::StrCat("the queue is nearly full: ", FormatBytes(ingest.queue_bytes()),
+                                 " of ", FormatBytes(ingest.queue_limit_bytes()));
     check.advice = "the disk is slower than the cameras; agents wait and lose nothing";
   } else if (ingest.refused_observation_count() > 0) {
     check.level = CheckLevel::kWarn;
@@ -75,11 +75,11 @@ Check CheckIngest(const v1::IngestStatus& ingest) {
 
 Check CheckDisk(const v1::StoreStatus& store) {
   Check check{CheckLevel::kOk, "disk",
-              absl::StrCat(FormatKib(store.free_mib() * 1024.0), " free; the store (", store.kind(),
-                           ") takes ", FormatKib(store.size_kib())),
+              absl::StrCat(FormatBytes(store.free_bytes()), " free; the store (", store.kind(),
+                           ") takes ", FormatBytes(store.size_bytes())),
               ""};
-  if (store.free_mib() >= kWarnFreeMib) return check;
-  check.level = store.free_mib() < kFailFreeMib ? CheckLevel::kFail : CheckLevel::kWarn;
+  if (store.free_bytes() >= kWarnFreeBytes) return check;
+  check.level = store.free_bytes() < kFailFreeBytes ? CheckLevel::kFail : CheckLevel::kWarn;
   check.advice = "make room on the server's disk, or delete old sessions: rigcal session delete";
   return check;
 }
@@ -135,8 +135,8 @@ Check CheckSessions(const v1::ListSessionsResponse& sessions, double now_s) {
   size_t open = 0;
   std::vector<std::string> stuck;
   for (const v1::Session& session : sessions.sessions()) {
-    const bool drains = session.state() == v1::Session::DRAINING;
-    if (!drains && session.state() != v1::Session::CAPTURING) continue;
+    const bool drains = session.state() == v1::Session::STATE_DRAINING;
+    if (!drains && session.state() != v1::Session::STATE_CAPTURING) continue;
     ++open;
     if (drains && session.has_drain_deadline() &&
         now_s > static_cast<double>(session.drain_deadline().seconds()) + kDrainSlackS) {

@@ -7,7 +7,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "client/net/paging.h"
+#include "client/commands/agent_command.h"
+#include "client/commands/session_command.h"
 #include "client/net/server_connection.h"
 
 namespace rigcal::client {
@@ -35,19 +36,13 @@ Check HealthCheck(ServerConnection& server) {
 }
 
 std::vector<Check> AgentChecks(ServerConnection& server) {
-  const auto agents = server.Call(server.status(), &v1::StatusService::Stub::ListAgents, {});
+  const auto agents = ReadAllAgents(server, {});
   if (!agents.ok()) return {CannotAsk("agents", agents.status())};
   return {CheckAgents(*agents), CheckIntrinsics(*agents)};
 }
 
 Check SessionCheck(ServerConnection& server) {
-  const auto sessions = ReadAllPages<v1::ListSessionsRequest, v1::ListSessionsResponse>(
-      [&](const v1::ListSessionsRequest& request) {
-        return server.Call(server.sessions(), &v1::SessionService::Stub::ListSessions, request);
-      },
-      [](v1::ListSessionsResponse& all, v1::ListSessionsResponse& page) {
-        for (v1::Session& session : *page.mutable_sessions()) all.add_sessions()->Swap(&session);
-      });
+  const auto sessions = ReadAllSessions(server, {});
   if (!sessions.ok()) return CannotAsk("sessions", sessions.status());
   return CheckSessions(*sessions, absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()));
 }

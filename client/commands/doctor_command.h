@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "client/commands/command_context.h"
-#include "rigcal/v1/session.pb.h"
-#include "rigcal/v1/status.pb.h"
+#include "rigcal/v1/agent_service.pb.h"
+#include "rigcal/v1/session_service.pb.h"
+#include "rigcal/v1/status_service.pb.h"
 
 namespace rigcal::client {
 
@@ -25,7 +26,7 @@ struct Check {
 ExitCode RunDoctor(CommandContext& context);
 
 // The checks, each for itself.
-Check CheckVersions(const rigcal::v1::ServerStatus& status);
+Check CheckVersions(const rigcal::v1::GetStatusResponse& status);
 Check CheckHealthWord(const std::string& word);
 Check CheckIngest(const rigcal::v1::IngestStatus& ingest);
 Check CheckDisk(const rigcal::v1::StoreStatus& store);

@@ -7,10 +7,12 @@
 #include "absl/strings/str_join.h"
 #include "client/net/paging.h"
 #include "client/net/polling.h"
+#include "client/net/resources.h"
 #include "client/net/server_connection.h"
 #include "client/output/output.h"
 #include "client/tables/session_table.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/time_wire.h"
 
 namespace rigcal::client {
 namespace {
@@ -48,8 +50,13 @@ Request WithId(const std::string& id) {
 }
 
 absl::StatusOr<v1::Session> FetchSession(ServerConnection& server, const std::string& id) {
-  return server.Call(server.sessions(), &SessionStub::GetSession,
-                     WithId<v1::GetSessionRequest>(id));
+  return SessionOf(
+      server.Call(server.sessions(), &SessionStub::GetSession, WithId<v1::GetSessionRequest>(id)));
+}
+
+absl::StatusOr<v1::Session> CallStart(ServerConnection& server, const std::string& id) {
+  return SessionOf(server.Call(server.sessions(), &SessionStub::StartSession,
+                               WithId<v1::StartSessionRequest>(id)));
 }
 
 // Prints each message of one stream; true once nothing more is to come.
@@ -69,7 +76,7 @@ class WatchPrinter {
     // A stream opened anew begins with what is known already.
     if (line != last_) console.out << line << "\n" << std::flush;
     last_ = line;
-    finished_ = session.state() == v1::Session::FINISHED || !console.out.good();
+    finished_ = session.state() == v1::Session::STATE_FINISHED || !console.out.good();
     if (finished_) WarnOfMissing(session, context_);
     return !finished_;
   }
@@ -91,11 +98,10 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
   *request.mutable_target() = wire::ToProto(options.target);
   for (const std::string& camera : options.cameras) request.add_camera_names(camera);
   absl::StatusOr<v1::Session> session =
-      server.Call(server.sessions(), &SessionStub::CreateSession, request);
+      SessionOf(server.Call(server.sessions(), &SessionStub::CreateSession, request));
   if (session.ok() && options.start) {
     const std::string id = session->id();
-    session = server.Call(server.sessions(), &SessionStub::StartSession,
-                          WithId<v1::StartSessionRequest>(id));
+    session = CallStart(server, id);
     if (!session.ok()) {
       context.console.Message(
           absl::StrCat("session ", id, " was created but could not be started"));
@@ -106,42 +112,48 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
 
 ExitCode StartSession(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
-  return Show(server.Call(server.sessions(), &SessionStub::StartSession,
-                          WithId<v1::StartSessionRequest>(id)),
-              context);
+  return Show(CallStart(server, id), context);
 }
 
 ExitCode StopSession(const SessionStopOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
   auto request = WithId<v1::StopSessionRequest>(options.id);
-  request.set_drain_timeout_s(options.drain_timeout_s);
+  *request.mutable_drain_timeout() = wire::ToDuration(options.drain_timeout_s);
   absl::StatusOr<v1::Session> session =
-      server.Call(server.sessions(), &SessionStub::StopSession, request);
+      SessionOf(server.Call(server.sessions(), &SessionStub::StopSession, request));
   if (session.ok() && options.wait) {
     ProgressLine progress(context.console);
-    session = PollUntil<v1::Session>(
-        [&] { return FetchSession(server, options.id); },
-        [&](const v1::Session& now) {
-          progress.Show(FormatSessionLine(now));
-          return now.state() == v1::Session::FINISHED;
-        },
-        {.interval = kRetryInterval, .patience = kPatience, .wait = {}, .on_lost = {}});
+    session = PollUntil<v1::Session>([&] { return FetchSession(server, options.id); },
+                                     [&](const v1::Session& now) {
+                                       progress.Show(FormatSessionLine(now));
+                                       return now.state() == v1::Session::STATE_FINISHED;
+                                     },
+                                     {.interval = kRetryInterval,
+                                      .patience = kPatience,
+                                      .answered_before = false,
+                                      .wait = {},
+                                      .on_lost = {}});
     progress.Clear();
     if (session.ok()) WarnOfMissing(*session, context);
   }
   return Show(session, context);
 }
 
-ExitCode ListSessions(const std::string& rig, CommandContext& context) {
-  ServerConnection server(context.server);
-  const auto sessions = ReadAllPages<v1::ListSessionsRequest, v1::ListSessionsResponse>(
-      [&](v1::ListSessionsRequest request) {
-        request.set_rig(rig);
-        return server.Call(server.sessions(), &SessionStub::ListSessions, request);
+absl::StatusOr<v1::ListSessionsResponse> ReadAllSessions(ServerConnection& server,
+                                                         const ListOptions& options) {
+  return ReadAllPages<v1::ListSessionsRequest, v1::ListSessionsResponse>(
+      [&](const v1::ListSessionsRequest& request) {
+        return server.Call(server.sessions(), &SessionStub::ListSessions,
+                           WithListOptions(request, options));
       },
       [](v1::ListSessionsResponse& all, v1::ListSessionsResponse& page) {
         for (v1::Session& session : *page.mutable_sessions()) all.add_sessions()->Swap(&session);
       });
+}
+
+ExitCode ListSessions(const ListOptions& options, CommandContext& context) {
+  ServerConnection server(context.server);
+  const auto sessions = ReadAllSessions(server, options);
   if (!sessions.ok()) return context.Fail(sessions.status());
   if (context.console.format == OutputFormat::kJson) {
     PrintJson(context.console, *sessions);
@@ -177,9 +189,9 @@ ExitCode WatchSession(const std::string& id, CommandContext& context) {
   while (true) {
     const absl::Status status = server.Read(server.sessions(), &SessionStub::WatchSession,
                                             WithId<v1::WatchSessionRequest>(id), kStreamTimeout,
-                                            [&](const v1::Session& session) {
+                                            [&](const v1::WatchSessionResponse& response) {
                                               last_contact = std::chrono::steady_clock::now();
-                                              return printer.Print(session);
+                                              return printer.Print(response.session());
                                             });
     if (printer.finished()) return ExitCode::kOk;
     if (absl::IsDeadlineExceeded(status)) continue;

@@ -5,10 +5,15 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "client/commands/command_context.h"
+#include "client/commands/list_options.h"
 #include "common/target/target.h"
+#include "rigcal/v1/session_service.pb.h"
 
 namespace rigcal::client {
+
+class ServerConnection;
 
 struct SessionCreateOptions {
   std::string id;   // empty: the server makes one
@@ -29,8 +34,9 @@ struct SessionStopOptions {
 ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& context);
 ExitCode StartSession(const std::string& id, CommandContext& context);
 ExitCode StopSession(const SessionStopOptions& options, CommandContext& context);
-// `rig` empty: every rig.
-ExitCode ListSessions(const std::string& rig, CommandContext& context);
+absl::StatusOr<rigcal::v1::ListSessionsResponse> ReadAllSessions(ServerConnection& server,
+                                                                 const ListOptions& options);
+ExitCode ListSessions(const ListOptions& options, CommandContext& context);
 ExitCode GetSession(const std::string& id, CommandContext& context);
 ExitCode DeleteSession(const std::string& id, CommandContext& context);
 // A line (as JSON: one object per line) now and after each change, until the session is finished or

@@ -3,6 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/net/resources.h"
 #include "client/net/server_connection.h"
 #include "client/output/output.h"
 #include "common/wire/observation_wire.h"
@@ -46,7 +47,7 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
   Console& console = context.console;
   v1::GetSessionRequest get;
   get.set_id(options.session);
-  const auto session = server.Call(server.sessions(), &SessionStub::GetSession, get);
+  const auto session = SessionOf(server.Call(server.sessions(), &SessionStub::GetSession, get));
   if (!session.ok()) return context.Fail(session.status());
   if (console.format == OutputFormat::kTable) {
     WriteObservationHead(static_cast<uint32_t>(session->target().marker_positions_m_size()),
@@ -60,7 +61,8 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
   absl::Status fault;
   const absl::Status status =
       server.Read(server.sessions(), &SessionStub::ReadObservations, request, kReadTimeout,
-                  [&](const v1::ObservationBatch& message) {
+                  [&](const v1::ReadObservationsResponse& response) {
+                    const v1::ObservationBatch& message = response.batch();
                     if (console.format == OutputFormat::kJson) {
                       console.out << ToJson(message, /*indented=*/false) << "\n";
                       return console.out.good();

@@ -94,12 +94,11 @@ void AddSessionCommands(CommandParser& parser) {
   AddCreate(parser, group);
   AddIdCommand(parser, group, "start", "Begin to capture", StartSession);
   AddStop(parser, group);
-  const auto rig = std::make_shared<std::string>();
-  parser
-      .AddCommand(group, "list", "All sessions, newest first",
-                  [rig](CommandContext& context) { return ListSessions(*rig, context); })
-      ->add_option("--rig", *rig, "Of this rig only")
-      ->type_name("RIG");
+  const auto list = std::make_shared<ListOptions>();
+  AddListOptions(
+      parser.AddCommand(group, "list", "Sessions, newest first",
+                        [list](CommandContext& context) { return ListSessions(*list, context); }),
+      "state=STATE_FINISHED", "create_time or id", list.get());
   AddIdCommand(parser, group, "get", "One session with its cameras and what was refused",
                GetSession);
   AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
@@ -110,12 +109,12 @@ void AddSessionCommands(CommandParser& parser) {
 
   CLI::App* agents =
       parser.AddGroup("agent", "Agents: the programs beside the cameras (list, preview)");
-  const auto agent_rig = std::make_shared<std::string>();
-  parser
-      .AddCommand(agents, "list", "Agents that are or were connected, with their cameras",
-                  [agent_rig](CommandContext& context) { return ListAgents(*agent_rig, context); })
-      ->add_option("--rig", *agent_rig, "Of this rig only")
-      ->type_name("RIG");
+  const auto agent_list = std::make_shared<ListOptions>();
+  AddListOptions(
+      parser.AddCommand(
+          agents, "list", "Agents that are or were connected, with their cameras",
+          [agent_list](CommandContext& context) { return ListAgents(*agent_list, context); }),
+      "connected=true", "agent_id or connect_time", agent_list.get());
   AddPreview(parser, agents);
 }
 

@@ -113,4 +113,15 @@ void AddCalibrationOptions(CLI::App* app, CalibrationOptions* options) {
       ->group("Calibration");
 }
 
+void AddListOptions(CLI::App* app, const std::string& example, const std::string& orders,
+                    ListOptions* options) {
+  app->add_option("--rig", options->rig, "Of this rig only")->type_name("RIG");
+  app->add_option("--filter", options->filter,
+                  absl::StrCat("Terms joined by AND, such as ", example, "; see docs/api.md"))
+      ->type_name("FILTER");
+  app->add_option("--order-by", options->order_by,
+                  absl::StrCat("Sorted by ", orders, "; with \" desc\" for descending"))
+      ->type_name("FIELD");
+}
+
 }  // namespace rigcal::client

@@ -20,9 +20,9 @@ constexpr size_t kLineColumns = 79;
 
 const char* SensorName(v1::CameraDescription::Sensor sensor) {
   switch (sensor) {
-    case v1::CameraDescription::FRAME:
+    case v1::CameraDescription::SENSOR_FRAME:
       return "frame";
-    case v1::CameraDescription::EVENT:
+    case v1::CameraDescription::SENSOR_EVENT:
       return "event";
     default:
       return "-";
@@ -76,7 +76,8 @@ std::string FormatCapture(const LocalOutcome& outcome, double duration_s) {
     const std::string& name = camera.description().camera();
     std::vector<std::string> cells = {name, SensorName(camera.description().sensor()),
                                       absl::StrCat(camera.observation_count())};
-    if (duration_s > 0) cells.push_back(FormatFixed(camera.observation_count() / duration_s, 1));
+    if (duration_s > 0)
+      cells.push_back(FormatFixed(static_cast<double>(camera.observation_count()) / duration_s, 1));
     cells.push_back(absl::StrCat(camera.wand_count()));
     cells.push_back(used.contains(name) ? absl::StrCat(used[name]) : "-");
     table.AddRow(std::move(cells));

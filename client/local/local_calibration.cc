@@ -7,9 +7,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "client/commands/agent_command.h"
 #include "client/commands/calibrate_command.h"
 #include "client/local/capture_table.h"
 #include "client/net/polling.h"
+#include "client/net/resources.h"
 #include "client/net/server_connection.h"
 #include "client/output/quantities.h"
 #include "client/tables/calibration_table.h"
@@ -65,6 +67,7 @@ class LocalCalibration {
   PollOptions Polling() {
     return {.interval = kPollInterval,
             .patience = kPatience,
+            .answered_before = false,
             .wait = [this](std::chrono::milliseconds time) { return Wait(time); },
             .on_lost = {}};
   }
@@ -74,7 +77,8 @@ class LocalCalibration {
     request.set_title("rigcal local");
     *request.mutable_target() = wire::ToProto(options_.target);
     for (const LocalCamera& camera : options_.cameras) request.add_camera_names(camera.name);
-    const auto session = server.Call(server.sessions(), &Sessions::CreateSession, request);
+    const auto session =
+        SessionOf(server.Call(server.sessions(), &Sessions::CreateSession, request));
     if (!session.ok()) return session.status();
     return session->id();
   }
@@ -83,7 +87,7 @@ class LocalCalibration {
     const Clock::time_point deadline = Clock::now() + kConnectLimit;
     std::set<std::string> missing;
     const auto agents = PollUntil<v1::ListAgentsResponse>(
-        [&] { return server.Call(server.status(), &v1::StatusService::Stub::ListAgents, {}); },
+        [&] { return ReadAllAgents(server, {}); },
         [&](const v1::ListAgentsResponse& response) {
           missing.clear();
           for (const LocalCamera& camera : options_.cameras) missing.insert(camera.name);
@@ -114,16 +118,16 @@ class LocalCalibration {
     Clock::time_point last_change = Clock::now();
     uint64_t last_seen = 0;
     const auto session = PollUntil<v1::Session>(
-        [&] { return server.Call(server.sessions(), &Sessions::GetSession, get); },
+        [&] { return SessionOf(server.Call(server.sessions(), &Sessions::GetSession, get)); },
         [&](const v1::Session& now) {
           uint64_t seen = now.observation_count();
           for (const v1::SessionCamera& camera : now.cameras()) {
-            for (const v1::Refusal& refusal : camera.refused()) seen += refusal.count();
+            for (const v1::RefusalCount& refusal : camera.refused()) seen += refusal.count();
           }
           if (seen != last_seen) last_change = Clock::now();
           last_seen = seen;
           progress_.Show(FormatCaptureProgress(now, options_.cameras));
-          return now.state() == v1::Session::FINISHED || Clock::now() - last_change > limit;
+          return now.state() == v1::Session::STATE_FINISHED || Clock::now() - last_change > limit;
         },
         Polling());
     if (!session.ok()) return session.status();
@@ -132,7 +136,7 @@ class LocalCalibration {
   }
 
   absl::Status CheckCapture(const v1::Session& session, std::chrono::seconds limit) {
-    if (session.state() != v1::Session::FINISHED) {
+    if (session.state() != v1::Session::STATE_FINISHED) {
       std::vector<std::string> waiting;
       for (const v1::SessionCamera& camera : session.cameras()) {
         if (!camera.ended()) waiting.push_back(camera.description().camera());
@@ -155,13 +159,17 @@ class LocalCalibration {
   }
 
   absl::StatusOr<v1::Calibration> Solve(ServerConnection& server, const std::string& session) {
-    const auto created = server.Call(server.calibrations(), &Calibrations::CreateCalibration,
-                                     MakeCalibrationRequest({session}, options_.calibration));
+    const auto created =
+        CalibrationOf(server.Call(server.calibrations(), &Calibrations::CreateCalibration,
+                                  MakeCalibrationRequest({session}, options_.calibration)));
     if (!created.ok()) return created.status();
     v1::GetCalibrationRequest get;
     get.set_id(created->id());
     return PollUntil<v1::Calibration>(
-        [&] { return server.Call(server.calibrations(), &Calibrations::GetCalibration, get); },
+        [&] {
+          return CalibrationOf(
+              server.Call(server.calibrations(), &Calibrations::GetCalibration, get));
+        },
         [&](const v1::Calibration& now) {
           progress_.Show(FormatCalibrationProgress(now));
           return HasEnded(now);

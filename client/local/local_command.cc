@@ -2,6 +2,7 @@
 #include "client/local/local_command.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -44,21 +45,22 @@ absl::StatusOr<LocalOutcome> Run(const LocalOptions& options, const LocalPlan& p
 
 bool HasEventCamera(const v1::Session& session) {
   return std::any_of(session.cameras().begin(), session.cameras().end(), [](const auto& camera) {
-    return camera.description().sensor() == v1::CameraDescription::EVENT;
+    return camera.description().sensor() == v1::CameraDescription::SENSOR_EVENT;
   });
 }
 
 // Prints the result. No process runs any more.
 ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& folder,
                   CommandContext& context) {
-  v1::Calibration& calibration = outcome.calibration;
+  const v1::Calibration& calibration = outcome.calibration;
+  std::optional<GroundTruthComparison> ground_truth;
   ExitCode code = ExitCode::kOk;
-  const bool succeeded = calibration.state() == v1::Calibration::SUCCEEDED;
+  const bool succeeded = calibration.state() == v1::Calibration::STATE_SUCCEEDED;
   if (succeeded && plan.world.has_value()) {
-    if (auto truth = CompareWithGroundTruth(calibration, *plan.world); truth.ok()) {
-      *calibration.mutable_truth() = *std::move(truth);
+    if (auto comparison = CompareWithGroundTruth(calibration, *plan.world); comparison.ok()) {
+      ground_truth = *std::move(comparison);
     } else {
-      code = context.Fail(truth.status());
+      code = context.Fail(comparison.status());
     }
   }
   if (succeeded && folder.stays()) {
@@ -69,8 +71,9 @@ ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& 
   if (context.console.format == OutputFormat::kTable) {
     context.console.out << FormatCapture(outcome, plan.duration_s) << std::flush;
   }
-  const ExitCode shown = ShowCalibration(calibration, context);
-  if (context.console.format == OutputFormat::kTable && calibration.has_truth() &&
+  const ExitCode shown =
+      ShowCalibration(calibration, context, ground_truth ? &*ground_truth : nullptr);
+  if (context.console.format == OutputFormat::kTable && ground_truth &&
       HasEventCamera(outcome.session)) {
     context.console.out
         << "  the time offset of an event camera holds what its pixels' low pass does, "
@@ -102,7 +105,7 @@ ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
   absl::StatusOr<LocalOutcome> outcome = Run(options, *plan, *folder, signals, context.console);
   ExitCode code = ExitCode::kOk;
   if (outcome.ok()) {
-    code = Conclude(*std::move(outcome), *plan, *folder, context);
+    code = Conclude(*outcome, *plan, *folder, context);
   } else {
     // Not ExitCodeOf: a server of our own that cannot be reached is a failure like any other.
     context.console.Error(outcome.status());

@@ -32,7 +32,7 @@ void AddSimulateOption(CLI::App* app, LocalOptions* options) {
            }
            options->simulation = *std::move(parsed);
          },
-         "A simulated rig instead, compared with its truth afterwards; \"\" or such as "
+         "A simulated rig instead, compared with ground truth afterwards; \"\" or such as "
          "\"cameras=6;seed=1;duration=60;noise=0.3;outliers=0.02;offset.2=0.008\"; with pixels=1 "
          "its agents find the wand in rendered pictures, with events=2 the last two in the events "
          "of "

@@ -17,6 +17,8 @@ struct PollOptions {
   // How long a server that has answered before may be away (a restart) before UNAVAILABLE is
   // returned.
   std::chrono::milliseconds patience{30'000};
+  // The server has answered before the first question.
+  bool answered_before = false;
   // Called between two questions, waits `interval`; an error ends the polling with it. Empty: just
   // waits.
   std::function<absl::Status(std::chrono::milliseconds)> wait;
@@ -29,6 +31,7 @@ template <typename T>
 absl::StatusOr<T> PollUntil(const std::function<absl::StatusOr<T>()>& get,
                             const std::function<bool(const T&)>& done, const PollOptions& options) {
   std::optional<std::chrono::steady_clock::time_point> last_answer;
+  if (options.answered_before) last_answer = std::chrono::steady_clock::now();
   bool lost = false;
   while (true) {
     absl::StatusOr<T> answer = get();

@@ -68,6 +68,8 @@ ServerConnection::ServerConnection(std::string address)
       channel_(MakeChannel(address_)),
       sessions_(v1::SessionService::NewStub(channel_)),
       calibrations_(v1::CalibrationService::NewStub(channel_)),
+      agents_(v1::AgentService::NewStub(channel_)),
+      cameras_(v1::CameraService::NewStub(channel_)),
       status_(v1::StatusService::NewStub(channel_)) {}
 
 absl::Status ServerConnection::Explain(const grpc::Status& status,

@@ -12,9 +12,11 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "rigcal/v1/calibration.grpc.pb.h"
-#include "rigcal/v1/session.grpc.pb.h"
-#include "rigcal/v1/status.grpc.pb.h"
+#include "rigcal/v1/agent_service.grpc.pb.h"
+#include "rigcal/v1/calibration_service.grpc.pb.h"
+#include "rigcal/v1/camera_service.grpc.pb.h"
+#include "rigcal/v1/session_service.grpc.pb.h"
+#include "rigcal/v1/status_service.grpc.pb.h"
 
 namespace rigcal::client {
 
@@ -33,6 +35,8 @@ class ServerConnection {
   const std::string& address() const { return address_; }
   rigcal::v1::SessionService::Stub& sessions() { return *sessions_; }
   rigcal::v1::CalibrationService::Stub& calibrations() { return *calibrations_; }
+  rigcal::v1::AgentService::Stub& agents() { return *agents_; }
+  rigcal::v1::CameraService::Stub& cameras() { return *cameras_; }
   rigcal::v1::StatusService::Stub& status() { return *status_; }
 
   // A unary call with a deadline: `Call(connection.sessions(), &SessionService::Stub::GetSession,
@@ -95,6 +99,8 @@ class ServerConnection {
   const std::shared_ptr<grpc::Channel> channel_;
   const std::unique_ptr<rigcal::v1::SessionService::Stub> sessions_;
   const std::unique_ptr<rigcal::v1::CalibrationService::Stub> calibrations_;
+  const std::unique_ptr<rigcal::v1::AgentService::Stub> agents_;
+  const std::unique_ptr<rigcal::v1::CameraService::Stub> cameras_;
   const std::unique_ptr<rigcal::v1::StatusService::Stub> status_;
 };
 

@@ -36,7 +36,8 @@ std::string FormatCount(uint64_t count, const char* singular, const char* plural
   return absl::StrCat(count, " ", count == 1 ? singular : plural);
 }
 
-std::string FormatKib(double kib) {
+std::string FormatBytes(uint64_t bytes) {
+  const double kib = static_cast<double>(bytes) / 1024;
   if (kib < 1024) return absl::StrFormat("%.0f KiB", kib);
   if (kib < 1024 * 1024) return absl::StrFormat("%.1f MiB", kib / 1024);
   return absl::StrFormat("%.1f GiB", kib / 1024 / 1024);

@@ -19,8 +19,8 @@ std::string FormatTime(bool is_set, const google::protobuf::Timestamp& time);
 std::string FormatDuration(double seconds);
 // "1 camera", "4 cameras".
 std::string FormatCount(uint64_t count, const char* singular, const char* plural);
-// "1.2 GiB" from KiB.
-std::string FormatKib(double kib);
+// "12 KiB", "1.2 GiB".
+std::string FormatBytes(uint64_t bytes);
 
 double DegreesFromRadians(double radians);
 // Angle of a rotation, 0 to pi; exact for small angles.

@@ -62,8 +62,8 @@ absl::StatusOr<CalibrationComparison> Compare(const v1::Calibration& a, const v1
     CalibrationComparison::Camera camera;
     camera.camera = name;
     camera.time_offset_difference_s = camera_b->time_offset_s() - camera_a->time_offset_s();
-    camera.mean_px_a = camera_a->residuals().mean_px();
-    camera.mean_px_b = camera_b->residuals().mean_px();
+    camera.mean_px_a = camera_a->residuals().all().mean_px();
+    camera.mean_px_b = camera_b->residuals().all().mean_px();
     comparison.cameras.push_back(std::move(camera));
   }
   for (const auto& [name, camera] : cameras_b) {

@@ -34,7 +34,7 @@ absl::StatusOr<CameraExport> ToExport(const v1::CalibratedCamera& camera) {
   result.image_size_px = wire::FromProto(camera.image_size_px());
   RIGCAL_ASSIGN_OR_RETURN(result.intrinsics, wire::FromProto(camera.intrinsics()));
   RIGCAL_ASSIGN_OR_RETURN(result.cam_from_rig, wire::FromProto(camera.cam_from_rig()));
-  result.reprojection_error_px = camera.residuals().mean_px();
+  result.reprojection_error_px = camera.residuals().all().mean_px();
   return result;
 }
 
@@ -61,7 +61,7 @@ absl::Status ReplaceFile(const std::filesystem::path& path, const std::string& t
 }  // namespace
 
 absl::Status CheckHasResult(const v1::Calibration& calibration) {
-  if (calibration.state() == v1::Calibration::SUCCEEDED) return absl::OkStatus();
+  if (calibration.state() == v1::Calibration::STATE_SUCCEEDED) return absl::OkStatus();
   std::string message = absl::StrCat("calibration ", calibration.id(), " has no result: it is ",
                                      CalibrationStateName(calibration.state()));
   if (!calibration.error().empty()) absl::StrAppend(&message, " (", calibration.error(), ")");

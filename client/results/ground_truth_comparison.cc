@@ -2,9 +2,12 @@
 #include "client/results/ground_truth_comparison.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "client/output/quantities.h"
+#include "client/output/text_table.h"
 #include "client/results/calibration_export.h"
 #include "client/results/rigid_alignment.h"
 #include "common/statistics/robust_statistics.h"
@@ -33,8 +36,8 @@ absl::StatusOr<v1::TruthComparison> CompareWithGroundTruth(const v1::Calibration
                                                            const SimulatedWorld& world) {
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
   if (calibration.cameras().empty()) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("calibration ", calibration.id(), " has no camera to compare with the truth"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "calibration ", calibration.id(), " has no camera to compare with ground truth"));
   }
   std::vector<PosePair> poses;
   std::vector<double> estimated_offsets_s;
@@ -61,23 +64,64 @@ absl::StatusOr<v1::TruthComparison> CompareWithGroundTruth(const v1::Calibration
   RIGCAL_ASSIGN_OR_RETURN(const RigidTransform world_from_rig, AlignRigidly(poses));
   const double estimated_median_s = Median(estimated_offsets_s);
   const double true_median_s = Median(true_offsets_s);
-  v1::TruthComparison comparison;
-  comparison.set_unit_length_m(unit_length_m);
+  GroundTruthComparison comparison;
+  comparison.unit_length_m = unit_length_m;
   for (size_t i = 0; i < poses.size(); ++i) {
     const PoseDifference difference = DifferenceAfter(world_from_rig, poses[i]);
-    const double rotation_deg = DegreesFromRadians(difference.rotation_rad);
-    v1::CameraTruthError* error = comparison.add_cameras();
-    error->set_camera(calibration.cameras(static_cast<int>(i)).camera());
-    error->set_position_error_m(difference.position_m);
-    error->set_rotation_error_deg(rotation_deg);
-    error->set_time_offset_error_s((estimated_offsets_s[i] - estimated_median_s) -
-                                   (true_offsets_s[i] - true_median_s));
-    comparison.set_max_position_error_m(
-        std::max(comparison.max_position_error_m(), difference.position_m));
-    comparison.set_max_rotation_error_deg(
-        std::max(comparison.max_rotation_error_deg(), rotation_deg));
+    GroundTruthComparison::Camera camera;
+    camera.camera = calibration.cameras(static_cast<int>(i)).camera();
+    camera.position_error_m = difference.position_m;
+    camera.rotation_error_deg = DegreesFromRadians(difference.rotation_rad);
+    camera.time_offset_error_s =
+        (estimated_offsets_s[i] - estimated_median_s) - (true_offsets_s[i] - true_median_s);
+    comparison.max_position_error_m =
+        std::max(comparison.max_position_error_m, camera.position_error_m);
+    comparison.max_rotation_error_deg =
+        std::max(comparison.max_rotation_error_deg, camera.rotation_error_deg);
+    comparison.cameras.push_back(std::move(camera));
   }
   return comparison;
+}
+
+std::string FormatGroundTruthErrors(const GroundTruthComparison& comparison) {
+  constexpr double kMmPerM = 1000;
+  constexpr double kMsPerS = 1000;
+  TextTable table({{"camera"},
+                   TextTable::Number("position (mm)", "error"),
+                   TextTable::Number("rotation (deg)", "error"),
+                   TextTable::Number("time offset (ms)", "error")});
+  for (const GroundTruthComparison::Camera& camera : comparison.cameras) {
+    table.AddRow({camera.camera, FormatFixed(camera.position_error_m * kMmPerM, 3),
+                  FormatFixed(camera.rotation_error_deg, 4),
+                  FormatFixed(camera.time_offset_error_s * kMsPerS, 3)});
+  }
+  table.AddRow({"largest", FormatFixed(comparison.max_position_error_m * kMmPerM, 3),
+                FormatFixed(comparison.max_rotation_error_deg, 4), ""});
+  std::string how = "rigid alignment of the camera positions";
+  if (comparison.unit_length_m > 0) {
+    how = absl::StrCat("the similarity that fits the camera positions best: the\n",
+                       "scale is not known, and its unit taken as ",
+                       FormatFixed(comparison.unit_length_m, 4), " m");
+  }
+  return absl::StrCat("\nErrors against ground truth, after ", how, "\n", table.Format(2));
+}
+
+std::string WithGroundTruth(const std::string& calibration_json,
+                            const GroundTruthComparison& comparison) {
+  using Json = nlohmann::ordered_json;
+  Json cameras = Json::array();
+  for (const GroundTruthComparison::Camera& camera : comparison.cameras) {
+    cameras.push_back({{"camera", camera.camera},
+                       {"position_error_m", camera.position_error_m},
+                       {"rotation_error_deg", camera.rotation_error_deg},
+                       {"time_offset_error_s", camera.time_offset_error_s}});
+  }
+  Json json = Json::parse(calibration_json);
+  json["ground_truth"] = {{"cameras", cameras},
+                          {"max_position_error_m", comparison.max_position_error_m},
+                          {"max_rotation_error_deg", comparison.max_rotation_error_deg},
+                          {"unit_length_m", comparison.unit_length_m}};
+  return json.dump(1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace rigcal::client

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -9,15 +10,29 @@
 
 namespace rigcal::client {
 
-// How far a calibration of a simulated rig is from the truth. Cameras are matched by name
+// Errors of a calibration of a simulated rig.
+struct GroundTruthComparison {
+  struct Camera {
+    std::string camera;
+    double position_error_m = 0;     // distance of the camera centres
+    double rotation_error_deg = 0;   // angle between the orientations
+    double time_offset_error_s = 0;  // estimated minus true, each against its median clock
+  };
+  std::vector<Camera> cameras;        // in the calibration's order
+  double max_position_error_m = 0;    // over the cameras
+  double max_rotation_error_deg = 0;  // over the cameras
+  double unit_length_m = 0;           // found by the alignment; 0: the scale was known
+};
+
+// Compares a calibration of a simulated rig with ground truth. Cameras are matched by name
 // (SimulatedCamera::description), poses after the rigid alignment of AlignRigidly, or, where the
 // calibration's scale is not known, the similarity that fits best, whose factor is then
-// `unit_length_m`; a camera's time offset error is estimated minus true, both at the camera's
-// time_epoch_s and each against the median over the cameras compared.
+// `unit_length_m`; a camera's time offset error is taken at the camera's time_epoch_s, against the
+// median over the cameras compared.
 //
-// FAILED_PRECONDITION: the calibration has no result. INVALID_ARGUMENT: a camera
-// is none of the world's, or has no pose.
-absl::StatusOr<rigcal::v1::TruthComparison> CompareWithGroundTruth(
+// FAILED_PRECONDITION: the calibration has no result. INVALID_ARGUMENT: a camera is none of the
+// world's, or has no pose.
+absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(
     const rigcal::v1::Calibration& calibration, const SimulatedWorld& world);
 
 }  // namespace rigcal::client

@@ -4,30 +4,46 @@
 #include <algorithm>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/strip.h"
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 #include "client/tables/camera_tables.h"
 #include "client/tables/session_table.h"
+#include "common/wire/time_wire.h"
 
 namespace rigcal::client {
 namespace {
 
 constexpr double kMmPerM = 1000;
 
+// "clock_offset" from "FINDING_KIND_CLOCK_OFFSET"; "unknown" for a value without a name.
+std::string EnumWord(const std::string& name, absl::string_view prefix) {
+  if (name.empty()) return "unknown";
+  return absl::AsciiStrToLower(absl::StripPrefix(name, prefix));
+}
+
+// "searching time offsets".
+std::string StageText(v1::CalibrationStage stage) {
+  return absl::StrReplaceAll(EnumWord(v1::CalibrationStage_Name(stage), "CALIBRATION_STAGE_"),
+                             {{"_", " "}});
+}
+
 std::string GradeName(v1::Quality::Grade grade) {
   switch (grade) {
-    case v1::Quality::GOOD:
+    case v1::Quality::GRADE_GOOD:
       return "good";
-    case v1::Quality::USABLE:
+    case v1::Quality::GRADE_USABLE:
       return "usable";
-    case v1::Quality::BAD:
+    case v1::Quality::GRADE_BAD:
       return "bad";
     default:
-      return "not judged";
+      return "not graded";
   }
 }
 
@@ -50,7 +66,7 @@ std::string FormatScale(const v1::Calibration& calibration) {
 }
 
 std::string FormatWand(const v1::CalibratedTarget& target) {
-  if (target.given().kind() == v1::Target::POINT) return "";  // has no length
+  if (target.given().kind() == v1::Target::KIND_POINT) return "";  // has no length
   uint64_t count = 0;
   for (const v1::SpanError& span : target.spans()) count += span.count();
   std::string text = "wand length error  ";
@@ -80,9 +96,12 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
 std::string FormatFindings(const v1::Calibration& calibration) {
   std::string text;
   if (!calibration.findings().empty()) {
-    TextTable table({{"finding"}, {"camera"}, TextTable::Number("value"), {"unit"}, {"advice"}});
+    TextTable table(
+        {{"finding"}, {"severity"}, {"camera"}, TextTable::Number("value"), {"unit"}, {"advice"}});
     for (const v1::Finding& finding : calibration.findings()) {
-      table.AddRow({finding.kind(), finding.camera().empty() ? "(all)" : finding.camera(),
+      table.AddRow({EnumWord(v1::FindingKind_Name(finding.kind()), "FINDING_KIND_"),
+                    EnumWord(v1::FindingSeverity_Name(finding.severity()), "FINDING_SEVERITY_"),
+                    finding.camera().empty() ? "(all)" : finding.camera(),
                     absl::StrFormat("%.4g", finding.value()), finding.unit(), finding.advice()});
     }
     text = "\nFindings\n" + table.Format(2);
@@ -103,9 +122,6 @@ std::string FormatHead(const v1::Calibration& calibration) {
                    calibration.version(), "): ", CalibrationStateName(calibration.state()), "\n");
   absl::StrAppend(&text, calibration.session_ids_size() == 1 ? "session      " : "sessions     ",
                   absl::StrJoin(calibration.session_ids(), ", "), "\n");
-  if (!calibration.parent_id().empty()) {
-    absl::StrAppend(&text, "derived from ", calibration.parent_id(), "\n");
-  }
   return Printable(text);
 }
 
@@ -127,13 +143,13 @@ std::string FormatResult(const v1::Calibration& calibration) {
 
 std::string CalibrationStateName(v1::Calibration::State state) {
   switch (state) {
-    case v1::Calibration::QUEUED:
+    case v1::Calibration::STATE_QUEUED:
       return "queued";
-    case v1::Calibration::RUNNING:
+    case v1::Calibration::STATE_RUNNING:
       return "running";
-    case v1::Calibration::SUCCEEDED:
+    case v1::Calibration::STATE_SUCCEEDED:
       return "succeeded";
-    case v1::Calibration::FAILED:
+    case v1::Calibration::STATE_FAILED:
       return "failed";
     default:
       return absl::StrCat("state ", static_cast<int>(state));
@@ -141,11 +157,11 @@ std::string CalibrationStateName(v1::Calibration::State state) {
 }
 
 std::string FormatCalibrationProgress(const v1::Calibration& calibration) {
-  if (calibration.state() != v1::Calibration::RUNNING) {
+  if (calibration.state() != v1::Calibration::STATE_RUNNING) {
     return "calibration " + CalibrationStateName(calibration.state());
   }
   const double percent = std::clamp(calibration.progress().fraction(), 0.0, 1.0) * 100;
-  return absl::StrCat("calibrating: ", Printable(calibration.progress().stage()), " ",
+  return absl::StrCat("calibrating: ", StageText(calibration.progress().stage()), " ",
                       FormatFixed(percent, 0), " %");
 }
 
@@ -173,22 +189,20 @@ std::string FormatCalibrationList(
 
 std::string FormatCalibration(const v1::Calibration& calibration) {
   std::string text = FormatHead(calibration);
-  if (calibration.state() == v1::Calibration::FAILED) {
+  if (calibration.state() == v1::Calibration::STATE_FAILED) {
     absl::StrAppend(&text, "error        ", Printable(calibration.error()), "\n");
-  } else if (calibration.state() == v1::Calibration::RUNNING) {
+  } else if (calibration.state() == v1::Calibration::STATE_RUNNING) {
     absl::StrAppend(&text, FormatCalibrationProgress(calibration), "\n");
-  } else if (calibration.state() == v1::Calibration::SUCCEEDED) {
+  } else if (calibration.state() == v1::Calibration::STATE_SUCCEEDED) {
     text += FormatResult(calibration);
   }
-  if (calibration.run().duration_s() > 0) {
-    absl::StrAppend(&text, "time taken         ", FormatDuration(calibration.run().duration_s()),
-                    "\n");
+  if (const double solve_s = wire::SecondsOf(calibration.run().solve_duration()); solve_s > 0) {
+    absl::StrAppend(&text, "time taken         ", FormatDuration(solve_s), "\n");
   }
   if (!calibration.refused().empty()) {
     text += "\nLeft out\n" + FormatRefusals(calibration.refused(), 2);
   }
   text += FormatFindings(calibration);
-  if (calibration.has_truth()) text += FormatGroundTruthErrors(calibration.truth());
   return text;
 }
 

@@ -16,7 +16,7 @@ std::string CalibrationStateName(rigcal::v1::Calibration::State state);
 std::string FormatCalibrationProgress(const rigcal::v1::Calibration& calibration);
 std::string FormatCalibrationList(
     const google::protobuf::RepeatedPtrField<rigcal::v1::Calibration>& calibrations);
-// Everything of one: residuals, poses, instants, wand, refusals, findings, quality, truth.
+// Everything of one: residuals, poses, instants, wand, refusals, findings, quality.
 std::string FormatCalibration(const rigcal::v1::Calibration& calibration);
 
 }  // namespace rigcal::client

@@ -37,12 +37,13 @@ std::string FormatCameraResiduals(const v1::Calibration& calibration) {
                    TextTable::Number("rms", "of inliers (px)")});
   for (const v1::CalibratedCamera& camera : calibration.cameras()) {
     const v1::Residuals& residuals = camera.residuals();
-    table.AddRow({camera.camera(), absl::StrCat(residuals.observation_count()),
-                  absl::StrCat(residuals.marker_count()), absl::StrCat(residuals.outlier_count()),
-                  FormatFixed(residuals.mean_px(), 3), FormatFixed(residuals.rms_px(), 3),
-                  FormatFixed(residuals.median_px(), 3), FormatFixed(residuals.p95_px(), 3),
-                  FormatFixed(residuals.inlier().mean_px(), 3),
-                  FormatFixed(residuals.inlier().rms_px(), 3)});
+    table.AddRow(
+        {camera.camera(), absl::StrCat(residuals.observation_count()),
+         absl::StrCat(residuals.all().marker_count()), absl::StrCat(residuals.outlier_count()),
+         FormatFixed(residuals.all().mean_px(), 3), FormatFixed(residuals.all().rms_px(), 3),
+         FormatFixed(residuals.all().median_px(), 3), FormatFixed(residuals.all().p95_px(), 3),
+         FormatFixed(residuals.inlier().mean_px(), 3),
+         FormatFixed(residuals.inlier().rms_px(), 3)});
   }
   return table.Format(2);
 }
@@ -139,27 +140,6 @@ std::string FormatHeldOutErrors(const v1::Calibration& calibration) {
          "the\n"
          "others alone (left out)\n" +
          table.Format(2);
-}
-
-std::string FormatGroundTruthErrors(const v1::TruthComparison& truth) {
-  TextTable table({{"camera"},
-                   TextTable::Number("position (mm)", "error"),
-                   TextTable::Number("rotation (deg)", "error"),
-                   TextTable::Number("time offset (ms)", "error")});
-  for (const v1::CameraTruthError& camera : truth.cameras()) {
-    table.AddRow({camera.camera(), FormatFixed(camera.position_error_m() * kMillimetresPerMetre, 3),
-                  FormatFixed(camera.rotation_error_deg(), 4),
-                  FormatFixed(camera.time_offset_error_s() * kMsPerS, 3)});
-  }
-  table.AddRow({"largest", FormatFixed(truth.max_position_error_m() * kMillimetresPerMetre, 3),
-                FormatFixed(truth.max_rotation_error_deg(), 4), ""});
-  std::string how = "rigid alignment of the camera positions";
-  if (truth.unit_length_m() > 0) {
-    how = absl::StrCat("the similarity that fits the camera positions best: the\n",
-                       "scale is not known, and its unit taken as ",
-                       FormatFixed(truth.unit_length_m(), 4), " m");
-  }
-  return absl::StrCat("\nAgainst the truth, after ", how, "\n", table.Format(2));
 }
 
 }  // namespace rigcal::client

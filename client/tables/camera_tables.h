@@ -17,7 +17,5 @@ std::string FormatCameraPoses(const rigcal::v1::Calibration& calibration);
 std::string FormatCameraUncertainty(const rigcal::v1::Calibration& calibration);
 // Errors on what was not used for the solve, with a headline.
 std::string FormatHeldOutErrors(const rigcal::v1::Calibration& calibration);
-// Against the truth of a simulation, with a headline.
-std::string FormatGroundTruthErrors(const rigcal::v1::TruthComparison& truth);
 
 }  // namespace rigcal::client

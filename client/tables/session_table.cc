@@ -10,6 +10,7 @@
 #include "client/output/text_table.h"
 #include "common/target/target.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/observation_wire.h"
 
 namespace rigcal::client {
 namespace {
@@ -35,7 +36,7 @@ std::string FormatCameras(const v1::Session& session) {
                    {"connected"}});
   for (const v1::SessionCamera& camera : session.cameras()) {
     uint64_t refused = 0;
-    for (const v1::Refusal& refusal : camera.refused()) refused += refusal.count();
+    for (const v1::RefusalCount& refusal : camera.refused()) refused += refusal.count();
     table.AddRow({camera.description().camera(), absl::StrCat(camera.observation_count()),
                   absl::StrCat(camera.wand_count()), absl::StrCat(camera.late_count()),
                   absl::StrCat(refused), absl::StrCat(camera.clock_epochs_size()), EndText(camera),
@@ -64,7 +65,7 @@ std::string FormatFrames(const v1::Session& session) {
     const v1::FrameCounts& frames = camera.frames();
     const v1::DetectionCounts& seen = camera.detections();
     std::vector<std::string> cells = {camera.description().camera()};
-    for (const uint32_t count :
+    for (const uint64_t count :
          {frames.received(), frames.damaged(), frames.lost(), frames.reconnects(), seen.wand(),
           seen.no_wand(), seen.no_blob(), seen.ambiguous(), seen.too_many_blobs(), seen.black(),
           seen.saturated()}) {
@@ -77,22 +78,31 @@ std::string FormatFrames(const v1::Session& session) {
 
 // " (3 of 50 pictures lost)": damaged ones count as lost to who waits for them.
 std::string LostText(const v1::FrameCounts& frames) {
-  const uint64_t lost = uint64_t{frames.damaged()} + frames.lost();
+  const uint64_t lost = frames.damaged() + frames.lost();
   if (lost == 0) return "";
   return absl::StrCat(" (", lost, " of ", lost + frames.received(), " pictures lost)");
+}
+
+// "csv_bad_time"; of a newer server maybe "reason 99".
+std::string ReasonName(v1::RefusalReason reason) {
+  const RefusalReason known = wire::FromProto(reason);
+  if (known == RefusalReason::kUnspecified) {
+    return absl::StrCat("reason ", static_cast<int>(reason));
+  }
+  return std::string(NameOf(known));
 }
 
 }  // namespace
 
 std::string SessionStateName(v1::Session::State state) {
   switch (state) {
-    case v1::Session::CREATED:
+    case v1::Session::STATE_CREATED:
       return "created";
-    case v1::Session::CAPTURING:
+    case v1::Session::STATE_CAPTURING:
       return "capturing";
-    case v1::Session::DRAINING:
+    case v1::Session::STATE_DRAINING:
       return "draining";
-    case v1::Session::FINISHED:
+    case v1::Session::STATE_FINISHED:
       return "finished";
     default:
       return absl::StrCat("state ", static_cast<int>(state));
@@ -143,14 +153,14 @@ std::string FormatSession(const v1::Session& session) {
                   session.wand_count(), " with a wand, ", session.late_count(), " late\n");
   text = Printable(text);
   if (session.cameras().empty()) {
-    text += "\nno cameras yet; the list is taken down when the session starts\n";
+    text += "\nno cameras yet; the list is fixed when the session starts\n";
   } else {
     text += "\n" + FormatCameras(session) + FormatFrames(session);
   }
 
-  google::protobuf::RepeatedPtrField<v1::Refusal> refused;
+  google::protobuf::RepeatedPtrField<v1::RefusalCount> refused;
   for (const v1::SessionCamera& camera : session.cameras()) {
-    for (const v1::Refusal& refusal : camera.refused()) {
+    for (const v1::RefusalCount& refusal : camera.refused()) {
       *refused.Add() = refusal;
       if (refusal.camera().empty()) {
         refused.Mutable(refused.size() - 1)->set_camera(camera.description().camera());
@@ -166,21 +176,21 @@ std::string FormatSessionLine(const v1::Session& session) {
   for (const v1::SessionCamera& camera : session.cameras()) {
     cameras.push_back(absl::StrCat(
         camera.description().camera(), " ", camera.observation_count(), LostText(camera.frames()),
-        camera.ended()                                                   ? " complete"
-        : camera.connected() || session.state() == v1::Session::FINISHED ? ""
-                                                                         : " away"));
+        camera.ended()                                                         ? " complete"
+        : camera.connected() || session.state() == v1::Session::STATE_FINISHED ? ""
+                                                                               : " away"));
   }
   return Printable(absl::StrCat(SessionStateName(session.state()), cameras.empty() ? "" : ": ",
                                 absl::StrJoin(cameras, ", ")));
 }
 
-std::string FormatRefusals(const google::protobuf::RepeatedPtrField<v1::Refusal>& refusals,
+std::string FormatRefusals(const google::protobuf::RepeatedPtrField<v1::RefusalCount>& refusals,
                            int indent) {
   if (refusals.empty()) return "";
   TextTable table({{"camera"}, {"reason"}, {"count", Align::kRight}, {"for example"}});
-  for (const v1::Refusal& refusal : refusals) {
-    table.AddRow({refusal.camera().empty() ? "(all)" : refusal.camera(), refusal.reason(),
-                  absl::StrCat(refusal.count()), refusal.example()});
+  for (const v1::RefusalCount& refusal : refusals) {
+    table.AddRow({refusal.camera().empty() ? "(all)" : refusal.camera(),
+                  ReasonName(refusal.reason()), absl::StrCat(refusal.count()), refusal.example()});
   }
   return table.Format(indent);
 }

@@ -21,7 +21,7 @@ std::string FormatSession(const rigcal::v1::Session& session);
 // One line: state and counts per camera.
 std::string FormatSessionLine(const rigcal::v1::Session& session);
 // A table of refusals: camera, reason, count, example. Empty with none.
-std::string FormatRefusals(const google::protobuf::RepeatedPtrField<rigcal::v1::Refusal>& refusals,
-                           int indent);
+std::string FormatRefusals(
+    const google::protobuf::RepeatedPtrField<rigcal::v1::RefusalCount>& refusals, int indent);
 
 }  // namespace rigcal::client

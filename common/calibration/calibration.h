@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/calibration/calibration_options.h"
+#include "common/calibration/finding_kind.h"
 #include "common/camera/intrinsics.h"
 #include "common/geometry/rigid_transform.h"
 #include "common/status/refusal.h"
@@ -82,12 +83,16 @@ struct CalibratedTarget {
   std::vector<SpanError> spans;
 };
 
+// How much a finding matters: kWarning limits the quality grade to usable, kError makes it bad.
+enum class FindingSeverity : uint8_t { kInfo = 1, kWarning = 2, kError = 3 };
+
 struct Finding {
-  std::string kind;
+  FindingKind kind = FindingKind::kUnspecified;
   std::string camera;  // empty: the whole rig
   double value = 0;
   std::string unit;
   std::string advice;
+  FindingSeverity severity = FindingSeverity::kInfo;
 };
 
 enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, kBad = 3 };

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/calibration/calibration.h"
+#include "common/calibration/calibration_stage.h"
 
 namespace rigcal {
 
@@ -16,12 +17,11 @@ enum class CalibrationState : uint8_t { kQueued = 1, kRunning = 2, kSucceeded = 
 struct Calibration {
   std::string id;
   std::string rig;
-  uint32_t version = 0;   // counts up within the rig
-  std::string parent_id;  // empty: from observations alone
+  uint32_t version = 0;  // counts up within the rig
   std::vector<std::string> session_ids;
   CalibrationState state = CalibrationState::kQueued;
   std::string error;  // why it failed, and what to do
-  std::string progress_stage;
+  CalibrationStage progress_stage = CalibrationStage::kUnspecified;
   double progress_fraction = 0;
   CalibrationOptions options;
   std::optional<CalibrationResult> result;  // once succeeded
@@ -32,6 +32,7 @@ struct Calibration {
   int64_t end_utc_ns = 0;
   double duration_s = 0;
   std::string software_version;
+  uint32_t attempt_count = 0;  // how often it was begun; not shown to clients
 };
 
 }  // namespace rigcal

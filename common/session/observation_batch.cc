@@ -99,8 +99,8 @@ absl::Status CheckNumbers(const ObservationBatch& batch) {
         batch.first_seq < range.first_seq + range.count) {
       return Fault(field, "overlaps the rows of the batch");
     }
-    if (range.reason.empty() || range.reason.size() > 64) {
-      return Fault(field + ".reason", "must have 1 to 64 characters");
+    if (range.reason == RefusalReason::kUnspecified) {
+      return Fault(field + ".reason", "is not a known reason");
     }
   }
   return absl::OkStatus();

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "common/session/stream_key.h"
+#include "common/status/refusal_reason.h"
 #include "common/target/observation.h"
 #include "common/time/clock.h"
 
@@ -21,7 +22,7 @@ inline constexpr uint32_t kMaxBatchRows = 1u << 20;
 struct DroppedRange {
   uint32_t first_seq = 0;
   uint32_t count = 0;
-  std::string reason;
+  RefusalReason reason = RefusalReason::kUnspecified;
   friend bool operator==(const DroppedRange&, const DroppedRange&) = default;
 };
 
@@ -65,7 +66,7 @@ struct ObservationBatch {
 //   - every column has one value per row, or per row and marker
 //   - a mask has no bits beyond the markers, and each visible marker has a known kind of centre
 //   - rows and dropped ranges lie within 1 to kMaxSeq; no dropped range is empty or overlaps the
-//     rows; its reason has 1 to 64 characters
+//     rows; its reason is a known one
 // INVALID_ARGUMENT begins with the field: "x_px: ...".
 absl::Status CheckShape(const ObservationBatch& batch);
 

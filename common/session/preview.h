@@ -17,16 +17,16 @@ struct PreviewRequest {
   uint32_t max_wait_ms = 0;
 };
 
-// Why there is no picture; the values are the wire's.
-enum class PreviewRefusal : uint8_t {
-  kNone = 0,
-  kDisabled = 1,
-  kUnknownCamera = 2,
-  kNoFrames = 3,
-  kNotCapturing = 4,
-  kTooOften = 5,
-  kTimedOut = 6,
-  kFailed = 7,
+// Whether a preview has an image, and if not, why.
+enum class PreviewStatus : uint8_t {
+  kOk = 1,
+  kDisabled = 2,
+  kUnknownCamera = 3,
+  kNoFrames = 4,
+  kNotCapturing = 5,
+  kTooOften = 6,
+  kTimedOut = 7,
+  kFailed = 8,
 };
 
 // The frame of a preview.
@@ -48,9 +48,9 @@ struct PreviewInfo {
 // The answer to a PreviewRequest.
 struct Preview {
   uint32_t request_id = 0;
-  PreviewRefusal refusal = PreviewRefusal::kNone;
-  std::string message;  // with a refusal: why, and what to do
-  PreviewInfo info;     // without one
+  PreviewStatus status = PreviewStatus::kOk;
+  std::string message;  // unless kOk: why, and what to do
+  PreviewInfo info;     // with kOk, as the JPEG
   std::string jpeg;
 };
 

@@ -56,19 +56,19 @@ struct StreamStatus {
 
 struct ClockEpochCount {
   uint32_t clock_epoch = 0;
-  uint32_t observation_count = 0;
+  uint64_t observation_count = 0;
 };
 
 // Counts of one camera of a session in the store.
 struct SessionCameraCounts {
   std::string camera;
-  uint32_t observation_count = 0;  // empty and late ones included, refused ones not
-  uint32_t wand_count = 0;         // with at least one visible marker
-  uint32_t late_count = 0;
+  uint64_t observation_count = 0;  // empty and late ones included, refused ones not
+  uint64_t wand_count = 0;         // with at least one visible marker
+  uint64_t late_count = 0;
   std::vector<ClockEpochCount> clock_epochs;
   std::vector<StreamStatus> streams;  // by stream_epoch
   std::vector<Refusal> refused;       // by ingest, and as the agent's reports say
-  // Of all streams, as the agent's reports say; none: nothing was said.
+  // Of all streams, as the agent's reports say; none: nothing was reported.
   std::optional<FrameCounts> frames = {};
   std::optional<DetectionCounts> detections = {};
 

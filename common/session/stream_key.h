@@ -31,7 +31,7 @@ struct StreamKey {
 // Totals of one stream since it began; each report replaces the one before.
 struct CameraReport {
   StreamKey stream;
-  uint32_t observation_count = 0;                  // rows the source yielded
+  uint64_t observation_count = 0;                  // rows the source yielded
   std::vector<Refusal> refused = {};               // by the source itself; `camera` may be empty
   std::optional<FrameCounts> frames = {};          // none: the source has no frames
   std::optional<DetectionCounts> detections = {};  // none: the source has no detector
@@ -47,8 +47,8 @@ struct EndOfCapture {
 // A row that was refused by ingest, and why.
 struct ObservationFault {
   uint32_t seq = 0;
-  std::string field;   // "x_px[17]"
-  std::string reason;  // as in Refusal
+  std::string field;  // "x_px[17]"
+  RefusalReason reason = RefusalReason::kUnspecified;
 
   friend bool operator==(const ObservationFault&, const ObservationFault&) = default;
 };
@@ -59,7 +59,7 @@ struct BatchAck {
   uint32_t durable_seq = 0;
   uint32_t send_limit_seq = 0;
   std::vector<ObservationFault> faults;  // at most 16 of them
-  uint32_t fault_count = 0;
+  uint64_t fault_count = 0;
   bool complete = false;  // the end was received, and everything before it is durable
 };
 

@@ -2,21 +2,23 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "common/status/refusal_reason.h"
+
 namespace rigcal {
 
-// Something that was refused or left out, and how often. `reason` is a word for machines; every
-// word is listed in docs/refusals.md.
+// Something that was refused or left out, and how often.
 struct Refusal {
   std::string camera;  // empty: the whole session
-  std::string reason;
-  uint32_t count = 0;
-  std::string example;  // the first one in words, with file and line or seq where there is one
+  RefusalReason reason = RefusalReason::kUnspecified;
+  uint64_t count = 0;
+  std::string example;  // text for the first one, with file and line or seq where known
 
   friend bool operator==(const Refusal&, const Refusal&) = default;
 };
@@ -24,16 +26,18 @@ struct Refusal {
 // Counts refusals by (camera, reason); lists them in that order, so that two runs agree.
 class RefusalCounter {
  public:
-  void Add(std::string_view camera, std::string_view reason, uint32_t count = 1,
+  void Add(std::string_view camera, RefusalReason reason, uint64_t count = 1,
            std::string_view example = {}) {
     if (count == 0) return;
-    Refusal& refusal = by_key_[{std::string(camera), std::string(reason)}];
+    Refusal& refusal = by_key_[{std::string(camera), reason}];
     if (refusal.count == 0) {
       refusal.camera = camera;
       refusal.reason = reason;
     }
     if (refusal.example.empty()) refusal.example = example;
-    refusal.count += count;
+    // Counts reported by agents are added here: they must not wrap.
+    constexpr uint64_t kMost = std::numeric_limits<uint64_t>::max();
+    refusal.count = refusal.count > kMost - count ? kMost : refusal.count + count;
   }
   void Add(const Refusal& refusal) {
     Add(refusal.camera, refusal.reason, refusal.count, refusal.example);
@@ -48,7 +52,7 @@ class RefusalCounter {
   bool empty() const { return by_key_.empty(); }
 
  private:
-  std::map<std::pair<std::string, std::string>, Refusal> by_key_;
+  std::map<std::pair<std::string, RefusalReason>, Refusal> by_key_;
 };
 
 }  // namespace rigcal

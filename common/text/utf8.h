@@ -5,8 +5,8 @@
 
 namespace rigcal {
 
-// Protobuf strings and logs must be UTF-8; what a user types need not be. Overlong forms and
-// surrogates pass: protobuf checks no more than the continuation bytes of each lead byte.
+// Protobuf strings must be UTF-8; what users type, and names of files, need not be. Overlong forms
+// and surrogates are not UTF-8.
 bool IsUtf8(std::string_view text);
 
 }  // namespace rigcal

@@ -10,18 +10,25 @@
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
-#include "common/wire/timestamp_wire.h"
+#include "common/wire/time_wire.h"
+#include "rigcal/storage/v1/calibration.pb.h"
 
 namespace rigcal::wire {
 namespace {
 
-void SetVector(const Eigen::Vector3d& vector, v1::Vector3* proto) {
-  proto->set_x(vector.x());
-  proto->set_y(vector.y());
-  proto->set_z(vector.z());
-}
-
-Eigen::Vector3d GetVector(const v1::Vector3& proto) { return {proto.x(), proto.y(), proto.z()}; }
+static_assert(static_cast<int>(CalibrationState::kQueued) == v1::Calibration::STATE_QUEUED);
+static_assert(static_cast<int>(CalibrationState::kRunning) == v1::Calibration::STATE_RUNNING);
+static_assert(static_cast<int>(CalibrationState::kSucceeded) == v1::Calibration::STATE_SUCCEEDED);
+static_assert(static_cast<int>(CalibrationState::kFailed) == v1::Calibration::STATE_FAILED);
+static_assert(static_cast<int>(Estimate::kFixed) == v1::CalibrationOptions::ESTIMATE_FIXED);
+static_assert(static_cast<int>(Estimate::kRefined) == v1::CalibrationOptions::ESTIMATE_REFINED);
+static_assert(static_cast<int>(Estimate::kAuto) == v1::CalibrationOptions::ESTIMATE_AUTO);
+static_assert(static_cast<int>(QualityGrade::kGood) == v1::Quality::GRADE_GOOD);
+static_assert(static_cast<int>(QualityGrade::kUsable) == v1::Quality::GRADE_USABLE);
+static_assert(static_cast<int>(QualityGrade::kBad) == v1::Quality::GRADE_BAD);
+static_assert(static_cast<int>(FindingSeverity::kInfo) == v1::FINDING_SEVERITY_INFO);
+static_assert(static_cast<int>(FindingSeverity::kWarning) == v1::FINDING_SEVERITY_WARNING);
+static_assert(static_cast<int>(FindingSeverity::kError) == v1::FINDING_SEVERITY_ERROR);
 
 v1::ErrorFigures ToProto(const ErrorFigures& figures) {
   v1::ErrorFigures proto;
@@ -39,21 +46,16 @@ ErrorFigures FromProto(const v1::ErrorFigures& proto) {
 
 v1::Residuals ToProto(const Residuals& residuals) {
   v1::Residuals proto;
-  proto.set_mean_px(residuals.all.mean_px);
-  proto.set_rms_px(residuals.all.rms_px);
-  proto.set_median_px(residuals.all.median_px);
-  proto.set_p95_px(residuals.all.p95_px);
-  proto.set_marker_count(residuals.all.marker_count);
+  *proto.mutable_all() = ToProto(residuals.all);
+  *proto.mutable_inlier() = ToProto(residuals.inlier);
   proto.set_observation_count(residuals.observation_count);
   proto.set_outlier_count(residuals.outlier_count);
-  *proto.mutable_inlier() = ToProto(residuals.inlier);
   return proto;
 }
 
 Residuals FromProto(const v1::Residuals& proto) {
   Residuals residuals;
-  residuals.all = {proto.mean_px(), proto.rms_px(), proto.median_px(), proto.p95_px(),
-                   proto.marker_count()};
+  residuals.all = FromProto(proto.all());
   residuals.inlier = FromProto(proto.inlier());
   residuals.observation_count = proto.observation_count();
   residuals.outlier_count = proto.outlier_count();
@@ -62,8 +64,8 @@ Residuals FromProto(const v1::Residuals& proto) {
 
 v1::CameraUncertainty ToProto(const CameraUncertainty& uncertainty) {
   v1::CameraUncertainty proto;
-  SetVector(uncertainty.rotation_sigma_rad, proto.mutable_rotation_sigma_rad());
-  SetVector(uncertainty.position_sigma_m, proto.mutable_position_sigma_m());
+  *proto.mutable_rotation_sigma_rad() = wire::ToProto(uncertainty.rotation_sigma_rad);
+  *proto.mutable_position_sigma_m() = wire::ToProto(uncertainty.position_sigma_m);
   proto.set_time_offset_sigma_s(uncertainty.time_offset_sigma_s);
   proto.set_time_rate_sigma_ppm(uncertainty.time_rate_sigma_ppm);
   proto.mutable_intrinsics_sigma()->Assign(uncertainty.intrinsics_sigma.begin(),
@@ -73,8 +75,8 @@ v1::CameraUncertainty ToProto(const CameraUncertainty& uncertainty) {
 
 CameraUncertainty FromProto(const v1::CameraUncertainty& proto) {
   CameraUncertainty uncertainty;
-  uncertainty.rotation_sigma_rad = GetVector(proto.rotation_sigma_rad());
-  uncertainty.position_sigma_m = GetVector(proto.position_sigma_m());
+  uncertainty.rotation_sigma_rad = wire::FromProto(proto.rotation_sigma_rad());
+  uncertainty.position_sigma_m = wire::FromProto(proto.position_sigma_m());
   uncertainty.time_offset_sigma_s = proto.time_offset_sigma_s();
   uncertainty.time_rate_sigma_ppm = proto.time_rate_sigma_ppm();
   uncertainty.intrinsics_sigma.assign(proto.intrinsics_sigma().begin(),
@@ -169,7 +171,8 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   for (const Refusal& refusal : result.refused) *proto->add_refused() = wire::ToProto(refusal);
   for (const Finding& finding : result.findings) {
     v1::Finding* out = proto->add_findings();
-    out->set_kind(finding.kind);
+    out->set_kind(static_cast<v1::FindingKind>(finding.kind));
+    out->set_severity(static_cast<v1::FindingSeverity>(finding.severity));
     out->set_camera(finding.camera);
     out->set_value(finding.value);
     out->set_unit(finding.unit);
@@ -182,9 +185,27 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   }
   proto->mutable_run()->set_iteration_count(result.iteration_count);
   if (result.wand_volume) {
-    SetVector(result.wand_volume->min_m, proto->mutable_wand_volume()->mutable_min_m());
-    SetVector(result.wand_volume->max_m, proto->mutable_wand_volume()->mutable_max_m());
+    *proto->mutable_wand_volume()->mutable_min_m() = wire::ToProto(result.wand_volume->min_m);
+    *proto->mutable_wand_volume()->mutable_max_m() = wire::ToProto(result.wand_volume->max_m);
   }
+}
+
+absl::StatusOr<Finding> FindingFromProto(const v1::Finding& proto) {
+  if (!v1::FindingKind_IsValid(proto.kind()) || proto.kind() == v1::FINDING_KIND_UNSPECIFIED) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("finding.kind: ", static_cast<int>(proto.kind()), " is not known"));
+  }
+  if (!v1::FindingSeverity_IsValid(proto.severity()) ||
+      proto.severity() == v1::FINDING_SEVERITY_UNSPECIFIED) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("finding.severity: ", static_cast<int>(proto.severity()), " is not known"));
+  }
+  return Finding{static_cast<FindingKind>(proto.kind()),
+                 proto.camera(),
+                 proto.value(),
+                 proto.unit(),
+                 proto.advice(),
+                 static_cast<FindingSeverity>(proto.severity())};
 }
 
 absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) {
@@ -198,23 +219,24 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
     result.cameras.push_back(std::move(parsed));
   }
   RIGCAL_ASSIGN_OR_RETURN(result.target, TargetFromProto(proto.target()));
-  for (const v1::Refusal& refusal : proto.refused()) {
+  for (const v1::RefusalCount& refusal : proto.refused()) {
     result.refused.push_back(wire::FromProto(refusal));
   }
   for (const v1::Finding& finding : proto.findings()) {
-    result.findings.push_back(
-        {finding.kind(), finding.camera(), finding.value(), finding.unit(), finding.advice()});
+    RIGCAL_ASSIGN_OR_RETURN(Finding parsed, FindingFromProto(finding));
+    result.findings.push_back(std::move(parsed));
   }
   result.observation_digest = proto.observation_digest();
+  if (!v1::Quality::Grade_IsValid(proto.quality().grade())) {
+    return absl::InvalidArgumentError("quality.grade: not a known grade");
+  }
   result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   result.quality.reasons.assign(proto.quality().reasons().begin(), proto.quality().reasons().end());
   result.iteration_count = proto.run().iteration_count();
   if (proto.has_wand_volume()) {
-    result.wand_volume = {GetVector(proto.wand_volume().min_m()),
-                          GetVector(proto.wand_volume().max_m())};
+    result.wand_volume = {wire::FromProto(proto.wand_volume().min_m()),
+                          wire::FromProto(proto.wand_volume().max_m())};
   }
-  result.camera_covariance.assign(proto.camera_covariance().packed().begin(),
-                                  proto.camera_covariance().packed().end());
   return result;
 }
 
@@ -271,11 +293,11 @@ v1::Calibration ToProto(const Calibration& calibration) {
   proto.set_id(calibration.id);
   proto.set_rig(calibration.rig);
   proto.set_version(calibration.version);
-  proto.set_parent_id(calibration.parent_id);
   for (const std::string& session : calibration.session_ids) proto.add_session_ids(session);
   proto.set_state(static_cast<v1::Calibration::State>(calibration.state));
   proto.set_error(calibration.error);
-  proto.mutable_progress()->set_stage(calibration.progress_stage);
+  proto.mutable_progress()->set_stage(
+      static_cast<v1::CalibrationStage>(calibration.progress_stage));
   proto.mutable_progress()->set_fraction(calibration.progress_fraction);
   *proto.mutable_options() = ToProto(calibration.options);
   if (calibration.result) {
@@ -289,7 +311,7 @@ v1::Calibration ToProto(const Calibration& calibration) {
   }
   if (calibration.start_utc_ns) *run->mutable_start_time() = ToTimestamp(calibration.start_utc_ns);
   if (calibration.end_utc_ns) *run->mutable_end_time() = ToTimestamp(calibration.end_utc_ns);
-  run->set_duration_s(calibration.duration_s);
+  *run->mutable_solve_duration() = ToDuration(calibration.duration_s);
   run->set_software_version(calibration.software_version);
   return proto;
 }
@@ -299,21 +321,23 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   calibration.id = proto.id();
   calibration.rig = proto.rig();
   calibration.version = proto.version();
-  calibration.parent_id = proto.parent_id();
   calibration.session_ids.assign(proto.session_ids().begin(), proto.session_ids().end());
-  if (proto.state() < v1::Calibration::QUEUED || proto.state() > v1::Calibration::FAILED) {
+  if (proto.state() < v1::Calibration::STATE_QUEUED ||
+      proto.state() > v1::Calibration::STATE_FAILED) {
     return absl::InvalidArgumentError(
         absl::StrCat("calibration ", proto.id(), ": state: not a known state"));
   }
   calibration.state = static_cast<CalibrationState>(proto.state());
   calibration.error = proto.error();
-  calibration.progress_stage = proto.progress().stage();
+  if (v1::CalibrationStage_IsValid(proto.progress().stage())) {
+    calibration.progress_stage = static_cast<CalibrationStage>(proto.progress().stage());
+  }
   calibration.progress_fraction = proto.progress().fraction();
   RIGCAL_ASSIGN_OR_RETURN(calibration.options, FromProto(proto.options()));
   if (calibration.state == CalibrationState::kSucceeded) {
     RIGCAL_ASSIGN_OR_RETURN(calibration.result, ResultFromProto(proto));
   } else {
-    for (const v1::Refusal& refusal : proto.refused()) {
+    for (const v1::RefusalCount& refusal : proto.refused()) {
       calibration.refused.push_back(FromProto(refusal));
     }
   }
@@ -321,7 +345,7 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   if (run.has_create_time()) calibration.create_utc_ns = FromTimestamp(run.create_time());
   if (run.has_start_time()) calibration.start_utc_ns = FromTimestamp(run.start_time());
   if (run.has_end_time()) calibration.end_utc_ns = FromTimestamp(run.end_time());
-  calibration.duration_s = run.duration_s();
+  calibration.duration_s = SecondsOf(run.solve_duration());
   calibration.software_version = run.software_version();
   return calibration;
 }
@@ -332,22 +356,30 @@ std::string SerializeCalibration(const Calibration& calibration) {
     google::protobuf::io::StringOutputStream stream(&bytes);
     google::protobuf::io::CodedOutputStream output(&stream);
     output.SetSerializationDeterministic(true);
-    v1::Calibration proto = ToProto(calibration);
+    storage::v1::StoredCalibration stored;
+    *stored.mutable_calibration() = ToProto(calibration);
     if (calibration.result && !calibration.result->camera_covariance.empty()) {
       const std::vector<double>& packed = calibration.result->camera_covariance;
-      proto.mutable_camera_covariance()->mutable_packed()->Assign(packed.begin(), packed.end());
+      stored.mutable_camera_covariance()->mutable_packed()->Assign(packed.begin(), packed.end());
     }
-    proto.SerializeToCodedStream(&output);
+    stored.set_attempt_count(calibration.attempt_count);
+    stored.SerializeToCodedStream(&output);
   }
   return bytes;
 }
 
 absl::StatusOr<Calibration> ParseCalibration(std::string_view bytes) {
-  v1::Calibration proto;
-  if (!proto.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+  storage::v1::StoredCalibration stored;
+  if (!stored.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
     return absl::DataLossError("a stored calibration cannot be read: its bytes are damaged");
   }
-  return FromProto(proto);
+  RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, FromProto(stored.calibration()));
+  calibration.attempt_count = stored.attempt_count();
+  if (calibration.result) {
+    calibration.result->camera_covariance.assign(stored.camera_covariance().packed().begin(),
+                                                 stored.camera_covariance().packed().end());
+  }
+  return calibration;
 }
 
 }  // namespace rigcal::wire

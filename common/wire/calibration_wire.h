@@ -10,7 +10,7 @@
 
 namespace rigcal::wire {
 
-// Without the covariance of the cameras, which is for the store alone.
+// Without the covariance of the cameras and the attempts, which are for the store alone.
 v1::Calibration ToProto(const Calibration& calibration);
 absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto);
 absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto);

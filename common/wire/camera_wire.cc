@@ -41,15 +41,16 @@ v1::Intrinsics ToProto(const Intrinsics& intrinsics) {
 absl::StatusOr<Intrinsics> FromProto(const v1::Intrinsics& proto) {
   Intrinsics intrinsics;
   switch (proto.model()) {
-    case v1::Intrinsics::BROWN_CONRADY:
-    case v1::Intrinsics::RATIONAL:
-    case v1::Intrinsics::FISHEYE:
+    case v1::Intrinsics::MODEL_BROWN_CONRADY:
+    case v1::Intrinsics::MODEL_RATIONAL:
+    case v1::Intrinsics::MODEL_FISHEYE:
       intrinsics.model = static_cast<DistortionModel>(proto.model());
       break;
     default:
       return absl::InvalidArgumentError(
           absl::StrCat("model: ", static_cast<int>(proto.model()),
-                       " is no distortion model; known are BROWN_CONRADY, RATIONAL, FISHEYE"));
+                       " is no distortion model; known are MODEL_BROWN_CONRADY, MODEL_RATIONAL, "
+                       "MODEL_FISHEYE"));
   }
   intrinsics.fx_px = proto.fx_px();
   intrinsics.fy_px = proto.fy_px();
@@ -105,8 +106,8 @@ absl::StatusOr<CameraDescription> FromProto(const v1::CameraDescription& proto) 
   camera.latency_s = proto.latency_s();
   switch (proto.sensor()) {
     case v1::CameraDescription::SENSOR_UNSPECIFIED:
-    case v1::CameraDescription::FRAME:
-    case v1::CameraDescription::EVENT:
+    case v1::CameraDescription::SENSOR_FRAME:
+    case v1::CameraDescription::SENSOR_EVENT:
       camera.sensor = static_cast<SensorKind>(proto.sensor());
       break;
     default:
@@ -120,6 +121,16 @@ absl::StatusOr<CameraDescription> FromProto(const v1::CameraDescription& proto) 
   return camera;
 }
 
+v1::Vector3 ToProto(const Eigen::Vector3d& vector) {
+  v1::Vector3 proto;
+  proto.set_x(vector.x());
+  proto.set_y(vector.y());
+  proto.set_z(vector.z());
+  return proto;
+}
+
+Eigen::Vector3d FromProto(const v1::Vector3& proto) { return {proto.x(), proto.y(), proto.z()}; }
+
 v1::RigidTransform ToProto(const RigidTransform& transform) {
   v1::RigidTransform proto;
   const Eigen::Quaterniond rotation = Canonical(transform.rotation);
@@ -127,9 +138,7 @@ v1::RigidTransform ToProto(const RigidTransform& transform) {
   proto.mutable_rotation()->set_x(rotation.x());
   proto.mutable_rotation()->set_y(rotation.y());
   proto.mutable_rotation()->set_z(rotation.z());
-  proto.mutable_translation_m()->set_x(transform.translation_m.x());
-  proto.mutable_translation_m()->set_y(transform.translation_m.y());
-  proto.mutable_translation_m()->set_z(transform.translation_m.z());
+  *proto.mutable_translation_m() = ToProto(transform.translation_m);
   return proto;
 }
 
@@ -140,8 +149,7 @@ absl::StatusOr<RigidTransform> FromProto(const v1::RigidTransform& proto) {
   if (!(std::abs(rotation.norm() - 1) < 1e-6)) {
     return absl::InvalidArgumentError("rotation: not a unit quaternion");
   }
-  const Eigen::Vector3d translation_m(proto.translation_m().x(), proto.translation_m().y(),
-                                      proto.translation_m().z());
+  const Eigen::Vector3d translation_m = FromProto(proto.translation_m());
   if (!translation_m.allFinite()) {
     return absl::InvalidArgumentError("translation_m: not finite");
   }
@@ -162,12 +170,12 @@ v1::Target ToProto(const Target& target) {
 absl::StatusOr<Target> FromProto(const v1::Target& proto) {
   Target target;
   switch (proto.kind()) {
-    case v1::Target::WAND:
-    case v1::Target::POINT:
+    case v1::Target::KIND_WAND:
+    case v1::Target::KIND_POINT:
       target.kind = static_cast<TargetKind>(proto.kind());
       break;
     default:
-      return absl::InvalidArgumentError("target.kind: must be WAND or POINT");
+      return absl::InvalidArgumentError("target.kind: must be KIND_WAND or KIND_POINT");
   }
   target.marker_positions_m.assign(proto.marker_positions_m().begin(),
                                    proto.marker_positions_m().end());

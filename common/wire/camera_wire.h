@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
+
 #include "absl/status/statusor.h"
 #include "common/camera/camera_description.h"
 #include "common/geometry/rigid_transform.h"
@@ -20,6 +22,8 @@ v1::Intrinsics ToProto(const Intrinsics& intrinsics);
 absl::StatusOr<Intrinsics> FromProto(const v1::Intrinsics& proto);
 v1::ImageSize ToProto(const ImageSize& size);
 ImageSize FromProto(const v1::ImageSize& proto);
+v1::Vector3 ToProto(const Eigen::Vector3d& vector);
+Eigen::Vector3d FromProto(const v1::Vector3& proto);
 v1::RigidTransform ToProto(const RigidTransform& transform);
 absl::StatusOr<RigidTransform> FromProto(const v1::RigidTransform& proto);
 v1::Target ToProto(const Target& target);

@@ -22,10 +22,8 @@ absl::Status CheckKey(absl::string_view session_id, absl::string_view camera,
   return absl::OkStatus();
 }
 
-// 32 bits are counted in half a year at 250 Hz; a stuck total is better than one that begins anew.
-uint32_t Count(uint64_t count) {
-  return static_cast<uint32_t>(std::min<uint64_t>(count, UINT32_MAX));
-}
+// Largest count that an agent can report: its sums over all streams stay within 64 bits.
+uint64_t Limited(uint64_t count) { return std::min(count, uint64_t{1} << 40); }
 
 template <typename T, typename Repeated>
 void Copy(const Repeated& from, std::vector<T>* to) {
@@ -104,7 +102,7 @@ absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
                                      alignment.server_minus_host_ns(), alignment.uncertainty_ns()});
   }
   for (const v1::DroppedRange& range : proto.dropped()) {
-    batch.dropped.push_back({range.first_seq(), range.count(), range.reason()});
+    batch.dropped.push_back({range.first_seq(), range.count(), FromProto(range.reason())});
   }
   if (absl::Status shape = CheckShape(batch); !shape.ok()) return Fault(shape.message());
   ClearInvisibleMarkers(&batch);
@@ -151,7 +149,7 @@ void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto) {
     v1::DroppedRange* out = proto->add_dropped();
     out->set_first_seq(range.first_seq);
     out->set_count(range.count);
-    out->set_reason(range.reason);
+    out->set_reason(ToProto(range.reason));
   }
 }
 
@@ -168,53 +166,62 @@ absl::StatusOr<StreamKey> FromProto(const v1::StreamKey& proto) {
   return StreamKey{proto.session_id(), proto.camera(), proto.stream_epoch()};
 }
 
-v1::Refusal ToProto(const Refusal& refusal) {
-  v1::Refusal proto;
+// The C++ enum is made from the proto's, with the same numbers.
+v1::RefusalReason ToProto(RefusalReason reason) { return static_cast<v1::RefusalReason>(reason); }
+
+RefusalReason FromProto(v1::RefusalReason proto) {
+  return v1::RefusalReason_IsValid(proto) ? static_cast<RefusalReason>(proto)
+                                          : RefusalReason::kUnspecified;
+}
+
+v1::RefusalCount ToProto(const Refusal& refusal) {
+  v1::RefusalCount proto;
   proto.set_camera(refusal.camera);
-  proto.set_reason(refusal.reason);
-  proto.set_count(refusal.count);
+  proto.set_reason(ToProto(refusal.reason));
+  proto.set_count(static_cast<uint32_t>(std::min<uint64_t>(refusal.count, UINT32_MAX)));
   proto.set_example(refusal.example);
   return proto;
 }
 
-Refusal FromProto(const v1::Refusal& proto) {
-  return {proto.camera(), proto.reason(), proto.count(), proto.example()};
+Refusal FromProto(const v1::RefusalCount& proto) {
+  return {proto.camera(), FromProto(proto.reason()), proto.count(), proto.example()};
 }
 
 v1::FrameCounts ToProto(const FrameCounts& counts) {
   v1::FrameCounts proto;
-  proto.set_received(Count(counts.received));
-  proto.set_damaged(Count(counts.damaged));
-  proto.set_lost(Count(counts.lost));
-  proto.set_reconnects(Count(counts.reconnects));
+  proto.set_received(counts.received);
+  proto.set_damaged(counts.damaged);
+  proto.set_lost(counts.lost);
+  proto.set_reconnects(counts.reconnects);
   return proto;
 }
 
 FrameCounts FromProto(const v1::FrameCounts& proto) {
-  return {proto.received(), proto.damaged(), proto.lost(), proto.reconnects()};
+  return {Limited(proto.received()), Limited(proto.damaged()), Limited(proto.lost()),
+          Limited(proto.reconnects())};
 }
 
 v1::DetectionCounts ToProto(const DetectionCounts& counts) {
   v1::DetectionCounts proto;
-  proto.set_wand(Count(counts.Of(DetectionOutcome::kWand)));
-  proto.set_no_blob(Count(counts.Of(DetectionOutcome::kNoBlob)));
-  proto.set_no_wand(Count(counts.Of(DetectionOutcome::kNoWand)));
-  proto.set_ambiguous(Count(counts.Of(DetectionOutcome::kAmbiguous)));
-  proto.set_too_many_blobs(Count(counts.Of(DetectionOutcome::kTooManyBlobs)));
-  proto.set_black(Count(counts.Of(DetectionOutcome::kBlack)));
-  proto.set_saturated(Count(counts.Of(DetectionOutcome::kSaturated)));
+  proto.set_wand(counts.Of(DetectionOutcome::kWand));
+  proto.set_no_blob(counts.Of(DetectionOutcome::kNoBlob));
+  proto.set_no_wand(counts.Of(DetectionOutcome::kNoWand));
+  proto.set_ambiguous(counts.Of(DetectionOutcome::kAmbiguous));
+  proto.set_too_many_blobs(counts.Of(DetectionOutcome::kTooManyBlobs));
+  proto.set_black(counts.Of(DetectionOutcome::kBlack));
+  proto.set_saturated(counts.Of(DetectionOutcome::kSaturated));
   return proto;
 }
 
 DetectionCounts FromProto(const v1::DetectionCounts& proto) {
   DetectionCounts counts;
-  counts.Add(DetectionOutcome::kWand, proto.wand());
-  counts.Add(DetectionOutcome::kNoBlob, proto.no_blob());
-  counts.Add(DetectionOutcome::kNoWand, proto.no_wand());
-  counts.Add(DetectionOutcome::kAmbiguous, proto.ambiguous());
-  counts.Add(DetectionOutcome::kTooManyBlobs, proto.too_many_blobs());
-  counts.Add(DetectionOutcome::kBlack, proto.black());
-  counts.Add(DetectionOutcome::kSaturated, proto.saturated());
+  counts.Add(DetectionOutcome::kWand, Limited(proto.wand()));
+  counts.Add(DetectionOutcome::kNoBlob, Limited(proto.no_blob()));
+  counts.Add(DetectionOutcome::kNoWand, Limited(proto.no_wand()));
+  counts.Add(DetectionOutcome::kAmbiguous, Limited(proto.ambiguous()));
+  counts.Add(DetectionOutcome::kTooManyBlobs, Limited(proto.too_many_blobs()));
+  counts.Add(DetectionOutcome::kBlack, Limited(proto.black()));
+  counts.Add(DetectionOutcome::kSaturated, Limited(proto.saturated()));
   return counts;
 }
 
@@ -244,10 +251,9 @@ absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto) {
   }
   CameraReport report;
   report.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
-  report.observation_count = proto.observation_count();
-  for (const v1::Refusal& refusal : proto.refused()) {
+  report.observation_count = Limited(proto.observation_count());
+  for (const v1::RefusalCount& refusal : proto.refused()) {
     Refusal& added = report.refused.emplace_back(FromProto(refusal));
-    added.reason.resize(std::min(added.reason.size(), size_t{64}));
     added.example.resize(std::min(added.example.size(), kMaxText));
   }
   if (proto.has_frames()) report.frames = FromProto(proto.frames());
@@ -294,7 +300,7 @@ v1::BatchAck ToProto(const BatchAck& ack) {
     v1::ObservationFault* out = proto.add_faults();
     out->set_seq(fault.seq);
     out->set_field(fault.field);
-    out->set_reason(fault.reason);
+    out->set_reason(ToProto(fault.reason));
   }
   proto.set_fault_count(ack.fault_count);
   proto.set_complete(ack.complete);
@@ -308,7 +314,7 @@ absl::StatusOr<BatchAck> FromProto(const v1::BatchAck& proto) {
   ack.durable_seq = proto.durable_seq();
   ack.send_limit_seq = proto.send_limit_seq();
   for (const v1::ObservationFault& fault : proto.faults()) {
-    ack.faults.push_back({fault.seq(), fault.field(), fault.reason()});
+    ack.faults.push_back({fault.seq(), fault.field(), FromProto(fault.reason())});
   }
   ack.fault_count = proto.fault_count();
   ack.complete = proto.complete();

@@ -4,8 +4,9 @@
 #include "absl/status/statusor.h"
 #include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
-#include "rigcal/v1/agent.pb.h"
+#include "rigcal/v1/ingest_service.pb.h"
 #include "rigcal/v1/observation.pb.h"
+#include "rigcal/v1/refusal.pb.h"
 
 namespace rigcal::wire {
 
@@ -26,7 +27,10 @@ v1::FrameCounts ToProto(const FrameCounts& counts);
 FrameCounts FromProto(const v1::FrameCounts& proto);
 v1::DetectionCounts ToProto(const DetectionCounts& counts);
 DetectionCounts FromProto(const v1::DetectionCounts& proto);
-v1::Refusal ToProto(const Refusal& refusal);
-Refusal FromProto(const v1::Refusal& proto);
+v1::RefusalCount ToProto(const Refusal& refusal);
+Refusal FromProto(const v1::RefusalCount& proto);
+// A reason that is not known here, as of a newer release, becomes kUnspecified.
+RefusalReason FromProto(v1::RefusalReason proto);
+v1::RefusalReason ToProto(RefusalReason reason);
 
 }  // namespace rigcal::wire

@@ -8,9 +8,15 @@
 #include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/time_wire.h"
 
 namespace rigcal::wire {
 namespace {
+
+static_assert(static_cast<int>(PreviewStatus::kOk) == v1::PREVIEW_STATUS_OK);
+static_assert(static_cast<int>(PreviewStatus::kFailed) == v1::PREVIEW_STATUS_FAILED);
+static_assert(static_cast<int>(DetectionOutcome::kWand) == v1::DETECTION_OUTCOME_WAND);
+static_assert(static_cast<int>(DetectionOutcome::kSaturated) == v1::DETECTION_OUTCOME_SATURATED);
 
 constexpr size_t kMaxMessageBytes = 1024;
 
@@ -52,7 +58,7 @@ v1::PreviewRequest ToProto(const PreviewRequest& request) {
   proto.set_request_id(request.request_id);
   proto.set_camera(request.camera);
   proto.set_max_jpeg_bytes(request.max_jpeg_bytes);
-  proto.set_max_wait_ms(request.max_wait_ms);
+  *proto.mutable_max_wait() = ToDuration(1e-3 * request.max_wait_ms);
   return proto;
 }
 
@@ -63,8 +69,9 @@ absl::StatusOr<PreviewRequest> FromProto(const v1::PreviewRequest& proto) {
   if (absl::Status name = ValidateName("camera", proto.camera()); !name.ok()) {
     return absl::InvalidArgumentError(absl::StrCat("preview_request.camera: ", name.message()));
   }
-  return PreviewRequest{proto.request_id(), proto.camera(), proto.max_jpeg_bytes(),
-                        proto.max_wait_ms()};
+  RIGCAL_ASSIGN_OR_RETURN(const uint32_t max_wait_ms,
+                          MillisecondsOf(proto.max_wait(), "preview_request.max_wait"));
+  return PreviewRequest{proto.request_id(), proto.camera(), proto.max_jpeg_bytes(), max_wait_ms};
 }
 
 v1::PreviewInfo ToProto(const PreviewInfo& info, size_t jpeg_bytes) {
@@ -86,9 +93,9 @@ v1::PreviewInfo ToProto(const PreviewInfo& info, size_t jpeg_bytes) {
 v1::Preview ToProto(Preview preview) {
   v1::Preview proto;
   proto.set_request_id(preview.request_id);
-  proto.set_refusal(static_cast<v1::Preview::Refusal>(preview.refusal));
+  proto.set_status(static_cast<v1::PreviewStatus>(preview.status));
   proto.set_message(std::move(preview.message));
-  if (preview.refusal != PreviewRefusal::kNone) return proto;
+  if (preview.status != PreviewStatus::kOk) return proto;
   *proto.mutable_info() = ToProto(preview.info, preview.jpeg.size());
   proto.set_jpeg(std::move(preview.jpeg));
   return proto;
@@ -98,13 +105,13 @@ absl::StatusOr<Preview> FromProto(v1::Preview proto) {
   if (proto.request_id() == 0) return PreviewFault("request_id", "must be at least 1");
   Preview preview;
   preview.request_id = proto.request_id();
-  // A newer agent may have reasons that are not known here; its message tells them.
-  preview.refusal = v1::Preview::Refusal_IsValid(proto.refusal())
-                        ? static_cast<PreviewRefusal>(proto.refusal())
-                        : PreviewRefusal::kFailed;
+  // A newer agent may have a status that is not known here; its message explains it.
+  const bool known =
+      v1::PreviewStatus_IsValid(proto.status()) && proto.status() != v1::PREVIEW_STATUS_UNSPECIFIED;
+  preview.status = known ? static_cast<PreviewStatus>(proto.status()) : PreviewStatus::kFailed;
   preview.message = std::move(*proto.mutable_message());
   preview.message.resize(std::min(preview.message.size(), kMaxMessageBytes));
-  if (preview.refusal != PreviewRefusal::kNone) return preview;
+  if (preview.status != PreviewStatus::kOk) return preview;
   RIGCAL_ASSIGN_OR_RETURN(preview.info, ParseInfo(proto.info()));
   if (proto.jpeg().empty() || proto.jpeg().size() > kMaxPreviewBytes) {
     return PreviewFault("jpeg", absl::StrCat("has ", proto.jpeg().size(),

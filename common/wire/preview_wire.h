@@ -5,7 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/session/preview.h"
-#include "rigcal/v1/agent.pb.h"
+#include "rigcal/v1/preview.pb.h"
 
 namespace rigcal::wire {
 

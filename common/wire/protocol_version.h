@@ -5,12 +5,12 @@
 #include <string_view>
 
 #include "absl/status/status.h"
-#include "rigcal/v1/agent.pb.h"
+#include "rigcal/v1/version.pb.h"
 
 namespace rigcal::wire {
 
-inline constexpr uint32_t kProtocolMajor = 1;
-inline constexpr uint32_t kProtocolMinor = 1;
+inline constexpr uint32_t kProtocolMajor = 2;
+inline constexpr uint32_t kProtocolMinor = 0;
 inline constexpr std::string_view kSoftwareVersion = "0.1.0";
 
 v1::ProtocolVersion OwnProtocolVersion();

@@ -10,10 +10,15 @@
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
-#include "common/wire/timestamp_wire.h"
+#include "common/wire/time_wire.h"
 
 namespace rigcal::wire {
 namespace {
+
+static_assert(static_cast<int>(SessionState::kCreated) == v1::Session::STATE_CREATED);
+static_assert(static_cast<int>(SessionState::kCapturing) == v1::Session::STATE_CAPTURING);
+static_assert(static_cast<int>(SessionState::kDraining) == v1::Session::STATE_DRAINING);
+static_assert(static_cast<int>(SessionState::kFinished) == v1::Session::STATE_FINISHED);
 
 void FillCounts(const SessionCameraCounts& counts, v1::SessionCamera* camera) {
   camera->set_observation_count(counts.observation_count);
@@ -71,9 +76,9 @@ int64_t TimeOrZero(bool has, const google::protobuf::Timestamp& timestamp) {
 v1::Session ToProto(const Session& session, const std::vector<SessionCameraCounts>& counts,
                     const std::vector<std::string>& connected_cameras) {
   v1::Session proto = OwnFields(session);
-  uint32_t observations = 0;
-  uint32_t wands = 0;
-  uint32_t late = 0;
+  uint64_t observations = 0;
+  uint64_t wands = 0;
+  uint64_t late = 0;
   for (v1::SessionCamera& camera : *proto.mutable_cameras()) {
     const std::string& name = camera.description().camera();
     const auto found =
@@ -151,7 +156,7 @@ absl::StatusOr<Session> ParseSession(std::string_view bytes) {
   session.id = proto.id();
   session.rig = proto.rig();
   session.title = proto.title();
-  if (proto.state() < v1::Session::CREATED || proto.state() > v1::Session::FINISHED) {
+  if (proto.state() < v1::Session::STATE_CREATED || proto.state() > v1::Session::STATE_FINISHED) {
     return absl::DataLossError(absl::StrCat("stored session ", session.id, " has no known state"));
   }
   session.state = static_cast<SessionState>(proto.state());

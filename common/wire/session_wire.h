@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "common/session/session.h"
 #include "rigcal/v1/session.pb.h"
+#include "rigcal/v1/session_service.pb.h"
 
 namespace rigcal::wire {
 

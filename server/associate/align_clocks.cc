@@ -118,7 +118,7 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
     Offset offset;
     if (has_timebase[track.session_id]) {
       if (!largest.contains(i)) {
-        refused->Add(track.camera.camera, "clock_epoch_without_offset",
+        refused->Add(track.camera.camera, RefusalReason::kClockEpochWithoutOffset,
                      static_cast<uint32_t>(track.observations.size()),
                      absl::StrCat("clock epoch ", track.clock_epoch, " of clock ",
                                   track.camera.clock.clock_id, ": the clock jumped back"));
@@ -128,7 +128,7 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
       const auto found =
           offsets.find({track.session_id, track.camera.clock.clock_id, track.clock_epoch});
       if (found == offsets.end()) {
-        refused->Add(track.camera.camera, "clock_epoch_without_offset",
+        refused->Add(track.camera.camera, RefusalReason::kClockEpochWithoutOffset,
                      static_cast<uint32_t>(track.observations.size()),
                      absl::StrCat("clock epoch ", track.clock_epoch, " of clock ",
                                   track.camera.clock.clock_id,

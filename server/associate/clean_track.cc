@@ -29,22 +29,23 @@ bool SameValues(const Observation& a, const Observation& b) {
                     });
 }
 
-// The word for what makes an observation unusable, or empty.
-std::string_view Fault(const Observation& observation, int marker_count) {
+// Why an observation is unusable; kUnspecified: it is usable.
+RefusalReason Fault(const Observation& observation, int marker_count) {
   // A source that saw nothing may leave the markers out.
   if (!observation.markers.empty() &&
       observation.markers.size() != static_cast<size_t>(marker_count)) {
-    return "marker_count_mismatch";
+    return RefusalReason::kMarkerCountMismatch;
   }
   for (const MarkerObservation& marker : observation.markers) {
     if (!marker.visible) continue;
     if (!marker.centre_px.allFinite() || !marker.covariance_px2.allFinite()) {
-      return "value_not_finite";
+      return RefusalReason::kValueNotFinite;
     }
     const double variance = marker.covariance_px2(0, 0);
-    if (variance <= 0 || marker.covariance_px2.determinant() <= 0) return "covariance_not_positive";
+    if (variance <= 0 || marker.covariance_px2.determinant() <= 0)
+      return RefusalReason::kCovarianceNotPositive;
   }
-  return {};
+  return RefusalReason::kUnspecified;
 }
 
 std::string Example(const CleanTrack& track, const Observation& observation) {
@@ -68,10 +69,12 @@ void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {
     }
     const auto count = static_cast<uint32_t>(end - begin);
     if (equal) {
-      refused->Add(track->camera.camera, "duplicate_equal", count - 1, Example(*track, all[begin]));
+      refused->Add(track->camera.camera, RefusalReason::kDuplicateEqual, count - 1,
+                   Example(*track, all[begin]));
       kept.push_back(std::move(all[begin]));
     } else {
-      refused->Add(track->camera.camera, "duplicate_conflict", count, Example(*track, all[begin]));
+      refused->Add(track->camera.camera, RefusalReason::kDuplicateConflict, count,
+                   Example(*track, all[begin]));
     }
     begin = end;
   }
@@ -85,19 +88,19 @@ std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int 
   std::map<std::tuple<std::string, std::string, uint32_t>, CleanTrack> by_key;
   // What is refused for its values is counted here and named after sorting, so that the example
   // does not depend on the order of arrival.
-  std::map<std::pair<std::string, std::string>, std::pair<uint32_t, std::string>> faults;
+  std::map<std::pair<std::string, RefusalReason>, std::pair<uint32_t, std::string>> faults;
   for (const CameraTrack& track : tracks) {
     for (const Observation& observation : track.observations) {
       CleanTrack& clean = by_key[{track.session_id, track.camera.camera, observation.clock_epoch}];
       clean.session_id = track.session_id;
       clean.camera = track.camera;
       clean.clock_epoch = observation.clock_epoch;
-      const std::string_view fault = Fault(observation, marker_count);
-      if (fault.empty()) {
+      const RefusalReason fault = Fault(observation, marker_count);
+      if (fault == RefusalReason::kUnspecified) {
         clean.observations.push_back(observation);
         continue;
       }
-      auto& [count, example] = faults[{track.camera.camera, std::string(fault)}];
+      auto& [count, example] = faults[{track.camera.camera, fault}];
       const std::string words = Example(clean, observation);
       if (count == 0 || words < example) example = words;
       ++count;

@@ -18,7 +18,7 @@ constexpr double kMinVariancePx2 = 1e-8;
 // The first fault of a row; `row` is filled in by ValidateBatch.
 using RowFault = std::optional<RefusedRow>;
 
-RowFault Fault(std::string_view field, size_t value, std::string_view reason,
+RowFault Fault(std::string_view field, size_t value, RefusalReason reason,
                std::string_view detail) {
   return RefusedRow{
       .value = static_cast<uint32_t>(value), .field = field, .reason = reason, .detail = detail};
@@ -64,7 +64,7 @@ RowFault CheckFinite(const ObservationBatch& batch, size_t i) {
       {"label_confidence", batch.label_confidence[i], "a label confidence is not finite"},
   };
   for (const auto& value : values) {
-    if (!std::isfinite(value.value)) return Fault(value.field, i, "not_finite", value.detail);
+    if (!std::isfinite(value.value)) return Fault(value.field, i, RefusalReason::kNotFinite, value.detail);
   }
   return std::nullopt;
 }
@@ -83,18 +83,18 @@ RowFault CheckMarker(const ObservationBatch& batch, size_t i, const Limits& limi
 
   if (RowFault fault = CheckFinite(batch, i)) return fault;
   if (!x_inside || !y_inside) {
-    return Fault(x_inside ? "y_px" : "x_px", i, "far_outside_image",
+    return Fault(x_inside ? "y_px" : "x_px", i, RefusalReason::kFarOutsideImage,
                  "a marker lies more than one image size outside of the image");
   }
   if (!covariance_plausible) {
-    return Fault("cov_xx_px2", i, "bad_covariance",
+    return Fault("cov_xx_px2", i, RefusalReason::kBadCovariance,
                  "the covariance of a marker is not positive definite or has no plausible size");
   }
   if (!time_near) {
-    return Fault("time_delta_ns", i, "time_delta_too_large",
+    return Fault("time_delta_ns", i, RefusalReason::kTimeDeltaTooLarge,
                  "the time of a marker is more than 1 s from its observation's");
   }
-  return Fault("label_confidence", i, "bad_label_confidence",
+  return Fault("label_confidence", i, RefusalReason::kBadLabelConfidence,
                "a label confidence is not within 0 to 1");
 }
 
@@ -103,10 +103,10 @@ RowFault CheckRow(const ObservationBatch& batch, size_t row, int64_t previous_ns
                   const Limits& limits) {
   const int64_t time_ns = batch.time_ns[row];
   if (time_ns < 0 || time_ns > kMaxTimeNs) {
-    return Fault("time_ns", row, "implausible_time", "the time is negative or beyond 2^62 ns");
+    return Fault("time_ns", row, RefusalReason::kImplausibleTime, "the time is negative or beyond 2^62 ns");
   }
   if (time_ns < previous_ns) {
-    return Fault("time_ns", row, "time_not_increasing",
+    return Fault("time_ns", row, RefusalReason::kTimeNotIncreasing,
                  "the time is before that of the row ahead in the same clock epoch");
   }
   const size_t first = row * batch.marker_count;

@@ -42,7 +42,7 @@ BatchAck MakeAck(const Delivery& delivery, const AppendOutcome& outcome, uint32_
     ack.faults.push_back(
         {.seq = delivery.batch.first_seq + refused.row,
          .field = absl::StrCat(std::string(refused.field), "[", refused.value, "]"),
-         .reason = std::string(refused.reason)});
+         .reason = refused.reason});
   }
   ack.fault_count = static_cast<uint32_t>(delivery.refused_rows.size());
   ack.complete = outcome.complete;

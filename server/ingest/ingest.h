@@ -31,10 +31,10 @@ struct IngestOptions {
 };
 
 struct IngestStats {
-  uint32_t stored_observation_count = 0;
-  uint32_t duplicate_observation_count = 0;
-  uint32_t refused_observation_count = 0;
-  uint32_t commit_count = 0;
+  uint64_t stored_observation_count = 0;
+  uint64_t duplicate_observation_count = 0;
+  uint64_t refused_observation_count = 0;
+  uint64_t commit_count = 0;
   size_t queue_bytes = 0;
   std::string problem;  // empty: healthy
 };

@@ -3,24 +3,19 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "common/wire/camera_wire.h"
 #include "server/solve/evaluate/triangulation_accuracy.h"
 
 namespace rigcal::server {
 namespace {
 
-void SetVector(const Eigen::Vector3d& vector, v1::Vector3* proto) {
-  proto->set_x(vector.x());
-  proto->set_y(vector.y());
-  proto->set_z(vector.z());
-}
-
 void SetPoint(const PointAccuracy& point, v1::PointAccuracy* proto) {
-  SetVector(point.point_m, proto->mutable_point_m());
+  *proto->mutable_point_m() = wire::ToProto(point.point_m);
   proto->set_camera_count(point.camera_count);
   if (point.camera_count < 2) return;
-  SetVector(point.noise_sigma_m, proto->mutable_noise_sigma_m());
-  SetVector(point.shape_sigma_m, proto->mutable_shape_sigma_m());
-  SetVector(point.sigma_m, proto->mutable_sigma_m());
+  *proto->mutable_noise_sigma_m() = wire::ToProto(point.noise_sigma_m);
+  *proto->mutable_shape_sigma_m() = wire::ToProto(point.shape_sigma_m);
+  *proto->mutable_sigma_m() = wire::ToProto(point.sigma_m);
   proto->set_shape_total_m(point.shape_sigma_m.norm());
   proto->set_total_m(point.sigma_m.norm());
 }
@@ -30,7 +25,7 @@ void SetSummary(const AccuracySummary& summary, v1::AccuracySummary* proto) {
   proto->set_median_m(summary.median_m);
   proto->set_p95_m(summary.p95_m);
   proto->set_worst_m(summary.worst_m);
-  if (summary.count > 0) SetVector(summary.worst_point_m, proto->mutable_worst_point_m());
+  if (summary.count > 0) *proto->mutable_worst_point_m() = wire::ToProto(summary.worst_point_m);
 }
 
 }  // namespace
@@ -46,7 +41,7 @@ absl::StatusOr<v1::GetAccuracyResponse> AccuracyOf(const Calibration& calibratio
   options.grid_step_m = request.grid_step_m();
   if (request.sigma_px() != 0) options.sigma_px = request.sigma_px();
   for (const v1::Vector3& point : request.points_m()) {
-    options.points_m.emplace_back(point.x(), point.y(), point.z());
+    options.points_m.push_back(wire::FromProto(point));
   }
   RIGCAL_ASSIGN_OR_RETURN(const Accuracy accuracy, ComputeAccuracy(*calibration.result, options));
   v1::GetAccuracyResponse response;

@@ -3,7 +3,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration_record.h"
-#include "rigcal/v1/calibration.pb.h"
+#include "rigcal/v1/calibration_service.pb.h"
 
 namespace rigcal::server {
 

@@ -1,68 +1,75 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/rpc/agent_service.h"
 
-#include <utility>
+#include <algorithm>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "common/wire/grpc_status.h"
-#include "common/wire/observation_wire.h"
-#include "server/rpc/agent_messages.h"
+#include "common/status/status_macros.h"
+#include "common/wire/agent_wire.h"
+#include "server/rpc/call_guard.h"
+#include "server/rpc/list_arguments.h"
 
 namespace rigcal::server {
 namespace {
 
-class RefusedStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage> {
- public:
-  explicit RefusedStream(const absl::Status& reason) { Finish(wire::ToGrpc(reason)); }
-  void OnDone() override { delete this; }
-};
+constexpr FilterField kAgentFilterFields[] = {{"agent_id"}, {"rig"}, {"host"}, {"connected"}};
+constexpr ListFields kAgentFields = {.filter = kAgentFilterFields,
+                                     .time_order = "connect_time",
+                                     .id_order = "agent_id",
+                                     .default_order = RecordOrder::kIdAscending};
+
+absl::StatusOr<bool> Matches(const AgentRecord& agent,
+                             const std::vector<ListArguments::Term>& filter) {
+  for (const ListArguments::Term& term : filter) {
+    if (term.field == "connected") {
+      if (term.value != "true" && term.value != "false") {
+        return absl::InvalidArgumentError(
+            absl::StrCat("filter: connected is '", term.value, "'; it is true or false"));
+      }
+      if (agent.connected != (term.value == "true")) return false;
+      continue;
+    }
+    const std::string& value = term.field == "agent_id" ? agent.agent_id
+                               : term.field == "rig"    ? agent.rig
+                                                        : agent.host;
+    if (value != term.value) return false;
+  }
+  return true;
+}
+
+RecordPosition PositionOf(const AgentRecord& agent) {
+  return {.time = agent.connect_utc_ns, .id = agent.agent_id};
+}
 
 }  // namespace
 
-AgentService::AgentService(AgentServiceOptions options, SessionCoordinator* coordinator,
-                           Ingest* ingest, PreviewBroker* previews, std::string server_id)
-    : options_(options) {
-  environment_.coordinator = coordinator;
-  environment_.ingest = ingest;
-  environment_.previews = previews;
-  environment_.executor = &executor_;
-  environment_.server_id = std::move(server_id);
-  environment_.max_message_bytes = options_.max_message_bytes;
-  environment_.max_batch_rows = options_.max_batch_rows;
-  environment_.hello_timeout = options_.hello_timeout;
-}
-
-AgentService::~AgentService() { executor_.Shutdown(); }
-
-grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* AgentService::Connect(
-    grpc::CallbackServerContext* /*context*/) {
-  if (environment_.open_streams >= options_.max_streams) {
-    return new RefusedStream(absl::ResourceExhaustedError(
-        absl::StrCat(options_.max_streams, " agent streams are open, which is the limit; try ",
-                     "again later, or raise limits.max_agents on the server")));
-  }
-  return AgentStream::Open(&environment_);
-}
-
-grpc::ServerUnaryReactor* AgentService::UploadBatch(grpc::CallbackServerContext* context,
-                                                    const v1::UploadBatchRequest* request,
-                                                    v1::UploadBatchResponse* response) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  absl::StatusOr<Delivery> delivery = ParseDelivery(*request, options_.max_batch_rows);
-  if (!delivery.ok()) {
-    reactor->Finish(wire::ToGrpc(delivery.status()));
-    return reactor;
-  }
-  // The call, and with it the response, lives until Finish; ingest always answers.
-  const absl::Status status = environment_.ingest->Submit(
-      *delivery,
-      [reactor, response](absl::StatusOr<BatchAck> ack) {
-        if (ack.ok()) *response->mutable_ack() = wire::ToProto(*ack);
-        reactor->Finish(wire::ToGrpc(ack.status()));
-      },
-      [] {});
-  if (!status.ok()) reactor->Finish(wire::ToGrpc(status));
-  return reactor;
+grpc::Status AgentService::ListAgents(grpc::ServerContext* /*context*/,
+                                      const v1::ListAgentsRequest* request,
+                                      v1::ListAgentsResponse* response) {
+  return GuardedCall("ListAgents", [&]() -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(const ListArguments list, ParseListArguments(*request, kAgentFields));
+    std::vector<AgentRecord> agents = directory_.List("");
+    std::sort(agents.begin(), agents.end(), [&](const AgentRecord& a, const AgentRecord& b) {
+      return Precedes(PositionOf(a), PositionOf(b), list.order);
+    });
+    PageFiller page(list);
+    for (const AgentRecord& agent : agents) {
+      const RecordPosition position = PositionOf(agent);
+      if (list.after && !Precedes(*list.after, position, list.order)) continue;
+      RIGCAL_ASSIGN_OR_RETURN(const bool matches, Matches(agent, list.filter));
+      if (!matches) continue;
+      if (page.full()) {
+        response->set_next_page_token(page.NextToken());
+        break;
+      }
+      v1::Agent proto = wire::ToProto(agent);
+      page.Add(position, proto.ByteSizeLong());
+      *response->add_agents() = std::move(proto);
+    }
+    return absl::OkStatus();
+  });
 }
 
 }  // namespace rigcal::server

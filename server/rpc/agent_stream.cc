@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/wire/agent_wire.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
@@ -22,17 +23,17 @@ class StreamLink final : public AgentLink {
   explicit StreamLink(std::weak_ptr<AgentStream> stream) : stream_(std::move(stream)) {}
 
   void SendStartCapture(const StartCaptureCommand& command) override {
-    v1::ServerMessage message;
-    *message.mutable_start_capture() = ToProto(command);
+    v1::ConnectResponse message;
+    *message.mutable_start_capture() = wire::ToProto(command);
     if (const auto stream = stream_.lock()) stream->Send(std::move(message));
   }
   void SendStopCapture(const std::string& session_id) override {
-    v1::ServerMessage message;
+    v1::ConnectResponse message;
     message.mutable_stop_capture()->set_session_id(session_id);
     if (const auto stream = stream_.lock()) stream->Send(std::move(message));
   }
   void SendPreviewRequest(const PreviewRequest& request) override {
-    v1::ServerMessage message;
+    v1::ConnectResponse message;
     *message.mutable_preview_request() = wire::ToProto(request);
     if (const auto stream = stream_.lock()) stream->Send(std::move(message));
   }
@@ -46,7 +47,7 @@ class StreamLink final : public AgentLink {
 
 }  // namespace
 
-grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* AgentStream::Open(
+grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* AgentStream::Open(
     AgentStreamEnvironment* environment) {
   std::shared_ptr<AgentStream> stream(new AgentStream(environment));
   AgentStream* reactor = stream.get();
@@ -98,7 +99,7 @@ void AgentStream::TakeHello() {
   if (!request_.has_hello()) {
     return Close(absl::InvalidArgumentError("hello: must be the first message of the stream"));
   }
-  absl::StatusOr<Hello> hello = ParseHello(request_.hello());
+  absl::StatusOr<AgentHello> hello = wire::FromProto(request_.hello());
   if (!hello.ok()) {
     spdlog::warn("an agent is refused: {}", std::string(hello.status().message()));
     return Close(hello.status());
@@ -116,7 +117,7 @@ void AgentStream::TakeHello() {
   if (!taken) Close(absl::UnavailableError("the server is shutting down"));
 }
 
-void AgentStream::Register(Hello hello) {
+void AgentStream::Register(AgentHello hello) {
   const size_t camera_count = hello.agent.cameras.size();
   const std::string host = hello.agent.host;
   auto connection = environment_.coordinator->ConnectAgent(
@@ -132,7 +133,7 @@ void AgentStream::Register(Hello hello) {
   answer.set_max_message_bytes(environment_.max_message_bytes);
   answer.set_max_batch_observations(environment_.max_batch_rows);
   for (const StreamPosition& position : connection->positions) {
-    *answer.add_positions() = ToProto(position);
+    *answer.add_positions() = wire::ToProto(position);
   }
   {
     std::lock_guard lock(mutex_);
@@ -152,24 +153,24 @@ void AgentStream::Register(Hello hello) {
 
 void AgentStream::TakeMessage() {
   switch (request_.message_case()) {
-    case v1::AgentMessage::kBatch:
+    case v1::ConnectRequest::kBatch:
       return Deliver(ParseDelivery(request_.batch(), environment_.max_batch_rows));
-    case v1::AgentMessage::kEndOfCapture:
+    case v1::ConnectRequest::kEndOfCapture:
       return Deliver(ParseDelivery(request_.end_of_capture()));
-    case v1::AgentMessage::kReport:
+    case v1::ConnectRequest::kReport:
       return Deliver(ParseDelivery(request_.report()));
-    case v1::AgentMessage::kTimePing: {
+    case v1::ConnectRequest::kTimePing: {
       std::lock_guard lock(mutex_);
       outgoing_.AddPing(request_.time_ping().host_monotonic_ns());
       Pump();
       ReadNext();
       return;
     }
-    case v1::AgentMessage::kPreview:
+    case v1::ConnectRequest::kPreview:
       return TakePreview();
-    case v1::AgentMessage::kHello:
+    case v1::ConnectRequest::kHello:
       return Close(absl::InvalidArgumentError("hello: was sent already on this stream"));
-    case v1::AgentMessage::MESSAGE_NOT_SET:
+    case v1::ConnectRequest::MESSAGE_NOT_SET:
       return Close(absl::InvalidArgumentError("message: is not set, or unknown to this server"));
   }
 }
@@ -252,7 +253,7 @@ void AgentStream::Delivered(absl::StatusOr<BatchAck> ack) {
   FinishWhenAllIsAnswered();
 }
 
-void AgentStream::Send(v1::ServerMessage command) {
+void AgentStream::Send(v1::ConnectResponse command) {
   std::lock_guard lock(mutex_);
   if (ended_) return;
   if (!outgoing_.AddCommand(std::move(command))) {
@@ -270,7 +271,7 @@ void AgentStream::Close(const absl::Status& reason) {
 void AgentStream::ReadNext() {
   if (ended_) return;
   // A message keeps its memory for the next one, which is good up to a point.
-  if (request_.SpaceUsedLong() > kMaxKeptBytes) request_ = v1::AgentMessage();
+  if (request_.SpaceUsedLong() > kMaxKeptBytes) request_ = v1::ConnectRequest();
   StartRead(&request_);
 }
 

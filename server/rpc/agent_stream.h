@@ -17,9 +17,10 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "rigcal/v1/agent.pb.h"
+#include "common/session/agent.h"
+#include "rigcal/v1/ingest_service.pb.h"
 #include "server/ingest/ingest.h"
-#include "server/rpc/agent_messages.h"
+#include "server/rpc/deliveries.h"
 #include "server/rpc/outgoing_messages.h"
 #include "server/rpc/serial_executor.h"
 #include "server/session/preview_broker.h"
@@ -46,11 +47,11 @@ struct AgentStreamEnvironment {
 //
 // Reading stops while ingest is full: that is the back-pressure. The stream owns itself until
 // OnDone; everybody else holds it weakly, so that an acknowledgement may come after its end.
-class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>,
+class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>,
                           public std::enable_shared_from_this<AgentStream> {
  public:
   // Begins to read.
-  static grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* Open(
+  static grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* Open(
       AgentStreamEnvironment* environment);
 
   void OnReadDone(bool ok) override;
@@ -59,7 +60,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::S
   void OnDone() override;
 
   // Queues a command; nothing happens when the stream has ended.
-  void Send(v1::ServerMessage command);
+  void Send(v1::ConnectResponse command);
   void Close(const absl::Status& reason);
 
  private:
@@ -67,7 +68,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::S
 
   void Begin();
   void TakeHello();
-  void Register(Hello hello);
+  void Register(AgentHello hello);
   void TakeMessage();
   void TakePreview();
   void Deliver(absl::StatusOr<Delivery> delivery);
@@ -85,7 +86,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::S
   grpc::Alarm hello_alarm_;
 
   // Of the chain read -> deliver -> read, one step of which runs at a time.
-  v1::AgentMessage request_;
+  v1::ConnectRequest request_;
   Delivery delivery_;
   std::string agent_id_;
   std::string rig_;
@@ -94,7 +95,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::AgentMessage, v1::S
   std::mutex mutex_;
   bool hello_seen_ = false;
   OutgoingMessages outgoing_;
-  v1::ServerMessage response_;  // being written
+  v1::ConnectResponse response_;  // being written
   bool writing_ = false;
   bool reads_ended_ = false;
   size_t unanswered_ = 0;  // deliveries with ingest

@@ -24,7 +24,7 @@ void MergeInto(BatchAck newer, BatchAck* ack) {
 
 void OutgoingMessages::SetHello(v1::ServerHello hello) { hello_ = std::move(hello); }
 
-bool OutgoingMessages::AddCommand(v1::ServerMessage command) {
+bool OutgoingMessages::AddCommand(v1::ConnectResponse command) {
   if (commands_.size() >= kMaxCommands) return false;
   commands_.push_back(std::move(command));
   return true;
@@ -48,7 +48,7 @@ void OutgoingMessages::AddPing(int64_t host_monotonic_ns) {
   pings_.push_back(host_monotonic_ns);
 }
 
-bool OutgoingMessages::Next(int64_t server_utc_ns, v1::ServerMessage* message) {
+bool OutgoingMessages::Next(int64_t server_utc_ns, v1::ConnectResponse* message) {
   if (hello_) {
     *message->mutable_hello() = *std::exchange(hello_, std::nullopt);
     hello_sent_ = true;

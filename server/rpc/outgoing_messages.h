@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "common/session/stream_key.h"
-#include "rigcal/v1/agent.pb.h"
+#include "rigcal/v1/ingest_service.pb.h"
 
 namespace rigcal::server {
 
@@ -23,21 +23,21 @@ class OutgoingMessages {
 
   void SetHello(v1::ServerHello hello);
   // False: full; the agent does not read what it is sent.
-  bool AddCommand(v1::ServerMessage command);
+  bool AddCommand(v1::ConnectResponse command);
   bool AddAck(BatchAck ack);
   // The oldest of more than kMaxPings is left unanswered.
   void AddPing(int64_t host_monotonic_ns);
 
   // Takes the next message out. False: there is none that may be written now. A ping's answer is
   // stamped with `server_utc_ns`.
-  bool Next(int64_t server_utc_ns, v1::ServerMessage* message);
+  bool Next(int64_t server_utc_ns, v1::ConnectResponse* message);
   bool empty() const;
 
  private:
   std::optional<v1::ServerHello> hello_;
   bool hello_sent_ = false;
   std::deque<int64_t> pings_;
-  std::deque<v1::ServerMessage> commands_;
+  std::deque<v1::ConnectResponse> commands_;
   std::deque<BatchAck> acks_;
 };
 

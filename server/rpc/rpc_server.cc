@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/rpc/rpc_server.h"
 
+#include <grpc/health/v1/health.pb.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
@@ -19,16 +20,19 @@
 namespace rigcal::server {
 namespace {
 
-constexpr char kAgentService[] = "rigcal.v1.AgentService";
+constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
-    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService", "rigcal.v1.StatusService"};
+    "rigcal.v1.AgentService", "rigcal.v1.CameraService", "rigcal.v1.SessionService",
+    "rigcal.v1.CalibrationService", "rigcal.v1.StatusService"};
 
 // Both plugins are global to the process and must be on before the first server is built.
 void EnableHealthAndReflection() {
   static const bool enabled = [] {
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-    return true;
+    // Reflection lists gRPC's own health service, which is made without this descriptor. The call
+    // makes the linker keep it.
+    return grpc::health::v1::HealthCheckRequest::descriptor() != nullptr;
   }();
   (void)enabled;
 }
@@ -97,12 +101,14 @@ RpcServer::RpcServer(RpcServerOptions options, RpcServerParts parts)
     : options_(std::move(options)),
       parts_(parts),
       previews_(options_.previews, parts.directory),
-      agent_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
-                     parts.store->server_id()),
-      session_service_(parts.coordinator, parts.store),
-      calibration_service_(parts.runner),
+      ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
+                      parts.store->server_id()),
+      agent_service_(parts.directory),
+      camera_service_(&previews_),
+      session_service_(parts.coordinator, parts.store, &watches_),
+      calibration_service_(parts.runner, &watches_),
       status_service_(parts.store, parts.ingest, parts.directory, parts.coordinator, parts.runner,
-                      &previews_, options_.ingest_queue_limit_bytes, UtcNowNs({})) {}
+                      options_.ingest_queue_limit_bytes, UtcNowNs({})) {}
 
 absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Create(RpcServerOptions options,
                                                              RpcServerParts parts) {
@@ -120,7 +126,9 @@ absl::StatusOr<int> RpcServer::Start() {
   if (!options_.listen_address.empty()) {
     builder.AddListeningPort(options_.listen_address, grpc::InsecureServerCredentials(), &port);
   }
+  builder.RegisterService(&ingest_service_);
   builder.RegisterService(&agent_service_);
+  builder.RegisterService(&camera_service_);
   builder.RegisterService(&session_service_);
   builder.RegisterService(&calibration_service_);
   builder.RegisterService(&status_service_);
@@ -135,7 +143,7 @@ absl::StatusOr<int> RpcServer::Start() {
   for (const char* service : kOtherServices) {
     server_->GetHealthCheckService()->SetServingStatus(service, true);
   }
-  server_->GetHealthCheckService()->SetServingStatus(kAgentService, true);
+  server_->GetHealthCheckService()->SetServingStatus(kIngestService, true);
   health_thread_ = std::thread([this] { ReportHealth(); });
   return port;
 }
@@ -147,7 +155,7 @@ void RpcServer::ReportHealth() {
     const std::string problem = parts_.ingest->Stats().problem;
     if (problem.empty() == serving) continue;
     serving = problem.empty();
-    server_->GetHealthCheckService()->SetServingStatus(kAgentService, serving);
+    server_->GetHealthCheckService()->SetServingStatus(kIngestService, serving);
     if (serving) {
       spdlog::info("ingest takes observations again");
     } else {
@@ -168,8 +176,7 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   previews_.Shutdown();
   parts_.directory->CloseAll(
       absl::UnavailableError("the server is shutting down; connect again after a moment"));
-  parts_.coordinator->EndWatches();
-  parts_.runner->EndWatches();
+  watches_.EndStreams();
   server_->Shutdown(std::chrono::system_clock::now() + grace);
 }
 

@@ -18,8 +18,11 @@
 #include "server/ingest/ingest.h"
 #include "server/rpc/agent_service.h"
 #include "server/rpc/calibration_service.h"
+#include "server/rpc/camera_service.h"
+#include "server/rpc/ingest_service.h"
 #include "server/rpc/session_service.h"
 #include "server/rpc/status_service.h"
+#include "server/rpc/watch_hub.h"
 #include "server/session/agent_directory.h"
 #include "server/session/calibration_runner.h"
 #include "server/session/preview_broker.h"
@@ -32,11 +35,11 @@ struct RpcServerOptions {
   // HOST:PORT with a loopback host; port 0: any free one. Empty: no port, for tests that use
   // InProcessChannel.
   std::string listen_address = "127.0.0.1:7420";
-  AgentServiceOptions agents;
+  IngestServiceOptions agents;
   PreviewBrokerOptions previews;
   // Memory gRPC may hold for messages and connections, in all.
   size_t memory_limit_bytes = size_t{512} << 20;
-  // Threads for calls that may block, watches included.
+  // Threads for calls that may block: reads of the store and previews. Watches need none.
   int max_threads = 192;
   // A connection without any traffic is asked for a sign of life after keepalive_time and closed
   // keepalive_timeout later.
@@ -86,7 +89,10 @@ class RpcServer {
   const RpcServerOptions options_;
   const RpcServerParts parts_;
   PreviewBroker previews_;
+  WatchHub watches_;
+  IngestService ingest_service_;
   AgentService agent_service_;
+  CameraService camera_service_;
   SessionService session_service_;
   CalibrationService calibration_service_;
   StatusService status_service_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/rpc/session_service.h"
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -9,12 +10,31 @@
 #include "common/status/status_macros.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/session_wire.h"
+#include "common/wire/time_wire.h"
 #include "server/rpc/accepted_rows.h"
 #include "server/rpc/call_guard.h"
-#include "server/rpc/page.h"
-#include "server/rpc/watch_loop.h"
+#include "server/rpc/list_arguments.h"
 
 namespace rigcal::server {
+namespace {
+
+constexpr FilterField kSessionFilterFields[] = {{"rig"}, {"state"}};
+constexpr ListFields kSessionFields = {.filter = kSessionFilterFields,
+                                       .time_order = "create_time",
+                                       .id_order = "id",
+                                       .default_order = RecordOrder::kNewestFirst};
+
+absl::StatusOr<SessionState> ParseSessionState(const std::string& name) {
+  v1::Session::State state = v1::Session::STATE_UNSPECIFIED;
+  if (v1::Session::State_Parse(name, &state) && state != v1::Session::STATE_UNSPECIFIED) {
+    return static_cast<SessionState>(state);
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("filter: state is '", name,
+                   "'; it is STATE_CREATED, STATE_CAPTURING, STATE_DRAINING or STATE_FINISHED"));
+}
+
+}  // namespace
 
 absl::Status SessionService::Describe(absl::StatusOr<Session> session,
                                       v1::Session* response) const {
@@ -26,56 +46,66 @@ absl::Status SessionService::Describe(absl::StatusOr<Session> session,
 
 grpc::Status SessionService::CreateSession(grpc::ServerContext* /*context*/,
                                            const v1::CreateSessionRequest* request,
-                                           v1::Session* response) {
+                                           v1::CreateSessionResponse* response) {
   return GuardedCall("CreateSession", [&]() -> absl::Status {
     RIGCAL_ASSIGN_OR_RETURN(Session session, wire::FromProto(*request));
-    return Describe(coordinator_.CreateSession(std::move(session)), response);
+    return Describe(coordinator_.CreateSession(std::move(session)), response->mutable_session());
   });
 }
 
 grpc::Status SessionService::StartSession(grpc::ServerContext* /*context*/,
                                           const v1::StartSessionRequest* request,
-                                          v1::Session* response) {
-  return GuardedCall("StartSession",
-                     [&] { return Describe(coordinator_.StartSession(request->id()), response); });
+                                          v1::StartSessionResponse* response) {
+  return GuardedCall("StartSession", [&] {
+    return Describe(coordinator_.StartSession(request->id()), response->mutable_session());
+  });
 }
 
 grpc::Status SessionService::StopSession(grpc::ServerContext* /*context*/,
                                          const v1::StopSessionRequest* request,
-                                         v1::Session* response) {
-  return GuardedCall("StopSession", [&] {
-    return Describe(coordinator_.StopSession(request->id(), request->drain_timeout_s()), response);
+                                         v1::StopSessionResponse* response) {
+  return GuardedCall("StopSession", [&]() -> absl::Status {
+    RIGCAL_RETURN_IF_ERROR(wire::CheckDuration(request->drain_timeout(), "drain_timeout"));
+    return Describe(
+        coordinator_.StopSession(request->id(), wire::SecondsOf(request->drain_timeout())),
+        response->mutable_session());
   });
 }
 
 grpc::Status SessionService::GetSession(grpc::ServerContext* /*context*/,
                                         const v1::GetSessionRequest* request,
-                                        v1::Session* response) {
-  return GuardedCall("GetSession",
-                     [&] { return Describe(store_.GetSession(request->id()), response); });
+                                        v1::GetSessionResponse* response) {
+  return GuardedCall("GetSession", [&] {
+    return Describe(store_.GetSession(request->id()), response->mutable_session());
+  });
 }
 
 grpc::Status SessionService::ListSessions(grpc::ServerContext* /*context*/,
                                           const v1::ListSessionsRequest* request,
                                           v1::ListSessionsResponse* response) {
   return GuardedCall("ListSessions", [&]() -> absl::Status {
-    const std::string& token = request->page_token();
-    const int page_size = PageSize(request->page_size());
-    // One more than asked for, to know whether there is another page.
-    const auto sessions = store_.ListSessions(request->rig(), page_size + 1, token);
-    if (!sessions.ok()) return PageError(sessions.status(), token);
-    size_t bytes = 0;
-    for (const Session& session : *sessions) {
-      if (response->sessions_size() == page_size || bytes > kMaxPageBytes) {
-        response->set_next_page_token(response->sessions().rbegin()->id());
+    RIGCAL_ASSIGN_OR_RETURN(const ListArguments list, ParseListArguments(*request, kSessionFields));
+    SessionFilter filter;
+    for (const ListArguments::Term& term : list.filter) {
+      if (term.field == "rig") {
+        filter.rig = term.value;
+      } else {
+        RIGCAL_ASSIGN_OR_RETURN(filter.state, ParseSessionState(term.value));
+      }
+    }
+    RIGCAL_ASSIGN_OR_RETURN(const auto sessions, store_.ListSessions(filter, list.Page()));
+    PageFiller page(list);
+    for (const Listed<Session>& listed : sessions) {
+      if (page.full()) {
+        response->set_next_page_token(page.NextToken());
         break;
       }
       v1::Session proto;
-      const absl::Status status = Describe(session, &proto);
-      if (absl::IsNotFound(status)) continue;  // deleted meanwhile
-      RIGCAL_RETURN_IF_ERROR(status);
-      bytes += proto.ByteSizeLong();
-      *response->add_sessions() = std::move(proto);
+      const absl::Status status = Describe(listed.record, &proto);
+      const bool deleted = absl::IsNotFound(status);  // meanwhile
+      if (!deleted) RIGCAL_RETURN_IF_ERROR(status);
+      page.Add(listed.position, deleted ? 0 : proto.ByteSizeLong());
+      if (!deleted) *response->add_sessions() = std::move(proto);
     }
     return absl::OkStatus();
   });
@@ -87,23 +117,20 @@ grpc::Status SessionService::DeleteSession(grpc::ServerContext* /*context*/,
   return GuardedCall("DeleteSession", [&] { return coordinator_.DeleteSession(request->id()); });
 }
 
-grpc::Status SessionService::WatchSession(grpc::ServerContext* context,
-                                          const v1::WatchSessionRequest* request,
-                                          grpc::ServerWriter<v1::Session>* writer) {
-  return GuardedCall("WatchSession", [&]() -> absl::Status {
-    RIGCAL_ASSIGN_OR_RETURN(const auto watch, coordinator_.WatchSession(request->id()));
-    return RunWatch(*context, watch.get(), [&]() -> absl::StatusOr<bool> {
-      v1::Session session;
-      RIGCAL_RETURN_IF_ERROR(Describe(store_.GetSession(request->id()), &session));
-      if (!writer->Write(session)) return absl::CancelledError("the client has gone");
-      return session.state() == v1::Session::FINISHED;
-    });
-  });
+grpc::ServerWriteReactor<v1::WatchSessionResponse>* SessionService::WatchSession(
+    grpc::CallbackServerContext* /*context*/, const v1::WatchSessionRequest* request) {
+  const std::string id = request->id();
+  return watches_.Open<v1::WatchSessionResponse>(
+      [&](std::function<void()> wake) { return coordinator_.WatchSession(id, std::move(wake)); },
+      [this, id](v1::WatchSessionResponse* response) -> absl::StatusOr<bool> {
+        RIGCAL_RETURN_IF_ERROR(Describe(store_.GetSession(id), response->mutable_session()));
+        return response->session().state() == v1::Session::STATE_FINISHED;
+      });
 }
 
-grpc::Status SessionService::ReadObservations(grpc::ServerContext* /*context*/,
-                                              const v1::ReadObservationsRequest* request,
-                                              grpc::ServerWriter<v1::ObservationBatch>* writer) {
+grpc::Status SessionService::ReadObservations(
+    grpc::ServerContext* /*context*/, const v1::ReadObservationsRequest* request,
+    grpc::ServerWriter<v1::ReadObservationsResponse>* writer) {
   return GuardedCall("ReadObservations", [&]() -> absl::Status {
     const std::string& id = request->session_id();
     RIGCAL_ASSIGN_OR_RETURN(const auto hold, coordinator_.HoldSessions({id}));
@@ -115,9 +142,9 @@ grpc::Status SessionService::ReadObservations(grpc::ServerContext* /*context*/,
     return store_.ReadObservations(id, request->camera(), [&](StoredBatch stored) {
       if (stored.late && !request->include_late()) return absl::OkStatus();
       for (const ObservationBatch& batch : AcceptedRows(std::move(stored))) {
-        v1::ObservationBatch proto;
-        wire::ToProto(batch, &proto);
-        if (!writer->Write(proto)) return absl::CancelledError("the client has gone");
+        v1::ReadObservationsResponse response;
+        wire::ToProto(batch, response.mutable_batch());
+        if (!writer->Write(response)) return absl::CancelledError("the client has disconnected");
       }
       return absl::OkStatus();
     });

@@ -2,15 +2,10 @@
 #include "server/rpc/status_service.h"
 
 #include <algorithm>
-#include <chrono>
 #include <string>
-#include <utility>
 
-#include "common/status/status_macros.h"
-#include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
-#include "common/wire/timestamp_wire.h"
-#include "server/rpc/agent_messages.h"
+#include "common/wire/time_wire.h"
 #include "server/rpc/call_guard.h"
 
 namespace rigcal::server {
@@ -24,7 +19,7 @@ uint32_t Count(uint64_t count) {
 
 grpc::Status StatusService::GetStatus(grpc::ServerContext* /*context*/,
                                       const v1::GetStatusRequest* /*request*/,
-                                      v1::ServerStatus* response) {
+                                      v1::GetStatusResponse* response) {
   return GuardedCall("GetStatus", [&] {
     response->set_software_version(std::string(wire::kSoftwareVersion));
     *response->mutable_protocol_version() = wire::OwnProtocolVersion();
@@ -41,43 +36,16 @@ grpc::Status StatusService::GetStatus(grpc::ServerContext* /*context*/,
     ingest->set_duplicate_observation_count(stats.duplicate_observation_count);
     ingest->set_refused_observation_count(stats.refused_observation_count);
     ingest->set_commit_count(stats.commit_count);
-    ingest->set_queue_bytes(Count(stats.queue_bytes));
-    ingest->set_queue_limit_bytes(Count(ingest_queue_limit_bytes_));
+    ingest->set_queue_bytes(stats.queue_bytes);
+    ingest->set_queue_limit_bytes(ingest_queue_limit_bytes_);
     ingest->set_problem(stats.problem);
 
     const StoreHealth health = store_.Health();
     v1::StoreStatus* store = response->mutable_store();
     store->set_kind(health.kind);
     store->set_schema_version(health.schema_version);
-    store->set_size_kib(Count(health.size_bytes >> 10));
-    store->set_free_mib(Count(health.free_bytes >> 20));
-    return absl::OkStatus();
-  });
-}
-
-grpc::Status StatusService::ListAgents(grpc::ServerContext* /*context*/,
-                                       const v1::ListAgentsRequest* request,
-                                       v1::ListAgentsResponse* response) {
-  return GuardedCall("ListAgents", [&] {
-    for (const AgentRecord& agent : directory_.List(request->rig())) {
-      *response->add_agents() = ToProto(agent);
-    }
-    return absl::OkStatus();
-  });
-}
-
-grpc::Status StatusService::GetPreview(grpc::ServerContext* context,
-                                       const v1::GetPreviewRequest* request,
-                                       v1::GetPreviewResponse* response) {
-  return GuardedCall("GetPreview", [&]() -> absl::Status {
-    RIGCAL_ASSIGN_OR_RETURN(PreviewBroker::CameraPreview picture,
-                            previews_.Get(request->rig(), request->camera(),
-                                          std::chrono::milliseconds(request->max_wait_ms()),
-                                          [context] { return context->IsCancelled(); }));
-    response->set_agent_id(picture.agent_id);
-    response->set_rig(picture.rig);
-    *response->mutable_info() = wire::ToProto(picture.preview.info, picture.preview.jpeg.size());
-    response->set_jpeg(std::move(picture.preview.jpeg));
+    store->set_size_bytes(health.size_bytes);
+    store->set_free_bytes(health.free_bytes);
     return absl::OkStatus();
   });
 }

@@ -4,11 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "rigcal/v1/status.grpc.pb.h"
+#include "rigcal/v1/status_service.grpc.pb.h"
 #include "server/ingest/ingest.h"
 #include "server/session/agent_directory.h"
 #include "server/session/calibration_runner.h"
-#include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
 #include "server/store/store.h"
 
@@ -19,22 +18,17 @@ class StatusService final : public v1::StatusService::Service {
  public:
   StatusService(const Store* store, const Ingest* ingest, const AgentDirectory* directory,
                 const SessionCoordinator* coordinator, const CalibrationRunner* runner,
-                PreviewBroker* previews, size_t ingest_queue_limit_bytes, int64_t start_utc_ns)
+                size_t ingest_queue_limit_bytes, int64_t start_utc_ns)
       : store_(*store),
         ingest_(*ingest),
         directory_(*directory),
         coordinator_(*coordinator),
         runner_(*runner),
-        previews_(*previews),
         ingest_queue_limit_bytes_(ingest_queue_limit_bytes),
         start_utc_ns_(start_utc_ns) {}
 
   grpc::Status GetStatus(grpc::ServerContext* context, const v1::GetStatusRequest* request,
-                         v1::ServerStatus* response) override;
-  grpc::Status ListAgents(grpc::ServerContext* context, const v1::ListAgentsRequest* request,
-                          v1::ListAgentsResponse* response) override;
-  grpc::Status GetPreview(grpc::ServerContext* context, const v1::GetPreviewRequest* request,
-                          v1::GetPreviewResponse* response) override;
+                         v1::GetStatusResponse* response) override;
 
  private:
   const Store& store_;
@@ -42,7 +36,6 @@ class StatusService final : public v1::StatusService::Service {
   const AgentDirectory& directory_;
   const SessionCoordinator& coordinator_;
   const CalibrationRunner& runner_;
-  PreviewBroker& previews_;
   const size_t ingest_queue_limit_bytes_;
   const int64_t start_utc_ns_;
 };

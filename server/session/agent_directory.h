@@ -13,31 +13,10 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "common/camera/camera_description.h"
+#include "common/session/agent.h"
 #include "server/session/agent_link.h"
 
 namespace rigcal::server {
-
-struct AnnouncedCamera {
-  CameraDescription description;
-  uint32_t stream_epoch = 1;  // new observations of this camera carry it
-};
-
-// Who an agent says it is.
-struct AgentRecord {
-  std::string agent_id;
-  uint32_t incarnation = 0;  // grows at each start of the agent
-  uint32_t connection = 0;   // grows at each connection within an incarnation
-  std::string host;
-  std::string software_version;
-  std::string rig;
-  std::vector<AnnouncedCamera> cameras;
-  bool takes_preview_requests = false;  // its wire version has them
-  // Filled by the directory.
-  bool connected = false;
-  int64_t connect_utc_ns = 0;
-  int64_t disconnect_utc_ns = 0;  // 0 while connected
-};
 
 struct AgentDirectoryOptions {
   size_t max_connected_agents = 256;

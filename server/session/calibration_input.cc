@@ -112,7 +112,7 @@ absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
     RIGCAL_RETURN_IF_ERROR(store.ReadObservations(id, "", [&](StoredBatch stored) -> absl::Status {
       if (cancelled) return absl::CancelledError("cancelled");
       if (stored.late) {
-        refused->Add(stored.batch.stream.camera, "late", UsableRowCount(stored),
+        refused->Add(stored.batch.stream.camera, RefusalReason::kLate, UsableRowCount(stored),
                      absl::StrCat("arrived after session '", id, "' was finished"));
         return absl::OkStatus();
       }

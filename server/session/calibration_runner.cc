@@ -8,9 +8,7 @@
 #include <set>
 #include <utility>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/strip.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/calibration_input.h"
@@ -21,24 +19,11 @@ namespace {
 
 constexpr int kCalibrationPageSize = 200;
 constexpr size_t kMaxUnsaved = 64;
-constexpr char kAttempt[] = "attempt ";
 constexpr std::string_view kCancelled = "cancelled";
 
 bool HasEnded(const Calibration& calibration) {
   return calibration.state == CalibrationState::kSucceeded ||
          calibration.state == CalibrationState::kFailed;
-}
-
-// A running calibration carries its attempt in its stored stage, which nobody sees while it runs:
-// the stage of a running one is shown from memory.
-int AttemptOf(const Calibration& calibration) {
-  absl::string_view stage = calibration.progress_stage;
-  int attempt = 0;
-  if (calibration.state == CalibrationState::kRunning && absl::ConsumePrefix(&stage, kAttempt) &&
-      absl::SimpleAtoi(stage, &attempt)) {
-    return attempt;
-  }
-  return 0;
 }
 
 void Fail(std::string error, Calibration* calibration) {
@@ -94,7 +79,6 @@ void CalibrationRunner::Shutdown() {
   wake_.notify_all();
   idle_.notify_all();
   if (thread_.joinable()) thread_.join();
-  changes_.Shutdown();
 }
 
 void CalibrationRunner::WaitIdle() {
@@ -103,14 +87,13 @@ void CalibrationRunner::WaitIdle() {
 }
 
 absl::Status CalibrationRunner::QueueUnfinished() {
-  std::string before;
+  ListPage next{.limit = kCalibrationPageSize};
   size_t page_size = 0;
   do {
-    RIGCAL_ASSIGN_OR_RETURN(const std::vector<Calibration> page,
-                            store_->ListCalibrations("", kCalibrationPageSize, before));
+    RIGCAL_ASSIGN_OR_RETURN(const auto page, store_->ListCalibrations({}, next));
     page_size = page.size();
-    for (const Calibration& calibration : page) {
-      before = calibration.id;
+    for (const auto& [calibration, position] : page) {
+      next.after = position;
       if (HasEnded(calibration)) continue;
       // A session that is gone ends the calibration with its name when its turn comes.
       auto hold = coordinator_->HoldSessions(calibration.session_ids);
@@ -171,11 +154,12 @@ absl::StatusOr<Calibration> CalibrationRunner::GetCalibration(std::string_view i
   return WithMemory(std::move(calibration));
 }
 
-absl::StatusOr<std::vector<Calibration>> CalibrationRunner::ListCalibrations(
-    std::string_view rig, int limit, std::string_view before) const {
-  RIGCAL_ASSIGN_OR_RETURN(std::vector<Calibration> calibrations,
-                          store_->ListCalibrations(rig, limit, before));
-  for (Calibration& calibration : calibrations) calibration = WithMemory(std::move(calibration));
+absl::StatusOr<std::vector<Listed<Calibration>>> CalibrationRunner::ListCalibrations(
+    const CalibrationFilter& filter, const ListPage& page) const {
+  RIGCAL_ASSIGN_OR_RETURN(auto calibrations, store_->ListCalibrations(filter, page));
+  for (auto& [calibration, position] : calibrations) {
+    calibration = WithMemory(std::move(calibration));
+  }
   return calibrations;
 }
 
@@ -216,10 +200,11 @@ absl::StatusOr<Calibration> CalibrationRunner::CancelCalibration(std::string_vie
   return calibration;
 }
 
-absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> CalibrationRunner::WatchCalibration(
-    std::string_view id) {
-  RIGCAL_RETURN_IF_ERROR(store_->GetCalibration(id).status());
-  return changes_.Add(id);
+absl::Status CalibrationRunner::DeleteCalibration(std::string_view id) {
+  RIGCAL_RETURN_IF_ERROR(store_->DeleteCalibration(id));
+  spdlog::info("calibration {}: deleted", id);
+  changes_.Notify(id);
+  return absl::OkStatus();
 }
 
 size_t CalibrationRunner::QueuedCount() const {
@@ -239,7 +224,7 @@ void CalibrationRunner::Run() {
       job = std::move(queue_.front());
       queue_.pop_front();
       running_id_ = job.id;
-      stage_ = "reading";
+      stage_ = CalibrationStage::kReading;
       fraction_ = 0;
       cancel_asked_ = false;
       interrupted_ = false;
@@ -279,8 +264,9 @@ void CalibrationRunner::RunJob(const Job& job) {
     calibration->error.clear();
     calibration->refused.clear();
     calibration->start_utc_ns = 0;
+    calibration->attempt_count = 0;
   }
-  calibration->progress_stage.clear();
+  calibration->progress_stage = CalibrationStage::kUnspecified;
   if (calibration->state != CalibrationState::kQueued) {
     calibration->end_utc_ns = UtcNowNs(options_.utc_now_ns);
   }
@@ -288,8 +274,7 @@ void CalibrationRunner::RunJob(const Job& job) {
 }
 
 absl::Status CalibrationRunner::Begin(Calibration* calibration) {
-  const int attempt = AttemptOf(*calibration) + 1;
-  if (attempt > options_.max_attempts) {
+  if (calibration->attempt_count >= static_cast<uint32_t>(options_.max_attempts)) {
     return absl::InternalError(
         absl::StrCat("the server ended ", options_.max_attempts,
                      " times while it ran this calibration (out of memory?); use fewer "
@@ -297,7 +282,7 @@ absl::Status CalibrationRunner::Begin(Calibration* calibration) {
   }
   calibration->state = CalibrationState::kRunning;
   calibration->start_utc_ns = UtcNowNs(options_.utc_now_ns);
-  calibration->progress_stage = absl::StrCat(kAttempt, attempt);
+  ++calibration->attempt_count;
   if (absl::Status status = store_->UpdateCalibration(*calibration); !status.ok()) {
     return absl::Status(status.code(),
                         absl::StrCat("the calibration cannot be begun: ", status.message()));
@@ -316,7 +301,7 @@ void CalibrationRunner::Solve(Calibration* calibration) {
                 calibration);
   }
   CalibrationHooks hooks;
-  hooks.progress = [this](std::string_view stage, double fraction) {
+  hooks.progress = [this](CalibrationStage stage, double fraction) {
     ReportProgress(stage, fraction);
   };
   hooks.cancelled = &interrupted_;
@@ -359,7 +344,7 @@ void CalibrationRunner::End(Calibration calibration) {
   changes_.Notify(calibration.id);
 }
 
-void CalibrationRunner::ReportProgress(std::string_view stage, double fraction) {
+void CalibrationRunner::ReportProgress(CalibrationStage stage, double fraction) {
   std::string id;
   {
     std::lock_guard lock(mutex_);

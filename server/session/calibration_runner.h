@@ -60,10 +60,8 @@ class CalibrationRunner {
   ~CalibrationRunner();
 
   void Start();
-  // Stops the running calibration, which is queued again at the next start, and ends every watch.
+  // Stops the running calibration, which is queued again at the next start.
   void Shutdown();
-  // Ends every watch; no new ones begin.
-  void EndWatches() { changes_.Shutdown(); }
   // Returns when nothing is queued or running. Only between Start and Shutdown.
   void WaitIdle();
 
@@ -71,11 +69,15 @@ class CalibrationRunner {
   absl::StatusOr<Calibration> CreateCalibration(std::vector<std::string> session_ids,
                                                 CalibrationOptions options);
   absl::StatusOr<Calibration> GetCalibration(std::string_view id) const;
-  // Newest first, at most `limit`, those older than `before` (empty: from the newest).
-  absl::StatusOr<std::vector<Calibration>> ListCalibrations(std::string_view rig, int limit,
-                                                            std::string_view before) const;
+  absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(const CalibrationFilter& filter,
+                                                                    const ListPage& page) const;
   absl::StatusOr<Calibration> CancelCalibration(std::string_view id);
-  absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchCalibration(std::string_view id);
+  absl::Status DeleteCalibration(std::string_view id);
+  // As ChangeNotifier::Add, also for a calibration that does not exist.
+  absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchCalibration(
+      std::string_view id, std::function<void()> wake) {
+    return changes_.Add(id, std::move(wake));
+  }
   size_t QueuedCount() const;
 
  private:
@@ -92,7 +94,7 @@ class CalibrationRunner {
   absl::Status Begin(Calibration* calibration);
   void Solve(Calibration* calibration);
   void End(Calibration calibration);
-  void ReportProgress(std::string_view stage, double fraction);
+  void ReportProgress(CalibrationStage stage, double fraction);
   Calibration WithMemory(Calibration calibration) const;
 
   const CalibrationRunnerOptions options_;
@@ -107,7 +109,7 @@ class CalibrationRunner {
   std::condition_variable idle_;
   std::deque<Job> queue_;
   std::string running_id_;  // empty: none
-  std::string stage_;
+  CalibrationStage stage_ = CalibrationStage::kUnspecified;
   double fraction_ = 0;
   std::chrono::steady_clock::time_point last_notification_;
   // Ended, but the store refused to take it: shown as failed until the next start tries again.

@@ -38,21 +38,21 @@ std::string ConnectedText(const std::vector<AgentRecord>& agents) {
                       count > names.size() ? " and others" : "");
 }
 
-absl::StatusCode CodeOf(PreviewRefusal refusal) {
-  switch (refusal) {
-    case PreviewRefusal::kNone:
+absl::StatusCode CodeOf(PreviewStatus status) {
+  switch (status) {
+    case PreviewStatus::kOk:
       return absl::StatusCode::kOk;
-    case PreviewRefusal::kDisabled:
-    case PreviewRefusal::kNoFrames:
-    case PreviewRefusal::kNotCapturing:
+    case PreviewStatus::kDisabled:
+    case PreviewStatus::kNoFrames:
+    case PreviewStatus::kNotCapturing:
       return absl::StatusCode::kFailedPrecondition;
-    case PreviewRefusal::kUnknownCamera:
+    case PreviewStatus::kUnknownCamera:
       return absl::StatusCode::kNotFound;
-    case PreviewRefusal::kTooOften:
+    case PreviewStatus::kTooOften:
       return absl::StatusCode::kResourceExhausted;
-    case PreviewRefusal::kTimedOut:
+    case PreviewStatus::kTimedOut:
       return absl::StatusCode::kAborted;
-    case PreviewRefusal::kFailed:
+    case PreviewStatus::kFailed:
       break;
   }
   return absl::StatusCode::kInternal;
@@ -102,11 +102,6 @@ absl::StatusOr<AgentDirectory::ConnectedCamera> PreviewBroker::Find(const std::s
   if (here == nullptr) {
     return absl::NotFoundError(absl::StrCat("no agent has a camera '", rig, rig.empty() ? "" : "/",
                                             camera, "'; ", ConnectedText(directory_.List(""))));
-  }
-  if (!here->takes_preview_requests) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("agent '", here->agent_id, "' on host '", here->host, "' is of release ",
-                     here->software_version, ", which has no previews; update it"));
   }
   *found_rig = here->rig;
   for (AgentDirectory::ConnectedCamera& connected : directory_.ConnectedCameras(here->rig)) {
@@ -166,8 +161,8 @@ absl::StatusOr<PreviewBroker::CameraPreview> PreviewBroker::Get(
   if (!rig.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("rig", rig));
   if (wait.count() <= 0) wait = options_.default_wait;
   if (wait > options_.longest_wait) {
-    return absl::InvalidArgumentError(absl::StrCat("max_wait_ms is ", wait.count(), ", at most ",
-                                                   options_.longest_wait.count(), " are allowed"));
+    return absl::InvalidArgumentError(absl::StrCat("max_wait is ", wait.count(), " ms, at most ",
+                                                   options_.longest_wait.count(), " ms are allowed"));
   }
   CameraPreview result;
   RIGCAL_ASSIGN_OR_RETURN(const AgentDirectory::ConnectedCamera connected,
@@ -180,8 +175,8 @@ absl::StatusOr<PreviewBroker::CameraPreview> PreviewBroker::Get(
                                       .max_wait_ms = static_cast<uint32_t>(wait.count())});
   RIGCAL_ASSIGN_OR_RETURN(result.preview, Await(id, wait + options_.answer_grace, is_cancelled));
   const Preview& preview = result.preview;
-  if (preview.refusal != PreviewRefusal::kNone) {
-    return absl::Status(CodeOf(preview.refusal), preview.message);
+  if (preview.status != PreviewStatus::kOk) {
+    return absl::Status(CodeOf(preview.status), preview.message);
   }
   if (preview.info.camera != camera || preview.jpeg.size() > options_.max_jpeg_bytes) {
     return absl::InternalError(absl::StrCat("agent '", result.agent_id, "' answered with ",

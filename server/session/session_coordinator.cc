@@ -65,15 +65,13 @@ SessionCoordinator::~SessionCoordinator() { Shutdown(); }
 
 void SessionCoordinator::Shutdown() {
   tasks_.Shutdown();
-  changes_.Shutdown();
 }
 
 absl::Status SessionCoordinator::Load() {
-  std::string before;
+  ListPage next{.limit = kSessionPageSize};
   while (true) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::vector<Session> page,
-                            store_->ListSessions("", kSessionPageSize, before));
-    for (const Session& session : page) {
+    RIGCAL_ASSIGN_OR_RETURN(const auto page, store_->ListSessions({}, next));
+    for (const auto& [session, position] : page) {
       contexts_.Put(session);
       if (session.state != SessionState::kCapturing && session.state != SessionState::kDraining) {
         continue;
@@ -83,7 +81,7 @@ absl::Status SessionCoordinator::Load() {
                    session.cameras.size());
     }
     if (page.size() < static_cast<size_t>(kSessionPageSize)) return absl::OkStatus();
-    before = page.back().id;
+    next.after = page.back().position;
   }
 }
 
@@ -196,12 +194,6 @@ absl::StatusOr<SessionView> SessionCoordinator::Describe(Session session) const 
   view.connected_cameras = directory_->ConnectedCameraNames(session.rig);
   view.session = std::move(session);
   return view;
-}
-
-absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> SessionCoordinator::WatchSession(
-    std::string_view id) {
-  RIGCAL_RETURN_IF_ERROR(store_->GetSession(id).status());
-  return changes_.Add(id);
 }
 
 absl::StatusOr<std::unique_ptr<SessionHold>> SessionCoordinator::HoldSessions(

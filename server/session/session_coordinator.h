@@ -84,10 +84,8 @@ class SessionCoordinator final : public StreamContextSource {
 
   // Starts the thread that sends commands and finishes sessions.
   void Start() { tasks_.Start(); }
-  // Ends the thread and every watch. Sessions stay as they are.
+  // Ends the thread. Sessions stay as they are.
   void Shutdown();
-  // Ends every watch; no new ones begin.
-  void EndWatches() { changes_.Shutdown(); }
   // Returns when all commands have been sent and all finished sessions are stored (deadlines not
   // awaited). Only between Start and Shutdown.
   void WaitIdle() { tasks_.WaitIdle(); }
@@ -100,8 +98,11 @@ class SessionCoordinator final : public StreamContextSource {
   absl::Status DeleteSession(std::string_view id);
   absl::StatusOr<SessionView> GetSession(std::string_view id) const;
   absl::StatusOr<SessionView> Describe(Session session) const;
-  // NOT_FOUND, RESOURCE_EXHAUSTED.
-  absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchSession(std::string_view id);
+  // As ChangeNotifier::Add, also for a session that does not exist.
+  absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchSession(std::string_view id,
+                                                                      std::function<void()> wake) {
+    return changes_.Add(id, std::move(wake));
+  }
   // NOT_FOUND names the first session that does not exist.
   absl::StatusOr<std::unique_ptr<SessionHold>> HoldSessions(std::vector<std::string> ids);
   size_t SessionCount() const { return contexts_.size(); }

@@ -112,9 +112,9 @@ absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session
 absl::StatusOr<double> DrainTimeout(double asked_s) {
   if (asked_s == 0) return kDefaultDrainTimeoutS;
   if (asked_s > 0 && asked_s <= kMaxDrainTimeoutS) return asked_s;
-  return absl::InvalidArgumentError(absl::StrCat("drain_timeout_s is ", asked_s,
-                                                 "; it must be 0 (10 s) or above 0 and at most ",
-                                                 kMaxDrainTimeoutS));
+  return absl::InvalidArgumentError(absl::StrCat("drain_timeout is ", asked_s,
+                                                 " s; it must be 0 (10 s) or above 0 and at most ",
+                                                 kMaxDrainTimeoutS, " s"));
 }
 
 }  // namespace rigcal::server

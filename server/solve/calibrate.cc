@@ -171,7 +171,9 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
   if (!solve.estimate_time_offsets) return SolveAndEvaluate(rig, clocks, solve, options);
   TimeSearchOptions search;
   search.cancelled = solve.cancelled;
-  search.progress = [&solve](double fraction) { solve.progress("searching times", fraction); };
+  search.progress = [&solve](double fraction) {
+    solve.progress(CalibrationStage::kSearchingTimeOffsets, fraction);
+  };
   std::vector<ClockCorrection> found = clocks;
   RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, search, &found));
   absl::StatusOr<EvaluatedSolution> evaluated = SolveAndEvaluate(rig, found, solve, options);
@@ -189,10 +191,10 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
                                       const CalibrationOptions& options,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
-  const auto progress = [&hooks](std::string_view stage, double fraction) {
+  const auto progress = [&hooks](CalibrationStage stage, double fraction) {
     if (hooks.progress) hooks.progress(stage, fraction);
   };
-  progress("associating", 0);
+  progress(CalibrationStage::kAssociating, 0);
   const std::map<std::string, CameraCounts> counts = CountInput(input);
   RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
   RigObservations rig;
@@ -226,7 +228,7 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   }
   RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution evaluated,
                           SearchAndSolve(rig, clocks, solve, options));
-  progress("reporting", 1);
+  progress(CalibrationStage::kReporting, 1);
   if (hooks.solved) hooks.solved(rig, evaluated.solution);
   return ReportCalibration({rig, evaluated, options, counts}, refused);
 }

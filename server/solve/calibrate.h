@@ -3,12 +3,12 @@
 
 #include <atomic>
 #include <functional>
-#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
+#include "common/calibration/calibration_stage.h"
 #include "server/associate/camera_track.h"
 
 namespace rigcal::server {
@@ -23,8 +23,8 @@ struct CalibrationInput {
 };
 
 struct CalibrationHooks {
-  // Called now and then from the solving thread: stage ("associating") and fraction 0 to 1.
-  std::function<void(std::string_view stage, double fraction)> progress;
+  // Called from time to time from the solving thread: the stage and how much of it is done, 0 to 1.
+  std::function<void(CalibrationStage stage, double fraction)> progress;
   // Looked at between iterations; true ends the solve with CANCELLED.
   const std::atomic<bool>* cancelled = nullptr;
   // Called once from the solving thread with the solve that is published, before it is reported:

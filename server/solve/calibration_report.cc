@@ -108,27 +108,28 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 "alone_in_instant", input.evaluated.solution.instants.alone_count[t],
+                 RefusalReason::kAloneInInstant, input.evaluated.solution.instants.alone_count[t],
                  "no other camera saw the wand at that time");
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 "not_nearest_in_instant", input.evaluated.solution.instants.skipped_count[t],
+                 RefusalReason::kNotNearestInInstant, input.evaluated.solution.instants.skipped_count[t],
                  "it saw the wand again nearer the instant that it shares with other cameras");
   }
   for (const BundleInstant& instant : problem.instants) {
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const std::string& camera = problem.cameras[static_cast<size_t>(observation.camera)].name;
       if (!instant.used) {
-        refused->Add(camera, "instant_without_pose", 1,
+        refused->Add(camera, RefusalReason::kInstantWithoutPose, 1,
                      "too few markers in common to place the wand");
         continue;
       }
-      refused->Add(camera, "label_turned", IsFlipped(input.evaluated.solution, observation) ? 1 : 0,
+      refused->Add(camera, RefusalReason::kLabelsFlipped, IsFlipped(input.evaluated.solution, observation) ? 1 : 0,
                    "labels fit the other cameras when counted from the other end");
       uint32_t outliers = 0;
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         outliers += marker.used ? 0 : 1;
       }
-      refused->Add(camera, "gross_outlier", outliers, "markers far from where the others put them");
+      refused->Add(camera, RefusalReason::kOutlier, outliers,
+                   "markers far from where the others put them");
     }
   }
 }
@@ -251,6 +252,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
         problem, input.evaluated.options.reference_camera, *input.evaluated.uncertainty);
   }
   result.findings = FindCauses(input.rig, input.evaluated, result);
+  for (Finding& finding : result.findings) finding.severity = SeverityOf(result, finding);
   result.quality = GradeQuality(result);
   result.observation_digest = Digest(input);
   return result;

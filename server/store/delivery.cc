@@ -19,12 +19,9 @@ size_t Delivery::Bytes() const {
                  ColumnBytes(batch.centre_kind) + ColumnBytes(batch.clock_samples) +
                  ColumnBytes(batch.host_alignments) + ColumnBytes(batch.dropped) +
                  ColumnBytes(refused_rows);
-  for (const DroppedRange& dropped : batch.dropped) bytes += dropped.reason.capacity();
   if (!report) return bytes;
   bytes += ColumnBytes(report->refused);
-  for (const Refusal& refusal : report->refused) {
-    bytes += refusal.reason.capacity() + refusal.example.capacity();
-  }
+  for (const Refusal& refusal : report->refused) bytes += refusal.example.capacity();
   return bytes;
 }
 

@@ -13,6 +13,7 @@
 #include "common/calibration/calibration_record.h"
 #include "common/session/session.h"
 #include "server/store/delivery.h"
+#include "server/store/record_list.h"
 
 namespace rigcal::server {
 
@@ -46,9 +47,9 @@ class Store {
   // FAILED_PRECONDITION: it would lose a camera that has observations.
   virtual absl::Status UpdateSession(const Session& session) = 0;
   virtual absl::StatusOr<Session> GetSession(std::string_view id) const = 0;
-  // Newest first, at most `limit`, those older than session `before` (empty: from the newest).
-  virtual absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
-                                                            std::string_view before) const = 0;
+  // INVALID_ARGUMENT: the limit.
+  virtual absl::StatusOr<std::vector<Listed<Session>>> ListSessions(const SessionFilter& filter,
+                                                                    const ListPage& page) const = 0;
   virtual absl::StatusOr<uint32_t> CountSessions() const = 0;
   virtual absl::Status DeleteSession(std::string_view id) = 0;
   // One per camera of the session, in the order of their names.
@@ -76,9 +77,11 @@ class Store {
   // FAILED_PRECONDITION: it has ended and is immutable.
   virtual absl::Status UpdateCalibration(const Calibration& calibration) = 0;
   virtual absl::StatusOr<Calibration> GetCalibration(std::string_view id) const = 0;
-  // As ListSessions.
-  virtual absl::StatusOr<std::vector<Calibration>> ListCalibrations(
-      std::string_view rig, int limit, std::string_view before) const = 0;
+  // As ListSessions. Without the covariances of the cameras.
+  virtual absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
+      const CalibrationFilter& filter, const ListPage& page) const = 0;
+  // FAILED_PRECONDITION: it is queued or running.
+  virtual absl::Status DeleteCalibration(std::string_view id) = 0;
 };
 
 }  // namespace rigcal::server

@@ -20,10 +20,11 @@ std::string Trimmed(const std::string& line) {
 
 TEST(ProtoDocumentation, EverythingSaysWhatItMeans) {
   const std::regex needs_words(
-      R"(^((repeated |optional )?[A-Za-z][\w.]* \w+ = \d+;|(message|enum|rpc|service) \w+))");
+      R"(^((repeated |optional )?[A-Za-z][\w.]* \w+ = \d+;|[A-Z][A-Z0-9_]+ = \d+;|(message|enum|rpc|service) \w+))");
   int items = 0;
   for (const auto& entry :
-       fs::directory_iterator(fs::path(RIGCAL_SOURCE_DIR) / "proto" / "rigcal" / "v1")) {
+       fs::recursive_directory_iterator(fs::path(RIGCAL_SOURCE_DIR) / "proto")) {
+    if (entry.path().extension() != ".proto") continue;
     std::ifstream stream(entry.path());
     std::string previous;
     int number = 0;

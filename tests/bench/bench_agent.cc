@@ -14,7 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/protocol_version.h"
-#include "rigcal/v1/agent.grpc.pb.h"
+#include "rigcal/v1/ingest_service.grpc.pb.h"
 
 namespace rigcal::bench {
 namespace {
@@ -23,8 +23,8 @@ using Clock = std::chrono::steady_clock;
 
 double Seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
-v1::AgentMessage Hello(int agent) {
-  v1::AgentMessage message;
+v1::ConnectRequest Hello(int agent) {
+  v1::ConnectRequest message;
   v1::AgentHello* hello = message.mutable_hello();
   *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
   hello->set_agent_id(absl::StrCat("bench-agent-", agent));
@@ -43,8 +43,8 @@ v1::AgentMessage Hello(int agent) {
   return message;
 }
 
-v1::AgentMessage Batch(const LoadOptions& options, int agent) {
-  v1::AgentMessage message;
+v1::ConnectRequest Batch(const LoadOptions& options, int agent) {
+  v1::ConnectRequest message;
   v1::ObservationBatch* batch = message.mutable_batch();
   batch->set_session_id(options.session_id);
   batch->set_camera(BenchCameraName(agent));
@@ -75,13 +75,13 @@ class BenchAgent {
     arguments.SetInt("grpc.use_local_subchannel_pool", 1);
     channel_ =
         grpc::CreateCustomChannel(options.address, grpc::InsecureChannelCredentials(), arguments);
-    stub_ = v1::AgentService::NewStub(channel_);
+    stub_ = v1::IngestService::NewStub(channel_);
     stream_ = stub_->Connect(&context_);
   }
 
   // Sends a hello and waits for the reply.
   bool Greet() {
-    v1::ServerMessage answer;
+    v1::ConnectResponse answer;
     return stream_->Write(Hello(agent_)) && stream_->Read(&answer) && answer.has_hello();
   }
 
@@ -123,7 +123,7 @@ class BenchAgent {
   }
 
   void ReadAcks() {
-    v1::ServerMessage message;
+    v1::ConnectResponse message;
     size_t next = 0;
     while (!complete() && stream_->Read(&message)) {
       if (!message.has_ack()) continue;
@@ -147,11 +147,11 @@ class BenchAgent {
 
   const LoadOptions options_;
   const int agent_;
-  v1::AgentMessage message_;
+  v1::ConnectRequest message_;
   grpc::ClientContext context_;
   std::shared_ptr<grpc::Channel> channel_;
-  std::unique_ptr<v1::AgentService::Stub> stub_;
-  std::unique_ptr<grpc::ClientReaderWriter<v1::AgentMessage, v1::ServerMessage>> stream_;
+  std::unique_ptr<v1::IngestService::Stub> stub_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::ConnectRequest, v1::ConnectResponse>> stream_;
   std::mutex mutex_;
   std::condition_variable room_;
   std::vector<Sent> sent_;

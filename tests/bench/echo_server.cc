@@ -7,12 +7,12 @@
 #include <memory>
 #include <string>
 
-#include "rigcal/v1/agent.grpc.pb.h"
+#include "rigcal/v1/ingest_service.grpc.pb.h"
 
 namespace rigcal::bench {
 namespace {
 
-class EchoReactor : public grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage> {
+class EchoReactor : public grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse> {
  public:
   EchoReactor() { StartRead(&message_); }
 
@@ -35,13 +35,13 @@ class EchoReactor : public grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerM
   void OnDone() override { delete this; }
 
  private:
-  v1::AgentMessage message_;
-  v1::ServerMessage answer_;
+  v1::ConnectRequest message_;
+  v1::ConnectResponse answer_;
 };
 
-class EchoService : public v1::AgentService::CallbackService {
+class EchoService : public v1::IngestService::CallbackService {
  public:
-  grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* Connect(
+  grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* Connect(
       grpc::CallbackServerContext*) override {
     return new EchoReactor;
   }

@@ -32,38 +32,41 @@ class FakeServer::Sessions : public v1::SessionService::Service {
   explicit Sessions(FakeServer& fake) : fake_(fake) {}
 
   grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest* request,
-                             v1::Session* response) override {
+                             v1::CreateSessionResponse* out) override {
     const std::lock_guard lock(fake_.mutex);
     if (auto failure = fake_.FailureOf("CreateSession"); !failure.ok()) return failure;
+    v1::Session* response = out->mutable_session();
     fake_.created_session = *request;
     response->set_id(request->id().empty() ? "made" : request->id());
     response->set_rig(request->rig());
     response->set_title(request->title());
-    response->set_state(v1::Session::CREATED);
+    response->set_state(v1::Session::STATE_CREATED);
     *response->mutable_target() = request->target();
     fake_.sessions[response->id()] = *response;
     return grpc::Status::OK;
   }
   grpc::Status StartSession(grpc::ServerContext*, const v1::StartSessionRequest* request,
-                            v1::Session* response) override {
-    return Change("StartSession", request->id(), v1::Session::CAPTURING, response);
+                            v1::StartSessionResponse* out) override {
+    return Change("StartSession", request->id(), v1::Session::STATE_CAPTURING,
+                  out->mutable_session());
   }
   grpc::Status StopSession(grpc::ServerContext*, const v1::StopSessionRequest* request,
-                           v1::Session* response) override {
+                           v1::StopSessionResponse* out) override {
     {
       const std::lock_guard lock(fake_.mutex);
       fake_.stopped_session = *request;
     }
-    return Change("StopSession", request->id(), v1::Session::DRAINING, response);
+    return Change("StopSession", request->id(), v1::Session::STATE_DRAINING,
+                  out->mutable_session());
   }
   grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
-                          v1::Session* response) override {
+                          v1::GetSessionResponse* out) override {
     const std::lock_guard lock(fake_.mutex);
     if (auto failure = fake_.FailureOf("GetSession"); !failure.ok()) return failure;
     const auto found = fake_.sessions.find(request->id());
     if (found == fake_.sessions.end()) return NotFound("session", request->id());
     if (fake_.on_get_session) fake_.on_get_session(found->second);
-    *response = found->second;
+    *out->mutable_session() = found->second;
     return grpc::Status::OK;
   }
   grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
@@ -72,7 +75,8 @@ class FakeServer::Sessions : public v1::SessionService::Service {
     if (auto failure = fake_.FailureOf("ListSessions"); !failure.ok()) return failure;
     std::vector<v1::Session> all;
     for (const auto& [id, session] : fake_.sessions) {
-      if (request->rig().empty() || session.rig() == request->rig()) all.push_back(session);
+      const std::string of_rig = "rig=\"" + session.rig() + "\"";
+      if (request->filter().empty() || request->filter() == of_rig) all.push_back(session);
     }
     const auto [begin, end] =
         Page(*request, fake_.page_size, all.size(), response->mutable_next_page_token());
@@ -86,7 +90,7 @@ class FakeServer::Sessions : public v1::SessionService::Service {
     return grpc::Status::OK;
   }
   grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest* request,
-                            grpc::ServerWriter<v1::Session>* writer) override {
+                            grpc::ServerWriter<v1::WatchSessionResponse>* writer) override {
     Watch watch;
     {
       const std::lock_guard lock(fake_.mutex);
@@ -94,14 +98,22 @@ class FakeServer::Sessions : public v1::SessionService::Service {
       watch = std::move(fake_.watches.front());
       fake_.watches.pop_front();
     }
-    for (const v1::Session& message : watch.messages) writer->Write(message);
+    for (const v1::Session& message : watch.messages) {
+      v1::WatchSessionResponse response;
+      *response.mutable_session() = message;
+      writer->Write(response);
+    }
     return watch.end;
   }
   grpc::Status ReadObservations(grpc::ServerContext*, const v1::ReadObservationsRequest* request,
-                                grpc::ServerWriter<v1::ObservationBatch>* writer) override {
+                                grpc::ServerWriter<v1::ReadObservationsResponse>* writer) override {
     const std::lock_guard lock(fake_.mutex);
     fake_.read_observations = *request;
-    for (const v1::ObservationBatch& batch : fake_.observations) writer->Write(batch);
+    for (const v1::ObservationBatch& batch : fake_.observations) {
+      v1::ReadObservationsResponse response;
+      *response.mutable_batch() = batch;
+      writer->Write(response);
+    }
     return fake_.FailureOf("ReadObservations");
   }
 
@@ -125,30 +137,32 @@ class FakeServer::Calibrations : public v1::CalibrationService::Service {
   explicit Calibrations(FakeServer& fake) : fake_(fake) {}
 
   grpc::Status CreateCalibration(grpc::ServerContext*, const v1::CreateCalibrationRequest* request,
-                                 v1::Calibration* response) override {
+                                 v1::CreateCalibrationResponse* out) override {
     const std::lock_guard lock(fake_.mutex);
     if (auto failure = fake_.FailureOf("CreateCalibration"); !failure.ok()) return failure;
     fake_.created_calibration = *request;
+    v1::Calibration* response = out->mutable_calibration();
     response->set_id("cal-new");
-    response->set_state(v1::Calibration::QUEUED);
+    response->set_state(v1::Calibration::STATE_QUEUED);
     *response->mutable_session_ids() = request->session_ids();
     // What it will become, where a test has said so.
     fake_.calibrations.try_emplace(response->id(), *response);
     return grpc::Status::OK;
   }
   grpc::Status GetCalibration(grpc::ServerContext*, const v1::GetCalibrationRequest* request,
-                              v1::Calibration* response) override {
+                              v1::GetCalibrationResponse* out) override {
     const std::lock_guard lock(fake_.mutex);
     if (auto failure = fake_.FailureOf("GetCalibration"); !failure.ok()) return failure;
     const auto found = fake_.calibrations.find(request->id());
     if (found == fake_.calibrations.end()) return NotFound("calibration", request->id());
     if (fake_.on_get_calibration) fake_.on_get_calibration(found->second);
-    *response = found->second;
+    *out->mutable_calibration() = found->second;
     return grpc::Status::OK;
   }
   grpc::Status ListCalibrations(grpc::ServerContext*, const v1::ListCalibrationsRequest* request,
                                 v1::ListCalibrationsResponse* response) override {
     const std::lock_guard lock(fake_.mutex);
+    fake_.listed_calibrations = *request;
     std::vector<v1::Calibration> all;
     for (const auto& [id, calibration] : fake_.calibrations) all.push_back(calibration);
     const auto [begin, end] =
@@ -157,14 +171,38 @@ class FakeServer::Calibrations : public v1::CalibrationService::Service {
     return grpc::Status::OK;
   }
   grpc::Status CancelCalibration(grpc::ServerContext*, const v1::CancelCalibrationRequest* request,
-                                 v1::Calibration* response) override {
+                                 v1::CancelCalibrationResponse* out) override {
     const std::lock_guard lock(fake_.mutex);
     const auto found = fake_.calibrations.find(request->id());
     if (found == fake_.calibrations.end()) return NotFound("calibration", request->id());
-    found->second.set_state(v1::Calibration::FAILED);
+    found->second.set_state(v1::Calibration::STATE_FAILED);
     found->second.set_error("cancelled");
-    *response = found->second;
+    *out->mutable_calibration() = found->second;
     return grpc::Status::OK;
+  }
+  grpc::Status DeleteCalibration(grpc::ServerContext*, const v1::DeleteCalibrationRequest* request,
+                                 v1::DeleteCalibrationResponse*) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (fake_.calibrations.erase(request->id()) == 0) return NotFound("calibration", request->id());
+    return grpc::Status::OK;
+  }
+  grpc::Status WatchCalibration(grpc::ServerContext*, const v1::WatchCalibrationRequest*,
+                                grpc::ServerWriter<v1::WatchCalibrationResponse>* writer) override {
+    CalibrationWatch watch;
+    {
+      const std::lock_guard lock(fake_.mutex);
+      if (fake_.calibration_watches.empty()) {
+        return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "too many clients are watching");
+      }
+      watch = std::move(fake_.calibration_watches.front());
+      fake_.calibration_watches.pop_front();
+    }
+    for (const v1::Calibration& message : watch.messages) {
+      v1::WatchCalibrationResponse response;
+      *response.mutable_calibration() = message;
+      writer->Write(response);
+    }
+    return watch.end;
   }
   grpc::Status GetAccuracy(grpc::ServerContext*, const v1::GetAccuracyRequest* request,
                            v1::GetAccuracyResponse* response) override {
@@ -186,17 +224,35 @@ class FakeServer::Status : public v1::StatusService::Service {
   explicit Status(FakeServer& fake) : fake_(fake) {}
 
   grpc::Status GetStatus(grpc::ServerContext*, const v1::GetStatusRequest*,
-                         v1::ServerStatus* response) override {
+                         v1::GetStatusResponse* response) override {
     const std::lock_guard lock(fake_.mutex);
     *response = fake_.status;
     return fake_.FailureOf("GetStatus");
   }
+
+ private:
+  FakeServer& fake_;
+};
+
+class FakeServer::Agents : public v1::AgentService::Service {
+ public:
+  explicit Agents(FakeServer& fake) : fake_(fake) {}
+
   grpc::Status ListAgents(grpc::ServerContext*, const v1::ListAgentsRequest*,
                           v1::ListAgentsResponse* response) override {
     const std::lock_guard lock(fake_.mutex);
     *response = fake_.agents;
     return fake_.FailureOf("ListAgents");
   }
+
+ private:
+  FakeServer& fake_;
+};
+
+class FakeServer::Cameras : public v1::CameraService::Service {
+ public:
+  explicit Cameras(FakeServer& fake) : fake_(fake) {}
+
   grpc::Status GetPreview(grpc::ServerContext*, const v1::GetPreviewRequest* request,
                           v1::GetPreviewResponse* response) override {
     const std::lock_guard lock(fake_.mutex);
@@ -212,12 +268,16 @@ class FakeServer::Status : public v1::StatusService::Service {
 FakeServer::FakeServer()
     : session_service_(std::make_unique<Sessions>(*this)),
       calibration_service_(std::make_unique<Calibrations>(*this)),
+      agent_service_(std::make_unique<Agents>(*this)),
+      camera_service_(std::make_unique<Cameras>(*this)),
       status_service_(std::make_unique<Status>(*this)) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::ServerBuilder builder;
   builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
   builder.RegisterService(session_service_.get());
   builder.RegisterService(calibration_service_.get());
+  builder.RegisterService(agent_service_.get());
+  builder.RegisterService(camera_service_.get());
   builder.RegisterService(status_service_.get());
   server_ = builder.BuildAndStart();
   if (server_ == nullptr) throw std::runtime_error("the fake server does not start");

@@ -11,9 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "rigcal/v1/calibration.grpc.pb.h"
-#include "rigcal/v1/session.grpc.pb.h"
-#include "rigcal/v1/status.grpc.pb.h"
+#include "rigcal/v1/agent_service.grpc.pb.h"
+#include "rigcal/v1/calibration_service.grpc.pb.h"
+#include "rigcal/v1/camera_service.grpc.pb.h"
+#include "rigcal/v1/session_service.grpc.pb.h"
+#include "rigcal/v1/status_service.grpc.pb.h"
 
 namespace rigcal::testing {
 
@@ -36,7 +38,7 @@ class FakeServer {
   std::map<std::string, v1::Calibration> calibrations;
   v1::GetAccuracyResponse accuracy;  // of any calibration that exists
   v1::ListAgentsResponse agents;
-  v1::ServerStatus status;
+  v1::GetStatusResponse status;
   v1::GetPreviewResponse preview;
   std::vector<v1::ObservationBatch> observations;
   // Calls of these methods ("GetSession") end with this status.
@@ -47,6 +49,12 @@ class FakeServer {
     grpc::Status end;
   };
   std::deque<Watch> watches;
+  // The same of WatchCalibration; without one it is RESOURCE_EXHAUSTED.
+  struct CalibrationWatch {
+    std::vector<v1::Calibration> messages;
+    grpc::Status end;
+  };
+  std::deque<CalibrationWatch> calibration_watches;
   // Entries per page of a list, whatever is asked. 0: as asked.
   int page_size = 0;
   // Called with a session or calibration before it is returned by Get, to let it go on.
@@ -58,17 +66,22 @@ class FakeServer {
   v1::StopSessionRequest stopped_session;
   v1::CreateCalibrationRequest created_calibration;
   v1::ReadObservationsRequest read_observations;
+  v1::ListCalibrationsRequest listed_calibrations;
   v1::GetAccuracyRequest asked_accuracy;
   v1::GetPreviewRequest asked_preview;
 
  private:
   class Sessions;
   class Calibrations;
+  class Agents;
+  class Cameras;
   class Status;
   grpc::Status FailureOf(const std::string& method);
 
   std::unique_ptr<Sessions> session_service_;
   std::unique_ptr<Calibrations> calibration_service_;
+  std::unique_ptr<Agents> agent_service_;
+  std::unique_ptr<Cameras> camera_service_;
   std::unique_ptr<Status> status_service_;
   std::unique_ptr<grpc::Server> server_;
   int port_ = 0;

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "common/wire/camera_wire.h"
+#include "common/wire/time_wire.h"
 
 namespace rigcal::testing {
 namespace {
@@ -34,12 +35,13 @@ void AddCamera(const std::string& name, const RigidTransform& cam_from_rig,
   camera->set_time_epoch_s(12.5);
   camera->set_time_offset_estimated(true);
   v1::Residuals* residuals = camera->mutable_residuals();
-  residuals->set_mean_px(0.5);
-  residuals->set_rms_px(0.75);
-  residuals->set_median_px(0.25);
-  residuals->set_p95_px(1.5);
+  v1::ErrorFigures* all = residuals->mutable_all();
+  all->set_mean_px(0.5);
+  all->set_rms_px(0.75);
+  all->set_median_px(0.25);
+  all->set_p95_px(1.5);
+  all->set_marker_count(1800);
   residuals->set_observation_count(600);
-  residuals->set_marker_count(1800);
   residuals->set_outlier_count(12);
   SetFigures(1, residuals->mutable_inlier());
   SetFigures(2, camera->mutable_held_out());
@@ -52,9 +54,9 @@ void AddCamera(const std::string& name, const RigidTransform& cam_from_rig,
   camera->set_wand_count(610);
 }
 
-v1::Refusal MakeRefusal(const std::string& camera, const std::string& reason, uint32_t count,
-                        const std::string& example) {
-  v1::Refusal refusal;
+v1::RefusalCount MakeRefusal(const std::string& camera, v1::RefusalReason reason, uint32_t count,
+                             const std::string& example) {
+  v1::RefusalCount refusal;
   refusal.set_camera(camera);
   refusal.set_reason(reason);
   refusal.set_count(count);
@@ -63,7 +65,7 @@ v1::Refusal MakeRefusal(const std::string& camera, const std::string& reason, ui
 }
 
 void SetTarget(v1::Target* target) {
-  target->set_kind(v1::Target::WAND);
+  target->set_kind(v1::Target::KIND_WAND);
   for (const double position_m : {0.0, 0.13, 0.39}) target->add_marker_positions_m(position_m);
   target->set_span_tolerance_m(0.002);
 }
@@ -76,7 +78,7 @@ v1::Calibration FullCalibration(const std::string& id) {
   calibration.set_rig("rig");
   calibration.set_version(3);
   calibration.add_session_ids("wave");
-  calibration.set_state(v1::Calibration::SUCCEEDED);
+  calibration.set_state(v1::Calibration::STATE_SUCCEEDED);
   calibration.set_scale_known(true);
   calibration.set_reference_camera("left");
   calibration.set_instant_count(614);
@@ -97,18 +99,19 @@ v1::Calibration FullCalibration(const std::string& id) {
     span->set_error_rms_m(0.00058);
     span->set_count(600);
   }
-  *calibration.add_refused() = MakeRefusal("left", "clock_epoch_without_offset", 6,
+  *calibration.add_refused() = MakeRefusal("left", v1::REFUSAL_REASON_CLOCK_EPOCH_WITHOUT_OFFSET, 6,
                                            "row 620 of left.csv: the clock jumps back 398 ms");
   v1::Finding* finding = calibration.add_findings();
-  finding->set_kind("clock_offset");
+  finding->set_kind(v1::FINDING_KIND_CLOCK_OFFSET);
+  finding->set_severity(v1::FINDING_SEVERITY_WARNING);
   finding->set_camera("left");
   finding->set_value(-8.15);
   finding->set_unit("ms");
   finding->set_advice("check the trigger cable");
   calibration.set_observation_digest("00ff");
-  calibration.mutable_quality()->set_grade(v1::Quality::USABLE);
+  calibration.mutable_quality()->set_grade(v1::Quality::GRADE_USABLE);
   calibration.mutable_quality()->add_reasons("left is late");
-  calibration.mutable_run()->set_duration_s(1.25);
+  *calibration.mutable_run()->mutable_solve_duration() = wire::ToDuration(1.25);
   calibration.mutable_run()->mutable_create_time()->set_seconds(1'700'000'000);
   return calibration;
 }
@@ -118,7 +121,7 @@ v1::Session FullSession(const std::string& id) {
   session.set_id(id);
   session.set_rig("rig");
   session.set_title("first try");
-  session.set_state(v1::Session::CAPTURING);
+  session.set_state(v1::Session::STATE_CAPTURING);
   SetTarget(session.mutable_target());
   for (const char* name : {"left", "right"}) {
     v1::SessionCamera* camera = session.add_cameras();
@@ -131,7 +134,7 @@ v1::Session FullSession(const std::string& id) {
   }
   session.mutable_cameras(0)->set_ended(true);
   *session.mutable_cameras(1)->add_refused() =
-      MakeRefusal("", "csv_field_count", 2, "right.csv:17: 6 fields, 7 expected");
+      MakeRefusal("", v1::REFUSAL_REASON_CSV_FIELD_COUNT, 2, "right.csv:17: 6 fields, 7 expected");
   session.mutable_create_time()->set_seconds(1'700'000'000);
   session.mutable_start_time()->set_seconds(1'700'000'060);
   session.set_observation_count(1238);
@@ -142,7 +145,7 @@ v1::Session FullSession(const std::string& id) {
 v1::Calibration TrueCalibration(const SimulatedWorld& world) {
   v1::Calibration calibration;
   calibration.set_id("cal-true");
-  calibration.set_state(v1::Calibration::SUCCEEDED);
+  calibration.set_state(v1::Calibration::STATE_SUCCEEDED);
   calibration.set_scale_known(true);
   const RigidTransform world_from_rig = world.cameras()[0].cam_from_rig.Inverse();
   for (const SimulatedCamera& truth : world.cameras()) {

@@ -66,7 +66,7 @@ double OffsetSince(const Result& result, const std::string& camera) {
 }
 
 void ExpectTruth(const Result& result) {
-  const json& truth = result.calibration["truth"];
+  const json& truth = result.calibration["ground_truth"];
   ASSERT_EQ(truth["cameras"].size(), 6u);
   for (const json& camera : truth["cameras"]) {
     EXPECT_LE(camera["position_error_m"], 0.0015) << camera["camera"];

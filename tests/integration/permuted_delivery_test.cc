@@ -65,7 +65,7 @@ class PermutedDelivery : public ::testing::Test {
   struct Outcome {
     std::string rows;
     std::string calibration;
-    uint32_t observation_count = 0;
+    uint64_t observation_count = 0;
     uint32_t instant_count = 0;
   };
 
@@ -97,7 +97,7 @@ class PermutedDelivery : public ::testing::Test {
     outcome.rows = ComparableBytes(*client_.ReadObservations(id));
     const auto calibration = client_.Calibrate(id);
     EXPECT_THAT(calibration, IsOk());
-    EXPECT_EQ(calibration->state(), v1::Calibration::SUCCEEDED) << calibration->error();
+    EXPECT_EQ(calibration->state(), v1::Calibration::STATE_SUCCEEDED) << calibration->error();
     outcome.calibration = ComparableBytes(*calibration);
     outcome.instant_count = calibration->instant_count();
     return outcome;

@@ -80,7 +80,7 @@ std::map<std::string, double> Offsets(const v1::Calibration& calibration) {
 TEST(PixelCalibration, FindsTheRigToAMillimetre) {
   const auto calibration = CalibrateFromPixels("");
   ASSERT_THAT(calibration, IsOk());
-  ASSERT_EQ(calibration->state(), v1::Calibration::SUCCEEDED) << calibration->error();
+  ASSERT_EQ(calibration->state(), v1::Calibration::STATE_SUCCEEDED) << calibration->error();
   ASSERT_EQ(calibration->cameras_size(), kCameras);
   ASSERT_OK_AND_ASSIGN(const SimulationOptions options, ParseSimulationOptions(kWorld));
   ASSERT_OK_AND_ASSIGN(const SimulatedWorld world,
@@ -107,7 +107,7 @@ TEST(PixelCalibration, FindsTheOffsetsPutIntoTwoCameras) {
   const auto with = CalibrateFromPixels(";offset.1=0.004;offset.3=-0.007");
   ASSERT_THAT(without, IsOk());
   ASSERT_THAT(with, IsOk());
-  ASSERT_EQ(with->state(), v1::Calibration::SUCCEEDED) << with->error();
+  ASSERT_EQ(with->state(), v1::Calibration::STATE_SUCCEEDED) << with->error();
   std::map<std::string, double> offsets_s = Offsets(*with);
   for (const auto& [camera, offset_s] : Offsets(*without)) offsets_s[camera] -= offset_s;
   const std::map<std::string, double> put_in_s = {

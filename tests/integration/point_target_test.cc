@@ -50,10 +50,10 @@ TEST(PointTarget, IsCalibratedUpToScaleAndClaimsNoMetres) {
   EXPECT_EQ(calibration["target"]["scale_sigma_rel"], 0);
   EXPECT_FALSE(calibration.contains("wand_volume"));
   // Against ground truth after a similarity; 2 mm as for the wand.
-  EXPECT_LE(calibration["truth"]["max_position_error_m"], 0.002);
-  EXPECT_GT(calibration["truth"]["max_position_error_m"], 0.0) << "nothing was compared";
-  EXPECT_LE(calibration["truth"]["max_rotation_error_deg"], 0.05);
-  const double unit_m = calibration["truth"]["unit_length_m"];
+  EXPECT_LE(calibration["ground_truth"]["max_position_error_m"], 0.002);
+  EXPECT_GT(calibration["ground_truth"]["max_position_error_m"], 0.0) << "nothing was compared";
+  EXPECT_LE(calibration["ground_truth"]["max_rotation_error_deg"], 0.05);
+  const double unit_m = calibration["ground_truth"]["unit_length_m"];
   EXPECT_NEAR(unit_m, TrueDistanceM(0, static_cast<size_t>(unit_camera.back() - '0')), 0.004);
   EXPECT_NEAR(calibration["cameras"][1]["time_offset_s"], 0.02, 5e-4);
 }
@@ -84,9 +84,9 @@ TEST(PointTarget, IsMetricWithAKnownDistance) {
   EXPECT_EQ(calibration["scale_known"], true);
   EXPECT_EQ(calibration["unit_camera"], "");
   EXPECT_NEAR(calibration["target"]["scale_sigma_rel"], 0.004 / TrueDistanceM(1, 3), 1e-6);
-  EXPECT_EQ(calibration["truth"]["unit_length_m"], 0);
-  EXPECT_LE(calibration["truth"]["max_position_error_m"], 0.002);
-  EXPECT_LE(calibration["truth"]["max_rotation_error_deg"], 0.05);
+  EXPECT_EQ(calibration["ground_truth"]["unit_length_m"], 0);
+  EXPECT_LE(calibration["ground_truth"]["max_position_error_m"], 0.002);
+  EXPECT_LE(calibration["ground_truth"]["max_rotation_error_deg"], 0.05);
 }
 
 TEST(PointTarget, RefusesAnUnusableDistance) {

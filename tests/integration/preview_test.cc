@@ -86,7 +86,7 @@ TEST_F(PreviewPrograms, ArrivesDuringACaptureWithinTheAgentsLimit) {
   EXPECT_TRUE(WaitFor([&] {
     const json session = json::parse(Rigcal({"session", "get", "wave", "-o", "json"}).output);
     const json& camera = session.at("cameras").at(0);
-    return camera.contains("frames") && camera.at("frames").at("received") > 0 &&
+    return camera.contains("frames") && camera.at("frames").at("received") != "0" &&
            camera.contains("detections");
   }));
 }

@@ -63,11 +63,11 @@ TEST_F(BadRecording, EndsWithExitCode3AndTheCause) {
   const CommandResult result = Local("fixed");
   EXPECT_EQ(result.exit_code, 3) << result.error;
   const json calibration = json::parse(result.output);
-  EXPECT_EQ(calibration["state"], "SUCCEEDED");
-  EXPECT_EQ(calibration["quality"]["grade"], "BAD");
+  EXPECT_EQ(calibration["state"], "STATE_SUCCEEDED");
+  EXPECT_EQ(calibration["quality"]["grade"], "GRADE_BAD");
   EXPECT_FALSE(calibration["quality"]["reasons"].empty());
   ASSERT_FALSE(calibration["findings"].empty());
-  EXPECT_EQ(calibration["findings"][0]["kind"], "wrong_intrinsics");
+  EXPECT_EQ(calibration["findings"][0]["kind"], "FINDING_KIND_WRONG_INTRINSICS");
   EXPECT_EQ(calibration["findings"][0]["camera"], "sim_1");
   EXPECT_THAT(calibration["findings"][0]["advice"].get<std::string>(),
               HasSubstr("focal lengths -1"));
@@ -77,7 +77,7 @@ TEST_F(BadRecording, EndsWithExitCode3AndTheCause) {
 TEST_F(BadRecording, RefinementFixesIt) {
   const CommandResult result = Local("refined");
   EXPECT_EQ(result.exit_code, 0) << result.error;
-  EXPECT_NE(json::parse(result.output)["quality"]["grade"], "BAD");
+  EXPECT_NE(json::parse(result.output)["quality"]["grade"], "GRADE_BAD");
 }
 
 }  // namespace

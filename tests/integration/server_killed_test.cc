@@ -34,7 +34,7 @@ v1::CreateSessionRequest WandSession() {
   return request;
 }
 
-uint32_t StoredCount(const std::string& address) {
+uint64_t StoredCount(const std::string& address) {
   const auto session = ServerClient(address).GetSession("wave");
   return session.ok() ? session->observation_count() : 0;
 }
@@ -97,7 +97,7 @@ void RunWithKills(const std::vector<std::string>& sources, uint32_t expected,
   ExpectStoredOnce(client, expected);
   const auto calibration = client.Calibrate("wave");
   ASSERT_THAT(calibration, IsOk());
-  EXPECT_EQ(calibration->state(), v1::Calibration::SUCCEEDED) << calibration->error();
+  EXPECT_EQ(calibration->state(), v1::Calibration::STATE_SUCCEEDED) << calibration->error();
 }
 
 TEST(ServerKilled, RealRecordingCompletesWithEveryRowStoredOnce) {

@@ -37,13 +37,13 @@ std::map<std::string, double> OffsetsOf(const json& calibration) {
 TEST(SimulatedFrames, CalibrateToGroundTruthAndRecoverOffsets) {
   const json plain = Calibrate("");
   ASSERT_FALSE(plain.is_null());
-  EXPECT_LE(plain["truth"]["max_position_error_m"], 0.001);
-  EXPECT_GT(plain["truth"]["max_position_error_m"], 0.0) << "nothing was compared";
-  EXPECT_LE(plain["truth"]["max_rotation_error_deg"], 0.03);
+  EXPECT_LE(plain["ground_truth"]["max_position_error_m"], 0.001);
+  EXPECT_GT(plain["ground_truth"]["max_position_error_m"], 0.0) << "nothing was compared";
+  EXPECT_LE(plain["ground_truth"]["max_rotation_error_deg"], 0.03);
 
   const json shifted = Calibrate(";offset.1=0.008;offset.3=-0.03");
   ASSERT_FALSE(shifted.is_null());
-  EXPECT_LE(shifted["truth"]["max_position_error_m"], 0.001);
+  EXPECT_LE(shifted["ground_truth"]["max_position_error_m"], 0.001);
   std::map<std::string, double> before = OffsetsOf(plain), after = OffsetsOf(shifted);
   // Each against camera 0, which has none: the median clock differs between the runs.
   const auto moved = [&](const std::string& camera) {

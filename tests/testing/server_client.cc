@@ -9,6 +9,7 @@
 #include "common/status/status_macros.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/observation_wire.h"
+#include "common/wire/time_wire.h"
 
 namespace rigcal::testing {
 namespace {
@@ -24,17 +25,17 @@ ServerClient::ServerClient(const std::string& address)
 
 ServerClient::ServerClient(std::shared_ptr<grpc::Channel> channel)
     : channel_(std::move(channel)),
+      ingest_(v1::IngestService::NewStub(channel_)),
       agents_(v1::AgentService::NewStub(channel_)),
       sessions_(v1::SessionService::NewStub(channel_)),
-      calibrations_(v1::CalibrationService::NewStub(channel_)),
-      status_(v1::StatusService::NewStub(channel_)) {}
+      calibrations_(v1::CalibrationService::NewStub(channel_)) {}
 
 absl::StatusOr<v1::Session> ServerClient::CreateSession(const v1::CreateSessionRequest& request) {
   grpc::ClientContext context;
   SetDeadline(&context);
-  v1::Session session;
-  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->CreateSession(&context, request, &session)));
-  return session;
+  v1::CreateSessionResponse response;
+  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->CreateSession(&context, request, &response)));
+  return response.session();
 }
 
 absl::StatusOr<v1::Session> ServerClient::StartSession(const std::string& id) {
@@ -42,9 +43,9 @@ absl::StatusOr<v1::Session> ServerClient::StartSession(const std::string& id) {
   SetDeadline(&context);
   v1::StartSessionRequest request;
   request.set_id(id);
-  v1::Session session;
-  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->StartSession(&context, request, &session)));
-  return session;
+  v1::StartSessionResponse response;
+  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->StartSession(&context, request, &response)));
+  return response.session();
 }
 
 absl::StatusOr<v1::Session> ServerClient::StopSession(const std::string& id,
@@ -53,10 +54,10 @@ absl::StatusOr<v1::Session> ServerClient::StopSession(const std::string& id,
   SetDeadline(&context);
   v1::StopSessionRequest request;
   request.set_id(id);
-  request.set_drain_timeout_s(drain_timeout_s);
-  v1::Session session;
-  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->StopSession(&context, request, &session)));
-  return session;
+  *request.mutable_drain_timeout() = wire::ToDuration(drain_timeout_s);
+  v1::StopSessionResponse response;
+  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->StopSession(&context, request, &response)));
+  return response.session();
 }
 
 absl::StatusOr<v1::Session> ServerClient::GetSession(const std::string& id) {
@@ -64,9 +65,9 @@ absl::StatusOr<v1::Session> ServerClient::GetSession(const std::string& id) {
   SetDeadline(&context);
   v1::GetSessionRequest request;
   request.set_id(id);
-  v1::Session session;
-  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->GetSession(&context, request, &session)));
-  return session;
+  v1::GetSessionResponse response;
+  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(sessions_->GetSession(&context, request, &response)));
+  return response.session();
 }
 
 absl::StatusOr<v1::BatchAck> ServerClient::Upload(const ObservationBatch& batch) {
@@ -75,7 +76,7 @@ absl::StatusOr<v1::BatchAck> ServerClient::Upload(const ObservationBatch& batch)
   v1::UploadBatchRequest request;
   wire::ToProto(batch, request.mutable_batch());
   v1::UploadBatchResponse response;
-  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(agents_->UploadBatch(&context, request, &response)));
+  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(ingest_->UploadBatch(&context, request, &response)));
   return response.ack();
 }
 
@@ -91,7 +92,7 @@ absl::StatusOr<v1::BatchAck> ServerClient::UploadEnd(const std::string& session,
   end->set_stream_epoch(stream_epoch);
   end->set_last_seq(last_seq);
   v1::UploadBatchResponse response;
-  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(agents_->UploadBatch(&context, request, &response)));
+  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(ingest_->UploadBatch(&context, request, &response)));
   return response.ack();
 }
 
@@ -99,7 +100,7 @@ absl::StatusOr<std::vector<v1::Agent>> ServerClient::ListAgents() {
   grpc::ClientContext context;
   SetDeadline(&context);
   v1::ListAgentsResponse response;
-  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(status_->ListAgents(&context, {}, &response)));
+  RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(agents_->ListAgents(&context, {}, &response)));
   return std::vector<v1::Agent>(response.agents().begin(), response.agents().end());
 }
 
@@ -109,32 +110,33 @@ absl::StatusOr<v1::Session> ServerClient::WaitUntilFinished(const std::string& i
   v1::WatchSessionRequest request;
   request.set_id(id);
   const auto reader = sessions_->WatchSession(&context, request);
-  v1::Session session;
-  while (reader->Read(&session)) {
+  v1::WatchSessionResponse response;
+  while (reader->Read(&response)) {
   }
   RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(reader->Finish()));
-  return session;
+  return response.session();
 }
 
 absl::StatusOr<v1::Calibration> ServerClient::Calibrate(const std::string& session) {
-  v1::Calibration calibration;
+  v1::CreateCalibrationResponse created;
   {
     grpc::ClientContext context;
     SetDeadline(&context);
     v1::CreateCalibrationRequest request;
     request.add_session_ids(session);
     RIGCAL_RETURN_IF_ERROR(
-        wire::FromGrpc(calibrations_->CreateCalibration(&context, request, &calibration)));
+        wire::FromGrpc(calibrations_->CreateCalibration(&context, request, &created)));
   }
   grpc::ClientContext context;
   SetDeadline(&context, 100);
   v1::WatchCalibrationRequest request;
-  request.set_id(calibration.id());
+  request.set_id(created.calibration().id());
   const auto reader = calibrations_->WatchCalibration(&context, request);
-  while (reader->Read(&calibration)) {
+  v1::WatchCalibrationResponse response;
+  while (reader->Read(&response)) {
   }
   RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(reader->Finish()));
-  return calibration;
+  return response.calibration();
 }
 
 absl::StatusOr<std::vector<ObservationBatch>> ServerClient::ReadObservations(
@@ -145,9 +147,9 @@ absl::StatusOr<std::vector<ObservationBatch>> ServerClient::ReadObservations(
   request.set_session_id(session);
   const auto reader = sessions_->ReadObservations(&context, request);
   std::vector<ObservationBatch> batches;
-  v1::ObservationBatch proto;
-  while (reader->Read(&proto)) {
-    RIGCAL_ASSIGN_OR_RETURN(ObservationBatch batch, wire::FromProto(proto));
+  v1::ReadObservationsResponse response;
+  while (reader->Read(&response)) {
+    RIGCAL_ASSIGN_OR_RETURN(ObservationBatch batch, wire::FromProto(response.batch()));
     batches.push_back(std::move(batch));
   }
   RIGCAL_RETURN_IF_ERROR(wire::FromGrpc(reader->Finish()));

@@ -7,11 +7,11 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "common/session/observation_batch.h"
-#include "rigcal/v1/agent.grpc.pb.h"
-#include "rigcal/v1/calibration.grpc.pb.h"
-#include "rigcal/v1/session.grpc.pb.h"
-#include "rigcal/v1/status.grpc.pb.h"
+#include "common/target/observation.h"
+#include "rigcal/v1/agent_service.grpc.pb.h"
+#include "rigcal/v1/calibration_service.grpc.pb.h"
+#include "rigcal/v1/ingest_service.grpc.pb.h"
+#include "rigcal/v1/session_service.grpc.pb.h"
 
 namespace rigcal::testing {
 
@@ -38,10 +38,10 @@ class ServerClient {
 
  private:
   std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::IngestService::Stub> ingest_;
   std::unique_ptr<v1::AgentService::Stub> agents_;
   std::unique_ptr<v1::SessionService::Stub> sessions_;
   std::unique_ptr<v1::CalibrationService::Stub> calibrations_;
-  std::unique_ptr<v1::StatusService::Stub> status_;
 };
 
 // Each row of a batch as a batch of its own.

@@ -141,7 +141,7 @@ void AravisFrameSource::EndStream() {
     }
   } while (stream_->WaitForLast());
   const uint64_t without_buffer = stream_->underruns();
-  refused_.Add("", "frame_no_buffer", static_cast<uint32_t>(without_buffer),
+  refused_.Add("", RefusalReason::kFrameNoBuffer, static_cast<uint32_t>(without_buffer),
                "every buffer was in use; the detector is slower than the camera");
   // Those without a buffer leave a gap in the numbers, except at the end.
   lost_before_ += std::max(lost_by_id_, without_buffer);
@@ -191,23 +191,23 @@ bool AravisFrameSource::Count(ArvBuffer* buffer) {
     const uint64_t lost = frame_ids_.Arrived(id);
     lost_by_id_ += lost;
     counts_.lost = lost_before_ + lost_by_id_;
-    refused_.Add("", "frame_lost", static_cast<uint32_t>(lost),
+    refused_.Add("", RefusalReason::kFrameLost, static_cast<uint32_t>(lost),
                  absl::StrCat(lost, " before number ", id, " never arrived"));
   } else {
     frame_ids_.ArrivedWithoutId();
   }
   if (status != ARV_BUFFER_STATUS_SUCCESS) {
-    Damaged("frame_incomplete", absl::StrCat("number ", id, ": ", StatusWord(status)));
+    Damaged(RefusalReason::kFrameIncomplete, absl::StrCat("number ", id, ": ", StatusWord(status)));
     return false;
   }
   ++counts_.received;
   return true;
 }
 
-void AravisFrameSource::Damaged(std::string_view reason, const std::string& example) {
+void AravisFrameSource::Damaged(RefusalReason reason, const std::string& example) {
   ++counts_.damaged;
   refused_.Add("", reason, 1, example);
-  spdlog::debug("camera {}: {}: {}", options_.camera, std::string(reason), example);
+  spdlog::debug("camera {}: {}: {}", options_.camera, NameOf(reason), example);
 }
 
 std::optional<Frame> AravisFrameSource::ToFrame(ArvBuffer* buffer) {
@@ -222,7 +222,7 @@ std::optional<Frame> AravisFrameSource::ToFrame(ArvBuffer* buffer) {
   const ImageSize size_px{static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
   if (!format || size_px != description_.image_size_px) {
     --counts_.received;
-    Damaged("frame_wrong_size",
+    Damaged(RefusalReason::kFrameWrongSize,
             absl::StrCat(width, " x ", height, " pixels",
                          format ? "" : " in a format that is not supported",
                          "; did another program change the camera's settings?"));
@@ -233,7 +233,7 @@ std::optional<Frame> AravisFrameSource::ToFrame(ArvBuffer* buffer) {
                  &converted_);
   if (!view.ok()) {
     --counts_.received;
-    Damaged("frame_wrong_size", std::string(view.status().message()));
+    Damaged(RefusalReason::kFrameWrongSize, std::string(view.status().message()));
     return std::nullopt;
   }
   Frame frame;
@@ -270,7 +270,7 @@ void AravisFrameSource::FollowClock(ArvBuffer* buffer, Frame* frame) {
 bool AravisFrameSource::Reconnect() {
   using Clock = std::chrono::steady_clock;
   spdlog::warn("camera {}: {} was lost; trying to reopen it", options_.camera, options_.device);
-  refused_.Add("", "camera_lost", 1, absl::StrCat(options_.device, " was unplugged or taken"));
+  refused_.Add("", RefusalReason::kCameraLost, 1, absl::StrCat(options_.device, " was unplugged or taken"));
   EndStream();
   camera_.reset();
   const Clock::time_point began = Clock::now();

@@ -62,7 +62,7 @@ class AravisFrameSource : public FrameSource {
   bool Count(ArvBuffer* buffer);
   std::optional<Frame> ToFrame(ArvBuffer* buffer);
   void FollowClock(ArvBuffer* buffer, Frame* frame);
-  void Damaged(std::string_view reason, const std::string& example);
+  void Damaged(RefusalReason reason, const std::string& example);
   // Requests a frame when one is due (trigger=software); the time until the next.
   std::chrono::milliseconds TriggerIfDue();
 

@@ -227,7 +227,7 @@ void MetavisionEventSource::Lose(const absl::Status& why) {
   const std::string reason(why.message());
   spdlog::warn("camera {}: {} was lost ({}); looking for it until it is back", options_.camera,
                identity_.serial, reason);
-  refused_.Add("", "camera_lost", 1, reason);
+  refused_.Add("", RefusalReason::kCameraLost, 1, reason);
   EndStream();
   device_.reset();
   clock_began_anew_ = true;

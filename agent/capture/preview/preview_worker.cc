@@ -22,17 +22,17 @@ constexpr uint32_t kMaxWaitMs = 60'000;
 // Answers that nobody fetches; the oldest are dropped.
 constexpr size_t kMaxAnswers = 64;
 
-Preview Refusal(const PreviewRequest& request, PreviewRefusal refusal, std::string message) {
+Preview Refusal(const PreviewRequest& request, PreviewStatus status, std::string message) {
   Preview preview;
   preview.request_id = request.request_id;
-  preview.refusal = refusal;
+  preview.status = status;
   preview.message = std::move(message);
   return preview;
 }
 
 Preview TimedOut(const PreviewRequest& request) {
   return Refusal(
-      request, PreviewRefusal::kTimedOut,
+      request, PreviewStatus::kTimedOut,
       absl::StrCat("camera ", request.camera, " took no frame within ", request.max_wait_ms,
                    " ms: is it triggered, and has its recording not ended?"));
 }
@@ -80,21 +80,21 @@ std::optional<Preview> PreviewWorker::Refused(const PreviewRequest& request,
                                               const PreviewSubject& subject) {
   const std::string camera = absl::StrCat("camera ", request.camera);
   if (!subject.known) {
-    return Refusal(request, PreviewRefusal::kUnknownCamera,
+    return Refusal(request, PreviewStatus::kUnknownCamera,
                    absl::StrCat("this agent has no ", camera));
   }
   if (!options_.enabled) {
-    return Refusal(request, PreviewRefusal::kDisabled,
+    return Refusal(request, PreviewStatus::kDisabled,
                    absl::StrCat("previews are off at the agent of ", camera,
                                 "; they are switched on with enabled = true under [preview] in "
                                 "its configuration file"));
   }
   if (subject.tap == nullptr) {
-    return Refusal(request, PreviewRefusal::kNoFrames,
+    return Refusal(request, PreviewStatus::kNoFrames,
                    absl::StrCat(camera, " has no frames: its source yields observations"));
   }
   if (!subject.capturing) {
-    return Refusal(request, PreviewRefusal::kNotCapturing,
+    return Refusal(request, PreviewStatus::kNotCapturing,
                    absl::StrCat(camera,
                                 " takes frames only while a session captures; start one "
                                 "with rigcal session start"));
@@ -102,7 +102,7 @@ std::optional<Preview> PreviewWorker::Refused(const PreviewRequest& request,
   const Clock::time_point now = Clock::now();
   const auto last = last_asked_.find(request.camera);
   if (waiting_.contains(request.camera)) {
-    return Refusal(request, PreviewRefusal::kTooOften,
+    return Refusal(request, PreviewStatus::kTooOften,
                    absl::StrCat("a preview of ", camera,
                                 " is under way; ask again when it is "
                                 "there"));
@@ -112,7 +112,7 @@ std::optional<Preview> PreviewWorker::Refused(const PreviewRequest& request,
         last->second + std::chrono::duration<double>(1 / options_.max_rate_hz) - now;
     if (wait.count() > 0) {
       return Refusal(
-          request, PreviewRefusal::kTooOften,
+          request, PreviewStatus::kTooOften,
           absl::StrFormat("the agent of %s allows %g previews/s (max_rate_hz); ask again "
                           "in %.1f s",
                           camera, options_.max_rate_hz, std::ceil(wait.count() * 10) / 10));
@@ -210,7 +210,7 @@ Preview PreviewWorker::Draw(const PreviewRequest& request, const PreviewFrame& f
     absl::StatusOr<JpegImage> jpeg =
         EncodeJpeg(Annotate(frame.image, frame.detection, frame.window, frame.blobs), max_bytes);
     if (!jpeg.ok()) {
-      return Refusal(request, PreviewRefusal::kFailed, std::string(jpeg.status().message()));
+      return Refusal(request, PreviewStatus::kFailed, std::string(jpeg.status().message()));
     }
     preview.info.camera = request.camera;
     preview.info.time_ns = frame.time_ns;
@@ -230,7 +230,7 @@ Preview PreviewWorker::Draw(const PreviewRequest& request, const PreviewFrame& f
     preview.jpeg = std::move(jpeg->bytes);
     return preview;
   } catch (const std::exception& error) {
-    return Refusal(request, PreviewRefusal::kFailed,
+    return Refusal(request, PreviewStatus::kFailed,
                    absl::StrCat("the frame could not be drawn: ", error.what()));
   }
 }

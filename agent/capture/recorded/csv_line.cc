@@ -39,16 +39,18 @@ std::optional<CsvLineFault> ParseTime(std::string_view field, int64_t* time_ns) 
   const char* end = field.data() + field.size();
   const auto [stopped, error] = std::from_chars(field.data(), end, *time_ns);
   if (error == std::errc::result_out_of_range) {
-    return CsvLineFault{"csv_bad_time", absl::StrCat("timestamp ", Quoted(field),
-                                                     " does not fit 64 bits of nanoseconds")};
+    return CsvLineFault{
+        RefusalReason::kCsvBadTime,
+        absl::StrCat("timestamp ", Quoted(field), " does not fit 64 bits of nanoseconds")};
   }
   const auto is_zero = [](char c) { return c == '0'; };
   const bool whole =
       error == std::errc() &&
       (stopped == end || (*stopped == '.' && std::all_of(stopped + 1, end, is_zero)));
   if (!whole) {
-    return CsvLineFault{"csv_bad_time", absl::StrCat("timestamp ", Quoted(field),
-                                                     " is not a whole number of nanoseconds")};
+    return CsvLineFault{
+        RefusalReason::kCsvBadTime,
+        absl::StrCat("timestamp ", Quoted(field), " is not a whole number of nanoseconds")};
   }
   return std::nullopt;
 }
@@ -59,12 +61,14 @@ std::optional<CsvLineFault> ParseCoordinate(std::string_view field, int marker, 
   const auto [stopped, error] = std::from_chars(field.data(), end, *value_px);
   const bool is_number = stopped == end && error != std::errc::invalid_argument;
   if (!is_number) {
-    return CsvLineFault{"csv_not_a_number", absl::StrCat(std::string(1, axis), marker, " is ",
-                                                         Quoted(field), ", not a number")};
+    return CsvLineFault{
+        RefusalReason::kCsvNotANumber,
+        absl::StrCat(std::string(1, axis), marker, " is ", Quoted(field), ", not a number")};
   }
   if (error == std::errc::result_out_of_range || !std::isfinite(*value_px)) {
-    return CsvLineFault{"csv_not_finite", absl::StrCat(std::string(1, axis), marker, " is ",
-                                                       Quoted(field), ", not a finite number")};
+    return CsvLineFault{
+        RefusalReason::kCsvNotFinite,
+        absl::StrCat(std::string(1, axis), marker, " is ", Quoted(field), ", not a finite number")};
   }
   return std::nullopt;
 }
@@ -88,7 +92,7 @@ std::optional<CsvLineFault> ParseCsvLine(std::string_view line, int marker_count
   const int field_count = CsvFieldCount(line);
   if (field_count != 1 + 2 * marker_count) {
     return CsvLineFault{
-        "csv_field_count",
+        RefusalReason::kCsvFieldCount,
         absl::StrCat(field_count, field_count == 1 ? " field" : " fields", " instead of ",
                      1 + 2 * marker_count, " (timestamp and x;y of ", marker_count, " markers)")};
   }
@@ -104,7 +108,7 @@ std::optional<CsvLineFault> ParseCsvLine(std::string_view line, int marker_count
     const bool x_seen = x_px != kNotSeen;
     const bool y_seen = y_px != kNotSeen;
     if (x_seen != y_seen) {
-      return CsvLineFault{"csv_half_marker",
+      return CsvLineFault{RefusalReason::kCsvHalfMarker,
                           absl::StrCat("marker ", index, " has only one of x and y (", x_px, ", ",
                                        y_px, "); a marker that was not seen is -1;-1")};
     }

@@ -6,13 +6,14 @@
 #include <string>
 #include <string_view>
 
+#include "common/status/refusal_reason.h"
 #include "common/target/observation.h"
 
 namespace rigcal::agent {
 
-// Why a line was refused. `reason` is a word of docs/refusals.md.
+// Why a line was refused.
 struct CsvLineFault {
-  std::string_view reason;
+  RefusalReason reason;
   std::string what;
 };
 

@@ -104,7 +104,7 @@ absl::StatusOr<std::optional<Observation>> CsvObservationSource::Next() {
     RIGCAL_ASSIGN_OR_RETURN(const std::optional<LineReader::Line> line, reader_->Next());
     if (!line) {
       if (!has_content_) {
-        Refuse("csv_empty", 1,
+        Refuse(RefusalReason::kCsvEmpty, 1,
                absl::StrCat("the file holds no line; expected lines like ",
                             CsvLineExample(marker_count_)));
       }
@@ -114,7 +114,7 @@ absl::StatusOr<std::optional<Observation>> CsvObservationSource::Next() {
     if (IsBlank(line->text)) continue;
     has_content_ = true;
     if (line->too_long) {
-      Refuse("csv_line_too_long", line->number,
+      Refuse(RefusalReason::kCsvLineTooLong, line->number,
              absl::StrCat("longer than ", LineReader::kMaxLineBytes, " bytes"));
       continue;
     }
@@ -146,9 +146,9 @@ void CsvObservationSource::AssignClockEpoch(uint64_t line, Observation* observat
   last_time_ns_ = observation->time_ns;
 }
 
-void CsvObservationSource::Refuse(std::string_view reason, uint64_t line, const std::string& what) {
+void CsvObservationSource::Refuse(RefusalReason reason, uint64_t line, const std::string& what) {
   const std::string example = absl::StrCat(options_.path, ":", line, ": ", what);
-  spdlog::debug("camera {}: {}: {}", options_.camera, reason, example);
+  spdlog::debug("camera {}: {}: {}", options_.camera, NameOf(reason), example);
   refused_.Add("", reason, 1, example);
 }
 

@@ -55,7 +55,7 @@ class CsvObservationSource : public ObservationSource {
  private:
   CsvObservationSource(CsvSourceOptions options, CameraDescription description);
   absl::Status CheckMarkerCount(int marker_count) const;
-  void Refuse(std::string_view reason, uint64_t line, const std::string& what);
+  void Refuse(RefusalReason reason, uint64_t line, const std::string& what);
   void AssignClockEpoch(uint64_t line, Observation* observation);
 
   const CsvSourceOptions options_;

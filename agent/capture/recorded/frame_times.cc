@@ -101,7 +101,7 @@ absl::StatusOr<FrameTimes> ReadImageTimes(const std::string& path) {
     if (line->too_long || !parsed.time_ns) {
       const bool has_digit = std::any_of(text.begin(), text.end(), IsDigit);
       if (may_be_heading && !has_digit && !line->too_long) continue;
-      times.refused.Add("", "timestamps_bad_line", 1,
+      times.refused.Add("", RefusalReason::kTimestampBadLine, 1,
                         absl::StrCat(place, "no whole number of ns behind the last ';'"));
       if (parsed.name.empty()) times.by_number.emplace_back();
       continue;
@@ -109,7 +109,7 @@ absl::StatusOr<FrameTimes> ReadImageTimes(const std::string& path) {
     if (parsed.name.empty()) {
       times.by_number.push_back(parsed.time_ns);
     } else if (!times.by_name.emplace(parsed.name, *parsed.time_ns).second) {
-      times.refused.Add("", "timestamps_twice", 1,
+      times.refused.Add("", RefusalReason::kTimestampDuplicate, 1,
                         absl::StrCat(place, parsed.name, " is there again"));
     }
   }

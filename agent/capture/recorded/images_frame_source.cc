@@ -134,13 +134,13 @@ absl::StatusOr<std::optional<Frame>> ImagesFrameSource::Next() {
   while (next_ < images_.size()) {
     const TimedFrame& timed = images_[next_++];
     if (!timed.time_ns) {
-      Refuse("picture_no_time", absl::StrCat(timed.path, " has no time"));
+      Refuse(RefusalReason::kFrameNoTime, absl::StrCat(timed.path, " has no time"));
       continue;
     }
     if (!pacer_.Wait(*timed.time_ns)) break;
     absl::StatusOr<cv::Mat> image = ReadImage(timed.path);
     if (!image.ok()) {
-      Refuse("picture_unreadable", std::string(image.status().message()));
+      Refuse(RefusalReason::kFrameUnreadable, std::string(image.status().message()));
       continue;
     }
     if (!HasRightSize(*image, timed.path)) continue;

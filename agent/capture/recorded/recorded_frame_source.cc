@@ -95,7 +95,7 @@ bool RecordedFrameSource::HasRightSize(const cv::Mat& image, const std::string& 
   if (image.cols == static_cast<int>(right.width) && image.rows == static_cast<int>(right.height)) {
     return true;
   }
-  Refuse("picture_wrong_size",
+  Refuse(RefusalReason::kFrameWrongSize,
          absl::StrCat(name, " is ", image.cols, "x", image.rows,
                       " pixels, but the camera's frames are ", right.width, "x", right.height));
   return false;
@@ -109,8 +109,8 @@ Frame RecordedFrameSource::MakeFrame(int64_t time_ns, uint32_t clock_epoch) {
           .exposure_s = options_.exposure_s};
 }
 
-void RecordedFrameSource::Refuse(std::string_view reason, const std::string& what) {
-  spdlog::debug("camera {}: {}: {}", options_.camera, reason, what);
+void RecordedFrameSource::Refuse(RefusalReason reason, const std::string& what) {
+  spdlog::debug("camera {}: {}: {}", options_.camera, NameOf(reason), what);
   refused_.Add("", reason, 1, what);
   ++counts_.damaged;
 }

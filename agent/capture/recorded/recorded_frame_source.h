@@ -63,7 +63,7 @@ class RecordedFrameSource : public FrameSource {
   bool HasRightSize(const cv::Mat& image, const std::string& name);
   // Of `image_`.
   Frame MakeFrame(int64_t time_ns, uint32_t clock_epoch);
-  void Refuse(std::string_view reason, const std::string& what);
+  void Refuse(RefusalReason reason, const std::string& what);
   std::string prefix() const { return "camera " + options_.camera + ": "; }
 
   const RecordedFramesOptions options_;

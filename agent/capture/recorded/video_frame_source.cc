@@ -129,7 +129,7 @@ absl::StatusOr<std::optional<Frame>> VideoFrameSource::Next() {
     const std::string which = absl::StrCat("frame ", read_, " of ", options_.path);
     const std::optional<int64_t> time_ns = TimeOfFrame();
     if (!time_ns || (last_ns_ && *time_ns <= *last_ns_)) {
-      Refuse("picture_no_time", absl::StrCat(which, " has no time after the previous one"));
+      Refuse(RefusalReason::kFrameNoTime, absl::StrCat(which, " has no time after the previous one"));
       continue;
     }
     last_ns_ = time_ns;
@@ -150,7 +150,7 @@ void VideoFrameSource::NoteEnd() {
       absl::StrCat(options_.path, " announces ", std::llround(announced),
                    " frames, but ends after ", read_, "; it is truncated or damaged");
   spdlog::warn("camera {}: {}", options_.camera, what);
-  refused_.Add("", "video_ends_early", missing, what);
+  refused_.Add("", RefusalReason::kVideoTruncated, missing, what);
   counts_.lost += missing;
 }
 

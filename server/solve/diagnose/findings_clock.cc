@@ -131,7 +131,7 @@ std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& proble
       const std::vector<std::string> cameras = CamerasOfClock(input, k);
       if (cameras.empty()) continue;
       const ErrorChange change = WithoutOffset(input, problem, k, offset.offset_s, cameras);
-      causes.push_back({{"clock_offset", cameras.front(), 1e3 * offset.offset_s, "ms",
+      causes.push_back({{FindingKind::kClockOffset, cameras.front(), 1e3 * offset.offset_s, "ms",
                          Advice(cameras, offset, change, two_clocks, corrected)},
                         std::max(0.0, change.gain_px())});
     }

@@ -87,7 +87,7 @@ std::vector<Cause> FindUnseenEdges(const CauseInput& input) {
     const double share = static_cast<double>(empty) / (kColumns * kRows);
     if (sides.empty() || share < kEmptyShareOfImage) continue;
     causes.push_back(
-        {{"edge_coverage", problem.cameras[c].name, 100 * share, "%",
+        {{FindingKind::kEdgeCoverage, problem.cameras[c].name, 100 * share, "%",
           absl::StrFormat("%.0f %% of its image saw no marker, nearly all of the %s side among it; "
                           "its refined intrinsics are a guess there. Wave the wand along that edge",
                           100 * share, absl::StrJoin(sides, " and "))},
@@ -121,7 +121,8 @@ std::vector<Cause> FindWeakLinks(const CauseInput& input) {
     joined[best_b] = true;
     if (best >= kFewInstants) continue;
     causes.push_back(
-        {{"weak_link", problem.cameras[best_b].name, static_cast<double>(best), "instants",
+        {{FindingKind::kWeakLink, problem.cameras[best_b].name, static_cast<double>(best),
+          "instants",
           absl::StrFormat("it hangs on %d instants that it shares with %s, and on fewer with any "
                           "other camera joined before it. Wave the wand where both see it",
                           best, problem.cameras[best_a].name)},

@@ -75,7 +75,7 @@ std::vector<Cause> FindNarrowBaselines(const CauseInput& input) {
     named[c] = true;
     const std::string& name = problem.cameras[partner].name;
     causes.push_back(
-        {{"narrow_baseline", problem.cameras[c].name, degrees, "degrees",
+        {{FindingKind::kNarrowBaseline, problem.cameras[c].name, degrees, "degrees",
           absl::StrFormat("it and the other cameras that see the wand at the same time, %s above "
                           "all, see it from nearly one direction (or from opposite ones): the "
                           "distance hangs on the wand's length alone, and points are triangulated "
@@ -105,7 +105,7 @@ std::vector<Cause> FindLoosePoses(const CauseInput& input) {
     const std::string where =
         DescribeSharedViews(problem, static_cast<int>(c), static_cast<int>(partner));
     causes.push_back(
-        {{"loose_pose", camera.camera, 1e3 * sigma_m, "mm",
+        {{FindingKind::kLoosePose, camera.camera, 1e3 * sigma_m, "mm",
           absl::StrFormat("what was recorded holds its position to %.0f mm (one sigma) only, %.1f "
                           "%% of its distance to the wand%s. Wave the wand where it and %s see "
                           "it, in the rest of both images, near and far, and turn it",

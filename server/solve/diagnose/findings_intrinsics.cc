@@ -137,7 +137,7 @@ Repair RepairIntrinsics(const CauseInput& input) {
                        FromVector(camera.model, camera.intrinsics));
     if (changes[c].gain() < kMinIntrinsicsGain || displacement_px < kMinDisplacementPx) continue;
     repair.causes.push_back(
-        {{"wrong_intrinsics", camera.name, displacement_px, "px",
+        {{FindingKind::kWrongIntrinsics, camera.name, displacement_px, "px",
           absl::StrFormat(
               "its given intrinsics put what it sees %.1f px (rms) away from where it is: %s; its "
               "error is %.2f px, and %.2f px with intrinsics that fit. Calibrate its lens again "
@@ -174,7 +174,7 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
     const ErrorChange change_px = CompareErrors(given, solved)[c];
     if (change_px.gain() < kMinIntrinsicsGain) continue;
     causes.push_back(
-        {{"wrong_intrinsics", camera.name, displacement_px, "px",
+        {{FindingKind::kWrongIntrinsics, camera.name, displacement_px, "px",
           absl::StrFormat(
               "its refined intrinsics are far from the given ones, by %.1f px (rms) where it saw "
               "the wand: %s; its error is %.2f px with the given ones, %.2f px with the refined "

@@ -59,7 +59,7 @@ std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
         static_cast<double>(counts[c].flipped) / std::max(1, counts[c].observations);
     if (counts[c].flipped < kMinFlipped || share < kMinShare) continue;
     causes.push_back(
-        {{"swapped_markers", problem.cameras[c].name, 100 * share, "%",
+        {{FindingKind::kFlippedLabels, problem.cameras[c].name, 100 * share, "%",
           absl::StrFormat(
               "%d of its %d wand views fit with the markers counted from the other end. "
               "Check its detector and the spacing it was given",

@@ -147,7 +147,8 @@ Repair RepairMovedCamera(const CauseInput& input) {
       metric ? absl::StrFormat("%.1f mm and ", 1e3 * move.centre_m) : std::string();
   const double angle_deg = kDegreesPerRadian * move.rotation_rad;
   repair.causes.push_back(
-      {{"camera_moved", input.trial.problem.cameras[candidate->camera].name, move.image_px, "px",
+      {{FindingKind::kCameraMoved, input.trial.problem.cameras[candidate->camera].name,
+        move.image_px, "px",
         absl::StrFormat(
             "it moved %.1f s after the first wand view by %s%.3f deg, which moved its "
             "image by %.1f px; its error is %.2f px, and %.2f px with a pose of its own from then "

@@ -136,7 +136,7 @@ Repair RepairRollingShutters(const CauseInput& input) {
         std::any_of(repair.causes.begin(), repair.causes.end(),
                     [&camera](const Cause& cause) { return cause.finding.camera == camera; });
     if (known) continue;  // in another session, or before it moved
-    repair.causes.push_back({{"rolling_shutter", camera, 1e6 * line_time_s, "us",
+    repair.causes.push_back({{FindingKind::kRollingShutter, camera, 1e6 * line_time_s, "us",
                               Advice(line_time_s, sigma_s, rows, changes[c])},
                              changes[c].gain_px()});
   }

@@ -88,7 +88,7 @@ std::vector<Cause> FindWrongWandLength(const CauseInput& input) {
                           change.before_px, change.after_px);
   }
   advice += ". Measure the wand: every length of the rig is as wrong as the wand's";
-  return {{{"wrong_wand_length", "", 1e3 * worst_error_m, "mm", advice},
+  return {{{FindingKind::kWrongWandLength, "", 1e3 * worst_error_m, "mm", advice},
            std::max(0.0, change.gain_px())}};
 }
 

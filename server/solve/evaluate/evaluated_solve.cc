@@ -25,11 +25,12 @@ constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
 constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
 
-std::function<void(std::string_view, double)> Stage(const RigSolveOptions& options,
-                                                    std::string_view name) {
+std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
+                                                    const RigSolveOptions& options) {
   if (!options.progress) return {};
-  return [progress = options.progress, name = std::string(name)](
-             std::string_view, double fraction) { progress(name, fraction); };
+  return [progress = options.progress, stage](CalibrationStage, double fraction) {
+    progress(stage, fraction);
+  };
 }
 
 // Solves on what `keep` keeps and evaluates on what `evaluate_on` selects.
@@ -78,7 +79,7 @@ absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig,
   for (const bool refine : {false, true}) {
     RigSolveOptions options = base;
     options.refine_intrinsics = refine;
-    options.progress = Stage(base, "choosing");
+    options.progress = AllAs(CalibrationStage::kChoosingIntrinsics, base);
     const absl::StatusOr<EvaluatedErrors> errors =
         SolveAndMeasure(rig, initial, options, keep, evaluate_on);
     if (absl::IsCancelled(errors.status())) return errors.status();
@@ -90,14 +91,15 @@ absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig,
 
 Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
   if (scores.folds == 0) {
-    return {"intrinsics_kept", "", 0, "px",
+    return {FindingKind::kIntrinsicsKept, "", 0, "px",
             "too little data to judge refined intrinsics; the given ones are kept. Record longer, "
             "or ask for refinement"};
   }
   const bool pays = scores.RefinedPays();
   const double given_px = scores.given_px / scores.folds;
   const double refined_px = scores.refined_px / scores.folds;
-  return {pays ? "intrinsics_refined" : "intrinsics_kept", "", pays ? refined_px : given_px, "px",
+  return {pays ? FindingKind::kIntrinsicsRefined : FindingKind::kIntrinsicsKept, "",
+          pays ? refined_px : given_px, "px",
           absl::StrFormat("held-out error %.3f px with the given intrinsics, %.3f px with refined "
                           "ones; the %s are used",
                           given_px, refined_px, pays ? "refined ones" : "given ones")};
@@ -165,7 +167,8 @@ absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& op
     for (size_t t = 0; t < rig.tracks.size(); ++t) {
       if (rig.index.clock_of_track[t] != doubt->clock) continue;
       result->findings.push_back(
-          {"time_match_corrected", rig.tracks[t].track.camera.camera, 1e3 * doubt->offset_s, "ms",
+          {FindingKind::kTimeMatchCorrected, rig.tracks[t].track.camera.camera,
+           1e3 * doubt->offset_s, "ms",
            absl::StrFormat("the search had matched its clock with another moment of the wave: "
                            "against the other cameras it fitted to %.1f px, %.0f ms away to %.1f "
                            "px, from where the rig was solved again. A wave that repeats itself "
@@ -282,7 +285,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   EvaluatedErrors held_out;
   for (int fold = 0; fold < blocks.period; ++fold) {
     RigSolveOptions fold_options = first;
-    fold_options.progress = Stage(base, "judging");
+    fold_options.progress = AllAs(CalibrationStage::kEvaluating, base);
     if (choose) {
       RIGCAL_ASSIGN_OR_RETURN(const IntrinsicsScores own,
                               ScoreIntrinsics(rig, initial, blocks, chosen_from, fold));
@@ -298,7 +301,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   if (held_out.instant_count > 0) {
     result.held_out = std::move(held_out);
   } else {
-    result.findings.push_back({"not_judged", "", 0, "",
+    result.findings.push_back({FindingKind::kNotEvaluated, "", 0, "",
                                "too little data to hold any out: the errors are those of the data "
                                "that was solved. Record a minute or more"});
   }

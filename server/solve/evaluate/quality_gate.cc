@@ -67,39 +67,54 @@ void GradeCamera(const CalibratedCamera& camera, const QualityLimits& limits,
       limits.outlier_share, 100, "%");
 }
 
-void EvaluateFinding(const CalibrationResult& result, const Finding& finding,
-                     GradeBuilder* grade_builder) {
+// What a finding means for the grade.
+struct FindingEffect {
+  FindingSeverity severity = FindingSeverity::kInfo;
+  std::string reason;  // unless kInfo
+};
+
+FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) {
   const auto found = std::find_if(
       result.cameras.begin(), result.cameras.end(),
       [&finding](const CalibratedCamera& camera) { return camera.camera == finding.camera; });
   const CalibratedCamera* camera = found == result.cameras.end() ? nullptr : &*found;
   const std::string who =
       finding.camera.empty() ? "the rig" : absl::StrCat("camera ", finding.camera);
-  // An effect that the solve has corrected itself is no fault of the calibration.
-  if (finding.kind == "camera_moved") {
-    grade_builder->Add(QualityGrade::kBad, absl::StrCat(who, " moved while it was recorded"));
-  } else if (finding.kind == "wrong_intrinsics" && !(camera && camera->intrinsics_refined)) {
-    grade_builder->Add(QualityGrade::kUsable,
-                       absl::StrCat(who, " has wrong intrinsics (see findings)"));
-  } else if (finding.kind == "clock_offset" && camera && !camera->time_offset_estimated) {
-    grade_builder->Add(QualityGrade::kUsable,
-                       absl::StrCat("the clock of ", who, " is off, and was kept as given"));
-  } else if (finding.kind == "rolling_shutter") {
-    grade_builder->Add(QualityGrade::kUsable,
-                       absl::StrCat(who, " has a rolling shutter (see findings)"));
-  } else if (finding.kind == "wrong_wand_length") {
-    grade_builder->Add(QualityGrade::kUsable, "the wand is not as it was given (see findings)");
-  } else if (finding.kind == "narrow_baseline") {
-    grade_builder->Add(QualityGrade::kUsable,
-                       absl::StrCat(who, " sees the wand from the same direction as the others"));
-  } else if (finding.kind == "loose_pose") {
-    grade_builder->Add(
-        QualityGrade::kUsable,
-        absl::StrFormat("%s: its position is known to %.0f mm only", who, finding.value));
-  } else if (finding.kind == "weak_link") {
-    grade_builder->Add(QualityGrade::kUsable,
-                       absl::StrCat(who, " hangs on few instants (see findings)"));
+  const auto warning = [](std::string reason) {
+    return FindingEffect{FindingSeverity::kWarning, std::move(reason)};
+  };
+  switch (finding.kind) {
+    case FindingKind::kCameraMoved:
+      return {FindingSeverity::kError, absl::StrCat(who, " moved while it was recorded")};
+    // What the solve has corrected is no fault of the calibration.
+    case FindingKind::kWrongIntrinsics:
+      if (camera && camera->intrinsics_refined) return {};
+      return warning(absl::StrCat(who, " has wrong intrinsics (see findings)"));
+    case FindingKind::kClockOffset:
+      if (!camera || camera->time_offset_estimated) return {};
+      return warning(absl::StrCat("the clock of ", who, " is off, and was kept as given"));
+    case FindingKind::kRollingShutter:
+      return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
+    case FindingKind::kWrongWandLength:
+      return warning("the wand is not as it was given (see findings)");
+    case FindingKind::kNarrowBaseline:
+      return warning(absl::StrCat(who, " sees the wand from the same direction as the others"));
+    case FindingKind::kLoosePose:
+      return warning(
+          absl::StrFormat("%s: its position is known to %.0f mm only", who, finding.value));
+    case FindingKind::kWeakLink:
+      return warning(absl::StrCat(who, " hangs on few instants (see findings)"));
+    case FindingKind::kFlippedLabels:
+    case FindingKind::kEdgeCoverage:
+    case FindingKind::kIntrinsicsKept:
+    case FindingKind::kIntrinsicsRefined:
+    case FindingKind::kTimeMatchCorrected:
+    case FindingKind::kRestarted:
+    case FindingKind::kNotEvaluated:
+    case FindingKind::kUnspecified:
+      return {};
   }
+  return {};
 }
 
 void EvaluateTarget(const CalibratedTarget& target, const QualityLimits& limits,
@@ -117,6 +132,10 @@ void EvaluateTarget(const CalibratedTarget& target, const QualityLimits& limits,
 
 }  // namespace
 
+FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& finding) {
+  return EffectOf(result, finding).severity;
+}
+
 Quality GradeQuality(const CalibrationResult& result, const QualityLimits& limits) {
   GradeBuilder grade_builder;
   double worst_px = 0;
@@ -125,7 +144,13 @@ Quality GradeQuality(const CalibrationResult& result, const QualityLimits& limit
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
   EvaluateTarget(result.target, limits, &grade_builder);
-  for (const Finding& finding : result.findings) EvaluateFinding(result, finding, &grade_builder);
+  for (const Finding& finding : result.findings) {
+    FindingEffect effect = EffectOf(result, finding);
+    if (effect.severity == FindingSeverity::kInfo) continue;
+    grade_builder.Add(
+        effect.severity == FindingSeverity::kError ? QualityGrade::kBad : QualityGrade::kUsable,
+        std::move(effect.reason));
+  }
   return std::move(grade_builder)
       .Result(absl::StrFormat("every camera's held-out mean error is at most %.2f px", worst_px));
 }

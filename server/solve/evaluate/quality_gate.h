@@ -31,6 +31,9 @@ struct QualityLimits {
   uint32_t min_held_out_count = 60;
 };
 
+// How a finding limits the grade of `result`: kError makes it bad, kWarning usable at most.
+FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& finding);
+
 // Grades a reported calibration by the limits and by its findings:
 //   bad     a limit for `usable` is passed, or a camera moved while it was recorded: its pose is
 //           that of neither time

@@ -170,7 +170,7 @@ Finding RestartedFinding(const BundleProblem& problem, const Agreement& before,
                          const Agreement& after, const std::string& how) {
   const auto worst = static_cast<size_t>(before.doubted.front());
   const std::string& name = problem.cameras[worst].name;
-  return {"restarted", name, after.error_px, "px",
+  return {FindingKind::kRestarted, name, after.error_px, "px",
           absl::StrFormat("the first solve had ended in a wrong minimum: %.0f %% of this camera's "
                           "markers agreed with it. Started again %s, %.0f %% agree, and the error "
                           "of all markers fell from %.1f to %.1f px. A wave that is flat, or "

@@ -161,7 +161,7 @@ class RigSolver {
     initial.cancelled = options_.cancelled;
     if (options_.progress) {
       initial.progress = [this](double fraction) {
-        options_.progress("finding a start", fraction);
+        options_.progress(CalibrationStage::kInitializing, fraction);
       };
     }
     return initial;
@@ -193,7 +193,7 @@ class RigSolver {
     if (options_.progress) {
       bundle.progress = [this, round](int iteration, double) {
         const double within = iteration / (iteration + 10.0);
-        options_.progress("adjusting", (round + within) / (round + 2.0));
+        options_.progress(CalibrationStage::kAdjusting, (round + within) / (round + 2.0));
       };
     }
     const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, &problem());

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/calibration/calibration_stage.h"
 #include "common/target/target.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/instants.h"
@@ -54,7 +55,7 @@ struct RigSolveOptions {
   double time_tolerance_s = 2e-6;                         // offsets that move less have settled
   std::vector<std::string> camera_notes;                  // for error messages
   std::function<bool(int64_t rig_time_ns)> keep_instant;  // none: all
-  std::function<void(std::string_view stage, double fraction)> progress;
+  std::function<void(CalibrationStage stage, double fraction)> progress;
   const std::atomic<bool>* cancelled = nullptr;
 };
 

@@ -24,11 +24,8 @@ absl::StatusOr<Calibration> ParseCalibrationRow(SQLite::Statement& row) {
   return ParseRecord(row, "calibration", wire::ParseCalibration);
 }
 
-absl::StatusOr<int64_t> CalibrationNumber(SQLite::Database& database, std::string_view id) {
-  SQLite::Statement query(database, "SELECT number FROM calibration WHERE id=?");
-  BindText(query, 1, id);
-  if (!query.executeStep()) return NoCalibration(id);
-  return query.getColumn(0).getInt64();
+bool HasEnded(CalibrationState state) {
+  return state == CalibrationState::kSucceeded || state == CalibrationState::kFailed;
 }
 
 // FAILED_PRECONDITION: it has ended. INVALID_ARGUMENT: rig or version differ from what is stored.
@@ -37,7 +34,7 @@ absl::Status CheckReplacement(SQLite::Database& database, const Calibration& cal
   BindText(query, 1, calibration.id);
   if (!query.executeStep()) return NoCalibration(calibration.id);
   const auto state = static_cast<CalibrationState>(query.getColumn(0).getInt());
-  if (state == CalibrationState::kSucceeded || state == CalibrationState::kFailed) {
+  if (HasEnded(state)) {
     return absl::FailedPreconditionError(
         absl::StrCat("calibration ", calibration.id, " has ",
                      state == CalibrationState::kSucceeded ? "succeeded" : "failed",
@@ -69,6 +66,16 @@ absl::StatusOr<Calibration> InsertCalibration(SQLite::Database& database, Calibr
   BindBlob(insert, 6, body);
   insert.bind(7, Checksum(body));
   insert.exec();
+  SQLite::Statement relate(
+      database,
+      "INSERT OR IGNORE INTO calibration_session(session_id, calibration_number) "
+      "VALUES(?,?)");
+  for (const std::string& session_id : calibration.session_ids) {
+    BindText(relate, 1, session_id);
+    relate.bind(2, number);
+    relate.exec();
+    relate.reset();
+  }
   return calibration;
 }
 
@@ -92,21 +99,42 @@ absl::StatusOr<Calibration> FindCalibration(SQLite::Database& database, std::str
   return ParseCalibrationRow(query);
 }
 
-absl::StatusOr<std::vector<Calibration>> ListCalibrations(SQLite::Database& database,
-                                                          std::string_view rig, int limit,
-                                                          std::string_view before) {
-  std::vector<Calibration> calibrations;
-  const auto number_of = [&](std::string_view id) { return CalibrationNumber(database, id); };
-  const auto take = [&](SQLite::Statement& row) -> absl::Status {
+absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(SQLite::Database& database,
+                                                                  const CalibrationFilter& filter,
+                                                                  const ListPage& page) {
+  std::vector<RecordCondition> conditions;
+  if (!filter.rig.empty()) conditions.push_back({"rig=?", std::string_view(filter.rig)});
+  if (filter.state) conditions.push_back({"state=?", static_cast<int64_t>(*filter.state)});
+  if (!filter.session_id.empty()) {
+    conditions.push_back(
+        {"number IN (SELECT calibration_number FROM calibration_session WHERE session_id=?)",
+         std::string_view(filter.session_id)});
+  }
+  std::vector<Listed<Calibration>> calibrations;
+  const auto take = [&](SQLite::Statement& row, RecordPosition position) -> absl::Status {
     RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, ParseCalibrationRow(row));
     // Megabytes each with many cameras; only a calibration asked for by its id needs it.
     if (calibration.result) calibration.result->camera_covariance = {};
-    calibrations.push_back(std::move(calibration));
+    calibrations.push_back({std::move(calibration), std::move(position)});
     return absl::OkStatus();
   };
-  RIGCAL_RETURN_IF_ERROR(
-      ForEachRecord(database, {"calibration", rig, limit, before}, number_of, take));
+  RIGCAL_RETURN_IF_ERROR(ForEachRecord(database, "calibration", std::move(conditions), page, take));
   return calibrations;
+}
+
+absl::Status EraseCalibration(SQLite::Database& database, std::string_view id) {
+  SQLite::Statement query(database, "SELECT state FROM calibration WHERE id=?");
+  BindText(query, 1, id);
+  if (!query.executeStep()) return NoCalibration(id);
+  if (!HasEnded(static_cast<CalibrationState>(query.getColumn(0).getInt()))) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("calibration ", std::string(id),
+                     " cannot be deleted: it is queued or running; cancel it first"));
+  }
+  SQLite::Statement erase(database, "DELETE FROM calibration WHERE id=?");
+  BindText(erase, 1, id);
+  erase.exec();
+  return absl::OkStatus();
 }
 
 }  // namespace rigcal::server

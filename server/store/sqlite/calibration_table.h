@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration_record.h"
+#include "server/store/record_list.h"
 
 // Calibrations in the database. Each function runs inside a transaction of the caller's and may
 // throw SQLite::Exception. Errors as in Store.
@@ -17,8 +18,10 @@ namespace rigcal::server {
 absl::StatusOr<Calibration> InsertCalibration(SQLite::Database& database, Calibration calibration);
 absl::Status ReplaceCalibration(SQLite::Database& database, const Calibration& calibration);
 absl::StatusOr<Calibration> FindCalibration(SQLite::Database& database, std::string_view id);
-absl::StatusOr<std::vector<Calibration>> ListCalibrations(SQLite::Database& database,
-                                                          std::string_view rig, int limit,
-                                                          std::string_view before);
+absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(SQLite::Database& database,
+                                                                  const CalibrationFilter& filter,
+                                                                  const ListPage& page);
+// FAILED_PRECONDITION: it is queued or running.
+absl::Status EraseCalibration(SQLite::Database& database, std::string_view id);
 
 }  // namespace rigcal::server

@@ -38,12 +38,9 @@ void CountChanges::AddRows(int64_t camera_id, uint32_t clock_epoch, uint32_t obs
   change.clock_epochs[clock_epoch] += observations;
 }
 
-void CountChanges::AddRefusal(int64_t camera_id, std::string_view reason, uint32_t count,
+void CountChanges::AddRefusal(int64_t camera_id, RefusalReason reason, uint32_t count,
                               uint32_t stream_epoch, uint32_t first_seq, std::string_view detail) {
-  auto& refusals = cameras_[camera_id].refusals;
-  auto it = refusals.find(reason);
-  if (it == refusals.end()) it = refusals.emplace(std::string(reason), RefusalChange{}).first;
-  RefusalChange& change = it->second;
+  RefusalChange& change = cameras_[camera_id].refusals[reason];
   if (change.count == 0 ||
       std::tie(stream_epoch, first_seq) < std::tie(change.stream_epoch, change.seq)) {
     change.stream_epoch = stream_epoch;
@@ -61,9 +58,9 @@ void CountChanges::Flush() {
 void CountChanges::FlushCamera(int64_t camera_id, const CameraChange& change) {
   if (change.observations > 0) {
     const StatementScope scope(add_to_camera_);
-    add_to_camera_.bind(1, change.observations);
-    add_to_camera_.bind(2, change.wands);
-    add_to_camera_.bind(3, change.late);
+    add_to_camera_.bind(1, static_cast<int64_t>(change.observations));
+    add_to_camera_.bind(2, static_cast<int64_t>(change.wands));
+    add_to_camera_.bind(3, static_cast<int64_t>(change.late));
     add_to_camera_.bind(4, camera_id);
     add_to_camera_.exec();
   }
@@ -71,19 +68,19 @@ void CountChanges::FlushCamera(int64_t camera_id, const CameraChange& change) {
     const StatementScope scope(add_to_clock_epoch_);
     add_to_clock_epoch_.bind(1, camera_id);
     add_to_clock_epoch_.bind(2, clock_epoch);
-    add_to_clock_epoch_.bind(3, observations);
+    add_to_clock_epoch_.bind(3, static_cast<int64_t>(observations));
     add_to_clock_epoch_.exec();
   }
   for (const auto& [reason, refusal] : change.refusals) FlushRefusal(camera_id, reason, refusal);
 }
 
-void CountChanges::FlushRefusal(int64_t camera_id, std::string_view reason,
+void CountChanges::FlushRefusal(int64_t camera_id, RefusalReason reason,
                                 const RefusalChange& change) {
   const std::string example = absl::StrCat("seq ", change.seq, ": ", change.detail);
   const StatementScope scope(add_refusal_);
   add_refusal_.bind(1, camera_id);
-  BindText(add_refusal_, 2, reason);
-  add_refusal_.bind(3, change.count);
+  BindText(add_refusal_, 2, NameOf(reason));
+  add_refusal_.bind(3, static_cast<int64_t>(change.count));
   add_refusal_.bind(4, change.stream_epoch);
   add_refusal_.bind(5, change.seq);
   BindText(add_refusal_, 6, example);

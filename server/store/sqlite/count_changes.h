@@ -4,10 +4,11 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <string>
 #include <string_view>
+
+#include "common/status/refusal_reason.h"
 
 namespace rigcal::server {
 
@@ -22,7 +23,7 @@ class CountChanges {
                bool late);
   // `first_seq`: of the lowest one counted. The example that stays is of the lowest (stream_epoch,
   // seq) of all, so that it does not depend on the order of arrival.
-  void AddRefusal(int64_t camera_id, std::string_view reason, uint32_t count, uint32_t stream_epoch,
+  void AddRefusal(int64_t camera_id, RefusalReason reason, uint32_t count, uint32_t stream_epoch,
                   uint32_t first_seq, std::string_view detail);
   // Writes everything collected.
   void Flush();
@@ -31,20 +32,20 @@ class CountChanges {
 
  private:
   struct RefusalChange {
-    uint32_t count = 0;
+    uint64_t count = 0;
     uint32_t stream_epoch = 0;
     uint32_t seq = 0;
     std::string detail;
   };
   struct CameraChange {
-    uint32_t observations = 0;
-    uint32_t wands = 0;
-    uint32_t late = 0;
-    std::map<uint32_t, uint32_t> clock_epochs;
-    std::map<std::string, RefusalChange, std::less<>> refusals;
+    uint64_t observations = 0;
+    uint64_t wands = 0;
+    uint64_t late = 0;
+    std::map<uint32_t, uint64_t> clock_epochs;
+    std::map<RefusalReason, RefusalChange> refusals;
   };
   void FlushCamera(int64_t camera_id, const CameraChange& change);
-  void FlushRefusal(int64_t camera_id, std::string_view reason, const RefusalChange& change);
+  void FlushRefusal(int64_t camera_id, RefusalReason reason, const RefusalChange& change);
 
   SQLite::Statement add_to_camera_;
   SQLite::Statement add_to_clock_epoch_;

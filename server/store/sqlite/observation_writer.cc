@@ -137,7 +137,7 @@ void ObservationWriter::AppendDropped(const Delivery& delivery, StreamState* sta
       insert_dropped_.bind(1, state->stream_id);
       insert_dropped_.bind(2, range.first);
       insert_dropped_.bind(3, range.size());
-      BindText(insert_dropped_, 4, dropped.reason);
+      BindText(insert_dropped_, 4, NameOf(dropped.reason));
       insert_dropped_.exec();
       state->ledger.Add(range);
       counts_.AddRefusal(state->camera_id, dropped.reason, range.size(),
@@ -153,7 +153,7 @@ void ObservationWriter::AppendClockReadings(const Delivery& delivery, StreamStat
   const int late = state->session_finished ? 1 : 0;
   const auto refuse_if_new = [&](int inserted, bool plausible) {
     if (inserted == 0 || plausible) return;
-    counts_.AddRefusal(state->camera_id, "implausible_clock_sample", 1,
+    counts_.AddRefusal(state->camera_id, RefusalReason::kImplausibleClockSample, 1,
                        delivery.stream().stream_epoch, 0,
                        "a clock sample is negative or beyond 2^62 ns");
   };
@@ -211,8 +211,8 @@ void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraRepor
   for (const Refusal& refusal : refusals.List()) {
     const StatementScope scope(insert_report_);
     insert_report_.bind(1, state->stream_id);
-    BindText(insert_report_, 2, refusal.reason);
-    insert_report_.bind(3, refusal.count);
+    BindText(insert_report_, 2, NameOf(refusal.reason));
+    insert_report_.bind(3, static_cast<int64_t>(refusal.count));
     BindText(insert_report_, 4, refusal.example);
     insert_report_.exec();
   }
@@ -248,7 +248,7 @@ void ObservationWriter::WriteBack() {
     } else {
       update_stream_.bind(2);
     }
-    update_stream_.bind(3, state->report_observation_count);
+    update_stream_.bind(3, static_cast<int64_t>(state->report_observation_count));
     update_stream_.bind(4, static_cast<int64_t>(state->report_refused_count));
     update_stream_.bind(5, state->stream_id);
     update_stream_.exec();

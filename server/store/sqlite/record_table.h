@@ -5,12 +5,15 @@
 
 #include <cstdint>
 #include <string_view>
+#include <variant>
+#include <vector>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/store/record_list.h"
 #include "server/store/sqlite/record_checksum.h"
 
 namespace rigcal::server {
@@ -18,19 +21,18 @@ namespace rigcal::server {
 // The tables of whole records, `session` and `calibration`: number (grows with each record), id,
 // rig, body and checksum. Messages call a record by its table's name. Throw SQLite::Exception.
 
-// Which records, the newest first.
-struct RecordPage {
-  const char* table;
-  std::string_view rig;     // empty: of every rig
-  int limit;                // at least 1
-  std::string_view before;  // an id: those older than this one; empty: from the newest on
+// A condition of a query, with the value of its `?`.
+struct RecordCondition {
+  const char* sql;
+  std::variant<int64_t, std::string_view> value;
 };
 
-// Calls `visit` with rows of (id, body, checksum), until it returns an error, which is returned.
-// INVALID_ARGUMENT: the limit. `number_of` finds the number of an id.
-absl::Status ForEachRecord(SQLite::Database& database, const RecordPage& page,
-                           absl::FunctionRef<absl::StatusOr<int64_t>(std::string_view)> number_of,
-                           absl::FunctionRef<absl::Status(SQLite::Statement& row)> visit);
+// Calls `visit` with the rows (id, body, checksum, number) of `table` that meet the conditions,
+// until it returns an error, which is returned. INVALID_ARGUMENT: the limit.
+absl::Status ForEachRecord(
+    SQLite::Database& database, const char* table, std::vector<RecordCondition> conditions,
+    const ListPage& page,
+    absl::FunctionRef<absl::Status(SQLite::Statement& row, RecordPosition position)> visit);
 
 // The record of such a row; DATA_LOSS where it is damaged. `parse` reads the body.
 template <typename Record>

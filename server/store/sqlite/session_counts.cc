@@ -20,7 +20,7 @@ std::vector<ClockEpochCount> ReadClockEpochs(SQLite::Database& database, int64_t
   std::vector<ClockEpochCount> epochs;
   while (query.executeStep()) {
     epochs.push_back(
-        {.clock_epoch = ColumnUint32(query, 0), .observation_count = ColumnUint32(query, 1)});
+        {.clock_epoch = ColumnUint32(query, 0), .observation_count = ColumnUint64(query, 1)});
   }
   return epochs;
 }
@@ -53,8 +53,8 @@ std::vector<Refusal> ReadRefusals(SQLite::Database& database, int64_t camera_id,
                           "ORDER BY 1, 2, 3");
   query.bind(1, camera_id);
   while (query.executeStep()) {
-    refusals.Add(camera, query.getColumn(0).getString(), ColumnUint32(query, 1),
-                 query.getColumn(2).getString());
+    refusals.Add(camera, RefusalReasonFromName(query.getColumn(0).getString()),
+                 ColumnUint64(query, 1), query.getColumn(2).getString());
   }
   return refusals.List();
 }
@@ -65,9 +65,7 @@ void ReadReportCounts(SQLite::Database& database, int64_t camera_id, SessionCame
                           "JOIN stream s ON r.stream_id=s.id WHERE s.camera_id=? GROUP BY r.name");
   query.bind(1, camera_id);
   while (query.executeStep()) {
-    AddNamedCount(query.getColumn(0).getString(),
-                  static_cast<uint64_t>(std::max<int64_t>(0, query.getColumn(1).getInt64())),
-                  camera);
+    AddNamedCount(query.getColumn(0).getString(), ColumnUint64(query, 1), camera);
   }
 }
 
@@ -85,9 +83,9 @@ absl::StatusOr<std::vector<SessionCameraCounts>> ReadSessionCounts(SQLite::Datab
     const int64_t camera_id = query.getColumn(0).getInt64();
     SessionCameraCounts camera;
     camera.camera = query.getColumn(1).getString();
-    camera.observation_count = ColumnUint32(query, 2);
-    camera.wand_count = ColumnUint32(query, 3);
-    camera.late_count = ColumnUint32(query, 4);
+    camera.observation_count = ColumnUint64(query, 2);
+    camera.wand_count = ColumnUint64(query, 3);
+    camera.late_count = ColumnUint64(query, 4);
     camera.clock_epochs = ReadClockEpochs(database, camera_id);
     camera.streams = ReadStreams(database, camera_id);
     camera.refused = ReadRefusals(database, camera_id, camera.camera);

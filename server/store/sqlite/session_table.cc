@@ -84,16 +84,6 @@ absl::Status SyncCameras(SQLite::Database& database, int64_t number, const Sessi
   return absl::OkStatus();
 }
 
-// The number of the session that `before` names; a page may go on after one that was deleted.
-absl::StatusOr<int64_t> NumberForPaging(SQLite::Database& database, std::string_view before) {
-  absl::StatusOr<int64_t> number = SessionNumber(database, before);
-  if (number.ok()) return number;
-  SQLite::Statement query(database, "SELECT number FROM deleted_session WHERE id=?");
-  BindText(query, 1, before);
-  if (!query.executeStep()) return number;
-  return query.getColumn(0).getInt64();
-}
-
 void EraseStreamRows(SQLite::Database& database, int64_t session_number) {
   SQLite::Statement streams(database,
                             "SELECT s.id FROM stream s JOIN session_camera c ON s.camera_id=c.id "
@@ -169,16 +159,19 @@ absl::StatusOr<Session> FindSession(SQLite::Database& database, std::string_view
   return ParseSessionRow(query);
 }
 
-absl::StatusOr<std::vector<Session>> ListSessions(SQLite::Database& database, std::string_view rig,
-                                                  int limit, std::string_view before) {
-  std::vector<Session> sessions;
-  const auto number_of = [&](std::string_view id) { return NumberForPaging(database, id); };
-  const auto take = [&](SQLite::Statement& row) -> absl::Status {
+absl::StatusOr<std::vector<Listed<Session>>> ListSessions(SQLite::Database& database,
+                                                          const SessionFilter& filter,
+                                                          const ListPage& page) {
+  std::vector<RecordCondition> conditions;
+  if (!filter.rig.empty()) conditions.push_back({"rig=?", std::string_view(filter.rig)});
+  if (filter.state) conditions.push_back({"state=?", static_cast<int64_t>(*filter.state)});
+  std::vector<Listed<Session>> sessions;
+  const auto take = [&](SQLite::Statement& row, RecordPosition position) -> absl::Status {
     RIGCAL_ASSIGN_OR_RETURN(Session session, ParseSessionRow(row));
-    sessions.push_back(std::move(session));
+    sessions.push_back({std::move(session), std::move(position)});
     return absl::OkStatus();
   };
-  RIGCAL_RETURN_IF_ERROR(ForEachRecord(database, {"session", rig, limit, before}, number_of, take));
+  RIGCAL_RETURN_IF_ERROR(ForEachRecord(database, "session", std::move(conditions), page, take));
   return sessions;
 }
 

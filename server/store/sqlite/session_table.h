@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/session/session.h"
+#include "server/store/record_list.h"
 
 // Sessions in the database. Each function runs inside a transaction of the caller's and may throw
 // SQLite::Exception. Errors as in Store.
@@ -17,8 +18,9 @@ namespace rigcal::server {
 absl::StatusOr<Session> InsertSession(SQLite::Database& database, Session session);
 absl::Status ReplaceSession(SQLite::Database& database, const Session& session);
 absl::StatusOr<Session> FindSession(SQLite::Database& database, std::string_view id);
-absl::StatusOr<std::vector<Session>> ListSessions(SQLite::Database& database, std::string_view rig,
-                                                  int limit, std::string_view before);
+absl::StatusOr<std::vector<Listed<Session>>> ListSessions(SQLite::Database& database,
+                                                          const SessionFilter& filter,
+                                                          const ListPage& page);
 uint32_t CountSessions(SQLite::Database& database);
 // Its observations too.
 absl::Status EraseSession(SQLite::Database& database, std::string_view id);

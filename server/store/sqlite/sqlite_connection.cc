@@ -58,6 +58,10 @@ uint32_t ColumnUint32(SQLite::Statement& statement, int index) {
                                                    std::numeric_limits<uint32_t>::max()));
 }
 
+uint64_t ColumnUint64(SQLite::Statement& statement, int index) {
+  return static_cast<uint64_t>(std::max<int64_t>(0, statement.getColumn(index).getInt64()));
+}
+
 absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::filesystem::path& file,
                                                                  const std::string& vfs,
                                                                  size_t checkpoint_bytes) {

@@ -31,7 +31,9 @@ void BindText(SQLite::Statement& statement, int index, std::string_view text);
 // Does not copy: `bytes` must outlive the statement's next reset or binding.
 void BindBlob(SQLite::Statement& statement, int index, std::string_view bytes);
 std::string_view ColumnBytes(SQLite::Statement& statement, int index);
+// Values outside the range of the type become its nearest one.
 uint32_t ColumnUint32(SQLite::Statement& statement, int index);
+uint64_t ColumnUint64(SQLite::Statement& statement, int index);
 
 // The one connection that writes and checkpoints. Thread-safe. `work` given to the functions below
 // may throw SQLite::Exception, which becomes a status that begins with `what`.

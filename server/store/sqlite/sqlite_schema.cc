@@ -79,6 +79,12 @@ CREATE TABLE report_refusal(
   example TEXT NOT NULL,
   PRIMARY KEY(stream_id, reason)
 ) WITHOUT ROWID;
+CREATE TABLE report_count(
+  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
+  name TEXT NOT NULL,
+  count INTEGER NOT NULL,
+  PRIMARY KEY(stream_id, name)
+) WITHOUT ROWID;
 CREATE TABLE batch(
   id INTEGER PRIMARY KEY,
   row_count INTEGER NOT NULL,
@@ -124,16 +130,12 @@ CREATE TABLE calibration(
   UNIQUE(rig, version)
 );
 CREATE INDEX calibration_of_rig ON calibration(rig, number);
-)sql";
-
-// New in version 2: what the reports of a stream count beside refusals.
-constexpr char kReportCountTable[] = R"sql(
-CREATE TABLE IF NOT EXISTS report_count(
-  stream_id INTEGER NOT NULL REFERENCES stream(id) ON DELETE CASCADE,
-  name TEXT NOT NULL,
-  count INTEGER NOT NULL,
-  PRIMARY KEY(stream_id, name)
+CREATE TABLE calibration_session(
+  session_id TEXT NOT NULL,
+  calibration_number INTEGER NOT NULL REFERENCES calibration(number) ON DELETE CASCADE,
+  PRIMARY KEY(session_id, calibration_number)
 ) WITHOUT ROWID;
+CREATE INDEX session_of_calibration ON calibration_session(calibration_number);
 )sql";
 
 std::string RandomId() {
@@ -147,7 +149,6 @@ int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
 
 void CreateTables(SQLite::Database& database) {
   database.exec(kTables);
-  database.exec(kReportCountTable);
   SQLite::Statement identity(database, "INSERT INTO identity(server_id) VALUES(?)");
   identity.bind(1, RandomId());
   identity.exec();
@@ -171,18 +172,21 @@ absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
     return absl::FailedPreconditionError(absl::StrCat(
         name, " is a database of another program; give another --data-dir or move it away"));
   }
-  if (version > static_cast<int32_t>(kSchemaVersion)) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        name, " has schema version ", version, ", and this server knows versions up to ",
-        kSchemaVersion, "; start a newer rigcal-server, or give another --data-dir"));
-  }
   if (version < 1) {
     return absl::DataLossError(absl::StrCat(name, " has no valid schema version (", version,
                                             "); restore a backup or give another --data-dir"));
   }
+  if (version > static_cast<int32_t>(kSchemaVersion)) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        name, " has schema version ", version, ", and this server reads version ", kSchemaVersion,
+        " only; start a newer rigcal-server, or give another --data-dir"));
+  }
   if (version < static_cast<int32_t>(kSchemaVersion)) {
-    database.exec(kReportCountTable);
-    database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
+    return absl::FailedPreconditionError(
+        absl::StrCat(name, " has schema version ", version,
+                     ", from before API v1 was settled, and this server ", "reads version ",
+                     kSchemaVersion, " only; export what you need with the rigcal-server that ",
+                     "wrote it, and give this one another --data-dir"));
   }
   return absl::OkStatus();
 }

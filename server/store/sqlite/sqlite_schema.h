@@ -12,11 +12,10 @@
 
 namespace rigcal::server {
 
-inline constexpr uint32_t kSchemaVersion = 2;
+inline constexpr uint32_t kSchemaVersion = 3;
 
-// Creates the tables in an empty database, and those that are new in one of an older version,
-// inside a transaction of the caller's.
-//   FAILED_PRECONDITION  the database is of another program, or of a newer version of this one
+// Creates the tables in an empty database, inside a transaction of the caller's.
+//   FAILED_PRECONDITION  the database is of another program, or of another version of this one
 //   DATA_LOSS            the identity in it is missing
 // `file` is for messages.
 absl::Status PrepareSchema(SQLite::Database& database, std::string_view file);

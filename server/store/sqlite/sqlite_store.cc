@@ -113,10 +113,10 @@ absl::StatusOr<Session> SqliteStore::GetSession(std::string_view id) const {
                    [&](SQLite::Database& database) { return FindSession(database, id); });
 }
 
-absl::StatusOr<std::vector<Session>> SqliteStore::ListSessions(std::string_view rig, int limit,
-                                                               std::string_view before) const {
+absl::StatusOr<std::vector<Listed<Session>>> SqliteStore::ListSessions(const SessionFilter& filter,
+                                                                       const ListPage& page) const {
   return ReadValue(*reader_, "listing sessions", [&](SQLite::Database& database) {
-    return server::ListSessions(database, rig, limit, before);
+    return server::ListSessions(database, filter, page);
   });
 }
 
@@ -127,19 +127,21 @@ absl::StatusOr<uint32_t> SqliteStore::CountSessions() const {
                    });
 }
 
-absl::Status SqliteStore::EraseSessionRows(std::string_view id) {
-  return ChangeSessions(absl::StrCat("deleting session ", std::string(id)),
-                        [&] { return EraseSession(writer_->database(), id); });
+absl::Status SqliteStore::DeleteSession(std::string_view id) {
+  return EraseOnAnyDisk([&] {
+    return ChangeSessions(absl::StrCat("deleting session ", std::string(id)),
+                          [&] { return EraseSession(writer_->database(), id); });
+  });
 }
 
-absl::Status SqliteStore::DeleteSession(std::string_view id) {
-  absl::Status status = EraseSessionRows(id);
+absl::Status SqliteStore::EraseOnAnyDisk(const std::function<absl::Status()>& erase) {
+  absl::Status status = erase();
   if (absl::IsResourceExhausted(status)) {
     // Deleting writes to the log first. The reserve makes room for that, and the checkpoint empties
     // the log.
     directory_->ReleaseReserve();
     RIGCAL_RETURN_IF_ERROR(writer_->Checkpoint());
-    status = EraseSessionRows(id);
+    status = erase();
     if (!status.ok()) return status;
     RIGCAL_RETURN_IF_ERROR(writer_->Checkpoint());
   }
@@ -196,10 +198,17 @@ absl::StatusOr<Calibration> SqliteStore::GetCalibration(std::string_view id) con
                    [&](SQLite::Database& database) { return FindCalibration(database, id); });
 }
 
-absl::StatusOr<std::vector<Calibration>> SqliteStore::ListCalibrations(
-    std::string_view rig, int limit, std::string_view before) const {
+absl::StatusOr<std::vector<Listed<Calibration>>> SqliteStore::ListCalibrations(
+    const CalibrationFilter& filter, const ListPage& page) const {
   return ReadValue(*reader_, "listing calibrations", [&](SQLite::Database& database) {
-    return server::ListCalibrations(database, rig, limit, before);
+    return server::ListCalibrations(database, filter, page);
+  });
+}
+
+absl::Status SqliteStore::DeleteCalibration(std::string_view id) {
+  return EraseOnAnyDisk([&] {
+    return writer_->Transact(absl::StrCat("deleting calibration ", std::string(id)),
+                             [&] { return EraseCalibration(writer_->database(), id); });
   });
 }
 

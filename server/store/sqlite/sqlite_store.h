@@ -46,8 +46,8 @@ class SqliteStore : public Store {
   absl::StatusOr<Session> CreateSession(Session session) override;
   absl::Status UpdateSession(const Session& session) override;
   absl::StatusOr<Session> GetSession(std::string_view id) const override;
-  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
-                                                    std::string_view before) const override;
+  absl::StatusOr<std::vector<Listed<Session>>> ListSessions(const SessionFilter& filter,
+                                                            const ListPage& page) const override;
   absl::StatusOr<uint32_t> CountSessions() const override;
   absl::Status DeleteSession(std::string_view id) override;
   absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
@@ -62,15 +62,17 @@ class SqliteStore : public Store {
   absl::StatusOr<Calibration> CreateCalibration(Calibration calibration) override;
   absl::Status UpdateCalibration(const Calibration& calibration) override;
   absl::StatusOr<Calibration> GetCalibration(std::string_view id) const override;
-  absl::StatusOr<std::vector<Calibration>> ListCalibrations(std::string_view rig, int limit,
-                                                            std::string_view before) const override;
+  absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
+      const CalibrationFilter& filter, const ListPage& page) const override;
+  absl::Status DeleteCalibration(std::string_view id) override;
 
  private:
   explicit SqliteStore(const SqliteStoreOptions& options);
   absl::Status OpenDatabase();
   // Changes sessions, and clears the observation writer's copies of them.
   absl::Status ChangeSessions(std::string_view what, const std::function<absl::Status()>& change);
-  absl::Status EraseSessionRows(std::string_view id);
+  // Runs `erase`; where the disk is full, again with the room that is kept for it.
+  absl::Status EraseOnAnyDisk(const std::function<absl::Status()>& erase);
 
   SqliteStoreOptions options_;
   std::string server_id_;

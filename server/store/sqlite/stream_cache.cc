@@ -62,9 +62,8 @@ void StreamCache::LoadStream(const StreamKey& stream, StreamState* state) {
   state->stream_id = find_stream_.getColumn(0).getInt64();
   state->ledger = StreamLedger(ColumnUint32(find_stream_, 1));
   if (!find_stream_.getColumn(2).isNull()) state->last_seq = ColumnUint32(find_stream_, 2);
-  state->report_observation_count = ColumnUint32(find_stream_, 3);
-  state->report_refused_count =
-      static_cast<uint64_t>(std::max<int64_t>(0, find_stream_.getColumn(4).getInt64()));
+  state->report_observation_count = ColumnUint64(find_stream_, 3);
+  state->report_refused_count = ColumnUint64(find_stream_, 4);
   LoadReportCounts(state);
   LoadEarlyRanges(state);
 }
@@ -73,8 +72,7 @@ void StreamCache::LoadReportCounts(StreamState* state) {
   const StatementScope scope(find_report_counts_);
   find_report_counts_.bind(1, state->stream_id);
   find_report_counts_.executeStep();
-  state->report_counted =
-      static_cast<uint64_t>(std::max<int64_t>(0, find_report_counts_.getColumn(0).getInt64()));
+  state->report_counted = ColumnUint64(find_report_counts_, 0);
 }
 
 void StreamCache::LoadEarlyRanges(StreamState* state) {

@@ -20,7 +20,7 @@ struct StreamState {
   bool session_finished = false;
   StreamLedger ledger;
   std::optional<uint32_t> last_seq;
-  uint32_t report_observation_count = 0;
+  uint64_t report_observation_count = 0;
   uint64_t report_refused_count = 0;
   uint64_t report_counted = 0;  // sum of what the report counts beside refusals
   bool changed = false;         // must be written back before the commit

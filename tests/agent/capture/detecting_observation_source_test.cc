@@ -68,7 +68,8 @@ class ScriptedFrames : public FrameSource {
   void Stop() override { stopped_ = true; }
   FrameCounts counts() const override { return {.received = next_, .damaged = 2}; }
   std::vector<Refusal> Refused() const override {
-    return {{.camera = "", .reason = "picture_unreadable", .count = 2, .example = "a.png"}};
+    return {
+        {.camera = "", .reason = RefusalReason::kFrameUnreadable, .count = 2, .example = "a.png"}};
   }
 
  private:
@@ -108,8 +109,8 @@ std::vector<Observation> Drain(DetectingObservationSource& source) {
   }
 }
 
-std::map<std::string, uint32_t> Counts(const DetectingObservationSource& source) {
-  std::map<std::string, uint32_t> counts;
+std::map<RefusalReason, uint64_t> Counts(const DetectingObservationSource& source) {
+  std::map<RefusalReason, uint64_t> counts;
   for (const Refusal& refusal : source.Refused()) counts[refusal.reason] = refusal.count;
   return counts;
 }
@@ -146,7 +147,7 @@ TEST(DetectingObservationSource, YieldsAnObservationPerFrame) {
     EXPECT_EQ(observations[5].VisibleCount(), 0);
     EXPECT_EQ(source->detection_counts()->Of(DetectionOutcome::kWand), 5u);
     EXPECT_EQ(source->frame_counts()->received, 6u);
-    EXPECT_THAT(Counts(*source), Contains(Pair("picture_unreadable", 2u)));
+    EXPECT_THAT(Counts(*source), Contains(Pair(RefusalReason::kFrameUnreadable, 2u)));
   }
 }
 
@@ -159,8 +160,8 @@ TEST(DetectingObservationSource, CountsAndWarnsOfFramesThatAreNoGood) {
   const std::vector<Observation> observations = Drain(*source);
   ASSERT_EQ(observations.size(), 4u);
   EXPECT_EQ(observations[3].VisibleCount(), 3);
-  EXPECT_THAT(Counts(*source),
-              AllOf(Contains(Pair("picture_black", 2u)), Contains(Pair("picture_saturated", 1u))));
+  EXPECT_THAT(Counts(*source), AllOf(Contains(Pair(RefusalReason::kFrameBlack, 2u)),
+                                     Contains(Pair(RefusalReason::kFrameSaturated, 1u))));
   EXPECT_THAT(log.text(), AllOf(HasSubstr("camera left"), HasSubstr("lens cap"),
                                 HasSubstr("shorten the exposure")));
   const size_t first = log.text().find("lens cap");

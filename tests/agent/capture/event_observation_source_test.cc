@@ -267,8 +267,9 @@ TEST_F(EventObservationSourceTest, ACameraThatWasAwayBeginsAnEpochWhateverItsClo
     EXPECT_GE(wands[1], 24);
     EXPECT_EQ(source->detection_counts()->Of(DetectionOutcome::kWand),
               static_cast<uint64_t>(wands[0] + wands[1]));
-    EXPECT_THAT(source->Refused(), ElementsAre(AllOf(Field(&Refusal::reason, "event_unknown_word"),
-                                                     Field(&Refusal::count, 2u))));
+    EXPECT_THAT(source->Refused(),
+                ElementsAre(AllOf(Field(&Refusal::reason, RefusalReason::kEventUnknownWord),
+                                  Field(&Refusal::count, 2u))));
   }
 }
 
@@ -323,11 +324,12 @@ TEST_F(EventObservationSourceTest, KeepsWhatIsGoodInADamagedFile) {
   std::vector<Refusal> refused;
   const auto observations = Observe(bytes, ";rate=200", &refused);
   EXPECT_GE(ErrorsOf(wand, observations).wands, 52);
-  std::vector<std::string> reasons;
+  std::vector<RefusalReason> reasons;
   for (const Refusal& refusal : refused) reasons.push_back(refusal.reason);
-  ASSERT_THAT(reasons, ::testing::ElementsAre("event_truncated_bytes", "event_unknown_word"));
-  EXPECT_THAT(refused[0].example, HasSubstr("byte " + std::to_string(bytes.size() - 1)));
-  EXPECT_THAT(refused[1].example, HasSubstr("left.raw, byte " + std::to_string(middle)));
+  ASSERT_THAT(reasons, ::testing::ElementsAre(RefusalReason::kEventUnknownWord,
+                                              RefusalReason::kEventTruncatedBytes));
+  EXPECT_THAT(refused[1].example, HasSubstr("byte " + std::to_string(bytes.size() - 1)));
+  EXPECT_THAT(refused[0].example, HasSubstr("left.raw, byte " + std::to_string(middle)));
 }
 
 TEST_F(EventObservationSourceTest, RefusesWhatItCannotDo) {

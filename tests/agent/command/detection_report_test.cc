@@ -21,7 +21,8 @@ DetectionReport SomeReport() {
   report.detections.Add(DetectionOutcome::kNoBlob, 2);
   report.learning = 4;
   report.tracked = 5;
-  report.refused = {{.camera = "", .reason = "picture_unreadable", .count = 3, .example = "a\xff"}};
+  report.refused = {
+      {.camera = "", .reason = RefusalReason::kFrameUnreadable, .count = 3, .example = "a\xff"}};
   for (const double ms : {1.0, 2.0, 3.0, 10.0}) report.detecting.Add(ms * 1e-3);
   report.wall_s = 2;
   return report;
@@ -63,7 +64,7 @@ TEST(ReportJson, IsAContract) {
   EXPECT_EQ(json["outcomes"]["too_many_blobs"], 0);
   EXPECT_EQ(json["detection_rate"], 0.75);
   EXPECT_EQ(json["tracked"], 5);
-  EXPECT_EQ(json["refused"][0]["reason"], "picture_unreadable");
+  EXPECT_EQ(json["refused"][0]["reason"], "frame_unreadable");
   EXPECT_NEAR(json["detecting_ms"]["mean"].get<double>(), 4, 1e-9);
   EXPECT_EQ(json["pictures_per_s"], 6);
 }

@@ -125,7 +125,7 @@ TEST_F(EventFileTest, BadLinesAreLeftOutAndCounted) {
   ASSERT_OK_AND_ASSIGN(const auto events, ReadAll(path));
   EXPECT_THAT(events, ElementsAre(On(10, 1, 2), On(20, 3, 4), On(30, 3, 4)));
   ASSERT_THAT(refused_, SizeIs(1));
-  EXPECT_EQ(refused_[0].reason, "event_csv_bad_line");
+  EXPECT_EQ(refused_[0].reason, RefusalReason::kEventCsvBadLine);
   EXPECT_EQ(refused_[0].count, 3u);
   EXPECT_THAT(refused_[0].example, AllOf(HasSubstr("left.csv:3: "), HasSubstr("2 fields")));
   EXPECT_THAT(places_, ElementsAre("line 2"));

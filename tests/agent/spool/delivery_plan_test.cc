@@ -307,7 +307,7 @@ TEST_F(ProtocolFaultTest, FindsTheGuiltyStreamAndEndsItWhereTheServerStands) {
   ASSERT_TRUE(end);
   ASSERT_EQ(Show(*end), "left end 5");
   EXPECT_THAT(std::get<EndOfCapture>(*end).report.refused,
-              ElementsAre(Refusal{"", "protocol_fault", 15, "x_px: size"}));
+              ElementsAre(Refusal{"", RefusalReason::kProtocolFault, 15, "x_px: size"}));
   Acknowledge(kLeft, 5, true);
   EXPECT_THAT(Sent(), SizeIs(1));
 }

@@ -126,7 +126,7 @@ TEST(MemorySpool, SaysWhatIsNoLongerThere) {
   AppendRows(spool, kLeft, 1, 300);
   spool.Acknowledge(kLeft, 256);
   ASSERT_OK_AND_ASSIGN(const ObservationBatch batch, spool.Read(kLeft, 11, 5));
-  EXPECT_THAT(batch.dropped, ElementsAre(DroppedRange{11, 246, "spool_freed"}));
+  EXPECT_THAT(batch.dropped, ElementsAre(DroppedRange{11, 246, RefusalReason::kSpoolFreed}));
   EXPECT_EQ(batch.first_seq, 257u);
   EXPECT_EQ(batch.rows(), 5u);
 }
@@ -150,7 +150,7 @@ TEST(MemorySpool, EndsAStreamWithItsReport) {
   ASSERT_THAT(spool.Open(kRight, 1, 1), IsOk());
   AppendRows(spool, kLeft, 1, 3);
   CameraReport report;
-  report.refused = {{"", "csv_bad_time", 2, "f.csv:1"}};
+  report.refused = {{"", RefusalReason::kCsvBadTime, 2, "f.csv:1"}};
   ASSERT_THAT(spool.Finish(kLeft, report), IsOk());
   ASSERT_THAT(spool.Finish(kRight, {}), IsOk());
   const std::vector<SpooledStream> streams = spool.Streams();

@@ -47,7 +47,7 @@ class CameraPipelineTest : public ::testing::Test {
 };
 
 TEST_F(CameraPipelineTest, MovesObservationsAndEndsWithWhatTheSourceRefused) {
-  source_->SetRefused({{"", "csv_bad_time", 2, "f.csv:1: bad"}});
+  source_->SetRefused({{"", RefusalReason::kCsvBadTime, 2, "f.csv:1: bad"}});
   source_->AddClockSample({1, 2, 3, 4});
   source_->YieldRows(0, 3);
   source_->YieldEnd();
@@ -56,7 +56,8 @@ TEST_F(CameraPipelineTest, MovesObservationsAndEndsWithWhatTheSourceRefused) {
   const EndOfCapture end = EndOf(kFirst);
   EXPECT_EQ(end.last_seq, 3u);
   EXPECT_EQ(end.report.observation_count, 3u);
-  EXPECT_THAT(end.report.refused, ElementsAre(Refusal{"", "csv_bad_time", 2, "f.csv:1: bad"}));
+  EXPECT_THAT(end.report.refused,
+              ElementsAre(Refusal{"", RefusalReason::kCsvBadTime, 2, "f.csv:1: bad"}));
   ASSERT_OK_AND_ASSIGN(const ObservationBatch batch, spool_.Read(kFirst, 1, 10));
   EXPECT_THAT(batch.time_ns, ElementsAre(0, 1000, 2000));
   EXPECT_THAT(batch.clock_samples, ElementsAre(ClockSample{1, 2, 3, 4}));
@@ -128,7 +129,7 @@ TEST_F(CameraPipelineTest, ReportsASourceThatFails) {
   pipeline_->WaitUntilIdle();
   EXPECT_EQ(EndOf(kFirst).last_seq, 0u);
   EXPECT_THAT(EndOf(kFirst).report.refused,
-              ElementsAre(Refusal{"", "source_failed", 1, "3 markers, not 2"}));
+              ElementsAre(Refusal{"", RefusalReason::kSourceFailed, 1, "3 markers, not 2"}));
   // The next capture is not affected.
   source_->FailToStart(absl::OkStatus());
   source_->YieldRows(0, 1);
@@ -137,7 +138,7 @@ TEST_F(CameraPipelineTest, ReportsASourceThatFails) {
   pipeline_->WaitUntilIdle();
   EXPECT_EQ(EndOf(kSecond).last_seq, 1u);
   EXPECT_THAT(EndOf(kSecond).report.refused,
-              ElementsAre(Refusal{"", "source_failed", 1, "cable pulled"}));
+              ElementsAre(Refusal{"", RefusalReason::kSourceFailed, 1, "cable pulled"}));
 }
 
 TEST_F(CameraPipelineTest, EndsWhenItsStreamIsDiscarded) {

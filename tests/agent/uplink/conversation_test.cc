@@ -57,8 +57,8 @@ class ConversationTest : public ::testing::Test {
     return conversation;
   }
   // The server's answer to hello_: `durable_seq` of every pending stream.
-  v1::ServerMessage Greeting(uint32_t durable_seq = 0) const {
-    v1::ServerMessage message;
+  v1::ConnectResponse Greeting(uint32_t durable_seq = 0) const {
+    v1::ConnectResponse message;
     v1::ServerHello* hello = message.mutable_hello();
     *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
     hello->set_server_id("store-1");
@@ -70,8 +70,8 @@ class ConversationTest : public ::testing::Test {
     }
     return message;
   }
-  static v1::ServerMessage StartMessage(const std::string& session_id) {
-    v1::ServerMessage message;
+  static v1::ConnectResponse StartMessage(const std::string& session_id) {
+    v1::ConnectResponse message;
     v1::StartCapture* start = message.mutable_start_capture();
     start->set_session_id(session_id);
     *start->mutable_target() = wire::ToProto(MakeTarget());
@@ -120,11 +120,11 @@ TEST_F(ConversationTest, AcceptsNothingBeforeTheServersHello) {
 TEST_F(ConversationTest, AcceptsOneHelloThatFitsItsOwn) {
   SpoolRows(3);
   Conversation conversation = Connect();
-  v1::ServerMessage without_positions = Greeting();
+  v1::ConnectResponse without_positions = Greeting();
   without_positions.mutable_hello()->clear_positions();
   EXPECT_THAT(conversation.Handle(without_positions, now_),
               StatusIs(absl::StatusCode::kInternal, HasSubstr("0 positions for 1")));
-  v1::ServerMessage newer = Greeting();
+  v1::ConnectResponse newer = Greeting();
   newer.mutable_hello()->mutable_protocol_version()->set_major(99);
   EXPECT_THAT(conversation.Handle(newer, now_), StatusIs(absl::StatusCode::kFailedPrecondition, _));
   EXPECT_FALSE(conversation.greeted());
@@ -141,7 +141,7 @@ TEST_F(ConversationTest, SendsAPingAndThenTheRowsBehindTheDurableOnes) {
   ASSERT_THAT(conversation.Handle(Greeting(2), now_), IsOk());
   EXPECT_TRUE(conversation.Next(now_)->has_time_ping());
   now_ += options_.flush_interval;
-  const std::optional<v1::AgentMessage> rows = conversation.Next(now_);
+  const std::optional<v1::ConnectRequest> rows = conversation.Next(now_);
   ASSERT_TRUE(rows && rows->has_batch());
   EXPECT_EQ(rows->batch().first_seq(), 3u);
   EXPECT_EQ(rows->batch().time_ns_size(), 3);
@@ -155,7 +155,7 @@ TEST_F(ConversationTest, IgnoresAPongThatBelongsToNoPing) {
   SpoolRows(5);
   Conversation conversation = Connect();
   ASSERT_THAT(conversation.Handle(Greeting(), now_), IsOk());
-  v1::ServerMessage pong;
+  v1::ConnectResponse pong;
   pong.mutable_time_pong()->set_host_monotonic_ns(
       conversation.Next(now_)->time_ping().host_monotonic_ns() - 1);
   ASSERT_THAT(conversation.Handle(pong, now_), IsOk());
@@ -163,7 +163,7 @@ TEST_F(ConversationTest, IgnoresAPongThatBelongsToNoPing) {
   EXPECT_FALSE(conversation.Next(now_)) << "rows wait for an alignment";
   pong.mutable_time_pong()->set_host_monotonic_ns(pong.time_pong().host_monotonic_ns() + 1);
   ASSERT_THAT(conversation.Handle(pong, now_), IsOk());
-  const std::optional<v1::AgentMessage> rows = conversation.Next(now_);
+  const std::optional<v1::ConnectRequest> rows = conversation.Next(now_);
   ASSERT_TRUE(rows && rows->has_batch());
   EXPECT_EQ(rows->batch().host_alignments_size(), 1);
 }
@@ -190,7 +190,7 @@ TEST_F(ConversationTest, IsGoodOnceSomethingBecameDurableOrItStoodForAWhile) {
   BatchAck ack;
   ack.stream = kLeft;
   ack.durable_seq = 2;
-  v1::ServerMessage message;
+  v1::ConnectResponse message;
   *message.mutable_ack() = wire::ToProto(ack);
   ASSERT_THAT(conversation.Handle(message, now_), IsOk());
   EXPECT_TRUE(conversation.IsGood(now_));

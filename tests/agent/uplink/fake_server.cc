@@ -15,11 +15,12 @@
 namespace rigcal::agent {
 
 // One stream; all of its state is guarded by the server's mutex.
-class FakeServer::Connection : public grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage> {
+class FakeServer::Connection
+    : public grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse> {
  public:
   explicit Connection(FakeServer* server) : server_(server) { StartRead(&incoming_); }
 
-  void SendLocked(v1::ServerMessage message) {
+  void SendLocked(v1::ConnectResponse message) {
     if (finished_) return;
     outgoing_.push_back(std::move(message));
     if (outgoing_.size() == 1) StartWrite(&outgoing_.front());
@@ -34,9 +35,9 @@ class FakeServer::Connection : public grpc::ServerBidiReactor<v1::AgentMessage, 
     const std::lock_guard lock(server_->mutex_);
     if (!ok) return FinishLocked(grpc::Status::OK);
     if (finished_) return;
-    std::vector<v1::ServerMessage> answers;
+    std::vector<v1::ConnectResponse> answers;
     const std::optional<grpc::Status> refusal = server_->Take(incoming_, &answers);
-    for (v1::ServerMessage& answer : answers) SendLocked(std::move(answer));
+    for (v1::ConnectResponse& answer : answers) SendLocked(std::move(answer));
     if (refusal) {
       FinishLocked(*refusal);
     } else {
@@ -60,8 +61,8 @@ class FakeServer::Connection : public grpc::ServerBidiReactor<v1::AgentMessage, 
   }
 
   FakeServer* const server_;
-  v1::AgentMessage incoming_;
-  std::deque<v1::ServerMessage> outgoing_;
+  v1::ConnectRequest incoming_;
+  std::deque<v1::ConnectResponse> outgoing_;
   bool finished_ = false;
 };
 
@@ -110,7 +111,7 @@ std::shared_ptr<grpc::Channel> FakeServer::Channel() {
                                    grpc::InsecureChannelCredentials(), arguments);
 }
 
-grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* FakeServer::Connect(
+grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* FakeServer::Connect(
     grpc::CallbackServerContext*) {
   const std::lock_guard lock(mutex_);
   return newest_ = new Connection(this);
@@ -139,14 +140,14 @@ v1::AgentHello FakeServer::WaitForHello(size_t number) {
   return state.hellos.size() < number ? v1::AgentHello() : state.hellos[number - 1];
 }
 
-void FakeServer::Send(v1::ServerMessage message) {
+void FakeServer::Send(v1::ConnectResponse message) {
   const std::lock_guard lock(mutex_);
   if (newest_ != nullptr) newest_->SendLocked(std::move(message));
 }
 
 void FakeServer::StartCapture(const std::string& session_id,
                               const std::vector<std::string>& cameras, uint32_t stream_epoch) {
-  v1::ServerMessage message;
+  v1::ConnectResponse message;
   v1::StartCapture* command = message.mutable_start_capture();
   command->set_session_id(session_id);
   *command->mutable_target() = wire::ToProto(MakeTarget());
@@ -160,7 +161,7 @@ void FakeServer::StartCapture(const std::string& session_id,
 }
 
 void FakeServer::StopCapture(const std::string& session_id) {
-  v1::ServerMessage message;
+  v1::ConnectResponse message;
   message.mutable_stop_capture()->set_session_id(session_id);
   Send(std::move(message));
 }
@@ -175,14 +176,14 @@ void FakeServer::AcknowledgeAll() {
   const std::lock_guard lock(mutex_);
   behaviour_.acknowledges = true;
   for (auto& [key, stream] : state_.streams) {
-    const v1::ServerMessage ack = AckOf(key);
+    const v1::ConnectResponse ack = AckOf(key);
     if (newest_ != nullptr) newest_->SendLocked(ack);
   }
   changed_.notify_all();
 }
 
-std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
-                                             std::vector<v1::ServerMessage>* answers) {
+std::optional<grpc::Status> FakeServer::Take(const v1::ConnectRequest& message,
+                                             std::vector<v1::ConnectResponse>* answers) {
   if (message.has_hello()) {
     state_.hellos.push_back(message.hello());
   } else {
@@ -192,10 +193,10 @@ std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
     if (auto status = behaviour_.refuses(message)) return status;
   }
   switch (message.message_case()) {
-    case v1::AgentMessage::kHello:
+    case v1::ConnectRequest::kHello:
       if (behaviour_.answers_hello) answers->push_back(HelloFor(message.hello()));
       break;
-    case v1::AgentMessage::kBatch: {
+    case v1::ConnectRequest::kBatch: {
       const auto batch = wire::FromProto(message.batch());
       if (!batch.ok()) {
         return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, batch.status().ToString());
@@ -206,7 +207,7 @@ std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
       }
       break;
     }
-    case v1::AgentMessage::kEndOfCapture: {
+    case v1::ConnectRequest::kEndOfCapture: {
       const auto end = wire::FromProto(message.end_of_capture());
       if (!end.ok()) {
         return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, end.status().ToString());
@@ -215,12 +216,12 @@ std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
       if (behaviour_.acknowledges) answers->push_back(AckOf(end->stream));
       break;
     }
-    case v1::AgentMessage::kReport: {
+    case v1::ConnectRequest::kReport: {
       const auto report = wire::FromProto(message.report());
       if (report.ok()) state_.streams[report->stream].report = *report;
       break;
     }
-    case v1::AgentMessage::kTimePing:
+    case v1::ConnectRequest::kTimePing:
       ++state_.ping_count;
       if (behaviour_.answers_pings) {
         v1::TimePong* pong = answers->emplace_back().mutable_time_pong();
@@ -229,8 +230,8 @@ std::optional<grpc::Status> FakeServer::Take(const v1::AgentMessage& message,
             std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count());
       }
       break;
-    case v1::AgentMessage::kPreview:
-    case v1::AgentMessage::MESSAGE_NOT_SET:
+    case v1::ConnectRequest::kPreview:
+    case v1::ConnectRequest::MESSAGE_NOT_SET:
       break;
   }
   return std::nullopt;
@@ -248,8 +249,8 @@ void FakeServer::Store(const ObservationBatch& batch) {
   }
 }
 
-v1::ServerMessage FakeServer::HelloFor(const v1::AgentHello& hello) {
-  v1::ServerMessage message;
+v1::ConnectResponse FakeServer::HelloFor(const v1::AgentHello& hello) {
+  v1::ConnectResponse message;
   v1::ServerHello* answer = message.mutable_hello();
   *answer->mutable_protocol_version() = wire::OwnProtocolVersion();
   answer->mutable_protocol_version()->set_major(behaviour_.protocol_major);
@@ -278,7 +279,7 @@ v1::StreamPosition FakeServer::PositionOf(const StreamKey& key) {
   return position;
 }
 
-v1::ServerMessage FakeServer::AckOf(const StreamKey& key) {
+v1::ConnectResponse FakeServer::AckOf(const StreamKey& key) {
   Stream& stream = state_.streams[key];
   while (stream.time_of_seq.contains(stream.durable_seq + 1)) ++stream.durable_seq;
   stream.send_limit_seq = std::max(stream.send_limit_seq, stream.durable_seq + behaviour_.window);
@@ -287,7 +288,7 @@ v1::ServerMessage FakeServer::AckOf(const StreamKey& key) {
   ack.durable_seq = stream.durable_seq;
   ack.send_limit_seq = stream.send_limit_seq;
   ack.complete = stream.end && stream.durable_seq >= stream.end->last_seq;
-  v1::ServerMessage message;
+  v1::ConnectResponse message;
   *message.mutable_ack() = wire::ToProto(ack);
   return message;
 }

@@ -17,7 +17,7 @@
 
 #include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
-#include "rigcal/v1/agent.grpc.pb.h"
+#include "rigcal/v1/ingest_service.grpc.pb.h"
 
 namespace rigcal::agent {
 
@@ -32,11 +32,11 @@ struct FakeBehaviour {
   bool acknowledges = true;  // false: nothing becomes durable
   std::set<std::string> unknown_sessions;
   // Ends the stream with this status instead of answering the message; empty: nothing does.
-  std::function<std::optional<grpc::Status>(const v1::AgentMessage&)> refuses;
+  std::function<std::optional<grpc::Status>(const v1::ConnectRequest&)> refuses;
 };
 
 // An AgentService that stores deliveries in memory and fails on demand.
-class FakeServer : public v1::AgentService::CallbackService {
+class FakeServer : public v1::IngestService::CallbackService {
  public:
   // Deliveries of one stream.
   struct Stream {
@@ -81,21 +81,21 @@ class FakeServer : public v1::AgentService::CallbackService {
   void StartCapture(const std::string& session_id, const std::vector<std::string>& cameras,
                     uint32_t stream_epoch = 1);
   void StopCapture(const std::string& session_id);
-  void Send(v1::ServerMessage message);
+  void Send(v1::ConnectResponse message);
   void Disconnect(const grpc::Status& status);
   // Makes everything received durable and acknowledges it.
   void AcknowledgeAll();
 
  private:
   class Connection;
-  grpc::ServerBidiReactor<v1::AgentMessage, v1::ServerMessage>* Connect(
+  grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* Connect(
       grpc::CallbackServerContext* context) override;
   // With mutex_ held; what to answer, and what to end the stream with.
-  std::optional<grpc::Status> Take(const v1::AgentMessage& message,
-                                   std::vector<v1::ServerMessage>* answers);
-  v1::ServerMessage HelloFor(const v1::AgentHello& hello);
+  std::optional<grpc::Status> Take(const v1::ConnectRequest& message,
+                                   std::vector<v1::ConnectResponse>* answers);
+  v1::ConnectResponse HelloFor(const v1::AgentHello& hello);
   v1::StreamPosition PositionOf(const StreamKey& key);
-  v1::ServerMessage AckOf(const StreamKey& key);
+  v1::ConnectResponse AckOf(const StreamKey& key);
   void Store(const ObservationBatch& batch);
 
   mutable std::mutex mutex_;

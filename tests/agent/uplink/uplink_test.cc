@@ -110,7 +110,7 @@ TEST_F(UplinkTest, SaysWhoItIsAndWhichCamerasItHas) {
 TEST_F(UplinkTest, DeliversACaptureToItsEnd) {
   Start();
   server_.WaitForHello(1);
-  left_->SetRefused({{"", "csv_bad_time", 2, "f.csv:3: bad"}});
+  left_->SetRefused({{"", RefusalReason::kCsvBadTime, 2, "f.csv:3: bad"}});
   left_->YieldRows(0, 1000);
   left_->YieldEnd();
   right_->YieldEnd();
@@ -123,7 +123,7 @@ TEST_F(UplinkTest, DeliversACaptureToItsEnd) {
   EXPECT_EQ(state.At(kLeft).end->last_seq, 1000u);
   EXPECT_EQ(state.At(kLeft).end->report.observation_count, 1000u);
   EXPECT_THAT(state.At(kLeft).end->report.refused,
-              ElementsAre(Refusal{"", "csv_bad_time", 2, "f.csv:3: bad"}));
+              ElementsAre(Refusal{"", RefusalReason::kCsvBadTime, 2, "f.csv:3: bad"}));
   EXPECT_EQ(state.At(kRight).end->last_seq, 0u);
   EXPECT_THAT(state.hellos, SizeIs(1));
 }
@@ -189,7 +189,7 @@ TEST_F(UplinkTest, DeliversEverythingOverAConnectionThatBreaksAgainAndAgain) {
   // Every 7th message ends the stream, half of them after having been stored.
   auto count = std::make_shared<int>(0);
   server_.Set([count](FakeBehaviour& behaviour) {
-    behaviour.refuses = [count](const v1::AgentMessage& message) -> std::optional<grpc::Status> {
+    behaviour.refuses = [count](const v1::ConnectRequest& message) -> std::optional<grpc::Status> {
       if (message.has_hello() || ++*count % 7 != 0) return std::nullopt;
       return grpc::Status(grpc::StatusCode::UNAVAILABLE, "flapping");
     };
@@ -335,7 +335,8 @@ TEST_F(UplinkTest, ComesBackWithAHigherConnectionFromAServerThatFellSilent) {
 TEST_F(UplinkTest, TriesAgainWhileAnotherAgentHoldsItsCamera) {
   auto refusals = std::make_shared<int>(0);
   server_.Set([refusals](FakeBehaviour& behaviour) {
-    behaviour.refuses = [refusals](const v1::AgentMessage& message) -> std::optional<grpc::Status> {
+    behaviour.refuses =
+        [refusals](const v1::ConnectRequest& message) -> std::optional<grpc::Status> {
       if (!message.has_hello() || ++*refusals > 3) return std::nullopt;
       return grpc::Status(grpc::StatusCode::ALREADY_EXISTS, "camera left is held by pc-2");
     };
@@ -357,7 +358,7 @@ TEST_F(UplinkTest, SaysNothingToAServerOfAnotherProtocol) {
 
 TEST_F(UplinkTest, GivesUpAStreamTheServerDoesNotUnderstandAndDeliversTheOther) {
   server_.Set([](FakeBehaviour& behaviour) {
-    behaviour.refuses = [](const v1::AgentMessage& message) -> std::optional<grpc::Status> {
+    behaviour.refuses = [](const v1::ConnectRequest& message) -> std::optional<grpc::Status> {
       if (!message.has_batch() || message.batch().camera() != "left") return std::nullopt;
       return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "batch.x_px: has 3 values");
     };
@@ -380,7 +381,7 @@ TEST_F(UplinkTest, GivesUpAStreamTheServerDoesNotUnderstandAndDeliversTheOther) 
   ExpectRows(state.At(kRight), 600);
   EXPECT_EQ(state.At(kLeft).end->last_seq, 0u);
   ASSERT_THAT(state.At(kLeft).end->report.refused, SizeIs(1));
-  EXPECT_EQ(state.At(kLeft).end->report.refused[0].reason, "protocol_fault");
+  EXPECT_EQ(state.At(kLeft).end->report.refused[0].reason, RefusalReason::kProtocolFault);
   EXPECT_THAT(state.At(kLeft).end->report.refused[0].example, HasSubstr("x_px: has 3 values"));
   EXPECT_EQ(left_->starts(), 1);
 }
@@ -466,10 +467,10 @@ TEST_F(UplinkTest, LetsASecondCaptureOfACameraWaitForTheFirst) {
 TEST_F(UplinkTest, NumbersBehindWhatAnEarlierLifeHasDelivered) {
   Start();
   server_.WaitForHello(1);
-  v1::ServerMessage message;
+  v1::ConnectResponse message;
   v1::StartCapture* command = message.mutable_start_capture();
   command->set_session_id("s-1");
-  command->mutable_target()->set_kind(v1::Target::WAND);
+  command->mutable_target()->set_kind(v1::Target::KIND_WAND);
   command->mutable_target()->add_marker_positions_m(0);
   command->mutable_target()->add_marker_positions_m(0.3);
   v1::StreamPosition* position = command->add_cameras();
@@ -494,17 +495,17 @@ TEST_F(UplinkTest, IgnoresCommandsForWhatItDoesNotHave) {
   server_.StartCapture("s-1", {"nobody"});
   server_.StartCapture("s-1", {"left"}, 99);
   server_.StopCapture("s-9");
-  server_.Send(v1::ServerMessage());
-  v1::ServerMessage bad_target;
+  server_.Send(v1::ConnectResponse());
+  v1::ConnectResponse bad_target;
   bad_target.mutable_start_capture()->set_session_id("s-1");
   server_.Send(bad_target);
-  v1::ServerMessage stray_ack;
+  v1::ConnectResponse stray_ack;
   stray_ack.mutable_ack()->set_session_id("s-9");
   stray_ack.mutable_ack()->set_camera("left");
   stray_ack.mutable_ack()->set_stream_epoch(1);
   stray_ack.mutable_ack()->set_complete(true);
   server_.Send(stray_ack);
-  v1::ServerMessage stray_pong;
+  v1::ConnectResponse stray_pong;
   stray_pong.mutable_time_pong()->set_host_monotonic_ns(1);
   server_.Send(stray_pong);
   server_.StartCapture("s-1", {"left"});
@@ -520,7 +521,7 @@ TEST_F(UplinkTest, ReportsWhatASourceRefusesWhileItRuns) {
   options.report_interval = milliseconds(5);
   Start(options);
   server_.WaitForHello(1);
-  left_->SetRefused({{"", "csv_bad_time", 2, "f.csv:3: bad"}});
+  left_->SetRefused({{"", RefusalReason::kCsvBadTime, 2, "f.csv:3: bad"}});
   server_.StartCapture("s-1", {"left"});
   int rows = 0;
   while (!server_.Now().At(kLeft).report) {
@@ -529,7 +530,7 @@ TEST_F(UplinkTest, ReportsWhatASourceRefusesWhileItRuns) {
         [&](const State& now) { return now.At(kLeft).durable_seq >= static_cast<uint32_t>(rows); });
   }
   EXPECT_THAT(server_.Now().At(kLeft).report->refused,
-              ElementsAre(Refusal{"", "csv_bad_time", 2, "f.csv:3: bad"}));
+              ElementsAre(Refusal{"", RefusalReason::kCsvBadTime, 2, "f.csv:3: bad"}));
 }
 
 TEST_F(UplinkTest, DeliversWhatIsThereBeforeItEnds) {

@@ -47,14 +47,14 @@ TEST_F(CalibrationCommand, CalibrateSendsEveryOption) {
   EXPECT_THAT(request.session_ids(), ElementsAre("a", "b"));
   const v1::CalibrationOptions& options = request.options();
   EXPECT_EQ(options.reference_camera(), "left");
-  EXPECT_EQ(options.intrinsics(), v1::CalibrationOptions::FIXED);
-  EXPECT_EQ(options.time_offsets(), v1::CalibrationOptions::REFINED);
-  EXPECT_EQ(options.marker_positions(), v1::CalibrationOptions::AUTO);
+  EXPECT_EQ(options.intrinsics(), v1::CalibrationOptions::ESTIMATE_FIXED);
+  EXPECT_EQ(options.time_offsets(), v1::CalibrationOptions::ESTIMATE_REFINED);
+  EXPECT_EQ(options.marker_positions(), v1::CalibrationOptions::ESTIMATE_AUTO);
   EXPECT_EQ(options.sigma_px(), 0.5);
   EXPECT_EQ(options.association_tolerance_s(), 0.0025);
   EXPECT_EQ(options.seed(), 7u);
   // Without --wait it is only queued.
-  EXPECT_EQ(json::parse(outcome.out).at("state"), "QUEUED");
+  EXPECT_EQ(json::parse(outcome.out).at("state"), "STATE_QUEUED");
 }
 
 TEST_F(CalibrationCommand, CalibrateSendsAKnownDistance) {
@@ -76,10 +76,10 @@ TEST_F(CalibrationCommand, CalibrateLeavesTheDefaultsToTheServer) {
 
 TEST_F(CalibrationCommand, CalibrateWaitsForTheResult) {
   fake_.calibrations["cal-new"] = FullCalibration("cal-new");
-  fake_.calibrations["cal-new"].set_state(v1::Calibration::RUNNING);
+  fake_.calibrations["cal-new"].set_state(v1::Calibration::STATE_RUNNING);
   int asked = 0;
   fake_.on_get_calibration = [&](v1::Calibration& calibration) {
-    if (++asked == 3) calibration.set_state(v1::Calibration::SUCCEEDED);
+    if (++asked == 3) calibration.set_state(v1::Calibration::STATE_SUCCEEDED);
   };
   const CommandOutcome outcome = Rigcal({"calibrate", "a", "--wait"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -88,9 +88,41 @@ TEST_F(CalibrationCommand, CalibrateWaitsForTheResult) {
   EXPECT_THAT(outcome.err, IsEmpty());
 }
 
+TEST_F(CalibrationCommand, CalibrateFollowsTheStreamOfTheServer) {
+  v1::Calibration running = FullCalibration("cal-new");
+  running.set_state(v1::Calibration::STATE_RUNNING);
+  running.mutable_progress()->set_stage(v1::CALIBRATION_STAGE_ADJUSTING);
+  fake_.calibration_watches.push_back({{running, FullCalibration("cal-new")}, grpc::Status::OK});
+  fake_.failures["GetCalibration"] = grpc::Status(grpc::StatusCode::INTERNAL, "not asked");
+  const CommandOutcome outcome = Rigcal({"calibrate", "a", "--wait"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("succeeded"));
+}
+
+TEST_F(CalibrationCommand, CalibrateAsksAgainWhereTheStreamBreaks) {
+  v1::Calibration running = FullCalibration("cal-new");
+  running.set_state(v1::Calibration::STATE_RUNNING);
+  fake_.calibration_watches.push_back(
+      {{running}, grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is shutting down")});
+  fake_.calibrations["cal-new"] = FullCalibration("cal-new");
+  const CommandOutcome outcome = Rigcal({"calibrate", "a", "--wait"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("succeeded"));
+}
+
+TEST_F(CalibrationCommand, CalibrateEndsWhenTheCalibrationIsDeleted) {
+  v1::Calibration running = FullCalibration("cal-new");
+  running.set_state(v1::Calibration::STATE_RUNNING);
+  fake_.calibration_watches.push_back(
+      {{running}, grpc::Status(grpc::StatusCode::NOT_FOUND, "no calibration cal-new")});
+  const CommandOutcome outcome = Rigcal({"calibrate", "a", "--wait"});
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.err, HasSubstr("no calibration cal-new"));
+}
+
 TEST_F(CalibrationCommand, CalibrateThatFailsSaysWhyAndExitsWithOne) {
   v1::Calibration failed = FullCalibration("cal-new");
-  failed.set_state(v1::Calibration::FAILED);
+  failed.set_state(v1::Calibration::STATE_FAILED);
   failed.set_error("cameras {left} and {right} share no instants");
   fake_.calibrations["cal-new"] = failed;
   const CommandOutcome table = Rigcal({"calibrate", "a", "--wait"});
@@ -99,15 +131,15 @@ TEST_F(CalibrationCommand, CalibrateThatFailsSaysWhyAndExitsWithOne) {
   EXPECT_THAT(table.out, HasSubstr("clock_epoch_without_offset"));
   const CommandOutcome as_json = Rigcal({"calibrate", "a", "--wait", "-o", "json"});
   EXPECT_EQ(as_json.exit_code, 1);
-  EXPECT_EQ(json::parse(as_json.out).at("state"), "FAILED");
+  EXPECT_EQ(json::parse(as_json.out).at("state"), "STATE_FAILED");
 }
 
 TEST_F(CalibrationCommand, CalibrateBelowTheQualityGateExitsWithThree) {
   fake_.calibrations["cal-new"] = FullCalibration("cal-new");
-  fake_.calibrations["cal-new"].mutable_quality()->set_grade(v1::Quality::BAD);
+  fake_.calibrations["cal-new"].mutable_quality()->set_grade(v1::Quality::GRADE_BAD);
   const CommandOutcome outcome = Rigcal({"calibrate", "a", "--wait", "-o", "json"});
   EXPECT_EQ(outcome.exit_code, 3);
-  EXPECT_EQ(json::parse(outcome.out).at("quality").at("grade"), "BAD");
+  EXPECT_EQ(json::parse(outcome.out).at("quality").at("grade"), "GRADE_BAD");
   // Looking at it later is no failure.
   EXPECT_EQ(Rigcal({"calibration", "get", "cal-new"}).exit_code, 0);
 }
@@ -131,6 +163,26 @@ TEST_F(CalibrationCommand, GetAndListPrint) {
   fake_.page_size = 1;
   const json list = json::parse(Rigcal({"calibration", "list", "-o", "json"}).out);
   EXPECT_EQ(list.at("calibrations").size(), 3u);
+}
+
+TEST_F(CalibrationCommand, ListSendsFilterAndOrder) {
+  EXPECT_EQ(Rigcal({"calibration", "list", "--rig", "lab", "--session", "wave", "--filter",
+                    "state=STATE_FAILED", "--order-by", "id desc"})
+                .exit_code,
+            0);
+  EXPECT_EQ(fake_.listed_calibrations.filter(),
+            "rig=\"lab\" AND session_ids:\"wave\" AND state=STATE_FAILED");
+  EXPECT_EQ(fake_.listed_calibrations.order_by(), "id desc");
+}
+
+TEST_F(CalibrationCommand, DeleteRemovesOne) {
+  fake_.calibrations["cal-1"] = FullCalibration("cal-1");
+  const CommandOutcome deleted = Rigcal({"calibration", "delete", "cal-1"});
+  EXPECT_EQ(deleted.exit_code, 0) << deleted.err;
+  EXPECT_EQ(deleted.out, "calibration cal-1 is deleted\n");
+  const CommandOutcome again = Rigcal({"calibration", "delete", "cal-1"});
+  EXPECT_EQ(again.exit_code, 1);
+  EXPECT_THAT(again.err, HasSubstr("cal-1"));
 }
 
 TEST_F(CalibrationCommand, CancelShowsTheEnd) {
@@ -160,7 +212,7 @@ TEST_F(CalibrationCommand, ExportToStdoutIsTheCalibration) {
       Rigcal({"calibration", "export", "cal-1", "--format", "json", "--output", "-"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(json::parse(outcome.out).at("instant_count"), 614);
-  fake_.calibrations["cal-1"].set_state(v1::Calibration::RUNNING);
+  fake_.calibrations["cal-1"].set_state(v1::Calibration::STATE_RUNNING);
   EXPECT_EQ(
       Rigcal({"calibration", "export", "cal-1", "--format", "json", "--output", "-"}).exit_code, 1);
 }
@@ -181,7 +233,7 @@ TEST_F(CalibrationCommand, CompareOfEqualOnesIsZero) {
 TEST_F(CalibrationCommand, DoctorOfAHealthyServerIsOk) {
   fake_.status.set_software_version(std::string(wire::kSoftwareVersion));
   *fake_.status.mutable_protocol_version() = wire::OwnProtocolVersion();
-  fake_.status.mutable_store()->set_free_mib(100'000);
+  fake_.status.mutable_store()->set_free_bytes(uint64_t{100} << 30);
   const CommandOutcome table = Rigcal({"doctor"});
   EXPECT_EQ(table.exit_code, 0) << table.out;
   EXPECT_THAT(table.out, AllOf(ContainsRegex("ok +server +reachable"), HasSubstr("serving"),
@@ -194,7 +246,7 @@ TEST_F(CalibrationCommand, DoctorOfAHealthyServerIsOk) {
 TEST_F(CalibrationCommand, DoctorFailsWithOneWhereACheckFails) {
   fake_.status.set_software_version(std::string(wire::kSoftwareVersion));
   *fake_.status.mutable_protocol_version() = wire::OwnProtocolVersion();
-  fake_.status.mutable_store()->set_free_mib(100'000);
+  fake_.status.mutable_store()->set_free_bytes(uint64_t{100} << 30);
   fake_.SetServing(false);
   const CommandOutcome outcome = Rigcal({"doctor"});
   EXPECT_EQ(outcome.exit_code, 1);

@@ -15,7 +15,7 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 
 TEST(CheckVersions, ComparesBothSides) {
-  v1::ServerStatus status;
+  v1::GetStatusResponse status;
   status.set_software_version(std::string(wire::kSoftwareVersion));
   *status.mutable_protocol_version() = wire::OwnProtocolVersion();
   EXPECT_EQ(CheckVersions(status).level, CheckLevel::kOk);
@@ -42,11 +42,11 @@ TEST(CheckIngest, FailsOnAProblemAndWarnsOfAFullQueue) {
 TEST(CheckDisk, WarnsBeforeItFails) {
   v1::StoreStatus store;
   store.set_kind("sqlite");
-  store.set_free_mib(100'000);
+  store.set_free_bytes(uint64_t{100} << 30);
   EXPECT_EQ(CheckDisk(store).level, CheckLevel::kOk);
-  store.set_free_mib(1000);
+  store.set_free_bytes(uint64_t{1} << 30);
   EXPECT_EQ(CheckDisk(store).level, CheckLevel::kWarn);
-  store.set_free_mib(0);
+  store.set_free_bytes(0);
   EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
 }
 
@@ -92,11 +92,11 @@ TEST(CheckSessions, FindsTheStuck) {
   // A camera that has delivered everything may go.
   session->mutable_cameras(1)->set_ended(true);
   EXPECT_EQ(CheckSessions(sessions, 1000).level, CheckLevel::kOk);
-  session->set_state(v1::Session::DRAINING);
+  session->set_state(v1::Session::STATE_DRAINING);
   session->mutable_drain_deadline()->set_seconds(900);
   EXPECT_EQ(CheckSessions(sessions, 905).level, CheckLevel::kOk);
   EXPECT_THAT(CheckSessions(sessions, 1000).message, HasSubstr("past its deadline"));
-  session->set_state(v1::Session::FINISHED);
+  session->set_state(v1::Session::STATE_FINISHED);
   EXPECT_EQ(CheckSessions(sessions, 1000).level, CheckLevel::kOk);
 }
 

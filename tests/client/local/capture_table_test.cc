@@ -53,10 +53,10 @@ TEST(CaptureTable, TellsRatesAndWhatTheCalibrationUses) {
   LocalOutcome outcome;
   outcome.capture_s = 3;
   v1::SessionCamera* frame = Add("front", 101, &outcome.session);
-  frame->mutable_description()->set_sensor(v1::CameraDescription::FRAME);
+  frame->mutable_description()->set_sensor(v1::CameraDescription::SENSOR_FRAME);
   frame->set_wand_count(90);
   v1::SessionCamera* event = Add("side", 400, &outcome.session);
-  event->mutable_description()->set_sensor(v1::CameraDescription::EVENT);
+  event->mutable_description()->set_sensor(v1::CameraDescription::SENSOR_EVENT);
   event->set_wand_count(395);
   v1::CalibratedCamera* used = outcome.calibration.add_cameras();
   used->set_camera("side");

@@ -58,7 +58,7 @@ class LocalCommand : public ::testing::Test {
     fake_.on_get_session = [this](v1::Session& session) {
       const std::string begun = ReadFile("arguments");
       if (std::count(begun.begin(), begun.end(), '\n') < 4) return;
-      session.set_state(v1::Session::FINISHED);
+      session.set_state(v1::Session::STATE_FINISHED);
     };
   }
 
@@ -136,9 +136,9 @@ TEST_F(LocalCommand, ComparesWithTheTruthAndLeavesNothingBehind) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, IsEmpty());
   const json calibration = json::parse(outcome.out);
-  ASSERT_EQ(calibration.at("truth").at("cameras").size(), 3u);
-  EXPECT_EQ(calibration.at("truth").at("cameras").at(2).at("camera"), "sim_2");
-  EXPECT_LT(calibration.at("truth").at("max_position_error_m"), 1e-9);
+  ASSERT_EQ(calibration.at("ground_truth").at("cameras").size(), 3u);
+  EXPECT_EQ(calibration.at("ground_truth").at("cameras").at(2).at("camera"), "sim_2");
+  EXPECT_LT(calibration.at("ground_truth").at("max_position_error_m"), 1e-9);
 }
 
 TEST_F(LocalCommand, StartsAServerOnAnyPortAndAnAgentPerCamera) {
@@ -227,16 +227,16 @@ TEST_F(LocalCommand, ATargetTheServerRefusesIsRefusedBeforeAgentsStart) {
 }
 
 TEST_F(LocalCommand, AFailedCalibrationIsShownAndExitsWithOne) {
-  fake_.calibrations["cal-new"].set_state(v1::Calibration::FAILED);
+  fake_.calibrations["cal-new"].set_state(v1::Calibration::STATE_FAILED);
   fake_.calibrations["cal-new"].set_error("no overlap");
   const Outcome outcome = Local();
   EXPECT_EQ(outcome.exit_code, 1);
   EXPECT_THAT(outcome.err, HasSubstr("no overlap"));
-  EXPECT_EQ(json::parse(outcome.out).at("state"), "FAILED");
+  EXPECT_EQ(json::parse(outcome.out).at("state"), "STATE_FAILED");
 }
 
 TEST_F(LocalCommand, BelowTheQualityGateExitsWithThree) {
-  fake_.calibrations["cal-new"].mutable_quality()->set_grade(v1::Quality::BAD);
+  fake_.calibrations["cal-new"].mutable_quality()->set_grade(v1::Quality::GRADE_BAD);
   EXPECT_EQ(Local().exit_code, 3);
 }
 
@@ -260,7 +260,7 @@ class LocalProgram : public LocalCommand {
   bool Captures() {
     if (Running().size() != 4) return false;
     const std::lock_guard lock(fake_.mutex);
-    return fake_.sessions["made"].state() == v1::Session::CAPTURING;
+    return fake_.sessions["made"].state() == v1::Session::STATE_CAPTURING;
   }
 };
 
@@ -290,7 +290,9 @@ TEST_F(LocalProgram, LeavesNoProcessWhenItIsKilled) {
   EXPECT_FALSE(fs::is_empty(Temporary()));
   {
     const std::lock_guard lock(fake_.mutex);
-    fake_.on_get_session = [](v1::Session& session) { session.set_state(v1::Session::FINISHED); };
+    fake_.on_get_session = [](v1::Session& session) {
+      session.set_state(v1::Session::STATE_FINISHED);
+    };
   }
   EXPECT_EQ(Local().exit_code, 0);
 }

@@ -22,7 +22,7 @@ json CalibrationJson() { return json::parse(ToJson(testing::FullCalibration()));
 
 TEST(CalibrationJson, HasTheTopLevelFields) {
   const json calibration = CalibrationJson();
-  EXPECT_EQ(calibration.at("state"), "SUCCEEDED");
+  EXPECT_EQ(calibration.at("state"), "STATE_SUCCEEDED");
   EXPECT_EQ(calibration.at("scale_known"), true);
   EXPECT_TRUE(calibration.at("instant_count").is_number_unsigned());
   EXPECT_EQ(calibration.at("instant_count"), 614);
@@ -43,7 +43,7 @@ TEST(CalibrationJson, HasThePoseAndIntrinsicsOfEachCamera) {
   }
   EXPECT_NEAR(pose.at("rotation").at("y"), std::sqrt(0.5), 1e-12);
   const json intrinsics = camera.at("intrinsics");
-  EXPECT_EQ(intrinsics.at("model"), "BROWN_CONRADY");
+  EXPECT_EQ(intrinsics.at("model"), "MODEL_BROWN_CONRADY");
   EXPECT_EQ(intrinsics.at("fx_px"), 1250.5);
   EXPECT_EQ(intrinsics.at("fy_px"), 1251.5);
   EXPECT_EQ(intrinsics.at("cx_px"), 640.25);
@@ -61,10 +61,10 @@ TEST(CalibrationJson, HasTheTimeOfEachCamera) {
 
 TEST(CalibrationJson, HasTheResidualsOfEachCamera) {
   const json residuals = CalibrationJson().at("cameras").at(0).at("residuals");
-  EXPECT_EQ(residuals.at("mean_px"), 0.5);
-  EXPECT_EQ(residuals.at("rms_px"), 0.75);
-  EXPECT_EQ(residuals.at("median_px"), 0.25);
-  EXPECT_EQ(residuals.at("p95_px"), 1.5);
+  EXPECT_EQ(residuals.at("all").at("mean_px"), 0.5);
+  EXPECT_EQ(residuals.at("all").at("rms_px"), 0.75);
+  EXPECT_EQ(residuals.at("all").at("median_px"), 0.25);
+  EXPECT_EQ(residuals.at("all").at("p95_px"), 1.5);
   EXPECT_EQ(residuals.at("observation_count"), 600);
   EXPECT_EQ(residuals.at("outlier_count"), 12);
   for (const char* figure : {"mean_px", "rms_px", "median_px", "p95_px"}) {
@@ -78,7 +78,7 @@ TEST(CalibrationJson, HasTheTargetAndWhatWasRefused) {
   EXPECT_EQ(calibration.at("target").at("length_error_rms_m"), 0.00058);
   const json refused = calibration.at("refused").at(0);
   EXPECT_EQ(refused.at("camera"), "left");
-  EXPECT_EQ(refused.at("reason"), "clock_epoch_without_offset");
+  EXPECT_EQ(refused.at("reason"), "REFUSAL_REASON_CLOCK_EPOCH_WITHOUT_OFFSET");
   EXPECT_EQ(refused.at("count"), 6);
 }
 

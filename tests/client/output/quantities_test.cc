@@ -28,10 +28,10 @@ TEST(FormatDuration, ChangesUnitAtAMinute) {
   EXPECT_EQ(FormatDuration(1e300), "1e+300 s");
 }
 
-TEST(FormatKib, PicksAUnit) {
-  EXPECT_EQ(FormatKib(12), "12 KiB");
-  EXPECT_EQ(FormatKib(1536), "1.5 MiB");
-  EXPECT_EQ(FormatKib(3.0 * 1024 * 1024), "3.0 GiB");
+TEST(FormatBytes, PicksAUnit) {
+  EXPECT_EQ(FormatBytes(12 << 10), "12 KiB");
+  EXPECT_EQ(FormatBytes(1536 << 10), "1.5 MiB");
+  EXPECT_EQ(FormatBytes(uint64_t{3} << 30), "3.0 GiB");
 }
 
 TEST(FormatTime, SaysWhatIsNotSet) { EXPECT_EQ(FormatTime(false, {}), "-"); }

@@ -64,7 +64,7 @@ TEST(Compare, ReportsACameraThatTurned) {
   *turned->mutable_cam_from_rig() =
       wire::ToProto(new_from_cam * *wire::FromProto(turned->cam_from_rig()));
   turned->set_time_offset_s(turned->time_offset_s() + 0.004);
-  turned->mutable_residuals()->set_mean_px(2.5);
+  turned->mutable_residuals()->mutable_all()->set_mean_px(2.5);
   ASSERT_OK_AND_ASSIGN(const CalibrationComparison comparison, Compare(FiveCameras("a"), b));
   EXPECT_EQ(comparison.cameras[3].camera, "sim_3");
   EXPECT_NEAR(comparison.cameras[3].rotation_difference_rad, angle_rad, 1e-6);
@@ -90,7 +90,7 @@ TEST(Compare, NamesCamerasThatOnlyOneHas) {
 TEST(Compare, RefusesWhatCannotBeCompared) {
   const v1::Calibration a = FiveCameras("a");
   v1::Calibration running = FiveCameras("b");
-  running.set_state(v1::Calibration::RUNNING);
+  running.set_state(v1::Calibration::STATE_RUNNING);
   EXPECT_THAT(Compare(a, running), StatusIs(absl::StatusCode::kFailedPrecondition,
                                             AllOf(HasSubstr("b"), HasSubstr("running"))));
   v1::Calibration unscaled = FiveCameras("b");

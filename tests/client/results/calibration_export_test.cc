@@ -79,7 +79,7 @@ TEST(ExportOpenCv, ReplacesWhatIsThere) {
 TEST(ExportOpenCv, RefusesACalibrationWithoutResultOrScale) {
   const TemporaryDirectory directory;
   v1::Calibration failed = FullCalibration("cal-7");
-  failed.set_state(v1::Calibration::FAILED);
+  failed.set_state(v1::Calibration::STATE_FAILED);
   failed.set_error("no overlap");
   EXPECT_THAT(ExportOpenCv(failed, directory.path()),
               StatusIs(absl::StatusCode::kFailedPrecondition,

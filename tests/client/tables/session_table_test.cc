@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "rigcal/v1/session_service.pb.h"
 #include "tests/client/sample_messages.h"
 
 namespace rigcal::client::session_table_test {
@@ -49,7 +50,7 @@ TEST(FormatSession, ShowsWhatBecameOfPicturesWhereThereAreAny) {
 TEST(FormatSession, NamesMissingCameras) {
   v1::Session session = FullSession();
   EXPECT_THAT(FormatSession(session), Not(HasSubstr("missing")));
-  session.set_state(v1::Session::FINISHED);
+  session.set_state(v1::Session::STATE_FINISHED);
   session.add_missing_cameras("right");
   EXPECT_THAT(FormatSession(session), ContainsRegex("missing +right "));
 }
@@ -73,7 +74,7 @@ TEST(FormatSessionLine, SaysHowFarEachCameraIs) {
   EXPECT_EQ(FormatSessionLine(session), "capturing: left 619 complete, right 619");
   session.mutable_cameras(1)->set_connected(false);
   EXPECT_EQ(FormatSessionLine(session), "capturing: left 619 complete, right 619 away");
-  session.set_state(v1::Session::FINISHED);
+  session.set_state(v1::Session::STATE_FINISHED);
   EXPECT_EQ(FormatSessionLine(session), "finished: left 619 complete, right 619");
   EXPECT_EQ(FormatSessionLine(v1::Session()), "state 0");
 }

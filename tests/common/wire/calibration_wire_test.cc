@@ -23,7 +23,6 @@ Calibration FilledCalibration() {
   calibration.id = "c-000001";
   calibration.rig = "rig";
   calibration.version = 4;
-  calibration.parent_id = "c-000000";
   calibration.session_ids = {"s-1", "s-2"};
   calibration.state = CalibrationState::kSucceeded;
   calibration.options.seed = 9;
@@ -54,8 +53,10 @@ Calibration FilledCalibration() {
   result.target.given.marker_positions_m = {0, 0.13, 0.39};
   result.target.marker_positions_m = {0, 0.1301, 0.3902};
   result.target.spans.push_back({0.13, 0.0001, 0.0005, 300, 0.0006, 100});
-  result.refused.push_back({"a", "csv_field_count", 3, "a.csv:7: 5 fields, expected 7"});
-  result.findings.push_back({"clock_offset", "a", -8.15, "ms", "check the trigger"});
+  result.refused.push_back(
+      {"a", RefusalReason::kCsvFieldCount, 3, "a.csv:7: 5 fields, expected 7"});
+  result.findings.push_back({FindingKind::kClockOffset, "a", -8.15, "ms", "check the trigger",
+                             FindingSeverity::kWarning});
   result.quality = {QualityGrade::kUsable, {"because"}};
   result.observation_digest = "abcd";
   calibration.result = result;
@@ -83,7 +84,9 @@ TEST(CalibrationWire, CovarianceIsForTheStoreAlone) {
   EXPECT_EQ(back.result->wand_volume->min_m, Eigen::Vector3d(-1, -2, 3));
   EXPECT_EQ(back.result->wand_volume->max_m, Eigen::Vector3d(1, 2, 5));
   const v1::Calibration sent = ToProto(back);
-  EXPECT_FALSE(sent.has_camera_covariance());
+  EXPECT_EQ(sent.SerializeAsString().find(std::string("\x8d\xed\xb5\xa0\xf7\xc6\xb0\x3e", 8)),
+            std::string::npos)
+      << "1e-6 is in what is sent";
   EXPECT_EQ(sent.wand_volume().max_m().z(), 5);
 }
 
@@ -92,7 +95,7 @@ TEST(CalibrationWire, FailedOneKeepsItsErrorAndRefusals) {
   calibration.state = CalibrationState::kFailed;
   calibration.result.reset();
   calibration.error = "not connected";
-  calibration.refused = {{"b", "csv_empty", 1, ""}};
+  calibration.refused = {{"b", RefusalReason::kCsvEmpty, 1, ""}};
   ASSERT_OK_AND_ASSIGN(const Calibration back, ParseCalibration(SerializeCalibration(calibration)));
   EXPECT_EQ(back.error, "not connected");
   EXPECT_FALSE(back.result.has_value());
@@ -113,26 +116,29 @@ TEST(CalibrationWire, JsonHasTheNamesOfTheContract) {
   ASSERT_TRUE(
       google::protobuf::util::MessageToJsonString(ToProto(FilledCalibration()), &json, options)
           .ok());
-  for (const char* part : {"\"state\":\"SUCCEEDED\"",
-                           "\"scale_known\":true",
-                           "\"instant_count\":614",
-                           "\"image_size_px\":{\"width\":1280,\"height\":1024}",
-                           "\"cam_from_rig\":{\"rotation\":{\"w\":",
-                           "\"translation_m\":{\"x\":1",
-                           "\"model\":\"BROWN_CONRADY\"",
-                           "\"fx_px\":1250",
-                           "\"distortion\":[-0.2",
-                           "\"clock_id\":\"clock\"",
-                           "\"time_offset_s\":-0.00815",
-                           "\"time_rate_ppm\":0",
-                           "\"time_epoch_s\":0",
-                           "\"residuals\":{\"mean_px\":1",
-                           "\"observation_count\":0",
-                           "\"outlier_count\":11",
-                           "\"inlier\":{\"mean_px\":6",
-                           "\"length_error_rms_m\":0",
-                           "\"marker_positions_m\":[0,0.1301,0.3902]",
-                           "\"reason\":\"csv_field_count\",\"count\":3"}) {
+  for (const char* part :
+       {"\"state\":\"STATE_SUCCEEDED\"",
+        "\"scale_known\":true",
+        "\"instant_count\":614",
+        "\"image_size_px\":{\"width\":1280,\"height\":1024}",
+        "\"cam_from_rig\":{\"rotation\":{\"w\":",
+        "\"translation_m\":{\"x\":1",
+        "\"model\":\"MODEL_BROWN_CONRADY\"",
+        "\"fx_px\":1250",
+        "\"distortion\":[-0.2",
+        "\"clock_id\":\"clock\"",
+        "\"time_offset_s\":-0.00815",
+        "\"time_rate_ppm\":0",
+        "\"time_epoch_s\":0",
+        "\"residuals\":{\"all\":{\"mean_px\":1",
+        "\"observation_count\":0",
+        "\"outlier_count\":11",
+        "\"inlier\":{\"mean_px\":6",
+        "\"length_error_rms_m\":0",
+        "\"marker_positions_m\":[0,0.1301,0.3902]",
+        "\"reason\":\"REFUSAL_REASON_CSV_FIELD_COUNT\",\"count\":3",
+        "\"kind\":\"FINDING_KIND_CLOCK_OFFSET\",\"severity\":\"FINDING_SEVERITY_WARNING\"",
+        "\"solve_duration\":\"0.250s\""}) {
     EXPECT_THAT(json, HasSubstr(part));
   }
 }
@@ -142,6 +148,32 @@ TEST(CalibrationWire, UnknownEstimateIsRefused) {
   options.set_intrinsics(static_cast<v1::CalibrationOptions::Estimate>(42));
   EXPECT_THAT(FromProto(options),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("options.intrinsics")));
+}
+
+TEST(CalibrationWire, AttemptsAreForTheStoreAlone) {
+  Calibration calibration = FilledCalibration();
+  calibration.attempt_count = 2;
+  ASSERT_OK_AND_ASSIGN(const Calibration back, ParseCalibration(SerializeCalibration(calibration)));
+  EXPECT_EQ(back.attempt_count, 2u);
+  EXPECT_EQ(ToProto(calibration).SerializeAsString(),
+            ToProto(FilledCalibration()).SerializeAsString());
+}
+
+TEST(CalibrationWire, UnknownFindingsAndGradesAreRefused) {
+  const v1::Calibration good = ToProto(FilledCalibration());
+  ASSERT_THAT(FromProto(good), IsOk());
+  v1::Calibration bad = good;
+  bad.mutable_findings(0)->set_kind(static_cast<v1::FindingKind>(99));
+  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("kind")));
+  bad = good;
+  bad.mutable_findings(0)->clear_severity();
+  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("severity")));
+  bad = good;
+  bad.mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(99));
+  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("grade")));
+  bad = good;
+  bad.clear_state();
+  EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("state")));
 }
 
 TEST(SessionWire, StoredFormReadsBackEqual) {
@@ -173,7 +205,7 @@ TEST(SessionWire, RefusesWhatCannotBeASession) {
   v1::CreateSessionRequest request;
   EXPECT_THAT(FromProto(request),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("target")));
-  request.mutable_target()->set_kind(v1::Target::WAND);
+  request.mutable_target()->set_kind(v1::Target::KIND_WAND);
   request.mutable_target()->add_marker_positions_m(0);
   EXPECT_THAT(FromProto(request), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("two")));
   request.mutable_target()->add_marker_positions_m(0.13);

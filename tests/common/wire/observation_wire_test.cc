@@ -46,7 +46,7 @@ ObservationBatch TwoRows() {
   }
   batch.clock_samples.push_back({1, 2, 3, 4});
   batch.host_alignments.push_back({5, -6, 7});
-  batch.dropped.push_back({40, 2, "spool_full"});
+  batch.dropped.push_back({40, 2, RefusalReason::kSpoolFreed});
   return batch;
 }
 
@@ -110,7 +110,7 @@ TEST(ObservationWire, AnEmptyBatchWithDroppedRangesIsWhole) {
   proto.set_stream_epoch(1);
   proto.add_dropped()->set_first_seq(1);
   proto.mutable_dropped(0)->set_count(5);
-  proto.mutable_dropped(0)->set_reason("spool_full");
+  proto.mutable_dropped(0)->set_reason(v1::REFUSAL_REASON_SPOOL_FREED);
   EXPECT_THAT(FromProto(proto), IsOk());
 }
 
@@ -159,6 +159,8 @@ INSTANTIATE_TEST_SUITE_P(
                       "centre_kind[0]"},
         MalformedCase{"DroppedOverlapsRows",
                       [](auto& p) { p.mutable_dropped(0)->set_first_seq(18); }, "dropped[0]"},
+        MalformedCase{"DroppedForNoReason", [](auto& p) { p.mutable_dropped(0)->clear_reason(); },
+                      "dropped[0].reason"},
         MalformedCase{"DroppedNothing", [](auto& p) { p.mutable_dropped(0)->set_count(0); },
                       "dropped[0]"}),
     [](const auto& param_info) { return std::string(param_info.param.name); });
@@ -180,9 +182,29 @@ TEST(ObservationWire, AReportKeepsItsCounts) {
   EXPECT_EQ(back.detections, report.detections);
 }
 
-TEST(ObservationWire, CountsStopAtTheirLargestInsteadOfBeginningAnew) {
-  const v1::FrameCounts proto = ToProto(FrameCounts{.received = uint64_t{1} << 40});
-  EXPECT_EQ(proto.received(), UINT32_MAX);
+TEST(ObservationWire, CountsDoNotWrap) {
+  const v1::FrameCounts proto = ToProto(FrameCounts{.received = uint64_t{5} << 32});
+  EXPECT_EQ(proto.received(), uint64_t{5} << 32);
+  EXPECT_EQ(FromProto(proto).received, uint64_t{5} << 32);
+  // What an agent reports can be added up for thousands of streams.
+  v1::FrameCounts huge;
+  huge.set_received(UINT64_MAX);
+  EXPECT_EQ(FromProto(huge).received, uint64_t{1} << 40);
+  Refusal refusal;
+  refusal.reason = RefusalReason::kLate;
+  refusal.count = uint64_t{5} << 32;
+  EXPECT_EQ(ToProto(refusal).count(), UINT32_MAX);
+  RefusalCounter counter;
+  for (int i = 0; i < 2; ++i) counter.Add("a", RefusalReason::kLate, UINT64_MAX);
+  EXPECT_EQ(counter.List().at(0).count, UINT64_MAX);
+}
+
+TEST(ObservationWire, AReasonOfANewerReleaseIsUnspecified) {
+  v1::RefusalCount proto;
+  proto.set_reason(static_cast<v1::RefusalReason>(9999));
+  proto.set_count(3);
+  EXPECT_EQ(FromProto(proto).reason, RefusalReason::kUnspecified);
+  EXPECT_EQ(FromProto(proto).count, 3u);
 }
 
 TEST(ObservationWire, EndOfCaptureMustReportItsOwnStream) {

@@ -41,31 +41,35 @@ TEST(PreviewWire, KeepsThePictureAndWhatItShows) {
   EXPECT_EQ(proto.info().outcome(), v1::DETECTION_OUTCOME_SATURATED);
   ASSERT_OK_AND_ASSIGN(const Preview back, FromProto(proto));
   EXPECT_EQ(back.request_id, 9u);
-  EXPECT_EQ(back.refusal, PreviewRefusal::kNone);
+  EXPECT_EQ(back.status, PreviewStatus::kOk);
   EXPECT_EQ(back.info, MakePreview().info);
   EXPECT_EQ(back.jpeg, MakePreview().jpeg);
 }
 
 TEST(PreviewWire, ARefusalCarriesNoPicture) {
   Preview refused = MakePreview();
-  refused.refusal = PreviewRefusal::kNotCapturing;
+  refused.status = PreviewStatus::kNotCapturing;
   refused.message = std::string(5000, 'm');
   const v1::Preview proto = ToProto(refused);
   EXPECT_TRUE(proto.jpeg().empty());
   EXPECT_FALSE(proto.has_info());
   ASSERT_OK_AND_ASSIGN(const Preview back, FromProto(proto));
-  EXPECT_EQ(back.refusal, PreviewRefusal::kNotCapturing);
+  EXPECT_EQ(back.status, PreviewStatus::kNotCapturing);
   EXPECT_EQ(back.message, std::string(1024, 'm'));
 }
 
 TEST(PreviewWire, AReasonOfANewerAgentIsAFailureWithItsMessage) {
   v1::Preview proto;
   proto.set_request_id(1);
-  proto.set_refusal(static_cast<v1::Preview::Refusal>(77));
+  proto.set_status(static_cast<v1::PreviewStatus>(77));
   proto.set_message("the moon is in the way");
   ASSERT_OK_AND_ASSIGN(const Preview back, FromProto(proto));
-  EXPECT_EQ(back.refusal, PreviewRefusal::kFailed);
+  EXPECT_EQ(back.status, PreviewStatus::kFailed);
   EXPECT_EQ(back.message, "the moon is in the way");
+  // A status that was not set is not taken for an image.
+  proto.clear_status();
+  ASSERT_OK_AND_ASSIGN(const Preview unset, FromProto(proto));
+  EXPECT_EQ(unset.status, PreviewStatus::kFailed);
 }
 
 struct MalformedPreview {

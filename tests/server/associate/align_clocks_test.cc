@@ -34,7 +34,7 @@ TEST(AlignClocks, KeepsTheLargestEpochOfACommonTimebase) {
   EXPECT_EQ(aligned[0].track.clock_epoch, 0u);
   EXPECT_EQ(aligned[0].clock_offset_ns, 0);
   ASSERT_EQ(refused.List().size(), 1u);
-  EXPECT_EQ(refused.List()[0].reason, "clock_epoch_without_offset");
+  EXPECT_EQ(refused.List()[0].reason, RefusalReason::kClockEpochWithoutOffset);
   EXPECT_EQ(refused.List()[0].camera, "a");
   EXPECT_EQ(refused.List()[0].count, 2u);
 }
@@ -61,7 +61,7 @@ TEST(AlignClocks, AlignsEveryEpochWithSamples) {
   EXPECT_EQ(aligned[0].clock_offset_ns, utc + 7);
   EXPECT_EQ(aligned[1].clock_offset_ns, utc + 4900 + 7);
   ASSERT_EQ(refused.List().size(), 1u);
-  EXPECT_EQ(refused.List()[0].reason, "clock_epoch_without_offset");
+  EXPECT_EQ(refused.List()[0].reason, RefusalReason::kClockEpochWithoutOffset);
   EXPECT_EQ(refused.List()[0].count, 1u);
 }
 

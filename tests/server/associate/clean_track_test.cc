@@ -28,8 +28,7 @@ CameraTrack Track(const std::string& camera, std::vector<Observation> observatio
   return track;
 }
 
-uint32_t CountOf(const RefusalCounter& refused, const std::string& camera,
-                 const std::string& reason) {
+uint64_t CountOf(const RefusalCounter& refused, const std::string& camera, RefusalReason reason) {
   for (const Refusal& refusal : refused.List()) {
     if (refusal.camera == camera && refusal.reason == reason) return refusal.count;
   }
@@ -63,7 +62,7 @@ TEST(CleanTracks, KeepsOneOfEqualDuplicates) {
   const auto tracks =
       CleanTracks({Track("a", {At(10, 1), At(20, 2), At(10, 1), At(10, 1)})}, 1, &refused);
   ASSERT_EQ(tracks[0].observations.size(), 2u);
-  EXPECT_EQ(CountOf(refused, "a", "duplicate_equal"), 2u);
+  EXPECT_EQ(CountOf(refused, "a", RefusalReason::kDuplicateEqual), 2u);
 }
 
 TEST(CleanTracks, LeavesOutAllOfConflictingDuplicates) {
@@ -72,7 +71,7 @@ TEST(CleanTracks, LeavesOutAllOfConflictingDuplicates) {
       CleanTracks({Track("a", {At(10, 1), At(20, 2), At(10, 1), At(10, 1.5)})}, 1, &refused);
   ASSERT_EQ(tracks[0].observations.size(), 1u);
   EXPECT_EQ(tracks[0].observations[0].time_ns, 20);
-  EXPECT_EQ(CountOf(refused, "a", "duplicate_conflict"), 3u);
+  EXPECT_EQ(CountOf(refused, "a", RefusalReason::kDuplicateConflict), 3u);
 }
 
 TEST(CleanTracks, SameTimeInAnotherEpochOrSessionIsNoDuplicate) {
@@ -102,9 +101,9 @@ TEST(CleanTracks, CountsUnusableValuesByCause) {
   RefusalCounter refused;
   const auto tracks =
       CleanTracks({Track("a", {not_finite, flat, two_markers, empty})}, 1, &refused);
-  EXPECT_EQ(CountOf(refused, "a", "value_not_finite"), 1u);
-  EXPECT_EQ(CountOf(refused, "a", "covariance_not_positive"), 1u);
-  EXPECT_EQ(CountOf(refused, "a", "marker_count_mismatch"), 1u);
+  EXPECT_EQ(CountOf(refused, "a", RefusalReason::kValueNotFinite), 1u);
+  EXPECT_EQ(CountOf(refused, "a", RefusalReason::kCovarianceNotPositive), 1u);
+  EXPECT_EQ(CountOf(refused, "a", RefusalReason::kMarkerCountMismatch), 1u);
   ASSERT_EQ(tracks.size(), 1u);
   EXPECT_EQ(tracks[0].observations.size(), 1u);
 }

@@ -45,7 +45,7 @@ TEST(BatchValidation, FindsNothingInAGoodBatch) {
 
 struct Fault {
   const char* value;  // field and index
-  const char* reason;
+  RefusalReason reason;
 };
 
 struct BadValue {
@@ -72,66 +72,66 @@ TEST_P(BadValues, RefusesThatRowAndNamesTheValue) {
 INSTANTIATE_TEST_SUITE_P(
     BatchValidation, BadValues,
     ::testing::Values(
-        BadValue{"NanX", [](auto& b) { b.x_px[kIndex] = kNan; }, {"x_px[17]", "not_finite"}},
+        BadValue{"NanX", [](auto& b) { b.x_px[kIndex] = kNan; }, {"x_px[17]", RefusalReason::kNotFinite}},
         BadValue{
-            "InfiniteY", [](auto& b) { b.y_px[kIndex] = -kInfinity; }, {"y_px[17]", "not_finite"}},
+            "InfiniteY", [](auto& b) { b.y_px[kIndex] = -kInfinity; }, {"y_px[17]", RefusalReason::kNotFinite}},
         BadValue{"NanXX",
                  [](auto& b) { b.cov_xx_px2[kIndex] = kNan; },
-                 {"cov_xx_px2[17]", "not_finite"}},
+                 {"cov_xx_px2[17]", RefusalReason::kNotFinite}},
         BadValue{"NanXY",
                  [](auto& b) { b.cov_xy_px2[kIndex] = kNan; },
-                 {"cov_xy_px2[17]", "not_finite"}},
+                 {"cov_xy_px2[17]", RefusalReason::kNotFinite}},
         BadValue{"InfiniteYY",
                  [](auto& b) { b.cov_yy_px2[kIndex] = kInfinity; },
-                 {"cov_yy_px2[17]", "not_finite"}},
+                 {"cov_yy_px2[17]", RefusalReason::kNotFinite}},
         BadValue{"NanConfidence",
                  [](auto& b) { b.label_confidence[kIndex] = kNan; },
-                 {"label_confidence[17]", "not_finite"}},
+                 {"label_confidence[17]", RefusalReason::kNotFinite}},
         BadValue{
-            "FarLeft", [](auto& b) { b.x_px[kIndex] = -1281; }, {"x_px[17]", "far_outside_image"}},
+            "FarLeft", [](auto& b) { b.x_px[kIndex] = -1281; }, {"x_px[17]", RefusalReason::kFarOutsideImage}},
         BadValue{
-            "FarRight", [](auto& b) { b.x_px[kIndex] = 2560; }, {"x_px[17]", "far_outside_image"}},
+            "FarRight", [](auto& b) { b.x_px[kIndex] = 2560; }, {"x_px[17]", RefusalReason::kFarOutsideImage}},
         BadValue{
-            "FarAbove", [](auto& b) { b.y_px[kIndex] = -1025; }, {"y_px[17]", "far_outside_image"}},
+            "FarAbove", [](auto& b) { b.y_px[kIndex] = -1025; }, {"y_px[17]", RefusalReason::kFarOutsideImage}},
         BadValue{
-            "FarBelow", [](auto& b) { b.y_px[kIndex] = 2048; }, {"y_px[17]", "far_outside_image"}},
+            "FarBelow", [](auto& b) { b.y_px[kIndex] = 2048; }, {"y_px[17]", RefusalReason::kFarOutsideImage}},
         BadValue{"ZeroVariance",
                  [](auto& b) { b.cov_yy_px2[kIndex] = 0; },
-                 {"cov_xx_px2[17]", "bad_covariance"}},
+                 {"cov_xx_px2[17]", RefusalReason::kBadCovariance}},
         BadValue{"NegativeVariance",
                  [](auto& b) { b.cov_xx_px2[kIndex] = -1; },
-                 {"cov_xx_px2[17]", "bad_covariance"}},
+                 {"cov_xx_px2[17]", RefusalReason::kBadCovariance}},
         BadValue{"Indefinite",
                  [](auto& b) { b.cov_xy_px2[kIndex] = 0.3f; },
-                 {"cov_xx_px2[17]", "bad_covariance"}},
+                 {"cov_xx_px2[17]", RefusalReason::kBadCovariance}},
         BadValue{"Singular",
                  [](auto& b) {
                    b.cov_xx_px2[kIndex] = b.cov_xy_px2[kIndex] = b.cov_yy_px2[kIndex] = 0.25f;
                  },
-                 {"cov_xx_px2[17]", "bad_covariance"}},
+                 {"cov_xx_px2[17]", RefusalReason::kBadCovariance}},
         BadValue{"LargerThanTheImage",
                  [](auto& b) { b.cov_xx_px2[kIndex] = 3e6f; },
-                 {"cov_xx_px2[17]", "bad_covariance"}},
+                 {"cov_xx_px2[17]", RefusalReason::kBadCovariance}},
         BadValue{
-            "NegativeTime", [](auto& b) { b.time_ns[5] = -1; }, {"time_ns[5]", "implausible_time"}},
+            "NegativeTime", [](auto& b) { b.time_ns[5] = -1; }, {"time_ns[5]", RefusalReason::kImplausibleTime}},
         BadValue{"EndlessTime",
                  [](auto& b) { b.time_ns[5] = (int64_t{1} << 62) + 1; },
-                 {"time_ns[5]", "implausible_time"}},
+                 {"time_ns[5]", RefusalReason::kImplausibleTime}},
         BadValue{"TimeBeforeTheRowAhead",
                  [](auto& b) { b.time_ns[5] = b.time_ns[4] - 1; },
-                 {"time_ns[5]", "time_not_increasing"}},
+                 {"time_ns[5]", RefusalReason::kTimeNotIncreasing}},
         BadValue{"LateMarker",
                  [](auto& b) { b.time_delta_ns[kIndex] = 1'000'000'001; },
-                 {"time_delta_ns[17]", "time_delta_too_large"}},
+                 {"time_delta_ns[17]", RefusalReason::kTimeDeltaTooLarge}},
         BadValue{"EarlyMarker",
                  [](auto& b) { b.time_delta_ns[kIndex] = std::numeric_limits<int32_t>::min(); },
-                 {"time_delta_ns[17]", "time_delta_too_large"}},
+                 {"time_delta_ns[17]", RefusalReason::kTimeDeltaTooLarge}},
         BadValue{"ConfidenceAboveOne",
                  [](auto& b) { b.label_confidence[kIndex] = 1.01f; },
-                 {"label_confidence[17]", "bad_label_confidence"}},
+                 {"label_confidence[17]", RefusalReason::kBadLabelConfidence}},
         BadValue{"NegativeConfidence",
                  [](auto& b) { b.label_confidence[kIndex] = -0.01f; },
-                 {"label_confidence[17]", "bad_label_confidence"}}),
+                 {"label_confidence[17]", RefusalReason::kBadLabelConfidence}}),
     [](const auto& bad_value) { return bad_value.param.name; });
 
 TEST(BatchValidation, TakesValuesAtTheirLimits) {
@@ -179,7 +179,7 @@ TEST(BatchValidation, RefusesAnotherMarkerCountThanTheTargets) {
 
 TEST(BatchValidation, TakesDroppedRangesWithoutRows) {
   ObservationBatch batch;
-  batch.dropped = {{.first_seq = 1, .count = 2, .reason = "x"}};
+  batch.dropped = {{.first_seq = 1, .count = 2, .reason = RefusalReason::kSpoolFreed}};
   EXPECT_THAT(Validate(batch), IsEmpty());
 }
 

@@ -83,8 +83,8 @@ class FakeStore : public server::Store {
   absl::StatusOr<Session> CreateSession(Session) override { return None(); }
   absl::Status UpdateSession(const Session&) override { return None(); }
   absl::StatusOr<Session> GetSession(std::string_view) const override { return None(); }
-  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view, int,
-                                                    std::string_view) const override {
+  absl::StatusOr<std::vector<server::Listed<Session>>> ListSessions(
+      const server::SessionFilter&, const server::ListPage&) const override {
     return None();
   }
   absl::StatusOr<uint32_t> CountSessions() const override { return None(); }
@@ -102,10 +102,11 @@ class FakeStore : public server::Store {
   absl::StatusOr<Calibration> CreateCalibration(Calibration) override { return None(); }
   absl::Status UpdateCalibration(const Calibration&) override { return None(); }
   absl::StatusOr<Calibration> GetCalibration(std::string_view) const override { return None(); }
-  absl::StatusOr<std::vector<Calibration>> ListCalibrations(std::string_view, int,
-                                                            std::string_view) const override {
+  absl::StatusOr<std::vector<server::Listed<Calibration>>> ListCalibrations(
+      const server::CalibrationFilter&, const server::ListPage&) const override {
     return None();
   }
+  absl::Status DeleteCalibration(std::string_view) override { return None(); }
 
  private:
   static absl::Status None() { return absl::UnimplementedError("the fake store has none"); }

@@ -4,15 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <chrono>
-#include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "common/wire/grpc_status.h"
-#include "common/wire/observation_wire.h"
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/process.h"
 #include "tests/testing/status_matchers.h"
@@ -20,108 +16,73 @@
 namespace rigcal::testing::agent_service_test {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using ::testing::SizeIs;
-
-const StreamKey kLeft{"wave", "left", 1};
 
 class AgentService : public RpcFixture {
  protected:
-  absl::Status UploadRaw(const v1::UploadBatchRequest& request,
-                         std::chrono::milliseconds limit = std::chrono::seconds(60)) {
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + limit);
-    v1::UploadBatchResponse response;
-    return wire::FromGrpc(
-        v1::AgentService::NewStub(channel())->UploadBatch(&context, request, &response));
+  // Ids of all pages, or the message of the error.
+  std::vector<std::string> Ids(const std::string& filter, const std::string& order_by,
+                               uint32_t page_size = 2) {
+    std::vector<std::string> ids;
+    v1::ListAgentsRequest request;
+    request.set_filter(filter);
+    request.set_order_by(order_by);
+    request.set_page_size(page_size);
+    v1::ListAgentsResponse response;
+    do {
+      grpc::ClientContext context;
+      context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+      request.set_page_token(response.next_page_token());
+      response.Clear();
+      const auto stub = v1::AgentService::NewStub(channel());
+      const grpc::Status status = stub->ListAgents(&context, request, &response);
+      if (!status.ok()) return {status.error_message()};
+      EXPECT_LE(response.agents_size(), static_cast<int>(page_size));
+      for (const v1::Agent& agent : response.agents()) ids.push_back(agent.agent_id());
+    } while (!response.next_page_token().empty());
+    return ids;
   }
 };
 
-TEST_F(AgentService, UploadReturnsWhenTheBatchIsDurable) {
-  StartWave({"left"});
-  ASSERT_OK_AND_ASSIGN(const v1::BatchAck ack, client().Upload(MakeBatch(kLeft, 1, 10)));
-  EXPECT_EQ(ack.durable_seq(), 10u);
-  EXPECT_THAT(ReadRows(store(), "wave"), SizeIs(10));
-  ASSERT_OK_AND_ASSIGN(const v1::BatchAck again, client().Upload(MakeBatch(kLeft, 1, 10)));
-  EXPECT_EQ(again.durable_seq(), 10u);
-  ASSERT_OK_AND_ASSIGN(const v1::BatchAck end, client().UploadEnd("wave", "left", 1, 10));
-  EXPECT_TRUE(end.complete());
-  EXPECT_EQ(AwaitState("wave", v1::Session::FINISHED).observation_count(), 10u);
-}
-
-TEST_F(AgentService, UploadAfterTheEndIsStoredAsLate) {
-  StartWave({"left"});
-  ASSERT_THAT(client().UploadEnd("wave", "left", 1, 0), IsOk());
-  AwaitState("wave", v1::Session::FINISHED);
-  EXPECT_THAT(client().Upload(MakeBatch({"wave", "left", 2}, 1, 10)), IsOk());
-  ASSERT_OK_AND_ASSIGN(const v1::Session session, client().GetSession("wave"));
-  EXPECT_EQ(session.late_count(), 10u);
-}
-
-TEST_F(AgentService, UploadRefusesWhatItCannotPlace) {
-  ASSERT_THAT(client().CreateSession(WaveRequest("fresh")), IsOk());
-  StartWave({"left"});
-  EXPECT_THAT(client().Upload(MakeBatch({"nobody", "left", 1}, 1, 2)),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
-  EXPECT_THAT(client().Upload(MakeBatch({"wave", "top", 1}, 1, 2)),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("top")));
-  EXPECT_THAT(client().Upload(MakeBatch({"fresh", "left", 1}, 1, 2)),
-              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("fresh")));
-  EXPECT_THAT(UploadRaw({}), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("batch")));
-  v1::UploadBatchRequest request;
-  wire::ToProto(MakeBatch(kLeft, 1, 2), request.mutable_batch());
-  request.mutable_batch()->mutable_x_px()->RemoveLast();
-  EXPECT_THAT(UploadRaw(request),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("batch.x_px")));
-}
-
-TEST_F(AgentService, UploadSaysWhenTheDiskIsFull) {
-  StartWave({"left"});
-  faulty().Fail("Append", absl::ResourceExhaustedError("disk full"));
-  EXPECT_THAT(client().Upload(MakeBatch(kLeft, 1, 2)),
-              StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("disk full")));
-}
-
-TEST_F(AgentService, AnUploadThatTheClientGivesUpIsStillStoredOnce) {
-  StartWave({"left"});
-  std::atomic<bool> go = false;
-  faulty().OnCall("Append", [&] {
-    while (!go) std::this_thread::yield();
-  });
-  v1::UploadBatchRequest request;
-  wire::ToProto(MakeBatch(kLeft, 1, 5), request.mutable_batch());
-  EXPECT_EQ(UploadRaw(request, std::chrono::milliseconds(20)).code(),
-            absl::StatusCode::kDeadlineExceeded);
-  go = true;
-  ASSERT_OK_AND_ASSIGN(const v1::BatchAck ack, client().Upload(MakeBatch(kLeft, 1, 5)));
-  EXPECT_EQ(ack.durable_seq(), 5u);
-  EXPECT_THAT(ReadRows(store(), "wave"), SizeIs(5));
-}
-
-TEST_F(AgentService, MessagesBeyondTheLimitAreRefused) {
-  StartWave({"left"});
-  v1::UploadBatchRequest request;
-  wire::ToProto(MakeBatch(kLeft, 1, 2), request.mutable_batch());
-  request.mutable_batch()->mutable_x_px()->Resize(2'000'000, 0);
-  EXPECT_THAT(UploadRaw(request), StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("")));
-}
-
-TEST_F(AgentService, LimitsOpenStreams) {
-  rpc_options_.agents.max_streams = 2;
-  RestartServer();
-  auto first = std::make_unique<TestAgent>(channel(), MakeHello("one", {"left"}));
-  first->ReadHello();
-  TestAgent second(channel(), MakeHello("two", {"right"}));
+TEST_F(AgentService, ListsAgentsThatAreConnectedAndThatWere) {
+  TestAgent first(channel(), MakeHello("first", {"left"}, 3, 4));
+  first.ReadHello();
+  TestAgent second(channel(), MakeHello("second", {"right"}));
   second.ReadHello();
-  TestAgent third(channel(), MakeHello("three", {"top"}));
-  EXPECT_THAT(third.AwaitEnd(),
-              StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("2 agent streams")));
-  EXPECT_THAT(first->Finish(), IsOk());
-  uint32_t connection = 1;
-  EXPECT_TRUE(WaitFor([&] {
-    TestAgent fourth(channel(), MakeHello("four", {"left"}, 1, ++connection));
-    return fourth.Read().has_value();
-  }));
+  ASSERT_THAT(second.Finish(), IsOk());
+  ASSERT_TRUE(WaitFor([&] { return directory_of_agents_->ConnectedCount() == 1; }));
+  ASSERT_OK_AND_ASSIGN(const auto agents, client().ListAgents());
+  ASSERT_EQ(agents.size(), 2u);
+  EXPECT_EQ(agents[0].agent_id(), "first");
+  EXPECT_TRUE(agents[0].connected());
+  EXPECT_EQ(agents[0].incarnation(), 3u);
+  EXPECT_EQ(agents[0].connection(), 4u);
+  EXPECT_EQ(agents[0].host(), "host-of-first");
+  EXPECT_EQ(agents[0].cameras(0).camera(), "left");
+  EXPECT_FALSE(agents[0].has_disconnect_time());
+  EXPECT_FALSE(agents[1].connected());
+  EXPECT_TRUE(agents[1].has_disconnect_time());
+}
+
+TEST_F(AgentService, ListsByFilterAndOrderPageByPage) {
+  TestAgent b(channel(), MakeHello("b", {"left"}));
+  b.ReadHello();
+  TestAgent c(channel(), MakeHello("c", {"right"}));
+  c.ReadHello();
+  TestAgent a(channel(), MakeHello("a", {"top"}));
+  a.ReadHello();
+  ASSERT_THAT(c.Finish(), IsOk());
+  ASSERT_TRUE(WaitFor([&] { return directory_of_agents_->ConnectedCount() == 2; }));
+  EXPECT_THAT(Ids("", ""), ElementsAre("a", "b", "c"));
+  EXPECT_THAT(Ids("", "agent_id desc"), ElementsAre("c", "b", "a"));
+  EXPECT_THAT(Ids("", "connect_time"), ElementsAre("b", "c", "a"));
+  EXPECT_THAT(Ids("", "connect_time desc", 1), ElementsAre("a", "c", "b"));
+  EXPECT_THAT(Ids("connected=true AND rig=rig", ""), ElementsAre("a", "b"));
+  EXPECT_THAT(Ids("connected=false", ""), ElementsAre("c"));
+  EXPECT_THAT(Ids("host=\"host-of-b\"", ""), ElementsAre("b"));
+  EXPECT_THAT(Ids("agent_id=a AND host=host-of-b", ""), ElementsAre());
+  EXPECT_THAT(Ids("connected=maybe", ""), ElementsAre(HasSubstr("true or false")));
 }
 
 }  // namespace

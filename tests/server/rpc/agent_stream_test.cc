@@ -90,12 +90,12 @@ TEST_F(AgentStream, TheFirstMessageMustBeAHelloAndTheOnlyOne) {
   silent.SendBatch(MakeBatch(kLeft, 1, 3));
   EXPECT_THAT(silent.AwaitEnd(), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("hello")));
   TestAgent twice(channel(), MakeHello("pc", {"left"}));
-  v1::AgentMessage again;
+  v1::ConnectRequest again;
   *again.mutable_hello() = MakeHello("pc", {"left"}, 1, 2);
   twice.Send(again);
   EXPECT_THAT(twice.AwaitEnd(), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("already")));
   TestAgent empty(channel(), MakeHello("pc", {"left"}, 1, 3));
-  empty.Send(v1::AgentMessage());
+  empty.Send(v1::ConnectRequest());
   EXPECT_THAT(empty.AwaitEnd(), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not set")));
 }
 
@@ -155,7 +155,7 @@ TEST_F(AgentStream, RepeatedAndReorderedBatchesAreStoredOnce) {
   while (!agent->ReadAck("left", 30).complete()) {
   }
   EXPECT_THAT(ReadRows(store(), "wave"), SizeIs(30));
-  EXPECT_EQ(AwaitState("wave", v1::Session::FINISHED).observation_count(), 30u);
+  EXPECT_EQ(AwaitState("wave", v1::Session::STATE_FINISHED).observation_count(), 30u);
 }
 
 TEST_F(AgentStream, FaultsInDataAreAnsweredAndDoNotStopTheStream) {
@@ -193,7 +193,7 @@ TEST_F(AgentStream, FaultsInProtocolCloseTheStreamWithTheField) {
   for (const auto& [damage, said] : cases) {
     TestAgent next(channel(), MakeHello("pc", {"left"}, 1, connection++));
     next.ReadStart();
-    v1::AgentMessage message = BatchMessage(MakeBatch(kLeft, 1, 4));
+    v1::ConnectRequest message = BatchMessage(MakeBatch(kLeft, 1, 4));
     damage(message.mutable_batch());
     next.Send(message);
     EXPECT_THAT(next.AwaitEnd(), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(said)));
@@ -258,25 +258,28 @@ TEST_F(AgentStream, TellsWhereEachPendingStreamStands) {
   agent.SendBatch(MakeBatch(kLeft, 5, 20));
   agent.Send(EndMessage(kLeft, 20));
   agent.ReadAck("left", 20);
-  EXPECT_EQ(AwaitState("wave", v1::Session::FINISHED).observation_count(), 20u);
+  EXPECT_EQ(AwaitState("wave", v1::Session::STATE_FINISHED).observation_count(), 20u);
 }
 
 TEST_F(AgentStream, IsToldToStopAndThenEndsTheSession) {
   auto agent = CapturingAgent();
   ASSERT_THAT(client().StopSession("wave", 60), IsOk());
-  EXPECT_EQ(agent->ReadUntil(v1::ServerMessage::kStopCapture).stop_capture().session_id(), "wave");
+  EXPECT_EQ(agent->ReadUntil(v1::ConnectResponse::kStopCapture).stop_capture().session_id(),
+            "wave");
   agent->Send(EndMessage(kLeft, 0));
-  const v1::Session finished = AwaitState("wave", v1::Session::FINISHED);
+  const v1::Session finished = AwaitState("wave", v1::Session::STATE_FINISHED);
   EXPECT_EQ(finished.missing_cameras_size(), 0);
   EXPECT_TRUE(finished.cameras(0).ended());
 }
 
 TEST_F(AgentStream, ReportsAreKeptWithTheSession) {
   auto agent = CapturingAgent();
-  v1::AgentMessage message;
+  v1::ConnectRequest message;
   CameraReport report{.stream = kLeft, .observation_count = 5, .refused = {}};
-  report.refused.push_back(
-      {.camera = "", .reason = "csv_field_count", .count = 2, .example = "left.csv:7: 5 fields"});
+  report.refused.push_back({.camera = "",
+                            .reason = RefusalReason::kCsvFieldCount,
+                            .count = 2,
+                            .example = "left.csv:7: 5 fields"});
   *message.mutable_report() = wire::ToProto(report);
   agent->Send(message);
   agent->SendBatch(MakeBatch(kLeft, 1, 3));
@@ -284,7 +287,7 @@ TEST_F(AgentStream, ReportsAreKeptWithTheSession) {
   const auto session = client().GetSession("wave");
   ASSERT_THAT(session, IsOk());
   ASSERT_EQ(session->cameras(0).refused_size(), 1);
-  EXPECT_EQ(session->cameras(0).refused(0).reason(), "csv_field_count");
+  EXPECT_EQ(session->cameras(0).refused(0).reason(), v1::REFUSAL_REASON_CSV_FIELD_COUNT);
   EXPECT_EQ(session->cameras(0).refused(0).example(), "left.csv:7: 5 fields");
 }
 
@@ -292,10 +295,10 @@ TEST_F(AgentStream, AnswersPingsWithItsTime) {
   TestAgent agent(channel(), MakeHello("pc", {"left"}));
   const int64_t before = server::UtcNowNs({});
   for (int64_t i = 1; i <= 3; ++i) {
-    v1::AgentMessage ping;
+    v1::ConnectRequest ping;
     ping.mutable_time_ping()->set_host_monotonic_ns(i);
     agent.Send(ping);
-    const v1::TimePong pong = agent.ReadUntil(v1::ServerMessage::kTimePong).time_pong();
+    const v1::TimePong pong = agent.ReadUntil(v1::ConnectResponse::kTimePong).time_pong();
     EXPECT_EQ(pong.host_monotonic_ns(), i);
     EXPECT_GE(pong.server_utc_ns(), before);
   }
@@ -310,7 +313,7 @@ TEST_F(AgentStream, AFullQueueHoldsTheStreamAndLosesNothing) {
   for (uint32_t i = 0; i < 100; ++i) agent->SendBatch(MakeBatch(kLeft, 10 * i + 1, 10 * i + 10));
   agent->Send(EndMessage(kLeft, 1000));
   agent->ReadAck("left", 1000);
-  EXPECT_EQ(AwaitState("wave", v1::Session::FINISHED).observation_count(), 1000u);
+  EXPECT_EQ(AwaitState("wave", v1::Session::STATE_FINISHED).observation_count(), 1000u);
 }
 
 TEST_F(AgentStream, AFullDiskEndsTheStreamAndTheComebackGoesOn) {
@@ -370,7 +373,7 @@ TEST_F(AgentStream, ManyAgentsAtOnce) {
     });
   }
   for (std::thread& thread : threads) thread.join();
-  const v1::Session finished = AwaitState("wave", v1::Session::FINISHED);
+  const v1::Session finished = AwaitState("wave", v1::Session::STATE_FINISHED);
   EXPECT_EQ(finished.observation_count(), kAgents * kRows);
   EXPECT_EQ(finished.missing_cameras_size(), 0);
 }

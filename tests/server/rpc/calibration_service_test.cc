@@ -17,6 +17,7 @@ namespace rigcal::testing::calibration_service_test {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 class CalibrationService : public RpcFixture {
@@ -32,11 +33,11 @@ class CalibrationService : public RpcFixture {
   absl::StatusOr<v1::Calibration> Create(const v1::CreateCalibrationRequest& request) {
     grpc::ClientContext context;
     SetDeadline(&context);
-    v1::Calibration response;
+    v1::CreateCalibrationResponse response;
     const absl::Status status =
         wire::FromGrpc(stub_->CreateCalibration(&context, request, &response));
     if (!status.ok()) return status;
-    return response;
+    return response.calibration();
   }
   absl::StatusOr<v1::Calibration> Create(const std::string& session) {
     v1::CreateCalibrationRequest request;
@@ -48,21 +49,21 @@ class CalibrationService : public RpcFixture {
     SetDeadline(&context);
     v1::CancelCalibrationRequest request;
     request.set_id(id);
-    v1::Calibration response;
+    v1::CancelCalibrationResponse response;
     const absl::Status status =
         wire::FromGrpc(stub_->CancelCalibration(&context, request, &response));
     if (!status.ok()) return status;
-    return response;
+    return response.calibration();
   }
   absl::StatusOr<v1::Calibration> Get(const std::string& id) {
     grpc::ClientContext context;
     SetDeadline(&context);
     v1::GetCalibrationRequest request;
     request.set_id(id);
-    v1::Calibration response;
+    v1::GetCalibrationResponse response;
     const absl::Status status = wire::FromGrpc(stub_->GetCalibration(&context, request, &response));
     if (!status.ok()) return status;
-    return response;
+    return response.calibration();
   }
 
   std::unique_ptr<v1::CalibrationService::Stub> stub_;
@@ -71,27 +72,30 @@ class CalibrationService : public RpcFixture {
 TEST_F(CalibrationService, WatchFollowsOneFromQueuedToSucceeded) {
   solver_.Hold();
   ASSERT_OK_AND_ASSIGN(const v1::Calibration created, Create("wave"));
-  EXPECT_EQ(created.state(), v1::Calibration::QUEUED);
+  EXPECT_EQ(created.state(), v1::Calibration::STATE_QUEUED);
   EXPECT_EQ(created.session_ids(0), "wave");
   grpc::ClientContext context;
   SetDeadline(&context);
   v1::WatchCalibrationRequest request;
   request.set_id(created.id());
   const auto reader = stub_->WatchCalibration(&context, request);
-  v1::Calibration calibration;
-  while (calibration.state() != v1::Calibration::RUNNING) ASSERT_TRUE(reader->Read(&calibration));
+  v1::WatchCalibrationResponse response;
+  while (response.calibration().state() != v1::Calibration::STATE_RUNNING)
+    ASSERT_TRUE(reader->Read(&response));
   solver_.Release();
-  while (calibration.state() == v1::Calibration::RUNNING) ASSERT_TRUE(reader->Read(&calibration));
-  EXPECT_EQ(calibration.state(), v1::Calibration::SUCCEEDED);
-  EXPECT_FALSE(reader->Read(&calibration));
+  while (response.calibration().state() == v1::Calibration::STATE_RUNNING)
+    ASSERT_TRUE(reader->Read(&response));
+  EXPECT_EQ(response.calibration().state(), v1::Calibration::STATE_SUCCEEDED);
+  EXPECT_FALSE(reader->Read(&response));
   EXPECT_THAT(wire::FromGrpc(reader->Finish()), IsOk());
 }
 
 TEST_F(CalibrationService, AFailingSolveSaysWhy) {
-  solver_.SetOutcome(absl::FailedPreconditionError("not connected: {left} | {right}"),
-                     {{.camera = "left", .reason = "alone", .count = 3, .example = ""}});
+  solver_.SetOutcome(
+      absl::FailedPreconditionError("not connected: {left} | {right}"),
+      {{.camera = "left", .reason = RefusalReason::kAloneInInstant, .count = 3, .example = ""}});
   ASSERT_OK_AND_ASSIGN(const v1::Calibration ended, client().Calibrate("wave"));
-  EXPECT_EQ(ended.state(), v1::Calibration::FAILED);
+  EXPECT_EQ(ended.state(), v1::Calibration::STATE_FAILED);
   EXPECT_THAT(ended.error(), HasSubstr("{left} | {right}"));
   ASSERT_EQ(ended.refused_size(), 1);
   EXPECT_EQ(ended.refused(0).count(), 3u);
@@ -104,7 +108,7 @@ TEST_F(CalibrationService, CancelEndsARunningOne) {
   ASSERT_THAT(Cancel(created.id()), IsOk());
   runner().WaitIdle();
   ASSERT_OK_AND_ASSIGN(const v1::Calibration ended, Get(created.id()));
-  EXPECT_EQ(ended.state(), v1::Calibration::FAILED);
+  EXPECT_EQ(ended.state(), v1::Calibration::STATE_FAILED);
   EXPECT_EQ(ended.error(), "cancelled");
   EXPECT_THAT(Cancel("nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
 }
@@ -135,7 +139,7 @@ TEST_F(CalibrationService, SessionsThatDifferAreBothNamed) {
   ASSERT_THAT(client().StartSession("longer"), IsOk());
   agent.ReadStart();
   agent.Send(EndMessage({"longer", "left", 1}, 0));
-  AwaitState("longer", v1::Session::FINISHED);
+  AwaitState("longer", v1::Session::STATE_FINISHED);
   v1::CreateCalibrationRequest request;
   request.add_session_ids("wave");
   request.add_session_ids("longer");
@@ -162,7 +166,7 @@ TEST_F(CalibrationService, ListsPagesWithoutCamerasAndRefusals) {
     grpc::ClientContext context;
     SetDeadline(&context);
     v1::ListCalibrationsRequest request;
-    request.set_rig("rig");
+    request.set_filter("rig=rig AND session_ids:wave");
     request.set_page_size(2);
     request.set_page_token(token);
     v1::ListCalibrationsResponse response;
@@ -184,6 +188,67 @@ TEST_F(CalibrationService, ListsPagesWithoutCamerasAndRefusals) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("page_token")));
 }
 
+TEST_F(CalibrationService, ListsThoseOfASession) {
+  FinishByHand("other", {"left"});
+  v1::CreateCalibrationRequest both;
+  both.add_session_ids("wave");
+  both.add_session_ids("other");
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration of_wave, client().Calibrate("wave"));
+  ASSERT_OK_AND_ASSIGN(const v1::Calibration of_both, Create(both));
+  runner().WaitIdle();
+  const auto list = [&](const std::string& filter) {
+    grpc::ClientContext context;
+    SetDeadline(&context);
+    v1::ListCalibrationsRequest request;
+    request.set_filter(filter);
+    v1::ListCalibrationsResponse response;
+    const grpc::Status status = stub_->ListCalibrations(&context, request, &response);
+    std::vector<std::string> ids = {status.error_message()};
+    for (const v1::Calibration& calibration : response.calibrations()) {
+      ids.push_back(calibration.id());
+    }
+    return ids;
+  };
+  EXPECT_THAT(list("session_ids:wave"), ElementsAre("", of_both.id(), of_wave.id()));
+  EXPECT_THAT(list("session_ids:other"), ElementsAre("", of_both.id()));
+  EXPECT_THAT(list("session_ids:nobody"), ElementsAre(""));
+  EXPECT_THAT(list("state=STATE_FAILED AND session_ids:wave"), ElementsAre(""));
+  EXPECT_THAT(list("session_ids=wave"), ElementsAre(HasSubstr("':' is expected")));
+  EXPECT_THAT(list("state=DONE"), ElementsAre(HasSubstr("STATE_SUCCEEDED")));
+}
+
+TEST_F(CalibrationService, DeletesAndThenPagingGoesOn) {
+  std::vector<std::string> ids;
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_OK_AND_ASSIGN(const v1::Calibration ended, client().Calibrate("wave"));
+    ids.push_back(ended.id());
+  }
+  v1::ListCalibrationsRequest request;
+  request.set_page_size(1);
+  v1::ListCalibrationsResponse response;
+  {
+    grpc::ClientContext context;
+    SetDeadline(&context);
+    ASSERT_TRUE(stub_->ListCalibrations(&context, request, &response).ok());
+  }
+  ASSERT_EQ(response.calibrations(0).id(), ids[2]);
+  {
+    grpc::ClientContext context;
+    SetDeadline(&context);
+    v1::DeleteCalibrationRequest erase;
+    erase.set_id(ids[2]);
+    v1::DeleteCalibrationResponse erased;
+    ASSERT_TRUE(stub_->DeleteCalibration(&context, erase, &erased).ok());
+  }
+  EXPECT_THAT(Get(ids[2]), StatusIs(absl::StatusCode::kNotFound, HasSubstr(ids[2])));
+  grpc::ClientContext context;
+  SetDeadline(&context);
+  request.set_page_token(response.next_page_token());
+  ASSERT_TRUE(stub_->ListCalibrations(&context, request, &response).ok());
+  ASSERT_EQ(response.calibrations_size(), 1);
+  EXPECT_EQ(response.calibrations(0).id(), ids[1]);
+}
+
 TEST_F(CalibrationService, QueuedOnesSurviveARestart) {
   solver_.Hold();
   ASSERT_OK_AND_ASSIGN(const v1::Calibration created, Create("wave"));
@@ -194,7 +259,7 @@ TEST_F(CalibrationService, QueuedOnesSurviveARestart) {
   runner().WaitIdle();
   stub_ = v1::CalibrationService::NewStub(channel());
   ASSERT_OK_AND_ASSIGN(const v1::Calibration ended, Get(created.id()));
-  EXPECT_EQ(ended.state(), v1::Calibration::SUCCEEDED);
+  EXPECT_EQ(ended.state(), v1::Calibration::STATE_SUCCEEDED);
 }
 
 }  // namespace

@@ -19,21 +19,22 @@ BatchAck Ack(const std::string& camera, uint32_t durable_seq, uint32_t faults = 
                .fault_count = faults,
                .complete = false};
   for (uint32_t i = 0; i < faults; ++i) {
-    ack.faults.push_back({.seq = durable_seq - i, .field = "x_px[0]", .reason = "not_finite"});
+    ack.faults.push_back(
+        {.seq = durable_seq - i, .field = "x_px[0]", .reason = RefusalReason::kNotFinite});
   }
   return ack;
 }
 
-v1::ServerMessage Stop(const std::string& session) {
-  v1::ServerMessage message;
+v1::ConnectResponse Stop(const std::string& session) {
+  v1::ConnectResponse message;
   message.mutable_stop_capture()->set_session_id(session);
   return message;
 }
 
 // Everything that may be written now.
-std::vector<v1::ServerMessage> Drain(OutgoingMessages* outgoing) {
-  std::vector<v1::ServerMessage> messages;
-  v1::ServerMessage message;
+std::vector<v1::ConnectResponse> Drain(OutgoingMessages* outgoing) {
+  std::vector<v1::ConnectResponse> messages;
+  v1::ConnectResponse message;
   while (outgoing->Next(77, &message)) {
     messages.push_back(message);
     message.Clear();

@@ -80,16 +80,16 @@ v1::Session RpcFixture::AwaitState(const std::string& id, v1::Session::State sta
   v1::WatchSessionRequest request;
   request.set_id(id);
   const auto reader = v1::SessionService::NewStub(channel_)->WatchSession(&context, request);
-  v1::Session session;
-  while (reader->Read(&session)) {
-    if (session.state() == state) {
+  v1::WatchSessionResponse response;
+  while (reader->Read(&response)) {
+    if (response.session().state() == state) {
       context.TryCancel();
       reader->Finish();
-      return session;
+      return response.session();
     }
   }
   ADD_FAILURE() << "session " << id << ": " << reader->Finish().error_message();
-  return session;
+  return response.session();
 }
 
 }  // namespace rigcal::testing

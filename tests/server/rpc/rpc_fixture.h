@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "rigcal/v1/calibration.grpc.pb.h"
-#include "rigcal/v1/session.grpc.pb.h"
-#include "rigcal/v1/status.grpc.pb.h"
+#include "rigcal/v1/calibration_service.grpc.pb.h"
+#include "rigcal/v1/session_service.grpc.pb.h"
+#include "rigcal/v1/status_service.grpc.pb.h"
 #include "server/ingest/ingest.h"
 #include "server/rpc/rpc_server.h"
 #include "tests/server/rpc/test_agent.h"

@@ -2,12 +2,7 @@
 #include "server/rpc/rpc_server.h"
 
 #include <gmock/gmock.h>
-#include <google/protobuf/descriptor.h>
-#include <google/protobuf/descriptor.pb.h>
-#include <google/protobuf/message.h>
-#include <google/protobuf/text_format.h>
 #include <grpc/health/v1/health.pb.h>
-#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
@@ -18,6 +13,7 @@
 #include "common/wire/grpc_status.h"
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/process.h"
+#include "tests/testing/reflection_client.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::testing::rpc_server_test {
@@ -26,78 +22,24 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-// Sends one message to any method and returns the first answer, as a client without our stubs does.
-absl::StatusOr<std::string> Call(const std::shared_ptr<grpc::Channel>& channel,
-                                 const std::string& method, const std::string& request) {
-  grpc::GenericStub stub(channel);
-  grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
-  grpc::CompletionQueue queue;
-  const auto call = stub.PrepareCall(&context, method, &queue);
-  const auto next = [&queue] {
-    void* tag = nullptr;
-    bool ok = false;
-    return queue.Next(&tag, &ok) && ok;
-  };
-  call->StartCall(nullptr);
-  next();
-  const grpc::Slice slice(request);
-  call->Write(grpc::ByteBuffer(&slice, 1), nullptr);
-  next();
-  call->WritesDone(nullptr);
-  next();
-  grpc::ByteBuffer answer;
-  call->Read(&answer, nullptr);
-  const bool answered = next();
-  grpc::Status status;
-  call->Finish(&status, nullptr);
-  next();
-  if (!answered) {
-    return status.ok() ? absl::UnknownError("ended without an answer") : wire::FromGrpc(status);
-  }
-  grpc::Slice whole;
-  answer.DumpToSingleSlice(&whole);
-  return std::string(reinterpret_cast<const char*>(whole.begin()), whole.size());
-}
-
 class RpcServer : public RpcFixture {
  protected:
   std::string Health(const std::string& service) {
     grpc::health::v1::HealthCheckRequest request;
     request.set_service(service);
     const auto answer =
-        Call(channel(), "/grpc.health.v1.Health/Check", request.SerializeAsString());
+        CallRaw(channel(), "/grpc.health.v1.Health/Check", request.SerializeAsString());
     if (!answer.ok()) return answer.status().ToString();
     grpc::health::v1::HealthCheckResponse response;
     EXPECT_TRUE(response.ParseFromString(*answer));
     return grpc::health::v1::HealthCheckResponse::ServingStatus_Name(response.status());
   }
-
-  // Asks the reflection service; the request in text format, and the answer too.
-  std::string Reflect(const std::string& request_text) {
-    const auto make = [](const std::string& name) {
-      const auto* type = google::protobuf::DescriptorPool::generated_pool()->FindMessageTypeByName(
-          "grpc.reflection.v1alpha." + name);
-      const auto* prototype =
-          google::protobuf::MessageFactory::generated_factory()->GetPrototype(type);
-      return std::unique_ptr<google::protobuf::Message>(prototype->New());
-    };
-    const auto request = make("ServerReflectionRequest");
-    EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(request_text, request.get()));
-    const auto answer =
-        Call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
-             request->SerializeAsString());
-    if (!answer.ok()) return answer.status().ToString();
-    const auto response = make("ServerReflectionResponse");
-    EXPECT_TRUE(response->ParseFromString(*answer));
-    return response->DebugString();
-  }
 };
 
 TEST_F(RpcServer, HealthKnowsEveryService) {
   EXPECT_EQ(Health(""), "SERVING");
-  for (const char* service :
-       {"AgentService", "SessionService", "CalibrationService", "StatusService"}) {
+  for (const char* service : {"IngestService", "AgentService", "CameraService", "SessionService",
+                              "CalibrationService", "StatusService"}) {
     EXPECT_EQ(Health(std::string("rigcal.v1.") + service), "SERVING") << service;
   }
   EXPECT_THAT(Health("rigcal.v1.Nobody"), HasSubstr("NOT_FOUND"));
@@ -109,23 +51,22 @@ TEST_F(RpcServer, HealthTellsWhenIngestTakesNothing) {
   StartWave({"left"});
   faulty().Fail("Append", absl::ResourceExhaustedError("disk full"));
   EXPECT_FALSE(client().Upload(MakeBatch({"wave", "left", 1}, 1, 3)).ok());
-  EXPECT_TRUE(WaitFor([&] { return Health("rigcal.v1.AgentService") == "NOT_SERVING"; }));
+  EXPECT_TRUE(WaitFor([&] { return Health("rigcal.v1.IngestService") == "NOT_SERVING"; }));
   EXPECT_EQ(Health("rigcal.v1.SessionService"), "SERVING") << "reads and deletes still work";
   faulty().Fail("Append", absl::OkStatus());
   EXPECT_THAT(client().Upload(MakeBatch({"wave", "left", 1}, 1, 3)), IsOk());
-  EXPECT_TRUE(WaitFor([&] { return Health("rigcal.v1.AgentService") == "SERVING"; }));
+  EXPECT_TRUE(WaitFor([&] { return Health("rigcal.v1.IngestService") == "SERVING"; }));
 }
 
 TEST_F(RpcServer, ReflectionListsAndDescribesServices) {
-  EXPECT_THAT(Reflect("list_services: ''"),
+  EXPECT_THAT(Reflect(channel(), "list_services: ''"),
               AllOf(HasSubstr("rigcal.v1.AgentService"), HasSubstr("rigcal.v1.StatusService"),
                     HasSubstr("grpc.health.v1.Health")));
-  EXPECT_THAT(Reflect("file_containing_symbol: 'rigcal.v1.AgentService'"),
-              AllOf(HasSubstr("file_descriptor_proto"), HasSubstr("agent.proto")));
-  // gRPC's own health service is not described unless its descriptor is linked in.
-  EXPECT_THAT(Reflect("file_containing_symbol: 'grpc.health.v1.Health'"),
+  EXPECT_THAT(Reflect(channel(), "file_containing_symbol: 'rigcal.v1.AgentService'"),
+              AllOf(HasSubstr("file_descriptor_proto"), HasSubstr("agent_service.proto")));
+  EXPECT_THAT(Reflect(channel(), "file_containing_symbol: 'grpc.health.v1.Health'"),
               AllOf(HasSubstr("file_descriptor_proto"), HasSubstr("health.proto")));
-  EXPECT_THAT(Reflect("file_containing_symbol: 'rigcal.v1.Nobody'"), HasSubstr("error_response"));
+  EXPECT_THAT(Reflect(channel(), "file_containing_symbol: 'rigcal.v1.Nobody'"), HasSubstr("error_response"));
 }
 
 TEST_F(RpcServer, ServesOnAPortOfItsOwnAndNamesOneInUse) {
@@ -149,17 +90,17 @@ TEST_F(RpcServer, ServesOnAPortOfItsOwnAndNamesOneInUse) {
 }
 
 TEST_F(RpcServer, AMethodThatDoesNotExistIsUnimplemented) {
-  EXPECT_THAT(Call(channel(), "/rigcal.v1.SessionService/Nothing", ""),
+  EXPECT_THAT(CallRaw(channel(), "/rigcal.v1.SessionService/Nothing", ""),
               StatusIs(absl::StatusCode::kUnimplemented, HasSubstr("")));
 }
 
 TEST_F(RpcServer, GarbageInsteadOfAMessageIsRefused) {
   for (const char* method :
-       {"/rigcal.v1.AgentService/UploadBatch", "/rigcal.v1.SessionService/CreateSession",
+       {"/rigcal.v1.IngestService/UploadBatch", "/rigcal.v1.SessionService/CreateSession",
         "/rigcal.v1.CalibrationService/CreateCalibration"}) {
-    EXPECT_FALSE(Call(channel(), method, std::string(100, '\xff')).ok()) << method;
+    EXPECT_FALSE(CallRaw(channel(), method, std::string(100, '\xff')).ok()) << method;
   }
-  EXPECT_THAT(Call(channel(), "/rigcal.v1.AgentService/Connect", std::string(100, '\xff')),
+  EXPECT_THAT(CallRaw(channel(), "/rigcal.v1.IngestService/Connect", std::string(100, '\xff')),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("hello")));
   EXPECT_THAT(client().ListAgents(), IsOk());
 }

@@ -44,7 +44,7 @@ class SessionService : public RpcFixture {
     v1::ListSessionsRequest request;
     request.set_page_size(page_size);
     request.set_page_token(token);
-    request.set_rig(rig);
+    if (!rig.empty()) request.set_filter("rig=" + rig);
     v1::ListSessionsResponse response;
     const absl::Status status = wire::FromGrpc(stub_->ListSessions(&context, request, &response));
     if (!status.ok()) return status;
@@ -65,8 +65,9 @@ class SessionService : public RpcFixture {
     SetDeadline(&context);
     const auto reader = stub_->ReadObservations(&context, request);
     std::vector<std::tuple<std::string, uint32_t, int>> runs;
-    v1::ObservationBatch batch;
-    while (reader->Read(&batch)) {
+    v1::ReadObservationsResponse response;
+    while (reader->Read(&response)) {
+      const v1::ObservationBatch& batch = response.batch();
       runs.emplace_back(batch.camera(), batch.first_seq(), batch.time_ns_size());
     }
     const absl::Status status = wire::FromGrpc(reader->Finish());
@@ -94,7 +95,7 @@ TEST_F(SessionService, RefusesWhatIsWrongWithARequest) {
   EXPECT_THAT(client().CreateSession(request),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("left")));
   request = WaveRequest("wave");
-  request.mutable_target()->set_kind(v1::Target::POINT);
+  request.mutable_target()->set_kind(v1::Target::KIND_POINT);
   request.mutable_target()->clear_marker_positions_m();
   request.mutable_target()->add_marker_positions_m(0);
   request.mutable_target()->add_marker_positions_m(0.1);
@@ -122,7 +123,7 @@ TEST_F(SessionService, DeletingACapturingSessionIsRefused) {
   EXPECT_THAT(Delete("wave"),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("capturing")));
   ASSERT_THAT(client().StopSession("wave", 0.01), IsOk());
-  const v1::Session finished = AwaitState("wave", v1::Session::FINISHED);
+  const v1::Session finished = AwaitState("wave", v1::Session::STATE_FINISHED);
   EXPECT_THAT(finished.missing_cameras(), ElementsAre("left"));
   EXPECT_THAT(Delete("wave"), IsOk());
   EXPECT_THAT(client().GetSession("wave"),
@@ -169,10 +170,57 @@ TEST_F(SessionService, PagingGoesOnAfterTheTokensSessionWasDeleted) {
     created.push_back(session.id());
   }
   ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse first, List(1, ""));
-  ASSERT_THAT(Delete(first.next_page_token()), IsOk());
+  ASSERT_THAT(Delete(first.sessions(0).id()), IsOk());
   ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse rest, List(5, first.next_page_token()));
   ASSERT_EQ(rest.sessions_size(), 2);
   EXPECT_EQ(rest.sessions(1).id(), created[0]);
+}
+
+TEST_F(SessionService, ListsByFilterAndOrder) {
+  for (const char* id : {"b", "c", "a"}) {
+    ASSERT_THAT(client().CreateSession(WaveRequest(id)), IsOk());
+  }
+  v1::CreateSessionRequest started = WaveRequest("d");
+  *started.add_cameras() = wire::ToProto(MakeCamera("left"));
+  ASSERT_THAT(client().CreateSession(started), IsOk());
+  ASSERT_THAT(client().StartSession("d"), IsOk());
+  const auto ids = [&](const std::string& filter, const std::string& order_by) {
+    std::string joined;
+    v1::ListSessionsRequest request;
+    request.set_page_size(2);
+    request.set_filter(filter);
+    request.set_order_by(order_by);
+    v1::ListSessionsResponse response;
+    do {
+      grpc::ClientContext context;
+      SetDeadline(&context);
+      request.set_page_token(response.next_page_token());
+      response.Clear();
+      const grpc::Status status = stub_->ListSessions(&context, request, &response);
+      if (!status.ok()) return status.error_message();
+      for (const v1::Session& session : response.sessions()) joined += session.id();
+    } while (!response.next_page_token().empty());
+    return joined;
+  };
+  EXPECT_EQ(ids("", ""), "dacb");
+  EXPECT_EQ(ids("", "create_time"), "bcad");
+  EXPECT_EQ(ids("", "id"), "abcd");
+  EXPECT_EQ(ids("", "id desc"), "dcba");
+  EXPECT_EQ(ids("state=STATE_CREATED AND rig=\"rig\"", "id"), "abc");
+  EXPECT_EQ(ids("state=STATE_CAPTURING", ""), "d");
+  EXPECT_EQ(ids("rig=elsewhere", ""), "");
+  EXPECT_THAT(ids("state=CREATED", ""), HasSubstr("STATE_CREATED"));
+  EXPECT_THAT(ids("title=x", ""), HasSubstr("'title' is not a field of this list"));
+  EXPECT_THAT(ids("", "title"), HasSubstr("order_by"));
+}
+
+TEST_F(SessionService, ATokenIsForOneListOnly) {
+  for (const char* id : {"a", "b"}) {
+    ASSERT_THAT(client().CreateSession(WaveRequest(id)), IsOk());
+  }
+  ASSERT_OK_AND_ASSIGN(const v1::ListSessionsResponse first, List(1, ""));
+  EXPECT_THAT(List(1, first.next_page_token(), "rig"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("page_token")));
 }
 
 TEST_F(SessionService, PagesStayBelowWhatAClientTakes) {
@@ -204,24 +252,27 @@ TEST_F(SessionService, WatchShowsEveryStateAndEndsWithFinished) {
   v1::WatchSessionRequest request;
   request.set_id("wave");
   const auto reader = stub_->WatchSession(&context, request);
-  v1::Session session;
+  v1::WatchSessionResponse response;
   // Each state is reached after the one before has been seen.
-  ASSERT_TRUE(reader->Read(&session));
-  EXPECT_EQ(session.state(), v1::Session::CREATED);
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_EQ(response.session().state(), v1::Session::STATE_CREATED);
   ASSERT_THAT(client().StartSession("wave"), IsOk());
-  while (session.state() == v1::Session::CREATED) ASSERT_TRUE(reader->Read(&session));
-  EXPECT_EQ(session.state(), v1::Session::CAPTURING);
+  while (response.session().state() == v1::Session::STATE_CREATED)
+    ASSERT_TRUE(reader->Read(&response));
+  EXPECT_EQ(response.session().state(), v1::Session::STATE_CAPTURING);
   agent.SendBatch(MakeBatch({"wave", "left", 1}, 1, 10));
-  while (session.observation_count() == 0) ASSERT_TRUE(reader->Read(&session));
-  EXPECT_EQ(session.observation_count(), 10u);
-  EXPECT_TRUE(session.cameras(0).connected());
+  while (response.session().observation_count() == 0) ASSERT_TRUE(reader->Read(&response));
+  EXPECT_EQ(response.session().observation_count(), 10u);
+  EXPECT_TRUE(response.session().cameras(0).connected());
   ASSERT_THAT(client().StopSession("wave", 60), IsOk());
-  while (session.state() == v1::Session::CAPTURING) ASSERT_TRUE(reader->Read(&session));
-  EXPECT_EQ(session.state(), v1::Session::DRAINING);
+  while (response.session().state() == v1::Session::STATE_CAPTURING)
+    ASSERT_TRUE(reader->Read(&response));
+  EXPECT_EQ(response.session().state(), v1::Session::STATE_DRAINING);
   agent.Send(EndMessage({"wave", "left", 1}, 10));
-  while (session.state() == v1::Session::DRAINING) ASSERT_TRUE(reader->Read(&session));
-  EXPECT_EQ(session.state(), v1::Session::FINISHED);
-  EXPECT_FALSE(reader->Read(&session));
+  while (response.session().state() == v1::Session::STATE_DRAINING)
+    ASSERT_TRUE(reader->Read(&response));
+  EXPECT_EQ(response.session().state(), v1::Session::STATE_FINISHED);
+  EXPECT_FALSE(reader->Read(&response));
   EXPECT_THAT(wire::FromGrpc(reader->Finish()), IsOk());
 }
 
@@ -232,10 +283,10 @@ TEST_F(SessionService, WatchOfADeletedSessionEnds) {
   v1::WatchSessionRequest request;
   request.set_id("wave");
   const auto reader = stub_->WatchSession(&context, request);
-  v1::Session session;
-  ASSERT_TRUE(reader->Read(&session));
+  v1::WatchSessionResponse response;
+  ASSERT_TRUE(reader->Read(&response));
   ASSERT_THAT(Delete("wave"), IsOk());
-  EXPECT_FALSE(reader->Read(&session));
+  EXPECT_FALSE(reader->Read(&response));
   EXPECT_THAT(wire::FromGrpc(reader->Finish()),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
 }
@@ -250,19 +301,67 @@ TEST_F(SessionService, WatchesAreLimitedAndEndWithTheServer) {
   grpc::ClientContext first_context;
   SetDeadline(&first_context);
   const auto first = stub_->WatchSession(&first_context, request);
-  v1::Session session;
-  ASSERT_TRUE(first->Read(&session));
+  v1::WatchSessionResponse response;
+  ASSERT_TRUE(first->Read(&response));
   grpc::ClientContext second_context;
   SetDeadline(&second_context);
   const auto second = stub_->WatchSession(&second_context, request);
-  EXPECT_FALSE(second->Read(&session));
+  EXPECT_FALSE(second->Read(&response));
   EXPECT_THAT(wire::FromGrpc(second->Finish()),
               StatusIs(absl::StatusCode::kResourceExhausted, HasSubstr("watching")));
   std::thread closer([this] { rpc_->Shutdown(std::chrono::seconds(5)); });
-  EXPECT_FALSE(first->Read(&session));
+  EXPECT_FALSE(first->Read(&response));
   EXPECT_THAT(wire::FromGrpc(first->Finish()),
               StatusIs(absl::StatusCode::kUnavailable, HasSubstr("shutting down")));
   closer.join();
+}
+
+TEST_F(SessionService, WatchesHoldNoThreads) {
+  options_.max_watches = 64;
+  rpc_options_.max_threads = 8;
+  RestartServerOnPort();
+  stub_ = v1::SessionService::NewStub(channel());
+  ASSERT_THAT(client().CreateSession(WaveRequest("wave")), IsOk());
+  v1::WatchSessionRequest request;
+  request.set_id("wave");
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::WatchSessionResponse>>> readers;
+  v1::WatchSessionResponse response;
+  for (int i = 0; i < 64; ++i) {
+    contexts.push_back(std::make_unique<grpc::ClientContext>());
+    SetDeadline(contexts.back().get());
+    readers.push_back(stub_->WatchSession(contexts.back().get(), request));
+    ASSERT_TRUE(readers.back()->Read(&response));
+  }
+  EXPECT_THAT(client().GetSession("wave"), IsOk()) << "other calls are answered";
+  ASSERT_THAT(Delete("wave"), IsOk());
+  for (auto& reader : readers) {
+    EXPECT_FALSE(reader->Read(&response));
+    EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::NOT_FOUND);
+  }
+}
+
+TEST_F(SessionService, WatchersThatLeaveMakeRoom) {
+  options_.max_watches = 1;
+  RestartServer();
+  stub_ = v1::SessionService::NewStub(channel());
+  ASSERT_THAT(client().CreateSession(WaveRequest("wave")), IsOk());
+  v1::WatchSessionRequest request;
+  request.set_id("wave");
+  for (int i = 0; i < 3; ++i) {
+    bool seen = false;
+    // The server may notice a moment later that the one before has left.
+    for (int attempt = 0; attempt < 1000 && !seen; ++attempt) {
+      grpc::ClientContext context;
+      SetDeadline(&context);
+      const auto reader = stub_->WatchSession(&context, request);
+      v1::WatchSessionResponse response;
+      seen = reader->Read(&response);
+      context.TryCancel();
+      reader->Finish();
+    }
+    EXPECT_TRUE(seen) << i;
+  }
 }
 
 TEST_F(SessionService, ReadsObservationsInTheirOrderWithoutRefusedAndLateOnes) {
@@ -275,7 +374,7 @@ TEST_F(SessionService, ReadsObservationsInTheirOrderWithoutRefusedAndLateOnes) {
     ASSERT_THAT(client().Upload(batch), IsOk());
     ASSERT_THAT(client().UploadEnd("wave", camera, 1, 10), IsOk());
   }
-  AwaitState("wave", v1::Session::FINISHED);
+  AwaitState("wave", v1::Session::STATE_FINISHED);
   ASSERT_THAT(client().Upload(MakeBatch({"wave", "left", 2}, 1, 3)), IsOk());
 
   v1::ReadObservationsRequest request;

@@ -32,14 +32,14 @@ v1::AgentHello MakeHello(const std::string& agent_id, const std::vector<std::str
   return hello;
 }
 
-v1::AgentMessage BatchMessage(const ObservationBatch& batch) {
-  v1::AgentMessage message;
+v1::ConnectRequest BatchMessage(const ObservationBatch& batch) {
+  v1::ConnectRequest message;
   wire::ToProto(batch, message.mutable_batch());
   return message;
 }
 
-v1::AgentMessage EndMessage(const StreamKey& stream, uint32_t last_seq) {
-  v1::AgentMessage message;
+v1::ConnectRequest EndMessage(const StreamKey& stream, uint32_t last_seq) {
+  v1::ConnectRequest message;
   EndOfCapture end;
   end.stream = stream;
   end.last_seq = last_seq;
@@ -49,14 +49,14 @@ v1::AgentMessage EndMessage(const StreamKey& stream, uint32_t last_seq) {
 }
 
 TestAgent::TestAgent(const std::shared_ptr<grpc::Channel>& channel)
-    : stub_(v1::AgentService::NewStub(channel)) {
+    : stub_(v1::IngestService::NewStub(channel)) {
   context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
   stream_ = stub_->Connect(&context_);
 }
 
 TestAgent::TestAgent(const std::shared_ptr<grpc::Channel>& channel, const v1::AgentHello& hello)
     : TestAgent(channel) {
-  v1::AgentMessage message;
+  v1::ConnectRequest message;
   *message.mutable_hello() = hello;
   Send(message);
 }
@@ -67,15 +67,15 @@ TestAgent::~TestAgent() {
   AwaitEnd().IgnoreError();
 }
 
-void TestAgent::Send(const v1::AgentMessage& message) { stream_->Write(message); }
+void TestAgent::Send(const v1::ConnectRequest& message) { stream_->Write(message); }
 
-std::optional<v1::ServerMessage> TestAgent::Read() {
-  v1::ServerMessage message;
+std::optional<v1::ConnectResponse> TestAgent::Read() {
+  v1::ConnectResponse message;
   if (!stream_->Read(&message)) return std::nullopt;
   return message;
 }
 
-v1::ServerMessage TestAgent::ReadUntil(v1::ServerMessage::MessageCase kind) {
+v1::ConnectResponse TestAgent::ReadUntil(v1::ConnectResponse::MessageCase kind) {
   while (auto message = Read()) {
     if (message->message_case() == kind) return *message;
   }

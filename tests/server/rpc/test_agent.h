@@ -14,7 +14,7 @@
 #include "absl/status/status.h"
 #include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
-#include "rigcal/v1/agent.grpc.pb.h"
+#include "rigcal/v1/ingest_service.grpc.pb.h"
 
 namespace rigcal::testing {
 
@@ -22,8 +22,8 @@ namespace rigcal::testing {
 // epoch 1.
 v1::AgentHello MakeHello(const std::string& agent_id, const std::vector<std::string>& cameras,
                          uint32_t incarnation = 1, uint32_t connection = 1);
-v1::AgentMessage BatchMessage(const ObservationBatch& batch);
-v1::AgentMessage EndMessage(const StreamKey& stream, uint32_t last_seq);
+v1::ConnectRequest BatchMessage(const ObservationBatch& batch);
+v1::ConnectRequest EndMessage(const StreamKey& stream, uint32_t last_seq);
 
 // An agent's stream as a test drives it: raw messages, malformed ones too. Every wait ends after a
 // minute at the latest.
@@ -34,15 +34,15 @@ class TestAgent {
   TestAgent(const std::shared_ptr<grpc::Channel>& channel, const v1::AgentHello& hello);
   ~TestAgent();
 
-  void Send(const v1::AgentMessage& message);
+  void Send(const v1::ConnectRequest& message);
   void SendBatch(const ObservationBatch& batch) { Send(BatchMessage(batch)); }
   // None: the stream has ended.
-  std::optional<v1::ServerMessage> Read();
+  std::optional<v1::ConnectResponse> Read();
   // Reads up to the next message of this kind; fails the test when the stream ends before.
-  v1::ServerMessage ReadUntil(v1::ServerMessage::MessageCase kind);
-  v1::ServerHello ReadHello() { return ReadUntil(v1::ServerMessage::kHello).hello(); }
+  v1::ConnectResponse ReadUntil(v1::ConnectResponse::MessageCase kind);
+  v1::ServerHello ReadHello() { return ReadUntil(v1::ConnectResponse::kHello).hello(); }
   v1::StartCapture ReadStart() {
-    return ReadUntil(v1::ServerMessage::kStartCapture).start_capture();
+    return ReadUntil(v1::ConnectResponse::kStartCapture).start_capture();
   }
   // Reads acknowledgements up to the one that says `durable_seq` of this camera, and merges their
   // faults into it.
@@ -55,8 +55,8 @@ class TestAgent {
 
  private:
   grpc::ClientContext context_;
-  std::unique_ptr<v1::AgentService::Stub> stub_;
-  std::unique_ptr<grpc::ClientReaderWriter<v1::AgentMessage, v1::ServerMessage>> stream_;
+  std::unique_ptr<v1::IngestService::Stub> stub_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::ConnectRequest, v1::ConnectResponse>> stream_;
   bool finished_ = false;
 };
 

@@ -20,7 +20,6 @@ namespace rigcal::testing::agent_directory_test {
 namespace {
 
 using server::AgentDirectory;
-using server::AgentRecord;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;

@@ -116,14 +116,14 @@ TEST_F(ReadCalibrationInput, CountsLateRowsInsteadOfUsingThem) {
   EXPECT_THAT(input.tracks[1].observations, SizeIs(20));
   ASSERT_THAT(input.refused, SizeIs(1));
   EXPECT_EQ(input.refused[0].camera, "right");
-  EXPECT_EQ(input.refused[0].reason, "late");
+  EXPECT_EQ(input.refused[0].reason, RefusalReason::kLate);
   EXPECT_EQ(input.refused[0].count, 7u);
 }
 
 TEST_F(ReadCalibrationInput, LeavesRefusedRowsOutAndCarriesTheirCount) {
   StartByHand("wave", {"left"});
   server::Delivery delivery = MakeDelivery(MakeBatch({"wave", "left", 1}, 1, 10));
-  delivery.refused_rows = {{.row = 3, .reason = "not_finite", .detail = "x is not finite"}};
+  delivery.refused_rows = {{.row = 3, .reason = RefusalReason::kNotFinite, .detail = "x is not finite"}};
   Append(delivery);
   DeliverEnd({"wave", "left", 1}, 10);
   AwaitFinished("wave");
@@ -134,7 +134,7 @@ TEST_F(ReadCalibrationInput, LeavesRefusedRowsOutAndCarriesTheirCount) {
               Each(Field(&Observation::time_ns, ::testing::Ne(refused_time))));
   ASSERT_THAT(input.refused, SizeIs(1));
   EXPECT_EQ(input.refused[0].camera, "left");
-  EXPECT_EQ(input.refused[0].reason, "not_finite");
+  EXPECT_EQ(input.refused[0].reason, RefusalReason::kNotFinite);
   EXPECT_EQ(input.refused[0].count, 1u);
 }
 

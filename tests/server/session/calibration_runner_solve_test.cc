@@ -32,13 +32,13 @@ class CalibrationRunnerSolve : public RunnerFixture {
 
 TEST_F(CalibrationRunnerSolve, FailingSolveSaysWhyAndWhatWasLeftOut) {
   solver_.SetOutcome(absl::FailedPreconditionError("groups {left} and {right} share no instant"),
-                     {{.camera = "left", .reason = "alone", .count = 20, .example = ""}});
+                     {{.camera = "left", .reason = RefusalReason::kAloneInInstant, .count = 20, .example = ""}});
   const Calibration ended = AwaitEnd(Create());
   EXPECT_EQ(ended.state, CalibrationState::kFailed);
   EXPECT_THAT(ended.error, HasSubstr("share no instant"));
   EXPECT_FALSE(ended.result.has_value());
   ASSERT_THAT(ended.refused, SizeIs(1));
-  EXPECT_EQ(ended.refused[0].reason, "alone");
+  EXPECT_EQ(ended.refused[0].reason, RefusalReason::kAloneInInstant);
 }
 
 TEST_F(CalibrationRunnerSolve, LateRowsAppearInTheResult) {
@@ -46,7 +46,7 @@ TEST_F(CalibrationRunnerSolve, LateRowsAppearInTheResult) {
   const Calibration ended = AwaitEnd(Create());
   ASSERT_EQ(ended.state, CalibrationState::kSucceeded);
   ASSERT_THAT(ended.result->refused, SizeIs(1));
-  EXPECT_EQ(ended.result->refused[0].reason, "late");
+  EXPECT_EQ(ended.result->refused[0].reason, RefusalReason::kLate);
   EXPECT_EQ(ended.result->refused[0].count, 4u);
 }
 
@@ -93,28 +93,19 @@ TEST_F(CalibrationRunnerSolve, ProgressIsShownButNotWritten) {
   std::atomic<bool> seen = false;
   solver_.SetBody([&](const server::CalibrationHooks& hooks) {
     writes_before = faulty().CallCount("UpdateCalibration");
-    for (int i = 0; i <= 1000; ++i) hooks.progress("bundle adjustment", i / 1000.0);
-    hooks.progress("residuals", 0.75);
+    for (int i = 0; i <= 1000; ++i) hooks.progress(CalibrationStage::kAdjusting, i / 1000.0);
+    hooks.progress(CalibrationStage::kReporting, 0.75);
     writes_after = faulty().CallCount("UpdateCalibration");
-    const auto calibrations = runner().ListCalibrations("", 1, "");
-    seen = calibrations.ok() && calibrations->at(0).state == CalibrationState::kRunning &&
-           calibrations->at(0).progress_stage == "residuals" &&
-           calibrations->at(0).progress_fraction == 0.75;
+    const auto calibrations = runner().ListCalibrations({}, {.limit = 1});
+    seen = calibrations.ok() && calibrations->at(0).record.state == CalibrationState::kRunning &&
+           calibrations->at(0).record.progress_stage == CalibrationStage::kReporting &&
+           calibrations->at(0).record.progress_fraction == 0.75;
   });
   const Calibration ended = AwaitEnd(Create());
   EXPECT_EQ(ended.state, CalibrationState::kSucceeded);
   EXPECT_TRUE(seen);
   EXPECT_EQ(writes_before, writes_after);
   EXPECT_EQ(ended.progress_fraction, 1);
-}
-
-TEST_F(CalibrationRunnerSolve, ShutdownEndsWatches) {
-  solver_.Hold();
-  const std::string id = Create();
-  ASSERT_OK_AND_ASSIGN(const auto watch, runner().WatchCalibration(id));
-  solver_.AwaitBegun(1);
-  runner().Shutdown();
-  EXPECT_EQ(watch->Wait(std::chrono::seconds(60)), server::ChangeNotifier::Event::kShutdown);
 }
 
 }  // namespace

@@ -99,12 +99,35 @@ TEST_F(CalibrationRunner, RunsInTheOrderOfCreationWithRisingVersions) {
     EXPECT_GE(ended.start_utc_ns, before);
     before = ended.end_utc_ns;
   }
-  ASSERT_OK_AND_ASSIGN(const auto page, runner().ListCalibrations("rig", 2, ""));
+  ASSERT_OK_AND_ASSIGN(const auto page, runner().ListCalibrations({.rig = "rig"}, {.limit = 2}));
   ASSERT_THAT(page, SizeIs(2));
-  EXPECT_EQ(page[0].id, ids[2]);
-  ASSERT_OK_AND_ASSIGN(const auto rest, runner().ListCalibrations("rig", 2, page[1].id));
+  EXPECT_EQ(page[0].record.id, ids[2]);
+  ASSERT_OK_AND_ASSIGN(
+      const auto rest,
+      runner().ListCalibrations({.rig = "rig"}, {.limit = 2, .after = page[1].position}));
   ASSERT_THAT(rest, SizeIs(1));
-  EXPECT_EQ(rest[0].id, ids[0]);
+  EXPECT_EQ(rest[0].record.id, ids[0]);
+}
+
+TEST_F(CalibrationRunner, DeletesOneThatHasEndedAndNoOther) {
+  FinishByHand("wave", {"left"});
+  ASSERT_OK_AND_ASSIGN(const Calibration ended, runner().CreateCalibration({"wave"}, {}));
+  AwaitEnd(ended.id);
+  solver_.Hold();
+  ASSERT_OK_AND_ASSIGN(const Calibration running, runner().CreateCalibration({"wave"}, {}));
+  solver_.AwaitBegun(2);
+  ASSERT_OK_AND_ASSIGN(const Calibration queued, runner().CreateCalibration({"wave"}, {}));
+  for (const std::string& id : {running.id, queued.id}) {
+    EXPECT_THAT(runner().DeleteCalibration(id),
+                StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("cancel it first")));
+  }
+  ASSERT_THAT(runner().DeleteCalibration(ended.id), IsOk());
+  EXPECT_THAT(runner().GetCalibration(ended.id),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr(ended.id)));
+  EXPECT_THAT(runner().DeleteCalibration(ended.id),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr(ended.id)));
+  solver_.Release();
+  EXPECT_EQ(AwaitEnd(queued.id).version, 3u) << "a version is never used again";
 }
 
 TEST_F(CalibrationRunner, CancelsAQueuedOne) {
@@ -239,9 +262,9 @@ TEST_F(CalibrationRunner, ManyClientsAtOnce) {
   }
   for (std::thread& client : clients) client.join();
   runner().WaitIdle();
-  ASSERT_OK_AND_ASSIGN(const auto all, runner().ListCalibrations("", 100, ""));
+  ASSERT_OK_AND_ASSIGN(const auto all, runner().ListCalibrations({}, {.limit = 100}));
   EXPECT_THAT(all, SizeIs(20));
-  for (const Calibration& calibration : all) {
+  for (const auto& [calibration, position] : all) {
     EXPECT_TRUE(calibration.state == CalibrationState::kSucceeded ||
                 calibration.error == "cancelled")
         << calibration.error;

@@ -79,9 +79,9 @@ TEST_F(CaptureOrders, KnowPositionsAndStreamsThatDoNotExist) {
   Append(MakeBatch(KeyOf("a"), kMaxSeq, kMaxSeq));
   server::Delivery lost;
   lost.batch.stream = KeyOf("a");
-  lost.batch.dropped = {{.first_seq = 1, .count = kMaxSeq - 1, .reason = "spool_full"}};
+  lost.batch.dropped = {{.first_seq = 1, .count = kMaxSeq - 1, .reason = RefusalReason::kSpoolFreed}};
   Append(lost);
-  ASSERT_OK_AND_ASSIGN(const server::StreamPosition last, orders().PositionOf(KeyOf("a")));
+  ASSERT_OK_AND_ASSIGN(const StreamPosition last, orders().PositionOf(KeyOf("a")));
   EXPECT_EQ(last.durable_seq, kMaxSeq);
   EXPECT_EQ(last.send_limit_seq, std::numeric_limits<uint32_t>::max());
   EXPECT_FALSE(last.unknown);

@@ -49,10 +49,10 @@ class FaultyStore : public server::Store {
     if (absl::Status status = Enter("GetSession"); !status.ok()) return status;
     return store_.GetSession(id);
   }
-  absl::StatusOr<std::vector<Session>> ListSessions(std::string_view rig, int limit,
-                                                    std::string_view before) const override {
+  absl::StatusOr<std::vector<server::Listed<Session>>> ListSessions(
+      const server::SessionFilter& filter, const server::ListPage& page) const override {
     if (absl::Status status = Enter("ListSessions"); !status.ok()) return status;
-    return store_.ListSessions(rig, limit, before);
+    return store_.ListSessions(filter, page);
   }
   absl::StatusOr<uint32_t> CountSessions() const override { return store_.CountSessions(); }
   absl::Status DeleteSession(std::string_view id) override {
@@ -91,10 +91,14 @@ class FaultyStore : public server::Store {
     if (absl::Status status = Enter("GetCalibration"); !status.ok()) return status;
     return store_.GetCalibration(id);
   }
-  absl::StatusOr<std::vector<Calibration>> ListCalibrations(
-      std::string_view rig, int limit, std::string_view before) const override {
+  absl::StatusOr<std::vector<server::Listed<Calibration>>> ListCalibrations(
+      const server::CalibrationFilter& filter, const server::ListPage& page) const override {
     if (absl::Status status = Enter("ListCalibrations"); !status.ok()) return status;
-    return store_.ListCalibrations(rig, limit, before);
+    return store_.ListCalibrations(filter, page);
+  }
+  absl::Status DeleteCalibration(std::string_view id) override {
+    if (absl::Status status = Enter("DeleteCalibration"); !status.ok()) return status;
+    return store_.DeleteCalibration(id);
   }
 
  private:

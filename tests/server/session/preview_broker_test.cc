@@ -29,7 +29,7 @@ class AnsweringLink : public server::AgentLink {
   using OnRequest = std::function<void(const PreviewRequest&)>;
   explicit AnsweringLink(OnRequest on_request) : on_request_(std::move(on_request)) {}
 
-  void SendStartCapture(const server::StartCaptureCommand&) override {}
+  void SendStartCapture(const StartCaptureCommand&) override {}
   void SendStopCapture(const std::string&) override {}
   void SendPreviewRequest(const PreviewRequest& request) override { on_request_(request); }
   void Close(const absl::Status&) override {}
@@ -42,10 +42,9 @@ class PreviewBrokerTest : public ::testing::Test {
  protected:
   AgentDirectory::Registration Connect(const std::string& agent_id, const std::string& camera,
                                        AnsweringLink::OnRequest on_request,
-                                       const std::string& rig = "rig", bool takes_requests = true) {
-    server::AgentRecord agent = MakeAgent(agent_id, {camera});
+                                       const std::string& rig = "rig") {
+    AgentRecord agent = MakeAgent(agent_id, {camera});
     agent.rig = rig;
-    agent.takes_preview_requests = takes_requests;
     auto registration = directory_.Register(std::move(agent),
                                             std::make_shared<AnsweringLink>(std::move(on_request)));
     EXPECT_THAT(registration.status(), IsOk());
@@ -119,37 +118,32 @@ TEST_F(PreviewBrokerTest, RefusesWhatCannotBeMeant) {
                                     AllOf(HasSubstr("hall"), HasSubstr("rig"))));
 }
 
-TEST_F(PreviewBrokerTest, SaysThatTheAgentIsAwayOrTooOld) {
+TEST_F(PreviewBrokerTest, SaysThatTheAgentIsAway) {
   ConnectAnswering(Picture);
   directory_.Unregister(registration_);
   EXPECT_THAT(Get("left"), StatusIs(absl::StatusCode::kFailedPrecondition,
                                     AllOf(HasSubstr("'pc'"), HasSubstr("not connected"))));
-  Connect(
-      "old", "right", [](const PreviewRequest&) { FAIL() << "it would not understand"; }, "rig",
-      false);
-  EXPECT_THAT(Get("right"), StatusIs(absl::StatusCode::kFailedPrecondition,
-                                     AllOf(HasSubstr("'old'"), HasSubstr("update"))));
 }
 
 TEST_F(PreviewBrokerTest, PassesOnTheAgentsRefusals) {
-  PreviewRefusal refusal = PreviewRefusal::kNone;
+  PreviewStatus answer = PreviewStatus::kOk;
   ConnectAnswering([&](const PreviewRequest& request) {
     Preview preview;
     preview.request_id = request.request_id;
-    preview.refusal = refusal;
+    preview.status = answer;
     preview.message = "in the agent's words";
     return preview;
   });
-  const std::vector<std::pair<PreviewRefusal, absl::StatusCode>> cases = {
-      {PreviewRefusal::kDisabled, absl::StatusCode::kFailedPrecondition},
-      {PreviewRefusal::kUnknownCamera, absl::StatusCode::kNotFound},
-      {PreviewRefusal::kNoFrames, absl::StatusCode::kFailedPrecondition},
-      {PreviewRefusal::kNotCapturing, absl::StatusCode::kFailedPrecondition},
-      {PreviewRefusal::kTooOften, absl::StatusCode::kResourceExhausted},
-      {PreviewRefusal::kTimedOut, absl::StatusCode::kAborted},
-      {PreviewRefusal::kFailed, absl::StatusCode::kInternal}};
+  const std::vector<std::pair<PreviewStatus, absl::StatusCode>> cases = {
+      {PreviewStatus::kDisabled, absl::StatusCode::kFailedPrecondition},
+      {PreviewStatus::kUnknownCamera, absl::StatusCode::kNotFound},
+      {PreviewStatus::kNoFrames, absl::StatusCode::kFailedPrecondition},
+      {PreviewStatus::kNotCapturing, absl::StatusCode::kFailedPrecondition},
+      {PreviewStatus::kTooOften, absl::StatusCode::kResourceExhausted},
+      {PreviewStatus::kTimedOut, absl::StatusCode::kAborted},
+      {PreviewStatus::kFailed, absl::StatusCode::kInternal}};
   for (const auto& [what, code] : cases) {
-    refusal = what;
+    answer = what;
     EXPECT_THAT(Get("left"), StatusIs(code, HasSubstr("in the agent's words")));
   }
 }

@@ -7,9 +7,9 @@
 
 namespace rigcal::testing {
 
-void RecordingLink::SendStartCapture(const server::StartCaptureCommand& command) {
+void RecordingLink::SendStartCapture(const StartCaptureCommand& command) {
   std::string line = absl::StrCat("start ", command.session_id);
-  for (const server::StreamPosition& camera : command.cameras) {
+  for (const StreamPosition& camera : command.cameras) {
     absl::StrAppend(&line, " ", camera.stream.camera, "/", camera.stream.stream_epoch, "=",
                     camera.durable_seq);
   }

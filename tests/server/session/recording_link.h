@@ -14,7 +14,7 @@ namespace rigcal::testing {
 // "preview left", "close ABORTED: ...". Thread-safe.
 class RecordingLink : public server::AgentLink {
  public:
-  void SendStartCapture(const server::StartCaptureCommand& command) override;
+  void SendStartCapture(const StartCaptureCommand& command) override;
   void SendStopCapture(const std::string& session_id) override;
   void SendPreviewRequest(const PreviewRequest& request) override;
   void Close(const absl::Status& reason) override;

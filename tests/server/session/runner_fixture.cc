@@ -4,6 +4,8 @@
 #include <chrono>
 #include <utility>
 
+#include "tests/server/session/change_waiter.h"
+
 namespace rigcal::testing {
 
 server::CalibrateFunction ScriptedSolver::Function() {
@@ -93,11 +95,11 @@ void RunnerFixture::RestartAll() {
 }
 
 Calibration RunnerFixture::AwaitEnd(const std::string& id) {
-  auto watch = runner_->WatchCalibration(id);
+  ChangeWaiter changes;
+  const auto watch = runner_->WatchCalibration(id, changes.Wake());
   EXPECT_THAT(watch, IsOk());
   const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   while (watch.ok() && std::chrono::steady_clock::now() < limit) {
-    (*watch)->Wait(std::chrono::milliseconds(1000));
     auto calibration = runner_->GetCalibration(id);
     EXPECT_THAT(calibration, IsOk());
     if (!calibration.ok()) return {};
@@ -105,6 +107,7 @@ Calibration RunnerFixture::AwaitEnd(const std::string& id) {
         calibration->state == CalibrationState::kFailed) {
       return *std::move(calibration);
     }
+    changes.Wait(std::chrono::milliseconds(1000));
   }
   ADD_FAILURE() << "calibration " << id << " does not end";
   return {};

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/session/session_coordinator.h"
+#include "tests/server/session/change_waiter.h"
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
@@ -42,7 +43,7 @@ TEST_F(SessionCoordinatorAgents, AreToldToStartAndToStopInOrder) {
 }
 
 TEST_F(SessionCoordinatorAgents, HearNothingOfSessionsOfOtherCamerasAndRigs) {
-  server::AgentRecord elsewhere = MakeAgent("pc-other", {"left"});
+  AgentRecord elsewhere = MakeAgent("pc-other", {"left"});
   elsewhere.rig = "other";
   const auto other = Connect(std::move(elsewhere));
   StartWave();
@@ -86,7 +87,7 @@ TEST_F(SessionCoordinatorAgents, GoOnAfterTheServerRestarted) {
 TEST_F(SessionCoordinatorAgents, ANewLifeOfTheSpoolBeginsAtItsOwnPosition) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
-  server::AgentRecord restarted = MakeAgent("pc-left", {"left"}, 2, 1);
+  AgentRecord restarted = MakeAgent("pc-left", {"left"}, 2, 1);
   restarted.cameras[0].stream_epoch = 2;
   const auto back = Connect(std::move(restarted));
   coordinator().WaitIdle();
@@ -126,7 +127,7 @@ TEST_F(SessionCoordinatorAgents, ACameraThatHasEndedDoesNotBeginAgain) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);
   DeliverEnd({"wave", "left", 1}, 25);
-  server::AgentRecord restarted = MakeAgent("pc-left", {"left"}, 2, 1);
+  AgentRecord restarted = MakeAgent("pc-left", {"left"}, 2, 1);
   restarted.cameras[0].stream_epoch = 2;
   const auto back = Connect(std::move(restarted));
   coordinator().WaitIdle();
@@ -176,10 +177,10 @@ TEST_F(SessionCoordinatorAgents, AStoreThatCannotBeReadRefusesTheAgentWhole) {
 
 TEST_F(SessionCoordinatorAgents, ComingAndGoingWakesWatchers) {
   StartWave();
-  ASSERT_OK_AND_ASSIGN(const auto watch, coordinator().WatchSession("wave"));
-  watch->Wait(std::chrono::seconds(0));
+  ChangeWaiter changes;
+  ASSERT_OK_AND_ASSIGN(const auto watch, coordinator().WatchSession("wave", changes.Wake()));
   coordinator().DisconnectAgent(left_.registration);
-  EXPECT_EQ(watch->Wait(std::chrono::seconds(60)), server::ChangeNotifier::Event::kChanged);
+  EXPECT_TRUE(changes.Wait(std::chrono::seconds(60)));
   ASSERT_OK_AND_ASSIGN(const server::SessionView view, coordinator().GetSession("wave"));
   EXPECT_THAT(view.connected_cameras, ElementsAre("right"));
 }

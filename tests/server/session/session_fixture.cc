@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "tests/server/session/change_waiter.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::testing {
@@ -21,9 +22,9 @@ CameraDescription MakeCamera(const std::string& name) {
   return camera;
 }
 
-server::AgentRecord MakeAgent(const std::string& agent_id, const std::vector<std::string>& cameras,
-                              uint32_t incarnation, uint32_t connection) {
-  server::AgentRecord agent;
+AgentRecord MakeAgent(const std::string& agent_id, const std::vector<std::string>& cameras,
+                      uint32_t incarnation, uint32_t connection) {
+  AgentRecord agent;
   agent.agent_id = agent_id;
   agent.incarnation = incarnation;
   agent.connection = connection;
@@ -64,7 +65,7 @@ void SessionFixture::Restart() {
   OpenCoordinator();
 }
 
-SessionFixture::ConnectedAgent SessionFixture::Connect(server::AgentRecord agent,
+SessionFixture::ConnectedAgent SessionFixture::Connect(AgentRecord agent,
                                                        const std::vector<StreamKey>& pending) {
   ConnectedAgent connected;
   connected.link = std::make_shared<RecordingLink>();
@@ -109,14 +110,15 @@ void SessionFixture::FinishByHand(const std::string& id, const std::vector<std::
 }
 
 Session SessionFixture::AwaitFinished(const std::string& id) {
-  auto watch = coordinator_->WatchSession(id);
+  ChangeWaiter changes;
+  const auto watch = coordinator_->WatchSession(id, changes.Wake());
   EXPECT_THAT(watch, IsOk());
   const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   while (watch.ok() && std::chrono::steady_clock::now() < limit) {
-    (*watch)->Wait(std::chrono::milliseconds(1000));
     const auto session = store_->GetSession(id);
     EXPECT_THAT(session, IsOk());
     if (!session.ok() || session->state == SessionState::kFinished) return *session;
+    changes.Wait(std::chrono::milliseconds(1000));
   }
   ADD_FAILURE() << "session " << id << " does not finish";
   return {};

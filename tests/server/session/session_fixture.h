@@ -20,8 +20,8 @@ namespace rigcal::testing {
 // A camera of 1280x1024 pixels with intrinsics.
 CameraDescription MakeCamera(const std::string& name);
 // An agent of rig "rig" with these cameras, each in stream epoch 1.
-server::AgentRecord MakeAgent(const std::string& agent_id, const std::vector<std::string>& cameras,
-                              uint32_t incarnation = 1, uint32_t connection = 1);
+AgentRecord MakeAgent(const std::string& agent_id, const std::vector<std::string>& cameras,
+                      uint32_t incarnation = 1, uint32_t connection = 1);
 // A session to be created, of rig "rig" with a wand of three markers.
 Session NewSession(const std::string& id);
 
@@ -36,9 +36,9 @@ class SessionFixture : public StoreFixture {
   struct ConnectedAgent {
     std::shared_ptr<RecordingLink> link;
     server::AgentDirectory::Registration registration = 0;
-    std::vector<server::StreamPosition> positions;
+    std::vector<StreamPosition> positions;
   };
-  ConnectedAgent Connect(server::AgentRecord agent, const std::vector<StreamKey>& pending = {});
+  ConnectedAgent Connect(AgentRecord agent, const std::vector<StreamKey>& pending = {});
   // Rows of a stream through the store, and the progress to the coordinator, as ingest does.
   server::AppendOutcome Deliver(const StreamKey& stream, uint32_t first_seq, uint32_t last_seq);
   server::AppendOutcome DeliverEnd(const StreamKey& stream, uint32_t last_seq);

@@ -130,7 +130,7 @@ TEST(DrainTimeout, HasADefaultAndALimit) {
   for (const double bad : {-1.0, 600.1, std::numeric_limits<double>::quiet_NaN(),
                            std::numeric_limits<double>::infinity()}) {
     EXPECT_THAT(server::DrainTimeout(bad),
-                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("drain_timeout_s")));
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("drain_timeout is")));
   }
 }
 

@@ -91,8 +91,8 @@ TEST(CalibrateErrors, TooFewSharedInstantsAreCountedAndPlaced) {
                 HasSubstr("wave the wand where both of them see it"), Not(HasSubstr("disagree")))));
 }
 
-std::vector<std::string> KindsOf(const CalibrationResult& result) {
-  std::vector<std::string> kinds;
+std::vector<FindingKind> KindsOf(const CalibrationResult& result) {
+  std::vector<FindingKind> kinds;
   for (const Finding& finding : result.findings) kinds.push_back(finding.kind);
   return kinds;
 }
@@ -111,7 +111,7 @@ TEST(CalibrateErrors, CamerasInOnePlaceAreCalibratedAndNamed) {
   }
   const CalibrationOutcome outcome = Calibrate(input, {});
   ASSERT_THAT(outcome.result, IsOk());
-  EXPECT_THAT(KindsOf(*outcome.result), Contains("narrow_baseline").Times(1));
+  EXPECT_THAT(KindsOf(*outcome.result), Contains(FindingKind::kNarrowBaseline).Times(1));
   EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
   EXPECT_THAT(outcome.result->quality.reasons, Contains(HasSubstr("the same direction")));
 }
@@ -119,9 +119,9 @@ TEST(CalibrateErrors, CamerasInOnePlaceAreCalibratedAndNamed) {
 TEST(CalibrateErrors, ALongWaveHasNoSuchFindings) {
   const CalibrationOutcome outcome = Calibrate(Input("cameras=3;duration=20"), {});
   ASSERT_THAT(outcome.result, IsOk());
-  EXPECT_THAT(KindsOf(*outcome.result),
-              AllOf(Not(Contains("narrow_baseline")), Not(Contains("loose_pose")),
-                    Not(Contains("restarted"))));
+  EXPECT_THAT(KindsOf(*outcome.result), AllOf(Not(Contains(FindingKind::kNarrowBaseline)),
+                                              Not(Contains(FindingKind::kLoosePose)),
+                                              Not(Contains(FindingKind::kRestarted))));
 }
 
 // It takes part in less than half a second of the wave.
@@ -135,7 +135,7 @@ TEST(CalibrateErrors, APoseThatIsHeldLooselyIsNamedWithWhereToWave) {
   ASSERT_THAT(outcome.result, IsOk());
   std::vector<std::string> loose, advice;
   for (const Finding& finding : outcome.result->findings) {
-    if (finding.kind != "loose_pose") continue;
+    if (finding.kind != FindingKind::kLoosePose) continue;
     loose.push_back(finding.camera);
     advice.push_back(finding.advice);
     EXPECT_GT(finding.value, 15);

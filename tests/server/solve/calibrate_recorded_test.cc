@@ -22,8 +22,7 @@ CalibrationInput Recording(const std::filesystem::path& folder) {
   return input.value_or(CalibrationInput{});
 }
 
-uint32_t Refused(const CalibrationResult& result, const std::string& camera,
-                 const std::string& reason) {
+uint64_t Refused(const CalibrationResult& result, const std::string& camera, RefusalReason reason) {
   for (const Refusal& refusal : result.refused) {
     if (refusal.camera == camera && refusal.reason == reason) return refusal.count;
   }
@@ -39,7 +38,7 @@ TEST(RecordedRig, WithoutTimeOffsetsEveryCameraKeepsItsMarkers) {
   ASSERT_THAT(outcome.result, IsOk());
   const CalibrationResult& result = *outcome.result;
   EXPECT_EQ(result.instant_count, 614u);
-  EXPECT_EQ(Refused(result, "frame_0", "clock_epoch_without_offset"), 6u);
+  EXPECT_EQ(Refused(result, "frame_0", RefusalReason::kClockEpochWithoutOffset), 6u);
   double mean = 0;
   for (const CalibratedCamera& camera : result.cameras) {
     mean += camera.residuals.all.mean_px / 4;

@@ -218,7 +218,8 @@ TEST(Calibrate, ValuesThatAreNotFiniteAreCountedNotSpread) {
   ASSERT_THAT(outcome.result, IsOk());
   EXPECT_LT(ComparePoses(*outcome.result, world).worst_position_m, 0.002);
   EXPECT_TRUE(std::any_of(outcome.refused.begin(), outcome.refused.end(), [](const Refusal& entry) {
-    return entry.reason == "value_not_finite" && entry.camera == "sim_0" && entry.count > 20;
+    return entry.reason == RefusalReason::kValueNotFinite && entry.camera == "sim_0" &&
+           entry.count > 20;
   }));
 }
 
@@ -228,8 +229,8 @@ TEST(Calibrate, StopsWhenCancelled) {
   CalibrationHooks hooks;
   hooks.cancelled = &cancelled;
   int calls = 0;
-  hooks.progress = [&](std::string_view stage, double fraction) {
-    EXPECT_FALSE(stage.empty());
+  hooks.progress = [&](CalibrationStage stage, double fraction) {
+    EXPECT_NE(stage, CalibrationStage::kUnspecified);
     EXPECT_GE(fraction, 0);
     EXPECT_LE(fraction, 1);
     if (++calls == 8) cancelled = true;
@@ -281,7 +282,7 @@ TEST(Calibrate, FreelyRunningCamerasAreInterpolated) {
 
 TEST(Calibrate, CarriesOverWhatOthersRefused) {
   CalibrationInput input = InputOf(World("cameras=2;duration=20"));
-  input.refused.push_back({"sim_1", "not_a_number", 3, "line 4"});
+  input.refused.push_back({"sim_1", RefusalReason::kCsvNotANumber, 3, "line 4"});
   const CalibrationOutcome outcome = Calibrate(input, {});
   ASSERT_THAT(outcome.result, IsOk());
   EXPECT_EQ(std::count(outcome.result->refused.begin(), outcome.result->refused.end(),

@@ -90,7 +90,7 @@ TEST_F(StoreAppend, CutsWhatOverlaps) {
 TEST_F(StoreAppend, KeepsEarlyRowsOverARestart) {
   Append(MakeBatch(KeyOf("a"), 5, 8));
   Delivery dropped = MakeDelivery(MakeBatch(KeyOf("a"), 20, 20));
-  dropped.batch.dropped = {{.first_seq = 10, .count = 3, .reason = "spool_full"}};
+  dropped.batch.dropped = {{.first_seq = 10, .count = 3, .reason = RefusalReason::kSpoolFreed}};
   Append(dropped);
   Reopen();
   const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 1, 15));
@@ -122,8 +122,8 @@ TEST_F(StoreAppend, CountsRefusedRowsOnceAndLetsThemPass) {
   Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 10));
   delivery.batch.x_px[3 * 3] = std::numeric_limits<float>::quiet_NaN();
   delivery.refused_rows = {
-      {.row = 3, .reason = "not_finite", .detail = "the x of a marker is not finite"},
-      {.row = 7, .reason = "not_finite", .detail = "the x of a marker is not finite"}};
+      {.row = 3, .reason = RefusalReason::kNotFinite, .detail = "the x of a marker is not finite"},
+      {.row = 7, .reason = RefusalReason::kNotFinite, .detail = "the x of a marker is not finite"}};
   Append(MakeBatch(KeyOf("a"), 8, 9));  // row 7 is seq 8: already there, and not refused then
   const AppendOutcome outcome = Append(delivery);
   EXPECT_EQ(outcome.durable_seq, 10u);
@@ -137,7 +137,7 @@ TEST_F(StoreAppend, CountsRefusedRowsOnceAndLetsThemPass) {
   EXPECT_EQ(counts.wand_count, 7u);  // of 1 to 10: not 4 (refused), 5 and 10 (empty)
   ASSERT_EQ(counts.refused.size(), 1u);
   EXPECT_EQ(counts.refused[0], (Refusal{.camera = "a",
-                                        .reason = "not_finite",
+                                        .reason = RefusalReason::kNotFinite,
                                         .count = 1,
                                         .example = "seq 4: the x of a marker is not finite"}));
   const auto rows = ReadRows(store());
@@ -148,11 +148,11 @@ TEST_F(StoreAppend, CountsRefusedRowsOnceAndLetsThemPass) {
 TEST_F(StoreAppend, GivesTheLowestSeqAsExampleWhateverComesFirst) {
   for (const uint32_t seq : {7u, 2u, 9u}) {
     Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a", 2), seq, seq));
-    delivery.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
+    delivery.refused_rows = {{.row = 0, .reason = RefusalReason::kNotFinite, .detail = "d"}};
     Append(delivery);
   }
   Delivery older_epoch = MakeDelivery(MakeBatch(KeyOf("a", 1), 30, 30));
-  older_epoch.refused_rows = {{.row = 0, .reason = "r", .detail = "d"}};
+  older_epoch.refused_rows = {{.row = 0, .reason = RefusalReason::kNotFinite, .detail = "d"}};
   EXPECT_EQ(CountsOf("a").refused[0].example, "seq 2: d");
   Append(older_epoch);
   EXPECT_EQ(CountsOf("a").refused[0].example, "seq 30: d");
@@ -161,7 +161,7 @@ TEST_F(StoreAppend, GivesTheLowestSeqAsExampleWhateverComesFirst) {
 
 TEST_F(StoreAppend, TakesDroppedNumbersAsArrived) {
   Delivery delivery = MakeDelivery(MakeBatch(KeyOf("a"), 1, 4));
-  delivery.batch.dropped = {{.first_seq = 5, .count = 6, .reason = "spool_full"}};
+  delivery.batch.dropped = {{.first_seq = 5, .count = 6, .reason = RefusalReason::kSpoolFreed}};
   EXPECT_EQ(Append(delivery).durable_seq, 10u);
   EXPECT_EQ(Append(delivery).durable_seq, 10u);
   // Numbers an agent gave up do not come back.
@@ -169,7 +169,7 @@ TEST_F(StoreAppend, TakesDroppedNumbersAsArrived) {
   const SessionCameraCounts counts = CountsOf("a");
   EXPECT_EQ(counts.observation_count, 6u);
   ASSERT_EQ(counts.refused.size(), 1u);
-  EXPECT_EQ(counts.refused[0].reason, "spool_full");
+  EXPECT_EQ(counts.refused[0].reason, RefusalReason::kSpoolFreed);
   EXPECT_EQ(counts.refused[0].count, 6u);
   EXPECT_EQ(counts.refused[0].example, "seq 5: lost at the agent");
 }
@@ -241,7 +241,7 @@ TEST_F(StoreAppend, KeepsTheLargestReportOfEachStream) {
     delivery.report->observation_count = observations;
     if (bad_lines > 0) {
       delivery.report->refused = {
-          {.camera = "", .reason = "csv_field_count", .count = bad_lines, .example = "line 7"}};
+          {.camera = "", .reason = RefusalReason::kCsvFieldCount, .count = bad_lines, .example = "line 7"}};
     }
     Append(delivery);
   };
@@ -250,8 +250,10 @@ TEST_F(StoreAppend, KeepsTheLargestReportOfEachStream) {
   report(1, 10, 1);  // overtaken on its way
   report(1, 20, 2);
   ASSERT_EQ(CountsOf("a").refused.size(), 1u);
-  EXPECT_EQ(CountsOf("a").refused[0],
-            (Refusal{.camera = "a", .reason = "csv_field_count", .count = 2, .example = "line 7"}));
+  EXPECT_EQ(CountsOf("a").refused[0], (Refusal{.camera = "a",
+                                               .reason = RefusalReason::kCsvFieldCount,
+                                               .count = 2,
+                                               .example = "line 7"}));
   report(2, 5, 3);
   EXPECT_EQ(CountsOf("a").refused[0].count, 5u);
 }
@@ -306,7 +308,7 @@ TEST_F(StoreAppend, StoresClockReadingsAsASet) {
   EXPECT_THAT(alignments,
               ElementsAre(HostAlignment{.host_monotonic_ns = 7, .server_minus_host_ns = -3}));
   ASSERT_EQ(CountsOf("a").refused.size(), 1u);
-  EXPECT_EQ(CountsOf("a").refused[0].reason, "implausible_clock_sample");
+  EXPECT_EQ(CountsOf("a").refused[0].reason, RefusalReason::kImplausibleClockSample);
   EXPECT_EQ(CountsOf("a").refused[0].count, 1u);
 }
 

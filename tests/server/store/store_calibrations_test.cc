@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,18 @@ class StoreCalibrations : public ::rigcal::testing::StoreFixture {
     EXPECT_THAT(created, IsOk());
     return created.ok() ? *created : calibration;
   }
+  std::vector<std::string> Ids(const CalibrationFilter& filter, const ListPage& page) {
+    const auto calibrations = store().ListCalibrations(filter, page);
+    EXPECT_THAT(calibrations, IsOk());
+    std::vector<std::string> ids;
+    for (const auto& [calibration, position] : *calibrations) {
+      ids.push_back(calibration.id);
+      last_ = position;
+    }
+    return ids;
+  }
+
+  std::optional<RecordPosition> last_;  // of the last list
 };
 
 TEST_F(StoreCalibrations, CountsIdsOverAllAndVersionsByRig) {
@@ -88,15 +101,45 @@ TEST_F(StoreCalibrations, RefusesWhatItDoesNotHaveAndAnotherVersion) {
 
 TEST_F(StoreCalibrations, ListsNewestFirstByRigInPages) {
   for (const char* rig : {"left", "right", "left", "left"}) Create(rig);
-  const auto list = [this](const char* rig, int limit, const char* before) {
-    std::vector<std::string> ids;
-    const auto calibrations = store().ListCalibrations(rig, limit, before);
-    for (const Calibration& calibration : *calibrations) ids.push_back(calibration.id);
-    return ids;
-  };
-  EXPECT_THAT(list("", 10, ""), ElementsAre("c-000004", "c-000003", "c-000002", "c-000001"));
-  EXPECT_THAT(list("left", 2, ""), ElementsAre("c-000004", "c-000003"));
-  EXPECT_THAT(list("left", 2, "c-000003"), ElementsAre("c-000001"));
+  EXPECT_THAT(Ids({}, {.limit = 10}), ElementsAre("c-000004", "c-000003", "c-000002", "c-000001"));
+  EXPECT_THAT(Ids({.rig = "left"}, {.limit = 2}), ElementsAre("c-000004", "c-000003"));
+  ASSERT_TRUE(last_.has_value());
+  EXPECT_THAT(Ids({.rig = "left"}, {.limit = 2, .after = last_}), ElementsAre("c-000001"));
+  EXPECT_THAT(Ids({}, {.order = RecordOrder::kOldestFirst, .limit = 2}),
+              ElementsAre("c-000001", "c-000002"));
+  EXPECT_THAT(Ids({}, {.order = RecordOrder::kIdAscending, .limit = 2, .after = last_}),
+              ElementsAre("c-000003", "c-000004"));
+}
+
+TEST_F(CalibrationTable, ListsThoseOfASessionAndState) {
+  Calibration both;
+  both.rig = "rig";
+  both.session_ids = {"s-000001", "s-000002"};
+  ASSERT_THAT(store().CreateCalibration(both), IsOk());
+  Calibration ended = Create("rig");
+  ended.state = CalibrationState::kFailed;
+  ASSERT_THAT(store().UpdateCalibration(ended), IsOk());
+  EXPECT_THAT(Ids({.session_id = "s-000002"}, {.limit = 9}), ElementsAre("c-000001"));
+  EXPECT_THAT(Ids({.session_id = "s-000001"}, {.limit = 9}), ElementsAre("c-000002", "c-000001"));
+  EXPECT_THAT(Ids({.state = CalibrationState::kFailed, .session_id = "s-000001"}, {.limit = 9}),
+              ElementsAre("c-000002"));
+  EXPECT_THAT(Ids({.session_id = "s-000003"}, {.limit = 9}), ElementsAre());
+}
+
+TEST_F(CalibrationTable, DeletesWhatHasEndedAndUsesItsIdNoMore) {
+  Calibration calibration = Create("rig");
+  EXPECT_THAT(store().DeleteCalibration("c-000001"),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("cancel it first")));
+  calibration.state = CalibrationState::kFailed;
+  ASSERT_THAT(store().UpdateCalibration(calibration), IsOk());
+  ASSERT_THAT(store().DeleteCalibration("c-000001"), IsOk());
+  EXPECT_THAT(store().GetCalibration("c-000001"), StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_THAT(store().DeleteCalibration("c-000001"), StatusIs(absl::StatusCode::kNotFound, _));
+  EXPECT_THAT(Ids({.session_id = "s-000001"}, {.limit = 9}), ElementsAre());
+  Reopen();
+  const Calibration next = Create("rig");
+  EXPECT_EQ(next.id, "c-000002");
+  EXPECT_EQ(next.version, 2u);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,13 +33,18 @@ class StoreSessions : public ::rigcal::testing::StoreFixture {
     EXPECT_THAT(created, IsOk());
     return created.ok() ? created->id : "";
   }
-  std::vector<std::string> List(const std::string& rig, int limit, const std::string& before) {
-    const auto sessions = store().ListSessions(rig, limit, before);
+  std::vector<std::string> Ids(const SessionFilter& filter, const ListPage& page) {
+    const auto sessions = store().ListSessions(filter, page);
     EXPECT_THAT(sessions, IsOk());
     std::vector<std::string> ids;
-    for (const Session& session : *sessions) ids.push_back(session.id);
+    for (const auto& [session, position] : *sessions) {
+      ids.push_back(session.id);
+      last_ = position;
+    }
     return ids;
   }
+
+  std::optional<RecordPosition> last_;  // of the last list
 };
 
 TEST_F(StoreSessions, GivesBackWhatWasStoredAlsoAfterReopening) {
@@ -69,7 +75,6 @@ TEST_F(StoreSessions, NamesTheSessionThatIsNotThere) {
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("s-test")));
   EXPECT_THAT(store().DeleteSession("s-000009"), StatusIs(absl::StatusCode::kNotFound, _));
   EXPECT_THAT(store().GetSessionCounts("s-000009"), StatusIs(absl::StatusCode::kNotFound, _));
-  EXPECT_THAT(store().ListSessions("", 10, "s-000009"), StatusIs(absl::StatusCode::kNotFound, _));
 }
 
 TEST_F(StoreSessions, NeverGivesAnIdTwice) {
@@ -100,19 +105,39 @@ TEST_F(StoreSessions, RefusesIdsThatAreOrWereInUse) {
 TEST_F(StoreSessions, ListsNewestFirstByRigInPages) {
   for (const char* id : {"z", "y", "x"}) Create("left", id);
   Create("right", "w");
-  EXPECT_THAT(List("", 10, ""), ElementsAre("w", "x", "y", "z"));
-  EXPECT_THAT(List("left", 2, ""), ElementsAre("x", "y"));
-  EXPECT_THAT(List("left", 2, "y"), ElementsAre("z"));
-  EXPECT_THAT(List("none", 2, ""), IsEmpty());
+  EXPECT_THAT(Ids({}, {.limit = 10}), ElementsAre("w", "x", "y", "z"));
+  EXPECT_THAT(Ids({.rig = "left"}, {.limit = 2}), ElementsAre("x", "y"));
+  EXPECT_THAT(Ids({.rig = "left"}, {.limit = 2, .after = last_}), ElementsAre("z"));
+  EXPECT_THAT(Ids({.rig = "none"}, {.limit = 2}), IsEmpty());
   EXPECT_THAT(store().CountSessions(), IsOk());
   EXPECT_EQ(*store().CountSessions(), 4u);
-  EXPECT_THAT(store().ListSessions("", 0, ""), StatusIs(absl::StatusCode::kInvalidArgument, _));
+  EXPECT_THAT(store().ListSessions({}, {.limit = 0}),
+              StatusIs(absl::StatusCode::kInvalidArgument, _));
 }
 
-TEST_F(StoreSessions, ContinuesAPageAfterItsLastSessionWasDeleted) {
-  for (const char* id : {"x", "y", "z"}) Create("rig", id);
-  ASSERT_THAT(store().DeleteSession("y"), IsOk());
-  EXPECT_THAT(List("", 10, "y"), ElementsAre("x"));
+TEST_F(SessionTable, ListsInEveryOrderAndByState) {
+  for (const char* id : {"b", "c", "a"}) Create("rig", id);
+  Session created = CapturingSession({});
+  created.id = "d";
+  created.state = SessionState::kCreated;
+  ASSERT_THAT(store().CreateSession(created), IsOk());
+  const auto page = [](RecordOrder order) { return ListPage{.order = order, .limit = 9}; };
+  EXPECT_THAT(Ids({}, page(RecordOrder::kOldestFirst)), ElementsAre("b", "c", "a", "d"));
+  EXPECT_THAT(Ids({}, page(RecordOrder::kIdAscending)), ElementsAre("a", "b", "c", "d"));
+  EXPECT_THAT(Ids({}, page(RecordOrder::kIdDescending)), ElementsAre("d", "c", "b", "a"));
+  EXPECT_THAT(Ids({.state = SessionState::kCapturing}, page(RecordOrder::kIdAscending)),
+              ElementsAre("a", "b", "c"));
+}
+
+TEST_F(SessionTable, ContinuesAPageAfterItsLastSessionWasDeleted) {
+  for (const RecordOrder order : {RecordOrder::kNewestFirst, RecordOrder::kIdDescending}) {
+    const std::string prefix = order == RecordOrder::kNewestFirst ? "m" : "n";
+    for (const char* id : {"x", "y", "z"}) Create(prefix, prefix + id);
+    Ids({.rig = prefix}, {.order = order, .limit = 2});
+    ASSERT_THAT(store().DeleteSession(prefix + "y"), IsOk());
+    EXPECT_THAT(Ids({.rig = prefix}, {.order = order, .limit = 9, .after = last_}),
+                ElementsAre(prefix + "x"));
+  }
 }
 
 TEST_F(StoreSessions, TakesCamerasUntilTheyHaveObservations) {

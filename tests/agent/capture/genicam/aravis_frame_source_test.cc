@@ -421,7 +421,7 @@ TEST(AravisFrameSource, DamagedFramesAreCountedAndNotYielded) {
     EXPECT_EQ(Sum(source->counts()), camera->sent() - sent_before);
     const std::vector<Refusal> refused = source->Refused();
     ASSERT_FALSE(refused.empty());
-    EXPECT_EQ(refused[0].reason, "frame_incomplete");
+    EXPECT_EQ(refused[0].reason, RefusalReason::kFrameIncomplete);
     EXPECT_EQ(refused[0].count, source->counts().damaged);
   }
 }
@@ -442,9 +442,9 @@ TEST(AravisFrameSource, FramesThatFindNoBufferAreCountedAsLost) {
   End(source.get());
   EXPECT_GE(source->counts().lost, 15u);
   EXPECT_EQ(Sum(source->counts()), camera->sent());
-  std::vector<std::string> reasons;
+  std::vector<RefusalReason> reasons;
   for (const Refusal& refusal : source->Refused()) reasons.push_back(refusal.reason);
-  EXPECT_THAT(reasons, ::testing::Contains("frame_no_buffer"));
+  EXPECT_THAT(reasons, ::testing::Contains(RefusalReason::kFrameNoBuffer));
 }
 
 TEST(AravisFrameSource, ClockIsTakenFromArrivalsWhereItCannotBeRead) {

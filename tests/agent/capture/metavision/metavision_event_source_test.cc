@@ -176,8 +176,9 @@ TEST_F(MetavisionEventSourceTest, FindsALostCameraAgain) {
     EXPECT_EQ(camera->options.biases["bias_fo"].value, 7);
     EXPECT_THAT(FakeBus::Get().opened,
                 ElementsAre("00050423", "00050423", "00050423", "00050423", "00050423"));
-    EXPECT_THAT(source->Refused(), ElementsAre(AllOf(Field(&Refusal::reason, "camera_lost"),
-                                                     Field(&Refusal::count, 1u))));
+    EXPECT_THAT(source->Refused(),
+                ElementsAre(AllOf(Field(&Refusal::reason, RefusalReason::kCameraLost),
+                                  Field(&Refusal::count, 1u))));
     // The next capture begins without it.
     ASSERT_THAT(source->Start(target_), IsOk());
     EXPECT_THAT(source->Refused(), IsEmpty());

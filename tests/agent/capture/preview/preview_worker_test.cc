@@ -89,7 +89,7 @@ TEST_F(PreviewWorkerTest, DrawsTheNextFrame) {
   TakeImage(&tap_, detection);
   const Preview preview = WaitForAnswer();
   EXPECT_EQ(preview.request_id, 7u);
-  ASSERT_EQ(preview.refusal, PreviewRefusal::kNone) << preview.message;
+  ASSERT_EQ(preview.status, PreviewStatus::kOk) << preview.message;
   EXPECT_EQ(preview.info, (PreviewInfo{.camera = "left",
                                        .time_ns = 1'234,
                                        .clock_epoch = 2,
@@ -109,7 +109,7 @@ TEST_F(PreviewWorkerTest, IsOffUnlessSwitchedOn) {
   Make({});
   Ask(1);
   const Preview preview = WaitForAnswer();
-  EXPECT_EQ(preview.refusal, PreviewRefusal::kDisabled);
+  EXPECT_EQ(preview.status, PreviewStatus::kDisabled);
   EXPECT_THAT(preview.message, HasSubstr("[preview]"));
   EXPECT_TRUE(preview.jpeg.empty());
 }
@@ -118,12 +118,12 @@ TEST_F(PreviewWorkerTest, SaysWhyThereIsNoFrame) {
   Make(SwitchedOn());
   const PreviewRequest request{.request_id = 3, .camera = "left", .max_wait_ms = kLongMs};
   worker_->Request(request, {});
-  EXPECT_EQ(WaitForAnswer().refusal, PreviewRefusal::kUnknownCamera);
+  EXPECT_EQ(WaitForAnswer().status, PreviewStatus::kUnknownCamera);
   worker_->Request(request, {.known = true, .capturing = true, .tap = nullptr});
-  EXPECT_EQ(WaitForAnswer().refusal, PreviewRefusal::kNoFrames);
+  EXPECT_EQ(WaitForAnswer().status, PreviewStatus::kNoFrames);
   worker_->Request(request, {.known = true, .capturing = false, .tap = &tap_});
   const Preview idle = WaitForAnswer();
-  EXPECT_EQ(idle.refusal, PreviewRefusal::kNotCapturing);
+  EXPECT_EQ(idle.status, PreviewStatus::kNotCapturing);
   EXPECT_THAT(idle.message, HasSubstr("session start"));
 }
 
@@ -137,20 +137,20 @@ TEST_F(PreviewWorkerTest, KeepsToItsRateForEachCamera) {
   Ask(3);
   const Preview too_soon = WaitForAnswer();
   EXPECT_EQ(too_soon.request_id, 3u);
-  EXPECT_EQ(too_soon.refusal, PreviewRefusal::kTooOften);
+  EXPECT_EQ(too_soon.status, PreviewStatus::kTooOften);
   EXPECT_THAT(too_soon.message, AllOf(HasSubstr("0.001 previews/s"), HasSubstr("ask again in")));
   PreviewTap other;
   worker_->Request({.request_id = 4, .camera = "right", .max_wait_ms = kLongMs},
                    {.known = true, .capturing = true, .tap = &other});
   TakeImage(&other);
-  EXPECT_EQ(WaitForAnswer().refusal, PreviewRefusal::kNone);
+  EXPECT_EQ(WaitForAnswer().status, PreviewStatus::kOk);
 }
 
 TEST_F(PreviewWorkerTest, ACameraWithoutFramesTimesOut) {
   Make(SwitchedOn());
   Ask(1, "left", 10);
   const Preview preview = WaitForAnswer();
-  EXPECT_EQ(preview.refusal, PreviewRefusal::kTimedOut);
+  EXPECT_EQ(preview.status, PreviewStatus::kTimedOut);
   EXPECT_THAT(preview.message, AllOf(HasSubstr("left"), HasSubstr("10 ms")));
   TakeImage(&tap_);
   worker_->Shutdown();
@@ -174,7 +174,7 @@ TEST_F(PreviewWorkerTest, AFrameThatCannotBeMadeSmallFailsAndSaysSo) {
       {.known = true, .capturing = true, .tap = &tap_});
   TakeImage(&tap_);
   const Preview preview = WaitForAnswer();
-  EXPECT_EQ(preview.refusal, PreviewRefusal::kFailed);
+  EXPECT_EQ(preview.status, PreviewStatus::kFailed);
   EXPECT_THAT(preview.message, HasSubstr("50 bytes"));
 }
 

@@ -12,11 +12,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// The reason, or "" for a good line.
-std::string ReasonOf(std::string_view line, int marker_count = 1) {
+// The reason, kUnspecified for a good line.
+RefusalReason ReasonOf(std::string_view line, int marker_count = 1) {
   Observation observation;
   const auto fault = ParseCsvLine(line, marker_count, 0.5, &observation);
-  return fault ? std::string(fault->reason) : "";
+  return fault ? fault->reason : RefusalReason::kUnspecified;
 }
 
 std::string WhatOf(std::string_view line, int marker_count = 1) {
@@ -48,8 +48,8 @@ TEST(ParseCsvLine, TakesARowWithoutWandAsAnEmptyObservation) {
 }
 
 TEST(ParseCsvLine, TakesBlanksAndCentresBesideTheImage) {
-  EXPECT_EQ(ReasonOf(" 7 ; -0.4 ;\t2000.5 "), "");
-  EXPECT_EQ(ReasonOf("7;-0.999;-1.001"), "");
+  EXPECT_EQ(ReasonOf(" 7 ; -0.4 ;\t2000.5 "), RefusalReason::kUnspecified);
+  EXPECT_EQ(ReasonOf("7;-0.999;-1.001"), RefusalReason::kUnspecified);
 }
 
 TEST(ParseCsvLine, TakesTheWholeRangeOfTime) {
@@ -58,51 +58,51 @@ TEST(ParseCsvLine, TakesTheWholeRangeOfTime) {
   EXPECT_EQ(observation.time_ns, std::numeric_limits<int64_t>::max());
   ASSERT_FALSE(ParseCsvLine("-9223372036854775808;1;1", 1, 0.5, &observation));
   EXPECT_EQ(observation.time_ns, std::numeric_limits<int64_t>::min());
-  EXPECT_EQ(ReasonOf("9223372036854775808;1;1"), "csv_bad_time");
+  EXPECT_EQ(ReasonOf("9223372036854775808;1;1"), RefusalReason::kCsvBadTime);
 }
 
 TEST(ParseCsvLine, TakesADecimalPointInTimeOnlyWhereItIsExact) {
   Observation observation;
   ASSERT_FALSE(ParseCsvLine("598370000.000;1;1", 1, 0.5, &observation));
   EXPECT_EQ(observation.time_ns, 598370000);
-  EXPECT_EQ(ReasonOf("598370000.;1;1"), "");
-  EXPECT_EQ(ReasonOf("598370000.5;1;1"), "csv_bad_time");
-  EXPECT_EQ(ReasonOf("5.9837e8;1;1"), "csv_bad_time");
-  EXPECT_EQ(ReasonOf(".0;1;1"), "csv_bad_time");
+  EXPECT_EQ(ReasonOf("598370000.;1;1"), RefusalReason::kUnspecified);
+  EXPECT_EQ(ReasonOf("598370000.5;1;1"), RefusalReason::kCsvBadTime);
+  EXPECT_EQ(ReasonOf("5.9837e8;1;1"), RefusalReason::kCsvBadTime);
+  EXPECT_EQ(ReasonOf(".0;1;1"), RefusalReason::kCsvBadTime);
 }
 
 TEST(ParseCsvLine, RefusesOtherTimes) {
   for (const char* time : {"", "now", "12x", "0x10", "nan", "1 2", "+5"}) {
-    EXPECT_EQ(ReasonOf(std::string(time) + ";1;1"), "csv_bad_time") << time;
+    EXPECT_EQ(ReasonOf(std::string(time) + ";1;1"), RefusalReason::kCsvBadTime) << time;
   }
 }
 
 TEST(ParseCsvLine, RefusesAnotherNumberOfFields) {
-  EXPECT_EQ(ReasonOf("7;1;1;2"), "csv_field_count");
-  EXPECT_EQ(ReasonOf("7;1"), "csv_field_count");
-  EXPECT_EQ(ReasonOf("7"), "csv_field_count");
-  EXPECT_EQ(ReasonOf("7;1;1;"), "csv_field_count");
-  EXPECT_EQ(ReasonOf("7,1,1"), "csv_field_count");
-  EXPECT_EQ(ReasonOf("7;1;1;2;2", 2), "");
+  EXPECT_EQ(ReasonOf("7;1;1;2"), RefusalReason::kCsvFieldCount);
+  EXPECT_EQ(ReasonOf("7;1"), RefusalReason::kCsvFieldCount);
+  EXPECT_EQ(ReasonOf("7"), RefusalReason::kCsvFieldCount);
+  EXPECT_EQ(ReasonOf("7;1;1;"), RefusalReason::kCsvFieldCount);
+  EXPECT_EQ(ReasonOf("7,1,1"), RefusalReason::kCsvFieldCount);
+  EXPECT_EQ(ReasonOf("7;1;1;2;2", 2), RefusalReason::kUnspecified);
   EXPECT_THAT(WhatOf("7;1;1;2"), HasSubstr("4 fields instead of 3"));
 }
 
 TEST(ParseCsvLine, RefusesWhatIsNoNumber) {
   for (const char* field : {"", "abc", "1.5px", "1,5", "0x1p3", "--1", "1 2"}) {
-    EXPECT_EQ(ReasonOf("7;1;" + std::string(field)), "csv_not_a_number") << field;
+    EXPECT_EQ(ReasonOf("7;1;" + std::string(field)), RefusalReason::kCsvNotANumber) << field;
   }
   EXPECT_THAT(WhatOf("7;1;1;2;oops", 2), HasSubstr("y1 is \"oops\""));
 }
 
 TEST(ParseCsvLine, RefusesWhatIsNotFinite) {
   for (const char* field : {"nan", "NaN", "-nan", "inf", "-infinity", "1e999"}) {
-    EXPECT_EQ(ReasonOf("7;" + std::string(field) + ";1"), "csv_not_finite") << field;
+    EXPECT_EQ(ReasonOf("7;" + std::string(field) + ";1"), RefusalReason::kCsvNotFinite) << field;
   }
 }
 
 TEST(ParseCsvLine, RefusesHalfAMarker) {
-  EXPECT_EQ(ReasonOf("7;-1;5"), "csv_half_marker");
-  EXPECT_EQ(ReasonOf("7;5;-1"), "csv_half_marker");
+  EXPECT_EQ(ReasonOf("7;-1;5"), RefusalReason::kCsvHalfMarker);
+  EXPECT_EQ(ReasonOf("7;5;-1"), RefusalReason::kCsvHalfMarker);
   EXPECT_THAT(WhatOf("7;1;1;5;-1", 2), HasSubstr("marker 1"));
 }
 

@@ -52,8 +52,8 @@ class CsvObservationSourceTest : public ::testing::Test {
     }
   }
 
-  static std::map<std::string, uint32_t> Counts(const CsvObservationSource& source) {
-    std::map<std::string, uint32_t> counts;
+  static std::map<RefusalReason, uint64_t> Counts(const CsvObservationSource& source) {
+    std::map<RefusalReason, uint64_t> counts;
     for (const Refusal& refusal : source.Refused()) counts[refusal.reason] = refusal.count;
     return counts;
   }
@@ -101,14 +101,16 @@ TEST_F(CsvObservationSourceTest, YieldsGoodLinesAndRefusesEachBadOneWithItsReaso
   EXPECT_EQ(observations[0].time_ns, 10);
   EXPECT_EQ(observations[1].time_ns, 80);
   EXPECT_EQ(observations[1].VisibleCount(), 1);
-  EXPECT_THAT(Counts(*source), ElementsAre(Pair("csv_bad_time", 1), Pair("csv_field_count", 1),
-                                           Pair("csv_half_marker", 1), Pair("csv_line_too_long", 1),
-                                           Pair("csv_not_a_number", 2), Pair("csv_not_finite", 1)));
+  EXPECT_THAT(
+      Counts(*source),
+      ElementsAre(Pair(RefusalReason::kCsvBadTime, 1), Pair(RefusalReason::kCsvFieldCount, 1),
+                  Pair(RefusalReason::kCsvHalfMarker, 1), Pair(RefusalReason::kCsvLineTooLong, 1),
+                  Pair(RefusalReason::kCsvNotANumber, 2), Pair(RefusalReason::kCsvNotFinite, 1)));
   // The first one of a reason is the example.
   const std::string path = (directory_.path() / "left.csv").string();
   for (const Refusal& refusal : source->Refused()) {
     EXPECT_TRUE(refusal.camera.empty());
-    if (refusal.reason != "csv_not_a_number") continue;
+    if (refusal.reason != RefusalReason::kCsvNotANumber) continue;
     EXPECT_EQ(refusal.example, path + ":4: x1 is \"x\", not a number");
   }
 }
@@ -130,7 +132,7 @@ TEST_F(CsvObservationSourceTest, RefusesAnEmptyFileWithAnExample) {
     EXPECT_THAT(Drain(*source), IsEmpty());
     // Asking again does not count again.
     EXPECT_THAT(Drain(*source), IsEmpty());
-    ASSERT_THAT(Counts(*source), ElementsAre(Pair("csv_empty", 1)));
+    ASSERT_THAT(Counts(*source), ElementsAre(Pair(RefusalReason::kCsvEmpty, 1)));
     EXPECT_THAT(source->Refused()[0].example,
                 AllOf(HasSubstr("left.csv:1:"), HasSubstr("598370000;570.52;386.47;530.52")));
   }
@@ -151,7 +153,7 @@ TEST_F(CsvObservationSourceTest, GoesOnWithAFileOfNothingButDamagedLines) {
   ASSERT_OK_AND_ASSIGN(auto source, CsvObservationSource::Create(Options("time,x,y\na,b,c\n")));
   ASSERT_THAT(source->Start(WandOf(3)), IsOk());
   EXPECT_THAT(Drain(*source), IsEmpty());
-  EXPECT_THAT(Counts(*source), ElementsAre(Pair("csv_field_count", 2)));
+  EXPECT_THAT(Counts(*source), ElementsAre(Pair(RefusalReason::kCsvFieldCount, 2)));
 }
 
 TEST_F(CsvObservationSourceTest, BeginsAnewAtEachStart) {
@@ -162,7 +164,7 @@ TEST_F(CsvObservationSourceTest, BeginsAnewAtEachStart) {
     ASSERT_EQ(observations.size(), 2u);
     EXPECT_EQ(observations[0].clock_epoch, 0u);
     EXPECT_EQ(observations[1].clock_epoch, 1u);
-    EXPECT_THAT(Counts(*source), ElementsAre(Pair("csv_bad_time", 1)));
+    EXPECT_THAT(Counts(*source), ElementsAre(Pair(RefusalReason::kCsvBadTime, 1)));
   }
 }
 

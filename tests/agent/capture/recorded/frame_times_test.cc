@@ -78,7 +78,7 @@ TEST_F(ReadImageTimesTest, KeepsThePlaceOfALineItCannotRead) {
   EXPECT_THAT(times.by_number, ElementsAre(std::nullopt, 200, std::nullopt, 400));
   const std::vector<Refusal> refused = times.refused.List();
   ASSERT_EQ(refused.size(), 1u);
-  EXPECT_EQ(refused[0].reason, "timestamps_bad_line");
+  EXPECT_EQ(refused[0].reason, RefusalReason::kTimestampBadLine);
   EXPECT_EQ(refused[0].count, 2u);
   EXPECT_THAT(refused[0].example, HasSubstr("timestamps.csv:1"));
 }
@@ -86,7 +86,7 @@ TEST_F(ReadImageTimesTest, KeepsThePlaceOfALineItCannotRead) {
 TEST_F(ReadImageTimesTest, CountsANameThatIsThereAgain) {
   ASSERT_OK_AND_ASSIGN(const FrameTimes times, Read("a.png;1\na.png;2\n"));
   EXPECT_EQ(times.by_name.at("a.png"), 1);
-  EXPECT_EQ(times.refused.List().at(0).reason, "timestamps_twice");
+  EXPECT_EQ(times.refused.List().at(0).reason, RefusalReason::kTimestampDuplicate);
 }
 
 TEST_F(ReadImageTimesTest, NamesAMissingFile) {

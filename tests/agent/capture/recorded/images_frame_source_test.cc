@@ -59,8 +59,8 @@ class ImagesFrameSourceTest : public ::testing::Test {
           {NumberOf(image.at<cv::Vec3b>(20, 20)), (*frame)->time_ns, (*frame)->clock_epoch});
     }
   }
-  static std::map<std::string, uint32_t> Counts(const ImagesFrameSource& source) {
-    std::map<std::string, uint32_t> counts;
+  static std::map<RefusalReason, uint64_t> Counts(const ImagesFrameSource& source) {
+    std::map<RefusalReason, uint64_t> counts;
     for (const Refusal& refusal : source.Refused()) counts[refusal.reason] = refusal.count;
     return counts;
   }
@@ -94,7 +94,7 @@ TEST_F(ImagesFrameSourceTest, TakesTimesFromTheFileBeside) {
                        "name;timestamp_ns\nb.png;50000000\na.png;10000000\nd.png;90000000\n");
   ASSERT_OK_AND_ASSIGN(const auto source, ImagesFrameSource::Create(Options()));
   EXPECT_EQ(Drain(*source), (std::vector<Seen>{{2, 10000000, 0}, {1, 50000000, 0}}));
-  EXPECT_THAT(Counts(*source), ElementsAre(Pair("picture_no_time", 1u)));
+  EXPECT_THAT(Counts(*source), ElementsAre(Pair(RefusalReason::kFrameNoTime, 1u)));
   EXPECT_EQ(source->counts().damaged, 1u);
 }
 
@@ -119,9 +119,9 @@ TEST_F(ImagesFrameSourceTest, PassesOverWhatIsDamaged) {
   Write("0000000200000000.png", 5);
   ASSERT_OK_AND_ASSIGN(const auto source, ImagesFrameSource::Create(Options()));
   EXPECT_EQ(Drain(*source), (std::vector<Seen>{{0, 0, 0}, {5, 200000000, 0}}));
-  EXPECT_THAT(Counts(*source),
-              ElementsAre(Pair("picture_no_time", 1u), Pair("picture_unreadable", 2u),
-                          Pair("picture_wrong_size", 1u)));
+  EXPECT_THAT(Counts(*source), ElementsAre(Pair(RefusalReason::kFrameWrongSize, 1u),
+                                           Pair(RefusalReason::kFrameNoTime, 1u),
+                                           Pair(RefusalReason::kFrameUnreadable, 2u)));
   EXPECT_EQ(source->counts().received + source->counts().damaged, 6u);
 }
 

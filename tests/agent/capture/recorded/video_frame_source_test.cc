@@ -56,8 +56,8 @@ class VideoFrameSourceTest : public ::testing::Test {
       if (numbers != nullptr) numbers->push_back(NumberOf({pixel[0], pixel[1], pixel[2]}));
     }
   }
-  static std::map<std::string, uint32_t> Counts(const VideoFrameSource& source) {
-    std::map<std::string, uint32_t> counts;
+  static std::map<RefusalReason, uint64_t> Counts(const VideoFrameSource& source) {
+    std::map<RefusalReason, uint64_t> counts;
     for (const Refusal& refusal : source.Refused()) counts[refusal.reason] = refusal.count;
     return counts;
   }
@@ -105,7 +105,7 @@ TEST_F(VideoFrameSourceTest, TakesTimesFromTheFileBeside) {
   const std::vector<int64_t> times_ns = Drain(*source);
   ASSERT_EQ(times_ns.size(), size_t{kFrames - 1});
   EXPECT_EQ(times_ns.front(), 1000000000);
-  EXPECT_THAT(Counts(*source), ElementsAre(Pair("picture_no_time", 1u)));
+  EXPECT_THAT(Counts(*source), ElementsAre(Pair(RefusalReason::kFrameNoTime, 1u)));
 }
 
 TEST_F(VideoFrameSourceTest, KeepsWhatIsGoodOfATruncatedFile) {
@@ -115,7 +115,7 @@ TEST_F(VideoFrameSourceTest, KeepsWhatIsGoodOfATruncatedFile) {
   const size_t kept = Drain(*source).size();
   EXPECT_GE(kept, 3u);
   EXPECT_LT(kept, size_t{kFrames});
-  EXPECT_THAT(Counts(*source), Contains(Pair("video_ends_early", kFrames - kept)));
+  EXPECT_THAT(Counts(*source), Contains(Pair(RefusalReason::kVideoTruncated, kFrames - kept)));
   EXPECT_EQ(source->counts().lost + source->counts().received, uint64_t{kFrames});
 }
 

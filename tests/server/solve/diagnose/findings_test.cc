@@ -50,7 +50,9 @@ CalibrationResult Solve(const CalibrationInput& input, const CalibrationOptions&
 std::multiset<std::string> Alarms(const CalibrationResult& result) {
   std::multiset<std::string> alarms;
   for (const Finding& finding : result.findings) {
-    if (finding.kind == "intrinsics_kept" || finding.kind == "intrinsics_refined") continue;
+    if (finding.kind == FindingKind::kIntrinsicsKept ||
+        finding.kind == FindingKind::kIntrinsicsRefined)
+      continue;
     alarms.insert(absl::StrCat(finding.kind, ":", finding.camera));
   }
   return alarms;
@@ -58,7 +60,7 @@ std::multiset<std::string> Alarms(const CalibrationResult& result) {
 
 using Strings = std::multiset<std::string>;
 
-Finding Get(const CalibrationResult& result, const std::string& kind) {
+Finding Get(const CalibrationResult& result, FindingKind kind) {
   for (const Finding& finding : result.findings) {
     if (finding.kind == kind) return finding;
   }
@@ -131,7 +133,7 @@ TEST(Findings, ClockOffsetThatWasEstimated) {
   const SimulatedWorld world = World("cameras=5;duration=30;seed=2;offset.2=0.008");
   const CalibrationResult result = Solve(InputOf(world), Fixed());
   EXPECT_EQ(Alarms(result), Strings{"clock_offset:sim_2"});
-  const Finding finding = Get(result, "clock_offset");
+  const Finding finding = Get(result, FindingKind::kClockOffset);
   EXPECT_NEAR(finding.value, 8, 0.2);
   EXPECT_EQ(finding.unit, "ms");
   EXPECT_THAT(finding.advice, HasSubstr("later than their stamps say"));
@@ -145,7 +147,7 @@ TEST(Findings, ClockOffsetThatWasKeptAsGiven) {
   const CalibrationResult result = Solve(InputOf(world), options);
   EXPECT_EQ(Alarms(result), Strings{"clock_offset:sim_1"});
   // Along the image velocity: the wand's acceleration is left out.
-  EXPECT_NEAR(Get(result, "clock_offset").value, -12, 0.5);
+  EXPECT_NEAR(Get(result, FindingKind::kClockOffset).value, -12, 0.5);
   EXPECT_NE(result.quality.grade, QualityGrade::kGood);
 }
 
@@ -157,7 +159,7 @@ TEST(Findings, WrongIntrinsics) {
   const CalibrationResult result = Solve(input, Fixed());
   EXPECT_EQ(Alarms(result), Strings{"wrong_intrinsics:sim_3"});
   // 1 / 1.05 is 4.8 % less.
-  EXPECT_THAT(Get(result, "wrong_intrinsics").advice, HasSubstr("focal lengths -4."));
+  EXPECT_THAT(Get(result, FindingKind::kWrongIntrinsics).advice, HasSubstr("focal lengths -4."));
 }
 
 TEST(Findings, IntrinsicsFarOffMakeABadCalibration) {
@@ -176,7 +178,7 @@ TEST(Findings, CameraThatMovedALittle) {
   MoveCamera(world, 2, 24, {0, 0, 0}, 0.002, &input);
   const CalibrationResult result = Solve(input, Fixed());
   EXPECT_EQ(Alarms(result), Strings{"camera_moved:sim_2"});
-  const Finding finding = Get(result, "camera_moved");
+  const Finding finding = Get(result, FindingKind::kCameraMoved);
   EXPECT_THAT(finding.advice, HasSubstr("it moved 2"));  // 20 to 29 s
   EXPECT_THAT(finding.advice, HasSubstr("0.11"));        // 0.002 rad are 0.115 deg
   EXPECT_EQ(result.quality.grade, QualityGrade::kBad);
@@ -204,7 +206,7 @@ TEST(Findings, SwappedMarkers) {
   }
   const CalibrationResult result = Solve(input, Fixed());
   EXPECT_EQ(Alarms(result), Strings{"swapped_markers:sim_4"});
-  EXPECT_NEAR(Get(result, "swapped_markers").value, 5, 1);
+  EXPECT_NEAR(Get(result, FindingKind::kFlippedLabels).value, 5, 1);
 }
 
 TEST(Findings, WrongWandLength) {
@@ -216,7 +218,7 @@ TEST(Findings, WrongWandLength) {
     EXPECT_EQ(Alarms(result), Strings{"wrong_wand_length:"});
     // 150 and 280 mm instead of 130 and 260: by its ratio to the second, the first span is
     // 260 * 150 / 280 = 139.3 mm.
-    EXPECT_NEAR(Get(result, "wrong_wand_length").value, 9.3, 0.3);
+    EXPECT_NEAR(Get(result, FindingKind::kWrongWandLength).value, 9.3, 0.3);
   }
 }
 
@@ -239,8 +241,8 @@ TEST(Findings, RollingShutter) {
   // tell.
   alarms.erase("clock_offset:sim_2");
   EXPECT_EQ(alarms, Strings{"rolling_shutter:sim_2"});
-  EXPECT_NEAR(Get(result, "rolling_shutter").value, 10, 1);
-  EXPECT_EQ(Get(result, "rolling_shutter").unit, "us");
+  EXPECT_NEAR(Get(result, FindingKind::kRollingShutter).value, 10, 1);
+  EXPECT_EQ(Get(result, FindingKind::kRollingShutter).unit, "us");
 }
 
 TEST(Findings, EdgeThatWasNotCovered) {
@@ -257,7 +259,7 @@ TEST(Findings, EdgeThatWasNotCovered) {
   const CalibrationResult result = Solve(input, options);
   EXPECT_EQ(Alarms(result).count("edge_coverage:sim_1"), 1u);
   for (const Finding& finding : result.findings) {
-    if (finding.kind != "edge_coverage" || finding.camera != "sim_1") continue;
+    if (finding.kind != FindingKind::kEdgeCoverage || finding.camera != "sim_1") continue;
     EXPECT_THAT(finding.advice, HasSubstr("right"));
     EXPECT_GE(finding.value, 50);
   }
@@ -276,7 +278,7 @@ TEST(Findings, CameraThatHangsOnFewInstants) {
   }
   const CalibrationResult result = Solve(input, Fixed());
   EXPECT_EQ(Alarms(result), Strings{"weak_link:sim_4"});
-  EXPECT_LE(Get(result, "weak_link").value, 30);
+  EXPECT_LE(Get(result, FindingKind::kWeakLink).value, 30);
   EXPECT_EQ(result.quality.grade, QualityGrade::kUsable);
 }
 
@@ -285,18 +287,18 @@ TEST(Findings, TheRealRecordingNamesTheCameraWhoseClockIsOff) {
   ASSERT_OK_AND_ASSIGN(const CalibrationInput input, RecordedInput(folder));
   const CalibrationResult result = Solve(input, {});
   EXPECT_EQ(Alarms(result), Strings{"clock_offset:frame_0"});
-  EXPECT_NEAR(Get(result, "clock_offset").value, -8.1, 0.5);
+  EXPECT_NEAR(Get(result, FindingKind::kClockOffset).value, -8.1, 0.5);
   EXPECT_NE(result.quality.grade, QualityGrade::kBad);
 
   CalibrationOptions kept;
   kept.time_offsets = Estimate::kFixed;
   const CalibrationResult as_given = Solve(input, kept);
   for (const Finding& finding : as_given.findings) {
-    if (finding.kind != "clock_offset") continue;
+    if (finding.kind != FindingKind::kClockOffset) continue;
     EXPECT_EQ(finding.camera, "frame_0");
     EXPECT_NEAR(finding.value, -8.1, 0.5);
   }
-  EXPECT_EQ(Get(as_given, "clock_offset").camera, "frame_0");
+  EXPECT_EQ(Get(as_given, FindingKind::kClockOffset).camera, "frame_0");
 }
 
 }  // namespace

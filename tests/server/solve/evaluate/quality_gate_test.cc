@@ -91,25 +91,27 @@ TEST(QualityGate, WithoutHeldOutDataAtMostUsable) {
 }
 
 TEST(QualityGate, FindingsCount) {
-  const auto with = [](const std::string& kind, bool estimated = true) {
+  const auto with = [](FindingKind kind, bool estimated = true) {
     CalibrationResult result = Sound();
     result.cameras[0].time_offset_estimated = estimated;
     result.findings.push_back({kind, "a", 1, "", ""});
     return GradeQuality(result).grade;
   };
-  EXPECT_EQ(with("camera_moved"), QualityGrade::kBad);
-  for (const char* kind : {"wrong_intrinsics", "rolling_shutter", "wrong_wand_length", "weak_link",
-                           "narrow_baseline", "loose_pose"}) {
+  EXPECT_EQ(with(FindingKind::kCameraMoved), QualityGrade::kBad);
+  for (const FindingKind kind :
+       {FindingKind::kWrongIntrinsics, FindingKind::kRollingShutter, FindingKind::kWrongWandLength,
+        FindingKind::kWeakLink, FindingKind::kNarrowBaseline, FindingKind::kLoosePose}) {
     EXPECT_EQ(with(kind), QualityGrade::kUsable) << kind;
   }
   // Taken out by the solve, or not.
-  EXPECT_EQ(with("clock_offset"), QualityGrade::kGood);
-  EXPECT_EQ(with("clock_offset", false), QualityGrade::kUsable);
+  EXPECT_EQ(with(FindingKind::kClockOffset), QualityGrade::kGood);
+  EXPECT_EQ(with(FindingKind::kClockOffset, false), QualityGrade::kUsable);
   CalibrationResult refined = Sound();
   refined.cameras[0].intrinsics_refined = true;
-  refined.findings.push_back({"wrong_intrinsics", "a", 30, "px", ""});
+  refined.findings.push_back({FindingKind::kWrongIntrinsics, "a", 30, "px", ""});
   EXPECT_EQ(GradeQuality(refined).grade, QualityGrade::kGood);
-  for (const char* kind : {"intrinsics_kept", "edge_coverage", "swapped_markers"}) {
+  for (const FindingKind kind :
+       {FindingKind::kIntrinsicsKept, FindingKind::kEdgeCoverage, FindingKind::kFlippedLabels}) {
     EXPECT_EQ(with(kind), QualityGrade::kGood) << kind;
   }
 }

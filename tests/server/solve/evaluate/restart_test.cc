@@ -88,7 +88,7 @@ TEST(RestartIfWrong, FindsAPoseAnewFromWhatTheOtherCamerasSee) {
     ASSERT_OK_AND_ASSIGN(const auto finding,
                          RestartIfWrong(world.rig, world.clocks, {}, {}, &*solution));
     ASSERT_TRUE(finding);
-    EXPECT_EQ(finding->kind, "restarted");
+    EXPECT_EQ(finding->kind, FindingKind::kRestarted);
     EXPECT_EQ(finding->camera, world.rig.index.cameras[wrong].camera);
     EXPECT_LT(finding->value, 2);
     EXPECT_THAT(finding->advice, HasSubstr("from what the other cameras see"));
@@ -138,7 +138,8 @@ TEST(SolveAndEvaluate, IsRescuedFromAWrongMinimumAndSaysSo) {
     ASSERT_THAT(judged, IsOk());
     EXPECT_LT(WorstPositionM(world, judged->solution), 0.02);
     int restarts = 0;
-    for (const Finding& finding : judged->findings) restarts += finding.kind == "restarted";
+    for (const Finding& finding : judged->findings)
+      restarts += finding.kind == FindingKind::kRestarted;
     EXPECT_EQ(restarts, first == nullptr ? 0 : 1);
   }
 }

@@ -165,15 +165,16 @@ TEST(LabelsOfARig, AreTurnedAndCountedAndCostNothing) {
   const CalibrationOutcome outcome = Calibrate(InputOf(*world), {});
   ASSERT_THAT(outcome.result, IsOk());
   ASSERT_THAT(reference.result, IsOk());
-  std::map<std::string, uint32_t> turned;
+  std::map<std::string, uint64_t> turned;
   for (const Refusal& refusal : outcome.refused) {
-    if (refusal.reason == "label_turned") turned[refusal.camera] += refusal.count;
+    if (refusal.reason == RefusalReason::kLabelsFlipped) turned[refusal.camera] += refusal.count;
   }
   ASSERT_EQ(turned.size(), 4u);
   for (size_t c = 0; c < 4; ++c) {
     const CalibratedCamera& camera = outcome.result->cameras[c];
     const CalibratedCamera& expected = reference.result->cameras[c];
-    EXPECT_NEAR(turned[camera.camera], 0.05 * camera.wand_count, 0.03 * camera.wand_count);
+    EXPECT_NEAR(static_cast<double>(turned[camera.camera]), 0.05 * camera.wand_count,
+                0.03 * camera.wand_count);
     // Turned labels are part of the figures, as what they turned out to be.
     EXPECT_NEAR(camera.residuals.all.mean_px, expected.residuals.all.mean_px, 0.02);
     EXPECT_LE(camera.residuals.outlier_count, 3u);

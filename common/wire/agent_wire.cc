@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/rpc/agent_messages.h"
+#include "common/wire/agent_wire.h"
 
 #include <string>
 #include <utility>
@@ -10,14 +10,13 @@
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/protocol_version.h"
-#include "common/wire/timestamp_wire.h"
+#include "common/wire/time_wire.h"
 
-namespace rigcal::server {
+namespace rigcal::wire {
 namespace {
 
 constexpr int kMaxPendingStreams = 4096;
 constexpr size_t kMaxWordBytes = 256;
-constexpr uint32_t kFirstMinorWithPreviews = 1;
 
 absl::Status InField(absl::string_view field, const absl::Status& status) {
   return absl::Status(status.code(), absl::StrCat(field, ": ", status.message()));
@@ -29,42 +28,33 @@ absl::Status CheckWord(absl::string_view field, const std::string& word) {
                                                  kMaxWordBytes, " are allowed"));
 }
 
-absl::Status TakeEnd(const v1::EndOfCapture& proto, Delivery* delivery) {
-  RIGCAL_ASSIGN_OR_RETURN(EndOfCapture end, wire::FromProto(proto));
-  delivery->batch.stream = std::move(end.stream);
-  delivery->last_seq = end.last_seq;
-  delivery->report = std::move(end.report);
-  return absl::OkStatus();
-}
-
 }  // namespace
 
-absl::StatusOr<Hello> ParseHello(const v1::AgentHello& proto) {
+absl::StatusOr<AgentHello> FromProto(const v1::AgentHello& proto) {
   if (absl::Status status = ValidateName("agent id", proto.agent_id()); !status.ok()) {
     return InField("hello.agent_id", status);
   }
-  RIGCAL_RETURN_IF_ERROR(wire::CheckProtocolVersion(absl::StrCat("agent '", proto.agent_id(), "'"),
-                                                    proto.protocol_version()));
+  RIGCAL_RETURN_IF_ERROR(CheckProtocolVersion(absl::StrCat("agent '", proto.agent_id(), "'"),
+                                              proto.protocol_version()));
   if (absl::Status status = ValidateName("rig name", proto.rig()); !status.ok()) {
     return InField("hello.rig", status);
   }
   RIGCAL_RETURN_IF_ERROR(CheckWord("hello.host", proto.host()));
   RIGCAL_RETURN_IF_ERROR(CheckWord("hello.software_version", proto.software_version()));
-  Hello hello;
+  AgentHello hello;
   hello.agent.agent_id = proto.agent_id();
   hello.agent.incarnation = proto.incarnation();
   hello.agent.connection = proto.connection();
   hello.agent.host = proto.host();
   hello.agent.software_version = proto.software_version();
   hello.agent.rig = proto.rig();
-  hello.agent.takes_preview_requests = proto.protocol_version().minor() >= kFirstMinorWithPreviews;
   for (int i = 0; i < proto.cameras_size(); ++i) {
     const v1::AnnouncedCamera& camera = proto.cameras(i);
     const std::string field = absl::StrCat("hello.cameras[", i, "]");
     if (camera.stream_epoch() == 0) {
       return absl::InvalidArgumentError(absl::StrCat(field, ".stream_epoch: must be at least 1"));
     }
-    absl::StatusOr<CameraDescription> description = wire::FromProto(camera.description());
+    absl::StatusOr<CameraDescription> description = FromProto(camera.description());
     if (!description.ok()) return InField(field + ".description", description.status());
     hello.agent.cameras.push_back({*std::move(description), camera.stream_epoch()});
   }
@@ -74,66 +64,35 @@ absl::StatusOr<Hello> ParseHello(const v1::AgentHello& proto) {
                                                    " are allowed"));
   }
   for (int i = 0; i < proto.pending_size(); ++i) {
-    absl::StatusOr<StreamKey> stream = wire::FromProto(proto.pending(i));
+    absl::StatusOr<StreamKey> stream = FromProto(proto.pending(i));
     if (!stream.ok()) return InField(absl::StrCat("hello.pending[", i, "]"), stream.status());
     hello.pending.push_back(*std::move(stream));
   }
   return hello;
 }
 
-absl::StatusOr<Delivery> ParseDelivery(const v1::ObservationBatch& proto, uint32_t max_rows) {
-  if (static_cast<uint32_t>(proto.time_ns_size()) > max_rows) {
-    return absl::InvalidArgumentError(absl::StrCat("batch.time_ns: has ", proto.time_ns_size(),
-                                                   " rows, at most ", max_rows, " are allowed"));
-  }
-  Delivery delivery;
-  RIGCAL_ASSIGN_OR_RETURN(delivery.batch, wire::FromProto(proto));
-  return delivery;
-}
-
-absl::StatusOr<Delivery> ParseDelivery(const v1::EndOfCapture& proto) {
-  Delivery delivery;
-  RIGCAL_RETURN_IF_ERROR(TakeEnd(proto, &delivery));
-  return delivery;
-}
-
-absl::StatusOr<Delivery> ParseDelivery(const v1::CameraReport& proto) {
-  Delivery delivery;
-  RIGCAL_ASSIGN_OR_RETURN(delivery.report, wire::FromProto(proto));
-  delivery.batch.stream = delivery.report->stream;
-  return delivery;
-}
-
-absl::StatusOr<Delivery> ParseDelivery(const v1::UploadBatchRequest& proto, uint32_t max_rows) {
-  if (!proto.has_batch() && !proto.has_end_of_capture()) {
-    return absl::InvalidArgumentError("batch: neither batch nor end_of_capture is set");
-  }
-  if (!proto.has_batch()) return ParseDelivery(proto.end_of_capture());
-  RIGCAL_ASSIGN_OR_RETURN(Delivery delivery, ParseDelivery(proto.batch(), max_rows));
-  if (proto.has_end_of_capture()) {
-    const StreamKey stream = delivery.stream();
-    RIGCAL_RETURN_IF_ERROR(TakeEnd(proto.end_of_capture(), &delivery));
-    if (delivery.stream() != stream) {
-      return absl::InvalidArgumentError(
-          "end_of_capture: is of another session, camera or stream_epoch than batch");
-    }
-  }
-  return delivery;
-}
-
 v1::StreamPosition ToProto(const StreamPosition& position) {
   v1::StreamPosition proto;
-  *proto.mutable_stream() = wire::ToProto(position.stream);
+  *proto.mutable_stream() = ToProto(position.stream);
   proto.set_durable_seq(position.durable_seq);
   proto.set_send_limit_seq(position.send_limit_seq);
   proto.set_unknown(position.unknown);
   return proto;
 }
 
+absl::StatusOr<StreamPosition> FromProto(const v1::StreamPosition& proto) {
+  StreamPosition position;
+  RIGCAL_ASSIGN_OR_RETURN(position.stream, FromProto(proto.stream()));
+  position.durable_seq = proto.durable_seq();
+  position.send_limit_seq = proto.send_limit_seq();
+  position.unknown = proto.unknown();
+  return position;
+}
+
 v1::StartCapture ToProto(const StartCaptureCommand& command) {
   v1::StartCapture proto;
   proto.set_session_id(command.session_id);
-  *proto.mutable_target() = wire::ToProto(command.target);
+  *proto.mutable_target() = ToProto(command.target);
   for (const StreamPosition& camera : command.cameras) *proto.add_cameras() = ToProto(camera);
   return proto;
 }
@@ -147,14 +106,14 @@ v1::Agent ToProto(const AgentRecord& agent) {
   proto.set_connection(agent.connection);
   proto.set_software_version(agent.software_version);
   proto.set_connected(agent.connected);
-  *proto.mutable_connect_time() = wire::ToTimestamp(agent.connect_utc_ns);
+  *proto.mutable_connect_time() = ToTimestamp(agent.connect_utc_ns);
   if (agent.disconnect_utc_ns != 0) {
-    *proto.mutable_disconnect_time() = wire::ToTimestamp(agent.disconnect_utc_ns);
+    *proto.mutable_disconnect_time() = ToTimestamp(agent.disconnect_utc_ns);
   }
   for (const AnnouncedCamera& camera : agent.cameras) {
-    *proto.add_cameras() = wire::ToProto(camera.description);
+    *proto.add_cameras() = ToProto(camera.description);
   }
   return proto;
 }
 
-}  // namespace rigcal::server
+}  // namespace rigcal::wire

@@ -1,59 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/rpc/agent_messages.h"
+#include "server/rpc/deliveries.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "common/wire/observation_wire.h"
-#include "common/wire/protocol_version.h"
 #include "tests/server/rpc/test_agent.h"
 #include "tests/server/session/session_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::testing::agent_messages_test {
+namespace rigcal::testing::deliveries_test {
 namespace {
 
 using server::ParseDelivery;
-using server::ParseHello;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 const StreamKey kLeft{"wave", "left", 1};
-
-TEST(ParseHello, TakesEveryField) {
-  v1::AgentHello proto = MakeHello("pc", {"left", "right"}, 3, 4);
-  proto.mutable_cameras(1)->set_stream_epoch(7);
-  *proto.add_pending() = wire::ToProto(kLeft);
-  ASSERT_OK_AND_ASSIGN(const server::Hello hello, ParseHello(proto));
-  EXPECT_EQ(hello.agent.agent_id, "pc");
-  EXPECT_EQ(hello.agent.incarnation, 3u);
-  EXPECT_EQ(hello.agent.connection, 4u);
-  EXPECT_EQ(hello.agent.host, "host-of-pc");
-  EXPECT_EQ(hello.agent.rig, "rig");
-  ASSERT_EQ(hello.agent.cameras.size(), 2u);
-  EXPECT_EQ(hello.agent.cameras[0].description, MakeCamera("left"));
-  EXPECT_EQ(hello.agent.cameras[1].stream_epoch, 7u);
-  EXPECT_THAT(hello.pending, ElementsAre(kLeft));
-}
-
-TEST(ParseHello, TakesOneMinorVersionApartAndNoMore) {
-  v1::AgentHello proto = MakeHello("pc", {"left"});
-  proto.mutable_protocol_version()->set_minor(wire::kProtocolMinor - 1);
-  EXPECT_THAT(ParseHello(proto), IsOk());
-  proto.mutable_protocol_version()->set_minor(wire::kProtocolMinor + 1);
-  EXPECT_THAT(ParseHello(proto), IsOk());
-  proto.mutable_protocol_version()->set_minor(wire::kProtocolMinor + 2);
-  EXPECT_THAT(ParseHello(proto), StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("1.3")));
-  proto.clear_protocol_version();
-  EXPECT_THAT(ParseHello(proto), StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("0.0")));
-}
-
-TEST(ParseHello, BoundsWhatIsPending) {
-  v1::AgentHello proto = MakeHello("pc", {"left"});
-  for (int i = 0; i < 5000; ++i) *proto.add_pending() = wire::ToProto(kLeft);
-  EXPECT_THAT(ParseHello(proto),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("hello.pending")));
-}
 
 TEST(ParseDelivery, KnowsItsStream) {
   v1::ObservationBatch batch;
@@ -88,4 +50,4 @@ TEST(ParseDelivery, AnUploadIsOfOneStream) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing::agent_messages_test
+}  // namespace rigcal::testing::deliveries_test

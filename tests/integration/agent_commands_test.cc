@@ -151,7 +151,7 @@ TEST_F(AgentCommands, DetectFindsTheSameWithoutTracking) {
     command.insert(command.end(), more.begin(), more.end());
     const CommandResult result = RunCommand(command);
     EXPECT_EQ(result.exit_code, 0) << result.error;
-    EXPECT_THAT(result.output, AllOf(HasSubstr("100.00 %"), HasSubstr("pictures/s")));
+    EXPECT_THAT(result.output, AllOf(HasSubstr("100.00 %"), HasSubstr("frames/s")));
     return ReadCsv(Path("a.csv"));
   };
   const auto tracked = run({});
@@ -232,17 +232,17 @@ TEST_F(AgentCommands, ReportErrorsAndExitWithOneOrTwo) {
   const std::vector<Case> cases = {
       {{"detect", left}, 2, "--target"},
       {{"detect", left, "--target", "stick"}, 2, "stick"},
-      {{"detect", "--target", kTarget}, 2, "which pictures"},
+      {{"detect", "--target", kTarget}, 2, "name the frames"},
       {{"detect", left, "--target", kTarget, "-o", "xml"}, 2, "xml"},
       {{"detect", left, "--target", kTarget, "--set", "hue_min=red"}, 2, "hue_min=red"},
       {{"detect", left, "--target", kTarget, "--annotate", Path("one.png").string()}, 2, "several"},
       {{"detect", "/nowhere", "--target", kTarget}, 1, "/nowhere"},
-      {{"detect", empty, "--target", kTarget}, 1, "no picture"},
-      {{"detect", text, "--target", kTarget}, 1, "no video"},
+      {{"detect", empty, "--target", kTarget}, 1, "no image"},
+      {{"detect", text, "--target", kTarget}, 1, "cannot be read by FFmpeg"},
       {{"detect", left, "--target", kTarget, "--out", "/nowhere/a.csv"}, 1, "/nowhere/a.csv"},
       {{"mask", left}, 2, "--out"},
       {{"mask", left, "--out", "/nowhere/m.png"}, 1, "/nowhere/m.png"},
-      {{"tune", empty, "--target", kTarget}, 1, "no picture"},
+      {{"tune", empty, "--target", kTarget}, 1, "no image"},
       {{"dance"}, 2, "dance"},
   };
   for (const Case& one : cases) {

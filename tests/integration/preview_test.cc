@@ -100,7 +100,7 @@ TEST_F(PreviewPrograms, ReportsPreviewsThatAreOffAndCamerasWithoutFrames) {
   EXPECT_THAT(off.error, HasSubstr("[preview]"));
   const CommandResult none = Preview("rows");
   EXPECT_EQ(none.exit_code, 1);
-  EXPECT_THAT(none.error, HasSubstr("has no pictures"));
+  EXPECT_THAT(none.error, HasSubstr("has no frames"));
   EXPECT_FALSE(std::filesystem::exists(File()));
 }
 

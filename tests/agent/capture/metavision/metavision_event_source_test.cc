@@ -340,7 +340,7 @@ TEST_F(MetavisionEventSourceTest, OptionsThatMakeNoSense) {
                              HasSubstr("shortest pause"))));
   EXPECT_THAT(CreateStatus(WithSettings("colour = 1\n")),
               StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("camera left: "), HasSubstr("unknown key colour"))));
+                       AllOf(HasSubstr("camera left: "), HasSubstr("unknown key \"colour\""))));
 }
 
 }  // namespace

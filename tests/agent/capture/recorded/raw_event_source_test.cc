@@ -147,7 +147,7 @@ TEST_F(RawEventSourceTest, TellsHowCsvIsToBeRead) {
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("left.raw"), HasSubstr(";geometry=WxH"))));
   EXPECT_THAT(ParseSourceSpec(text + ";time=ms"),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("s, us, ns")));
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("auto, s, us or ns")));
   EXPECT_THAT(ParseSourceSpec(text + ";columns=xyp"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("txyp")));
 }

@@ -32,8 +32,8 @@ double TrueOffset(const SimulatedCamera& camera, double time_s) {
 
 }  // namespace
 
-absl::StatusOr<v1::TruthComparison> CompareWithGroundTruth(const v1::Calibration& calibration,
-                                                           const SimulatedWorld& world) {
+absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(const v1::Calibration& calibration,
+                                                             const SimulatedWorld& world) {
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
   if (calibration.cameras().empty()) {
     return absl::FailedPreconditionError(absl::StrCat(

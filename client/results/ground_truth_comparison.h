@@ -35,4 +35,11 @@ struct GroundTruthComparison {
 absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(
     const rigcal::v1::Calibration& calibration, const SimulatedWorld& world);
 
+// For people: a table of the errors and a line of how they were found.
+std::string FormatGroundTruthErrors(const GroundTruthComparison& comparison);
+
+// A calibration's JSON object, as ToJson writes it, with the comparison as its "ground_truth".
+std::string WithGroundTruth(const std::string& calibration_json,
+                            const GroundTruthComparison& comparison);
+
 }  // namespace rigcal::client

@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/session/observation_batch.h"
 #include "common/target/observation.h"
 #include "rigcal/v1/agent_service.grpc.pb.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"

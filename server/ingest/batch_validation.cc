@@ -64,7 +64,8 @@ RowFault CheckFinite(const ObservationBatch& batch, size_t i) {
       {"label_confidence", batch.label_confidence[i], "a label confidence is not finite"},
   };
   for (const auto& value : values) {
-    if (!std::isfinite(value.value)) return Fault(value.field, i, RefusalReason::kNotFinite, value.detail);
+    if (!std::isfinite(value.value))
+      return Fault(value.field, i, RefusalReason::kNotFinite, value.detail);
   }
   return std::nullopt;
 }
@@ -103,7 +104,8 @@ RowFault CheckRow(const ObservationBatch& batch, size_t row, int64_t previous_ns
                   const Limits& limits) {
   const int64_t time_ns = batch.time_ns[row];
   if (time_ns < 0 || time_ns > kMaxTimeNs) {
-    return Fault("time_ns", row, RefusalReason::kImplausibleTime, "the time is negative or beyond 2^62 ns");
+    return Fault("time_ns", row, RefusalReason::kImplausibleTime,
+                 "the time is negative or beyond 2^62 ns");
   }
   if (time_ns < previous_ns) {
     return Fault("time_ns", row, RefusalReason::kTimeNotIncreasing,

@@ -44,7 +44,7 @@ BatchAck MakeAck(const Delivery& delivery, const AppendOutcome& outcome, uint32_
          .field = absl::StrCat(std::string(refused.field), "[", refused.value, "]"),
          .reason = refused.reason});
   }
-  ack.fault_count = static_cast<uint32_t>(delivery.refused_rows.size());
+  ack.fault_count = delivery.refused_rows.size();
   ack.complete = outcome.complete;
   return ack;
 }

@@ -9,7 +9,7 @@
 
 namespace rigcal::server {
 
-// The way back to one connected agent, implemented by the RPC layer. Thread-safe; never blocks; a
+// Sends to one connected agent; implemented by the RPC layer. Thread-safe; never blocks; a
 // call on a link whose stream has ended does nothing.
 class AgentLink {
  public:

@@ -23,7 +23,7 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions);
 
 // The observations of the sessions as input of the solver: one track per session and camera,
 // without refused and late rows. `refused` gets what agents and ingest refused, and late rows as
-// reason "late"; also when reading fails.
+// RefusalReason::kLate; also when reading fails.
 //   CANCELLED           `cancelled` has become true
 //   RESOURCE_EXHAUSTED  more than `max_observations`
 // and the store's errors.

@@ -162,7 +162,8 @@ absl::StatusOr<PreviewBroker::CameraPreview> PreviewBroker::Get(
   if (wait.count() <= 0) wait = options_.default_wait;
   if (wait > options_.longest_wait) {
     return absl::InvalidArgumentError(absl::StrCat("max_wait is ", wait.count(), " ms, at most ",
-                                                   options_.longest_wait.count(), " ms are allowed"));
+                                                   options_.longest_wait.count(),
+                                                   " ms are allowed"));
   }
   CameraPreview result;
   RIGCAL_ASSIGN_OR_RETURN(const AgentDirectory::ConnectedCamera connected,

@@ -63,10 +63,6 @@ absl::StatusOr<std::unique_ptr<SessionCoordinator>> SessionCoordinator::Create(
 
 SessionCoordinator::~SessionCoordinator() { Shutdown(); }
 
-void SessionCoordinator::Shutdown() {
-  tasks_.Shutdown();
-}
-
 absl::Status SessionCoordinator::Load() {
   ListPage next{.limit = kSessionPageSize};
   while (true) {

@@ -85,7 +85,7 @@ class SessionCoordinator final : public StreamContextSource {
   // Starts the thread that sends commands and finishes sessions.
   void Start() { tasks_.Start(); }
   // Ends the thread. Sessions stay as they are.
-  void Shutdown();
+  void Shutdown() { tasks_.Shutdown(); }
   // Returns when all commands have been sent and all finished sessions are stored (deadlines not
   // awaited). Only between Start and Shutdown.
   void WaitIdle() { tasks_.WaitIdle(); }

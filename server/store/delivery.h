@@ -12,13 +12,13 @@
 
 namespace rigcal::server {
 
-// A row that ingest refused, and its first fault. Its texts are static: a batch full of faults
+// A row that ingest refused, and its first fault. The texts are static: a batch full of faults
 // costs no allocations. They do not mention the batch, so that the counts of a session do not
 // depend on how rows were cut into batches.
 struct RefusedRow {
-  uint32_t row = 0;              // of the batch, from 0
-  uint32_t value = 0;            // index of the faulty value within its column
-  std::string_view field = {};   // the column: "x_px"
+  uint32_t row = 0;             // of the batch, from 0
+  uint32_t value = 0;           // index of the faulty value within its column
+  std::string_view field = {};  // the column: "x_px"
   RefusalReason reason = RefusalReason::kUnspecified;
   std::string_view detail = {};  // "the x of a marker is not finite"
 };

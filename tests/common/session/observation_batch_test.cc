@@ -193,7 +193,8 @@ INSTANTIATE_TEST_SUITE_P(
                    "dropped[0]:"},
         ShapeFault{"DroppedOverlapsRows", [](auto& b) { b.dropped[0].count = 11; },
                    "dropped[0]: overlaps"},
-        ShapeFault{"DroppedWithoutReason", [](auto& b) { b.dropped[0].reason = RefusalReason::kUnspecified; },
+        ShapeFault{"DroppedWithoutReason",
+                   [](auto& b) { b.dropped[0].reason = RefusalReason::kUnspecified; },
                    "dropped[0].reason:"}),
     [](const auto& fault) { return fault.param.name; });
 

@@ -212,7 +212,8 @@ TEST_F(IngestTest, ReportsRefusedRowsInTheAcknowledgementAndKeepsTheRest) {
   EXPECT_EQ(ack.fault_count, 20u);
   ASSERT_EQ(ack.faults.size(), 16u);
   EXPECT_EQ(ack.faults[0],
-            (ObservationFault{.seq = 11, .field = "time_ns[10]", .reason = RefusalReason::kImplausibleTime}));
+            (ObservationFault{
+                .seq = 11, .field = "time_ns[10]", .reason = RefusalReason::kImplausibleTime}));
   ASSERT_EQ(store_.deliveries().size(), 1u);
   EXPECT_EQ(store_.deliveries()[0].refused_rows.size(), 20u);
   EXPECT_EQ(store_.deliveries()[0].batch.time_ns[10], -1);
@@ -372,7 +373,8 @@ TEST_F(IngestTest, RefusesOptionsWithoutSense) {
 TEST_F(IngestTest, LimitsTheSendLimitToWhatNumbersCanSay) {
   ingest_->Start();
   Delivery delivery = MakeDelivery(KeyOf("a"), 1, 1);
-  delivery.batch.dropped = {{.first_seq = 2, .count = kMaxSeq - 1, .reason = RefusalReason::kSpoolFreed}};
+  delivery.batch.dropped = {
+      {.first_seq = 2, .count = kMaxSeq - 1, .reason = RefusalReason::kSpoolFreed}};
   ASSERT_THAT(Submit(delivery), IsOk());
   ingest_->WaitIdle();
   ASSERT_THAT(answers(), ElementsAre(IsOk()));

@@ -123,7 +123,8 @@ TEST_F(ReadCalibrationInput, CountsLateRowsInsteadOfUsingThem) {
 TEST_F(ReadCalibrationInput, LeavesRefusedRowsOutAndCarriesTheirCount) {
   StartByHand("wave", {"left"});
   server::Delivery delivery = MakeDelivery(MakeBatch({"wave", "left", 1}, 1, 10));
-  delivery.refused_rows = {{.row = 3, .reason = RefusalReason::kNotFinite, .detail = "x is not finite"}};
+  delivery.refused_rows = {
+      {.row = 3, .reason = RefusalReason::kNotFinite, .detail = "x is not finite"}};
   Append(delivery);
   DeliverEnd({"wave", "left", 1}, 10);
   AwaitFinished("wave");

@@ -31,8 +31,9 @@ class CalibrationRunnerSolve : public RunnerFixture {
 };
 
 TEST_F(CalibrationRunnerSolve, FailingSolveSaysWhyAndWhatWasLeftOut) {
-  solver_.SetOutcome(absl::FailedPreconditionError("groups {left} and {right} share no instant"),
-                     {{.camera = "left", .reason = RefusalReason::kAloneInInstant, .count = 20, .example = ""}});
+  solver_.SetOutcome(
+      absl::FailedPreconditionError("groups {left} and {right} share no instant"),
+      {{.camera = "left", .reason = RefusalReason::kAloneInInstant, .count = 20, .example = ""}});
   const Calibration ended = AwaitEnd(Create());
   EXPECT_EQ(ended.state, CalibrationState::kFailed);
   EXPECT_THAT(ended.error, HasSubstr("share no instant"));

@@ -79,7 +79,8 @@ TEST_F(CaptureOrders, KnowPositionsAndStreamsThatDoNotExist) {
   Append(MakeBatch(KeyOf("a"), kMaxSeq, kMaxSeq));
   server::Delivery lost;
   lost.batch.stream = KeyOf("a");
-  lost.batch.dropped = {{.first_seq = 1, .count = kMaxSeq - 1, .reason = RefusalReason::kSpoolFreed}};
+  lost.batch.dropped = {
+      {.first_seq = 1, .count = kMaxSeq - 1, .reason = RefusalReason::kSpoolFreed}};
   Append(lost);
   ASSERT_OK_AND_ASSIGN(const StreamPosition last, orders().PositionOf(KeyOf("a")));
   EXPECT_EQ(last.durable_seq, kMaxSeq);

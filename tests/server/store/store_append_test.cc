@@ -240,8 +240,10 @@ TEST_F(StoreAppend, KeepsTheLargestReportOfEachStream) {
     delivery.report->stream = delivery.stream();
     delivery.report->observation_count = observations;
     if (bad_lines > 0) {
-      delivery.report->refused = {
-          {.camera = "", .reason = RefusalReason::kCsvFieldCount, .count = bad_lines, .example = "line 7"}};
+      delivery.report->refused = {{.camera = "",
+                                   .reason = RefusalReason::kCsvFieldCount,
+                                   .count = bad_lines,
+                                   .example = "line 7"}};
     }
     Append(delivery);
   };

@@ -111,7 +111,7 @@ TEST_F(StoreCalibrations, ListsNewestFirstByRigInPages) {
               ElementsAre("c-000003", "c-000004"));
 }
 
-TEST_F(CalibrationTable, ListsThoseOfASessionAndState) {
+TEST_F(StoreCalibrations, ListsThoseOfASessionAndState) {
   Calibration both;
   both.rig = "rig";
   both.session_ids = {"s-000001", "s-000002"};
@@ -126,7 +126,7 @@ TEST_F(CalibrationTable, ListsThoseOfASessionAndState) {
   EXPECT_THAT(Ids({.session_id = "s-000003"}, {.limit = 9}), ElementsAre());
 }
 
-TEST_F(CalibrationTable, DeletesWhatHasEndedAndUsesItsIdNoMore) {
+TEST_F(StoreCalibrations, DeletesWhatHasEndedAndUsesItsIdNoMore) {
   Calibration calibration = Create("rig");
   EXPECT_THAT(store().DeleteCalibration("c-000001"),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("cancel it first")));

@@ -125,8 +125,8 @@ std::string CountsText(const server::Store& store, std::string_view session_id) 
                       ", last ", stream.last_seq ? absl::StrCat(*stream.last_seq) : "none", "\n");
     }
     for (const Refusal& refusal : camera.refused) {
-      absl::StrAppend(&text, "  refused ", refusal.camera, " ", std::string(NameOf(refusal.reason)), ": ", refusal.count,
-                      " (", refusal.example, ")\n");
+      absl::StrAppend(&text, "  refused ", refusal.camera, " ", std::string(NameOf(refusal.reason)),
+                      ": ", refusal.count, " (", refusal.example, ")\n");
     }
   }
   return text;

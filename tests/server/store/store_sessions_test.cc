@@ -115,7 +115,7 @@ TEST_F(StoreSessions, ListsNewestFirstByRigInPages) {
               StatusIs(absl::StatusCode::kInvalidArgument, _));
 }
 
-TEST_F(SessionTable, ListsInEveryOrderAndByState) {
+TEST_F(StoreSessions, ListsInEveryOrderAndByState) {
   for (const char* id : {"b", "c", "a"}) Create("rig", id);
   Session created = CapturingSession({});
   created.id = "d";
@@ -129,7 +129,7 @@ TEST_F(SessionTable, ListsInEveryOrderAndByState) {
               ElementsAre("a", "b", "c"));
 }
 
-TEST_F(SessionTable, ContinuesAPageAfterItsLastSessionWasDeleted) {
+TEST_F(StoreSessions, ContinuesAPageAfterItsLastSessionWasDeleted) {
   for (const RecordOrder order : {RecordOrder::kNewestFirst, RecordOrder::kIdDescending}) {
     const std::string prefix = order == RecordOrder::kNewestFirst ? "m" : "n";
     for (const char* id : {"x", "y", "z"}) Create(prefix, prefix + id);

@@ -77,9 +77,10 @@ TEST(BatchBlob, MarksRefusedRowsOfThePartAndKeepsTheirValues) {
   ObservationBatch batch = MakeBatch(KeyOf("a"), 1, 20);
   batch.x_px[3 * 9] = std::numeric_limits<float>::quiet_NaN();
   batch.x_px[3 * 16] = std::numeric_limits<float>::infinity();
-  const std::vector<RefusedRow> refused = {{.row = 2, .reason = RefusalReason::kNotFinite, .detail = "d"},
-                                           {.row = 9, .reason = RefusalReason::kNotFinite, .detail = "d"},
-                                           {.row = 16, .reason = RefusalReason::kNotFinite, .detail = "d"}};
+  const std::vector<RefusedRow> refused = {
+      {.row = 2, .reason = RefusalReason::kNotFinite, .detail = "d"},
+      {.row = 9, .reason = RefusalReason::kNotFinite, .detail = "d"},
+      {.row = 16, .reason = RefusalReason::kNotFinite, .detail = "d"}};
   ASSERT_OK_AND_ASSIGN(const StoredBatch stored,
                        DecodeBatch(Encode(batch, 5, 18, refused), KeyOf("a"), 6));
   ASSERT_EQ(stored.refused_rows.size(), 13u);

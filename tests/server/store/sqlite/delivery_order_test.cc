@@ -48,7 +48,8 @@ Delivery Part(const StreamKey& stream, uint32_t first, uint32_t last) {
     if (!IsRefused(seq)) continue;
     const uint32_t row = seq - first;
     delivery.batch.x_px[3 * row] = std::numeric_limits<float>::quiet_NaN();
-    delivery.refused_rows.push_back({.row = row, .reason = RefusalReason::kNotFinite, .detail = "not finite"});
+    delivery.refused_rows.push_back(
+        {.row = row, .reason = RefusalReason::kNotFinite, .detail = "not finite"});
   }
   return delivery;
 }
@@ -57,7 +58,8 @@ Delivery Part(const StreamKey& stream, uint32_t first, uint32_t last) {
 Delivery Dropped(const StreamKey& stream, uint32_t first, uint32_t count) {
   Delivery delivery;
   delivery.batch.stream = stream;
-  delivery.batch.dropped = {{.first_seq = first, .count = count, .reason = RefusalReason::kSpoolFreed}};
+  delivery.batch.dropped = {
+      {.first_seq = first, .count = count, .reason = RefusalReason::kSpoolFreed}};
   return delivery;
 }
 

@@ -113,7 +113,7 @@ bool SameBits(const BundleProblem& a, const BundleProblem& b) {
 void ReportThreads(const BundleScene& scene, const LineRun& one, benchmark::State& state) {
   BundleOptions options;
   options.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 64u));
-  const LineRun all = RunLine(options, scene.start);
+  const LineRun all = RunLine(options, scene.initial);
   const double one_s = PerIteration(one.times.total_s - one.times.setup_s, one.summary);
   const double all_s = PerIteration(all.times.total_s - all.times.setup_s, all.summary);
   state.counters["threads"] = options.threads;
@@ -130,14 +130,14 @@ void RunAgainstReference(benchmark::State& state, bool everything) {
   BundleOptions timed = options;
   if (!whole) timed.max_iterations = kTimedIterations;
   for (auto _ : state) {
-    const LineRun run = RunLine(options, scene.start);
+    const LineRun run = RunLine(options, scene.initial);
     ReportLine(run, state);
     ReportThreads(scene, run, state);
     const double line_s = PerIteration(run.times.total_s - run.times.setup_s, run.summary);
 
-    const double analytic_s = AnalyticPerIteration(timed, scene.start);
+    const double analytic_s = AnalyticPerIteration(timed, scene.initial);
     double plain_s = 0;
-    BundleProblem problem = scene.start;
+    BundleProblem problem = scene.initial;
     BundleSummary summary = Must(SolveReferenceBundle(timed, &problem, &plain_s));
     plain_s = PerIteration(plain_s, summary);
     if (!whole) {
@@ -163,11 +163,11 @@ void Iteration(benchmark::State& state, const server::LineBundleKernel* kernel, 
   const BundleScene scene = MakeScene(cameras, instants, false);
   const BundleOptions options;
   LineBundleTimes times;
-  server::LineBundleLayout layout = server::LayOut(scene.start);
-  const server::PackedMarkers packed = server::Pack(scene.start, &layout);
+  server::LineBundleLayout layout = server::LayOut(scene.initial);
+  const server::PackedMarkers packed = server::Pack(scene.initial, &layout);
   server::LineBundleSystem system(options, layout, packed, *kernel, &times);
-  const server::LineBundleEstimate estimate(scene.start, layout, packed);
-  server::LineBundleEstimate moved(scene.start, layout, packed);
+  const server::LineBundleEstimate estimate(scene.initial, layout, packed);
+  server::LineBundleEstimate moved(scene.initial, layout, packed);
   for (auto _ : state) {
     if (!system.Linearise(estimate, 1e-4) || !system.Solve(estimate, &moved).valid) std::exit(1);
   }
@@ -189,7 +189,7 @@ void Memory(benchmark::State& state) {
   const BundleScene scene =
       MakeScene(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)), true);
   for (auto _ : state) {
-    BundleProblem problem = scene.start;
+    BundleProblem problem = scene.initial;
     malloc_trim(0);  // memory freed by former benchmarks
     const double before_kb = StatusKb("VmRSS");
     std::ofstream("/proc/self/clear_refs") << "5";  // resets the peak

@@ -29,11 +29,11 @@ class Builder {
   BundleScene Build() {
     AddClocks();
     for (int c = 0; c < options_.camera_count; ++c) AddCamera(c);
-    truth_.target.marker_positions_m = options_.marker_positions_m;
-    truth_.target.given_positions_m = options_.marker_positions_m;
-    truth_.target.fixed = !options_.free_spacing;
+    ground_truth_.target.marker_positions_m = options_.marker_positions_m;
+    ground_truth_.target.given_positions_m = options_.marker_positions_m;
+    ground_truth_.target.fixed = !options_.free_spacing;
     for (int i = 0; i < options_.instant_count; ++i) AddInstant(i);
-    return {Perturbed(), truth_};
+    return {Perturbed(), ground_truth_};
   }
 
  private:
@@ -60,7 +60,7 @@ class Builder {
         clock.rate_fixed = !options_.free_rates;
         clock.rate_sigma = 1e-4;
       }
-      truth_.clocks.push_back(clock);
+      ground_truth_.clocks.push_back(clock);
     }
   }
 
@@ -86,22 +86,22 @@ class Builder {
     camera.intrinsics_sigma.setConstant(size, 0.02);
     camera.intrinsics_sigma.head<4>().setConstant(10);
     if (index % 2 == 1) camera.intrinsics_sigma[size - 1] = 0;  // held
-    truth_.cameras.push_back(camera);
+    ground_truth_.cameras.push_back(camera);
   }
 
   void AddInstant(int index) {
     BundleInstant instant;
     instant.origin_m = {Uniform(-1, 1), Uniform(-1, 1), Uniform(0.3, 1.7)};
     instant.direction = Normal3(1).normalized();
-    instant.first_observation = static_cast<int>(truth_.observations.size());
+    instant.first_observation = static_cast<int>(ground_truth_.observations.size());
     const Eigen::Vector3d velocity = Normal3(kMaxSpeed_m_s / 2);
     for (int c = 0; c < options_.camera_count; ++c) {
       if (Uniform(0, 1) < options_.hidden_share) continue;
       AddObservation(c, 0.1 * index, instant, velocity);
     }
     instant.observation_count =
-        static_cast<int>(truth_.observations.size()) - instant.first_observation;
-    truth_.instants.push_back(instant);
+        static_cast<int>(ground_truth_.observations.size()) - instant.first_observation;
+    ground_truth_.instants.push_back(instant);
   }
 
   void AddObservation(int camera, double time_s, const BundleInstant& instant,
@@ -110,21 +110,23 @@ class Builder {
     observation.camera = camera;
     observation.clock = camera % ClockCount();
     observation.clock_time_s = time_s;
-    observation.first_marker = static_cast<int>(truth_.markers.size());
+    observation.first_marker = static_cast<int>(ground_truth_.markers.size());
     for (size_t m = 0; m < options_.marker_positions_m.size(); ++m) {
       if (Uniform(0, 1) < options_.dropout_share) continue;
       const Eigen::Vector3d x_in_rig =
           instant.origin_m + options_.marker_positions_m[m] * instant.direction;
-      truth_.markers.push_back(Measure(observation, static_cast<int>(m), x_in_rig, velocity));
+      ground_truth_.markers.push_back(
+          Measure(observation, static_cast<int>(m), x_in_rig, velocity));
     }
-    observation.marker_count = static_cast<int>(truth_.markers.size()) - observation.first_marker;
-    truth_.observations.push_back(observation);
+    observation.marker_count =
+        static_cast<int>(ground_truth_.markers.size()) - observation.first_marker;
+    ground_truth_.observations.push_back(observation);
   }
 
   BundleMarker Measure(const BundleObservation& observation, int index,
                        const Eigen::Vector3d& x_in_rig, const Eigen::Vector3d& velocity) {
-    const BundleCamera& camera = truth_.cameras[static_cast<size_t>(observation.camera)];
-    const BundleClock& clock = truth_.clocks[static_cast<size_t>(observation.clock)];
+    const BundleCamera& camera = ground_truth_.cameras[static_cast<size_t>(observation.camera)];
+    const BundleClock& clock = ground_truth_.clocks[static_cast<size_t>(observation.clock)];
     BundleMarker marker;
     marker.marker = index;
     Eigen::Vector2d pixel;
@@ -147,9 +149,9 @@ class Builder {
   }
 
   BundleProblem Perturbed() {
-    BundleProblem start = truth_;
-    const double scale = options_.start_error;
-    for (BundleCamera& camera : start.cameras) {
+    BundleProblem initial = ground_truth_;
+    const double scale = options_.initial_error;
+    for (BundleCamera& camera : initial.cameras) {
       const Eigen::Vector3d rotation = Normal3(0.01 * scale), shift = Normal3(0.02 * scale);
       if (!camera.pose_fixed) {
         const Eigen::Quaterniond by(
@@ -163,26 +165,26 @@ class Builder {
       }
       camera.intrinsics_mean = camera.intrinsics;
     }
-    for (BundleClock& clock : start.clocks) {
+    for (BundleClock& clock : initial.clocks) {
       if (!clock.offset_fixed) clock.time_offset_s = 0;
       if (!clock.rate_fixed) clock.time_rate = 0;
     }
-    if (!start.target.fixed) {
-      for (size_t m = 1; m < start.target.marker_positions_m.size(); ++m) {
-        start.target.marker_positions_m[m] += Normal(0.001);
+    if (!initial.target.fixed) {
+      for (size_t m = 1; m < initial.target.marker_positions_m.size(); ++m) {
+        initial.target.marker_positions_m[m] += Normal(0.001);
       }
-      start.target.given_positions_m = start.target.marker_positions_m;
+      initial.target.given_positions_m = initial.target.marker_positions_m;
     }
-    for (BundleInstant& instant : start.instants) {
+    for (BundleInstant& instant : initial.instants) {
       instant.origin_m += Normal3(0.03 * scale);
       instant.direction = (instant.direction + Normal3(0.05 * scale)).normalized();
     }
-    return start;
+    return initial;
   }
 
   BundleSceneOptions options_;
   std::mt19937 random_;
-  BundleProblem truth_;
+  BundleProblem ground_truth_;
 };
 
 }  // namespace

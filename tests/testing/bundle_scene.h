@@ -24,7 +24,7 @@ struct BundleSceneOptions {
   int clock_count = 0;       // cameras share them in turn; 0: one for each camera
   double offset_s = 0.004;   // one sigma of the true offsets
   double rate = 2e-5;        // one sigma of the true rates
-  double start_error = 1;    // 1: 0.01 rad, 2 cm for cameras; 3 cm, 0.05 rad for instants
+  double initial_error = 1;  // 1: 0.01 rad, 2 cm for cameras; 3 cm, 0.05 rad for instants
 
   bool free_poses = true;
   bool free_offsets = true;
@@ -34,8 +34,8 @@ struct BundleSceneOptions {
 };
 
 struct BundleScene {
-  server::BundleProblem start;
-  server::BundleProblem truth;
+  server::BundleProblem initial;
+  server::BundleProblem ground_truth;
 };
 
 BundleScene MakeBundleScene(const BundleSceneOptions& options);

@@ -96,7 +96,7 @@ TEST(FindInstants, CamerasThatRunFreelyShareAPeriodOfTheSlowest) {
 }
 
 // Two event cameras at 200 Hz, whose rows are those of the nearest blink, beside frame cameras at
-// 50 Hz: no row is lost, and the moments of the frames have all cameras.
+// 50 Hz: no row is lost, and the instants of the frames have all cameras.
 TEST(FindInstants, FastCamerasShareWhatTheySeeBetweenTheSlowOnes) {
   std::vector<int64_t> frames, left, right;
   for (int64_t t = 0; t < 1000; t += 20) frames.push_back(t);
@@ -129,8 +129,8 @@ TEST(FindInstants, FastCamerasShareWhatTheySeeBetweenTheSlowOnes) {
   }
 }
 
-// Slow cameras that run freely have no moments that the fast ones could join: an instant is as wide
-// as the slowest period and has every camera.
+// Slow cameras that run freely have no instants that the fast ones could join: an instant is as
+// wide as the slowest period and has every camera.
 TEST(FindInstants, FastCamerasBesideSlowOnesThatRunFreely) {
   std::vector<int64_t> one, two, three, fast, faster;
   for (int64_t t = 0; t < 2000; t += 20) one.push_back(t), two.push_back(t + 7);
@@ -145,7 +145,7 @@ TEST(FindInstants, FastCamerasBesideSlowOnesThatRunFreely) {
   }
 }
 
-// One slow camera beside a fast one has no moment with itself.
+// One slow camera beside a fast one has no instant with itself.
 TEST(FindInstants, AFastCameraJoinsASingleSlowOne) {
   const InstantList list = Find({Track("s", "fast", {1, 6, 11, 16, 21, 26, 900}, 0.005),
                                  Track("s", "slow", {0, 20, 40}, 0.02)});

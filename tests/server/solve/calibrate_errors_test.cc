@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a calibration says about recordings from which no rig can be solved, or only badly: who,
+// Errors and findings of recordings from which no rig can be solved, or only badly: who,
 // with whom, and what to do.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

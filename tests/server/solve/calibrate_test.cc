@@ -46,7 +46,7 @@ class ManyCameras : public ::testing::TestWithParam<std::string> {};
 
 // 2 mm and 0.05 degrees are what the issue of the first solver asks; noise of 0.3 px leaves a tenth
 // of it.
-TEST_P(ManyCameras, AreWithinTwoMillimetresOfTheTruth) {
+TEST_P(ManyCameras, AreWithinTwoMillimetresOfTheGroundTruth) {
   const SimulatedWorld world = World(GetParam());
   const CalibrationOutcome outcome = Calibrate(InputOf(world), {});
   ASSERT_THAT(outcome.result, IsOk());

@@ -131,8 +131,9 @@ TEST(PointTarget, IsMetricWithAKnownDistance) {
 }
 
 TEST(PointTarget, SigmasMatchTheErrors) {
-  // Each camera's centre against the truth in the gauge of the result; seven to eight degrees of
-  // freedom a seed, of which a mean square outside these limits is a matter of 1 in 10 000.
+  // Each camera's centre against the ground truth in the gauge of the result; seven to eight
+  // degrees of freedom a seed, of which a mean square outside these limits is a matter of 1 in 10
+  // 000.
   double squares = 0;
   int count = 0;
   for (const char* seed : {"1", "2", "3", "4", "5", "6", "7", "8"}) {
@@ -176,7 +177,7 @@ TEST(PointTarget, OffsetsOfEverySizeAreFound) {
   EXPECT_LT(ComparePoses(Scaled(*outcome.result, world), world).worst_position_m, 0.002);
 }
 
-TEST(PointTarget, GrossOutliersOfOneCameraAreCountedOut) {
+TEST(PointTarget, OutliersOfOneCameraAreRejected) {
   const SimulatedWorld world = PointWorld("cameras=5;duration=40;dropouts=0.4;outliers.2=0.3");
   const CalibrationOutcome outcome = Calibrate(InputOf(world), {});
   ASSERT_THAT(outcome.result, IsOk());

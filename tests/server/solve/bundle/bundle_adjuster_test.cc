@@ -43,21 +43,21 @@ void ExpectSamePoses(const BundleProblem& a, const BundleProblem& b, double tole
   }
 }
 
-TEST(SolveBundle, FindsTheTruthOfExactViews) {
+TEST(SolveBundle, FindsTheGroundTruthOfExactViews) {
   const BundleScene scene = MakeBundleScene(Exact());
-  BundleProblem problem = scene.start;
+  BundleProblem problem = scene.initial;
   ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveBundle({}, &problem));
   EXPECT_TRUE(summary.converged);
   EXPECT_GT(summary.initial_cost, 1);
   EXPECT_LT(summary.final_cost, 1e-6);
-  ExpectSamePoses(problem, scene.truth, 1e-6);
+  ExpectSamePoses(problem, scene.ground_truth, 1e-6);
   for (size_t k = 0; k < problem.clocks.size(); ++k) {
-    EXPECT_NEAR(problem.clocks[k].time_offset_s, scene.truth.clocks[k].time_offset_s, 1e-7);
+    EXPECT_NEAR(problem.clocks[k].time_offset_s, scene.ground_truth.clocks[k].time_offset_s, 1e-7);
   }
 }
 
 TEST(SolveBundle, CountsScalarsAndFreeParameters) {
-  BundleProblem problem = MakeBundleScene(Exact()).start;
+  BundleProblem problem = MakeBundleScene(Exact()).initial;
   ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveBundle({}, &problem));
   EXPECT_EQ(summary.residual_count, static_cast<int>(2 * problem.markers.size()));
   // Three poses, three offsets, five of each instant.
@@ -67,7 +67,7 @@ TEST(SolveBundle, CountsScalarsAndFreeParameters) {
 TEST(SolveBundle, MovesNothingThatIsFixed) {
   BundleSceneOptions options = Exact();
   options.noise_px = 0.5;
-  BundleProblem problem = MakeBundleScene(options).start;
+  BundleProblem problem = MakeBundleScene(options).initial;
   problem.cameras[2].pose_fixed = true;
   problem.clocks[3].offset_fixed = true;
   problem.clocks[3].time_offset_s = 0.002;
@@ -95,7 +95,7 @@ TEST(SolveBundle, HoldsIntrinsicsWithoutASigma) {
   BundleSceneOptions options = Exact();
   options.noise_px = 0.5;
   options.free_intrinsics = true;
-  BundleProblem problem = MakeBundleScene(options).start;
+  BundleProblem problem = MakeBundleScene(options).initial;
   problem.cameras[2].intrinsics_sigma.setZero();  // all of them
   const BundleProblem before = problem;
   ASSERT_THAT(SolveBundle({}, &problem), IsOk());
@@ -109,7 +109,7 @@ TEST(SolveBundle, HoldsIntrinsicsWithoutASigma) {
 }
 
 TEST(SolveBundle, ReturnsUnitRotationsAndDirections) {
-  BundleProblem problem = MakeBundleScene(Exact()).start;
+  BundleProblem problem = MakeBundleScene(Exact()).initial;
   problem.cameras[1].cam_from_rig.rotation.coeffs() *= 1.001;
   ASSERT_THAT(SolveBundle({}, &problem), IsOk());
   for (const BundleCamera& camera : problem.cameras) {
@@ -148,14 +148,14 @@ TEST(SolveBundle, ARobustLossKeepsThePosesOutliersWouldMove) {
   scene_options.outlier_share = 0.05;
   const BundleScene scene = MakeBundleScene(scene_options);
   const auto worst_m = [&scene](BundleLoss loss) {
-    BundleProblem problem = scene.start;
+    BundleProblem problem = scene.initial;
     BundleOptions options;
     options.loss = loss;
     EXPECT_THAT(SolveBundle(options, &problem), IsOk());
     double worst = 0;
     for (size_t c = 0; c < problem.cameras.size(); ++c) {
       worst = std::max(worst, (problem.cameras[c].cam_from_rig.translation_m -
-                               scene.truth.cameras[c].cam_from_rig.translation_m)
+                               scene.ground_truth.cameras[c].cam_from_rig.translation_m)
                                   .norm());
     }
     return worst;
@@ -169,8 +169,8 @@ TEST(SolveBundle, WeighsAnOffsetByItsPrior) {
   const auto offset_s = [](double sigma_s) {
     BundleSceneOptions options = Exact();
     options.free_poses = false;
-    options.start_error = 0;
-    BundleProblem problem = MakeBundleScene(options).truth;
+    options.initial_error = 0;
+    BundleProblem problem = MakeBundleScene(options).ground_truth;
     problem.clocks[1].prior_offset_s = 0.5;
     problem.clocks[1].offset_sigma_s = sigma_s;
     EXPECT_THAT(SolveBundle({}, &problem), IsOk());
@@ -185,7 +185,7 @@ TEST(SolveBundle, WeighsAnOffsetByItsPrior) {
 TEST(SolveBundle, HoldsTheFirstMarkerAndPullsSpansTowardsTheGivenOnes) {
   BundleSceneOptions options = Exact();
   options.free_spacing = true;
-  BundleProblem problem = MakeBundleScene(options).start;
+  BundleProblem problem = MakeBundleScene(options).initial;
   problem.target.given_positions_m = {0, 0.14, 0.41};
   problem.target.span_sigma_m = 1e-7;
   ASSERT_THAT(SolveBundle({}, &problem), IsOk());
@@ -200,7 +200,7 @@ TEST(SolveBundle, EqualProblemsGiveEqualBitsWhereverTheirMemoryLies) {
   options.outlier_share = 0.05;
   options.free_intrinsics = true;
   options.free_spacing = true;
-  const BundleProblem start = MakeBundleScene(options).start;
+  const BundleProblem start = MakeBundleScene(options).initial;
   BundleProblem first = start;
   ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveBundle({}, &first));
   std::vector<std::unique_ptr<std::vector<char>>> in_the_way;
@@ -229,14 +229,14 @@ TEST(SolveBundle, EqualProblemsGiveEqualBitsWhereverTheirMemoryLies) {
 TEST(SolveBundle, LeavesUnusedInstantsAndMarkersOut) {
   BundleSceneOptions options = Exact();
   const BundleScene scene = MakeBundleScene(options);
-  BundleProblem problem = scene.start;
+  BundleProblem problem = scene.initial;
   problem.instants[4].used = false;
   problem.instants[4].origin_m = {0, 0, -50};
-  BundleMarker& wild = problem.markers[7];
-  wild.used = false;
-  wild.centre_px = {1e6, -1e6};
+  BundleMarker& outlier = problem.markers[7];
+  outlier.used = false;
+  outlier.centre_px = {1e6, -1e6};
   ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveBundle({}, &problem));
-  ExpectSamePoses(problem, scene.truth, 1e-6);
+  ExpectSamePoses(problem, scene.ground_truth, 1e-6);
   EXPECT_EQ(problem.instants[4].origin_m, Eigen::Vector3d(0, 0, -50));
   EXPECT_EQ(summary.residual_count, static_cast<int>(2 * (problem.markers.size() - 12 - 1)));
 }
@@ -251,7 +251,7 @@ TEST(SolveBundle, NothingToSolveIsAnError) {
 }
 
 TEST(SolveBundle, AMarkerBehindItsCameraIsAnErrorThatMovesNothing) {
-  BundleProblem problem = MakeBundleScene(Exact()).start;
+  BundleProblem problem = MakeBundleScene(Exact()).initial;
   problem.instants[3].origin_m =
       problem.cameras[1].cam_from_rig.Inverse() * Eigen::Vector3d(0, 0, -1);
   const BundleProblem before = problem;
@@ -261,7 +261,7 @@ TEST(SolveBundle, AMarkerBehindItsCameraIsAnErrorThatMovesNothing) {
 }
 
 TEST(SolveBundle, StopsWhenCancelledAndMovesNothing) {
-  BundleProblem problem = MakeBundleScene(Exact()).start;
+  BundleProblem problem = MakeBundleScene(Exact()).initial;
   const BundleProblem before = problem;
   std::atomic<bool> cancelled = false;
   BundleOptions options;
@@ -273,7 +273,7 @@ TEST(SolveBundle, StopsWhenCancelledAndMovesNothing) {
 }
 
 TEST(SolveBundle, RunningOutOfIterationsIsNoError) {
-  BundleProblem problem = MakeBundleScene(Exact()).start;
+  BundleProblem problem = MakeBundleScene(Exact()).initial;
   BundleOptions options;
   options.max_iterations = 1;
   ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveBundle(options, &problem));

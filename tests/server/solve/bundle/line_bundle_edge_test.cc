@@ -31,7 +31,7 @@ using ::testing::HasSubstr;
 // ---- a marker behind its camera ----
 
 TEST(LineBundleEdge, NamesAMarkerThatStartsBehindItsCamera) {
-  BundleProblem problem = MakeBundleScene(SmallBundleScene()).start;
+  BundleProblem problem = MakeBundleScene(SmallBundleScene()).initial;
   const RigidTransform& camera = problem.cameras[2].cam_from_rig;
   problem.instants[5].origin_m = camera.Inverse() * Eigen::Vector3d(0, 0, -1);
   const BundleProblem before = problem;
@@ -43,7 +43,7 @@ TEST(LineBundleEdge, NamesAMarkerThatStartsBehindItsCamera) {
 }
 
 TEST(LineBundleEdge, IgnoresAMarkerBehindItsCameraThatIsNotUsed) {
-  BundleProblem problem = MakeBundleScene(SmallBundleScene()).start;
+  BundleProblem problem = MakeBundleScene(SmallBundleScene()).initial;
   const RigidTransform& camera = problem.cameras[2].cam_from_rig;
   BundleInstant& instant = problem.instants[5];
   instant.origin_m = camera.Inverse() * Eigen::Vector3d(0, 0, -1);
@@ -63,7 +63,7 @@ TEST(LineBundleEdge, IgnoresAMarkerBehindItsCameraThatIsNotUsed) {
 TEST(LineBundleEdge, NeverStepsBehindACamera) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.dropout_share = 0;
-  BundleProblem problem = MakeBundleScene(scene_options).truth;
+  BundleProblem problem = MakeBundleScene(scene_options).ground_truth;
   const RigidTransform rig_from_cam = problem.cameras[1].cam_from_rig.Inverse();
   BundleInstant& instant = problem.instants[5];
   instant.direction = rig_from_cam.rotation * Eigen::Vector3d::UnitX();
@@ -99,7 +99,7 @@ TEST(LineBundleEdge, NeverStepsBehindACamera) {
 // ---- refusals and hooks ----
 
 TEST(LineBundleEdge, RefusesWhatIsNotFinite) {
-  const BundleProblem good = MakeBundleScene(SmallBundleScene()).start;
+  const BundleProblem good = MakeBundleScene(SmallBundleScene()).initial;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<void (*)(BundleProblem*, double)> faults = {
       [](BundleProblem* p, double x) { p->cameras[1].cam_from_rig.translation_m.x() = x; },
@@ -123,7 +123,7 @@ TEST(LineBundleEdge, RefusesWhatIsNotFinite) {
 }
 
 TEST(LineBundleEdge, RefusesWhatItCannotSolve) {
-  const BundleProblem good = MakeBundleScene(SmallBundleScene()).start;
+  const BundleProblem good = MakeBundleScene(SmallBundleScene()).initial;
   BundleProblem problem = good;
   for (BundleMarker& marker : problem.markers) marker.used = false;
   EXPECT_THAT(SolveLineBundle({}, &problem),
@@ -145,7 +145,7 @@ TEST(LineBundleEdge, RefusesWhatItCannotSolve) {
 }
 
 TEST(LineBundleEdge, StopsWhenCancelledAndLeavesTheProblemAlone) {
-  const BundleProblem start = MakeBundleScene(SmallBundleScene()).start;
+  const BundleProblem start = MakeBundleScene(SmallBundleScene()).initial;
   std::atomic<bool> cancelled = false;
   BundleOptions options = TightTolerances();
   options.cancelled = &cancelled;
@@ -161,7 +161,7 @@ TEST(LineBundleEdge, StopsWhenCancelledAndLeavesTheProblemAlone) {
 }
 
 TEST(LineBundleEdge, ReportsCostsThatNeverRise) {
-  BundleProblem problem = MakeBundleScene(SmallBundleScene()).start;
+  BundleProblem problem = MakeBundleScene(SmallBundleScene()).initial;
   BundleOptions options = TightTolerances();
   std::vector<double> costs;
   options.progress = [&](int iteration, double cost) {
@@ -175,7 +175,7 @@ TEST(LineBundleEdge, ReportsCostsThatNeverRise) {
 }
 
 TEST(LineBundleEdge, SaysWhenIterationsAreUsedUp) {
-  BundleProblem problem = MakeBundleScene(SmallBundleScene()).start;
+  BundleProblem problem = MakeBundleScene(SmallBundleScene()).initial;
   BundleOptions options = TightTolerances();
   options.max_iterations = 1;
   ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveLineBundle(options, &problem));
@@ -190,7 +190,7 @@ TEST(ReducedInformation, InvertsToTheCovarianceOfCeres) {
   for (const BundleLoss loss : {BundleLoss::kNone, BundleLoss::kCauchy}) {
     BundleSceneOptions scene_options = SmallBundleScene();
     scene_options.free_rates = scene_options.free_intrinsics = scene_options.free_spacing = true;
-    BundleProblem problem = MakeBundleScene(scene_options).start;
+    BundleProblem problem = MakeBundleScene(scene_options).initial;
     BundleOptions options = TightTolerances();
     options.loss = loss;
     ASSERT_THAT(SolveLineBundle(options, &problem), IsOk());
@@ -211,7 +211,7 @@ TEST(ReducedInformation, DescribesEveryColumn) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.camera_count = 2;
   scene_options.free_rates = scene_options.free_spacing = true;
-  const BundleProblem problem = MakeBundleScene(scene_options).start;
+  const BundleProblem problem = MakeBundleScene(scene_options).initial;
   ASSERT_OK_AND_ASSIGN(const ReducedInformation reduced, ComputeReducedInformation({}, problem));
   using Kind = ReducedParameterKind;
   const std::vector<ReducedParameter> expected = {

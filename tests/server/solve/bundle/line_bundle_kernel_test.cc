@@ -50,7 +50,7 @@ TEST(LineBundleKernel, GivesTheSameBitsWithEveryInstructionSet) {
     scene_options.outlier_share = loss == BundleLoss::kNone ? 0 : 0.1;
     scene_options.hidden_share = 0.2;
     scene_options.free_rates = scene_options.free_intrinsics = scene_options.free_spacing = true;
-    const BundleProblem problem = testing::MakeBundleScene(scene_options).start;
+    const BundleProblem problem = testing::MakeBundleScene(scene_options).initial;
     BundleOptions options;
     options.loss = loss;
     const OneStep plain = StepWith(*kernels.front(), options, problem);
@@ -69,8 +69,8 @@ TEST(LineBundleKernel, GivesTheSameBitsWithEveryInstructionSet) {
 TEST(LineBundleKernel, PredictsTheDecreaseOfASmallStep) {
   testing::BundleSceneOptions scene_options;
   scene_options.free_rates = scene_options.free_intrinsics = scene_options.free_spacing = true;
-  scene_options.start_error = 1e-3;
-  BundleProblem problem = testing::MakeBundleScene(scene_options).truth;
+  scene_options.initial_error = 1e-3;
+  BundleProblem problem = testing::MakeBundleScene(scene_options).ground_truth;
   BundleOptions options;
   options.loss = BundleLoss::kNone;
   const OneStep step = StepWith(BestLineBundleKernel(), options, problem);

@@ -71,7 +71,7 @@ TEST_P(LineBundleFreedom, ReachesTheReferencesOptimum) {
   scene_options.free_spacing = (GetParam() & 16) != 0;
   const BundleScene scene = MakeBundleScene(scene_options);
   BundleProblem solved, reference;
-  ExpectReferenceOptimum(TightTolerances(), scene.start, &solved, &reference);
+  ExpectReferenceOptimum(TightTolerances(), scene.initial, &solved, &reference);
   ExpectSameEstimates(solved, reference);
 }
 INSTANTIATE_TEST_SUITE_P(EveryCombination, LineBundleFreedom, ::testing::Range(0, 32));
@@ -88,7 +88,7 @@ TEST_P(LineBundleLoss, ReachesTheReferencesOptimum) {
   options.loss = GetParam();
   options.loss_scale = 1.7;
   BundleProblem solved, reference;
-  ExpectReferenceOptimum(options, scene.start, &solved, &reference);
+  ExpectReferenceOptimum(options, scene.initial, &solved, &reference);
 }
 INSTANTIATE_TEST_SUITE_P(EveryLoss, LineBundleLoss,
                          ::testing::Values(BundleLoss::kNone, BundleLoss::kHuber,
@@ -104,7 +104,7 @@ TEST(LineBundle, ReachesTheReferencesOptimumWithManyCameras) {
   BundleOptions options = TightTolerances();
   options.function_tolerance = 1e-12;
   BundleProblem solved, reference;
-  ExpectReferenceOptimum(options, MakeBundleScene(scene_options).start, &solved, &reference);
+  ExpectReferenceOptimum(options, MakeBundleScene(scene_options).initial, &solved, &reference);
 }
 
 // The first marker of each observation alone, and a distance that holds the scale.
@@ -140,7 +140,7 @@ TEST(LineBundle, ReachesTheOptimumOfCeresWithOneMarkerAndADistance) {
     scene_options.free_spacing = false;
     scene_options.free_intrinsics = free_intrinsics;
     const BundleScene scene = MakeBundleScene(scene_options);
-    const BundleProblem start = OnePointOf(scene.start, 1.2 * DistanceOf(scene.start));
+    const BundleProblem start = OnePointOf(scene.initial, 1.2 * DistanceOf(scene.initial));
     BundleProblem solved = start, ceres = start;
     ASSERT_OK_AND_ASSIGN(const BundleSummary mine, SolveLineBundle(TightTolerances(), &solved));
     ASSERT_OK_AND_ASSIGN(const BundleSummary theirs, SolveBundle(TightTolerances(), &ceres));
@@ -154,7 +154,7 @@ TEST(LineBundle, ReachesTheOptimumOfCeresWithOneMarkerAndADistance) {
 }
 
 TEST(LineBundle, RefusesADistanceThatIsNone) {
-  const BundleProblem wand = MakeBundleScene(SmallBundleScene()).start;
+  const BundleProblem wand = MakeBundleScene(SmallBundleScene()).initial;
   for (const BundleDistance& wrong :
        {BundleDistance{1, 1, 1, 1}, BundleDistance{-1, 1, 1, 1}, BundleDistance{0, 99, 1, 1},
         BundleDistance{0, 1, 0, 1}, BundleDistance{0, 1, std::nan(""), 1},
@@ -169,7 +169,7 @@ TEST(LineBundle, RefusesADistanceThatIsNone) {
 TEST(LineBundle, CountsWhatTheReferenceCounts) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.free_intrinsics = scene_options.free_spacing = true;
-  BundleProblem solved = MakeBundleScene(scene_options).start, reference = solved;
+  BundleProblem solved = MakeBundleScene(scene_options).initial, reference = solved;
   ASSERT_OK_AND_ASSIGN(const BundleSummary mine, SolveLineBundle({}, &solved));
   ASSERT_OK_AND_ASSIGN(const BundleSummary theirs, SolveReferenceBundle({}, &reference));
   EXPECT_EQ(mine.parameter_count, theirs.parameter_count);
@@ -185,7 +185,7 @@ TEST(LineBundle, SharesClocksBetweenCameras) {
   scene_options.clock_count = 2;
   scene_options.free_rates = scene_options.free_intrinsics = true;
   BundleProblem solved, reference;
-  ExpectReferenceOptimum(TightTolerances(), MakeBundleScene(scene_options).start, &solved,
+  ExpectReferenceOptimum(TightTolerances(), MakeBundleScene(scene_options).initial, &solved,
                          &reference);
   ExpectSameEstimates(solved, reference);
 }
@@ -193,7 +193,7 @@ TEST(LineBundle, SharesClocksBetweenCameras) {
 TEST(LineBundle, TakesACameraUnderTwoClocks) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.free_intrinsics = true;
-  BundleProblem start = MakeBundleScene(scene_options).start;
+  BundleProblem start = MakeBundleScene(scene_options).initial;
   start.clocks.push_back(start.clocks[2]);
   const int late = static_cast<int>(start.clocks.size()) - 1;
   for (size_t i = 0; i < start.instants.size(); ++i) {
@@ -212,7 +212,7 @@ TEST(LineBundle, TakesACameraUnderTwoClocks) {
 TEST(LineBundle, TakesACameraAndAMarkerTwiceInAnInstant) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.dropout_share = 0;
-  BundleProblem start = MakeBundleScene(scene_options).start;
+  BundleProblem start = MakeBundleScene(scene_options).initial;
   BundleInstant& instant = start.instants[3];
   const BundleObservation twice =
       start.observations[static_cast<size_t>(instant.first_observation + 1)];
@@ -243,7 +243,7 @@ TEST(LineBundle, TakesSparseInstants) {
   scene_options.instant_count = 100;
   scene_options.hidden_share = 0.6;
   scene_options.dropout_share = 0.3;
-  BundleProblem start = MakeBundleScene(scene_options).start;
+  BundleProblem start = MakeBundleScene(scene_options).initial;
   // No marker at all, one marker by one camera, and left out as a whole.
   const auto keep_first_markers = [&start](size_t i, int markers) {
     BundleInstant& instant = start.instants[i];
@@ -271,7 +271,7 @@ TEST(LineBundle, TakesSparseInstants) {
 TEST(LineBundle, LeavesAloneWhatNoMarkerTouches) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.free_intrinsics = true;
-  BundleProblem start = MakeBundleScene(scene_options).start;
+  BundleProblem start = MakeBundleScene(scene_options).initial;
   for (BundleObservation& observation : start.observations) {
     for (int m = 0; observation.camera == 3 && m < observation.marker_count; ++m) {
       start.markers[static_cast<size_t>(observation.first_marker + m)].used = false;
@@ -289,24 +289,24 @@ TEST(LineBundle, SolvesInstantsOfASingleCamera) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.camera_count = 1;
   scene_options.dropout_share = 0;
-  scene_options.start_error = 0.3;
+  scene_options.initial_error = 0.3;
   BundleProblem solved, reference;
-  ExpectReferenceOptimum(TightTolerances(), MakeBundleScene(scene_options).start, &solved,
+  ExpectReferenceOptimum(TightTolerances(), MakeBundleScene(scene_options).initial, &solved,
                          &reference);
 }
 
-TEST(LineBundle, FindsTheTruthWithoutNoise) {
+TEST(LineBundle, FindsTheGroundTruthWithoutNoise) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.noise_px = 0;
   const BundleScene scene = MakeBundleScene(scene_options);
-  BundleProblem solved = scene.start;
+  BundleProblem solved = scene.initial;
   ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveLineBundle(TightTolerances(), &solved));
   EXPECT_LT(summary.final_cost, 1e-12);
-  ExpectSameEstimates(solved, scene.truth);
+  ExpectSameEstimates(solved, scene.ground_truth);
 }
 
 TEST(LineBundle, TakesRootsThatSeeOneDirectionOnly) {
-  BundleProblem start = MakeBundleScene(SmallBundleScene()).start;
+  BundleProblem start = MakeBundleScene(SmallBundleScene()).initial;
   start.markers[10].sqrt_information << 0, 2, 0, 1;
   start.markers[20].sqrt_information << 2, 0, 1, 0;
   start.markers[30].sqrt_information.setZero();
@@ -319,7 +319,7 @@ TEST(LineBundle, RepeatsItselfBitForBit) {
   BundleSceneOptions scene_options = SmallBundleScene();
   scene_options.free_intrinsics = scene_options.free_rates = scene_options.free_spacing = true;
   const BundleScene scene = MakeBundleScene(scene_options);
-  BundleProblem first = scene.start, second = scene.start;
+  BundleProblem first = scene.initial, second = scene.initial;
   ASSERT_THAT(SolveLineBundle({}, &first), IsOk());
   ASSERT_THAT(SolveLineBundle({}, &second), IsOk());
   for (size_t c = 0; c < first.cameras.size(); ++c) {
@@ -337,12 +337,12 @@ TEST(LineBundle, ThreadsChangeNoBit) {
   scene_options.instant_count = 1000;  // enough for several parts
   scene_options.free_intrinsics = scene_options.free_rates = scene_options.free_spacing = true;
   const BundleScene scene = MakeBundleScene(scene_options);
-  BundleProblem one = scene.start;
+  BundleProblem one = scene.initial;
   ASSERT_OK_AND_ASSIGN(const BundleSummary first, SolveLineBundle({}, &one));
   for (const int threads : {2, 3, 8}) {
     BundleOptions options;
     options.threads = threads;
-    BundleProblem several = scene.start;
+    BundleProblem several = scene.initial;
     ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveLineBundle(options, &several));
     EXPECT_EQ(summary.final_cost, first.final_cost);
     for (size_t c = 0; c < one.cameras.size(); ++c) {
@@ -357,7 +357,7 @@ TEST(LineBundle, ThreadsChangeNoBit) {
 }
 
 TEST(LineBundle, RefusesNoThreads) {
-  BundleProblem problem = MakeBundleScene(SmallBundleScene()).start;
+  BundleProblem problem = MakeBundleScene(SmallBundleScene()).initial;
   BundleOptions options;
   options.threads = 0;
   EXPECT_THAT(SolveLineBundle(options, &problem),

@@ -22,7 +22,7 @@ using ::rigcal::testing::IsOk;
 BundleProblem Problem() {
   testing::BundleSceneOptions scene = testing::SmallBundleScene();
   scene.free_offsets = scene.free_rates = scene.free_intrinsics = scene.free_spacing = false;
-  BundleProblem problem = testing::MakeBundleScene(scene).start;
+  BundleProblem problem = testing::MakeBundleScene(scene).initial;
   for (size_t k = 0; k < problem.clocks.size(); ++k) {
     problem.clocks[k].time_offset_s = 0.002 * static_cast<double>(k);
     problem.clocks[k].time_rate = 1e-5 * static_cast<double>(k);

@@ -63,9 +63,9 @@ TEST(SolveAndEvaluate, IsRescuedFromAWrongMatchOfTimes) {
     clocks[clock].time_offset_s = off_s;
     CalibrationOptions options;
     options.intrinsics = Estimate::kFixed;
-    const auto judged = SolveAndEvaluate(rig, clocks, {}, options);
-    ASSERT_THAT(judged, IsOk());
-    const std::vector<ClockCorrection> found = InitializationFrom(judged->solution).clocks;
+    const auto evaluated = SolveAndEvaluate(rig, clocks, {}, options);
+    ASSERT_THAT(evaluated, IsOk());
+    const std::vector<ClockCorrection> found = InitializationFrom(evaluated->solution).clocks;
     for (size_t k = 0; k < found.size(); ++k) {
       EXPECT_NEAR(found[k].time_offset_s - found[1].time_offset_s, k == 3 ? 0.003 : 0, 0.0005) << k;
     }

@@ -68,7 +68,7 @@ Finding Get(const CalibrationResult& result, FindingKind kind) {
   return {};
 }
 
-// Where camera `c` has the markers of its frame `i`, without noise.
+// Centres of the markers of its frame `i`, without noise.
 std::vector<Eigen::Vector2d> Projections(const SimulatedWorld& world, int c, double rig_time_s,
                                          const RigidTransform& cam_from_rig) {
   const WandPose wand = world.WandAt(rig_time_s);
@@ -198,11 +198,11 @@ TEST(Findings, CameraThatMovedFar) {
 TEST(Findings, SwappedMarkers) {
   const SimulatedWorld world = World("cameras=5;duration=30;seed=8");
   CalibrationInput input = InputOf(world);
-  int reversed = 0, views = 0;
+  int flipped = 0, views = 0;
   for (Observation& row : input.tracks[4].observations) {
     if (row.VisibleCount() < 2 || ++views % 20 != 0) continue;
     std::reverse(row.markers.begin(), row.markers.end());
-    ++reversed;
+    ++flipped;
   }
   const CalibrationResult result = Solve(input, Fixed());
   EXPECT_EQ(Alarms(result), Strings{"swapped_markers:sim_4"});

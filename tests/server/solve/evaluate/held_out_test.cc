@@ -59,14 +59,14 @@ TEST(TimeBlocks, PutEveryInstantOnOneSideAtMostAndEvaluateItOnce) {
   blocks.origin_ns = -7 * kMillisecond;
   for (int64_t time_ns = -20'000 * kMillisecond; time_ns < 20'000 * kMillisecond;
        time_ns += 7 * kMillisecond) {
-    int judged = 0, kept = 0;
+    int evaluated = 0, kept = 0;
     for (int remainder = 0; remainder < blocks.period; ++remainder) {
       const bool held_out = blocks.IsHeldOut(time_ns, remainder);
       EXPECT_FALSE(held_out && blocks.IsKept(time_ns, remainder)) << time_ns;
-      judged += held_out ? 1 : 0;
+      evaluated += held_out ? 1 : 0;
       kept += blocks.IsKept(time_ns, remainder) ? 1 : 0;
     }
-    EXPECT_EQ(judged, 1) << time_ns;
+    EXPECT_EQ(evaluated, 1) << time_ns;
     EXPECT_GE(kept, 2) << time_ns;
     EXPECT_LE(kept, 3) << time_ns;
   }
@@ -116,7 +116,7 @@ TEST(ChoiceScorePx, WeighsCamerasTheSameAndSkipsThoseWithoutErrors) {
   EXPECT_DOUBLE_EQ(ChoiceScorePx(errors), 2);
 }
 
-// ---- judging ----
+// ---- evaluation ----
 
 struct Solved {
   RigObservations rig;

@@ -39,13 +39,13 @@ TEST(QualityGate, SoundOneIsGoodAndSaysWhy) {
 
 TEST(QualityGate, EachFigureHasTwoLimits) {
   const QualityLimits limits;
-  const auto judge = [](const auto& change) {
+  const auto grade = [](const auto& change) {
     CalibrationResult result = Sound();
     change(result);
     return GradeQuality(result);
   };
   const auto held_out = [&](double px) {
-    return judge([px](CalibrationResult& r) { r.cameras[1].held_out->mean_px = px; });
+    return grade([px](CalibrationResult& r) { r.cameras[1].held_out->mean_px = px; });
   };
   EXPECT_EQ(held_out(limits.held_out_mean_px.good).grade, QualityGrade::kGood);
   EXPECT_EQ(held_out(limits.held_out_mean_px.good + 0.01).grade, QualityGrade::kUsable);
@@ -55,13 +55,13 @@ TEST(QualityGate, EachFigureHasTwoLimits) {
   EXPECT_THAT(held_out(5).reasons, ElementsAre(HasSubstr("camera b: held-out")));
 
   const auto left_out = [&](double px) {
-    return judge([px](CalibrationResult& r) { r.cameras[0].leave_one_out->mean_px = px; }).grade;
+    return grade([px](CalibrationResult& r) { r.cameras[0].leave_one_out->mean_px = px; }).grade;
   };
   EXPECT_EQ(left_out(limits.leave_one_out_mean_px.good + 0.01), QualityGrade::kUsable);
   EXPECT_EQ(left_out(limits.leave_one_out_mean_px.usable + 0.01), QualityGrade::kBad);
 
   const auto outliers = [&](uint32_t count) {
-    return judge([count](CalibrationResult& r) {
+    return grade([count](CalibrationResult& r) {
              r.cameras[0].residuals.outlier_count = count;
              r.cameras[0].residuals.inlier.marker_count = 1000 - count;
            })
@@ -72,7 +72,7 @@ TEST(QualityGate, EachFigureHasTwoLimits) {
   EXPECT_EQ(outliers(351), QualityGrade::kBad);
 
   const auto length = [&](double rel) {
-    return judge(
+    return grade(
                [rel](CalibrationResult& r) { r.target.spans[1].held_out_error_rms_m = rel * 0.39; })
         .grade;
   };

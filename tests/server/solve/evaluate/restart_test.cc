@@ -38,8 +38,8 @@ World MakeWorld(const std::string& options) {
   return world;
 }
 
-// At the truth but for one camera, which is turned by half a turn about the vertical through a
-// point before the reference camera.
+// At the ground truth but for one camera, which is turned by half a turn about the vertical through
+// a point before the reference camera.
 RigInitialization MirroredStart(const World& world, const RigSolution& right, size_t wrong) {
   RigInitialization start = InitializationFrom(right);
   start.clocks = world.clocks;
@@ -134,11 +134,11 @@ TEST(SolveAndEvaluate, IsRescuedFromAWrongMinimumAndSaysSo) {
   CalibrationOptions options;
   options.intrinsics = Estimate::kFixed;
   for (const RigInitialization* first : {&start, static_cast<const RigInitialization*>(nullptr)}) {
-    const auto judged = SolveAndEvaluate(world.rig, world.clocks, {}, options, first);
-    ASSERT_THAT(judged, IsOk());
-    EXPECT_LT(WorstPositionM(world, judged->solution), 0.02);
+    const auto evaluated = SolveAndEvaluate(world.rig, world.clocks, {}, options, first);
+    ASSERT_THAT(evaluated, IsOk());
+    EXPECT_LT(WorstPositionM(world, evaluated->solution), 0.02);
     int restarts = 0;
-    for (const Finding& finding : judged->findings)
+    for (const Finding& finding : evaluated->findings)
       restarts += finding.kind == FindingKind::kRestarted;
     EXPECT_EQ(restarts, first == nullptr ? 0 : 1);
   }

@@ -104,7 +104,7 @@ TEST(TriangulationAccuracy, IsWhatSimulatedPointsShow) {
 }
 
 TEST(TriangulationAccuracy, CountsRefinedIntrinsicsAndTheScale) {
-  // The truth drawn from what the solver takes for its priors.
+  // The ground truth drawn from what the solver takes for its priors.
   Sums sums;
   for (uint32_t seed = 1; seed <= 60; ++seed) {
     const SimulatedWorld world = World(absl::StrCat(

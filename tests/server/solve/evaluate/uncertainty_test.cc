@@ -26,8 +26,9 @@ CalibrationResult Solve(const SimulatedWorld& world, const CalibrationOptions& o
 }
 
 TEST(Uncertainty, IsOfTheSizeOfTheErrors) {
-  // Baselines seen in the reference camera's frame, against the truth; over all cameras, axes and
-  // seeds the mean square of normalised errors is 1, and of 60 of them its standard deviation 0.18.
+  // Baselines seen in the reference camera's frame, against the ground truth; over all cameras,
+  // axes and seeds the mean square of normalised errors is 1, and of 60 of them its standard
+  // deviation 0.18.
   double sum = 0;
   int count = 0;
   CalibrationOptions options;
@@ -67,8 +68,8 @@ TEST(Uncertainty, FollowsTheResidualsNotTheStatedSigma) {
   EXPECT_NEAR(b / a, 1, 0.15);
 }
 
-// What the Cauchy loss at 2 sigmas costs under normal errors, by integration over s = |e|^2 of
-// density exp(-s / 2) / 2, is 1.0919 of variance, whatever share of the errors the fit takes.
+// Variance factor of the Cauchy loss at 2 sigmas under normal errors, by integration over s = |e|^2
+// of density exp(-s / 2) / 2, is 1.0919 of variance, whatever share of the errors the fit takes.
 TEST(Uncertainty, LossCostsWhatItMust) {
   for (const char* cameras : {"2", "6"}) {
     const SimulatedWorld world =

@@ -23,13 +23,13 @@ using ::testing::HasSubstr;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// Cameras in a ring with clocks that are right, and the truth as the reference sees it.
+// Cameras in a ring with clocks that are right, and the ground truth as the reference sees it.
 BundleProblem Ring(int cameras, int instants) {
   BundleSceneOptions options;
   options.camera_count = cameras;
   options.instant_count = instants;
   options.offset_s = 0;
-  return MakeBundleScene(options).truth;
+  return MakeBundleScene(options).ground_truth;
 }
 
 void Forget(BundleProblem* problem) {

@@ -114,7 +114,7 @@ TEST(ImageMotionEdge, RowsWithoutMarkersTakeNoPart) {
 
 TEST(ImageMotionEdge, AnExcludedRowLeavesItsNeighboursAlone) {
   AlignedTrack track = TrackOf(Line, 40);
-  Marker(track, 21).centre_px += Eigen::Vector2d(8, 0);  // too little to be wild
+  Marker(track, 21).centre_px += Eigen::Vector2d(8, 0);  // too little to be an outlier
   ImageMotion motion(track, 1, {});
   const Eigen::Vector2d truth = Line(20 * kPeriod_s + 0.01);
   EXPECT_GT((motion.At(20, 0, 0.01).centre_px - truth).norm(), 1);
@@ -158,7 +158,7 @@ TEST(ImageMotionEdge, OnlyRowsAtOneTimeGiveFiniteValues) {
   }
 }
 
-// ---- wild centres ----
+// ---- outlying centres ----
 
 std::vector<int64_t> Times(size_t count) {
   std::vector<int64_t> times_ns;
@@ -178,8 +178,8 @@ TEST(FindOutlierCentres, FindsTheOneThatJumps) {
   std::vector<Eigen::Vector2d> centres_px = Centres(Fast, 60);
   centres_px[30].x() += 400;
   centres_px[45].y() -= 400;
-  const std::vector<bool> wild = FindOutlierCentres(Times(60), centres_px, 0.07);
-  for (size_t i = 0; i < 60; ++i) EXPECT_EQ(wild[i], i == 30 || i == 45) << i;
+  const std::vector<bool> outlier = FindOutlierCentres(Times(60), centres_px, 0.07);
+  for (size_t i = 0; i < 60; ++i) EXPECT_EQ(outlier[i], i == 30 || i == 45) << i;
 }
 
 TEST(FindOutlierCentres, BelievesFewerThanThreeNeighbours) {
@@ -210,8 +210,8 @@ TEST(FindOutlierCentres, TimesThatCoincideDoNotMakeTheOthersWild) {
   centres_px[20] = centres_px[21];
   EXPECT_EQ(FindOutlierCentres(times_ns, centres_px, 0.07), std::vector<bool>(40, false));
   centres_px[10].x() += 200;
-  const std::vector<bool> wild = FindOutlierCentres(times_ns, centres_px, 0.07);
-  for (size_t i = 0; i < 40; ++i) EXPECT_EQ(wild[i], i == 10) << i;
+  const std::vector<bool> outlier = FindOutlierCentres(times_ns, centres_px, 0.07);
+  for (size_t i = 0; i < 40; ++i) EXPECT_EQ(outlier[i], i == 10) << i;
 }
 
 }  // namespace

@@ -44,10 +44,10 @@ TEST(ImageMotion, AWildNeighbourDoesNotMoveIt) {
   const ImageMotion motion(track, 1, {});
   const MarkerMotion at = motion.At(20, 0, 0.02);
   EXPECT_LT((at.centre_px - PathAt(1.02)).norm(), 0.5);
-  // The wild one stays wild, and does not become uncertain instead.
-  const MarkerMotion wild = motion.At(21, 0, 0.01);
-  EXPECT_GT((wild.centre_px - PathAt(1.06)).norm(), 300);
-  EXPECT_LT(wild.covariance_px2(0, 0), 1.0);
+  // The outlier stays one, and does not become uncertain instead.
+  const MarkerMotion outlier = motion.At(21, 0, 0.01);
+  EXPECT_GT((outlier.centre_px - PathAt(1.06)).norm(), 300);
+  EXPECT_LT(outlier.covariance_px2(0, 0), 1.0);
 }
 
 TEST(ImageMotion, ALoneRowIsOnlyAsCertainAsItsSpeedAllows) {

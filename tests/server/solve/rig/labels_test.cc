@@ -77,7 +77,7 @@ TEST_F(Labels, StraightOnesAreLeftAlone) {
   EXPECT_THAT(Find(), IsEmpty());
 }
 
-TEST_F(Labels, AReversedObservationIsFoundAndTurningItTwiceChangesNothing) {
+TEST_F(Labels, AFlippedObservationIsFoundAndFlippingItTwiceChangesNothing) {
   Make(4, 10);
   Reverse(9);
   EXPECT_THAT(Find(), ElementsAre(9));
@@ -104,7 +104,7 @@ TEST_F(Labels, AMarkerAnywhereIsNoReversal) {
   EXPECT_THAT(Find(), IsEmpty());
 }
 
-TEST_F(Labels, OfTwoCamerasTheMiddleMarkerTellsWhichIsReversed) {
+TEST_F(Labels, OfTwoCamerasTheMiddleMarkerTellsWhichIsFlipped) {
   Make(2, 10);
   Reverse(7);
   for (BundleInstant& instant : problem_.instants) instant.used = instant.first_observation != 6;
@@ -118,7 +118,7 @@ TEST_F(Labels, OfTwoCamerasThatSeeTheEndsOnlyNoneIsBlamed) {
   EXPECT_THAT(Find(), IsEmpty());
 }
 
-TEST_F(Labels, AnInstantThatPointsAgainstItsNeighboursIsTurnedAsAWhole) {
+TEST_F(Labels, AnInstantThatPointsAgainstItsNeighboursIsFlippedAsAWhole) {
   Make(2, 10, {0, 0.39});
   Reverse(6);
   Reverse(7);
@@ -154,7 +154,7 @@ TEST_F(Labels, OneCameraAloneSaysNothing) {
 
 TEST_F(Labels, NoCamerasOrInstantsIsNothingToTurn) { EXPECT_THAT(Find(), IsEmpty()); }
 
-TEST(LabelsOfARig, AreTurnedAndCountedAndCostNothing) {
+TEST(LabelsOfARig, AreFlippedAndCountedAndCostNothing) {
   const auto straight_options = ParseSimulationOptions("seed=3;cameras=4;duration=20;outliers=0");
   const auto options = ParseSimulationOptions("seed=3;cameras=4;duration=20;outliers=0;swaps=0.05");
   ASSERT_THAT(options, IsOk());
@@ -165,17 +165,17 @@ TEST(LabelsOfARig, AreTurnedAndCountedAndCostNothing) {
   const CalibrationOutcome outcome = Calibrate(InputOf(*world), {});
   ASSERT_THAT(outcome.result, IsOk());
   ASSERT_THAT(reference.result, IsOk());
-  std::map<std::string, uint64_t> turned;
+  std::map<std::string, uint64_t> flipped;
   for (const Refusal& refusal : outcome.refused) {
-    if (refusal.reason == RefusalReason::kLabelsFlipped) turned[refusal.camera] += refusal.count;
+    if (refusal.reason == RefusalReason::kLabelsFlipped) flipped[refusal.camera] += refusal.count;
   }
-  ASSERT_EQ(turned.size(), 4u);
+  ASSERT_EQ(flipped.size(), 4u);
   for (size_t c = 0; c < 4; ++c) {
     const CalibratedCamera& camera = outcome.result->cameras[c];
     const CalibratedCamera& expected = reference.result->cameras[c];
-    EXPECT_NEAR(static_cast<double>(turned[camera.camera]), 0.05 * camera.wand_count,
+    EXPECT_NEAR(static_cast<double>(flipped[camera.camera]), 0.05 * camera.wand_count,
                 0.03 * camera.wand_count);
-    // Turned labels are part of the figures, as what they turned out to be.
+    // Flipped labels are part of the figures.
     EXPECT_NEAR(camera.residuals.all.mean_px, expected.residuals.all.mean_px, 0.02);
     EXPECT_LE(camera.residuals.outlier_count, 3u);
     EXPECT_LT((camera.cam_from_rig.translation_m - expected.cam_from_rig.translation_m).norm(),

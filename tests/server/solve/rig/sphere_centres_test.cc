@@ -26,7 +26,7 @@ SimulatedWorld World(double diameter_m, const Target& wand = WandTarget()) {
   return *std::move(world);
 }
 
-// What a camera that measures the spheres' images would have sent, instead of their centres.
+// Observations of a camera that measures image blobs instead of sphere centres.
 CalibrationInput BlobsOf(const SimulatedWorld& world, CentreKind said = CentreKind::kImageBlob) {
   CalibrationInput input = InputOf(world);
   for (size_t c = 0; c < input.tracks.size(); ++c) {
@@ -74,7 +74,6 @@ TEST(SphereCentres, BlobsAreAsGoodAsCentres) {
   EXPECT_NEAR(of_blobs.worst_rotation_rad, of_centres.worst_rotation_rad, 1e-6);
   EXPECT_NEAR(MeanPx(blobs), MeanPx(centres), 0.002);
   EXPECT_NEAR(blobs.target.length_error_rms_m, centres.target.length_error_rms_m, 1e-5);
-  // What it is corrected for.
   EXPECT_GT(ComparePoses(wrong, world).worst_position_m, 3e-4);
 }
 

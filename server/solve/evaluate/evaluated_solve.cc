@@ -92,7 +92,7 @@ absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig,
 Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
   if (scores.folds == 0) {
     return {FindingKind::kIntrinsicsKept, "", 0, "px",
-            "too little data to judge refined intrinsics; the given ones are kept. Record longer, "
+            "too little data to check refined intrinsics; the given ones are kept. Record longer, "
             "or ask for refinement"};
   }
   const bool pays = scores.RefinedPays();
@@ -169,10 +169,10 @@ absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& op
       result->findings.push_back(
           {FindingKind::kTimeMatchCorrected, rig.tracks[t].track.camera.camera,
            1e3 * doubt->offset_s, "ms",
-           absl::StrFormat("the search had matched its clock with another moment of the wave: "
+           absl::StrFormat("the search had matched its clock with another part of the motion: "
                            "against the other cameras it fitted to %.1f px, %.0f ms away to %.1f "
-                           "px, from where the rig was solved again. A wave that repeats itself "
-                           "looks alike at several times: wave without a rhythm",
+                           "px, and the rig was solved again from there. A motion that repeats "
+                           "itself fits at several offsets: avoid periodic motion",
                            doubt->here_px, 1e3 * doubt->offset_s, doubt->there_px)});
       break;
     }

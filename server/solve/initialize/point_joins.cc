@@ -158,9 +158,9 @@ absl::Status PointJoins::NotJoined(std::vector<bool> reached) const {
   return absl::FailedPreconditionError(absl::StrCat(
       "the scale cannot be carried from the cameras {", absl::StrJoin(inside, ", "), "} to {",
       absl::StrJoin(outside, ", "),
-      "}: with one marker it takes moments that three cameras "
+      "}: with one marker it takes instants that three cameras "
       "share, and ",
-      name(via), " and ", name(next), " share ", std::get<0>(best), " moments but only ",
+      name(via), " and ", name(next), " share ", std::get<0>(best), " instants but only ",
       Weight(reached, via, next), " with one of the others as well that can be used (at least ",
       graph_.min_shared, " are needed); wave the marker where ", name(third), ", ", name(via),
       " and ", name(next), " see it at the same time, or use a wand with two or more markers"));

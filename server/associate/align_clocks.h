@@ -11,12 +11,12 @@
 
 namespace rigcal::server {
 
-// A track put beside the others in time.
+// A track on the common time scale.
 struct AlignedTrack {
   CleanTrack track;
   int64_t clock_offset_ns = 0;  // of the clock: rig time minus camera time, coarse
   int64_t latency_ns = 0;       // of the camera: rig time is camera time + offset - latency
-  double offset_sigma_s = 0;    // how far the coarse offset may be off; 0 within one time base
+  double offset_sigma_s = 0;    // one sigma of the coarse offset; 0 within one time base
   double period_s = 0;          // median time between rows; 0 with fewer than two
 
   int64_t CoarseRigTimeNs(const Observation& observation) const {
@@ -29,8 +29,8 @@ struct AlignedTrack {
 // Within a session whose clocks follow one time base, each camera's epoch with the most
 // observations keeps offset 0 (of equal ones the lowest). In any other session rig time is the
 // server's UTC: an epoch of a clock with samples gets the median of host UTC minus device time,
-// plus the host's own alignment with the server. Everything else is left out and counted as
-// `clock_epoch_without_offset`. Clocks are told apart by clock_id, so that cameras on one clock
+// plus the host's own alignment with the server. Everything else is rejected and counted as
+// `clock_epoch_without_offset`. Clocks are identified by clock_id, so that cameras on one clock
 // share its samples. The order of `clean` is kept.
 std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
                                       std::vector<CleanTrack> clean, RefusalCounter* refused);

@@ -10,7 +10,7 @@
 
 namespace rigcal::server {
 
-// Everything one camera delivered in one session. Cameras are told apart by name across sessions:
+// The observations of one camera in one session. Cameras are identified by name across sessions:
 // the same name in two sessions is the same camera. `observations` may be in any order and may hold
 // duplicates; consumers sort by (clock_epoch, time).
 struct CameraTrack {

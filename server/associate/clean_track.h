@@ -21,11 +21,11 @@ struct CleanTrack {
   std::vector<Observation> observations;
 };
 
-// Sorts what the cameras delivered, and leaves out what cannot be used. The result depends on the
+// Sorts observations and rejects unusable ones. The result depends on the
 // set of observations only: tracks come sorted by (session, camera, clock epoch), and several
 // CameraTracks of one session and camera are taken together. Two observations of one camera, epoch
 // and time: equal in every value, one is kept and the others are counted as `duplicate_equal`;
-// else all are left out as `duplicate_conflict`. Also left out and counted: `value_not_finite`,
+// else all are rejected as `duplicate_conflict`. Also rejected and counted: `value_not_finite`,
 // `covariance_not_positive`, `marker_count_mismatch`.
 std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int marker_count,
                                     RefusalCounter* refused);

@@ -14,9 +14,9 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kPeriodShare = 0.25;
-// Of cameras that have rows between those of slower ones. These need not come evenly: at 200 Hz a
-// wand of 500 Hz is told after 4 and 6 ms by turns, of which the median may be either, and two
-// cameras may be told neighbouring blinks, 2 ms apart.
+// Of cameras that have rows between those of slower ones. Their intervals need not be even: at
+// 200 Hz a wand that blinks at 500 Hz is emitted after 4 and 6 ms alternately, of which the median
+// may be either, and two cameras may emit neighbouring blinks, 2 ms apart.
 constexpr double kPeriodShareBetween = 0.65;
 // Cameras run freely when instants a whole period wide have so many more cameras each.
 constexpr double kFreeRunningGain = 1.25;
@@ -24,8 +24,8 @@ constexpr double kFreeRunningGain = 1.25;
 constexpr uint32_t kStarvedTrackGain = 2;
 // A camera of so much shorter a period than the slowest has rows between theirs.
 constexpr double kFastShare = 0.6;
-// How far a row of such a camera may be from an instant of the slow ones, in its own periods: its
-// rows need not come evenly.
+// Reach of an instant of the slow cameras for rows of such a camera, in its own periods: its
+// intervals need not be even.
 constexpr double kReachPeriods = 0.75;
 // For cameras with one row each, which have no period.
 constexpr double kToleranceWithoutPeriodS = 0.005;
@@ -152,7 +152,7 @@ AlikeGrouping GroupAlike(const std::vector<AlignedTrack>& tracks, const std::vec
   return {run_freely ? std::move(nearest) : std::move(together), run_freely};
 }
 
-// Those whose rows come between the rows of the slowest.
+// Tracks with rows between those of the slowest.
 std::vector<int> FastTracks(const std::vector<AlignedTrack>& tracks,
                             const std::vector<int>& members) {
   const double longest_s = PeriodsOf(tracks, members).longest_s;
@@ -172,7 +172,7 @@ std::vector<WandView> ViewsOf(const std::vector<WandView>& views, const std::vec
   return own;
 }
 
-// Whether one of these groups, ascending in time, lies within `reach_ns`.
+// True if one of these times, ascending, lies within `reach_ns`.
 bool IsNear(const std::vector<int64_t>& times_ns, int64_t time_ns, int64_t reach_ns) {
   const auto after = std::lower_bound(times_ns.begin(), times_ns.end(), time_ns - reach_ns);
   return after != times_ns.end() && *after <= time_ns + reach_ns;

@@ -10,7 +10,7 @@
 
 namespace rigcal::server {
 
-// Where the time of a solve went, seconds on the calling thread.
+// Times of the parts of a solve, seconds on the calling thread.
 struct LineBundleTimes {
   double setup_s = 0;      // checks, packing and the first cost
   double linearise_s = 0;  // residuals, derivatives, the instants' blocks
@@ -31,8 +31,8 @@ struct LineBundleTimes {
 // rejected, like one that raises the cost.
 //
 // INVALID_ARGUMENT: the problem or the options are not valid, or the target has more than 32
-// markers. FAILED_PRECONDITION: no marker is used; a used marker cannot be seen from where its
-// camera starts (names camera, instant and marker); the linear system broke down. CANCELLED. On an
+// markers. FAILED_PRECONDITION: no marker is used; a used marker is not visible at the initial
+// values (names camera, instant and marker); the linear system broke down. CANCELLED. On an
 // error the problem is left as it was. Not reaching the tolerance is no error: see `converged`.
 absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem,
                                               LineBundleTimes* times = nullptr);

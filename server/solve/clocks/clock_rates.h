@@ -22,16 +22,16 @@ struct RateTestOptions {
   double min_drift_s = 4e-4;
 };
 
-// Which clocks run differently from the others of their session. Clocks are held against the one in
-// the middle (of the rates, least sum of distances; of equal ones the first whose rate is 0, then
+// Finds clocks that run differently from the others of their session. They are compared with the
+// median clock (of the rates, least sum of distances; of equal ones the first whose rate is 0, then
 // the first): most clocks run alike, and the one that the others were measured against may be the
 // one that does not. A clock that runs alike is better without a rate: it is one more unknown, and
 // a camera that saw little would be given any. But where a third of a session's rates, and two
-// at least, stand out, every clock is an oscillator of its own, and to hold the rest at no rate
-// would put the middle clock's into their offsets: all that were estimated are kept.
+// at least, stand out, every clock is an oscillator of its own, and holding the rest at rate 0
+// would put the median clock's rate into their offsets: all that were estimated are kept.
 //
-// `sigma_between(k, l)`: one sigma of rate k minus rate l. One that is not finite and positive says
-// nothing, and makes no rate.
+// `sigma_between(k, l)`: one sigma of rate k minus rate l. Where it is not finite and positive, no
+// rate is kept.
 std::vector<bool> FindOwnRates(const std::vector<RateEstimate>& clocks,
                                const std::function<double(size_t, size_t)>& sigma_between,
                                const RateTestOptions& options);

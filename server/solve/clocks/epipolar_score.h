@@ -5,11 +5,11 @@
 
 namespace rigcal::server {
 
-// Fewer matches say nothing: the matrix has eight degrees of freedom.
+// Fewer matches are meaningless: the matrix has eight degrees of freedom.
 inline constexpr int kMinEpipolarMatches = 40;
 
-// How many markers of track a have been seen by track b at the same time if its clock is off by
-// `offset_s` (as in SearchTimeOffsets), of at most `max_samples` of each marker that are asked.
+// The number of markers of track a that were seen by track b at the same time if its clock is off
+// by `offset_s` (as in SearchTimeOffsets), of at most `max_samples` samples of each marker.
 int CountMatches(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples);
 
 // Median distance of these matches from the epipolar lines of the matrix that fits them best, in

@@ -13,7 +13,7 @@ struct TimeCheckOptions {
   double fine_step_s = 0.001;
   int max_instants = 120;
   int min_points = 60;
-  // A clock that is matched this well is not looked at.
+  // A clock that is matched this well is not checked.
   double content_px = 2;
   // Another offset is better when it scores this share of the present one, and this.
   double better_share = 0.4;
@@ -28,12 +28,12 @@ struct OffsetDoubt {
 };
 
 // Checks whether a solved rig has matched a clock at a wrong offset: the coarse search knows
-// pairs of cameras only, and a wave that repeats itself can match a period off. For each clock the
+// pairs of cameras only, and a periodic motion can match a period off. For each clock the
 // markers are triangulated from the cameras of the other clocks (two at least, which must agree),
 // and one of its own cameras is fitted to them by resection (direct linear transform, Hartley and
 // Zisserman, Multiple View Geometry, section 7.1, reweighted against outliers) at offsets within
-// reach. What was solved of the camera is not used, nor need it be right. The clock that gains
-// most, or none; a rig of two clocks cannot be checked.
+// reach. The camera's own solution is not used. Returns the clock that gains most, or none; a rig
+// of two clocks cannot be checked.
 std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig, const RigSolution& solution,
                                             const TimeCheckOptions& options);
 

@@ -12,19 +12,19 @@
 namespace rigcal::server {
 
 struct TimeSearchOptions {
-  double reach_s = 1.0;        // offsets between two clocks are looked for up to this
-  double step_s = 0.01;        // first steps; what follows needs to be within about 10 ms
+  double reach_s = 1.0;        // largest offset between two clocks
+  double step_s = 0.01;        // first steps; the solve needs about 10 ms
   double fine_step_s = 0.001;  // around the best of them
   int max_samples = 250;       // wand views of one camera that are compared with another's
-  // An offset is believed when its score is below this share of what wrong offsets score.
+  // An offset is accepted when its score is below this share of the score of wrong offsets.
   double convincing_share = 0.3;
   double convincing_px = 4;  // and it must score better than this
-  double aligned_px = 1.2;   // a nearby offset that scores this is believed at once
+  double aligned_px = 1.2;   // a nearby offset with this score is accepted at once
   std::function<void(double fraction)> progress;
   const std::atomic<bool>* cancelled = nullptr;
 };
 
-// How badly two cameras contradict each other when the second one's rows are `offset_s`
+// Inconsistency of two cameras when the second one's rows are `offset_s`
 // later than their rig times say: the median epipolar distance, in pixels, of the fundamental
 // matrix that fits best (eight-point algorithm, reweighted against outliers) between the first
 // camera's views and the second one's interpolated at the same times. Infinite where too little is
@@ -36,9 +36,9 @@ double EpipolarScorePx(const RigObservations& rig,
 // Finds offsets between clocks that are too large to be estimated (the first order in time holds
 // for some tens of milliseconds), and adds them to `clocks`. Along a tree of pairs of cameras on
 // different clocks, of those that agree best among some partners of each; of a pair that nearly
-// agrees only offsets nearby are looked at, and clocks that agree to an eighth of a period stay
-// exactly as they are. The reference camera's clock keeps its correction. A clock for which no
-// offset convinces stays too. CANCELLED.
+// agrees only offsets nearby are tried, and clocks that agree to an eighth of a period stay
+// exactly as they are. The reference camera's clock keeps its correction. A clock without an
+// accepted offset stays too. CANCELLED.
 absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
                                const TimeSearchOptions& options,
                                std::vector<ClockCorrection>* clocks);

@@ -37,16 +37,16 @@ struct RelativePoseOptions {
 
 struct RelativePose {
   RigidTransform b_from_a;  // metric, from the marker spacing; of one marker: baseline of length 1
-  int instant_count = 0;    // looked at
+  int instant_count = 0;    // used
   int inlier_count = 0;     // of those: seen before both cameras, within the threshold, right size
-  double median_px = 0;     // reprojection error of the rigid target over all markers looked at
+  double median_px = 0;     // reprojection error of the rigid target over all markers used
 };
 
-// The pose between two cameras from what they share: essential matrices of random samples of five
+// The pose between two cameras from shared markers: essential matrices of random samples of five
 // (Nister 2004; each marker from another instant, as three on one wand lie on a line), scored by
 // truncated Sampson distance; the best few are decomposed, given their metric scale by the target's
-// spacing, and judged again by what no essential matrix knows: that the target is rigid. This tells
-// the true solution from the mirrored one and from the second one of a planar motion. The winner is
+// spacing, and scored again with the rigid target, which distinguishes the true solution from the
+// mirrored one and from the second one of a planar motion. The winner is
 // refined with the rigid target. One marker has no size: cheirality and reprojection decide alone,
 // and the baseline has length 1. None where too few instants agree. Same input, same bits.
 std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>& instants,

@@ -50,7 +50,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   size_t next = 0;
   for (uint32_t i = 0; i < batch->rows(); ++i) {
     if (next < refused_rows->size() && (*refused_rows)[next].row == i) {
-      FUZZ_CHECK(!(*refused_rows)[next].reason.empty());
+      FUZZ_CHECK((*refused_rows)[next].reason != rigcal::RefusalReason::kUnspecified);
       ++next;
     } else {
       CheckKept(batch->Row(i), context);

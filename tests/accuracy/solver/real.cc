@@ -70,7 +70,7 @@ void PrintTarget(const CalibrationResult& result) {
   fmt::print("quality: {}\n", kGrades[static_cast<size_t>(result.quality.grade)]);
   for (const std::string& reason : result.quality.reasons) fmt::print("  {}\n", reason);
   for (const Finding& finding : result.findings) {
-    fmt::print("finding: {} {} {:.4g} {}: {}\n", finding.kind,
+    fmt::print("finding: {} {} {:.4g} {}: {}\n", NameOf(finding.kind),
                finding.camera.empty() ? "rig" : finding.camera, finding.value, finding.unit,
                finding.advice);
   }

@@ -26,8 +26,8 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-absl::StatusOr<v1::Session> Get(ServerConnection& server, const std::string& id,
-                                std::chrono::milliseconds timeout = kCallTimeout) {
+absl::StatusOr<v1::GetSessionResponse> Get(ServerConnection& server, const std::string& id,
+                                           std::chrono::milliseconds timeout = kCallTimeout) {
   v1::GetSessionRequest request;
   request.set_id(id);
   return server.Call(server.sessions(), &v1::SessionService::Stub::GetSession, request, timeout);
@@ -50,8 +50,8 @@ TEST(ServerConnection, PassesTheServersStatusOn) {
   ServerConnection server(fake.address());
   EXPECT_THAT(Get(server, "nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
   fake.sessions["wave"] = FullSession("wave");
-  ASSERT_OK_AND_ASSIGN(const v1::Session session, Get(server, "wave"));
-  EXPECT_EQ(session.observation_count(), 1238u);
+  ASSERT_OK_AND_ASSIGN(const v1::GetSessionResponse response, Get(server, "wave"));
+  EXPECT_EQ(response.session().observation_count(), 1238u);
 }
 
 TEST(ServerConnection, UnreachableNamesTheAddressAndWhatToDo) {
@@ -120,7 +120,7 @@ TEST(Read, EndsEarlyWhenNobodyWantsMore) {
   int seen = 0;
   EXPECT_THAT(server.Read(server.sessions(), &v1::SessionService::Stub::ReadObservations, {},
                           std::chrono::milliseconds(0),
-                          [&](const v1::ObservationBatch&) { return ++seen < 3; }),
+                          [&](const v1::ReadObservationsResponse&) { return ++seen < 3; }),
               IsOk());
   EXPECT_EQ(seen, 3);
 }
@@ -133,7 +133,7 @@ TEST(Read, GivesTheStatusAfterTheMessages) {
   int seen = 0;
   EXPECT_THAT(server.Read(server.sessions(), &v1::SessionService::Stub::ReadObservations, {},
                           std::chrono::milliseconds(0),
-                          [&](const v1::ObservationBatch&) { return ++seen > 0; }),
+                          [&](const v1::ReadObservationsResponse&) { return ++seen > 0; }),
               StatusIs(absl::StatusCode::kDataLoss, HasSubstr("checksum")));
   EXPECT_EQ(seen, 2);
 }

@@ -44,11 +44,11 @@ TEST(FormatCalibration, ShowsInstantsWandTimeAndRefusals) {
   EXPECT_THAT(text, ContainsRegex("wand length error +0.580 mm rms over 1200 spans"));
   EXPECT_THAT(text, ContainsRegex("time taken +1.25 s\n"));
   EXPECT_THAT(text, ContainsRegex("left +clock_epoch_without_offset +6 +row 620 of left.csv"));
-  EXPECT_THAT(text, ContainsRegex("clock_offset +left +-8.15 +ms +check the trigger cable"));
+  EXPECT_THAT(text, ContainsRegex("clock_offset +warning +left +-8.15 +ms +check the trigger cable"));
   EXPECT_THAT(text, HasSubstr("Quality: usable\n  left is late\n"));
 }
 
-TEST(FormatCalibration, ShowsTheJudgementWhereThereIsOne) {
+TEST(FormatCalibration, ShowsTheEvaluationWhereThereIsOne) {
   v1::Calibration calibration = FullCalibration();
   EXPECT_THAT(
       FormatCalibration(calibration),

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "agent/spool/memory_spool.h"
+#include "common/wire/protocol_version.h"
 #include "tests/agent/uplink/fake_server.h"
 #include "tests/agent/uplink/scripted_source.h"
 #include "tests/testing/status_matchers.h"
@@ -98,7 +99,7 @@ TEST_F(UplinkTest, SaysWhoItIsAndWhichCamerasItHas) {
   EXPECT_EQ(hello.connection(), 1u);
   EXPECT_EQ(hello.host(), "pc");
   EXPECT_EQ(hello.rig(), "hall");
-  EXPECT_EQ(hello.protocol_version().major(), 1u);
+  EXPECT_EQ(hello.protocol_version().major(), wire::kProtocolMajor);
   ASSERT_EQ(hello.cameras_size(), 2);
   EXPECT_EQ(hello.cameras(0).description().camera(), "left");
   EXPECT_EQ(hello.cameras(0).description().clock().clock_id(), "left");

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/wire/observation_wire.h"
+#include "common/wire/protocol_version.h"
 #include "server/session/utc_clock.h"
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/process.h"
@@ -44,7 +45,7 @@ TEST_F(AgentStream, AnswersTheHelloWithLimitsAndIdentity) {
   TestAgent agent(channel(), MakeHello("pc", {"left"}));
   const v1::ServerHello hello = agent.ReadHello();
   EXPECT_EQ(hello.server_id(), store().server_id());
-  EXPECT_EQ(hello.protocol_version().major(), 1u);
+  EXPECT_EQ(hello.protocol_version().major(), wire::kProtocolMajor);
   EXPECT_EQ(hello.max_message_bytes(), 4u << 20);
   EXPECT_GT(hello.max_batch_observations(), 0u);
   EXPECT_THAT(directory_of_agents_->ConnectedCameraNames("rig"), ::testing::ElementsAre("left"));
@@ -58,7 +59,7 @@ TEST_F(AgentStream, RefusesOtherVersionsNamingBoth) {
   TestAgent agent(channel(), hello);
   EXPECT_THAT(agent.AwaitEnd(),
               StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("'pc'"), HasSubstr("9.1"), HasSubstr("1.1"))));
+                       AllOf(HasSubstr("'pc'"), HasSubstr("9.0"), HasSubstr("2.0"))));
 }
 
 TEST_F(AgentStream, RefusesMalformedHellosWithTheField) {

@@ -230,9 +230,11 @@ std::vector<OptionHelp> OptionTable::Help() const {
     const bool is_family = option.indexed != nullptr;
     const std::string name = is_family ? option.name + ".N" : option.name;
     if (std::ranges::find(help, name, &OptionHelp::name) != help.end()) continue;
+    // Where a value must be above 0, 0 stands for "not given".
+    const bool is_unset = option.values.starts_with("above 0") && option.Current()[name] == "0";
     help.push_back({.name = name,
                     .values = option.values,
-                    .default_value = is_family ? "" : option.defaults.at(name),
+                    .default_value = is_family || is_unset ? "" : option.defaults.at(name),
                     .meaning = option.meaning});
   }
   return help;

@@ -337,7 +337,7 @@ TEST_F(EventObservationSourceTest, RefusesWhatItCannotDo) {
   EXPECT_THAT(Open(wand.RawFile(), ";rate=5000"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rate=5000")));
   EXPECT_THAT(Open(wand.RawFile(), ";trigger=up"),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rising, falling, middle")));
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rising, falling or middle")));
   EXPECT_THAT(Open(wand.RawFile(), ";rate=0"),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("neither a rate")));
   EXPECT_THAT(Open(wand.RawFile(), ";geometry=1280x720"),

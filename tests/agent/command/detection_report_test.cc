@@ -50,7 +50,7 @@ TEST(DetectionReport, CountsWhatWasLookedAt) {
 
 TEST(FormatReport, NamesWhatThereIs) {
   EXPECT_THAT(FormatReport(SomeReport()),
-              AllOf(HasSubstr("75.00 %"), HasSubstr("no blob"), HasSubstr("picture_unreadable x 3"),
+              AllOf(HasSubstr("75.00 %"), HasSubstr("no blob"), HasSubstr("frame_unreadable x 3"),
                     HasSubstr("mask only"), Not(HasSubstr("saturated"))));
 }
 

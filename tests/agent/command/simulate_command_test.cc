@@ -105,7 +105,7 @@ TEST(SimulateCommand, RefusesWhatItCannotWrite) {
   const testing::TemporaryDirectory folder;
   const std::string raw = (folder.path() / "left.raw").string();
   EXPECT_THAT(RunSimulate({"sim:camera=1;cameras=4", "--out", raw}),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("no simulated event camera")));
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not a simulated event camera")));
   EXPECT_THAT(RunSimulate({"sim:camera=1;cameras=4;events=1", "--out", raw + ".h5"}),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(".raw")));
   EXPECT_FALSE(RunSimulate({"sim:camera=1;cameras=4;events=1;duration=0.1", "--out",

@@ -37,7 +37,11 @@ Ran RunInfo(std::vector<std::string> arguments) {
   subcommands.AddTo(app);
   std::reverse(arguments.begin(), arguments.end());
   arguments.emplace_back("info");
-  app.parse(arguments);
+  try {
+    app.parse(arguments);
+  } catch (const CLI::ParseError& error) {
+    return {absl::InvalidArgumentError(error.what()), out.str()};
+  }
   const absl::Status status = subcommands.Chosen()();
   return {status, out.str()};
 }

@@ -335,8 +335,8 @@ TEST_F(MetavisionEventSourceTest, OptionsThatMakeNoSense) {
   options.shortest_pause = std::chrono::milliseconds(0);
   EXPECT_THAT(CreateStatus(options),
               StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("name is empty"), HasSubstr("primary_delay is nan"),
-                             HasSubstr("latency is 11"), HasSubstr("trigger_channel is 32"),
+                       AllOf(HasSubstr("name is empty"), HasSubstr("primary_delay=nan"),
+                             HasSubstr("latency=11"), HasSubstr("trigger_channel is 32"),
                              HasSubstr("shortest pause"))));
   EXPECT_THAT(CreateStatus(WithSettings("colour = 1\n")),
               StatusIs(absl::StatusCode::kInvalidArgument,

@@ -234,7 +234,7 @@ TEST(SceneRenderer, RefusesWhatCannotBeDrawn) {
   FrameRenderOptions options;
   options.lux = -1;
   EXPECT_THAT(SceneRenderer::Create(Lens(), kSize, Wand(), options).status(),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("lux is -1")));
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("lux=-1")));
   Intrinsics narrow = Lens();
   narrow.cx_px = 0;
   EXPECT_THAT(SceneRenderer::Create(narrow, {1, 512}, Wand(), {}).status(),

@@ -28,7 +28,7 @@ struct ReportInput {
 // errors, digest. A camera with clocks in several sessions reports the one of the session with the
 // lowest id. Adds to `refused` what the solve left out: `alone_in_instant` (wand views nobody else
 // shares), `not_nearest_in_instant` (freely running cameras), `instant_without_pose`,
-// `label_turned`, `gross_outlier` (markers). FAILED_PRECONDITION where a camera has no pose that
+// `labels_flipped`, `outlier` (markers). FAILED_PRECONDITION where a camera has no pose that
 // can be vouched for.
 absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
                                                     RefusalCounter* refused);

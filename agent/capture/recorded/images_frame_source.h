@@ -16,8 +16,8 @@ namespace rigcal::agent {
 
 // The images of a folder in the natural order of their names, or one image. Times are those of
 // `timestamps_path` (lines name;timestamp_ns), else of the folder's timestamps.csv, else fps, else
-// the numbers in the names (TimeFromName). Refused: picture_unreadable (truncated, damaged),
-// picture_no_time, picture_wrong_size (another size than the intrinsics have). A time before the
+// the numbers in the names (TimeFromName). Refused: frame_unreadable (truncated, damaged),
+// frame_no_time, frame_wrong_size (another size than the intrinsics have). A time before the
 // previous one begins a new clock epoch and is logged; equal times are passed on.
 class ImagesFrameSource : public RecordedFrameSource {
  public:

@@ -16,8 +16,8 @@ namespace rigcal::agent {
 
 // The frames of a video that OpenCV's FFmpeg or GStreamer can read (mkv, avi, mp4, ...), in order.
 // Times are those of `timestamps_path` (a line timestamp_ns for each frame), else of
-// STEM.timestamps.csv beside the video, else fps, else the file's own. Refused: picture_no_time (no
-// time, or none after the previous one), picture_wrong_size. Frames that a truncated file lacks are
+// STEM.timestamps.csv beside the video, else fps, else the file's own. Refused: frame_no_time (no
+// time, or none after the previous one), frame_wrong_size. Frames that a truncated file lacks are
 // counted as video_ends_early and lost.
 class VideoFrameSource : public RecordedFrameSource {
  public:

@@ -17,6 +17,7 @@
 
 #include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"
+#include "common/wire/protocol_version.h"
 #include "rigcal/v1/ingest_service.grpc.pb.h"
 
 namespace rigcal::agent {
@@ -24,7 +25,7 @@ namespace rigcal::agent {
 // Faults and delays of the fake server. Set before or during a run, through FakeServer::Set.
 struct FakeBehaviour {
   std::string server_id = "store-1";
-  uint32_t protocol_major = 1;
+  uint32_t protocol_major = wire::kProtocolMajor;
   uint32_t window = 100'000;  // credit beyond what is durable
   uint32_t max_batch_observations = 0;
   bool answers_hello = true;

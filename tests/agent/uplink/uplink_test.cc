@@ -351,7 +351,8 @@ TEST_F(UplinkTest, TriesAgainWhileAnotherAgentHoldsItsCamera) {
 }
 
 TEST_F(UplinkTest, SaysNothingToAServerOfAnotherProtocol) {
-  server_.Set([](FakeBehaviour& behaviour) { behaviour.protocol_major = 2; });
+  server_.Set(
+      [](FakeBehaviour& behaviour) { behaviour.protocol_major = wire::kProtocolMajor + 1; });
   Start();
   EXPECT_EQ(server_.WaitForHello(3).connection(), 3u);
   EXPECT_EQ(server_.Now().message_count, 0u);

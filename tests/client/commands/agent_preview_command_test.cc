@@ -98,7 +98,7 @@ TEST_F(AgentPreviewCommand, SaysWhenTheServerIsTooOld) {
   fake_.failures["GetPreview"] = {grpc::StatusCode::UNIMPLEMENTED, ""};
   const CommandOutcome outcome = Preview({"left", "--out", Path("a.jpg")});
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.err, HasSubstr("older than previews"));
+  EXPECT_THAT(outcome.err, HasSubstr("rigcal doctor compares the versions"));
 }
 
 TEST_F(AgentPreviewCommand, SaysWhyTheFileCannotBeWritten) {

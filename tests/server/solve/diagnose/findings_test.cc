@@ -53,7 +53,7 @@ std::multiset<std::string> Alarms(const CalibrationResult& result) {
     if (finding.kind == FindingKind::kIntrinsicsKept ||
         finding.kind == FindingKind::kIntrinsicsRefined)
       continue;
-    alarms.insert(absl::StrCat(finding.kind, ":", finding.camera));
+    alarms.insert(absl::StrCat(std::string(NameOf(finding.kind)), ":", finding.camera));
   }
   return alarms;
 }
@@ -205,7 +205,7 @@ TEST(Findings, SwappedMarkers) {
     ++flipped;
   }
   const CalibrationResult result = Solve(input, Fixed());
-  EXPECT_EQ(Alarms(result), Strings{"swapped_markers:sim_4"});
+  EXPECT_EQ(Alarms(result), Strings{"flipped_labels:sim_4"});
   EXPECT_NEAR(Get(result, FindingKind::kFlippedLabels).value, 5, 1);
 }
 

@@ -21,8 +21,9 @@
 namespace rigcal::client {
 namespace {
 
-absl::Status Export(const v1::Calibration& calibration, const RunFolder& folder) {
-  RIGCAL_RETURN_IF_ERROR(ExportJson(calibration, folder.Export()).status());
+absl::Status Export(const v1::Calibration& calibration, const GroundTruthComparison* ground_truth,
+                    const RunFolder& folder) {
+  RIGCAL_RETURN_IF_ERROR(ExportJson(calibration, folder.Export(), ground_truth).status());
   if (!calibration.scale_known()) return absl::OkStatus();
   return ExportOpenCv(calibration, folder.Export()).status();
 }
@@ -64,7 +65,9 @@ ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& 
     }
   }
   if (succeeded && folder.stays()) {
-    if (const absl::Status status = Export(calibration, folder); !status.ok()) {
+    const absl::Status status =
+        Export(calibration, ground_truth ? &*ground_truth : nullptr, folder);
+    if (!status.ok()) {
       code = context.Fail(status);
     }
   }

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/output/output.h"
+#include "client/results/ground_truth_comparison.h"
 #include "client/tables/calibration_table.h"
 #include "common/camera/camera_id.h"
 #include "common/camera/intrinsics_file.h"
@@ -96,11 +97,14 @@ absl::StatusOr<std::vector<std::filesystem::path>> ExportOpenCv(
 }
 
 absl::StatusOr<std::vector<std::filesystem::path>> ExportJson(
-    const v1::Calibration& calibration, const std::filesystem::path& directory) {
+    const v1::Calibration& calibration, const std::filesystem::path& directory,
+    const GroundTruthComparison* ground_truth) {
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
   RIGCAL_RETURN_IF_ERROR(MakeDirectory(directory));
   const std::filesystem::path file = directory / "calibration.json";
-  RIGCAL_RETURN_IF_ERROR(ReplaceFile(file, ToJson(calibration) + "\n"));
+  const std::string json = ToJson(calibration);
+  RIGCAL_RETURN_IF_ERROR(
+      ReplaceFile(file, (ground_truth ? WithGroundTruth(json, *ground_truth) : json) + "\n"));
   return std::vector<std::filesystem::path>{file};
 }
 

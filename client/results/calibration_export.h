@@ -9,6 +9,8 @@
 
 namespace rigcal::client {
 
+struct GroundTruthComparison;
+
 // Both write into `directory`, which is made where missing, replace files of the same names, and
 // return the files written. FAILED_PRECONDITION: the calibration has no result.
 
@@ -18,9 +20,10 @@ namespace rigcal::client {
 absl::StatusOr<std::vector<std::filesystem::path>> ExportOpenCv(
     const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory);
 
-// The calibration as `calibration.json`.
+// The calibration as `calibration.json`, with the comparison where there is one.
 absl::StatusOr<std::vector<std::filesystem::path>> ExportJson(
-    const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory);
+    const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory,
+    const GroundTruthComparison* ground_truth = nullptr);
 
 // FAILED_PRECONDITION unless it has succeeded.
 absl::Status CheckHasResult(const rigcal::v1::Calibration& calibration);

@@ -213,7 +213,7 @@ TEST(RigBound, SaysWhenTheRigCannotBeKnown) {
     std::erase_if(instant.markers, [](const SeenMarker& seen) { return seen.camera == 2; });
   }
   EXPECT_THAT(ComputeRigBound(rig, {}),
-              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("not touched")));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("in no observation")));
 }
 
 }  // namespace

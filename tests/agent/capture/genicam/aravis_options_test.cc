@@ -44,10 +44,10 @@ TEST(AravisSourceOptions, NamesEachFault) {
       {[](auto* o) { o->frame_rate_hz = 1e6; }, "frame_rate"},
       {[](auto* o) { o->trigger.clear(); }, "trigger"},
       {[](auto* o) { o->trigger = "software"; }, "software"},
-      {[](auto* o) { o->buffer_count = 2; }, "buffer count"},
-      {[](auto* o) { o->packet_size = 100; }, "packet size"},
-      {[](auto* o) { o->packet_size = 70'000; }, "packet size"},
-      {[](auto* o) { o->socket_buffer_bytes = 10; }, "socket buffer"},
+      {[](auto* o) { o->buffer_count = 2; }, "buffers"},
+      {[](auto* o) { o->packet_size = 100; }, "packet_size"},
+      {[](auto* o) { o->packet_size = 70'000; }, "packet_size"},
+      {[](auto* o) { o->socket_buffer_bytes = 10; }, "socket_buffer"},
       {[&](auto* o) { o->blink_hz = nan; }, "blink"},
       {[&](auto* o) { o->latency_s = nan; }, "latency"},
       {[](auto* o) {
@@ -68,7 +68,7 @@ TEST(AravisSourceOptions, ListsAllFaultsAtOnce) {
   options.packet_size = 1;
   EXPECT_THAT(options.Validate(), StatusIs(absl::StatusCode::kInvalidArgument,
                                            AllOf(HasSubstr("camera left"), HasSubstr("exposure"),
-                                                 HasSubstr("packet size"))));
+                                                 HasSubstr("packet_size"))));
 }
 
 }  // namespace

@@ -120,7 +120,8 @@ void Ingest(benchmark::State& state) {
   ingest->WaitIdle();
   state.SetItemsProcessed(state.iterations() * 16);
   state.counters["rows_per_commit"] =
-      static_cast<double>(ingest->Stats().stored_observation_count) / ingest->Stats().commit_count;
+      static_cast<double>(ingest->Stats().stored_observation_count) /
+      static_cast<double>(ingest->Stats().commit_count);
   ingest->Shutdown();
 }
 

@@ -22,7 +22,8 @@ struct MarkerAperture {
   double ring_px = 3;     // width of the ring
 
   explicit MarkerAperture(const Blob& blob) : centre_px(blob.centre_px) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(blob.second_moment_px2);
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+    eigen.computeDirect(blob.second_moment_px2);
     // A pixel's own extent; a blob of one row has no moment across it.
     const Eigen::Vector2d squared = (4 * eigen.eigenvalues()).cwiseMax(1.0);
     b = std::sqrt(squared[0]);

@@ -63,7 +63,8 @@ void Write(cv::Mat& canvas, const std::string& text, const cv::Point& where, dou
 
 void DrawBlob(cv::Mat& canvas, const Blob& blob) {
   if (!CanDraw(canvas, blob.centre_px) || !blob.second_moment_px2.allFinite()) return;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes(blob.second_moment_px2);
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes;
+  axes.computeDirect(blob.second_moment_px2);
   // A full ellipse has semi-axes of twice the square roots of its second moments.
   const double limit = canvas.cols + canvas.rows;
   const Eigen::Vector2d semi_px =

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/clocks/epipolar_score.h"
 
-#include <Eigen/Core>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
 
 #include "common/statistics/robust_statistics.h"
+#include "server/solve/geometry/null_vector.h"
 
 namespace rigcal::server {
 namespace {
@@ -70,8 +70,7 @@ double EpipolarScorePx(const TrackPaths& a, const TrackPaths& b, double offset_s
       row << y[0] * x, y[1] * x, y[2] * x;
       normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weights[i]);
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(normal);
-    const Eigen::Matrix<double, 9, 1> f = solver.eigenvectors().col(0);
+    const Eigen::Matrix<double, 9, 1> f = NullVector(normal);
     Eigen::Matrix3d matrix;
     matrix << f.segment<3>(0).transpose(), f.segment<3>(3).transpose(), f.segment<3>(6).transpose();
     for (size_t i = 0; i < matches.size(); ++i) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/clocks/time_check.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,6 +12,7 @@
 #include "common/camera/intrinsics_vector.h"
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/clocks/ray_paths.h"
+#include "server/solve/geometry/null_vector.h"
 #include "server/solve/geometry/triangulation.h"
 
 namespace rigcal::server {
@@ -109,8 +110,7 @@ double ResectionError(std::vector<PointAndRay> sights) {
         normal.selfadjointView<Eigen::Lower>().rankUpdate(row, weights[i]);
       }
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 12, 12>> solver(normal);
-    const Eigen::Matrix<double, 12, 1> p = solver.eigenvectors().col(0);
+    const Eigen::Matrix<double, 12, 1> p = NullVector(normal);
     for (size_t i = 0; i < sights.size(); ++i) {
       const Eigen::Vector4d x = ((sights[i].x_in_rig - middle) / spread).homogeneous();
       const Eigen::Vector2d image(p.head<4>().dot(x), p.segment<4>(4).dot(x));

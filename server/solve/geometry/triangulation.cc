@@ -2,8 +2,9 @@
 #include "server/solve/geometry/triangulation.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
+
+#include "server/solve/geometry/null_vector.h"
 
 namespace rigcal::server {
 namespace {
@@ -81,8 +82,7 @@ bool Triangulate(const std::vector<CameraRay>& views, Eigen::Vector3d* x_in_rig)
     max_sine = std::max(max_sine, first.cross(Bearing(view)).norm());
   }
   if (!(max_sine > kMinSinAngle)) return false;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(normal);
-  const Eigen::Vector4d homogeneous = solver.eigenvectors().col(0);
+  const Eigen::Vector4d homogeneous = NullVector(normal);
   if (!(std::abs(homogeneous[3]) > 1e-12)) return false;
   Eigen::Vector3d point = homogeneous.head<3>() / homogeneous[3];
   if (!AllBefore(views, point)) return false;

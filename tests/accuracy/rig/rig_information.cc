@@ -53,7 +53,7 @@ class InformationSum {
   // Unobserved directions of an instant carry no information; they must not become infinite.
   static InstantBlock PseudoInverse(const InstantBlock& block) {
     constexpr double kOpen = 1e-10;
-    const Eigen::SelfAdjointEigenSolver<InstantBlock> eigen(block);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(block);
     const double largest = eigen.eigenvalues().maxCoeff();
     Eigen::Matrix<double, 5, 1> inverse;
     for (int i = 0; i < 5; ++i) {

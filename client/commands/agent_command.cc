@@ -1,24 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/agent_command.h"
 
-#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "client/net/paging.h"
-#include "client/net/server_connection.h"
-#include "client/output/output.h"
+#include "absl/strings/str_replace.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 
 namespace rigcal::client {
 namespace {
 
-std::string ImageSizeText(const v1::CameraDescription& camera) {
-  if (!camera.has_image_size_px()) return "-";
-  return absl::StrCat(camera.image_size_px().width(), "x", camera.image_size_px().height());
+std::string SizeText(const v1::ImageSize& size_px) {
+  return absl::StrCat(size_px.width(), "x", size_px.height());
 }
 
 // "BayerRG8, 5 ms, 6 dB, 50 Hz, Line0, PTP"; the model is left to JSON.
@@ -40,19 +36,12 @@ std::string SettingsText(const v1::CameraDescription& camera) {
 
 std::string FormatAgents(const v1::ListAgentsResponse& response) {
   if (response.agents().empty()) return "no agents\n";
-  TextTable table({{"agent"},
-                   {"host"},
-                   {"rig"},
-                   {"state"},
-                   {"since"},
-                   {"version"},
-                   {"camera"},
-                   {"image (px)", TextTable::Align::kRight},
-                   {"intrinsics"},
-                   {"settings"},
-                   {"source"}});
+  TextTable table;
+  table.Words({"agent", "host", "rig", "state", "since", "version", "camera"})
+      .Numbers({"image (px)"})
+      .Words({"intrinsics", "settings", "source"});
   for (const v1::Agent& agent : response.agents()) {
-    std::vector<std::string> cells = {
+    std::vector<TextTable::Cell> cells = {
         agent.agent_id(),
         agent.host(),
         agent.rig(),
@@ -63,10 +52,11 @@ std::string FormatAgents(const v1::ListAgentsResponse& response) {
     const size_t agent_cells = cells.size();
     if (agent.cameras().empty()) table.AddRow(cells);
     for (const v1::CameraDescription& camera : agent.cameras()) {
-      cells.resize(agent_cells);
-      cells.insert(cells.end(),
-                   {camera.camera(), ImageSizeText(camera), camera.has_intrinsics() ? "yes" : "no",
-                    SettingsText(camera), camera.source()});
+      cells.resize(agent_cells, "");
+      cells.insert(
+          cells.end(),
+          {camera.camera(), camera.has_image_size_px() ? SizeText(camera.image_size_px()) : "-",
+           camera.has_intrinsics() ? "yes" : "no", SettingsText(camera), camera.source()});
       table.AddRow(cells);
       // What is the same for all cameras of an agent stands in its first line only.
       cells.assign(agent_cells, "");
@@ -75,30 +65,44 @@ std::string FormatAgents(const v1::ListAgentsResponse& response) {
   return table.Format();
 }
 
-}  // namespace
-
-absl::StatusOr<v1::ListAgentsResponse> ReadAllAgents(ServerConnection& server,
-                                                     const ListOptions& options) {
-  return ReadAllPages<v1::ListAgentsRequest, v1::ListAgentsResponse>(
-      [&](const v1::ListAgentsRequest& request) {
-        return server.Call(server.agents(), &v1::AgentService::Stub::ListAgents,
-                           WithListOptions(request, options));
-      },
-      [](v1::ListAgentsResponse& all, v1::ListAgentsResponse& page) {
-        for (v1::Agent& agent : *page.mutable_agents()) all.add_agents()->Swap(&agent);
-      });
+std::string DescribePreview(const v1::GetPreviewResponse& preview, const std::string& file) {
+  const v1::PreviewInfo& info = preview.info();
+  std::string text = absl::StrCat(
+      file, ": camera ", preview.rig(), "/", info.camera(), ", ", SizeText(info.jpeg_size_px()),
+      " pixels of ", SizeText(info.image_size_px()), ", ", (preview.jpeg().size() + 1023) / 1024,
+      " KiB\ndetector: ", absl::StrReplaceAll(EnumWord(info.outcome()), {{"_", " "}}));
+  if (info.outcome() == v1::DETECTION_OUTCOME_WAND) {
+    absl::StrAppendFormat(&text, ", confidence %.2f, %d markers", info.confidence(),
+                          info.visible_marker_count());
+  }
+  return absl::StrCat(text, ", ", FormatCount(info.blob_count(), "blob", "blobs"),
+                      info.tracked() ? ", tracked" : "", "\n");
 }
+
+}  // namespace
 
 ExitCode ListAgents(const ListOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
-  const auto agents = ReadAllAgents(server, options);
-  if (!agents.ok()) return context.Fail(agents.status());
-  if (context.console.format == OutputFormat::kJson) {
-    PrintJson(context.console, *agents);
-  } else {
-    context.console.out << FormatAgents(*agents);
+  return context.Show(ReadAllPages(server, &v1::AgentService::Stub::ListAgents, options),
+                      FormatAgents);
+}
+
+ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& context) {
+  ServerConnection server(context.server);
+  v1::GetPreviewRequest request;
+  request.set_camera(options.camera);
+  request.set_rig(options.rig);
+  auto preview = server.Call(&v1::CameraService::Stub::GetPreview, request);
+  if (!preview.ok()) return context.Fail(preview.status());
+  // The server has checked the name: it is no path.
+  const std::string file = options.file.empty() ? preview->info().camera() + ".jpg" : options.file;
+  if (const absl::Status status = ReplaceFile(file, preview->jpeg()); !status.ok()) {
+    return context.Fail(absl::FailedPreconditionError(
+        absl::StrCat(std::string(status.message()), "; name another file with --out")));
   }
-  return ExitCode::kOk;
+  const std::string text = Printable(DescribePreview(*preview, file));
+  preview->clear_jpeg();
+  return context.Show(preview, [&](const auto&) { return text; });
 }
 
 }  // namespace rigcal::client

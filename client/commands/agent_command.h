@@ -1,20 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "absl/status/statusor.h"
+#include <string>
+
 #include "client/commands/command_context.h"
-#include "client/commands/list_options.h"
-#include "rigcal/v1/agent_service.pb.h"
+#include "client/net/paging.h"
 
 namespace rigcal::client {
-
-class ServerConnection;
-
-absl::StatusOr<rigcal::v1::ListAgentsResponse> ReadAllAgents(ServerConnection& server,
-                                                             const ListOptions& options);
 
 // `rigcal agent list`: agents that are connected or were since the server started, with their
 // cameras.
 ExitCode ListAgents(const ListOptions& options, CommandContext& context);
+
+struct AgentPreviewOptions {
+  std::string camera;
+  std::string rig;   // empty: the one that has the camera
+  std::string file;  // empty: CAMERA.jpg in the current folder
+};
+
+// `rigcal agent preview`: writes the next picture of a camera, with what its agent's detector sees
+// in it, as JPEG. A file of that name is replaced at once or not at all.
+ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& context);
 
 }  // namespace rigcal::client

@@ -3,13 +3,10 @@
 
 #include <chrono>
 #include <functional>
-#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "client/net/polling.h"
-#include "client/net/resources.h"
 #include "client/net/server_connection.h"
-#include "client/output/output.h"
 #include "client/results/ground_truth_comparison.h"
 #include "client/tables/calibration_table.h"
 #include "common/wire/calibration_wire.h"
@@ -23,9 +20,6 @@ namespace {
 // A watching stream is opened anew this often, so that a server that went away without a word is
 // noticed.
 constexpr std::chrono::milliseconds kWatchTimeout{60'000};
-constexpr std::chrono::milliseconds kAskInterval{200};
-// How long a server may be away (a restart).
-constexpr std::chrono::milliseconds kRestartPatience{30'000};
 
 // Follows the calibration by a stream; where that breaks (a restart of the server, too many
 // watchers), by asking from time to time.
@@ -37,8 +31,8 @@ absl::StatusOr<v1::Calibration> WaitForEnd(
   v1::Calibration latest;
   absl::Status stream = absl::DeadlineExceededError("");
   while (absl::IsDeadlineExceeded(stream)) {
-    stream = server.Read(server.calibrations(), &CalibrationStub::WatchCalibration, watch,
-                         kWatchTimeout, [&](const v1::WatchCalibrationResponse& response) {
+    stream = server.Read(&CalibrationStub::WatchCalibration, watch, kWatchTimeout,
+                         [&](const v1::WatchCalibrationResponse& response) {
                            latest = response.calibration();
                            show(latest);
                            return !HasEnded(latest);
@@ -46,22 +40,13 @@ absl::StatusOr<v1::Calibration> WaitForEnd(
     if (HasEnded(latest)) return latest;
   }
   if (absl::IsNotFound(stream)) return stream;
-  v1::GetCalibrationRequest get;
-  get.set_id(id);
-  return PollUntil<v1::Calibration>(
-      [&] {
-        return CalibrationOf(
-            server.Call(server.calibrations(), &CalibrationStub::GetCalibration, get));
-      },
+  return PollUntil(
+      [&] { return CalibrationOf(server.CallWithId(&CalibrationStub::GetCalibration, id)); },
       [&](const v1::Calibration& now) {
         show(now);
         return HasEnded(now);
       },
-      {.interval = kAskInterval,
-       .patience = kRestartPatience,
-       .answered_before = true,
-       .wait = {},
-       .on_lost = {}});
+      PollOptions());
 }
 
 }  // namespace
@@ -69,7 +54,7 @@ absl::StatusOr<v1::Calibration> WaitForEnd(
 ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
   absl::StatusOr<v1::Calibration> calibration =
-      CalibrationOf(server.Call(server.calibrations(), &CalibrationStub::CreateCalibration,
+      CalibrationOf(server.Call(&CalibrationStub::CreateCalibration,
                                 MakeCalibrationRequest(options.sessions, options.calibration)));
   if (!calibration.ok()) return context.Fail(calibration.status());
   const std::string id = calibration->id();
@@ -95,9 +80,7 @@ ExitCode Calibrate(const CalibrateOptions& options, CommandContext& context) {
 ExitCode ShowCalibration(const v1::Calibration& calibration, CommandContext& context,
                          const GroundTruthComparison* ground_truth) {
   if (context.console.format == OutputFormat::kJson) {
-    const std::string json = ToJson(calibration);
-    context.console.out << (ground_truth ? WithGroundTruth(json, *ground_truth) : json) << "\n"
-                        << std::flush;
+    context.console.out << CalibrationJson(calibration, ground_truth) << "\n" << std::flush;
   } else {
     context.console.out << FormatCalibration(calibration)
                         << (ground_truth ? FormatGroundTruthErrors(*ground_truth) : "")

@@ -9,15 +9,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "client/net/server_connection.h"
-#include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 
 namespace rigcal::client {
 namespace {
-
-using Align = TextTable::Align;
-using CalibrationStub = v1::CalibrationService::Stub;
 
 constexpr double kMmPerM = 1000;
 constexpr std::chrono::milliseconds kTimeout{60'000};  // a fine grid takes its time
@@ -30,18 +26,13 @@ std::string FormatPoint(const v1::Vector3& point) {
 }
 
 std::string FormatPoints(const v1::GetAccuracyResponse& accuracy) {
-  const std::string axes = "one sigma (mm)", totals = "in all (mm)";
-  TextTable table({{"point (m)"},
-                   {"cameras", Align::kRight},
-                   {"x", Align::kRight, axes},
-                   {"y", Align::kRight, axes},
-                   {"z", Align::kRight, axes},
-                   {"total", Align::kRight, totals},
-                   {"without scale", Align::kRight, totals},
-                   {"noise alone", Align::kRight, totals}});
+  TextTable table;
+  table.Words({"point (m)"})
+      .Numbers({"cameras"})
+      .Numbers({"x", "y", "z"}, "one sigma (mm)")
+      .Numbers({"total", "without scale", "noise alone"}, "in all (mm)");
   for (const v1::PointAccuracy& point : accuracy.points()) {
-    std::vector<std::string> cells = {FormatPoint(point.point_m()),
-                                      absl::StrCat(point.camera_count())};
+    std::vector<TextTable::Cell> cells = {FormatPoint(point.point_m()), point.camera_count()};
     if (point.has_sigma_m()) {
       const v1::Vector3& sigma = point.sigma_m();
       const v1::Vector3& noise = point.noise_sigma_m();
@@ -53,18 +44,16 @@ std::string FormatPoints(const v1::GetAccuracyResponse& accuracy) {
     } else {
       cells.insert(cells.end(), 6, "-");
     }
-    table.AddRow(std::move(cells));
+    table.AddRow(cells);
   }
   return table.Format(2);
 }
 
 std::string FormatSummary(const v1::GetAccuracyResponse& accuracy) {
-  const std::string group = "expected error (mm)";
-  TextTable table({{""},
-                   {"median", Align::kRight, group},
-                   {"p95", Align::kRight, group},
-                   {"worst", Align::kRight, group},
-                   {"worst at (m)"}});
+  TextTable table;
+  table.Words({""})
+      .Numbers({"median", "p95", "worst"}, "expected error (mm)")
+      .Words({"worst at (m)"});
   const auto add = [&table](const char* name, const v1::AccuracySummary& summary) {
     table.AddRow({name, Millimetres(summary.median_m()), Millimetres(summary.p95_m()),
                   Millimetres(summary.worst_m()), FormatPoint(summary.worst_point_m())});
@@ -125,15 +114,8 @@ ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& con
     *request.add_points_m() = *point;
   }
   ServerConnection server(context.server);
-  const auto accuracy =
-      server.Call(server.calibrations(), &CalibrationStub::GetAccuracy, request, kTimeout);
-  if (!accuracy.ok()) return context.Fail(accuracy.status());
-  if (context.console.format == OutputFormat::kJson) {
-    PrintJson(context.console, *accuracy);
-  } else {
-    context.console.out << FormatAccuracy(*accuracy);
-  }
-  return ExitCode::kOk;
+  return context.Show(server.Call(&v1::CalibrationService::Stub::GetAccuracy, request, kTimeout),
+                      FormatAccuracy);
 }
 
 }  // namespace rigcal::client

@@ -3,10 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "client/commands/calibrate_command.h"
-#include "client/net/paging.h"
-#include "client/net/resources.h"
-#include "client/net/server_connection.h"
+#include "absl/strings/str_cat.h"
 #include "client/output/output.h"
 #include "client/results/calibration_comparison.h"
 #include "client/results/calibration_export.h"
@@ -18,10 +15,7 @@ namespace {
 using CalibrationStub = v1::CalibrationService::Stub;
 
 absl::StatusOr<v1::Calibration> FetchCalibration(ServerConnection& server, const std::string& id) {
-  v1::GetCalibrationRequest request;
-  request.set_id(id);
-  return CalibrationOf(
-      server.Call(server.calibrations(), &CalibrationStub::GetCalibration, request));
+  return CalibrationOf(server.CallWithId(&CalibrationStub::GetCalibration, id));
 }
 
 void PrintFiles(const CalibrationExportOptions& options,
@@ -30,76 +24,35 @@ void PrintFiles(const CalibrationExportOptions& options,
     for (const std::filesystem::path& file : files) context.console.out << file.string() << "\n";
     return;
   }
-  using Json = nlohmann::ordered_json;
-  Json names = Json::array();
+  auto names = nlohmann::ordered_json::array();
   for (const std::filesystem::path& file : files) names.push_back(file.string());
-  const Json json = {{"calibration", options.id}, {"files", names}};
-  context.console.out << json.dump(1, ' ', false, Json::error_handler_t::replace) << "\n";
+  context.console.out << JsonText({{"calibration", options.id}, {"files", names}}) << "\n";
 }
 
 }  // namespace
 
 ExitCode ListCalibrations(const ListOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
-  const auto calibrations = ReadAllPages<v1::ListCalibrationsRequest, v1::ListCalibrationsResponse>(
-      [&](const v1::ListCalibrationsRequest& request) {
-        return server.Call(server.calibrations(), &CalibrationStub::ListCalibrations,
-                           WithListOptions(request, options));
-      },
-      [](v1::ListCalibrationsResponse& all, v1::ListCalibrationsResponse& page) {
-        for (v1::Calibration& calibration : *page.mutable_calibrations()) {
-          all.add_calibrations()->Swap(&calibration);
-        }
-      });
-  if (!calibrations.ok()) return context.Fail(calibrations.status());
-  if (context.console.format == OutputFormat::kJson) {
-    PrintJson(context.console, *calibrations);
-  } else {
-    context.console.out << FormatCalibrationList(calibrations->calibrations());
-  }
-  return ExitCode::kOk;
+  return context.Show(ReadAllPages(server, &CalibrationStub::ListCalibrations, options),
+                      FormatCalibrationList);
 }
 
 ExitCode GetCalibration(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
-  const absl::StatusOr<v1::Calibration> calibration = FetchCalibration(server, id);
-  if (!calibration.ok()) return context.Fail(calibration.status());
-  if (context.console.format == OutputFormat::kJson) {
-    PrintJson(context.console, *calibration);
-  } else {
-    context.console.out << FormatCalibration(*calibration);
-  }
-  return ExitCode::kOk;
+  return context.Show(FetchCalibration(server, id), FormatCalibration);
 }
 
 ExitCode CancelCalibration(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
-  v1::CancelCalibrationRequest request;
-  request.set_id(id);
-  const auto calibration = CalibrationOf(
-      server.Call(server.calibrations(), &CalibrationStub::CancelCalibration, request));
-  if (!calibration.ok()) return context.Fail(calibration.status());
-  if (context.console.format == OutputFormat::kJson) {
-    PrintJson(context.console, *calibration);
-  } else {
-    context.console.out << FormatCalibration(*calibration);
-  }
-  return ExitCode::kOk;
+  return context.Show(CalibrationOf(server.CallWithId(&CalibrationStub::CancelCalibration, id)),
+                      FormatCalibration);
 }
 
 ExitCode DeleteCalibration(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
-  v1::DeleteCalibrationRequest request;
-  request.set_id(id);
-  const auto response =
-      server.Call(server.calibrations(), &CalibrationStub::DeleteCalibration, request);
-  if (!response.ok()) return context.Fail(response.status());
-  if (context.console.format == OutputFormat::kJson) {
-    PrintJson(context.console, *response);
-  } else {
-    context.console.out << "calibration " << Printable(id) << " is deleted\n";
-  }
-  return ExitCode::kOk;
+  return context.Show(server.CallWithId(&CalibrationStub::DeleteCalibration, id), [&](const auto&) {
+    return Printable(absl::StrCat("calibration ", id, " is deleted\n"));
+  });
 }
 
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context) {
@@ -110,31 +63,23 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
     if (absl::Status status = CheckHasResult(*calibration); !status.ok()) {
       return context.Fail(status);
     }
-    PrintJson(context.console, *calibration);
+    context.console.out << ToJson(*calibration) << "\n" << std::flush;
     return ExitCode::kOk;
   }
-  const auto files = options.format == ExportFormat::kOpenCv
-                         ? ExportOpenCv(*calibration, options.output)
-                         : ExportJson(*calibration, options.output);
+  const auto files = options.format == "opencv" ? ExportOpenCv(*calibration, options.output)
+                                                : ExportJson(*calibration, options.output);
   if (!files.ok()) return context.Fail(files.status());
   PrintFiles(options, *files, context);
   return ExitCode::kOk;
 }
 
-ExitCode CompareCalibrations(const std::string& a, const std::string& b, CommandContext& context) {
+ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context) {
   ServerConnection server(context.server);
-  const absl::StatusOr<v1::Calibration> calibration_a = FetchCalibration(server, a);
-  if (!calibration_a.ok()) return context.Fail(calibration_a.status());
-  const absl::StatusOr<v1::Calibration> calibration_b = FetchCalibration(server, b);
-  if (!calibration_b.ok()) return context.Fail(calibration_b.status());
-  const auto comparison = Compare(*calibration_a, *calibration_b);
-  if (!comparison.ok()) return context.Fail(comparison.status());
-  if (context.console.format == OutputFormat::kJson) {
-    context.console.out << ComparisonJson(*comparison) << "\n";
-  } else {
-    context.console.out << FormatComparison(*comparison);
-  }
-  return ExitCode::kOk;
+  const absl::StatusOr<v1::Calibration> a = FetchCalibration(server, ids.a);
+  if (!a.ok()) return context.Fail(a.status());
+  const absl::StatusOr<v1::Calibration> b = FetchCalibration(server, ids.b);
+  if (!b.ok()) return context.Fail(b.status());
+  return context.Show(Compare(*a, *b), FormatComparison);
 }
 
 }  // namespace rigcal::client

@@ -4,16 +4,19 @@
 #include <string>
 
 #include "client/commands/command_context.h"
-#include "client/commands/list_options.h"
+#include "client/net/paging.h"
 
 namespace rigcal::client {
 
-enum class ExportFormat { kOpenCv, kJson };
-
 struct CalibrationExportOptions {
   std::string id;
-  ExportFormat format = ExportFormat::kOpenCv;
+  std::string format;  // opencv, json
   std::string output;  // folder, made where missing; "-" (JSON only): standard output
+};
+
+struct CalibrationPair {
+  std::string a;
+  std::string b;
 };
 
 // `rigcal calibration ...`. Each returns the exit code.
@@ -25,6 +28,6 @@ ExitCode DeleteCalibration(const std::string& id, CommandContext& context);
 // Prints the files it wrote.
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context);
 // Prints how B differs from A.
-ExitCode CompareCalibrations(const std::string& a, const std::string& b, CommandContext& context);
+ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context);
 
 }  // namespace rigcal::client

@@ -3,9 +3,10 @@
 
 #include <string>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "client/commands/exit_code.h"
 #include "client/output/console.h"
+#include "client/output/output.h"
 
 namespace rigcal::client {
 
@@ -17,8 +18,20 @@ struct CommandContext {
 
   // Says what went wrong; returns the exit code for it.
   ExitCode Fail(const absl::Status& status) {
-    console.Error(status);
+    console.Message(std::string(status.message()));
     return ExitCodeOf(status);
+  }
+
+  // Prints an answer, as JSON or as `format` writes it for people, or says what went wrong.
+  template <typename Message, typename Format>
+  ExitCode Show(const absl::StatusOr<Message>& answer, const Format& format) {
+    if (!answer.ok()) return Fail(answer.status());
+    if (console.format == OutputFormat::kJson) {
+      console.out << ToJson(*answer) << "\n" << std::flush;
+    } else {
+      console.out << format(*answer) << std::flush;
+    }
+    return ExitCode::kOk;
   }
 };
 

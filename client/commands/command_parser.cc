@@ -3,12 +3,10 @@
 
 #include <cstdlib>
 #include <map>
-#include <memory>
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "client/net/server_connection.h"
 #include "common/text/utf8.h"
 #include "common/wire/protocol_version.h"
 
@@ -42,15 +40,10 @@ std::string Wrap(const std::string& text, size_t columns = kTextColumns) {
   std::string result;
   size_t column = 0;
   for (const absl::string_view word : absl::StrSplit(text, ' ')) {
-    if (column > 0 && column + 1 + word.size() > columns) {
-      result += '\n';
-      column = 0;
-    } else if (column > 0) {
-      result += ' ';
-      ++column;
-    }
+    const bool breaks = column + 1 + word.size() > columns;
+    if (column > 0) result += breaks ? '\n' : ' ';
+    column = (column == 0 || breaks ? 0 : column + 1) + word.size();
     absl::StrAppend(&result, word);
-    column += word.size();
   }
   return result;
 }
@@ -115,26 +108,17 @@ CLI::App* CommandParser::AddGroup(const std::string& name, const std::string& de
   return group;
 }
 
-CLI::App* CommandParser::AddServerlessCommand(const std::string& name,
-                                              const std::string& description, Command command) {
-  CLI::App* app = app_.add_subcommand(name, description);
-  app->callback([this, command = std::move(command)] { Choose(command, false); });
-  AddFormatOption(app);
-  return app;
-}
-
 CLI::App* CommandParser::AddCommand(CLI::App* parent, const std::string& name,
-                                    const std::string& description, Command command) {
+                                    const std::string& description, Command command,
+                                    bool asks_server) {
   CLI::App* app = (parent == nullptr ? &app_ : parent)->add_subcommand(name, description);
-  app->callback([this, command = std::move(command)] { Choose(command, true); });
+  app->callback([this, command = std::move(command), asks_server] {
+    chosen_ = command;
+    asks_server_ = asks_server;
+  });
   AddFormatOption(app);
-  AddServerOption(app);
+  if (asks_server) AddServerOption(app);
   return app;
-}
-
-void CommandParser::Choose(const Command& command, bool asks_server) {
-  chosen_ = command;
-  asks_server_ = asks_server;
 }
 
 ExitCode CommandParser::Usage(const std::string& message) {

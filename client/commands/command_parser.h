@@ -3,10 +3,12 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "client/commands/command_context.h"
-#include "client/commands/list_options.h"
+#include "client/net/paging.h"
 #include "common/calibration/calibration_options.h"
 #include "common/target/target.h"
 
@@ -27,14 +29,22 @@ class CommandParser {
   // A word that does something, with -o and, where it asks a server, --server. `parent` null: at
   // the top. It runs only when the whole command line is right.
   CLI::App* AddCommand(CLI::App* parent, const std::string& name, const std::string& description,
-                       Command command);
-  CLI::App* AddServerlessCommand(const std::string& name, const std::string& description,
-                                 Command command);
+                       Command command, bool asks_server = true);
+  // One that runs with options, which the arguments added to it are to set. They live as long as
+  // the command.
+  template <typename Options>
+  std::pair<CLI::App*, Options*> AddCommand(CLI::App* parent, const std::string& name,
+                                            const std::string& description,
+                                            ExitCode (*run)(const Options&, CommandContext&),
+                                            bool asks_server = true) {
+    const auto options = std::make_shared<Options>();
+    const auto command = [options, run](CommandContext& context) { return run(*options, context); };
+    return {AddCommand(parent, name, description, Command(command), asks_server), options.get()};
+  }
 
  private:
   void AddServerOption(CLI::App* app);
   void AddFormatOption(CLI::App* app);
-  void Choose(const Command& command, bool asks_server);
   ExitCode Usage(const std::string& message);
 
   CLI::App app_;
@@ -51,6 +61,29 @@ void AddLocalCommand(CommandParser& parser);
 
 // Options that several commands share. What cannot be read is a usage error naming the option.
 void AddTargetOption(CLI::App* app, bool required, Target* target);
+template <typename Value>
+void AddArgument(CLI::App* app, const char* name, const char* what, Value* value) {
+  app->add_option(name, *value, what)->type_name("")->required();
+}
+// An option of one word behind it.
+template <typename Value>
+CLI::Option* AddOption(CLI::App* app, const char* name, const char* type, Value* value,
+                       const std::string& what) {
+  return app->add_option(name, *value, what)->type_name(type);
+}
+// The same, read by `parse`, which returns a StatusOr.
+template <typename Value, typename Parse>
+CLI::Option* AddParsedOption(CLI::App* app, const std::string& name, const char* type, Value* value,
+                             Parse parse, const std::string& what) {
+  const auto read = [=](const std::string& text) {
+    auto parsed = parse(text);
+    if (!parsed.ok()) {
+      throw CLI::ValidationError(name + " " + text, std::string(parsed.status().message()));
+    }
+    *value = *std::move(parsed);
+  };
+  return app->add_option_function<std::string>(name, read, what)->type_name(type);
+}
 // --rig, --filter and --order-by of a list command. `example` is a term for --filter, `orders`
 // names the fields for --order-by.
 void AddListOptions(CLI::App* app, const std::string& example, const std::string& orders,

@@ -7,44 +7,36 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
-#include "client/commands/agent_command.h"
-#include "client/commands/session_command.h"
-#include "client/net/server_connection.h"
+#include "client/net/paging.h"
 
 namespace rigcal::client {
 namespace {
 
 const char* LevelName(CheckLevel level) {
-  switch (level) {
-    case CheckLevel::kOk:
-      return "ok";
-    case CheckLevel::kWarn:
-      return "warn";
-    case CheckLevel::kFail:
-      break;
-  }
-  return "fail";
+  return level == CheckLevel::kOk ? "ok" : level == CheckLevel::kWarn ? "warn" : "fail";
 }
 
 Check CannotAsk(std::string name, const absl::Status& status) {
-  return {CheckLevel::kFail, std::move(name), std::string(status.message()), ""};
+  return {CheckLevel::kFail, std::move(name), std::string(status.message())};
 }
 
-Check HealthCheck(ServerConnection& server) {
-  const absl::StatusOr<std::string> word = server.CheckHealth();
-  return word.ok() ? CheckHealthWord(*word) : CannotAsk("health", word.status());
-}
-
-std::vector<Check> AgentChecks(ServerConnection& server) {
-  const auto agents = ReadAllAgents(server, {});
-  if (!agents.ok()) return {CannotAsk("agents", agents.status())};
-  return {CheckAgents(*agents), CheckIntrinsics(*agents)};
-}
-
-Check SessionCheck(ServerConnection& server) {
-  const auto sessions = ReadAllSessions(server, {});
-  if (!sessions.ok()) return CannotAsk("sessions", sessions.status());
-  return CheckSessions(*sessions, absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch()));
+// The checks of a server that has answered with `status`.
+std::vector<Check> CheckServer(ServerConnection& server, const v1::GetStatusResponse& status) {
+  std::vector<Check> checks = {
+      {CheckLevel::kOk, "server", absl::StrCat("reachable at ", server.address())},
+      CheckVersions(status)};
+  const absl::StatusOr<std::string> health = server.CheckHealth();
+  checks.push_back(health.ok() ? CheckHealthWord(*health) : CannotAsk("health", health.status()));
+  checks.push_back(CheckIngest(status.ingest()));
+  checks.push_back(CheckDisk(status.store()));
+  const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents);
+  checks.push_back(agents.ok() ? CheckAgents(*agents) : CannotAsk("agents", agents.status()));
+  if (agents.ok()) checks.push_back(CheckIntrinsics(*agents));
+  const auto sessions = ReadAllPages(server, &v1::SessionService::Stub::ListSessions);
+  const double now_s = absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch());
+  checks.push_back(sessions.ok() ? CheckSessions(*sessions, now_s)
+                                 : CannotAsk("sessions", sessions.status()));
+  return checks;
 }
 
 void PrintTable(const std::vector<Check>& checks, std::ostream& out) {
@@ -60,48 +52,30 @@ void PrintTable(const std::vector<Check>& checks, std::ostream& out) {
 
 void PrintJson(const std::string& server, const std::vector<Check>& checks, bool ok,
                std::ostream& out) {
-  using Json = nlohmann::ordered_json;
-  Json lines = Json::array();
+  auto lines = nlohmann::ordered_json::array();
   for (const Check& check : checks) {
     lines.push_back({{"name", check.name},
                      {"level", LevelName(check.level)},
                      {"message", check.message},
                      {"advice", check.advice}});
   }
-  const Json json = {{"server", server}, {"ok", ok}, {"checks", lines}};
-  out << json.dump(1, ' ', false, Json::error_handler_t::replace) << "\n";
+  out << JsonText({{"server", server}, {"ok", ok}, {"checks", lines}}) << "\n";
 }
 
 }  // namespace
 
 ExitCode RunDoctor(CommandContext& context) {
   ServerConnection server(context.server);
-  std::vector<Check> checks;
-  ExitCode code = ExitCode::kOk;
-  const auto status = server.Call(server.status(), &v1::StatusService::Stub::GetStatus, {});
-  if (status.ok()) {
-    checks.push_back(
-        {CheckLevel::kOk, "server", absl::StrCat("reachable at ", server.address()), ""});
-    checks.push_back(CheckVersions(*status));
-    checks.push_back(HealthCheck(server));
-    checks.push_back(CheckIngest(status->ingest()));
-    checks.push_back(CheckDisk(status->store()));
-    for (Check& check : AgentChecks(server)) checks.push_back(std::move(check));
-    checks.push_back(SessionCheck(server));
-  } else {
-    checks.push_back(CannotAsk("server", status.status()));
-    code = ExitCodeOf(status.status());
-  }
-
-  const bool ok = std::none_of(checks.begin(), checks.end(),
-                               [](const Check& check) { return check.level == CheckLevel::kFail; });
-  if (!ok && code == ExitCode::kOk) code = ExitCode::kFailed;
+  const auto status = server.Call(&v1::StatusService::Stub::GetStatus, {});
+  const std::vector<Check> checks = status.ok() ? CheckServer(server, *status)
+                                                : std::vector{CannotAsk("server", status.status())};
+  const bool ok = std::ranges::find(checks, CheckLevel::kFail, &Check::level) == checks.end();
   if (context.console.format == OutputFormat::kJson) {
     PrintJson(server.address(), checks, ok, context.console.out);
   } else {
     PrintTable(checks, context.console.out);
   }
-  return code;
+  return !status.ok() ? ExitCodeOf(status.status()) : ok ? ExitCode::kOk : ExitCode::kFailed;
 }
 
 }  // namespace rigcal::client

@@ -18,7 +18,7 @@ struct Check {
   CheckLevel level = CheckLevel::kOk;
   std::string name;
   std::string message;
-  std::string advice;  // what to do; empty where nothing is wrong
+  std::string advice = {};  // what to do; empty where nothing is wrong
 };
 
 // `rigcal doctor`: kServerUnreachable where there is no server, kFailed where a check fails; a

@@ -1,19 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "client/commands/command_context.h"
-#include "client/commands/list_options.h"
+#include "client/net/paging.h"
 #include "common/target/target.h"
-#include "rigcal/v1/session_service.pb.h"
 
 namespace rigcal::client {
-
-class ServerConnection;
 
 struct SessionCreateOptions {
   std::string id;   // empty: the server makes one
@@ -34,8 +29,6 @@ struct SessionStopOptions {
 ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& context);
 ExitCode StartSession(const std::string& id, CommandContext& context);
 ExitCode StopSession(const SessionStopOptions& options, CommandContext& context);
-absl::StatusOr<rigcal::v1::ListSessionsResponse> ReadAllSessions(ServerConnection& server,
-                                                                 const ListOptions& options);
 ExitCode ListSessions(const ListOptions& options, CommandContext& context);
 ExitCode GetSession(const std::string& id, CommandContext& context);
 ExitCode DeleteSession(const std::string& id, CommandContext& context);

@@ -3,9 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/net/resources.h"
 #include "client/net/server_connection.h"
-#include "client/output/output.h"
 #include "common/wire/observation_wire.h"
 
 namespace rigcal::client {
@@ -15,8 +13,6 @@ using SessionStub = v1::SessionService::Stub;
 
 // For the whole of a long recording over a slow link.
 constexpr std::chrono::milliseconds kReadTimeout{3'600'000};
-
-}  // namespace
 
 void WriteObservationHead(uint32_t marker_count, std::ostream& out) {
   std::string line = "camera,stream_epoch,seq,clock_epoch,time_ns";
@@ -30,24 +26,21 @@ void WriteObservationRows(const ObservationBatch& batch, std::ostream& out) {
         absl::StrCat(batch.stream.camera, ",", batch.stream.stream_epoch, ",",
                      batch.first_seq + row, ",", batch.clock_epoch, ",", batch.time_ns[row]);
     for (uint32_t m = 0; m < batch.marker_count; ++m) {
-      if ((batch.visible_mask[row] >> m & 1U) != 0) {
-        const size_t i = row * batch.marker_count + m;
-        absl::StrAppendFormat(&line, ",%.9g,%.9g", batch.x_px[i], batch.y_px[i]);
-      } else {
-        line += ",,";
-      }
+      const size_t i = row * batch.marker_count + m;
+      const bool visible = (batch.visible_mask[row] >> m & 1U) != 0;
+      line += visible ? absl::StrFormat(",%.9g,%.9g", batch.x_px[i], batch.y_px[i]) : ",,";
     }
     out << line << "\n";
   }
 }
 
+}  // namespace
+
 ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
                                   CommandContext& context) {
   ServerConnection server(context.server);
   Console& console = context.console;
-  v1::GetSessionRequest get;
-  get.set_id(options.session);
-  const auto session = SessionOf(server.Call(server.sessions(), &SessionStub::GetSession, get));
+  const auto session = SessionOf(server.CallWithId(&SessionStub::GetSession, options.session));
   if (!session.ok()) return context.Fail(session.status());
   if (console.format == OutputFormat::kTable) {
     WriteObservationHead(static_cast<uint32_t>(session->target().marker_positions_m_size()),
@@ -60,7 +53,7 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
   request.set_include_late(options.include_late);
   absl::Status fault;
   const absl::Status status =
-      server.Read(server.sessions(), &SessionStub::ReadObservations, request, kReadTimeout,
+      server.Read(&SessionStub::ReadObservations, request, kReadTimeout,
                   [&](const v1::ReadObservationsResponse& response) {
                     const v1::ObservationBatch& message = response.batch();
                     if (console.format == OutputFormat::kJson) {
@@ -68,12 +61,9 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
                       return console.out.good();
                     }
                     const absl::StatusOr<ObservationBatch> batch = wire::FromProto(message);
-                    if (!batch.ok()) {
-                      fault = batch.status();
-                      return false;
-                    }
-                    WriteObservationRows(*batch, console.out);
-                    return console.out.good();
+                    fault = batch.status();
+                    if (batch.ok()) WriteObservationRows(*batch, console.out);
+                    return batch.ok() && console.out.good();
                   });
   console.out.flush();
   if (!status.ok()) return context.Fail(status);

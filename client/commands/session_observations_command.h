@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <ostream>
 #include <string>
 
-#include "absl/status/status.h"
 #include "client/commands/command_context.h"
-#include "common/session/observation_batch.h"
 
 namespace rigcal::client {
 
@@ -22,9 +19,5 @@ struct SessionObservationsOptions {
 // JSON: one ObservationBatch per line.
 ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
                                   CommandContext& context);
-
-// The parts of it.
-void WriteObservationHead(uint32_t marker_count, std::ostream& out);
-void WriteObservationRows(const ObservationBatch& batch, std::ostream& out);
 
 }  // namespace rigcal::client

@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <memory>
-
 #include "client/commands/agent_command.h"
-#include "client/commands/agent_preview_command.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/session_command.h"
 #include "client/commands/session_observations_command.h"
@@ -11,79 +8,62 @@ namespace rigcal::client {
 namespace {
 
 constexpr double kMaxDrainTimeoutS = 600;
-
-using SessionIdCommand = ExitCode (*)(const std::string&, CommandContext&);
+constexpr char kSessionHelp[] = "Id of the session";
 
 // A command whose only argument is a session.
-void AddIdCommand(CommandParser& parser, CLI::App* group, const std::string& name,
-                  const std::string& description, SessionIdCommand command) {
-  const auto id = std::make_shared<std::string>();
-  CLI::App* app =
-      parser.AddCommand(group, name, description,
-                        [id, command](CommandContext& context) { return command(*id, context); });
-  app->add_option("SESSION", *id, "Id of the session")->type_name("")->required();
+void AddIdCommand(CommandParser& parser, CLI::App* group, const char* name, const char* description,
+                  ExitCode (*run)(const std::string&, CommandContext&)) {
+  auto [app, id] = parser.AddCommand(group, name, description, run);
+  AddArgument(app, "SESSION", kSessionHelp, id);
 }
 
 void AddCreate(CommandParser& parser, CLI::App* group) {
-  const auto options = std::make_shared<SessionCreateOptions>();
-  CLI::App* app = parser.AddCommand(
-      group, "create", "Make a session, and with --start begin to capture",
-      [options](CommandContext& context) { return CreateSession(*options, context); });
+  auto [app, options] = parser.AddCommand(
+      group, "create", "Make a session, and with --start begin to capture", CreateSession);
   AddTargetOption(app, /*required=*/true, &options->target);
-  app->add_option("--id", options->id,
-                  "Id of the session: letters, digits, '_', '-'; without it the server makes one")
-      ->type_name("ID");
-  app->add_option("--rig", options->rig, "Rig that is captured; without it \"rig\"")
-      ->type_name("RIG");
-  app->add_option("--title", options->title, "A line for people")->type_name("TEXT");
-  app->add_option("--camera", options->cameras,
-                  "Cameras that take part; without it all that are connected at the start")
-      ->type_name("NAME")
+  AddOption(app, "--id", "ID", &options->id,
+            "Id of the session: letters, digits, '_', '-'; without it the server makes one");
+  AddOption(app, "--rig", "RIG", &options->rig, "Rig that is captured; without it \"rig\"");
+  AddOption(app, "--title", "TEXT", &options->title, "A line for people");
+  AddOption(app, "--camera", "NAME", &options->cameras,
+            "Cameras that take part; without it all that are connected at the start")
       ->delimiter(',');
   app->add_flag("--start", options->start, "Start it at once");
 }
 
 void AddStop(CommandParser& parser, CLI::App* group) {
-  const auto options = std::make_shared<SessionStopOptions>();
-  CLI::App* app = parser.AddCommand(
-      group, "stop", "End the capture; what is still on its way is waited for",
-      [options](CommandContext& context) { return StopSession(*options, context); });
-  app->add_option("SESSION", options->id, "Id of the session")->type_name("")->required();
-  app->add_option("--drain-timeout", options->drain_timeout_s,
-                  "How long the server waits for the agents; without it 10 s")
-      ->type_name("SECONDS")
+  auto [app, options] = parser.AddCommand(
+      group, "stop", "End the capture; what is still on its way is waited for", StopSession);
+  AddArgument(app, "SESSION", kSessionHelp, &options->id);
+  AddOption(app, "--drain-timeout", "SECONDS", &options->drain_timeout_s,
+            "How long the server waits for the agents; without it 10 s")
       ->check(NumberBetween(0, kMaxDrainTimeoutS));
   app->add_flag("--wait", options->wait, "Return when the session is finished");
 }
 
 void AddObservations(CommandParser& parser, CLI::App* group) {
-  const auto options = std::make_shared<SessionObservationsOptions>();
-  CLI::App* app = parser.AddCommand(
+  auto [app, options] = parser.AddCommand(
       group, "observations",
       "Write what is stored as CSV: camera,stream_epoch,seq,clock_epoch,time_ns and x,y of each "
       "marker (empty: not visible), in the order (camera, stream_epoch, seq); as JSON one batch "
       "per line",
-      [options](CommandContext& context) { return WriteSessionObservations(*options, context); });
-  app->add_option("SESSION", options->session, "Id of the session")->type_name("")->required();
-  app->add_option("--camera", options->camera, "This camera only")->type_name("NAME");
+      WriteSessionObservations);
+  AddArgument(app, "SESSION", kSessionHelp, &options->session);
+  AddOption(app, "--camera", "NAME", &options->camera, "This camera only");
   app->add_flag("--include-late", options->include_late,
                 "Also what came after the session was finished");
 }
 
 void AddPreview(CommandParser& parser, CLI::App* group) {
-  const auto options = std::make_shared<AgentPreviewOptions>();
-  CLI::App* command = parser.AddCommand(
+  auto [app, options] = parser.AddCommand(
       group, "preview",
       "What a camera that captures sees now, with what its agent's detector makes of it, as a JPEG "
       "file. Previews are off unless the agent's configuration says enabled = true under [preview]",
-      [options](CommandContext& context) { return PreviewCamera(*options, context); });
-  command->add_option("camera", options->camera, "Name of the camera")
-      ->required()
-      ->type_name("CAMERA");
-  command->add_option("--out", options->file, "File to write; without it CAMERA.jpg")
-      ->type_name("FILE");
-  command->add_option("--rig", options->rig, "Rig of the camera, if several have one of that name")
-      ->type_name("RIG");
+      PreviewCamera);
+  app->add_option("camera", options->camera, "Name of the camera")->required()->type_name("CAMERA");
+  AddOption(app, "--out", "FILE", &options->file, "File to write; without it CAMERA.jpg");
+  AddOption(app, "--rig", "RIG", &options->rig,
+            "Rig of the camera, if several have one of that name");
 }
 
 }  // namespace
@@ -94,11 +74,9 @@ void AddSessionCommands(CommandParser& parser) {
   AddCreate(parser, group);
   AddIdCommand(parser, group, "start", "Begin to capture", StartSession);
   AddStop(parser, group);
-  const auto list = std::make_shared<ListOptions>();
-  AddListOptions(
-      parser.AddCommand(group, "list", "Sessions, newest first",
-                        [list](CommandContext& context) { return ListSessions(*list, context); }),
-      "state=STATE_FINISHED", "create_time or id", list.get());
+  auto [list, list_options] =
+      parser.AddCommand(group, "list", "Sessions, newest first", ListSessions);
+  AddListOptions(list, "state=STATE_FINISHED", "create_time or id", list_options);
   AddIdCommand(parser, group, "get", "One session with its cameras and what was refused",
                GetSession);
   AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
@@ -109,12 +87,9 @@ void AddSessionCommands(CommandParser& parser) {
 
   CLI::App* agents =
       parser.AddGroup("agent", "Agents: the programs beside the cameras (list, preview)");
-  const auto agent_list = std::make_shared<ListOptions>();
-  AddListOptions(
-      parser.AddCommand(
-          agents, "list", "Agents that are or were connected, with their cameras",
-          [agent_list](CommandContext& context) { return ListAgents(*agent_list, context); }),
-      "connected=true", "agent_id or connect_time", agent_list.get());
+  auto [agent_list, agent_options] = parser.AddCommand(
+      agents, "list", "Agents that are or were connected, with their cameras", ListAgents);
+  AddListOptions(agent_list, "connected=true", "agent_id or connect_time", agent_options);
   AddPreview(parser, agents);
 }
 

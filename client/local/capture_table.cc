@@ -7,27 +7,13 @@
 #include <map>
 
 #include "absl/strings/str_cat.h"
-#include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 
 namespace rigcal::client {
 namespace {
 
-using Align = TextTable::Align;
-
 constexpr size_t kLineColumns = 79;
-
-const char* SensorName(v1::CameraDescription::Sensor sensor) {
-  switch (sensor) {
-    case v1::CameraDescription::SENSOR_FRAME:
-      return "frame";
-    case v1::CameraDescription::SENSOR_EVENT:
-      return "event";
-    default:
-      return "-";
-  }
-}
 
 // " 43 %", or nothing.
 std::string ShareText(const v1::Session& session, const std::vector<LocalCamera>& cameras) {
@@ -66,21 +52,22 @@ std::string FormatCapture(const LocalOutcome& outcome, double duration_s) {
   for (const v1::CalibratedCamera& camera : outcome.calibration.cameras()) {
     used[camera.camera()] = camera.residuals().observation_count();
   }
-  std::vector<TextTable::Column> columns = {
-      {"camera"}, {"sensor"}, {"observations", Align::kRight}};
-  if (duration_s > 0) columns.push_back({"per second", Align::kRight});
-  columns.push_back({"with wand", Align::kRight});
-  columns.push_back({"in the calibration", Align::kRight});
-  TextTable table(columns);
+  TextTable table;
+  table.Words({"camera", "sensor"}).Numbers({"observations"});
+  if (duration_s > 0) table.Numbers({"per second"});
+  table.Numbers({"with wand", "in the calibration"});
   for (const v1::SessionCamera& camera : outcome.session.cameras()) {
-    const std::string& name = camera.description().camera();
-    std::vector<std::string> cells = {name, SensorName(camera.description().sensor()),
-                                      absl::StrCat(camera.observation_count())};
-    if (duration_s > 0)
+    const v1::CameraDescription& description = camera.description();
+    const bool has_sensor = description.sensor() != v1::CameraDescription::SENSOR_UNSPECIFIED;
+    const std::string& name = description.camera();
+    std::vector<TextTable::Cell> cells = {name, has_sensor ? EnumWord(description.sensor()) : "-",
+                                          camera.observation_count()};
+    if (duration_s > 0) {
       cells.push_back(FormatFixed(static_cast<double>(camera.observation_count()) / duration_s, 1));
-    cells.push_back(absl::StrCat(camera.wand_count()));
+    }
+    cells.push_back(camera.wand_count());
     cells.push_back(used.contains(name) ? absl::StrCat(used[name]) : "-");
-    table.AddRow(std::move(cells));
+    table.AddRow(cells);
   }
   std::string head = "Captured";
   if (duration_s > 0) {

@@ -24,7 +24,7 @@
 namespace rigcal::client {
 namespace {
 
-constexpr size_t kTailLines = 8;
+constexpr int kTailLines = 8;
 constexpr std::streamoff kTailBytes = 16384;
 constexpr int kPollMs = 5;
 // From linux/close_range.h, which some systems lack.
@@ -78,9 +78,8 @@ std::vector<std::string> Environment(const std::vector<std::string>& first) {
   for (char** entry = environ; entry != nullptr && *entry != nullptr; ++entry) {
     const std::string inherited = *entry;
     const std::string name = inherited.substr(0, inherited.find('=') + 1);
-    const bool replaced = std::any_of(first.begin(), first.end(), [&](const std::string& own) {
-      return !name.empty() && own.starts_with(name);
-    });
+    const bool replaced = std::ranges::any_of(
+        first, [&](const std::string& own) { return !name.empty() && own.starts_with(name); });
     if (!replaced) all.push_back(inherited);
   }
   return all;
@@ -139,15 +138,6 @@ ChildProcess::ChildProcess(ChildProcess&& other) noexcept
       pid_(std::exchange(other.pid_, -1)),
       ended_(std::move(other.ended_)) {}
 
-ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
-  if (this == &other) return *this;
-  Kill();
-  options_ = std::move(other.options_);
-  pid_ = std::exchange(other.pid_, -1);
-  ended_ = std::move(other.ended_);
-  return *this;
-}
-
 ChildProcess::~ChildProcess() { Kill(); }
 
 std::optional<std::string> ChildProcess::Ended() {
@@ -163,7 +153,7 @@ std::optional<std::string> ChildProcess::Ended() {
 absl::Status ChildProcess::CheckRunning() {
   const std::optional<std::string> ended = Ended();
   if (!ended.has_value()) return absl::OkStatus();
-  const std::string tail = LogTail(kTailLines);
+  const std::string tail = LogTail();
   return absl::AbortedError(
       absl::StrCat("the ", options_.name, " ", *ended,
                    tail.empty() ? "; it logged nothing" : "; the last lines of its log:\n" + tail));
@@ -183,15 +173,10 @@ void ChildProcess::Finish(std::chrono::steady_clock::time_point deadline) {
 void ChildProcess::Kill() {
   if (pid_ <= 0 || Ended().has_value()) return;
   kill(pid_, SIGKILL);
-  int status = 0;
-  pid_t got = 0;
-  do {
-    got = waitpid(pid_, &status, 0);
-  } while (got < 0 && errno == EINTR);
-  ended_ = got == pid_ ? EndOf(status) : "ended";
+  Finish(std::chrono::steady_clock::time_point::max());
 }
 
-std::string ChildProcess::LogTail(size_t lines) const {
+std::string ChildProcess::LogTail() const {
   std::ifstream file(options_.log, std::ios::binary);
   file.seekg(0, std::ios::end);
   const std::streamoff size = file.tellg();
@@ -199,7 +184,7 @@ std::string ChildProcess::LogTail(size_t lines) const {
   const std::string text{std::istreambuf_iterator<char>(file), {}};
   std::vector<std::string> all =
       absl::StrSplit(std::string(absl::StripTrailingAsciiWhitespace(text)), '\n');
-  if (all.size() > lines) all.erase(all.begin(), all.end() - static_cast<std::ptrdiff_t>(lines));
+  if (std::ssize(all) > kTailLines) all.erase(all.begin(), all.end() - kTailLines);
   return absl::StrJoin(all, "\n");
 }
 

@@ -35,13 +35,11 @@ class ChildProcess {
   static absl::StatusOr<ChildProcess> Start(ChildProcessOptions options);
 
   ChildProcess(ChildProcess&& other) noexcept;
-  ChildProcess& operator=(ChildProcess&& other) noexcept;
   // Kills it where it still runs, and waits for it.
   ~ChildProcess();
 
   pid_t pid() const { return pid_; }
   const std::string& name() const { return options_.name; }
-  const std::filesystem::path& log() const { return options_.log; }
 
   // How it ended ("exited with code 3", "was ended by signal 9 (Killed)"); none while it runs.
   std::optional<std::string> Ended();
@@ -54,7 +52,7 @@ class ChildProcess {
   void Finish(std::chrono::steady_clock::time_point deadline);
 
   // The last lines of the log.
-  std::string LogTail(size_t lines) const;
+  std::string LogTail() const;
 
  private:
   ChildProcess(ChildProcessOptions options, pid_t pid) : options_(std::move(options)), pid_(pid) {}

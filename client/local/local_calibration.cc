@@ -7,13 +7,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "client/commands/agent_command.h"
 #include "client/commands/calibrate_command.h"
 #include "client/local/capture_table.h"
+#include "client/net/paging.h"
 #include "client/net/polling.h"
-#include "client/net/resources.h"
-#include "client/net/server_connection.h"
-#include "client/output/quantities.h"
 #include "client/tables/calibration_table.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
@@ -35,9 +32,14 @@ constexpr std::chrono::seconds kPacedStallLimit{1800};
 
 class LocalCalibration {
  public:
-  LocalCalibration(const LocalCalibrationOptions& options, LocalRig& rig,
-                   const StopSignals& signals, Console& console)
-      : options_(options), rig_(rig), signals_(signals), console_(console), progress_(console) {}
+  LocalCalibration(const LocalOptions& options, const std::vector<LocalCamera>& cameras,
+                   LocalRig& rig, const StopSignals& signals, Console& console)
+      : options_(options),
+        cameras_(cameras),
+        rig_(rig),
+        signals_(signals),
+        console_(console),
+        progress_(console) {}
 
   absl::StatusOr<LocalOutcome> Run() {
     LocalOutcome outcome;
@@ -47,7 +49,7 @@ class LocalCalibration {
     ServerConnection server(rig_.address());
     // Before the agents start, so that a bad target is refused at once.
     RIGCAL_ASSIGN_OR_RETURN(const std::string session, CreateSession(server));
-    RIGCAL_RETURN_IF_ERROR(rig_.StartAgents(options_.cameras));
+    RIGCAL_RETURN_IF_ERROR(rig_.StartAgents(cameras_));
     RIGCAL_RETURN_IF_ERROR(WaitForCameras(server));
     const Clock::time_point begin = Clock::now();
     RIGCAL_ASSIGN_OR_RETURN(outcome.session, Capture(server, session));
@@ -67,39 +69,36 @@ class LocalCalibration {
   PollOptions Polling() {
     return {.interval = kPollInterval,
             .patience = kPatience,
-            .answered_before = false,
-            .wait = [this](std::chrono::milliseconds time) { return Wait(time); },
-            .on_lost = {}};
+            .wait = [this](std::chrono::milliseconds time) { return Wait(time); }};
   }
 
   absl::StatusOr<std::string> CreateSession(ServerConnection& server) {
     v1::CreateSessionRequest request;
     request.set_title("rigcal local");
     *request.mutable_target() = wire::ToProto(options_.target);
-    for (const LocalCamera& camera : options_.cameras) request.add_camera_names(camera.name);
-    const auto session =
-        SessionOf(server.Call(server.sessions(), &Sessions::CreateSession, request));
-    if (!session.ok()) return session.status();
-    return session->id();
+    for (const LocalCamera& camera : cameras_) request.add_camera_names(camera.name);
+    RIGCAL_ASSIGN_OR_RETURN(const v1::CreateSessionResponse response,
+                            server.Call(&Sessions::CreateSession, request));
+    return response.session().id();
   }
 
   absl::Status WaitForCameras(ServerConnection& server) {
     const Clock::time_point deadline = Clock::now() + kConnectLimit;
     std::set<std::string> missing;
-    const auto agents = PollUntil<v1::ListAgentsResponse>(
-        [&] { return ReadAllAgents(server, {}); },
-        [&](const v1::ListAgentsResponse& response) {
-          missing.clear();
-          for (const LocalCamera& camera : options_.cameras) missing.insert(camera.name);
-          for (const v1::Agent& agent : response.agents()) {
-            if (!agent.connected()) continue;
-            for (const auto& camera : agent.cameras()) missing.erase(camera.camera());
-          }
-          progress_.Show(absl::StrCat("connecting: ", options_.cameras.size() - missing.size(),
-                                      " of ", options_.cameras.size(), " cameras"));
-          return missing.empty() || Clock::now() > deadline;
-        },
-        Polling());
+    const auto agents =
+        PollUntil([&] { return ReadAllPages(server, &v1::AgentService::Stub::ListAgents); },
+                  [&](const v1::ListAgentsResponse& response) {
+                    missing.clear();
+                    for (const LocalCamera& camera : cameras_) missing.insert(camera.name);
+                    for (const v1::Agent& agent : response.agents()) {
+                      if (!agent.connected()) continue;
+                      for (const auto& camera : agent.cameras()) missing.erase(camera.camera());
+                    }
+                    progress_.Show(absl::StrCat("connecting: ", cameras_.size() - missing.size(),
+                                                " of ", cameras_.size(), " cameras"));
+                    return missing.empty() || Clock::now() > deadline;
+                  },
+                  Polling());
     if (!agents.ok()) return agents.status();
     if (missing.empty()) return absl::OkStatus();
     return absl::DeadlineExceededError(
@@ -109,16 +108,13 @@ class LocalCalibration {
   }
 
   absl::StatusOr<v1::Session> Capture(ServerConnection& server, const std::string& id) {
-    v1::StartSessionRequest start;
-    start.set_id(id);
-    RIGCAL_RETURN_IF_ERROR(server.Call(server.sessions(), &Sessions::StartSession, start).status());
-    v1::GetSessionRequest get;
-    get.set_id(id);
-    const std::chrono::seconds limit = options_.paced ? kPacedStallLimit : kStallLimit;
+    RIGCAL_RETURN_IF_ERROR(server.CallWithId(&Sessions::StartSession, id).status());
+    // Sources that play at recorded speed may pause.
+    const std::chrono::seconds limit = options_.speed == "max" ? kStallLimit : kPacedStallLimit;
     Clock::time_point last_change = Clock::now();
     uint64_t last_seen = 0;
-    const auto session = PollUntil<v1::Session>(
-        [&] { return SessionOf(server.Call(server.sessions(), &Sessions::GetSession, get)); },
+    auto session = PollUntil(
+        [&] { return SessionOf(server.CallWithId(&Sessions::GetSession, id)); },
         [&](const v1::Session& now) {
           uint64_t seen = now.observation_count();
           for (const v1::SessionCamera& camera : now.cameras()) {
@@ -126,13 +122,12 @@ class LocalCalibration {
           }
           if (seen != last_seen) last_change = Clock::now();
           last_seen = seen;
-          progress_.Show(FormatCaptureProgress(now, options_.cameras));
+          progress_.Show(FormatCaptureProgress(now, cameras_));
           return now.state() == v1::Session::STATE_FINISHED || Clock::now() - last_change > limit;
         },
         Polling());
-    if (!session.ok()) return session.status();
-    RIGCAL_RETURN_IF_ERROR(CheckCapture(*session, limit));
-    return *session;
+    if (session.ok()) RIGCAL_RETURN_IF_ERROR(CheckCapture(*session, limit));
+    return session;
   }
 
   absl::Status CheckCapture(const v1::Session& session, std::chrono::seconds limit) {
@@ -159,16 +154,13 @@ class LocalCalibration {
   }
 
   absl::StatusOr<v1::Calibration> Solve(ServerConnection& server, const std::string& session) {
-    const auto created =
-        CalibrationOf(server.Call(server.calibrations(), &Calibrations::CreateCalibration,
-                                  MakeCalibrationRequest({session}, options_.calibration)));
-    if (!created.ok()) return created.status();
-    v1::GetCalibrationRequest get;
-    get.set_id(created->id());
-    return PollUntil<v1::Calibration>(
+    RIGCAL_ASSIGN_OR_RETURN(const v1::CreateCalibrationResponse created,
+                            server.Call(&Calibrations::CreateCalibration,
+                                        MakeCalibrationRequest({session}, options_.calibration)));
+    return PollUntil(
         [&] {
           return CalibrationOf(
-              server.Call(server.calibrations(), &Calibrations::GetCalibration, get));
+              server.CallWithId(&Calibrations::GetCalibration, created.calibration().id()));
         },
         [&](const v1::Calibration& now) {
           progress_.Show(FormatCalibrationProgress(now));
@@ -177,7 +169,8 @@ class LocalCalibration {
         Polling());
   }
 
-  const LocalCalibrationOptions& options_;
+  const LocalOptions& options_;
+  const std::vector<LocalCamera>& cameras_;
   LocalRig& rig_;
   const StopSignals& signals_;
   Console& console_;
@@ -186,9 +179,12 @@ class LocalCalibration {
 
 }  // namespace
 
-absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalCalibrationOptions& options, LocalRig& rig,
-                                              const StopSignals& signals, Console& console) {
-  absl::StatusOr<LocalOutcome> outcome = LocalCalibration(options, rig, signals, console).Run();
+absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalOptions& options,
+                                              const std::vector<LocalCamera>& cameras,
+                                              LocalRig& rig, const StopSignals& signals,
+                                              Console& console) {
+  absl::StatusOr<LocalOutcome> outcome =
+      LocalCalibration(options, cameras, rig, signals, console).Run();
   // When a call failed because the server died, its log explains more.
   const Clock::time_point deadline = Clock::now() + kPatience;
   while (absl::IsUnavailable(outcome.status()) && Clock::now() < deadline) {

@@ -4,22 +4,13 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "client/local/local_command.h"
 #include "client/local/local_rig.h"
 #include "client/local/stop_signal.h"
-#include "client/output/console.h"
-#include "common/calibration/calibration_options.h"
-#include "common/target/target.h"
 #include "rigcal/v1/calibration.pb.h"
 #include "rigcal/v1/session.pb.h"
 
 namespace rigcal::client {
-
-struct LocalCalibrationOptions {
-  std::vector<LocalCamera> cameras;
-  Target target;
-  CalibrationOptions calibration;
-  bool paced = false;  // the sources play at recorded speed: pauses are no fault
-};
 
 struct LocalOutcome {
   rigcal::v1::Session session;  // finished
@@ -27,10 +18,12 @@ struct LocalOutcome {
   rigcal::v1::Calibration calibration;
 };
 
-// Starts `rig`, captures one session with it and calibrates from that; shows progress. The returned
-// calibration has succeeded or failed. CANCELLED: by a signal. ABORTED: a process died; with the
-// last lines of its log. DEADLINE_EXCEEDED: no progress; names what is missing.
-absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalCalibrationOptions& options, LocalRig& rig,
-                                              const StopSignals& signals, Console& console);
+// Starts `rig`, captures one session with these cameras and calibrates from that; shows progress.
+// The returned calibration has succeeded or failed. CANCELLED: by a signal. ABORTED: a process
+// died; with the last lines of its log. DEADLINE_EXCEEDED: no progress; names what is missing.
+absl::StatusOr<LocalOutcome> CalibrateLocally(const LocalOptions& options,
+                                              const std::vector<LocalCamera>& cameras,
+                                              LocalRig& rig, const StopSignals& signals,
+                                              Console& console);
 
 }  // namespace rigcal::client

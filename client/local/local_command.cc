@@ -2,8 +2,6 @@
 #include "client/local/local_command.h"
 
 #include <algorithm>
-#include <optional>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "client/commands/calibrate_command.h"
@@ -37,45 +35,36 @@ absl::StatusOr<LocalOutcome> Run(const LocalOptions& options, const LocalPlan& p
     RIGCAL_ASSIGN_OR_RETURN(programs, ProgramDirectory());
   }
   LocalRig rig(programs, folder);
-  return CalibrateLocally({.cameras = plan.cameras,
-                           .target = options.target,
-                           .calibration = options.calibration,
-                           .paced = options.speed != "max"},
-                          rig, signals, console);
+  return CalibrateLocally(options, plan.cameras, rig, signals, console);
 }
 
 bool HasEventCamera(const v1::Session& session) {
-  return std::any_of(session.cameras().begin(), session.cameras().end(), [](const auto& camera) {
+  return std::ranges::any_of(session.cameras(), [](const v1::SessionCamera& camera) {
     return camera.description().sensor() == v1::CameraDescription::SENSOR_EVENT;
   });
 }
 
 // Prints the result. No process runs any more.
-ExitCode Conclude(LocalOutcome outcome, const LocalPlan& plan, const RunFolder& folder,
+ExitCode Conclude(const LocalOutcome& outcome, const LocalPlan& plan, const RunFolder& folder,
                   CommandContext& context) {
   const v1::Calibration& calibration = outcome.calibration;
-  std::optional<GroundTruthComparison> ground_truth;
+  absl::StatusOr<GroundTruthComparison> comparison;
+  const GroundTruthComparison* ground_truth = nullptr;
   ExitCode code = ExitCode::kOk;
   const bool succeeded = calibration.state() == v1::Calibration::STATE_SUCCEEDED;
   if (succeeded && plan.world.has_value()) {
-    if (auto comparison = CompareWithGroundTruth(calibration, *plan.world); comparison.ok()) {
-      ground_truth = *std::move(comparison);
-    } else {
-      code = context.Fail(comparison.status());
-    }
+    comparison = CompareWithGroundTruth(calibration, *plan.world);
+    if (comparison.ok()) ground_truth = &*comparison;
+    if (!comparison.ok()) code = context.Fail(comparison.status());
   }
   if (succeeded && folder.stays()) {
-    const absl::Status status =
-        Export(calibration, ground_truth ? &*ground_truth : nullptr, folder);
-    if (!status.ok()) {
-      code = context.Fail(status);
-    }
+    const absl::Status status = Export(calibration, ground_truth, folder);
+    if (!status.ok()) code = context.Fail(status);
   }
   if (context.console.format == OutputFormat::kTable) {
     context.console.out << FormatCapture(outcome, plan.duration_s) << std::flush;
   }
-  const ExitCode shown =
-      ShowCalibration(calibration, context, ground_truth ? &*ground_truth : nullptr);
+  const ExitCode shown = ShowCalibration(calibration, context, ground_truth);
   if (context.console.format == OutputFormat::kTable && ground_truth &&
       HasEventCamera(outcome.session)) {
     context.console.out
@@ -105,15 +94,12 @@ ExitCode RunLocal(const LocalOptions& options, CommandContext& context) {
           : PlanRecorded(*recorded, options.speed, options.event_options, folder->path());
   if (!plan.ok()) return context.Fail(plan.status());
 
-  absl::StatusOr<LocalOutcome> outcome = Run(options, *plan, *folder, signals, context.console);
-  ExitCode code = ExitCode::kOk;
-  if (outcome.ok()) {
-    code = Conclude(*outcome, *plan, *folder, context);
-  } else {
-    // Not ExitCodeOf: a server of our own that cannot be reached is a failure like any other.
-    context.console.Error(outcome.status());
-    code = ExitCode::kFailed;
-  }
+  const absl::StatusOr<LocalOutcome> outcome =
+      Run(options, *plan, *folder, signals, context.console);
+  if (!outcome.ok()) context.Fail(outcome.status());
+  // Whatever the status: a server of our own that cannot be reached is a failure like any other.
+  const ExitCode code =
+      outcome.ok() ? Conclude(*outcome, *plan, *folder, context) : ExitCode::kFailed;
   if (folder->stays()) {
     const char* what =
         code == ExitCode::kFailed ? "the store and the logs" : "the store, the logs and an export";

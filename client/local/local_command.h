@@ -16,13 +16,13 @@ inline constexpr const char* kDefaultTarget = "wand:0,0.13,0.39";
 
 struct LocalOptions {
   // Exactly one of the two.
-  std::filesystem::path data;
+  std::string data;  // folder of a recording
   std::optional<SimulatedRigOptions> simulation;
 
   Target target;
-  std::filesystem::path keep;  // empty: nothing is kept
-  std::string speed = "max";   // or a factor of the recorded pace
-  std::string event_options;   // of recordings of events, as behind `raw:FILE;`
+  std::string keep;           // empty: nothing is kept
+  std::string speed = "max";  // or a factor of the recorded pace
+  std::string event_options;  // of recordings of events, as behind `raw:FILE;`
   CalibrationOptions calibration;
 
   // Folder of rigcal-server and rigcal-agent; empty: beside this program.

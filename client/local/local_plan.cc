@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/local/local_plan.h"
 
+#include <algorithm>
 #include <system_error>
 #include <utility>
 
@@ -60,9 +61,7 @@ absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::
                                        const std::string& event_options, const fs::path& link_in) {
   RIGCAL_ASSIGN_OR_RETURN(const fs::path reachable, ReachableFolder(folder.path, link_in));
   LocalPlan plan;
-  bool events = false;
   for (const RecordedCamera& camera : folder.cameras) {
-    events = events || camera.events;
     // The name first, so that a '=' in the path does not end one.
     std::string source =
         absl::StrCat(camera.camera, camera.events ? "=raw:" : "=csv:",
@@ -70,7 +69,7 @@ absl::StatusOr<LocalPlan> PlanRecorded(const RecordedFolder& folder, const std::
     if (camera.events && !event_options.empty()) absl::StrAppend(&source, ";", event_options);
     plan.cameras.push_back({camera.camera, std::move(source), 0});
   }
-  if (!events && !event_options.empty()) {
+  if (!event_options.empty() && std::ranges::none_of(folder.cameras, &RecordedCamera::events)) {
     return absl::InvalidArgumentError(
         absl::StrCat("\"", event_options, "\" is for recordings of events, and there is none in ",
                      folder.path.string()));

@@ -2,12 +2,9 @@
 #include "client/local/local_rig.h"
 
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <system_error>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 
@@ -21,10 +18,6 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kStartLimit{60};
 constexpr std::chrono::seconds kStopLimit{10};
 constexpr std::chrono::milliseconds kLook{10};
-constexpr size_t kLogTailLines = 8;
-
-// No proxy of the user's environment for calls on this machine.
-const char kNoProxy[] = "no_grpc_proxy=127.0.0.1";
 
 std::string AgentName(const std::string& camera) {
   return absl::StrCat("agent of camera ", camera);
@@ -32,10 +25,8 @@ std::string AgentName(const std::string& camera) {
 
 std::optional<int> ReadPort(const fs::path& file) {
   std::ifstream stream(file);
-  const std::string text{std::istreambuf_iterator<char>(stream), {}};
   int port = 0;
-  if (!absl::SimpleAtoi(std::string(absl::StripAsciiWhitespace(text)), &port)) return std::nullopt;
-  if (port < 1 || port > 65535) return std::nullopt;
+  if (!(stream >> port) || port < 1 || port > 65535) return std::nullopt;
   return port;
 }
 
@@ -43,7 +34,6 @@ void StopAll(std::vector<ChildProcess>* processes) {
   for (ChildProcess& process : *processes) process.RequestStop();
   const Clock::time_point deadline = Clock::now() + kStopLimit;
   for (ChildProcess& process : *processes) process.Finish(deadline);
-  processes->clear();
 }
 
 }  // namespace
@@ -51,26 +41,24 @@ void StopAll(std::vector<ChildProcess>* processes) {
 absl::Status LocalRig::StartServer(
     const std::function<absl::Status(std::chrono::milliseconds)>& wait) {
   const fs::path port_file = folder_.path() / "server.port";
-  absl::StatusOr<ChildProcess> server = ChildProcess::Start(
-      {.name = "server",
-       .program = programs_ / "rigcal-server",
-       .arguments = {"--listen", "127.0.0.1:0", "--data-dir", folder_.Store().string(),
-                     "--port-file", port_file.string()},
-       .log = folder_.Logs() / "server.log",
-       .environment = {kNoProxy}});
-  if (!server.ok()) return server.status();
-  server_.push_back(*std::move(server));
+  RIGCAL_ASSIGN_OR_RETURN(ChildProcess server,
+                          ChildProcess::Start({.name = "server",
+                                               .program = programs_ / "rigcal-server",
+                                               .arguments = {"--listen", "127.0.0.1:0",
+                                                             "--data-dir", folder_.Store().string(),
+                                                             "--port-file", port_file.string()},
+                                               .log = folder_.Logs() / "server.log"}));
+  server_.push_back(std::move(server));
   const Clock::time_point deadline = Clock::now() + kStartLimit;
   while (true) {
     if (const std::optional<int> port = ReadPort(port_file)) {
       address_ = absl::StrCat("127.0.0.1:", *port);
       return absl::OkStatus();
     }
-    RIGCAL_RETURN_IF_ERROR(CheckRunning());
     if (Clock::now() > deadline) {
       return absl::DeadlineExceededError(
           absl::StrCat("the server did not start within ", kStartLimit.count(),
-                       " s; the last lines of its log:\n", server_[0].LogTail(kLogTailLines)));
+                       " s; the last lines of its log:\n", server_[0].LogTail()));
     }
     RIGCAL_RETURN_IF_ERROR(wait(kLook));
   }
@@ -78,16 +66,18 @@ absl::Status LocalRig::StartServer(
 
 absl::Status LocalRig::StartAgents(const std::vector<LocalCamera>& cameras) {
   for (const LocalCamera& camera : cameras) {
-    absl::StatusOr<ChildProcess> agent = ChildProcess::Start(
-        {.name = AgentName(camera.name),
-         .program = programs_ / "rigcal-agent",
-         .arguments = {"--server", address_, "--agent-id", absl::StrCat("local-", camera.name),
-                       "--state-dir", (folder_.Agents() / camera.name).string(), "--source",
-                       camera.source},
-         .log = folder_.Logs() / absl::StrCat("agent_", camera.name, ".log"),
-         .environment = {kNoProxy}});
-    if (!agent.ok()) return agent.status();
-    agents_.push_back(*std::move(agent));
+    RIGCAL_ASSIGN_OR_RETURN(
+        ChildProcess agent,
+        ChildProcess::Start(
+            {.name = AgentName(camera.name),
+             .program = programs_ / "rigcal-agent",
+             .arguments = {"--server", address_, "--agent-id", absl::StrCat("local-", camera.name),
+                           "--state-dir", (folder_.Agents() / camera.name).string(), "--source",
+                           camera.source},
+             .log = folder_.Logs() / absl::StrCat("agent_", camera.name, ".log"),
+             // No proxy of the user's environment for calls on this machine.
+             .environment = {"no_grpc_proxy=127.0.0.1"}}));
+    agents_.push_back(std::move(agent));
   }
   return absl::OkStatus();
 }
@@ -101,12 +91,12 @@ absl::Status LocalRig::CheckRunning() {
 
 std::string LocalRig::AgentLogTail(const std::string& camera) const {
   for (const ChildProcess& agent : agents_) {
-    if (agent.name() == AgentName(camera)) return agent.LogTail(kLogTailLines);
+    if (agent.name() == AgentName(camera)) return agent.LogTail();
   }
   return "";
 }
 
-void LocalRig::Stop() {
+LocalRig::~LocalRig() {
   StopAll(&agents_);
   StopAll(&server_);
 }

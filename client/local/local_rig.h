@@ -28,13 +28,14 @@ class LocalRig {
   // The programs lie in `programs`; `folder` outlives this.
   LocalRig(std::filesystem::path programs, const RunFolder& folder)
       : programs_(std::move(programs)), folder_(folder) {}
-  ~LocalRig() { Stop(); }
+  // Ends agents and server, and waits for them.
+  ~LocalRig();
   LocalRig(const LocalRig&) = delete;
   LocalRig& operator=(const LocalRig&) = delete;
 
   // Starts the server on a free loopback port and waits until it accepts calls; an error of `wait`,
-  // which is called between two polls, ends that. ABORTED: the server has ended; with the last
-  // lines of its log. DEADLINE_EXCEEDED: it does not start.
+  // which is called between two polls and does CheckRunning, ends that. ABORTED: the server has
+  // ended; with the last lines of its log. DEADLINE_EXCEEDED: it does not start.
   absl::Status StartServer(const std::function<absl::Status(std::chrono::milliseconds)>& wait);
   absl::Status StartAgents(const std::vector<LocalCamera>& cameras);
 
@@ -44,8 +45,6 @@ class LocalRig {
   absl::Status CheckRunning();
   // The last lines of the log of a camera's agent.
   std::string AgentLogTail(const std::string& camera) const;
-  // Ends agents and server, and waits for them. May be called again.
-  void Stop();
 
  private:
   std::filesystem::path programs_;

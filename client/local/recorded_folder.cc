@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/local/recorded_folder.h"
 
-#include <algorithm>
 #include <map>
 #include <set>
 #include <system_error>
@@ -10,6 +9,8 @@
 #include "absl/strings/str_join.h"
 #include "common/camera/camera_id.h"
 #include "common/camera/intrinsics_file.h"
+#include "common/status/fault_list.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::client {
 namespace {
@@ -21,7 +22,7 @@ constexpr char kLayout[] =
     "and <camera>.yaml (OpenCV intrinsics) for each camera";
 
 struct Listing {
-  std::map<std::string, std::vector<fs::path>> recordings;  // file names, by stem
+  std::map<std::string, std::set<std::string>> recordings;  // file names, by stem
   std::set<std::string> yaml;                               // stems
 };
 
@@ -47,7 +48,7 @@ absl::StatusOr<Listing> List(const fs::path& folder) {
     // Hidden files are left by editors and file systems ("._left.csv").
     if (stem.empty() || stem.front() == '.') continue;
     if (file.extension() == ".csv" || IsEventFile(file)) {
-      listing.recordings[stem].push_back(file.filename());
+      listing.recordings[stem].insert(file.filename().string());
     }
     if (file.extension() == ".yaml") listing.yaml.insert(stem);
   }
@@ -55,68 +56,56 @@ absl::StatusOr<Listing> List(const fs::path& folder) {
     return absl::FailedPreconditionError(
         absl::StrCat("cannot read the folder ", folder.string(), ": ", error.message()));
   }
-  for (auto& [stem, files] : listing.recordings) std::sort(files.begin(), files.end());
   return listing;
 }
 
-// Empty where the camera can be used.
-std::string FaultOf(const RecordedCamera& camera, bool has_yaml) {
+void CheckCamera(const RecordedCamera& camera, bool has_yaml, FaultList* faults) {
+  const std::string yaml = camera.recording.parent_path() / (camera.camera + ".yaml");
   if (const absl::Status name = ValidateName("camera name", camera.camera); !name.ok()) {
-    return absl::StrCat(camera.recording.string(),
-                        ": a camera is named after its file: ", std::string(name.message()));
+    faults->Add(camera.recording.string(),
+                ": a camera is named after its file: ", std::string(name.message()));
+  } else if (!has_yaml) {
+    faults->Add("camera ", camera.camera, ": ", camera.recording.filename().string(),
+                " is there, but ", yaml, " with its intrinsics is missing");
+  } else if (const auto intrinsics = ReadIntrinsicsFile(yaml); !intrinsics.ok()) {
+    faults->Add("camera ", camera.camera, ": ", std::string(intrinsics.status().message()));
   }
-  if (!has_yaml) {
-    return absl::StrCat("camera ", camera.camera, ": ", camera.recording.filename().string(),
-                        " is there, but ", camera.yaml.string(), " with its intrinsics is missing");
-  }
-  if (const auto intrinsics = ReadIntrinsicsFile(camera.yaml.string()); !intrinsics.ok()) {
-    return absl::StrCat("camera ", camera.camera, ": ", std::string(intrinsics.status().message()));
-  }
-  return "";
 }
 
 }  // namespace
 
 absl::StatusOr<RecordedFolder> ReadRecordedFolder(const fs::path& path) {
-  const absl::StatusOr<Listing> listing = List(path);
-  if (!listing.ok()) return listing.status();
+  RIGCAL_ASSIGN_OR_RETURN(const Listing listing, List(path));
   RecordedFolder folder;
   std::error_code error;
   folder.path = fs::absolute(path, error).lexically_normal();
   if (error) folder.path = path;
 
-  std::vector<std::string> faults;
-  for (const auto& [stem, files] : listing->recordings) {
+  FaultList faults;
+  for (const auto& [stem, files] : listing.recordings) {
     RecordedCamera camera{.camera = stem,
-                          .recording = folder.path / files.front(),
-                          .yaml = folder.path / (stem + ".yaml"),
-                          .events = IsEventFile(files.front())};
+                          .recording = folder.path / *files.begin(),
+                          .events = IsEventFile(*files.begin())};
     if (files.size() > 1) {
-      faults.push_back(absl::StrCat("camera ", stem, " has several recordings: ",
-                                    absl::StrJoin(files, ", ",
-                                                  [](std::string* out, const fs::path& file) {
-                                                    absl::StrAppend(out, file.string());
-                                                  }),
-                                    "; leave one of them in ", path.string()));
+      faults.Add("camera ", stem, " has several recordings: ", absl::StrJoin(files, ", "),
+                 "; leave one of them in ", path.string());
     }
-    if (std::string fault = FaultOf(camera, listing->yaml.contains(stem)); !fault.empty()) {
-      faults.push_back(std::move(fault));
-    }
+    CheckCamera(camera, listing.yaml.contains(stem), &faults);
     folder.cameras.push_back(std::move(camera));
   }
-  for (const std::string& stem : listing->yaml) {
-    if (listing->recordings.contains(stem)) continue;
+  for (const std::string& stem : listing.yaml) {
+    if (listing.recordings.contains(stem)) continue;
     folder.warnings.push_back(absl::StrCat(stem, ".yaml has no ", stem, ".csv, .raw, .h5 or .hdf5 ",
                                            "beside it: no camera is made of it"));
   }
   if (folder.cameras.empty()) {
-    faults.push_back(absl::StrCat("there is no recording in ", path.string(), "; ", kLayout));
+    faults.Add("there is no recording in ", path.string(), "; ", kLayout);
   } else if (folder.cameras.size() == 1) {
-    faults.push_back(absl::StrCat("there is only one camera in ", path.string(), " (",
-                                  folder.cameras[0].camera, "); a rig needs at least two"));
+    faults.Add("there is only one camera in ", path.string(), " (", folder.cameras[0].camera,
+               "); a rig needs at least two");
   }
-  if (faults.empty()) return folder;
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
+  RIGCAL_RETURN_IF_ERROR(faults.Result("", "\n"));
+  return folder;
 }
 
 }  // namespace rigcal::client

@@ -14,7 +14,6 @@ namespace rigcal::client {
 struct RecordedCamera {
   std::string camera;
   std::filesystem::path recording;
-  std::filesystem::path yaml;
   bool events = false;
 };
 
@@ -25,10 +24,9 @@ struct RecordedFolder {
   std::vector<std::string> warnings;
 };
 
-// Lists the recordings of a folder and reads its intrinsics. NOT_FOUND: no such
-// folder. INVALID_ARGUMENT: names every fault at once: no recording, a single camera, two
-// recordings of one camera, a missing or malformed YAML file, a file name that cannot be a camera's
-// name.
+// Lists the recordings of a folder and reads its intrinsics. NOT_FOUND: no such folder.
+// INVALID_ARGUMENT: names every fault at once: no recording, a single camera, two recordings of one
+// camera, a missing or malformed YAML file, a file name that cannot be a camera's name.
 absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::filesystem::path& path);
 
 }  // namespace rigcal::client

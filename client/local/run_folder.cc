@@ -83,8 +83,7 @@ absl::StatusOr<fs::path> MakeKept(const fs::path& keep) {
   std::error_code error;
   const fs::path path = fs::absolute(keep, error).lexically_normal();
   fs::create_directories(path, error);
-  if (error) return CannotMake(path, error.message());
-  const bool empty = fs::is_empty(path, error);
+  const bool empty = !error && fs::is_empty(path, error);
   if (error) return CannotMake(path, error.message());
   if (!empty) {
     return absl::FailedPreconditionError(

@@ -63,14 +63,8 @@ absl::Status ValidateServerAddress(std::string_view address) {
   return absl::OkStatus();
 }
 
-ServerConnection::ServerConnection(std::string address)
-    : address_(std::move(address)),
-      channel_(MakeChannel(address_)),
-      sessions_(v1::SessionService::NewStub(channel_)),
-      calibrations_(v1::CalibrationService::NewStub(channel_)),
-      agents_(v1::AgentService::NewStub(channel_)),
-      cameras_(v1::CameraService::NewStub(channel_)),
-      status_(v1::StatusService::NewStub(channel_)) {}
+ServerConnection::ServerConnection(const std::string& address)
+    : address_(address), channel_(MakeChannel(address)) {}
 
 absl::Status ServerConnection::Explain(const grpc::Status& status,
                                        std::chrono::milliseconds timeout) const {
@@ -88,12 +82,10 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
         "the server at ", address_, " does not know this call (", status.error_message(),
         "): it is another program or another version; rigcal doctor compares the versions"));
   }
-  if (status.error_message().empty()) {
-    const absl::Status named = wire::FromGrpc(status);
-    return absl::Status(named.code(), absl::StrCat("the server at ", address_, " refused: ",
-                                                   absl::StatusCodeToString(named.code())));
-  }
-  return wire::FromGrpc(status);
+  const absl::Status named = wire::FromGrpc(status);
+  if (!named.message().empty()) return named;
+  return absl::Status(named.code(), absl::StrCat("the server at ", address_, " refused: ",
+                                                 absl::StatusCodeToString(named.code())));
 }
 
 absl::StatusOr<std::string> ServerConnection::CheckHealth() {

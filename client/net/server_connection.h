@@ -26,47 +26,51 @@ inline constexpr std::chrono::milliseconds kCallTimeout{10'000};
 // INVALID_ARGUMENT unless `address` is HOST:PORT, with a port from 1 to 65535.
 absl::Status ValidateServerAddress(std::string_view address);
 
+template <typename Stub, typename Request, typename Response>
+using UnaryMethod = grpc::Status (Stub::*)(grpc::ClientContext*, const Request&, Response*);
+
 // The services of one server. Connects with the first call; proxies named in the environment are
 // not used, a rig's server being on its own network. Thread safe.
 class ServerConnection {
  public:
-  explicit ServerConnection(std::string address);
+  explicit ServerConnection(const std::string& address);
 
   const std::string& address() const { return address_; }
-  rigcal::v1::SessionService::Stub& sessions() { return *sessions_; }
-  rigcal::v1::CalibrationService::Stub& calibrations() { return *calibrations_; }
-  rigcal::v1::AgentService::Stub& agents() { return *agents_; }
-  rigcal::v1::CameraService::Stub& cameras() { return *cameras_; }
-  rigcal::v1::StatusService::Stub& status() { return *status_; }
 
-  // A unary call with a deadline: `Call(connection.sessions(), &SessionService::Stub::GetSession,
-  // request)`. UNAVAILABLE: the server cannot be reached, or does not answer in time; the message
-  // names it and says what to do. Else the server's own status.
-  template <typename Stub, typename Service, typename Request, typename Response>
-  absl::StatusOr<Response> Call(Stub& stub,
-                                grpc::Status (Service::*method)(grpc::ClientContext*,
-                                                                const Request&, Response*),
+  // A unary call with a deadline: `Call(&SessionService::Stub::GetSession, request)`. UNAVAILABLE:
+  // the server cannot be reached, or does not answer in time; the message names it and says what to
+  // do. Else the server's own status.
+  template <typename Stub, typename Request, typename Response>
+  absl::StatusOr<Response> Call(UnaryMethod<Stub, Request, Response> method,
                                 const std::type_identity_t<Request>& request,
                                 std::chrono::milliseconds timeout = kCallTimeout) {
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + timeout);
     Response response;
-    const grpc::Status status = (stub.*method)(&context, request, &response);
+    const grpc::Status status = (Stub(channel_).*method)(&context, request, &response);
     if (!status.ok()) return Explain(status, timeout);
     return response;
+  }
+  // A call that names a resource and nothing else.
+  template <typename Stub, typename Request, typename Response>
+  absl::StatusOr<Response> CallWithId(UnaryMethod<Stub, Request, Response> method,
+                                      const std::string& id) {
+    Request request;
+    request.set_id(id);
+    return Call(method, request);
   }
 
   // A stream of `Message`s from the server. `each` returns false to end it early, which is OK. A
   // `timeout` of zero is none; else the stream is given up after it, with DEADLINE_EXCEEDED where
   // something had come by then and UNAVAILABLE where nothing had.
-  template <typename Stub, typename Service, typename Request, typename Message>
-  absl::Status Read(Stub& stub,
-                    std::unique_ptr<grpc::ClientReader<Message>> (Service::*method)(
+  template <typename Stub, typename Request, typename Message>
+  absl::Status Read(std::unique_ptr<grpc::ClientReader<Message>> (Stub::*method)(
                         grpc::ClientContext*, const Request&),
                     const std::type_identity_t<Request>& request, std::chrono::milliseconds timeout,
                     const std::function<bool(const std::type_identity_t<Message>&)>& each) {
     grpc::ClientContext context;
     if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);
+    Stub stub(channel_);
     const auto reader = (stub.*method)(&context, request);
     Message message;
     bool any = false;
@@ -97,11 +101,18 @@ class ServerConnection {
 
   const std::string address_;
   const std::shared_ptr<grpc::Channel> channel_;
-  const std::unique_ptr<rigcal::v1::SessionService::Stub> sessions_;
-  const std::unique_ptr<rigcal::v1::CalibrationService::Stub> calibrations_;
-  const std::unique_ptr<rigcal::v1::AgentService::Stub> agents_;
-  const std::unique_ptr<rigcal::v1::CameraService::Stub> cameras_;
-  const std::unique_ptr<rigcal::v1::StatusService::Stub> status_;
 };
+
+// The resource in a response.
+template <typename Response>
+absl::StatusOr<rigcal::v1::Session> SessionOf(absl::StatusOr<Response> response) {
+  if (!response.ok()) return response.status();
+  return std::move(*response->mutable_session());
+}
+template <typename Response>
+absl::StatusOr<rigcal::v1::Calibration> CalibrationOf(absl::StatusOr<Response> response) {
+  if (!response.ok()) return response.status();
+  return std::move(*response->mutable_calibration());
+}
 
 }  // namespace rigcal::client

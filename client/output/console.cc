@@ -17,8 +17,6 @@ void Console::Message(std::string_view text) {
   err << "rigcal: " << Printable(text) << "\n" << std::flush;
 }
 
-void Console::Error(const absl::Status& status) { Message(std::string(status.message())); }
-
 void ProgressLine::Show(std::string_view text) {
   if (!console_.err_is_terminal) return;
   std::string line = Printable(text.substr(0, text.find('\n')));

@@ -7,8 +7,6 @@
 #include <string>
 #include <string_view>
 
-#include "absl/status/status.h"
-
 namespace rigcal::client {
 
 enum class OutputFormat { kTable, kJson };
@@ -22,7 +20,6 @@ struct Console {
 
   // One line on `err`: "rigcal: <text>".
   void Message(std::string_view text);
-  void Error(const absl::Status& status);
 };
 
 // One line on a terminal that is written over and over; nothing where `err` is no terminal. The

@@ -3,6 +3,14 @@
 
 #include <google/protobuf/util/json_util.h>
 
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+
 namespace rigcal::client {
 
 std::string ToJson(const google::protobuf::Message& message, bool indented) {
@@ -21,8 +29,19 @@ std::string ToJson(const google::protobuf::Message& message, bool indented) {
   return json;
 }
 
-void PrintJson(Console& console, const google::protobuf::Message& message, bool indented) {
-  console.out << ToJson(message, indented) << "\n" << std::flush;
+absl::Status ReplaceFile(const std::filesystem::path& path, const std::string& bytes) {
+  const std::string temporary = path.string() + ".new";
+  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
+  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (file && std::rename(temporary.c_str(), path.c_str()) == 0) return absl::OkStatus();
+  const std::string why = std::strerror(errno);
+  std::remove(temporary.c_str());
+  return absl::FailedPreconditionError(absl::StrCat("cannot write ", path.string(), ": ", why));
+}
+
+std::string JsonText(const nlohmann::ordered_json& json) {
+  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
 }  // namespace rigcal::client

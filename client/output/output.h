@@ -3,9 +3,11 @@
 
 #include <google/protobuf/message.h>
 
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "client/output/console.h"
+#include "absl/status/status.h"
 
 namespace rigcal::client {
 
@@ -13,7 +15,10 @@ namespace rigcal::client {
 // Messages that are not set are left out. Ends without a newline. `indented` false: one line.
 std::string ToJson(const google::protobuf::Message& message, bool indented = true);
 
-// ToJson and a newline on `console.out`.
-void PrintJson(Console& console, const google::protobuf::Message& message, bool indented = true);
+// Writes the file whole or not at all: a reader never sees half of it.
+absl::Status ReplaceFile(const std::filesystem::path& path, const std::string& bytes);
+
+// Our own JSON, indented like that of messages.
+std::string JsonText(const nlohmann::ordered_json& json);
 
 }  // namespace rigcal::client

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/output/quantities.h"
 
+#include <google/protobuf/descriptor.h>
+
 #include <cmath>
 #include <numbers>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/time.h"
-#include "common/geometry/rigid_transform.h"
 
 namespace rigcal::client {
 
@@ -43,17 +45,14 @@ std::string FormatBytes(uint64_t bytes) {
   return absl::StrFormat("%.1f GiB", kib / 1024 / 1024);
 }
 
+std::string EnumWord(const google::protobuf::EnumDescriptor& type, int value) {
+  const std::string none = type.FindValueByNumber(0)->name();  // "FINDING_KIND_UNSPECIFIED"
+  const size_t prefix = none.rfind('_');
+  const auto* known = value == 0 ? nullptr : type.FindValueByNumber(value);
+  return absl::AsciiStrToLower(known == nullptr ? absl::StrCat(none.substr(0, prefix), " ", value)
+                                                : known->name().substr(prefix + 1));
+}
+
 double DegreesFromRadians(double radians) { return radians * 180 / std::numbers::pi; }
-
-double RotationAngleRad(const Eigen::Quaterniond& rotation) {
-  return 2 * std::atan2(rotation.vec().norm(), std::abs(rotation.w()));
-}
-
-Eigen::Vector3d RotationVectorRad(const Eigen::Quaterniond& rotation) {
-  const Eigen::Quaterniond canonical = Canonical(rotation);
-  const double sine = canonical.vec().norm();
-  if (sine == 0) return Eigen::Vector3d::Zero();
-  return canonical.vec() * (RotationAngleRad(canonical) / sine);
-}
 
 }  // namespace rigcal::client

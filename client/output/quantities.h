@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <google/protobuf/generated_enum_reflection.h>
 #include <google/protobuf/timestamp.pb.h>
 
-#include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <string>
 
 namespace rigcal::client {
@@ -22,10 +21,14 @@ std::string FormatCount(uint64_t count, const char* singular, const char* plural
 // "12 KiB", "1.2 GiB".
 std::string FormatBytes(uint64_t bytes);
 
+// "clock_offset" for FINDING_KIND_CLOCK_OFFSET; "finding_kind 99" for UNSPECIFIED and for a value
+// of a later version.
+std::string EnumWord(const google::protobuf::EnumDescriptor& type, int value);
+template <typename Enum>
+std::string EnumWord(Enum value) {
+  return EnumWord(*google::protobuf::GetEnumDescriptor<Enum>(), value);
+}
+
 double DegreesFromRadians(double radians);
-// Angle of a rotation, 0 to pi; exact for small angles.
-double RotationAngleRad(const Eigen::Quaterniond& rotation);
-// Axis times angle, radians.
-Eigen::Vector3d RotationVectorRad(const Eigen::Quaterniond& rotation);
 
 }  // namespace rigcal::client

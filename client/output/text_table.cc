@@ -2,7 +2,6 @@
 #include "client/output/text_table.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "client/output/console.h"
 
@@ -11,29 +10,16 @@ namespace {
 
 constexpr size_t kGap = 2;
 
-std::string Padding(std::string_view text, size_t width) {
-  const size_t used = DisplayWidth(text);
-  return std::string(width > used ? width - used : 0, ' ');
+void AppendCell(const std::string& cell, size_t width, bool right, std::string* line) {
+  const std::string padding(width - std::min(width, DisplayWidth(cell)), ' ');
+  *line += right ? padding + cell : cell + padding;
+  line->append(kGap, ' ');
 }
 
-void AppendLine(std::string line, int indent, std::string* text) {
+void AppendLine(std::string line, size_t indent, std::string* text) {
   line.erase(line.find_last_not_of(' ') + 1);
-  if (!line.empty()) text->append(static_cast<size_t>(std::max(indent, 0)), ' ');
-  text->append(line);
-  text->push_back('\n');
-}
-
-// Runs of neighbouring columns with the same group, as [begin, end).
-std::vector<std::pair<size_t, size_t>> GroupRuns(const std::vector<TextTable::Column>& columns) {
-  std::vector<std::pair<size_t, size_t>> runs;
-  for (size_t i = 0; i < columns.size(); ++i) {
-    if (!runs.empty() && columns[runs.back().first].group == columns[i].group) {
-      runs.back().second = i + 1;
-    } else {
-      runs.emplace_back(i, i + 1);
-    }
-  }
-  return runs;
+  if (!line.empty()) text->append(indent, ' ');
+  *text += line + "\n";
 }
 
 }  // namespace
@@ -44,23 +30,30 @@ size_t DisplayWidth(std::string_view text) {
   }));
 }
 
-void TextTable::AddRow(std::vector<std::string> cells) {
-  cells.resize(columns_.size());
-  for (std::string& cell : cells) {
-    cell = Printable(cell);
-    std::replace(cell.begin(), cell.end(), '\n', ' ');
-  }
-  rows_.push_back(std::move(cells));
+TextTable& TextTable::Words(std::initializer_list<const char*> heads) {
+  columns_.resize(columns_.size() + heads.size());
+  lines_[0].insert(lines_[0].end(), heads.begin(), heads.end());
+  return *this;
 }
 
-std::string TextTable::Format(int indent) const {
-  std::vector<size_t> widths;
-  for (size_t i = 0; i < columns_.size(); ++i) {
-    size_t width = DisplayWidth(columns_[i].head);
-    for (const std::vector<std::string>& row : rows_) {
-      width = std::max(width, DisplayWidth(row[i]));
-    }
-    widths.push_back(width);
+TextTable& TextTable::Numbers(std::initializer_list<const char*> heads, const std::string& group) {
+  columns_.resize(columns_.size() + heads.size(), {.is_number = true, .group = group});
+  lines_[0].insert(lines_[0].end(), heads.begin(), heads.end());
+  return *this;
+}
+
+void TextTable::AddRow(const std::vector<Cell>& cells) {
+  std::vector<std::string>& line = lines_.emplace_back(columns_.size());
+  for (size_t i = 0; i < std::min(cells.size(), line.size()); ++i) {
+    line[i] = Printable(cells[i].text);
+    std::replace(line[i].begin(), line[i].end(), '\n', ' ');
+  }
+}
+
+std::string TextTable::Format(size_t indent) const {
+  std::vector<size_t> widths(columns_.size());
+  for (const std::vector<std::string>& line : lines_) {
+    for (size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], DisplayWidth(line[i]));
   }
 
   std::string text;
@@ -68,35 +61,26 @@ std::string TextTable::Format(int indent) const {
                                       [](const Column& column) { return !column.group.empty(); });
   if (has_groups) {
     std::string line;
-    for (const auto& [begin, end] : GroupRuns(columns_)) {
-      const std::string& group = columns_[begin].group;
-      size_t width = (end - begin - 1) * kGap;
-      for (size_t i = begin; i < end; ++i) width += widths[i];
-      // A group that is wider than its columns widens the first of them.
-      if (const size_t wanted = DisplayWidth(group); wanted > width) {
-        widths[begin] += wanted - width;
-        width = wanted;
+    for (size_t begin = 0, end = 0; begin < columns_.size(); begin = end) {
+      const auto& [is_number, group] = columns_[begin];
+      size_t width = widths[begin];
+      for (end = begin + 1; end < columns_.size() && columns_[end].group == group; ++end) {
+        width += kGap + widths[end];
       }
-      const std::string padding = Padding(group, width);
-      const bool right = columns_[begin].align == Align::kRight;
-      line += (right ? padding + group : group + padding) + std::string(kGap, ' ');
+      // A group that is wider than its columns widens the first of them.
+      const size_t more = DisplayWidth(group) - std::min(width, DisplayWidth(group));
+      widths[begin] += more;
+      AppendCell(group, width + more, is_number, &line);
     }
     AppendLine(line, indent, &text);
   }
 
-  const auto append_cells = [&](auto cell_of) {
+  for (const std::vector<std::string>& cells : lines_) {
     std::string line;
-    for (size_t i = 0; i < columns_.size(); ++i) {
-      const std::string& cell = cell_of(i);
-      const std::string padding = Padding(cell, widths[i]);
-      line += columns_[i].align == Align::kRight ? padding + cell : cell + padding;
-      line.append(kGap, ' ');
+    for (size_t i = 0; i < cells.size(); ++i) {
+      AppendCell(cells[i], widths[i], columns_[i].is_number, &line);
     }
     AppendLine(line, indent, &text);
-  };
-  append_cells([&](size_t i) -> const std::string& { return columns_[i].head; });
-  for (const std::vector<std::string>& row : rows_) {
-    append_cells([&](size_t i) -> const std::string& { return row[i]; });
   }
   return text;
 }

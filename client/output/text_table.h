@@ -1,43 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+#include <initializer_list>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
+
+#include "absl/strings/str_cat.h"
 
 namespace rigcal::client {
 
 // A table for people: columns separated by two spaces, words to the left, numbers to the right.
 class TextTable {
  public:
-  enum class Align { kLeft, kRight };
-  struct Column {
-    std::string head;
-    Align align = Align::kLeft;
-    // A second head above this one, shared by the columns beside it that have the same: the unit
-    // and meaning of a group. Empty: none.
-    std::string group = "";
+  struct Cell {
+    template <typename Text>
+    Cell(const Text& cell) : text(absl::StrCat(cell)) {}
+
+    std::string text;
   };
 
-  // A column of numbers.
-  static Column Number(std::string head, std::string group = "") {
-    return {std::move(head), Align::kRight, std::move(group)};
-  }
+  // Columns with these heads. `group`: a second head above all of them, such as their unit and
+  // meaning; empty: none.
+  TextTable& Words(std::initializer_list<const char*> heads);
+  TextTable& Numbers(std::initializer_list<const char*> heads, const std::string& group = "");
 
-  explicit TextTable(std::vector<Column> columns) : columns_(std::move(columns)) {}
-
-  // As many cells as columns; missing ones are empty, further ones are left out.
-  void AddRow(std::vector<std::string> cells);
-  bool empty() const { return rows_.empty(); }
+  // As many cells as columns, which are all there by now; missing ones are empty, further ones are
+  // left out.
+  void AddRow(const std::vector<Cell>& cells);
+  bool empty() const { return lines_.size() == 1; }
 
   // Heads and rows, each line ended by a newline and without trailing spaces; `indent` spaces
   // before each line.
-  std::string Format(int indent = 0) const;
+  std::string Format(size_t indent = 0) const;
 
  private:
+  struct Column {
+    bool is_number = false;
+    std::string group;
+  };
+
   std::vector<Column> columns_;
-  std::vector<std::vector<std::string>> rows_;
+  std::vector<std::vector<std::string>> lines_ = {{}};  // the heads, then the rows
 };
 
 // Number of terminal columns of UTF-8 text, taking each code point for one.

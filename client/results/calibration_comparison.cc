@@ -8,10 +8,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/output/console.h"
+#include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 #include "client/results/calibration_export.h"
-#include "client/results/rigid_alignment.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 
@@ -55,16 +55,14 @@ absl::StatusOr<CalibrationComparison> Compare(const v1::Calibration& a, const v1
       continue;
     }
     const v1::CalibratedCamera* camera_b = found->second;
-    PosePair pair;
+    PosePair& pair = poses.emplace_back();
     RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_a, wire::FromProto(camera_a->cam_from_rig()));
     RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_b, wire::FromProto(camera_b->cam_from_rig()));
-    poses.push_back(pair);
-    CalibrationComparison::Camera camera;
-    camera.camera = name;
-    camera.time_offset_difference_s = camera_b->time_offset_s() - camera_a->time_offset_s();
-    camera.mean_px_a = camera_a->residuals().all().mean_px();
-    camera.mean_px_b = camera_b->residuals().all().mean_px();
-    comparison.cameras.push_back(std::move(camera));
+    comparison.cameras.push_back(
+        {.camera = name,
+         .time_offset_difference_s = camera_b->time_offset_s() - camera_a->time_offset_s(),
+         .mean_px_a = camera_a->residuals().all().mean_px(),
+         .mean_px_b = camera_b->residuals().all().mean_px()});
   }
   for (const auto& [name, camera] : cameras_b) {
     if (!cameras_a.contains(name)) comparison.only_in_b.push_back(name);
@@ -75,35 +73,29 @@ absl::StatusOr<CalibrationComparison> Compare(const v1::Calibration& a, const v1
   }
 
   RIGCAL_ASSIGN_OR_RETURN(const RigidTransform b_from_a, AlignRigidly(poses));
+  PoseDifference& most = comparison.max_difference;
   for (size_t i = 0; i < poses.size(); ++i) {
     const PoseDifference difference = DifferenceAfter(b_from_a, poses[i]);
-    CalibrationComparison::Camera& camera = comparison.cameras[i];
-    camera.position_difference_m = difference.position_m;
-    camera.rotation_difference_rad = difference.rotation_rad;
-    comparison.max_position_difference_m =
-        std::max(comparison.max_position_difference_m, difference.position_m);
-    comparison.max_rotation_difference_rad =
-        std::max(comparison.max_rotation_difference_rad, difference.rotation_rad);
+    comparison.cameras[i].difference = difference;
+    most.position_m = std::max(most.position_m, difference.position_m);
+    most.rotation_deg = std::max(most.rotation_deg, difference.rotation_deg);
   }
   return comparison;
 }
 
 std::string FormatComparison(const CalibrationComparison& comparison) {
-  using Align = TextTable::Align;
-  TextTable table({{"camera"},
-                   {"position (mm)", Align::kRight, "difference, B to A"},
-                   {"rotation (deg)", Align::kRight, "difference, B to A"},
-                   {"time offset (ms)", Align::kRight, "difference, B to A"},
-                   {"A", Align::kRight, "mean residual (px)"},
-                   {"B", Align::kRight, "mean residual (px)"}});
+  TextTable table;
+  table.Words({"camera"})
+      .Numbers({"position (mm)", "rotation (deg)", "time offset (ms)"}, "difference, B to A")
+      .Numbers({"A", "B"}, "mean residual (px)");
   for (const CalibrationComparison::Camera& camera : comparison.cameras) {
-    table.AddRow({camera.camera, FormatFixed(camera.position_difference_m * 1000, 3),
-                  FormatFixed(DegreesFromRadians(camera.rotation_difference_rad), 4),
+    table.AddRow({camera.camera, FormatFixed(camera.difference.position_m * 1000, 3),
+                  FormatFixed(camera.difference.rotation_deg, 4),
                   FormatFixed(camera.time_offset_difference_s * 1000, 3),
                   FormatFixed(camera.mean_px_a, 3), FormatFixed(camera.mean_px_b, 3)});
   }
-  table.AddRow({"largest", FormatFixed(comparison.max_position_difference_m * 1000, 3),
-                FormatFixed(DegreesFromRadians(comparison.max_rotation_difference_rad), 4)});
+  table.AddRow({"largest", FormatFixed(comparison.max_difference.position_m * 1000, 3),
+                FormatFixed(comparison.max_difference.rotation_deg, 4)});
   std::string text =
       absl::StrCat("A  ", comparison.id_a, "\nB  ", comparison.id_b,
                    comparison.same_observations ? " (from the same observations and options)" : "",
@@ -117,28 +109,26 @@ std::string FormatComparison(const CalibrationComparison& comparison) {
   return Printable(text);
 }
 
-std::string ComparisonJson(const CalibrationComparison& comparison) {
+std::string ToJson(const CalibrationComparison& comparison) {
   using Json = nlohmann::ordered_json;
   Json cameras = Json::array();
   for (const CalibrationComparison::Camera& camera : comparison.cameras) {
-    cameras.push_back(
-        {{"camera", camera.camera},
-         {"position_difference_m", camera.position_difference_m},
-         {"rotation_difference_deg", DegreesFromRadians(camera.rotation_difference_rad)},
-         {"time_offset_difference_s", camera.time_offset_difference_s},
-         {"mean_px_a", camera.mean_px_a},
-         {"mean_px_b", camera.mean_px_b}});
+    cameras.push_back({{"camera", camera.camera},
+                       {"position_difference_m", camera.difference.position_m},
+                       {"rotation_difference_deg", camera.difference.rotation_deg},
+                       {"time_offset_difference_s", camera.time_offset_difference_s},
+                       {"mean_px_a", camera.mean_px_a},
+                       {"mean_px_b", camera.mean_px_b}});
   }
-  const Json json = {
-      {"a", comparison.id_a},
-      {"b", comparison.id_b},
-      {"cameras", cameras},
-      {"only_in_a", comparison.only_in_a},
-      {"only_in_b", comparison.only_in_b},
-      {"max_position_difference_m", comparison.max_position_difference_m},
-      {"max_rotation_difference_deg", DegreesFromRadians(comparison.max_rotation_difference_rad)},
-      {"same_observations", comparison.same_observations}};
-  return json.dump(1, ' ', false, Json::error_handler_t::replace);
+  const Json json = {{"a", comparison.id_a},
+                     {"b", comparison.id_b},
+                     {"cameras", cameras},
+                     {"only_in_a", comparison.only_in_a},
+                     {"only_in_b", comparison.only_in_b},
+                     {"max_position_difference_m", comparison.max_difference.position_m},
+                     {"max_rotation_difference_deg", comparison.max_difference.rotation_deg},
+                     {"same_observations", comparison.same_observations}};
+  return JsonText(json);
 }
 
 }  // namespace rigcal::client

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "client/results/rigid_alignment.h"
 #include "rigcal/v1/calibration.pb.h"
 
 namespace rigcal::client {
@@ -13,8 +14,7 @@ namespace rigcal::client {
 struct CalibrationComparison {
   struct Camera {
     std::string camera;
-    double position_difference_m = 0;
-    double rotation_difference_rad = 0;
+    PoseDifference difference = {};
     double time_offset_difference_s = 0;  // B minus A
     double mean_px_a = 0;
     double mean_px_b = 0;
@@ -24,8 +24,7 @@ struct CalibrationComparison {
   std::vector<Camera> cameras;  // in both, by name
   std::vector<std::string> only_in_a;
   std::vector<std::string> only_in_b;
-  double max_position_difference_m = 0;
-  double max_rotation_difference_rad = 0;
+  PoseDifference max_difference;
   // Both were made from the same observations and options.
   bool same_observations = false;
 };
@@ -39,6 +38,6 @@ std::string FormatComparison(const CalibrationComparison& comparison);
 // {"a", "b", "cameras": [{"camera", "position_difference_m", "rotation_difference_deg",
 // "time_offset_difference_s", "mean_px_a", "mean_px_b"}], "only_in_a": [], "only_in_b": [],
 // "max_position_difference_m", "max_rotation_difference_deg", "same_observations"}
-std::string ComparisonJson(const CalibrationComparison& comparison);
+std::string ToJson(const CalibrationComparison& comparison);
 
 }  // namespace rigcal::client

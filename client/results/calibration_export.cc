@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/results/calibration_export.h"
 
-#include <fstream>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "client/output/output.h"
+#include "client/output/quantities.h"
 #include "client/results/ground_truth_comparison.h"
-#include "client/tables/calibration_table.h"
 #include "common/camera/camera_id.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
@@ -39,32 +38,12 @@ absl::StatusOr<CameraExport> ToExport(const v1::CalibratedCamera& camera) {
   return result;
 }
 
-// Whole or not at all: a reader never sees half a file.
-absl::Status ReplaceFile(const std::filesystem::path& path, const std::string& text) {
-  std::filesystem::path temporary = path;
-  temporary += ".new";
-  {
-    std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-    file << text;
-    if (!file.flush()) {
-      return absl::FailedPreconditionError(absl::StrCat("cannot write ", temporary.string()));
-    }
-  }
-  std::error_code error;
-  std::filesystem::rename(temporary, path, error);
-  if (error) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("cannot write ", path.string(), ": ", error.message()));
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 absl::Status CheckHasResult(const v1::Calibration& calibration) {
   if (calibration.state() == v1::Calibration::STATE_SUCCEEDED) return absl::OkStatus();
   std::string message = absl::StrCat("calibration ", calibration.id(), " has no result: it is ",
-                                     CalibrationStateName(calibration.state()));
+                                     EnumWord(calibration.state()));
   if (!calibration.error().empty()) absl::StrAppend(&message, " (", calibration.error(), ")");
   return absl::FailedPreconditionError(message);
 }
@@ -102,9 +81,7 @@ absl::StatusOr<std::vector<std::filesystem::path>> ExportJson(
   RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
   RIGCAL_RETURN_IF_ERROR(MakeDirectory(directory));
   const std::filesystem::path file = directory / "calibration.json";
-  const std::string json = ToJson(calibration);
-  RIGCAL_RETURN_IF_ERROR(
-      ReplaceFile(file, (ground_truth ? WithGroundTruth(json, *ground_truth) : json) + "\n"));
+  RIGCAL_RETURN_IF_ERROR(ReplaceFile(file, CalibrationJson(calibration, ground_truth) + "\n"));
   return std::vector<std::filesystem::path>{file};
 }
 

@@ -3,26 +3,18 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 #include "client/results/calibration_export.h"
-#include "client/results/rigid_alignment.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
 
 namespace rigcal::client {
 namespace {
-
-const SimulatedCamera* FindCamera(const SimulatedWorld& world, const std::string& name) {
-  for (const SimulatedCamera& camera : world.cameras()) {
-    if (camera.description.camera == name) return &camera;
-  }
-  return nullptr;
-}
 
 // rig time minus what the camera's clock shows, when it shows `time_s`.
 double TrueOffset(const SimulatedCamera& camera, double time_s) {
@@ -43,42 +35,36 @@ absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(const v1::Calibrati
   std::vector<double> estimated_offsets_s;
   std::vector<double> true_offsets_s;
   for (const v1::CalibratedCamera& camera : calibration.cameras()) {
-    const SimulatedCamera* truth = FindCamera(world, camera.camera());
-    if (truth == nullptr) {
+    const auto truth =
+        std::ranges::find(world.cameras(), camera.camera(),
+                          [](const SimulatedCamera& one) { return one.description.camera; });
+    if (truth == world.cameras().end()) {
       return absl::InvalidArgumentError(
           absl::StrCat("camera ", camera.camera(), " is not in the simulated rig"));
     }
-    PosePair pair;
-    RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_a, wire::FromProto(camera.cam_from_rig()));
-    pair.cam_from_b = truth->cam_from_rig;
-    poses.push_back(pair);
+    RIGCAL_ASSIGN_OR_RETURN(const RigidTransform cam_from_rig,
+                            wire::FromProto(camera.cam_from_rig()));
+    poses.push_back({cam_from_rig, truth->cam_from_rig});
     estimated_offsets_s.push_back(camera.time_offset_s());
     true_offsets_s.push_back(TrueOffset(*truth, camera.time_epoch_s()));
   }
 
-  double unit_length_m = 0;
+  GroundTruthComparison comparison;
   if (!calibration.scale_known()) {
-    RIGCAL_ASSIGN_OR_RETURN(unit_length_m, FindScale(poses));
-    for (PosePair& pair : poses) pair.cam_from_a.translation_m *= unit_length_m;
+    RIGCAL_ASSIGN_OR_RETURN(comparison.unit_length_m, FindScale(poses));
+    for (PosePair& pair : poses) pair.cam_from_a.translation_m *= comparison.unit_length_m;
   }
   RIGCAL_ASSIGN_OR_RETURN(const RigidTransform world_from_rig, AlignRigidly(poses));
   const double estimated_median_s = Median(estimated_offsets_s);
   const double true_median_s = Median(true_offsets_s);
-  GroundTruthComparison comparison;
-  comparison.unit_length_m = unit_length_m;
+  PoseDifference& most = comparison.max_error;
   for (size_t i = 0; i < poses.size(); ++i) {
-    const PoseDifference difference = DifferenceAfter(world_from_rig, poses[i]);
-    GroundTruthComparison::Camera camera;
-    camera.camera = calibration.cameras(static_cast<int>(i)).camera();
-    camera.position_error_m = difference.position_m;
-    camera.rotation_error_deg = DegreesFromRadians(difference.rotation_rad);
-    camera.time_offset_error_s =
-        (estimated_offsets_s[i] - estimated_median_s) - (true_offsets_s[i] - true_median_s);
-    comparison.max_position_error_m =
-        std::max(comparison.max_position_error_m, camera.position_error_m);
-    comparison.max_rotation_error_deg =
-        std::max(comparison.max_rotation_error_deg, camera.rotation_error_deg);
-    comparison.cameras.push_back(std::move(camera));
+    const PoseDifference error = DifferenceAfter(world_from_rig, poses[i]);
+    comparison.cameras.push_back(
+        {calibration.cameras(static_cast<int>(i)).camera(), error,
+         (estimated_offsets_s[i] - estimated_median_s) - (true_offsets_s[i] - true_median_s)});
+    most.position_m = std::max(most.position_m, error.position_m);
+    most.rotation_deg = std::max(most.rotation_deg, error.rotation_deg);
   }
   return comparison;
 }
@@ -86,17 +72,15 @@ absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(const v1::Calibrati
 std::string FormatGroundTruthErrors(const GroundTruthComparison& comparison) {
   constexpr double kMmPerM = 1000;
   constexpr double kMsPerS = 1000;
-  TextTable table({{"camera"},
-                   TextTable::Number("position (mm)", "error"),
-                   TextTable::Number("rotation (deg)", "error"),
-                   TextTable::Number("time offset (ms)", "error")});
+  TextTable table;
+  table.Words({"camera"}).Numbers({"position (mm)", "rotation (deg)", "time offset (ms)"}, "error");
   for (const GroundTruthComparison::Camera& camera : comparison.cameras) {
-    table.AddRow({camera.camera, FormatFixed(camera.position_error_m * kMmPerM, 3),
-                  FormatFixed(camera.rotation_error_deg, 4),
+    table.AddRow({camera.camera, FormatFixed(camera.error.position_m * kMmPerM, 3),
+                  FormatFixed(camera.error.rotation_deg, 4),
                   FormatFixed(camera.time_offset_error_s * kMsPerS, 3)});
   }
-  table.AddRow({"largest", FormatFixed(comparison.max_position_error_m * kMmPerM, 3),
-                FormatFixed(comparison.max_rotation_error_deg, 4), ""});
+  table.AddRow({"largest", FormatFixed(comparison.max_error.position_m * kMmPerM, 3),
+                FormatFixed(comparison.max_error.rotation_deg, 4)});
   std::string how = "rigid alignment of the camera positions";
   if (comparison.unit_length_m > 0) {
     how = absl::StrCat("the similarity that fits the camera positions best: the\n",
@@ -106,22 +90,23 @@ std::string FormatGroundTruthErrors(const GroundTruthComparison& comparison) {
   return absl::StrCat("\nErrors against ground truth, after ", how, "\n", table.Format(2));
 }
 
-std::string WithGroundTruth(const std::string& calibration_json,
-                            const GroundTruthComparison& comparison) {
+std::string CalibrationJson(const v1::Calibration& calibration,
+                            const GroundTruthComparison* comparison) {
+  if (comparison == nullptr) return ToJson(calibration);
   using Json = nlohmann::ordered_json;
   Json cameras = Json::array();
-  for (const GroundTruthComparison::Camera& camera : comparison.cameras) {
+  for (const GroundTruthComparison::Camera& camera : comparison->cameras) {
     cameras.push_back({{"camera", camera.camera},
-                       {"position_error_m", camera.position_error_m},
-                       {"rotation_error_deg", camera.rotation_error_deg},
+                       {"position_error_m", camera.error.position_m},
+                       {"rotation_error_deg", camera.error.rotation_deg},
                        {"time_offset_error_s", camera.time_offset_error_s}});
   }
-  Json json = Json::parse(calibration_json);
+  Json json = Json::parse(ToJson(calibration));
   json["ground_truth"] = {{"cameras", cameras},
-                          {"max_position_error_m", comparison.max_position_error_m},
-                          {"max_rotation_error_deg", comparison.max_rotation_error_deg},
-                          {"unit_length_m", comparison.unit_length_m}};
-  return json.dump(1, ' ', false, Json::error_handler_t::replace);
+                          {"max_position_error_m", comparison->max_error.position_m},
+                          {"max_rotation_error_deg", comparison->max_error.rotation_deg},
+                          {"unit_length_m", comparison->unit_length_m}};
+  return JsonText(json);
 }
 
 }  // namespace rigcal::client

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "client/results/rigid_alignment.h"
 #include "common/simulation/world/simulated_world.h"
 #include "rigcal/v1/calibration.pb.h"
 
@@ -14,14 +15,12 @@ namespace rigcal::client {
 struct GroundTruthComparison {
   struct Camera {
     std::string camera;
-    double position_error_m = 0;     // distance of the camera centres
-    double rotation_error_deg = 0;   // angle between the orientations
+    PoseDifference error;            // of the camera centres and the orientations
     double time_offset_error_s = 0;  // estimated minus true, each against its median clock
   };
-  std::vector<Camera> cameras;        // in the calibration's order
-  double max_position_error_m = 0;    // over the cameras
-  double max_rotation_error_deg = 0;  // over the cameras
-  double unit_length_m = 0;           // found by the alignment; 0: the scale was known
+  std::vector<Camera> cameras;  // in the calibration's order
+  PoseDifference max_error;
+  double unit_length_m = 0;  // found by the alignment; 0: the scale was known
 };
 
 // Compares a calibration of a simulated rig with ground truth. Cameras are matched by name
@@ -38,8 +37,8 @@ absl::StatusOr<GroundTruthComparison> CompareWithGroundTruth(
 // For people: a table of the errors and a line of how they were found.
 std::string FormatGroundTruthErrors(const GroundTruthComparison& comparison);
 
-// A calibration's JSON object, as ToJson writes it, with the comparison as its "ground_truth".
-std::string WithGroundTruth(const std::string& calibration_json,
-                            const GroundTruthComparison& comparison);
+// A calibration as ToJson writes it, with the comparison, where there is one, as "ground_truth".
+std::string CalibrationJson(const rigcal::v1::Calibration& calibration,
+                            const GroundTruthComparison* comparison);
 
 }  // namespace rigcal::client

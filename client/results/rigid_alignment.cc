@@ -3,6 +3,7 @@
 
 #include <Eigen/SVD>
 #include <algorithm>
+#include <utility>
 
 #include "client/output/quantities.h"
 #include "common/status/status_macros.h"
@@ -18,6 +19,16 @@ Eigen::Vector3d Centre(const RigidTransform& cam_from_frame) {
   return cam_from_frame.SourceFromTargetTranslation();
 }
 
+std::pair<Eigen::Vector3d, Eigen::Vector3d> MeanCentres(const std::vector<PosePair>& cameras) {
+  Eigen::Vector3d sum_a = Eigen::Vector3d::Zero(), sum_b = Eigen::Vector3d::Zero();
+  for (const PosePair& camera : cameras) {
+    sum_a += Centre(camera.cam_from_a);
+    sum_b += Centre(camera.cam_from_b);
+  }
+  const auto count = static_cast<double>(cameras.size());
+  return {sum_a / count, sum_b / count};
+}
+
 bool IsFinite(const RigidTransform& transform) {
   return transform.translation_m.allFinite() && transform.rotation.coeffs().allFinite();
 }
@@ -26,18 +37,13 @@ bool IsFinite(const RigidTransform& transform) {
 
 absl::StatusOr<RigidTransform> AlignRigidly(const std::vector<PosePair>& cameras) {
   if (cameras.empty()) return absl::InvalidArgumentError("no camera to align by");
-  Eigen::Vector3d mean_a = Eigen::Vector3d::Zero();
-  Eigen::Vector3d mean_b = Eigen::Vector3d::Zero();
   for (const PosePair& camera : cameras) {
     if (!IsFinite(camera.cam_from_a) || !IsFinite(camera.cam_from_b)) {
       return absl::InvalidArgumentError("a camera's pose is not finite");
     }
-    mean_a += Centre(camera.cam_from_a);
-    mean_b += Centre(camera.cam_from_b);
   }
+  const auto [mean_a, mean_b] = MeanCentres(cameras);
   const auto count = static_cast<double>(cameras.size());
-  mean_a /= count;
-  mean_b /= count;
 
   Eigen::Matrix3d correlation = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d orientation = Eigen::Matrix3d::Zero();
@@ -63,11 +69,7 @@ absl::StatusOr<RigidTransform> AlignRigidly(const std::vector<PosePair>& cameras
 
 absl::StatusOr<double> FindScale(const std::vector<PosePair>& cameras) {
   RIGCAL_ASSIGN_OR_RETURN(const RigidTransform b_from_a, AlignRigidly(cameras));
-  Eigen::Vector3d mean_a = Eigen::Vector3d::Zero(), mean_b = Eigen::Vector3d::Zero();
-  for (const PosePair& camera : cameras) {
-    mean_a += Centre(camera.cam_from_a) / static_cast<double>(cameras.size());
-    mean_b += Centre(camera.cam_from_b) / static_cast<double>(cameras.size());
-  }
+  const auto [mean_a, mean_b] = MeanCentres(cameras);
   double product = 0, square = 0;
   for (const PosePair& camera : cameras) {
     const Eigen::Vector3d a = Centre(camera.cam_from_a) - mean_a;
@@ -83,8 +85,10 @@ absl::StatusOr<double> FindScale(const std::vector<PosePair>& cameras) {
 PoseDifference DifferenceAfter(const RigidTransform& b_from_a, const PosePair& camera) {
   const Eigen::Vector3d moved = b_from_a * Centre(camera.cam_from_a);
   const RigidTransform cam_from_b = camera.cam_from_a * b_from_a.Inverse();
-  return {(moved - Centre(camera.cam_from_b)).norm(),
-          RotationAngleRad(cam_from_b.rotation * camera.cam_from_b.rotation.conjugate())};
+  return {
+      (moved - Centre(camera.cam_from_b)).norm(),
+      DegreesFromRadians(
+          Eigen::AngleAxisd(cam_from_b.rotation * camera.cam_from_b.rotation.conjugate()).angle())};
 }
 
 }  // namespace rigcal::client

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -30,7 +29,7 @@ absl::StatusOr<double> FindScale(const std::vector<PosePair>& cameras);
 // What is left of one camera's difference after the alignment.
 struct PoseDifference {
   double position_m = 0;
-  double rotation_rad = 0;
+  double rotation_deg = 0;
 };
 PoseDifference DifferenceAfter(const RigidTransform& b_from_a, const PosePair& camera);
 

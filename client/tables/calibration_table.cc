@@ -2,49 +2,29 @@
 #include "client/tables/calibration_table.h"
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
-#include "absl/strings/strip.h"
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
-#include "client/tables/camera_tables.h"
 #include "client/tables/session_table.h"
+#include "common/geometry/rigid_transform.h"
+#include "common/wire/camera_wire.h"
 #include "common/wire/time_wire.h"
 
 namespace rigcal::client {
 namespace {
 
 constexpr double kMmPerM = 1000;
-
-// "clock_offset" from "FINDING_KIND_CLOCK_OFFSET"; "unknown" for a value without a name.
-std::string EnumWord(const std::string& name, absl::string_view prefix) {
-  if (name.empty()) return "unknown";
-  return absl::AsciiStrToLower(absl::StripPrefix(name, prefix));
-}
-
-// "searching time offsets".
-std::string StageText(v1::CalibrationStage stage) {
-  return absl::StrReplaceAll(EnumWord(v1::CalibrationStage_Name(stage), "CALIBRATION_STAGE_"),
-                             {{"_", " "}});
-}
+constexpr double kMsPerS = 1000;
 
 std::string GradeName(v1::Quality::Grade grade) {
-  switch (grade) {
-    case v1::Quality::GRADE_GOOD:
-      return "good";
-    case v1::Quality::GRADE_USABLE:
-      return "usable";
-    case v1::Quality::GRADE_BAD:
-      return "bad";
-    default:
-      return "not graded";
-  }
+  return grade == v1::Quality::GRADE_UNSPECIFIED ? "not graded" : EnumWord(grade);
 }
 
 // Where a target of one marker has its lengths from.
@@ -70,9 +50,7 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
   uint64_t count = 0;
   for (const v1::SpanError& span : target.spans()) count += span.count();
   std::string text = "wand length error  ";
-  if (count == 0 && target.length_error_rms_m() == 0) {
-    return text + "not measured\n";
-  }
+  if (count == 0 && target.length_error_rms_m() == 0) return text + "not measured\n";
   absl::StrAppend(&text, FormatFixed(target.length_error_rms_m() * kMmPerM, 3), " mm rms");
   if (count > 0) absl::StrAppend(&text, " over ", FormatCount(count, "span", "spans"));
   text += "\n";
@@ -96,11 +74,10 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
 std::string FormatFindings(const v1::Calibration& calibration) {
   std::string text;
   if (!calibration.findings().empty()) {
-    TextTable table(
-        {{"finding"}, {"severity"}, {"camera"}, TextTable::Number("value"), {"unit"}, {"advice"}});
+    TextTable table;
+    table.Words({"finding", "severity", "camera"}).Numbers({"value"}).Words({"unit", "advice"});
     for (const v1::Finding& finding : calibration.findings()) {
-      table.AddRow({EnumWord(v1::FindingKind_Name(finding.kind()), "FINDING_KIND_"),
-                    EnumWord(v1::FindingSeverity_Name(finding.severity()), "FINDING_SEVERITY_"),
+      table.AddRow({EnumWord(finding.kind()), EnumWord(finding.severity()),
                     finding.camera().empty() ? "(all)" : finding.camera(),
                     absl::StrFormat("%.4g", finding.value()), finding.unit(), finding.advice()});
     }
@@ -116,70 +93,157 @@ std::string FormatFindings(const v1::Calibration& calibration) {
   return text;
 }
 
+double Norm(const v1::Vector3& vector) {
+  return Eigen::Vector3d(vector.x(), vector.y(), vector.z()).norm();
+}
+
+std::string FormatCameraResiduals(const v1::Calibration& calibration) {
+  TextTable table;
+  table.Words({"camera"})
+      .Numbers({"observations", "markers", "outliers"})
+      .Numbers({"mean", "rms", "median", "p95"}, "reprojection error (px)")
+      .Numbers({"mean", "rms"}, "of inliers (px)");
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    const v1::Residuals& residuals = camera.residuals();
+    const auto& all = residuals.all();
+    const auto& inlier = residuals.inlier();
+    table.AddRow({camera.camera(), residuals.observation_count(), all.marker_count(),
+                  residuals.outlier_count(), FormatFixed(all.mean_px(), 3),
+                  FormatFixed(all.rms_px(), 3), FormatFixed(all.median_px(), 3),
+                  FormatFixed(all.p95_px(), 3), FormatFixed(inlier.mean_px(), 3),
+                  FormatFixed(inlier.rms_px(), 3)});
+  }
+  return table.Format(2);
+}
+
+// Centres and orientations in the rig frame, and the clocks.
+std::string FormatCameraPoses(const v1::Calibration& calibration) {
+  const bool metric = calibration.scale_known();
+  TextTable table;
+  table.Words({"camera"})
+      .Numbers({"x", "y", "z"}, metric ? "position (m)" : "position (unknown scale)")
+      .Numbers({"x", "y", "z"}, "rotation vector (deg)")
+      .Numbers({"offset (ms)", "rate (ppm)"}, "time");
+  const auto& cameras = calibration.cameras();
+  const bool all_estimated =
+      std::ranges::all_of(cameras, &v1::CalibratedCamera::time_offset_estimated);
+  for (const v1::CalibratedCamera& camera : cameras) {
+    std::vector<TextTable::Cell> cells = {camera.camera()};
+    const absl::StatusOr<RigidTransform> cam_from_rig = wire::FromProto(camera.cam_from_rig());
+    if (cam_from_rig.ok()) {
+      const RigidTransform rig_from_cam = cam_from_rig->Inverse();
+      const Eigen::AngleAxisd turn(rig_from_cam.rotation);
+      const Eigen::Vector3d rotation = turn.angle() * turn.axis();
+      for (const double x : rig_from_cam.translation_m) {
+        cells.push_back(FormatFixed(x, metric ? 4 : 5));
+      }
+      for (const double x : rotation) cells.push_back(FormatFixed(DegreesFromRadians(x), 3));
+    } else {
+      cells.insert(cells.end(), 6, "-");
+    }
+    const char* mark = all_estimated ? "" : camera.time_offset_estimated() ? " " : "*";
+    cells.push_back(FormatFixed(camera.time_offset_s() * kMsPerS, 3) + mark);
+    cells.push_back(FormatFixed(camera.time_rate_ppm(), 2));
+    table.AddRow(cells);
+  }
+  std::string text = table.Format(2);
+  if (!all_estimated) {
+    text += "  * as aligned beforehand, not estimated from the images\n";
+  }
+  return text;
+}
+
+// One sigma of each pose and clock, with a headline; empty where there is none.
+std::string FormatCameraUncertainty(const v1::Calibration& calibration) {
+  const bool metric = calibration.scale_known();
+  TextTable table;
+  table.Words({"camera"})
+      .Numbers({metric ? "position (mm)" : "position (unknown scale)", "rotation (deg)",
+                "time offset (ms)"},
+               "one sigma");
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    if (!camera.has_uncertainty()) continue;
+    const v1::CameraUncertainty& sigma = camera.uncertainty();
+    const double position = Norm(sigma.position_sigma_m());
+    table.AddRow({camera.camera(),
+                  metric ? FormatFixed(position * kMmPerM, 3) : FormatFixed(position, 6),
+                  FormatFixed(DegreesFromRadians(Norm(sigma.rotation_sigma_rad())), 4),
+                  FormatFixed(sigma.time_offset_sigma_s() * kMsPerS, 3)});
+  }
+  if (table.empty()) return "";
+  return absl::StrCat("\nUncertainty, with ", Printable(calibration.reference_camera()),
+                      " held fixed\n", table.Format(2));
+}
+
+// Errors on what was not used for the solve, with a headline; empty where there are none.
+std::string FormatHeldOutErrors(const v1::Calibration& calibration) {
+  TextTable table;
+  table.Words({"camera"})
+      .Numbers({"mean", "rms", "p95"}, "held-out error (px)")
+      .Numbers({"mean", "rms", "p95"}, "left-out error (px)");
+  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
+    if (!camera.has_held_out() && !camera.has_leave_one_out()) continue;
+    std::vector<TextTable::Cell> cells = {camera.camera()};
+    for (const auto& [is_set, figures] :
+         {std::pair(camera.has_held_out(), &camera.held_out()),
+          std::pair(camera.has_leave_one_out(), &camera.leave_one_out())}) {
+      for (const double value_px : {figures->mean_px(), figures->rms_px(), figures->p95_px()}) {
+        cells.push_back(is_set ? FormatFixed(value_px, 3) : "-");
+      }
+    }
+    table.AddRow(cells);
+  }
+  if (table.empty()) return "";
+  return "\nErrors on observations kept out of the solve (held out), and of each camera against "
+         "the\n"
+         "others alone (left out)\n" +
+         table.Format(2);
+}
+
 std::string FormatHead(const v1::Calibration& calibration) {
-  std::string text =
+  return Printable(
       absl::StrCat("calibration  ", calibration.id(), " (rig ", calibration.rig(), ", version ",
-                   calibration.version(), "): ", CalibrationStateName(calibration.state()), "\n");
-  absl::StrAppend(&text, calibration.session_ids_size() == 1 ? "session      " : "sessions     ",
-                  absl::StrJoin(calibration.session_ids(), ", "), "\n");
-  return Printable(text);
+                   calibration.version(), "): ", EnumWord(calibration.state()),
+                   calibration.session_ids_size() == 1 ? "\nsession      " : "\nsessions     ",
+                   absl::StrJoin(calibration.session_ids(), ", "), "\n"));
 }
 
 std::string FormatResult(const v1::Calibration& calibration) {
-  std::string text = "\nResiduals over the instants used, outliers included\n";
-  text += FormatCameraResiduals(calibration);
-  absl::StrAppend(&text, "\nCameras in the rig frame, which is the frame of ",
-                  Printable(calibration.reference_camera()),
-                  " (x right, y down, z forward):\n"
-                  "centre, and orientation as axis times angle of rig_from_cam\n",
-                  FormatCameraPoses(calibration), FormatCameraUncertainty(calibration),
-                  FormatHeldOutErrors(calibration), "\n");
-  absl::StrAppend(&text, "instants used      ", calibration.instant_count(), "\n",
-                  FormatWand(calibration.target()));
-  return text + FormatScale(calibration);
+  return absl::StrCat(
+      "\nResiduals over the instants used, outliers included\n", FormatCameraResiduals(calibration),
+      "\nCameras in the rig frame, which is the frame of ",
+      Printable(calibration.reference_camera()),
+      " (x right, y down, z forward):\n"
+      "centre, and orientation as axis times angle of rig_from_cam\n",
+      FormatCameraPoses(calibration), FormatCameraUncertainty(calibration),
+      FormatHeldOutErrors(calibration), "\ninstants used      ", calibration.instant_count(), "\n",
+      FormatWand(calibration.target()), FormatScale(calibration));
 }
 
 }  // namespace
 
-std::string CalibrationStateName(v1::Calibration::State state) {
-  switch (state) {
-    case v1::Calibration::STATE_QUEUED:
-      return "queued";
-    case v1::Calibration::STATE_RUNNING:
-      return "running";
-    case v1::Calibration::STATE_SUCCEEDED:
-      return "succeeded";
-    case v1::Calibration::STATE_FAILED:
-      return "failed";
-    default:
-      return absl::StrCat("state ", static_cast<int>(state));
-  }
-}
-
 std::string FormatCalibrationProgress(const v1::Calibration& calibration) {
   if (calibration.state() != v1::Calibration::STATE_RUNNING) {
-    return "calibration " + CalibrationStateName(calibration.state());
+    return "calibration " + EnumWord(calibration.state());
   }
   const double percent = std::clamp(calibration.progress().fraction(), 0.0, 1.0) * 100;
-  return absl::StrCat("calibrating: ", StageText(calibration.progress().stage()), " ",
-                      FormatFixed(percent, 0), " %");
+  // "searching time offsets".
+  const std::string stage =
+      absl::StrReplaceAll(EnumWord(calibration.progress().stage()), {{"_", " "}});
+  return absl::StrCat("calibrating: ", stage, " ", FormatFixed(percent, 0), " %");
 }
 
-std::string FormatCalibrationList(
-    const google::protobuf::RepeatedPtrField<v1::Calibration>& calibrations) {
-  if (calibrations.empty()) return "no calibrations\n";
-  TextTable table({{"calibration"},
-                   {"rig"},
-                   TextTable::Number("version"),
-                   {"state"},
-                   TextTable::Number("instants"),
-                   {"quality"},
-                   {"created"},
-                   {"sessions"}});
-  for (const v1::Calibration& calibration : calibrations) {
-    table.AddRow({calibration.id(), calibration.rig(), absl::StrCat(calibration.version()),
-                  CalibrationStateName(calibration.state()),
-                  absl::StrCat(calibration.instant_count()),
+std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) {
+  if (response.calibrations().empty()) return "no calibrations\n";
+  TextTable table;
+  table.Words({"calibration", "rig"})
+      .Numbers({"version"})
+      .Words({"state"})
+      .Numbers({"instants"})
+      .Words({"quality", "created", "sessions"});
+  for (const v1::Calibration& calibration : response.calibrations()) {
+    table.AddRow({calibration.id(), calibration.rig(), calibration.version(),
+                  EnumWord(calibration.state()), calibration.instant_count(),
                   GradeName(calibration.quality().grade()),
                   FormatTime(calibration.run().has_create_time(), calibration.run().create_time()),
                   absl::StrJoin(calibration.session_ids(), ", ")});
@@ -199,11 +263,7 @@ std::string FormatCalibration(const v1::Calibration& calibration) {
   if (const double solve_s = wire::SecondsOf(calibration.run().solve_duration()); solve_s > 0) {
     absl::StrAppend(&text, "time taken         ", FormatDuration(solve_s), "\n");
   }
-  if (!calibration.refused().empty()) {
-    text += "\nLeft out\n" + FormatRefusals(calibration.refused(), 2);
-  }
-  text += FormatFindings(calibration);
-  return text;
+  return text + FormatRefusals("Left out", calibration.refused()) + FormatFindings(calibration);
 }
 
 }  // namespace rigcal::client

@@ -3,7 +3,6 @@
 
 #include <filesystem>
 #include <set>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/config/shared_options.h"
@@ -80,12 +79,11 @@ absl::Status AgentConfig::Validate() const {
 
 absl::StatusOr<AgentConfig> ReadAgentConfig(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
-  const toml::table root = std::exchange(file.root, {});
   AgentConfig config;
   OptionTable options, preview;
   AddOptions(&config, &options);
   AddOptions(&config.preview, &preview);
-  TomlSection section(&file, root);
+  TomlSection section(&file, file.root);
   section.Take(options);
   config.state_dir = ResolvedPath(path, config.state_dir);
   ReadTable(&file, &section, "preview", preview);

@@ -31,36 +31,7 @@ struct PreviewConfig {
   int64_t max_kb = 256;    // KiB of one JPEG, 8 to 1024
 };
 
-// An agent's TOML file:
-//
-//   server = "127.0.0.1:7420"
-//   rig = "rig"
-//   agent_id = "pc-1"
-//   state_dir = "/var/lib/rigcal-agent"
-//   log_level = "info"
-//   spool_limit_mb = 256
-//
-//   [preview]
-//   enabled = true
-//   max_rate_hz = 1           # of each camera
-//   max_kb = 256              # of one JPEG
-//
-//   [[camera]]
-//   name = "left"
-//   source = "csv:left.csv"
-//   calibration = "left.yaml"
-//   speed = "max"            # or a factor
-//   sigma = 0.5
-//
-//   [[camera]]
-//   source = "aravis:192.168.1.5"
-//   [camera.settings]         # of the camera itself
-//   exposure = 0.004          # s
-//   [camera.detector]         # how the wand is found in its frames
-//   hue_min = 345             # degrees
-//   mask = "left_mask.png"
-//
-// deploy/agent.toml shows every key of the two tables. Every key may be left out, except a camera's
+// An agent's TOML file. deploy/agent.toml shows every key; each may be left out, except a camera's
 // source. Paths are relative to the file's folder.
 struct AgentConfig {
   std::string server = "127.0.0.1:7420";  // HOST:PORT

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -24,10 +23,10 @@ void ReadTriggerInputs(TomlFile* file, TomlSection& section, EventCameraConfig* 
   std::vector<std::string>& inputs = config->trigger_in;
   for (const toml::node& entry : *list) {
     const std::string input = entry.value<std::string>().value_or("");
-    if (std::find(kInputs.begin(), kInputs.end(), input) == kInputs.end()) {
+    if (std::ranges::find(kInputs, input) == kInputs.end()) {
       file->AddFault(entry, absl::StrCat("trigger_in must hold ", absl::StrJoin(kInputs, ", "),
                                          ", not ", input.empty() ? "this" : input));
-    } else if (std::find(inputs.begin(), inputs.end(), input) == inputs.end()) {
+    } else if (std::ranges::find(inputs, input) == inputs.end()) {
       inputs.push_back(input);
     }
   }
@@ -58,10 +57,8 @@ const std::vector<std::pair<std::string, EventCameraSync>>& EventCameraSyncNames
 }
 
 std::string EventCameraSyncName(EventCameraSync sync) {
-  for (const auto& [name, value] : EventCameraSyncNames()) {
-    if (value == sync) return name;
-  }
-  return "unknown";
+  const auto value_of = [](const auto& choice) { return choice.second; };
+  return std::ranges::find(EventCameraSyncNames(), sync, value_of)->first;
 }
 
 absl::StatusOr<EventCameraConfig> ReadEventCameraConfig(const std::string& path) {

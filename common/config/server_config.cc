@@ -2,7 +2,6 @@
 #include "common/config/server_config.h"
 
 #include <cstdlib>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/config/shared_options.h"
@@ -34,16 +33,15 @@ void AddOptions(ServerLimits* limits, OptionTable* table) {
 
 absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
-  const toml::table root = std::exchange(file.root, {});
   ServerConfig config;
   OptionTable options, limits;
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
   AddLogLevel(&config.log_level, &options);
   AddOptions(&config.limits, &limits);
-  TomlSection section(&file, root);
+  TomlSection section(&file, file.root);
   section.Take(options);
-  if (config.data_dir.empty() && root.contains("data_dir")) {
+  if (config.data_dir.empty() && file.root.contains("data_dir")) {
     section.AddFault("data_dir", "must not be empty");
   }
   config.data_dir = ResolvedPath(path, config.data_dir);

@@ -25,20 +25,12 @@ struct ServerLimits {
   friend bool operator==(const ServerLimits&, const ServerLimits&) = default;
 };
 
-// A server's TOML file:
-//
-//   listen = "127.0.0.1:7420"     # HOST:PORT; port 0: any free one
-//   data_dir = "/var/lib/rigcal"
-//   log_level = "info"
-//
-//   [limits]
-//   max_agents = 256              # the members of ServerLimits, each at least 1
-//
-// Every key may be left out. Paths are relative to the file's folder.
+// A server's TOML file: these keys, and a table [limits] with the members of ServerLimits, each at
+// least 1. Every key may be left out. Paths are relative to the file's folder.
 struct ServerConfig {
-  std::string listen = "127.0.0.1:7420";
-  std::string data_dir;            // empty: DefaultDataDirectory()
-  std::string log_level = "info";  // trace, debug, info, warn, error, off
+  std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
+  std::string data_dir;                   // empty: DefaultDataDirectory()
+  std::string log_level = "info";         // trace, debug, info, warn, error, off
   ServerLimits limits;
 };
 

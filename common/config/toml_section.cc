@@ -100,15 +100,13 @@ std::vector<const toml::table*> TomlSection::TakeTables(std::string_view key) {
 }
 
 void TomlSection::AddFault(std::string_view key, const std::string& what) {
-  const toml::node* node = table_.get(key);
-  file_->AddFault(node == nullptr ? static_cast<const toml::node&>(table_) : *node,
-                  absl::StrCat(std::string(key), " ", what));
+  file_->AddFault(*table_.get(key), absl::StrCat(std::string(key), " ", what));
 }
 
 void TomlSection::RefuseOtherKeys() {
   for (const auto& [key, node] : table_) {
     const std::string_view name = key.str();
-    if (std::find(known_.begin(), known_.end(), name) != known_.end()) continue;
+    if (std::ranges::find(known_, name) != known_.end()) continue;
     file_->AddFault(node, UnknownName("key", name, known_));
   }
 }

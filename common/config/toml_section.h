@@ -47,6 +47,7 @@ class TomlSection {
   // The node itself. Null: not there.
   const toml::node* TakeNode(std::string_view key);
 
+  // Of a key that is there.
   void AddFault(std::string_view key, const std::string& what);
   void RefuseOtherKeys();
 

@@ -5,13 +5,14 @@
 #include <cmath>
 #include <optional>
 #include <set>
+#include <type_traits>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "common/options/nearest_name.h"
+#include "common/status/status_macros.h"
 #include "common/text/shortest_text.h"
 
 namespace rigcal {
@@ -27,30 +28,23 @@ std::string RangeText(const OptionRange& range) {
   return absl::StrCat(ShortestText(range.low), " to ", ShortestText(range.high), unit);
 }
 
-absl::Status MustBe(std::string_view what, const OptionRange& range) {
-  const bool is_open = range.low == kAboveZero;
-  return absl::InvalidArgumentError(
-      absl::StrCat("must be ", std::string(what), is_open ? " " : " of ", RangeText(range)));
-}
-
-absl::Status ReadNumber(const std::string& text, const OptionRange& range, double* value) {
-  double number = 0;
-  if (!absl::SimpleAtod(text, &number) || !std::isfinite(number) || number < range.low ||
-      number > range.high) {
-    return MustBe("a number", range);
+template <typename Number>
+absl::Status ReadNumber(const std::string& text, const OptionRange& range, Number* value) {
+  constexpr bool kIsWhole = std::is_integral_v<Number>;
+  std::conditional_t<kIsWhole, int64_t, double> number = 0;
+  bool is_number = false;
+  if constexpr (kIsWhole) {
+    is_number = absl::SimpleAtoi(text, &number);
+  } else {
+    is_number = absl::SimpleAtod(text, &number) && std::isfinite(number);
   }
-  *value = number;
-  return absl::OkStatus();
-}
-
-template <typename Whole>
-absl::Status ReadNumber(const std::string& text, const OptionRange& range, Whole* value) {
-  int64_t number = 0;
-  if (!absl::SimpleAtoi(text, &number) || static_cast<double>(number) < range.low ||
-      static_cast<double>(number) > range.high) {
-    return MustBe("a whole number", range);
+  const auto real = static_cast<double>(number);
+  if (!is_number || real < range.low || real > range.high) {
+    const bool is_open = range.low == kAboveZero;
+    return absl::InvalidArgumentError(absl::StrCat("must be a ", kIsWhole ? "whole " : "", "number",
+                                                   is_open ? " " : " of ", RangeText(range)));
   }
-  *value = static_cast<Whole>(number);
+  *value = static_cast<Number>(number);
   return absl::OkStatus();
 }
 
@@ -95,7 +89,7 @@ absl::StatusOr<std::vector<OptionText>> SplitOptions(const std::vector<std::stri
       options.push_back({.key = pair.first, .value = pair.second});
     }
   }
-  if (const absl::Status status = faults.Result(); !status.ok()) return status;
+  RIGCAL_RETURN_IF_ERROR(faults.Result());
   return options;
 }
 
@@ -107,14 +101,21 @@ absl::StatusOr<std::vector<OptionText>> SplitOptionList(std::string_view text) {
   return SplitOptions(parts);
 }
 
-std::string JoinOptions(const std::vector<std::string>& parts) { return absl::StrJoin(parts, ";"); }
-
 OptionTable::Values OptionTable::Option::Current() const {
   if (indexed == nullptr) return {{name, format()}};
   Values texts;
   for (const auto& [index, number] : *indexed) {
     texts[absl::StrCat(name, ".", index)] = ShortestText(number);
   }
+  return texts;
+}
+
+OptionTable::Values OptionTable::Option::Changed() const {
+  Values texts = Current();
+  std::erase_if(texts, [&](const auto& text) {
+    const auto standard = defaults.find(text.first);
+    return standard != defaults.end() && standard->second == text.second;
+  });
   return texts;
 }
 
@@ -125,12 +126,9 @@ void OptionTable::AddOption(Option option) {
 
 template <typename Number>
 void OptionTable::Add(std::string name, Number* value, OptionRange range, std::string meaning) {
-  AddOption({.name = std::move(name),
-             .values = RangeText(range),
-             .meaning = std::move(meaning),
-             .type = OptionText::Type::kNumber,
-             .read = [=](const std::string& text) { return ReadNumber(text, range, value); },
-             .format = [=] { return TextOf(*value); }});
+  AddOption({std::move(name), RangeText(range), std::move(meaning), OptionText::Type::kNumber,
+             [=](const std::string& text) { return ReadNumber(text, range, value); },
+             [=] { return TextOf(*value); }});
 }
 
 template void OptionTable::Add(std::string, double*, OptionRange, std::string);
@@ -150,12 +148,8 @@ void OptionTable::Add(std::string name, bool* value, std::string meaning) {
     *value = is_true;
     return absl::OkStatus();
   };
-  AddOption({.name = std::move(name),
-             .values = "0|1",
-             .meaning = std::move(meaning),
-             .type = OptionText::Type::kSwitch,
-             .read = read,
-             .format = [=] { return *value ? "1" : "0"; }});
+  AddOption({std::move(name), "0|1", std::move(meaning), OptionText::Type::kSwitch, read,
+             [=] { return *value ? "1" : "0"; }});
 }
 
 void OptionTable::Add(std::string name, std::vector<double>* value, OptionRange range,
@@ -180,14 +174,8 @@ void OptionTable::Add(std::string name, std::vector<double>* value, OptionRange 
 
 void OptionTable::Add(std::string name, std::map<int, double>* value, OptionRange range,
                       std::string meaning) {
-  AddOption({.name = std::move(name),
-             .values = RangeText(range),
-             .meaning = std::move(meaning),
-             .type = OptionText::Type::kNumber,
-             .read = nullptr,
-             .format = nullptr,
-             .indexed = value,
-             .range = range});
+  AddOption({std::move(name), RangeText(range), std::move(meaning), OptionText::Type::kNumber,
+             /*read=*/nullptr, /*format=*/nullptr, value, range});
 }
 
 void OptionTable::Add(std::string name, std::string* value, std::string values,
@@ -206,22 +194,17 @@ void OptionTable::AddPath(std::string name, std::string* value, std::string mean
 
 void OptionTable::Add(std::string name, std::string values, std::string meaning, Reader read,
                       Formatter format) {
-  AddOption({.name = std::move(name),
-             .values = std::move(values),
-             .meaning = std::move(meaning),
-             .type = OptionText::Type::kText,
-             .read = std::move(read),
-             .format = std::move(format)});
+  AddOption({std::move(name), std::move(values), std::move(meaning), OptionText::Type::kText,
+             std::move(read), std::move(format)});
 }
 
 bool OptionTable::Has(std::string_view name) const {
-  return std::any_of(options_.begin(), options_.end(),
-                     [&](const Option& option) { return option.name == name; });
+  return std::ranges::find(options_, name, &Option::name) != options_.end();
 }
 
 bool OptionTable::IsPath(std::string_view name) const {
-  return std::any_of(options_.begin(), options_.end(),
-                     [&](const Option& option) { return option.name == name && option.is_path; });
+  return std::ranges::any_of(
+      options_, [&](const Option& option) { return option.name == name && option.is_path; });
 }
 
 std::vector<OptionHelp> OptionTable::Help() const {
@@ -289,25 +272,19 @@ void OptionTable::Read(const std::vector<OptionText>& given, FaultList* faults) 
 
 void OptionTable::Check(FaultList* faults) const {
   for (const Option& option : options_) {
-    for (const auto& [key, text] : option.Current()) {
-      const auto standard = option.defaults.find(key);
-      if (standard != option.defaults.end() && standard->second == text) continue;
-      ReadOne({.key = key, .value = text}, faults);
-    }
+    for (const auto& [key, text] : option.Changed()) ReadOne({.key = key, .value = text}, faults);
   }
 }
 
-std::vector<std::string> OptionTable::Format(const std::vector<std::string>& always) const {
+std::string OptionTable::Format(const std::vector<std::string>& always) const {
   std::vector<std::string> parts;
   for (const Option& option : options_) {
     const bool is_shown = std::ranges::find(always, option.name) != always.end();
-    for (const auto& [key, text] : option.Current()) {
-      const auto standard = option.defaults.find(key);
-      const bool differs = standard == option.defaults.end() || standard->second != text;
-      if (differs || is_shown) parts.push_back(absl::StrCat(key, "=", text));
+    for (const auto& [key, text] : is_shown ? option.Current() : option.Changed()) {
+      parts.push_back(absl::StrCat(key, "=", text));
     }
   }
-  return parts;
+  return absl::StrJoin(parts, ";");
 }
 
 }  // namespace rigcal

@@ -12,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/str_join.h"
 #include "common/status/fault_list.h"
 
 namespace rigcal {
@@ -91,8 +92,8 @@ class OptionTable {
   bool ReadOne(const OptionText& given, FaultList* faults) const;
   // Every value that differs from its default is read again and its faults added.
   void Check(FaultList* faults) const;
-  // `key=value` of every option that differs from its default, or is among `always`.
-  std::vector<std::string> Format(const std::vector<std::string>& always = {}) const;
+  // `key=value;...` of what differs from its default, or is among `always`.
+  std::string Format(const std::vector<std::string>& always) const;
 
  private:
   // Key and value, as text.
@@ -110,6 +111,7 @@ class OptionTable {
     Values defaults = {};
 
     Values Current() const;
+    Values Changed() const;  // without what is as the default
   };
 
   void AddOption(Option option);
@@ -125,8 +127,6 @@ void OptionTable::AddChoice(std::string name, Member* value,
                             std::string meaning) {
   std::vector<std::string> words;
   for (const auto& choice : choices) words.push_back(choice.first);
-  std::string values;
-  for (const std::string& word : words) values += (values.empty() ? "" : "|") + word;
   Reader read = [=](const std::string& text) {
     for (const auto& [word, choice] : choices) {
       if (text != word) continue;
@@ -141,7 +141,8 @@ void OptionTable::AddChoice(std::string name, Member* value,
     }
     return "";
   };
-  Add(std::move(name), std::move(values), std::move(meaning), std::move(read), std::move(format));
+  Add(std::move(name), absl::StrJoin(words, "|"), std::move(meaning), std::move(read),
+      std::move(format));
 }
 
 // The options of one struct from `key=value;key=value`. INVALID_ARGUMENT: `context`, then every
@@ -172,24 +173,14 @@ void CheckOptions(const Options& options, FaultList* faults) {
   table.Check(faults);
 }
 
-// `key=value;...` of what differs from the defaults, and of `always`.
-std::string JoinOptions(const std::vector<std::string>& parts);
-
+// As OptionTable::Format.
 template <typename Options>
 std::string FormatOptions(const Options& options, const std::vector<std::string>& always = {}) {
   Options copy;
   OptionTable table;
   AddOptions(&copy, &table);
   copy = options;
-  return JoinOptions(table.Format(always));
-}
-
-template <typename Options>
-bool IsOptionOf(std::string_view name) {
-  Options options;
-  OptionTable table;
-  AddOptions(&options, &table);
-  return table.Has(name);
+  return table.Format(always);
 }
 
 }  // namespace rigcal

@@ -2,9 +2,6 @@
 #include "common/session/observation_batch.h"
 
 #include <cassert>
-#include <cstddef>
-#include <string>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
@@ -13,11 +10,8 @@
 namespace rigcal {
 namespace {
 
-template <typename T>
-void CopyRange(const std::vector<T>& from, size_t begin, size_t end, std::vector<T>* to) {
-  to->assign(from.begin() + static_cast<std::ptrdiff_t>(begin),
-             from.begin() + static_cast<std::ptrdiff_t>(end));
-}
+const MarkerObservation kInvisible = {
+    .covariance_px2 = Eigen::Matrix2d::Zero(), .label_confidence = 0, .centre_kind = CentreKind{0}};
 
 absl::Status Fault(absl::string_view field, absl::string_view what) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", what));
@@ -114,17 +108,8 @@ void ObservationBatch::Append(const Observation& observation) {
   uint32_t mask = 0;
   for (uint32_t m = 0; m < marker_count; ++m) {
     const bool visible = m < observation.markers.size() && observation.markers[m].visible;
-    if (!visible) {
-      for (std::vector<float>* column :
-           {&x_px, &y_px, &cov_xx_px2, &cov_xy_px2, &cov_yy_px2, &label_confidence}) {
-        column->push_back(0);
-      }
-      time_delta_ns.push_back(0);
-      centre_kind.push_back(0);
-      continue;
-    }
-    const MarkerObservation& marker = observation.markers[m];
-    mask |= uint32_t{1} << m;
+    const MarkerObservation& marker = visible ? observation.markers[m] : kInvisible;
+    mask |= uint32_t{visible} << m;
     x_px.push_back(static_cast<float>(marker.centre_px.x()));
     y_px.push_back(static_cast<float>(marker.centre_px.y()));
     cov_xx_px2.push_back(static_cast<float>(marker.covariance_px2(0, 0)));
@@ -165,18 +150,16 @@ ObservationBatch ObservationBatch::Slice(size_t begin, size_t end) const {
   slice.first_seq = first_seq + static_cast<uint32_t>(begin);
   slice.clock_epoch = clock_epoch;
   slice.marker_count = marker_count;
-  CopyRange(time_ns, begin, end, &slice.time_ns);
-  CopyRange(visible_mask, begin, end, &slice.visible_mask);
-  const size_t first = begin * marker_count;
-  const size_t last = end * marker_count;
-  CopyRange(x_px, first, last, &slice.x_px);
-  CopyRange(y_px, first, last, &slice.y_px);
-  CopyRange(cov_xx_px2, first, last, &slice.cov_xx_px2);
-  CopyRange(cov_xy_px2, first, last, &slice.cov_xy_px2);
-  CopyRange(cov_yy_px2, first, last, &slice.cov_yy_px2);
-  CopyRange(time_delta_ns, first, last, &slice.time_delta_ns);
-  CopyRange(label_confidence, first, last, &slice.label_confidence);
-  CopyRange(centre_kind, first, last, &slice.centre_kind);
+  const auto copy = [&](size_t width, auto... columns) {
+    const auto at = [width](const auto& column, size_t row) {
+      return column.begin() + static_cast<std::ptrdiff_t>(row * width);
+    };
+    ((slice.*columns).assign(at(this->*columns, begin), at(this->*columns, end)), ...);
+  };
+  using Batch = ObservationBatch;
+  copy(1, &Batch::time_ns, &Batch::visible_mask);
+  copy(marker_count, &Batch::x_px, &Batch::y_px, &Batch::cov_xx_px2, &Batch::cov_xy_px2,
+       &Batch::cov_yy_px2, &Batch::time_delta_ns, &Batch::label_confidence, &Batch::centre_kind);
   if (begin == 0) {
     slice.clock_samples = clock_samples;
     slice.host_alignments = host_alignments;

@@ -34,7 +34,7 @@ absl::StatusOr<LineReader> LineReader::Open(const std::string& path) {
 }
 
 LineReader::LineReader(std::string path, std::FILE* file)
-    : path_(std::move(path)), file_(file), buffer_(kBufferBytes) {}
+    : path_(std::move(path)), file_(file, std::fclose), buffer_(kBufferBytes) {}
 
 absl::StatusOr<std::optional<LineReader::Line>> LineReader::Next() {
   line_.clear();

@@ -33,14 +33,10 @@ class LineReader {
   absl::StatusOr<std::optional<Line>> Next();
 
  private:
-  struct CloseFile {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-
   LineReader(std::string path, std::FILE* file);
 
   std::string path_;
-  std::unique_ptr<std::FILE, CloseFile> file_;
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
   std::vector<char> buffer_;
   size_t begin_ = 0;
   size_t end_ = 0;

@@ -19,8 +19,7 @@ using ::testing::Not;
 RecordedFolder Folder(const fs::path& path) {
   RecordedFolder folder;
   folder.path = path;
-  folder.cameras = {{"left", path / "left.csv", path / "left.yaml"},
-                    {"right", path / "right.csv", path / "right.yaml"}};
+  folder.cameras = {{"left", path / "left.csv"}, {"right", path / "right.csv"}};
   return folder;
 }
 

@@ -44,7 +44,6 @@ TEST_F(RecordedFolderTest, FindsTheCamerasByName) {
   ASSERT_EQ(folder.cameras.size(), 2u);
   EXPECT_EQ(folder.cameras[0].camera, "left");
   EXPECT_EQ(folder.cameras[0].recording, directory_.path() / "left.csv");
-  EXPECT_EQ(folder.cameras[0].yaml, directory_.path() / "left.yaml");
   EXPECT_EQ(folder.cameras[1].camera, "right");
   EXPECT_TRUE(folder.warnings.empty());
 }

@@ -30,7 +30,7 @@ absl::StatusOr<v1::GetSessionResponse> Get(ServerConnection& server, const std::
                                            std::chrono::milliseconds timeout = kCallTimeout) {
   v1::GetSessionRequest request;
   request.set_id(id);
-  return server.Call(server.sessions(), &v1::SessionService::Stub::GetSession, request, timeout);
+  return server.Call(&v1::SessionService::Stub::GetSession, request, timeout);
 }
 
 TEST(ValidateServerAddress, WantsHostAndPort) {
@@ -118,10 +118,10 @@ TEST(Read, EndsEarlyWhenNobodyWantsMore) {
   for (int i = 0; i < 1000; ++i) fake.observations.emplace_back().set_camera("left");
   ServerConnection server(fake.address());
   int seen = 0;
-  EXPECT_THAT(server.Read(server.sessions(), &v1::SessionService::Stub::ReadObservations, {},
-                          std::chrono::milliseconds(0),
-                          [&](const v1::ReadObservationsResponse&) { return ++seen < 3; }),
-              IsOk());
+  EXPECT_THAT(
+      server.Read(&v1::SessionService::Stub::ReadObservations, {}, std::chrono::milliseconds(0),
+                  [&](const v1::ReadObservationsResponse&) { return ++seen < 3; }),
+      IsOk());
   EXPECT_EQ(seen, 3);
 }
 
@@ -131,10 +131,10 @@ TEST(Read, GivesTheStatusAfterTheMessages) {
   fake.failures["ReadObservations"] = grpc::Status(grpc::StatusCode::DATA_LOSS, "checksum");
   ServerConnection server(fake.address());
   int seen = 0;
-  EXPECT_THAT(server.Read(server.sessions(), &v1::SessionService::Stub::ReadObservations, {},
-                          std::chrono::milliseconds(0),
-                          [&](const v1::ReadObservationsResponse&) { return ++seen > 0; }),
-              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("checksum")));
+  EXPECT_THAT(
+      server.Read(&v1::SessionService::Stub::ReadObservations, {}, std::chrono::milliseconds(0),
+                  [&](const v1::ReadObservationsResponse&) { return ++seen > 0; }),
+      StatusIs(absl::StatusCode::kDataLoss, HasSubstr("checksum")));
   EXPECT_EQ(seen, 2);
 }
 

@@ -36,27 +36,5 @@ TEST(FormatBytes, PicksAUnit) {
 
 TEST(FormatTime, SaysWhatIsNotSet) { EXPECT_EQ(FormatTime(false, {}), "-"); }
 
-Eigen::Quaterniond About(const Eigen::Vector3d& axis, double angle_rad) {
-  return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, axis));
-}
-
-TEST(RotationAngleRad, IsExactForSmallAnglesAndBothSigns) {
-  for (const double angle_rad : {1e-12, 1e-6, 0.3, 2.0, std::numbers::pi}) {
-    const Eigen::Quaterniond rotation = About(Eigen::Vector3d::UnitZ(), angle_rad);
-    EXPECT_NEAR(RotationAngleRad(rotation), angle_rad, 1e-12 * angle_rad);
-    EXPECT_NEAR(RotationAngleRad(Eigen::Quaterniond(-rotation.coeffs())), angle_rad,
-                1e-12 * angle_rad);
-  }
-}
-
-TEST(RotationVectorRad, IsAxisTimesAngle) {
-  const Eigen::Vector3d axis = Eigen::Vector3d(1, -2, 2) / 3;
-  EXPECT_LT((RotationVectorRad(About(axis, 0.9)) - 0.9 * axis).norm(), 1e-12);
-  // The same rotation the other way round.
-  EXPECT_LT((RotationVectorRad(About(axis, 2 * std::numbers::pi - 0.5)) + 0.5 * axis).norm(),
-            1e-12);
-  EXPECT_EQ(RotationVectorRad(Eigen::Quaterniond::Identity()), Eigen::Vector3d::Zero());
-}
-
 }  // namespace
 }  // namespace rigcal::client::quantities_test

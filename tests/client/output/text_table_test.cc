@@ -6,10 +6,9 @@
 namespace rigcal::client::text_table_test {
 namespace {
 
-using Align = TextTable::Align;
-
 TEST(TextTable, AlignsWordsLeftAndNumbersRight) {
-  TextTable table({{"camera"}, {"mean", Align::kRight}, {"state"}});
+  TextTable table;
+  table.Words({"camera"}).Numbers({"mean"}).Words({"state"});
   table.AddRow({"left", "0.5", "ok"});
   table.AddRow({"right_hand", "12.25", "bad"});
   EXPECT_EQ(table.Format(),
@@ -19,8 +18,8 @@ TEST(TextTable, AlignsWordsLeftAndNumbersRight) {
 }
 
 TEST(TextTable, GroupStandsOnceAboveItsColumns) {
-  TextTable table(
-      {{"camera"}, {"x", Align::kRight, "position (m)"}, {"y", Align::kRight, "position (m)"}});
+  TextTable table;
+  table.Words({"camera"}).Numbers({"x", "y"}, "position (m)");
   table.AddRow({"left", "1.0000", "-2.0000"});
   EXPECT_EQ(table.Format(),
             "           position (m)\n"
@@ -29,7 +28,8 @@ TEST(TextTable, GroupStandsOnceAboveItsColumns) {
 }
 
 TEST(TextTable, GroupWiderThanItsColumnsMakesRoom) {
-  TextTable table({{"a"}, {"b", Align::kRight, "a long group"}, {"c"}});
+  TextTable table;
+  table.Words({"a"}).Numbers({"b"}, "a long group").Words({"c"});
   table.AddRow({"1", "2", "3"});
   EXPECT_EQ(table.Format(),
             "   a long group\n"
@@ -38,26 +38,30 @@ TEST(TextTable, GroupWiderThanItsColumnsMakesRoom) {
 }
 
 TEST(TextTable, IndentsEveryLine) {
-  TextTable table({{"a"}});
+  TextTable table;
+  table.Words({"a"});
   table.AddRow({"b"});
   EXPECT_EQ(table.Format(2), "  a\n  b\n");
 }
 
 TEST(TextTable, CellsCannotSteerTheTerminalOrBreakTheRow) {
-  TextTable table({{"a"}});
+  TextTable table;
+  table.Words({"a"});
   table.AddRow({"red\x1b[31m\ntwo"});
   EXPECT_EQ(table.Format(), "a\nred?[31m two\n");
 }
 
 TEST(TextTable, MissingCellsAreEmptyAndFurtherOnesLeftOut) {
-  TextTable table({{"a"}, {"b"}});
+  TextTable table;
+  table.Words({"a", "b"});
   table.AddRow({"1"});
   table.AddRow({"1", "2", "3"});
   EXPECT_EQ(table.Format(), "a  b\n1\n1  2\n");
 }
 
 TEST(TextTable, CountsCodePointsNotBytes) {
-  TextTable table({{"a"}, {"b"}});
+  TextTable table;
+  table.Words({"a", "b"});
   table.AddRow({"Größe", "x"});
   table.AddRow({"Grosse", "y"});
   EXPECT_EQ(table.Format(), "a       b\nGröße   x\nGrosse  y\n");

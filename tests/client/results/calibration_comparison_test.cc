@@ -46,8 +46,8 @@ TEST(Compare, AnotherRigFrameIsNoDifference) {
   ASSERT_OK_AND_ASSIGN(const CalibrationComparison comparison, Compare(FiveCameras("a"), b));
   ASSERT_EQ(comparison.cameras.size(), 5u);
   for (const CalibrationComparison::Camera& camera : comparison.cameras) {
-    EXPECT_LT(camera.position_difference_m, 1e-9);
-    EXPECT_LT(camera.rotation_difference_rad, 1e-9);
+    EXPECT_LT(camera.difference.position_m, 1e-9);
+    EXPECT_LT(camera.difference.rotation_deg, 1e-9);
     EXPECT_EQ(camera.mean_px_a, 0.5);
   }
   EXPECT_FALSE(comparison.same_observations);
@@ -57,9 +57,8 @@ TEST(Compare, ReportsACameraThatTurned) {
   v1::Calibration b = FiveCameras("b");
   MoveRigFrame(&b);
   v1::CalibratedCamera* turned = b.mutable_cameras(3);
-  const double angle_rad = std::numbers::pi / 180;
   const RigidTransform new_from_cam(
-      Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitY())),
+      Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 180, Eigen::Vector3d::UnitY())),
       Eigen::Vector3d::Zero());
   *turned->mutable_cam_from_rig() =
       wire::ToProto(new_from_cam * *wire::FromProto(turned->cam_from_rig()));
@@ -67,9 +66,9 @@ TEST(Compare, ReportsACameraThatTurned) {
   turned->mutable_residuals()->mutable_all()->set_mean_px(2.5);
   ASSERT_OK_AND_ASSIGN(const CalibrationComparison comparison, Compare(FiveCameras("a"), b));
   EXPECT_EQ(comparison.cameras[3].camera, "sim_3");
-  EXPECT_NEAR(comparison.cameras[3].rotation_difference_rad, angle_rad, 1e-6);
-  EXPECT_NEAR(comparison.max_rotation_difference_rad, angle_rad, 1e-6);
-  EXPECT_NEAR(comparison.cameras[1].rotation_difference_rad, 0, 1e-6);
+  EXPECT_NEAR(comparison.cameras[3].difference.rotation_deg, 1, 1e-5);
+  EXPECT_NEAR(comparison.max_difference.rotation_deg, 1, 1e-5);
+  EXPECT_NEAR(comparison.cameras[1].difference.rotation_deg, 0, 1e-5);
   EXPECT_NEAR(comparison.cameras[3].time_offset_difference_s, 0.004, 1e-12);
   EXPECT_EQ(comparison.cameras[3].mean_px_b, 2.5);
 }
@@ -110,14 +109,13 @@ TEST(ComparisonJson, HasUnitsInItsNames) {
   comparison.id_a = "a";
   comparison.id_b = "b";
   comparison.cameras.push_back({.camera = "left",
-                                .position_difference_m = 0.5,
-                                .rotation_difference_rad = std::numbers::pi,
+                                .difference = {.position_m = 0.5, .rotation_deg = 180},
                                 .time_offset_difference_s = 0.25,
                                 .mean_px_a = 1,
                                 .mean_px_b = 2});
-  comparison.max_position_difference_m = 0.5;
+  comparison.max_difference.position_m = 0.5;
   comparison.same_observations = true;
-  EXPECT_EQ(nlohmann::json::parse(ComparisonJson(comparison)),
+  EXPECT_EQ(nlohmann::json::parse(ToJson(comparison)),
             nlohmann::json::parse(R"({"a": "a", "b": "b", "cameras": [{"camera": "left",
                 "position_difference_m": 0.5, "rotation_difference_deg": 180.0,
                 "time_offset_difference_s": 0.25, "mean_px_a": 1.0, "mean_px_b": 2.0}],
@@ -128,8 +126,7 @@ TEST(ComparisonJson, HasUnitsInItsNames) {
 TEST(FormatComparison, IsInMillimetresAndDegrees) {
   CalibrationComparison comparison;
   comparison.cameras.push_back({.camera = "left",
-                                .position_difference_m = 0.0015,
-                                .rotation_difference_rad = 0.001,
+                                .difference = {.position_m = 0.0015, .rotation_deg = 0.0573},
                                 .mean_px_a = 1,
                                 .mean_px_b = 2});
   EXPECT_THAT(FormatComparison(comparison),

@@ -31,11 +31,11 @@ TEST(CompareWithGroundTruth, TheTruthHasNoError) {
                        CompareWithGroundTruth(TrueCalibration(world), world));
   ASSERT_EQ(truth.cameras.size(), 6u);
   for (const GroundTruthComparison::Camera& camera : truth.cameras) {
-    EXPECT_LT(camera.position_error_m, 1e-9);
-    EXPECT_LT(camera.rotation_error_deg, 1e-7);
+    EXPECT_LT(camera.error.position_m, 1e-9);
+    EXPECT_LT(camera.error.rotation_deg, 1e-7);
     EXPECT_NEAR(camera.time_offset_error_s, 0, 1e-12);
   }
-  EXPECT_LT(truth.max_position_error_m, 1e-9);
+  EXPECT_LT(truth.max_error.position_m, 1e-9);
 }
 
 TEST(CompareWithGroundTruth, AlignsAnUnknownScaleAndSaysSo) {
@@ -53,13 +53,13 @@ TEST(CompareWithGroundTruth, AlignsAnUnknownScaleAndSaysSo) {
   ASSERT_OK_AND_ASSIGN(const GroundTruthComparison truth,
                        CompareWithGroundTruth(calibration, world));
   EXPECT_NEAR(truth.unit_length_m, 2.5, 1e-9);
-  EXPECT_LT(truth.max_position_error_m, 1e-9);
-  EXPECT_LT(truth.max_rotation_error_deg, 1e-6);
+  EXPECT_LT(truth.max_error.position_m, 1e-9);
+  EXPECT_LT(truth.max_error.rotation_deg, 1e-6);
   // The same in metres is wrong by more than the half of everything.
   calibration.set_scale_known(true);
   ASSERT_OK_AND_ASSIGN(const GroundTruthComparison shrunk,
                        CompareWithGroundTruth(calibration, world));
-  EXPECT_GT(shrunk.max_position_error_m, 1);
+  EXPECT_GT(shrunk.max_error.position_m, 1);
 }
 
 TEST(CompareWithGroundTruth, FindsTheErrorOfOneCamera) {
@@ -75,11 +75,11 @@ TEST(CompareWithGroundTruth, FindsTheErrorOfOneCamera) {
                        CompareWithGroundTruth(calibration, world));
   EXPECT_EQ(truth.cameras[4].camera, "sim_4");
   // The alignment takes a part of it over to the others.
-  EXPECT_GT(truth.cameras[4].position_error_m, 0.003);
-  EXPECT_LT(truth.cameras[4].position_error_m, 0.006);
-  EXPECT_EQ(truth.max_position_error_m, truth.cameras[4].position_error_m);
-  EXPECT_LT(truth.cameras[1].position_error_m, 0.003);
-  EXPECT_GT(truth.max_rotation_error_deg, 0);
+  EXPECT_GT(truth.cameras[4].error.position_m, 0.003);
+  EXPECT_LT(truth.cameras[4].error.position_m, 0.006);
+  EXPECT_EQ(truth.max_error.position_m, truth.cameras[4].error.position_m);
+  EXPECT_LT(truth.cameras[1].error.position_m, 0.003);
+  EXPECT_GT(truth.max_error.rotation_deg, 0);
   EXPECT_NEAR(truth.cameras[4].time_offset_error_s, 0.002, 1e-12);
   EXPECT_NEAR(truth.cameras[0].time_offset_error_s, 0, 1e-12);
 }
@@ -127,8 +127,8 @@ TEST(CompareWithGroundTruth, WorksForTwoCameras) {
   const SimulatedWorld world = World("cameras=2");
   ASSERT_OK_AND_ASSIGN(const GroundTruthComparison truth,
                        CompareWithGroundTruth(TrueCalibration(world), world));
-  EXPECT_LT(truth.max_position_error_m, 1e-9);
-  EXPECT_LT(truth.max_rotation_error_deg, 1e-6);
+  EXPECT_LT(truth.max_error.position_m, 1e-9);
+  EXPECT_LT(truth.max_error.rotation_deg, 1e-6);
 }
 
 TEST(CompareWithGroundTruth, RefusesWhatCannotBeCompared) {

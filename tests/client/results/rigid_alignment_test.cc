@@ -46,7 +46,7 @@ void ExpectFound(const std::vector<PosePair>& cameras) {
   for (const PosePair& camera : cameras) {
     const PoseDifference difference = DifferenceAfter(found, camera);
     EXPECT_LT(difference.position_m, 1e-9);
-    EXPECT_LT(difference.rotation_rad, 1e-9);
+    EXPECT_LT(difference.rotation_deg, 1e-8);
   }
 }
 
@@ -83,7 +83,7 @@ TEST(AlignRigidly, DoesNotScale) {
   ASSERT_OK_AND_ASSIGN(const RigidTransform found, AlignRigidly(cameras));
   for (const PosePair& camera : cameras) {
     EXPECT_NEAR(DifferenceAfter(found, camera).position_m, 0.1, 1e-6);
-    EXPECT_NEAR(DifferenceAfter(found, camera).rotation_rad, 0, 1e-6);
+    EXPECT_NEAR(DifferenceAfter(found, camera).rotation_deg, 0, 1e-5);
   }
 }
 
@@ -110,7 +110,7 @@ TEST(AlignRigidly, ReportsTheCameraThatMoved) {
   ASSERT_OK_AND_ASSIGN(const RigidTransform found, AlignRigidly(cameras));
   for (size_t i = 0; i < cameras.size(); ++i) {
     const PoseDifference difference = DifferenceAfter(found, cameras[i]);
-    EXPECT_NEAR(difference.rotation_rad / kDegree, i == 2 ? 2 : 0, 1e-4) << i;
+    EXPECT_NEAR(difference.rotation_deg, i == 2 ? 2 : 0, 1e-4) << i;
     EXPECT_NEAR(difference.position_m, 0, 1e-5) << i;
   }
 }

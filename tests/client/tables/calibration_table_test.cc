@@ -44,7 +44,8 @@ TEST(FormatCalibration, ShowsInstantsWandTimeAndRefusals) {
   EXPECT_THAT(text, ContainsRegex("wand length error +0.580 mm rms over 1200 spans"));
   EXPECT_THAT(text, ContainsRegex("time taken +1.25 s\n"));
   EXPECT_THAT(text, ContainsRegex("left +clock_epoch_without_offset +6 +row 620 of left.csv"));
-  EXPECT_THAT(text, ContainsRegex("clock_offset +warning +left +-8.15 +ms +check the trigger cable"));
+  EXPECT_THAT(text,
+              ContainsRegex("clock_offset +warning +left +-8.15 +ms +check the trigger cable"));
   EXPECT_THAT(text, HasSubstr("Quality: usable\n  left is late\n"));
 }
 
@@ -154,10 +155,10 @@ TEST(FormatCalibrationProgress, IsOneLine) {
 
 TEST(FormatCalibrationList, HasARowForEach) {
   v1::ListCalibrationsResponse response;
-  EXPECT_EQ(FormatCalibrationList(response.calibrations()), "no calibrations\n");
+  EXPECT_EQ(FormatCalibrationList(response), "no calibrations\n");
   *response.add_calibrations() = FullCalibration("cal-2");
   *response.add_calibrations() = FullCalibration("cal-1");
-  EXPECT_THAT(FormatCalibrationList(response.calibrations()),
+  EXPECT_THAT(FormatCalibrationList(response),
               ContainsRegex("cal-2 +rig +3 +succeeded +614 +usable .*wave\ncal-1 "));
 }
 

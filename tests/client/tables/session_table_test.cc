@@ -81,10 +81,10 @@ TEST(FormatSessionLine, SaysHowFarEachCameraIs) {
 
 TEST(FormatSessionList, HasARowForEach) {
   v1::ListSessionsResponse response;
-  EXPECT_EQ(FormatSessionList(response.sessions()), "no sessions\n");
+  EXPECT_EQ(FormatSessionList(response), "no sessions\n");
   *response.add_sessions() = FullSession("b");
   *response.add_sessions() = FullSession("a");
-  EXPECT_THAT(FormatSessionList(response.sessions()),
+  EXPECT_THAT(FormatSessionList(response),
               ContainsRegex("\nb +rig +capturing +2 +1238 +1220 .*first try\na "));
 }
 

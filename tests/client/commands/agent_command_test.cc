@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/commands/agent_preview_command.h"
+#include "client/commands/agent_command.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@
 #include "tests/client/fake_server.h"
 #include "tests/testing/temporary_directory.h"
 
-namespace rigcal::client::agent_preview_command_test {
+namespace rigcal::client::agent_command_test {
 namespace {
 
 using nlohmann::json;
@@ -111,4 +111,4 @@ TEST_F(AgentPreviewCommand, SaysWhyTheFileCannotBeWritten) {
 TEST_F(AgentPreviewCommand, WantsACamera) { EXPECT_EQ(Preview({}).exit_code, 2); }
 
 }  // namespace
-}  // namespace rigcal::client::agent_preview_command_test
+}  // namespace rigcal::client::agent_command_test

@@ -8,9 +8,9 @@
 #include "client/output/output.h"
 #include "client/results/ground_truth_comparison.h"
 #include "client/tables/calibration_table.h"
-#include "common/camera/camera_id.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 #include "common/wire/camera_wire.h"
 
 namespace rigcal::client {

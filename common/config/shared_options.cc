@@ -6,7 +6,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "common/camera/camera_id.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal {
 

@@ -20,6 +20,10 @@ constexpr double kMaxParts = 40;
 
 int Parts(double wanted) { return static_cast<int>(std::ceil(std::clamp(wanted, 1.0, kMaxParts))); }
 
+int Within(uint32_t side, double value) {
+  return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(side)));
+}
+
 // The distance from an edge, on either side, within which a bar of this factor changes the light.
 double EdgeReach(const EdgeProfile& profile, float factor) {
   constexpr double kStepPx = 0.05;
@@ -79,10 +83,10 @@ EventClutter::Lamp EventClutter::DrawLamp(const EventRenderOptions& options, flo
   lamp.light = light;
   lamp.modulation = static_cast<float>(options.lamp_modulation);
   const double reach = options.lamp_radius_px + profile_.reach_px() + 1;
-  lamp.patch.x = Column(x - reach);
-  lamp.patch.width = Column(x + reach) - lamp.patch.x;
-  lamp.patch.y = Row(y - reach);
-  lamp.patch.height = Row(y + reach) - lamp.patch.y;
+  lamp.patch.x = Within(size_.width, x - reach);
+  lamp.patch.width = Within(size_.width, x + reach) - lamp.patch.x;
+  lamp.patch.y = Within(size_.height, y - reach);
+  lamp.patch.height = Within(size_.height, y + reach) - lamp.patch.y;
   for (int row = 0; row < lamp.patch.height; ++row) {
     for (int column = 0; column < lamp.patch.width; ++column) {
       const double away = std::hypot(lamp.patch.x + column - x, lamp.patch.y + row - y);
@@ -90,14 +94,6 @@ EventClutter::Lamp EventClutter::DrawLamp(const EventRenderOptions& options, flo
     }
   }
   return lamp;
-}
-
-int EventClutter::Column(double x) const {
-  return static_cast<int>(std::clamp(x, 0.0, static_cast<double>(size_.width)));
-}
-
-int EventClutter::Row(double y) const {
-  return static_cast<int>(std::clamp(y, 0.0, static_cast<double>(size_.height)));
 }
 
 double EventClutter::Bar::CentreAt(double time_s) const {
@@ -163,7 +159,7 @@ void EventClutter::AddBarSpans(int y, const Instant& begin, const Instant& end,
     const double from = bar.MiddleIn(y, std::min(begin.bar_px[i], end.bar_px[i])) - bar.reach_px;
     const double to = bar.MiddleIn(y, std::max(begin.bar_px[i], end.bar_px[i])) + bar.reach_px;
     for (const double side : {-bar.half_width_px, bar.half_width_px}) {
-      spans->push_back({Column(from + side), Column(to + side)});
+      spans->push_back({Within(size_.width, from + side), Within(size_.width, to + side)});
     }
   }
 }

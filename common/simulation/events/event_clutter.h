@@ -54,8 +54,6 @@ class EventClutter {
     double hz = 0, phase = 0;
     float light = 0, modulation = 0;
   };
-  int Column(double x) const;
-  int Row(double y) const;
   Bar DrawBar(const EventRenderOptions& options, bool brighter, class RandomStream* draw) const;
   Lamp DrawLamp(const EventRenderOptions& options, float light, class RandomStream* draw) const;
 

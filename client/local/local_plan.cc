@@ -7,6 +7,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/options/option_table.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::client {

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # rigcal_proto_enum(<proto file> <enum> <template> <output>): makes a C++ header from a template and an enum of a proto
 # file, so that its values are listed once. In the template
+#   @ENUM@ and @PROTO_NAME@ become the enum's name and that of the proto file
 #   @ENUMERATORS@  becomes `kCsvBadTime = 10,` per value, the unspecified one included
 #   @NAMES@        becomes `{<enum>::kCsvBadTime, "csv_bad_time"},` per value, without the unspecified one
 function(rigcal_proto_enum proto enum template output)
@@ -30,6 +31,8 @@ function(rigcal_proto_enum proto enum template output)
   if(NAMES STREQUAL "")
     message(FATAL_ERROR "${proto} has no values ${prefix}_...")
   endif()
+  set(ENUM ${enum})
+  get_filename_component(PROTO_NAME ${proto} NAME)
   string(STRIP "${ENUMERATORS}" ENUMERATORS)
   string(STRIP "${NAMES}" NAMES)
   configure_file(${template} ${output} @ONLY)

@@ -21,8 +21,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal::agent {
 namespace {

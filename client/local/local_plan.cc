@@ -8,6 +8,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/options/option_table.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::client {
@@ -47,9 +48,9 @@ std::string OptionsOf(const SimulatedRigOptions& rig, bool events) {
   std::string options = FormatSimulationOptions(rig.world);
   if (!rig.frames) return options;
   absl::StrAppend(&options, events ? ";events=1" : ";pixels=1");
-  AppendParts(FormatFrameRenderOptions(*rig.frames), &options);
+  AppendParts(FormatOptions(*rig.frames), &options);
   if (!events) return options;
-  AppendParts(FormatEventRenderOptions(rig.sensors), &options);
+  AppendParts(FormatOptions(rig.sensors), &options);
   absl::StrAppend(&options, ";output=", rig.output_hz);
   if (!rig.event_clock.empty()) absl::StrAppend(&options, ";clock=", rig.event_clock);
   return options;

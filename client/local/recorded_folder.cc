@@ -7,10 +7,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "common/camera/camera_id.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal::client {
 namespace {

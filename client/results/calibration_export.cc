@@ -7,9 +7,9 @@
 #include "client/output/output.h"
 #include "client/output/quantities.h"
 #include "client/results/ground_truth_comparison.h"
-#include "common/camera/camera_id.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 #include "common/wire/camera_wire.h"
 
 namespace rigcal::client {

@@ -3,8 +3,8 @@
 
 #include <utility>
 
-#include "common/camera/camera_id.h"
 #include "common/status/fault_list.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal {
 namespace {

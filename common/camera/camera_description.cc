@@ -9,8 +9,8 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
-#include "common/camera/camera_id.h"
 #include "common/status/fault_list.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal {
 namespace {

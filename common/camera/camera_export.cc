@@ -7,30 +7,16 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstddef>
+#include <cstdio>
 #include <filesystem>
 #include <opencv2/core.hpp>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/status/fault_list.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-  int Release() { return std::exchange(fd_, -1); }
-
- private:
-  int fd_;
-};
 
 absl::Status ErrnoStatus(const std::string& path, const char* what, int error) {
   return absl::ErrnoToStatus(error, absl::StrCat(path, ": cannot ", what));
@@ -38,18 +24,13 @@ absl::Status ErrnoStatus(const std::string& path, const char* what, int error) {
 
 std::string CameraExportText(const CameraExport& camera) {
   const Intrinsics& intrinsics = camera.intrinsics;
-  cv::Mat matrix = cv::Mat::eye(3, 3, CV_64F);
-  matrix.at<double>(0, 0) = intrinsics.fx_px;
-  matrix.at<double>(0, 2) = intrinsics.cx_px;
-  matrix.at<double>(1, 1) = intrinsics.fy_px;
-  matrix.at<double>(1, 2) = intrinsics.cy_px;
+  const cv::Mat1d matrix = (cv::Mat1d(3, 3) << intrinsics.fx_px, 0, intrinsics.cx_px, 0,
+                            intrinsics.fy_px, intrinsics.cy_px, 0, 0, 1);
   cv::Mat distortion = cv::Mat::zeros(1, CoefficientCount(intrinsics.model), CV_64F);
   std::copy(intrinsics.distortion.begin(), intrinsics.distortion.end(), distortion.begin<double>());
   cv::Mat extrinsics(4, 4, CV_64F);
-  const Eigen::Matrix4d cam_from_rig = camera.cam_from_rig.Matrix();
-  for (int row = 0; row < 4; ++row) {
-    for (int col = 0; col < 4; ++col) extrinsics.at<double>(row, col) = cam_from_rig(row, col);
-  }
+  Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(extrinsics.ptr<double>()) =
+      camera.cam_from_rig.Matrix();
   cv::FileStorage storage(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
   storage << "camera_name" << camera.camera;
   storage << "image_width" << static_cast<int>(camera.image_size_px.width);
@@ -63,18 +44,14 @@ std::string CameraExportText(const CameraExport& camera) {
 }
 
 absl::Status WriteDurably(const std::string& path, const std::string& text) {
-  Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-  if (file.get() < 0) return ErrnoStatus(path, "create", errno);
-  size_t written = 0;
-  while (written < text.size()) {
-    const ssize_t count = ::write(file.get(), text.data() + written, text.size() - written);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return ErrnoStatus(path, "write", errno);
-    written += static_cast<size_t>(count);
-  }
-  if (::fsync(file.get()) != 0) return ErrnoStatus(path, "sync", errno);
-  if (::close(file.Release()) != 0) return ErrnoStatus(path, "close", errno);
-  return absl::OkStatus();
+  std::FILE* const file = std::fopen(path.c_str(), "we");
+  if (file == nullptr) return ErrnoStatus(path, "create", errno);
+  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size() &&
+                       std::fflush(file) == 0 && ::fsync(::fileno(file)) == 0;
+  const int error = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (!written) return ErrnoStatus(path, "write", error);
+  return closed ? absl::OkStatus() : ErrnoStatus(path, "close", errno);
 }
 
 absl::Status ReplaceFile(const std::string& path, const std::string& text) {
@@ -89,27 +66,26 @@ absl::Status ReplaceFile(const std::string& path, const std::string& text) {
   }
   const std::filesystem::path parent = std::filesystem::path(path).parent_path();
   const std::string folder = parent.empty() ? "." : parent.string();
-  const Descriptor directory(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   // Without this the new name may be lost with the power; some file systems cannot and say EINVAL.
-  if (directory.get() < 0 || (::fsync(directory.get()) != 0 && errno != EINVAL)) {
-    return ErrnoStatus(folder, "sync the folder", errno);
+  if (directory < 0 || (::fsync(directory) != 0 && errno != EINVAL)) {
+    status = ErrnoStatus(folder, "sync the folder", errno);
   }
-  return absl::OkStatus();
+  if (directory >= 0) ::close(directory);
+  return status;
 }
 
 }  // namespace
 
 absl::Status WriteCameraExport(const std::string& path, const CameraExport& camera) {
-  absl::Status valid = camera.image_size_px.Validate();
-  if (valid.ok()) valid = camera.intrinsics.Validate(camera.image_size_px);
-  if (!valid.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": not written, camera \"", camera.camera,
-                                                   "\": ", std::string(valid.message())));
-  }
+  FaultList faults;
+  faults.Add(camera.image_size_px.Validate());
+  faults.Add(camera.intrinsics.Validate(camera.image_size_px));
   if (!camera.cam_from_rig.Matrix().allFinite() || !std::isfinite(camera.reprojection_error_px)) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": not written, camera \"", camera.camera,
-                                                   "\": pose or error is not finite"));
+    faults.Add("pose or error is not finite");
   }
+  RIGCAL_RETURN_IF_ERROR(
+      faults.Result(absl::StrCat(path, ": not written, camera \"", camera.camera, "\": ")));
   try {
     return ReplaceFile(path, CameraExportText(camera));
   } catch (const std::exception& exception) {

@@ -175,11 +175,6 @@ bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eige
   return Project(intrinsics.model, values, x_in_cam, pixel, d_pixel_d_point, nullptr);
 }
 
-bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam,
-             Eigen::Vector2d* pixel) {
-  return Project(intrinsics, x_in_cam, pixel, nullptr);
-}
-
 absl::StatusOr<Eigen::Vector2d> Undistort(const Intrinsics& intrinsics,
                                           const Eigen::Vector2d& pixel) {
   const double* k = Coefficients(intrinsics);

@@ -16,11 +16,9 @@ namespace rigcal {
 // still gets a pixel, often one inside the image; only Undistort tells. Allocates nothing.
 // Brown-Conrady and rational: OpenCV, calib3d, "projectPoints"; fisheye: OpenCV, fisheye module
 // (Kannala and Brandt 2006). `intrinsics` must be valid but for image size and focal lengths.
-bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel);
-
-// The same with d pixel / d x_in_cam.
+// d pixel / d x_in_cam on request.
 bool Project(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel,
-             Eigen::Matrix<double, 2, 3>* d_pixel_d_point);
+             Eigen::Matrix<double, 2, 3>* d_pixel_d_point = nullptr);
 
 // The same of intrinsics as IntrinsicsSize(model) plain values, with derivatives, each of which may
 // be null; for the inner loop of a solver.

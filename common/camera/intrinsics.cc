@@ -11,6 +11,23 @@
 namespace rigcal {
 namespace {
 
+struct ModelKind {
+  std::string_view name;
+  int coefficient_count;
+};
+
+ModelKind KindOf(DistortionModel model) {
+  switch (model) {
+    case DistortionModel::kBrownConrady:
+      return {"plumb_bob", 5};
+    case DistortionModel::kRational:
+      return {"rational_polynomial", 8};
+    case DistortionModel::kFisheye:
+      return {"equidistant", 4};
+  }
+  return {"unknown", 0};
+}
+
 void CheckFocalLength(const char* name, double value, FaultList* faults) {
   if (!(std::isfinite(value) && value > 0)) {
     faults->Add(name, " is ", value, ", it must be finite and positive");
@@ -28,29 +45,9 @@ void CheckPrincipalPoint(const char* name, double value, double image_side, Faul
 
 }  // namespace
 
-int CoefficientCount(DistortionModel model) {
-  switch (model) {
-    case DistortionModel::kBrownConrady:
-      return 5;
-    case DistortionModel::kRational:
-      return 8;
-    case DistortionModel::kFisheye:
-      return 4;
-  }
-  return 0;
-}
+int CoefficientCount(DistortionModel model) { return KindOf(model).coefficient_count; }
 
-std::string_view DistortionModelName(DistortionModel model) {
-  switch (model) {
-    case DistortionModel::kBrownConrady:
-      return "plumb_bob";
-    case DistortionModel::kRational:
-      return "rational_polynomial";
-    case DistortionModel::kFisheye:
-      return "equidistant";
-  }
-  return "unknown";
-}
+std::string_view DistortionModelName(DistortionModel model) { return KindOf(model).name; }
 
 absl::Status ImageSize::Validate() const {
   if (width >= 1 && width <= kMaxImageSidePx && height >= 1 && height <= kMaxImageSidePx) {

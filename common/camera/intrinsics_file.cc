@@ -46,20 +46,23 @@ absl::StatusOr<std::string> ReadText(const std::string& path) {
                                                  "calibration of a camera"));
 }
 
-absl::Status LineError(const std::string& path, int line, const std::string& why) {
-  return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
-}
-
 // Reads fields by name, and names file, line and field in every error.
 class FieldReader {
  public:
   FieldReader(const std::string& path, const std::string& text, const cv::FileNode& root)
       : path_(path), text_(text), root_(root) {}
 
-  absl::Status Error(const std::string& field, const std::string& why) const {
-    const std::optional<int> line = LineOf(field);
-    return absl::InvalidArgumentError(
-        absl::StrCat(path_, line ? absl::StrCat(", line ", *line) : "", ": ", field, " ", why));
+  template <typename... Pieces>
+  absl::Status Error(const std::string& field, const Pieces&... why) const {
+    // The parser keeps no lines; fields of interest stand at the beginning of theirs.
+    int line = 1;
+    for (const absl::string_view row : absl::StrSplit(text_, '\n')) {
+      if (absl::StartsWith(row, absl::StrCat(field, ":"))) {
+        return YamlLineError(path_, line, absl::StrCat(field, " ", why...));
+      }
+      ++line;
+    }
+    return absl::InvalidArgumentError(absl::StrCat(path_, ": ", field, " ", why...));
   }
 
   absl::StatusOr<cv::FileNode> Field(const std::string& name) const {
@@ -72,23 +75,16 @@ class FieldReader {
     RIGCAL_ASSIGN_OR_RETURN(const cv::FileNode node, Field(name));
     const std::optional<double> value = Number(node);
     if (!value || !(*value >= 1 && *value <= kMaxImageSidePx) || *value != std::floor(*value)) {
-      return Error(name,
-                   absl::StrCat("is ", Show(node), ", it must be a whole number of pixels, 1 to ",
-                                kMaxImageSidePx));
+      return Error(name, "is ", Show(node), ", it must be a whole number of pixels, 1 to ",
+                   kMaxImageSidePx);
     }
     return static_cast<uint32_t>(*value);
   }
 
-  // Values of a matrix, row by row. It may be tagged !!opencv-matrix or be a plain map.
-  struct Matrix {
-    int rows = 0;
-    int cols = 0;
-    std::vector<double> values;
-  };
-  absl::StatusOr<Matrix> ReadMatrix(const std::string& name) const {
+  // A matrix, tagged !!opencv-matrix or a plain map.
+  absl::StatusOr<cv::Mat1d> ReadMatrix(const std::string& name) const {
     RIGCAL_ASSIGN_OR_RETURN(const cv::FileNode node, Field(name));
     if (!node.isMap()) return Error(name, "is not a matrix with rows, cols and data");
-    Matrix matrix;
     const cv::FileNode data = node["data"];
     const std::optional<double> rows = Number(node["rows"]);
     const std::optional<double> cols = Number(node["cols"]);
@@ -96,22 +92,21 @@ class FieldReader {
       return Error(name, "is not a matrix with rows, cols and data");
     }
     if (!(*rows >= 1 && *rows <= 64 && *cols >= 1 && *cols <= 64)) {
-      return Error(name, absl::StrCat("has ", *rows, " x ", *cols, " elements"));
+      return Error(name, "has ", *rows, " x ", *cols, " elements");
     }
-    matrix.rows = static_cast<int>(*rows);
-    matrix.cols = static_cast<int>(*cols);
-    const size_t expected = static_cast<size_t>(matrix.rows) * static_cast<size_t>(matrix.cols);
-    if (data.size() != expected) {
-      return Error(name, absl::StrCat("says ", matrix.rows, " x ", matrix.cols, " but has ",
-                                      data.size(), " values"));
+    cv::Mat1d matrix(static_cast<int>(*rows), static_cast<int>(*cols));
+    if (data.size() != matrix.total()) {
+      return Error(name, "says ", matrix.rows, " x ", matrix.cols, " but has ", data.size(),
+                   " values");
     }
+    double* next = matrix.ptr<double>();
     for (const cv::FileNode& element : data) {
       const std::optional<double> value = Number(element);
       if (!value || !std::isfinite(*value)) {
-        return Error(name, absl::StrCat("has the value ", Show(element), " at index ",
-                                        matrix.values.size(), ", it must be a finite number"));
+        return Error(name, "has the value ", Show(element), " at index ",
+                     next - matrix.ptr<double>(), ", it must be a finite number");
       }
-      matrix.values.push_back(*value);
+      *next++ = *value;
     }
     return matrix;
   }
@@ -130,43 +125,31 @@ class FieldReader {
     return number ? absl::StrCat(*number) : "a list or map";
   }
 
-  // The parser keeps no lines; fields of interest stand at the beginning of theirs.
-  std::optional<int> LineOf(const std::string& field) const {
-    int line = 1;
-    for (absl::string_view row : absl::StrSplit(text_, '\n')) {
-      if (absl::StartsWith(row, absl::StrCat(field, ":"))) return line;
-      ++line;
-    }
-    return std::nullopt;
-  }
-
   const std::string& path_;
   const std::string& text_;
   const cv::FileNode root_;
 };
 
 absl::Status ReadCameraMatrix(const FieldReader& reader, Intrinsics* intrinsics) {
-  RIGCAL_ASSIGN_OR_RETURN(const FieldReader::Matrix matrix, reader.ReadMatrix("camera_matrix"));
-  if (matrix.rows != 3 || matrix.cols != 3) {
-    return reader.Error("camera_matrix",
-                        absl::StrCat("is ", matrix.rows, " x ", matrix.cols, ", not 3 x 3"));
+  RIGCAL_ASSIGN_OR_RETURN(const cv::Mat1d m, reader.ReadMatrix("camera_matrix"));
+  if (m.rows != 3 || m.cols != 3) {
+    return reader.Error("camera_matrix", "is ", m.rows, " x ", m.cols, ", not 3 x 3");
   }
-  const std::vector<double>& m = matrix.values;
-  if (!(m[0] > 0 && m[4] > 0)) {
-    return reader.Error("camera_matrix", absl::StrCat("has focal lengths ", m[0], " and ", m[4],
-                                                      ", they must be positive"));
+  intrinsics->fx_px = m(0, 0);
+  intrinsics->cx_px = m(0, 2);
+  intrinsics->fy_px = m(1, 1);
+  intrinsics->cy_px = m(1, 2);
+  if (!(m(0, 0) > 0 && m(1, 1) > 0)) {
+    return reader.Error("camera_matrix", "has focal lengths ", m(0, 0), " and ", m(1, 1),
+                        ", they must be positive");
   }
   // A matrix written by rows instead of columns, or one with skew, would be misread silently.
-  const double negligible = 1e-9 * m[0];
-  if (std::abs(m[1]) > negligible || std::abs(m[3]) > negligible || std::abs(m[6]) > negligible ||
-      std::abs(m[7]) > negligible || std::abs(m[8] - 1) > 1e-9) {
+  const double negligible = 1e-9 * m(0, 0);
+  for (const double zero : {m(0, 1), m(1, 0), m(2, 0), m(2, 1), (m(2, 2) - 1) * m(0, 0)}) {
+    if (std::abs(zero) <= negligible) continue;
     return reader.Error("camera_matrix",
                         "must have the form fx 0 cx, 0 fy cy, 0 0 1 (skew is not supported)");
   }
-  intrinsics->fx_px = m[0];
-  intrinsics->cx_px = m[2];
-  intrinsics->fy_px = m[4];
-  intrinsics->cy_px = m[5];
   return absl::OkStatus();
 }
 
@@ -178,33 +161,28 @@ absl::StatusOr<std::optional<DistortionModel>> ReadModel(const FieldReader& read
        {DistortionModel::kBrownConrady, DistortionModel::kRational, DistortionModel::kFisheye}) {
     if (name == DistortionModelName(model)) return model;
   }
-  return reader.Error("distortion_model",
-                      absl::StrCat("is \"", absl::CHexEscape(name.substr(0, 64)),
-                                   "\", known are plumb_bob, rational_polynomial and equidistant"));
+  return reader.Error("distortion_model", "is \"", absl::CHexEscape(name.substr(0, 64)),
+                      "\", known are plumb_bob, rational_polynomial and equidistant");
 }
 
 absl::Status ReadDistortion(const FieldReader& reader, Intrinsics* intrinsics) {
   RIGCAL_ASSIGN_OR_RETURN(const std::optional<DistortionModel> model, ReadModel(reader));
-  RIGCAL_ASSIGN_OR_RETURN(const FieldReader::Matrix matrix,
-                          reader.ReadMatrix("distortion_coefficients"));
-  const size_t count = matrix.values.size();
+  RIGCAL_ASSIGN_OR_RETURN(const cv::Mat1d matrix, reader.ReadMatrix("distortion_coefficients"));
+  const size_t count = matrix.total();
   if (matrix.rows != 1 && matrix.cols != 1) {
-    return reader.Error(
-        "distortion_coefficients",
-        absl::StrCat("is ", matrix.rows, " x ", matrix.cols, ", not one row or column"));
+    return reader.Error("distortion_coefficients", "is ", matrix.rows, " x ", matrix.cols,
+                        ", not one row or column");
   }
   intrinsics->model =
       model.value_or(count == 8 ? DistortionModel::kRational : DistortionModel::kBrownConrady);
-  intrinsics->distortion = matrix.values;
+  intrinsics->distortion.assign(matrix.begin(), matrix.end());
   if (intrinsics->model == DistortionModel::kBrownConrady && count == 4) {
     intrinsics->distortion.push_back(0);  // OpenCV's short form, without k3
   }
   const int expected = CoefficientCount(intrinsics->model);
   if (intrinsics->distortion.size() != static_cast<size_t>(expected)) {
-    return reader.Error(
-        "distortion_coefficients",
-        absl::StrCat("has ", count, " values, ",
-                     std::string(DistortionModelName(intrinsics->model)), " has ", expected));
+    return reader.Error("distortion_coefficients", "has ", count, " values, ",
+                        std::string(DistortionModelName(intrinsics->model)), " has ", expected);
   }
   return absl::OkStatus();
 }
@@ -228,7 +206,7 @@ absl::Status ParseError(const std::string& path, const cv::Exception& exception)
     const std::vector<std::string> parts = absl::StrSplit(text, absl::MaxSplits("): ", 1));
     if (parts.size() == 2 && absl::StartsWith(parts[0], "(") &&
         absl::SimpleAtoi(parts[0].substr(1), &line)) {
-      return LineError(path, line, parts[1]);
+      return YamlLineError(path, line, parts[1]);
     }
   }
   return absl::InvalidArgumentError(

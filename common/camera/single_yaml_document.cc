@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/camera/single_yaml_document.h"
 
-#include <cstddef>
-
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -14,10 +12,6 @@ namespace {
 
 // OpenCV's parser recurses once per level and has no limit of its own.
 constexpr int kMaxNesting = 32;
-
-absl::Status YamlLineError(const std::string& path, int line, const std::string& why) {
-  return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
-}
 
 // Refuses what OpenCV's parser does not survive: bytes that are not text, and deep nesting.
 absl::Status CheckBytes(const std::string& path, const std::string& text) {
@@ -53,6 +47,10 @@ bool IsFieldLine(absl::string_view row, bool first) {
 }
 
 }  // namespace
+
+absl::Status YamlLineError(const std::string& path, int line, const std::string& why) {
+  return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
+}
 
 absl::StatusOr<std::string> SingleDocument(const std::string& path, const std::string& text) {
   if (text.find_first_not_of(" \t\r\n") == std::string::npos) {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "absl/strings/numbers.h"
-#include "common/camera/camera_id.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal {
 

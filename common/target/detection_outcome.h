@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <string_view>
 
 namespace rigcal {
@@ -26,23 +27,10 @@ inline constexpr std::array kDetectionOutcomes = {
 
 // For people and tables: "wand", "no blob".
 constexpr std::string_view DetectionOutcomeText(DetectionOutcome outcome) {
-  switch (outcome) {
-    case DetectionOutcome::kWand:
-      return "wand";
-    case DetectionOutcome::kNoBlob:
-      return "no blob";
-    case DetectionOutcome::kNoWand:
-      return "no wand";
-    case DetectionOutcome::kAmbiguous:
-      return "ambiguous";
-    case DetectionOutcome::kTooManyBlobs:
-      return "too many blobs";
-    case DetectionOutcome::kBlack:
-      return "black";
-    case DetectionOutcome::kSaturated:
-      return "saturated";
-  }
-  return "unknown";
+  constexpr std::string_view kTexts[] = {"unknown",   "wand",           "no blob", "no wand",
+                                         "ambiguous", "too many blobs", "black",   "saturated"};
+  const auto index = static_cast<size_t>(outcome);
+  return kTexts[index < std::size(kTexts) ? index : 0];
 }
 
 // Images by outcome.

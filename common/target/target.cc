@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -56,23 +55,19 @@ absl::Status ParseNumbers(std::string_view part, std::vector<double>* numbers) {
 // stay with their markers.
 absl::Status Normalise(Target* target) {
   std::vector<double>& positions = target->marker_positions_m;
-  std::vector<size_t> order(positions.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::sort(order.begin(), order.end(),
-            [&](size_t a, size_t b) { return positions[a] < positions[b]; });
-  const Target given = *target;
-  for (size_t i = 0; i < order.size(); ++i) {
-    positions[i] = given.marker_positions_m[order[i]] - given.marker_positions_m[order[0]];
+  std::vector<double>& blink_hz = target->blink_hz;
+  const bool own_hz = blink_hz.size() == positions.size();
+  std::vector<std::pair<double, double>> given;  // position, frequency
+  for (size_t i = 0; i < positions.size(); ++i) {
+    given.emplace_back(positions[i], own_hz ? blink_hz[i] : 0);
   }
-  if (given.blink_hz.size() == order.size()) {
-    for (size_t i = 0; i < order.size(); ++i) target->blink_hz[i] = given.blink_hz[order[i]];
-  }
-  for (size_t i = 1; i < order.size(); ++i) {
-    const double span = positions[i] - positions[i - 1];
-    if (span < kMinSpanM) {
+  std::sort(given.begin(), given.end());
+  for (size_t i = 0; i < given.size(); ++i) {
+    positions[i] = given[i].first - given[0].first;
+    if (own_hz) blink_hz[i] = given[i].second;
+    if (i > 0 && positions[i] - positions[i - 1] < kMinSpanM) {
       return absl::InvalidArgumentError(absl::StrCat(
-          "markers at ", given.marker_positions_m[order[i - 1]], " and ",
-          given.marker_positions_m[order[i]],
+          "markers at ", given[i - 1].first, " and ", given[i].first,
           " are at the same position, a wand needs at least two distinct positions and each only "
           "once"));
     }
@@ -91,7 +86,6 @@ absl::Status ParseParts(std::string_view text, Target* target) {
     target->kind = TargetKind::kPoint;
     target->marker_positions_m = {0};
   } else if (head.starts_with(kWandPrefix)) {
-    target->kind = TargetKind::kWand;
     RIGCAL_RETURN_IF_ERROR(
         ParseNumbers(head.substr(kWandPrefix.size()), &target->marker_positions_m));
   } else {
@@ -113,11 +107,6 @@ absl::Status ParseParts(std::string_view text, Target* target) {
   }
   RIGCAL_RETURN_IF_ERROR(Normalise(target));
   return target->Validate();
-}
-
-std::string Join(const std::vector<double>& values) {
-  return absl::StrJoin(values, ",",
-                       [](std::string* out, double value) { out->append(ShortestText(value)); });
 }
 
 void CheckPositions(const Target& target, FaultList* faults) {
@@ -181,10 +170,12 @@ absl::StatusOr<Target> ParseTarget(std::string_view text) {
 
 std::string FormatTarget(const Target& target) {
   const std::string options = FormatOptions(target);
-  return absl::StrCat(target.kind == TargetKind::kPoint
-                          ? "point"
-                          : absl::StrCat("wand:", Join(target.marker_positions_m)),
-                      options.empty() ? "" : ";", options);
+  std::string text = "point";
+  if (target.kind == TargetKind::kWand) {
+    const auto append = [](std::string* out, double value) { out->append(ShortestText(value)); };
+    text = absl::StrCat("wand:", absl::StrJoin(target.marker_positions_m, ",", append));
+  }
+  return absl::StrCat(text, options.empty() ? "" : ";", options);
 }
 
 }  // namespace rigcal

@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal::wire {
 namespace {

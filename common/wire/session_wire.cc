@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/camera/camera_id.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/time_wire.h"

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/camera/camera_id.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {

@@ -8,9 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "common/camera/camera_id.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 
 namespace rigcal::server {
 namespace {

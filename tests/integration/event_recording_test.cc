@@ -17,6 +17,7 @@
 #include "common/geometry/rigid_transform.h"
 #include "tests/testing/process.h"
 #include "tests/testing/recorded_rig.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -24,6 +25,8 @@ namespace rigcal::testing::event_recording_test {
 namespace {
 
 using nlohmann::json;
+using ::rigcal::testing::OptionsFrom;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -39,7 +42,8 @@ void WriteEvents(int index, const fs::path& directory) {
   options.camera = "sim_" + std::to_string(index);
   options.camera_index = index;
   options.simulation = *ParseSimulationOptions(kWorld);
-  options.rendering = *ParseEventRenderOptions("background=0.2;bars=1;lamps=1;hot_pixels=5;leak=0");
+  options.rendering =
+      *OptionsFrom<EventRenderOptions>("background=0.2;bars=1;lamps=1;hot_pixels=5;leak=0");
   options.speed = agent::kMaxSpeed;
   ASSERT_OK_AND_ASSIGN(const auto source, agent::SimulatedEventSource::Create(options));
   const CameraDescription& camera = source->description();

@@ -18,11 +18,14 @@
 #include "common/wire/camera_wire.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
 namespace rigcal::testing::pixel_calibration_test {
 namespace {
+
+using ::rigcal::testing::ParseSimulationOptions;
 
 constexpr int kCameras = 4;
 constexpr char kTarget[] = "wand:0,0.13,0.39;diameter=0.04;hz=500";

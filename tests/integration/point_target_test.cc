@@ -11,12 +11,14 @@
 #include "absl/strings/str_cat.h"
 #include "common/simulation/world/simulated_world.h"
 #include "tests/testing/process.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/temporary_directory.h"
 
 namespace rigcal::testing::point_target_test {
 namespace {
 
 using nlohmann::json;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;

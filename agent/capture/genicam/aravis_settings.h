@@ -10,7 +10,7 @@
 #include "agent/capture/genicam/aravis_objects.h"
 #include "agent/capture/genicam/aravis_options.h"
 #include "agent/capture/genicam/aravis_pixel_formats.h"
-#include "common/camera/camera_settings.h"
+#include "common/camera/camera_description.h"
 
 namespace rigcal::agent {
 

@@ -8,9 +8,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "common/camera/camera_id.h"
 #include "common/options/nearest_name.h"
 #include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
 #include "common/text/utf8.h"
 
 namespace rigcal::agent {

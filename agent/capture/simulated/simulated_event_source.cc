@@ -13,7 +13,6 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int64_t kSliceUs = 2 * EventRenderer::kCellUs;
-constexpr double kDifferenceS = 1e-4;  // for the wand's velocity
 constexpr uint32_t kWidthPx = 1280, kHeightPx = 720;
 
 // Of the frame camera that could stand there.
@@ -92,21 +91,11 @@ std::vector<MarkerGroundTruth> SimulatedEventSource::TruthAt(int64_t time_us) co
   return wand ? renderer_->TruthOf(*wand) : std::vector<MarkerGroundTruth>();
 }
 
-std::optional<WandMotion> SimulatedEventSource::WandInCamera(double rig_time_s) const {
-  const SimulationOptions& options = world_->options();
-  const double gap_time_s = rig_time_s - options.gap_start_s;
-  if (gap_time_s >= 0 && gap_time_s < options.gap_duration_s) return std::nullopt;
-  const SimulatedCamera& camera = Camera();
+std::optional<WandPose> SimulatedEventSource::WandInCamera(double rig_time_s) const {
+  if (world_->options().InGap(rig_time_s)) return std::nullopt;
+  const RigidTransform& cam_from_rig = Camera().cam_from_rig;
   const WandPose wand = world_->WandAt(rig_time_s);
-  const WandPose later = world_->WandAt(rig_time_s + kDifferenceS);
-  const auto& rotation = camera.cam_from_rig.rotation;
-  WandMotion motion;
-  motion.origin_m = camera.cam_from_rig * wand.origin_m;
-  motion.direction = rotation * wand.direction;
-  motion.velocity_m_s = rotation * ((later.origin_m - wand.origin_m) / kDifferenceS).eval();
-  motion.angular_velocity_rad_s =
-      motion.direction.cross(rotation * ((later.direction - wand.direction) / kDifferenceS).eval());
-  return motion;
+  return WandPose{cam_from_rig * wand.origin_m, cam_from_rig.rotation * wand.direction};
 }
 
 int64_t SimulatedEventSource::StampUs(int64_t rig_time_us) const {

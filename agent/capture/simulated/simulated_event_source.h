@@ -53,7 +53,7 @@ class SimulatedEventSource : public EventSource {
  private:
   SimulatedEventSource(SimulatedEventSourceOptions options, CameraDescription description);
   const SimulatedCamera& Camera() const;
-  std::optional<WandMotion> WandInCamera(double rig_time_s) const;
+  std::optional<WandPose> WandInCamera(double rig_time_s) const;
   int64_t StampUs(int64_t rig_time_us) const;
   void Encode();
 

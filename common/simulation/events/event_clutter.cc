@@ -20,6 +20,10 @@ constexpr double kMaxParts = 40;
 
 int Parts(double wanted) { return static_cast<int>(std::ceil(std::clamp(wanted, 1.0, kMaxParts))); }
 
+int Within(uint32_t side, double value) {
+  return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(side)));
+}
+
 // The distance from an edge, on either side, within which a bar of this factor changes the light.
 double EdgeReach(const EdgeProfile& profile, float factor) {
   constexpr double kStepPx = 0.05;
@@ -37,7 +41,7 @@ double EdgeReach(const EdgeProfile& profile, float factor) {
 }  // namespace
 
 EventClutter::EventClutter(const ImageSize& size, const EventRenderOptions& options,
-                           std::vector<float> room, float lamp_light, const EdgeProfile* profile)
+                           std::vector<float> room, float lamp_light, const EdgeProfile& profile)
     : size_(size), room_(std::move(room)), profile_(profile) {
   RandomStream draw({options.seed, 0x8c41});
   for (int i = 0; i < static_cast<int>(options.bars); ++i) {
@@ -66,7 +70,7 @@ EventClutter::Bar EventClutter::DrawBar(const EventRenderOptions& options, bool 
   bar.y_end = bar.y_begin + static_cast<int>(rows);
   bar.factor =
       static_cast<float>(std::expm1(brighter ? options.bar_contrast : -options.bar_contrast));
-  bar.reach_px = EdgeReach(*profile_, bar.factor) / bar.cosine + 1;
+  bar.reach_px = EdgeReach(profile_, bar.factor) / bar.cosine + 1;
   return bar;
 }
 
@@ -78,26 +82,18 @@ EventClutter::Lamp EventClutter::DrawLamp(const EventRenderOptions& options, flo
   lamp.phase = draw->Uniform();
   lamp.light = light;
   lamp.modulation = static_cast<float>(options.lamp_modulation);
-  const double reach = options.lamp_radius_px + profile_->reach_px() + 1;
-  lamp.patch.x = Column(x - reach);
-  lamp.patch.width = Column(x + reach) - lamp.patch.x;
-  lamp.patch.y = Row(y - reach);
-  lamp.patch.height = Row(y + reach) - lamp.patch.y;
+  const double reach = options.lamp_radius_px + profile_.reach_px() + 1;
+  lamp.patch.x = Within(size_.width, x - reach);
+  lamp.patch.width = Within(size_.width, x + reach) - lamp.patch.x;
+  lamp.patch.y = Within(size_.height, y - reach);
+  lamp.patch.height = Within(size_.height, y + reach) - lamp.patch.y;
   for (int row = 0; row < lamp.patch.height; ++row) {
     for (int column = 0; column < lamp.patch.width; ++column) {
       const double away = std::hypot(lamp.patch.x + column - x, lamp.patch.y + row - y);
-      lamp.cover.push_back(profile_->At(static_cast<float>(options.lamp_radius_px - away)));
+      lamp.cover.push_back(profile_.At(static_cast<float>(options.lamp_radius_px - away)));
     }
   }
   return lamp;
-}
-
-int EventClutter::Column(double x) const {
-  return static_cast<int>(std::clamp(x, 0.0, static_cast<double>(size_.width)));
-}
-
-int EventClutter::Row(double y) const {
-  return static_cast<int>(std::clamp(y, 0.0, static_cast<double>(size_.height)));
 }
 
 double EventClutter::Bar::CentreAt(double time_s) const {
@@ -121,7 +117,7 @@ void EventClutter::LightOf(int y, PixelSpan columns, const Instant& instant, flo
   std::copy(room + columns.begin, room + columns.end, light);
   for (size_t i = 0; i < bars_.size(); ++i) {
     const Bar& bar = bars_[i];
-    if (y < bar.y_begin || y >= bar.y_end) continue;
+    if (!bar.HasRow(y)) continue;
     const double middle = bar.MiddleIn(y, instant.bar_px[i]);
     const double half = bar.half_width_px + bar.reach_px;
     if (middle + half <= columns.begin || middle - half >= columns.end) continue;
@@ -132,14 +128,13 @@ void EventClutter::LightOf(int y, PixelSpan columns, const Instant& instant, flo
     auto away = static_cast<float>(begin - middle);
     for (int x = begin; x < end; ++x, ++away) {
       const float inside = (half_width - std::abs(away)) * cosine;
-      light[x - columns.begin] *= 1 + bar.factor * profile_->At(inside);
+      light[x - columns.begin] *= 1 + bar.factor * profile_.At(inside);
     }
   }
   for (size_t i = 0; i < lamps_.size(); ++i) {
     const ImagePatch& patch = lamps_[i].patch;
-    if (y < patch.y || y >= patch.y + patch.height) continue;
-    const float* cover =
-        &lamps_[i].cover[static_cast<size_t>(y - patch.y) * static_cast<size_t>(patch.width)];
+    if (!patch.HasRow(y)) continue;
+    const float* cover = &lamps_[i].cover[patch.IndexOf(patch.x, y)];
     const int end = std::min(columns.end, patch.x + patch.width);
     for (int x = std::max(columns.begin, patch.x); x < end; ++x) {
       float& one = light[x - columns.begin];
@@ -160,18 +155,18 @@ void EventClutter::AddBarSpans(int y, const Instant& begin, const Instant& end,
                                std::vector<PixelSpan>* spans) const {
   for (size_t i = 0; i < bars_.size(); ++i) {
     const Bar& bar = bars_[i];
-    if (y < bar.y_begin || y >= bar.y_end) continue;
+    if (!bar.HasRow(y)) continue;
     const double from = bar.MiddleIn(y, std::min(begin.bar_px[i], end.bar_px[i])) - bar.reach_px;
     const double to = bar.MiddleIn(y, std::max(begin.bar_px[i], end.bar_px[i])) + bar.reach_px;
     for (const double side : {-bar.half_width_px, bar.half_width_px}) {
-      spans->push_back({Column(from + side), Column(to + side)});
+      spans->push_back({Within(size_.width, from + side), Within(size_.width, to + side)});
     }
   }
 }
 
 void EventClutter::AddLampSpans(int y, std::vector<PixelSpan>* spans) const {
   for (const Lamp& lamp : lamps_) {
-    if (y < lamp.patch.y || y >= lamp.patch.y + lamp.patch.height) continue;
+    if (!lamp.patch.HasRow(y)) continue;
     spans->push_back({lamp.patch.x, lamp.patch.x + lamp.patch.width});
   }
 }

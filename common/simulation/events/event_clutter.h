@@ -14,10 +14,9 @@ namespace rigcal {
 // Bars that go to and fro before the room, and lamps that flicker, as an event camera sees them.
 class EventClutter {
  public:
-  // `room`: light of each pixel, row by row, > 0. `lamp_light`: mean of a lamp. The profile must
-  // outlive this.
+  // `room`: light of each pixel, row by row, > 0. `lamp_light`: mean of a lamp.
   EventClutter(const ImageSize& size, const EventRenderOptions& options, std::vector<float> room,
-               float lamp_light, const EdgeProfile* profile);
+               float lamp_light, const EdgeProfile& profile);
 
   // Positions of the bars and brightness of the lamps.
   struct Instant {
@@ -45,6 +44,7 @@ class EventClutter {
     int y_begin = 0, y_end = 0;
     float factor = 0;     // its light over the room's, less one
     double reach_px = 0;  // to either side of its edge, along a row, it changes the light
+    bool HasRow(int y) const { return y >= y_begin && y < y_end; }
     double CentreAt(double time_s) const;
     double MiddleIn(int y, double centre_px) const { return centre_px + slant * (y - y_begin); }
   };
@@ -54,14 +54,12 @@ class EventClutter {
     double hz = 0, phase = 0;
     float light = 0, modulation = 0;
   };
-  int Column(double x) const;
-  int Row(double y) const;
   Bar DrawBar(const EventRenderOptions& options, bool brighter, class RandomStream* draw) const;
   Lamp DrawLamp(const EventRenderOptions& options, float light, class RandomStream* draw) const;
 
   ImageSize size_;
   std::vector<float> room_;
-  const EdgeProfile* profile_;
+  EdgeProfile profile_;
   std::vector<Bar> bars_;
   std::vector<Lamp> lamps_;
   double fastest_bar_px_s_ = 0, fastest_lamp_hz_ = 0;

@@ -2,7 +2,6 @@
 #include "common/simulation/events/event_render_options.h"
 
 #include "common/options/option_table.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal {
 
@@ -40,15 +39,6 @@ absl::Status EventRenderOptions::Validate() const {
   FaultList faults;
   CheckOptions(*this, &faults);
   return faults.Result("event sensor options: ");
-}
-
-absl::StatusOr<EventRenderOptions> ParseEventRenderOptions(std::string_view text) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<OptionText> given, SplitOptionList(text));
-  return ParseOptions<EventRenderOptions>(given, "event sensor options: ");
-}
-
-std::string FormatEventRenderOptions(const EventRenderOptions& options) {
-  return FormatOptions(options);
 }
 
 }  // namespace rigcal

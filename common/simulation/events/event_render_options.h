@@ -2,11 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
-#include <string_view>
 
 #include "absl/status/status.h"
-#include "absl/status/statusor.h"
 
 namespace rigcal {
 
@@ -62,10 +59,5 @@ struct EventRenderOptions {
 };
 
 void AddOptions(EventRenderOptions* options, OptionTable* table);
-
-// Reads `refractory=500;background=5`; every part may be left out.
-absl::StatusOr<EventRenderOptions> ParseEventRenderOptions(std::string_view text);
-// The same notation: every part that differs from its default.
-std::string FormatEventRenderOptions(const EventRenderOptions& options);
 
 }  // namespace rigcal

@@ -8,13 +8,12 @@
 #include "absl/strings/str_cat.h"
 #include "common/camera/camera_model.h"
 #include "common/simulation/events/fast_math.h"
-#include "common/simulation/frames/scene_ground_truth.h"
+#include "common/simulation/frames/light_model.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
 
-constexpr double kDefaultDiameterM = 0.04;
 // Around a sphere: where pixels may still settle after it has passed.
 constexpr int kSettlePx = 2;
 // Noise of a sphere's pixels is drawn for each part, so at least this many.
@@ -22,24 +21,14 @@ constexpr int kLeastParts = 2;
 // A sphere's way in one part, where possible.
 constexpr double kSpherePartPx = 0.35;
 
-bool HasRow(const ImagePatch& patch, int y) {
-  return !patch.empty() && y >= patch.y && y < patch.y + patch.height;
-}
-
 bool Overlap(const ImagePatch& a, const ImagePatch& b) {
   return !a.empty() && !b.empty() && a.x < b.x + b.width && b.x < a.x + a.width &&
          a.y < b.y + b.height && b.y < a.y + a.height;
 }
 
-size_t IndexIn(const ImagePatch& patch, int x, int y) {
-  return static_cast<size_t>(y - patch.y) * static_cast<size_t>(patch.width) +
-         static_cast<size_t>(x - patch.x);
-}
-
 float CoverAt(const SphereImage& image, int x, int y) {
-  const ImagePatch& patch = image.patch;
-  if (!HasRow(patch, y) || x < patch.x || x >= patch.x + patch.width) return 0;
-  return image.cover[IndexIn(patch, x, y)];
+  const bool covered = image.patch.HasRow(y) && image.patch.HasColumn(x);
+  return covered ? image.cover[image.patch.IndexOf(x, y)] : 0;
 }
 
 ImagePatch Around(std::span<const SphereImage> images, const ImageSize& size) {
@@ -63,33 +52,28 @@ ImagePatch Around(std::span<const SphereImage> images, const ImageSize& size) {
 
 }  // namespace
 
-EventSpheres::EventSpheres(const Intrinsics* intrinsics, const ImageSize& size, const RayGrid* rays,
-                           const EdgeProfile* profile, const Target& target,
+EventSpheres::EventSpheres(SphereImager imager, const EdgeProfile& profile, const Target& target,
                            const FrameRenderOptions& scene, double led_phase,
                            const EventLight& light)
-    : intrinsics_(intrinsics),
-      size_(size),
-      profile_(profile),
-      imager_(intrinsics, size, rays),
-      light_(light) {
-  sphere_options_.radius_m = 0.5 * (target.diameter_m > 0 ? target.diameter_m : kDefaultDiameterM);
+    : imager_(std::move(imager)), profile_(profile), light_(light) {
+  sphere_options_.radius_m = SphereRadiusM(target);
   sphere_options_.limb = scene.limb;
   for (size_t i = 0; i < target.marker_positions_m.size(); ++i) {
-    Marker marker;
+    Marker& marker = markers_.emplace_back();
     marker.position_m = target.marker_positions_m[i];
-    const double hz = target.blink_hz.empty() ? scene.blink_hz
-                                              : target.blink_hz[target.blink_hz.size() > 1 ? i : 0];
-    marker.led = {.hz = hz * (1 + 1e-6 * scene.blink_drift_ppm),
+    marker.led = {.hz = BlinkHz(target, scene, i) * (1 + 1e-6 * scene.blink_drift_ppm),
                   .duty = scene.blink_duty,
                   .phase = led_phase};
-    markers_.push_back(std::move(marker));
   }
 }
 
-std::vector<MarkerGroundTruth> EventSpheres::TruthOf(const WandMotion& wand) const {
-  std::vector<SphereMotion> spheres;
-  for (const Marker& marker : markers_) spheres.push_back(wand.Marker(marker.position_m));
-  return rigcal::TruthOf(*intrinsics_, size_, spheres, sphere_options_.radius_m, nullptr);
+std::vector<MarkerGroundTruth> EventSpheres::TruthOf(const WandPose& wand) const {
+  std::vector<MarkerGroundTruth> truth;
+  for (const Marker& marker : markers_) {
+    truth.push_back(rigcal::TruthOf(imager_.intrinsics(), imager_.image_size(),
+                                    wand.At(marker.position_m), sphere_options_.radius_m));
+  }
+  return truth;
 }
 
 int EventSpheres::PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& path) const {
@@ -99,8 +83,8 @@ int EventSpheres::PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& pa
   double way_px = 0;
   for (const Marker& marker : markers_) {
     Eigen::Vector2d from, to;
-    if (!Project(*intrinsics_, begin->Marker(marker.position_m).centre_m, &from) ||
-        !Project(*intrinsics_, end->Marker(marker.position_m).centre_m, &to)) {
+    if (!Project(imager_.intrinsics(), begin->At(marker.position_m), &from) ||
+        !Project(imager_.intrinsics(), end->At(marker.position_m), &to)) {
       continue;
     }
     way_px = std::max(way_px, (to - from).norm());
@@ -111,18 +95,18 @@ int EventSpheres::PartsFor(int64_t begin_us, int64_t cell_us, const WandPath& pa
 }
 
 absl::Status EventSpheres::Draw(double time_s, const WandPath& path, int image) {
-  const std::optional<WandMotion> wand = path ? path(time_s) : std::nullopt;
+  const std::optional<WandPose> wand = path ? path(time_s) : std::nullopt;
   for (Marker& marker : markers_) {
     marker.images[image].patch = {};
     if (!wand.has_value()) continue;
     SphereMotion sphere;
-    sphere.centre_m = wand->Marker(marker.position_m).centre_m;
+    sphere.centre_m = wand->At(marker.position_m);
     if (!sphere.centre_m.allFinite()) {
       return absl::InvalidArgumentError(
           absl::StrCat("event renderer: the wand's pose at ", time_s, " s is not finite"));
     }
     const ExposurePart now{.dt_s = 0, .share = 1, .lit_share = 1};
-    imager_.Draw(sphere, {&now, 1}, *profile_, sphere_options_, &marker.images[image]);
+    imager_.Draw(sphere, {&now, 1}, profile_, sphere_options_, &marker.images[image]);
   }
   return absl::OkStatus();
 }
@@ -139,7 +123,8 @@ absl::Status EventSpheres::DrawCell(int64_t begin_us, int64_t cell_us, const Wan
     RIGCAL_RETURN_IF_ERROR(Draw(time_s, path, i));
   }
   for (Marker& marker : markers_) {
-    marker.patch = Around(std::span(marker.images).first(static_cast<size_t>(parts_) + 1), size_);
+    marker.patch = Around(std::span(marker.images).first(static_cast<size_t>(parts_) + 1),
+                          imager_.image_size());
     FindRows(&marker);
   }
   for (Marker& marker : markers_) {
@@ -154,12 +139,12 @@ void EventSpheres::FindRows(Marker* marker) const {
   const ImagePatch& around = marker->patch;
   marker->rows.clear();
   for (int y = around.y; y < around.y + around.height; ++y) {
-    PixelSpan columns{static_cast<int>(size_.width), 0};
+    PixelSpan columns{static_cast<int>(imager_.image_size().width), 0};
     for (int i = 0; i <= parts_; ++i) {
       const SphereImage& image = marker->images[i];
       const ImagePatch& patch = image.patch;
-      if (!HasRow(patch, y)) continue;
-      const float* const cover = &image.cover[IndexIn(patch, patch.x, y)];
+      if (!patch.HasRow(y)) continue;
+      const float* const cover = &image.cover[patch.IndexOf(patch.x, y)];
       int begin = 0, end = patch.width;
       while (begin < end && cover[begin] == 0) ++begin;
       while (end > begin && cover[end - 1] == 0) --end;
@@ -175,7 +160,7 @@ void EventSpheres::FindRows(Marker* marker) const {
 
 void EventSpheres::AddSpans(int y, std::vector<PixelSpan>* spans) const {
   for (const Marker& marker : markers_) {
-    if (!HasRow(marker.patch, y)) continue;
+    if (!marker.patch.HasRow(y)) continue;
     spans->push_back(marker.rows[static_cast<size_t>(y - marker.patch.y)]);
   }
 }
@@ -194,8 +179,8 @@ void EventSpheres::Shine(const Marker& marker, const SphereImage& image,
     float* const lit_row = lit->data() + static_cast<size_t>(row) * width;
     clutter.LightOf(y, {patch.x, patch.x + patch.width}, instant, dark_row);
     std::copy(dark_row, dark_row + width, lit_row);
-    if (HasRow(image.patch, y)) {
-      const size_t first = IndexIn(image.patch, image.patch.x, y);
+    if (image.patch.HasRow(y)) {
+      const size_t first = image.patch.IndexOf(image.patch.x, y);
       const auto shift = static_cast<size_t>(image.patch.x - patch.x);
       for (size_t i = 0; i < static_cast<size_t>(image.patch.width); ++i) {
         const float cover = image.cover[first + i];
@@ -214,7 +199,7 @@ const EventSpheres::Marker* EventSpheres::OwnerOf(int x, int y, int part) const 
   const Marker* owner = nullptr;
   float most = -1;
   for (const Marker& marker : markers_) {
-    if (!HasRow(marker.patch, y)) continue;
+    if (!marker.patch.HasRow(y)) continue;
     const PixelSpan columns = marker.rows[static_cast<size_t>(y - marker.patch.y)];
     if (x < columns.begin || x >= columns.end) continue;
     const float cover = CoverAt(marker.images[part], x, y) + CoverAt(marker.images[part + 1], x, y);
@@ -269,7 +254,7 @@ void EventSpheres::FollowOwned(const Marker& marker, double begin_us, EventPixel
     const auto& [y, columns] = owned_[k];
     for (int x = columns.begin; x < columns.end; ++x) {
       pixels->Settle(static_cast<uint32_t>(x), static_cast<uint32_t>(y),
-                     marker.dark[0][IndexIn(marker.patch, x, y)]);
+                     marker.dark[0][marker.patch.IndexOf(x, y)]);
     }
   }
   const double whole_us = marker.steps.back().end_us;
@@ -286,7 +271,7 @@ void EventSpheres::FollowOwned(const Marker& marker, double begin_us, EventPixel
       to_[i] = before[i] + end * (after[i] - before[i]);
     }
     for (const auto& [y, columns] : owned_) {
-      const size_t first = IndexIn(marker.patch, columns.begin, y);
+      const size_t first = marker.patch.IndexOf(columns.begin, y);
       pixels->Add(static_cast<uint32_t>(columns.begin), static_cast<uint32_t>(y),
                   std::span(from_).subspan(first, columns.size()),
                   std::span(to_).subspan(first, columns.size()));

@@ -14,16 +14,15 @@
 #include "common/simulation/events/event_pixels.h"
 #include "common/simulation/frames/edge_profile.h"
 #include "common/simulation/frames/frame_render_options.h"
-#include "common/simulation/frames/ray_grid.h"
-#include "common/simulation/frames/scene_renderer.h"
+#include "common/simulation/frames/scene_ground_truth.h"
 #include "common/simulation/frames/sphere_image.h"
+#include "common/simulation/world/simulated_world.h"
 #include "common/target/target.h"
 
 namespace rigcal {
 
-// The wand at a time of the simulation, frame `cam`; origin and direction are used. None: it is not
-// there.
-using WandPath = std::function<std::optional<WandMotion>(double time_s)>;
+// The wand at a time of the simulation, in frame `cam`. None: it is not there.
+using WandPath = std::function<std::optional<WandPose>(double time_s)>;
 
 // Linear light, above nothing, of what an event camera sees.
 struct EventLight {
@@ -39,10 +38,8 @@ class EventSpheres {
  public:
   static constexpr int kMaxParts = 8;
 
-  // Lens, rays and profile must outlive this.
-  EventSpheres(const Intrinsics* intrinsics, const ImageSize& size, const RayGrid* rays,
-               const EdgeProfile* profile, const Target& target, const FrameRenderOptions& scene,
-               double led_phase, const EventLight& light);
+  EventSpheres(SphereImager imager, const EdgeProfile& profile, const Target& target,
+               const FrameRenderOptions& scene, double led_phase, const EventLight& light);
 
   // Draws a cell. INVALID_ARGUMENT: the wand's pose is not finite.
   absl::Status DrawCell(int64_t begin_us, int64_t cell_us, const WandPath& path);
@@ -56,8 +53,7 @@ class EventSpheres {
               const EventClutter::Instant& end, EventPixels* pixels,
               std::vector<PixelRequest>* requests);
 
-  bool IsLit(size_t marker, double time_s) const { return markers_[marker].led.IsLit(time_s); }
-  std::vector<MarkerGroundTruth> TruthOf(const WandMotion& wand) const;
+  std::vector<MarkerGroundTruth> TruthOf(const WandPose& wand) const;
 
  private:
   struct Marker {
@@ -82,10 +78,8 @@ class EventSpheres {
   void FindRows(Marker* marker) const;
   const Marker* OwnerOf(int x, int y, int part) const;
 
-  const Intrinsics* intrinsics_;
-  ImageSize size_;
-  const EdgeProfile* profile_;
   SphereImager imager_;
+  EdgeProfile profile_;
   SphereImageOptions sphere_options_;
   EventLight light_;
   int64_t begin_us_ = 0, cell_us_ = 0;

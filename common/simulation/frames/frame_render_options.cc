@@ -2,7 +2,6 @@
 #include "common/simulation/frames/frame_render_options.h"
 
 #include "common/options/option_table.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal {
 
@@ -43,15 +42,6 @@ absl::Status FrameRenderOptions::Validate() const {
     faults.Add("exposure ", exposure_s, " s holds more than 1000 blinks of ", blink_hz, " Hz");
   }
   return faults.Result("rendering options: ");
-}
-
-absl::StatusOr<FrameRenderOptions> ParseFrameRenderOptions(std::string_view text) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<OptionText> given, SplitOptionList(text));
-  return ParseOptions<FrameRenderOptions>(given, "rendering options: ");
-}
-
-std::string FormatFrameRenderOptions(const FrameRenderOptions& options) {
-  return FormatOptions(options);
 }
 
 }  // namespace rigcal

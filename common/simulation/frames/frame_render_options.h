@@ -2,11 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
-#include <string_view>
 
 #include "absl/status/status.h"
-#include "absl/status/statusor.h"
 
 namespace rigcal {
 
@@ -62,10 +59,5 @@ struct FrameRenderOptions {
 };
 
 void AddOptions(FrameRenderOptions* options, OptionTable* table);
-
-// Reads `exposure=0.005;lux=50;clutter=0.5`; every part may be left out.
-absl::StatusOr<FrameRenderOptions> ParseFrameRenderOptions(std::string_view text);
-// The same notation: every part that differs from its default.
-std::string FormatFrameRenderOptions(const FrameRenderOptions& options);
 
 }  // namespace rigcal

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/simulation/frames/frame_renderer.h"
 
-#include <Eigen/Geometry>
-#include <utility>
-
 #include "absl/strings/str_cat.h"
 #include "common/simulation/world/random_stream.h"
 #include "common/status/status_macros.h"
@@ -33,27 +30,18 @@ absl::StatusOr<FrameRenderer> FrameRenderer::Create(std::shared_ptr<const Simula
   return FrameRenderer(std::move(world), camera, std::move(scene));
 }
 
-FrameRenderer::FrameRenderer(std::shared_ptr<const SimulatedWorld> world, int camera,
-                             SceneRenderer scene)
-    : world_(std::move(world)), camera_(camera), scene_(std::move(scene)) {}
-
-const SimulatedCamera& FrameRenderer::camera() const {
-  return world_->cameras()[static_cast<size_t>(camera_)];
-}
-
-std::vector<SphereMotion> FrameRenderer::Spheres(double rig_time_s) const {
+std::vector<SphereMotion> FrameRenderer::SpheresAt(double rig_time_s) const {
   // Differences over the exposure itself: their parabola meets the trajectory at both its ends.
   const double half_s = 0.5 * scene_.options().exposure_s;
   const WandPose before = world_->WandAt(rig_time_s - half_s);
   const WandPose now = world_->WandAt(rig_time_s);
   const WandPose after = world_->WandAt(rig_time_s + half_s);
-  const RigidTransform& cam_from_rig = camera().cam_from_rig;
+  const RigidTransform& cam_from_rig = CamFromRig();
   std::vector<SphereMotion> spheres;
   for (const double position_m : world_->true_target().marker_positions_m) {
-    const auto at = [&](const WandPose& wand) -> Eigen::Vector3d {
-      return cam_from_rig * Eigen::Vector3d(wand.origin_m + position_m * wand.direction);
-    };
-    const Eigen::Vector3d first = at(before), middle = at(now), last = at(after);
+    const Eigen::Vector3d first = cam_from_rig * before.At(position_m);
+    const Eigen::Vector3d middle = cam_from_rig * now.At(position_m);
+    const Eigen::Vector3d last = cam_from_rig * after.At(position_m);
     spheres.push_back(
         {middle, (last - first) / (2 * half_s), (last - 2 * middle + first) / (half_s * half_s)});
   }
@@ -70,13 +58,11 @@ absl::StatusOr<FrameGroundTruth> FrameRenderer::Render(int index, std::span<uint
   SceneFrame frame;
   frame.seed = static_cast<uint64_t>(index);
   frame.led_time_s = rig_time_s * (1 + 1e-6 * scene_.options().blink_drift_ppm);
-  const RigidTransform& cam_from_rig = camera().cam_from_rig;
+  const RigidTransform& cam_from_rig = CamFromRig();
   const Eigen::Vector3d up = cam_from_rig.rotation * Eigen::Vector3d::UnitZ();
-  frame.floor = Eigen::Vector4d(up.x(), up.y(), up.z(), up.dot(cam_from_rig.translation_m));
-  const SimulationOptions& world = world_->options();
-  const double gap_time_s = rig_time_s - world.gap_start_s;
-  if (gap_time_s >= 0 && gap_time_s < world.gap_duration_s) return scene_.Render(frame, bgr);
-  return scene_.Render(frame, Spheres(rig_time_s), bgr);
+  frame.floor << up, up.dot(cam_from_rig.translation_m);
+  if (!world_->options().InGap(rig_time_s)) frame.spheres = SpheresAt(rig_time_s);
+  return scene_.Render(frame, bgr);
 }
 
 }  // namespace rigcal

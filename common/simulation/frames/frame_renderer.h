@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -24,16 +25,18 @@ class FrameRenderer {
   static absl::StatusOr<FrameRenderer> Create(std::shared_ptr<const SimulatedWorld> world,
                                               int camera, const FrameRenderOptions& options);
 
-  const SimulatedCamera& camera() const;
   size_t buffer_size() const { return scene_.buffer_size(); }
-  const FrameRenderOptions& options() const { return scene_.options(); }
 
   // INVALID_ARGUMENT: `bgr` is not buffer_size() long; OUT_OF_RANGE: no such frame.
   absl::StatusOr<FrameGroundTruth> Render(int index, std::span<uint8_t> bgr);
 
  private:
-  FrameRenderer(std::shared_ptr<const SimulatedWorld> world, int camera, SceneRenderer scene);
-  std::vector<SphereMotion> Spheres(double rig_time_s) const;
+  FrameRenderer(std::shared_ptr<const SimulatedWorld> world, int camera, SceneRenderer scene)
+      : world_(std::move(world)), camera_(camera), scene_(std::move(scene)) {}
+  const RigidTransform& CamFromRig() const {
+    return world_->cameras()[static_cast<size_t>(camera_)].cam_from_rig;
+  }
+  std::vector<SphereMotion> SpheresAt(double rig_time_s) const;
 
   std::shared_ptr<const SimulatedWorld> world_;
   int camera_ = 0;

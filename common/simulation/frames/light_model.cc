@@ -11,6 +11,7 @@ namespace {
 constexpr double kReferenceExposureS = 0.005;
 constexpr double kShellReflectance = 0.5;
 constexpr double kAutoGainGrey = 200;
+constexpr double kUsualDiameterM = 0.04;
 
 }  // namespace
 
@@ -21,6 +22,15 @@ Bgr HueColour(double hue_deg, double saturation) {
     return 1 - saturation * (1 - pure);
   };
   return {channel(240), channel(120), channel(0)};
+}
+
+double BlinkHz(const Target& target, const FrameRenderOptions& options, size_t marker) {
+  if (target.blink_hz.empty()) return options.blink_hz;
+  return target.blink_hz[std::min(marker, target.blink_hz.size() - 1)];
+}
+
+double SphereRadiusM(const Target& target) {
+  return 0.5 * (target.diameter_m > 0 ? target.diameter_m : kUsualDiameterM);
 }
 
 LightModel::LightModel(const FrameRenderOptions& options) {

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 #include "common/simulation/frames/frame_render_options.h"
+#include "common/target/target.h"
 
 namespace rigcal {
 
@@ -13,6 +15,10 @@ using Bgr = std::array<double, 3>;
 // A colour of brightness 1 in its brightest channel. Hue in degrees on the colour hexagon,
 // saturation 0 to 1.
 Bgr HueColour(double hue_deg, double saturation);
+
+// How often a marker's LED blinks, and the radius of its sphere: 20 mm if the target says none.
+double BlinkHz(const Target& target, const FrameRenderOptions& options, size_t marker);
+double SphereRadiusM(const Target& target);
 
 // The photometry of FrameRenderOptions, worked out: luminance to grey levels above black.
 struct LightModel {

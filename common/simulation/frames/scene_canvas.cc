@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/simulation/frames/scene_canvas.h"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -9,6 +8,13 @@
 #include "common/simulation/frames/room_background.h"
 
 namespace rigcal {
+
+double OccludingBar::InsidePx(const Eigen::Vector2d& pixel) const {
+  const Eigen::Vector2d away = pixel - centre_px;
+  const Eigen::Vector2d along(-normal.y(), normal.x());
+  return std::min(half_width_px - std::abs(away.dot(normal)),
+                  half_length_px - std::abs(away.dot(along)));
+}
 
 SceneCanvas::SceneCanvas(const ImageSize& image_size, const FrameRenderOptions& options,
                          const LightModel& light, std::vector<int16_t> room)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -10,7 +11,6 @@
 #include "common/simulation/frames/edge_profile.h"
 #include "common/simulation/frames/frame_render_options.h"
 #include "common/simulation/frames/light_model.h"
-#include "common/simulation/frames/occluding_bar.h"
 #include "common/simulation/frames/sensor_noise.h"
 #include "common/simulation/frames/sphere_image.h"
 
@@ -23,6 +23,18 @@ struct SphereLight {
   double cover = 1;      // how much of what is behind it goes: 0 for a mirror image
   double halo = 0;       // of `led` times `lit_share`, at the rim
   double lit_share = 0;  // of the exposure
+};
+
+// Something opaque and straight between camera and wand: a rectangle in the image.
+struct OccludingBar {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  // across the bar
+  double half_width_px = 0;
+  double half_length_px = 0;
+  double reflectance = 0.1;  // share of the light that it throws back
+
+  // Distance of a pixel from its nearest edge, positive inside.
+  double InsidePx(const Eigen::Vector2d& pixel) const;
 };
 
 // The room in linear light, onto which one frame's spheres and bars are put and from which they
@@ -49,11 +61,11 @@ class SceneCanvas {
   void UpdateSigma(const ImagePatch& patch);
   double Passed(int x, int y) const;
 
-  const ImageSize image_size_;
-  const double black_grey_;
-  const double vignetting_;
-  const double bar_grey_;  // of a bar of reflectance 1
-  const SensorNoise noise_;
+  ImageSize image_size_;
+  double black_grey_;
+  double vignetting_;
+  double bar_grey_;  // of a bar of reflectance 1
+  SensorNoise noise_;
   std::vector<int16_t> linear_;
   std::vector<uint8_t> sigma_;
   // Background of the patches, for Reset.

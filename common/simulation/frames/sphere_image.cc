@@ -39,36 +39,50 @@ struct Cone {
 
 }  // namespace
 
-bool SphereRim(const Eigen::Vector3d& centre_in_cam, double radius_m, int count,
-               std::vector<Eigen::Vector3d>* rim) {
-  rim->clear();
-  const double distance = centre_in_cam.norm();
-  if (!(distance > kNearestRadii * radius_m)) return false;
-  const Eigen::Vector3d axis = centre_in_cam / distance;
-  const Eigen::Vector3d across = axis.unitOrthogonal();
-  const Eigen::Vector3d other = axis.cross(across);
-  const double sine = radius_m / distance;
-  const double cosine = std::sqrt(1 - sine * sine);
-  for (int i = 0; i < count; ++i) {
-    const double turn = 2 * std::numbers::pi * i / count;
-    rim->push_back(cosine * axis + sine * (std::cos(turn) * across + std::sin(turn) * other));
-  }
-  return true;
+absl::StatusOr<SphereImager> SphereImager::Create(const Intrinsics& intrinsics,
+                                                  const ImageSize& image_size) {
+  SphereImager imager(intrinsics, image_size);
+  if (std::ranges::any_of(imager.grid_, &Eigen::Vector3d::allFinite)) return imager;
+  return absl::InvalidArgumentError("the lens model gives no pixel of the image a direction");
 }
 
-SphereImager::SphereImager(const Intrinsics* intrinsics, const ImageSize& image_size,
-                           const RayGrid* rays)
-    : intrinsics_(intrinsics), image_size_(image_size), grid_(rays) {}
+SphereImager::SphereImager(const Intrinsics& intrinsics, const ImageSize& image_size)
+    : intrinsics_(intrinsics),
+      image_size_(image_size),
+      grid_columns_(static_cast<int>(image_size.width) / kGridStep + 2) {
+  const int rows = static_cast<int>(image_size.height) / kGridStep + 2;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < grid_columns_; ++column) {
+      const auto direction = Undistort(intrinsics, Eigen::Vector2d(column, row) * kGridStep);
+      Eigen::Vector3d& ray = grid_.emplace_back();
+      if (direction.ok()) {
+        ray = direction->homogeneous().normalized();
+      } else {
+        ray.setConstant(std::numeric_limits<double>::quiet_NaN());
+      }
+    }
+  }
+}
 
 ImagePatch SphereImager::PatchOf(const SphereMotion& sphere, std::span<const ExposurePart> parts,
-                                 double radius_m, double margin_px) {
+                                 double radius_m, double margin_px) const {
   Eigen::Array2d low = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
   Eigen::Array2d high = -low;
   for (const size_t index : {size_t{0}, parts.size() / 2, parts.size() - 1}) {
-    if (!SphereRim(CentreAt(sphere, parts[index].dt_s), radius_m, kRimPoints, &rim_)) return {};
-    for (const Eigen::Vector3d& ray : rim_) {
+    const Eigen::Vector3d centre = CentreAt(sphere, parts[index].dt_s);
+    const double distance = centre.norm();
+    if (!(distance > kNearestRadii * radius_m)) return {};
+    const Eigen::Vector3d axis = centre / distance;
+    const Eigen::Vector3d across = axis.unitOrthogonal(), other = axis.cross(across);
+    const double sine = radius_m / distance, cosine = std::sqrt(1 - sine * sine);
+    for (int i = 0; i < kRimPoints; ++i) {
+      const double turn = 2 * std::numbers::pi * i / kRimPoints;
       Eigen::Vector2d pixel;
-      if (!Project(*intrinsics_, ray, &pixel)) continue;
+      if (!Project(intrinsics_,
+                   cosine * axis + sine * (std::cos(turn) * across + std::sin(turn) * other),
+                   &pixel)) {
+        continue;
+      }
       low = low.min(pixel.array());
       high = high.max(pixel.array());
     }
@@ -92,9 +106,17 @@ ImagePatch SphereImager::PatchOf(const SphereMotion& sphere, std::span<const Exp
 
 void SphereImager::ReadRays(const ImagePatch& patch) {
   rays_.resize(static_cast<size_t>(patch.width) * static_cast<size_t>(patch.height));
-  for (int row = 0; row < patch.height; ++row) {
-    grid_->Row(patch.x, patch.y + row, patch.width,
-               &rays_[static_cast<size_t>(row) * static_cast<size_t>(patch.width)]);
+  size_t i = 0;
+  for (int y = patch.y; y < patch.y + patch.height; ++y) {
+    const Eigen::Vector3d* upper = &grid_[static_cast<size_t>(y / kGridStep * grid_columns_)];
+    const Eigen::Vector3d* lower = upper + grid_columns_;
+    const double down = static_cast<double>(y % kGridStep) / kGridStep;
+    for (int x = patch.x; x < patch.x + patch.width; ++x, ++i) {
+      const int cell = x / kGridStep;
+      const double right = static_cast<double>(x % kGridStep) / kGridStep;
+      rays_[i] = (1 - down) * ((1 - right) * upper[cell] + right * upper[cell + 1]) +
+                 down * ((1 - right) * lower[cell] + right * lower[cell + 1]);
+    }
   }
 }
 

@@ -5,13 +5,20 @@
 #include <span>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "common/camera/intrinsics.h"
 #include "common/simulation/frames/edge_profile.h"
 #include "common/simulation/frames/exposure_plan.h"
-#include "common/simulation/frames/ray_grid.h"
-#include "common/simulation/frames/scene_renderer.h"
 
 namespace rigcal {
+
+// A sphere's centre around the middle of an exposure, frame `cam`: at dt seconds from it
+// centre_m + dt * velocity_m_s + dt^2 / 2 * acceleration_m_s2.
+struct SphereMotion {
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d acceleration_m_s2 = Eigen::Vector3d::Zero();
+};
 
 // A part of an image: columns [x, x + width), rows [y, y + height).
 struct ImagePatch {
@@ -20,6 +27,13 @@ struct ImagePatch {
   int width = 0;
   int height = 0;
   bool empty() const { return width <= 0 || height <= 0; }
+  bool HasRow(int row) const { return !empty() && row >= y && row < y + height; }
+  bool HasColumn(int column) const { return column >= x && column < x + width; }
+  // Of a pixel of the image among those of the patch, row by row.
+  size_t IndexOf(int column, int row) const {
+    return static_cast<size_t>(row - y) * static_cast<size_t>(width) +
+           static_cast<size_t>(column - x);
+  }
 };
 
 // The light of one sphere on the pixels of a patch, row by row.
@@ -36,35 +50,39 @@ struct SphereImageOptions {
   double halo_radius_px = 0;  // 0: no halo
 };
 
-// Points `count` rays that touch the sphere, evenly about its axis; false where the camera is in
-// or too near to it.
-bool SphereRim(const Eigen::Vector3d& centre_in_cam, double radius_m, int count,
-               std::vector<Eigen::Vector3d>* rim);
-
 // Images spheres through one lens. Keeps its scratch memory. One thread at a time.
 class SphereImager {
  public:
-  // Both must outlive the imager.
-  SphereImager(const Intrinsics* intrinsics, const ImageSize& image_size, const RayGrid* rays);
+  // INVALID_ARGUMENT: no pixel of the image has a ray.
+  static absl::StatusOr<SphereImager> Create(const Intrinsics& intrinsics,
+                                             const ImageSize& image_size);
+
+  const Intrinsics& intrinsics() const { return intrinsics_; }
+  const ImageSize& image_size() const { return image_size_; }
 
   // False, with an empty patch: no part of it is in the image. `profile` is the lens' blur.
   bool Draw(const SphereMotion& sphere, std::span<const ExposurePart> parts,
             const EdgeProfile& profile, const SphereImageOptions& options, SphereImage* image);
 
  private:
+  SphereImager(const Intrinsics& intrinsics, const ImageSize& image_size);
   ImagePatch PatchOf(const SphereMotion& sphere, std::span<const ExposurePart> parts,
-                     double radius_m, double margin_px);
+                     double radius_m, double margin_px) const;
   void ReadRays(const ImagePatch& patch);
   void AddPart(const Eigen::Vector3d& centre_in_cam, const ExposurePart& part,
                const EdgeProfile& profile, const SphereImageOptions& options, SphereImage* image);
   void AddHalo(const Eigen::Vector3d& centre_in_cam, const SphereImageOptions& options,
                SphereImage* image);
 
-  const Intrinsics* intrinsics_;
+  static constexpr int kGridStep = 4;
+  Intrinsics intrinsics_;
   ImageSize image_size_;
-  const RayGrid* grid_;
-  std::vector<Eigen::Vector3d> rays_;
-  std::vector<Eigen::Vector3d> rim_;
+  // The unit vectors in frame `cam` along which every fourth pixel looks, NaN where the lens has
+  // none. Between them linear interpolation is right to some 0.001 px with the lenses of this
+  // project.
+  int grid_columns_;
+  std::vector<Eigen::Vector3d> grid_;
+  std::vector<Eigen::Vector3d> rays_;  // of the patch in work, to 1e-5 normalised
 };
 
 }  // namespace rigcal

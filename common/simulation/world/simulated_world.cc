@@ -80,10 +80,6 @@ WandPose SimulatedWorld::WandAt(double rig_time_s) const {
   return {trajectory_.Middle(rig_time_s) - 0.5 * length_m * direction, direction};
 }
 
-Eigen::Vector3d SimulatedWorld::WandVelocity(double rig_time_s) const {
-  return trajectory_.MiddleVelocity(rig_time_s);
-}
-
 int SimulatedWorld::FrameCount(int camera) const {
   const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
   // The small part keeps a frame that rounding puts just before the end out.
@@ -102,8 +98,7 @@ Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is
   const WandPose wand = WandAt(rig_time_s);
   const ImageSize& size = c.description.image_size_px;
   const double sigma_px = std::max(options_.noise_px, kMinSigmaPx);
-  const double gap_time_s = rig_time_s - options_.gap_start_s;
-  const bool in_gap = gap_time_s >= 0 && gap_time_s < options_.gap_duration_s;
+  const bool in_gap = options_.InGap(rig_time_s);
   const size_t marker_count = true_target_.marker_positions_m.size();
 
   RandomStream random{options_.seed, kObservePurpose, frame_key[0], frame_key[1]};
@@ -126,8 +121,7 @@ Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is
     const double noise_x = draw.Gaussian();
     const double noise_y = draw.Gaussian();
     Eigen::Vector2d pixel;
-    const Eigen::Vector3d x_in_rig =
-        wand.origin_m + true_target_.marker_positions_m[m] * wand.direction;
+    const Eigen::Vector3d x_in_rig = wand.At(true_target_.marker_positions_m[m]);
     if (in_gap || dropped || !SeesMarker(c, x_in_rig, &pixel)) continue;
     pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
     if (outlier) pixel = {anywhere_x, anywhere_y};

@@ -34,6 +34,8 @@ struct SimulatedCamera {
 struct WandPose {
   Eigen::Vector3d origin_m;
   Eigen::Vector3d direction;  // unit
+
+  Eigen::Vector3d At(double position_m) const { return origin_m + position_m * direction; }
 };
 
 // A rig of cameras around a volume and a wand waved in it: what agents simulate, tests use and the
@@ -51,7 +53,6 @@ class SimulatedWorld {
 
   // Smooth, with continuous acceleration.
   WandPose WandAt(double rig_time_s) const;
-  Eigen::Vector3d WandVelocity(double rig_time_s) const;  // of the wand's middle, m/s
 
   // Frames of a camera, in capture order.
   int FrameCount(int camera) const;

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "common/options/option_table.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
@@ -63,14 +62,6 @@ absl::Status SimulationOptions::Validate() const {
     faults.Add("jitter is ", jitter_s, " s, at these rates at most ", most_jitter_s, " s");
   }
   return faults.Result("simulation options: ");
-}
-
-absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text) {
-  RIGCAL_ASSIGN_OR_RETURN(std::vector<OptionText> given, SplitOptionList(text));
-  for (OptionText& option : given) {
-    if (option.key == "speed") option.key = "wand_speed";
-  }
-  return ParseOptions<SimulationOptions>(given, "simulation options: ");
 }
 
 std::string FormatSimulationOptions(const SimulationOptions& options) {

@@ -4,10 +4,8 @@
 #include <cstdint>
 #include <map>
 #include <string>
-#include <string_view>
 
 #include "absl/status/status.h"
-#include "absl/status/statusor.h"
 
 namespace rigcal {
 
@@ -48,17 +46,17 @@ struct SimulationOptions {
   std::map<int, double> camera_outlier_share;  // instead of outlier_share
 
   friend bool operator==(const SimulationOptions&, const SimulationOptions&) = default;
+  bool InGap(double rig_time_s) const {
+    const double gap_time_s = rig_time_s - gap_start_s;
+    return gap_time_s >= 0 && gap_time_s < gap_duration_s;
+  }
   // Every fault.
   absl::Status Validate() const;
 };
 
 void AddOptions(SimulationOptions* options, OptionTable* table);
 
-// Reads `seed=1;cameras=6;duration=60;offset.2=0.008;...`; every part may be left out. `speed` is
-// read as `wand_speed`; where a source has a pace of its own called `speed`, only the longer word
-// means the wand.
-absl::StatusOr<SimulationOptions> ParseSimulationOptions(std::string_view text);
-// The same notation: seed, cameras, and every part that differs from its default.
+// `seed=1;cameras=6;offset.2=0.008`: seed, cameras, and every part that differs from its default.
 std::string FormatSimulationOptions(const SimulationOptions& options);
 
 }  // namespace rigcal

@@ -11,6 +11,7 @@ namespace rigcal {
 namespace {
 
 constexpr uint64_t kWandPurpose = 0x77616e64;  // sets these random numbers apart from others
+constexpr double kAzimuthRate = 0.9;           // radians per unit of phase
 constexpr double kShares[3] = {0.6, 0.25, 0.15};
 // Ratios that repeat late, so that the path goes on into new parts of the volume.
 constexpr double kFrequencies[3] = {1, 1.6180339887, 2.7182818285};
@@ -50,7 +51,6 @@ WandTrajectory::WandTrajectory(uint32_t seed, const WaveVolume& volume, double d
     axes_[static_cast<size_t>(axis)] =
         make_swing(volume.half_extent_m[axis], 1 + 0.17 * static_cast<double>(axis));
   }
-  azimuth_rate_ = 0.9;
   azimuth_ = make_swing(0.8, 0.71);
   elevation_ = make_swing(1.5, 1.3);
 
@@ -68,7 +68,9 @@ double WandTrajectory::PeakSlope(double distance_m) const {
   double peak = 0;
   for (int step = 0; step < kMaxSteps; ++step) {
     const double phase = kStep * step;
-    peak = std::max(peak, SlopeAt(phase).norm());
+    const Eigen::Vector3d slope(axes_[0].Slope(phase), axes_[1].Slope(phase),
+                                axes_[2].Slope(phase));
+    peak = std::max(peak, slope.norm());
     if (phase * peak >= distance_m) return peak;
   }
   Eigen::Vector3d highest = Eigen::Vector3d::Zero();
@@ -80,22 +82,14 @@ double WandTrajectory::PeakSlope(double distance_m) const {
   return highest.norm();
 }
 
-Eigen::Vector3d WandTrajectory::SlopeAt(double phase) const {
-  return {axes_[0].Slope(phase), axes_[1].Slope(phase), axes_[2].Slope(phase)};
-}
-
 Eigen::Vector3d WandTrajectory::Middle(double rig_time_s) const {
   const double phase = phase_per_second_ * rig_time_s;
   return centre_m_ + Eigen::Vector3d(axes_[0].At(phase), axes_[1].At(phase), axes_[2].At(phase));
 }
 
-Eigen::Vector3d WandTrajectory::MiddleVelocity(double rig_time_s) const {
-  return phase_per_second_ * SlopeAt(phase_per_second_ * rig_time_s);
-}
-
 Eigen::Vector3d WandTrajectory::Direction(double rig_time_s) const {
   const double phase = phase_per_second_ * rig_time_s;
-  const double azimuth = azimuth_rate_ * phase + azimuth_.At(phase);
+  const double azimuth = kAzimuthRate * phase + azimuth_.At(phase);
   const double elevation = elevation_.At(phase);
   return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
           std::sin(elevation)};

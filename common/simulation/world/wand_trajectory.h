@@ -22,9 +22,8 @@ class WandTrajectory {
   // Time runs so that over [0, duration_s] the middle's speed peaks at max_speed_m_s.
   WandTrajectory(uint32_t seed, const WaveVolume& volume, double duration_s, double max_speed_m_s);
 
-  Eigen::Vector3d Middle(double rig_time_s) const;          // x_in_rig, metres
-  Eigen::Vector3d MiddleVelocity(double rig_time_s) const;  // m/s
-  Eigen::Vector3d Direction(double rig_time_s) const;       // unit, in rig
+  Eigen::Vector3d Middle(double rig_time_s) const;     // x_in_rig, metres
+  Eigen::Vector3d Direction(double rig_time_s) const;  // unit, in rig
 
  private:
   struct Sine {
@@ -38,12 +37,10 @@ class WandTrajectory {
     double Slope(double phase) const;
   };
 
-  Eigen::Vector3d SlopeAt(double phase) const;  // d middle / d phase
   double PeakSlope(double distance_m) const;
 
   Eigen::Vector3d centre_m_ = Eigen::Vector3d::Zero();
   std::array<Swing, 3> axes_;
-  double azimuth_rate_ = 0;
   Swing azimuth_;
   Swing elevation_;
   double phase_per_second_ = 1;

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "common/camera/camera_model.h"
 #include "common/simulation/frames/scene_renderer.h"
@@ -33,7 +34,7 @@ void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Targ
     centre.true_px = truth.markers[k].centre_px;
     centre.error_px = marker.centre_px - centre.true_px;
     centre.nees = centre.error_px.dot(marker.covariance_px2.inverse() * centre.error_px);
-    centre.distance_m = truth.markers[k].distance_m;
+    centre.distance_m = motion.At(target.marker_positions_m[k]).norm();
     const Eigen::Vector2d away = centre.true_px - middle;
     centre.image_radius_px = away.norm();
     centre.radial_px = centre.error_px.dot(away.normalized());
@@ -74,14 +75,15 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
     SceneFrame frame;
     frame.seed = static_cast<uint64_t>(render.seed) * 100000 + i;
     result.seed = frame.seed;
+    std::optional<WandMotion> wand;
     if (options.with_wand) {
-      frame.wand = RandomWandPose(*options.camera.intrinsics, options.camera.image_size_px,
-                                  options.target, options.pose, frame.seed);
-      if (frame.wand.has_value()) {
-        const Eigen::Vector3d at = frame.wand->origin_m.normalized();
-        result.distance_m = frame.wand->origin_m.norm();
-        result.tilt_deg =
-            std::asin(std::abs(at.dot(frame.wand->direction))) * 180 / std::numbers::pi;
+      wand = RandomWandPose(*options.camera.intrinsics, options.camera.image_size_px,
+                            options.target, options.pose, frame.seed);
+      if (wand.has_value()) {
+        frame.spheres = wand->Spheres(options.target);
+        const Eigen::Vector3d at = wand->origin_m.normalized();
+        result.distance_m = wand->origin_m.norm();
+        result.tilt_deg = std::asin(std::abs(at.dot(wand->direction))) * 180 / std::numbers::pi;
       }
     }
     const auto ground_truth = renderer->Render(frame, pixels);
@@ -104,12 +106,14 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
     result.outcome = detection->outcome;
     result.confidence = detection->confidence;
     result.covered_markers = detection->occluded_markers;
-    if (!frame.wand.has_value()) {
+    if (!wand.has_value()) {
       result.false_wand = detection->outcome == DetectionOutcome::kWand;
       continue;
     }
-    result.shown = ground_truth->WandVisible();
-    Compare(*ground_truth, *frame.wand, options.target, options, detection->observation, &result);
+    result.shown = testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
+                                        options.target, *wand,
+                                        ground_truth->bar ? &*ground_truth->bar : nullptr);
+    Compare(*ground_truth, *wand, options.target, options, detection->observation, &result);
   }
   return results;
 }

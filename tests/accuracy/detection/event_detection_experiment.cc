@@ -25,8 +25,8 @@ constexpr double kFoundPx = 3;
 constexpr int64_t kSliceUs = 5000;
 
 // The wand after `seconds` of uniform motion.
-WandMotion MovedBy(const WandMotion& at, double seconds) {
-  WandMotion now = at;
+WandPose MovedBy(const WandMotion& at, double seconds) {
+  WandPose now = at;
   now.origin_m += seconds * at.velocity_m_s;
   now.direction = (at.direction + seconds * at.angular_velocity_rad_s.cross(at.direction));
   now.direction.normalize();
@@ -58,7 +58,13 @@ std::optional<WandMotion> DrawWand(const EventDetectionOptions& options, uint64_
   return wand;
 }
 
-EventOutput Evaluate(const EventRenderer& renderer, const WandPath& path, double now_s,
+bool IsShown(const EventDetectionOptions& options, const WandPose& wand) {
+  return testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
+                              options.target, wand);
+}
+
+EventOutput Evaluate(const EventDetectionOptions& options, const EventRenderer& renderer,
+                     const WandPath& path, double now_s,
                      const std::vector<agent::BlinkBlob>& blobs) {
   EventOutput output;
   const auto wand = path ? path(now_s) : std::nullopt;
@@ -66,12 +72,12 @@ EventOutput Evaluate(const EventRenderer& renderer, const WandPath& path, double
     output.false_blobs = static_cast<int>(blobs.size());
     return output;
   }
-  const FrameGroundTruth truth{renderer.TruthOf(*wand), 0};
-  output.shown = truth.WandVisible();
-  output.centres.resize(truth.markers.size());
-  for (size_t k = 0; k < truth.markers.size(); ++k) {
-    output.centres[k].distance_m = truth.markers[k].distance_m;
-    output.centres[k].radius_px = truth.markers[k].radius_px;
+  output.shown = IsShown(options, *wand);
+  const auto truth = renderer.TruthOf(*wand);
+  output.centres.resize(truth.size());
+  for (size_t k = 0; k < truth.size(); ++k) {
+    output.centres[k].distance_m = wand->At(options.target.marker_positions_m[k]).norm();
+    output.centres[k].radius_px = truth[k].radius_px;
   }
   for (const agent::BlinkBlob& blob : blobs) {
     const auto then = renderer.TruthOf(*path(1e-6 * blob.time_us));
@@ -98,7 +104,7 @@ EventOutput Evaluate(const EventRenderer& renderer, const WandPath& path, double
 }
 
 // Number of markers with a blob in them.
-int CountFilled(const EventRenderer& renderer, const WandMotion& wand,
+int CountFilled(const EventRenderer& renderer, const WandPose& wand,
                 const std::vector<Eigen::Vector2d>& blobs_px) {
   int count = 0;
   for (const MarkerGroundTruth& marker : renderer.TruthOf(wand)) {
@@ -109,8 +115,8 @@ int CountFilled(const EventRenderer& renderer, const WandMotion& wand,
   return count;
 }
 
-void VerifyWand(const EventRenderer& renderer, const WandPath& path,
-                const agent::Detection& detection, EventWands* wands) {
+void VerifyWand(const EventDetectionOptions& options, const EventRenderer& renderer,
+                const WandPath& path, const agent::Detection& detection, EventWands* wands) {
   ++wands->detections;
   const bool is_wand = detection.outcome == DetectionOutcome::kWand;
   const Observation& seen = detection.observation;
@@ -120,7 +126,7 @@ void VerifyWand(const EventRenderer& renderer, const WandPath& path,
     wands->false_wands += is_wand ? 1 : 0;
     return;
   }
-  const bool shown = FrameGroundTruth{renderer.TruthOf(*wand), 0}.WandVisible();
+  const bool shown = IsShown(options, *wand);
   wands->shown += shown ? 1 : 0;
   if (!is_wand) return;
   bool good = true;
@@ -130,10 +136,11 @@ void VerifyWand(const EventRenderer& renderer, const WandPath& path,
       continue;
     }
     const double at_s = time_s + 1e-9 * seen.markers[k].time_delta_ns;
-    const MarkerGroundTruth then = renderer.TruthOf(*path(at_s))[k];
+    const WandPose pose = *path(at_s);
+    const MarkerGroundTruth then = renderer.TruthOf(pose)[k];
     EventCentre centre;
     centre.covariance_px2 = seen.markers[k].covariance_px2;
-    centre.distance_m = then.distance_m;
+    centre.distance_m = pose.At(options.target.marker_positions_m[k]).norm();
     centre.radius_px = then.radius_px;
     centre.error_px = seen.markers[k].centre_px - then.centre_px;
     centre.velocity_px_s =
@@ -240,7 +247,7 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
     const int64_t now_us = cells * EventRenderer::kCellUs;
     result.status = chain.RunTo(now_us, path, &result);
     if (!result.status.ok()) return result;
-    result.outputs.push_back(Evaluate(*renderer, path, 1e-6 * static_cast<double>(now_us),
+    result.outputs.push_back(Evaluate(options, *renderer, path, 1e-6 * static_cast<double>(now_us),
                                       filter->FindBlobs(static_cast<uint32_t>(now_us))));
     result.outputs.back().seed = seed;
     if (textbook && path) {
@@ -250,10 +257,9 @@ EventStreamResult RunStream(const EventDetectionOptions& options, int stream) {
   }
   for (const agent::Detection& detection : chain.detections()) {
     if (1e-9 * static_cast<double>(detection.observation.time_ns) < options.warm_up_s) continue;
-    VerifyWand(*renderer, path, detection, &result.wands);
+    VerifyWand(options, *renderer, path, detection, &result.wands);
   }
   result.rendered_s = 1e-6 * static_cast<double>(renderer->time_us());
-  result.lost_events = renderer->lost_events();
   return result;
 }
 

@@ -71,7 +71,6 @@ struct EventStreamResult {
   EventWands wands;
   uint64_t events = 0;
   double rendered_s = 0, render_wall_s = 0;  // simulated, and the time it took
-  uint64_t lost_events = 0;
   std::vector<EventOutput> outputs;
 };
 

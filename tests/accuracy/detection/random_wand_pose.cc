@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/camera/camera_model.h"
+#include "common/simulation/frames/light_model.h"
 #include "common/simulation/frames/scene_ground_truth.h"
 #include "common/simulation/world/random_stream.h"
 
@@ -16,7 +17,6 @@ namespace {
 
 constexpr uint64_t kPosePurpose = 0x706f7365;
 constexpr int kMaxTries = 2000;
-constexpr double kDrawnDiameterM = 0.04;
 
 Eigen::Vector3d RandomUnit(RandomStream* random) {
   const double z = random->Uniform(-1, 1), turn = random->Uniform(0, 2 * std::numbers::pi);
@@ -26,14 +26,13 @@ Eigen::Vector3d RandomUnit(RandomStream* random) {
 
 bool Fits(const Intrinsics& intrinsics, const ImageSize& image_size, const Target& target,
           const RandomWandPoseOptions& options, const WandMotion& wand) {
-  const double diameter_m = target.diameter_m > 0 ? target.diameter_m : kDrawnDiameterM;
-  std::vector<SphereMotion> spheres;
+  std::vector<MarkerGroundTruth> truth;
   for (const double position_m : target.marker_positions_m) {
-    spheres.push_back(wand.Marker(position_m));
-    const double distance_m = spheres.back().centre_m.norm();
+    const Eigen::Vector3d centre_m = wand.At(position_m);
+    const double distance_m = centre_m.norm();
     if (distance_m < options.min_distance_m || distance_m > options.max_distance_m) return false;
+    truth.push_back(TruthOf(intrinsics, image_size, centre_m, SphereRadiusM(target)));
   }
-  const auto truth = TruthOf(intrinsics, image_size, spheres, 0.5 * diameter_m, nullptr);
   for (size_t m = 0; m < truth.size(); ++m) {
     if (!truth[m].inside) return false;
     const double room_px = truth[m].radius_px + options.margin_px;

@@ -5,10 +5,12 @@
 #include <optional>
 
 #include "common/camera/intrinsics.h"
-#include "common/simulation/frames/scene_renderer.h"
 #include "common/target/target.h"
+#include "tests/testing/wand_motion.h"
 
 namespace rigcal::accuracy {
+
+using ::rigcal::testing::WandMotion;
 
 struct RandomWandPoseOptions {
   double min_distance_m = 1.5;  // of every marker from the camera

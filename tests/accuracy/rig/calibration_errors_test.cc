@@ -4,10 +4,13 @@
 #include <Eigen/Geometry>
 #include <string>
 
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::accuracy::calibration_errors_test {
 namespace {
+
+using ::rigcal::testing::ParseSimulationOptions;
 
 SimulatedWorld World(const std::string& options) {
   return *SimulatedWorld::Create(*ParseSimulationOptions(options),

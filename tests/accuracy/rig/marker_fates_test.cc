@@ -8,12 +8,14 @@
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::accuracy::marker_fates_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 // A solve of a bad recording, whose decisions the tests then override.
 class CountFatesTest : public ::testing::Test {

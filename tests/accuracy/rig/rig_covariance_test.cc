@@ -8,12 +8,14 @@
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::accuracy::rig_covariance_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 SimulatedWorld World(const std::string& options) {
   return *SimulatedWorld::Create(*ParseSimulationOptions(options),

@@ -13,12 +13,14 @@
 #include "server/solve/bundle/bundle_adjuster.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 #include "tests/accuracy/rig/statistics.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::accuracy::rig_information_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -11,6 +12,7 @@ namespace rigcal::client::local_plan_test {
 namespace {
 
 namespace fs = std::filesystem;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
 using ::testing::HasSubstr;

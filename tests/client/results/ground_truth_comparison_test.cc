@@ -8,12 +8,14 @@
 
 #include "common/wire/camera_wire.h"
 #include "tests/client/sample_messages.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::client::ground_truth_comparison_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::rigcal::testing::TrueCalibration;
 using ::testing::AllOf;

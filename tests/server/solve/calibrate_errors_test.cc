@@ -12,12 +12,14 @@
 
 #include "server/solve/calibrate.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::calibrate_errors_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
 using ::testing::Contains;

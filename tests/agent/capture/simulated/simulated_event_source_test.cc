@@ -8,12 +8,14 @@
 #include "agent/capture/registry/source_registry.h"
 #include "agent/event/event_decoder.h"
 #include "tests/agent/capture/source_options_of.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::agent::simulated_event_source_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 

@@ -37,11 +37,8 @@ CameraDescription Camera() {
 }
 
 // A wand that moves sideways, 1.6 m away and somewhat tilted.
-WandMotion WandAt(double time_s) {
-  WandMotion wand;
-  wand.origin_m = {-0.25 + 0.8 * time_s, 0.05, 1.6};
-  wand.direction = Eigen::Vector3d(1, 0.2, 0.3).normalized();
-  return wand;
+WandPose WandAt(double time_s) {
+  return {{-0.25 + 0.8 * time_s, 0.05, 1.6}, Eigen::Vector3d(1, 0.2, 0.3).normalized()};
 }
 
 struct Setting {

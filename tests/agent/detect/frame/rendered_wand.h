@@ -13,8 +13,11 @@
 #include "common/camera/camera_description.h"
 #include "common/simulation/frames/scene_renderer.h"
 #include "common/target/target.h"
+#include "tests/testing/wand_motion.h"
 
 namespace rigcal::agent {
+
+using ::rigcal::testing::WandMotion;
 
 // Images of a small camera (640x480) with the paper's wand.
 class RenderedWand {
@@ -52,7 +55,7 @@ class RenderedWand {
 
   FrameGroundTruth Render(const std::optional<WandMotion>& wand, uint64_t seed = 1) {
     SceneFrame frame;
-    frame.wand = wand;
+    if (wand) frame.spheres = wand->Spheres(target);
     frame.seed = seed;
     auto ground_truth = renderer_->Render(frame, pixels);
     EXPECT_TRUE(ground_truth.ok()) << ground_truth.status();

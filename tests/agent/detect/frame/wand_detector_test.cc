@@ -63,7 +63,7 @@ TEST(WandDetector, SymmetricWandHasNoSureLabels) {
                                         scene.target, RenderedWand::QuietRoom());
   ASSERT_THAT(renderer, IsOk());
   SceneFrame frame;
-  frame.wand = Standing();
+  frame.spheres = Standing().Spheres(scene.target);
   ASSERT_THAT(renderer->Render(frame, scene.pixels), IsOk());
   ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
   const Detection detection = MustDetect(detector, scene.View());

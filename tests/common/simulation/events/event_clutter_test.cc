@@ -11,7 +11,7 @@ namespace {
 
 constexpr ImageSize kSize{320, 200};
 
-EventClutter MakeClutter(const EventRenderOptions& options, const EdgeProfile* profile) {
+EventClutter MakeClutter(const EventRenderOptions& options, const EdgeProfile& profile) {
   return {kSize, options, std::vector<float>(kSize.width * kSize.height, 10.0f), 60, profile};
 }
 
@@ -23,7 +23,7 @@ TEST(EventClutter, SpansHoldEveryPixelThatChanges) {
   options.bar_px = 100;
   options.bar_px_s = 400;
   options.bar_contrast = 1.5;
-  const EventClutter clutter = MakeClutter(options, &profile);
+  const EventClutter clutter = MakeClutter(options, profile);
   EventClutter::Instant begin, end;
   std::vector<float> before(kSize.width), after(kSize.width);
   int changed = 0, followed = 0;
@@ -60,7 +60,7 @@ TEST(EventClutter, LightOfAPartIsThatOfTheRow) {
   options.bar_px = 150;
   options.lamps = 6;
   options.lamp_radius_px = 30;
-  const EventClutter clutter = MakeClutter(options, &profile);
+  const EventClutter clutter = MakeClutter(options, profile);
   EventClutter::Instant instant;
   clutter.InstantAt(0.123, &instant);
   std::vector<float> whole(kSize.width), part(kSize.width);
@@ -79,15 +79,15 @@ TEST(EventClutter, LightOfAPartIsThatOfTheRow) {
 TEST(EventClutter, FastThingsAreCutIntoMoreParts) {
   const EdgeProfile profile(0.6, 0);
   EventRenderOptions options;
-  EXPECT_EQ(MakeClutter(options, &profile).BarParts(1e-3), 1);
-  EXPECT_EQ(MakeClutter(options, &profile).LampParts(1e-3), 2);  // 120 Hz
+  EXPECT_EQ(MakeClutter(options, profile).BarParts(1e-3), 1);
+  EXPECT_EQ(MakeClutter(options, profile).LampParts(1e-3), 2);  // 120 Hz
   options.bar_px_s = 3500;
-  EXPECT_EQ(MakeClutter(options, &profile).BarParts(1e-3), 10);
-  EXPECT_EQ(MakeClutter(options, &profile).LampParts(1e-3), 10);
+  EXPECT_EQ(MakeClutter(options, profile).BarParts(1e-3), 10);
+  EXPECT_EQ(MakeClutter(options, profile).LampParts(1e-3), 10);
   options.lamp_hz = 1e4;
-  EXPECT_EQ(MakeClutter(options, &profile).LampParts(1e-3), 40);
+  EXPECT_EQ(MakeClutter(options, profile).LampParts(1e-3), 40);
   options.bars = options.lamps = 0;
-  EXPECT_EQ(MakeClutter(options, &profile).LampParts(1e-3), 1);
+  EXPECT_EQ(MakeClutter(options, profile).LampParts(1e-3), 1);
 }
 
 }  // namespace

@@ -39,11 +39,7 @@ absl::StatusOr<EventRenderer> MakeRenderer(const EventRenderOptions& options, do
   return EventRenderer::Create(intrinsics, kSize, target, FrameRenderOptions(), options);
 }
 
-std::optional<WandMotion> Standing(double) {
-  WandMotion wand;
-  wand.origin_m = {0.02, -0.01, 1};
-  return wand;
-}
+std::optional<WandPose> Standing(double) { return WandPose{{0.02, -0.01, 1}, {1, 0, 0}}; }
 
 TEST(EventRenderer, DarkRoomWithoutNoiseIsSilent) {
   ASSERT_OK_AND_ASSIGN(EventRenderer renderer, MakeRenderer(Quiet(), 500));
@@ -133,10 +129,8 @@ TEST(EventRenderer, RefusesBadTimesAndPoses) {
   ASSERT_THAT(renderer.Render(2000, nullptr, &events, &triggers), IsOk());
   EXPECT_THAT(renderer.Render(1000, nullptr, &events, &triggers),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("event renderer")));
-  const auto nowhere = [](double) {
-    WandMotion wand;
-    wand.origin_m.x() = std::nan("");
-    return std::optional<WandMotion>(wand);
+  const auto nowhere = [](double) -> std::optional<WandPose> {
+    return WandPose{{std::nan(""), 0, 0}, {1, 0, 0}};
   };
   EXPECT_THAT(renderer.Render(3000, nowhere, &events, &triggers),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("event renderer")));

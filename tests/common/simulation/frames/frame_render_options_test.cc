@@ -6,22 +6,24 @@
 
 #include <limits>
 
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::frame_render_options_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::OptionsFrom;
 using ::testing::HasSubstr;
 
 std::string ErrorOf(std::string_view text) {
-  return std::string(ParseFrameRenderOptions(text).status().message());
+  return std::string(OptionsFrom<FrameRenderOptions>(text).status().message());
 }
 
 TEST(FrameRenderOptions, DefaultsAreValidAndWrittenAsNothing) {
   EXPECT_THAT(FrameRenderOptions().Validate(), IsOk());
-  EXPECT_EQ(FormatFrameRenderOptions({}), "");
-  ASSERT_OK_AND_ASSIGN(const FrameRenderOptions options, ParseFrameRenderOptions(""));
+  EXPECT_EQ(FormatOptions(FrameRenderOptions()), "");
+  ASSERT_OK_AND_ASSIGN(const FrameRenderOptions options, OptionsFrom<FrameRenderOptions>(""));
   EXPECT_EQ(options, FrameRenderOptions());
 }
 
@@ -34,7 +36,7 @@ TEST(FrameRenderOptions, ReadsWhatItWrites) {
   options.defocus_disc_px = 1.0 / 3;
   options.clutter = 0.5;
   ASSERT_OK_AND_ASSIGN(const FrameRenderOptions read,
-                       ParseFrameRenderOptions(FormatFrameRenderOptions(options)));
+                       OptionsFrom<FrameRenderOptions>(FormatOptions(options)));
   EXPECT_EQ(read, options);
 }
 

@@ -8,13 +8,18 @@
 #include <cmath>
 #include <limits>
 
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
+#include "tests/testing/wand_motion.h"
 
 namespace rigcal::scene_renderer_test {
 namespace {
 
-using ::rigcal::testing::IsOk;
+using ::rigcal::testing::OptionsFrom;
 using ::rigcal::testing::StatusIs;
+using ::rigcal::testing::VisibleShare;
+using ::rigcal::testing::WandMotion;
+using ::rigcal::testing::WandVisible;
 using ::testing::HasSubstr;
 
 using Image = std::vector<uint8_t>;
@@ -27,17 +32,25 @@ Intrinsics Lens() {
 Target Wand() { return *ParseTarget("wand:0,0.13,0.39;diameter=0.04;hz=500"); }
 
 // Two metres away, along the frame's rows.
-SceneFrame WandFrame(uint64_t seed = 1) {
+WandMotion StandingWand() {
+  WandMotion wand;
+  wand.origin_m = {-0.2, 0.1, 2};
+  return wand;
+}
+
+SceneFrame WandFrame(uint64_t seed = 1, const WandMotion& wand = StandingWand()) {
   SceneFrame frame;
-  frame.wand.emplace();
-  frame.wand->origin_m = {-0.2, 0.1, 2};
-  frame.wand->direction = {1, 0, 0};
+  frame.spheres = wand.Spheres(Wand());
   frame.seed = seed;
   return frame;
 }
 
+double ShareOf(const WandPose& wand, size_t marker, const FrameGroundTruth& truth) {
+  return VisibleShare(Lens(), kSize, Wand(), wand, marker, truth.bar ? &*truth.bar : nullptr);
+}
+
 SceneRenderer Make(std::string_view options) {
-  return *SceneRenderer::Create(Lens(), kSize, Wand(), *ParseFrameRenderOptions(options));
+  return *SceneRenderer::Create(Lens(), kSize, Wand(), *OptionsFrom<FrameRenderOptions>(options));
 }
 
 Image Draw(SceneRenderer& renderer, const SceneFrame& frame, FrameGroundTruth* truth = nullptr) {
@@ -81,10 +94,9 @@ TEST(SceneRenderer, SpheresShineWhereTheTruthSays) {
   FrameGroundTruth truth;
   const Image image = Draw(renderer, WandFrame(), &truth);
   ASSERT_EQ(truth.markers.size(), 3u);
-  EXPECT_TRUE(truth.WandVisible());
+  EXPECT_TRUE(WandVisible(Lens(), kSize, Wand(), StandingWand()));
   for (const MarkerGroundTruth& marker : truth.markers) {
-    EXPECT_TRUE(marker.projects && marker.inside);
-    EXPECT_EQ(marker.visible_share, 1);
+    EXPECT_TRUE(marker.inside);
     EXPECT_NEAR(marker.radius_px, 6.2, 0.3);
     const auto [blue, green, red] = PixelAt(image, marker.centre_px);
     EXPECT_NEAR(red, 100, 1);  // two blinks at the target's 500 Hz: half of the time
@@ -95,22 +107,43 @@ TEST(SceneRenderer, SpheresShineWhereTheTruthSays) {
   }
 }
 
-TEST(SceneRenderer, TheLitShareIsTheLight) {
+TEST(SceneRenderer, TheLightIsThatOfTheTimeLit) {
   // Half a blink long: anything from dark to lit all the time.
   SceneRenderer renderer =
       Make(std::string(kNoNoise) + "lux=0;black=0;exposure=0.001;led_grey=500");
   double least = 1, most = 0;
-  for (uint64_t seed = 0; seed < 40; ++seed) {
+  for (int step = 0; step < 40; ++step) {
+    SceneFrame frame = WandFrame();
+    frame.led_time_s = 5e-5 * step;
+    // Lit during the first millisecond of every two.
+    const double away_ms = std::abs(std::remainder(0.05 * step - 0.5, 2.0));
+    const double lit_share = std::max(0.0, 1 - away_ms);
     FrameGroundTruth truth;
-    const Image image = Draw(renderer, WandFrame(seed), &truth);
-    // 500 grey in 5 ms at half duty: 200 in 1 ms lit throughout. Each LED has its own phase, marker
-    // 0's is told.
-    EXPECT_NEAR(PixelAt(image, truth.markers[0].centre_px)[2], 200 * truth.lit_share, 1.5);
-    least = std::min(least, truth.lit_share);
-    most = std::max(most, truth.lit_share);
+    const Image image = Draw(renderer, frame, &truth);
+    // 500 grey in 5 ms at half duty: 200 in 1 ms lit throughout.
+    EXPECT_NEAR(PixelAt(image, truth.markers[0].centre_px)[2], 200 * lit_share, 1.5);
+    least = std::min(least, lit_share);
+    most = std::max(most, lit_share);
   }
   EXPECT_LT(least, 0.1);
   EXPECT_GT(most, 0.9);
+}
+
+TEST(SceneRenderer, EveryLedHasAPhaseOfItsOwnByTheSeed) {
+  SceneRenderer renderer =
+      Make(std::string(kNoNoise) + "lux=0;black=0;exposure=0.001;led_grey=500");
+  double least = 255, most = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    FrameGroundTruth truth;
+    const Image image = Draw(renderer, WandFrame(seed), &truth);
+    for (const MarkerGroundTruth& marker : truth.markers) {
+      const double red = PixelAt(image, marker.centre_px)[2];
+      least = std::min(least, red);
+      most = std::max(most, red);
+    }
+  }
+  EXPECT_LT(least, 20);
+  EXPECT_GT(most, 180);
 }
 
 TEST(SceneRenderer, AmbientLightTakesColourAndContrast) {
@@ -153,9 +186,10 @@ TEST(SceneRenderer, BarsCoverWhatTheTruthCallsHidden) {
           all_light += PixelAt(whole, at)[2];
         }
       }
-      EXPECT_EQ(open_truth.markers[m].visible_share, 1);
-      EXPECT_NEAR(light / all_light, marker.visible_share, 0.05) << "seed " << seed;
-      if (marker.visible_share > 0.05 && marker.visible_share < 0.95) ++partly;
+      EXPECT_EQ(ShareOf(StandingWand(), m, open_truth), 1);
+      const double share = ShareOf(StandingWand(), m, truth);
+      EXPECT_NEAR(light / all_light, share, 0.05) << "seed " << seed;
+      if (share > 0.05 && share < 0.95) ++partly;
     }
   }
   EXPECT_GT(partly, 15);
@@ -186,33 +220,31 @@ TEST(SceneRenderer, BloomMakesAHalo) {
 }
 
 TEST(SceneRenderer, TheNearerSphereHidesTheFarther) {
-  SceneRenderer renderer = Make(std::string(kNoNoise) + "lux=0;black=0");
-  SceneFrame frame;
-  frame.wand.emplace();
-  frame.wand->origin_m = {0, 0, 2};
-  frame.wand->direction = {0, 0, 1};
-  FrameGroundTruth truth;
-  Draw(renderer, frame, &truth);
-  EXPECT_EQ(truth.markers[0].visible_share, 1);
-  EXPECT_EQ(truth.markers[1].visible_share, 0);
-  EXPECT_FALSE(truth.WandVisible());
+  SceneRenderer renderer = Make(std::string(kNoNoise) + "lux=0;black=0;blink_hz=0");
+  WandMotion wand;
+  wand.origin_m = {0, 0, 2};
+  wand.direction = {0, 0, 1};
+  Draw(renderer, WandFrame(1, wand));
+  EXPECT_EQ(ShareOf(wand, 0, {}), 1);
+  EXPECT_EQ(ShareOf(wand, 1, {}), 0);
+  EXPECT_FALSE(WandVisible(Lens(), kSize, Wand(), wand));
 }
 
-TEST(SceneRenderer, WandOutsideTheFrameIsNotVisible) {
+TEST(SceneRenderer, WandOutsideTheFrameIsNotThere) {
   SceneRenderer renderer = Make("clutter=0");
   for (const Eigen::Vector3d& origin :
        {Eigen::Vector3d(0, 0, -3), Eigen::Vector3d(30, 0, 2), Eigen::Vector3d(0, 0, 0)}) {
-    SceneFrame frame = WandFrame();
-    frame.wand->origin_m = origin;
+    WandMotion wand = StandingWand();
+    wand.origin_m = origin;
     FrameGroundTruth truth;
-    Draw(renderer, frame, &truth);
-    EXPECT_FALSE(truth.WandVisible());
-    EXPECT_EQ(truth.markers[0].visible_share, 0);
+    Draw(renderer, WandFrame(1, wand), &truth);
+    EXPECT_FALSE(truth.markers[0].inside);
+    EXPECT_FALSE(WandVisible(Lens(), kSize, Wand(), wand));
+    EXPECT_EQ(ShareOf(wand, 0, truth), 0);
   }
   FrameGroundTruth nothing;
   Draw(renderer, SceneFrame{}, &nothing);
   EXPECT_TRUE(nothing.markers.empty());
-  EXPECT_FALSE(nothing.WandVisible());
 }
 
 TEST(SceneRenderer, RefusesWhatCannotBeDrawn) {
@@ -224,11 +256,11 @@ TEST(SceneRenderer, RefusesWhatCannotBeDrawn) {
 
   Image image(renderer.buffer_size());
   SceneFrame frame = WandFrame();
-  frame.wand->velocity_m_s.x() = std::numeric_limits<double>::infinity();
+  frame.spheres[1].velocity_m_s.x() = std::numeric_limits<double>::infinity();
   EXPECT_THAT(renderer.Render(frame, std::span<uint8_t>(image)).status(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("not finite")));
-  const std::vector<SphereMotion> two(2);
-  EXPECT_THAT(renderer.Render(SceneFrame{}, two, std::span<uint8_t>(image)).status(),
+  frame.spheres.resize(2);
+  EXPECT_THAT(renderer.Render(frame, std::span<uint8_t>(image)).status(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("2 spheres")));
 
   FrameRenderOptions options;

@@ -86,9 +86,7 @@ class SphereImagerTest : public ::testing::Test {
  protected:
   SphereImage Draw(const Intrinsics& intrinsics, const SphereMotion& sphere,
                    const std::vector<ExposurePart>& parts, double blur_px, double limb = 0) {
-    const auto rays = RayGrid::Create(intrinsics, kSize);
-    EXPECT_TRUE(rays.ok());
-    SphereImager imager(&intrinsics, kSize, &*rays);
+    SphereImager imager = *SphereImager::Create(intrinsics, kSize);
     SphereImage image;
     drawn_ = imager.Draw(sphere, parts, EdgeProfile(blur_px, 0), {kRadiusM, limb, 0}, &image);
     return image;

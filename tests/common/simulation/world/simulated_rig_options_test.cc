@@ -21,6 +21,13 @@ TEST(SimulatedRigOptions, WithoutPixelsIsTheWorldAlone) {
   EXPECT_EQ(options.event_cameras, 0);
 }
 
+TEST(SimulatedRigOptions, ReadsSpeedAsTheWands) {
+  ASSERT_OK_AND_ASSIGN(const SimulatedRigOptions options, ParseSimulatedRigOptions("speed=3"));
+  EXPECT_EQ(options.world.max_speed_m_s, 3);
+  EXPECT_THAT(ParseSimulatedRigOptions("speed=3;wand_speed=3"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("twice")));
+}
+
 TEST(SimulatedRigOptions, TellsFramesFromTheWorld) {
   ASSERT_OK_AND_ASSIGN(
       const SimulatedRigOptions options,

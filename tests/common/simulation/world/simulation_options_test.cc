@@ -4,24 +4,26 @@
 #include <limits>
 #include <string>
 
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::simulation_options_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-TEST(ParseSimulationOptions, NothingMeansTheDefaults) {
+TEST(SimulationOptions, NothingMeansTheDefaults) {
   for (const char* text : {"", " ", ";", ";;"}) {
     ASSERT_OK_AND_ASSIGN(const SimulationOptions options, ParseSimulationOptions(text));
     EXPECT_EQ(options, SimulationOptions{});
   }
 }
 
-TEST(ParseSimulationOptions, ReadsEveryPart) {
+TEST(SimulationOptions, ReadsEveryPart) {
   ASSERT_OK_AND_ASSIGN(
       const SimulationOptions options,
       ParseSimulationOptions(
@@ -62,14 +64,7 @@ TEST(ParseSimulationOptions, ReadsEveryPart) {
   EXPECT_EQ(*ParseSimulationOptions(FormatSimulationOptions(options)), expected);
 }
 
-TEST(ParseSimulationOptions, ReadsSpeedAsTheWands) {
-  ASSERT_OK_AND_ASSIGN(const SimulationOptions options, ParseSimulationOptions("speed=3"));
-  EXPECT_EQ(options.max_speed_m_s, 3);
-  EXPECT_THAT(ParseSimulationOptions("speed=3;wand_speed=3"),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("twice")));
-}
-
-TEST(FormatSimulationOptions, KeepsEveryDigit) {
+TEST(SimulationOptions, KeepsEveryDigit) {
   SimulationOptions options;
   options.seed = std::numeric_limits<uint32_t>::max();
   options.noise_px = 0.1 + 0.2;
@@ -81,7 +76,7 @@ TEST(FormatSimulationOptions, KeepsEveryDigit) {
   EXPECT_EQ(FormatSimulationOptions(SimulationOptions{}), "seed=1;cameras=6");
 }
 
-TEST(ParseSimulationOptions, NamesThePartThatIsWrong) {
+TEST(SimulationOptions, NamesThePartThatIsWrong) {
   const struct {
     const char* text;
     const char* said;

@@ -11,13 +11,18 @@ namespace {
 
 const WaveVolume kVolume{{0.5, -0.5, 1.5}, {2, 2, 1}};
 
+Eigen::Vector3d VelocityAt(const WandTrajectory& trajectory, double t) {
+  constexpr double kStep = 1e-4;
+  return (trajectory.Middle(t + kStep) - trajectory.Middle(t - kStep)) / (2 * kStep);
+}
+
 TEST(WandTrajectory, PeaksAtTheSpeedLimitAndNeverExceedsIt) {
   for (const uint32_t seed : {1u, 2u, 3u, 4u}) {
     for (const double speed : {0.3, 1.5, 6.0}) {
       const WandTrajectory trajectory(seed, kVolume, 60, speed);
       double peak = 0;
       for (double t = 0; t <= 60; t += 1e-3) {
-        peak = std::max(peak, trajectory.MiddleVelocity(t).norm());
+        peak = std::max(peak, VelocityAt(trajectory, t).norm());
       }
       EXPECT_LE(peak, speed) << seed;
       EXPECT_GE(peak, 0.95 * speed) << seed;
@@ -29,25 +34,22 @@ TEST(WandTrajectory, KeepsTheLimitOverAVeryLongWave) {
   const WandTrajectory trajectory(1, kVolume, 86400, 2);
   double peak = 0;
   for (double t = 0; t <= 86400; t += 0.25) {
-    peak = std::max(peak, trajectory.MiddleVelocity(t).norm());
+    peak = std::max(peak, VelocityAt(trajectory, t).norm());
   }
   EXPECT_LE(peak, 2);
   EXPECT_GE(peak, 1);
 }
 
-TEST(WandTrajectory, VelocityIsTheDerivativeAndItsOwnChangesAreSmooth) {
+TEST(WandTrajectory, ChangesOfItsVelocityAreSmooth) {
   const WandTrajectory trajectory(5, kVolume, 60, 1.5);
-  constexpr double kStep = 1e-4;
+  constexpr double kStep = 1e-3;
   Eigen::Vector3d last_acceleration = Eigen::Vector3d::Zero();
-  for (double t = 0; t < 30; t += kStep * 10) {
-    const Eigen::Vector3d numeric =
-        (trajectory.Middle(t + kStep) - trajectory.Middle(t - kStep)) / (2 * kStep);
-    ASSERT_LT((numeric - trajectory.MiddleVelocity(t)).norm(), 1e-6) << t;
+  for (double t = 0; t < 30; t += kStep) {
     const Eigen::Vector3d acceleration =
-        (trajectory.MiddleVelocity(t + kStep) - trajectory.MiddleVelocity(t - kStep)) / (2 * kStep);
+        (VelocityAt(trajectory, t + kStep) - VelocityAt(trajectory, t - kStep)) / (2 * kStep);
     // 50 m/s^3 is far above what a smooth wave at 1.5 m/s has and far below any jump.
     if (t > 0) {
-      ASSERT_LT((acceleration - last_acceleration).norm(), 50 * kStep * 10);
+      ASSERT_LT((acceleration - last_acceleration).norm(), 50 * kStep);
     }
     last_acceleration = acceleration;
   }

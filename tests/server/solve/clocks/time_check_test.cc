@@ -7,12 +7,14 @@
 
 #include "server/solve/evaluate/evaluated_solve.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::time_check_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 RigObservations Rig(const std::string& options, std::vector<ClockCorrection>* clocks) {
   const auto world = SimulatedWorld::Create(*ParseSimulationOptions(options), WandTarget());

@@ -7,12 +7,14 @@
 #include "server/associate/clean_track.h"
 #include "server/solve/clocks/time_search.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::time_search_edge_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 CalibrationInput Input(const std::string& options, const std::string& session = "s") {
   const auto world = SimulatedWorld::Create(*ParseSimulationOptions(options), WandTarget());

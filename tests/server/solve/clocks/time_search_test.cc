@@ -4,12 +4,14 @@
 #include <gtest/gtest.h>
 
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::time_search_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 RigObservations Rig(const std::string& options, std::vector<ClockCorrection>* clocks) {
   const auto world = SimulatedWorld::Create(*ParseSimulationOptions(options), WandTarget());

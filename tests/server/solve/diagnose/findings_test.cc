@@ -17,12 +17,14 @@
 #include "tests/server/solve/recorded_input.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/recorded_data.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::findings_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::testing::HasSubstr;
 
 SimulatedWorld World(const std::string& options) {

@@ -9,12 +9,14 @@
 
 #include "server/associate/clean_track.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::held_out_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 constexpr int64_t kMillisecond = 1'000'000;
 

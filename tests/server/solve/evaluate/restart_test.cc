@@ -10,12 +10,14 @@
 #include "server/associate/clean_track.h"
 #include "server/solve/evaluate/evaluated_solve.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::restart_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 

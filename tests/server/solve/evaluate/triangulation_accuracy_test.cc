@@ -13,12 +13,14 @@
 #include "server/solve/calibrate.h"
 #include "server/solve/geometry/triangulation.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::triangulation_accuracy_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 

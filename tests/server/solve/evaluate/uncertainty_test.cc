@@ -6,12 +6,14 @@
 #include <cmath>
 
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::uncertainty_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 SimulatedWorld World(const std::string& options) {
   auto world = SimulatedWorld::Create(*ParseSimulationOptions(options), WandTarget());

@@ -11,12 +11,14 @@
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/calibrate.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::labels_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 

@@ -7,12 +7,14 @@
 #include "server/associate/clean_track.h"
 #include "server/solve/evaluate/evaluated_solve.h"
 #include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::sphere_centres_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
 
 // Three times the usual: the offset grows with the square.
 constexpr double kDiameterM = 0.12;

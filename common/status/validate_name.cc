@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/camera/camera_id.h"
+#include "common/status/validate_name.h"
 
 #include <algorithm>
 #include <cstddef>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/camera/camera_id.h"
+#include "common/status/validate_name.h"
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::camera_id_test {
+namespace rigcal::validate_name_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -37,4 +37,4 @@ TEST(ValidateName, ShowsOnlySafeAndShortTextOfTheName) {
 }
 
 }  // namespace
-}  // namespace rigcal::camera_id_test
+}  // namespace rigcal::validate_name_test

@@ -88,8 +88,7 @@ absl::Status SetBiases(Metavision::Device& device, const MetavisionRequest& requ
     }));
     faults.Add(status);
   }
-  if (faults.empty()) return absl::OkStatus();
-  return NotOffered(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 std::string DescribeInputs(const std::map<Channel, short>& inputs) {  // NOLINT: as the SDK has it

@@ -79,7 +79,7 @@ absl::Status EventObservationSource::Detect(const EventChunk& chunk) {
   detector_->Take(chunk.bytes, &found_);
   CountEpochs(first_found);
   // Now, while the source still knows the place of these bytes.
-  for (const auto& [name, offset] : detector_->fault_places().Named()) {
+  for (const auto& [name, offset] : detector_->fault_places()) {
     if (first_faults_.contains(name)) continue;
     first_faults_.emplace(name, events_->PlaceOf(detector_offset_ + offset));
   }

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <optional>
 
-#include "agent/event_files/plain_event_reader.h"
+#include "agent/event_files/event_file.h"
 #include "agent/event_files/sensor_geometry.h"
 #include "common/options/option_table.h"
 

@@ -31,6 +31,12 @@ enum class EventFormat : uint8_t {
   kPlain = 4,  // 128-bit records of this project (plain_events.h), from CSV and HDF5
 };
 
+// Bytes of one word of a format.
+constexpr size_t WordBytes(EventFormat format) {
+  constexpr size_t kBytes[] = {0, 4, 8, 2, 16};
+  return kBytes[static_cast<size_t>(format)];
+}
+
 // Faults of a stream; everything good around them is kept.
 struct EventFaults {
   uint64_t unknown_words = 0;     // of a type the format does not have
@@ -40,14 +46,25 @@ struct EventFaults {
   uint64_t truncated_bytes = 0;   // at the end, less than a word
 
   friend bool operator==(const EventFaults&, const EventFaults&) = default;
-  EventFaults& operator+=(const EventFaults& other) {
-    unknown_words += other.unknown_words;
-    outside_geometry += other.outside_geometry;
-    before_time += other.before_time;
-    time_steps_back += other.time_steps_back;
-    truncated_bytes += other.truncated_bytes;
-    return *this;
-  }
+  EventFaults& operator+=(const EventFaults& other);
 };
+
+struct EventFaultKind {
+  const char* name;
+  const char* text;  // for people
+  uint64_t EventFaults::*count;
+};
+inline constexpr EventFaultKind kEventFaultKinds[] = {
+    {"unknown_words", "unknown words", &EventFaults::unknown_words},
+    {"outside_geometry", "outside of the geometry", &EventFaults::outside_geometry},
+    {"before_time", "before the time is told", &EventFaults::before_time},
+    {"time_steps_back", "time steps back", &EventFaults::time_steps_back},
+    {"truncated_bytes", "truncated bytes", &EventFaults::truncated_bytes},
+};
+
+inline EventFaults& EventFaults::operator+=(const EventFaults& other) {
+  for (const EventFaultKind& kind : kEventFaultKinds) this->*kind.count += other.*kind.count;
+  return *this;
+}
 
 }  // namespace rigcal::agent

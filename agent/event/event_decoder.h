@@ -5,8 +5,6 @@
 #include <cstdint>
 #include <optional>
 
-#include "agent/event/event.h"
-#include "agent/event/event_words.h"
 #include "agent/event/evt3_decoder.h"
 #include "agent/event/time_high.h"
 
@@ -20,7 +18,6 @@ class Evt2xDecoder : public WordDecoder<Evt2xDecoder<Word>, Word> {
 
  public:
   static constexpr bool kHasMask = sizeof(Word) == 8;
-  static constexpr EventFormat kFormat = kHasMask ? EventFormat::kEvt21 : EventFormat::kEvt2;
 
   // `halves_swapped`: the upper 32 bits of a word come first, as an IMX636 sends EVT 2.1
   // ("endianness=legacy").

@@ -7,7 +7,6 @@
 #include <optional>
 #include <span>
 
-#include "agent/event/event.h"
 #include "agent/event/event_batcher.h"
 #include "agent/event/event_words.h"
 #include "agent/event/evt3_kernel.h"
@@ -20,8 +19,6 @@ class Evt3Decoder : public WordDecoder<Evt3Decoder, uint16_t> {
   using Base = WordDecoder<Evt3Decoder, uint16_t>;
 
  public:
-  static constexpr EventFormat kFormat = EventFormat::kEvt3;
-
   explicit Evt3Decoder(SensorGeometry geometry, const Evt3Kernel& kernel = BestEvt3Kernel())
       : Base(geometry), kernel_(&kernel) {}
 

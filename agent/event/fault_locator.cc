@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <array>
 
+#include "agent/event/event_decoder.h"
+#include "agent/event/plain_events.h"
+
 namespace rigcal::agent {
 namespace {
 
@@ -14,45 +17,20 @@ struct NoSink {
   void TimeStepBack(int64_t) {}
 };
 
-// One kind of fault: how often before and after a chunk, and its place once it is known.
-struct Kind {
-  uint64_t EventFaults::*count;
-  std::optional<uint64_t> FaultPlaces::*place;
-};
-constexpr std::array<Kind, 4> kKindsOfWords = {{
-    {&EventFaults::unknown_words, &FaultPlaces::unknown_words},
-    {&EventFaults::outside_geometry, &FaultPlaces::outside_geometry},
-    {&EventFaults::before_time, &FaultPlaces::before_time},
-    {&EventFaults::time_steps_back, &FaultPlaces::time_steps_back},
-}};
-
 }  // namespace
-
-std::vector<std::pair<std::string_view, uint64_t>> FaultPlaces::Named() const {
-  std::vector<std::pair<std::string_view, uint64_t>> named;
-  const auto add = [&named](std::string_view name, const std::optional<uint64_t>& place) {
-    if (place) named.emplace_back(name, *place);
-  };
-  add("unknown_words", unknown_words);
-  add("outside_geometry", outside_geometry);
-  add("before_time", before_time);
-  add("time_steps_back", time_steps_back);
-  add("truncated_bytes", truncated_bytes);
-  return named;
-}
 
 template <typename Decoder>
 [[gnu::cold]] void FaultLocator::Find(const Decoder& before, std::span<const uint8_t> bytes,
                                       const EventFaults& after) {
   constexpr size_t kWord = Decoder::kWordBytes;
   const size_t end = bytes.size() / kWord * kWord;
-  if (after.truncated_bytes != before.faults().truncated_bytes && !places_.truncated_bytes) {
-    places_.truncated_bytes = offset_ + end;
+  if (after.truncated_bytes != before.faults().truncated_bytes) {
+    places_.try_emplace("truncated_bytes", offset_ + end);
   }
-  const auto is_wanted = [&](const Kind& kind) {
-    return after.*kind.count != before.faults().*kind.count && !(places_.*kind.place);
+  const auto is_wanted = [&](const EventFaultKind& kind) {
+    return after.*kind.count != before.faults().*kind.count && !places_.contains(kind.name);
   };
-  auto wanted = std::count_if(kKindsOfWords.begin(), kKindsOfWords.end(), is_wanted);
+  auto wanted = std::count_if(std::begin(kEventFaultKinds), std::end(kEventFaultKinds), is_wanted);
   Decoder decoder = before;
   NoSink sink;
   size_t ahead = 0;  // the next word that asks ahead, or one that has been passed
@@ -78,12 +56,10 @@ template <typename Decoder>
     }
     const EventFaults last = decoder.faults();
     if (!damaged) decoder.Decode(std::span(pair).first(kWord), sink);
-    for (const Kind& kind : kKindsOfWords) {
+    for (const EventFaultKind& kind : kEventFaultKinds) {
       const bool rose = decoder.faults().*kind.count != last.*kind.count ||
                         (damaged && kind.count == &EventFaults::unknown_words);
-      if (!rose || places_.*kind.place) continue;
-      places_.*kind.place = offset_ + at;
-      --wanted;
+      if (rose && places_.try_emplace(kind.name, offset_ + at).second) --wanted;
     }
   }
 }

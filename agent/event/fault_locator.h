@@ -1,27 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <optional>
+#include <map>
 #include <span>
-#include <string_view>
-#include <utility>
-#include <vector>
+#include <string>
 
 #include "agent/event/event.h"
-#include "agent/event/event_decoder.h"
-#include "agent/event/plain_events.h"
 
 namespace rigcal::agent {
 
-// Offsets of the first fault of each kind: of its word's first byte.
-struct FaultPlaces {
-  std::optional<uint64_t> unknown_words, outside_geometry, before_time, time_steps_back,
-      truncated_bytes;
-
-  // Those that are known, by the name of their count.
-  std::vector<std::pair<std::string_view, uint64_t>> Named() const;
-};
+// Offset of the first fault of each kind, by its name: of its word's first byte.
+using FaultPlaces = std::map<std::string, uint64_t>;
 
 // Locates the faults that a decoder has counted, without slowing its loop: a chunk in which a new
 // kind was counted is decoded again, word by word.

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <utility>
 
-#include "agent/event/event.h"
 #include "agent/event/event_words.h"
 
 namespace rigcal::agent {
@@ -28,9 +28,6 @@ struct PlainEvent {
   friend bool operator==(const PlainEvent&, const PlainEvent&) = default;
 };
 static_assert(sizeof(PlainEvent) == 16);
-
-// The record is an event or trigger, at a time that a recording can have.
-inline bool IsReadable(const PlainEvent& event);
 
 // Checks the times of plain records. Files that were merged or sorted by frame are out of order by
 // some microseconds, which is allowed. A longer step back is a new clock epoch, as is a leap of
@@ -56,7 +53,17 @@ class PlainClock {
   }
   // `next`: of the record behind this one, or nullptr where there is none to see. Nothing has
   // changed where the verdict is kDamaged.
-  Verdict Decide(int64_t time_us, const int64_t* next);
+  Verdict Decide(int64_t time_us, const int64_t* next) {
+    const int64_t last_us = time_us_;
+    if (known_ && next != nullptr && Follows(*next, last_us) && !Follows(*next, time_us)) {
+      return Verdict::kDamaged;
+    }
+    time_us_ = time_us;
+    if (!std::exchange(known_, true)) return Verdict::kGoesOn;
+    if (time_us < last_us) return Verdict::kStepBack;
+    const uint64_t ahead = static_cast<uint64_t>(time_us) - static_cast<uint64_t>(last_us);
+    return ahead > static_cast<uint64_t>(kLeapUs) ? Verdict::kLeap : Verdict::kGoesOn;
+  }
 
  private:
   static bool Follows(int64_t time_us, int64_t last_us) {
@@ -69,6 +76,7 @@ class PlainClock {
   bool known_ = false;
 };
 
+// The record is an event or trigger, at a time that a recording can have.
 inline bool IsReadable(const PlainEvent& event) {
   return event.kind < PlainEvent::kUnreadable && event.time_us <= PlainClock::kMaxUs &&
          event.time_us >= -PlainClock::kMaxUs;
@@ -80,8 +88,6 @@ class PlainEventDecoder : public WordDecoder<PlainEventDecoder, PlainEvent> {
   using Base = WordDecoder<PlainEventDecoder, PlainEvent>;
 
  public:
-  static constexpr EventFormat kFormat = EventFormat::kPlain;
-
   using Base::Base;
 
   int64_t time_us() const { return clock_.time_us(); }

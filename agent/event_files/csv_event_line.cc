@@ -3,19 +3,17 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <system_error>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr size_t kMaxFields = 32;
-constexpr uint16_t kNoPixel = 0xffff;
-constexpr double kMaxTimeUs = 4e18;
 
 std::string Quoted(std::string_view field) {
   constexpr size_t kShown = 32;
@@ -40,12 +38,6 @@ bool TakeField(std::string_view* rest, std::string_view* field) {
   return true;
 }
 
-size_t Split(std::string_view line, std::array<std::string_view, kMaxFields>* fields) {
-  size_t count = 0;
-  while (count < kMaxFields && TakeField(&line, &(*fields)[count])) ++count;
-  return count;
-}
-
 // A whole number, also with ".0" as tables of floats have it.
 bool ParseWhole(std::string_view field, int64_t* value) {
   if (field.starts_with('+')) field.remove_prefix(1);
@@ -61,10 +53,7 @@ bool ParseFraction(std::string_view field, TimeUnit unit, int64_t* time_us) {
   double value = 0;
   const auto [stopped, error] = std::from_chars(field.data(), end, value);
   if (error != std::errc() || stopped != end) return false;
-  const double scale = unit == TimeUnit::kSeconds ? 1e6 : unit == TimeUnit::kNanoseconds ? 1e-3 : 1;
-  if (!(std::abs(value * scale) < kMaxTimeUs)) return false;
-  *time_us = std::llround(value * scale);
-  return true;
+  return ToMicroseconds(value, unit, time_us);
 }
 
 // Seconds with a fraction, without the error of a double: 1e9 s and 1e-6 s have 16 digits.
@@ -92,20 +81,9 @@ bool ParseDecimalSeconds(std::string_view field, int64_t* time_us) {
 
 bool ParseTime(std::string_view field, TimeUnit unit, int64_t* time_us) {
   int64_t whole = 0;
-  if (!ParseWhole(field, &whole)) {
-    if (unit == TimeUnit::kSeconds && ParseDecimalSeconds(field, time_us)) return true;
-    return ParseFraction(field, unit, time_us);
-  }
-  switch (unit) {
-    case TimeUnit::kSeconds:
-      return !__builtin_mul_overflow(whole, int64_t{1'000'000}, time_us);
-    case TimeUnit::kNanoseconds:
-      *time_us = whole / 1000 - (whole % 1000 < 0 ? 1 : 0);
-      return true;
-    default:
-      *time_us = whole;
-      return true;
-  }
+  if (ParseWhole(field, &whole)) return ToMicroseconds(whole, unit, time_us);
+  return (unit == TimeUnit::kSeconds && ParseDecimalSeconds(field, time_us)) ||
+         ParseFraction(field, unit, time_us);
 }
 
 bool ParsePolarity(std::string_view field, bool* on) {
@@ -121,9 +99,7 @@ bool ParsePolarity(std::string_view field, bool* on) {
 
 std::string Name(std::string_view field) {
   std::string name = absl::AsciiStrToLower(std::string(field));
-  name.erase(std::remove_if(name.begin(), name.end(),
-                            [](char c) { return c == '"' || c == '\'' || c == '#' || c == '%'; }),
-             name.end());
+  std::erase_if(name, [](char c) { return c == '"' || c == '\'' || c == '#' || c == '%'; });
   return name;
 }
 
@@ -143,10 +119,11 @@ bool IsTimeName(const std::string& name, TimeUnit* unit) {
 
 }  // namespace
 
-std::vector<std::string_view> SplitCsvEventFields(std::string_view line) {
-  std::array<std::string_view, kMaxFields> fields;
-  const size_t count = Split(line, &fields);
-  return {fields.begin(), fields.begin() + static_cast<std::ptrdiff_t>(count)};
+CsvFields SplitCsvEventFields(std::string_view line) {
+  CsvFields fields;
+  std::string_view field;
+  while (fields.size() < kMaxFields && TakeField(&line, &field)) fields.push_back(field);
+  return fields;
 }
 
 bool IsCsvEventHeader(std::string_view line) {
@@ -160,57 +137,47 @@ bool IsCsvEventHeader(std::string_view line) {
 }
 
 absl::StatusOr<CsvEventColumns> ParseCsvEventHeader(std::string_view line) {
-  std::optional<size_t> x, y, p, t;
   CsvEventColumns columns;
-  const std::vector<std::string_view> fields = SplitCsvEventFields(line);
+  std::vector<std::string> missing = {"x", "y", "p", "t"};
+  const CsvFields fields = SplitCsvEventFields(line);
+  columns.count = fields.size();
   for (size_t i = 0; i < fields.size(); ++i) {
     const std::string name = Name(fields[i]);
     TimeUnit unit = TimeUnit::kAuto;
     if (name == "x") {
-      x = i;
+      columns.x = i;
+      std::erase(missing, "x");
     } else if (name == "y") {
-      y = i;
+      columns.y = i;
+      std::erase(missing, "y");
     } else if (name == "p" || name == "pol" || name == "polarity") {
-      p = i;
+      columns.p = i;
+      std::erase(missing, "p");
     } else if (IsTimeName(name, &unit)) {
-      t = i;
+      columns.t = i;
       columns.time_unit = unit;
+      std::erase(missing, "t");
     }
   }
-  if (!x || !y || !p || !t) {
-    std::string missing;
-    for (const auto& [name, column] : {std::pair{"x", x}, {"y", y}, {"p", p}, {"t", t}}) {
-      if (!column) absl::StrAppend(&missing, missing.empty() ? "" : ", ", name);
-    }
-    return absl::InvalidArgumentError(
-        absl::StrCat("the header line ", Quoted(line), " has no column ", missing,
-                     "; events need x, y, p (or pol, polarity) and t (or ts, time, timestamp)"));
-  }
-  columns.x = *x;
-  columns.y = *y;
-  columns.p = *p;
-  columns.t = *t;
-  columns.count = fields.size();
-  return columns;
+  if (missing.empty()) return columns;
+  return InvalidFile("the header line ", Quoted(line), " has no column ",
+                     absl::StrJoin(missing, ", "),
+                     "; events need x, y, p (or pol, polarity) and t (or ts, time, timestamp)");
 }
 
 absl::StatusOr<CsvEventColumns> ParseCsvEventOrder(std::string_view order) {
   std::string sorted(order);
   std::sort(sorted.begin(), sorted.end());
   if (sorted != "ptxy") {
-    return absl::InvalidArgumentError(
-        absl::StrCat("columns ", Quoted(order), " is not an order of x, y, p and t, such as txyp"));
+    return InvalidFile("columns ", Quoted(order),
+                       " is not an order of x, y, p and t, such as txyp");
   }
-  CsvEventColumns columns;
-  columns.x = order.find('x');
-  columns.y = order.find('y');
-  columns.p = order.find('p');
-  columns.t = order.find('t');
-  return columns;
+  return CsvEventColumns{
+      .x = order.find('x'), .y = order.find('y'), .p = order.find('p'), .t = order.find('t')};
 }
 
 bool HasTimeFraction(std::string_view line, const CsvEventColumns& columns) {
-  const std::vector<std::string_view> fields = SplitCsvEventFields(line);
+  const CsvFields fields = SplitCsvEventFields(line);
   if (fields.size() != columns.count) return false;
   int64_t whole = 0, time_us = 0;
   return !ParseWhole(fields[columns.t], &whole) &&
@@ -219,10 +186,10 @@ bool HasTimeFraction(std::string_view line, const CsvEventColumns& columns) {
 
 std::optional<std::string> ParseCsvEventLine(std::string_view line, const CsvEventColumns& columns,
                                              TimeUnit unit, PlainEvent* event) {
-  std::array<std::string_view, kMaxFields> fields;
-  const size_t count = Split(line, &fields);
-  if (count != columns.count) {
-    return absl::StrCat(count, count == 1 ? " field" : " fields", " instead of ", columns.count);
+  const CsvFields fields = SplitCsvEventFields(line);
+  if (fields.size() != columns.count) {
+    return absl::StrCat(fields.size(), fields.size() == 1 ? " field" : " fields", " instead of ",
+                        columns.count);
   }
   int64_t x = 0, y = 0;
   for (const auto& [column, value, name] : {std::tuple{columns.x, &x, "x"}, {columns.y, &y, "y"}}) {
@@ -237,11 +204,8 @@ std::optional<std::string> ParseCsvEventLine(std::string_view line, const CsvEve
   if (!ParseTime(fields[columns.t], unit, &event->time_us)) {
     return absl::StrCat("t is ", Quoted(fields[columns.t]), ", not a time in ", TimeUnitName(unit));
   }
-  const auto pixel = [](int64_t value) {
-    return value < 0 || value > kNoPixel ? kNoPixel : static_cast<uint16_t>(value);
-  };
-  event->x = pixel(x);
-  event->y = pixel(y);
+  event->x = PlainPixel(x);
+  event->y = PlainPixel(y);
   event->kind = on ? PlainEvent::kOn : PlainEvent::kOff;
   return std::nullopt;
 }

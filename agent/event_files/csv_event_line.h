@@ -1,16 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
-#include <cstddef>
-#include <cstdint>
-#include <optional>
-#include <string>
 #include <string_view>
-#include <vector>
 
-#include "absl/status/statusor.h"
-#include "agent/event/plain_events.h"
+#include "absl/container/inlined_vector.h"
 #include "agent/event_files/plain_event_reader.h"
 
 namespace rigcal::agent {
@@ -23,7 +16,8 @@ struct CsvEventColumns {
 };
 
 // The fields of a line, separated by comma, semicolon, tab or blanks, without blanks around them.
-std::vector<std::string_view> SplitCsvEventFields(std::string_view line);
+using CsvFields = absl::InlinedVector<std::string_view, 8>;
+CsvFields SplitCsvEventFields(std::string_view line);
 
 // Whether a line is names and no numbers.
 bool IsCsvEventHeader(std::string_view line);

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/event_files/csv_event_reader.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "agent/event_files/csv_event_line.h"
 #include "agent/event_files/sensor_geometry.h"
 #include "common/status/status_macros.h"
@@ -22,20 +22,14 @@ constexpr uint64_t kBadLinesAtLeast = 1000;
 bool IsBlank(std::string_view text) { return text.find_first_not_of(" \t\r") == text.npos; }
 bool IsComment(std::string_view text) { return text.starts_with('#') || text.starts_with('%'); }
 
-std::optional<SensorGeometry> Sides(std::string_view text) {
-  std::vector<uint32_t> numbers;
-  for (size_t at = 0; at < text.size() && numbers.size() < 3;) {
-    size_t end = at;
-    while (end < text.size() && absl::ascii_isdigit(static_cast<unsigned char>(text[end]))) ++end;
-    uint32_t number = 0;
-    if (end > at && absl::SimpleAtoi(std::string(text.substr(at, end - at)), &number)) {
-      numbers.push_back(number);
-    }
-    at = end + 1;
-  }
-  if (numbers.size() != 2) return std::nullopt;
-  const SensorGeometry geometry{numbers[0], numbers[1]};
-  return IsSensorGeometry(geometry) ? std::optional(geometry) : std::nullopt;
+// Of a text with two numbers.
+std::optional<SensorGeometry> Sides(std::string text) {
+  const auto is_no_digit = [](char c) {
+    return !absl::ascii_isdigit(static_cast<unsigned char>(c));
+  };
+  std::replace_if(text.begin(), text.end(), is_no_digit, ' ');
+  const std::vector<std::string> numbers = absl::StrSplit(text, ' ', absl::SkipEmpty());
+  return numbers.size() == 2 ? ParseSensorGeometry(numbers[0], numbers[1]) : std::nullopt;
 }
 
 class CsvEventReader : public PlainEventReader {
@@ -46,10 +40,9 @@ class CsvEventReader : public PlainEventReader {
   // Looks at the first lines of the file.
   absl::Status Look(const PlainFileOptions& options);
 
-  const PlainFileFacts& facts() const override { return facts_; }
   absl::Status Read(size_t max_count, std::vector<PlainEvent>* events) override;
-  std::string PlaceOf(size_t index) const override {
-    return index < line_numbers_.size() ? absl::StrCat("line ", line_numbers_[index]) : "";
+  std::string PlaceInBlock(size_t index) const override {
+    return absl::StrCat("line ", line_numbers_[index]);
   }
   std::vector<Refusal> Refused() const override { return refused_.List(); }
 
@@ -60,7 +53,6 @@ class CsvEventReader : public PlainEventReader {
 
   const std::string path_;
   LineReader lines_;
-  PlainFileFacts facts_;
   CsvEventColumns columns_;
   bool has_header_ = false;
   uint64_t first_line_ = 0;  // with an event
@@ -74,22 +66,21 @@ absl::StatusOr<bool> CsvEventReader::TakeFront(const LineReader::Line& line) {
   if (IsComment(line.text)) {
     const std::string text = absl::AsciiStrToLower(std::string(line.text));
     const size_t at = text.find("geometry");
-    if (at != text.npos) facts_.geometry = Sides(std::string_view(text).substr(at));
+    if (at != text.npos) header_.geometry = Sides(text.substr(at));
     return true;
   }
   if (!has_header_ && IsCsvEventHeader(line.text)) {
     const absl::StatusOr<CsvEventColumns> columns = ParseCsvEventHeader(line.text);
     if (!columns.ok()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(path_, ":", line.number, ": ", std::string(columns.status().message())));
+      return InvalidFile(path_, ":", line.number, ": ", std::string(columns.status().message()));
     }
     columns_ = *columns;
     has_header_ = true;
     return true;
   }
-  if (!facts_.geometry && SplitCsvEventFields(line.text).size() == 2) {
-    facts_.geometry = Sides(line.text);
-    return facts_.geometry.has_value();
+  if (!header_.geometry && SplitCsvEventFields(line.text).size() == 2) {
+    header_.geometry = Sides(std::string(line.text));
+    return header_.geometry.has_value();
   }
   return false;
 }
@@ -121,22 +112,21 @@ absl::Status CsvEventReader::Look(const PlainFileOptions& options) {
     has_fraction = has_fraction || HasTimeFraction(line->text, columns_);
   }
   if (events == 0 && (looked_at > 0 || !has_header_)) {
-    return absl::InvalidArgumentError(absl::StrCat(
+    return InvalidFile(
         path_, first_fault, looked_at > 0 ? "; none of the first lines is" : ": there is no",
         " an event as CSV (x,y,p,t such as 320,240,1,1000000; other orders with a header line or ",
-        "columns=txyp)"));
+        "columns=txyp)");
   }
-  facts_.format = "CSV";
-  facts_.time_unit = options.time_unit != TimeUnit::kAuto ? options.time_unit : columns_.time_unit;
-  if (facts_.time_unit == TimeUnit::kAuto) {
-    facts_.time_unit = has_fraction ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+  header_.format_name = "CSV";
+  header_.time_unit = options.time_unit != TimeUnit::kAuto ? options.time_unit : columns_.time_unit;
+  if (header_.time_unit == TimeUnit::kAuto) {
+    header_.time_unit = has_fraction ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
     if (std::abs(static_cast<double>(first_time)) > static_cast<double>(PlainClock::kMaxUs)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(path_, ":", first_line_, ": a time of ", first_time,
-                       " is too large for microseconds; say what it is: time=ns"));
+      return InvalidFile(path_, ":", first_line_, ": a time of ", first_time,
+                         " is too large for microseconds; say what it is: time=ns");
     }
   }
-  facts_.layout = has_header_ ? "columns of its header line" : "columns " + options.columns;
+  header_.layout = has_header_ ? "columns of its header line" : "columns " + options.columns;
   return absl::OkStatus();
 }
 
@@ -162,7 +152,7 @@ absl::Status CsvEventReader::Read(size_t max_count, std::vector<PlainEvent>* eve
     if (line->too_long) {
       fault = absl::StrCat("more than ", LineReader::kMaxLineBytes, " bytes");
     } else {
-      fault = ParseCsvEventLine(line->text, columns_, facts_.time_unit, &event);
+      fault = ParseCsvEventLine(line->text, columns_, header_.time_unit, &event);
     }
     if (fault) {
       RIGCAL_RETURN_IF_ERROR(CountBad(line->number, *fault));
@@ -182,7 +172,7 @@ absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenCsvEvents(const std::strin
   RIGCAL_ASSIGN_OR_RETURN(LineReader lines, LineReader::Open(path));
   auto reader = std::make_unique<CsvEventReader>(path, std::move(lines));
   RIGCAL_RETURN_IF_ERROR(reader->Look(options));
-  return std::unique_ptr<PlainEventReader>(std::move(reader));
+  return reader;
 }
 
 }  // namespace rigcal::agent

@@ -8,15 +8,13 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 #include <utility>
 
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "agent/event_files/event_file.h"
-#include "agent/event_files/event_file_writer.h"
+#include "agent/event/any_event_decoder.h"
 #include "agent/event_files/sensor_geometry.h"
-#include "agent/event_files/with_decoder.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -84,33 +82,6 @@ std::map<std::string, std::string> Fields(const EventFileHeader& header) {
   return fields;
 }
 
-// A file that appears under its name once it is complete.
-class NewFile {
- public:
-  explicit NewFile(std::string path)
-      : path_(std::move(path)), part_(absl::StrCat(path_, ".part", ::getpid())) {}
-  ~NewFile() {
-    if (!is_complete_) std::remove(part_.c_str());
-  }
-  NewFile(const NewFile&) = delete;
-  NewFile& operator=(const NewFile&) = delete;
-
-  const std::string& part() const { return part_; }
-  absl::Status Appear() {
-    if (std::rename(part_.c_str(), path_.c_str()) != 0) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("cannot make ", path_, ": ", std::strerror(errno)));
-    }
-    is_complete_ = true;
-    return absl::OkStatus();
-  }
-
- private:
-  const std::string path_;
-  const std::string part_;
-  bool is_complete_ = false;
-};
-
 }  // namespace
 
 absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& options) {
@@ -121,28 +92,30 @@ absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& opti
         absl::StrCat(options.out, " exists; add --force to replace it"));
   }
   if (std::filesystem::equivalent(options.in, out, ignored)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(options.out, " is the input file; name another one"));
+    return InvalidFile(options.out, " is the input file; name another one");
   }
   RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(options.in, options.plain));
   RIGCAL_ASSIGN_OR_RETURN(const auto geometry,
                           GeometryOf(options.in, file->header(), options.geometry));
-  NewFile new_file(options.out);
+  const EventFileHeader& header = file->header();
+  const std::string part = absl::StrCat(options.out, ".part", ::getpid());
+  const absl::Cleanup remove = [&part] { std::remove(part.c_str()); };  // unless it has its name
   const std::string ending = absl::AsciiStrToLower(out.extension().string());
   RIGCAL_ASSIGN_OR_RETURN(
       const auto writer,
-      CreateEventFileWriter(new_file.part(), ending,
-                            {.geometry = geometry, .fields = Fields(file->header())},
+      CreateEventFileWriter(part, ending, {.geometry = geometry, .fields = Fields(header)},
                             options.layout));
-  const SensorGeometry every =
-      file->header().format == EventFormat::kPlain ? kWholePlainSensor : kWholeSensor;
   ConversionSummary summary;
-  RIGCAL_RETURN_IF_ERROR(WithDecoder(file->header(), geometry.value_or(every), [&](auto decoder) {
-    return CopyAll(std::move(decoder), file.get(), writer.get(), &summary);
-  }));
+  RIGCAL_RETURN_IF_ERROR(std::visit(
+      [&](const auto& decoder) { return CopyAll(decoder, file.get(), writer.get(), &summary); },
+      MakeEventDecoder(header.format, header.halves_swapped,
+                       geometry.value_or(EveryPixel(header.format)))));
   RIGCAL_RETURN_IF_ERROR(writer->Finish());
   summary.losses = writer->losses();
-  RIGCAL_RETURN_IF_ERROR(new_file.Appear());
+  if (std::rename(part.c_str(), options.out.c_str()) != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("cannot make ", options.out, ": ", std::strerror(errno)));
+  }
   return summary;
 }
 

@@ -10,11 +10,10 @@
 #include <string_view>
 #include <utility>
 
-#include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "agent/event_files/csv_event_line.h"
 #include "agent/event_files/csv_event_reader.h"
 #include "agent/event_files/hdf5_event_reader.h"
-#include "agent/event_files/plain_event_file.h"
 #include "agent/event_files/raw_event_file.h"
 #include "agent/event_files/sensor_geometry.h"
 #include "common/status/status_macros.h"
@@ -22,20 +21,11 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr std::string_view kHdf5Signature = "\x89HDF\r\n\x1a\n";
-// HDF5 may follow a user block; then it begins at one of these.
-constexpr std::array<long, 4> kHdf5Offsets = {0, 512, 1024, 2048};
 // A comment of CSV files; RAW headers have a blank after the '%'.
 constexpr std::string_view kCsvComment = "%geometry";
 constexpr size_t kLookedAtBytes = 4096;
 
-struct Front {
-  std::string bytes;
-  bool is_hdf5 = false;
-  uint64_t byte_count = 0;
-};
-
-absl::Status ReadFront(const std::string& path, Front* front) {
+absl::StatusOr<std::string> ReadFront(const std::string& path) {
   // Asked before opening: to open a pipe would wait for its other end.
   struct stat status = {};
   if (::stat(path.c_str(), &status) != 0) {
@@ -44,19 +34,20 @@ absl::Status ReadFront(const std::string& path, Front* front) {
   if (!S_ISREG(status.st_mode)) {
     return absl::FailedPreconditionError(absl::StrCat(path, " is no file that can be read"));
   }
-  front->byte_count = static_cast<uint64_t>(status.st_size);
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rbe"),
                                                              std::fclose);
   if (file == nullptr) return absl::ErrnoToStatus(errno, absl::StrCat("cannot open ", path));
-  front->bytes.resize(kLookedAtBytes);
-  front->bytes.resize(std::fread(front->bytes.data(), 1, front->bytes.size(), file.get()));
-  const std::string_view bytes = front->bytes;
-  for (const long offset : kHdf5Offsets) {
-    const auto at = static_cast<size_t>(offset);
-    front->is_hdf5 =
-        front->is_hdf5 || (at < bytes.size() && bytes.substr(at).starts_with(kHdf5Signature));
-  }
-  return absl::OkStatus();
+  std::string bytes(kLookedAtBytes, '\0');
+  bytes.resize(std::fread(bytes.data(), 1, bytes.size(), file.get()));
+  return bytes;
+}
+
+// HDF5 may follow a user block; then it begins at one of these.
+bool IsHdf5(std::string_view bytes) {
+  constexpr std::array<size_t, 4> kOffsets = {0, 512, 1024, 2048};
+  return std::any_of(kOffsets.begin(), kOffsets.end(), [bytes](size_t at) {
+    return at < bytes.size() && bytes.substr(at).starts_with("\x89HDF\r\n\x1a\n");
+  });
 }
 
 // The first byte that is in no text, or npos where so few are that it is a text with damage.
@@ -76,32 +67,46 @@ constexpr char kKnownFiles[] =
 
 }  // namespace
 
+const char* TimeUnitName(TimeUnit unit) {
+  static constexpr const char* kNames[] = {"an unknown unit", "seconds", "microseconds",
+                                           "nanoseconds"};
+  return kNames[static_cast<size_t>(unit)];
+}
+
+void AddOptions(PlainFileOptions* options, OptionTable* table) {
+  table->AddChoice("time", &options->time_unit,
+                   std::vector<std::pair<std::string, TimeUnit>>{{"auto", TimeUnit::kAuto},
+                                                                 {"s", TimeUnit::kSeconds},
+                                                                 {"us", TimeUnit::kMicroseconds},
+                                                                 {"ns", TimeUnit::kNanoseconds}},
+                   "unit of times in CSV or HDF5; auto: fractions are seconds, whole numbers "
+                   "microseconds");
+  const auto read = [columns = &options->columns](const std::string& text) {
+    if (!ParseCsvEventOrder(text).ok()) {
+      return absl::InvalidArgumentError("must be an order of x, y, p and t, such as txyp");
+    }
+    *columns = text;
+    return absl::OkStatus();
+  };
+  table->Add("columns", "ORDER", "of CSV without a header line", read,
+             [columns = &options->columns] { return *columns; });
+}
+
 absl::StatusOr<std::unique_ptr<EventFile>> OpenEventFile(const std::string& path,
                                                          const PlainFileOptions& options) {
-  Front front;
-  RIGCAL_RETURN_IF_ERROR(ReadFront(path, &front));
-  if (front.bytes.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat(path, " is empty; ", kKnownFiles));
+  RIGCAL_ASSIGN_OR_RETURN(const std::string front, ReadFront(path));
+  if (front.empty()) {
+    return InvalidFile(path, " is empty; ", kKnownFiles);
   }
-  std::unique_ptr<PlainEventReader> reader;
-  if (front.is_hdf5) {
-    RIGCAL_ASSIGN_OR_RETURN(reader, OpenHdf5Events(path, options));
-  } else if (front.bytes.starts_with('%') && !front.bytes.starts_with(kCsvComment)) {
-    RIGCAL_ASSIGN_OR_RETURN(RawEventFile raw, RawEventFile::Open(path));
-    return std::make_unique<RawEventFile>(std::move(raw));
-  } else if (const size_t at = FindBinary(front.bytes); at != std::string::npos) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ", byte ", at, ": this is no file of events (", kKnownFiles, ")"));
-  } else {
-    absl::StatusOr<std::unique_ptr<PlainEventReader>> csv = OpenCsvEvents(path, options);
-    if (absl::IsInvalidArgument(csv.status())) {
-      return absl::InvalidArgumentError(absl::StrCat(std::string(csv.status().message()),
-                                                     "; byte 0 makes it neither RAW nor HDF5 (",
-                                                     kKnownFiles, ")"));
-    }
-    RIGCAL_ASSIGN_OR_RETURN(reader, std::move(csv));
+  if (IsHdf5(front)) return OpenHdf5Events(path, options);
+  if (front.starts_with('%') && !front.starts_with(kCsvComment)) return OpenRawEvents(path);
+  if (const size_t at = FindBinary(front); at != std::string::npos) {
+    return InvalidFile(path, ", byte ", at, ": this is no file of events (", kKnownFiles, ")");
   }
-  return std::make_unique<PlainEventFile>(std::move(reader), front.byte_count);
+  auto csv = OpenCsvEvents(path, options);
+  if (!absl::IsInvalidArgument(csv.status())) return csv;
+  return InvalidFile(std::string(csv.status().message()),
+                     "; byte 0 makes it neither RAW nor HDF5 (", kKnownFiles, ")");
 }
 
 absl::StatusOr<std::optional<SensorGeometry>> GeometryOf(
@@ -109,9 +114,8 @@ absl::StatusOr<std::optional<SensorGeometry>> GeometryOf(
     const std::optional<SensorGeometry>& given) {
   if (!given) return header.geometry;
   if (!header.geometry || *header.geometry == *given) return given;
-  return absl::InvalidArgumentError(absl::StrCat(path, ": the file says ",
-                                                 FormatSensorGeometry(*header.geometry),
-                                                 " pixels, not ", FormatSensorGeometry(*given)));
+  return InvalidFile(path, ": the file says ", FormatSensorGeometry(*header.geometry),
+                     " pixels, not ", FormatSensorGeometry(*given));
 }
 
 }  // namespace rigcal::agent

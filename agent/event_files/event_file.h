@@ -11,24 +11,47 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "agent/event/event.h"
-#include "agent/event/event_decoder.h"
-#include "agent/event_files/plain_event_reader.h"
+#include "absl/strings/str_cat.h"
+#include "agent/event/event_words.h"
+#include "common/options/option_table.h"
 #include "common/status/refusal.h"
 
 namespace rigcal::agent {
 
+// Unit of the times in a file for interchange. kAuto: in HDF5 whole numbers are microseconds and
+// fractions seconds; in CSV the unit of the column's name (t_us, t_s, t_ns), else seconds if one of
+// the first lines has a fraction that is not zero, else microseconds.
+enum class TimeUnit : uint8_t { kAuto, kSeconds, kMicroseconds, kNanoseconds };
+
+// "seconds" and so on.
+const char* TimeUnitName(TimeUnit unit);
+
+// How a file for interchange is read, if it does not say so itself.
+struct PlainFileOptions {
+  TimeUnit time_unit = TimeUnit::kAuto;
+  std::string columns = "xypt";  // of a CSV file without a header line
+};
+
+// "time" and "columns"
+void AddOptions(PlainFileOptions* options, OptionTable* table);
+
 // Facts that a file of events states itself.
 struct EventFileHeader {
-  EventFormat format = EventFormat::kEvt3;
-  bool halves_swapped = false;             // EVT 2.1 as an IMX636 sends it
-  std::string format_name;                 // "EVT3", "HDF5", "CSV"
-  std::string layout;                      // of HDF5 and CSV: dataset or columns
-  TimeUnit time_unit = TimeUnit::kAuto;    // of HDF5 and CSV, never kAuto there
-  std::optional<SensorGeometry> geometry;  // none: not stated
-  uint64_t byte_count = 0;                 // of RAW: the events begin here
-  std::map<std::string, std::string> fields;
+  EventFormat format = EventFormat::kPlain;
+  bool halves_swapped = false;                // EVT 2.1 as an IMX636 sends it
+  std::string format_name;                    // "EVT3", "HDF5", "CSV"
+  std::string layout;                         // of HDF5 and CSV: dataset or columns
+  TimeUnit time_unit = TimeUnit::kAuto;       // of HDF5 and CSV, never kAuto there
+  std::optional<SensorGeometry> geometry;     // none: not stated
+  size_t byte_count = 0;                      // of RAW: the events begin here
+  std::map<std::string, std::string> fields;  // its other statements, as text
 };
+
+// INVALID_ARGUMENT.
+template <typename... Pieces>
+absl::Status InvalidFile(const Pieces&... what) {
+  return absl::InvalidArgumentError(absl::StrCat(what...));
+}
 
 // A file of events, read in blocks as a stream of words; in bounded memory, however large the file.
 // One thread at a time.
@@ -36,8 +59,7 @@ class EventFile {
  public:
   virtual ~EventFile() = default;
 
-  virtual const EventFileHeader& header() const = 0;
-  virtual uint64_t byte_count() const = 0;  // of the whole file on disk
+  const EventFileHeader& header() const { return header_; }
   // Of the next piece in the stream of words: of RAW in the file, of others from its first event.
   virtual uint64_t byte_offset() const = 0;
   // The next piece of at most `max_bytes`, which must be a multiple of 16: whole words, except at
@@ -48,6 +70,9 @@ class EventFile {
   virtual std::string PlaceOf(uint64_t byte_offset) const = 0;
   // Input that was left out before it became a word, by reason. `camera` is left empty.
   virtual std::vector<Refusal> Refused() const { return {}; }
+
+ protected:
+  EventFileHeader header_;
 };
 
 // Opens a RAW, HDF5 or CSV file; the format is detected from its first bytes, not from its name.

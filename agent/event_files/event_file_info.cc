@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstddef>
+#include <filesystem>
 
+#include "agent/event/any_event_decoder.h"
 #include "agent/event/fault_locator.h"
 #include "agent/event_files/sensor_geometry.h"
-#include "agent/event_files/with_decoder.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -102,8 +102,8 @@ absl::Status CountAll(Decoder decoder, EventFile* file, EventFileInfo* info) {
     const Decoder before = decoder;
     decoder.Decode(bytes, sink);
     locator.Look(before, bytes, decoder.faults());
-    for (const auto& [name, offset] : locator.places().Named()) {
-      info->first_faults.try_emplace(std::string(name), file->PlaceOf(begin + offset));
+    for (const auto& [name, offset] : locator.places()) {
+      info->first_faults.try_emplace(name, file->PlaceOf(begin + offset));
     }
   }
   sink.EndEpoch();
@@ -132,18 +132,21 @@ absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
   RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(path, plain));
   EventFileInfo info;
   info.path = path;
-  info.byte_count = file->byte_count();
+  std::error_code ignored;
+  info.byte_count = std::filesystem::file_size(path, ignored);
   info.header = file->header();
+  const auto decoder_of = [&header = info.header](SensorGeometry all) {
+    return MakeEventDecoder(header.format, header.halves_swapped, all);
+  };
   RIGCAL_ASSIGN_OR_RETURN(const auto known, GeometryOf(path, info.header, geometry));
-  const SensorGeometry taken = known.value_or(kWholeSensor);
-  RIGCAL_RETURN_IF_ERROR(WithDecoder(
-      info.header, taken, [&](auto decoder) { return CountAll(decoder, file.get(), &info); }));
+  RIGCAL_RETURN_IF_ERROR(
+      std::visit([&](const auto& decoder) { return CountAll(decoder, file.get(), &info); },
+                 decoder_of(known.value_or(EveryPixel(EventFormat::kEvt3)))));
   if (info.faults.outside_geometry == 0) return info;
   RIGCAL_ASSIGN_OR_RETURN(const auto again, OpenEventFile(path, plain));
-  const SensorGeometry every =
-      info.header.format == EventFormat::kPlain ? kWholePlainSensor : kWholeSensor;
-  RIGCAL_RETURN_IF_ERROR(WithDecoder(
-      info.header, every, [&](auto decoder) { return FindExtent(decoder, again.get(), &info); }));
+  RIGCAL_RETURN_IF_ERROR(
+      std::visit([&](const auto& decoder) { return FindExtent(decoder, again.get(), &info); },
+                 decoder_of(EveryPixel(info.header.format))));
   return info;
 }
 

@@ -1,18 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "absl/status/statusor.h"
-#include "agent/event/event.h"
-#include "agent/event/event_decoder.h"
 #include "agent/event_files/event_file.h"
-#include "agent/event_files/plain_event_reader.h"
-#include "common/status/refusal.h"
 
 namespace rigcal::agent {
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <nlohmann/json.hpp>
-#include <string>
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "agent/event_files/event_file_info.h"
+#include "agent/event_files/sensor_geometry.h"
 
 namespace rigcal::agent {
 namespace {
@@ -16,48 +16,22 @@ void AppendLine(std::string* text, std::string_view what, const std::string& val
   absl::StrAppendFormat(text, "%-26s %s\n", std::string(what), value);
 }
 
-void AppendEdges(std::string* text, int channel, std::string_view edge, const TriggerEdges& edges) {
-  std::string value = absl::StrCat(edges.count, ", ", edges.first_us, " to ", edges.last_us, " us");
-  if (edges.longest_gap_us > 0) {
-    absl::StrAppend(&value, ", ", edges.shortest_gap_us, " to ", edges.longest_gap_us, " us apart");
-  }
-  AppendLine(text, absl::StrCat("  channel ", channel, " ", std::string(edge)), value);
-}
-
-void AppendFault(std::string* text, std::string_view what, uint64_t count,
-                 const EventFileInfo& info, const std::string& name) {
-  if (count == 0) return;
-  const auto first = info.first_faults.find(name);
-  AppendLine(text, absl::StrCat("  ", std::string(what)),
-             first == info.first_faults.end()
-                 ? absl::StrCat(count)
-                 : absl::StrCat(count, ", the first one at ", first->second));
-}
-
-std::string Text(const SensorGeometry& geometry) {
-  return absl::StrCat(geometry.width, "x", geometry.height);
+template <typename Visit>
+void ForEachEdges(const EventFileInfo& info, Visit visit) {
+  for (const auto& [channel, edges] : info.rising) visit(channel, "rising", edges);
+  for (const auto& [channel, edges] : info.falling) visit(channel, "falling", edges);
 }
 
 void AppendGeometry(std::string* text, const EventFileInfo& info) {
   AppendLine(text, "geometry",
-             info.header.geometry ? Text(*info.header.geometry)
+             info.header.geometry ? FormatSensorGeometry(*info.header.geometry)
                                   : absl::StrCat("not told; events reach column ", info.largest_x,
                                                  ", row ", info.largest_y));
   if (!info.extent) return;
-  AppendLine(
-      text, "  contradicted",
-      absl::StrCat(info.faults.outside_geometry, " events are outside of it; all of them ", "need ",
-                   Text(*info.extent), " pixels: another sensor, or damaged words"));
-}
-
-Json EdgesJson(int channel, std::string_view edge, const TriggerEdges& edges) {
-  return {{"channel", channel},
-          {"edge", std::string(edge)},
-          {"count", edges.count},
-          {"first_us", edges.first_us},
-          {"last_us", edges.last_us},
-          {"shortest_gap_us", edges.shortest_gap_us},
-          {"longest_gap_us", edges.longest_gap_us}};
+  AppendLine(text, "  contradicted",
+             absl::StrCat(info.faults.outside_geometry, " events are outside of it; all of them ",
+                          "need ", FormatSensorGeometry(*info.extent),
+                          " pixels: another sensor, or damaged words"));
 }
 
 Json GeometryJson(const std::optional<SensorGeometry>& geometry) {
@@ -84,22 +58,31 @@ std::string FormatInfo(const EventFileInfo& info) {
              absl::StrCat(info.cd_events, ", ON ", info.on_events, ", OFF ", info.off_events()));
   AppendLine(&text, "sums", absl::StrCat("x ", info.sum_x, ", y ", info.sum_y));
   AppendLine(&text, "trigger events", absl::StrCat(info.trigger_events));
-  for (const auto& [channel, edges] : info.rising) AppendEdges(&text, channel, "rising", edges);
-  for (const auto& [channel, edges] : info.falling) AppendEdges(&text, channel, "falling", edges);
+  ForEachEdges(info, [&](int channel, const char* edge, const TriggerEdges& edges) {
+    std::string value =
+        absl::StrCat(edges.count, ", ", edges.first_us, " to ", edges.last_us, " us");
+    if (edges.longest_gap_us > 0) {
+      absl::StrAppend(&value, ", ", edges.shortest_gap_us, " to ", edges.longest_gap_us,
+                      " us apart");
+    }
+    AppendLine(&text, absl::StrCat("  channel ", channel, " ", edge), value);
+  });
   if (info.first_us) {
     AppendLine(&text, "time", absl::StrCat(*info.first_us, " to ", *info.last_us, " us"));
     AppendLine(&text, "duration",
                absl::StrFormat("%.6f s", static_cast<double>(info.duration_us) / 1e6));
     AppendLine(&text, "rate", absl::StrFormat("%.3f Mev/s", info.events_per_s() / 1e6));
   }
-  const EventFaults& faults = info.faults;
-  const bool is_clean = faults == EventFaults{} && info.refused.empty();
+  const bool is_clean = info.faults == EventFaults{} && info.refused.empty();
   AppendLine(&text, "faults", is_clean ? "none" : "");
-  AppendFault(&text, "unknown words", faults.unknown_words, info, "unknown_words");
-  AppendFault(&text, "outside of the geometry", faults.outside_geometry, info, "outside_geometry");
-  AppendFault(&text, "before the time is told", faults.before_time, info, "before_time");
-  AppendFault(&text, "time steps back", faults.time_steps_back, info, "time_steps_back");
-  AppendFault(&text, "truncated bytes", faults.truncated_bytes, info, "truncated_bytes");
+  for (const EventFaultKind& kind : kEventFaultKinds) {
+    if (info.faults.*kind.count == 0) continue;
+    std::string value = absl::StrCat(info.faults.*kind.count);
+    if (const auto first = info.first_faults.find(kind.name); first != info.first_faults.end()) {
+      absl::StrAppend(&value, ", the first one at ", first->second);
+    }
+    AppendLine(&text, absl::StrCat("  ", kind.text), value);
+  }
   for (const Refusal& refusal : info.refused) {
     AppendLine(&text, absl::StrCat("  ", std::string(NameOf(refusal.reason))),
                absl::StrCat(refusal.count, ", the first one ", refusal.example));
@@ -128,25 +111,24 @@ std::string InfoJson(const EventFileInfo& info) {
   json["largest_x"] = info.largest_x;
   json["largest_y"] = info.largest_y;
   json["trigger_events"] = info.trigger_events;
-  Json triggers = Json::array();
-  for (const auto& [channel, edges] : info.rising) {
-    triggers.push_back(EdgesJson(channel, "rising", edges));
-  }
-  for (const auto& [channel, edges] : info.falling) {
-    triggers.push_back(EdgesJson(channel, "falling", edges));
-  }
-  json["triggers"] = std::move(triggers);
+  json["triggers"] = Json::array();
+  ForEachEdges(info, [&json](int channel, const char* edge, const TriggerEdges& edges) {
+    json["triggers"].push_back({{"channel", channel},
+                                {"edge", edge},
+                                {"count", edges.count},
+                                {"first_us", edges.first_us},
+                                {"last_us", edges.last_us},
+                                {"shortest_gap_us", edges.shortest_gap_us},
+                                {"longest_gap_us", edges.longest_gap_us}});
+  });
   json["first_us"] = info.first_us ? Json(*info.first_us) : Json(nullptr);
   json["last_us"] = info.last_us ? Json(*info.last_us) : Json(nullptr);
   json["duration_us"] = info.duration_us;
   json["events_per_s"] = info.events_per_s();
-  json["faults"] = {{"unknown_words", info.faults.unknown_words},
-                    {"outside_geometry", info.faults.outside_geometry},
-                    {"before_time", info.faults.before_time},
-                    {"time_steps_back", info.faults.time_steps_back},
-                    {"truncated_bytes", info.faults.truncated_bytes}};
-  json["first_faults"] = Json::object();
-  for (const auto& [name, place] : info.first_faults) json["first_faults"][name] = place;
+  for (const EventFaultKind& kind : kEventFaultKinds) {
+    json["faults"][kind.name] = info.faults.*kind.count;
+  }
+  json["first_faults"] = info.first_faults;
   json["refused"] = Json::array();
   for (const Refusal& refusal : info.refused) {
     json["refused"].push_back({{"reason", NameOf(refusal.reason)},

@@ -7,17 +7,43 @@
 #include <charconv>
 #include <cstring>
 #include <filesystem>
-#include <utility>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "agent/event/evt3_writer.h"
 #include "agent/event_files/hdf5_event_writer.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr size_t kTextBufferBytes = size_t{1} << 20;
+constexpr size_t kBufferBytes = size_t{1} << 20;
+constexpr size_t kMaxRunEvents = 4096;
+constexpr uint8_t kChannels = 16;  // four bits
+// TIME_HIGH words, as TimeHigh weighs them: it believes steps of up to kStep at once, longer ones
+// of up to half a period once the next word confirms them, and takes a jump from below kTop to
+// kStep or less for a restart.
+constexpr int64_t kPeriod = 0x1000;
+constexpr int64_t kStep = 16;
+constexpr int64_t kJump = 0x700;
+constexpr int64_t kTop = kPeriod - 1 - kStep;
+// 12 days of overflows to count make half a megabyte.
+constexpr int64_t kMaxClimb = int64_t{1} << 28;
+
+int64_t High(int64_t time_us) { return time_us >> 12; }
+
+class CsvEventWriter : public PlainEventWriter {
+ public:
+  explicit CsvEventWriter(OutputFile file) : file_(std::move(file)) {}
+  absl::Status Begin(const PlainFileFront& front);
+  absl::Status Write(std::span<const PlainEvent> events) override;
+  absl::Status Finish() override;
+
+ private:
+  OutputFile file_;
+  std::vector<uint8_t> text_;
+};
 
 template <typename Number>
 void AppendNumber(Number number, char end, std::vector<uint8_t>* text) {
@@ -27,58 +53,13 @@ void AppendNumber(Number number, char end, std::vector<uint8_t>* text) {
   text->push_back(static_cast<uint8_t>(end));
 }
 
-std::span<const uint8_t> Bytes(const std::string& text) {
-  return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
-}
-
-absl::Status UnknownEnding(std::string_view ending) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("\"", std::string(ending),
-                   "\" is no ending of a file of events: .raw (EVT 3.0), .csv, .h5 or .hdf5"));
-}
-
-}  // namespace
-
-absl::Status CheckEventFileEnding(const std::string& path) {
-  const std::string ending =
-      absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
-  for (const char* const known : {".csv", ".txt", ".raw", ".h5", ".hdf5"}) {
-    if (ending == known) return absl::OkStatus();
-  }
-  return UnknownEnding(ending);
-}
-
-absl::StatusOr<OutputFile> OutputFile::Create(const std::string& path) {
-  std::FILE* const file = std::fopen(path.c_str(), "wbe");
-  if (file == nullptr) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("cannot make ", path, ": ", std::strerror(errno)));
-  }
-  return OutputFile(path, file);
-}
-
-absl::Status OutputFile::Write(std::span<const uint8_t> bytes) {
-  if (std::fwrite(bytes.data(), 1, bytes.size(), file_.get()) == bytes.size()) {
-    return absl::OkStatus();
-  }
-  return absl::DataLossError(absl::StrCat("cannot write ", path_, ": ", std::strerror(errno)));
-}
-
-absl::Status OutputFile::Finish() {
-  if (std::fclose(file_.release()) == 0) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("cannot write ", path_, ": ", std::strerror(errno)));
-}
-
-absl::StatusOr<std::unique_ptr<CsvEventWriter>> CsvEventWriter::Create(
-    const std::string& path, const PlainFileFront& front) {
-  RIGCAL_ASSIGN_OR_RETURN(OutputFile file, OutputFile::Create(path));
+absl::Status CsvEventWriter::Begin(const PlainFileFront& front) {
   std::string text = "x,y,p,t\n";
   if (front.geometry) {
     text =
         absl::StrCat("%geometry:", front.geometry->width, ",", front.geometry->height, "\n", text);
   }
-  RIGCAL_RETURN_IF_ERROR(file.Write(Bytes(text)));
-  return std::unique_ptr<CsvEventWriter>(new CsvEventWriter(std::move(file)));
+  return file_.Write(text);
 }
 
 absl::Status CsvEventWriter::Write(std::span<const PlainEvent> events) {
@@ -91,7 +72,7 @@ absl::Status CsvEventWriter::Write(std::span<const PlainEvent> events) {
     AppendNumber(event.y, ',', &text_);
     AppendNumber(event.kind == PlainEvent::kOn ? 1 : 0, ',', &text_);
     AppendNumber(event.time_us, '\n', &text_);
-    if (text_.size() < kTextBufferBytes) continue;
+    if (text_.size() < kBufferBytes) continue;
     RIGCAL_RETURN_IF_ERROR(file_.Write(text_));
     text_.clear();
   }
@@ -103,12 +84,195 @@ absl::Status CsvEventWriter::Finish() {
   return file_.Finish();
 }
 
+class RawEventWriter : public PlainEventWriter {
+ public:
+  explicit RawEventWriter(OutputFile file) : file_(std::move(file)) {}
+  absl::Status Begin(const PlainFileFront& front);
+  absl::Status Write(std::span<const PlainEvent> events) override;
+  absl::Status Finish() override;
+
+ private:
+  // Makes this time one that the writer can go on to.
+  absl::Status GoTo(int64_t* time_us);
+  absl::Status Climb(int64_t high);
+  void StepBack();
+  void WriteHigh(int64_t high);
+  void WriteRun();
+
+  OutputFile file_;
+  Evt3Writer writer_;
+  std::optional<int64_t> high_;  // time that was written last, in units of 4096 us
+  std::vector<CdEvent> run_;
+  std::vector<uint8_t> words_;
+};
+
+absl::Status RawEventWriter::Begin(const PlainFileFront& front) {
+  const auto serial = front.fields.find("serial_number");
+  return file_.Write(
+      Evt3Header(*front.geometry, serial == front.fields.end() ? "unknown" : serial->second));
+}
+
+void RawEventWriter::WriteHigh(int64_t high) {
+  writer_.WriteTime(high * kPeriod, &words_);
+  high_ = high;
+}
+
+absl::Status RawEventWriter::Climb(int64_t high) {
+  if (high - *high_ > kMaxClimb) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(file_.path(), ": EVT 3.0 counts 16 s at a time and cannot tell a time of ",
+                     high * kPeriod, " us; write HDF5 or CSV"));
+  }
+  while (high - *high_ > kStep) {
+    int64_t next = std::min(high, *high_ + kJump);
+    const bool looks_like_restart = next % kPeriod <= kStep && *high_ % kPeriod <= kTop;
+    if (looks_like_restart && next / kPeriod != *high_ / kPeriod) {
+      next = next / kPeriod * kPeriod - kStep / 2;
+    }
+    WriteHigh(next);
+    if (next < high) WriteHigh(next + 1);
+  }
+  return absl::OkStatus();
+}
+
+void RawEventWriter::StepBack() {
+  WriteHigh(*high_ + 1);  // confirms the last one: it may have been a jump
+  // From where a jump to zero is taken for a restart.
+  const int64_t value = *high_ % kPeriod;
+  if (value <= kStep || value > kTop) {
+    WriteHigh(*high_ + 4 * kStep);
+    WriteHigh(*high_ + 1);
+  }
+  for (int i = 0; i < 2; ++i) {
+    writer_ = Evt3Writer();
+    WriteHigh(0);
+  }
+}
+
+absl::Status RawEventWriter::GoTo(int64_t* time_us) {
+  if (*time_us < 0) {
+    return absl::FailedPreconditionError(absl::StrCat(file_.path(),
+                                                      ": a sensor's time cannot be negative, as ",
+                                                      *time_us, " us is; write HDF5 or CSV"));
+  }
+  if (!high_) {
+    WriteHigh(std::min(High(*time_us), kPeriod - 1));
+    // A first word that a jump follows is confirmed, too.
+    if (*high_ < High(*time_us)) WriteHigh(*high_ + 1);
+  }
+  int64_t high = High(*time_us);
+  if (high < *high_) {
+    if (*high_ * kPeriod - *time_us <= PlainClock::kJitterUs) {
+      ++losses_.moved_events;
+      *time_us = *high_ * kPeriod;
+      return absl::OkStatus();
+    }
+    StepBack();
+    high = High(*time_us);
+  }
+  RIGCAL_RETURN_IF_ERROR(Climb(high));
+  high_ = high;
+  return absl::OkStatus();
+}
+
+void RawEventWriter::WriteRun() {
+  writer_.Write(run_, &words_);
+  run_.clear();
+}
+
+absl::Status RawEventWriter::Write(std::span<const PlainEvent> events) {
+  for (const PlainEvent& event : events) {
+    if (event.kind >= PlainEvent::kUnreadable) continue;
+    const bool is_trigger = event.kind >= PlainEvent::kTriggerFalling;
+    if (is_trigger && event.channel >= kChannels) {
+      ++losses_.triggers;
+      continue;
+    }
+    int64_t time_us = event.time_us;
+    if (!high_ || High(time_us) != *high_ || is_trigger || run_.size() >= kMaxRunEvents) {
+      WriteRun();
+      RIGCAL_RETURN_IF_ERROR(GoTo(&time_us));
+    }
+    if (is_trigger) {
+      writer_.Write(TriggerEvent{.time_us = time_us,
+                                 .channel = event.channel,
+                                 .rising = event.kind == PlainEvent::kTriggerRising},
+                    &words_);
+    } else {
+      run_.push_back(
+          {.time_us = time_us, .x = event.x, .y = event.y, .on = event.kind == PlainEvent::kOn});
+    }
+    if (words_.size() < kBufferBytes) continue;
+    RIGCAL_RETURN_IF_ERROR(file_.Write(words_));
+    words_.clear();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status RawEventWriter::Finish() {
+  WriteRun();
+  RIGCAL_RETURN_IF_ERROR(file_.Write(words_));
+  return file_.Finish();
+}
+
+absl::Status UnknownEnding(std::string_view ending) {
+  return InvalidFile("\"", std::string(ending),
+                     "\" is no ending of a file of events: .raw (EVT 3.0), .csv, .h5 or .hdf5");
+}
+
+template <typename Writer>
+absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateWriter(const std::string& path,
+                                                               const PlainFileFront& front) {
+  RIGCAL_ASSIGN_OR_RETURN(OutputFile file, OutputFile::Create(path));
+  auto writer = std::make_unique<Writer>(std::move(file));
+  RIGCAL_RETURN_IF_ERROR(writer->Begin(front));
+  return writer;
+}
+
+}  // namespace
+
+absl::StatusOr<OutputFile> OutputFile::Create(const std::string& path) {
+  std::FILE* const file = std::fopen(path.c_str(), "wbe");
+  if (file != nullptr) return OutputFile(path, file);
+  return absl::FailedPreconditionError(
+      absl::StrCat("cannot make ", path, ": ", std::strerror(errno)));
+}
+
+absl::Status OutputFile::Write(std::span<const uint8_t> bytes) {
+  return Check(std::fwrite(bytes.data(), 1, bytes.size(), file_.get()) == bytes.size());
+}
+
+absl::Status OutputFile::Write(const std::string& text) {
+  return Write({reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+}
+
+absl::Status OutputFile::Finish() { return Check(std::fclose(file_.release()) == 0); }
+
+absl::Status OutputFile::Check(bool done) const {
+  if (done) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("cannot write ", path_, ": ", std::strerror(errno)));
+}
+
+absl::Status CheckEventFileEnding(const std::string& path) {
+  const std::string ending =
+      absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  for (const char* const known : {".csv", ".txt", ".raw", ".h5", ".hdf5"}) {
+    if (ending == known) return absl::OkStatus();
+  }
+  return UnknownEnding(ending);
+}
+
 absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateEventFileWriter(const std::string& path,
                                                                         std::string_view ending,
                                                                         const PlainFileFront& front,
                                                                         const std::string& layout) {
-  if (ending == ".csv" || ending == ".txt") return CsvEventWriter::Create(path, front);
-  if (ending == ".raw") return RawEventWriter::Create(path, front);
+  if (ending == ".csv" || ending == ".txt") return CreateWriter<CsvEventWriter>(path, front);
+  if (ending == ".raw") {
+    if (front.geometry) return CreateWriter<RawEventWriter>(path, front);
+    return absl::InvalidArgumentError(
+        "a RAW file needs the size of the sensor, and nothing tells it: add --geometry "
+        "WIDTHxHEIGHT");
+  }
   if (ending == ".h5" || ending == ".hdf5") {
     return CreateHdf5EventWriter(
         path, front, layout == "events" ? Hdf5EventLayout::kColumns : Hdf5EventLayout::kProphesee);

@@ -35,11 +35,11 @@ absl::Status MissingFilter(const std::string& where, H5Z_filter_t id, const char
     name = known.name;
     from = known.package;
   }
-  return absl::InvalidArgumentError(absl::StrCat(
+  return InvalidFile(
       where, " is compressed with ", name, " (HDF5 filter ", id,
       "), which is not installed here; install it from ", from,
       " and name its folder in HDF5_PLUGIN_PATH, or where it is installed write the file anew "
-      "without it: h5repack -f GZIP=1 IN.h5 OUT.h5"));
+      "without it: h5repack -f GZIP=1 IN.h5 OUT.h5");
 }
 
 absl::Status CheckFilters(const std::string& where, hid_t creation) {
@@ -74,14 +74,13 @@ absl::StatusOr<std::shared_ptr<const Hdf5Dataset>> Hdf5Dataset::Open(const std::
   const std::string where = absl::StrCat(file, ": ", path);
   dataset->handle = Hdf5Handle(H5Dopen2(file_id, path.c_str(), H5P_DEFAULT), H5Dclose);
   if (!dataset->handle.ok()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(where, " is no dataset that can be opened: ", Hdf5Reason()));
+    return InvalidFile(where, " is no dataset that can be opened: ", Hdf5Reason());
   }
   const Hdf5Handle space(H5Dget_space(dataset->handle.get()), H5Sclose);
   if (const int rank = H5Sget_simple_extent_ndims(space.get()); rank != 1) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        where, " has ", rank, " dimensions, but a column of events has one; write x, y, p and t ",
-        "as datasets of their own"));
+    return InvalidFile(where, " has ", rank,
+                       " dimensions, but a column of events has one; write x, y, p and t ",
+                       "as datasets of their own");
   }
   hsize_t rows = 0;
   H5Sget_simple_extent_dims(space.get(), &rows, nullptr);
@@ -91,10 +90,10 @@ absl::StatusOr<std::shared_ptr<const Hdf5Dataset>> Hdf5Dataset::Open(const std::
   RIGCAL_RETURN_IF_ERROR(CheckFilters(where, creation.get()));
   const size_t chunk_bytes = ChunkBytes(creation.get(), dataset->type.get());
   if (chunk_bytes > kMaxChunkBytes) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        where, " is stored in chunks of ", chunk_bytes >> 20, " MB, more than the ",
-        kMaxChunkBytes >> 20, " MB that are held in memory; write the file anew in smaller ones: ",
-        "h5repack -l CHUNK=65536 IN.h5 OUT.h5"));
+    return InvalidFile(where, " is stored in chunks of ", chunk_bytes >> 20, " MB, more than the ",
+                       kMaxChunkBytes >> 20,
+                       " MB that are held in memory; write the file anew in smaller ones: ",
+                       "h5repack -l CHUNK=65536 IN.h5 OUT.h5");
   }
   if (chunk_bytes > 0) {
     // A chunk that does not fit into its cache is read and unpacked again for every block of it.
@@ -129,30 +128,21 @@ absl::StatusOr<Hdf5Column> Hdf5Column::Create(std::shared_ptr<const Hdf5Dataset>
   column.dataset_ = std::move(dataset);
   column.member_ = member;
   const hid_t row_type = column.dataset_->type.get();
-  Hdf5Handle type(H5Tcopy(row_type), H5Tclose);
-  if (!member.empty()) {
+  if (member.empty()) {
+    column.type_ = Hdf5Handle(H5Tcopy(row_type), H5Tclose);
+  } else {
     const int index =
         H5Tget_class(row_type) == H5T_COMPOUND ? H5Tget_member_index(row_type, member.c_str()) : -1;
     if (index < 0) {
-      return absl::InvalidArgumentError(absl::StrCat(
+      return InvalidFile(
           column.dataset_->file, ": ", column.dataset_->path, " has no member ", member,
-          "; events are compound, with members x, y, p and t (triggers: p, t and id)"));
+          "; events are compound, with members x, y, p and t (triggers: p, t and id)");
     }
-    type = Hdf5Handle(H5Tget_member_type(row_type, static_cast<unsigned>(index)), H5Tclose);
+    column.type_ = Hdf5Handle(H5Tget_member_type(row_type, static_cast<unsigned>(index)), H5Tclose);
   }
-  const H5T_class_t kind = H5Tget_class(type.get());
-  column.is_float_ = kind == H5T_FLOAT;
-  column.byte_count_ = H5Tget_size(type.get());
-  if (kind == H5T_ENUM) {
-    const Hdf5Handle base(H5Tget_super(type.get()), H5Tclose);
-    column.is_signed_ = H5Tget_sign(base.get()) != H5T_SGN_NONE;
-  } else if (kind == H5T_INTEGER) {
-    column.is_signed_ = H5Tget_sign(type.get()) != H5T_SGN_NONE;
-  } else if (kind != H5T_FLOAT) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(column.dataset_->file, ": ", column.Name(), " is not of numbers"));
-  }
-  return column;
+  const H5T_class_t kind = H5Tget_class(column.type_.get());
+  if (kind == H5T_ENUM || kind == H5T_INTEGER || kind == H5T_FLOAT) return column;
+  return InvalidFile(column.dataset_->file, ": ", column.Name(), " is not of numbers");
 }
 
 std::string Hdf5Column::Name() const {
@@ -160,33 +150,17 @@ std::string Hdf5Column::Name() const {
 }
 
 absl::Status Hdf5Column::RequireWhole() const {
-  if (!is_float_) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(dataset_->file, ": ", Name(),
-                   " is of floating-point numbers, but x, y and p of an event are whole ones; ",
-                   "write the events as the sensor told them, not undistorted"));
+  if (!is_float()) return absl::OkStatus();
+  return InvalidFile(dataset_->file, ": ", Name(),
+                     " is of floating-point numbers, but x, y and p of an event are whole ones; ",
+                     "write the events as the sensor told them, not undistorted");
 }
 
-template <typename Value>
-absl::Status Hdf5Column::ReadAs(hid_t type, uint64_t first, size_t count,
-                                std::vector<Value>* values) const {
-  values->resize(count);
-  if (member_.empty()) return dataset_->Read(first, count, type, values->data());
-  const Hdf5Handle row(H5Tcreate(H5T_COMPOUND, sizeof(Value)), H5Tclose);
+absl::Status Hdf5Column::ReadAs(hid_t type, uint64_t first, size_t count, void* values) const {
+  if (member_.empty()) return dataset_->Read(first, count, type, values);
+  const Hdf5Handle row(H5Tcreate(H5T_COMPOUND, H5Tget_size(type)), H5Tclose);
   H5Tinsert(row.get(), member_.c_str(), 0, type);
-  return dataset_->Read(first, count, row.get(), values->data());
-}
-
-absl::Status Hdf5Column::Read(uint64_t first, size_t count, std::vector<int32_t>* values) const {
-  return ReadAs(H5T_NATIVE_INT32, first, count, values);
-}
-
-absl::Status Hdf5Column::Read(uint64_t first, size_t count, std::vector<int64_t>* values) const {
-  return ReadAs(H5T_NATIVE_INT64, first, count, values);
-}
-
-absl::Status Hdf5Column::Read(uint64_t first, size_t count, std::vector<double>* values) const {
-  return ReadAs(H5T_NATIVE_DOUBLE, first, count, values);
+  return dataset_->Read(first, count, row.get(), values);
 }
 
 }  // namespace rigcal::agent

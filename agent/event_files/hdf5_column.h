@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/event_files/hdf5_handle.h"
 
@@ -43,26 +43,28 @@ class Hdf5Column {
 
   const Hdf5Dataset& dataset() const { return *dataset_; }
   std::string Name() const;  // "/events/x", "x of /CD/events"
-  bool is_float() const { return is_float_; }
-  size_t byte_count() const { return byte_count_; }  // of a number in the file
-  bool is_signed() const { return is_signed_; }
+  bool is_float() const { return H5Tget_class(type_.get()) == H5T_FLOAT; }
+  bool Is(hid_t type) const { return H5Tequal(type_.get(), type) > 0; }
   // INVALID_ARGUMENT, unless it is of whole numbers (bool is).
   absl::Status RequireWhole() const;
 
-  // A number that does not fit becomes the nearest that does. DATA_LOSS.
-  absl::Status Read(uint64_t first, size_t count, std::vector<int32_t>* values) const;
-  absl::Status Read(uint64_t first, size_t count, std::vector<int64_t>* values) const;
-  absl::Status Read(uint64_t first, size_t count, std::vector<double>* values) const;
+  // Replaces `values` (int32_t, int64_t or double). A number that does not fit becomes the nearest
+  // that does. DATA_LOSS.
+  template <typename Value>
+  absl::Status Read(uint64_t first, size_t count, std::vector<Value>* values) const {
+    values->resize(count);
+    const hid_t type = std::is_floating_point_v<Value> ? H5T_NATIVE_DOUBLE
+                       : sizeof(Value) == 4            ? H5T_NATIVE_INT32
+                                                       : H5T_NATIVE_INT64;
+    return ReadAs(type, first, count, values->data());
+  }
 
  private:
-  template <typename Value>
-  absl::Status ReadAs(hid_t type, uint64_t first, size_t count, std::vector<Value>* values) const;
+  absl::Status ReadAs(hid_t type, uint64_t first, size_t count, void* values) const;
 
   std::shared_ptr<const Hdf5Dataset> dataset_;
   std::string member_;  // empty: the dataset is the column
-  bool is_float_ = false;
-  bool is_signed_ = false;
-  size_t byte_count_ = 0;
+  Hdf5Handle type_;     // of the numbers in the file
 };
 
 }  // namespace rigcal::agent

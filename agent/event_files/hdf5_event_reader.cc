@@ -7,14 +7,9 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstddef>
-#include <optional>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "agent/event_files/hdf5_handle.h"
-#include "agent/event_files/hdf5_layout.h"
 #include "agent/event_files/hdf5_row_reader.h"
 #include "common/status/status_macros.h"
 
@@ -33,9 +28,8 @@ class Hdf5EventReader : public PlainEventReader {
   }
 
   absl::Status Open(const PlainFileOptions& options);
-  const PlainFileFacts& facts() const override { return facts_; }
   absl::Status Read(size_t max_count, std::vector<PlainEvent>* events) override;
-  std::string PlaceOf(size_t index) const override;
+  std::string PlaceInBlock(size_t index) const override;
 
  private:
   static constexpr size_t kBlockRows = size_t{1} << 16;
@@ -53,8 +47,10 @@ class Hdf5EventReader : public PlainEventReader {
 
     bool empty() const { return next == block.size(); }
     uint64_t at() const { return row + next; }
-    // The block is to hold the rows from at() on; returns how many.
+    // The block is to hold the rows from at() on; returns how many. 0: it is not at its end, or
+    // there are no more.
     size_t BeginBlock() {
+      if (!empty() || at() == row_count) return 0;
       row = at();
       next = 0;
       return static_cast<size_t>(std::min<uint64_t>(kBlockRows, row_count - row));
@@ -62,15 +58,13 @@ class Hdf5EventReader : public PlainEventReader {
   };
 
   absl::Status ChooseTimeUnit(const Hdf5Column& t, TimeUnit asked);
-  absl::Status FillEvents();
-  absl::Status FillTriggers();
+  absl::Status Fill();  // what is empty and not at its end
   // Lets the queue's next event go through its clock; false: it is damaged and goes by itself.
   static bool Judge(Queue* queue);
   bool TriggerIsNext();
 
   std::string path_;
   Hdf5Handle file_;
-  PlainFileFacts facts_;
   std::optional<Hdf5RowReader> rows_;
   Queue cd_, edges_;
   uint64_t block_cd_row_ = 0, block_edge_row_ = 0;  // at the beginning of the last Read
@@ -78,38 +72,33 @@ class Hdf5EventReader : public PlainEventReader {
 };
 
 absl::Status Hdf5EventReader::ChooseTimeUnit(const Hdf5Column& t, TimeUnit asked) {
-  facts_.time_unit = asked;
+  header_.time_unit = asked;
   if (asked != TimeUnit::kAuto) return absl::OkStatus();
-  facts_.time_unit = t.is_float() ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
+  header_.time_unit = t.is_float() ? TimeUnit::kSeconds : TimeUnit::kMicroseconds;
   if (t.is_float() || t.dataset().row_count == 0) return absl::OkStatus();
   std::vector<int64_t> first;
   RIGCAL_RETURN_IF_ERROR(t.Read(0, 1, &first));
   if (std::abs(first[0]) <= PlainClock::kMaxUs) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(path_, ": ", t.Name(), " begins with ", first[0],
-                   ", too large for microseconds; say what it is: time=ns"));
+  return InvalidFile(path_, ": ", t.Name(), " begins with ", first[0],
+                     ", too large for microseconds; say what it is: time=ns");
 }
 
 absl::Status Hdf5EventReader::Open(const PlainFileOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(Hdf5Layout layout, Hdf5Layout::Open(path_, file_.get()));
-  facts_.format = "HDF5";
-  facts_.layout = layout.name;
-  facts_.geometry = layout.geometry;
-  facts_.fields = layout.fields;
+  header_ = layout.header;
   RIGCAL_RETURN_IF_ERROR(ChooseTimeUnit(layout.events.t, options.time_unit));
   cd_.row_count = layout.events.x.dataset().row_count;
   if (layout.triggers) edges_.row_count = layout.triggers->t.dataset().row_count;
-  rows_.emplace(std::move(layout), facts_.time_unit);
+  rows_.emplace(std::move(layout), header_.time_unit);
   return absl::OkStatus();
 }
 
-absl::Status Hdf5EventReader::FillEvents() {
-  const size_t count = cd_.BeginBlock();
-  return rows_->ReadEvents(cd_.row, count, &cd_.block);
-}
-
-absl::Status Hdf5EventReader::FillTriggers() {
+absl::Status Hdf5EventReader::Fill() {
+  if (const size_t count = cd_.BeginBlock(); count > 0) {
+    RIGCAL_RETURN_IF_ERROR(rows_->ReadEvents(cd_.row, count, &cd_.block));
+  }
   const size_t count = edges_.BeginBlock();
+  if (count == 0) return absl::OkStatus();
   return rows_->ReadTriggers(edges_.row, count, &edges_.block, &edges_.events_before);
 }
 
@@ -121,15 +110,9 @@ bool Hdf5EventReader::Judge(Queue* queue) {
   if (queue->clock.Take(event.time_us)) return true;
   const bool sees_next = queue->next + 1 < queue->block.size();
   const int64_t next_us = sees_next ? queue->block[queue->next + 1].time_us : 0;
-  switch (queue->clock.Decide(event.time_us, sees_next ? &next_us : nullptr)) {
-    case PlainClock::Verdict::kDamaged:
-      return false;
-    case PlainClock::Verdict::kStepBack:
-      ++queue->epoch;
-      return true;
-    default:
-      return true;
-  }
+  const auto verdict = queue->clock.Decide(event.time_us, sees_next ? &next_us : nullptr);
+  queue->epoch += verdict == PlainClock::Verdict::kStepBack ? 1 : 0;
+  return verdict != PlainClock::Verdict::kDamaged;
 }
 
 bool Hdf5EventReader::TriggerIsNext() {
@@ -152,8 +135,7 @@ absl::Status Hdf5EventReader::Read(size_t max_count, std::vector<PlainEvent>* ev
   block_cd_row_ = cd_.at();
   block_edge_row_ = edges_.at();
   while (events->size() < max_count) {
-    if (cd_.empty() && cd_.at() < cd_.row_count) RIGCAL_RETURN_IF_ERROR(FillEvents());
-    if (edges_.empty() && edges_.at() < edges_.row_count) RIGCAL_RETURN_IF_ERROR(FillTriggers());
+    RIGCAL_RETURN_IF_ERROR(Fill());
     if (edges_.empty()) {
       // Nearly always so: all of one kind.
       if (cd_.empty()) break;
@@ -173,14 +155,13 @@ absl::Status Hdf5EventReader::Read(size_t max_count, std::vector<PlainEvent>* ev
   return absl::OkStatus();
 }
 
-std::string Hdf5EventReader::PlaceOf(size_t index) const {
-  if (index >= block_is_edge_.size()) return "";
+std::string Hdf5EventReader::PlaceInBlock(size_t index) const {
   const auto end = block_is_edge_.begin() + static_cast<std::ptrdiff_t>(index);
   const auto edges = static_cast<uint64_t>(std::count(block_is_edge_.begin(), end, true));
   if (block_is_edge_[index]) {
     return absl::StrCat("row ", block_edge_row_ + edges, " of /EXT_TRIGGER/events");
   }
-  return absl::StrCat("row ", block_cd_row_ + index - edges, " of ", facts_.layout);
+  return absl::StrCat("row ", block_cd_row_ + index - edges, " of ", header_.layout);
 }
 
 }  // namespace
@@ -194,14 +175,13 @@ absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenHdf5Events(const std::stri
   const Hdf5Lock lock;
   Hdf5Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!file.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat(
+    return InvalidFile(
         path, ": HDF5 cannot open it: ", Hdf5Reason(),
-        "; was it copied or written to its end? (h5clear -s mends a file that was not closed)"));
+        "; was it copied or written to its end? (h5clear -s mends a file that was not closed)");
   }
   auto reader = std::make_unique<Hdf5EventReader>(path, std::move(file));
-  const absl::Status opened = reader->Open(options);
-  return opened.ok() ? absl::StatusOr<std::unique_ptr<PlainEventReader>>(std::move(reader))
-                     : absl::StatusOr<std::unique_ptr<PlainEventReader>>(opened);
+  RIGCAL_RETURN_IF_ERROR(reader->Open(options));
+  return reader;
 }
 
 }  // namespace rigcal::agent

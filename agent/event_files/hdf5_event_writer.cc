@@ -2,7 +2,7 @@
 #include "agent/event_files/hdf5_event_writer.h"
 
 #include <cstddef>
-#include <utility>
+#include <tuple>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -87,20 +87,15 @@ class GrowingDataset {
   hsize_t written_ = 0;
 };
 
-Hdf5Handle CdType() {
-  Hdf5Handle type(H5Tcreate(H5T_COMPOUND, sizeof(CdRow)), H5Tclose);
-  H5Tinsert(type.get(), "x", offsetof(CdRow, x), H5T_STD_U16LE);
-  H5Tinsert(type.get(), "y", offsetof(CdRow, y), H5T_STD_U16LE);
-  H5Tinsert(type.get(), "p", offsetof(CdRow, p), H5T_STD_I16LE);
-  H5Tinsert(type.get(), "t", offsetof(CdRow, t), H5T_STD_I64LE);
-  return type;
-}
+struct Member {
+  const char* name;
+  size_t offset;
+  hid_t type;
+};
 
-Hdf5Handle TriggerType() {
-  Hdf5Handle type(H5Tcreate(H5T_COMPOUND, sizeof(TriggerRow)), H5Tclose);
-  H5Tinsert(type.get(), "p", offsetof(TriggerRow, p), H5T_STD_I16LE);
-  H5Tinsert(type.get(), "t", offsetof(TriggerRow, t), H5T_STD_I64LE);
-  H5Tinsert(type.get(), "id", offsetof(TriggerRow, id), H5T_STD_I16LE);
+Hdf5Handle Compound(size_t size, std::initializer_list<Member> members) {
+  Hdf5Handle type(H5Tcreate(H5T_COMPOUND, size), H5Tclose);
+  for (const auto& [name, offset, member] : members) H5Tinsert(type.get(), name, offset, member);
   return type;
 }
 
@@ -118,7 +113,6 @@ class Hdf5EventWriter : public PlainEventWriter {
   absl::Status Begin(const PlainFileFront& front);
   absl::Status Write(std::span<const PlainEvent> events) override;
   absl::Status Finish() override;
-  WriterLosses losses() const override { return losses_; }
 
  private:
   absl::Status AddAttribute(const std::string& name, const std::string& value);
@@ -127,7 +121,14 @@ class Hdf5EventWriter : public PlainEventWriter {
   uint64_t event_count() const {
     return layout_ == Hdf5EventLayout::kProphesee ? cd_.count() : t_.count();
   }
-  void Close();
+  template <typename Visit>
+  void ForEachDataset(Visit visit) {
+    std::apply([&](auto&... datasets) { (visit(datasets), ...); },
+               std::tie(cd_, triggers_, events_before_, x_, y_, p_, t_));
+  }
+  void Close() {
+    ForEachDataset([](auto& dataset) { dataset.Close(); });
+  }
 
   const std::string path_;
   Hdf5Handle file_;
@@ -138,7 +139,6 @@ class Hdf5EventWriter : public PlainEventWriter {
   GrowingDataset<uint16_t> x_, y_;
   GrowingDataset<uint8_t> p_;
   GrowingDataset<int64_t> t_;
-  WriterLosses losses_;
 };
 
 absl::Status Hdf5EventWriter::AddAttribute(const std::string& name, const std::string& value) {
@@ -177,9 +177,18 @@ absl::Status Hdf5EventWriter::Begin(const PlainFileFront& front) {
     return t_.Create(path_, events.get(), "t", Plain(H5T_STD_I64LE));
   }
   const Hdf5Handle cd = group("CD");
-  RIGCAL_RETURN_IF_ERROR(cd_.Create(path_, cd.get(), "events", CdType()));
+  RIGCAL_RETURN_IF_ERROR(
+      cd_.Create(path_, cd.get(), "events",
+                 Compound(sizeof(CdRow), {{"x", offsetof(CdRow, x), H5T_STD_U16LE},
+                                          {"y", offsetof(CdRow, y), H5T_STD_U16LE},
+                                          {"p", offsetof(CdRow, p), H5T_STD_I16LE},
+                                          {"t", offsetof(CdRow, t), H5T_STD_I64LE}})));
   const Hdf5Handle edges = group("EXT_TRIGGER");
-  RIGCAL_RETURN_IF_ERROR(triggers_.Create(path_, edges.get(), "events", TriggerType()));
+  RIGCAL_RETURN_IF_ERROR(triggers_.Create(
+      path_, edges.get(), "events",
+      Compound(sizeof(TriggerRow), {{"p", offsetof(TriggerRow, p), H5T_STD_I16LE},
+                                    {"t", offsetof(TriggerRow, t), H5T_STD_I64LE},
+                                    {"id", offsetof(TriggerRow, id), H5T_STD_I16LE}})));
   return events_before_.Create(path_, edges.get(), "cd_events_before", Plain(H5T_STD_U64LE));
 }
 
@@ -217,25 +226,11 @@ absl::Status Hdf5EventWriter::Write(std::span<const PlainEvent> events) {
   return absl::OkStatus();
 }
 
-void Hdf5EventWriter::Close() {
-  cd_.Close();
-  triggers_.Close();
-  events_before_.Close();
-  x_.Close();
-  y_.Close();
-  p_.Close();
-  t_.Close();
-}
-
 absl::Status Hdf5EventWriter::Finish() {
   const Hdf5Lock lock;
-  RIGCAL_RETURN_IF_ERROR(cd_.Flush());
-  RIGCAL_RETURN_IF_ERROR(triggers_.Flush());
-  RIGCAL_RETURN_IF_ERROR(events_before_.Flush());
-  RIGCAL_RETURN_IF_ERROR(x_.Flush());
-  RIGCAL_RETURN_IF_ERROR(y_.Flush());
-  RIGCAL_RETURN_IF_ERROR(p_.Flush());
-  RIGCAL_RETURN_IF_ERROR(t_.Flush());
+  absl::Status status;
+  ForEachDataset([&status](auto& dataset) { status.Update(dataset.Flush()); });
+  RIGCAL_RETURN_IF_ERROR(status);
   Close();
   const bool flushed = H5Fflush(file_.get(), H5F_SCOPE_GLOBAL) >= 0;
   const std::string reason = flushed ? "" : Hdf5Reason();
@@ -256,7 +251,7 @@ absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateHdf5EventWriter(const st
   }
   auto writer = std::make_unique<Hdf5EventWriter>(path, std::move(file), layout);
   RIGCAL_RETURN_IF_ERROR(writer->Begin(front));
-  return std::unique_ptr<PlainEventWriter>(std::move(writer));
+  return writer;
 }
 
 }  // namespace rigcal::agent

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <memory>
-#include <string>
-
-#include "absl/status/statusor.h"
-#include "agent/event_files/plain_event_writer.h"
+#include "agent/event_files/event_file_writer.h"
 
 namespace rigcal::agent {
 

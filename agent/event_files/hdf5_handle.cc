@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "absl/strings/escaping.h"
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 
 namespace rigcal::agent {
@@ -61,6 +60,11 @@ std::optional<std::string> Hdf5AttributeText(hid_t object, const char* name) {
   const Hdf5Handle space(H5Aget_space(attribute.get()), H5Sclose);
   const hssize_t count = H5Sget_simple_extent_npoints(space.get());
   if (count < 1 || count > kMaxNumbers) return std::nullopt;
+  const auto numbers = [&](hid_t memory_type, auto zero) -> std::optional<std::string> {
+    std::array<decltype(zero), kMaxNumbers> values{};
+    if (H5Aread(attribute.get(), memory_type, values.data()) < 0) return std::nullopt;
+    return absl::StrJoin(values.begin(), values.begin() + count, " ");
+  };
   switch (H5Tget_class(type.get())) {
     case H5T_STRING: {
       if (count != 1) return std::nullopt;
@@ -68,16 +72,10 @@ std::optional<std::string> Hdf5AttributeText(hid_t object, const char* name) {
       if (!text) return std::nullopt;
       return absl::Utf8SafeCEscape(*text);
     }
-    case H5T_INTEGER: {
-      std::array<long long, kMaxNumbers> numbers{};
-      if (H5Aread(attribute.get(), H5T_NATIVE_LLONG, numbers.data()) < 0) return std::nullopt;
-      return absl::StrJoin(numbers.begin(), numbers.begin() + count, " ");
-    }
-    case H5T_FLOAT: {
-      std::array<double, kMaxNumbers> numbers{};
-      if (H5Aread(attribute.get(), H5T_NATIVE_DOUBLE, numbers.data()) < 0) return std::nullopt;
-      return absl::StrJoin(numbers.begin(), numbers.begin() + count, " ");
-    }
+    case H5T_INTEGER:
+      return numbers(H5T_NATIVE_LLONG, 0LL);
+    case H5T_FLOAT:
+      return numbers(H5T_NATIVE_DOUBLE, 0.0);
     default:
       return std::nullopt;
   }

@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
@@ -43,35 +42,39 @@ std::string WhatIsThere(hid_t file) {
   return names.empty() ? "nothing" : absl::StrJoin(names, ", ");
 }
 
+// `open` is given "x" and so on.
+template <typename Open>
+absl::StatusOr<Hdf5EventColumns> OpenColumns(Open open) {
+  Hdf5EventColumns columns;
+  for (const auto& [name, column] :
+       {std::pair{"x", &columns.x}, {"y", &columns.y}, {"p", &columns.p}, {"t", &columns.t}}) {
+    RIGCAL_ASSIGN_OR_RETURN(*column, open(name));
+  }
+  return columns;
+}
+
 absl::StatusOr<Hdf5EventColumns> OpenCompound(const std::string& path, hid_t file,
                                               const std::string& name) {
   RIGCAL_ASSIGN_OR_RETURN(const auto dataset, Hdf5Dataset::Open(path, file, name));
-  Hdf5EventColumns columns;
-  RIGCAL_ASSIGN_OR_RETURN(columns.x, Hdf5Column::Create(dataset, "x"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.y, Hdf5Column::Create(dataset, "y"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.p, Hdf5Column::Create(dataset, "p"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.t, Hdf5Column::Create(dataset, "t"));
-  return columns;
+  return OpenColumns([&](const char* member) { return Hdf5Column::Create(dataset, member); });
 }
 
 absl::StatusOr<Hdf5Column> OpenColumn(const std::string& path, hid_t file,
                                       const std::string& name) {
   const std::string& found = LinkExists(file, name) ? name : absl::StrCat(name, "s");
   if (!LinkExists(file, found)) {
-    return absl::InvalidArgumentError(absl::StrCat(
+    return InvalidFile(
         path, ": there is no dataset ", name, " (nor ", found,
-        "); the group /events needs x, y, p and t, or xs, ys, ps and ts, of one length"));
+        "); the group /events needs x, y, p and t, or xs, ys, ps and ts, of one length");
   }
   RIGCAL_ASSIGN_OR_RETURN(const auto dataset, Hdf5Dataset::Open(path, file, found));
   return Hdf5Column::Create(dataset, "");
 }
 
 absl::StatusOr<Hdf5EventColumns> OpenGroup(const std::string& path, hid_t file) {
-  Hdf5EventColumns columns;
-  RIGCAL_ASSIGN_OR_RETURN(columns.x, OpenColumn(path, file, "/events/x"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.y, OpenColumn(path, file, "/events/y"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.p, OpenColumn(path, file, "/events/p"));
-  RIGCAL_ASSIGN_OR_RETURN(columns.t, OpenColumn(path, file, "/events/t"));
+  RIGCAL_ASSIGN_OR_RETURN(Hdf5EventColumns columns, OpenColumns([&](const char* name) {
+                            return OpenColumn(path, file, absl::StrCat("/events/", name));
+                          }));
   std::vector<std::string> lengths;
   bool differ = false;
   for (const Hdf5Column* column : {&columns.x, &columns.y, &columns.p, &columns.t}) {
@@ -79,9 +82,9 @@ absl::StatusOr<Hdf5EventColumns> OpenGroup(const std::string& path, hid_t file) 
     differ = differ || column->dataset().row_count != columns.x.dataset().row_count;
   }
   if (!differ) return columns;
-  return absl::InvalidArgumentError(absl::StrCat(
+  return InvalidFile(
       path, ": the columns have different lengths: ", absl::StrJoin(lengths, ", "),
-      " rows; the file was not written to its end, or its parts are not of one recording"));
+      " rows; the file was not written to its end, or its parts are not of one recording");
 }
 
 absl::StatusOr<std::optional<Hdf5TriggerColumns>> OpenTriggers(const std::string& path,
@@ -117,34 +120,24 @@ absl::StatusOr<int64_t> ReadTimeOffset(const std::string& path, hid_t file) {
         std::abs(static_cast<double>(offset_us)) < kMaxOffsetUs) {
       return offset_us;
     }
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": ", name, " is not one whole number of microseconds"));
+    return InvalidFile(path, ": ", name, " is not one whole number of microseconds");
   }
   return 0;
-}
-
-std::optional<SensorGeometry> Sides(const std::string& width, const std::string& height) {
-  SensorGeometry geometry;
-  if (absl::SimpleAtoi(width, &geometry.width) && absl::SimpleAtoi(height, &geometry.height) &&
-      IsSensorGeometry(geometry)) {
-    return geometry;
-  }
-  return std::nullopt;
 }
 
 std::optional<SensorGeometry> GeometryOf(hid_t object) {
   if (const auto text = Hdf5AttributeText(object, "geometry")) {
     const std::vector<std::string> sides = absl::StrSplit(*text, absl::ByAnyChar("x, "));
-    if (sides.size() >= 2) return Sides(sides.front(), sides.back());
+    if (sides.size() >= 2) return ParseSensorGeometry(sides.front(), sides.back());
   }
   const auto width = Hdf5AttributeText(object, "width");
   const auto height = Hdf5AttributeText(object, "height");
-  if (width && height) return Sides(*width, *height);
+  if (width && height) return ParseSensorGeometry(*width, *height);
   if (const auto text = Hdf5AttributeText(object, "sensor_resolution")) {
     // Some write the height first, some the width; sensors are wider than high.
     const std::vector<std::string> sides = absl::StrSplit(*text, ' ');
     if (sides.size() < 2) return std::nullopt;
-    auto geometry = Sides(sides[0], sides[1]);
+    auto geometry = ParseSensorGeometry(sides[0], sides[1]);
     if (geometry && geometry->width < geometry->height) {
       std::swap(geometry->width, geometry->height);
     }
@@ -163,33 +156,36 @@ herr_t TakeField(hid_t object, const char* name, const H5A_info_t*, void* fields
 
 absl::StatusOr<Hdf5Layout> Hdf5Layout::Open(const std::string& path, hid_t file) {
   Hdf5Layout layout;
+  layout.header.format_name = "HDF5";
+  std::string& name = layout.header.layout;
   if (ObjectType(file, "/CD/events") == H5I_DATASET) {
-    layout.name = "/CD/events";
-    RIGCAL_ASSIGN_OR_RETURN(layout.events, OpenCompound(path, file, layout.name));
+    name = "/CD/events";
+    RIGCAL_ASSIGN_OR_RETURN(layout.events, OpenCompound(path, file, name));
   } else if (ObjectType(file, "/events") == H5I_DATASET) {
-    layout.name = "/events";
-    RIGCAL_ASSIGN_OR_RETURN(layout.events, OpenCompound(path, file, layout.name));
+    name = "/events";
+    RIGCAL_ASSIGN_OR_RETURN(layout.events, OpenCompound(path, file, name));
   } else if (ObjectType(file, "/events") == H5I_GROUP) {
-    layout.name = "/events/{x,y,p,t}";
+    name = "/events/{x,y,p,t}";
     RIGCAL_ASSIGN_OR_RETURN(layout.events, OpenGroup(path, file));
     RIGCAL_ASSIGN_OR_RETURN(layout.time_offset_us, ReadTimeOffset(path, file));
   } else {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": neither /CD/events nor /events is there, so where are its events? ",
-                     "It holds ", WhatIsThere(file)));
+    return InvalidFile(path, ": neither /CD/events nor /events is there, so where are its events? ",
+                       "It holds ", WhatIsThere(file));
   }
   for (const Hdf5Column* column : {&layout.events.x, &layout.events.y, &layout.events.p}) {
     RIGCAL_RETURN_IF_ERROR(column->RequireWhole());
   }
   RIGCAL_ASSIGN_OR_RETURN(layout.triggers, OpenTriggers(path, file));
-  for (const char* const name : {"/", "/CD", "/events"}) {
-    if (std::string(name) != "/" && !LinkExists(file, name)) continue;
-    const Hdf5Handle object(H5Oopen(file, name, H5P_DEFAULT), H5Oclose);
-    if (object.ok() && !layout.geometry) layout.geometry = GeometryOf(object.get());
+  for (const std::string group : {"/", "/CD", "/events"}) {
+    if (group != "/" && !LinkExists(file, group)) continue;
+    const Hdf5Handle object(H5Oopen(file, group.c_str(), H5P_DEFAULT), H5Oclose);
+    if (object.ok() && !layout.header.geometry) layout.header.geometry = GeometryOf(object.get());
   }
   hsize_t position = 0;
-  H5Aiterate2(file, H5_INDEX_NAME, H5_ITER_INC, &position, TakeField, &layout.fields);
-  if (layout.time_offset_us != 0) layout.fields["t_offset"] = absl::StrCat(layout.time_offset_us);
+  H5Aiterate2(file, H5_INDEX_NAME, H5_ITER_INC, &position, TakeField, &layout.header.fields);
+  if (layout.time_offset_us != 0) {
+    layout.header.fields["t_offset"] = absl::StrCat(layout.time_offset_us);
+  }
   return layout;
 }
 

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <map>
 #include <optional>
-#include <string>
 
-#include "absl/status/statusor.h"
-#include "agent/event/event_decoder.h"
 #include "agent/event_files/hdf5_column.h"
-#include "agent/event_files/hdf5_handle.h"
+#include "agent/event_files/plain_event_reader.h"
 
 namespace rigcal::agent {
 
@@ -25,14 +20,12 @@ struct Hdf5TriggerColumns {
 // Where the events of an HDF5 file are, and what it says about them; see hdf5_event_reader.h. Hold
 // an Hdf5Lock around Open and the end.
 struct Hdf5Layout {
-  std::string name;  // "/CD/events"
+  EventFileHeader header;
   Hdf5EventColumns events;
   std::optional<Hdf5TriggerColumns> triggers;
   int64_t time_offset_us = 0;  // to be added to times of whole numbers
-  std::optional<SensorGeometry> geometry;
-  std::map<std::string, std::string> fields;  // attributes of the file, as text
 
-  // INVALID_ARGUMENT: as OpenHdf5Events. `path` is for messages.
+  // INVALID_ARGUMENT: as OpenHdf5Events. `path` is for messages. The unit of times is not set.
   static absl::StatusOr<Hdf5Layout> Open(const std::string& path, hid_t file);
 };
 

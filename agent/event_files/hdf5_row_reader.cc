@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/event_files/hdf5_row_reader.h"
 
-#include <cmath>
 #include <utility>
 
 #include "common/status/status_macros.h"
@@ -9,9 +8,11 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr uint16_t kNoRowPixel = 0xffff;
-// Whole microseconds that a double and 64 bits can hold with room for differences.
-constexpr double kMaxRowTimeUs = 4e18;
+PlainEvent::Kind KindOf(int polarity) {
+  return polarity == 1                     ? PlainEvent::kOn
+         : polarity == 0 || polarity == -1 ? PlainEvent::kOff
+                                           : PlainEvent::kUnreadable;
+}
 
 }  // namespace
 
@@ -26,58 +27,35 @@ Hdf5RowReader::Hdf5RowReader(Hdf5Layout layout, TimeUnit unit)
 }
 
 bool Hdf5RowReader::IsNarrow() const {
-  const auto is_narrow = [](const Hdf5Column& column, size_t bytes, bool is_signed) {
-    return !column.is_float() && column.byte_count() == bytes && column.is_signed() == is_signed;
-  };
-  return &layout_.events.x.dataset() == &layout_.events.t.dataset() &&
-         is_narrow(layout_.events.x, 2, false) && is_narrow(layout_.events.y, 2, false) &&
-         is_narrow(layout_.events.p, 2, true) && is_narrow(layout_.events.t, 8, true);
+  const auto& [x, y, p, t] = layout_.events;
+  return &x.dataset() == &t.dataset() && x.Is(H5T_NATIVE_UINT16) && y.Is(H5T_NATIVE_UINT16) &&
+         p.Is(H5T_NATIVE_INT16) && t.Is(H5T_NATIVE_INT64);
 }
 
 absl::Status Hdf5RowReader::ReadEvents(uint64_t first, size_t count,
                                        std::vector<PlainEvent>* events) {
   events->assign(count, PlainEvent{});
+  const auto& [x, y, p, t] = layout_.events;
   if (narrow_type_.ok()) {
-    RIGCAL_RETURN_IF_ERROR(ReadNarrow(first, count, events));
-  } else {
-    RIGCAL_RETURN_IF_ERROR(layout_.events.x.Read(first, count, &x_));
-    RIGCAL_RETURN_IF_ERROR(layout_.events.y.Read(first, count, &y_));
-    RIGCAL_RETURN_IF_ERROR(layout_.events.p.Read(first, count, &p_));
-    RIGCAL_RETURN_IF_ERROR(ReadTimes(layout_.events.t, first, count));
-    const auto pixel = [](int32_t value) {
-      return value < 0 || value > kNoRowPixel ? kNoRowPixel : static_cast<uint16_t>(value);
-    };
+    narrow_rows_.resize(count);
+    RIGCAL_RETURN_IF_ERROR(x.dataset().Read(first, count, narrow_type_.get(), narrow_rows_.data()));
+    whole_times_.resize(count);
     for (size_t i = 0; i < count; ++i) {
-      PlainEvent& event = (*events)[i];
-      event.x = pixel(x_[i]);
-      event.y = pixel(y_[i]);
-      event.kind = p_[i] == 1                  ? PlainEvent::kOn
-                   : p_[i] == 0 || p_[i] == -1 ? PlainEvent::kOff
-                                               : PlainEvent::kUnreadable;
+      const NarrowRow& row = narrow_rows_[i];
+      whole_times_[i] = row.t;
+      (*events)[i] = {.time_us = 0, .x = row.x, .y = row.y, .kind = KindOf(row.p)};
+    }
+  } else {
+    RIGCAL_RETURN_IF_ERROR(x.Read(first, count, &x_));
+    RIGCAL_RETURN_IF_ERROR(y.Read(first, count, &y_));
+    RIGCAL_RETURN_IF_ERROR(p.Read(first, count, &p_));
+    RIGCAL_RETURN_IF_ERROR(ReadTimes(t, first, count));
+    for (size_t i = 0; i < count; ++i) {
+      (*events)[i] = {
+          .time_us = 0, .x = PlainPixel(x_[i]), .y = PlainPixel(y_[i]), .kind = KindOf(p_[i])};
     }
   }
   for (size_t i = 0; i < count; ++i) SetTime(i, &(*events)[i]);
-  return absl::OkStatus();
-}
-
-absl::Status Hdf5RowReader::ReadNarrow(uint64_t first, size_t count,
-                                       std::vector<PlainEvent>* events) {
-  narrow_rows_.resize(count);
-  RIGCAL_RETURN_IF_ERROR(
-      layout_.events.x.dataset().Read(first, count, narrow_type_.get(), narrow_rows_.data()));
-  whole_times_.resize(count);
-  for (size_t i = 0; i < count; ++i) {
-    const NarrowRow& row = narrow_rows_[i];
-    whole_times_[i] = row.t;
-    (*events)[i] = {
-        .time_us = 0,
-        .x = row.x,
-        .y = row.y,
-        .kind = row.p == 1                  ? PlainEvent::kOn
-                : row.p == 0 || row.p == -1 ? PlainEvent::kOff
-                                            : PlainEvent::kUnreadable,
-    };
-  }
   return absl::OkStatus();
 }
 
@@ -113,27 +91,13 @@ absl::Status Hdf5RowReader::ReadTimes(const Hdf5Column& column, uint64_t first, 
 }
 
 void Hdf5RowReader::SetTime(size_t index, PlainEvent* event) const {
-  if (whole_times_.empty()) {
-    const double scale = time_unit_ == TimeUnit::kSeconds       ? 1e6
-                         : time_unit_ == TimeUnit::kNanoseconds ? 1e-3
-                                                                : 1;
-    const double time_us = fractional_times_[index] * scale;
-    if (!(std::abs(time_us) < kMaxRowTimeUs)) {
-      event->kind = PlainEvent::kUnreadable;
-      return;
-    }
-    event->time_us = std::llround(time_us) + layout_.time_offset_us;
-    return;
+  int64_t time_us = 0;
+  const bool fits = whole_times_.empty()
+                        ? ToMicroseconds(fractional_times_[index], time_unit_, &time_us)
+                        : ToMicroseconds(whole_times_[index], time_unit_, &time_us);
+  if (!fits || __builtin_add_overflow(time_us, layout_.time_offset_us, &event->time_us)) {
+    event->kind = PlainEvent::kUnreadable;
   }
-  int64_t time_us = whole_times_[index];
-  bool too_large = false;
-  if (time_unit_ == TimeUnit::kSeconds) {
-    too_large = __builtin_mul_overflow(time_us, int64_t{1'000'000}, &time_us);
-  } else if (time_unit_ == TimeUnit::kNanoseconds) {
-    time_us = time_us / 1000 - (time_us % 1000 < 0 ? 1 : 0);
-  }
-  too_large = __builtin_add_overflow(time_us, layout_.time_offset_us, &event->time_us) || too_large;
-  if (too_large) event->kind = PlainEvent::kUnreadable;
 }
 
 }  // namespace rigcal::agent

@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "agent/event/plain_events.h"
-#include "agent/event_files/hdf5_column.h"
-#include "agent/event_files/hdf5_handle.h"
 #include "agent/event_files/hdf5_layout.h"
 #include "agent/event_files/plain_event_reader.h"
 
@@ -39,7 +33,6 @@ class Hdf5RowReader {
   };
 
   bool IsNarrow() const;
-  absl::Status ReadNarrow(uint64_t first, size_t count, std::vector<PlainEvent>* events);
   absl::Status ReadTimes(const Hdf5Column& column, uint64_t first, size_t count);
   void SetTime(size_t index, PlainEvent* event) const;
 

@@ -1,61 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
-#include <map>
-#include <optional>
-#include <string>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "agent/event/event_decoder.h"
 #include "agent/event/plain_events.h"
-#include "common/options/option_table.h"
-#include "common/status/refusal.h"
+#include "agent/event_files/event_file.h"
 
 namespace rigcal::agent {
 
-// Unit of the times in a file for interchange. kAuto: in HDF5 whole numbers are microseconds and
-// fractions seconds; in CSV the unit of the column's name (t_us, t_s, t_ns), else seconds if one of
-// the first lines has a fraction that is not zero, else microseconds.
-enum class TimeUnit : uint8_t { kAuto, kSeconds, kMicroseconds, kNanoseconds };
+// A time in microseconds, to the nearest one or, of whole nanoseconds, the one before. False: it
+// does not fit.
+bool ToMicroseconds(int64_t time, TimeUnit unit, int64_t* time_us);
+bool ToMicroseconds(double time, TimeUnit unit, int64_t* time_us);
 
-// "seconds" and so on.
-std::string TimeUnitName(TimeUnit unit);
+// A column or row as PlainEvent has it.
+inline uint16_t PlainPixel(int64_t value) {
+  return value < 0 || value > 0xffff ? uint16_t{0xffff} : static_cast<uint16_t>(value);
+}
 
-// How a file for interchange is read, if it does not say so itself.
-struct PlainFileOptions {
-  TimeUnit time_unit = TimeUnit::kAuto;
-  std::string columns = "xypt";  // of a CSV file without a header line
-};
-
-// "time" and "columns"
-void AddOptions(PlainFileOptions* options, OptionTable* table);
-
-// Facts that such a file states itself.
-struct PlainFileFacts {
-  std::string format;  // "HDF5", "CSV"
-  std::string layout;  // place of its events: "/CD/events", "x,y,p,t"
-  TimeUnit time_unit = TimeUnit::kMicroseconds;
-  std::optional<SensorGeometry> geometry;     // none: not stated
-  std::map<std::string, std::string> fields;  // its other attributes or comments, as text
-};
-
-// Reads the events of a file for interchange in order, a block at a time, in bounded memory. One
-// thread at a time.
-class PlainEventReader {
+// Reads the events of a file for interchange in order, a block at a time: as they are, or as a
+// stream of EventFormat::kPlain. One thread at a time.
+class PlainEventReader : public EventFile {
  public:
-  virtual ~PlainEventReader() = default;
-
-  virtual const PlainFileFacts& facts() const = 0;
   // Replaces `events` by the next ones, at most `max_count`; none: the end. DATA_LOSS: reading
   // failed; names the file and the place.
   virtual absl::Status Read(size_t max_count, std::vector<PlainEvent>* events) = 0;
   // Of event `index` of the last block read: "line 17", "row 3 of /CD/events" (from 0).
-  virtual std::string PlaceOf(size_t index) const = 0;
-  // Lines left out, by reason. `camera` is left empty.
-  virtual std::vector<Refusal> Refused() const { return {}; }
+  virtual std::string PlaceInBlock(size_t index) const = 0;
+
+  uint64_t byte_offset() const override { return (block_first_ + next_) * sizeof(PlainEvent); }
+  absl::StatusOr<std::span<const uint8_t>> Next(size_t max_bytes) override;
+  // Of an event that is no longer in memory only its number is known: "event 12".
+  std::string PlaceOf(uint64_t byte_offset) const override;
+
+ private:
+  std::vector<PlainEvent> block_;
+  uint64_t block_first_ = 0;  // number of block_.front(), from 0
+  size_t next_ = 0;           // in the block
 };
 
 }  // namespace rigcal::agent

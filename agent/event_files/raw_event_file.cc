@@ -2,7 +2,6 @@
 #include "agent/event_files/raw_event_file.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,122 +9,78 @@
 #include <cstring>
 #include <utility>
 
-#include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "agent/event/event_decoder.h"
-#include "agent/event/plain_events.h"
 #include "agent/event_files/raw_header.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
+namespace {
 
-size_t WordBytes(EventFormat format) {
-  switch (format) {
-    case EventFormat::kEvt2:
-      return Evt2Decoder::kWordBytes;
-    case EventFormat::kEvt21:
-      return Evt21Decoder::kWordBytes;
-    case EventFormat::kEvt3:
-      return Evt3Decoder::kWordBytes;
-    case EventFormat::kPlain:
-      break;
-  }
-  return PlainEventDecoder::kWordBytes;
-}
+constexpr size_t kBlockBytes = size_t{1} << 20;
 
-std::string EventFormatName(EventFormat format) {
-  switch (format) {
-    case EventFormat::kEvt2:
-      return "EVT2";
-    case EventFormat::kEvt21:
-      return "EVT21";
-    case EventFormat::kEvt3:
-      return "EVT3";
-    case EventFormat::kPlain:
-      break;
-  }
-  return "plain";
-}
+class RawEventFile : public EventFile {
+ public:
+  RawEventFile(std::string path, int descriptor)
+      : path_(std::move(path)), descriptor_(descriptor) {}
+  ~RawEventFile() override { ::close(descriptor_); }
+  RawEventFile(const RawEventFile&) = delete;
+  RawEventFile& operator=(const RawEventFile&) = delete;
 
-absl::StatusOr<RawEventFile> RawEventFile::Open(const std::string& path) {
-  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) {
-    const int error = errno;
-    const std::string what = absl::StrCat("cannot open ", path, ": ", std::strerror(error));
-    if (error == ENOENT) return absl::NotFoundError(what);
-    return absl::FailedPreconditionError(what);
+  absl::Status ReadHeader();
+  uint64_t byte_offset() const override { return block_offset_ + next_; }
+  absl::StatusOr<std::span<const uint8_t>> Next(size_t max_bytes) override;
+  std::string PlaceOf(uint64_t byte_offset) const override {
+    return absl::StrCat("byte ", byte_offset);
   }
-  RawEventFile file(path, descriptor);
-  struct stat status = {};
-  if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
-    return absl::FailedPreconditionError(absl::StrCat(path, " is no file that can be read"));
-  }
-  file.byte_count_ = static_cast<uint64_t>(status.st_size);
-  RIGCAL_RETURN_IF_ERROR(file.Fill(kBlockBytes));
-  absl::StatusOr<RawHeader> header = ParseRawHeader(file.block_);
+
+ private:
+  // What follows the block in memory, until it is full or the file ends.
+  absl::Status Fill();
+
+  const std::string path_;
+  const int descriptor_;
+  std::vector<uint8_t> block_;
+  uint64_t block_offset_ = 0;  // of block_.front() in the file
+  size_t next_ = 0;            // in the block
+};
+
+absl::Status RawEventFile::ReadHeader() {
+  RIGCAL_RETURN_IF_ERROR(Fill());
+  auto header = ParseRawHeader(block_);
   if (!header.ok()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": ", std::string(header.status().message())));
+    return InvalidFile(path_, ": ", std::string(header.status().message()));
   }
-  file.header_ = {.format = header->format,
-                  .halves_swapped = header->halves_swapped,
-                  .format_name = EventFormatName(header->format),
-                  .layout = "",
-                  .time_unit = TimeUnit::kAuto,
-                  .geometry = header->geometry,
-                  .byte_count = header->byte_count,
-                  .fields = std::move(header->fields)};
-  file.next_ = static_cast<size_t>(file.header_.byte_count);
-  return file;
+  header_ = *std::move(header);
+  next_ = header_.byte_count;
+  return absl::OkStatus();
 }
 
-RawEventFile::RawEventFile(std::string path, int descriptor)
-    : path_(std::move(path)), descriptor_(descriptor) {}
-
-RawEventFile::RawEventFile(RawEventFile&& other) noexcept { *this = std::move(other); }
-
-RawEventFile& RawEventFile::operator=(RawEventFile&& other) noexcept {
-  std::swap(path_, other.path_);
-  std::swap(descriptor_, other.descriptor_);
-  std::swap(header_, other.header_);
-  std::swap(byte_count_, other.byte_count_);
-  std::swap(block_, other.block_);
-  std::swap(block_offset_, other.block_offset_);
-  std::swap(next_, other.next_);
-  return *this;
-}
-
-RawEventFile::~RawEventFile() {
-  if (descriptor_ >= 0) ::close(descriptor_);
-}
-
-absl::Status RawEventFile::Fill(size_t size) {
+absl::Status RawEventFile::Fill() {
   size_t filled = block_.size();
-  block_.resize(size);
-  while (filled < size) {
-    const ssize_t got = ::pread(descriptor_, block_.data() + filled, size - filled,
-                                static_cast<off_t>(block_offset_ + filled));
+  block_.resize(kBlockBytes);
+  absl::Status status;
+  while (filled < kBlockBytes) {
+    const uint64_t offset = block_offset_ + filled;
+    const ssize_t got = ::pread(descriptor_, block_.data() + filled, kBlockBytes - filled,
+                                static_cast<off_t>(offset));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) {
-      const int error = errno;
-      block_.resize(filled);
-      return absl::DataLossError(absl::StrCat("cannot read ", path_, " at byte ",
-                                              block_offset_ + filled, ": ", std::strerror(error)));
+      status = absl::DataLossError(
+          absl::StrCat("cannot read ", path_, " at byte ", offset, ": ", std::strerror(errno)));
     }
-    if (got == 0) break;
+    if (got <= 0) break;
     filled += static_cast<size_t>(got);
   }
   block_.resize(filled);
-  return absl::OkStatus();
+  return status;
 }
 
 absl::StatusOr<std::span<const uint8_t>> RawEventFile::Next(size_t max_bytes) {
   const size_t word = WordBytes(header_.format);
   if (block_.size() - next_ < word) {
     block_.erase(block_.begin(), block_.begin() + static_cast<std::ptrdiff_t>(next_));
-    block_offset_ += next_;
-    next_ = 0;
-    RIGCAL_RETURN_IF_ERROR(Fill(kBlockBytes));
+    block_offset_ += std::exchange(next_, 0);
+    RIGCAL_RETURN_IF_ERROR(Fill());
   }
   size_t size = std::min(block_.size() - next_, max_bytes);
   if (size > word) size -= size % word;
@@ -134,8 +89,14 @@ absl::StatusOr<std::span<const uint8_t>> RawEventFile::Next(size_t max_bytes) {
   return piece;
 }
 
-std::string RawEventFile::PlaceOf(uint64_t byte_offset) const {
-  return absl::StrCat("byte ", byte_offset);
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<EventFile>> OpenRawEvents(const std::string& path) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) return absl::ErrnoToStatus(errno, absl::StrCat("cannot open ", path));
+  auto file = std::make_unique<RawEventFile>(path, descriptor);
+  RIGCAL_RETURN_IF_ERROR(file->ReadHeader());
+  return file;
 }
 
 }  // namespace rigcal::agent

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/event_files/raw_header.h"
 
+#include <algorithm>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "agent/event_files/sensor_geometry.h"
@@ -16,49 +15,37 @@ namespace rigcal::agent {
 namespace {
 
 constexpr size_t kMaxHeaderBytes = 64 * 1024;
-constexpr std::string_view kKnownFormats = "known: EVT2 (2.0), EVT21 (2.1), EVT3 (3.0)";
+constexpr char kKnownFormats[] = "known: EVT2 (2.0), EVT21 (2.1), EVT3 (3.0)";
 
-absl::Status Fault(size_t offset, std::string_view what) {
-  return absl::InvalidArgumentError(
-      absl::StrCat("RAW header, byte ", offset, ": ", std::string(what)));
+template <typename... Pieces>
+absl::Status Fault(size_t offset, const Pieces&... what) {
+  return absl::InvalidArgumentError(absl::StrCat("RAW header, byte ", offset, ": ", what...));
 }
 
 bool IsText(std::string_view line) {
-  for (const char c : line) {
-    if (!absl::ascii_isprint(static_cast<unsigned char>(c)) && c != '\t' && c != '\r') return false;
-  }
-  return true;
+  return std::all_of(line.begin(), line.end(), [](char c) {
+    return absl::ascii_isprint(static_cast<unsigned char>(c)) || c == '\t' || c == '\r';
+  });
 }
 
-absl::StatusOr<EventFormat> ParseFormat(std::string_view text, size_t offset) {
-  const std::string name = absl::AsciiStrToUpper(std::string(text));
-  if (name == "EVT3" || name == "3.0") return EventFormat::kEvt3;
-  if (name == "EVT2" || name == "2.0") return EventFormat::kEvt2;
-  if (name == "EVT21" || name == "2.1") return EventFormat::kEvt21;
-  return Fault(offset, absl::StrCat("format \"", std::string(text), "\" is not known (",
-                                    std::string(kKnownFormats), ")"));
-}
-
-absl::StatusOr<SensorGeometry> ParseGeometry(std::string_view width, std::string_view height,
-                                             size_t offset) {
-  SensorGeometry geometry;
-  if (absl::SimpleAtoi(std::string(width), &geometry.width) &&
-      absl::SimpleAtoi(std::string(height), &geometry.height) && IsSensorGeometry(geometry)) {
-    return geometry;
-  }
-  return Fault(offset, absl::StrCat("geometry ", std::string(width), " x ", std::string(height),
-                                    " is not 1 to ", kMaxSensorSide, " pixels each way"));
-}
+struct Encoding {
+  const char* name;
+  const char* version;
+  EventFormat format;
+};
+constexpr Encoding kEncodings[] = {{"EVT3", "3.0", EventFormat::kEvt3},
+                                   {"EVT2", "2.0", EventFormat::kEvt2},
+                                   {"EVT21", "2.1", EventFormat::kEvt21}};
 
 class Parser {
  public:
   explicit Parser(std::string_view text) : text_(text) {}
 
-  absl::StatusOr<RawHeader> Run() {
+  absl::StatusOr<EventFileHeader> Run() {
     if (text_.empty() || text_.front() != '%') {
-      return Fault(0, absl::StrCat("the file does not begin with '%', so it is not a RAW file of "
-                                   "an event camera (",
-                                   std::string(kKnownFormats), ")"));
+      return Fault(0,
+                   "the file does not begin with '%', so it is not a RAW file of an event camera (",
+                   kKnownFormats, ")");
     }
     while (header_.byte_count < text_.size() && text_[header_.byte_count] == '%') {
       const size_t end = text_.find('\n', header_.byte_count);
@@ -96,14 +83,19 @@ class Parser {
   }
 
   // All return false: the header continues.
-  absl::StatusOr<bool> TakeFormat(std::string_view name, size_t offset) {
-    RIGCAL_ASSIGN_OR_RETURN(const EventFormat format, ParseFormat(name, offset));
-    if (has_format_ && format != header_.format) {
-      return Fault(offset, absl::StrCat("format \"", std::string(name),
-                                        "\" contradicts an earlier line of this header"));
+  absl::StatusOr<bool> TakeFormat(const std::string& text, size_t offset) {
+    const std::string name = absl::AsciiStrToUpper(text);
+    const auto* const known =
+        std::find_if(std::begin(kEncodings), std::end(kEncodings),
+                     [&](const Encoding& e) { return name == e.name || name == e.version; });
+    if (known == std::end(kEncodings)) {
+      return Fault(offset, "format \"", text, "\" is not known (", kKnownFormats, ")");
     }
-    has_format_ = true;
-    header_.format = format;
+    if (!header_.format_name.empty() && known->format != header_.format) {
+      return Fault(offset, "format \"", text, "\" contradicts an earlier line of this header");
+    }
+    header_.format = known->format;
+    header_.format_name = known->name;
     return false;
   }
 
@@ -123,21 +115,25 @@ class Parser {
 
   absl::StatusOr<bool> TakeGeometry(std::string_view width, std::string_view height,
                                     size_t offset) {
-    RIGCAL_ASSIGN_OR_RETURN(const SensorGeometry geometry, ParseGeometry(width, height, offset));
-    if (header_.geometry && *header_.geometry != geometry) {
-      return Fault(offset, absl::StrCat("geometry ", geometry.width, "x", geometry.height,
-                                        " contradicts ", header_.geometry->width, "x",
-                                        header_.geometry->height, " of an earlier line"));
+    const auto geometry = ParseSensorGeometry(width, height);
+    if (!geometry) {
+      return Fault(offset, "geometry ", std::string(width), " x ", std::string(height),
+                   " is not 1 to ", kMaxSensorSide, " pixels each way");
+    }
+    if (header_.geometry && *header_.geometry != *geometry) {
+      return Fault(offset, "geometry ", FormatSensorGeometry(*geometry), " contradicts ",
+                   FormatSensorGeometry(*header_.geometry), " of an earlier line");
     }
     header_.geometry = geometry;
     return false;
   }
 
-  absl::StatusOr<RawHeader> Finish() {
-    if (!has_format_) {
-      return Fault(header_.byte_count, absl::StrCat("no line \"% evt\" or \"% format\" says how "
-                                                    "the events are encoded (",
-                                                    std::string(kKnownFormats), ")"));
+  absl::StatusOr<EventFileHeader> Finish() {
+    if (header_.format_name.empty()) {
+      return Fault(header_.byte_count,
+                   "no line \"% evt\" or \"% format\" says how "
+                   "the events are encoded (",
+                   kKnownFormats, ")");
     }
     if (const auto plugin = header_.fields.find("plugin_name");
         !header_.geometry && plugin != header_.fields.end() &&
@@ -148,14 +144,13 @@ class Parser {
   }
 
   const std::string_view text_;
-  RawHeader header_;
-  bool has_format_ = false;
+  EventFileHeader header_;
 };
 
 }  // namespace
 
-absl::StatusOr<RawHeader> ParseRawHeader(std::span<const uint8_t> bytes) {
-  const size_t size = bytes.size() < kMaxHeaderBytes ? bytes.size() : kMaxHeaderBytes;
+absl::StatusOr<EventFileHeader> ParseRawHeader(std::span<const uint8_t> bytes) {
+  const size_t size = std::min(bytes.size(), kMaxHeaderBytes);
   return Parser({reinterpret_cast<const char*>(bytes.data()), size}).Run();
 }
 

@@ -9,19 +9,18 @@
 
 namespace rigcal::agent {
 
-bool IsSensorGeometry(const SensorGeometry& geometry) {
-  return geometry.width >= 1 && geometry.width <= kMaxSensorSide && geometry.height >= 1 &&
-         geometry.height <= kMaxSensorSide;
-}
-
 std::optional<SensorGeometry> ParseSensorGeometry(std::string_view text) {
   const std::pair<std::string, std::string> sides =
       absl::StrSplit(std::string(text), absl::MaxSplits('x', 1));
+  return ParseSensorGeometry(sides.first, sides.second);
+}
+
+std::optional<SensorGeometry> ParseSensorGeometry(std::string_view width, std::string_view height) {
+  const auto read = [](std::string_view text, uint32_t* side) {
+    return absl::SimpleAtoi(std::string(text), side) && *side >= 1 && *side <= kMaxSensorSide;
+  };
   SensorGeometry geometry;
-  if (!absl::SimpleAtoi(sides.first, &geometry.width) ||
-      !absl::SimpleAtoi(sides.second, &geometry.height) || !IsSensorGeometry(geometry)) {
-    return std::nullopt;
-  }
+  if (!read(width, &geometry.width) || !read(height, &geometry.height)) return std::nullopt;
   return geometry;
 }
 

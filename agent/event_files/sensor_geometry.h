@@ -12,13 +12,14 @@ namespace rigcal::agent {
 
 inline constexpr uint32_t kMaxSensorSide = 2048;  // EVT words hold 11 bits
 // Every pixel that a file of words, or one for interchange, can name.
-inline constexpr SensorGeometry kWholeSensor{kMaxSensorSide, kMaxSensorSide};
-inline constexpr SensorGeometry kWholePlainSensor{65535, 65535};
+constexpr SensorGeometry EveryPixel(EventFormat format) {
+  if (format == EventFormat::kPlain) return {65535, 65535};
+  return {kMaxSensorSide, kMaxSensorSide};
+}
 
-// 1 to kMaxSensorSide pixels each way.
-bool IsSensorGeometry(const SensorGeometry& geometry);
-// "1280x720"; none: another text or size.
+// "1280x720" or its two numbers; none: another text, or not 1 to kMaxSensorSide pixels each way.
 std::optional<SensorGeometry> ParseSensorGeometry(std::string_view text);
+std::optional<SensorGeometry> ParseSensorGeometry(std::string_view width, std::string_view height);
 std::string FormatSensorGeometry(const SensorGeometry& geometry);
 // "geometry"
 void AddGeometry(std::optional<SensorGeometry>* geometry, OptionTable* table);

@@ -46,14 +46,11 @@ bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aper
                               MarkerCentre* centre) const {
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   int count = 0;
-  for (int y = window_.y; y < window_.y + window_.height; ++y) {
-    for (int x = window_.x; x < window_.x + window_.width; ++x) {
-      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-      if (d.dot(aperture.shape * d) >= kCore * kCore) continue;
-      sum += GreyAt(image, x, y);
-      ++count;
-    }
-  }
+  ForPixels(window_, aperture.centre_px, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
+    if (d.dot(aperture.shape * d) >= kCore * kCore) return;
+    sum += GreyAt(image, x, y);
+    ++count;
+  });
   if (count == 0) return false;
   centre->plateau_grey = (sum / static_cast<float>(count)).cast<double>();
   return true;
@@ -76,24 +73,20 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
-  size_t i = 0;
-  for (int y = window_.y; y < window_.y + window_.height; ++y) {
-    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
-      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-      size_t arc = 0;
-      const Eigen::Vector3f background = background_.At(d, &arc);
-      const Eigen::Vector3f range = plateau - background;
-      const float squared = std::max(range.squaredNorm(), least * least);
-      const Eigen::Vector3f above = GreyAt(image, x, y) - background;
-      const float share = above.dot(range) / squared;
-      const float counted = (share - kFree) / (kCovered - kFree);
-      coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
-      gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
-      foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
-      if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
-      arc_of_[i] = static_cast<uint16_t>(arc);
-    }
-  }
+  ForPixels(window_, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+    size_t arc = 0;
+    const Eigen::Vector3f background = background_.At(d, &arc);
+    const Eigen::Vector3f range = plateau - background;
+    const float squared = std::max(range.squaredNorm(), least * least);
+    const Eigen::Vector3f above = GreyAt(image, x, y) - background;
+    const float share = above.dot(range) / squared;
+    const float counted = (share - kFree) / (kCovered - kFree);
+    coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
+    gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
+    foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
+    if ((above - share * range).squaredNorm() > strange * strange) foreign_[i] |= kOtherColour;
+    arc_of_[i] = static_cast<uint16_t>(arc);
+  });
   return true;
 }
 
@@ -103,18 +96,14 @@ bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) const {
   double count = 0;
   Eigen::Vector2d first = Eigen::Vector2d::Zero();
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
-  size_t i = 0;
-  for (int y = window_.y; y < window_.y + window_.height; ++y) {
-    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
-      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-      if (coverage_[i] < half || (foreign_[i] & kOtherColour) != 0 || d.dot(grown * d) > 1) {
-        continue;
-      }
-      ++count;
-      first += d;
-      second += d * d.transpose();
+  ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+    if (coverage_[i] < half || (foreign_[i] & kOtherColour) != 0 || d.dot(grown * d) > 1) {
+      return;
     }
-  }
+    ++count;
+    first += d;
+    second += d * d.transpose();
+  });
   if (count < 4) return false;
   first /= count;
   blob->centre_px = aperture.centre_px + first;
@@ -128,13 +117,9 @@ void MarkerMeter::Block(const MarkerAperture& aperture) {
   const Eigen::Matrix2d outline = aperture.Grown(0), own = aperture.Grown(kOwnPx);
   const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
   const auto for_outside = [&](auto&& visit) {
-    size_t i = 0;
-    for (int y = window_.y; y < window_.y + window_.height; ++y) {
-      for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
-        const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-        if (d.dot(outline * d) > 1 && d.dot(reach * d) < 1) visit(i, d.dot(own * d) > 1);
-      }
-    }
+    ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+      if (d.dot(outline * d) > 1 && d.dot(reach * d) < 1) visit(i, d.dot(own * d) > 1);
+    });
   };
   const size_t count = arcs.size();
   for_outside([&](size_t i, bool beyond) {
@@ -152,20 +137,15 @@ void MarkerMeter::Block(const MarkerAperture& aperture) {
 
 bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
   const Eigen::Vector2d origin = aperture->centre_px;
-  size_t i = 0;
   const Eigen::Matrix2d grown = aperture->Grown(MarkerAperture::kMarginPx);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     double sum = 0;
     Eigen::Vector2d first = Eigen::Vector2d::Zero();
-    i = 0;
-    for (int y = window_.y; y < window_.y + window_.height; ++y) {
-      for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
-        const Eigen::Vector2d d(x - aperture->centre_px.x(), y - aperture->centre_px.y());
-        const double share = aperture->Weight(d, grown) * static_cast<double>(coverage_[i]);
-        sum += share;
-        first += share * d;
-      }
-    }
+    ForPixels(window_, aperture->centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+      const double share = aperture->Weight(d, grown) * static_cast<double>(coverage_[i]);
+      sum += share;
+      first += share * d;
+    });
     if (!(sum > 1)) return false;
     const Eigen::Vector2d step = first / sum;
     aperture->centre_px += step;
@@ -183,26 +163,22 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
   Eigen::Matrix2d second = Eigen::Matrix2d::Zero(), noise = Eigen::Matrix2d::Zero();
   Eigen::Vector4d third = Eigen::Vector4d::Zero();  // xxx, xxy, xyy, yyy
   std::vector<Eigen::Vector2d> by_arc(arcs.size(), Eigen::Vector2d::Zero());
-  size_t i = 0;
-  for (int y = window_.y; y < window_.y + window_.height; ++y) {
-    for (int x = window_.x; x < window_.x + window_.width; ++x, ++i) {
-      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-      const double weight = aperture.Weight(d, grown);
-      if (weight <= 0) continue;
-      const double coverage = static_cast<double>(coverage_[i]), share = weight * coverage;
-      const Eigen::Matrix2d square = d * d.transpose();
-      sum += share;
-      second += share * square;
-      third += share * Eigen::Vector4d(d.x() * square(0, 0), d.y() * square(0, 0),
-                                       d.x() * square(1, 1), d.y() * square(1, 1));
-      const double gain = weight * static_cast<double>(gain_[i]);
-      noise += gain * gain * square;
-      noise6 += gain * gain * std::pow(d.squaredNorm(), 3);
-      by_arc[arc_of_[i]] +=
-          gain *
-          (1 - static_cast<double>(kFree) - static_cast<double>(kCovered - kFree) * coverage) * d;
-    }
-  }
+  ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+    const double weight = aperture.Weight(d, grown);
+    if (weight <= 0) return;
+    const double coverage = static_cast<double>(coverage_[i]), share = weight * coverage;
+    const Eigen::Matrix2d square = d * d.transpose();
+    sum += share;
+    second += share * square;
+    third += share * Eigen::Vector4d(d.x() * square(0, 0), d.y() * square(0, 0),
+                                     d.x() * square(1, 1), d.y() * square(1, 1));
+    const double gain = weight * static_cast<double>(gain_[i]);
+    noise += gain * gain * square;
+    noise6 += gain * gain * std::pow(d.squaredNorm(), 3);
+    by_arc[arc_of_[i]] +=
+        gain * (1 - static_cast<double>(kFree) - static_cast<double>(kCovered - kFree) * coverage) *
+        d;
+  });
   // The noise of the background, which all pixels of an arc share; neighbouring arcs overlap.
   constexpr double kOverlap = 1.6;
   for (size_t k = 0; k < arcs.size(); ++k) {

@@ -49,14 +49,11 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
     Eigen::Vector3f grey;
   };
   std::vector<RingPixel> pixels;
-  for (int y = window.y; y < window.y + window.height; ++y) {
-    for (int x = window.x; x < window.x + window.width; ++x) {
-      const Eigen::Vector2d d(x - aperture.centre_px.x(), y - aperture.centre_px.y());
-      if (d.dot(ring * d) <= 1 || d.dot(edge * d) >= 1) continue;
-      const double turn = (std::atan2(d.y(), d.x()) / (2 * std::numbers::pi) + 0.5) * count;
-      pixels.push_back({static_cast<float>(turn), GreyAt(image, x, y)});
-    }
-  }
+  ForPixels(window, aperture.centre_px, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
+    if (d.dot(ring * d) <= 1 || d.dot(edge * d) >= 1) return;
+    const double turn = (std::atan2(d.y(), d.x()) / (2 * std::numbers::pi) + 0.5) * count;
+    pixels.push_back({static_cast<float>(turn), GreyAt(image, x, y)});
+  });
   if (pixels.size() < kMinRingPixels) return false;
   const int channels = image.format == PixelFormat::kMono8 ? 1 : 3;
   // Pixels of the ring that look like the marker belong to the next one.

@@ -18,6 +18,17 @@ inline Eigen::Vector3f GreyAt(const ImageView& image, int x, int y) {
   return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2])};
 }
 
+// Calls visit(number, x, y, offset from `centre_px`) for every pixel of the window, row by row.
+template <typename Visit>
+void ForPixels(const PixelRect& window, const Eigen::Vector2d& centre_px, Visit visit) {
+  size_t i = 0;
+  for (int y = window.y; y < window.y + window.height; ++y) {
+    for (int x = window.x; x < window.x + window.width; ++x, ++i) {
+      visit(i, x, y, Eigen::Vector2d(x - centre_px.x(), y - centre_px.y()));
+    }
+  }
+}
+
 // The background around a marker: medians over short arcs of a ring, so that patches of different
 // colours may lie behind. Buffers are kept; one thread at a time.
 class RingBackground {

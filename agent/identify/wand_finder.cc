@@ -4,11 +4,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <numbers>
 #include <tuple>
 
 #include "common/camera/camera_model.h"
+#include "common/camera/sphere_projection.h"
 
 namespace rigcal::agent {
 namespace {
@@ -21,7 +21,9 @@ constexpr double kMaxElongation = 4;  // of a sphere that moves during the expos
 constexpr double kPlacePx = 0.4, kPlaceShare = 0.1;  // sigma of a blob's centre: + share * radius
 constexpr double kRadiusPx = 0.35, kRadiusShare = 0.1;  // the same of its radius
 constexpr double kGate = 4;                             // sigma
-constexpr size_t kFewPairs = 1000;                      // in whatever order they are tried
+// Of possible ends, most alike in size first: with hundreds of blobs the work is bounded.
+constexpr size_t kMaxPairs = 20000;
+constexpr size_t kFewPairs = 1000;  // in whatever order they are tried
 
 double PlaceSigma(double radius_px) { return kPlacePx + kPlaceShare * radius_px; }
 
@@ -31,10 +33,32 @@ double ImageShare(double share, double ratio) { return share * ratio / (1 + (rat
 
 }  // namespace
 
+void WandLimits::Check(FaultList* faults) const {
+  faults->CheckRange("min_distance", min_distance_m, 0.01, 1000);
+  faults->CheckRange("max_distance", max_distance_m, 0.01, 1000);
+  if (!(min_distance_m < max_distance_m)) {
+    faults->Add("min_distance (", min_distance_m, " m) must be less than max_distance (",
+                max_distance_m, " m)");
+  }
+  faults->CheckRange("max_tilt", max_tilt_deg, 10, 89);
+  faults->CheckRange("min_confidence", min_confidence, 0, 1);
+}
+
+bool SameBlobs(const absl::InlinedVector<int, 3>& a, const absl::InlinedVector<int, 3>& b) {
+  return std::is_permutation(a.begin(), a.end(), b.begin(), b.end());
+}
+
+absl::Status CheckTargetAndCamera(const Target& target, const CameraDescription& camera) {
+  absl::Status status = target.Validate();
+  if (camera.intrinsics) status.Update(camera.intrinsics->Validate(camera.image_size_px));
+  return status;
+}
+
 WandFinder::WandFinder(const WandFinderOptions& options, const Target& target,
                        const CameraDescription& camera)
-    : options_(options), calibrated_(camera.intrinsics.has_value()) {
-  if (calibrated_) {
+    : options_(options) {
+  const bool calibrated = camera.intrinsics.has_value();
+  if (calibrated) {
     intrinsics_ = *camera.intrinsics;
   } else {
     const ImageSize size = camera.image_size_px;
@@ -47,14 +71,14 @@ WandFinder::WandFinder(const WandFinderOptions& options, const Target& target,
   for (const double position_m : target.marker_positions_m) {
     shares_.push_back(position_m / length_m_);
   }
-  fit_options_.diameter_m = calibrated_ ? target.diameter_m : 0;
+  fit_options_.diameter_m = calibrated ? target.diameter_m : 0;
   fit_options_.span_sigma_m = target.span_tolerance_m;
   // An assumed lens gives distances up to a factor only, and bends lines.
-  const double slack = calibrated_ ? 1 : 2.5;
-  if (!calibrated_) fit_options_.span_sigma_m += 0.01 * length_m_;
-  fit_options_.min_distance_m = options.min_distance_m / slack;
-  fit_options_.max_distance_m = options.max_distance_m * slack;
-  fit_options_.max_tilt_rad = options.max_tilt_deg * std::numbers::pi / 180;
+  const double slack = calibrated ? 1 : 2.5;
+  if (!calibrated) fit_options_.span_sigma_m += 0.01 * length_m_;
+  fit_options_.min_distance_m = options.limits.min_distance_m / slack;
+  fit_options_.max_distance_m = options.limits.max_distance_m * slack;
+  fit_options_.max_tilt_rad = options.limits.max_tilt_deg * std::numbers::pi / 180;
 }
 
 bool WandFinder::Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) const {
@@ -72,6 +96,16 @@ bool WandFinder::Sight(const Eigen::Vector2d& centre_px, MarkerSight* sight) con
   sight->ray = ray;
   sight->scale_px = scale;
   return true;
+}
+
+void WandFinder::ToSphereCentre(const WandImageFit& fit, size_t marker,
+                                MarkerObservation* observed) const {
+  if (!(fit_options_.diameter_m > 0) || shares_.size() < 2) return;
+  const double distance_m = (fit.first_m + shares_[marker] * (fit.last_m - fit.first_m)).norm();
+  if (SphereCentreFromCentroid(intrinsics_, observed->centre_px, distance_m,
+                               fit_options_.diameter_m, &observed->centre_px)) {
+    observed->centre_kind = CentreKind::kSphereCentre;
+  }
 }
 
 void WandFinder::AddEntry(int index, const Blob& blob, int kind) {
@@ -157,7 +191,7 @@ void WandFinder::ListPairs() {
   std::sort(pairs_.begin(), pairs_.end(), [](const Pair& a, const Pair& b) {
     return std::tie(a.unlikeness, a.first, a.last) < std::tie(b.unlikeness, b.first, b.last);
   });
-  pairs_.resize(std::min(pairs_.size(), static_cast<size_t>(options_.max_pairs)));
+  pairs_.resize(std::min(pairs_.size(), kMaxPairs));
 }
 
 void WandFinder::Near(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double reach_px,
@@ -185,8 +219,7 @@ void WandFinder::Near(const Eigen::Vector2d& from, const Eigen::Vector2d& to, do
 }
 
 void WandFinder::SearchBetween(const Entry& first, const Entry& last) {
-  const auto index = [this](const Entry& entry) { return static_cast<int>(&entry - &entries_[0]); };
-  if (shares_.size() == 2) return Offer({index(first), index(last)});
+  if (shares_.size() == 2) return Offer({IndexOf(first), IndexOf(last)});
   // Limits of the depth of the last end over that of the first: by the steepest tilt and the sizes.
   const double width = (first.sight.ray - last.sight.ray).norm();
   const double half = std::min(0.6, 0.5 * width * std::tan(fit_options_.max_tilt_rad));
@@ -211,7 +244,7 @@ void WandFinder::SearchBetween(const Entry& first, const Entry& last) {
     const double r = entry.sight.radius_px;
     if (r > 1.6 * std::max(r0, r1) + 1.2 || r < 0.55 * std::min(r0, r1) - 1) continue;
     if (shares_.size() == 3) {
-      Offer({index(first), second, index(last)});
+      Offer({IndexOf(first), second, IndexOf(last)});
     } else {
       Complete(first, entry, last);
     }
@@ -223,8 +256,7 @@ void WandFinder::Complete(const Entry& first, const Entry& second, const Entry& 
   const double q =
       std::clamp((second.flat_px - first.flat_px).dot(line) / line.squaredNorm(), 0.01, 0.99);
   const double ratio = q * (1 - shares_[1]) / (shares_[1] * (1 - q));
-  const auto index = [this](const Entry& entry) { return static_cast<int>(&entry - &entries_[0]); };
-  absl::InlinedVector<int, 3> chosen = {index(first), index(second)};
+  absl::InlinedVector<int, 3> chosen = {IndexOf(first), IndexOf(second)};
   // The ratio carries the second marker's error, more for markers further along.
   const double error =
       PlaceSigma(second.sight.radius_px) + fit_options_.span_sigma_m / length_m_ * line.norm();
@@ -236,7 +268,7 @@ void WandFinder::Complete(const Entry& first, const Entry& second, const Entry& 
     double nearest = 0;
     for (const int candidate : between_) {
       if (std::find(chosen.begin(), chosen.end(), candidate) != chosen.end() ||
-          candidate == index(last) || !CanBe(entries_[static_cast<size_t>(candidate)], k)) {
+          candidate == IndexOf(last) || !CanBe(entries_[static_cast<size_t>(candidate)], k)) {
         continue;
       }
       const double distance =
@@ -249,7 +281,7 @@ void WandFinder::Complete(const Entry& first, const Entry& second, const Entry& 
     if (best < 0) return;
     chosen.push_back(best);
   }
-  chosen.push_back(index(last));
+  chosen.push_back(IndexOf(last));
   Offer(chosen);
 }
 
@@ -263,10 +295,9 @@ void WandFinder::Offer(const absl::InlinedVector<int, 3>& entries) {
     candidate.blobs.push_back(entries_[static_cast<size_t>(entry)].blob);
   }
   if (!FitWand(sights, shares_, length_m_, fit_options_, &candidate.fit)) return;
-  candidate.cost = candidate.fit.cost;
-  if (!(candidate.cost <= kMaxCost)) return;
+  if (!(candidate.fit.cost <= kMaxCost)) return;
   const auto order = [](const WandCandidate& a, const WandCandidate& b) {
-    return a.cost != b.cost ? a.cost < b.cost : a.blobs < b.blobs;
+    return std::tie(a.fit.cost, a.blobs) < std::tie(b.fit.cost, b.blobs);
   };
   candidates_.insert(std::upper_bound(candidates_.begin(), candidates_.end(), candidate, order),
                      candidate);
@@ -284,9 +315,7 @@ const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs,
   if (shares_.size() == 1) {
     for (const Entry& entry : entries_) {
       if (!CanBe(entry, 0)) continue;
-      WandCandidate candidate;
-      candidate.blobs = {entry.blob};
-      candidates_.push_back(candidate);
+      candidates_.push_back({.blobs = {entry.blob}, .fit = {}});
     }
     return candidates_;
   }

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "absl/container/inlined_vector.h"
@@ -11,30 +8,46 @@
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/identify/wand_image_fit.h"
 #include "common/camera/camera_description.h"
+#include "common/status/fault_list.h"
+#include "common/target/observation.h"
 #include "common/target/target.h"
 
 namespace rigcal::agent {
 
-struct WandFinderOptions {
+// What may be a wand.
+struct WandLimits {
+  // Of every marker, where intrinsics and spacing are known; metres.
   double min_distance_m = 0.3;
   double max_distance_m = 20;
+  // Of the wand out of the plane across the line of sight; more makes short, uncertain wands. 10 to
+  // 89 degrees.
   double max_tilt_deg = 82;
+  double min_confidence = 0.5;  // less is no wand, 0 to 1
+
+  // Adds every fault.
+  void Check(FaultList* faults) const;
+};
+
+struct WandFinderOptions {
+  WandLimits limits;
   int max_candidates = 40;  // those of least cost are kept
-  // Bound the work with hundreds of blobs: pairs of possible ends, most alike in size first, and
-  // poses that are tried, a few microseconds each.
-  int max_pairs = 20000;
-  int max_fits = 100000;
+  int max_fits = 100000;    // poses that are tried, a few microseconds each
   // By marker: the kind of blob it appears as (its blink frequency). Empty:
   // any blob can be any marker.
-  std::vector<int> marker_kinds;
+  std::vector<int> marker_kinds = {};
 };
 
 // Blobs that can be the target's markers.
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
-  double cost = 0;                    // chi-squared; less is better
   WandImageFit fit;
 };
+
+// In whatever order.
+bool SameBlobs(const absl::InlinedVector<int, 3>& a, const absl::InlinedVector<int, 3>& b);
+
+// INVALID_ARGUMENT: the target or the camera's intrinsics are not valid.
+absl::Status CheckTargetAndCamera(const Target& target, const CameraDescription& camera);
 
 // Looks for the target among blobs: every pair that can be the two ends, and between them a blob
 // where each inner marker can be seen in perspective; then the cost of the best pose (FitWand). How
@@ -59,9 +72,9 @@ class WandFinder {
   const WandImageFitOptions& fit_options() const { return fit_options_; }
   absl::Span<const double> shares() const { return shares_; }  // along the wand, 0 to 1
   double length_m() const { return length_m_; }
-  // Of the camera, or assumed.
-  const Intrinsics& intrinsics() const { return intrinsics_; }
-  bool calibrated() const { return calibrated_; }
+  // Moves the centre of a marker's image to the projection of the sphere's centre, where lens and
+  // diameter are known.
+  void ToSphereCentre(const WandImageFit& fit, size_t marker, MarkerObservation* observed) const;
 
  private:
   struct Entry {
@@ -75,6 +88,7 @@ class WandFinder {
     int first, last;
   };
   void AddEntry(int index, const Blob& blob, int kind);
+  int IndexOf(const Entry& entry) const { return static_cast<int>(&entry - entries_.data()); }
   bool CanBe(const Entry& entry, size_t marker) const {
     return options_.marker_kinds.empty() || options_.marker_kinds[marker] == entry.kind;
   }
@@ -94,7 +108,6 @@ class WandFinder {
   WandFinderOptions options_;
   WandImageFitOptions fit_options_;
   Intrinsics intrinsics_;
-  bool calibrated_ = false;
   double focal_px_ = 1;
   double length_m_ = 1;
   std::vector<double> shares_;

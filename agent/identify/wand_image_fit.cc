@@ -11,6 +11,8 @@ namespace {
 
 constexpr int kTilts = 21;  // odd: one of them is none
 constexpr int kRefinements = 12;
+// Common error of all radii by blur and threshold: mean and sigma.
+constexpr double kRadiusBiasPx = 0.1, kRadiusBiasSigmaPx = 0.8;
 
 double Square(double x) { return x * x; }
 
@@ -85,8 +87,7 @@ class TiltSearch {
     const double mean = sum / weights;
     double cost = squares - weights * mean * mean;
     if (options_.diameter_m > 0) {
-      cost += Square(mean - options_.radius_bias_px) /
-              (Square(options_.radius_bias_sigma_px) + 1 / weights);
+      cost += Square(mean - kRadiusBiasPx) / (Square(kRadiusBiasSigmaPx) + 1 / weights);
     }
     return cost;
   }
@@ -106,25 +107,19 @@ bool FitWand(absl::Span<const MarkerSight> sights, absl::Span<const double> shar
   const TiltSearch search(sights, shares, length_m, options);
   if (!search.usable()) return false;
   double best = std::numeric_limits<double>::infinity(), best_tilt = 0;
+  const auto attempt = [&](double tilt) {
+    const double cost = search.Cost(tilt, nullptr);
+    if (cost < best) best = cost, best_tilt = tilt;
+  };
   const double step = 2 * options.max_tilt_rad / (kTilts - 1);
   for (int i = 0; i < kTilts; ++i) {
-    const double tilt = -options.max_tilt_rad + i * step;
-    const double cost = search.Cost(tilt, nullptr);
-    if (cost < best) {
-      best = cost;
-      best_tilt = tilt;
-    }
+    attempt(-options.max_tilt_rad + i * step);
   }
   if (!std::isfinite(best)) return false;
   double width = 0.5 * step;
   for (int i = 0; i < kRefinements; ++i, width *= 0.6) {
     for (const double tilt : {best_tilt - width, best_tilt + width}) {
-      if (std::abs(tilt) > options.max_tilt_rad) continue;
-      const double cost = search.Cost(tilt, nullptr);
-      if (cost < best) {
-        best = cost;
-        best_tilt = tilt;
-      }
+      if (std::abs(tilt) <= options.max_tilt_rad) attempt(tilt);
     }
   }
   search.Cost(best_tilt, fit);

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 
-#include "absl/container/inlined_vector.h"
 #include "absl/types/span.h"
 
 namespace rigcal::agent {
@@ -23,9 +22,6 @@ struct WandImageFitOptions {
   double min_distance_m = 0.3;
   double max_distance_m = 20;
   double max_tilt_rad = 1.43;  // out of the plane across the line of sight
-  // Common error of all radii by blur and threshold: mean and sigma.
-  double radius_bias_px = 0.1;
-  double radius_bias_sigma_px = 0.8;
 };
 
 struct WandImageFit {

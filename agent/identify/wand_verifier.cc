@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
+
+#include "agent/detect/blobs/blob_contrast.h"
 
 namespace rigcal::agent {
 namespace {
@@ -52,10 +53,6 @@ double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
   return cost;
 }
 
-bool SameBlobs(const VerifiedWand& a, const VerifiedWand& b) {
-  return std::is_permutation(a.blobs.begin(), a.blobs.end(), b.blobs.begin(), b.blobs.end());
-}
-
 bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
   return std::none_of(a.blobs.begin(), a.blobs.end(), [&](int blob) {
     return std::find(b.blobs.begin(), b.blobs.end(), blob) != b.blobs.end();
@@ -82,7 +79,7 @@ const WandVerifier::Measured& WandVerifier::Measure(const ImageView& image,
   Measured& measured = measured_.emplace_back();
   measured.blob = blob;
   measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre) &&
-                  measured.centre.contrast_grey >= min_contrast_grey_;
+                  measured.centre.contrast_grey >= kMinContrastGrey;
   return measured;
 }
 
@@ -132,7 +129,7 @@ Verdict WandVerifier::Choose() {
   size_t best = 0;
   for (size_t i = 1; i < evaluated_.size(); ++i) {
     const VerifiedWand &now = evaluated_[best], &other = evaluated_[i];
-    if (other.confidence < min_confidence_ || SameBlobs(now, other)) continue;
+    if (other.confidence < min_confidence_ || SameBlobs(now.blobs, other.blobs)) continue;
     if (Disjoint(now, other)) {
       const double ratio = MeanBrightness(other) / MeanBrightness(now);
       if (ratio > kBrighter) best = i;
@@ -146,7 +143,7 @@ Verdict WandVerifier::Choose() {
   if (wand.confidence < min_confidence_) return Verdict();
   if (verdict.ambiguous) return verdict;
   for (const VerifiedWand& other : evaluated_) {
-    if (&other == &wand || !SameBlobs(wand, other)) continue;
+    if (&other == &wand || !SameBlobs(wand.blobs, other.blobs)) continue;
     const double certainty = 1 / (1 + std::exp(0.5 * (wand.cost - other.cost)));
     wand.label_confidence = std::min(wand.label_confidence, certainty);
   }

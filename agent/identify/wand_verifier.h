@@ -4,13 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "absl/container/inlined_vector.h"
-#include "absl/types/span.h"
-#include "agent/detect/blobs/blob_finder.h"
-#include "agent/detect/blobs/image_view.h"
 #include "agent/identify/marker_centre.h"
 #include "agent/identify/wand_finder.h"
-#include "agent/identify/wand_image_fit.h"
 
 namespace rigcal::agent {
 
@@ -38,8 +33,7 @@ struct Verdict {
 // floor or a window); others are ambiguous. One thread at a time.
 class WandVerifier {
  public:
-  WandVerifier(double min_confidence, double min_contrast_grey)
-      : min_confidence_(min_confidence), min_contrast_grey_(min_contrast_grey) {}
+  explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
                  absl::Span<const WandCandidate> candidates);
@@ -56,7 +50,6 @@ class WandVerifier {
   Verdict Choose();
 
   double min_confidence_;
-  double min_contrast_grey_;
   MarkerMeter meter_;
   std::vector<Measured> measured_;
   std::vector<VerifiedWand> evaluated_;

@@ -152,8 +152,7 @@ void Chain(benchmark::State& state, const EventStreamOptions& options,
     size_t begin = 0;
     blobs = 0;
     for (const size_t cut : cuts) {
-      agent::BlinkFilter::Pass pass = filter.BeginPass();
-      DecodeInBatches(decoder, bytes.subspan(begin, cut - begin), pass);
+      DecodeInBatches(decoder, bytes.subspan(begin, cut - begin), filter);
       begin = cut;
       const auto time_us = static_cast<uint32_t>(decoder.time_us());
       filter.Sweep(time_us);

@@ -62,7 +62,6 @@ Settings TakeSettings(FuzzInput* input) {
   const uint32_t filter = input->Byte();
   settings.options.min_periods = static_cast<int>(1 + filter % 7);
   settings.options.min_blob_pixels = (filter & 8) != 0 ? 1 : 8;
-  settings.options.reach_px = (filter & 16) != 0 ? 1 : (filter & 32) != 0 ? 200 : 40;
   settings.options.band_rel = (filter & 64) != 0 ? 0.45 : 0.15;
   settings.camera.camera = "camera";
   settings.camera.image_size_px = {1 + input->Byte() % 200u, 1 + input->Byte() % 200u};
@@ -158,20 +157,6 @@ class Scene {
   std::vector<CdEvent> events_;
   std::vector<uint8_t> bytes_;
 };
-
-size_t WordBytes(EventFormat format) {
-  switch (format) {
-    case EventFormat::kEvt2:
-      return 4;
-    case EventFormat::kEvt21:
-      return 8;
-    case EventFormat::kEvt3:
-      return 2;
-    case EventFormat::kPlain:
-      return 16;
-  }
-  return 16;
-}
 
 void CheckMarker(const MarkerObservation& marker, const Settings& settings) {
   if (!marker.visible) return;

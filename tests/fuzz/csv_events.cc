@@ -44,8 +44,8 @@ WholeFile ReadAll(const std::string& path, const PlainFileOptions& options, size
   auto reader = OpenCsvEvents(path, options);
   whole.status = reader.status();
   if (!reader.ok()) return whole;
-  FUZZ_CHECK((*reader)->facts().format == "CSV");
-  FUZZ_CHECK((*reader)->facts().time_unit != TimeUnit::kAuto);
+  FUZZ_CHECK((*reader)->header().format_name == "CSV");
+  FUZZ_CHECK((*reader)->header().time_unit != TimeUnit::kAuto);
   std::vector<PlainEvent> events;
   while (true) {
     whole.status = (*reader)->Read(block, &events);
@@ -53,7 +53,7 @@ WholeFile ReadAll(const std::string& path, const PlainFileOptions& options, size
     FUZZ_CHECK(events.size() <= block);
     for (size_t i = 0; i < events.size(); ++i) {
       FUZZ_CHECK(events[i].kind <= PlainEvent::kUnreadable);
-      FUZZ_CHECK((*reader)->PlaceOf(i).starts_with("line "));
+      FUZZ_CHECK((*reader)->PlaceInBlock(i).starts_with("line "));
     }
     whole.events.insert(whole.events.end(), events.begin(), events.end());
   }

@@ -11,13 +11,13 @@
 
 using ::rigcal::agent::EventFormat;
 using ::rigcal::agent::ParseRawHeader;
-using ::rigcal::agent::RawHeader;
+using ::rigcal::agent::EventFileHeader;
 
 namespace {
 
 constexpr size_t kHeaderBytes = 64 * 1024;
 
-void CheckHeader(const RawHeader& header, std::span<const uint8_t> bytes) {
+void CheckHeader(const EventFileHeader& header, std::span<const uint8_t> bytes) {
   FUZZ_CHECK(header.byte_count > 0);
   FUZZ_CHECK(header.byte_count <= std::min(bytes.size(), kHeaderBytes));
   // The events begin after the end of a line.

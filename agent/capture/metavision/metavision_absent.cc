@@ -4,22 +4,13 @@
 #include "agent/capture/metavision/metavision_device.h"
 
 namespace rigcal::agent {
-namespace {
-
-constexpr char kAbsent[] =
-    "this agent was built without live event cameras: install OpenEB or the Metavision SDK (4.1 to "
-    "5.x) and build it with cmake -DRIGCAL_METAVISION=ON (see docs/event_cameras.md); recordings "
-    "need neither: raw:FILE";
-
-}  // namespace
-
 absl::StatusOr<std::unique_ptr<MetavisionDevice>> OpenMetavisionDevice(
     const MetavisionRequest& request) {
-  return absl::FailedPreconditionError(absl::StrCat("camera ", request.camera, ": ", kAbsent));
-}
-
-absl::StatusOr<std::vector<std::string>> ListMetavisionDevices() {
-  return absl::FailedPreconditionError(kAbsent);
+  return absl::FailedPreconditionError(absl::StrCat(
+      "camera ", request.camera,
+      ": this agent was built without live event cameras: install OpenEB or the Metavision SDK "
+      "(4.1 to 5.x) and build it with cmake -DRIGCAL_METAVISION=ON (see docs/event_cameras.md); "
+      "recordings need neither: raw:FILE"));
 }
 
 }  // namespace rigcal::agent

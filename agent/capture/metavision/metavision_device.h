@@ -7,10 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "agent/event/event.h"
-#include "agent/event/event_decoder.h"
+#include "agent/event/event_words.h"
 #include "common/config/event_camera_config.h"
 
 namespace rigcal::agent {
@@ -22,6 +20,7 @@ struct MetavisionIdentity {
   std::string model;      // integrator and sensor: "Prophesee IMX636"
   SensorGeometry geometry;
   EventFormat format = EventFormat::kEvt3;
+  std::string format_name;                  // "EVT3"
   bool halves_swapped = false;              // EVT 2.1 as an IMX636 sends it
   std::vector<std::string> trigger_inputs;  // in use: "main"
 };
@@ -56,8 +55,5 @@ struct MetavisionRequest {
 // camera.
 absl::StatusOr<std::unique_ptr<MetavisionDevice>> OpenMetavisionDevice(
     const MetavisionRequest& request);
-
-// Every event camera that the SDK finds, as "integrator:plugin:serial".
-absl::StatusOr<std::vector<std::string>> ListMetavisionDevices();
 
 }  // namespace rigcal::agent

@@ -5,7 +5,6 @@
 #include <time.h>
 
 #include <algorithm>
-#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -26,16 +25,6 @@ int64_t NowNs(clockid_t clock) {
   timespec now{};
   clock_gettime(clock, &now);
   return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-
-size_t WordBytes(EventFormat format) {
-  if (format == EventFormat::kEvt2) return 4;
-  return format == EventFormat::kEvt21 ? 8 : 2;
-}
-
-const char* FormatName(EventFormat format) {
-  if (format == EventFormat::kEvt2) return "EVT2";
-  return format == EventFormat::kEvt21 ? "EVT21" : "EVT3";
 }
 
 absl::Status Named(const MetavisionSourceOptions& options, const absl::Status& status) {
@@ -69,7 +58,7 @@ absl::StatusOr<MetavisionRequest> MakeRequest(const MetavisionSourceOptions& opt
 CameraSettings SettingsOf(const MetavisionIdentity& identity) {
   CameraSettings settings;
   settings.model = absl::StrCat(identity.model, " ", identity.serial);
-  settings.pixel_format = FormatName(identity.format);
+  settings.pixel_format = identity.format_name;
   settings.trigger =
       identity.trigger_inputs.empty() ? "free" : absl::StrJoin(identity.trigger_inputs, ", ");
   return settings;

@@ -11,7 +11,6 @@
 
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/capture/metavision/metavision_device.h"
 #include "agent/capture/metavision/metavision_hal_errors.h"
@@ -101,6 +100,15 @@ class HalDevice : public MetavisionDevice {
   bool started_ = false;
 };
 
+// As "integrator:plugin:serial".
+absl::StatusOr<std::vector<std::string>> ListDevices() {
+  std::vector<std::string> found;
+  RIGCAL_RETURN_IF_ERROR(WithoutExceptions("cannot look for event cameras", [&] {
+    for (const std::string& serial : Metavision::DeviceDiscovery::list()) found.push_back(serial);
+  }));
+  return found;
+}
+
 std::string Listed(const std::vector<std::string>& serials) {
   return serials.empty() ? "none; is it plugged in, is the camera's plugin found "
                            "(MV_HAL_PLUGIN_PATH), may this user open it (udev rules)?"
@@ -110,7 +118,7 @@ std::string Listed(const std::vector<std::string>& serials) {
 // What to ask for: the camera that is named, or the only one there is.
 absl::StatusOr<std::string> ChooseSerial(const MetavisionRequest& request) {
   if (!request.serial.empty()) return request.serial;
-  RIGCAL_ASSIGN_OR_RETURN(const std::vector<std::string> found, ListMetavisionDevices());
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<std::string> found, ListDevices());
   if (found.size() > 1) {
     return absl::FailedPreconditionError(
         absl::StrCat("there are several event cameras: ", absl::StrJoin(found, ", "),
@@ -130,7 +138,7 @@ absl::StatusOr<std::unique_ptr<Metavision::Device>> OpenDevice(const MetavisionR
   if (device) return device;
   const std::string which = serial.empty() ? "there is no event camera"
                                            : absl::StrCat("there is no event camera ", serial);
-  const absl::StatusOr<std::vector<std::string>> found = ListMetavisionDevices();
+  const absl::StatusOr<std::vector<std::string>> found = ListDevices();
   return absl::Status(
       status.ok() ? absl::StatusCode::kNotFound : status.code(),
       absl::StrCat(status.ok() ? which : std::string(status.message()), "; found: ",
@@ -145,15 +153,16 @@ absl::Status ReadFormat(const Metavision::I_HW_Identification& about,
   std::string name = about.get_header().get_field("format");
   if (name.empty()) name = current;
   const std::string text = absl::StrCat("% format ", name, "\n% end\n");
-  const absl::StatusOr<RawHeader> header =
+  const absl::StatusOr<EventFileHeader> header =
       ParseRawHeader({reinterpret_cast<const uint8_t*>(text.data()), text.size()});
   if (!header.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat(
+    return NotOffered(
         "it sends events as \"", name, "\": ", std::string(header.status().message()),
         "; it offers: ", absl::StrJoin(about.get_available_data_encoding_formats(), ", "),
-        "; ask for one with format = \"EVT3\" in the file that biases= names"));
+        "; ask for one with format = \"EVT3\" in the file that biases= names");
   }
   identity->format = header->format;
+  identity->format_name = header->format_name;
   identity->halves_swapped = header->halves_swapped;
   return absl::OkStatus();
 }
@@ -162,8 +171,7 @@ absl::StatusOr<MetavisionIdentity> Identify(Metavision::Device& device) {
   const auto* const about = device.get_facility<Metavision::I_HW_Identification>();
   const auto* const geometry = device.get_facility<Metavision::I_Geometry>();
   if (about == nullptr || geometry == nullptr) {
-    return absl::InvalidArgumentError(
-        "its plugin reports neither type nor size; is it an event camera?");
+    return NotOffered("its plugin reports neither type nor size; is it an event camera?");
   }
   MetavisionIdentity identity;
   identity.serial = about->get_serial();
@@ -171,9 +179,8 @@ absl::StatusOr<MetavisionIdentity> Identify(Metavision::Device& device) {
   const int width = geometry->get_width();
   const int height = geometry->get_height();
   if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
-    return absl::InvalidArgumentError(absl::StrCat("its sensor has ", width, "x", height,
-                                                   " pixels, but 1 to ", kMaxSide,
-                                                   " each way are supported"));
+    return NotOffered("its sensor has ", width, "x", height, " pixels, but 1 to ", kMaxSide,
+                      " each way are supported");
   }
   identity.geometry = {static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
   RIGCAL_RETURN_IF_ERROR(ReadFormat(*about, &identity));
@@ -184,7 +191,7 @@ absl::StatusOr<std::unique_ptr<MetavisionDevice>> Open(const MetavisionRequest& 
   RIGCAL_ASSIGN_OR_RETURN(const std::string serial, ChooseSerial(request));
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<Metavision::Device> device, OpenDevice(request, serial));
   auto* const stream = device->get_facility<Metavision::I_EventsStream>();
-  if (stream == nullptr) return absl::InvalidArgumentError("it has no stream of events");
+  if (stream == nullptr) return NotOffered("it has no stream of events");
   RIGCAL_ASSIGN_OR_RETURN(MetavisionIdentity identity, Identify(*device));
   identity.opened_as = serial;
   RIGCAL_ASSIGN_OR_RETURN(identity.trigger_inputs, ApplyMetavisionSettings(*device, request));
@@ -202,14 +209,6 @@ absl::StatusOr<std::unique_ptr<MetavisionDevice>> OpenMetavisionDevice(
   if (status.ok()) return device;
   return absl::Status(status.code(),
                       absl::StrCat("camera ", request.camera, ": ", std::string(status.message())));
-}
-
-absl::StatusOr<std::vector<std::string>> ListMetavisionDevices() {
-  std::vector<std::string> found;
-  RIGCAL_RETURN_IF_ERROR(WithoutExceptions("cannot look for event cameras", [&] {
-    for (const std::string& serial : Metavision::DeviceDiscovery::list()) found.push_back(serial);
-  }));
-  return found;
 }
 
 }  // namespace rigcal::agent

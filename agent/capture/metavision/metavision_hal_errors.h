@@ -2,15 +2,21 @@
 #pragma once
 
 #include <exception>
-#include <string>
 #include <string_view>
 
 #include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 
 namespace rigcal::agent {
 
 // UNAVAILABLE, "WHAT: why", with the SDK's message of several lines on one.
 absl::Status MetavisionFailure(std::string_view what, std::string_view why);
+
+// INVALID_ARGUMENT: a setting that the camera does not offer or take.
+template <typename... Pieces>
+absl::Status NotOffered(const Pieces&... pieces) {
+  return absl::InvalidArgumentError(absl::StrCat(pieces...));
+}
 
 // Calls the SDK; its exceptions become a status.
 template <typename Function>

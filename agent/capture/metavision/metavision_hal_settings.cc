@@ -13,9 +13,9 @@
 #include <map>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/capture/metavision/metavision_hal_errors.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -30,16 +30,14 @@ absl::Status SetSync(Metavision::Device& device, EventCameraSync sync) {
   auto* const facility = device.get_facility<Metavision::I_CameraSynchronization>();
   if (facility == nullptr) {
     if (sync == EventCameraSync::kStandalone) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        absl::StrCat("sync = \"", EventCameraSyncName(sync),
-                     "\", but the camera cannot be synchronised; leave sync out"));
+    return NotOffered("sync = \"", EventCameraSyncName(sync),
+                      "\", but the camera cannot be synchronised; leave sync out");
   }
   const bool done = sync == EventCameraSync::kPrimary     ? facility->set_mode_master()
                     : sync == EventCameraSync::kSecondary ? facility->set_mode_slave()
                                                           : facility->set_mode_standalone();
   if (done) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("the camera did not take sync = \"", EventCameraSyncName(sync), "\""));
+  return NotOffered("the camera did not take sync = \"", EventCameraSyncName(sync), "\"");
 }
 
 std::string DescribeBiases(const std::map<std::string, int>& biases) {
@@ -54,17 +52,15 @@ absl::Status SetBias(Metavision::I_LL_Biases& facility, const std::string& name,
   if (facility.get_bias_info(name, info)) {
     const auto [lowest, highest] = info.get_bias_range();
     if (!info.is_modifiable()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("bias ", name, " cannot be changed on this camera; leave it out"));
+      return NotOffered("bias ", name, " cannot be changed on this camera; leave it out");
     }
     if (value < lowest || value > highest) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "bias ", name, " is to be ", value, ", but the camera offers ", lowest, " to ", highest));
+      return NotOffered("bias ", name, " is to be ", value, ", but the camera offers ", lowest,
+                        " to ", highest);
     }
   }
   if (!facility.set(name, value)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("the camera did not take bias ", name, " = ", value));
+    return NotOffered("the camera did not take bias ", name, " = ", value);
   }
   if (const int got = facility.get(name); got != value) {
     spdlog::warn("camera {}: bias {} was to be {}, the camera made it {}", camera, name, value,
@@ -77,24 +73,22 @@ absl::Status SetBiases(Metavision::Device& device, const MetavisionRequest& requ
   if (request.config.biases.empty()) return absl::OkStatus();
   auto* const facility = device.get_facility<Metavision::I_LL_Biases>();
   if (facility == nullptr) {
-    return absl::InvalidArgumentError("the camera has no biases to set; leave [biases] out");
+    return NotOffered("the camera has no biases to set; leave [biases] out");
   }
   const std::map<std::string, int> known = facility->get_all_biases();
-  std::vector<std::string> faults;
+  FaultList faults;
   for (const auto& [name, value] : request.config.biases) {
     if (!known.contains(name)) {
-      faults.push_back(
-          absl::StrCat("there is no bias ", name, "; the camera has: ", DescribeBiases(known)));
+      faults.Add("there is no bias ", name, "; the camera has: ", DescribeBiases(known));
       continue;
     }
     absl::Status status;
     status.Update(WithoutExceptions(absl::StrCat("cannot set bias ", name), [&] {
       status = SetBias(*facility, name, value, request.camera);
     }));
-    if (!status.ok()) faults.emplace_back(status.message());
+    faults.Add(status);
   }
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrJoin(faults, "; "));
+  return faults.Result();
 }
 
 std::string DescribeInputs(const std::map<Channel, short>& inputs) {  // NOLINT: as the SDK has it
@@ -113,12 +107,12 @@ absl::Status EnableInput(Metavision::I_TriggerIn& facility,
   const auto* const input = std::find_if(kInputs.begin(), kInputs.end(),
                                          [&](const auto& entry) { return entry.first == name; });
   if (input == kInputs.end() || !offered.contains(input->second)) {
-    return absl::InvalidArgumentError(absl::StrCat("the camera has no trigger input ", name,
-                                                   "; it has: ", DescribeInputs(offered)));
+    return NotOffered("the camera has no trigger input ", name,
+                      "; it has: ", DescribeInputs(offered));
   }
   if (facility.enable(input->second)) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("the camera did not switch trigger input ", name,
-                                                 " on; it has: ", DescribeInputs(offered)));
+  return NotOffered("the camera did not switch trigger input ", name,
+                    " on; it has: ", DescribeInputs(offered));
 }
 
 absl::Status SetTriggerInputs(Metavision::Device& device, const MetavisionRequest& request) {
@@ -126,9 +120,8 @@ absl::Status SetTriggerInputs(Metavision::Device& device, const MetavisionReques
   if (wanted.empty()) return absl::OkStatus();
   auto* const facility = device.get_facility<Metavision::I_TriggerIn>();
   if (facility == nullptr) {
-    return absl::InvalidArgumentError(absl::StrCat("the camera has no trigger inputs, but ",
-                                                   absl::StrJoin(wanted, " and "),
-                                                   " is to be listened to"));
+    return NotOffered("the camera has no trigger inputs, but ", absl::StrJoin(wanted, " and "),
+                      " is to be listened to");
   }
   const auto offered = facility->get_available_channels();
   bool channel_is_heard = request.trigger_channel < 0;
@@ -139,9 +132,8 @@ absl::Status SetTriggerInputs(Metavision::Device& device, const MetavisionReques
     }
   }
   if (channel_is_heard) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("trigger_channel=", request.trigger_channel, ", but what is listened to is ",
-                   absl::StrJoin(wanted, " and "), "; the camera has: ", DescribeInputs(offered)));
+  return NotOffered("trigger_channel=", request.trigger_channel, ", but what is listened to is ",
+                    absl::StrJoin(wanted, " and "), "; the camera has: ", DescribeInputs(offered));
 }
 
 absl::Status LimitEventRate(Metavision::Device& device, const MetavisionRequest& request) {
@@ -150,23 +142,20 @@ absl::Status LimitEventRate(Metavision::Device& device, const MetavisionRequest&
   auto* const facility = device.get_facility<Metavision::I_ErcModule>();
   if (facility == nullptr) {
     if (limit == 0) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        "the camera cannot limit its events; leave event_rate_limit out");
+    return NotOffered("the camera cannot limit its events; leave event_rate_limit out");
   }
   if (limit == 0) {
     if (facility->enable(false)) return absl::OkStatus();
-    return absl::InvalidArgumentError("the camera did not switch its limit of events off");
+    return NotOffered("the camera did not switch its limit of events off");
   }
   const uint32_t lowest = facility->get_min_supported_cd_event_rate();
   const uint32_t highest = facility->get_max_supported_cd_event_rate();
   if (limit < lowest || limit > highest) {
-    return absl::InvalidArgumentError(absl::StrCat("event_rate_limit is ", limit,
-                                                   " events/s, but the camera offers ", lowest,
-                                                   " to ", highest, ", or 0 for no limit"));
+    return NotOffered("event_rate_limit is ", limit, " events/s, but the camera offers ", lowest,
+                      " to ", highest, ", or 0 for no limit");
   }
   if (facility->set_cd_event_rate(limit) && facility->enable(true)) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("the camera did not take event_rate_limit = ", limit));
+  return NotOffered("the camera did not take event_rate_limit = ", limit);
 }
 
 }  // namespace
@@ -179,7 +168,7 @@ absl::StatusOr<std::vector<std::string>> ApplyMetavisionSettings(Metavision::Dev
   RIGCAL_RETURN_IF_ERROR(LimitEventRate(device, request));
   auto* const anti_flicker = device.get_facility<Metavision::I_AntiFlickerModule>();
   if (anti_flicker != nullptr && !anti_flicker->enable(false)) {
-    return absl::InvalidArgumentError(
+    return NotOffered(
         "the camera did not switch its anti-flicker filter off, which would take the wand away");
   }
   return request.config.trigger_in;

@@ -24,7 +24,7 @@ bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* gr
 
 }  // namespace
 
-bool StandsOut(const ImageView& image, const Blob& blob, double min_contrast_grey) {
+bool StandsOut(const ImageView& image, const Blob& blob) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
   eigen.computeDirect(blob.second_moment_px2);
   const Eigen::Vector2d semi = (4 * eigen.eigenvalues()).cwiseMax(0.25).cwiseSqrt();
@@ -49,7 +49,7 @@ bool StandsOut(const ImageView& image, const Blob& blob, double min_contrast_gre
       ++different;  // what is outside says nothing against it
       continue;
     }
-    different += (core - grey).norm() >= static_cast<float>(min_contrast_grey) ? 1 : 0;
+    different += (core - grey).norm() >= static_cast<float>(kMinContrastGrey) ? 1 : 0;
   }
   return different >= kEnough;
 }

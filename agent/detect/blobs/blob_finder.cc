@@ -11,12 +11,9 @@ namespace {
 PixelRect Clip(const PixelRect& rect, const ImageView& image) {
   const int64_t right = std::min<int64_t>(int64_t{rect.x} + rect.width, image.width);
   const int64_t bottom = std::min<int64_t>(int64_t{rect.y} + rect.height, image.height);
-  PixelRect clipped;
-  clipped.x = std::max(0, rect.x);
-  clipped.y = std::max(0, rect.y);
-  clipped.width = static_cast<int>(std::max<int64_t>(0, right - clipped.x));
-  clipped.height = static_cast<int>(std::max<int64_t>(0, bottom - clipped.y));
-  return clipped;
+  const int x = std::max(0, rect.x), y = std::max(0, rect.y);
+  return {x, y, static_cast<int>(std::max<int64_t>(0, right - x)),
+          static_cast<int>(std::max<int64_t>(0, bottom - y))};
 }
 
 // sum_ab / n - (sum_a / n) (sum_b / n), without losing digits far from the image's origin.
@@ -63,8 +60,7 @@ absl::StatusOr<BlobFinder> BlobFinder::Create(BlobFinderOptions options, const M
 
 const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.blobs.clear();
-  result_.too_small = result_.too_large = result_.over_limit = 0;
-  result_.mask_pixels = 0;
+  result_.over_limit = 0;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
   LabelRows(image, inside);
@@ -98,14 +94,8 @@ void BlobFinder::KeepBlobs(const ImageView& image, const std::vector<ComponentSu
   kept_.clear();
   for (size_t i = 0; i < components.size(); ++i) {
     const int64_t area = components[i].area;
-    result_.mask_pixels += area;
-    if (area < options_.min_area_px) {
-      ++result_.too_small;
-    } else if (area > options_.max_area_px) {
-      ++result_.too_large;
-    } else {
-      kept_.push_back(static_cast<int>(i));
-    }
+    if (area < options_.min_area_px || area > options_.max_area_px) continue;
+    kept_.push_back(static_cast<int>(i));
   }
   const auto limit = static_cast<size_t>(options_.max_blobs);
   if (kept_.size() > limit) {

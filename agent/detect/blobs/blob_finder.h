@@ -6,13 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "absl/status/statusor.h"
 #include "agent/detect/blobs/colour_masker.h"
-#include "agent/detect/blobs/colour_range.h"
-#include "agent/detect/blobs/image_view.h"
-#include "agent/detect/blobs/mask_kernel.h"
-#include "agent/detect/blobs/pixel_mask.h"
 #include "agent/detect/blobs/run_labeller.h"
 
 namespace rigcal::agent {
@@ -29,8 +23,8 @@ struct Blob {
 struct BlobFinderOptions {
   ColourRange colour;
   int min_area_px = 6;
-  int max_area_px = 20000;
-  int max_blobs = 512;  // more are counted, not kept: the largest ones stay
+  int max_area_px = 600000;  // markers are looked for in large blobs too
+  int max_blobs = 512;       // more are counted, not kept: the largest ones stay
 
   // Every fault.
   absl::Status Validate() const;
@@ -38,10 +32,7 @@ struct BlobFinderOptions {
 
 struct BlobResult {
   std::vector<Blob> blobs;  // from top to bottom, left to right by their first pixel
-  int too_small = 0;
-  int too_large = 0;
   int over_limit = 0;       // in area range, but beyond max_blobs
-  int64_t mask_pixels = 0;  // taken by the colour range, in the window and not ignored
 };
 
 // Finds the connected pixels of a colour in one pass over an image: pixels to mask bits, bits to
@@ -57,14 +48,11 @@ class BlobFinder {
   // Pixels that never belong to a blob from now on, such as lamps. Pixels outside of the mask are
   // not ignored: a mask of another size than the images is the caller's fault to find.
   void SetIgnored(PixelMask ignored) { ignored_ = std::move(ignored); }
-  const PixelMask& ignored() const { return ignored_; }
 
   // The blobs of an image, or of its part inside `window`; pixels outside are as if they were
   // black. The result is valid until the next call. An image without pixels has no blobs.
   const BlobResult& Find(const ImageView& image, PixelRect window);
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
-
-  const BlobFinderOptions& options() const { return options_; }
 
  private:
   BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
 #include "agent/detect/blobs/blob_finder.h"
-#include "agent/detect/blobs/image_view.h"
 
 namespace rigcal::agent {
 

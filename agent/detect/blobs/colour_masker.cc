@@ -30,12 +30,4 @@ uint64_t ColourMasker::MaskRow(const ImageView& image, int y, int first_word, in
   return all;
 }
 
-PixelMask ColourMasker::Mask(const ImageView& image) const {
-  PixelMask mask(image.width, image.height);
-  for (int y = 0; y < mask.height(); ++y) {
-    MaskRow(image, y, 0, mask.words_per_row(), mask.MutableRow(y));
-  }
-  return mask;
-}
-
 }  // namespace rigcal::agent

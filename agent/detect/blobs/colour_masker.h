@@ -25,8 +25,6 @@ class ColourMasker {
   uint64_t MaskRow(const ImageView& image, int y, int first_word, int word_count,
                    uint64_t* words) const;
 
-  PixelMask Mask(const ImageView& image) const;
-
  private:
   ColourMasker(const IntegerColourRange& range, const MaskKernel& kernel)
       : range_(range), kernel_(&kernel) {}

@@ -48,7 +48,4 @@ struct IntegerColourRange {
 // `range` must be valid.
 IntegerColourRange ToIntegers(const ColourRange& range);
 
-// The definition above for one pixel, blue, green, red.
-bool Takes(const IntegerColourRange& range, const uint8_t bgr[3]);
-
 }  // namespace rigcal::agent

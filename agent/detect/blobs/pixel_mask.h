@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -15,7 +17,11 @@ class PixelMask {
  public:
   PixelMask() = default;
   // All 0. Sizes below 0 count as 0.
-  PixelMask(int width, int height);
+  PixelMask(int width, int height)
+      : width_(std::max(0, width)),
+        height_(std::max(0, height)),
+        words_per_row_((width_ + kMaskWordBits - 1) / kMaskWordBits),
+        words_(static_cast<size_t>(words_per_row_) * static_cast<size_t>(height_)) {}
 
   int width() const { return width_; }
   int height() const { return height_; }
@@ -24,14 +30,26 @@ class PixelMask {
   uint64_t* MutableRow(int y) { return words_.data() + Offset(y); }
 
   // False outside of the mask.
-  bool Get(int x, int y) const;
+  bool Get(int x, int y) const {
+    return Has(x, y) && (Row(y)[x / kMaskWordBits] >> (x % kMaskWordBits) & 1) != 0;
+  }
   // Nothing happens outside of the mask.
-  void Set(int x, int y, bool value = true);
-  int64_t CountPixels() const;
+  void Set(int x, int y, bool value = true) {
+    if (!Has(x, y)) return;
+    const uint64_t bit = uint64_t{1} << (x % kMaskWordBits);
+    uint64_t& word = MutableRow(y)[x / kMaskWordBits];
+    word = value ? word | bit : word & ~bit;
+  }
+  int64_t CountPixels() const {
+    int64_t count = 0;
+    for (const uint64_t word : words_) count += std::popcount(word);
+    return count;
+  }
 
   friend bool operator==(const PixelMask&, const PixelMask&) = default;
 
  private:
+  bool Has(int x, int y) const { return x >= 0 && y >= 0 && x < width_ && y < height_; }
   size_t Offset(int y) const {
     return static_cast<size_t>(y) * static_cast<size_t>(words_per_row_);
   }

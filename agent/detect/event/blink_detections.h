@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <vector>
 
-#include "absl/container/inlined_vector.h"
 #include "agent/detect/event/blink_wand_counts.h"
 #include "agent/detect/event/blink_wand_verifier.h"
 #include "agent/detect/event/output_schedule.h"

@@ -3,11 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
-#include "agent/detect/event/blink_surface.h"
+#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -27,35 +24,29 @@ int ShiftOf(double period_us) {
 }  // namespace
 
 absl::Status BlinkFilterOptions::Validate() const {
-  std::vector<std::string> faults;
-  const auto check = [&faults](const char* name, double value, double low, double high) {
-    if (value >= low && value <= high) return;
-    faults.push_back(absl::StrCat(name, " is ", value, ", but must be ", low, " to ", high));
-  };
-  check("width", geometry.width, 1, 2048);
-  check("height", geometry.height, 1, 2048);
-  if (blink_hz.empty()) faults.emplace_back("no blink frequency");
-  for (const double hz : blink_hz) check("blink frequency (Hz)", hz, 20, 5000);
+  FaultList faults;
+  faults.CheckRange("width", geometry.width, 1, 2048);
+  faults.CheckRange("height", geometry.height, 1, 2048);
+  if (blink_hz.empty()) faults.Add("no blink frequency");
+  for (const double hz : blink_hz) faults.CheckRange("blink frequency", hz, 20, 5000, " Hz");
   std::vector<double> sorted_hz = blink_hz;
   std::sort(sorted_hz.begin(), sorted_hz.end());
   for (size_t i = 1; i < sorted_hz.size(); ++i) {
     if (sorted_hz[i] >= kMinRatio * sorted_hz[i - 1]) continue;
-    faults.push_back(absl::StrCat("blink frequencies ", sorted_hz[i - 1], " and ", sorted_hz[i],
-                                  " Hz are too close: the higher one must be at least ", kMinRatio,
-                                  " times the lower, or both the same"));
+    faults.Add("blink frequencies ", sorted_hz[i - 1], " and ", sorted_hz[i],
+               " Hz are too close: the higher one must be at least ", kMinRatio,
+               " times the lower, or both the same");
   }
   if (sorted_hz.size() > 1 && sorted_hz.back() > kMaxRatio * sorted_hz.front()) {
-    faults.push_back(absl::StrCat("blink frequencies ", sorted_hz.front(), " and ",
-                                  sorted_hz.back(), " Hz are too far apart: at most ", kMaxRatio,
-                                  " times, for a pixel remembers two blinks, and those of the "
-                                  "highest would be newer than the last of the lowest"));
+    faults.Add("blink frequencies ", sorted_hz.front(), " and ", sorted_hz.back(),
+               " Hz are too far apart: at most ", kMaxRatio,
+               " times, for a pixel remembers two blinks, and those of the highest would be newer "
+               "than the last of the lowest");
   }
-  check("band", band_rel, 0.01, 0.45);
-  check("min_periods", min_periods, 1, 7);
-  check("min_blob_pixels", min_blob_pixels, 1, 100000);
-  check("reach", reach_px, 1, 200);
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("blink filter: ", absl::StrJoin(faults, "; ")));
+  faults.CheckRange("band", band_rel, 0.01, 0.45);
+  faults.CheckRange("min_periods", min_periods, 1, 7);
+  faults.CheckRange("min_blob_pixels", min_blob_pixels, 1, 100000);
+  return faults.Result("blink filter: ");
 }
 
 absl::StatusOr<BlinkFilter> BlinkFilter::Create(const BlinkFilterOptions& options,
@@ -70,8 +61,8 @@ BlinkFilter::BlinkFilter(const BlinkFilterOptions& options, const BlinkKernel& k
       kernel_(&kernel),
       shift_(ShiftOf(period_us_)),
       blinks_(BlinkPeriodsOf(options.blink_hz, options.band_rel, options.min_periods, shift_)),
-      seeds_(static_cast<uint32_t>(2 * period_us_), options.min_blob_pixels, options.reach_px),
-      measurer_(blinks_, options.min_blob_pixels, options.reach_px) {
+      seeds_(static_cast<uint32_t>(2 * period_us_), options.min_blob_pixels),
+      measurer_(blinks_, options.min_blob_pixels) {
   const auto [lowest_hz, highest_hz] =
       std::minmax_element(options.blink_hz.begin(), options.blink_hz.end());
   const double longest = period_us_ / (1 << shift_);

@@ -1,31 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <bit>
-#include <cstdint>
 #include <span>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "agent/detect/event/blink_blob.h"
-#include "agent/detect/event/blink_kernel.h"
-#include "agent/detect/event/blink_period.h"
 #include "agent/detect/event/blink_seeds.h"
 #include "agent/detect/event/burst_measurer.h"
-#include "agent/event/event_decoder.h"
 
 namespace rigcal::agent {
 
-struct BlinkFilterOptions {
-  SensorGeometry geometry;
+struct BlinkTuning {
+  double band_rel = 0.15;   // periods within this share of a nominal one are the wand's
+  int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
+  int min_blob_pixels = 8;  // that blink side by side, >= 1
+};
+
+struct BlinkFilterOptions : BlinkTuning {
+  SensorGeometry geometry = {};
   // 20 to 5000 each; markers are lit for half of each period. Several must be at least kMinRatio
   // apart, and at most kMaxRatio from the lowest to the highest.
   std::vector<double> blink_hz = {500};
-  double band_rel = 0.15;   // periods within this share of a nominal one are the wand's
-  int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
-  int min_blob_pixels = 8;  // seeds, side by side
-  int reach_px = 40;        // from the seeds, as far as a burst is followed
 
   // Nearer ones cannot be distinguished.
   static constexpr double kMinRatio = 1.1;
@@ -67,10 +62,11 @@ class BlinkFilter {
   static absl::StatusOr<BlinkFilter> Create(const BlinkFilterOptions& options,
                                             const BlinkKernel& kernel = BestBlinkKernel());
 
-  // The sink of decoders, or faster the consumer of their batches (EventBatcher).
-  class Pass;
-  Pass BeginPass();
-
+  // The consumer of decoders' batches (EventBatcher).
+  void Events(std::span<const PackedEvent> events) {
+    kernel_->update(rules_, events.data(), events.size(), states_.data(), tiles_.data());
+  }
+  void Trigger(const TriggerEvent&) {}
   // Forgets everything: the clock begins anew.
   void TimeStepBack(int64_t time_us);
 
@@ -108,33 +104,5 @@ class BlinkFilter {
   BurstMeasurer measurer_;
   std::vector<BlinkBlob> blobs_;
 };
-
-class BlinkFilter::Pass {
- public:
-  void Event(uint32_t x, uint32_t y, bool on, uint32_t time_us) {
-    const PackedEvent event = {time_us, static_cast<uint16_t>(x),
-                               static_cast<uint16_t>(y | (on ? 0x8000u : 0u))};
-    Events({&event, 1});
-  }
-  void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
-    for (; mask != 0; mask &= mask - 1) {
-      Event(x + static_cast<uint32_t>(std::countr_zero(mask)), y, on, time_us);
-    }
-  }
-  void Events(std::span<const PackedEvent> events) {
-    filter_->kernel_->update(filter_->rules_, events.data(), events.size(), filter_->states_.data(),
-                             filter_->tiles_.data());
-  }
-  void Trigger(const TriggerEvent&) {}
-  void TimeStepBack(int64_t time_us) { filter_->TimeStepBack(time_us); }
-
- private:
-  friend class BlinkFilter;
-  explicit Pass(BlinkFilter* filter) : filter_(filter) {}
-
-  BlinkFilter* filter_;
-};
-
-inline BlinkFilter::Pass BlinkFilter::BeginPass() { return Pass(this); }
 
 }  // namespace rigcal::agent

@@ -13,9 +13,6 @@ constexpr int64_t kWorkImages = 4, kLeastWorkPx = 1 << 20;
 
 }  // namespace
 
-BlinkSeeds::BlinkSeeds(uint32_t recent_us, int min_pixels, int reach_px)
-    : recent_us_(recent_us), min_pixels_(min_pixels), reach_px_(reach_px) {}
-
 const std::vector<ComponentSums>& BlinkSeeds::Find(const BlinkPeriod& blink,
                                                    const BlinkSurface& surface) {
   Mark(blink, surface);
@@ -54,9 +51,9 @@ void BlinkSeeds::Mark(const BlinkPeriod& blink, const BlinkSurface& surface) {
 
 const std::vector<ComponentSums>& BlinkSeeds::Promising(
     const std::vector<ComponentSums>& components, SensorGeometry geometry) {
-  const auto window_px = [this, geometry](const ComponentSums& seeds) {
-    const int64_t width = seeds.max_x - seeds.min_x + 1 + 2 * reach_px_;
-    const int64_t height = seeds.max_y - seeds.min_y + 1 + 2 * reach_px_;
+  const auto window_px = [geometry](const ComponentSums& seeds) {
+    const int64_t width = seeds.max_x - seeds.min_x + 1 + 2 * kReachPx;
+    const int64_t height = seeds.max_y - seeds.min_y + 1 + 2 * kReachPx;
     return std::min<int64_t>(width, geometry.width) * std::min<int64_t>(height, geometry.height);
   };
   int64_t rest_px =

@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
-#include <vector>
-
 #include "agent/detect/blobs/run_labeller.h"
 #include "agent/detect/event/blink_period.h"
-#include "agent/detect/event/blink_surface.h"
 
 namespace rigcal::agent {
 
@@ -16,8 +11,8 @@ namespace rigcal::agent {
 class BlinkSeeds {
  public:
   // A tile in which no pixel has blinked for `recent_us` is passed over. Groups of fewer than
-  // `min_pixels` do not count when there are too many; around each is looked as far as `reach_px`.
-  BlinkSeeds(uint32_t recent_us, int min_pixels, int reach_px);
+  // `min_pixels` do not count when there are too many.
+  BlinkSeeds(uint32_t recent_us, int min_pixels) : recent_us_(recent_us), min_pixels_(min_pixels) {}
 
   // Groups from top to bottom; only the largest when there are many, so that the time is bounded
   // when a screen or a wall of lamps blinks as the wand does. Valid until the next call.
@@ -29,7 +24,7 @@ class BlinkSeeds {
                                               SensorGeometry geometry);
 
   uint32_t recent_us_;
-  int min_pixels_, reach_px_;
+  int min_pixels_;
   std::vector<uint64_t> words_;  // of a row, a bit for each pixel
   RunLabeller labeller_;
   std::vector<size_t> largest_;  // indices of components

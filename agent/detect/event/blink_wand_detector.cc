@@ -1,68 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/event/blink_wand_detector.h"
 
-#include <cstddef>
 #include <optional>
-#include <string>
+#include <type_traits>
 #include <utility>
-#include <variant>
 
-#include "absl/container/inlined_vector.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
-#include "agent/detect/event/blink_filter.h"
 #include "agent/detect/event/blink_frequencies.h"
 #include "agent/detect/event/blink_wand_timeline.h"
-#include "agent/detect/event/blink_wand_verifier.h"
-#include "agent/detect/event/stopping_consumer.h"
-#include "agent/event/event_decoder.h"
-#include "agent/event/plain_events.h"
+#include "agent/event/any_event_decoder.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr int kMaxFits = 8000;  // a wall of lamps must not take longer than a sensor waits
 
-using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
-
-Decoder MakeDecoder(EventFormat format, bool halves_swapped, SensorGeometry geometry) {
-  switch (format) {
-    case EventFormat::kEvt2:
-      return Evt2Decoder(geometry);
-    case EventFormat::kEvt21:
-      return Evt21Decoder(geometry, halves_swapped);
-    case EventFormat::kPlain:
-      return PlainEventDecoder(geometry);
-    case EventFormat::kEvt3:
-      break;
-  }
-  return Evt3Decoder(geometry);
-}
-
-SensorGeometry GeometryOf(const CameraDescription& camera) {
-  return {camera.image_size_px.width, camera.image_size_px.height};
-}
-
-WandFinderOptions FinderOptions(const BlinkWandDetectorOptions& options,
-                                const BlinkFrequencies& frequencies) {
-  WandFinderOptions result;
-  result.min_distance_m = options.min_distance_m;
-  result.max_distance_m = options.max_distance_m;
-  result.max_tilt_deg = options.max_tilt_deg;
-  result.max_fits = kMaxFits;
+WandFinderOptions FinderOptions(const WandLimits& limits, const BlinkFrequencies& frequencies) {
+  WandFinderOptions result{.limits = limits, .max_fits = kMaxFits};
   if (frequencies.hz.size() > 1) result.marker_kinds = frequencies.of_marker;
   return result;
-}
-
-BlinkFilterOptions FilterOptions(const BlinkWandDetectorOptions& options,
-                                 const CameraDescription& camera,
-                                 const std::vector<double>& blink_hz) {
-  return {.geometry = GeometryOf(camera),
-          .blink_hz = blink_hz,
-          .band_rel = options.band_rel,
-          .min_periods = options.min_periods,
-          .min_blob_pixels = options.min_blob_pixels,
-          .reach_px = options.reach_px};
 }
 
 absl::InlinedVector<double, 3> MarkerPeriods(const BlinkFrequencies& frequencies) {
@@ -76,48 +32,56 @@ absl::InlinedVector<double, 3> MarkerPeriods(const BlinkFrequencies& frequencies
 }  // namespace
 
 absl::Status BlinkWandDetectorOptions::Validate() const {
-  std::vector<std::string> faults;
-  if (const absl::Status status = output.Validate(); !status.ok()) {
-    faults.emplace_back(status.message());
-  }
-  CameraDescription any;
-  any.image_size_px = {1, 1};
-  if (const absl::Status status = FilterOptions(*this, any, {blink_hz}).Validate(); !status.ok()) {
-    faults.emplace_back(status.message());
-  }
-  const auto check = [&faults](const char* name, double value, double low, double high) {
-    if (value >= low && value <= high) return;
-    faults.push_back(absl::StrCat(name, " is ", value, ", it must be ", low, " to ", high));
-  };
-  check("min_distance", min_distance_m, 0.01, 1000);
-  check("max_distance", max_distance_m, 0.01, 1000);
-  if (!(min_distance_m < max_distance_m)) {
-    faults.push_back(absl::StrCat("min_distance (", min_distance_m,
-                                  " m) must be less than max_distance (", max_distance_m, " m)"));
-  }
-  check("max_tilt", max_tilt_deg, 10, 89);
-  check("min_confidence", min_confidence, 0, 1);
-  if (faults.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("event wand detector: ", absl::StrJoin(faults, "; ")));
+  FaultList faults;
+  faults.Add(output.Validate());
+  faults.Add(BlinkFilterOptions{*this, {1, 1}, {blink_hz}}.Validate());
+  WandLimits::Check(&faults);
+  return faults.Result("event wand detector: ");
 }
 
 struct BlinkWandDetector::Impl {
   Impl(const BlinkWandDetectorOptions& options, const Target& target,
-       const CameraDescription& camera, const BlinkFrequencies& frequencies, Decoder decoder_in,
-       BlinkFilter filter)
+       const CameraDescription& camera, const BlinkFrequencies& frequencies,
+       AnyEventDecoder decoder_in, BlinkFilter filter)
       : decoder(decoder_in),
         timeline(std::move(filter),
-                 BlinkWandVerifier(FinderOptions(options, frequencies), options.min_confidence,
-                                   target, camera),
+                 BlinkWandVerifier(FinderOptions(options, frequencies), target, camera),
                  options.output, MarkerPeriods(frequencies)) {}
 
-  Decoder decoder;
+  AnyEventDecoder decoder;
   FaultLocator fault_locator;
   BlinkWandTimeline timeline;
 };
 
 namespace {
+
+// Feeds the filter with a decoder's batches of events, stopped whenever something is due.
+struct StoppingConsumer {
+  BlinkWandTimeline* timeline;
+  uint32_t stop_us;
+
+  bool IsDue(const PackedEvent& event) const {
+    return static_cast<int32_t>(event.time_us - stop_us) >= 0;
+  }
+  bool IsAnyDue(std::span<const PackedEvent> events) const {
+    bool any = false;
+    for (const PackedEvent& event : events) any |= IsDue(event);
+    return any;
+  }
+  void Events(std::span<const PackedEvent> events) {
+    while (IsAnyDue(events)) {
+      size_t next = 0;
+      while (!IsDue(events[next])) ++next;
+      timeline->Feed(events.first(next));
+      stop_us = timeline->Reach(events[next].time_us);
+      timeline->Feed(events.subspan(next, 1));
+      events = events.subspan(next + 1);
+    }
+    timeline->Feed(events);
+  }
+  void Trigger(const TriggerEvent& trigger) { stop_us = timeline->TakeTrigger(trigger); }
+  void TimeStepBack(int64_t time_us) { stop_us = timeline->StepBack(time_us); }
+};
 
 struct FirstTimeSink {
   bool seen = false;
@@ -143,11 +107,12 @@ std::optional<int64_t> FirstTime(Decoder decoder, std::span<const uint8_t> bytes
   return decoder.time_us() + static_cast<int32_t>(sink.first_us - last_us);
 }
 
-// TIME_HIGH alone: the lower bits may still be those of the one before.
-int64_t SafeTime(const Evt3Decoder& decoder) { return decoder.time_us() & ~int64_t{0xfff}; }
-int64_t SafeTime(const Evt21Decoder& decoder) { return decoder.time_us(); }
-int64_t SafeTime(const Evt2Decoder& decoder) { return decoder.time_us(); }
-int64_t SafeTime(const PlainEventDecoder& decoder) { return decoder.time_us(); }
+template <typename Decoder>
+int64_t SafeTime(const Decoder& decoder) {
+  // TIME_HIGH alone: the lower bits may still be those of the one before.
+  constexpr int64_t kUnsafe = std::is_same_v<Decoder, Evt3Decoder> ? 0xfff : 0;
+  return decoder.time_us() & ~kUnsafe;
+}
 
 }  // namespace
 
@@ -161,23 +126,21 @@ absl::StatusOr<BlinkWandDetector> BlinkWandDetector::Create(const BlinkWandDetec
                                                             const CameraDescription& camera,
                                                             EventFormat format,
                                                             bool halves_swapped) {
-  const auto named = [&camera](const absl::Status& status) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
-  };
-  if (const auto status = options.Validate(); !status.ok()) return named(status);
-  if (const auto status = target.Validate(); !status.ok()) return named(status);
-  if (camera.intrinsics) {
-    const auto status = camera.intrinsics->Validate(camera.image_size_px);
-    if (!status.ok()) return named(status);
+  absl::Status status = options.Validate();
+  status.Update(CheckTargetAndCamera(target, camera));
+  const SensorGeometry geometry{camera.image_size_px.width, camera.image_size_px.height};
+  if (status.ok()) {
+    const BlinkFrequencies frequencies = BlinkFrequenciesOf(target, options.blink_hz);
+    auto filter = BlinkFilter::Create({options, geometry, frequencies.hz});
+    if (filter.ok()) {
+      return BlinkWandDetector(std::make_unique<Impl>(
+          options, target, camera, frequencies, MakeEventDecoder(format, halves_swapped, geometry),
+          *std::move(filter)));
+    }
+    status = filter.status();
   }
-  const BlinkFrequencies frequencies = BlinkFrequenciesOf(target, options.blink_hz);
-  auto filter = BlinkFilter::Create(FilterOptions(options, camera, frequencies.hz));
-  if (!filter.ok()) return named(filter.status());
-  auto impl = std::make_unique<Impl>(options, target, camera, frequencies,
-                                     MakeDecoder(format, halves_swapped, GeometryOf(camera)),
-                                     *std::move(filter));
-  return BlinkWandDetector(std::move(impl));
+  return absl::InvalidArgumentError(
+      absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
 }
 
 void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detection>* found) {
@@ -190,7 +153,7 @@ void BlinkWandDetector::Take(std::span<const uint8_t> bytes, std::vector<Detecti
           if (first_us) timeline.Begin(*first_us);
         }
         const auto before = decoder;
-        StoppingConsumer consumer{timeline.BeginPass(), &timeline, timeline.NextStop()};
+        StoppingConsumer consumer{&timeline, timeline.NextStop()};
         DecodeInBatches(decoder, bytes, consumer);
         impl_->fault_locator.Look(before, bytes, decoder.faults());
         if (timeline.has_begun()) timeline.AdvanceTo(SafeTime(decoder));

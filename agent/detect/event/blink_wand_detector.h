@@ -1,34 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "absl/status/statusor.h"
+#include "agent/detect/event/blink_filter.h"
 #include "agent/detect/event/blink_wand_counts.h"
 #include "agent/detect/event/output_schedule.h"
-#include "agent/event/event.h"
 #include "agent/event/fault_locator.h"
 #include "agent/identify/detection.h"
-#include "common/camera/camera_description.h"
-#include "common/target/target.h"
+#include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
 
-struct BlinkWandDetectorOptions {
+struct BlinkWandDetectorOptions : BlinkTuning, WandLimits {
   OutputTimesOptions output;
-  double blink_hz = 500;    // for a target without frequencies; 20 to 5000
-  double band_rel = 0.15;   // periods within this share of the target's are the wand's
-  int min_periods = 2;      // in a row, before a pixel is one of the wand's; 1 to 7
-  int min_blob_pixels = 8;  // that blink side by side, >= 1
-  int reach_px = 40;        // how far around those a marker may reach, 1 to 200
-  double min_distance_m = 0.3;
-  double max_distance_m = 20;
-  double max_tilt_deg = 82;     // as in WandDetectorOptions
-  double min_confidence = 0.5;  // less is no wand, 0 to 1
+  double blink_hz = 500;  // for a target without frequencies; 20 to 5000
 
   // Every fault.
   absl::Status Validate() const;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/detect/event/blink_wand_timeline.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 

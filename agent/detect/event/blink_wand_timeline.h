@@ -2,17 +2,11 @@
 #pragma once
 
 #include <algorithm>
-#include <cstddef>
-#include <cstdint>
+#include <span>
 #include <vector>
 
-#include "absl/container/inlined_vector.h"
 #include "agent/detect/event/blink_detections.h"
 #include "agent/detect/event/blink_filter.h"
-#include "agent/detect/event/blink_wand_counts.h"
-#include "agent/detect/event/blink_wand_verifier.h"
-#include "agent/detect/event/output_schedule.h"
-#include "agent/event/event.h"
 
 namespace rigcal::agent {
 
@@ -47,9 +41,12 @@ class BlinkWandTimeline {
     return static_cast<uint32_t>(std::min(next_sweep_us_, schedule_.due_us()));
   }
 
-  // Events go to the pass; NoteEvents is to be called when some do.
-  BlinkFilter::Pass BeginPass() { return filter_.BeginPass(); }
-  void NoteEvents() { is_clear_ = false; }
+  // None of them behind the next stop.
+  void Feed(std::span<const PackedEvent> events) {
+    if (events.empty()) return;
+    is_clear_ = false;
+    filter_.Events(events);
+  }
 
   const BlinkWandCounts& counts() const { return counts_; }
 

@@ -3,11 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <numbers>
 #include <numeric>
-
-#include "common/camera/sphere_projection.h"
 
 namespace rigcal::agent {
 namespace {
@@ -38,18 +35,7 @@ double Since(double from_us, double time_us) {
   return std::remainder(time_us - from_us, kWrapUs);
 }
 
-bool SameBlobs(const WandCandidate& a, const WandCandidate& b) {
-  return std::is_permutation(a.blobs.begin(), a.blobs.end(), b.blobs.begin(), b.blobs.end());
-}
-
 }  // namespace
-
-BlinkWandVerifier::BlinkWandVerifier(const WandFinderOptions& options, double min_confidence,
-                                     const Target& target, const CameraDescription& camera)
-    : finder_(options, target, camera),
-      min_confidence_(min_confidence),
-      target_(target),
-      camera_(camera) {}
 
 void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
   order_.resize(blobs.size());
@@ -68,11 +54,7 @@ void BlinkWandVerifier::TakeBlobs(const std::vector<BlinkBlob>& blobs) {
     });
     if (known) continue;
     if (blobs_.size() == kMaxBlobs) break;
-    blobs_.push_back({.centre_px = from.centre_px,
-                      .second_moment_px2 = from.second_moment_px2,
-                      .area_px = from.area_px,
-                      .box = from.box,
-                      .touches_border = from.touches_border});
+    blobs_.push_back(from);
     times_us_.push_back(from.time_us);
     frequencies_.push_back(from.frequency);
   }
@@ -101,12 +83,8 @@ bool BlinkWandVerifier::Refit(const WandCandidate& candidate, Evaluated* evaluat
       sight.radius_sigma_px += 0.5 * sight.radius_px;
     }
   }
-  if (!FitWand(sights, finder_.shares(), finder_.length_m(), finder_.fit_options(),
-               &evaluated->fit)) {
-    return false;
-  }
-  evaluated->cost = evaluated->fit.cost;
-  return true;
+  return FitWand(sights, finder_.shares(), finder_.length_m(), finder_.fit_options(),
+                 &evaluated->fit);
 }
 
 MarkerObservation BlinkWandVerifier::Observe(const Evaluated& wand, size_t k) const {
@@ -116,16 +94,7 @@ MarkerObservation BlinkWandVerifier::Observe(const Evaluated& wand, size_t k) co
   marker.visible = true;
   marker.centre_px = blob.centre_px;
   marker.covariance_px2 = CentreVariance(blob) * Eigen::Matrix2d::Identity();
-  if (!camera_.intrinsics || !(target_.diameter_m > 0) || wand.candidate->blobs.size() < 2) {
-    return marker;
-  }
-  const double share = finder_.shares()[k];
-  const double distance_m =
-      (wand.fit.first_m + share * (wand.fit.last_m - wand.fit.first_m)).norm();
-  if (SphereCentreFromCentroid(*camera_.intrinsics, blob.centre_px, distance_m, target_.diameter_m,
-                               &marker.centre_px)) {
-    marker.centre_kind = CentreKind::kSphereCentre;
-  }
+  finder_.ToSphereCentre(wand.fit, k, &marker);
   return marker;
 }
 
@@ -141,18 +110,18 @@ BlinkWand BlinkWandVerifier::Verify(const std::vector<BlinkBlob>& blobs) {
     if (Refit(candidate, &evaluated)) evaluated_.push_back(evaluated);
   }
   std::stable_sort(evaluated_.begin(), evaluated_.end(),
-                   [](const Evaluated& a, const Evaluated& b) { return a.cost < b.cost; });
+                   [](const Evaluated& a, const Evaluated& b) { return a.fit.cost < b.fit.cost; });
   if (evaluated_.empty()) return wand;
   const Evaluated& best = evaluated_.front();
-  wand.confidence = 1 / (1 + std::exp((best.cost - kHalfCost) / kCostScale));
+  wand.confidence = 1 / (1 + std::exp((best.fit.cost - kHalfCost) / kCostScale));
   if (wand.confidence < min_confidence_) return wand;
   double label_confidence = kCertain;
   for (size_t i = 1; i < evaluated_.size(); ++i) {
     const Evaluated& other = evaluated_[i];
-    if (SameBlobs(*best.candidate, *other.candidate)) {
-      const double certainty = 1 / (1 + std::exp(0.5 * (best.cost - other.cost)));
+    if (SameBlobs(best.candidate->blobs, other.candidate->blobs)) {
+      const double certainty = 1 / (1 + std::exp(0.5 * (best.fit.cost - other.fit.cost)));
       label_confidence = std::min(label_confidence, std::max(0.5, certainty));
-    } else if (other.cost < best.cost + kMargin) {
+    } else if (other.fit.cost < best.fit.cost + kMargin) {
       wand.outcome = DetectionOutcome::kAmbiguous;
       return wand;
     }

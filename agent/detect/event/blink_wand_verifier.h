@@ -3,14 +3,9 @@
 
 #include <vector>
 
-#include "absl/container/inlined_vector.h"
-#include "agent/detect/blobs/blob_finder.h"
-#include "agent/detect/event/blink_blob.h"
+#include "agent/detect/event/burst_measurer.h"
 #include "agent/identify/wand_finder.h"
-#include "common/camera/camera_description.h"
 #include "common/target/detection_outcome.h"
-#include "common/target/observation.h"
-#include "common/target/target.h"
 
 namespace rigcal::agent {
 
@@ -38,8 +33,9 @@ class BlinkWandVerifier {
   static constexpr int kMaxBlobs = 256;
 
   // Target and camera must be valid.
-  BlinkWandVerifier(const WandFinderOptions& options, double min_confidence, const Target& target,
-                    const CameraDescription& camera);
+  BlinkWandVerifier(const WandFinderOptions& options, const Target& target,
+                    const CameraDescription& camera)
+      : finder_(options, target, camera), min_confidence_(options.limits.min_confidence) {}
 
   BlinkWand Verify(const std::vector<BlinkBlob>& blobs);
 
@@ -47,7 +43,6 @@ class BlinkWandVerifier {
   struct Evaluated {
     const WandCandidate* candidate = nullptr;
     WandImageFit fit;
-    double cost = 0;
   };
   void TakeBlobs(const std::vector<BlinkBlob>& blobs);
   bool Refit(const WandCandidate& candidate, Evaluated* evaluated) const;
@@ -55,8 +50,6 @@ class BlinkWandVerifier {
 
   WandFinder finder_;
   double min_confidence_;
-  Target target_;
-  CameraDescription camera_;
   std::vector<Blob> blobs_;
   std::vector<double> times_us_;  // of blobs_
   std::vector<int> frequencies_;  // likewise

@@ -2,10 +2,7 @@
 #include "agent/detect/event/burst_measurer.h"
 
 #include <algorithm>
-#include <climits>
 #include <cmath>
-#include <cstddef>
-#include <utility>
 
 #include "agent/detect/event/burst_shape.h"
 #include "common/statistics/robust_statistics.h"
@@ -23,9 +20,6 @@ constexpr int kMinBeside = 3, kHoleBeside = 6;
 
 }  // namespace
 
-BurstMeasurer::BurstMeasurer(std::vector<BlinkPeriod> blinks, int min_pixels, int reach_px)
-    : blinks_(std::move(blinks)), min_pixels_(min_pixels), reach_px_(reach_px) {}
-
 void BurstMeasurer::Measure(const BlinkPeriod& blink, const ComponentSums& seeds,
                             const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
   const Burst burst = FindBurst(blink, seeds, surface);
@@ -37,7 +31,7 @@ void BurstMeasurer::Measure(const BlinkPeriod& blink, const ComponentSums& seeds
   Grow(blink, seeds, surface, newest, oldest);
   Smooth();
   if (static_cast<int>(lit_.size()) < min_pixels_) return;
-  if (!ShapeOf(lit_).IsLong()) return AddBlob(blink, &lit_, burst, surface, blobs);
+  if (!IsLong(ShapeOf(lit_))) return AddBlob(blink, &lit_, burst, surface, blobs);
   for (PixelList part : splitter_.Split(lit_, min_pixels_)) {
     AddBlob(blink, &part, burst, surface, blobs);
   }
@@ -70,11 +64,10 @@ BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const Co
 void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
                          const BlinkSurface& surface, uint32_t newest, uint32_t oldest) {
   const uint32_t now = surface.now();
-  const int reach = reach_px_;
-  const int x_begin = std::max(0, seeds.min_x - reach);
-  const int y_begin = std::max(0, seeds.min_y - reach);
-  const int x_end = std::min(static_cast<int>(surface.geometry.width), seeds.max_x + 1 + reach);
-  const int y_end = std::min(static_cast<int>(surface.geometry.height), seeds.max_y + 1 + reach);
+  const int x_begin = std::max(0, seeds.min_x - kReachPx);
+  const int y_begin = std::max(0, seeds.min_y - kReachPx);
+  const int x_end = std::min(static_cast<int>(surface.geometry.width), seeds.max_x + 1 + kReachPx);
+  const int y_end = std::min(static_cast<int>(surface.geometry.height), seeds.max_y + 1 + kReachPx);
   const int width = x_end - x_begin;
   window_ = {x_begin, y_begin, width, y_end - y_begin};
   lit_.clear();
@@ -123,14 +116,12 @@ void BurstMeasurer::Smooth() {
     return count;
   };
   smoothed_.clear();
-  int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
   for (const auto& [x, y] : lit_) {
     if (lit_beside(x, y) >= kMinBeside) smoothed_.emplace_back(x, y);
-    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
-    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
   }
-  for (int y = min_y; y <= max_y; ++y) {
-    for (int x = min_x; x <= max_x; ++x) {
+  const PixelRect box = BoxOf(lit_);
+  for (int y = box.y; y < box.y + box.height; ++y) {
+    for (int x = box.x; x < box.x + box.width; ++x) {
       if (lit(x, y) == 0 && lit_beside(x, y) >= kHoleBeside) smoothed_.emplace_back(x, y);
     }
   }
@@ -139,25 +130,15 @@ void BurstMeasurer::Smooth() {
 
 void BurstMeasurer::AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
                             const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
-  const BurstShape shape = MarkerShapeOf(pixels);
-  int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
-  for (const auto& [x, y] : *pixels) {
-    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
-    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
-  }
+  BlinkBlob blob{MarkerShapeOf(pixels)};
   const double unit_us = 1 << surface.shift;
-  BlinkBlob blob;
-  blob.centre_px = shape.centre_px;
-  blob.second_moment_px2 = shape.second_moment_px2;
-  blob.area_px = shape.area_px;
   blob.time_us = unit_us * (static_cast<double>(surface.now()) - burst.start_units +
                             0.5 * static_cast<double>(blink.lit));
   blob.period_us = burst.period_us;
   blob.frequency = blink.index;
-  blob.box = {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
-  blob.touches_border = min_x == 0 || min_y == 0 ||
-                        max_x + 1 == static_cast<int>(surface.geometry.width) ||
-                        max_y + 1 == static_cast<int>(surface.geometry.height);
+  blob.touches_border = blob.box.x == 0 || blob.box.y == 0 ||
+                        blob.box.x + blob.box.width == static_cast<int>(surface.geometry.width) ||
+                        blob.box.y + blob.box.height == static_cast<int>(surface.geometry.height);
   // Markers that have grown together are found from the seeds of each.
   for (const BlinkBlob& other : *blobs) {
     if (other.frequency == blob.frequency && (other.centre_px - blob.centre_px).squaredNorm() < 4)

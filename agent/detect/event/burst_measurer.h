@@ -1,24 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
-#include "agent/detect/blobs/run_labeller.h"
-#include "agent/detect/event/blink_blob.h"
+#include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/event/blink_period.h"
-#include "agent/detect/event/blink_surface.h"
 #include "agent/detect/event/disc_splitter.h"
 
 namespace rigcal::agent {
+
+// A marker in one burst of light; its area is that of the pixels that lit up.
+struct BlinkBlob : Blob {
+  double time_us = 0;    // the sensor's clock, lower 32 bits: when the marker was at the centre
+  double period_us = 0;  // between the last two bursts, mean over the pixels
+  int frequency = 0;     // which of BlinkFilterOptions::blink_hz that is
+};
 
 // From a group of seeds to the markers there, as they were in the last burst that is over. Buffers
 // are kept; one thread at a time.
 class BurstMeasurer {
  public:
   // Pixels that blink with another of `blinks` are not the marker's. Blobs have at least
-  // `min_pixels`, at most `reach_px` from the seeds.
-  BurstMeasurer(std::vector<BlinkPeriod> blinks, int min_pixels, int reach_px);
+  // `min_pixels`, at most kReachPx from the seeds.
+  BurstMeasurer(std::vector<BlinkPeriod> blinks, int min_pixels)
+      : blinks_(std::move(blinks)), min_pixels_(min_pixels) {}
 
   // Appends what is not among `blobs` yet: one, several where markers have grown together, or none.
   void Measure(const BlinkPeriod& blink, const ComponentSums& seeds, const BlinkSurface& surface,
@@ -42,7 +45,7 @@ class BurstMeasurer {
                       const BlinkSurface& surface, std::vector<BlinkBlob>* blobs);
 
   std::vector<BlinkPeriod> blinks_;
-  int min_pixels_, reach_px_;
+  int min_pixels_;
   std::vector<int> ages_;
   PixelRect window_;           // of seen_
   std::vector<uint8_t> seen_;  // by pixel: kSeen, kLit

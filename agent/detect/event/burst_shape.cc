@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <numbers>
 
@@ -17,16 +18,25 @@ constexpr double kMaxStrayShare = 1.0 / 3;
 
 }  // namespace
 
-double BurstShape::RadiusPx() const { return std::sqrt(area_px / std::numbers::pi); }
+PixelRect BoxOf(const PixelList& pixels) {
+  int min_x = INT_MAX, max_x = -1, min_y = INT_MAX, max_y = -1;
+  for (const auto& [x, y] : pixels) {
+    min_x = std::min(min_x, x), max_x = std::max(max_x, x);
+    min_y = std::min(min_y, y), max_y = std::max(max_y, y);
+  }
+  return {min_x, min_y, max_x - min_x + 1, max_y - min_y + 1};
+}
 
-bool BurstShape::IsLong() const {
-  const double mean = 0.5 * second_moment_px2.trace();
-  const double apart = std::hypot(0.5 * (second_moment_px2(0, 0) - second_moment_px2(1, 1)),
-                                  second_moment_px2(0, 1));
+double RadiusPx(const Blob& shape) { return std::sqrt(shape.area_px / std::numbers::pi); }
+
+bool IsLong(const Blob& shape) {
+  const Eigen::Matrix2d& second = shape.second_moment_px2;
+  const double mean = 0.5 * second.trace();
+  const double apart = std::hypot(0.5 * (second(0, 0) - second(1, 1)), second(0, 1));
   return mean + apart > kLongRatio * (mean - apart);
 }
 
-BurstShape ShapeOf(const PixelList& pixels) {
+Blob ShapeOf(const PixelList& pixels) {
   double sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0;
   const auto [x0, y0] = pixels.front();
   for (const auto& [x, y] : pixels) {
@@ -36,31 +46,31 @@ BurstShape ShapeOf(const PixelList& pixels) {
   }
   const auto count = static_cast<double>(pixels.size());
   const double mx = sx / count, my = sy / count;
-  BurstShape shape;
+  Blob shape;
   shape.centre_px = {x0 + mx, y0 + my};
   shape.second_moment_px2 << sxx / count - mx * mx, sxy / count - mx * my, sxy / count - mx * my,
       syy / count - my * my;
   shape.area_px = static_cast<int>(pixels.size());
+  shape.box = BoxOf(pixels);
   return shape;
 }
 
-BurstShape MarkerShapeOf(PixelList* pixels) {
-  const BurstShape whole = ShapeOf(*pixels);
+Blob MarkerShapeOf(PixelList* pixels) {
+  const Blob whole = ShapeOf(*pixels);
   const auto least = (1 - kMaxStrayShare) * whole.area_px;
-  BurstShape shape = whole;
+  Blob shape = whole;
   PixelList kept = *pixels;
   for (int round = 0; round < kMaxRounds; ++round) {
     // A pixel has an extent of its own; a row of pixels has an inverse, too.
     const Eigen::Matrix2d extent = shape.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
     const Eigen::Matrix2d inverse = extent.inverse();
     // An ellipse ends at twice the root of its second moment.
-    const double limit = 4 * std::pow(1 + kMarginPx / shape.RadiusPx(), 2);
-    const auto outside = std::remove_if(kept.begin(), kept.end(), [&](const auto& pixel) {
+    const double limit = 4 * std::pow(1 + kMarginPx / RadiusPx(shape), 2);
+    const auto taken_out = std::erase_if(kept, [&](const auto& pixel) {
       const Eigen::Vector2d d = Eigen::Vector2d(pixel.first, pixel.second) - shape.centre_px;
       return d.dot(inverse * d) > limit;
     });
-    if (outside == kept.end()) break;
-    kept.erase(outside, kept.end());
+    if (taken_out == 0) break;
     if (static_cast<double>(kept.size()) < least) return whole;
     shape = ShapeOf(kept);
   }

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <climits>
-#include <cstddef>
 
 namespace rigcal::agent {
 namespace {

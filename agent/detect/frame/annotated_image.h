@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
 #include <opencv2/core/mat.hpp>
 #include <string>
 
-#include "absl/status/statusor.h"
-#include "absl/types/span.h"
-#include "agent/detect/blobs/blob_finder.h"
-#include "agent/detect/blobs/image_view.h"
 #include "agent/detect/frame/wand_detector.h"
 
 namespace rigcal::agent {

@@ -2,17 +2,10 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
 #include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "absl/status/statusor.h"
-#include "agent/detect/blobs/colour_range.h"
-#include "agent/detect/blobs/image_view.h"
 #include "agent/detect/frame/wand_detector.h"
-#include "common/camera/camera_description.h"
-#include "common/target/target.h"
 
 namespace rigcal::agent {
 

@@ -2,8 +2,6 @@
 #include "agent/detect/frame/wand_detector.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstddef>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -14,10 +12,7 @@
 #include "agent/detect/blobs/blob_splitter.h"
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/detect/frame/wand_track.h"
-#include "agent/identify/wand_finder.h"
 #include "agent/identify/wand_verifier.h"
-#include "common/camera/sphere_projection.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -27,23 +22,6 @@ namespace {
 constexpr double kModelSigmaPx = 0.006;
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
-
-BlobFinderOptions BlobOptions(const WandDetectorOptions& options) {
-  BlobFinderOptions result;
-  result.colour = options.colour;
-  result.min_area_px = options.min_area_px;
-  result.max_area_px = options.max_area_px;
-  result.max_blobs = options.max_blobs;
-  return result;
-}
-
-WandFinderOptions FinderOptions(const WandDetectorOptions& options) {
-  WandFinderOptions result;
-  result.min_distance_m = options.min_distance_m;
-  result.max_distance_m = options.max_distance_m;
-  result.max_tilt_deg = options.max_tilt_deg;
-  return result;
-}
 
 // A blob that a window inside the image may have cut.
 bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
@@ -58,17 +36,9 @@ bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect&
 
 absl::Status WandDetectorOptions::Validate() const {
   FaultList faults;
-  faults.Add(BlobOptions(*this).Validate());
+  faults.Add(BlobFinderOptions::Validate());
   faults.CheckRange("max_blobs", max_blobs, 2, 4096);
-  faults.CheckRange("min_distance", min_distance_m, 0.01, 1000);
-  faults.CheckRange("max_distance", max_distance_m, 0.01, 1000);
-  if (!(min_distance_m < max_distance_m)) {
-    faults.Add("min_distance (", min_distance_m, " m) must be less than max_distance (",
-               max_distance_m, " m)");
-  }
-  faults.CheckRange("max_tilt", max_tilt_deg, 10, 89);
-  faults.CheckRange("min_confidence", min_confidence, 0, 1);
-  faults.CheckRange("min_contrast", min_contrast_grey, 1, 441);
+  WandLimits::Check(&faults);
   faults.CheckRange("exposure", exposure_s, 0, 10);
   return faults.Result("wand detector: ");
 }
@@ -80,8 +50,8 @@ struct WandDetector::Impl {
         target(target_in),
         camera(camera_in),
         blob_finder(std::move(blob_finder_in)),
-        wand_finder(FinderOptions(options_in), target_in, camera_in),
-        verifier(options_in.min_confidence, options_in.min_contrast_grey),
+        wand_finder({.limits = options_in}, target_in, camera_in),
+        verifier(options_in.min_confidence),
         light_sigma_s(LightTimeSigma(options_in.exposure_s, target_in)) {}
 
   Verdict Search(const ImageView& image, const PixelRect& part);
@@ -99,7 +69,6 @@ struct WandDetector::Impl {
   WandVerifier verifier;
   const double light_sigma_s;
   WandTrack track;
-  WandDetectorCounts counts;
   PixelRect window;
   const BlobResult* blobs = nullptr;
   BlobSplitter splitter;
@@ -113,7 +82,7 @@ Verdict WandDetector::Impl::Search(const ImageView& image, const PixelRect& part
   standing_out.clear();
   cut.clear();
   const auto keep = [&](const Blob& blob, bool is_cut) {
-    if (!StandsOut(image, blob, options.min_contrast_grey)) return;
+    if (!StandsOut(image, blob)) return;
     // The box of one blob may hold a part of another's pieces.
     for (size_t i = 0; i < standing_out.size(); ++i) {
       Blob& known = standing_out[i];
@@ -169,16 +138,7 @@ MarkerObservation WandDetector::Impl::Observe(const VerifiedWand& wand, size_t k
     const Eigen::Vector2d spread_px = light_sigma_s * *velocity;
     marker.covariance_px2 += spread_px * spread_px.transpose();
   }
-  if (!camera.intrinsics.has_value() || !(target.diameter_m > 0) || wand.blobs.size() < 2) {
-    return marker;
-  }
-  const double share = wand_finder.shares()[k];
-  const double distance_m =
-      (wand.fit.first_m + share * (wand.fit.last_m - wand.fit.first_m)).norm();
-  if (SphereCentreFromCentroid(*camera.intrinsics, centre.centre_px, distance_m, target.diameter_m,
-                               &marker.centre_px)) {
-    marker.centre_kind = CentreKind::kSphereCentre;
-  }
+  wand_finder.ToSphereCentre(wand.fit, k, &marker);
   return marker;
 }
 
@@ -213,18 +173,14 @@ WandDetector::~WandDetector() = default;
 absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& options,
                                                   const Target& target,
                                                   const CameraDescription& camera) {
-  const auto named = [&camera](const absl::Status& status) {
+  absl::Status status = options.Validate();
+  status.Update(CheckTargetAndCamera(target, camera));
+  auto blob_finder = BlobFinder::Create(options);
+  status.Update(blob_finder.status());
+  if (!status.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
-  };
-  if (const auto status = options.Validate(); !status.ok()) return named(status);
-  if (const auto status = target.Validate(); !status.ok()) return named(status);
-  if (camera.intrinsics.has_value()) {
-    const auto status = camera.intrinsics->Validate(camera.image_size_px);
-    if (!status.ok()) return named(status);
   }
-  auto blob_finder = BlobFinder::Create(BlobOptions(options));
-  if (!blob_finder.ok()) return named(blob_finder.status());
   return WandDetector(std::make_unique<Impl>(options, target, camera, *std::move(blob_finder)));
 }
 
@@ -271,12 +227,6 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   } else {
     impl_->track.Forget();
   }
-  WandDetectorCounts& counts = impl_->counts;
-  ++counts.frames;
-  counts.wands += wand.has_value() ? 1 : 0;
-  counts.tracked += detection.tracked ? 1 : 0;
-  counts.occluded_markers += static_cast<uint64_t>(detection.occluded_markers);
-  counts.by_outcome.Add(detection.outcome);
   return detection;
 }
 
@@ -285,8 +235,5 @@ absl::Span<const Blob> WandDetector::blobs() const {
   if (impl_->blobs == nullptr) return {};
   return impl_->blobs->blobs;
 }
-void WandDetector::ForgetTrack() { impl_->track.Forget(); }
-const WandDetectorCounts& WandDetector::counts() const { return impl_->counts; }
-const WandDetectorOptions& WandDetector::options() const { return impl_->options; }
 
 }  // namespace rigcal::agent

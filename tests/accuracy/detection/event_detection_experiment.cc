@@ -184,8 +184,7 @@ class Chain {
       bytes_.clear();
       writer_.Write(cd_events_, &bytes_);
       writer_.WriteTime(to_us, &bytes_);
-      auto pass = filter_->BeginPass();
-      decoder_.Decode(bytes_, pass);
+      DecodeInBatches(decoder_, bytes_, *filter_);
       filter_->Sweep(static_cast<uint32_t>(to_us));
       detector_->Take(bytes_, &detections_);
     }

@@ -88,7 +88,7 @@ TEST(Evt3Writer, KeepsTimeOverOverflowsAndSilence) {
 TEST(Evt3Header, IsReadBack) {
   const std::string text = Evt3Header({1280, 720}, "sim_4");
   ASSERT_OK_AND_ASSIGN(
-      const RawHeader header,
+      const EventFileHeader header,
       ParseRawHeader({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
   EXPECT_EQ(header.format, EventFormat::kEvt3);
   EXPECT_EQ(header.geometry, (SensorGeometry{1280, 720}));

@@ -88,9 +88,7 @@ void JumpAhead(uint32_t mask, uint64_t rounds) {
   EXPECT_GT(steps_back, 0u);
 }
 
-TEST(HostileWords, TimesFitNanoseconds) {
-  JumpAhead<TimeHigh<28, 6>>((1 << 28) - 1, 1'000'000);
-}
+TEST(HostileWords, TimesFitNanoseconds) { JumpAhead<TimeHigh<28, 6>>((1 << 28) - 1, 1'000'000); }
 
 }  // namespace
 }  // namespace rigcal::agent::hostile_words_test

@@ -88,7 +88,7 @@ void ExpectKnown(const Sums& sums, const EventFaults& faults) {
 TEST(RecordedEvents, Evt3WithTriggers) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
   const std::vector<uint8_t> file = ReadFile(data / "events/evt3_640x480_trigger_1khz.raw");
-  ASSERT_OK_AND_ASSIGN(const RawHeader header, ParseRawHeader(file));
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader header, ParseRawHeader(file));
   EXPECT_EQ(header.format, EventFormat::kEvt3);
   ASSERT_TRUE(header.geometry);
   EXPECT_EQ(*header.geometry, (SensorGeometry{640, 480}));
@@ -109,7 +109,7 @@ TEST(RecordedEvents, Evt3WithTriggers) {
 TEST(RecordedEvents, Evt2OfTheThirdGeneration) {
   RIGCAL_REQUIRE_RECORDED_DATA(data);
   const std::vector<uint8_t> file = ReadFile(data / "events/evt2_gen3.raw");
-  ASSERT_OK_AND_ASSIGN(const RawHeader header, ParseRawHeader(file));
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader header, ParseRawHeader(file));
   EXPECT_EQ(header.format, EventFormat::kEvt2);
   ASSERT_TRUE(header.geometry);
   for (const size_t piece : {file.size(), size_t{40000}, size_t{8}}) {

@@ -128,8 +128,8 @@ class EventConversionTest : public ::testing::Test {
     return Path(name);
   }
   std::string WriteRaw(const std::string& name, const std::vector<PlainEvent>& events) {
-    auto writer =
-        RawEventWriter::Create(Path(name), {.geometry = SensorGeometry{640, 480}, .fields = {}});
+    auto writer = CreateEventFileWriter(Path(name), ".raw",
+                                        {.geometry = SensorGeometry{640, 480}, .fields = {}}, "");
     EXPECT_THAT(writer, IsOk());
     EXPECT_THAT((*writer)->Write(events), IsOk());
     EXPECT_THAT((*writer)->Finish(), IsOk());

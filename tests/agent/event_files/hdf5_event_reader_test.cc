@@ -89,13 +89,13 @@ class Hdf5EventReaderTest : public ::testing::Test {
   absl::StatusOr<std::vector<PlainEvent>> ReadAll(const PlainFileOptions& options = {}) {
     auto reader = OpenHdf5Events(path_, options);
     if (!reader.ok()) return reader.status();
-    facts_ = (*reader)->facts();
+    facts_ = (*reader)->header();
     std::vector<PlainEvent> all, block;
     while (true) {
       const absl::Status status = (*reader)->Read(3, &block);
       if (!status.ok()) return status;
       if (block.empty()) return all;
-      for (size_t i = 0; i < block.size(); ++i) places_.push_back((*reader)->PlaceOf(i));
+      for (size_t i = 0; i < block.size(); ++i) places_.push_back((*reader)->PlaceInBlock(i));
       all.insert(all.end(), block.begin(), block.end());
     }
   }
@@ -110,7 +110,7 @@ class Hdf5EventReaderTest : public ::testing::Test {
 
   testing::TemporaryDirectory directory_;
   std::string path_ = (directory_.path() / "left.h5").string();
-  PlainFileFacts facts_;
+  EventFileHeader facts_;
   std::vector<std::string> places_;
 };
 

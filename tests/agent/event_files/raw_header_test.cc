@@ -15,38 +15,38 @@ using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-absl::StatusOr<RawHeader> Parse(const std::string& text) {
+absl::StatusOr<EventFileHeader> Parse(const std::string& text) {
   return ParseRawHeader({reinterpret_cast<const uint8_t*>(text.data()), text.size()});
 }
 
 TEST(RawHeader, ReadsFormatAndGeometry) {
   const std::string text = "% format EVT3;height=720;width=1280\n% end\n%%%%";
-  ASSERT_OK_AND_ASSIGN(const RawHeader header, Parse(text));
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader header, Parse(text));
   EXPECT_EQ(header.format, EventFormat::kEvt3);
   EXPECT_EQ(header.geometry, (SensorGeometry{1280, 720}));
   EXPECT_EQ(header.byte_count, text.size() - 4);
 }
 
 TEST(RawHeader, ReadsTheEndiannessOfEvt21) {
-  ASSERT_OK_AND_ASSIGN(const RawHeader swapped,
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader swapped,
                        Parse("% format EVT21;endianness=legacy;height=720;width=1280\n% end\n"));
   EXPECT_EQ(swapped.format, EventFormat::kEvt21);
   EXPECT_TRUE(swapped.halves_swapped);
-  ASSERT_OK_AND_ASSIGN(const RawHeader little,
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader little,
                        Parse("% format EVT21;endianness=little;height=720;width=1280\n% end\n"));
   EXPECT_FALSE(little.halves_swapped);
 }
 
 TEST(RawHeader, OldHeadersHaveNoEnd) {
   const std::string text = std::string("% Date 2020\n% evt 2.0\n") + '\x01' + "\x02\x03\x04\n";
-  ASSERT_OK_AND_ASSIGN(const RawHeader header, Parse(text));
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader header, Parse(text));
   EXPECT_EQ(header.byte_count, text.size() - 5);
   EXPECT_FALSE(header.geometry);
 }
 
 TEST(RawHeader, EventsMayBeginLikeALine) {
   const std::string text = std::string("% evt 2.0\n") + "%\x01\x02\x80\n\n";
-  ASSERT_OK_AND_ASSIGN(const RawHeader header, Parse(text));
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader header, Parse(text));
   EXPECT_EQ(header.byte_count, 10u);
 }
 

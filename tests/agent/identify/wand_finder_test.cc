@@ -90,9 +90,9 @@ TEST(WandFinder, KindsTellTheEndsOfAnEvenWand) {
 TEST(WandFinder, BlobsTooLargeForTheirDistanceOrBesideTheLineAreNoWand) {
   const Target target = WandOf({0, 0.13, 0.39});
   WandFinder finder({}, target, Camera());
-  const double fitting = finder.Find(Wand(target, 400, 500)).at(0).cost;
+  const double fitting = finder.Find(Wand(target, 400, 500)).at(0).fit.cost;
   const auto& large = finder.Find({Disc(400, 500, 40), Disc(465, 500, 40), Disc(595, 500, 40)});
-  EXPECT_TRUE(large.empty() || large[0].cost > fitting + 10);
+  EXPECT_TRUE(large.empty() || large[0].fit.cost > fitting + 10);
   EXPECT_TRUE(finder.Find({Disc(400, 500, 10), Disc(465, 560, 10), Disc(595, 500, 10)}).empty());
 }
 

@@ -29,7 +29,6 @@ std::vector<MarkerSight> Sights(const Eigen::Vector3d& first_m, const Eigen::Vec
 WandImageFitOptions Options() {
   WandImageFitOptions options;
   options.diameter_m = kDiameterM;
-  options.radius_bias_px = 0.1;
   return options;
 }
 

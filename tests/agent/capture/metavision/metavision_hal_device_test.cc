@@ -192,11 +192,5 @@ TEST_F(MetavisionHalDeviceTest, NoExceptionLeavesCreate) {
               StatusIs(absl::StatusCode::kUnavailable, HasSubstr("cannot look for event cameras")));
 }
 
-TEST_F(MetavisionHalDeviceTest, ListsWhatIsThere) {
-  FakeBus::Get().Plug({.serial = "1"});
-  ASSERT_OK_AND_ASSIGN(const auto found, ListMetavisionDevices());
-  EXPECT_THAT(found, ElementsAre("Prophesee:hal_plugin_prophesee:1"));
-}
-
 }  // namespace
 }  // namespace rigcal::agent::metavision_hal_device_test

@@ -110,15 +110,13 @@ trigger = "rising"
 }
 
 TEST(MetavisionSourceKind, WithoutTheSdkSaysHowToBuildIt) {
-  const auto found = ListMetavisionDevices();
-  if (found.ok()) GTEST_SKIP() << "built with RIGCAL_METAVISION";
   ASSERT_OK_AND_ASSIGN(const auto spec, ParseSourceSpec("left=metavision:serial=1"));
-  for (const absl::Status& status : {spec->Create().status(), found.status()}) {
-    EXPECT_THAT(status, StatusIs(absl::StatusCode::kFailedPrecondition,
-                                 AllOf(HasSubstr("built without live event cameras"),
-                                       HasSubstr("-DRIGCAL_METAVISION=ON"))));
-  }
-  EXPECT_THAT(spec->Create().status().message(), HasSubstr("camera left: "));
+  const absl::Status status = spec->Create().status();
+  if (absl::IsNotFound(status)) GTEST_SKIP() << "built with RIGCAL_METAVISION";
+  EXPECT_THAT(status,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("camera left: "), HasSubstr("without live event cameras"),
+                             HasSubstr("-DRIGCAL_METAVISION=ON"))));
 }
 
 }  // namespace

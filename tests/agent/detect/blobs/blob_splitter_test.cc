@@ -70,11 +70,11 @@ TEST(BlobSplitter, OneDiscStaysOne) {
 TEST(StandsOut, TellsALampFromTheBrighterPartOfAWall) {
   Image image;
   image.Disc(40, 40, 8, 200);
-  EXPECT_TRUE(StandsOut(image.View(), image.Find(), 50));
+  EXPECT_TRUE(StandsOut(image.View(), image.Find()));
   Image wall;
   wall.pixels.assign(wall.pixels.size(), 50);
   wall.Disc(40, 40, 8, 70);
-  EXPECT_FALSE(StandsOut(wall.View(), wall.Find(), 50));
+  EXPECT_FALSE(StandsOut(wall.View(), wall.Find()));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "agent/detect/blobs/colour_range.h"
 #include "agent/detect/blobs/image_view.h"
+#include "agent/detect/blobs/integer_colour_range.h"
 
 namespace rigcal::agent {
 
@@ -37,6 +38,22 @@ inline bool InRange(const ColourRange& range, int b, int g, int r) {
   if (smallest >= range.washed_out_min) return true;
   const double saturation = static_cast<double>(value - smallest) / value;
   return saturation >= range.saturation_min && HueInRange(range, HueDeg(b, g, r));
+}
+
+inline bool Holds(const HueHalfPlane& plane, const uint8_t bgr[3]) {
+  const int slope_by = (bgr[plane.slope_plus] - bgr[plane.slope_minus]) * plane.slope;
+  return bgr[plane.plus] - bgr[plane.minus] > (slope_by >> 16);
+}
+
+// The definition of IntegerColourRange for one pixel.
+inline bool Takes(const IntegerColourRange& range, const uint8_t bgr[3]) {
+  const uint8_t value = std::max({bgr[0], bgr[1], bgr[2]});
+  const uint8_t smallest = std::min({bgr[0], bgr[1], bgr[2]});
+  if (value <= range.value_below) return false;
+  if (smallest > range.washed_out_below) return true;
+  if (smallest == value) return range.takes_grey;
+  if (smallest > (value * range.grey_share >> 16)) return false;
+  return (Holds(range.from, bgr) && Holds(range.to, bgr)) != range.outside;
 }
 
 inline ColourRange Hues(double from_deg, double to_deg) {

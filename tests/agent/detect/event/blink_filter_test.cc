@@ -103,10 +103,11 @@ std::vector<int> FrequenciesOf(const std::vector<BlinkBlob>& blobs) {
 
 std::vector<BlinkBlob> Feed(BlinkFilter* filter, const std::vector<Event>& events,
                             uint32_t until_us, uint32_t origin_us = 0) {
-  BlinkFilter::Pass pass = filter->BeginPass();
   for (const Event& event : events) {
     if (event.time_us > until_us) break;
-    pass.Event(event.x, event.y, event.on, event.time_us + origin_us);
+    const PackedEvent packed = {event.time_us + origin_us, static_cast<uint16_t>(event.x),
+                                static_cast<uint16_t>(event.y | (event.on ? 0x8000u : 0u))};
+    filter->Events({&packed, 1});
   }
   return filter->FindBlobs(until_us + origin_us);
 }

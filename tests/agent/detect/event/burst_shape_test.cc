@@ -21,12 +21,12 @@ PixelList Disc(double x, double y, double radius) {
 TEST(BurstShape, OfADisc) {
   PixelList pixels = Disc(1.3, -2.6, 9.4);
   const size_t count = pixels.size();
-  const BurstShape shape = MarkerShapeOf(&pixels);
+  const Blob shape = MarkerShapeOf(&pixels);
   EXPECT_LT((shape.centre_px - Eigen::Vector2d(1.3, -2.6)).norm(), 0.05);
-  EXPECT_NEAR(shape.RadiusPx(), 9.4, 0.1);
+  EXPECT_NEAR(RadiusPx(shape), 9.4, 0.1);
   EXPECT_NEAR(shape.second_moment_px2(0, 0), 9.4 * 9.4 / 4, 1);
   EXPECT_NEAR(shape.second_moment_px2(0, 1), 0, 0.5);
-  EXPECT_FALSE(shape.IsLong());
+  EXPECT_FALSE(IsLong(shape));
   EXPECT_EQ(pixels.size(), count);
 }
 
@@ -37,7 +37,7 @@ TEST(BurstShape, WhatStandsOutIsNoPartOfAMarker) {
     for (int y = -2; y < 3; ++y) pixels.emplace_back(x, y);
   }
   const double all_x = ShapeOf(pixels).centre_px.x();
-  const BurstShape shape = MarkerShapeOf(&pixels);
+  const Blob shape = MarkerShapeOf(&pixels);
   EXPECT_GT(all_x, 1.2);
   EXPECT_LT((shape.centre_px - Eigen::Vector2d(0.2, 0.4)).norm(), 0.35);
   EXPECT_LT(pixels.size(), count + 12);
@@ -48,8 +48,8 @@ TEST(BurstShape, TwoDiscsAreLongAndStayWhole) {
   PixelList pixels = Disc(0, 0, 6);
   for (const auto& pixel : Disc(30, 0, 6)) pixels.push_back(pixel);
   const size_t count = pixels.size();
-  const BurstShape shape = MarkerShapeOf(&pixels);
-  EXPECT_TRUE(shape.IsLong());
+  const Blob shape = MarkerShapeOf(&pixels);
+  EXPECT_TRUE(IsLong(shape));
   EXPECT_EQ(pixels.size(), count);
 }
 
@@ -59,7 +59,7 @@ TEST(BurstShape, OnePixelAndARow) {
   EXPECT_EQ(one.size(), 1u);
   PixelList row;
   for (int x = 0; x < 9; ++x) row.emplace_back(x, 3);
-  EXPECT_TRUE(MarkerShapeOf(&row).IsLong());
+  EXPECT_TRUE(IsLong(MarkerShapeOf(&row)));
   EXPECT_EQ(row.size(), 9u);
 }
 

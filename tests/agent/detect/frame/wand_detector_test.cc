@@ -99,7 +99,6 @@ TEST(WandDetector, HalfCoveredSphereIsReportedAndNotGuessed) {
   EXPECT_TRUE(detection.observation.markers[0].visible);
   EXPECT_FALSE(detection.observation.markers[1].visible);
   EXPECT_TRUE(detection.observation.markers[2].visible);
-  EXPECT_EQ(detector.counts().occluded_markers, 1u);
 }
 
 TEST(WandDetector, TwoEquallyGoodWandsAreAmbiguous) {
@@ -126,9 +125,6 @@ TEST(WandDetector, SaysWhyThereIsNoWand) {
   EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kNoBlob);
   scene.Fill(100, 100, 12, 12, 30, 90, 200);
   EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kNoWand);
-  EXPECT_EQ(detector.counts().frames, 4u);
-  EXPECT_EQ(detector.counts().wands, 0u);
-  EXPECT_EQ(detector.counts().by_outcome.Of(DetectionOutcome::kBlack), 1u);
 }
 
 // Hundreds of warm spots of a sphere's size, in a random pattern.
@@ -157,7 +153,7 @@ TEST(WandDetector, TrackedAndFullSearchTellTheSame) {
   full.tracking = false;
   ASSERT_OK_AND_ASSIGN(auto tracking, WandDetector::Create({}, scene.target, scene.camera));
   ASSERT_OK_AND_ASSIGN(auto searching, WandDetector::Create(full, scene.target, scene.camera));
-  int both = 0;
+  int both = 0, tracked = 0;
   for (int i = 0; i < 60; ++i) {
     const double t = 0.02 * i;
     WandMotion wand = RenderedWand::Wand({-0.5 + 0.8 * t, 0.3 * std::sin(4 * t), 2.5},
@@ -166,6 +162,7 @@ TEST(WandDetector, TrackedAndFullSearchTellTheSame) {
     const Detection a = MustDetect(tracking, scene.View(), i * kPeriodNs);
     const Detection b = MustDetect(searching, scene.View(), i * kPeriodNs);
     EXPECT_FALSE(b.tracked);
+    tracked += a.tracked ? 1 : 0;
     if (a.outcome != DetectionOutcome::kWand || b.outcome != DetectionOutcome::kWand) continue;
     ++both;
     for (size_t k = 0; k < 3; ++k) {
@@ -177,8 +174,7 @@ TEST(WandDetector, TrackedAndFullSearchTellTheSame) {
     }
   }
   EXPECT_GE(both, 55);
-  EXPECT_GE(tracking.counts().tracked, 50u);
-  EXPECT_EQ(searching.counts().tracked, 0u);
+  EXPECT_GE(tracked, 50);
 }
 
 TEST(WandDetector, FollowsNothingAcrossAStepOfTheClock) {
@@ -214,7 +210,6 @@ TEST(WandDetector, SinglePointIsFoundAndTwoAreAmbiguous) {
   EXPECT_LT((one.observation.markers[0].centre_px - Eigen::Vector2d(200, 150)).norm(), 0.1);
   EXPECT_EQ(one.observation.markers[0].centre_kind, CentreKind::kImageBlob);
   disc(400, 300);
-  detector.ForgetTrack();
   EXPECT_EQ(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kAmbiguous);
 }
 
@@ -233,7 +228,6 @@ TEST(WandDetector, RefusesPicturesOfAnotherSizeAndMasksToo) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("without data")));
   EXPECT_THAT(detector.SetIgnored(PixelMask(10, 10)),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("10x10")));
-  EXPECT_EQ(detector.counts().frames, 0u);
 }
 
 TEST(WandDetector, IgnoredPixelsHoldNoMarker) {

@@ -115,12 +115,12 @@ absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
                           AgentState::Open(config.state_dir, config.agent_id));
   const AgentIdentity& identity = state.identity();
 
-  MemorySpool spool({.limit_bytes = config.spool_limit_mb << 20});
+  MemorySpool spool(config.spool_limit_mb << 20);
   UplinkOptions options;
   options.server = config.server;
   options.agent_id = identity.agent_id;
   options.incarnation = identity.incarnation;
-  options.stream_epoch = identity.stream_epoch;
+  options.stream_epoch = identity.incarnation;
   options.host = HostName();
   options.rig = config.rig;
   options.previews.enabled = config.preview.enabled;

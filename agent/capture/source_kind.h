@@ -31,14 +31,14 @@ class SourceSpec {
 
 // A kind of source: all that help, documentation and parser know of it.
 struct SourceKind {
-  std::string_view name;         // "csv": what a SPEC begins with, without the colon
-  std::string_view selector;     // "pixels": the option by which this kind is chosen among kinds of
-                                 // one name; empty: none
-  std::string_view subject;      // "PATH": what follows the colon; empty: options only
-  bool subject_is_path = false;  // relative to the folder of a configuration file
-  std::string_view required;     // "camera": an option that must be given; empty: none
-  std::string_view summary;      // "marker centres from a CSV file"
-  std::string_view example;      // a whole SPEC
+  std::string_view name;           // "csv": what a SPEC begins with, without the colon
+  std::string_view selector = {};  // "pixels": the option by which this kind is chosen among kinds
+                                   // of one name; empty: none
+  std::string_view subject = {};   // "PATH": what follows the colon; empty: options only
+  bool subject_is_path = false;    // relative to the folder of a configuration file
+  std::string_view required = {};  // "camera": an option that must be given; empty: none
+  std::string_view summary;        // "marker centres from a CSV file"
+  std::string_view example;        // a whole SPEC
   std::unique_ptr<SourceSpec> (*make)();
 };
 

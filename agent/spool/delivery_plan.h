@@ -11,10 +11,7 @@
 #include <variant>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "agent/spool/observation_spool.h"
-#include "common/session/stream_key.h"
-#include "common/time/clock.h"
+#include "agent/spool/memory_spool.h"
 
 namespace rigcal::agent {
 
@@ -29,7 +26,7 @@ class DeliveryPlan {
   using Clock = std::chrono::steady_clock;
 
   // A batch of fewer rows than a full one leaves `flush_interval` after the stream's last one.
-  DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval)
+  DeliveryPlan(MemorySpool* spool, Clock::duration flush_interval)
       : spool_(spool), flush_interval_(flush_interval) {}
 
   // A connection was made: nothing is in flight, and no stream has a position yet.
@@ -96,7 +93,7 @@ class DeliveryPlan {
   void NoteInFlight(const StreamKey& stream, uint32_t last_seq, bool is_end);
   void Remember(const StreamKey& stream, std::optional<EndOfCapture> end);
 
-  ObservationSpool* const spool_;
+  MemorySpool* const spool_;
   const Clock::duration flush_interval_;
   size_t max_batch_rows_ = 1;
   std::map<StreamKey, Progress> progress_;  // streams the server has given a position for

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <exception>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
@@ -20,7 +19,7 @@ constexpr std::chrono::seconds kReportInterval{1};
 
 }  // namespace
 
-CameraPipeline::CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
+CameraPipeline::CameraPipeline(std::unique_ptr<ObservationSource> source, MemorySpool* spool,
                                std::function<void()> on_progress)
     : source_(std::move(source)), spool_(spool), on_progress_(std::move(on_progress)) {}
 
@@ -131,9 +130,7 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
   try {
     if (!StopRequested()) {
       status = MoveObservations(stream, target);
-      report.refused = source_->Refused();
-      report.frames = source_->frame_counts();
-      report.detections = source_->detection_counts();
+      report = MakeReport();
     }
   } catch (const std::exception& error) {
     status = absl::InternalError(absl::StrCat("the source failed: ", error.what()));
@@ -172,7 +169,11 @@ absl::Status CameraPipeline::MoveObservations(const StreamKey& stream, const Tar
     if (++count % kRowsPerProgress == 0) on_progress_();
     if (const auto now = std::chrono::steady_clock::now(); now >= next_report) {
       next_report = now + kReportInterval;
-      PublishReport(count);
+      CameraReport report = MakeReport();
+      report.stream = stream;
+      report.observation_count = count;
+      const std::lock_guard lock(mutex_);
+      report_ = std::move(report);
     }
   }
 }
@@ -182,15 +183,12 @@ bool CameraPipeline::StopRequested() const {
   return captures_.front().stop;
 }
 
-void CameraPipeline::PublishReport(uint32_t observation_count) {
-  std::vector<Refusal> refused = source_->Refused();
-  const std::optional<FrameCounts> frames = source_->frame_counts();
-  const std::optional<DetectionCounts> detections = source_->detection_counts();
-  const std::lock_guard lock(mutex_);
-  report_.observation_count = observation_count;
-  report_.refused = std::move(refused);
-  report_.frames = frames;
-  report_.detections = detections;
+CameraReport CameraPipeline::MakeReport() const {
+  CameraReport report;
+  report.refused = source_->Refused();
+  report.frames = source_->frame_counts();
+  report.detections = source_->detection_counts();
+  return report;
 }
 
 }  // namespace rigcal::agent

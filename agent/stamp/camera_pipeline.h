@@ -14,7 +14,7 @@
 
 #include "absl/status/status.h"
 #include "agent/capture/observation_source.h"
-#include "agent/spool/observation_spool.h"
+#include "agent/spool/memory_spool.h"
 
 namespace rigcal::agent {
 
@@ -27,7 +27,7 @@ class CameraPipeline {
  public:
   // `on_progress` is called on any thread now and then, and at each end of a capture; it must
   // neither block nor call back. `spool` outlives the pipeline.
-  CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
+  CameraPipeline(std::unique_ptr<ObservationSource> source, MemorySpool* spool,
                  std::function<void()> on_progress);
   ~CameraPipeline();
   CameraPipeline(const CameraPipeline&) = delete;
@@ -68,11 +68,11 @@ class CameraPipeline {
   void RunCapture(const StreamKey& stream, const Target& target);
   absl::Status MoveObservations(const StreamKey& stream, const Target& target);
   bool StopRequested() const;
-  void PublishReport(uint32_t observation_count);
+  CameraReport MakeReport() const;
   void EndIf(const std::function<bool(const Capture&)>& condition);
 
   const std::unique_ptr<ObservationSource> source_;
-  ObservationSpool* const spool_;
+  MemorySpool* const spool_;
   const std::function<void()> on_progress_;
 
   mutable std::mutex mutex_;

@@ -8,7 +8,7 @@
 namespace rigcal::agent {
 
 absl::StatusOr<std::unique_ptr<CaptureControl>> CaptureControl::Create(
-    std::vector<std::unique_ptr<ObservationSource>> sources, ObservationSpool* spool,
+    std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
     std::function<void()> on_progress) {
   if (sources.empty()) {
     return absl::InvalidArgumentError(
@@ -84,10 +84,6 @@ std::vector<CameraReport> CaptureControl::RunningReports() const {
     if (auto report = pipeline->RunningReport()) reports.push_back(*std::move(report));
   }
   return reports;
-}
-
-void CaptureControl::WaitUntilIdle() {
-  for (const auto& [name, pipeline] : pipelines_) pipeline->WaitUntilIdle();
 }
 
 }  // namespace rigcal::agent

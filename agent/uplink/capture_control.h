@@ -10,9 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "agent/capture/observation_source.h"
 #include "agent/capture/preview/preview_worker.h"
-#include "agent/spool/observation_spool.h"
 #include "agent/stamp/camera_pipeline.h"
 
 namespace rigcal::agent {
@@ -23,7 +21,7 @@ class CaptureControl {
   // INVALID_ARGUMENT: no camera, or two of one name. `spool` outlives this object. `on_progress` as
   // for CameraPipeline.
   static absl::StatusOr<std::unique_ptr<CaptureControl>> Create(
-      std::vector<std::unique_ptr<ObservationSource>> sources, ObservationSpool* spool,
+      std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
       std::function<void()> on_progress);
 
   void Start();
@@ -43,7 +41,6 @@ class CaptureControl {
   PreviewSubject PreviewSubjectOf(const std::string& camera) const;
   // Of the captures that run.
   std::vector<CameraReport> RunningReports() const;
-  void WaitUntilIdle();
 
  private:
   CaptureControl() = default;

@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/device_clock.h"
 #include "agent/uplink/host_alignment.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <chrono>
-#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -13,7 +12,6 @@
 #include "absl/status/status.h"
 #include "agent/capture/preview/preview_worker.h"
 #include "agent/spool/delivery_plan.h"
-#include "agent/spool/observation_spool.h"
 #include "agent/uplink/capture_control.h"
 #include "agent/uplink/uplink_options.h"
 #include "rigcal/v1/ingest_service.pb.h"
@@ -31,7 +29,7 @@ class Conversation {
 
   // Parts of the agent that outlive a connection.
   struct Agent {
-    ObservationSpool* spool = nullptr;
+    MemorySpool* spool = nullptr;
     CaptureControl* captures = nullptr;
     PreviewWorker* previews = nullptr;
     DeliveryPlan* plan = nullptr;

@@ -50,8 +50,7 @@ std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address) {
 
 absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
     UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-    ObservationSpool* spool, ChannelFactory make_channel) {
-  RIGCAL_RETURN_IF_ERROR(options.Validate());
+    MemorySpool* spool, ChannelFactory make_channel) {
   std::unique_ptr<Uplink> uplink(new Uplink(std::move(options), spool, std::move(make_channel)));
   RIGCAL_ASSIGN_OR_RETURN(
       uplink->captures_,
@@ -68,7 +67,7 @@ absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
   return uplink;
 }
 
-Uplink::Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory make_channel)
+Uplink::Uplink(UplinkOptions options, MemorySpool* spool, ChannelFactory make_channel)
     : options_(std::move(options)),
       spool_(spool),
       make_channel_(std::move(make_channel)),

@@ -16,7 +16,6 @@
 #include "absl/status/statusor.h"
 #include "agent/capture/preview/preview_worker.h"
 #include "agent/spool/delivery_plan.h"
-#include "agent/spool/observation_spool.h"
 #include "agent/uplink/backoff.h"
 #include "agent/uplink/capture_control.h"
 #include "agent/uplink/conversation.h"
@@ -42,7 +41,7 @@ class Uplink {
   // `spool` outlives the uplink. `sources` are the agent's cameras.
   static absl::StatusOr<std::unique_ptr<Uplink>> Create(
       UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-      ObservationSpool* spool, ChannelFactory make_channel);
+      MemorySpool* spool, ChannelFactory make_channel);
   ~Uplink();
   Uplink(const Uplink&) = delete;
   Uplink& operator=(const Uplink&) = delete;
@@ -56,7 +55,7 @@ class Uplink {
  private:
   using Clock = std::chrono::steady_clock;
 
-  Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory make_channel);
+  Uplink(UplinkOptions options, MemorySpool* spool, ChannelFactory make_channel);
 
   void Run();
   absl::Status Serve(Conversation& conversation);
@@ -68,7 +67,7 @@ class Uplink {
   bool IsTimeToLeave() const;  // shutting down, and all is delivered or patience is at its end
 
   const UplinkOptions options_;
-  ObservationSpool* const spool_;
+  MemorySpool* const spool_;
   const ChannelFactory make_channel_;
   std::unique_ptr<CaptureControl> captures_;
   std::unique_ptr<PreviewWorker> previews_;  // uses the sources of captures_

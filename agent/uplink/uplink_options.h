@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <string>
 
-#include "absl/status/status.h"
 #include "agent/capture/preview/preview_worker.h"
 
 namespace rigcal::agent {
@@ -14,9 +13,11 @@ namespace rigcal::agent {
 struct UplinkOptions {
   std::string server;  // its address, for messages
   std::string agent_id;
-  uint32_t incarnation = 1;   // grows at each start of the agent
-  uint32_t stream_epoch = 1;  // of new streams
-  std::string host;           // of this PC, for people
+  uint32_t incarnation = 1;  // grows at each start of the agent
+  // Of new streams. The incarnation as long as the spool is in memory: observations that a run has
+  // not delivered are lost with it, so the next run must not continue its numbers.
+  uint32_t stream_epoch = 1;
+  std::string host;  // of this PC, for people
   std::string rig = "rig";
 
   // Rows of a full batch, and how long fewer rows wait to become one. The server may ask for fewer.
@@ -36,9 +37,6 @@ struct UplinkOptions {
   std::chrono::milliseconds refused_wait{30'000};
 
   PreviewOptions previews;
-
-  // INVALID_ARGUMENT with every fault.
-  absl::Status Validate() const;
 };
 
 }  // namespace rigcal::agent

@@ -2,13 +2,12 @@
 #include "agent/capture/genicam/aravis_camera.h"
 
 #include <spdlog/spdlog.h>
-#include <time.h>
 
 #include <chrono>
-#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/device_clock.h"
 #include "agent/capture/genicam/aravis_discovery.h"
 #include "agent/capture/genicam/aravis_features.h"
 #include "agent/capture/genicam/aravis_ptp.h"
@@ -22,12 +21,6 @@ constexpr std::chrono::milliseconds kAnswerLimit(1000);
 // GigE Vision's bootstrap registers: who holds the camera.
 constexpr uint64_t kControllerAddressRegister = 0x0a14;
 constexpr uint64_t kControllerPortRegister = 0x0a04;
-
-int64_t NowNs(clockid_t clock) {
-  timespec now{};
-  clock_gettime(clock, &now);
-  return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
 
 // Aravis' camera without a network, for trying things out.
 bool IsAravisFake(const std::string& device) { return device.rfind("Fake_", 0) == 0; }
@@ -213,10 +206,10 @@ absl::StatusOr<ClockSample> AravisCamera::ReadClock() const {
     return absl::UnimplementedError(absl::StrCat(prefix_, "its clock cannot be read"));
   }
   GErrorSlot error;
-  const int64_t before_ns = NowNs(CLOCK_MONOTONIC);
+  const int64_t before_ns = MonotonicNowNs();
   arv_camera_execute_command(camera_.get(), latch_command_, error.out());
-  const int64_t after_ns = NowNs(CLOCK_MONOTONIC);
-  const int64_t utc_ns = NowNs(CLOCK_REALTIME);
+  const int64_t after_ns = MonotonicNowNs();
+  const int64_t utc_ns = UtcNowNs();
   RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot latch its clock")));
   const int64_t ticks = arv_camera_get_integer(camera_.get(), latch_value_, error.out());
   RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot read its clock")));

@@ -2,7 +2,6 @@
 #include "agent/capture/genicam/aravis_frame_source.h"
 
 #include <spdlog/spdlog.h>
-#include <time.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,12 +18,6 @@ namespace {
 constexpr std::chrono::milliseconds kShortestPause(200);
 constexpr std::chrono::milliseconds kLongestPause(5000);
 constexpr std::chrono::milliseconds kLongestWait(200);  // then the connection is checked
-
-int64_t ClockNowNs(clockid_t clock) {
-  timespec now{};
-  clock_gettime(clock, &now);
-  return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
 
 int64_t ToNs(double seconds) { return static_cast<int64_t>(std::llround(seconds * 1e9)); }
 
@@ -47,15 +40,14 @@ const char* StatusWord(ArvBufferStatus status) {
 
 // The arrival of the first packet. Aravis has it in UTC only.
 FrameArrival ArrivalOf(ArvBuffer* buffer, double exposure_s) {
-  const int64_t utc_now_ns = ClockNowNs(CLOCK_REALTIME);
-  const int64_t monotonic_now_ns = ClockNowNs(CLOCK_MONOTONIC);
-  FrameArrival arrival;
-  arrival.device_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer)) + ToNs(exposure_s);
-  arrival.host_utc_ns = static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer));
+  const int64_t utc_now_ns = UtcNowNs();
+  const int64_t monotonic_now_ns = MonotonicNowNs();
+  const auto utc_ns = static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer));
   // A wall clock that stepped must not make the frame look old.
-  const int64_t age_ns = std::clamp<int64_t>(utc_now_ns - arrival.host_utc_ns, 0, 10'000'000'000);
-  arrival.host_monotonic_ns = monotonic_now_ns - age_ns;
-  return arrival;
+  const int64_t age_ns = std::clamp<int64_t>(utc_now_ns - utc_ns, 0, 10'000'000'000);
+  return {.device_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer)) + ToNs(exposure_s),
+          .host_monotonic_ns = monotonic_now_ns - age_ns,
+          .host_utc_ns = utc_ns};
 }
 
 }  // namespace
@@ -270,7 +262,8 @@ void AravisFrameSource::FollowClock(ArvBuffer* buffer, Frame* frame) {
 bool AravisFrameSource::Reconnect() {
   using Clock = std::chrono::steady_clock;
   spdlog::warn("camera {}: {} was lost; trying to reopen it", options_.camera, options_.device);
-  refused_.Add("", RefusalReason::kCameraLost, 1, absl::StrCat(options_.device, " was unplugged or taken"));
+  refused_.Add("", RefusalReason::kCameraLost, 1,
+               absl::StrCat(options_.device, " was unplugged or taken"));
   EndStream();
   camera_.reset();
   const Clock::time_point began = Clock::now();

@@ -10,14 +10,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "agent/detect/frame/annotated_image.h"
-#include "common/status/fault_list.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr double kMaxRateHz = 10;
-constexpr size_t kLeastBytes = size_t{8} << 10;
-constexpr size_t kMostBytes = size_t{1} << 20;
 constexpr uint32_t kMaxWaitMs = 60'000;
 // Answers that nobody fetches; the oldest are dropped.
 constexpr size_t kMaxAnswers = 64;
@@ -38,15 +34,6 @@ Preview TimedOut(const PreviewRequest& request) {
 }
 
 }  // namespace
-
-absl::Status PreviewOptions::Validate() const {
-  FaultList faults;
-  if (!(max_rate_hz > 0 && max_rate_hz <= kMaxRateHz)) {
-    faults.Add("max_rate_hz is ", max_rate_hz, ", it must be above 0 and at most ", kMaxRateHz);
-  }
-  faults.CheckRange("max_jpeg_bytes", max_jpeg_bytes, kLeastBytes, kMostBytes);
-  return faults.Result("preview: ");
-}
 
 PreviewWorker::PreviewWorker(PreviewOptions options, std::function<void()> on_answer)
     : options_(options), on_answer_(std::move(on_answer)) {

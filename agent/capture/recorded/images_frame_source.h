@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -35,7 +34,7 @@ class ImagesFrameSource : public RecordedFrameSource {
     std::optional<int64_t> time_ns;
   };
 
-  explicit ImagesFrameSource(RecordedFramesOptions options);
+  using RecordedFrameSource::RecordedFrameSource;
   // Lists the folder again, with what is refused before an image is read.
   absl::Status List();
   absl::Status AssignTimes();

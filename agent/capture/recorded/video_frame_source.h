@@ -30,7 +30,7 @@ class VideoFrameSource : public RecordedFrameSource {
   absl::StatusOr<std::optional<Frame>> Next() override;
 
  private:
-  explicit VideoFrameSource(RecordedFramesOptions options);
+  using RecordedFrameSource::RecordedFrameSource;
   absl::Status DescribeCamera();
   absl::Status Open();
   absl::StatusOr<bool> Read();

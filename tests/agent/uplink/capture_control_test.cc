@@ -49,9 +49,8 @@ TEST(CaptureControl, RunsSeveralCamerasSideBySide) {
   EXPECT_THAT(control->SessionsOf("a"), IsEmpty());
   EXPECT_THAT(control->SessionsOf("b"), ElementsAre("s-1"));
   control->End("s-1");
-  control->WaitUntilIdle();
-  for (const SpooledStream& spooled : spool.Streams()) EXPECT_TRUE(spooled.end.has_value());
   control->Shutdown();
+  for (const SpooledStream& spooled : spool.Streams()) EXPECT_TRUE(spooled.end.has_value());
 }
 
 }  // namespace

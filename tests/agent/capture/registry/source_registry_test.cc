@@ -64,7 +64,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfASimulatedSource) {
   ASSERT_OK_AND_ASSIGN(const auto spec,
                        ParseSourceSpec("top=sim:camera=3;seed=7;cameras=8;wand_speed=1.25;"
                                        "offset.2=0.008;speed=10"));
-  const auto& sim = OptionsOf<SimulatedSourceOptions>(*spec);
+  const auto& sim = OptionsOf<SimulatedCameraOptions>(*spec);
   EXPECT_EQ(sim.camera, "top");
   EXPECT_EQ(sim.camera_index, 3);
   EXPECT_EQ(sim.speed, 10);
@@ -190,7 +190,7 @@ TEST(ParseSourceSpec, TellsTheWorldsPartsFromTheFrames) {
   EXPECT_EQ(sim.rendering.clutter, 0.5);
   EXPECT_EQ(frames.detecting.detector.colour.hue_max_deg, 45);
   ASSERT_OK_AND_ASSIGN(const auto without, ParseSourceSpec("sim:camera=1;pixels=0"));
-  EXPECT_EQ(OptionsOf<SimulatedSourceOptions>(*without).camera_index, 1);
+  EXPECT_EQ(OptionsOf<SimulatedCameraOptions>(*without).camera_index, 1);
 }
 
 TEST(ParseSourceSpec, TakesEveryPartOfAGenicamCamera) {

@@ -84,20 +84,19 @@ absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
 // INVALID_ARGUMENT with the faults of all sources.
 absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
     const Flags& flags, const AgentConfig& config) {
-  std::vector<absl::StatusOr<std::unique_ptr<SourceSpec>>> specs;
-  for (const std::string& text : flags.sources) specs.push_back(ParseSourceSpec(text));
-  if (specs.empty()) {
-    for (const CameraConfig& camera : config.cameras) specs.push_back(ParseSourceSpec(camera));
-  }
   std::vector<std::unique_ptr<ObservationSource>> sources;
   std::vector<std::string> faults;
-  for (const auto& spec : specs) {
+  const auto make = [&](const absl::StatusOr<std::unique_ptr<SourceSpec>>& spec) {
     auto source = spec.ok() ? (*spec)->Create() : spec.status();
     if (source.ok()) {
       sources.push_back(*std::move(source));
     } else {
       faults.emplace_back(source.status().message());
     }
+  };
+  for (const std::string& text : flags.sources) make(ParseSourceSpec(text));
+  if (flags.sources.empty()) {
+    for (const CameraConfig& camera : config.cameras) make(ParseSourceSpec(camera));
   }
   if (faults.empty()) return sources;
   return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));

@@ -46,7 +46,9 @@ class DeliveryPlan {
   bool HasOpenStreams() const { return !progress_.empty(); }
 
   // The stream is in the spool, or was delivered or abandoned by this process.
-  bool Knows(const StreamKey& stream) const;
+  bool Knows(const StreamKey& stream) const {
+    return over_.contains(stream) || spool_->Find(stream).has_value();
+  }
   // Drops a stream that the server does not accept; returns how many observations are lost.
   uint32_t Discard(const StreamKey& stream);
   // Nothing is in the spool.

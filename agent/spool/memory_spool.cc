@@ -119,37 +119,32 @@ absl::StatusOr<ObservationBatch> MemorySpool::Read(const StreamKey& key, uint32_
 }
 
 void MemorySpool::Acknowledge(const StreamKey& key, uint32_t durable_seq) {
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = streams_.find(key);
-    if (found == streams_.end()) return;
-    Stream& stream = found->second;
-    stream.durable_seq = std::max(stream.durable_seq, std::min(durable_seq, stream.end_seq - 1));
-    while (!stream.chunks.empty() && stream.chunks.front().end_seq() <= stream.durable_seq + 1) {
-      stream.first_seq = stream.chunks.front().end_seq();
-      bytes_ -= stream.chunks.front().rows() * RowBytes(stream.marker_count);
-      stream.chunks.pop_front();
-    }
-    while (!stream.clock_samples.empty() && stream.clock_samples.front().seq < stream.first_seq) {
-      stream.clock_samples.pop_front();
-    }
+  const std::lock_guard lock(mutex_);
+  const auto found = streams_.find(key);
+  if (found == streams_.end()) return;
+  Stream& stream = found->second;
+  stream.durable_seq = std::max(stream.durable_seq, std::min(durable_seq, stream.end_seq - 1));
+  while (!stream.chunks.empty() && stream.chunks.front().end_seq() <= stream.durable_seq + 1) {
+    stream.first_seq = stream.chunks.front().end_seq();
+    bytes_ -= stream.chunks.front().rows() * RowBytes(stream.marker_count);
+    stream.chunks.pop_front();
+  }
+  while (!stream.clock_samples.empty() && stream.clock_samples.front().seq < stream.first_seq) {
+    stream.clock_samples.pop_front();
   }
   space_changed_.notify_all();
 }
 
 uint32_t MemorySpool::Discard(const StreamKey& key) {
-  uint32_t lost = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = streams_.find(key);
-    if (found == streams_.end()) return 0;
-    const Stream& stream = found->second;
-    lost = stream.end_seq - 1 - stream.durable_seq;
-    for (const ObservationBatch& chunk : stream.chunks) {
-      bytes_ -= chunk.rows() * RowBytes(stream.marker_count);
-    }
-    streams_.erase(found);
+  const std::lock_guard lock(mutex_);
+  const auto found = streams_.find(key);
+  if (found == streams_.end()) return 0;
+  const Stream& stream = found->second;
+  const uint32_t lost = stream.end_seq - 1 - stream.durable_seq;
+  for (const ObservationBatch& chunk : stream.chunks) {
+    bytes_ -= chunk.rows() * RowBytes(stream.marker_count);
   }
+  streams_.erase(found);
   space_changed_.notify_all();
   return lost;
 }
@@ -169,10 +164,8 @@ std::vector<SpooledStream> MemorySpool::Streams() const {
 }
 
 void MemorySpool::Shutdown() {
-  {
-    const std::lock_guard lock(mutex_);
-    shut_down_ = true;
-  }
+  const std::lock_guard lock(mutex_);
+  shut_down_ = true;
   space_changed_.notify_all();
 }
 

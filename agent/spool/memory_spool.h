@@ -10,7 +10,6 @@
 #include <optional>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/session/observation_batch.h"
 #include "common/session/stream_key.h"

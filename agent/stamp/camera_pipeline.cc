@@ -19,16 +19,6 @@ constexpr std::chrono::seconds kReportInterval{1};
 
 }  // namespace
 
-CameraPipeline::CameraPipeline(std::unique_ptr<ObservationSource> source, MemorySpool* spool,
-                               std::function<void()> on_progress)
-    : source_(std::move(source)), spool_(spool), on_progress_(std::move(on_progress)) {}
-
-CameraPipeline::~CameraPipeline() { Shutdown(); }
-
-void CameraPipeline::Start() {
-  thread_ = std::thread([this] { Run(); });
-}
-
 void CameraPipeline::Shutdown() {
   EndAll();
   {
@@ -41,17 +31,14 @@ void CameraPipeline::Shutdown() {
 
 absl::Status CameraPipeline::Begin(const StreamKey& stream, const Target& target,
                                    uint32_t first_seq) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (shut_down_) return absl::CancelledError("the agent shuts down");
-    RIGCAL_RETURN_IF_ERROR(spool_->Open(stream, target.marker_count(), first_seq));
-    if (!captures_.empty()) {
-      spdlog::info(
-          "camera {}: the capture for session {} waits until that for session {} has ended",
-          stream.camera, stream.session_id, captures_.front().stream.session_id);
-    }
-    captures_.push_back({.stream = stream, .target = target});
+  const std::lock_guard lock(mutex_);
+  if (shut_down_) return absl::CancelledError("the agent shuts down");
+  RIGCAL_RETURN_IF_ERROR(spool_->Open(stream, target.marker_count(), first_seq));
+  if (!captures_.empty()) {
+    spdlog::info("camera {}: the capture for session {} waits until that for session {} has ended",
+                 stream.camera, stream.session_id, captures_.front().stream.session_id);
   }
+  captures_.push_back({.stream = stream, .target = target});
   changed_.notify_all();
   return absl::OkStatus();
 }
@@ -189,6 +176,28 @@ CameraReport CameraPipeline::MakeReport() const {
   report.frames = source_->frame_counts();
   report.detections = source_->detection_counts();
   return report;
+}
+
+absl::StatusOr<CameraPipelines> MakePipelines(
+    std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
+    const std::function<void()>& on_progress) {
+  if (sources.empty()) {
+    return absl::InvalidArgumentError(
+        "there is no camera: give --source, or [[camera]] in the configuration file");
+  }
+  CameraPipelines pipelines;
+  for (std::unique_ptr<ObservationSource>& source : sources) {
+    const std::string name = source->description().camera;
+    if (!pipelines
+             .try_emplace(name,
+                          std::make_unique<CameraPipeline>(std::move(source), spool, on_progress))
+             .second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("two cameras are named ", name,
+                       ": give each source a name, NAME=csv:... or NAME=sim:..."));
+    }
+  }
+  return pipelines;
 }
 
 }  // namespace rigcal::agent

@@ -5,14 +5,16 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
 #include "agent/spool/memory_spool.h"
 
@@ -28,12 +30,15 @@ class CameraPipeline {
   // `on_progress` is called on any thread now and then, and at each end of a capture; it must
   // neither block nor call back. `spool` outlives the pipeline.
   CameraPipeline(std::unique_ptr<ObservationSource> source, MemorySpool* spool,
-                 std::function<void()> on_progress);
-  ~CameraPipeline();
+                 std::function<void()> on_progress)
+      : source_(std::move(source)), spool_(spool), on_progress_(std::move(on_progress)) {}
+  ~CameraPipeline() { Shutdown(); }
   CameraPipeline(const CameraPipeline&) = delete;
   CameraPipeline& operator=(const CameraPipeline&) = delete;
 
-  void Start();
+  void Start() {
+    thread_ = std::thread([this] { Run(); });
+  }
   // Ends every capture and joins the thread. A thread that waits for space in the spool is freed
   // only by the spool: shut that down first, or give it room.
   void Shutdown();
@@ -83,5 +88,13 @@ class CameraPipeline {
   CameraReport report_;
   std::thread thread_;
 };
+
+// By the camera's name.
+using CameraPipelines = std::map<std::string, std::unique_ptr<CameraPipeline>>;
+
+// One for each source, not started. INVALID_ARGUMENT: no camera, or two of one name.
+absl::StatusOr<CameraPipelines> MakePipelines(
+    std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
+    const std::function<void()>& on_progress);
 
 }  // namespace rigcal::agent

@@ -38,7 +38,7 @@ class PreviewWorker {
  public:
   // `on_answer` is called on any thread for each new answer; it must neither block nor call back.
   PreviewWorker(PreviewOptions options, std::function<void()> on_answer);
-  ~PreviewWorker();
+  ~PreviewWorker() { Shutdown(); }
   PreviewWorker(const PreviewWorker&) = delete;
   PreviewWorker& operator=(const PreviewWorker&) = delete;
 

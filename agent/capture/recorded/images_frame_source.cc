@@ -126,7 +126,8 @@ absl::Status ImagesFrameSource::Start(const Target&) {
   next_ = 0;
   clock_epochs_ = {};
   clock_epoch_ = 0;
-  BeginCapture();
+  counts_ = {};
+  pacer_.Start();
   return absl::OkStatus();
 }
 

@@ -73,22 +73,17 @@ absl::Status RawEventSource::Start(const Target&) {
                                 description_.image_size_px.height};
   timer_.emplace(file_->header().format, file_->header().halves_swapped, geometry);
   pacer_.Start();
-  stopped_ = false;
   return absl::OkStatus();
 }
 
-void RawEventSource::Stop() {
-  stopped_ = true;
-  pacer_.Stop();
-}
-
 absl::StatusOr<std::optional<EventChunk>> RawEventSource::Next() {
-  if (!file_ || stopped_) return std::nullopt;
+  if (!file_) return std::nullopt;
   EventChunk chunk{.format = file_->header().format,
                    .halves_swapped = file_->header().halves_swapped,
                    .bytes = {},
                    .byte_offset = file_->byte_offset()};
   if (options_.speed == kMaxSpeed) {
+    if (!pacer_.Wait(0)) return std::nullopt;
     RIGCAL_ASSIGN_OR_RETURN(chunk.bytes, file_->Next(kFastBytes));
     if (chunk.bytes.empty()) return std::nullopt;
     return chunk;

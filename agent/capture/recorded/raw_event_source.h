@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/event_timer.h"
 #include "agent/capture/paced_source.h"
@@ -44,12 +42,10 @@ class RawEventSource : public PacedSource<EventSource, RawSourceOptions> {
 
   absl::Status Start(const Target& target) override;
   absl::StatusOr<std::optional<EventChunk>> Next() override;
-  void Stop() override;
   std::string PlaceOf(uint64_t byte_offset) const override;
   std::vector<Refusal> Refused() const override;
 
  private:
-  std::atomic<bool> stopped_ = true;
   std::unique_ptr<EventFile> file_;
   std::optional<EventTimer> timer_;  // follows the time of the file
   std::vector<uint8_t> piece_;

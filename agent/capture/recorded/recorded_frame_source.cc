@@ -42,11 +42,6 @@ absl::StatusOr<FrameTimes> RecordedFrameSource::ReadTimes(const std::string& usu
   return times;
 }
 
-void RecordedFrameSource::BeginCapture() {
-  counts_ = {};
-  pacer_.Start();
-}
-
 bool RecordedFrameSource::HasRightSize(const cv::Mat& image, const std::string& name) {
   const ImageSize& right = description_.image_size_px;
   if (image.cols == static_cast<int>(right.width) && image.rows == static_cast<int>(right.height)) {

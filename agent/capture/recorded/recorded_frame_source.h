@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/paced_source.h"
@@ -49,7 +48,6 @@ class RecordedFrameSource : public PacedSource<FrameSource, RecordedFramesOption
   // The file of times: the one of the options, or `usual` if it exists. Its faults are counted.
   // Empty: there is none.
   absl::StatusOr<FrameTimes> ReadTimes(const std::string& usual);
-  void BeginCapture();
   // Whether the image is as large as the camera's; else it is refused.
   bool HasRightSize(const cv::Mat& image, const std::string& name);
   // Of `image_`.

@@ -89,7 +89,8 @@ absl::Status VideoFrameSource::DescribeCamera() {
 
 absl::Status VideoFrameSource::Start(const Target&) {
   RIGCAL_RETURN_IF_ERROR(Open());
-  BeginCapture();
+  counts_ = {};
+  pacer_.Start();
   return absl::OkStatus();
 }
 

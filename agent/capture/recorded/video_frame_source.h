@@ -8,7 +8,6 @@
 #include <optional>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/recorded/recorded_frame_source.h"
 

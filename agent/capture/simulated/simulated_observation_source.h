@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
@@ -18,10 +19,20 @@ class SimulatedObservationSource
  public:
   using SimulatedSource::SimulatedSource;
   static absl::StatusOr<std::unique_ptr<SimulatedObservationSource>> Create(
-      SimulatedCameraOptions options);
+      SimulatedCameraOptions options) {
+    RIGCAL_RETURN_IF_ERROR(options.Validate());
+    RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, DescribeSimulatedCamera(options));
+    return std::make_unique<SimulatedObservationSource>(std::move(options), std::move(description));
+  }
 
   absl::Status Start(const Target& target) override { return StartWorld(target); }
-  absl::StatusOr<std::optional<Observation>> Next() override;
+  absl::StatusOr<std::optional<Observation>> Next() override {
+    if (!HasFrame()) return std::nullopt;
+    Observation observation = world_->Observe(options_.camera_index, frame_);
+    observation.clock_epoch = clock_epochs_.EpochOf(observation.time_ns);
+    if (!PassFrame(observation.time_ns)) return std::nullopt;
+    return observation;
+  }
 };
 
 }  // namespace rigcal::agent

@@ -105,7 +105,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadSpec{"csv:a.csv;", "\"\" is not KEY=VALUE"},
         BadSpec{"csv:a.csv;centres=round", "centres=round"},
         BadSpec{"csv:a.csv;gamma=2",
-                "unknown option \"gamma\"; known: speed, sigma, calibration, centres"},
+                "unknown option \"gamma\"; known: speed, calibration, sigma, centres"},
         BadSpec{"csv:a.csv;speed=1;speed=2", "speed is given twice"},
         BadSpec{"csv:\xff.csv", "not UTF-8"}, BadSpec{"csv:/data/my camera.csv", "camera name"},
         BadSpec{"a/b=csv:a.csv", "camera name"}, BadSpec{"sim:", "the option camera is missing"},
@@ -304,7 +304,6 @@ TEST(SourceKinds, HaveExamplesThatAreRead) {
   for (const SourceKind* kind : SourceKinds()) {
     EXPECT_THAT(ParseSourceSpec(kind->example), IsOk()) << kind->example;
     EXPECT_TRUE(IsSourceText(kind->example));
-    EXPECT_THAT(ListOfSourceKinds(), HasSubstr(std::string(kind->name) + ":"));
     EXPECT_THAT(SourceSummaries(), HasSubstr(std::string(kind->summary)));
   }
   EXPECT_FALSE(IsSourceText("rig/left.csv"));

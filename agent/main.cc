@@ -84,20 +84,19 @@ absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
 // INVALID_ARGUMENT with the faults of all sources.
 absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
     const Flags& flags, const AgentConfig& config) {
-  std::vector<absl::StatusOr<std::unique_ptr<SourceSpec>>> specs;
-  for (const std::string& text : flags.sources) specs.push_back(ParseSourceSpec(text));
-  if (specs.empty()) {
-    for (const CameraConfig& camera : config.cameras) specs.push_back(ParseSourceSpec(camera));
-  }
   std::vector<std::unique_ptr<ObservationSource>> sources;
   std::vector<std::string> faults;
-  for (const auto& spec : specs) {
+  const auto make = [&](const absl::StatusOr<std::unique_ptr<SourceSpec>>& spec) {
     auto source = spec.ok() ? (*spec)->Create() : spec.status();
     if (source.ok()) {
       sources.push_back(*std::move(source));
     } else {
       faults.emplace_back(source.status().message());
     }
+  };
+  for (const std::string& text : flags.sources) make(ParseSourceSpec(text));
+  if (flags.sources.empty()) {
+    for (const CameraConfig& camera : config.cameras) make(ParseSourceSpec(camera));
   }
   if (faults.empty()) return sources;
   return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
@@ -115,12 +114,12 @@ absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
                           AgentState::Open(config.state_dir, config.agent_id));
   const AgentIdentity& identity = state.identity();
 
-  MemorySpool spool({.limit_bytes = config.spool_limit_mb << 20});
+  MemorySpool spool(config.spool_limit_mb << 20);
   UplinkOptions options;
   options.server = config.server;
   options.agent_id = identity.agent_id;
   options.incarnation = identity.incarnation;
-  options.stream_epoch = identity.stream_epoch;
+  options.stream_epoch = identity.incarnation;
   options.host = HostName();
   options.rig = config.rig;
   options.previews.enabled = config.preview.enabled;

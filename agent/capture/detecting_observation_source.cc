@@ -7,14 +7,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/status/fault_list.h"
+#include "agent/capture/camera_status.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr std::chrono::seconds kWarnInterval{10};
-constexpr double kMaxLearnMaskS = 600;
 
 // The longest one, which an exposure has to hold.
 double BlinkPeriodS(const Target& target) {
@@ -40,34 +39,18 @@ constexpr Advice kAdvice[] = {
 
 }  // namespace
 
-absl::Status DetectingOptions::Validate() const {
-  FaultList faults;
-  faults.Add(detector.Validate());
-  faults.CheckRange("learn_mask", learn_mask_s, 0, kMaxLearnMaskS, " s");
-  return faults.Result();
-}
-
 absl::StatusOr<std::unique_ptr<DetectingObservationSource>> DetectingObservationSource::Create(
     std::unique_ptr<FrameSource> frames, DetectingOptions options) {
   const CameraDescription& camera = frames->description();
-  const auto named = [&](const absl::Status& status) {
-    return absl::Status(
-        status.code(), absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
-  };
-  if (const absl::Status status = options.Validate(); !status.ok()) return named(status);
+  RIGCAL_RETURN_IF_ERROR(OfCamera(camera.camera, options.detector.Validate()));
   PixelMask mask;
   if (!options.mask_path.empty()) {
-    absl::StatusOr<PixelMask> read = ReadMask(options.mask_path, camera.image_size_px);
-    if (!read.ok()) return named(read.status());
-    mask = *std::move(read);
+    RIGCAL_ASSIGN_OR_RETURN(
+        mask, OfCamera(camera.camera, ReadMask(options.mask_path, camera.image_size_px)));
   }
   return std::unique_ptr<DetectingObservationSource>(
       new DetectingObservationSource(std::move(frames), std::move(options), std::move(mask)));
 }
-
-DetectingObservationSource::DetectingObservationSource(std::unique_ptr<FrameSource> frames,
-                                                       DetectingOptions options, PixelMask mask)
-    : frames_(std::move(frames)), options_(std::move(options)), mask_(std::move(mask)) {}
 
 absl::Status DetectingObservationSource::Start(const Target& target) {
   const CameraDescription& camera = description();

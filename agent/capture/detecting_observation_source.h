@@ -7,10 +7,9 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "agent/capture/frame_source.h"
@@ -28,12 +27,9 @@ struct DetectingOptions {
   // An image of the camera's size, white where pixels are ignored, as `rigcal-agent mask` writes
   // it; empty: none.
   std::string mask_path;
-  // At the start of each capture (camera time, 0 to 600 s) static bright spots are learnt and added
+  // At the start of each capture (camera time) static bright spots are learnt and added
   // to the mask. Observations of that time are empty.
   double learn_mask_s = 0;
-
-  // INVALID_ARGUMENT with every fault.
-  absl::Status Validate() const;
 };
 
 // Observations of a camera that yields frames: one per frame, empty if the wand is not found.
@@ -67,7 +63,8 @@ class DetectingObservationSource : public ObservationSource {
 
  private:
   DetectingObservationSource(std::unique_ptr<FrameSource> frames, DetectingOptions options,
-                             PixelMask mask);
+                             PixelMask mask)
+      : frames_(std::move(frames)), options_(std::move(options)), mask_(std::move(mask)) {}
   absl::StatusOr<bool> LearnsMask(const Frame& frame);
   void CheckExposure(const Frame& frame);
   void Note(const Frame& frame);

@@ -2,7 +2,6 @@
 #include "agent/capture/device_clock.h"
 
 #include <cstdlib>
-#include <utility>
 
 namespace rigcal::agent {
 namespace {
@@ -41,35 +40,33 @@ bool DeviceClock::AddReading(const ClockSample& sample) {
     return false;
   }
   last_reading_ns_ = sample.host_monotonic_ns;
-  if (samples_.size() >= kMostSamples) samples_.erase(samples_.begin());
-  samples_.push_back(sample);
+  Keep(sample);
   return true;
 }
 
-void DeviceClock::AddArrival(const FrameArrival& arrival) {
-  const auto delay = [](const FrameArrival& a) { return a.host_monotonic_ns - a.device_ns; };
-  if (!best_arrival_) {
+void DeviceClock::AddArrival(FrameArrival arrival) {
+  arrival.uncertainty_ns = kArrivalUncertaintyNs;
+  const auto delay = [](const ClockSample& a) { return a.host_monotonic_ns - a.device_ns; };
+  const bool second_is_over =
+      best_arrival_ && arrival.host_monotonic_ns - second_began_ns_ >= kIntervalNs;
+  if (second_is_over) {
+    Keep(*best_arrival_);
+  } else if (!best_arrival_ && samples_.empty() && !last_reading_ns_) {
     // The first reading is not to wait for a second to go by.
-    if (samples_.empty() && !last_reading_ns_) {
-      last_reading_ns_ = arrival.host_monotonic_ns;
-      samples_.push_back({arrival.device_ns, arrival.host_monotonic_ns, arrival.host_utc_ns,
-                          kArrivalUncertaintyNs});
-    }
+    last_reading_ns_ = arrival.host_monotonic_ns;
+    Keep(arrival);
+  }
+  if (!best_arrival_ || second_is_over) {
     best_arrival_ = arrival;
     second_began_ns_ = arrival.host_monotonic_ns;
-    return;
-  }
-  if (arrival.host_monotonic_ns - second_began_ns_ >= kIntervalNs) {
-    if (samples_.size() >= kMostSamples) samples_.erase(samples_.begin());
-    samples_.push_back({best_arrival_->device_ns, best_arrival_->host_monotonic_ns,
-                        best_arrival_->host_utc_ns, kArrivalUncertaintyNs});
+  } else if (delay(arrival) < delay(*best_arrival_)) {
     best_arrival_ = arrival;
-    second_began_ns_ = arrival.host_monotonic_ns;
-    return;
   }
-  if (delay(arrival) < delay(*best_arrival_)) best_arrival_ = arrival;
 }
 
-std::vector<ClockSample> DeviceClock::Take() { return std::exchange(samples_, {}); }
+void DeviceClock::Keep(const ClockSample& sample) {
+  if (samples_.size() >= kMostSamples) samples_.erase(samples_.begin());
+  samples_.push_back(sample);
+}
 
 }  // namespace rigcal::agent

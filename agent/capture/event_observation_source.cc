@@ -3,28 +3,12 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
-#include <limits>
-#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
-absl::StatusOr<std::unique_ptr<EventObservationSource>> EventObservationSource::Create(
-    std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options) {
-  if (const absl::Status status = options.Validate(); !status.ok()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("camera ", events->description().camera, ": ", std::string(status.message())));
-  }
-  return std::unique_ptr<EventObservationSource>(
-      new EventObservationSource(std::move(events), std::move(options)));
-}
-
-EventObservationSource::EventObservationSource(std::unique_ptr<EventSource> events,
-                                               BlinkWandDetectorOptions options)
-    : events_(std::move(events)), options_(std::move(options)) {}
 
 absl::Status EventObservationSource::Start(const Target& target) {
   ended_ = true;
@@ -143,7 +127,8 @@ std::vector<Refusal> EventObservationSource::Refused() const {
   add(RefusalReason::kEventOutsideGeometry, faults.outside_geometry, "outside_geometry",
       absl::StrCat("events of pixels that a sensor of ", description().image_size_px.width, "x",
                    description().image_size_px.height, " does not have; is its geometry right?"));
-  add(RefusalReason::kEventBeforeTime, faults.before_time, "before_time", "events before the first time word");
+  add(RefusalReason::kEventBeforeTime, faults.before_time, "before_time",
+      "events before the first time word");
   add(RefusalReason::kEventTruncatedBytes, faults.truncated_bytes, "truncated_bytes",
       "the stream ends within a word");
   all.Add("", RefusalReason::kEventTriggerTooDense, counts.dense_triggers,

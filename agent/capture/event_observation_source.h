@@ -8,9 +8,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
 #include "agent/detect/event/blink_wand_detector.h"
@@ -25,9 +25,8 @@ namespace rigcal::agent {
 // (event_trigger_too_dense, event_answer_without_data, event_out_of_order).
 class EventObservationSource : public ObservationSource {
  public:
-  // INVALID_ARGUMENT: the options; the message begins with the camera's name.
-  static absl::StatusOr<std::unique_ptr<EventObservationSource>> Create(
-      std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options);
+  EventObservationSource(std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options)
+      : events_(std::move(events)), options_(std::move(options)) {}
 
   const CameraDescription& description() const override { return events_->description(); }
   absl::Status Start(const Target& target) override;
@@ -38,7 +37,6 @@ class EventObservationSource : public ObservationSource {
   std::optional<DetectionCounts> detection_counts() const override;
 
  private:
-  EventObservationSource(std::unique_ptr<EventSource> events, BlinkWandDetectorOptions options);
   // More detections; false: there will be none.
   absl::StatusOr<bool> TakeChunk();
   absl::Status Detect(const EventChunk& chunk);

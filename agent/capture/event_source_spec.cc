@@ -39,7 +39,7 @@ absl::Status EventSourceSpec::CheckDetector() {
 
 absl::StatusOr<std::unique_ptr<ObservationSource>> EventSourceSpec::Create() const {
   RIGCAL_ASSIGN_OR_RETURN(auto events, Make());
-  return EventObservationSource::Create(std::move(events), detector);
+  return std::make_unique<EventObservationSource>(std::move(events), detector);
 }
 
 }  // namespace rigcal::agent

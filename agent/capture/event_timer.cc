@@ -14,15 +14,12 @@ struct NoSink {
 }  // namespace
 
 EventTimer::EventTimer(EventFormat format, bool halves_swapped, const SensorGeometry& geometry)
-    : decoder_(MakeDecoder(format, halves_swapped, geometry)) {}
-
-EventTimer::Decoder EventTimer::MakeDecoder(EventFormat format, bool halves_swapped,
-                                            const SensorGeometry& geometry) {
-  if (format == EventFormat::kPlain) return PlainEventDecoder(geometry);
-  if (format == EventFormat::kEvt2) return Evt2Decoder(geometry);
-  if (format == EventFormat::kEvt21) return Evt21Decoder(geometry, halves_swapped);
-  return Evt3Decoder(geometry);
-}
+    : decoder_([&]() -> Decoder {
+        if (format == EventFormat::kPlain) return PlainEventDecoder(geometry);
+        if (format == EventFormat::kEvt2) return Evt2Decoder(geometry);
+        if (format == EventFormat::kEvt21) return Evt21Decoder(geometry, halves_swapped);
+        return Evt3Decoder(geometry);
+      }()) {}
 
 void EventTimer::Take(std::span<const uint8_t> bytes) {
   NoSink sink;

@@ -23,9 +23,6 @@ class EventTimer {
 
  private:
   using Decoder = std::variant<Evt2Decoder, Evt21Decoder, Evt3Decoder, PlainEventDecoder>;
-  static Decoder MakeDecoder(EventFormat format, bool halves_swapped,
-                             const SensorGeometry& geometry);
-
   Decoder decoder_;
 };
 

@@ -5,7 +5,6 @@
 #include <optional>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/detect/blobs/image_view.h"
 #include "common/camera/camera_description.h"
@@ -23,8 +22,6 @@ struct Frame {
   uint32_t clock_epoch = 0;
   double exposure_s = 0;  // 0: not known
 };
-
-using rigcal::FrameCounts;
 
 // One camera's frames in capture order. Start, Next, TakeClockSamples and the getters are called
 // by one thread; Stop by any.

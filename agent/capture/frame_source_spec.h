@@ -21,7 +21,6 @@ class FrameSourceSpec : public SourceSpec {
 
  protected:
   void AddDetector(OptionTable* table);
-  absl::Status CheckDetector() const { return absl::OkStatus(); }
 };
 
 }  // namespace rigcal::agent

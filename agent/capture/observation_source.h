@@ -4,7 +4,6 @@
 #include <optional>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/camera/camera_description.h"
 #include "common/camera/frame_counts.h"

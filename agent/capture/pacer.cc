@@ -5,7 +5,7 @@
 
 namespace rigcal::agent {
 
-PaceSchedule::Clock::time_point PaceSchedule::DueTime(int64_t time_ns, Clock::time_point now) {
+Pacer::Clock::time_point Pacer::DueTime(int64_t time_ns, Clock::time_point now) {
   if (!last_ns_) {
     last_due_ = now;
   } else if (time_ns > *last_ns_ && speed_ != kMaxSpeed) {
@@ -20,24 +20,20 @@ PaceSchedule::Clock::time_point PaceSchedule::DueTime(int64_t time_ns, Clock::ti
 
 void Pacer::Start() {
   const std::lock_guard lock(mutex_);
-  schedule_ = PaceSchedule(speed_);
+  last_ns_.reset();
   stopped_ = false;
 }
 
 void Pacer::Stop() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopped_ = true;
-  }
+  const std::lock_guard lock(mutex_);
+  stopped_ = true;
   stopped_changed_.notify_all();
 }
 
 bool Pacer::Wait(int64_t time_ns) {
   std::unique_lock lock(mutex_);
   if (!stopped_ && speed_ != kMaxSpeed) {
-    const PaceSchedule::Clock::time_point due =
-        schedule_.DueTime(time_ns, PaceSchedule::Clock::now());
-    stopped_changed_.wait_until(lock, due, [this] { return stopped_; });
+    stopped_changed_.wait_until(lock, DueTime(time_ns, Clock::now()), [this] { return stopped_; });
   }
   return !stopped_;
 }

@@ -5,7 +5,6 @@
 #include <string>
 #include <string_view>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
 #include "common/options/option_table.h"
@@ -27,18 +26,23 @@ class SourceSpec {
   // The source itself; opens its files once to see that they are there. The message names the
   // camera, the file and what to do.
   virtual absl::StatusOr<std::unique_ptr<ObservationSource>> Create() const = 0;
+
+ protected:
+  // Of the source's detector, if it has one.
+  void AddDetector(OptionTable*) {}
+  absl::Status CheckDetector() const { return absl::OkStatus(); }
 };
 
 // A kind of source: all that help, documentation and parser know of it.
 struct SourceKind {
-  std::string_view name;         // "csv": what a SPEC begins with, without the colon
-  std::string_view selector;     // "pixels": the option by which this kind is chosen among kinds of
-                                 // one name; empty: none
-  std::string_view subject;      // "PATH": what follows the colon; empty: options only
-  bool subject_is_path = false;  // relative to the folder of a configuration file
-  std::string_view required;     // "camera": an option that must be given; empty: none
-  std::string_view summary;      // "marker centres from a CSV file"
-  std::string_view example;      // a whole SPEC
+  std::string_view name;           // "csv": what a SPEC begins with, without the colon
+  std::string_view selector = {};  // "pixels": the option by which this kind is chosen among kinds
+                                   // of one name; empty: none
+  std::string_view subject = {};   // "PATH": what follows the colon; empty: options only
+  bool subject_is_path = false;    // relative to the folder of a configuration file
+  std::string_view required = {};  // "camera": an option that must be given; empty: none
+  std::string_view summary;        // "marker centres from a CSV file"
+  std::string_view example;        // a whole SPEC
   std::unique_ptr<SourceSpec> (*make)();
 };
 
@@ -48,10 +52,6 @@ class DirectSourceSpec : public SourceSpec {
   using Product = ObservationSource;
   virtual absl::StatusOr<std::unique_ptr<Product>> Make() const = 0;
   absl::StatusOr<std::unique_ptr<ObservationSource>> Create() const final { return Make(); }
-
- protected:
-  void AddDetector(OptionTable*) {}
-  absl::Status CheckDetector() const { return absl::OkStatus(); }
 };
 
 template <typename Options>

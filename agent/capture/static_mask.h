@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/detect/blobs/colour_masker.h"
 #include "agent/detect/blobs/colour_range.h"

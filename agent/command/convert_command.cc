@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <memory>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -61,33 +60,30 @@ absl::Status Convert(const ConvertFlags& flags, std::ostream& out) {
 
 }  // namespace
 
-void AddConvertCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command =
-      app.add_subcommand("convert", "Writes a file of events in another format");
-  const auto flags = std::make_shared<ConvertFlags>();
+void AddConvertCommand(CLI::App& app, Subcommands* all) {
+  const auto [command, flags] =
+      all->Add(app, "convert", "Writes a file of events in another format", &Convert);
   command
-      ->add_option("in", flags->in,
-                   "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, the format is detected from the content")
+      .add_option("in", flags.in,
+                  "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, the format is detected from the content")
       ->required();
   command
-      ->add_option("out", flags->out,
-                   "New file; its ending names the format: .raw (EVT 3.0), .csv, .h5 or .hdf5")
+      .add_option("out", flags.out,
+                  "New file; its ending names the format: .raw (EVT 3.0), .csv, .h5 or .hdf5")
       ->required();
-  flags->file.AddTo(*command);
+  flags.file.AddTo(command);
   command
-      ->add_option("--layout", flags->layout,
-                   "Of HDF5: prophesee (/CD/events, with triggers) or events (/events/x, y, p, t, "
-                   "without) [prophesee]")
+      .add_option("--layout", flags.layout,
+                  "Of HDF5: prophesee (/CD/events, with triggers) or events (/events/x, y, p, t, "
+                  "without) [prophesee]")
       ->check(CLI::IsMember({"prophesee", "events"}));
-  command->add_flag("--force", flags->force, "Replace a file that is there");
-  command->footer(
+  command.add_flag("--force", flags.force, "Replace a file that is there");
+  command.footer(
       "Examples:\n"
       "  rigcal-agent convert left.raw left.h5\n"
       "  rigcal-agent convert events.csv left.raw --geometry 640x480 --time s\n"
       "Triggers are kept, except in CSV and in --layout events. Everything left out is printed.\n"
       "Exit codes: 0 ok, 1 failed, 2 usage.");
-  command->callback(
-      [flags, chosen, &out] { *chosen = [flags, &out] { return Convert(*flags, out); }; });
 }
 
 }  // namespace rigcal::agent

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -17,8 +16,8 @@
 #include "agent/command/frame_input.h"
 #include "agent/command/marker_csv.h"
 #include "agent/command/subcommands.h"
-#include "agent/command/timed_frame_source.h"
 #include "agent/detect/frame/annotated_image.h"
+#include "agent/event_files/event_file_writer.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -77,49 +76,78 @@ class Annotations {
   int count_ = 0;
 };
 
-// Writes the detections of each frame to the report, the CSV and the annotations.
-class Detecting {
+// A source of frames that measures the time to read each, and ends after a number of them.
+class TimedFrameSource : public FrameSource {
  public:
-  Detecting(TimedFrameSource* frames, DetectingObservationSource* source)
-      : frames_(frames), source_(source) {}
+  // `limit` 0: none.
+  TimedFrameSource(std::unique_ptr<FrameSource> frames, uint64_t limit)
+      : frames_(std::move(frames)), limit_(limit) {}
 
-  absl::Status Run(const Target& target, MarkerCsvWriter* csv, Annotations* annotations) {
-    const auto begin = std::chrono::steady_clock::now();
-    RIGCAL_RETURN_IF_ERROR(source_->Start(target));
-    while (true) {
-      const auto before = std::chrono::steady_clock::now();
-      const uint64_t seen_before = report_.looked_at();
-      RIGCAL_ASSIGN_OR_RETURN(const std::optional<Observation> observation, source_->Next());
-      if (!observation) break;
-      const std::chrono::duration<double> both = std::chrono::steady_clock::now() - before;
-      report_.reading.Add(frames_->read_time().count());
-      report_.detections = *source_->detection_counts();
-      if (csv != nullptr) csv->Write(*observation);
-      for (const MarkerObservation& marker : observation->markers) {
-        if (!marker.visible) continue;
-        report_.centres = marker.centre_kind == CentreKind::kSphereCentre ? "sphere" : "blob";
-      }
-      if (report_.looked_at() == seen_before) {
-        ++report_.learning;
-        continue;
-      }
-      report_.detecting.Add((both - frames_->read_time()).count());
-      if (source_->last_detection().tracked) ++report_.tracked;
-      RIGCAL_RETURN_IF_ERROR(annotations->Add(*frames_->last(), *source_));
-    }
-    report_.frames = frames_->counts();
-    report_.refused = source_->Refused();
-    report_.wall_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    return absl::OkStatus();
+  const CameraDescription& description() const override { return frames_->description(); }
+  absl::Status Start(const Target& target) override {
+    yielded_ = 0;
+    return frames_->Start(target);
   }
-  const DetectionReport& report() const { return report_; }
+  absl::StatusOr<std::optional<Frame>> Next() override {
+    last_.reset();
+    if (limit_ > 0 && yielded_ == limit_) return std::nullopt;
+    const auto begin = std::chrono::steady_clock::now();
+    absl::StatusOr<std::optional<Frame>> frame = frames_->Next();
+    read_time_ = std::chrono::steady_clock::now() - begin;
+    if (frame.ok()) last_ = *frame;
+    if (last_) ++yielded_;
+    return frame;
+  }
+  void Stop() override { frames_->Stop(); }
+  std::vector<ClockSample> TakeClockSamples() override { return frames_->TakeClockSamples(); }
+  FrameCounts counts() const override { return frames_->counts(); }
+  std::vector<Refusal> Refused() const override { return frames_->Refused(); }
+
+  // Of the last Next.
+  std::chrono::duration<double> read_time() const { return read_time_; }
+  const std::optional<Frame>& last() const { return last_; }
 
  private:
-  TimedFrameSource* const frames_;
-  DetectingObservationSource* const source_;
-  DetectionReport report_;
+  const std::unique_ptr<FrameSource> frames_;
+  const uint64_t limit_;
+  uint64_t yielded_ = 0;
+  std::chrono::duration<double> read_time_{0};
+  std::optional<Frame> last_;
 };
+
+// Writes the detections of each frame to the CSV, where there is one, and the annotations.
+absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, const Target& target,
+                                            DetectingObservationSource* source, OutputFile* csv,
+                                            Annotations* annotations) {
+  DetectionReport report;
+  const auto begin = std::chrono::steady_clock::now();
+  RIGCAL_RETURN_IF_ERROR(source->Start(target));
+  while (true) {
+    const auto before = std::chrono::steady_clock::now();
+    const uint64_t seen_before = report.looked_at();
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Observation> observation, source->Next());
+    if (!observation) break;
+    const std::chrono::duration<double> both = std::chrono::steady_clock::now() - before;
+    report.reading.Add(frames.read_time().count());
+    report.detections = *source->detection_counts();
+    if (csv != nullptr) RIGCAL_RETURN_IF_ERROR(WriteMarkerCsv(*observation, csv));
+    for (const MarkerObservation& marker : observation->markers) {
+      if (!marker.visible) continue;
+      report.centres = marker.centre_kind == CentreKind::kSphereCentre ? "sphere" : "blob";
+    }
+    if (report.looked_at() == seen_before) {
+      ++report.learning;
+      continue;
+    }
+    report.detecting.Add((both - frames.read_time()).count());
+    if (source->last_detection().tracked) ++report.tracked;
+    RIGCAL_RETURN_IF_ERROR(annotations->Add(*frames.last(), *source));
+  }
+  report.frames = frames.counts();
+  report.refused = source->Refused();
+  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return report;
+}
 
 absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
@@ -127,48 +155,44 @@ absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   if (flags.no_tracking) spec->detecting.detector.tracking = false;
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, spec->Make());
   auto timed = std::make_unique<TimedFrameSource>(std::move(frames), flags.frames);
-  TimedFrameSource* const timed_frames = timed.get();
+  const TimedFrameSource& timed_frames = *timed;
   RIGCAL_ASSIGN_OR_RETURN(const auto source,
                           DetectingObservationSource::Create(std::move(timed), spec->detecting));
   RIGCAL_ASSIGN_OR_RETURN(Annotations annotations, Annotations::Create(flags.annotate));
-  std::optional<MarkerCsvWriter> csv;
+  std::optional<OutputFile> csv;
   if (!flags.out.empty()) {
-    RIGCAL_ASSIGN_OR_RETURN(csv, MarkerCsvWriter::Create(flags.out));
+    RIGCAL_ASSIGN_OR_RETURN(csv, OutputFile::Create(flags.out));
   }
-  Detecting detecting(timed_frames, source.get());
-  RIGCAL_RETURN_IF_ERROR(detecting.Run(target, csv ? &*csv : nullptr, &annotations));
-  if (csv) RIGCAL_RETURN_IF_ERROR(csv->Close());
-  out << (flags.format == "json" ? ReportJson(detecting.report())
-                                 : FormatReport(detecting.report()));
-  if (timed_frames->counts().received > 0) return absl::OkStatus();
+  RIGCAL_ASSIGN_OR_RETURN(
+      const DetectionReport report,
+      RunDetector(timed_frames, target, source.get(), csv ? &*csv : nullptr, &annotations));
+  if (csv) RIGCAL_RETURN_IF_ERROR(csv->Finish());
+  out << (flags.format == "json" ? ReportJson(report) : FormatReport(report));
+  if (report.frames.received > 0) return absl::OkStatus();
   return absl::FailedPreconditionError("there were no frames");
 }
 
 }  // namespace
 
-void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command =
-      app.add_subcommand("detect", "Finds the wand in an image, a folder or a video");
-  const auto flags = std::make_shared<DetectFlags>();
-  AddFrameInput(*command, &flags->input);
-  command->add_option("--target", flags->target, "wand:0,0.13,0.39;diameter=0.04;hz=500")
-      ->required();
-  command->add_option("--out", flags->out,
-                      "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per frame");
-  command->add_option("--annotate", flags->annotate,
-                      "Folder for images with the detections drawn in; FILE.png for a single one");
-  command->add_flag("--no-tracking", flags->no_tracking, "Search every frame completely");
-  command->add_option("--pictures", flags->frames, "At most so many [all]");
-  command->add_option("-o,--output", flags->format, "table or json [table]")
+void AddDetectCommand(CLI::App& app, Subcommands* all) {
+  const auto [command, flags] =
+      all->Add(app, "detect", "Finds the wand in an image, a folder or a video", &Detect);
+  AddFrameInput(command, &flags.input);
+  command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
+  command.add_option("--out", flags.out,
+                     "CSV for csv: (timestamp_ns;x0;y0;..., -1 = not seen), a line per frame");
+  command.add_option("--annotate", flags.annotate,
+                     "Folder for images with the detections drawn in; FILE.png for a single one");
+  command.add_flag("--no-tracking", flags.no_tracking, "Search every frame completely");
+  command.add_option("--pictures", flags.frames, "At most so many [all]");
+  command.add_option("-o,--output", flags.format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
-  command->footer(
+  command.footer(
       "Examples:\n"
       "  rigcal-agent detect rig/left --target 'wand:0,0.13,0.39;diameter=0.04' --out left.csv\n"
       "  rigcal-agent detect one.png --target wand:0,0.13,0.39 --annotate seen.png\n"
       "  rigcal-agent detect left.mkv --target wand:0,0.13,0.39 --set hue_max=40 -o json\n"
       "Exit codes: 0 ok, whether wands were found or not, 1 failed, 2 usage.");
-  command->callback(
-      [flags, chosen, &out] { *chosen = [flags, &out] { return Detect(*flags, out); }; });
 }
 
 }  // namespace rigcal::agent

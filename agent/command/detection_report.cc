@@ -2,7 +2,6 @@
 #include "agent/command/detection_report.h"
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <numeric>
 

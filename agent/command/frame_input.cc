@@ -9,7 +9,6 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
 #include "agent/capture/image_file.h"
 #include "agent/capture/registry/source_registry.h"
 #include "common/config/agent_config.h"
@@ -35,13 +34,6 @@ std::string SpecOfPath(const FrameInput& input) {
   const bool has_calibration = fs::exists(name.replace_extension(".yaml"), error);
   return absl::StrCat(camera.substr(0, 64), is_images ? "=images:" : "=video:", input.input,
                       has_calibration || !input.calibration.empty() ? "" : ";calibration=none");
-}
-
-absl::StatusOr<std::vector<OptionText>> Typed(const FrameInput& input) {
-  std::vector<std::string> texts = input.settings;
-  if (!input.calibration.empty()) texts.push_back("calibration=" + input.calibration);
-  if (!input.fps.empty()) texts.push_back("fps=" + input.fps);
-  return SplitOptions(texts);
 }
 
 absl::StatusOr<std::unique_ptr<SourceSpec>> FromConfig(const FrameInput& input,
@@ -88,7 +80,10 @@ absl::StatusOr<std::unique_ptr<FrameSourceSpec>> ResolveFrameInput(const FrameIn
     return absl::InvalidArgumentError(
         "name the frames: a file, a folder or a SPEC, or --config FILE --camera NAME");
   }
-  RIGCAL_ASSIGN_OR_RETURN(std::vector<OptionText> typed, Typed(input));
+  std::vector<std::string> texts = input.settings;
+  if (!input.calibration.empty()) texts.push_back("calibration=" + input.calibration);
+  if (!input.fps.empty()) texts.push_back("fps=" + input.fps);
+  RIGCAL_ASSIGN_OR_RETURN(std::vector<OptionText> typed, SplitOptions(texts));
   if (!input.config.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<SourceSpec> spec, FromConfig(input, typed));
     const std::string camera = spec->camera();

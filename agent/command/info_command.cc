@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <memory>
 #include <string>
 
 #include "agent/command/event_file_flags.h"
 #include "agent/command/subcommands.h"
 #include "agent/event_files/event_file_info.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
@@ -29,24 +27,22 @@ absl::Status Info(const InfoFlags& flags, std::ostream& out) {
 
 }  // namespace
 
-void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command = app.add_subcommand("info", "Prints the contents of an event recording");
-  const auto flags = std::make_shared<InfoFlags>();
+void AddInfoCommand(CLI::App& app, Subcommands* all) {
+  const auto [command, flags] =
+      all->Add(app, "info", "Prints the contents of an event recording", &Info);
   command
-      ->add_option("file", flags->path,
-                   "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, the format is detected from the content")
+      .add_option("file", flags.path,
+                  "RAW (EVT 2.0, 2.1, 3.0), HDF5 or CSV, the format is detected from the content")
       ->required();
-  flags->file.AddTo(*command);
-  command->add_option("-o,--output", flags->format, "table or json [table]")
+  flags.file.AddTo(command);
+  command.add_option("-o,--output", flags.format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
-  command->footer(
+  command.footer(
       "Examples:\n"
       "  rigcal-agent info rig/left.raw\n"
       "  rigcal-agent info old.raw --geometry 640x480 -o json\n"
       "  rigcal-agent info events.txt --columns txyp --time s\n"
       "Exit codes: 0 ok, whether the file has faults or not, 1 no file of events, 2 usage.");
-  command->callback(
-      [flags, chosen, &out] { *chosen = [flags, &out] { return Info(*flags, out); }; });
 }
 
 }  // namespace rigcal::agent

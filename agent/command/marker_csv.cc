@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/command/marker_csv.h"
 
-#include <utility>
-
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 
@@ -20,16 +18,9 @@ std::string MarkerCsvLine(const Observation& observation) {
   return line;
 }
 
-absl::StatusOr<MarkerCsvWriter> MarkerCsvWriter::Create(const std::string& path) {
-  std::ofstream stream(path, std::ios::binary | std::ios::trunc);
-  if (!stream) return absl::PermissionDeniedError(absl::StrCat("cannot write ", path));
-  return MarkerCsvWriter(path, std::move(stream));
-}
-
-absl::Status MarkerCsvWriter::Close() {
-  stream_.close();
-  if (stream_) return absl::OkStatus();
-  return absl::DataLossError(absl::StrCat("not everything is in ", path_, "; is the disk full?"));
+absl::Status WriteMarkerCsv(const Observation& observation, OutputFile* file) {
+  const std::string line = MarkerCsvLine(observation) + "\n";
+  return file->Write({reinterpret_cast<const uint8_t*>(line.data()), line.size()});
 }
 
 }  // namespace rigcal::agent

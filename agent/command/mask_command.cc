@@ -3,13 +3,11 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/static_mask.h"
 #include "agent/command/frame_input.h"
 #include "agent/command/subcommands.h"
-#include "agent/command/timed_frame_source.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
 
@@ -27,14 +25,13 @@ struct MaskFlags {
 absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, spec->Make());
-  TimedFrameSource frames(std::move(source), flags.frames);
+  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());
   RIGCAL_ASSIGN_OR_RETURN(StaticMaskLearner learner,
                           StaticMaskLearner::Create(spec->detecting.detector.colour,
-                                                    frames.description().image_size_px));
-  RIGCAL_RETURN_IF_ERROR(frames.Start(target));
-  while (true) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames.Next());
+                                                    frames->description().image_size_px));
+  RIGCAL_RETURN_IF_ERROR(frames->Start(target));
+  for (uint64_t i = 0; flags.frames == 0 || i < flags.frames; ++i) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames->Next());
     if (!frame) break;
     learner.Add(frame->image);
   }
@@ -61,23 +58,20 @@ absl::Status LearnMask(const MaskFlags& flags, std::ostream& out) {
 
 }  // namespace
 
-void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command =
-      app.add_subcommand("mask", "Learns static bright spots for the detector to ignore");
-  const auto flags = std::make_shared<MaskFlags>();
-  AddFrameInput(*command, &flags->input);
-  command->add_option("--out", flags->out, "Image of the camera's size, white where to ignore")
+void AddMaskCommand(CLI::App& app, Subcommands* all) {
+  const auto [command, flags] =
+      all->Add(app, "mask", "Learns static bright spots for the detector to ignore", &LearnMask);
+  AddFrameInput(command, &flags.input);
+  command.add_option("--out", flags.out, "Image of the camera's size, white where to ignore")
       ->required();
-  command->add_option("--target", flags->target, "Target of a simulated camera");
-  command->add_option("--pictures", flags->frames, "At most so many; 0: all [100]");
-  command->add_option("-o,--output", flags->format, "table or json [table]")
+  command.add_option("--target", flags.target, "Target of a simulated camera");
+  command.add_option("--pictures", flags.frames, "At most so many; 0: all [100]");
+  command.add_option("-o,--output", flags.format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
-  command->footer(
+  command.footer(
       "Point the camera at the room without the wand, or with a moving one. Example:\n"
       "  rigcal-agent mask aravis:192.168.1.5 --out left_mask.png\n"
       "Exit codes: 0 ok, 1 failed, 2 usage.");
-  command->callback(
-      [flags, chosen, &out] { *chosen = [flags, &out] { return LearnMask(*flags, out); }; });
 }
 
 }  // namespace rigcal::agent

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/pacer.h"
@@ -84,7 +82,7 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
                                                    " us, but a RAW file must begin before 16.8 s"));
   }
   RIGCAL_ASSIGN_OR_RETURN(OutputFile raw, OutputFile::Create(flags.out));
-  RIGCAL_ASSIGN_OR_RETURN(MarkerCsvWriter truth, MarkerCsvWriter::Create(truth_path.string()));
+  RIGCAL_ASSIGN_OR_RETURN(OutputFile truth, OutputFile::Create(truth_path.string()));
   const ImageSize size = source->description().image_size_px;
   const std::string header = Evt3Header({size.width, size.height}, "simulated");
   RIGCAL_RETURN_IF_ERROR(
@@ -102,11 +100,11 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
     RIGCAL_RETURN_IF_ERROR(raw.Write(chunk->bytes));
     bytes += chunk->bytes.size();
     for (; output_us(next) <= source->time_us(); ++next, ++rows) {
-      truth.Write(TruthAt(*source, output_us(next)));
+      RIGCAL_RETURN_IF_ERROR(WriteMarkerCsv(TruthAt(*source, output_us(next)), &truth));
     }
   }
   RIGCAL_RETURN_IF_ERROR(raw.Finish());
-  RIGCAL_RETURN_IF_ERROR(truth.Close());
+  RIGCAL_RETURN_IF_ERROR(truth.Finish());
   RIGCAL_RETURN_IF_ERROR(WriteCalibration(calibration_path.string(), *source, options, target));
   out << absl::StrCat(flags.out, ": ", bytes, " bytes of EVT 3.0, ", size.width, "x", size.height,
                       "\n", truth_path.string(), ": where the markers are, ", rows, " times\n",
@@ -116,28 +114,26 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
 
 }  // namespace
 
-void AddSimulateCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command = app.add_subcommand(
-      "simulate", "Writes the events of a simulated event camera as a RAW file, with ground truth");
-  const auto flags = std::make_shared<SimulateFlags>();
-  command->add_option("source", flags->source, "A simulated event camera, as for --source")
+void AddSimulateCommand(CLI::App& app, Subcommands* all) {
+  const auto [command, flags] = all->Add(
+      app, "simulate",
+      "Writes the events of a simulated event camera as a RAW file, with ground truth", &Simulate);
+  command.add_option("source", flags.source, "A simulated event camera, as for --source")
       ->required();
   command
-      ->add_option(
-          "--out", flags->out,
+      .add_option(
+          "--out", flags.out,
           "RAW file (EVT 3.0); ground truth is written beside it as .csv, the calibration as .yaml")
       ->required();
-  command->add_option("--target", flags->target, "The wand and its blink frequency");
+  command.add_option("--target", flags.target, "The wand and its blink frequency");
   command
-      ->add_option("--truth-rate", flags->truth_hz,
-                   "Rate of ground truth on the sensor's clock, Hz [200]")
+      .add_option("--truth-rate", flags.truth_hz,
+                  "Rate of ground truth on the sensor's clock, Hz [200]")
       ->check(CLI::Range(1.0, 1e4));
-  command->footer(
+  command.footer(
       "Example:\n"
       "  rigcal-agent simulate 'sim:camera=1;events=1;duration=2;lux=300;bars=4' --out left.raw\n"
       "Exit codes: 0 ok, 1 failed, 2 usage.");
-  command->callback(
-      [flags, chosen, &out] { *chosen = [flags, &out] { return Simulate(*flags, out); }; });
 }
 
 }  // namespace rigcal::agent

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <memory>
 #include <string>
 
 #include "agent/capture/registry/source_help.h"
@@ -28,14 +27,11 @@ absl::Status PrintSources(const SourcesFlags& flags, std::ostream& out) {
 
 }  // namespace
 
-void AddSourcesCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command =
-      app.add_subcommand("sources", "Lists the kinds of camera sources and their options");
-  const auto flags = std::make_shared<SourcesFlags>();
-  command->add_option("KIND", flags->kind, "All options of this kind, such as csv");
-  command->add_flag("--markdown", flags->markdown, "All kinds, as the page docs/sources.md");
-  command->callback(
-      [flags, chosen, &out] { *chosen = [flags, &out] { return PrintSources(*flags, out); }; });
+void AddSourcesCommand(CLI::App& app, Subcommands* all) {
+  const auto [command, flags] = all->Add(
+      app, "sources", "Lists the kinds of camera sources and their options", &PrintSources);
+  command.add_option("KIND", flags.kind, "All options of this kind, such as csv");
+  command.add_flag("--markdown", flags.markdown, "All kinds, as the page docs/sources.md");
 }
 
 }  // namespace rigcal::agent

@@ -5,13 +5,13 @@ namespace rigcal::agent {
 
 void Subcommands::AddTo(CLI::App& app) {
   app.require_subcommand(0, 1);
-  AddSourcesCommand(app, out_, &chosen_);
-  AddDetectCommand(app, out_, &chosen_);
-  AddTuneCommand(app, out_, &chosen_);
-  AddMaskCommand(app, out_, &chosen_);
-  AddInfoCommand(app, out_, &chosen_);
-  AddConvertCommand(app, out_, &chosen_);
-  AddSimulateCommand(app, out_, &chosen_);
+  AddSourcesCommand(app, this);
+  AddDetectCommand(app, this);
+  AddTuneCommand(app, this);
+  AddMaskCommand(app, this);
+  AddInfoCommand(app, this);
+  AddConvertCommand(app, this);
+  AddSimulateCommand(app, this);
 }
 
 }  // namespace rigcal::agent

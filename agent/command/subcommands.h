@@ -5,7 +5,8 @@
 #include <functional>
 #include <memory>
 #include <ostream>
-#include <vector>
+#include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 
@@ -26,22 +27,35 @@ inline int ExitCodeOf(const absl::Status& status) {
 class Subcommands {
  public:
   explicit Subcommands(std::ostream& out) : out_(out) {}
+  Subcommands(const Subcommands&) = delete;
+  Subcommands& operator=(const Subcommands&) = delete;
   void AddTo(CLI::App& app);
   // Empty: none was asked for.
   const std::function<absl::Status()>& Chosen() const { return chosen_; }
+
+  // Adds one that calls `run`; its flags are set by the options that the caller adds.
+  template <typename Flags>
+  std::pair<CLI::App&, Flags&> Add(CLI::App& app, const std::string& name,
+                                   const std::string& description,
+                                   absl::Status (*run)(const Flags&, std::ostream&)) {
+    CLI::App* const command = app.add_subcommand(name, description);
+    const auto flags = std::make_shared<Flags>();
+    command->callback(
+        [this, flags, run] { chosen_ = [this, flags, run] { return run(*flags, out_); }; });
+    return {*command, *flags};
+  }
 
  private:
   std::ostream& out_;
   std::function<absl::Status()> chosen_;
 };
 
-// Each adds one subcommand, which sets `chosen` when it is selected.
-void AddConvertCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
-void AddDetectCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
-void AddInfoCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
-void AddMaskCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
-void AddSimulateCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
-void AddSourcesCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
-void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen);
+void AddConvertCommand(CLI::App& app, Subcommands* all);
+void AddDetectCommand(CLI::App& app, Subcommands* all);
+void AddInfoCommand(CLI::App& app, Subcommands* all);
+void AddMaskCommand(CLI::App& app, Subcommands* all);
+void AddSimulateCommand(CLI::App& app, Subcommands* all);
+void AddSourcesCommand(CLI::App& app, Subcommands* all);
+void AddTuneCommand(CLI::App& app, Subcommands* all);
 
 }  // namespace rigcal::agent

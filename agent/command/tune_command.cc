@@ -4,13 +4,11 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "agent/command/frame_input.h"
 #include "agent/command/subcommands.h"
-#include "agent/command/timed_frame_source.h"
 #include "agent/detect/frame/colour_tuning.h"
 #include "common/status/status_macros.h"
 #include "common/target/target.h"
@@ -29,12 +27,11 @@ struct TuneFlags {
 absl::StatusOr<TunedColour> LearnColour(const TuneFlags& flags) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
-  RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> source, spec->Make());
-  TimedFrameSource frames(std::move(source), flags.frames);
-  RIGCAL_ASSIGN_OR_RETURN(ColourTuner tuner, ColourTuner::Create(target, frames.description()));
-  RIGCAL_RETURN_IF_ERROR(frames.Start(target));
-  while (true) {
-    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames.Next());
+  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<FrameSource> frames, spec->Make());
+  RIGCAL_ASSIGN_OR_RETURN(ColourTuner tuner, ColourTuner::Create(target, frames->description()));
+  RIGCAL_RETURN_IF_ERROR(frames->Start(target));
+  for (uint64_t i = 0; flags.frames == 0 || i < flags.frames; ++i) {
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames->Next());
     if (!frame) break;
     RIGCAL_RETURN_IF_ERROR(tuner.Add(frame->image));
   }
@@ -96,23 +93,19 @@ absl::Status Tune(const TuneFlags& flags, std::ostream& out) {
 
 }  // namespace
 
-void AddTuneCommand(CLI::App& app, std::ostream& out, std::function<absl::Status()>* chosen) {
-  CLI::App* const command =
-      app.add_subcommand("tune", "Learns the wand's colour from frames that show it");
-  const auto flags = std::make_shared<TuneFlags>();
-  AddFrameInput(*command, &flags->input);
-  command->add_option("--target", flags->target, "wand:0,0.13,0.39;diameter=0.04;hz=500")
-      ->required();
-  command->add_option("--out", flags->out, "File for the TOML to paste into a configuration");
-  command->add_option("--pictures", flags->frames, "At most so many; 0: all [50]");
-  command->add_option("-o,--output", flags->format, "table (TOML to paste) or json [table]")
+void AddTuneCommand(CLI::App& app, Subcommands* all) {
+  const auto [command, flags] =
+      all->Add(app, "tune", "Learns the wand's colour from frames that show it", &Tune);
+  AddFrameInput(command, &flags.input);
+  command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
+  command.add_option("--out", flags.out, "File for the TOML to paste into a configuration");
+  command.add_option("--pictures", flags.frames, "At most so many; 0: all [50]");
+  command.add_option("-o,--output", flags.format, "table (TOML to paste) or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
-  command->footer(
+  command.footer(
       "Hold the wand in front of the camera, near and far. Example:\n"
       "  rigcal-agent tune aravis:192.168.1.5 --target wand:0,0.13,0.39 >> agent.toml\n"
       "Exit codes: 0 ok, 1 failed (the wand was not found), 2 usage.");
-  command->callback(
-      [flags, chosen, &out] { *chosen = [flags, &out] { return Tune(*flags, out); }; });
 }
 
 }  // namespace rigcal::agent

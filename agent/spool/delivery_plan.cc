@@ -40,11 +40,10 @@ void DeliveryPlan::SetPosition(const StreamKey& stream, uint32_t durable_seq,
     return;
   }
   progress_.try_emplace(stream);
-  BatchAck position;
-  position.stream = stream;
-  position.durable_seq = durable_seq;
-  position.send_limit_seq = send_limit_seq;
-  Acknowledge(position);
+  Acknowledge({.stream = stream,
+               .durable_seq = durable_seq,
+               .send_limit_seq = send_limit_seq,
+               .faults = {}});
 }
 
 bool DeliveryPlan::Acknowledge(const BatchAck& ack) {
@@ -137,10 +136,6 @@ std::optional<DeliveryPlan::Message> DeliveryPlan::NextRows(const SpooledStream&
   progress.next_flush = now + flush_interval_;
   NoteInFlight(spooled.stream, batch->end_seq() - 1, false);
   return *std::move(batch);
-}
-
-bool DeliveryPlan::Knows(const StreamKey& stream) const {
-  return over_.contains(stream) || spool_->Find(stream).has_value();
 }
 
 uint32_t DeliveryPlan::Discard(const StreamKey& stream) {

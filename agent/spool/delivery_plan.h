@@ -11,10 +11,7 @@
 #include <variant>
 #include <vector>
 
-#include "absl/status/status.h"
-#include "agent/spool/observation_spool.h"
-#include "common/session/stream_key.h"
-#include "common/time/clock.h"
+#include "agent/spool/memory_spool.h"
 
 namespace rigcal::agent {
 
@@ -29,7 +26,7 @@ class DeliveryPlan {
   using Clock = std::chrono::steady_clock;
 
   // A batch of fewer rows than a full one leaves `flush_interval` after the stream's last one.
-  DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval)
+  DeliveryPlan(MemorySpool* spool, Clock::duration flush_interval)
       : spool_(spool), flush_interval_(flush_interval) {}
 
   // A connection was made: nothing is in flight, and no stream has a position yet.
@@ -49,7 +46,9 @@ class DeliveryPlan {
   bool HasOpenStreams() const { return !progress_.empty(); }
 
   // The stream is in the spool, or was delivered or abandoned by this process.
-  bool Knows(const StreamKey& stream) const;
+  bool Knows(const StreamKey& stream) const {
+    return over_.contains(stream) || spool_->Find(stream).has_value();
+  }
   // Drops a stream that the server does not accept; returns how many observations are lost.
   uint32_t Discard(const StreamKey& stream);
   // Nothing is in the spool.
@@ -96,7 +95,7 @@ class DeliveryPlan {
   void NoteInFlight(const StreamKey& stream, uint32_t last_seq, bool is_end);
   void Remember(const StreamKey& stream, std::optional<EndOfCapture> end);
 
-  ObservationSpool* const spool_;
+  MemorySpool* const spool_;
   const Clock::duration flush_interval_;
   size_t max_batch_rows_ = 1;
   std::map<StreamKey, Progress> progress_;  // streams the server has given a position for

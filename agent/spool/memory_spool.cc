@@ -2,7 +2,6 @@
 #include "agent/spool/memory_spool.h"
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -29,16 +28,10 @@ absl::Status NotOpen(const StreamKey& key) {
 
 }  // namespace
 
-absl::Status MemorySpoolOptions::Validate() const {
-  constexpr size_t kLowest = size_t{64} << 10;
-  if (limit_bytes >= kLowest) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("the spool's limit is ", limit_bytes, " bytes, but must be at least ", kLowest));
-}
-
 absl::Status MemorySpool::Open(const StreamKey& stream, int marker_count, uint32_t first_seq) {
   const std::lock_guard lock(mutex_);
   Stream opened;
+  opened.stream = stream;
   opened.marker_count = marker_count;
   opened.begin_seq = opened.first_seq = opened.end_seq = first_seq;
   opened.durable_seq = first_seq - 1;
@@ -54,7 +47,7 @@ absl::StatusOr<uint32_t> MemorySpool::Append(const StreamKey& key, const Observa
   std::unique_lock lock(mutex_);
   // An empty spool takes any observation: one that is too large alone must not wait forever.
   space_changed_.wait(lock, [&] {
-    return shut_down_ || bytes_ == 0 || bytes_ + row_bytes <= options_.limit_bytes ||
+    return shut_down_ || bytes_ == 0 || bytes_ + row_bytes <= limit_bytes_ ||
            !streams_.contains(key);
   });
   if (shut_down_) return absl::CancelledError("the agent shuts down");
@@ -67,26 +60,20 @@ absl::StatusOr<uint32_t> MemorySpool::Append(const StreamKey& key, const Observa
                                                    observation.markers.size(), " markers, but ",
                                                    Name(key), " has ", stream.marker_count));
   }
-  ChunkFor(key, stream, observation).Append(observation);
+  if (stream.chunks.empty() || stream.chunks.back().rows() >= kChunkRows ||
+      stream.chunks.back().clock_epoch != observation.clock_epoch) {
+    ObservationBatch& chunk = stream.chunks.emplace_back();
+    chunk.stream = key;
+    chunk.first_seq = stream.end_seq;
+    chunk.clock_epoch = observation.clock_epoch;
+    chunk.marker_count = static_cast<uint32_t>(stream.marker_count);
+  }
+  stream.chunks.back().Append(observation);
   bytes_ += row_bytes;
   for (const ClockSample& sample : clock_samples) {
     stream.clock_samples.push_back({stream.end_seq, sample});
   }
   return stream.end_seq++;
-}
-
-ObservationBatch& MemorySpool::ChunkFor(const StreamKey& key, Stream& stream,
-                                        const Observation& observation) {
-  if (!stream.chunks.empty() && stream.chunks.back().rows() < kChunkRows &&
-      stream.chunks.back().clock_epoch == observation.clock_epoch) {
-    return stream.chunks.back();
-  }
-  ObservationBatch& chunk = stream.chunks.emplace_back();
-  chunk.stream = key;
-  chunk.first_seq = stream.end_seq;
-  chunk.clock_epoch = observation.clock_epoch;
-  chunk.marker_count = static_cast<uint32_t>(stream.marker_count);
-  return chunk;
 }
 
 absl::Status MemorySpool::Finish(const StreamKey& key, CameraReport report) {
@@ -132,66 +119,53 @@ absl::StatusOr<ObservationBatch> MemorySpool::Read(const StreamKey& key, uint32_
 }
 
 void MemorySpool::Acknowledge(const StreamKey& key, uint32_t durable_seq) {
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = streams_.find(key);
-    if (found == streams_.end()) return;
-    Stream& stream = found->second;
-    stream.durable_seq = std::max(stream.durable_seq, std::min(durable_seq, stream.end_seq - 1));
-    while (!stream.chunks.empty() && stream.chunks.front().end_seq() <= stream.durable_seq + 1) {
-      stream.first_seq = stream.chunks.front().end_seq();
-      bytes_ -= stream.chunks.front().rows() * RowBytes(stream.marker_count);
-      stream.chunks.pop_front();
-    }
-    while (!stream.clock_samples.empty() && stream.clock_samples.front().seq < stream.first_seq) {
-      stream.clock_samples.pop_front();
-    }
+  const std::lock_guard lock(mutex_);
+  const auto found = streams_.find(key);
+  if (found == streams_.end()) return;
+  Stream& stream = found->second;
+  stream.durable_seq = std::max(stream.durable_seq, std::min(durable_seq, stream.end_seq - 1));
+  while (!stream.chunks.empty() && stream.chunks.front().end_seq() <= stream.durable_seq + 1) {
+    stream.first_seq = stream.chunks.front().end_seq();
+    bytes_ -= stream.chunks.front().rows() * RowBytes(stream.marker_count);
+    stream.chunks.pop_front();
+  }
+  while (!stream.clock_samples.empty() && stream.clock_samples.front().seq < stream.first_seq) {
+    stream.clock_samples.pop_front();
   }
   space_changed_.notify_all();
 }
 
 uint32_t MemorySpool::Discard(const StreamKey& key) {
-  uint32_t lost = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = streams_.find(key);
-    if (found == streams_.end()) return 0;
-    const Stream& stream = found->second;
-    lost = stream.end_seq - 1 - stream.durable_seq;
-    for (const ObservationBatch& chunk : stream.chunks) {
-      bytes_ -= chunk.rows() * RowBytes(stream.marker_count);
-    }
-    streams_.erase(found);
+  const std::lock_guard lock(mutex_);
+  const auto found = streams_.find(key);
+  if (found == streams_.end()) return 0;
+  const Stream& stream = found->second;
+  const uint32_t lost = stream.end_seq - 1 - stream.durable_seq;
+  for (const ObservationBatch& chunk : stream.chunks) {
+    bytes_ -= chunk.rows() * RowBytes(stream.marker_count);
   }
+  streams_.erase(found);
   space_changed_.notify_all();
   return lost;
-}
-
-SpooledStream MemorySpool::Describe(const StreamKey& key, const Stream& stream) {
-  return {
-      .stream = key, .first_seq = stream.first_seq, .end_seq = stream.end_seq, .end = stream.end};
 }
 
 std::optional<SpooledStream> MemorySpool::Find(const StreamKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto found = streams_.find(key);
   if (found == streams_.end()) return std::nullopt;
-  return Describe(key, found->second);
+  return found->second;
 }
 
 std::vector<SpooledStream> MemorySpool::Streams() const {
   const std::lock_guard lock(mutex_);
   std::vector<SpooledStream> list;
-  list.reserve(streams_.size());
-  for (const auto& [key, stream] : streams_) list.push_back(Describe(key, stream));
+  for (const auto& [key, stream] : streams_) list.push_back(stream);
   return list;
 }
 
 void MemorySpool::Shutdown() {
-  {
-    const std::lock_guard lock(mutex_);
-    shut_down_ = true;
-  }
+  const std::lock_guard lock(mutex_);
+  shut_down_ = true;
   space_changed_.notify_all();
 }
 

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <exception>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
@@ -20,16 +19,6 @@ constexpr std::chrono::seconds kReportInterval{1};
 
 }  // namespace
 
-CameraPipeline::CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
-                               std::function<void()> on_progress)
-    : source_(std::move(source)), spool_(spool), on_progress_(std::move(on_progress)) {}
-
-CameraPipeline::~CameraPipeline() { Shutdown(); }
-
-void CameraPipeline::Start() {
-  thread_ = std::thread([this] { Run(); });
-}
-
 void CameraPipeline::Shutdown() {
   EndAll();
   {
@@ -42,17 +31,14 @@ void CameraPipeline::Shutdown() {
 
 absl::Status CameraPipeline::Begin(const StreamKey& stream, const Target& target,
                                    uint32_t first_seq) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (shut_down_) return absl::CancelledError("the agent shuts down");
-    RIGCAL_RETURN_IF_ERROR(spool_->Open(stream, target.marker_count(), first_seq));
-    if (!captures_.empty()) {
-      spdlog::info(
-          "camera {}: the capture for session {} waits until that for session {} has ended",
-          stream.camera, stream.session_id, captures_.front().stream.session_id);
-    }
-    captures_.push_back({.stream = stream, .target = target});
+  const std::lock_guard lock(mutex_);
+  if (shut_down_) return absl::CancelledError("the agent shuts down");
+  RIGCAL_RETURN_IF_ERROR(spool_->Open(stream, target.marker_count(), first_seq));
+  if (!captures_.empty()) {
+    spdlog::info("camera {}: the capture for session {} waits until that for session {} has ended",
+                 stream.camera, stream.session_id, captures_.front().stream.session_id);
   }
+  captures_.push_back({.stream = stream, .target = target});
   changed_.notify_all();
   return absl::OkStatus();
 }
@@ -131,9 +117,7 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
   try {
     if (!StopRequested()) {
       status = MoveObservations(stream, target);
-      report.refused = source_->Refused();
-      report.frames = source_->frame_counts();
-      report.detections = source_->detection_counts();
+      report = MakeReport();
     }
   } catch (const std::exception& error) {
     status = absl::InternalError(absl::StrCat("the source failed: ", error.what()));
@@ -172,7 +156,11 @@ absl::Status CameraPipeline::MoveObservations(const StreamKey& stream, const Tar
     if (++count % kRowsPerProgress == 0) on_progress_();
     if (const auto now = std::chrono::steady_clock::now(); now >= next_report) {
       next_report = now + kReportInterval;
-      PublishReport(count);
+      CameraReport report = MakeReport();
+      report.stream = stream;
+      report.observation_count = count;
+      const std::lock_guard lock(mutex_);
+      report_ = std::move(report);
     }
   }
 }
@@ -182,15 +170,34 @@ bool CameraPipeline::StopRequested() const {
   return captures_.front().stop;
 }
 
-void CameraPipeline::PublishReport(uint32_t observation_count) {
-  std::vector<Refusal> refused = source_->Refused();
-  const std::optional<FrameCounts> frames = source_->frame_counts();
-  const std::optional<DetectionCounts> detections = source_->detection_counts();
-  const std::lock_guard lock(mutex_);
-  report_.observation_count = observation_count;
-  report_.refused = std::move(refused);
-  report_.frames = frames;
-  report_.detections = detections;
+CameraReport CameraPipeline::MakeReport() const {
+  CameraReport report;
+  report.refused = source_->Refused();
+  report.frames = source_->frame_counts();
+  report.detections = source_->detection_counts();
+  return report;
+}
+
+absl::StatusOr<CameraPipelines> MakePipelines(
+    std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
+    const std::function<void()>& on_progress) {
+  if (sources.empty()) {
+    return absl::InvalidArgumentError(
+        "there is no camera: give --source, or [[camera]] in the configuration file");
+  }
+  CameraPipelines pipelines;
+  for (std::unique_ptr<ObservationSource>& source : sources) {
+    const std::string name = source->description().camera;
+    if (!pipelines
+             .try_emplace(name,
+                          std::make_unique<CameraPipeline>(std::move(source), spool, on_progress))
+             .second) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("two cameras are named ", name,
+                       ": give each source a name, NAME=csv:... or NAME=sim:..."));
+    }
+  }
+  return pipelines;
 }
 
 }  // namespace rigcal::agent

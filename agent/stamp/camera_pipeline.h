@@ -5,16 +5,18 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
-#include "agent/spool/observation_spool.h"
+#include "agent/spool/memory_spool.h"
 
 namespace rigcal::agent {
 
@@ -27,13 +29,16 @@ class CameraPipeline {
  public:
   // `on_progress` is called on any thread now and then, and at each end of a capture; it must
   // neither block nor call back. `spool` outlives the pipeline.
-  CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
-                 std::function<void()> on_progress);
-  ~CameraPipeline();
+  CameraPipeline(std::unique_ptr<ObservationSource> source, MemorySpool* spool,
+                 std::function<void()> on_progress)
+      : source_(std::move(source)), spool_(spool), on_progress_(std::move(on_progress)) {}
+  ~CameraPipeline() { Shutdown(); }
   CameraPipeline(const CameraPipeline&) = delete;
   CameraPipeline& operator=(const CameraPipeline&) = delete;
 
-  void Start();
+  void Start() {
+    thread_ = std::thread([this] { Run(); });
+  }
   // Ends every capture and joins the thread. A thread that waits for space in the spool is freed
   // only by the spool: shut that down first, or give it room.
   void Shutdown();
@@ -68,11 +73,11 @@ class CameraPipeline {
   void RunCapture(const StreamKey& stream, const Target& target);
   absl::Status MoveObservations(const StreamKey& stream, const Target& target);
   bool StopRequested() const;
-  void PublishReport(uint32_t observation_count);
+  CameraReport MakeReport() const;
   void EndIf(const std::function<bool(const Capture&)>& condition);
 
   const std::unique_ptr<ObservationSource> source_;
-  ObservationSpool* const spool_;
+  MemorySpool* const spool_;
   const std::function<void()> on_progress_;
 
   mutable std::mutex mutex_;
@@ -83,5 +88,13 @@ class CameraPipeline {
   CameraReport report_;
   std::thread thread_;
 };
+
+// By the camera's name.
+using CameraPipelines = std::map<std::string, std::unique_ptr<CameraPipeline>>;
+
+// One for each source, not started. INVALID_ARGUMENT: no camera, or two of one name.
+absl::StatusOr<CameraPipelines> MakePipelines(
+    std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
+    const std::function<void()>& on_progress);
 
 }  // namespace rigcal::agent

@@ -15,7 +15,6 @@
 #include <sstream>
 #include <utility>
 
-#include "absl/status/status.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -65,7 +64,6 @@ std::string MadeAgentId() {
 // `key=value` lines. Incarnation 0: there is no file yet.
 absl::StatusOr<AgentIdentity> Load(const std::filesystem::path& path) {
   AgentIdentity identity;
-  identity.incarnation = 0;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) {
     if (!error) return identity;
@@ -129,11 +127,11 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
         error.value(), absl::StrCat("cannot create the state directory ", directory.string()));
   }
   RIGCAL_ASSIGN_OR_RETURN(const int lock_fd, Lock(directory));
-  AgentState state(lock_fd, {});
+  AgentState state(lock_fd);
   RIGCAL_ASSIGN_OR_RETURN(state.identity_, Load(directory / kStateFile));
   if (!agent_id.empty()) state.identity_.agent_id = agent_id;
   if (state.identity_.agent_id.empty()) state.identity_.agent_id = MadeAgentId();
-  state.identity_.stream_epoch = ++state.identity_.incarnation;
+  ++state.identity_.incarnation;
   RIGCAL_RETURN_IF_ERROR(Save(directory, state.identity_));
   return state;
 }
@@ -152,9 +150,6 @@ absl::StatusOr<std::filesystem::path> AgentState::DefaultDirectory(const std::st
   return absl::FailedPreconditionError(
       "neither XDG_STATE_HOME nor HOME is set: give --state-dir DIR");
 }
-
-AgentState::AgentState(int lock_fd, AgentIdentity identity)
-    : lock_fd_(lock_fd), identity_(std::move(identity)) {}
 
 AgentState::AgentState(AgentState&& other) noexcept
     : lock_fd_(std::exchange(other.lock_fd_, -1)), identity_(std::move(other.identity_)) {}

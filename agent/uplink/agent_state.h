@@ -12,11 +12,7 @@ namespace rigcal::agent {
 // The agent's identity over all its runs, and the number of this one.
 struct AgentIdentity {
   std::string agent_id;
-  uint32_t incarnation = 1;  // grows at each start
-  // Of new streams. Equal to the incarnation as long as the spool is in memory: observations that a
-  // run has not delivered are lost with it, so the next run must not continue its numbers. A spool
-  // on disk will outlive the process and keep its epoch.
-  uint32_t stream_epoch = 1;
+  uint32_t incarnation = 0;  // grows at each start
 };
 
 // The agent's folder: its identity, and a lock against a second agent while this object lives.
@@ -43,7 +39,7 @@ class AgentState {
   const AgentIdentity& identity() const { return identity_; }
 
  private:
-  AgentState(int lock_fd, AgentIdentity identity);
+  explicit AgentState(int lock_fd) : lock_fd_(lock_fd) {}
 
   int lock_fd_;
   AgentIdentity identity_;

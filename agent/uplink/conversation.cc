@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/device_clock.h"
 #include "agent/uplink/host_alignment.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
@@ -17,9 +18,6 @@
 
 namespace rigcal::agent {
 namespace {
-
-// A connection that stood for so long was good even if nothing had to be delivered.
-constexpr std::chrono::seconds kGoodConnection{10};
 
 // Rows that fit the server's limits whatever the number of markers.
 size_t BatchRows(size_t wanted, const v1::ServerHello& hello) {
@@ -48,16 +46,6 @@ uint64_t CountedIn(const CameraReport& report) {
 
 }  // namespace
 
-Conversation::Conversation(const UplinkOptions& options, uint32_t connection, Agent* agent,
-                           Clock::time_point now)
-    : options_(options),
-      connection_(connection),
-      agent_(*agent),
-      start_(now),
-      last_heard_(now),
-      next_ping_(now),
-      next_report_(now) {}
-
 v1::ConnectRequest Conversation::Hello() {
   v1::ConnectRequest message;
   v1::AgentHello* hello = message.mutable_hello();
@@ -68,9 +56,9 @@ v1::ConnectRequest Conversation::Hello() {
   hello->set_connection(connection_);
   hello->set_host(options_.host);
   hello->set_rig(options_.rig);
-  for (const CameraDescription& camera : agent_.captures->cameras()) {
+  for (const auto& [name, pipeline] : *agent_.cameras) {
     v1::AnnouncedCamera* announced = hello->add_cameras();
-    *announced->mutable_description() = wire::ToProto(camera);
+    *announced->mutable_description() = wire::ToProto(pipeline->description());
     announced->set_stream_epoch(options_.stream_epoch);
   }
   for (const SpooledStream& spooled : agent_.spool->Streams()) {
@@ -94,7 +82,12 @@ absl::Status Conversation::Handle(const v1::ConnectResponse& message, Clock::tim
       HandleStartCapture(message.start_capture());
       break;
     case v1::ConnectResponse::kStopCapture:
-      HandleStopCapture(message.stop_capture());
+      spdlog::info("server {}: session {} stops", options_.server,
+                   message.stop_capture().session_id());
+      live_sessions_.erase(message.stop_capture().session_id());
+      for (const auto& [name, pipeline] : *agent_.cameras) {
+        pipeline->End(message.stop_capture().session_id());
+      }
       break;
     case v1::ConnectResponse::kTimePong:
       HandlePong(message.time_pong());
@@ -142,7 +135,12 @@ void Conversation::HandlePreviewRequest(const v1::PreviewRequest& request) {
                  std::string(asked.status().message()));
     return;
   }
-  agent_.previews->Request(*asked, agent_.captures->PreviewSubjectOf(asked->camera));
+  PreviewSubject subject;
+  if (CameraPipeline* const pipeline = PipelineOf(asked->camera)) {
+    subject = {
+        .known = true, .capturing = !pipeline->Sessions().empty(), .tap = pipeline->preview_tap()};
+  }
+  agent_.previews->Request(*asked, subject);
 }
 
 void Conversation::HandlePosition(const StreamKey& stream, const v1::StreamPosition& position) {
@@ -150,7 +148,7 @@ void Conversation::HandlePosition(const StreamKey& stream, const v1::StreamPosit
     agent_.plan->SetPosition(stream, position.durable_seq(), position.send_limit_seq());
     return;
   }
-  agent_.captures->EndStream(stream);
+  if (CameraPipeline* const pipeline = PipelineOf(stream.camera)) pipeline->End(stream.session_id);
   const uint32_t lost = agent_.plan->Discard(stream);
   spdlog::warn(
       "camera {}: the server does not accept session {} any more (deleted, or without this "
@@ -189,13 +187,19 @@ void Conversation::BeginCapture(const StreamKey& stream, const Target& target,
                  stream.camera, stream.session_id, stream.stream_epoch, options_.stream_epoch);
     return;
   }
-  for (const std::string& session_id : agent_.captures->SessionsOf(stream.camera)) {
+  CameraPipeline* const pipeline = PipelineOf(stream.camera);
+  if (pipeline == nullptr) {
+    spdlog::error("camera {}: session {} asks for it, but this agent has no such camera",
+                  stream.camera, stream.session_id);
+    return;
+  }
+  for (const std::string& session_id : pipeline->Sessions()) {
     if (live_sessions_.contains(session_id)) continue;
     spdlog::warn(
         "camera {}: session {} ended while the server was not connected; its capture ends, and "
         "session {} follows",
         stream.camera, session_id, stream.session_id);
-    agent_.captures->EndStream({.session_id = session_id, .camera = stream.camera});
+    pipeline->End(session_id);
   }
   // Sent by an earlier run that has lost its state. With the same numbers again, new observations
   // would count as repeated ones.
@@ -205,17 +209,10 @@ void Conversation::BeginCapture(const StreamKey& stream, const Target& target,
         "new ones are numbered after them",
         stream.camera, durable_seq, stream.session_id);
   }
-  if (const absl::Status status = agent_.captures->Begin(stream, target, durable_seq + 1);
-      !status.ok()) {
+  if (const absl::Status status = pipeline->Begin(stream, target, durable_seq + 1); !status.ok()) {
     spdlog::error("camera {}: the capture for session {} cannot begin: {}", stream.camera,
                   stream.session_id, std::string(status.message()));
   }
-}
-
-void Conversation::HandleStopCapture(const v1::StopCapture& command) {
-  spdlog::info("server {}: session {} stops", options_.server, command.session_id());
-  live_sessions_.erase(command.session_id());
-  agent_.captures->End(command.session_id());
 }
 
 absl::Status Conversation::HandleAck(const v1::BatchAck& proto) {
@@ -275,18 +272,20 @@ std::optional<v1::ConnectRequest> Conversation::Next(Clock::time_point now) {
 
 std::optional<v1::ConnectRequest> Conversation::NextReport() {
   if (agent_.plan->SendsOneAtATime()) return std::nullopt;
-  for (const CameraReport& report : agent_.captures->RunningReports()) {
-    const uint64_t counted = CountedIn(report);
-    if (counted == 0 || std::exchange(reported_[report.stream], counted) == counted) continue;
+  for (const auto& [name, pipeline] : *agent_.cameras) {
+    const std::optional<CameraReport> report = pipeline->RunningReport();
+    const uint64_t counted = report ? CountedIn(*report) : 0;
+    if (counted == 0 || std::exchange(reported_[report->stream], counted) == counted) continue;
     v1::ConnectRequest message;
-    *message.mutable_report() = wire::ToProto(report);
+    *message.mutable_report() = wire::ToProto(*report);
     return message;
   }
   return std::nullopt;
 }
 
-bool Conversation::IsGood(Clock::time_point now) const {
-  return progressed_ || now - start_ >= kGoodConnection;
+CameraPipeline* Conversation::PipelineOf(const std::string& camera) const {
+  const auto found = agent_.cameras->find(camera);
+  return found == agent_.cameras->end() ? nullptr : found->second.get();
 }
 
 absl::Status Conversation::CheckTimeouts(Clock::time_point now) const {

@@ -13,12 +13,39 @@
 #include "absl/status/status.h"
 #include "agent/capture/preview/preview_worker.h"
 #include "agent/spool/delivery_plan.h"
-#include "agent/spool/observation_spool.h"
-#include "agent/uplink/capture_control.h"
-#include "agent/uplink/uplink_options.h"
+#include "agent/stamp/camera_pipeline.h"
 #include "rigcal/v1/ingest_service.pb.h"
 
 namespace rigcal::agent {
+
+struct UplinkOptions {
+  std::string server;  // its address, for messages
+  std::string agent_id;
+  uint32_t incarnation = 1;  // grows at each start of the agent
+  // Of new streams. The incarnation as long as the spool is in memory: observations that a run has
+  // not delivered are lost with it, so the next run must not continue its numbers.
+  uint32_t stream_epoch = 1;
+  std::string host;  // of this PC, for people
+  std::string rig = "rig";
+
+  // Rows of a full batch, and how long fewer rows wait to become one. The server may ask for fewer.
+  size_t max_batch_rows = 256;
+  std::chrono::milliseconds flush_interval{20};
+  std::chrono::milliseconds ping_interval{10'000};
+  std::chrono::milliseconds report_interval{2'000};
+  // A connection is given up when the server sends no hello, or nothing at all, for so long.
+  std::chrono::milliseconds hello_timeout{10'000};
+  std::chrono::milliseconds silence_timeout{60'000};
+  // How long observations wait for the first answer to a ping, where their clock needs one.
+  std::chrono::milliseconds alignment_timeout{1'000};
+  // Between attempts: from lowest to highest with full jitter. After an error that only a person
+  // can end (versions, a camera that another agent holds), always refused_wait.
+  std::chrono::milliseconds lowest_wait{200};
+  std::chrono::milliseconds highest_wait{30'000};
+  std::chrono::milliseconds refused_wait{30'000};
+
+  PreviewOptions previews;
+};
 
 // The messages of one connection: what the agent sends, in which order, and how it follows what the
 // server sends. Knows no network. For one thread.
@@ -31,8 +58,8 @@ class Conversation {
 
   // Parts of the agent that outlive a connection.
   struct Agent {
-    ObservationSpool* spool = nullptr;
-    CaptureControl* captures = nullptr;
+    MemorySpool* spool = nullptr;
+    const CameraPipelines* cameras = nullptr;
     PreviewWorker* previews = nullptr;
     DeliveryPlan* plan = nullptr;
     std::string server_id = {};  // of the server of the connection before; empty: none
@@ -41,7 +68,8 @@ class Conversation {
   // `connection`: grows at each connection of this incarnation. `options` and `agent` must outlive
   // the conversation.
   Conversation(const UplinkOptions& options, uint32_t connection, Agent* agent,
-               Clock::time_point now);
+               Clock::time_point now)
+      : options_(options), connection_(connection), agent_(*agent), start_(now) {}
 
   // The first message.
   v1::ConnectRequest Hello();
@@ -51,8 +79,11 @@ class Conversation {
   std::optional<v1::ConnectRequest> Next(Clock::time_point now);
 
   bool greeted() const { return greeted_; }  // the server's hello has arrived
-  // Something became durable, or the connection stood for a while.
-  bool IsGood(Clock::time_point now) const;
+  // Something became durable, or the connection stood for so long that it is good even if nothing
+  // had to be delivered.
+  bool IsGood(Clock::time_point now) const {
+    return progressed_ || now - start_ >= std::chrono::seconds(10);
+  }
   // DEADLINE_EXCEEDED: the server has been silent for too long.
   absl::Status CheckTimeouts(Clock::time_point now) const;
   // When to call CheckTimeouts and Next again, whatever happens. `can_send`: a message could leave
@@ -63,12 +94,13 @@ class Conversation {
   absl::Status HandleHello(const v1::ServerHello& hello);
   absl::Status HandleAck(const v1::BatchAck& proto);
   void HandleStartCapture(const v1::StartCapture& command);
-  void HandleStopCapture(const v1::StopCapture& command);
   void HandlePong(const v1::TimePong& pong);
   void HandlePreviewRequest(const v1::PreviewRequest& request);
   void HandlePosition(const StreamKey& stream, const v1::StreamPosition& position);
   void BeginCapture(const StreamKey& stream, const Target& target, uint32_t durable_seq);
   std::optional<v1::ConnectRequest> NextReport();
+  // Null: the agent has no such camera.
+  CameraPipeline* PipelineOf(const std::string& camera) const;
 
   const UplinkOptions& options_;
   const uint32_t connection_;
@@ -77,9 +109,9 @@ class Conversation {
 
   bool greeted_ = false;
   bool progressed_ = false;  // something became durable
-  Clock::time_point last_heard_;
-  Clock::time_point next_ping_;
-  Clock::time_point next_report_;
+  Clock::time_point last_heard_ = start_;
+  Clock::time_point next_ping_ = start_;
+  Clock::time_point next_report_ = start_;
   std::optional<int64_t> ping_ns_;  // of the ping that is not answered yet
   std::vector<StreamKey> pending_;  // as the agent's hello named them
   // Sessions that the server has started, and not stopped, on this connection. One that captures

@@ -20,18 +20,11 @@ constexpr std::chrono::milliseconds kGoodbye{500};
 
 // Only a person can end these; trying again quickly would not help.
 bool IsRefusal(absl::StatusCode code) {
-  switch (code) {
-    case absl::StatusCode::kInvalidArgument:
-    case absl::StatusCode::kFailedPrecondition:
-    case absl::StatusCode::kAlreadyExists:
-    case absl::StatusCode::kAborted:
-    case absl::StatusCode::kPermissionDenied:
-    case absl::StatusCode::kUnauthenticated:
-    case absl::StatusCode::kUnimplemented:
-      return true;
-    default:
-      return false;
-  }
+  using enum absl::StatusCode;
+  constexpr absl::StatusCode kRefusals[] = {kInvalidArgument, kFailedPrecondition, kAlreadyExists,
+                                            kAborted,         kPermissionDenied,   kUnauthenticated,
+                                            kUnimplemented};
+  return std::ranges::find(kRefusals, code) != std::end(kRefusals);
 }
 
 }  // namespace
@@ -50,35 +43,30 @@ std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address) {
 
 absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
     UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-    ObservationSpool* spool, ChannelFactory make_channel) {
-  RIGCAL_RETURN_IF_ERROR(options.Validate());
+    MemorySpool* spool, ChannelFactory make_channel) {
   std::unique_ptr<Uplink> uplink(new Uplink(std::move(options), spool, std::move(make_channel)));
-  RIGCAL_ASSIGN_OR_RETURN(
-      uplink->captures_,
-      CaptureControl::Create(std::move(sources), spool, [raw = uplink.get()] { raw->Wake(); }));
-  uplink->previews_ = std::make_unique<PreviewWorker>(uplink->options_.previews,
-                                                      [raw = uplink.get()] { raw->Wake(); });
+  const auto wake = [raw = uplink.get()] { raw->Wake(); };
+  RIGCAL_ASSIGN_OR_RETURN(uplink->cameras_, MakePipelines(std::move(sources), spool, wake));
+  uplink->previews_ = std::make_unique<PreviewWorker>(uplink->options_.previews, wake);
   uplink->agent_ = {.spool = spool,
-                    .captures = uplink->captures_.get(),
+                    .cameras = &uplink->cameras_,
                     .previews = uplink->previews_.get(),
                     .plan = &uplink->plan_};
-  for (const CameraDescription& camera : uplink->captures_->cameras()) {
-    if (camera.clock.timebase.empty()) uplink->plan_.RequireAlignment(camera.camera);
+  for (const auto& [name, pipeline] : uplink->cameras_) {
+    if (pipeline->description().clock.timebase.empty()) uplink->plan_.RequireAlignment(name);
   }
   return uplink;
 }
 
-Uplink::Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory make_channel)
+Uplink::Uplink(UplinkOptions options, MemorySpool* spool, ChannelFactory make_channel)
     : options_(std::move(options)),
       spool_(spool),
       make_channel_(std::move(make_channel)),
       plan_(spool, options_.flush_interval),
       backoff_(options_.lowest_wait, options_.highest_wait, std::random_device{}()) {}
 
-Uplink::~Uplink() { Shutdown(std::chrono::milliseconds(0)); }
-
 void Uplink::Start() {
-  captures_->Start();
+  for (const auto& [name, pipeline] : cameras_) pipeline->Start();
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -87,13 +75,12 @@ uint32_t Uplink::Shutdown(std::chrono::milliseconds patience) {
     const std::lock_guard lock(mutex_);
     if (!leave_by_) leave_by_ = Clock::now() + patience;
   }
-  // Null in an uplink whose creation failed.
-  if (captures_) captures_->EndAll();
+  for (const auto& [name, pipeline] : cameras_) pipeline->EndAll();
   Wake();
   if (thread_.joinable()) thread_.join();
-  if (previews_) previews_->Shutdown();
+  if (previews_) previews_->Shutdown();  // none in an uplink whose creation failed
   spool_->Shutdown();
-  if (captures_) captures_->Shutdown();
+  for (const auto& [name, pipeline] : cameras_) pipeline->Shutdown();
   uint32_t lost = 0;
   for (const SpooledStream& spooled : spool_->Streams()) {
     const uint32_t count = spool_->Discard(spooled.stream);
@@ -106,10 +93,8 @@ uint32_t Uplink::Shutdown(std::chrono::milliseconds patience) {
 }
 
 void Uplink::Wake() {
-  {
-    const std::lock_guard lock(mutex_);
-    woken_ = true;
-  }
+  const std::lock_guard lock(mutex_);
+  woken_ = true;
   woken_changed_.notify_all();
 }
 
@@ -181,7 +166,7 @@ Backoff::Duration Uplink::WaitAfter(const Conversation& conversation, const absl
           "camera {}: the server rejects the stream of session {} as malformed; the stream is "
           "abandoned, and {} observations are lost",
           given_up->stream.camera, given_up->stream.session_id, given_up->lost_count);
-      captures_->EndStream(given_up->stream);
+      cameras_.at(given_up->stream.camera)->End(given_up->stream.session_id);
     }
     return backoff_.Next();
   }

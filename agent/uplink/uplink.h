@@ -12,15 +12,12 @@
 #include <thread>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/preview/preview_worker.h"
 #include "agent/spool/delivery_plan.h"
-#include "agent/spool/observation_spool.h"
+#include "agent/stamp/camera_pipeline.h"
 #include "agent/uplink/backoff.h"
-#include "agent/uplink/capture_control.h"
 #include "agent/uplink/conversation.h"
-#include "agent/uplink/uplink_options.h"
 
 namespace grpc {
 class Channel;
@@ -39,11 +36,12 @@ class Uplink {
   // A channel to `address` (HOST:PORT) with keepalive, for ChannelFactory.
   static std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address);
 
-  // `spool` outlives the uplink. `sources` are the agent's cameras.
+  // `spool` outlives the uplink. `sources` are the agent's cameras. INVALID_ARGUMENT as for
+  // MakePipelines.
   static absl::StatusOr<std::unique_ptr<Uplink>> Create(
       UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-      ObservationSpool* spool, ChannelFactory make_channel);
-  ~Uplink();
+      MemorySpool* spool, ChannelFactory make_channel);
+  ~Uplink() { Shutdown(std::chrono::milliseconds(0)); }
   Uplink(const Uplink&) = delete;
   Uplink& operator=(const Uplink&) = delete;
 
@@ -56,7 +54,7 @@ class Uplink {
  private:
   using Clock = std::chrono::steady_clock;
 
-  Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory make_channel);
+  Uplink(UplinkOptions options, MemorySpool* spool, ChannelFactory make_channel);
 
   void Run();
   absl::Status Serve(Conversation& conversation);
@@ -68,10 +66,10 @@ class Uplink {
   bool IsTimeToLeave() const;  // shutting down, and all is delivered or patience is at its end
 
   const UplinkOptions options_;
-  ObservationSpool* const spool_;
+  MemorySpool* const spool_;
   const ChannelFactory make_channel_;
-  std::unique_ptr<CaptureControl> captures_;
-  std::unique_ptr<PreviewWorker> previews_;  // uses the sources of captures_
+  CameraPipelines cameras_;
+  std::unique_ptr<PreviewWorker> previews_;  // uses the sources of cameras_
   DeliveryPlan plan_;
   Backoff backoff_;
   Conversation::Agent agent_;

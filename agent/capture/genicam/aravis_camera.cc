@@ -2,16 +2,16 @@
 #include "agent/capture/genicam/aravis_camera.h"
 
 #include <spdlog/spdlog.h>
-#include <time.h>
 
+#include <algorithm>
 #include <chrono>
-#include <utility>
+#include <optional>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/camera_status.h"
+#include "agent/capture/device_clock.h"
 #include "agent/capture/genicam/aravis_discovery.h"
-#include "agent/capture/genicam/aravis_features.h"
-#include "agent/capture/genicam/aravis_ptp.h"
 #include "agent/capture/genicam/aravis_settings.h"
 #include "common/status/status_macros.h"
 
@@ -22,12 +22,6 @@ constexpr std::chrono::milliseconds kAnswerLimit(1000);
 // GigE Vision's bootstrap registers: who holds the camera.
 constexpr uint64_t kControllerAddressRegister = 0x0a14;
 constexpr uint64_t kControllerPortRegister = 0x0a04;
-
-int64_t NowNs(clockid_t clock) {
-  timespec now{};
-  clock_gettime(clock, &now);
-  return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
 
 // Aravis' camera without a network, for trying things out.
 bool IsAravisFake(const std::string& device) { return device.rfind("Fake_", 0) == 0; }
@@ -46,8 +40,7 @@ absl::Status NotThere(const std::string& what, const AravisSourceOptions& option
                    ". Is it powered and plugged in, and this machine's address in its network?"));
 }
 
-absl::StatusOr<GObjectPtr<ArvDevice>> OpenByAddress(const std::string& prefix,
-                                                    const AravisSourceOptions& options,
+absl::StatusOr<GObjectPtr<ArvDevice>> OpenByAddress(const AravisSourceOptions& options,
                                                     const std::string& address) {
   RIGCAL_ASSIGN_OR_RETURN(const std::string local,
                           LocalAddressFor(address, options.network_interface));
@@ -55,52 +48,45 @@ absl::StatusOr<GObjectPtr<ArvDevice>> OpenByAddress(const std::string& prefix,
   const GObjectPtr<GInetAddress> remote(g_inet_address_new_from_string(address.c_str()));
   GErrorSlot error;
   GObjectPtr<ArvDevice> device(arv_gv_device_new(host.get(), remote.get(), error.out()));
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix, "cannot open ", address)));
-  if (!device) return absl::UnavailableError(absl::StrCat(prefix, "cannot open ", address));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot open " + address));
+  if (!device) return absl::UnavailableError("cannot open " + address);
   return device;
 }
 
-absl::StatusOr<GObjectPtr<ArvDevice>> OpenDevice(const std::string& prefix,
-                                                 const AravisSourceOptions& options,
+absl::StatusOr<GObjectPtr<ArvDevice>> OpenDevice(const AravisSourceOptions& options,
                                                  bool list_others, std::string* id) {
   *id = options.device;
   if (IsAravisFake(options.device)) {
     arv_enable_interface("Fake");
   } else if (IsIpv4Address(options.device)) {
     // Aravis would try for seconds, and could not say who is there.
-    const auto answer = AskCamera(options.device, options.network_interface, kAnswerLimit);
-    if (!answer.ok()) {
-      return absl::Status(answer.status().code(),
-                          absl::StrCat(prefix, std::string(answer.status().message())));
+    RIGCAL_ASSIGN_OR_RETURN(const std::optional<FoundCamera> answer,
+                            AskCamera(options.device, options.network_interface, kAnswerLimit));
+    if (!answer) {
+      return NotThere("no camera answers at " + options.device, options, list_others);
     }
-    if (!answer->has_value()) {
-      return NotThere(absl::StrCat(prefix, "no camera answers at ", options.device), options,
-                      list_others);
-    }
-    *id = (*answer)->id;
-    return OpenByAddress(prefix, options, options.device);
+    *id = answer->id;
+    return OpenByAddress(options, options.device);
   } else {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<FoundCamera> present,
                             FindCameras(options.network_interface));
-    const FoundCamera* found = nullptr;
-    for (const FoundCamera& camera : present) {
-      if (camera.IsNamed(options.device)) found = &camera;
-    }
-    if (found == nullptr) {
-      return absl::NotFoundError(absl::StrCat(prefix, "no camera ", options.device,
+    const auto found = std::ranges::find_if(
+        present, [&](const FoundCamera& camera) { return camera.IsNamed(options.device); });
+    if (found == present.end()) {
+      return absl::NotFoundError(absl::StrCat("no camera ", options.device,
                                               "; cameras that answer: ", DescribeCameras(present)));
     }
     *id = found->id;
-    if (found->protocol == "GigEVision") return OpenByAddress(prefix, options, found->address);
+    if (found->protocol == "GigEVision") return OpenByAddress(options, found->address);
   }
   GErrorSlot error;
   GObjectPtr<ArvDevice> device(arv_open_device(id->c_str(), error.out()));
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix, "cannot open ", *id)));
-  if (!device) return NotThere(absl::StrCat(prefix, "cannot open ", *id), options, list_others);
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot open " + *id));
+  if (!device) return NotThere("cannot open " + *id, options, list_others);
   return device;
 }
 
-absl::Status CheckControl(const std::string& prefix, ArvDevice* device, const std::string& id) {
+absl::Status CheckControl(ArvDevice* device, const std::string& id) {
   if (!ARV_IS_GV_DEVICE(device) || arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
     return absl::OkStatus();
   }
@@ -115,7 +101,7 @@ absl::Status CheckControl(const std::string& prefix, ArvDevice* device, const st
                    : absl::StrCat("a program at ", address >> 24, ".", address >> 16 & 255, ".",
                                   address >> 8 & 255, ".", address & 255, ", port ", port & 65535);
   return absl::FailedPreconditionError(
-      absl::StrCat(prefix, id, " is held by ", holder, "; end that program, then try again"));
+      absl::StrCat(id, " is held by ", holder, "; end that program, then try again"));
 }
 
 }  // namespace
@@ -124,20 +110,19 @@ absl::StatusOr<std::unique_ptr<AravisCamera>> AravisCamera::Open(const AravisSou
                                                                  bool list_others) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   std::unique_ptr<AravisCamera> camera(new AravisCamera);
-  camera->prefix_ = absl::StrCat("camera ", options.camera, ": ");
-  RIGCAL_RETURN_IF_ERROR(camera->Connect(options, list_others));
-  RIGCAL_RETURN_IF_ERROR(camera->Configure(options));
+  RIGCAL_RETURN_IF_ERROR(OfCamera(options.camera, camera->Connect(options, list_others)));
+  RIGCAL_RETURN_IF_ERROR(OfCamera(options.camera, camera->Configure(options)));
   return camera;
 }
 
 absl::Status AravisCamera::Connect(const AravisSourceOptions& options, bool list_others) {
   RIGCAL_ASSIGN_OR_RETURN(const GObjectPtr<ArvDevice> device,
-                          OpenDevice(prefix_, options, list_others, &device_id_));
-  RIGCAL_RETURN_IF_ERROR(CheckControl(prefix_, device.get(), device_id_));
+                          OpenDevice(options, list_others, &device_id_));
+  RIGCAL_RETURN_IF_ERROR(CheckControl(device.get(), device_id_));
   GErrorSlot error;
   camera_.reset(arv_camera_new_with_device(device.get(), error.out()));
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot use ", device_id_)));
-  if (!camera_) return absl::InternalError(absl::StrCat(prefix_, "cannot use ", device_id_));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot use " + device_id_));
+  if (!camera_) return absl::InternalError("cannot use " + device_id_);
   handler_ = g_signal_connect(device.get(), "control-lost",
                               G_CALLBACK(&AravisCamera::OnControlLost), this);
   return absl::OkStatus();
@@ -145,14 +130,14 @@ absl::Status AravisCamera::Connect(const AravisSourceOptions& options, bool list
 
 absl::Status AravisCamera::Configure(const AravisSourceOptions& options) {
   RIGCAL_RETURN_IF_ERROR(ApplySettings(camera_.get(), options));
-  RIGCAL_ASSIGN_OR_RETURN(pixel_format_, CurrentPixelFormat(camera_.get(), options.camera));
+  RIGCAL_RETURN_IF_ERROR(CheckPixelFormat(camera_.get()));
   GErrorSlot error;
   int x = 0;
   int y = 0;
   int width = 0;
   int height = 0;
   arv_camera_get_region(camera_.get(), &x, &y, &width, &height, error.out());
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot read its frame size")));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot read its frame size"));
   image_size_px_ = {static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
   if (is_gige()) {
     // A packet socket needs CAP_NET_RAW and sees nothing on some interfaces; without it a plain
@@ -163,8 +148,8 @@ absl::Status AravisCamera::Configure(const AravisSourceOptions& options) {
                                                 : ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
     if (options.packet_size != 0) {
       arv_camera_gv_set_packet_size(camera_.get(), options.packet_size, error.out());
-      RIGCAL_RETURN_IF_ERROR(error.ToStatus(
-          absl::StrCat(prefix_, "cannot set a packet size of ", options.packet_size)));
+      RIGCAL_RETURN_IF_ERROR(
+          error.ToStatus(absl::StrCat("cannot set a packet size of ", options.packet_size)));
     }
   }
   settings_ = ReadSettings(camera_.get());
@@ -186,8 +171,8 @@ void AravisCamera::OnControlLost(ArvDevice*, void* self) {
 absl::StatusOr<uint32_t> AravisCamera::PayloadBytes() const {
   GErrorSlot error;
   const uint32_t bytes = arv_camera_get_payload(camera_.get(), error.out());
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot read its payload size")));
-  if (bytes == 0) return absl::InternalError(absl::StrCat(prefix_, "its payload size is 0"));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot read its payload size"));
+  if (bytes == 0) return absl::InternalError("its payload size is 0");
   return bytes;
 }
 
@@ -209,39 +194,26 @@ void AravisCamera::FindClock() {
 }
 
 absl::StatusOr<ClockSample> AravisCamera::ReadClock() const {
-  if (latch_command_ == nullptr) {
-    return absl::UnimplementedError(absl::StrCat(prefix_, "its clock cannot be read"));
-  }
   GErrorSlot error;
-  const int64_t before_ns = NowNs(CLOCK_MONOTONIC);
+  const int64_t before_ns = MonotonicNowNs();
   arv_camera_execute_command(camera_.get(), latch_command_, error.out());
-  const int64_t after_ns = NowNs(CLOCK_MONOTONIC);
-  const int64_t utc_ns = NowNs(CLOCK_REALTIME);
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot latch its clock")));
+  const int64_t after_ns = MonotonicNowNs();
+  const int64_t utc_ns = UtcNowNs();
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot latch its clock"));
   const int64_t ticks = arv_camera_get_integer(camera_.get(), latch_value_, error.out());
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix_, "cannot read its clock")));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot read its clock"));
   const int64_t middle_ns = before_ns + (after_ns - before_ns) / 2;
-  ClockSample sample;
-  // Doubles hold a hundred days of nanoseconds; ticks of another length are scaled in long double.
-  sample.device_ns = ns_per_tick_ == 1
-                         ? ticks
-                         : static_cast<int64_t>(static_cast<long double>(ticks) * ns_per_tick_);
-  sample.host_monotonic_ns = middle_ns;
-  sample.host_utc_ns = utc_ns - (after_ns - middle_ns);
-  // Anywhere within the round trip: its length by the square root of 12.
-  sample.uncertainty_ns =
-      static_cast<uint32_t>(static_cast<double>(after_ns - before_ns) * 0.2887) + 1;
-  return sample;
-}
-
-absl::Status CheckImageSize(const std::string& camera, ImageSize frames_px, ImageSize calibrated_px,
-                            const std::string& calibration_path) {
-  if (frames_px == calibrated_px) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat(
-      "camera ", camera, ": its frames have ", frames_px.width, " x ", frames_px.height,
-      " pixels, but the intrinsics of ", calibration_path, " are for ", calibrated_px.width, " x ",
-      calibrated_px.height,
-      "; set the camera's region and binning as they were, or calibrate its lens again"));
+  return ClockSample{
+      // Doubles hold a hundred days of nanoseconds; ticks of another length are scaled in long
+      // double.
+      .device_ns = ns_per_tick_ == 1
+                       ? ticks
+                       : static_cast<int64_t>(static_cast<long double>(ticks) * ns_per_tick_),
+      .host_monotonic_ns = middle_ns,
+      .host_utc_ns = utc_ns - (after_ns - middle_ns),
+      // Anywhere within the round trip: its length by the square root of 12.
+      .uncertainty_ns =
+          static_cast<uint32_t>(static_cast<double>(after_ns - before_ns) * 0.2887) + 1};
 }
 
 }  // namespace rigcal::agent

@@ -3,13 +3,11 @@
 
 #include <atomic>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
 #include "agent/capture/genicam/aravis_objects.h"
 #include "agent/capture/genicam/aravis_options.h"
-#include "agent/capture/genicam/aravis_pixel_formats.h"
 #include "common/camera/camera_description.h"
 #include "common/camera/intrinsics.h"
 #include "common/time/clock.h"
@@ -34,7 +32,6 @@ class AravisCamera {
   bool is_gige() const { return arv_camera_is_gv_device(camera_.get()) != 0; }
   const std::string& device_id() const { return device_id_; }  // vendor and serial number
   const CameraSettings& settings() const { return settings_; }
-  const GenicamPixelFormat& pixel_format() const { return pixel_format_; }
   ImageSize image_size_px() const { return image_size_px_; }
   const std::string& ptp_clock_id() const { return ptp_clock_id_; }  // empty: its own clock
   bool exposure_is_automatic() const { return exposure_is_automatic_; }
@@ -44,7 +41,7 @@ class AravisCamera {
   // Bytes of one frame.
   absl::StatusOr<uint32_t> PayloadBytes() const;
   bool CanReadClock() const { return latch_command_ != nullptr; }
-  // Latches the camera's clock between two readings of the host's.
+  // Latches the camera's clock between two readings of the host's. Only if it can be read.
   absl::StatusOr<ClockSample> ReadClock() const;
 
  private:
@@ -57,10 +54,8 @@ class AravisCamera {
   std::atomic<bool> control_lost_ = false;
   GObjectPtr<ArvCamera> camera_;
   unsigned long handler_ = 0;
-  std::string prefix_;  // "camera left: "
   std::string device_id_;
   CameraSettings settings_;
-  GenicamPixelFormat pixel_format_;
   ImageSize image_size_px_;
   std::string ptp_clock_id_;
   bool exposure_is_automatic_ = false;
@@ -68,10 +63,5 @@ class AravisCamera {
   const char* latch_value_ = nullptr;
   double ns_per_tick_ = 1;
 };
-
-// The camera's frames must have the size of the calibration.
-// FAILED_PRECONDITION names both sizes.
-absl::Status CheckImageSize(const std::string& camera, ImageSize frames_px, ImageSize calibrated_px,
-                            const std::string& calibration_path);
 
 }  // namespace rigcal::agent

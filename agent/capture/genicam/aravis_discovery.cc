@@ -88,9 +88,14 @@ std::string ToText(in_addr address) {
   return text;
 }
 
-absl::Status NoSuchInterface(std::string_view network_interface) {
+// Those of one interface, or all of them if it is empty. NOT_FOUND lists the interfaces.
+absl::StatusOr<std::vector<InterfaceAddress>> AddressesOf(std::string_view network_interface) {
+  std::vector<InterfaceAddress> addresses = InterfaceAddresses();
+  if (network_interface.empty()) return addresses;
   std::set<std::string> names;
-  for (const InterfaceAddress& entry : InterfaceAddresses()) names.insert(entry.name);
+  for (const InterfaceAddress& entry : addresses) names.insert(entry.name);
+  std::erase_if(addresses, [&](const auto& entry) { return entry.name != network_interface; });
+  if (!addresses.empty()) return addresses;
   return absl::NotFoundError(
       absl::StrCat("no network interface ", std::string(network_interface),
                    " with an IPv4 address is up; there are: ", absl::StrJoin(names, ", ")));
@@ -157,11 +162,6 @@ std::string OrEmpty(const char* text) { return text == nullptr ? "" : text; }
 
 }  // namespace
 
-std::string FoundCamera::Description() const {
-  if (address.empty()) return absl::StrCat(id, " (", model, ")");
-  return absl::StrCat(id, " (", model, ", ", address, ")");
-}
-
 bool FoundCamera::IsNamed(std::string_view device) const {
   return !device.empty() && (device == id || device == serial || device == address);
 }
@@ -169,7 +169,8 @@ bool FoundCamera::IsNamed(std::string_view device) const {
 std::string DescribeCameras(const std::vector<FoundCamera>& cameras) {
   if (cameras.empty()) return "none";
   return absl::StrJoin(cameras, "; ", [](std::string* out, const FoundCamera& camera) {
-    absl::StrAppend(out, camera.Description());
+    absl::StrAppend(out, camera.id, " (", camera.model, camera.address.empty() ? "" : ", ",
+                    camera.address, ")");
   });
 }
 
@@ -185,15 +186,12 @@ absl::StatusOr<std::string> LocalAddressFor(std::string_view address,
     return absl::InvalidArgumentError(
         absl::StrCat("\"", std::string(address), "\" is not an IPv4 address"));
   }
-  bool interface_is_there = network_interface.empty();
   std::vector<std::string> networks;
-  for (const InterfaceAddress& entry : InterfaceAddresses()) {
-    if (!network_interface.empty() && entry.name != network_interface) continue;
-    interface_is_there = true;
+  RIGCAL_ASSIGN_OR_RETURN(const auto addresses, AddressesOf(network_interface));
+  for (const InterfaceAddress& entry : addresses) {
     if (entry.Contains(remote)) return ToText(entry.address);
     networks.push_back(absl::StrCat(entry.name, " ", ToText(entry.address)));
   }
-  if (!interface_is_there) return NoSuchInterface(network_interface);
   return absl::NotFoundError(absl::StrCat(
       std::string(address), " is in no network of this machine (", absl::StrJoin(networks, ", "),
       "); give the network card an address in the camera's network"));
@@ -203,16 +201,13 @@ absl::StatusOr<std::vector<FoundCamera>> FindCameras(const std::string& network_
   constexpr std::chrono::milliseconds kLimit(500);
   std::vector<FoundCamera> found;
   if (!network_interface.empty()) {
-    bool is_there = false;
-    for (const InterfaceAddress& entry : InterfaceAddresses()) {
-      if (entry.name != network_interface) continue;
-      is_there = true;
+    RIGCAL_ASSIGN_OR_RETURN(const auto addresses, AddressesOf(network_interface));
+    for (const InterfaceAddress& entry : addresses) {
       RIGCAL_ASSIGN_OR_RETURN(
           const std::vector<FoundCamera> answers,
           Ask(entry.address, entry.Everybody(), entry.has_broadcast, kMostAnswers, kLimit));
       found.insert(found.end(), answers.begin(), answers.end());
     }
-    if (!is_there) return NoSuchInterface(network_interface);
     return found;
   }
   // Aravis has one list; several cameras may be looked for at a time.

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <chrono>
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -20,13 +19,11 @@ struct FoundCamera {
   std::string address;   // IP address or USB position; empty: not known
   std::string protocol;  // "GigEVision", "USB3Vision"
 
-  // For messages: "Basler-21876543 (acA1300-75gc, 192.168.1.5)".
-  std::string Description() const;
   // True if `device` is its id, serial number or address.
   bool IsNamed(std::string_view device) const;
 };
 
-// "id (model, address); ..." or "none".
+// "Basler-21876543 (acA1300-75gc, 192.168.1.5); ..." or "none".
 std::string DescribeCameras(const std::vector<FoundCamera>& cameras);
 
 // True for four numbers with dots.

@@ -2,13 +2,14 @@
 #include "agent/capture/genicam/aravis_frame_source.h"
 
 #include <spdlog/spdlog.h>
-#include <time.h>
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/camera_status.h"
+#include "agent/capture/genicam/aravis_pixel_formats.h"
 #include "agent/capture/genicam/aravis_settings.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
@@ -20,42 +21,42 @@ constexpr std::chrono::milliseconds kShortestPause(200);
 constexpr std::chrono::milliseconds kLongestPause(5000);
 constexpr std::chrono::milliseconds kLongestWait(200);  // then the connection is checked
 
-int64_t ClockNowNs(clockid_t clock) {
-  timespec now{};
-  clock_gettime(clock, &now);
-  return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-
 int64_t ToNs(double seconds) { return static_cast<int64_t>(std::llround(seconds * 1e9)); }
 
 const char* StatusWord(ArvBufferStatus status) {
-  switch (status) {
-    case ARV_BUFFER_STATUS_TIMEOUT:
-      return "packets were late";
-    case ARV_BUFFER_STATUS_MISSING_PACKETS:
-      return "packets are missing";
-    case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
-      return "a packet's number is wrong";
-    case ARV_BUFFER_STATUS_SIZE_MISMATCH:
-      return "it has another size than announced";
-    case ARV_BUFFER_STATUS_ABORTED:
-      return "the stream ended in the middle of it";
-    default:
-      return "it is incomplete";
+  constexpr std::pair<ArvBufferStatus, const char*> kWords[] = {
+      {ARV_BUFFER_STATUS_TIMEOUT, "packets were late"},
+      {ARV_BUFFER_STATUS_MISSING_PACKETS, "packets are missing"},
+      {ARV_BUFFER_STATUS_WRONG_PACKET_ID, "a packet's number is wrong"},
+      {ARV_BUFFER_STATUS_SIZE_MISMATCH, "it has another size than announced"},
+      {ARV_BUFFER_STATUS_ABORTED, "the stream ended in the middle of it"}};
+  for (const auto& [known, word] : kWords) {
+    if (status == known) return word;
   }
+  return "it is incomplete";
 }
 
 // The arrival of the first packet. Aravis has it in UTC only.
 FrameArrival ArrivalOf(ArvBuffer* buffer, double exposure_s) {
-  const int64_t utc_now_ns = ClockNowNs(CLOCK_REALTIME);
-  const int64_t monotonic_now_ns = ClockNowNs(CLOCK_MONOTONIC);
-  FrameArrival arrival;
-  arrival.device_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer)) + ToNs(exposure_s);
-  arrival.host_utc_ns = static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer));
+  const int64_t utc_now_ns = UtcNowNs();
+  const int64_t monotonic_now_ns = MonotonicNowNs();
+  const auto utc_ns = static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer));
   // A wall clock that stepped must not make the frame look old.
-  const int64_t age_ns = std::clamp<int64_t>(utc_now_ns - arrival.host_utc_ns, 0, 10'000'000'000);
-  arrival.host_monotonic_ns = monotonic_now_ns - age_ns;
-  return arrival;
+  const int64_t age_ns = std::clamp<int64_t>(utc_now_ns - utc_ns, 0, 10'000'000'000);
+  return {.device_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer)) + ToNs(exposure_s),
+          .host_monotonic_ns = monotonic_now_ns - age_ns,
+          .host_utc_ns = utc_ns};
+}
+
+// The camera's frames must have the size of the calibration.
+absl::Status CheckImageSize(const std::string& camera, ImageSize frames_px, ImageSize calibrated_px,
+                            const std::string& calibration_path) {
+  if (frames_px == calibrated_px) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "camera ", camera, ": its frames have ", frames_px.width, " x ", frames_px.height,
+      " pixels, but the intrinsics of ", calibration_path, " are for ", calibrated_px.width, " x ",
+      calibrated_px.height,
+      "; set the camera's region and binning as they were, or calibrate its lens again"));
 }
 
 }  // namespace
@@ -67,23 +68,19 @@ absl::StatusOr<std::unique_ptr<AravisFrameSource>> AravisFrameSource::Create(
   description.camera = options.camera;
   std::optional<ImageSize> calibrated_px;
   if (!options.calibration_path.empty()) {
-    absl::StatusOr<IntrinsicsFile> calibration = ReadIntrinsicsFile(options.calibration_path);
-    if (!calibration.ok()) {
-      return absl::Status(calibration.status().code(),
-                          absl::StrCat("camera ", options.camera, ": ",
-                                       std::string(calibration.status().message())));
-    }
-    calibrated_px = calibration->image_size_px;
-    description.intrinsics = std::move(calibration->intrinsics);
+    RIGCAL_ASSIGN_OR_RETURN(IntrinsicsFile calibration,
+                            OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path)));
+    calibrated_px = calibration.image_size_px;
+    description.intrinsics = std::move(calibration.intrinsics);
   }
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<AravisCamera> camera,
                           AravisCamera::Open(options, /*list_others=*/true));
-  if (calibrated_px && options.check_image_size) {
+  if (calibrated_px) {
     RIGCAL_RETURN_IF_ERROR(CheckImageSize(options.camera, camera->image_size_px(), *calibrated_px,
                                           options.calibration_path));
   }
   for (const std::string& warning : SettingWarnings(camera->get(), options, camera->settings())) {
-    spdlog::warn("{}", warning);
+    spdlog::warn("camera {}: {}", options.camera, warning);
   }
   description.image_size_px = camera->image_size_px();
   description.clock = camera->ptp_clock_id().empty()
@@ -100,17 +97,8 @@ absl::StatusOr<std::unique_ptr<AravisFrameSource>> AravisFrameSource::Create(
   return source;
 }
 
-AravisFrameSource::~AravisFrameSource() { EndStream(); }
-
-absl::Status AravisFrameSource::Start(const Target& target) {
+absl::Status AravisFrameSource::Start(const Target&) {
   EndStream();
-  if (!target.blink_hz.empty()) {
-    const double slowest_hz = *std::min_element(target.blink_hz.begin(), target.blink_hz.end());
-    const double exposure_s = description_.settings ? description_.settings->exposure_s : 0;
-    if (const auto warning = ShortExposureWarning(options_.camera, exposure_s, slowest_hz)) {
-      spdlog::warn("{}", *warning);
-    }
-  }
   counts_ = {};
   refused_ = {};
   lost_before_ = 0;
@@ -125,7 +113,8 @@ absl::Status AravisFrameSource::BeginStream() {
   lost_by_id_ = 0;
   exposure_s_ = camera_->settings().exposure_s;
   clock_can_be_read_ = camera_->CanReadClock();
-  RIGCAL_ASSIGN_OR_RETURN(stream_, AravisStream::Start(camera_.get(), options_, &bell_));
+  RIGCAL_ASSIGN_OR_RETURN(
+      stream_, OfCamera(options_.camera, AravisStream::Start(camera_.get(), options_, &bell_)));
   next_trigger_ = std::chrono::steady_clock::now();
   return absl::OkStatus();
 }
@@ -172,8 +161,7 @@ absl::StatusOr<std::optional<Frame>> AravisFrameSource::Next() {
       bell_.Wait(wait);
       continue;
     }
-    std::optional<Frame> frame;
-    if (Count(buffer)) frame = ToFrame(buffer);
+    const std::optional<Frame> frame = Count(buffer) ? ToFrame(buffer) : std::nullopt;
     if (!frame) {
       stream_->GiveBack(buffer);
       continue;
@@ -220,22 +208,20 @@ std::optional<Frame> AravisFrameSource::ToFrame(ArvBuffer* buffer) {
   arv_buffer_get_image_padding(buffer, &x_padding, &y_padding);
   const auto format = FindPixelFormat(arv_buffer_get_image_pixel_format(buffer));
   const ImageSize size_px{static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
-  if (!format || size_px != description_.image_size_px) {
+  const auto refused = [&](const std::string& why) {
     --counts_.received;
-    Damaged(RefusalReason::kFrameWrongSize,
-            absl::StrCat(width, " x ", height, " pixels",
-                         format ? "" : " in a format that is not supported",
-                         "; did another program change the camera's settings?"));
+    Damaged(RefusalReason::kFrameWrongSize, why);
     return std::nullopt;
+  };
+  if (!format || size_px != description_.image_size_px) {
+    return refused(absl::StrCat(width, " x ", height, " pixels",
+                                format ? "" : " in a format that is not supported",
+                                "; did another program change the camera's settings?"));
   }
   const absl::StatusOr<ImageView> view =
       ViewPixels(*format, static_cast<const uint8_t*>(data), size_bytes, width, height, x_padding,
                  &converted_);
-  if (!view.ok()) {
-    --counts_.received;
-    Damaged(RefusalReason::kFrameWrongSize, std::string(view.status().message()));
-    return std::nullopt;
-  }
+  if (!view.ok()) return refused(std::string(view.status().message()));
   Frame frame;
   frame.image = *view;
   FollowClock(buffer, &frame);
@@ -270,7 +256,8 @@ void AravisFrameSource::FollowClock(ArvBuffer* buffer, Frame* frame) {
 bool AravisFrameSource::Reconnect() {
   using Clock = std::chrono::steady_clock;
   spdlog::warn("camera {}: {} was lost; trying to reopen it", options_.camera, options_.device);
-  refused_.Add("", RefusalReason::kCameraLost, 1, absl::StrCat(options_.device, " was unplugged or taken"));
+  refused_.Add("", RefusalReason::kCameraLost, 1,
+               absl::StrCat(options_.device, " was unplugged or taken"));
   EndStream();
   camera_.reset();
   const Clock::time_point began = Clock::now();

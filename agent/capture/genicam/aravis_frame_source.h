@@ -7,10 +7,8 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/device_clock.h"
 #include "agent/capture/frame_source.h"
@@ -39,7 +37,7 @@ class AravisFrameSource : public FrameSource {
   // As AravisCamera::Open; FAILED_PRECONDITION also if the frame size is not that of the
   // calibration; NOT_FOUND or INVALID_ARGUMENT for the calibration file.
   static absl::StatusOr<std::unique_ptr<AravisFrameSource>> Create(AravisSourceOptions options);
-  ~AravisFrameSource() override;
+  ~AravisFrameSource() override { EndStream(); }
 
   const CameraDescription& description() const override { return description_; }
   absl::Status Start(const Target& target) override;

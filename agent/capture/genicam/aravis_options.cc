@@ -44,7 +44,6 @@ absl::Status AravisSourceOptions::Validate() const {
     faults.Add("trigger=software needs frame_rate, at which the agent requests frames");
   }
   if (packet_size > 0 && packet_size < 576) faults.Add("packet_size must be 0 or at least 576");
-  faults.CheckRange("blink frequency", blink_hz, 0.0, 1e6, " Hz");
   return faults.Result(absl::StrCat("camera ", camera, ": "));
 }
 

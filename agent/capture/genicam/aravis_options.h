@@ -34,8 +34,6 @@ struct AravisSourceOptions {
   std::string network_interface;        // "eth1": take the camera there only; empty: any
 
   std::string calibration_path;  // OpenCV YAML with intrinsics and image size; empty: none
-  bool check_image_size = true;  // refuse a camera whose frames have another size
-  double blink_hz = 500;         // of the wand: warn of a shorter exposure; 0: no check
   double latency_s = 0;          // from the middle of the exposure to the timestamp
 
   // INVALID_ARGUMENT with every fault.

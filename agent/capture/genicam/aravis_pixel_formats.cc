@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
@@ -133,20 +134,16 @@ absl::Status ToBgr(const GenicamPixelFormat& format, const uint8_t* pixels, size
 }  // namespace
 
 std::optional<GenicamPixelFormat> FindPixelFormat(uint32_t code) {
-  for (const GenicamPixelFormat& format : kFormats) {
-    if (format.code == code) return format;
-  }
-  return std::nullopt;
+  const auto found = std::ranges::find(kFormats, code, &GenicamPixelFormat::code);
+  return found == kFormats.end() ? std::nullopt : std::optional(*found);
 }
 
 std::optional<GenicamPixelFormat> FindPixelFormat(std::string_view name) {
   // GigE Vision 1 called these two by another name; the bytes are the same.
   if (name == "RGB8Packed") name = "RGB8";
   if (name == "BGR8Packed") name = "BGR8";
-  for (const GenicamPixelFormat& format : kFormats) {
-    if (name == format.name) return format;
-  }
-  return std::nullopt;
+  const auto found = std::ranges::find(kFormats, name, &GenicamPixelFormat::name);
+  return found == kFormats.end() ? std::nullopt : std::optional(*found);
 }
 
 const std::vector<std::string>& SupportedPixelFormats() {
@@ -200,11 +197,7 @@ absl::StatusOr<ImageView> ViewPixels(const GenicamPixelFormat& format, const uin
   view.data = pixels;
   view.stride_bytes = static_cast<ptrdiff_t>(pixel_stride);
   if (!colour) return view;
-  if (const absl::Status status =
-          ToBgr(format, pixels, pixel_stride, width, height, converted->data());
-      !status.ok()) {
-    return status;
-  }
+  RIGCAL_RETURN_IF_ERROR(ToBgr(format, pixels, pixel_stride, width, height, converted->data()));
   view.data = converted->data();
   view.stride_bytes = static_cast<ptrdiff_t>(out_line);
   return view;

@@ -11,13 +11,9 @@ void ResolveOptions(const std::string& name, const std::string& subject,
   ResolveCalibration("", &options->calibration_path);
 }
 
-extern const SourceKind kAravisSource;
-constinit const SourceKind kAravisSource = {
+extern constinit const SourceKind kAravisSource = {
     .name = "aravis",
-    .selector = "",
     .subject = "DEVICE",
-    .subject_is_path = false,
-    .required = "",
     .summary =
         "a GenICam camera (GigE Vision, USB3 Vision), by Aravis id, serial number or address",
     .example = "left=aravis:192.168.1.5;exposure=0.004",

@@ -3,7 +3,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <fstream>
 #include <string>
 
@@ -30,8 +29,7 @@ void WarnOfSmallSocketBuffer(const std::string& camera, int asked_bytes) {
   std::ifstream file("/proc/sys/net/core/rmem_max");
   if (!(file >> most_bytes) || most_bytes >= asked_bytes) return;
   spdlog::warn(
-      "camera {}: the kernel gives a socket at most {} bytes of buffer, not {}: under load "
-      "frames "
+      "camera {}: the kernel gives a socket at most {} bytes of buffer, not {}: under load frames "
       "will be damaged; run `sysctl -w net.core.rmem_max={}`, and put that into /etc/sysctl.d",
       camera, most_bytes, asked_bytes, asked_bytes);
 }
@@ -40,11 +38,10 @@ void WarnOfSmallSocketBuffer(const std::string& camera, int asked_bytes) {
 
 absl::StatusOr<std::unique_ptr<AravisStream>> AravisStream::Start(
     AravisCamera* camera, const AravisSourceOptions& options, CaptureBell* bell) {
-  const std::string prefix = absl::StrCat("camera ", options.camera, ": ");
   RIGCAL_ASSIGN_OR_RETURN(const uint32_t payload_bytes, camera->PayloadBytes());
   const auto buffer_count = static_cast<uint64_t>(options.buffer_count);
   if (buffer_count * payload_bytes > kMostBufferBytes) {
-    return absl::InvalidArgumentError(absl::StrCat(prefix, options.buffer_count, " buffers of ",
+    return absl::InvalidArgumentError(absl::StrCat(options.buffer_count, " buffers of ",
                                                    payload_bytes,
                                                    " bytes are more than 4 GiB; ask for fewer"));
   }
@@ -52,9 +49,9 @@ absl::StatusOr<std::unique_ptr<AravisStream>> AravisStream::Start(
   GErrorSlot error;
   stream->stream_.reset(
       arv_camera_create_stream(camera->get(), &AravisStream::OnEvent, stream.get(), error.out()));
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix, "cannot receive a stream")));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot receive a stream"));
   if (!stream->stream_) {
-    return absl::UnavailableError(absl::StrCat(prefix, "cannot receive a stream"));
+    return absl::UnavailableError("cannot receive a stream");
   }
   if (ARV_IS_GV_STREAM(stream->stream_.get())) {
     // Aravis counts the packets of such frames, not the frames.
@@ -73,16 +70,14 @@ absl::StatusOr<std::unique_ptr<AravisStream>> AravisStream::Start(
   for (uint64_t i = 0; i < buffer_count; ++i) {
     ArvBuffer* const buffer = arv_buffer_new_allocate(payload_bytes);
     if (buffer == nullptr) {
-      return absl::ResourceExhaustedError(absl::StrCat(prefix, "no memory for its frames"));
+      return absl::ResourceExhaustedError("no memory for its frames");
     }
     stream->GiveBack(buffer);
   }
   arv_camera_start_acquisition(camera->get(), error.out());
-  RIGCAL_RETURN_IF_ERROR(error.ToStatus(absl::StrCat(prefix, "cannot start it")));
+  RIGCAL_RETURN_IF_ERROR(error.ToStatus("cannot start it"));
   return stream;
 }
-
-AravisStream::~AravisStream() = default;
 
 void AravisStream::OnEvent(void* self, ArvStreamCallbackType type, ArvBuffer*) {
   auto* const stream = static_cast<AravisStream*>(self);

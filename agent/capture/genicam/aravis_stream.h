@@ -18,10 +18,8 @@ namespace rigcal::agent {
 class CaptureBell {
  public:
   void Ring() {
-    {
-      const std::lock_guard lock(mutex_);
-      rung_ = true;
-    }
+    const std::lock_guard lock(mutex_);
+    rung_ = true;
     changed_.notify_all();
   }
   // Returns at once if it was rung since the last wait. False: timed out.
@@ -39,15 +37,13 @@ class CaptureBell {
 };
 
 // A running stream of frames: its buffers and the thread that fills them. For one thread; the bell
-// rings for each frame.
+// rings for each frame. Ends without the camera, which may be gone.
 class AravisStream {
  public:
   // Allocates the buffers and starts the camera. Both arguments must outlive the stream.
   static absl::StatusOr<std::unique_ptr<AravisStream>> Start(AravisCamera* camera,
                                                              const AravisSourceOptions& options,
                                                              CaptureBell* bell);
-  // Ends without the camera, which may be gone.
-  ~AravisStream();
   AravisStream(const AravisStream&) = delete;
   AravisStream& operator=(const AravisStream&) = delete;
 

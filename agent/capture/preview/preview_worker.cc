@@ -10,14 +10,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "agent/detect/frame/annotated_image.h"
-#include "common/status/fault_list.h"
 
 namespace rigcal::agent {
 namespace {
 
-constexpr double kMaxRateHz = 10;
-constexpr size_t kLeastBytes = size_t{8} << 10;
-constexpr size_t kMostBytes = size_t{1} << 20;
 constexpr uint32_t kMaxWaitMs = 60'000;
 // Answers that nobody fetches; the oldest are dropped.
 constexpr size_t kMaxAnswers = 64;
@@ -39,21 +35,10 @@ Preview TimedOut(const PreviewRequest& request) {
 
 }  // namespace
 
-absl::Status PreviewOptions::Validate() const {
-  FaultList faults;
-  if (!(max_rate_hz > 0 && max_rate_hz <= kMaxRateHz)) {
-    faults.Add("max_rate_hz is ", max_rate_hz, ", it must be above 0 and at most ", kMaxRateHz);
-  }
-  faults.CheckRange("max_jpeg_bytes", max_jpeg_bytes, kLeastBytes, kMostBytes);
-  return faults.Result("preview: ");
-}
-
 PreviewWorker::PreviewWorker(PreviewOptions options, std::function<void()> on_answer)
     : options_(options), on_answer_(std::move(on_answer)) {
   thread_ = std::thread([this] { Run(); });
 }
-
-PreviewWorker::~PreviewWorker() { Shutdown(); }
 
 void PreviewWorker::Shutdown() {
   Forget();
@@ -79,42 +64,35 @@ void PreviewWorker::Forget() {
 std::optional<Preview> PreviewWorker::Refused(const PreviewRequest& request,
                                               const PreviewSubject& subject) {
   const std::string camera = absl::StrCat("camera ", request.camera);
-  if (!subject.known) {
-    return Refusal(request, PreviewStatus::kUnknownCamera,
-                   absl::StrCat("this agent has no ", camera));
-  }
+  const auto refuse = [&](PreviewStatus status, const auto&... why) {
+    return Refusal(request, status, absl::StrCat(why...));
+  };
+  if (!subject.known) return refuse(PreviewStatus::kUnknownCamera, "this agent has no ", camera);
   if (!options_.enabled) {
-    return Refusal(request, PreviewStatus::kDisabled,
-                   absl::StrCat("previews are off at the agent of ", camera,
-                                "; they are switched on with enabled = true under [preview] in "
-                                "its configuration file"));
+    return refuse(PreviewStatus::kDisabled, "previews are off at the agent of ", camera,
+                  "; they are switched on with enabled = true under [preview] in its "
+                  "configuration file");
   }
   if (subject.tap == nullptr) {
-    return Refusal(request, PreviewStatus::kNoFrames,
-                   absl::StrCat(camera, " has no frames: its source yields observations"));
+    return refuse(PreviewStatus::kNoFrames, camera,
+                  " has no frames: its source yields observations");
   }
   if (!subject.capturing) {
-    return Refusal(request, PreviewStatus::kNotCapturing,
-                   absl::StrCat(camera,
-                                " takes frames only while a session captures; start one "
-                                "with rigcal session start"));
+    return refuse(PreviewStatus::kNotCapturing, camera,
+                  " takes frames only while a session captures; start one with rigcal session "
+                  "start");
   }
-  const Clock::time_point now = Clock::now();
-  const auto last = last_asked_.find(request.camera);
   if (waiting_.contains(request.camera)) {
-    return Refusal(request, PreviewStatus::kTooOften,
-                   absl::StrCat("a preview of ", camera,
-                                " is under way; ask again when it is "
-                                "there"));
+    return refuse(PreviewStatus::kTooOften, "a preview of ", camera,
+                  " is under way; ask again when it is there");
   }
-  if (last != last_asked_.end()) {
+  if (const auto last = last_asked_.find(request.camera); last != last_asked_.end()) {
     const std::chrono::duration<double> wait =
-        last->second + std::chrono::duration<double>(1 / options_.max_rate_hz) - now;
+        last->second + std::chrono::duration<double>(1 / options_.max_rate_hz) - Clock::now();
     if (wait.count() > 0) {
-      return Refusal(
-          request, PreviewStatus::kTooOften,
-          absl::StrFormat("the agent of %s allows %g previews/s (max_rate_hz); ask again "
-                          "in %.1f s",
+      return refuse(
+          PreviewStatus::kTooOften,
+          absl::StrFormat("the agent of %s allows %g previews/s (max_rate_hz); ask again in %.1f s",
                           camera, options_.max_rate_hz, std::ceil(wait.count() * 10) / 10));
     }
   }
@@ -141,12 +119,10 @@ void PreviewWorker::Request(const PreviewRequest& request, const PreviewSubject&
 }
 
 void PreviewWorker::TakeFrame(const std::string& camera, uint32_t request_id, PreviewFrame frame) {
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = waiting_.find(camera);
-    if (found == waiting_.end() || found->second.request.request_id != request_id) return;
-    found->second.frame = std::move(frame);
-  }
+  const std::lock_guard lock(mutex_);
+  const auto found = waiting_.find(camera);
+  if (found == waiting_.end() || found->second.request.request_id != request_id) return;
+  found->second.frame = std::move(frame);
   changed_.notify_all();
 }
 
@@ -212,21 +188,21 @@ Preview PreviewWorker::Draw(const PreviewRequest& request, const PreviewFrame& f
     if (!jpeg.ok()) {
       return Refusal(request, PreviewStatus::kFailed, std::string(jpeg.status().message()));
     }
-    preview.info.camera = request.camera;
-    preview.info.time_ns = frame.time_ns;
-    preview.info.clock_epoch = frame.clock_epoch;
-    preview.info.image_size_px = {static_cast<uint32_t>(frame.image.width),
-                                  static_cast<uint32_t>(frame.image.height)};
-    preview.info.jpeg_size_px = {static_cast<uint32_t>(jpeg->width),
-                                 static_cast<uint32_t>(jpeg->height)};
-    preview.info.outcome = frame.detection.outcome;
-    // A frame is worth seeing with a confidence that is no number, too.
-    const double confidence = frame.detection.confidence;
-    preview.info.confidence = std::isnan(confidence) ? 0 : std::clamp(confidence, 0.0, 1.0);
-    preview.info.visible_marker_count =
-        static_cast<uint32_t>(frame.detection.observation.VisibleCount());
-    preview.info.blob_count = static_cast<uint32_t>(std::max(0, frame.detection.blob_count));
-    preview.info.tracked = frame.detection.tracked;
+    const Detection& detection = frame.detection;
+    preview.info = {
+        .camera = request.camera,
+        .time_ns = frame.time_ns,
+        .clock_epoch = frame.clock_epoch,
+        .image_size_px = {static_cast<uint32_t>(frame.image.width),
+                          static_cast<uint32_t>(frame.image.height)},
+        .jpeg_size_px = {static_cast<uint32_t>(jpeg->width), static_cast<uint32_t>(jpeg->height)},
+        .outcome = detection.outcome,
+        // A frame is worth seeing with a confidence that is no number, too.
+        .confidence =
+            std::isnan(detection.confidence) ? 0 : std::clamp(detection.confidence, 0.0, 1.0),
+        .visible_marker_count = static_cast<uint32_t>(detection.observation.VisibleCount()),
+        .blob_count = static_cast<uint32_t>(std::max(0, detection.blob_count)),
+        .tracked = detection.tracked};
     preview.jpeg = std::move(jpeg->bytes);
     return preview;
   } catch (const std::exception& error) {

@@ -13,7 +13,6 @@
 #include <string>
 #include <thread>
 
-#include "absl/status/status.h"
 #include "agent/capture/preview/preview_tap.h"
 #include "common/session/preview.h"
 
@@ -23,9 +22,6 @@ struct PreviewOptions {
   bool enabled = false;                       // frames leave the PC only where somebody allowed it
   double max_rate_hz = 1;                     // per camera, above 0 to 10
   size_t max_jpeg_bytes = size_t{256} << 10;  // 8 KiB to 1 MiB; the server may ask for less
-
-  // INVALID_ARGUMENT with every fault.
-  absl::Status Validate() const;
 };
 
 // State of a camera that matters for previews.
@@ -42,7 +38,7 @@ class PreviewWorker {
  public:
   // `on_answer` is called on any thread for each new answer; it must neither block nor call back.
   PreviewWorker(PreviewOptions options, std::function<void()> on_answer);
-  ~PreviewWorker();
+  ~PreviewWorker() { Shutdown(); }
   PreviewWorker(const PreviewWorker&) = delete;
   PreviewWorker& operator=(const PreviewWorker&) = delete;
 

@@ -24,15 +24,9 @@ std::string Quoted(std::string_view field) {
 
 std::string_view TakeField(std::string_view* rest) {
   const size_t end = std::min(rest->find(';'), rest->size());
-  std::string_view field = rest->substr(0, end);
+  const absl::string_view field = absl::StripAsciiWhitespace({rest->data(), end});
   rest->remove_prefix(std::min(end + 1, rest->size()));
-  while (!field.empty() && absl::ascii_isspace(static_cast<unsigned char>(field.front()))) {
-    field.remove_prefix(1);
-  }
-  while (!field.empty() && absl::ascii_isspace(static_cast<unsigned char>(field.back()))) {
-    field.remove_suffix(1);
-  }
-  return field;
+  return {field.data(), field.size()};
 }
 
 std::optional<CsvLineFault> ParseTime(std::string_view field, int64_t* time_ns) {

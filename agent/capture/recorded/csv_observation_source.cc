@@ -3,13 +3,11 @@
 
 #include <spdlog/spdlog.h>
 
-#include <filesystem>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/camera_status.h"
 #include "agent/capture/recorded/csv_line.h"
-#include "common/camera/intrinsics_file.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -20,49 +18,23 @@ constexpr int kLinesLookedAt = 100;
 
 bool IsBlank(std::string_view text) { return text.find_first_not_of(" \t\r") == text.npos; }
 
-absl::Status WithContext(const absl::Status& status, const std::string& before,
-                         const std::string& after = "") {
-  return absl::Status(status.code(), absl::StrCat(before, std::string(status.message()), after));
-}
-
 }  // namespace
 
 absl::Status CsvSourceOptions::Validate() const {
   FaultList faults;
-  if (camera.empty()) faults.Add("the camera's name is empty");
-  if (path.empty()) faults.Add("the path of the CSV file is empty");
   if (calibration_path.empty()) faults.Add("the path of the calibration is empty");
-  CheckOptions(*this, &faults);
-  return faults.Result(absl::StrCat("camera ", camera, ": "));
+  return ValidateRecording(*this, std::move(faults));
 }
 
 absl::StatusOr<std::unique_ptr<CsvObservationSource>> CsvObservationSource::Create(
     CsvSourceOptions options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  const std::string prefix = absl::StrCat("camera ", options.camera, ": ");
-  if (const auto reader = LineReader::Open(options.path); !reader.ok()) {
-    return WithContext(reader.status(), prefix);
-  }
-  absl::StatusOr<IntrinsicsFile> calibration = ReadIntrinsicsFile(options.calibration_path);
-  if (!calibration.ok()) {
-    return WithContext(calibration.status(), prefix,
-                       "; name the camera's OpenCV YAML with ;calibration=FILE");
-  }
-  CameraDescription description;
-  description.camera = options.camera;
-  description.image_size_px = calibration->image_size_px;
-  description.intrinsics = std::move(calibration->intrinsics);
-  description.clock = {.clock_id = options.camera, .timebase = "recording"};
-  description.sensor = SensorKind::kFrame;
-  description.source =
-      absl::StrCat("csv:", std::filesystem::path(options.path).filename().string());
+  RIGCAL_RETURN_IF_ERROR(OfCamera(options.camera, LineReader::Open(options.path).status()));
+  RIGCAL_ASSIGN_OR_RETURN(CameraDescription description,
+                          DescribeRecording("csv", options, SensorKind::kFrame));
   RIGCAL_RETURN_IF_ERROR(description.Validate());
-  return std::unique_ptr<CsvObservationSource>(
-      new CsvObservationSource(std::move(options), std::move(description)));
+  return std::make_unique<CsvObservationSource>(std::move(options), std::move(description));
 }
-
-CsvObservationSource::CsvObservationSource(CsvSourceOptions options, CameraDescription description)
-    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
 
 absl::Status CsvObservationSource::CheckMarkerCount(int marker_count) const {
   RIGCAL_ASSIGN_OR_RETURN(LineReader reader, LineReader::Open(options_.path));

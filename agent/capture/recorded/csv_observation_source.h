@@ -5,29 +5,24 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
-#include "agent/capture/pacer.h"
-#include "common/options/option_table.h"
+#include "agent/capture/paced_source.h"
+#include "agent/capture/recorded/recording_options.h"
 #include "common/status/refusal.h"
 #include "common/text/line_reader.h"
 #include "common/time/clock.h"
 
 namespace rigcal::agent {
 
-struct CsvSourceOptions {
-  std::string camera;            // name within the rig
-  std::string path;              // lines `timestamp_ns;x0;y0;x1;y1;...`, see csv_line.h
-  std::string calibration_path;  // OpenCV YAML with the camera's intrinsics and image size
-  double sigma_px = 0.5;         // one sigma of each coordinate of every centre, > 0
+// Lines `timestamp_ns;x0;y0;x1;y1;...`, see csv_line.h.
+struct CsvSourceOptions : RecordingOptions {
+  double sigma_px = 0.5;  // one sigma of each coordinate of every centre, > 0
   // The kind of the centres; `rigcal-agent detect` writes sphere centres if it has the camera's
   // intrinsics and the spheres' diameter.
   CentreKind centre_kind = CentreKind::kImageBlob;
-  double speed = 1;  // multiple of the recorded pace, > 0; kMaxSpeed: no waiting
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;
@@ -39,28 +34,23 @@ void AddOptions(CsvSourceOptions* options, OptionTable* table);
 // own clock, of time base "recording". A bad line is refused with its reason, file and line number,
 // and skipped. A timestamp before the previous one begins a new clock epoch and is logged; equal
 // ones are passed on.
-class CsvObservationSource : public ObservationSource {
+class CsvObservationSource : public PacedSource<ObservationSource, CsvSourceOptions> {
  public:
+  using PacedSource::PacedSource;
   // NOT_FOUND, INVALID_ARGUMENT, ...: the CSV file or the calibration is missing or malformed; the
   // message names camera, file and what to do.
   static absl::StatusOr<std::unique_ptr<CsvObservationSource>> Create(CsvSourceOptions options);
 
-  const CameraDescription& description() const override { return description_; }
   // INVALID_ARGUMENT: the recording has another number of markers than `target`.
   absl::Status Start(const Target& target) override;
   absl::StatusOr<std::optional<Observation>> Next() override;
-  void Stop() override { pacer_.Stop(); }
   std::vector<Refusal> Refused() const override { return refused_.List(); }
 
  private:
-  CsvObservationSource(CsvSourceOptions options, CameraDescription description);
   absl::Status CheckMarkerCount(int marker_count) const;
   void Refuse(RefusalReason reason, uint64_t line, const std::string& what);
   void AssignClockEpoch(uint64_t line, Observation* observation);
 
-  const CsvSourceOptions options_;
-  const CameraDescription description_;
-  Pacer pacer_;
   std::optional<LineReader> reader_;
   int marker_count_ = 0;
   bool has_content_ = false;  // a line that is not blank has been read

@@ -11,7 +11,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/image_file.h"
-#include "agent/capture/recorded/frame_times.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -34,9 +33,6 @@ absl::StatusOr<std::unique_ptr<ImagesFrameSource>> ImagesFrameSource::Create(
   RIGCAL_RETURN_IF_ERROR(source->DescribeCamera());
   return source;
 }
-
-ImagesFrameSource::ImagesFrameSource(RecordedFramesOptions options)
-    : RecordedFrameSource(std::move(options)) {}
 
 absl::Status ImagesFrameSource::List() {
   images_.clear();
@@ -110,8 +106,12 @@ absl::Status ImagesFrameSource::DescribeCamera() {
       last = image.status();
       continue;
     }
-    last = RecordedFrameSource::Describe("images", image->size(), images_[i].path);
-    if (last.ok()) return last;
+    auto described = DescribeRecordedFrames("images", options_, image->size(), images_[i].path);
+    if (described.ok()) {
+      description_ = *std::move(described);
+      return absl::OkStatus();
+    }
+    last = described.status();
     // A single image of another size among right ones is refused when its turn comes.
     if (!absl::IsInvalidArgument(last) || i + 1 == kImagesRead) return last;
   }
@@ -126,7 +126,8 @@ absl::Status ImagesFrameSource::Start(const Target&) {
   next_ = 0;
   clock_epochs_ = {};
   clock_epoch_ = 0;
-  BeginCapture();
+  counts_ = {};
+  pacer_.Start();
   return absl::OkStatus();
 }
 

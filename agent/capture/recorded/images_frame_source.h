@@ -4,11 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/recorded/recorded_frame_source.h"
 
@@ -35,7 +33,7 @@ class ImagesFrameSource : public RecordedFrameSource {
     std::optional<int64_t> time_ns;
   };
 
-  explicit ImagesFrameSource(RecordedFramesOptions options);
+  using RecordedFrameSource::RecordedFrameSource;
   // Lists the folder again, with what is refused before an image is read.
   absl::Status List();
   absl::Status AssignTimes();

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/capture/recorded/raw_event_source.h"
 
-#include <filesystem>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "agent/capture/camera_status.h"
 #include "agent/event_files/sensor_geometry.h"
-#include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -20,7 +19,7 @@ constexpr int64_t kPacedUs = 2000;
 // Header, option and calibration must agree.
 absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
                                                const RawSourceOptions& options,
-                                               const std::optional<IntrinsicsFile>& calibration) {
+                                               const CameraDescription& calibrated) {
   struct Statement {
     std::string by;
     SensorGeometry geometry;
@@ -31,9 +30,9 @@ absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
                     *header.geometry});
   }
   if (options.geometry) said.push_back({"geometry=", *options.geometry});
-  if (calibration) {
+  if (calibrated.intrinsics) {
     said.push_back({absl::StrCat("the calibration ", options.calibration_path),
-                    {calibration->image_size_px.width, calibration->image_size_px.height}});
+                    {calibrated.image_size_px.width, calibrated.image_size_px.height}});
   }
   if (said.empty()) {
     return absl::InvalidArgumentError(
@@ -51,90 +50,44 @@ absl::StatusOr<SensorGeometry> ResolveGeometry(const EventFileHeader& header,
 
 }  // namespace
 
-absl::Status RawSourceOptions::Validate() const {
-  FaultList faults;
-  if (camera.empty()) faults.Add("the camera's name is empty");
-  if (path.empty()) faults.Add("the path of the file is empty");
-  CheckOptions(*this, &faults);
-  return faults.Result(absl::StrCat("camera ", camera, ": "));
-}
-
 absl::StatusOr<std::unique_ptr<RawEventSource>> RawEventSource::Create(RawSourceOptions options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  const auto named = [&options](const absl::Status& status, const std::string& after = "") {
-    return absl::Status(status.code(), absl::StrCat("camera ", options.camera, ": ",
-                                                    std::string(status.message()), after));
-  };
-  const auto file = OpenEventFile(options.path, options.plain);
-  if (!file.ok()) return named(file.status());
-  std::optional<IntrinsicsFile> calibration;
-  if (!options.calibration_path.empty()) {
-    absl::StatusOr<IntrinsicsFile> read = ReadIntrinsicsFile(options.calibration_path);
-    if (!read.ok()) {
-      return named(read.status(),
-                   "; name the camera's OpenCV YAML with ;calibration=FILE, or say "
-                   ";calibration=none for a camera without one");
-    }
-    calibration = *std::move(read);
-  }
-  const absl::StatusOr<SensorGeometry> geometry =
-      ResolveGeometry((*file)->header(), options, calibration);
-  if (!geometry.ok()) return named(geometry.status());
-  CameraDescription description;
-  description.camera = options.camera;
-  description.image_size_px = {geometry->width, geometry->height};
-  if (calibration) description.intrinsics = std::move(calibration->intrinsics);
-  description.clock = {.clock_id = options.clock_id.empty() ? options.camera : options.clock_id,
-                       .timebase = "recording"};
-  description.sensor = SensorKind::kEvent;
-  description.source =
-      absl::StrCat("raw:", std::filesystem::path(options.path).filename().string());
+  RIGCAL_ASSIGN_OR_RETURN(const auto file,
+                          OfCamera(options.camera, OpenEventFile(options.path, options.plain)));
+  RIGCAL_ASSIGN_OR_RETURN(CameraDescription description,
+                          DescribeRecording("raw", options, SensorKind::kEvent));
+  RIGCAL_ASSIGN_OR_RETURN(
+      const SensorGeometry geometry,
+      OfCamera(options.camera, ResolveGeometry(file->header(), options, description)));
+  description.image_size_px = {geometry.width, geometry.height};
+  if (!options.clock_id.empty()) description.clock.clock_id = options.clock_id;
   RIGCAL_RETURN_IF_ERROR(description.Validate());
-  return std::unique_ptr<RawEventSource>(
-      new RawEventSource(std::move(options), std::move(description)));
+  return std::make_unique<RawEventSource>(std::move(options), std::move(description));
 }
-
-RawEventSource::RawEventSource(RawSourceOptions options, CameraDescription description)
-    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
 
 absl::Status RawEventSource::Start(const Target&) {
   file_.reset();
-  auto file = OpenEventFile(options_.path, options_.plain);
-  if (!file.ok()) {
-    return absl::Status(file.status().code(), absl::StrCat("camera ", options_.camera, ": ",
-                                                           std::string(file.status().message())));
-  }
-  file_ = *std::move(file);
+  RIGCAL_ASSIGN_OR_RETURN(file_,
+                          OfCamera(options_.camera, OpenEventFile(options_.path, options_.plain)));
   const SensorGeometry geometry{description_.image_size_px.width,
                                 description_.image_size_px.height};
   timer_.emplace(file_->header().format, file_->header().halves_swapped, geometry);
   pacer_.Start();
-  stopped_ = false;
   return absl::OkStatus();
 }
 
-void RawEventSource::Stop() {
-  stopped_ = true;
-  pacer_.Stop();
-}
-
 absl::StatusOr<std::optional<EventChunk>> RawEventSource::Next() {
-  if (!file_ || stopped_) return std::nullopt;
-  if (options_.speed != kMaxSpeed) return NextPaced();
+  if (!file_) return std::nullopt;
   EventChunk chunk{.format = file_->header().format,
                    .halves_swapped = file_->header().halves_swapped,
                    .bytes = {},
                    .byte_offset = file_->byte_offset()};
-  RIGCAL_ASSIGN_OR_RETURN(chunk.bytes, file_->Next(kFastBytes));
-  if (chunk.bytes.empty()) return std::nullopt;
-  return chunk;
-}
-
-absl::StatusOr<std::optional<EventChunk>> RawEventSource::NextPaced() {
-  EventChunk chunk{.format = file_->header().format,
-                   .halves_swapped = file_->header().halves_swapped,
-                   .bytes = {},
-                   .byte_offset = file_->byte_offset()};
+  if (options_.speed == kMaxSpeed) {
+    if (!pacer_.Wait(0)) return std::nullopt;
+    RIGCAL_ASSIGN_OR_RETURN(chunk.bytes, file_->Next(kFastBytes));
+    if (chunk.bytes.empty()) return std::nullopt;
+    return chunk;
+  }
   piece_.clear();
   const int64_t begin_us = timer_->time_us();
   while (piece_.size() < kPacedBytes && timer_->time_us() - begin_us < kPacedUs &&

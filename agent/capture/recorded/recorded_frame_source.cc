@@ -5,61 +5,29 @@
 
 #include <filesystem>
 #include <system_error>
-#include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "agent/capture/image_file.h"
-#include "agent/capture/source_kind.h"
-#include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 
-void AddOptions(RecordedFramesOptions* options, OptionTable* table) {
-  AddSpeed(&options->speed, table);
-  AddCalibration(&options->calibration_path, table);
-  table->AddPath("timestamps", &options->timestamps_path,
-                 "times of the frames: name;timestamp_ns, or one timestamp_ns per line for video");
-  table->Add("fps", &options->fps, {kAboveZero, 1e6, "Hz"},
-             "frame rate, if the recording has no times");
-  table->Add("exposure", &options->exposure_s, {0, 10, "s"}, "of every frame; 0: not known");
-}
-
-absl::Status RecordedFramesOptions::Validate() const {
-  FaultList faults;
-  if (camera.empty()) faults.Add("the camera's name is empty");
-  if (path.empty()) faults.Add("the path of the recording is empty");
-  CheckOptions(*this, &faults);
-  return faults.Result(absl::StrCat("camera ", camera, ": "));
-}
-
-absl::StatusOr<CameraDescription> DescribeRecordedCamera(const std::string& camera,
-                                                         const std::string& calibration_path,
+absl::StatusOr<CameraDescription> DescribeRecordedFrames(const std::string& kind,
+                                                         const RecordedFramesOptions& options,
                                                          cv::Size image_size,
                                                          const std::string& file) {
-  CameraDescription description;
-  description.camera = camera;
-  description.clock = {.clock_id = camera, .timebase = "recording"};
-  description.sensor = SensorKind::kFrame;
-  description.image_size_px = {static_cast<uint32_t>(image_size.width),
-                               static_cast<uint32_t>(image_size.height)};
-  if (calibration_path.empty()) return description;
-  absl::StatusOr<IntrinsicsFile> calibration = ReadIntrinsicsFile(calibration_path);
-  if (!calibration.ok()) {
-    return absl::Status(
-        calibration.status().code(),
-        absl::StrCat("camera ", camera, ": ", std::string(calibration.status().message()),
-                     "; name the camera's OpenCV YAML with ;calibration=FILE, or say "
-                     ";calibration=none for a camera without one"));
-  }
-  const ImageSize& size = calibration->image_size_px;
-  if (size != description.image_size_px) {
+  RIGCAL_ASSIGN_OR_RETURN(CameraDescription description,
+                          DescribeRecording(kind, options, SensorKind::kFrame));
+  const ImageSize size{static_cast<uint32_t>(image_size.width),
+                       static_cast<uint32_t>(image_size.height)};
+  const ImageSize calibrated = std::exchange(description.image_size_px, size);
+  if (description.intrinsics && calibrated != size) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "camera ", camera, ": ", file, " is ", image_size.width, "x", image_size.height,
-        " pixels, but the calibration ", calibration_path, " is one for ", size.width, "x",
-        size.height, "; calibrate the camera at this size or name the right file"));
+        "camera ", options.camera, ": ", file, " is ", size.width, "x", size.height,
+        " pixels, but the calibration ", options.calibration_path, " is one for ", calibrated.width,
+        "x", calibrated.height, "; calibrate the camera at this size or name the right file"));
   }
-  description.intrinsics = std::move(calibration->intrinsics);
+  if (options.exposure_s > 0) description.settings.emplace().exposure_s = options.exposure_s;
+  RIGCAL_RETURN_IF_ERROR(description.Validate());
   return description;
 }
 
@@ -72,22 +40,6 @@ absl::StatusOr<FrameTimes> RecordedFrameSource::ReadTimes(const std::string& usu
   times.is_there = true;
   for (const Refusal& refusal : times.refused.List()) refused_.Add(refusal);
   return times;
-}
-
-absl::Status RecordedFrameSource::Describe(std::string_view kind, cv::Size image_size,
-                                           const std::string& file) {
-  RIGCAL_ASSIGN_OR_RETURN(
-      description_,
-      DescribeRecordedCamera(options_.camera, options_.calibration_path, image_size, file));
-  if (options_.exposure_s > 0) description_.settings.emplace().exposure_s = options_.exposure_s;
-  description_.source = absl::StrCat(std::string(kind), ":",
-                                     std::filesystem::path(options_.path).filename().string());
-  return description_.Validate();
-}
-
-void RecordedFrameSource::BeginCapture() {
-  counts_ = {};
-  pacer_.Start();
 }
 
 bool RecordedFrameSource::HasRightSize(const cv::Mat& image, const std::string& name) {

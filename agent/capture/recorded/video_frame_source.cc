@@ -11,7 +11,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/image_file.h"
-#include "agent/capture/recorded/frame_times.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -41,9 +40,6 @@ absl::StatusOr<std::unique_ptr<VideoFrameSource>> VideoFrameSource::Create(
   RIGCAL_RETURN_IF_ERROR(source->DescribeCamera());
   return source;
 }
-
-VideoFrameSource::VideoFrameSource(RecordedFramesOptions options)
-    : RecordedFrameSource(std::move(options)) {}
 
 absl::Status VideoFrameSource::Open() {
   std::error_code error;
@@ -77,7 +73,8 @@ absl::Status VideoFrameSource::DescribeCamera() {
   const std::string video = prefix() + options_.path;
   RIGCAL_ASSIGN_OR_RETURN(const bool has_frame, Read());
   if (!has_frame) return absl::FailedPreconditionError(video + " holds no frame");
-  RIGCAL_RETURN_IF_ERROR(Describe("video", image_.size(), options_.path));
+  RIGCAL_ASSIGN_OR_RETURN(description_,
+                          DescribeRecordedFrames("video", options_, image_.size(), options_.path));
   const std::optional<int64_t> first_ns = TimeOfFrame();
   RIGCAL_ASSIGN_OR_RETURN(const bool has_second, Read());
   const std::optional<int64_t> second_ns = has_second ? TimeOfFrame() : std::nullopt;
@@ -92,7 +89,8 @@ absl::Status VideoFrameSource::DescribeCamera() {
 
 absl::Status VideoFrameSource::Start(const Target&) {
   RIGCAL_RETURN_IF_ERROR(Open());
-  BeginCapture();
+  counts_ = {};
+  pacer_.Start();
   return absl::OkStatus();
 }
 
@@ -129,7 +127,8 @@ absl::StatusOr<std::optional<Frame>> VideoFrameSource::Next() {
     const std::string which = absl::StrCat("frame ", read_, " of ", options_.path);
     const std::optional<int64_t> time_ns = TimeOfFrame();
     if (!time_ns || (last_ns_ && *time_ns <= *last_ns_)) {
-      Refuse(RefusalReason::kFrameNoTime, absl::StrCat(which, " has no time after the previous one"));
+      Refuse(RefusalReason::kFrameNoTime,
+             absl::StrCat(which, " has no time after the previous one"));
       continue;
     }
     last_ns_ = time_ns;

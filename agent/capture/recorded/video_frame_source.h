@@ -8,7 +8,6 @@
 #include <optional>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "agent/capture/recorded/recorded_frame_source.h"
 
@@ -30,7 +29,7 @@ class VideoFrameSource : public RecordedFrameSource {
   absl::StatusOr<std::optional<Frame>> Next() override;
 
  private:
-  explicit VideoFrameSource(RecordedFramesOptions options);
+  using RecordedFrameSource::RecordedFrameSource;
   absl::Status DescribeCamera();
   absl::Status Open();
   absl::StatusOr<bool> Read();

@@ -52,12 +52,14 @@ std::pair<std::string_view, std::string_view> SplitName(std::string_view text) {
 
 std::string UnknownKind(std::string_view text) {
   std::vector<std::string> names;
-  for (const SourceKind* kind : SourceKinds()) names.emplace_back(kind->name);
+  for (const SourceKind* kind : SourceKinds()) {
+    if (kind->selector.empty()) names.emplace_back(kind->name);
+  }
   const size_t colon = text.find(':');
   const std::string near =
       colon == text.npos ? "" : NearestName(std::string(text.substr(0, colon)), names);
-  return absl::StrCat("\"", Shown(text), "\" begins with none of ", ListOfSourceKinds(),
-                      near.empty() ? "" : absl::StrCat("; did you mean \"", near, ":\"?"));
+  return absl::StrCat("\"", Shown(text), "\" begins with none of ", absl::StrJoin(names, ":, "),
+                      ":", near.empty() ? "" : absl::StrCat("; did you mean \"", near, ":\"?"));
 }
 
 // The kind of this name whose selector is among the options, which loses all selectors; else the
@@ -100,69 +102,54 @@ std::vector<OptionText> Overridden(std::vector<OptionText> options,
   return options;
 }
 
-// What follows "csv:". Paths of a configuration file are relative to `folder`.
-class SpecParser {
- public:
-  SpecParser(std::string name, std::string folder)
-      : name_(std::move(name)), folder_(std::move(folder)) {}
-
-  // The kind that was meant, for the example in messages.
-  const SourceKind& kind() const { return *kind_; }
-
-  absl::StatusOr<std::unique_ptr<SourceSpec>> Parse(const SourceKind* kind, std::string_view body,
-                                                    const std::vector<OptionText>& overrides) {
-    kind_ = kind;
-    std::string subject;
-    std::vector<std::string> parts = absl::StrSplit(std::string(body), ';');
-    if (kind->subject.empty()) {
-      std::erase(parts, "");
-    } else {
-      subject = parts.front();
-      parts.erase(parts.begin());
-    }
-    FaultList faults;
-    faults.Add(CheckSubject(*kind, subject));
-    const absl::StatusOr<std::vector<OptionText>> typed = SplitOptions(parts);
-    faults.Add(typed.status());
-    RIGCAL_RETURN_IF_ERROR(faults.Result());
-    std::vector<OptionText> options = Overridden(*typed, overrides);
-    kind_ = ChooseKind(kind->name, &options, &faults);
-    return Read(std::move(options), kind_->subject_is_path ? Resolved(subject) : subject, &faults);
+// What follows "csv:". Paths of a configuration file are relative to `folder`. `kind` becomes the
+// one that was meant.
+absl::StatusOr<std::unique_ptr<SourceSpec>> ParseBody(const std::string& name,
+                                                      const std::string& folder,
+                                                      std::string_view body,
+                                                      const std::vector<OptionText>& overrides,
+                                                      const SourceKind** kind) {
+  std::string subject;
+  std::vector<std::string> parts = absl::StrSplit(std::string(body), ';');
+  if ((*kind)->subject.empty()) {
+    std::erase(parts, "");
+  } else {
+    subject = parts.front();
+    parts.erase(parts.begin());
   }
+  FaultList faults;
+  faults.Add(CheckSubject(**kind, subject));
+  const absl::StatusOr<std::vector<OptionText>> typed = SplitOptions(parts);
+  faults.Add(typed.status());
+  RIGCAL_RETURN_IF_ERROR(faults.Result());
+  std::vector<OptionText> options = Overridden(*typed, overrides);
+  *kind = ChooseKind((*kind)->name, &options, &faults);
 
- private:
-  std::string Resolved(const std::string& path) const {
-    return folder_.empty() ? path
-                           : (std::filesystem::path(folder_) / path).lexically_normal().string();
-  }
-
-  absl::StatusOr<std::unique_ptr<SourceSpec>> Read(std::vector<OptionText> options,
-                                                   const std::string& subject, FaultList* faults) {
-    std::unique_ptr<SourceSpec> spec = kind_->make();
-    OptionTable table;
-    spec->AddTo(&table);
-    bool has_required = kind_->required.empty();
-    for (OptionText& option : options) {
-      has_required = has_required || option.key == kind_->required;
-      // Typed paths are relative to where they are typed.
-      if (!option.where.empty() && table.IsPath(option.key) && option.value != "none") {
-        option.value = Resolved(option.value);
-      }
+  const auto resolve = [&folder](std::string* path) {
+    if (folder.empty()) return;
+    *path = (std::filesystem::path(folder) / *path).lexically_normal().string();
+  };
+  if ((*kind)->subject_is_path) resolve(&subject);
+  std::unique_ptr<SourceSpec> spec = (*kind)->make();
+  OptionTable table;
+  spec->AddTo(&table);
+  for (OptionText& option : options) {
+    // Typed paths are relative to where they are typed.
+    if (!option.where.empty() && table.IsPath(option.key) && option.value != "none") {
+      resolve(&option.value);
     }
-    if (!has_required) {
-      faults->Add("the option ", std::string(kind_->required), " is missing");
-    }
-    table.Read(options, faults);
-    RIGCAL_RETURN_IF_ERROR(faults->Result());
-    RIGCAL_RETURN_IF_ERROR(spec->Resolve(name_, subject));
-    RIGCAL_RETURN_IF_ERROR(ValidateName("camera name", spec->camera()));
-    return spec;
   }
-
-  const std::string name_;
-  const std::string folder_;
-  const SourceKind* kind_ = nullptr;
-};
+  const std::string required((*kind)->required);
+  if (!required.empty() &&
+      std::ranges::find(options, required, &OptionText::key) == options.end()) {
+    faults.Add("the option ", required, " is missing");
+  }
+  table.Read(options, &faults);
+  RIGCAL_RETURN_IF_ERROR(faults.Result());
+  RIGCAL_RETURN_IF_ERROR(spec->Resolve(name, subject));
+  RIGCAL_RETURN_IF_ERROR(ValidateName("camera name", spec->camera()));
+  return spec;
+}
 
 absl::Status SourceFault(std::string_view text, std::string_view why, const SourceKind& kind) {
   return absl::InvalidArgumentError(absl::StrCat("source \"", Shown(text), "\": ", std::string(why),
@@ -180,22 +167,14 @@ absl::StatusOr<std::unique_ptr<SourceSpec>> ParseIn(const std::string& folder,
   if (kind_name.empty()) {
     return SourceFault(text, UnknownKind(rest), *SourceKinds().front());
   }
-  SpecParser parser{std::string(name), folder};
-  auto spec = parser.Parse(*std::ranges::find(SourceKinds(), kind_name, &SourceKind::name),
-                           rest.substr(kind_name.size() + 1), overrides);
+  const SourceKind* kind = *std::ranges::find(SourceKinds(), kind_name, &SourceKind::name);
+  auto spec =
+      ParseBody(std::string(name), folder, rest.substr(kind_name.size() + 1), overrides, &kind);
   if (spec.ok()) return spec;
-  return SourceFault(text, std::string(spec.status().message()), parser.kind());
+  return SourceFault(text, std::string(spec.status().message()), *kind);
 }
 
 }  // namespace
-
-std::string ListOfSourceKinds() {
-  std::vector<std::string> names;
-  for (const SourceKind* kind : SourceKinds()) {
-    if (kind->selector.empty()) names.push_back(absl::StrCat(std::string(kind->name), ":"));
-  }
-  return absl::StrJoin(names, ", ");
-}
 
 bool IsSourceText(std::string_view text) { return !KindNameOf(SplitName(text).second).empty(); }
 

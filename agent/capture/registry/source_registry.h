@@ -3,7 +3,6 @@
 
 #include <memory>
 #include <span>
-#include <string>
 #include <string_view>
 #include <vector>
 
@@ -15,9 +14,6 @@ namespace rigcal::agent {
 
 // Every kind of source, in the order of help and documentation.
 std::span<const SourceKind* const> SourceKinds();
-
-// "csv:, images:, ...": for messages.
-std::string ListOfSourceKinds();
 
 // True for `[NAME=]KIND:...`.
 bool IsSourceText(std::string_view text);

@@ -4,13 +4,10 @@
 #include <limits>
 #include <map>
 #include <mutex>
-#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/source_kind.h"
-#include "common/status/fault_list.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 
@@ -37,11 +34,9 @@ void AddOptions(SimulatedCameraOptions* options, OptionTable* table) {
   AddOptions(&options->simulation, table);
 }
 
-absl::Status SimulatedCameraOptions::Check(std::initializer_list<absl::Status> parts) const {
-  FaultList faults;
+absl::Status SimulatedCameraOptions::Validate(FaultList faults) const {
   if (camera.empty()) faults.Add("the camera's name is empty");
   faults.Add(simulation.Validate());
-  for (const absl::Status& status : parts) faults.Add(status);
   if (camera_index < 0 || camera_index >= simulation.camera_count) {
     faults.Add("camera=", camera_index, ", but the world has cameras 0 to ",
                simulation.camera_count - 1);

@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <initializer_list>
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "agent/capture/paced_source.h"
 #include "common/camera/camera_description.h"
 #include "common/options/option_table.h"
 #include "common/simulation/world/simulated_world.h"
 #include "common/simulation/world/simulation_options.h"
+#include "common/status/status_macros.h"
 #include "common/target/target.h"
+#include "common/time/clock.h"
 
 namespace rigcal::agent {
 
@@ -22,8 +27,8 @@ struct SimulatedCameraOptions {
   SimulationOptions simulation;  // the world; equal options are one world in every process
   double speed = 1;              // multiple of the world's pace, > 0; kMaxSpeed: no waiting
 
-  // With the statuses of a camera's other options. INVALID_ARGUMENT with every fault.
-  absl::Status Check(std::initializer_list<absl::Status> parts) const;
+  // INVALID_ARGUMENT with `faults` of the camera's other options, and every other fault.
+  absl::Status Validate(FaultList faults = {}) const;
 };
 
 void AddOptions(SimulatedCameraOptions* options, OptionTable* table);
@@ -35,5 +40,51 @@ absl::StatusOr<std::shared_ptr<const SimulatedWorld>> SharedWorld(const Simulati
 
 // How the camera is described, whatever the target.
 absl::StatusOr<CameraDescription> DescribeSimulatedCamera(const SimulatedCameraOptions& options);
+
+// What the sources of a simulated camera share. `Options` are SimulatedCameraOptions.
+template <typename Base, typename Options>
+class SimulatedSource : public PacedSource<Base, Options> {
+ public:
+  using PacedSource<Base, Options>::PacedSource;
+  std::vector<ClockSample> TakeClockSamples() override { return std::exchange(clock_samples_, {}); }
+
+ protected:
+  // INVALID_ARGUMENT: the world cannot show this target.
+  absl::Status StartWorld(const Target& target) {
+    RIGCAL_ASSIGN_OR_RETURN(world_, SharedWorld(this->options_.simulation, target));
+    frame_ = 0;
+    clock_epochs_ = {};
+    clock_samples_.clear();
+    this->pacer_.Start();
+    return absl::OkStatus();
+  }
+  const SimulatedCamera& Camera() const {
+    return world_->cameras()[static_cast<size_t>(this->options_.camera_index)];
+  }
+  void SampleClock(int frame) {
+    clock_samples_.push_back(world_->SampleClock(this->options_.camera_index, frame));
+  }
+
+  // For sources with frames: whether there is one more, ...
+  bool HasFrame() const {
+    return world_ != nullptr && frame_ < world_->FrameCount(this->options_.camera_index);
+  }
+  // ... and the step to the next one when this one is due, with a sample of the clock once a
+  // second. False: stopped.
+  bool PassFrame(int64_t time_ns) {
+    if (!this->pacer_.Wait(time_ns)) return false;
+    const int frames_per_sample = std::max(1, static_cast<int>(std::lround(Camera().rate_hz)));
+    if (this->options_.simulation.clock_samples && frame_ % frames_per_sample == 0) {
+      SampleClock(frame_);
+    }
+    ++frame_;
+    return true;
+  }
+
+  std::shared_ptr<const SimulatedWorld> world_;
+  int frame_ = 0;  // the next one
+  ClockEpochCounter clock_epochs_;
+  std::vector<ClockSample> clock_samples_;
+};
 
 }  // namespace rigcal::agent

@@ -6,8 +6,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/simulated/simulated_camera.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
@@ -36,7 +34,10 @@ void AddOptions(SimulatedEventSourceOptions* options, OptionTable* table) {
 }
 
 absl::Status SimulatedEventSourceOptions::Validate() const {
-  return Check({scene.Validate(), rendering.Validate()});
+  FaultList faults;
+  faults.Add(scene.Validate());
+  faults.Add(rendering.Validate());
+  return SimulatedCameraOptions::Validate(std::move(faults));
 }
 
 absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Create(
@@ -49,17 +50,12 @@ absl::StatusOr<std::unique_ptr<SimulatedEventSource>> SimulatedEventSource::Crea
   description.image_size_px = {kWidthPx, kHeightPx};
   if (!options.clock_id.empty()) description.clock.clock_id = options.clock_id;
   RIGCAL_RETURN_IF_ERROR(description.Validate());
-  return std::unique_ptr<SimulatedEventSource>(
-      new SimulatedEventSource(std::move(options), std::move(description)));
+  return std::make_unique<SimulatedEventSource>(std::move(options), std::move(description));
 }
-
-SimulatedEventSource::SimulatedEventSource(SimulatedEventSourceOptions options,
-                                           CameraDescription description)
-    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
 
 absl::Status SimulatedEventSource::Start(const Target& target) {
   renderer_.reset();
-  RIGCAL_ASSIGN_OR_RETURN(world_, SharedWorld(options_.simulation, target));
+  RIGCAL_RETURN_IF_ERROR(StartWorld(target));
   const SimulatedCamera& camera = Camera();
   FrameRenderOptions scene = options_.scene;
   EventRenderOptions rendering = options_.rendering;
@@ -73,13 +69,7 @@ absl::Status SimulatedEventSource::Start(const Target& target) {
   writer_ = {};
   byte_offset_ = 0;
   next_sample_ = 0;
-  clock_samples_.clear();
-  pacer_.Start();
   return absl::OkStatus();
-}
-
-const SimulatedCamera& SimulatedEventSource::Camera() const {
-  return world_->cameras()[static_cast<size_t>(options_.camera_index)];
 }
 
 std::vector<MarkerGroundTruth> SimulatedEventSource::TruthAt(int64_t time_us) const {
@@ -151,14 +141,10 @@ absl::StatusOr<std::optional<EventChunk>> SimulatedEventSource::Next() {
   if (options_.simulation.clock_samples && end_us >= 1'000'000 * next_sample_) {
     const int frame = std::min(world_->FrameCount(options_.camera_index) - 1,
                                static_cast<int>(std::lround(camera.rate_hz * next_sample_)));
-    clock_samples_.push_back(world_->SampleClock(options_.camera_index, frame));
+    SampleClock(frame);
     ++next_sample_;
   }
   return EventChunk{.format = EventFormat::kEvt3, .bytes = bytes_, .byte_offset = byte_offset_};
-}
-
-std::vector<ClockSample> SimulatedEventSource::TakeClockSamples() {
-  return std::exchange(clock_samples_, {});
 }
 
 }  // namespace rigcal::agent

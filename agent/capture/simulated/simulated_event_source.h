@@ -6,16 +6,13 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "agent/capture/pacer.h"
 #include "agent/capture/simulated/simulated_camera.h"
 #include "agent/event/event_source.h"
 #include "agent/event/evt3_writer.h"
 #include "common/simulation/events/event_render_options.h"
 #include "common/simulation/events/event_renderer.h"
 #include "common/simulation/frames/frame_render_options.h"
-#include "common/simulation/world/simulated_world.h"
 
 namespace rigcal::agent {
 
@@ -33,17 +30,14 @@ void AddOptions(SimulatedEventSourceOptions* options, OptionTable* table);
 // The events of an event camera in the pose of one camera of a simulated world, as EVT 3.0 words
 // with times of that camera's clock. The sensor has 1280x720 pixels and the vertical field of view
 // of the frame camera.
-class SimulatedEventSource : public EventSource {
+class SimulatedEventSource : public SimulatedSource<EventSource, SimulatedEventSourceOptions> {
  public:
+  using SimulatedSource::SimulatedSource;
   static absl::StatusOr<std::unique_ptr<SimulatedEventSource>> Create(
       SimulatedEventSourceOptions options);
 
-  const CameraDescription& description() const override { return description_; }
-  // INVALID_ARGUMENT: the world cannot show this target.
   absl::Status Start(const Target& target) override;
   absl::StatusOr<std::optional<EventChunk>> Next() override;
-  void Stop() override { pacer_.Stop(); }
-  std::vector<ClockSample> TakeClockSamples() override;
 
   // Everything before it was emitted, on the camera's clock. Once started.
   int64_t time_us() const { return StampUs(renderer_->time_us()); }
@@ -51,16 +45,10 @@ class SimulatedEventSource : public EventSource {
   std::vector<MarkerGroundTruth> TruthAt(int64_t time_us) const;
 
  private:
-  SimulatedEventSource(SimulatedEventSourceOptions options, CameraDescription description);
-  const SimulatedCamera& Camera() const;
   std::optional<WandPose> WandInCamera(double rig_time_s) const;
   int64_t StampUs(int64_t rig_time_us) const;
   void Encode();
 
-  const SimulatedEventSourceOptions options_;
-  const CameraDescription description_;
-  Pacer pacer_;
-  std::shared_ptr<const SimulatedWorld> world_;
   std::optional<EventRenderer> renderer_;
   Evt3Writer writer_;
   std::vector<SimulatedEvent> events_;
@@ -69,7 +57,6 @@ class SimulatedEventSource : public EventSource {
   std::vector<uint8_t> bytes_;
   uint64_t byte_offset_ = 0;
   int next_sample_ = 0;  // second of the wave
-  std::vector<ClockSample> clock_samples_;
 };
 
 }  // namespace rigcal::agent

@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/capture/simulated/simulated_frame_source.h"
 
-#include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/capture/simulated/simulated_camera.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 
@@ -15,8 +11,6 @@ void AddOptions(SimulatedFrameSourceOptions* options, OptionTable* table) {
   AddOptions(static_cast<SimulatedCameraOptions*>(options), table);
   AddOptions(&options->rendering, table);
 }
-
-absl::Status SimulatedFrameSourceOptions::Validate() const { return Check({rendering.Validate()}); }
 
 absl::StatusOr<std::unique_ptr<SimulatedFrameSource>> SimulatedFrameSource::Create(
     SimulatedFrameSourceOptions options) {
@@ -27,40 +21,25 @@ absl::StatusOr<std::unique_ptr<SimulatedFrameSource>> SimulatedFrameSource::Crea
   description.settings->model = "simulated";
   description.settings->pixel_format = "BGR8";
   description.settings->exposure_s = options.rendering.exposure_s;
-  return std::unique_ptr<SimulatedFrameSource>(
-      new SimulatedFrameSource(std::move(options), std::move(description)));
+  return std::make_unique<SimulatedFrameSource>(std::move(options), std::move(description));
 }
-
-SimulatedFrameSource::SimulatedFrameSource(SimulatedFrameSourceOptions options,
-                                           CameraDescription description)
-    : options_(std::move(options)), description_(std::move(description)), pacer_(options_.speed) {}
 
 absl::Status SimulatedFrameSource::Start(const Target& target) {
   renderer_.reset();
-  RIGCAL_ASSIGN_OR_RETURN(world_, SharedWorld(options_.simulation, target));
+  RIGCAL_RETURN_IF_ERROR(StartWorld(target));
   RIGCAL_ASSIGN_OR_RETURN(renderer_,
                           FrameRenderer::Create(world_, options_.camera_index, options_.rendering));
   bgr_.resize(renderer_->buffer_size());
-  const double rate_hz = world_->cameras()[static_cast<size_t>(options_.camera_index)].rate_hz;
-  frames_per_sample_ = std::max(1, static_cast<int>(std::lround(rate_hz)));
-  frame_ = 0;
-  clock_epochs_ = {};
-  clock_samples_.clear();
   counts_ = {};
-  pacer_.Start();
   return absl::OkStatus();
 }
 
 absl::StatusOr<std::optional<Frame>> SimulatedFrameSource::Next() {
-  if (!renderer_ || frame_ >= world_->FrameCount(options_.camera_index)) return std::nullopt;
+  if (!renderer_ || !HasFrame()) return std::nullopt;
   const int64_t time_ns = world_->Observe(options_.camera_index, frame_).time_ns;
   // Rendered before the wait, so that a camera that is fast enough keeps its pace.
   RIGCAL_RETURN_IF_ERROR(renderer_->Render(frame_, bgr_).status());
-  if (!pacer_.Wait(time_ns)) return std::nullopt;
-  if (options_.simulation.clock_samples && frame_ % frames_per_sample_ == 0) {
-    clock_samples_.push_back(world_->SampleClock(options_.camera_index, frame_));
-  }
-  ++frame_;
+  if (!PassFrame(time_ns)) return std::nullopt;
   ++counts_.received;
   const ImageSize& size = description_.image_size_px;
   return Frame{.image = {.data = bgr_.data(),
@@ -71,10 +50,6 @@ absl::StatusOr<std::optional<Frame>> SimulatedFrameSource::Next() {
                .time_ns = time_ns,
                .clock_epoch = clock_epochs_.EpochOf(time_ns),
                .exposure_s = options_.rendering.exposure_s};
-}
-
-std::vector<ClockSample> SimulatedFrameSource::TakeClockSamples() {
-  return std::exchange(clock_samples_, {});
 }
 
 }  // namespace rigcal::agent

@@ -34,34 +34,24 @@ class SimulatedEventSpec
 
 }  // namespace
 
-extern const SourceKind kSimulatedMarkersSource;
-constinit const SourceKind kSimulatedMarkersSource = {
+extern constinit const SourceKind kSimulatedMarkersSource = {
     .name = "sim",
-    .selector = "",
-    .subject = "",
-    .subject_is_path = false,
     .required = "camera",
     .summary = "a simulated camera: marker centres",
     .example = "sim:camera=0;seed=1;cameras=6;speed=max",
-    .make = MakeSpec<SpecOf<DirectSourceSpec, SimulatedObservationSource, SimulatedSourceOptions>>};
+    .make = MakeSpec<SpecOf<DirectSourceSpec, SimulatedObservationSource, SimulatedCameraOptions>>};
 
-extern const SourceKind kSimulatedFramesSource;
-constinit const SourceKind kSimulatedFramesSource = {
+extern constinit const SourceKind kSimulatedFramesSource = {
     .name = "sim",
     .selector = "pixels",
-    .subject = "",
-    .subject_is_path = false,
     .required = "camera",
     .summary = "a simulated camera: rendered frames",
     .example = "sim:camera=0;pixels=1;cameras=4;lux=50",
     .make = MakeSpec<SpecOf<FrameSourceSpec, SimulatedFrameSource, SimulatedFrameSourceOptions>>};
 
-extern const SourceKind kSimulatedEventsSource;
-constinit const SourceKind kSimulatedEventsSource = {
+extern constinit const SourceKind kSimulatedEventsSource = {
     .name = "sim",
     .selector = "events",
-    .subject = "",
-    .subject_is_path = false,
     .required = "camera",
     .summary = "a simulated event camera",
     .example = "sim:camera=0;events=1;cameras=4;lux=300",

@@ -13,7 +13,7 @@ constexpr int64_t kHost = 500 * kSecond;           // monotonic, when the device
 constexpr int64_t kUtc = 1'700'000'000 * kSecond;  // then
 
 // The frame that the device stamped then and that took this long to come.
-FrameArrival ArrivalAt(int64_t device_ns, int64_t delay_ns = 2 * kMs, int64_t host_ns = kHost) {
+ClockSample ArrivalAt(int64_t device_ns, int64_t delay_ns = 2 * kMs, int64_t host_ns = kHost) {
   return {device_ns, host_ns + device_ns + delay_ns, kUtc + device_ns + delay_ns};
 }
 

@@ -245,9 +245,8 @@ TEST_F(EventObservationSourceTest, ACameraThatWasAwayBeginsAnEpochWhateverItsClo
   description.camera = "left";
   description.image_size_px = {wand.geometry.width, wand.geometry.height};
   description.clock = {.clock_id = "left", .timebase = ""};
-  ASSERT_OK_AND_ASSIGN(auto source,
-                       EventObservationSource::Create(
-                           std::make_unique<InterruptedSource>(description, streams), {}));
+  EventObservationSource interrupted(std::make_unique<InterruptedSource>(description, streams), {});
+  EventObservationSource* const source = &interrupted;
   for (int round = 0; round < 2; ++round) {
     ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("wand:0,0.13,0.39;hz=500"));
     ASSERT_THAT(source->Start(target), IsOk());

@@ -13,10 +13,10 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr int64_t kSecond = 1'000'000'000;
-constexpr PaceSchedule::Clock::time_point kNow{seconds(1000)};
+constexpr Pacer::Clock::time_point kNow{seconds(1000)};
 
-TEST(PaceSchedule, KeepsTheDistanceOfTheRows) {
-  PaceSchedule schedule(1);
+TEST(Pacer, KeepsTheDistanceOfTheRows) {
+  Pacer schedule(1);
   EXPECT_EQ(schedule.DueTime(50 * kSecond, kNow), kNow);
   // A later `now` does not move what is due: a source that was held up catches up.
   EXPECT_EQ(schedule.DueTime(51 * kSecond, kNow + seconds(5)), kNow + seconds(1));
@@ -24,25 +24,24 @@ TEST(PaceSchedule, KeepsTheDistanceOfTheRows) {
   EXPECT_EQ(schedule.DueTime(53 * kSecond, kNow), kNow + seconds(3));
 }
 
-TEST(PaceSchedule, DividesByTheSpeed) {
-  PaceSchedule schedule(4);
+TEST(Pacer, DividesByTheSpeed) {
+  Pacer schedule(4);
   schedule.DueTime(0, kNow);
   EXPECT_EQ(schedule.DueTime(kSecond, kNow), kNow + milliseconds(250));
 }
 
-TEST(PaceSchedule, TakesAStepBackwardsAsDueAtOnce) {
-  PaceSchedule schedule(1);
+TEST(Pacer, TakesAStepBackwardsAsDueAtOnce) {
+  Pacer schedule(1);
   schedule.DueTime(0, kNow);
   schedule.DueTime(2 * kSecond, kNow);
   EXPECT_EQ(schedule.DueTime(kSecond, kNow), kNow + seconds(2));
   EXPECT_EQ(schedule.DueTime(3 * kSecond, kNow), kNow + seconds(4));
 }
 
-TEST(PaceSchedule, ShortensAGapThatADamagedStampMakes) {
-  PaceSchedule schedule(1);
+TEST(Pacer, ShortensAGapThatADamagedStampMakes) {
+  Pacer schedule(1);
   schedule.DueTime(std::numeric_limits<int64_t>::min(), kNow);
-  EXPECT_EQ(schedule.DueTime(std::numeric_limits<int64_t>::max(), kNow),
-            kNow + PaceSchedule::kMaxGap);
+  EXPECT_EQ(schedule.DueTime(std::numeric_limits<int64_t>::max(), kNow), kNow + Pacer::kMaxGap);
 }
 
 TEST(Pacer, StopEndsAWaitAndEveryLaterOne) {

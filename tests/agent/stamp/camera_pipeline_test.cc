@@ -19,6 +19,7 @@ using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
 using ::testing::_;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 const StreamKey kFirst{"s-1", "left", 1};
@@ -179,6 +180,18 @@ TEST(CameraPipeline, TurnsAnExceptionOfItsSourceIntoAReport) {
   ASSERT_TRUE(spooled && spooled->end);
   ASSERT_EQ(spooled->end->report.refused.size(), 1u);
   EXPECT_EQ(spooled->end->report.refused[0].example, "the source failed: driver gave up");
+}
+
+TEST(MakePipelines, RefusesNoCameraAndTwoOfOneName) {
+  MemorySpool spool;
+  EXPECT_THAT(MakePipelines({}, &spool, [] {}),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("--source")));
+  std::vector<std::unique_ptr<ObservationSource>> sources;
+  for (const char* name : {"a", "b", "a"}) {
+    sources.push_back(std::make_unique<ScriptedSource>(name));
+  }
+  EXPECT_THAT(MakePipelines(std::move(sources), &spool, [] {}),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("two cameras are named a")));
 }
 
 }  // namespace

@@ -39,15 +39,14 @@ class ConversationTest : public ::testing::Test {
     left_ = left.get();
     std::vector<std::unique_ptr<ObservationSource>> sources;
     sources.push_back(std::move(left));
-    captures_ = *CaptureControl::Create(std::move(sources), &spool_, [] {});
-    captures_->Start();
-    agent_ = {
-        .spool = &spool_, .captures = captures_.get(), .previews = &previews_, .plan = &plan_};
+    cameras_ = *MakePipelines(std::move(sources), &spool_, [] {});
+    cameras_.at("left")->Start();
+    agent_ = {.spool = &spool_, .cameras = &cameras_, .previews = &previews_, .plan = &plan_};
   }
   ~ConversationTest() override {
     previews_.Shutdown();
     spool_.Shutdown();
-    captures_->Shutdown();
+    cameras_.at("left")->Shutdown();
   }
 
   // A conversation over a new connection; the agent's hello has been sent.
@@ -90,7 +89,7 @@ class ConversationTest : public ::testing::Test {
   UplinkOptions options_;
   MemorySpool spool_;
   ScriptedSource* left_ = nullptr;
-  std::unique_ptr<CaptureControl> captures_;
+  CameraPipelines cameras_;
   PreviewWorker previews_{options_.previews, [] {}};
   DeliveryPlan plan_{&spool_, options_.flush_interval};
   Conversation::Agent agent_;
@@ -207,7 +206,7 @@ TEST_F(ConversationTest, EndsACaptureWhoseSessionEndedBetweenTwoConnections) {
   ASSERT_THAT(second.Handle(Greeting(), now_), IsOk());
   ASSERT_THAT(second.Handle(StartMessage("s-2"), now_), IsOk());
   left_->WaitUntilStarted(2);
-  EXPECT_THAT(captures_->SessionsOf("left"), ElementsAre("s-2"));
+  EXPECT_THAT(cameras_.at("left")->Sessions(), ElementsAre("s-2"));
 }
 
 }  // namespace

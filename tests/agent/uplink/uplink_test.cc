@@ -581,20 +581,5 @@ TEST_F(UplinkTest, DeliversEachObservationOnceInEffectThroughAServersRestart) {
   uplink_->Shutdown(kPatience);
 }
 
-TEST(UplinkOptions, ListsEveryFault) {
-  UplinkOptions options;
-  options.agent_id = "";
-  options.rig = "two words";
-  options.incarnation = 0;
-  options.stream_epoch = 0;
-  options.max_batch_rows = 0;
-  options.highest_wait = milliseconds(1);
-  EXPECT_THAT(options.Validate(),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("agent_id"), HasSubstr("rig"), HasSubstr("incarnation"),
-                             HasSubstr("stream_epoch"), HasSubstr("max_batch_rows"),
-                             HasSubstr("highest_wait"))));
-}
-
 }  // namespace
 }  // namespace rigcal::agent::uplink_test

@@ -35,7 +35,7 @@ TEST(ParseDiscoveryAnswer, NamesTheCameraAsAravisDoes) {
   EXPECT_EQ(camera.model, "acA1300-75gc");
   EXPECT_EQ(camera.serial, "21876543");
   EXPECT_EQ(camera.address, "192.168.1.5");
-  EXPECT_EQ(camera.Description(), "Basler-21876543 (acA1300-75gc, 192.168.1.5)");
+  EXPECT_EQ(DescribeCameras({camera}), "Basler-21876543 (acA1300-75gc, 192.168.1.5)");
 }
 
 TEST(ParseDiscoveryAnswer, TakesFieldsWithoutEnd) {

@@ -48,7 +48,6 @@ TEST(AravisSourceOptions, NamesEachFault) {
       {[](auto* o) { o->packet_size = 100; }, "packet_size"},
       {[](auto* o) { o->packet_size = 70'000; }, "packet_size"},
       {[](auto* o) { o->socket_buffer_bytes = 10; }, "socket_buffer"},
-      {[&](auto* o) { o->blink_hz = nan; }, "blink"},
       {[&](auto* o) { o->latency_s = nan; }, "latency"},
       {[](auto* o) {
          o->exposure_s = 0.03;

@@ -197,15 +197,5 @@ TEST_F(PreviewWorkerTest, EndsWhileSomebodyWaits) {
   EXPECT_FALSE(worker_->TakeAnswer());
 }
 
-TEST(PreviewOptions, NamesEveryFault) {
-  EXPECT_THAT(PreviewOptions{}.Validate(), IsOk());
-  PreviewOptions options;
-  options.max_rate_hz = std::numeric_limits<double>::quiet_NaN();
-  options.max_jpeg_bytes = 10;
-  EXPECT_THAT(options.Validate(),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("max_rate_hz"), HasSubstr("max_jpeg_bytes"))));
-}
-
 }  // namespace
 }  // namespace rigcal::agent::preview_worker_test

@@ -15,23 +15,28 @@ using ::rigcal::testing::TemporaryDirectory;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-TEST(DescribeRecordedCamera, ChecksTheSizeAgainstTheIntrinsics) {
+TEST(DescribeRecordedFrames, ChecksTheSizeAgainstTheIntrinsics) {
   const TemporaryDirectory directory;
   const std::string yaml = directory.WriteFile("c.yaml", kSmallCameraYaml).string();
+  RecordedFramesOptions options;
+  options.camera = "left";
+  options.calibration_path = yaml;
   ASSERT_OK_AND_ASSIGN(const CameraDescription description,
-                       DescribeRecordedCamera("left", yaml, {64, 48}, "a.png"));
+                       DescribeRecordedFrames("images", options, {64, 48}, "a.png"));
   EXPECT_EQ(description.image_size_px, (ImageSize{64, 48}));
   ASSERT_TRUE(description.intrinsics.has_value());
   EXPECT_EQ(description.intrinsics->fx_px, 60);
   EXPECT_EQ(description.clock, (Clock{"left", "recording"}));
-  EXPECT_THAT(DescribeRecordedCamera("left", yaml, {32, 24}, "a.png"),
+  EXPECT_THAT(DescribeRecordedFrames("images", options, {32, 24}, "a.png"),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("camera left"), HasSubstr("a.png is 32x24"),
                              HasSubstr("64x48"), HasSubstr("c.yaml"))));
-  EXPECT_THAT(DescribeRecordedCamera("left", "/nowhere.yaml", {64, 48}, "a.png"),
+  options.calibration_path = "/nowhere.yaml";
+  EXPECT_THAT(DescribeRecordedFrames("images", options, {64, 48}, "a.png"),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("calibration=FILE")));
+  options.calibration_path.clear();
   ASSERT_OK_AND_ASSIGN(const CameraDescription bare,
-                       DescribeRecordedCamera("left", "", {32, 24}, "a.png"));
+                       DescribeRecordedFrames("images", options, {32, 24}, "a.png"));
   EXPECT_FALSE(bare.intrinsics.has_value());
 }
 

@@ -64,7 +64,7 @@ TEST(ParseSourceSpec, TakesEveryPartOfASimulatedSource) {
   ASSERT_OK_AND_ASSIGN(const auto spec,
                        ParseSourceSpec("top=sim:camera=3;seed=7;cameras=8;wand_speed=1.25;"
                                        "offset.2=0.008;speed=10"));
-  const auto& sim = OptionsOf<SimulatedSourceOptions>(*spec);
+  const auto& sim = OptionsOf<SimulatedCameraOptions>(*spec);
   EXPECT_EQ(sim.camera, "top");
   EXPECT_EQ(sim.camera_index, 3);
   EXPECT_EQ(sim.speed, 10);
@@ -105,7 +105,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadSpec{"csv:a.csv;", "\"\" is not KEY=VALUE"},
         BadSpec{"csv:a.csv;centres=round", "centres=round"},
         BadSpec{"csv:a.csv;gamma=2",
-                "unknown option \"gamma\"; known: speed, sigma, calibration, centres"},
+                "unknown option \"gamma\"; known: speed, calibration, sigma, centres"},
         BadSpec{"csv:a.csv;speed=1;speed=2", "speed is given twice"},
         BadSpec{"csv:\xff.csv", "not UTF-8"}, BadSpec{"csv:/data/my camera.csv", "camera name"},
         BadSpec{"a/b=csv:a.csv", "camera name"}, BadSpec{"sim:", "the option camera is missing"},
@@ -190,7 +190,7 @@ TEST(ParseSourceSpec, TellsTheWorldsPartsFromTheFrames) {
   EXPECT_EQ(sim.rendering.clutter, 0.5);
   EXPECT_EQ(frames.detecting.detector.colour.hue_max_deg, 45);
   ASSERT_OK_AND_ASSIGN(const auto without, ParseSourceSpec("sim:camera=1;pixels=0"));
-  EXPECT_EQ(OptionsOf<SimulatedSourceOptions>(*without).camera_index, 1);
+  EXPECT_EQ(OptionsOf<SimulatedCameraOptions>(*without).camera_index, 1);
 }
 
 TEST(ParseSourceSpec, TakesEveryPartOfAGenicamCamera) {
@@ -304,7 +304,6 @@ TEST(SourceKinds, HaveExamplesThatAreRead) {
   for (const SourceKind* kind : SourceKinds()) {
     EXPECT_THAT(ParseSourceSpec(kind->example), IsOk()) << kind->example;
     EXPECT_TRUE(IsSourceText(kind->example));
-    EXPECT_THAT(ListOfSourceKinds(), HasSubstr(std::string(kind->name) + ":"));
     EXPECT_THAT(SourceSummaries(), HasSubstr(std::string(kind->summary)));
   }
   EXPECT_FALSE(IsSourceText("rig/left.csv"));

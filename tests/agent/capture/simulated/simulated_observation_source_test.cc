@@ -17,8 +17,8 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-SimulatedSourceOptions Options(int camera_index = 1) {
-  SimulatedSourceOptions options;
+SimulatedCameraOptions Options(int camera_index = 1) {
+  SimulatedCameraOptions options;
   options.camera = "top";
   options.camera_index = camera_index;
   options.simulation.duration_s = 4;
@@ -46,7 +46,7 @@ Capture RunCapture(SimulatedObservationSource& source) {
 }
 
 TEST(SimulatedObservationSource, YieldsTheFramesOfItsCameraOfTheWorld) {
-  const SimulatedSourceOptions options = Options(2);
+  const SimulatedCameraOptions options = Options(2);
   ASSERT_OK_AND_ASSIGN(auto source, SimulatedObservationSource::Create(options));
   ASSERT_OK_AND_ASSIGN(const auto world, SimulatedWorld::Create(options.simulation, Wand()));
   for (int repetition = 0; repetition < 2; ++repetition) {
@@ -73,7 +73,7 @@ TEST(SimulatedObservationSource, IsItsOwnClockOfTheSimulationsTimeBase) {
 }
 
 TEST(SimulatedObservationSource, SamplesAClockOfItsOwnOncePerSecond) {
-  SimulatedSourceOptions options = Options();
+  SimulatedCameraOptions options = Options();
   options.simulation.clock_samples = true;
   options.simulation.rate_hz = 10;
   options.simulation.camera_rate_hz[1] = 40;
@@ -90,7 +90,7 @@ TEST(SimulatedObservationSource, SamplesAClockOfItsOwnOncePerSecond) {
 }
 
 TEST(SimulatedObservationSource, StopWakesANextThatWaits) {
-  SimulatedSourceOptions options = Options();
+  SimulatedCameraOptions options = Options();
   options.speed = 1e-6;
   ASSERT_OK_AND_ASSIGN(auto source, SimulatedObservationSource::Create(options));
   ASSERT_THAT(source->Start(Wand()), IsOk());
@@ -118,7 +118,7 @@ TEST(SimulatedObservationSource, RefusesACameraTheWorldDoesNotHave) {
   EXPECT_THAT(SimulatedObservationSource::Create(Options(6)),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("camera top"), HasSubstr("camera=6"), HasSubstr("0 to 5"))));
-  SimulatedSourceOptions options = Options(0);
+  SimulatedCameraOptions options = Options(0);
   options.simulation.noise_px = -1;
   EXPECT_THAT(SimulatedObservationSource::Create(options),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("noise")));

@@ -235,16 +235,6 @@ TEST_F(CalibrationRunner, ASessionDeletedBehindItsBackFailsWithItsName) {
   EXPECT_THAT(ended.error, HasSubstr("wave"));
 }
 
-TEST_F(CalibrationRunner, RefusesOptionsThatCannotWork) {
-  server::CalibrationRunnerOptions options;
-  options.max_queued = 0;
-  options.max_attempts = 0;
-  EXPECT_THAT(
-      server::CalibrationRunner::Create(options, &store(), coordinator_.get(), solver_.Function()),
-      StatusIs(absl::StatusCode::kInvalidArgument,
-               AllOf(HasSubstr("max_queued"), HasSubstr("max_attempts"))));
-}
-
 TEST_F(CalibrationRunner, ManyClientsAtOnce) {
   FinishByHand("wave", {"left"});
   std::vector<std::thread> clients;

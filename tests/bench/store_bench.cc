@@ -88,8 +88,6 @@ void Validate(benchmark::State& state) {
 absl::StatusOr<StreamContext> OneContext(const StreamKey&) {
   return StreamContext{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
 }
-}
-};
 
 // One sender that keeps at most 512 batches of 16 rows unacknowledged.
 void Ingest(benchmark::State& state) {

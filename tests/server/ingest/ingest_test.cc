@@ -41,8 +41,6 @@ absl::StatusOr<StreamContext> ContextOf(const StreamKey& stream) {
   if (stream.session_id == "s-created") return absl::FailedPreconditionError("not started");
   return StreamContext{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
 }
-}
-};
 
 Delivery MakeDelivery(const StreamKey& stream, uint32_t first_seq, uint32_t last_seq) {
   return {.batch = MakeBatch(stream, first_seq, last_seq)};

@@ -14,7 +14,6 @@
 namespace rigcal::testing::calibration_runner_test {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;

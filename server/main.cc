@@ -8,18 +8,12 @@
 #include <chrono>
 #include <cstdio>
 #include <fstream>
-#include <memory>
 #include <string>
 
 #include "common/config/server_config.h"
 #include "common/status/status_macros.h"
 #include "common/wire/protocol_version.h"
-#include "server/ingest/ingest.h"
-#include "server/rpc/grpc_log.h"
 #include "server/rpc/rpc_server.h"
-#include "server/session/agent_directory.h"
-#include "server/session/calibration_runner.h"
-#include "server/session/session_coordinator.h"
 #include "server/solve/calibrate.h"
 #include "server/store/factory/open_store.h"
 
@@ -72,82 +66,59 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
-AgentDirectoryOptions DirectoryOptions(const ServerLimits& limits) {
-  AgentDirectoryOptions options;
-  options.max_connected_agents = limits.max_agents;
-  options.max_cameras_per_agent = limits.max_cameras_per_agent;
-  return options;
-}
-
-SessionCoordinatorOptions CoordinatorOptions(const ServerLimits& limits) {
-  SessionCoordinatorOptions options;
-  options.max_sessions = limits.max_sessions;
-  options.max_cameras_per_session = limits.max_cameras_per_session;
-  options.max_watches = limits.max_watches;
-  options.send_window = limits.send_window_rows;
-  return options;
-}
-
-IngestOptions QueueOptions(const ServerLimits& limits) {
-  IngestOptions options;
-  options.queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20;
-  options.send_window = limits.send_window_rows;
-  return options;
-}
-
-CalibrationRunnerOptions RunnerOptions(const ServerLimits& limits) {
-  CalibrationRunnerOptions options;
-  options.max_queued = limits.max_queued_calibrations;
-  options.max_observations = limits.max_calibration_observations;
-  options.max_watches = limits.max_watches;
-  options.software_version = std::string(wire::kSoftwareVersion);
-  return options;
-}
-
 RpcServerOptions RpcOptions(const ServerConfig& config) {
   const ServerLimits& limits = config.limits;
-  RpcServerOptions options;
-  options.listen_address = config.listen;
-  // More than agents, for streams that have not sent their hello or are being replaced.
-  options.agents.max_streams = size_t{limits.max_agents} + 64;
-  options.memory_limit_bytes = size_t{limits.rpc_memory_mb} << 20;
-  // Every watch holds a thread; the rest is for calls that are answered at once.
-  options.max_threads = static_cast<int>(2 * limits.max_watches) + 64;
-  options.ingest_queue_limit_bytes = QueueOptions(limits).queue_limit_bytes;
-  return options;
+  return {.listen_address = config.listen,
+          // More than agents, for streams that have not sent their hello or are being replaced.
+          .agents = {.max_streams = size_t{limits.max_agents} + 64},
+          .memory_limit_bytes = size_t{limits.rpc_memory_mb} << 20,
+          // Every watch holds a thread; the rest is for calls that are answered at once.
+          .max_threads = static_cast<int>(2 * limits.max_watches) + 64,
+          .ingest_queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20};
 }
 
 absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   const sigset_t stop_signals = BlockStopSignals();
-  RouteGrpcLog();
   // A file left by an earlier run must not be mistaken for this one's.
   if (!port_file.empty()) std::remove(port_file.c_str());
   const ServerLimits& limits = config.limits;
   RIGCAL_RETURN_IF_ERROR(CheckLoopback(config.listen));
   RIGCAL_ASSIGN_OR_RETURN(const auto store, OpenStore(config.data_dir));
-  AgentDirectory directory(DirectoryOptions(limits));
+  AgentDirectory directory({.max_connected_agents = limits.max_agents,
+                            .max_cameras_per_agent = limits.max_cameras_per_agent});
   RIGCAL_ASSIGN_OR_RETURN(
       const auto coordinator,
-      SessionCoordinator::Create(CoordinatorOptions(limits), store.get(), &directory));
+      SessionCoordinator::Create({.max_sessions = limits.max_sessions,
+                                  .max_cameras_per_session = limits.max_cameras_per_session,
+                                  .max_watches = limits.max_watches,
+                                  .send_window = limits.send_window_rows},
+                                 store.get(), &directory));
+  const auto find_context = [&](const StreamKey& stream) {
+    return coordinator->contexts().GetStreamContext(stream);
+  };
   const auto report_progress = [&](const StreamKey& stream, const AppendOutcome& outcome) {
     coordinator->RecordProgress(stream, outcome);
   };
-  RIGCAL_ASSIGN_OR_RETURN(const auto ingest, Ingest::Create(QueueOptions(limits), store.get(),
-                                                            coordinator.get(), report_progress));
+  Ingest ingest({.queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20,
+                 .send_window = limits.send_window_rows},
+                store.get(), find_context, report_progress);
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
-      CalibrationRunner::Create(RunnerOptions(limits), store.get(), coordinator.get(), Calibrate));
-  const RpcServerParts parts{.store = store.get(),
-                             .ingest = ingest.get(),
-                             .directory = &directory,
-                             .coordinator = coordinator.get(),
-                             .runner = runner.get()};
-  RIGCAL_ASSIGN_OR_RETURN(const auto rpc, RpcServer::Create(RpcOptions(config), parts));
+      CalibrationRunner::Create({.max_queued = limits.max_queued_calibrations,
+                                 .max_observations = limits.max_calibration_observations,
+                                 .max_watches = limits.max_watches,
+                                 .software_version = std::string(wire::kSoftwareVersion)},
+                                store.get(), coordinator.get(), Calibrate));
+  RpcServer rpc(RpcOptions(config), {.store = store.get(),
+                                     .ingest = &ingest,
+                                     .directory = &directory,
+                                     .coordinator = coordinator.get(),
+                                     .runner = runner.get()});
 
   coordinator->Start();
-  ingest->Start();
+  ingest.Start();
   runner->Start();
-  RIGCAL_ASSIGN_OR_RETURN(const int port, rpc->Start());
+  RIGCAL_ASSIGN_OR_RETURN(const int port, rpc.Start());
   if (!port_file.empty()) RIGCAL_RETURN_IF_ERROR(WritePortFile(port_file, port));
   spdlog::info("rigcal-server {} listens on {} (port {}), data in {}",
                std::string(wire::kSoftwareVersion), config.listen, port, config.data_dir);
@@ -156,8 +127,8 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   sigwait(&stop_signals, &received);
   spdlog::info("stopping on signal {}", received);
   // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.
-  rpc->Shutdown(std::chrono::seconds(2));
-  ingest->Shutdown();
+  rpc.Shutdown(std::chrono::seconds(2));
+  ingest.Shutdown();
   runner->Shutdown();
   coordinator->Shutdown();
   spdlog::info("stopped");

@@ -80,15 +80,6 @@ v1::StreamPosition ToProto(const StreamPosition& position) {
   return proto;
 }
 
-absl::StatusOr<StreamPosition> FromProto(const v1::StreamPosition& proto) {
-  StreamPosition position;
-  RIGCAL_ASSIGN_OR_RETURN(position.stream, FromProto(proto.stream()));
-  position.durable_seq = proto.durable_seq();
-  position.send_limit_seq = proto.send_limit_seq();
-  position.unknown = proto.unknown();
-  return position;
-}
-
 v1::StartCapture ToProto(const StartCaptureCommand& command) {
   v1::StartCapture proto;
   proto.set_session_id(command.session_id);

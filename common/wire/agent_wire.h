@@ -14,7 +14,6 @@ absl::StatusOr<AgentHello> FromProto(const v1::AgentHello& proto);
 v1::Agent ToProto(const AgentRecord& agent);
 
 v1::StreamPosition ToProto(const StreamPosition& position);
-absl::StatusOr<StreamPosition> FromProto(const v1::StreamPosition& proto);
 v1::StartCapture ToProto(const StartCaptureCommand& command);
 
 }  // namespace rigcal::wire

@@ -30,6 +30,12 @@ static_assert(static_cast<int>(FindingSeverity::kInfo) == v1::FINDING_SEVERITY_I
 static_assert(static_cast<int>(FindingSeverity::kWarning) == v1::FINDING_SEVERITY_WARNING);
 static_assert(static_cast<int>(FindingSeverity::kError) == v1::FINDING_SEVERITY_ERROR);
 
+// Between a vector and a repeated field.
+template <typename From, typename To>
+void Copy(const From& from, To* to) {
+  *to = To(from.begin(), from.end());
+}
+
 v1::ErrorFigures ToProto(const ErrorFigures& figures) {
   v1::ErrorFigures proto;
   proto.set_mean_px(figures.mean_px);
@@ -54,12 +60,8 @@ v1::Residuals ToProto(const Residuals& residuals) {
 }
 
 Residuals FromProto(const v1::Residuals& proto) {
-  Residuals residuals;
-  residuals.all = FromProto(proto.all());
-  residuals.inlier = FromProto(proto.inlier());
-  residuals.observation_count = proto.observation_count();
-  residuals.outlier_count = proto.outlier_count();
-  return residuals;
+  return {FromProto(proto.all()), FromProto(proto.inlier()), proto.observation_count(),
+          proto.outlier_count()};
 }
 
 v1::CameraUncertainty ToProto(const CameraUncertainty& uncertainty) {
@@ -68,20 +70,16 @@ v1::CameraUncertainty ToProto(const CameraUncertainty& uncertainty) {
   *proto.mutable_position_sigma_m() = wire::ToProto(uncertainty.position_sigma_m);
   proto.set_time_offset_sigma_s(uncertainty.time_offset_sigma_s);
   proto.set_time_rate_sigma_ppm(uncertainty.time_rate_sigma_ppm);
-  proto.mutable_intrinsics_sigma()->Assign(uncertainty.intrinsics_sigma.begin(),
-                                           uncertainty.intrinsics_sigma.end());
+  Copy(uncertainty.intrinsics_sigma, proto.mutable_intrinsics_sigma());
   return proto;
 }
 
 CameraUncertainty FromProto(const v1::CameraUncertainty& proto) {
-  CameraUncertainty uncertainty;
-  uncertainty.rotation_sigma_rad = wire::FromProto(proto.rotation_sigma_rad());
-  uncertainty.position_sigma_m = wire::FromProto(proto.position_sigma_m());
-  uncertainty.time_offset_sigma_s = proto.time_offset_sigma_s();
-  uncertainty.time_rate_sigma_ppm = proto.time_rate_sigma_ppm();
-  uncertainty.intrinsics_sigma.assign(proto.intrinsics_sigma().begin(),
-                                      proto.intrinsics_sigma().end());
-  return uncertainty;
+  return {wire::FromProto(proto.rotation_sigma_rad()),
+          wire::FromProto(proto.position_sigma_m()),
+          proto.time_offset_sigma_s(),
+          proto.time_rate_sigma_ppm(),
+          {proto.intrinsics_sigma().begin(), proto.intrinsics_sigma().end()}};
 }
 
 void FillCamera(const CalibratedCamera& camera, v1::CalibratedCamera* proto) {
@@ -126,11 +124,9 @@ absl::StatusOr<CalibratedCamera> CameraFromProto(const v1::CalibratedCamera& pro
 
 void FillTarget(const CalibratedTarget& target, v1::CalibratedTarget* proto) {
   *proto->mutable_given() = wire::ToProto(target.given);
-  proto->mutable_marker_positions_m()->Assign(target.marker_positions_m.begin(),
-                                              target.marker_positions_m.end());
+  Copy(target.marker_positions_m, proto->mutable_marker_positions_m());
   proto->set_marker_positions_estimated(target.marker_positions_estimated);
-  proto->mutable_marker_position_sigma_m()->Assign(target.marker_position_sigma_m.begin(),
-                                                   target.marker_position_sigma_m.end());
+  Copy(target.marker_position_sigma_m, proto->mutable_marker_position_sigma_m());
   proto->set_scale_sigma_rel(target.scale_sigma_rel);
   proto->set_length_error_rms_m(target.length_error_rms_m);
   for (const SpanError& span : target.spans) {
@@ -147,11 +143,9 @@ void FillTarget(const CalibratedTarget& target, v1::CalibratedTarget* proto) {
 absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& proto) {
   CalibratedTarget target;
   RIGCAL_ASSIGN_OR_RETURN(target.given, wire::FromProto(proto.given()));
-  target.marker_positions_m.assign(proto.marker_positions_m().begin(),
-                                   proto.marker_positions_m().end());
+  Copy(proto.marker_positions_m(), &target.marker_positions_m);
   target.marker_positions_estimated = proto.marker_positions_estimated();
-  target.marker_position_sigma_m.assign(proto.marker_position_sigma_m().begin(),
-                                        proto.marker_position_sigma_m().end());
+  Copy(proto.marker_position_sigma_m(), &target.marker_position_sigma_m);
   target.scale_sigma_rel = proto.scale_sigma_rel();
   target.length_error_rms_m = proto.length_error_rms_m();
   for (const v1::SpanError& span : proto.spans()) {
@@ -180,9 +174,7 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   }
   proto->set_observation_digest(result.observation_digest);
   proto->mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(result.quality.grade));
-  for (const std::string& reason : result.quality.reasons) {
-    proto->mutable_quality()->add_reasons(reason);
-  }
+  Copy(result.quality.reasons, proto->mutable_quality()->mutable_reasons());
   proto->mutable_run()->set_iteration_count(result.iteration_count);
   if (result.wand_volume) {
     *proto->mutable_wand_volume()->mutable_min_m() = wire::ToProto(result.wand_volume->min_m);
@@ -231,7 +223,7 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
     return absl::InvalidArgumentError("quality.grade: not a known grade");
   }
   result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
-  result.quality.reasons.assign(proto.quality().reasons().begin(), proto.quality().reasons().end());
+  Copy(proto.quality().reasons(), &result.quality.reasons);
   result.iteration_count = proto.run().iteration_count();
   if (proto.has_wand_volume()) {
     result.wand_volume = {wire::FromProto(proto.wand_volume().min_m()),
@@ -293,7 +285,7 @@ v1::Calibration ToProto(const Calibration& calibration) {
   proto.set_id(calibration.id);
   proto.set_rig(calibration.rig);
   proto.set_version(calibration.version);
-  for (const std::string& session : calibration.session_ids) proto.add_session_ids(session);
+  Copy(calibration.session_ids, proto.mutable_session_ids());
   proto.set_state(static_cast<v1::Calibration::State>(calibration.state));
   proto.set_error(calibration.error);
   proto.mutable_progress()->set_stage(
@@ -321,7 +313,7 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   calibration.id = proto.id();
   calibration.rig = proto.rig();
   calibration.version = proto.version();
-  calibration.session_ids.assign(proto.session_ids().begin(), proto.session_ids().end());
+  Copy(proto.session_ids(), &calibration.session_ids);
   if (proto.state() < v1::Calibration::STATE_QUEUED ||
       proto.state() > v1::Calibration::STATE_FAILED) {
     return absl::InvalidArgumentError(
@@ -342,9 +334,9 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
     }
   }
   const v1::CalibrationRun& run = proto.run();
-  if (run.has_create_time()) calibration.create_utc_ns = FromTimestamp(run.create_time());
-  if (run.has_start_time()) calibration.start_utc_ns = FromTimestamp(run.start_time());
-  if (run.has_end_time()) calibration.end_utc_ns = FromTimestamp(run.end_time());
+  calibration.create_utc_ns = FromTimestamp(run.create_time());
+  calibration.start_utc_ns = FromTimestamp(run.start_time());
+  calibration.end_utc_ns = FromTimestamp(run.end_time());
   calibration.duration_s = SecondsOf(run.solve_duration());
   calibration.software_version = run.software_version();
   return calibration;
@@ -360,7 +352,7 @@ std::string SerializeCalibration(const Calibration& calibration) {
     *stored.mutable_calibration() = ToProto(calibration);
     if (calibration.result && !calibration.result->camera_covariance.empty()) {
       const std::vector<double>& packed = calibration.result->camera_covariance;
-      stored.mutable_camera_covariance()->mutable_packed()->Assign(packed.begin(), packed.end());
+      Copy(packed, stored.mutable_camera_covariance()->mutable_packed());
     }
     stored.set_attempt_count(calibration.attempt_count);
     stored.SerializeToCodedStream(&output);
@@ -376,8 +368,7 @@ absl::StatusOr<Calibration> ParseCalibration(std::string_view bytes) {
   RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, FromProto(stored.calibration()));
   calibration.attempt_count = stored.attempt_count();
   if (calibration.result) {
-    calibration.result->camera_covariance.assign(stored.camera_covariance().packed().begin(),
-                                                 stored.camera_covariance().packed().end());
+    Copy(stored.camera_covariance().packed(), &calibration.result->camera_covariance);
   }
   return calibration;
 }

@@ -39,19 +39,15 @@ v1::Intrinsics ToProto(const Intrinsics& intrinsics) {
 }
 
 absl::StatusOr<Intrinsics> FromProto(const v1::Intrinsics& proto) {
-  Intrinsics intrinsics;
-  switch (proto.model()) {
-    case v1::Intrinsics::MODEL_BROWN_CONRADY:
-    case v1::Intrinsics::MODEL_RATIONAL:
-    case v1::Intrinsics::MODEL_FISHEYE:
-      intrinsics.model = static_cast<DistortionModel>(proto.model());
-      break;
-    default:
-      return absl::InvalidArgumentError(
-          absl::StrCat("model: ", static_cast<int>(proto.model()),
-                       " is no distortion model; known are MODEL_BROWN_CONRADY, MODEL_RATIONAL, "
-                       "MODEL_FISHEYE"));
+  if (!v1::Intrinsics::Model_IsValid(proto.model()) ||
+      proto.model() == v1::Intrinsics::MODEL_UNSPECIFIED) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("model: ", static_cast<int>(proto.model()),
+                     " is no distortion model; known are MODEL_BROWN_CONRADY, MODEL_RATIONAL, "
+                     "MODEL_FISHEYE"));
   }
+  Intrinsics intrinsics;
+  intrinsics.model = static_cast<DistortionModel>(proto.model());
   intrinsics.fx_px = proto.fx_px();
   intrinsics.fy_px = proto.fy_px();
   intrinsics.cx_px = proto.cx_px();
@@ -104,17 +100,12 @@ absl::StatusOr<CameraDescription> FromProto(const v1::CameraDescription& proto) 
   }
   camera.clock = {proto.clock().clock_id(), proto.clock().timebase()};
   camera.latency_s = proto.latency_s();
-  switch (proto.sensor()) {
-    case v1::CameraDescription::SENSOR_UNSPECIFIED:
-    case v1::CameraDescription::SENSOR_FRAME:
-    case v1::CameraDescription::SENSOR_EVENT:
-      camera.sensor = static_cast<SensorKind>(proto.sensor());
-      break;
-    default:
-      return absl::InvalidArgumentError(absl::StrCat("camera ", camera.camera,
-                                                     ": sensor: ", static_cast<int>(proto.sensor()),
-                                                     " is not a known kind of sensor"));
+  if (!v1::CameraDescription::Sensor_IsValid(proto.sensor())) {
+    return absl::InvalidArgumentError(absl::StrCat("camera ", camera.camera,
+                                                   ": sensor: ", static_cast<int>(proto.sensor()),
+                                                   " is not a known kind of sensor"));
   }
+  camera.sensor = static_cast<SensorKind>(proto.sensor());
   camera.source = proto.source();
   if (proto.has_settings()) camera.settings = FromProto(proto.settings());
   RIGCAL_RETURN_IF_ERROR(camera.Validate());
@@ -168,15 +159,11 @@ v1::Target ToProto(const Target& target) {
 }
 
 absl::StatusOr<Target> FromProto(const v1::Target& proto) {
-  Target target;
-  switch (proto.kind()) {
-    case v1::Target::KIND_WAND:
-    case v1::Target::KIND_POINT:
-      target.kind = static_cast<TargetKind>(proto.kind());
-      break;
-    default:
-      return absl::InvalidArgumentError("target.kind: must be KIND_WAND or KIND_POINT");
+  if (proto.kind() != v1::Target::KIND_WAND && proto.kind() != v1::Target::KIND_POINT) {
+    return absl::InvalidArgumentError("target.kind: must be KIND_WAND or KIND_POINT");
   }
+  Target target;
+  target.kind = static_cast<TargetKind>(proto.kind());
   target.marker_positions_m.assign(proto.marker_positions_m().begin(),
                                    proto.marker_positions_m().end());
   target.diameter_m = proto.diameter_m();

@@ -14,16 +14,32 @@ absl::Status Fault(absl::string_view message) {
   return absl::InvalidArgumentError(absl::StrCat("batch.", message));
 }
 
-absl::Status CheckKey(absl::string_view session_id, absl::string_view camera,
-                      uint32_t stream_epoch) {
-  RIGCAL_RETURN_IF_ERROR(ValidateName("session_id", {session_id.data(), session_id.size()}));
-  RIGCAL_RETURN_IF_ERROR(ValidateName("camera", {camera.data(), camera.size()}));
-  if (stream_epoch == 0) return absl::InvalidArgumentError("stream_epoch: must be at least 1");
-  return absl::OkStatus();
+// The key of a message that has its three fields itself. Errors begin with `path` and the field.
+template <typename Proto>
+absl::StatusOr<StreamKey> ReadKey(const Proto& proto, absl::string_view path) {
+  absl::Status status = ValidateName("session_id", proto.session_id());
+  if (status.ok()) status = ValidateName("camera", proto.camera());
+  if (status.ok() && proto.stream_epoch() == 0) {
+    status = absl::InvalidArgumentError("stream_epoch: must be at least 1");
+  }
+  if (!status.ok()) return absl::InvalidArgumentError(absl::StrCat(path, status.message()));
+  return StreamKey{proto.session_id(), proto.camera(), proto.stream_epoch()};
+}
+
+template <typename Proto>
+void WriteKey(const StreamKey& stream, Proto* proto) {
+  proto->set_session_id(stream.session_id);
+  proto->set_camera(stream.camera);
+  proto->set_stream_epoch(stream.stream_epoch);
 }
 
 // Largest count that an agent can report: its sums over all streams stay within 64 bits.
 uint64_t Limited(uint64_t count) { return std::min(count, uint64_t{1} << 40); }
+
+// Its number is that of the outcome.
+const google::protobuf::FieldDescriptor* FieldOf(DetectionOutcome outcome) {
+  return v1::DetectionCounts::descriptor()->FindFieldByNumber(static_cast<int>(outcome));
+}
 
 template <typename T, typename Repeated>
 void Copy(const Repeated& from, std::vector<T>* to) {
@@ -73,12 +89,8 @@ void ClearInvisibleMarkers(ObservationBatch* batch) {
 }  // namespace
 
 absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
-  if (absl::Status key = CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch());
-      !key.ok()) {
-    return Fault(absl::StrCat("key: ", key.message()));
-  }
   ObservationBatch batch;
-  batch.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
+  RIGCAL_ASSIGN_OR_RETURN(batch.stream, ReadKey(proto, "batch.key: "));
   batch.first_seq = proto.first_seq();
   batch.clock_epoch = proto.clock_epoch();
   batch.marker_count = proto.marker_count();
@@ -111,9 +123,7 @@ absl::StatusOr<ObservationBatch> FromProto(const v1::ObservationBatch& proto) {
 
 void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto) {
   proto->Clear();
-  proto->set_session_id(batch.stream.session_id);
-  proto->set_camera(batch.stream.camera);
-  proto->set_stream_epoch(batch.stream.stream_epoch);
+  WriteKey(batch.stream, proto);
   proto->set_first_seq(batch.first_seq);
   proto->set_clock_epoch(batch.clock_epoch);
   proto->set_marker_count(batch.marker_count);
@@ -155,16 +165,11 @@ void ToProto(const ObservationBatch& batch, v1::ObservationBatch* proto) {
 
 v1::StreamKey ToProto(const StreamKey& stream) {
   v1::StreamKey proto;
-  proto.set_session_id(stream.session_id);
-  proto.set_camera(stream.camera);
-  proto.set_stream_epoch(stream.stream_epoch);
+  WriteKey(stream, &proto);
   return proto;
 }
 
-absl::StatusOr<StreamKey> FromProto(const v1::StreamKey& proto) {
-  RIGCAL_RETURN_IF_ERROR(CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch()));
-  return StreamKey{proto.session_id(), proto.camera(), proto.stream_epoch()};
-}
+absl::StatusOr<StreamKey> FromProto(const v1::StreamKey& proto) { return ReadKey(proto, ""); }
 
 // The C++ enum is made from the proto's, with the same numbers.
 v1::RefusalReason ToProto(RefusalReason reason) { return static_cast<v1::RefusalReason>(reason); }
@@ -203,33 +208,23 @@ FrameCounts FromProto(const v1::FrameCounts& proto) {
 
 v1::DetectionCounts ToProto(const DetectionCounts& counts) {
   v1::DetectionCounts proto;
-  proto.set_wand(counts.Of(DetectionOutcome::kWand));
-  proto.set_no_blob(counts.Of(DetectionOutcome::kNoBlob));
-  proto.set_no_wand(counts.Of(DetectionOutcome::kNoWand));
-  proto.set_ambiguous(counts.Of(DetectionOutcome::kAmbiguous));
-  proto.set_too_many_blobs(counts.Of(DetectionOutcome::kTooManyBlobs));
-  proto.set_black(counts.Of(DetectionOutcome::kBlack));
-  proto.set_saturated(counts.Of(DetectionOutcome::kSaturated));
+  for (const DetectionOutcome outcome : kDetectionOutcomes) {
+    proto.GetReflection()->SetUInt64(&proto, FieldOf(outcome), counts.Of(outcome));
+  }
   return proto;
 }
 
 DetectionCounts FromProto(const v1::DetectionCounts& proto) {
   DetectionCounts counts;
-  counts.Add(DetectionOutcome::kWand, Limited(proto.wand()));
-  counts.Add(DetectionOutcome::kNoBlob, Limited(proto.no_blob()));
-  counts.Add(DetectionOutcome::kNoWand, Limited(proto.no_wand()));
-  counts.Add(DetectionOutcome::kAmbiguous, Limited(proto.ambiguous()));
-  counts.Add(DetectionOutcome::kTooManyBlobs, Limited(proto.too_many_blobs()));
-  counts.Add(DetectionOutcome::kBlack, Limited(proto.black()));
-  counts.Add(DetectionOutcome::kSaturated, Limited(proto.saturated()));
+  for (const DetectionOutcome outcome : kDetectionOutcomes) {
+    counts.Add(outcome, Limited(proto.GetReflection()->GetUInt64(proto, FieldOf(outcome))));
+  }
   return counts;
 }
 
 v1::CameraReport ToProto(const CameraReport& report) {
   v1::CameraReport proto;
-  proto.set_session_id(report.stream.session_id);
-  proto.set_camera(report.stream.camera);
-  proto.set_stream_epoch(report.stream.stream_epoch);
+  WriteKey(report.stream, &proto);
   proto.set_observation_count(report.observation_count);
   for (const Refusal& refusal : report.refused) *proto.add_refused() = ToProto(refusal);
   if (report.frames) *proto.mutable_frames() = ToProto(*report.frames);
@@ -238,10 +233,6 @@ v1::CameraReport ToProto(const CameraReport& report) {
 }
 
 absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto) {
-  if (absl::Status key = CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch());
-      !key.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat("report.", key.message()));
-  }
   // A source has a few reasons; a report with thousands is a fault, not information.
   constexpr int kMaxReasons = 256;
   constexpr size_t kMaxText = 1024;
@@ -250,7 +241,7 @@ absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto) {
         absl::StrCat("report.refused: ", proto.refused_size(), " entries, at most ", kMaxReasons));
   }
   CameraReport report;
-  report.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
+  RIGCAL_ASSIGN_OR_RETURN(report.stream, ReadKey(proto, "report."));
   report.observation_count = Limited(proto.observation_count());
   for (const v1::RefusalCount& refusal : proto.refused()) {
     Refusal& added = report.refused.emplace_back(FromProto(refusal));
@@ -263,21 +254,15 @@ absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto) {
 
 v1::EndOfCapture ToProto(const EndOfCapture& end) {
   v1::EndOfCapture proto;
-  proto.set_session_id(end.stream.session_id);
-  proto.set_camera(end.stream.camera);
-  proto.set_stream_epoch(end.stream.stream_epoch);
+  WriteKey(end.stream, &proto);
   proto.set_last_seq(end.last_seq);
   *proto.mutable_report() = ToProto(end.report);
   return proto;
 }
 
 absl::StatusOr<EndOfCapture> FromProto(const v1::EndOfCapture& proto) {
-  if (absl::Status key = CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch());
-      !key.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat("end_of_capture.", key.message()));
-  }
   EndOfCapture end;
-  end.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
+  RIGCAL_ASSIGN_OR_RETURN(end.stream, ReadKey(proto, "end_of_capture."));
   end.last_seq = proto.last_seq();
   end.report.stream = end.stream;
   if (proto.has_report()) {
@@ -291,9 +276,7 @@ absl::StatusOr<EndOfCapture> FromProto(const v1::EndOfCapture& proto) {
 
 v1::BatchAck ToProto(const BatchAck& ack) {
   v1::BatchAck proto;
-  proto.set_session_id(ack.stream.session_id);
-  proto.set_camera(ack.stream.camera);
-  proto.set_stream_epoch(ack.stream.stream_epoch);
+  WriteKey(ack.stream, &proto);
   proto.set_durable_seq(ack.durable_seq);
   proto.set_send_limit_seq(ack.send_limit_seq);
   for (const ObservationFault& fault : ack.faults) {
@@ -308,9 +291,8 @@ v1::BatchAck ToProto(const BatchAck& ack) {
 }
 
 absl::StatusOr<BatchAck> FromProto(const v1::BatchAck& proto) {
-  RIGCAL_RETURN_IF_ERROR(CheckKey(proto.session_id(), proto.camera(), proto.stream_epoch()));
   BatchAck ack;
-  ack.stream = {proto.session_id(), proto.camera(), proto.stream_epoch()};
+  RIGCAL_ASSIGN_OR_RETURN(ack.stream, ReadKey(proto, ""));
   ack.durable_seq = proto.durable_seq();
   ack.send_limit_seq = proto.send_limit_seq();
   for (const v1::ObservationFault& fault : proto.faults()) {

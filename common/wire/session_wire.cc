@@ -2,7 +2,6 @@
 #include "common/wire/session_wire.h"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -67,10 +66,6 @@ v1::Session OwnFields(const Session& session) {
   return proto;
 }
 
-int64_t TimeOrZero(bool has, const google::protobuf::Timestamp& timestamp) {
-  return has ? FromTimestamp(timestamp) : 0;
-}
-
 }  // namespace
 
 v1::Session ToProto(const Session& session, const std::vector<SessionCameraCounts>& counts,
@@ -100,46 +95,19 @@ v1::Session ToProto(const Session& session, const std::vector<SessionCameraCount
 }
 
 absl::StatusOr<Session> FromProto(const v1::CreateSessionRequest& proto) {
-  constexpr size_t kMaxTitle = 200;
-  constexpr int kMaxCameras = 256;
   Session session;
   session.id = proto.id();
-  if (!session.id.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("session id", session.id));
   session.rig = proto.rig().empty() ? "rig" : proto.rig();
-  RIGCAL_RETURN_IF_ERROR(ValidateName("rig", session.rig));
   session.title = proto.title();
-  if (session.title.size() > kMaxTitle) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("title: ", session.title.size(), " bytes, at most ", kMaxTitle));
-  }
   if (!proto.has_target()) {
     return absl::InvalidArgumentError("target: missing; give one such as wand:0,0.13,0.39");
   }
   RIGCAL_ASSIGN_OR_RETURN(session.target, FromProto(proto.target()));
-  if (proto.cameras_size() > kMaxCameras || proto.camera_names_size() > kMaxCameras) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("cameras: more than ", kMaxCameras, " in one session"));
-  }
-  std::set<std::string> names;
-  for (const std::string& name : proto.camera_names()) {
-    RIGCAL_RETURN_IF_ERROR(ValidateName("camera_names", name));
-    if (!names.insert(name).second) {
-      return absl::InvalidArgumentError(absl::StrCat("camera_names: ", name, " is named twice"));
-    }
-    session.requested_cameras.push_back(name);
-  }
+  session.requested_cameras.assign(proto.camera_names().begin(), proto.camera_names().end());
   for (const v1::CameraDescription& camera : proto.cameras()) {
     RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, FromProto(camera));
-    if (!names.insert(description.camera).second) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("cameras: ", description.camera, " is named twice"));
-    }
     session.cameras.push_back({std::move(description), ""});
   }
-  std::sort(session.cameras.begin(), session.cameras.end(),
-            [](const SessionCamera& a, const SessionCamera& b) {
-              return a.description.camera < b.description.camera;
-            });
   return session;
 }
 
@@ -165,11 +133,11 @@ absl::StatusOr<Session> ParseSession(std::string_view bytes) {
     RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, FromProto(camera.description()));
     session.cameras.push_back({std::move(description), camera.agent_id()});
   }
-  session.create_utc_ns = TimeOrZero(proto.has_create_time(), proto.create_time());
-  session.start_utc_ns = TimeOrZero(proto.has_start_time(), proto.start_time());
-  session.stop_utc_ns = TimeOrZero(proto.has_stop_time(), proto.stop_time());
-  session.finish_utc_ns = TimeOrZero(proto.has_finish_time(), proto.finish_time());
-  session.drain_deadline_utc_ns = TimeOrZero(proto.has_drain_deadline(), proto.drain_deadline());
+  session.create_utc_ns = FromTimestamp(proto.create_time());
+  session.start_utc_ns = FromTimestamp(proto.start_time());
+  session.stop_utc_ns = FromTimestamp(proto.stop_time());
+  session.finish_utc_ns = FromTimestamp(proto.finish_time());
+  session.drain_deadline_utc_ns = FromTimestamp(proto.drain_deadline());
   session.missing_cameras.assign(proto.missing_cameras().begin(), proto.missing_cameras().end());
   session.requested_cameras.assign(proto.requested_cameras().begin(),
                                    proto.requested_cameras().end());

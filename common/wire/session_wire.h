@@ -15,7 +15,7 @@ namespace rigcal::wire {
 v1::Session ToProto(const Session& session, const std::vector<SessionCameraCounts>& counts,
                     const std::vector<std::string>& connected_cameras);
 // What CreateSession asks for: id, rig ("rig" when empty), title, target, requested cameras and
-// cameras by hand.
+// cameras by hand. Names, the title and numbers of cameras are not looked at.
 absl::StatusOr<Session> FromProto(const v1::CreateSessionRequest& proto);
 
 // The store's form of a session (without counts); ParseSession(SerializeSession(s)) == s.

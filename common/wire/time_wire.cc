@@ -10,11 +10,7 @@
 namespace rigcal::wire {
 
 google::protobuf::Duration ToDuration(double seconds) {
-  const auto total_ns = static_cast<int64_t>(std::llround(seconds * 1e9));
-  google::protobuf::Duration duration;
-  duration.set_seconds(total_ns / 1'000'000'000);
-  duration.set_nanos(static_cast<int32_t>(total_ns % 1'000'000'000));
-  return duration;
+  return google::protobuf::util::TimeUtil::NanosecondsToDuration(std::llround(seconds * 1e9));
 }
 
 absl::Status CheckDuration(const google::protobuf::Duration& duration, absl::string_view field) {

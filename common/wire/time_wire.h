@@ -3,6 +3,7 @@
 
 #include <google/protobuf/duration.pb.h>
 #include <google/protobuf/timestamp.pb.h>
+#include <google/protobuf/util/time_util.h>
 
 #include <cstdint>
 
@@ -13,13 +14,10 @@ namespace rigcal::wire {
 
 // UTC nanoseconds since 1970 (after it), and back.
 inline google::protobuf::Timestamp ToTimestamp(int64_t utc_ns) {
-  google::protobuf::Timestamp timestamp;
-  timestamp.set_seconds(utc_ns / 1'000'000'000);
-  timestamp.set_nanos(static_cast<int32_t>(utc_ns % 1'000'000'000));
-  return timestamp;
+  return google::protobuf::util::TimeUtil::NanosecondsToTimestamp(utc_ns);
 }
 inline int64_t FromTimestamp(const google::protobuf::Timestamp& timestamp) {
-  return timestamp.seconds() * 1'000'000'000 + timestamp.nanos();
+  return google::protobuf::util::TimeUtil::TimestampToNanoseconds(timestamp);
 }
 
 // `seconds` must be within +-1e9; rounded to the nearest nanosecond.

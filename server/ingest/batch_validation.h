@@ -4,11 +4,17 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/camera/intrinsics.h"
 #include "common/session/observation_batch.h"
-#include "server/ingest/stream_context.h"
 #include "server/store/delivery.h"
 
 namespace rigcal::server {
+
+// The camera and target that a stream's values are checked against.
+struct StreamContext {
+  ImageSize image_size_px;
+  int marker_count = 0;
+};
 
 // Checks the values of every row against its camera, and returns the rows to refuse, each with its
 // first fault; the rest of the batch is kept:

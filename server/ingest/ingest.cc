@@ -12,9 +12,7 @@
 
 #include "absl/container/flat_hash_map.h"
 #include "absl/strings/str_cat.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
-#include "server/ingest/batch_validation.h"
 
 namespace rigcal::server {
 namespace {
@@ -59,26 +57,11 @@ void AddUp(const AppendOutcome& outcome, AppendOutcome* total) {
 
 }  // namespace
 
-absl::Status IngestOptions::Validate() const {
-  FaultList faults;
-  if (queue_limit_bytes == 0) faults.Add("queue_limit_bytes must be at least 1");
-  if (group_limit_bytes == 0) faults.Add("group_limit_bytes must be at least 1");
-  if (send_window == 0) faults.Add("send_window must be at least 1 row");
-  return faults.Result("ingest options: ");
-}
-
-absl::StatusOr<std::unique_ptr<Ingest>> Ingest::Create(const IngestOptions& options, Store* store,
-                                                       const StreamContextSource* contexts,
-                                                       ProgressHook on_progress) {
-  RIGCAL_RETURN_IF_ERROR(options.Validate());
-  return std::unique_ptr<Ingest>(new Ingest(options, store, contexts, std::move(on_progress)));
-}
-
-Ingest::Ingest(const IngestOptions& options, Store* store, const StreamContextSource* contexts,
+Ingest::Ingest(const IngestOptions& options, Store* store, FindStreamContext find_context,
                ProgressHook on_progress)
     : options_(options),
       store_(store),
-      contexts_(contexts),
+      find_context_(std::move(find_context)),
       on_progress_(std::move(on_progress)),
       queue_(options.queue_limit_bytes, options.group_limit_bytes) {}
 
@@ -103,8 +86,7 @@ void Ingest::Shutdown() {
 
 absl::Status Ingest::Submit(Delivery& delivery, IngestCallback done,
                             std::function<void()> on_space) {
-  RIGCAL_ASSIGN_OR_RETURN(const StreamContext context,
-                          contexts_->GetStreamContext(delivery.stream()));
+  RIGCAL_ASSIGN_OR_RETURN(const StreamContext context, find_context_(delivery.stream()));
   RIGCAL_RETURN_IF_ERROR(failed());
   const size_t bytes = delivery.Bytes();
   RIGCAL_RETURN_IF_ERROR(queue_.Reserve(bytes, on_space));

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -13,8 +12,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/session/stream_key.h"
+#include "server/ingest/batch_validation.h"
 #include "server/ingest/ingest_queue.h"
-#include "server/ingest/stream_context.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
@@ -26,8 +25,6 @@ struct IngestOptions {
   size_t group_limit_bytes = 1u << 20;
   // Rows an agent may have unacknowledged per stream.
   uint32_t send_window = 32768;
-
-  absl::Status Validate() const;
 };
 
 struct IngestStats {
@@ -38,6 +35,10 @@ struct IngestStats {
   size_t queue_bytes = 0;
   std::string problem;  // empty: healthy
 };
+
+// The camera and target of a stream. NOT_FOUND: no such session, or no such camera in it.
+// FAILED_PRECONDITION: not started. Thread-safe, never blocks on the disk.
+using FindStreamContext = std::function<absl::StatusOr<StreamContext>(const StreamKey&)>;
 
 // Called on the writer's thread after a commit, once for each stream in it: the counts of its
 // deliveries added up, the rest as after the last one. Must not block for long: no other commit
@@ -53,11 +54,9 @@ using ProgressHook = std::function<void(const StreamKey&, const AppendOutcome&)>
 // any more. IngestStats::problem reports both.
 class Ingest {
  public:
-  // `store` and `contexts` must outlive the ingest; `on_progress` may be empty. INVALID_ARGUMENT:
-  // the options.
-  static absl::StatusOr<std::unique_ptr<Ingest>> Create(const IngestOptions& options, Store* store,
-                                                        const StreamContextSource* contexts,
-                                                        ProgressHook on_progress);
+  // `store` must outlive the ingest; `on_progress` may be empty.
+  Ingest(const IngestOptions& options, Store* store, FindStreamContext find_context,
+         ProgressHook on_progress);
   ~Ingest();  // shuts down
 
   // Starts the writer; deliveries may be submitted before, and wait. Once only.
@@ -73,7 +72,7 @@ class Ingest {
   //   OK                  accepted; `done` is called exactly once, later, on the writer's thread,
   //                       and must not block
   //   INVALID_ARGUMENT    fault in protocol (marker count); the message names the field
-  //   NOT_FOUND, FAILED_PRECONDITION   from the StreamContextSource
+  //   NOT_FOUND, FAILED_PRECONDITION   from the FindStreamContext
   //   RESOURCE_EXHAUSTED  the queue is full; `delivery` is untouched, and `on_space` is called once
   //                       when there is room again, or at shutdown (on the writer's thread)
   //   UNAVAILABLE         shutting down
@@ -85,9 +84,6 @@ class Ingest {
   IngestStats Stats() const;
 
  private:
-  Ingest(const IngestOptions& options, Store* store, const StreamContextSource* contexts,
-         ProgressHook on_progress);
-
   absl::Status failed() const;
   bool disk_full() const;
   void RunWriter();
@@ -101,7 +97,7 @@ class Ingest {
 
   const IngestOptions options_;
   Store* const store_;
-  const StreamContextSource* const contexts_;
+  const FindStreamContext find_context_;
   const ProgressHook on_progress_;
   IngestQueue queue_;
 

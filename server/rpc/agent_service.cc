@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/rpc/agent_service.h"
-
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -8,8 +6,10 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/wire/agent_wire.h"
+#include "rigcal/v1/agent_service.grpc.pb.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/list_arguments.h"
+#include "server/rpc/services.h"
 
 namespace rigcal::server {
 namespace {
@@ -23,53 +23,55 @@ constexpr ListFields kAgentFields = {.filter = kAgentFilterFields,
 absl::StatusOr<bool> Matches(const AgentRecord& agent,
                              const std::vector<ListArguments::Term>& filter) {
   for (const ListArguments::Term& term : filter) {
-    if (term.field == "connected") {
-      if (term.value != "true" && term.value != "false") {
-        return absl::InvalidArgumentError(
-            absl::StrCat("filter: connected is '", term.value, "'; it is true or false"));
-      }
-      if (agent.connected != (term.value == "true")) return false;
-      continue;
+    if (term.field == "connected" && term.value != "true" && term.value != "false") {
+      return absl::InvalidArgumentError(
+          absl::StrCat("filter: connected is '", term.value, "'; it is true or false"));
     }
-    const std::string& value = term.field == "agent_id" ? agent.agent_id
-                               : term.field == "rig"    ? agent.rig
-                                                        : agent.host;
+    const std::string value = term.field == "agent_id" ? agent.agent_id
+                              : term.field == "rig"    ? agent.rig
+                              : term.field == "host"   ? agent.host
+                              : agent.connected        ? "true"
+                                                       : "false";
     if (value != term.value) return false;
   }
   return true;
 }
 
-RecordPosition PositionOf(const AgentRecord& agent) {
-  return {.time = agent.connect_utc_ns, .id = agent.agent_id};
-}
+class AgentService final : public v1::AgentService::Service {
+ public:
+  explicit AgentService(const AgentDirectory* directory) : directory_(*directory) {}
+
+  grpc::Status ListAgents(grpc::ServerContext*, const v1::ListAgentsRequest* request,
+                          v1::ListAgentsResponse* response) override {
+    return GuardedCall("ListAgents", [&]() -> absl::Status {
+      RIGCAL_ASSIGN_OR_RETURN(const ListArguments list, ParseListArguments(*request, kAgentFields));
+      std::vector<Listed<AgentRecord>> agents;
+      for (AgentRecord& agent : directory_.List("")) {
+        RIGCAL_ASSIGN_OR_RETURN(const bool matches, Matches(agent, list.filter));
+        RecordPosition position{.time = agent.connect_utc_ns, .id = agent.agent_id};
+        if (!matches || (list.after && !Precedes(*list.after, position, list.order))) continue;
+        agents.push_back({std::move(agent), std::move(position)});
+      }
+      std::sort(agents.begin(), agents.end(), [&](const auto& a, const auto& b) {
+        return Precedes(a.position, b.position, list.order);
+      });
+      const auto describe = [](const AgentRecord& agent, v1::Agent* proto) {
+        *proto = wire::ToProto(agent);
+        return absl::OkStatus();
+      };
+      return FillPage(list, agents, describe, response->mutable_agents(),
+                      response->mutable_next_page_token());
+    });
+  }
+
+ private:
+  const AgentDirectory& directory_;
+};
 
 }  // namespace
 
-grpc::Status AgentService::ListAgents(grpc::ServerContext* /*context*/,
-                                      const v1::ListAgentsRequest* request,
-                                      v1::ListAgentsResponse* response) {
-  return GuardedCall("ListAgents", [&]() -> absl::Status {
-    RIGCAL_ASSIGN_OR_RETURN(const ListArguments list, ParseListArguments(*request, kAgentFields));
-    std::vector<AgentRecord> agents = directory_.List("");
-    std::sort(agents.begin(), agents.end(), [&](const AgentRecord& a, const AgentRecord& b) {
-      return Precedes(PositionOf(a), PositionOf(b), list.order);
-    });
-    PageFiller page(list);
-    for (const AgentRecord& agent : agents) {
-      const RecordPosition position = PositionOf(agent);
-      if (list.after && !Precedes(*list.after, position, list.order)) continue;
-      RIGCAL_ASSIGN_OR_RETURN(const bool matches, Matches(agent, list.filter));
-      if (!matches) continue;
-      if (page.full()) {
-        response->set_next_page_token(page.NextToken());
-        break;
-      }
-      v1::Agent proto = wire::ToProto(agent);
-      page.Add(position, proto.ByteSizeLong());
-      *response->add_agents() = std::move(proto);
-    }
-    return absl::OkStatus();
-  });
+std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts) {
+  return std::make_unique<AgentService>(parts.directory);
 }
 
 }  // namespace rigcal::server

@@ -58,7 +58,7 @@ grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* AgentStream::O
 }
 
 void AgentStream::Begin() {
-  const auto deadline = std::chrono::system_clock::now() + environment_.hello_timeout;
+  const auto deadline = std::chrono::system_clock::now() + environment_.options.hello_timeout;
   hello_alarm_.Set(deadline, [weak = weak_from_this()](bool expired) {
     if (!expired) return;
     const auto stream = weak.lock();
@@ -100,21 +100,16 @@ void AgentStream::TakeHello() {
     return Close(absl::InvalidArgumentError("hello: must be the first message of the stream"));
   }
   absl::StatusOr<AgentHello> hello = wire::FromProto(request_.hello());
-  if (!hello.ok()) {
-    spdlog::warn("an agent is refused: {}", std::string(hello.status().message()));
-    return Close(hello.status());
-  }
+  if (!hello.ok()) return Refuse(hello.status());
   agent_id_ = hello->agent.agent_id;
   rig_ = hello->agent.rig;
   for (const AnnouncedCamera& camera : hello->agent.cameras) {
     cameras_.insert(camera.description.camera);
   }
   // Reads the store, so not here.
-  const bool taken =
-      environment_.executor->Run([self = shared_from_this(), hello = *std::move(hello)]() mutable {
-        self->Register(std::move(hello));
-      });
-  if (!taken) Close(absl::UnavailableError("the server is shutting down"));
+  environment_.tasks.Post([self = shared_from_this(), hello = *std::move(hello)]() mutable {
+    self->Register(std::move(hello));
+  });
 }
 
 void AgentStream::Register(AgentHello hello) {
@@ -122,16 +117,13 @@ void AgentStream::Register(AgentHello hello) {
   const std::string host = hello.agent.host;
   auto connection = environment_.coordinator->ConnectAgent(
       std::move(hello.agent), hello.pending, std::make_shared<StreamLink>(weak_from_this()));
-  if (!connection.ok()) {
-    spdlog::warn("agent {} is refused: {}", agent_id_, std::string(connection.status().message()));
-    return Close(connection.status());
-  }
+  if (!connection.ok()) return Refuse(connection.status());
   v1::ServerHello answer;
   *answer.mutable_protocol_version() = wire::OwnProtocolVersion();
   answer.set_software_version(std::string(wire::kSoftwareVersion));
   answer.set_server_id(environment_.server_id);
-  answer.set_max_message_bytes(environment_.max_message_bytes);
-  answer.set_max_batch_observations(environment_.max_batch_rows);
+  answer.set_max_message_bytes(environment_.options.max_message_bytes);
+  answer.set_max_batch_observations(environment_.options.max_batch_rows);
   for (const StreamPosition& position : connection->positions) {
     *answer.add_positions() = wire::ToProto(position);
   }
@@ -154,7 +146,7 @@ void AgentStream::Register(AgentHello hello) {
 void AgentStream::TakeMessage() {
   switch (request_.message_case()) {
     case v1::ConnectRequest::kBatch:
-      return Deliver(ParseDelivery(request_.batch(), environment_.max_batch_rows));
+      return Deliver(ParseDelivery(request_.batch(), environment_.options.max_batch_rows));
     case v1::ConnectRequest::kEndOfCapture:
       return Deliver(ParseDelivery(request_.end_of_capture()));
     case v1::ConnectRequest::kReport:
@@ -177,10 +169,7 @@ void AgentStream::TakeMessage() {
 
 void AgentStream::TakePreview() {
   absl::StatusOr<Preview> preview = wire::FromProto(std::move(*request_.mutable_preview()));
-  if (!preview.ok()) {
-    spdlog::warn("agent {}: {}", agent_id_, std::string(preview.status().message()));
-    return Close(preview.status());
-  }
+  if (!preview.ok()) return Refuse(preview.status());
   AgentDirectory::Registration registration = 0;
   {
     std::lock_guard lock(mutex_);
@@ -191,17 +180,15 @@ void AgentStream::TakePreview() {
 }
 
 void AgentStream::Deliver(absl::StatusOr<Delivery> delivery) {
-  if (!delivery.ok()) {
-    spdlog::warn("agent {}: {}", agent_id_, std::string(delivery.status().message()));
-    return Close(delivery.status());
-  }
+  if (!delivery.ok()) return Refuse(delivery.status());
   const StreamKey& stream = delivery->stream();
   if (!cameras_.contains(stream.camera)) {
     return Close(absl::PermissionDeniedError(
         absl::StrCat("agent '", agent_id_, "' must not deliver camera '", stream.camera,
                      "': it has not announced it")));
   }
-  if (absl::Status status = environment_.coordinator->CheckDelivery(stream, agent_id_, rig_);
+  if (absl::Status status =
+          environment_.coordinator->contexts().CheckAgent(stream, agent_id_, rig_);
       !status.ok()) {
     return Close(status);
   }
@@ -226,7 +213,7 @@ void AgentStream::Submit() {
         if (!stream) return;
         std::lock_guard lock(stream->mutex_);
         if (stream->done_) return;
-        stream->environment_.executor->Run([weak] {
+        stream->environment_.tasks.Post([weak] {
           if (const auto again = weak.lock()) again->Submit();
         });
       });
@@ -266,6 +253,11 @@ void AgentStream::Send(v1::ConnectResponse command) {
 void AgentStream::Close(const absl::Status& reason) {
   std::lock_guard lock(mutex_);
   EndWith(reason);
+}
+
+void AgentStream::Refuse(const absl::Status& reason) {
+  spdlog::warn("agent '{}' is refused: {}", agent_id_, std::string(reason.message()));
+  Close(reason);
 }
 
 void AgentStream::ReadNext() {

@@ -10,10 +10,8 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <set>
 #include <string>
-#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -22,22 +20,30 @@
 #include "server/ingest/ingest.h"
 #include "server/rpc/deliveries.h"
 #include "server/rpc/outgoing_messages.h"
-#include "server/rpc/serial_executor.h"
 #include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
+#include "server/session/task_queue.h"
 
 namespace rigcal::server {
 
+struct AgentStreamOptions {
+  uint32_t max_message_bytes = 4u << 20;
+  uint32_t max_batch_rows = 8192;
+  // Agent streams open at a time, those without a hello yet included.
+  size_t max_streams = 320;
+  // A stream whose hello does not come in this time is closed.
+  std::chrono::milliseconds hello_timeout{10'000};
+};
+
 // What all agent streams of a server share; outlives them.
 struct AgentStreamEnvironment {
+  AgentStreamOptions options;
   SessionCoordinator* coordinator = nullptr;
   Ingest* ingest = nullptr;
   PreviewBroker* previews = nullptr;
-  SerialExecutor* executor = nullptr;
   std::string server_id;
-  uint32_t max_message_bytes = 0;
-  uint32_t max_batch_rows = 0;
-  std::chrono::milliseconds hello_timeout{10'000};
+  // For what the reaction of a stream must not wait for; two tasks per open stream at most.
+  TaskQueue tasks{"agent streams"};
   std::atomic<size_t> open_streams{0};
 };
 
@@ -74,6 +80,8 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void Deliver(absl::StatusOr<Delivery> delivery);
   void Submit();
   void Delivered(absl::StatusOr<BatchAck> ack);
+  // Close, and a line in the log.
+  void Refuse(const absl::Status& reason);
 
   // With mutex_ held.
   void ReadNext();

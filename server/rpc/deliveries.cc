@@ -8,18 +8,6 @@
 #include "common/wire/observation_wire.h"
 
 namespace rigcal::server {
-namespace {
-
-absl::Status TakeEnd(const v1::EndOfCapture& proto, Delivery* delivery) {
-  RIGCAL_ASSIGN_OR_RETURN(EndOfCapture end, wire::FromProto(proto));
-  delivery->batch.stream = std::move(end.stream);
-  delivery->last_seq = end.last_seq;
-  delivery->report = std::move(end.report);
-  return absl::OkStatus();
-}
-
-}  // namespace
-
 absl::StatusOr<Delivery> ParseDelivery(const v1::ObservationBatch& proto, uint32_t max_rows) {
   if (static_cast<uint32_t>(proto.time_ns_size()) > max_rows) {
     return absl::InvalidArgumentError(absl::StrCat("batch.time_ns: has ", proto.time_ns_size(),
@@ -31,8 +19,11 @@ absl::StatusOr<Delivery> ParseDelivery(const v1::ObservationBatch& proto, uint32
 }
 
 absl::StatusOr<Delivery> ParseDelivery(const v1::EndOfCapture& proto) {
+  RIGCAL_ASSIGN_OR_RETURN(EndOfCapture end, wire::FromProto(proto));
   Delivery delivery;
-  RIGCAL_RETURN_IF_ERROR(TakeEnd(proto, &delivery));
+  delivery.batch.stream = std::move(end.stream);
+  delivery.last_seq = end.last_seq;
+  delivery.report = std::move(end.report);
   return delivery;
 }
 
@@ -49,15 +40,14 @@ absl::StatusOr<Delivery> ParseDelivery(const v1::UploadBatchRequest& proto, uint
   }
   if (!proto.has_batch()) return ParseDelivery(proto.end_of_capture());
   RIGCAL_ASSIGN_OR_RETURN(Delivery delivery, ParseDelivery(proto.batch(), max_rows));
-  if (proto.has_end_of_capture()) {
-    const StreamKey stream = delivery.stream();
-    RIGCAL_RETURN_IF_ERROR(TakeEnd(proto.end_of_capture(), &delivery));
-    if (delivery.stream() != stream) {
-      return absl::InvalidArgumentError(
-          "end_of_capture: is of another session, camera or stream_epoch than batch");
-    }
+  if (!proto.has_end_of_capture()) return delivery;
+  RIGCAL_ASSIGN_OR_RETURN(Delivery end, ParseDelivery(proto.end_of_capture()));
+  if (end.stream() != delivery.stream()) {
+    return absl::InvalidArgumentError(
+        "end_of_capture: is of another session, camera or stream_epoch than batch");
   }
-  return delivery;
+  end.batch = std::move(delivery.batch);
+  return end;
 }
 
 }  // namespace rigcal::server

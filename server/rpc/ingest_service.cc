@@ -20,27 +20,22 @@ class RefusedStream final
 
 }  // namespace
 
-IngestService::IngestService(IngestServiceOptions options, SessionCoordinator* coordinator,
+IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coordinator,
                              Ingest* ingest, PreviewBroker* previews, std::string server_id)
-    : options_(options) {
-  environment_.coordinator = coordinator;
-  environment_.ingest = ingest;
-  environment_.previews = previews;
-  environment_.executor = &executor_;
-  environment_.server_id = std::move(server_id);
-  environment_.max_message_bytes = options_.max_message_bytes;
-  environment_.max_batch_rows = options_.max_batch_rows;
-  environment_.hello_timeout = options_.hello_timeout;
+    : environment_{.options = options,
+                   .coordinator = coordinator,
+                   .ingest = ingest,
+                   .previews = previews,
+                   .server_id = std::move(server_id)} {
+  environment_.tasks.Start();
 }
-
-IngestService::~IngestService() { executor_.Shutdown(); }
 
 grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* IngestService::Connect(
     grpc::CallbackServerContext* /*context*/) {
-  if (environment_.open_streams >= options_.max_streams) {
-    return new RefusedStream(absl::ResourceExhaustedError(
-        absl::StrCat(options_.max_streams, " agent streams are open, which is the limit; try ",
-                     "again later, or raise limits.max_agents on the server")));
+  if (environment_.open_streams >= environment_.options.max_streams) {
+    return new RefusedStream(absl::ResourceExhaustedError(absl::StrCat(
+        environment_.options.max_streams, " agent streams are open, which is the limit; try ",
+        "again later, or raise limits.max_agents on the server")));
   }
   return AgentStream::Open(&environment_);
 }
@@ -49,7 +44,7 @@ grpc::ServerUnaryReactor* IngestService::UploadBatch(grpc::CallbackServerContext
                                                      const v1::UploadBatchRequest* request,
                                                      v1::UploadBatchResponse* response) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  absl::StatusOr<Delivery> delivery = ParseDelivery(*request, options_.max_batch_rows);
+  absl::StatusOr<Delivery> delivery = ParseDelivery(*request, environment_.options.max_batch_rows);
   if (!delivery.ok()) {
     reactor->Finish(wire::ToGrpc(delivery.status()));
     return reactor;

@@ -10,14 +10,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr uint32_t kDefaultPageSize = 100;
 constexpr uint32_t kMaxPageSize = 1000;
-constexpr size_t kMaxPageBytes = 1u << 20;
 constexpr size_t kMaxFilterBytes = 1024;
 
 std::string FieldsText(absl::Span<const FilterField> fields) {
@@ -168,17 +166,16 @@ absl::StatusOr<ListArguments> ParseListArguments(std::string_view filter, std::s
   return list;
 }
 
-bool PageFiller::full() const { return count_ == list_.page_size || bytes_ > kMaxPageBytes; }
-
-void PageFiller::Add(const RecordPosition& position, size_t bytes) {
-  ++count_;
-  bytes_ += bytes;
-  last_ = position;
+std::string NextPageToken(const ListArguments& list, const RecordPosition& last) {
+  return absl::WebSafeBase64Escape(
+      absl::StrCat(absl::Hex(list.list_hash), ":", last.time, ":", last.id));
 }
 
-std::string PageFiller::NextToken() const {
-  return absl::WebSafeBase64Escape(
-      absl::StrCat(absl::Hex(list_.list_hash), ":", last_.time, ":", last_.id));
+absl::Status UnknownState(const std::string& name, const google::protobuf::EnumDescriptor& states) {
+  std::vector<std::string> names;
+  for (int i = 1; i < states.value_count(); ++i) names.push_back(states.value(i)->name());
+  return absl::InvalidArgumentError(
+      absl::StrCat("filter: state is '", name, "'; it is one of ", absl::StrJoin(names, ", ")));
 }
 
 }  // namespace rigcal::server

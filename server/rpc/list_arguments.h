@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/generated_enum_reflection.h>
+#include <google/protobuf/repeated_ptr_field.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -10,6 +14,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "common/status/status_macros.h"
 #include "server/store/record_list.h"
 
 namespace rigcal::server {
@@ -23,9 +28,9 @@ struct FilterField {
 // What a list can be filtered and sorted by.
 struct ListFields {
   absl::Span<const FilterField> filter;
-  std::string_view time_order;  // "create_time"
-  std::string_view id_order;    // "id"
-  RecordOrder default_order;
+  std::string_view time_order = "create_time";
+  std::string_view id_order = "id";
+  RecordOrder default_order = RecordOrder::kNewestFirst;
 };
 
 // The arguments of a list call, checked.
@@ -62,23 +67,46 @@ absl::StatusOr<ListArguments> ParseListArguments(const Request& request, const L
                             request.page_token(), fields);
 }
 
-// Decides where a page of a list ends: at the page size, or when its message has grown to 1 MiB
-// (clients accept 4 MiB by default).
-class PageFiller {
- public:
-  explicit PageFiller(const ListArguments& list) : list_(list) {}
+// INVALID_ARGUMENT: what the filter may have as a state.
+absl::Status UnknownState(const std::string& name, const google::protobuf::EnumDescriptor& states);
 
-  bool full() const;
-  // A record was added to the page, or left out of it (0 bytes).
-  void Add(const RecordPosition& position, size_t bytes);
-  // For a page that is followed by another one; opaque to clients.
-  std::string NextToken() const;
+// For a page that ends with `last` and is followed by another one; opaque to clients.
+std::string NextPageToken(const ListArguments& list, const RecordPosition& last);
 
- private:
-  const ListArguments& list_;
-  size_t count_ = 0;
-  size_t bytes_ = 0;
-  RecordPosition last_;
-};
+// A page ends at its size, or when its messages have grown to this (clients accept 4 MiB).
+inline constexpr size_t kMaxPageBytes = 1u << 20;
+
+// Makes a page of the list's `records`, which begin where it begins: `describe` fills the message
+// of a record, or returns NOT_FOUND for one that was deleted meanwhile and is left out.
+template <typename Record, typename Message, typename Describe>
+absl::Status FillPage(const ListArguments& list, const std::vector<Listed<Record>>& records,
+                      const Describe& describe, google::protobuf::RepeatedPtrField<Message>* page,
+                      std::string* next_page_token) {
+  size_t bytes = 0;
+  for (size_t i = 0; i < records.size(); ++i) {
+    if (i == list.page_size || bytes > kMaxPageBytes) {
+      *next_page_token = NextPageToken(list, records[i - 1].position);
+      break;
+    }
+    Message* const message = page->Add();
+    const absl::Status status = describe(records[i].record, message);
+    if (absl::IsNotFound(status)) {
+      page->RemoveLast();
+      continue;
+    }
+    RIGCAL_RETURN_IF_ERROR(status);
+    bytes += message->ByteSizeLong();
+  }
+  return absl::OkStatus();
+}
+
+// The value of a `state` in a filter. INVALID_ARGUMENT names the known ones.
+template <typename State>
+absl::StatusOr<State> ParseState(const std::string& name) {
+  const google::protobuf::EnumDescriptor& states = *google::protobuf::GetEnumDescriptor<State>();
+  const google::protobuf::EnumValueDescriptor* state = states.FindValueByName(name);
+  if (state != nullptr && state->number() != 0) return static_cast<State>(state->number());
+  return UnknownState(name, states);
+}
 
 }  // namespace rigcal::server

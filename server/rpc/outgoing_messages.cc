@@ -2,7 +2,6 @@
 #include "server/rpc/outgoing_messages.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "common/wire/observation_wire.h"
 
@@ -21,8 +20,6 @@ void MergeInto(BatchAck newer, BatchAck* ack) {
 }
 
 }  // namespace
-
-void OutgoingMessages::SetHello(v1::ServerHello hello) { hello_ = std::move(hello); }
 
 bool OutgoingMessages::AddCommand(v1::ConnectResponse command) {
   if (commands_.size() >= kMaxCommands) return false;
@@ -73,10 +70,6 @@ bool OutgoingMessages::Next(int64_t server_utc_ns, v1::ConnectResponse* message)
     return true;
   }
   return false;
-}
-
-bool OutgoingMessages::empty() const {
-  return !hello_ && pings_.empty() && commands_.empty() && acks_.empty();
 }
 
 }  // namespace rigcal::server

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <utility>
 
 #include "common/session/stream_key.h"
 #include "rigcal/v1/ingest_service.pb.h"
@@ -21,7 +22,7 @@ class OutgoingMessages {
   static constexpr size_t kMaxPings = 16;
   static constexpr size_t kMaxFaults = 16;  // listed per acknowledgement
 
-  void SetHello(v1::ServerHello hello);
+  void SetHello(v1::ServerHello hello) { hello_ = std::move(hello); }
   // False: full; the agent does not read what it is sent.
   bool AddCommand(v1::ConnectResponse command);
   bool AddAck(BatchAck ack);
@@ -31,7 +32,7 @@ class OutgoingMessages {
   // Takes the next message out. False: there is none that may be written now. A ping's answer is
   // stamped with `server_utc_ns`.
   bool Next(int64_t server_utc_ns, v1::ConnectResponse* message);
-  bool empty() const;
+  bool empty() const { return !hello_ && pings_.empty() && commands_.empty() && acks_.empty(); }
 
  private:
   std::optional<v1::ServerHello> hello_;

@@ -2,6 +2,7 @@
 #include "server/rpc/rpc_server.h"
 
 #include <grpc/health/v1/health.pb.h>
+#include <grpc/support/log.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
@@ -9,11 +10,9 @@
 #include <grpcpp/server_builder.h>
 #include <spdlog/spdlog.h>
 
-#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/utc_clock.h"
 
@@ -25,22 +24,24 @@ constexpr const char* kOtherServices[] = {
     "rigcal.v1.AgentService", "rigcal.v1.CameraService", "rigcal.v1.SessionService",
     "rigcal.v1.CalibrationService", "rigcal.v1.StatusService"};
 
-// Both plugins are global to the process and must be on before the first server is built.
-void EnableHealthAndReflection() {
-  static const bool enabled = [] {
+// Both plugins are global to the process and must be on before the first server is built; and so is
+// the log of gRPC, which goes to ours at level debug: what matters of it comes back as a status,
+// with our words.
+void PrepareGrpc() {
+  static const bool prepared = [] {
+    gpr_set_log_function([](gpr_log_func_args* entry) {
+      spdlog::debug("grpc: {}:{}: {}", entry->file, entry->line, entry->message);
+    });
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     // Reflection lists gRPC's own health service, which is made without this descriptor. The call
     // makes the linker keep it.
     return grpc::health::v1::HealthCheckRequest::descriptor() != nullptr;
   }();
-  (void)enabled;
+  (void)prepared;
 }
 
 void SetLimits(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
-  const auto milliseconds = [](std::chrono::milliseconds time) {
-    return static_cast<int>(time.count());
-  };
   grpc::ResourceQuota quota("rigcal");
   quota.Resize(options.memory_limit_bytes);
   quota.SetMaxThreads(options.max_threads);
@@ -51,9 +52,9 @@ void SetLimits(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder->AddChannelArgument("grpc.server_handshake_timeout_ms", 5000);
   builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 128);
-  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, milliseconds(options.keepalive_time));
-  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
-                              milliseconds(options.keepalive_timeout));
+  // A connection without any traffic is asked for a sign of life, and closed without an answer.
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10'000);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 5'000);
   builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // Clients may ask for signs of life as well, idle ones too.
@@ -80,46 +81,32 @@ absl::Status CheckLoopback(const std::string& listen_address) {
       "elsewhere through ssh -L"));
 }
 
-absl::Status RpcServerOptions::Validate() const {
-  FaultList faults;
-  if (!listen_address.empty()) faults.Add(CheckLoopback(listen_address));
-  if (max_threads < 16) faults.Add("max_threads must be at least 16");
-  if (memory_limit_bytes < agents.max_message_bytes) {
-    faults.Add("memory_limit_bytes must hold one message");
-  }
-  if (keepalive_time.count() < 1 || keepalive_timeout.count() < 1) {
-    faults.Add("keepalive_time and keepalive_timeout must be above 0");
-  }
-  faults.Add(previews.Validate());
-  if (agents.max_message_bytes < previews.max_jpeg_bytes + 4096) {
-    faults.Add("agents.max_message_bytes must hold a preview and 4096 bytes more");
-  }
-  return faults.Result();
-}
-
-RpcServer::RpcServer(RpcServerOptions options, RpcServerParts parts)
+RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
     : options_(std::move(options)),
       parts_(parts),
       previews_(options_.previews, parts.directory),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
-                      parts.store->server_id()),
-      agent_service_(parts.directory),
-      camera_service_(&previews_),
-      session_service_(parts.coordinator, parts.store, &watches_),
-      calibration_service_(parts.runner, &watches_),
-      status_service_(parts.store, parts.ingest, parts.directory, parts.coordinator, parts.runner,
-                      options_.ingest_queue_limit_bytes, UtcNowNs({})) {}
-
-absl::StatusOr<std::unique_ptr<RpcServer>> RpcServer::Create(RpcServerOptions options,
-                                                             RpcServerParts parts) {
-  RIGCAL_RETURN_IF_ERROR(options.Validate());
-  return std::unique_ptr<RpcServer>(new RpcServer(std::move(options), parts));
+                      parts.store->server_id()) {
+  services_.push_back(MakeAgentService(parts));
+  services_.push_back(MakeCameraService(&previews_));
+  services_.push_back(MakeSessionService(parts, &watches_));
+  services_.push_back(MakeCalibrationService(parts, &watches_));
+  services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({})));
 }
 
 RpcServer::~RpcServer() { Shutdown(std::chrono::milliseconds(1000)); }
 
 absl::StatusOr<int> RpcServer::Start() {
-  EnableHealthAndReflection();
+  if (!options_.listen_address.empty()) {
+    RIGCAL_RETURN_IF_ERROR(CheckLoopback(options_.listen_address));
+  }
+  if (options_.memory_limit_bytes < options_.agents.max_message_bytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the memory for messages is ", options_.memory_limit_bytes >> 20,
+                     " MiB, which does not ", "hold one message of ",
+                     options_.agents.max_message_bytes >> 20, " MiB; raise limits.rpc_memory_mb"));
+  }
+  PrepareGrpc();
   grpc::ServerBuilder builder;
   SetLimits(options_, &builder);
   int port = 0;
@@ -127,11 +114,7 @@ absl::StatusOr<int> RpcServer::Start() {
     builder.AddListeningPort(options_.listen_address, grpc::InsecureServerCredentials(), &port);
   }
   builder.RegisterService(&ingest_service_);
-  builder.RegisterService(&agent_service_);
-  builder.RegisterService(&camera_service_);
-  builder.RegisterService(&session_service_);
-  builder.RegisterService(&calibration_service_);
-  builder.RegisterService(&status_service_);
+  for (const auto& service : services_) builder.RegisterService(service.get());
   server_ = builder.BuildAndStart();
   if (!server_ || (!options_.listen_address.empty() && port == 0)) {
     server_.reset();
@@ -144,33 +127,28 @@ absl::StatusOr<int> RpcServer::Start() {
     server_->GetHealthCheckService()->SetServingStatus(service, true);
   }
   server_->GetHealthCheckService()->SetServingStatus(kIngestService, true);
-  health_thread_ = std::thread([this] { ReportHealth(); });
+  ReportHealth();
+  health_.Start();
   return port;
 }
 
 void RpcServer::ReportHealth() {
-  bool serving = true;
-  std::unique_lock lock(mutex_);
-  while (!stop_.wait_for(lock, options_.health_interval, [this] { return stopping_; })) {
-    const std::string problem = parts_.ingest->Stats().problem;
-    if (problem.empty() == serving) continue;
-    serving = problem.empty();
-    server_->GetHealthCheckService()->SetServingStatus(kIngestService, serving);
-    if (serving) {
-      spdlog::info("ingest takes observations again");
-    } else {
-      spdlog::error("ingest takes no observations: {}", problem);
-    }
+  health_.PostAt(std::chrono::steady_clock::now() + options_.health_interval,
+                 [this] { ReportHealth(); });
+  const std::string problem = parts_.ingest->Stats().problem;
+  if (problem.empty() == ingest_serves_) return;
+  ingest_serves_ = problem.empty();
+  server_->GetHealthCheckService()->SetServingStatus(kIngestService, ingest_serves_);
+  if (ingest_serves_) {
+    spdlog::info("ingest takes observations again");
+  } else {
+    spdlog::error("ingest takes no observations: {}", problem);
   }
 }
 
 void RpcServer::Shutdown(std::chrono::milliseconds grace) {
-  {
-    std::lock_guard lock(mutex_);
-    if (std::exchange(stopping_, true)) return;
-  }
-  stop_.notify_all();
-  if (health_thread_.joinable()) health_thread_.join();
+  if (std::exchange(stopping_, true)) return;
+  health_.Shutdown();
   if (!server_) return;
   server_->GetHealthCheckService()->SetServingStatus(false);
   previews_.Shutdown();

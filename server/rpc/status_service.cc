@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/rpc/status_service.h"
-
 #include <algorithm>
 #include <string>
 
 #include "common/wire/protocol_version.h"
 #include "common/wire/time_wire.h"
+#include "rigcal/v1/status_service.grpc.pb.h"
 #include "server/rpc/call_guard.h"
+#include "server/rpc/services.h"
 
 namespace rigcal::server {
 namespace {
@@ -15,39 +15,57 @@ uint32_t Count(uint64_t count) {
   return static_cast<uint32_t>(std::min<uint64_t>(count, UINT32_MAX));
 }
 
+class StatusService final : public v1::StatusService::Service {
+ public:
+  StatusService(const RpcServerParts& parts, size_t ingest_queue_limit_bytes, int64_t start_utc_ns)
+      : parts_(parts),
+        ingest_queue_limit_bytes_(ingest_queue_limit_bytes),
+        start_utc_ns_(start_utc_ns) {}
+
+  grpc::Status GetStatus(grpc::ServerContext*, const v1::GetStatusRequest*,
+                         v1::GetStatusResponse* response) override {
+    return GuardedCall("GetStatus", [&] {
+      response->set_software_version(std::string(wire::kSoftwareVersion));
+      *response->mutable_protocol_version() = wire::OwnProtocolVersion();
+      response->set_server_id(parts_.store->server_id());
+      *response->mutable_start_time() = wire::ToTimestamp(start_utc_ns_);
+      response->set_connected_agent_count(Count(parts_.directory->ConnectedCount()));
+      response->set_session_count(Count(parts_.coordinator->SessionCount()));
+      response->set_capturing_session_count(Count(parts_.coordinator->CapturingCount()));
+      response->set_queued_calibration_count(Count(parts_.runner->QueuedCount()));
+
+      const IngestStats stats = parts_.ingest->Stats();
+      v1::IngestStatus* ingest = response->mutable_ingest();
+      ingest->set_stored_observation_count(stats.stored_observation_count);
+      ingest->set_duplicate_observation_count(stats.duplicate_observation_count);
+      ingest->set_refused_observation_count(stats.refused_observation_count);
+      ingest->set_commit_count(stats.commit_count);
+      ingest->set_queue_bytes(stats.queue_bytes);
+      ingest->set_queue_limit_bytes(ingest_queue_limit_bytes_);
+      ingest->set_problem(stats.problem);
+
+      const StoreHealth health = parts_.store->Health();
+      v1::StoreStatus* store = response->mutable_store();
+      store->set_kind(health.kind);
+      store->set_schema_version(health.schema_version);
+      store->set_size_bytes(health.size_bytes);
+      store->set_free_bytes(health.free_bytes);
+      return absl::OkStatus();
+    });
+  }
+
+ private:
+  const RpcServerParts parts_;
+  const size_t ingest_queue_limit_bytes_;
+  const int64_t start_utc_ns_;
+};
+
 }  // namespace
 
-grpc::Status StatusService::GetStatus(grpc::ServerContext* /*context*/,
-                                      const v1::GetStatusRequest* /*request*/,
-                                      v1::GetStatusResponse* response) {
-  return GuardedCall("GetStatus", [&] {
-    response->set_software_version(std::string(wire::kSoftwareVersion));
-    *response->mutable_protocol_version() = wire::OwnProtocolVersion();
-    response->set_server_id(store_.server_id());
-    *response->mutable_start_time() = wire::ToTimestamp(start_utc_ns_);
-    response->set_connected_agent_count(Count(directory_.ConnectedCount()));
-    response->set_session_count(Count(coordinator_.SessionCount()));
-    response->set_capturing_session_count(Count(coordinator_.CapturingCount()));
-    response->set_queued_calibration_count(Count(runner_.QueuedCount()));
-
-    const IngestStats stats = ingest_.Stats();
-    v1::IngestStatus* ingest = response->mutable_ingest();
-    ingest->set_stored_observation_count(stats.stored_observation_count);
-    ingest->set_duplicate_observation_count(stats.duplicate_observation_count);
-    ingest->set_refused_observation_count(stats.refused_observation_count);
-    ingest->set_commit_count(stats.commit_count);
-    ingest->set_queue_bytes(stats.queue_bytes);
-    ingest->set_queue_limit_bytes(ingest_queue_limit_bytes_);
-    ingest->set_problem(stats.problem);
-
-    const StoreHealth health = store_.Health();
-    v1::StoreStatus* store = response->mutable_store();
-    store->set_kind(health.kind);
-    store->set_schema_version(health.schema_version);
-    store->set_size_bytes(health.size_bytes);
-    store->set_free_bytes(health.free_bytes);
-    return absl::OkStatus();
-  });
+std::unique_ptr<grpc::Service> MakeStatusService(const RpcServerParts& parts,
+                                                 size_t ingest_queue_limit_bytes,
+                                                 int64_t start_utc_ns) {
+  return std::make_unique<StatusService>(parts, ingest_queue_limit_bytes, start_utc_ns);
 }
 
 }  // namespace rigcal::server

@@ -11,32 +11,36 @@
 namespace rigcal::server {
 namespace {
 
+constexpr std::chrono::milliseconds kShortestInterval{200};  // between messages of a stream
+
 absl::Status Ending() {
   return absl::UnavailableError("the server is shutting down; watch again after a moment");
 }
 
 }  // namespace
 
-WatchHub::WatchHub(std::chrono::milliseconds shortest_interval)
-    : shortest_interval_(shortest_interval), thread_([this] { Run(); }) {}
+WatchHub::WatchHub() : thread_([this] { Run(); }) {}
 
 WatchHub::~WatchHub() {
-  {
-    std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  wake_.notify_all();
+  Update([this] { stopping_ = true; });
   thread_.join();
 }
 
-absl::Status WatchHub::Add(const std::shared_ptr<WatchStream>& stream) {
+void WatchHub::Update(absl::FunctionRef<void()> change) {
   {
     std::lock_guard lock(mutex_);
-    if (ending_) return Ending();
-    streams_.insert(stream);
+    change();
   }
   wake_.notify_all();
-  return absl::OkStatus();
+}
+
+absl::Status WatchHub::Add(const std::shared_ptr<WatchStream>& stream) {
+  bool refused = false;
+  Update([&] {
+    refused = ending_;
+    if (!refused) streams_.insert(stream);
+  });
+  return refused ? Ending() : absl::OkStatus();
 }
 
 void WatchHub::Remove(const std::shared_ptr<WatchStream>& stream) {
@@ -47,36 +51,22 @@ void WatchHub::Remove(const std::shared_ptr<WatchStream>& stream) {
 }
 
 void WatchHub::Wake(WatchStream* stream) {
-  {
-    std::lock_guard lock(mutex_);
-    stream->changed_ = true;
-  }
-  wake_.notify_all();
+  Update([stream] { stream->changed_ = true; });
 }
 
 void WatchHub::Cancel(WatchStream* stream) {
-  {
-    std::lock_guard lock(mutex_);
-    stream->cancelled_ = true;
-  }
-  wake_.notify_all();
+  Update([stream] { stream->cancelled_ = true; });
 }
 
 void WatchHub::WriteDone(WatchStream* stream, bool ok) {
-  {
-    std::lock_guard lock(mutex_);
+  Update([stream, ok] {
     stream->busy_ = false;
     if (!ok) stream->cancelled_ = true;
-  }
-  wake_.notify_all();
+  });
 }
 
 void WatchHub::EndStreams() {
-  {
-    std::lock_guard lock(mutex_);
-    ending_ = true;
-  }
-  wake_.notify_all();
+  Update([this] { ending_ = true; });
 }
 
 std::shared_ptr<WatchStream> WatchHub::NextStream(
@@ -112,7 +102,7 @@ void WatchHub::Run() {
                                  : (ending_ ? Ending() : absl::OkStatus());
     stream->busy_ = true;
     stream->changed_ = false;
-    stream->not_before_ = std::chrono::steady_clock::now() + shortest_interval_;
+    stream->not_before_ = std::chrono::steady_clock::now() + kShortestInterval;
     lock.unlock();
     if (end.ok()) {
       Serve(*stream);

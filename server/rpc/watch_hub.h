@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/wire/grpc_status.h"
@@ -48,8 +49,7 @@ class WatchStream {
 // the latest state and nothing piles up. Thread-safe.
 class WatchHub {
  public:
-  // A stream gets at most one message per `shortest_interval`.
-  explicit WatchHub(std::chrono::milliseconds shortest_interval = std::chrono::milliseconds(200));
+  WatchHub();
   // All streams must have ended: after the gRPC server's shutdown.
   ~WatchHub();
 
@@ -68,6 +68,8 @@ class WatchHub {
   template <typename Message>
   class Reactor;
 
+  // Makes a change under the mutex, and wakes the thread.
+  void Update(absl::FunctionRef<void()> change);
   absl::Status Add(const std::shared_ptr<WatchStream>& stream);
   void Remove(const std::shared_ptr<WatchStream>& stream);
   void Wake(WatchStream* stream);
@@ -79,7 +81,6 @@ class WatchHub {
   std::shared_ptr<WatchStream> NextStream(std::chrono::steady_clock::time_point* wake_at) const;
   void Serve(WatchStream& stream);
 
-  const std::chrono::milliseconds shortest_interval_;
   std::mutex mutex_;
   std::condition_variable wake_;
   std::set<std::shared_ptr<WatchStream>> streams_;

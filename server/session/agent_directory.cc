@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
 #include "server/session/utc_clock.h"
@@ -21,8 +20,6 @@ std::string Describe(const AgentRecord& agent) {
 }
 
 absl::Status CheckAnnouncement(const AgentRecord& agent, size_t max_cameras) {
-  RIGCAL_RETURN_IF_ERROR(ValidateName("agent id", agent.agent_id));
-  RIGCAL_RETURN_IF_ERROR(ValidateName("rig name", agent.rig));
   if (agent.cameras.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat(Describe(agent), " announces no camera; give it at least one source"));
@@ -34,11 +31,6 @@ absl::Status CheckAnnouncement(const AgentRecord& agent, size_t max_cameras) {
   }
   std::set<std::string_view> names;
   for (const AnnouncedCamera& camera : agent.cameras) {
-    RIGCAL_RETURN_IF_ERROR(camera.description.Validate());
-    if (camera.stream_epoch == 0) {
-      return absl::InvalidArgumentError(absl::StrCat("camera '", camera.description.camera,
-                                                     "': stream_epoch is 0; it begins at 1"));
-    }
     if (!names.insert(camera.description.camera).second) {
       return absl::InvalidArgumentError(absl::StrCat(Describe(agent), " announces the camera '",
                                                      camera.description.camera, "' twice"));
@@ -55,13 +47,6 @@ const AnnouncedCamera* FindCamera(const AgentRecord& agent, std::string_view cam
 }
 
 }  // namespace
-
-absl::Status AgentDirectoryOptions::Validate() const {
-  FaultList faults;
-  if (max_connected_agents == 0) faults.Add("max_connected_agents must be at least 1");
-  if (max_cameras_per_agent == 0) faults.Add("max_cameras_per_agent must be at least 1");
-  return faults.Result();
-}
 
 AgentDirectory::AgentDirectory(AgentDirectoryOptions options) : options_(std::move(options)) {}
 
@@ -147,14 +132,12 @@ bool AgentDirectory::Unregister(Registration registration) {
 
 void AgentDirectory::ForgetOldest() {
   while (by_agent_id_.size() - connected_count_ > options_.max_remembered_agents) {
-    auto oldest = by_agent_id_.end();
-    for (auto it = by_agent_id_.begin(); it != by_agent_id_.end(); ++it) {
-      if (it->second.link) continue;
-      if (oldest == by_agent_id_.end() || it->second.registration < oldest->second.registration) {
-        oldest = it;
-      }
-    }
-    by_agent_id_.erase(oldest);
+    // Connected ones come last.
+    by_agent_id_.erase(std::min_element(
+        by_agent_id_.begin(), by_agent_id_.end(), [](const auto& a, const auto& b) {
+          return std::tuple(a.second.link != nullptr, a.second.registration) <
+                 std::tuple(b.second.link != nullptr, b.second.registration);
+        }));
   }
 }
 
@@ -164,14 +147,15 @@ std::vector<AgentDirectory::ConnectedCamera> AgentDirectory::ConnectedCameras(
   {
     std::lock_guard lock(mutex_);
     for (const auto& [agent_id, entry] : by_agent_id_) {
-      if (!entry.link || entry.agent.rig != rig) continue;
+      if (!entry.link || (!rig.empty() && entry.agent.rig != rig)) continue;
       for (const AnnouncedCamera& camera : entry.agent.cameras) {
-        cameras.push_back({camera, agent_id, entry.link, entry.registration});
+        cameras.push_back({camera, agent_id, entry.link, entry.registration, entry.agent.rig});
       }
     }
   }
   std::sort(cameras.begin(), cameras.end(), [](const auto& a, const auto& b) {
-    return a.camera.description.camera < b.camera.description.camera;
+    return std::tie(a.camera.description.camera, a.rig) <
+           std::tie(b.camera.description.camera, b.rig);
   });
   return cameras;
 }

@@ -23,9 +23,7 @@ struct AgentDirectoryOptions {
   size_t max_cameras_per_agent = 64;
   // Agents that have gone and are still listed; the ones gone longest are forgotten first.
   size_t max_remembered_agents = 256;
-  std::function<int64_t()> utc_now_ns;  // unset: the system's clock
-
-  absl::Status Validate() const;
+  std::function<int64_t()> utc_now_ns = {};  // unset: the system's clock
 };
 
 // The connected agents and their cameras. Thread-safe; calls links only with no lock held.
@@ -40,13 +38,14 @@ class AgentDirectory {
     std::string agent_id;
     std::shared_ptr<AgentLink> link;
     Registration registration = 0;
+    std::string rig = {};
   };
 
   explicit AgentDirectory(AgentDirectoryOptions options = {});
 
-  // Adds the agent. The same agent_id with a higher (incarnation, connection) replaces its
-  // older stream, which is closed with ABORTED.
-  //   INVALID_ARGUMENT    a name or camera description, the same camera twice, no camera
+  // Adds the agent, which has passed wire::FromProto. The same agent_id with a higher (incarnation,
+  // connection) replaces its older stream, which is closed with ABORTED.
+  //   INVALID_ARGUMENT    the same camera twice, no camera
   //   ABORTED             a newer stream of the same agent_id is connected; both are named
   //   ALREADY_EXISTS      a live agent with another agent_id, or another process with the same one,
   //                       holds a camera; both and the camera are named
@@ -56,7 +55,7 @@ class AgentDirectory {
   // True: the registration was current. False: a newer stream has replaced it, and nothing happens.
   bool Unregister(Registration registration);
 
-  // Cameras of `rig` with a live agent, by name.
+  // Cameras of `rig` with a live agent, by name and rig. Empty `rig`: of every rig.
   std::vector<ConnectedCamera> ConnectedCameras(std::string_view rig) const;
   std::vector<std::string> ConnectedCameraNames(std::string_view rig) const;
   // Connected and remembered ones, by agent_id. Empty `rig`: every rig.

@@ -95,11 +95,9 @@ absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
     input.target = session.target;
     std::map<std::string, CameraTrack> tracks;
     for (const SessionCamera& camera : session.cameras) {
-      tracks[camera.description.camera] = {.session_id = id,
-                                           .camera = camera.description,
-                                           .observations = {},
-                                           .clock_samples = {},
-                                           .host_alignments = {}};
+      CameraTrack& track = tracks[camera.description.camera];
+      track.session_id = id;
+      track.camera = camera.description;
     }
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<SessionCameraCounts> counts,
                             store.GetSessionCounts(id));

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cstddef>
 #include <string>
-#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"

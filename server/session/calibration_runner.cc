@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/calibration_input.h"
 #include "server/session/utc_clock.h"
@@ -19,6 +18,9 @@ namespace {
 
 constexpr int kCalibrationPageSize = 200;
 constexpr size_t kMaxUnsaved = 64;
+constexpr size_t kMaxSessions = 64;  // of one calibration
+// Watchers are not woken more often by progress within a stage.
+constexpr std::chrono::milliseconds kProgressInterval{100};
 constexpr std::string_view kCancelled = "cancelled";
 
 bool HasEnded(const Calibration& calibration) {
@@ -34,17 +36,6 @@ void Fail(std::string error, Calibration* calibration) {
 
 }  // namespace
 
-absl::Status CalibrationRunnerOptions::Validate() const {
-  FaultList faults;
-  if (max_queued == 0) faults.Add("max_queued must be at least 1");
-  if (max_sessions_per_calibration == 0) {
-    faults.Add("max_sessions_per_calibration must be at least 1");
-  }
-  if (max_observations == 0) faults.Add("max_observations must be at least 1");
-  if (max_attempts < 1) faults.Add("max_attempts must be at least 1");
-  return faults.Result();
-}
-
 CalibrationRunner::CalibrationRunner(CalibrationRunnerOptions options, Store* store,
                                      SessionCoordinator* coordinator, CalibrateFunction calibrate)
     : options_(std::move(options)),
@@ -56,7 +47,6 @@ CalibrationRunner::CalibrationRunner(CalibrationRunnerOptions options, Store* st
 absl::StatusOr<std::unique_ptr<CalibrationRunner>> CalibrationRunner::Create(
     CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
     CalibrateFunction calibrate) {
-  RIGCAL_RETURN_IF_ERROR(options.Validate());
   std::unique_ptr<CalibrationRunner> runner(
       new CalibrationRunner(std::move(options), store, coordinator, std::move(calibrate)));
   RIGCAL_RETURN_IF_ERROR(runner->QueueUnfinished());
@@ -65,25 +55,13 @@ absl::StatusOr<std::unique_ptr<CalibrationRunner>> CalibrationRunner::Create(
 
 CalibrationRunner::~CalibrationRunner() { Shutdown(); }
 
-void CalibrationRunner::Start() {
-  std::lock_guard lock(mutex_);
-  if (!thread_.joinable() && !stopping_) thread_ = std::thread([this] { Run(); });
-}
-
 void CalibrationRunner::Shutdown() {
   {
     std::lock_guard lock(mutex_);
     stopping_ = true;
     interrupted_ = true;
   }
-  wake_.notify_all();
-  idle_.notify_all();
-  if (thread_.joinable()) thread_.join();
-}
-
-void CalibrationRunner::WaitIdle() {
-  std::unique_lock lock(mutex_);
-  idle_.wait(lock, [this] { return stopping_ || (queue_.empty() && running_id_.empty()); });
+  tasks_.Shutdown();
 }
 
 absl::Status CalibrationRunner::QueueUnfinished() {
@@ -98,6 +76,7 @@ absl::Status CalibrationRunner::QueueUnfinished() {
       // A session that is gone ends the calibration with its name when its turn comes.
       auto hold = coordinator_->HoldSessions(calibration.session_ids);
       queue_.push_front({calibration.id, hold.ok() ? *std::move(hold) : nullptr});
+      tasks_.Post([this] { RunNext(); });
       spdlog::info("calibration {}: queued again after a restart", calibration.id);
     }
   } while (page_size == static_cast<size_t>(kCalibrationPageSize));
@@ -110,10 +89,10 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   if (session_ids.empty()) {
     return absl::InvalidArgumentError("session_ids is empty; name at least one finished session");
   }
-  if (session_ids.size() > options_.max_sessions_per_calibration) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("session_ids names ", session_ids.size(), " sessions; at most ",
-                     options_.max_sessions_per_calibration, " are allowed"));
+  if (session_ids.size() > kMaxSessions) {
+    return absl::InvalidArgumentError(absl::StrCat("session_ids names ", session_ids.size(),
+                                                   " sessions; at most ", kMaxSessions,
+                                                   " are allowed"));
   }
   std::set<std::string_view> distinct;
   for (const std::string& id : session_ids) {
@@ -145,7 +124,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
     std::lock_guard lock(mutex_);
     queue_.push_back({calibration.id, std::move(hold)});
   }
-  wake_.notify_all();
+  tasks_.Post([this] { RunNext(); });
   return calibration;
 }
 
@@ -193,8 +172,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CancelCalibration(std::string_vie
   }
   RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, GetCalibration(id));
   if (job.id.empty()) return calibration;
-  calibration.state = CalibrationState::kFailed;
-  calibration.error = kCancelled;
+  Fail(std::string(kCancelled), &calibration);
   calibration.end_utc_ns = UtcNowNs(options_.utc_now_ns);
   End(calibration);
   return calibration;
@@ -212,25 +190,22 @@ size_t CalibrationRunner::QueuedCount() const {
   return queue_.size();
 }
 
-void CalibrationRunner::Run() {
-  while (true) {
-    Job job;
-    {
-      std::unique_lock lock(mutex_);
-      running_id_.clear();
-      if (queue_.empty()) idle_.notify_all();
-      wake_.wait(lock, [this] { return stopping_ || !queue_.empty(); });
-      if (stopping_) return;
-      job = std::move(queue_.front());
-      queue_.pop_front();
-      running_id_ = job.id;
-      stage_ = CalibrationStage::kReading;
-      fraction_ = 0;
-      cancel_asked_ = false;
-      interrupted_ = false;
-    }
-    RunJob(job);
+void CalibrationRunner::RunNext() {
+  Job job;
+  {
+    std::lock_guard lock(mutex_);
+    if (stopping_ || queue_.empty()) return;
+    job = std::move(queue_.front());
+    queue_.pop_front();
+    running_id_ = job.id;
+    stage_ = CalibrationStage::kReading;
+    fraction_ = 0;
+    cancel_asked_ = false;
+    interrupted_ = false;
   }
+  RunJob(job);
+  std::lock_guard lock(mutex_);
+  running_id_.clear();
 }
 
 void CalibrationRunner::RunJob(const Job& job) {
@@ -257,7 +232,7 @@ void CalibrationRunner::RunJob(const Job& job) {
     stopping = stopping_;
   }
   if (cancelled) {
-    Fail("cancelled", &*calibration);
+    Fail(std::string(kCancelled), &*calibration);
   } else if (stopping && calibration->state != CalibrationState::kSucceeded) {
     // A clean stop is no failed attempt: it starts again with the server.
     calibration->state = CalibrationState::kQueued;
@@ -349,7 +324,7 @@ void CalibrationRunner::ReportProgress(CalibrationStage stage, double fraction) 
   {
     std::lock_guard lock(mutex_);
     const auto now = std::chrono::steady_clock::now();
-    const bool due = stage != stage_ || now - last_notification_ >= options_.progress_interval;
+    const bool due = stage != stage_ || now - last_notification_ >= kProgressInterval;
     stage_ = stage;
     fraction_ = fraction;
     if (!due) return;

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -13,7 +12,6 @@
 #include <mutex>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -22,6 +20,7 @@
 #include "common/calibration/calibration_record.h"
 #include "server/session/change_notifier.h"
 #include "server/session/session_coordinator.h"
+#include "server/session/task_queue.h"
 #include "server/solve/calibrate.h"
 #include "server/store/store.h"
 
@@ -33,37 +32,32 @@ using CalibrateFunction = std::function<CalibrationOutcome(
 
 struct CalibrationRunnerOptions {
   size_t max_queued = 32;
-  size_t max_sessions_per_calibration = 64;
   // Observations one calibration may hold in memory, about 250 bytes each.
   size_t max_observations = 10'000'000;
   // Clients that watch calibrations at a time.
   size_t max_watches = 64;
-  // Watchers are not woken more often by progress within a stage.
-  std::chrono::milliseconds progress_interval{100};
   // How often a calibration is started again that ended with the server (kill -9, out of memory).
   int max_attempts = 3;
   std::string software_version;
-  std::function<int64_t()> utc_now_ns;  // unset: the system's clock
-
-  absl::Status Validate() const;
+  std::function<int64_t()> utc_now_ns = {};  // unset: the system's clock
 };
 
 // Runs calibrations one after the other on a thread of its own. A calibration that was queued or
 // running when the server ended is queued again. Progress is kept in memory only. Thread-safe.
 class CalibrationRunner {
  public:
-  // `store` and `coordinator` must outlive the runner. Errors: the options', the store's.
+  // `store` and `coordinator` must outlive the runner. Errors: the store's.
   static absl::StatusOr<std::unique_ptr<CalibrationRunner>> Create(CalibrationRunnerOptions options,
                                                                    Store* store,
                                                                    SessionCoordinator* coordinator,
                                                                    CalibrateFunction calibrate);
   ~CalibrationRunner();
 
-  void Start();
+  void Start() { tasks_.Start(); }
   // Stops the running calibration, which is queued again at the next start.
   void Shutdown();
   // Returns when nothing is queued or running. Only between Start and Shutdown.
-  void WaitIdle();
+  void WaitIdle() { tasks_.WaitIdle(); }
 
   // Errors of these as in rigcal/v1/calibration.proto.
   absl::StatusOr<Calibration> CreateCalibration(std::vector<std::string> session_ids,
@@ -83,13 +77,14 @@ class CalibrationRunner {
  private:
   struct Job {
     std::string id;
-    std::unique_ptr<SessionHold> hold;
+    SessionHold hold;
   };
 
   CalibrationRunner(CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
                     CalibrateFunction calibrate);
   absl::Status QueueUnfinished();
-  void Run();
+  // The first job of the queue; none: it was cancelled.
+  void RunNext();
   void RunJob(const Job& job);
   absl::Status Begin(Calibration* calibration);
   void Solve(Calibration* calibration);
@@ -105,8 +100,6 @@ class CalibrationRunner {
 
   std::mutex create_mutex_;  // held over a whole CreateCalibration; taken before mutex_
   mutable std::mutex mutex_;
-  std::condition_variable wake_;
-  std::condition_variable idle_;
   std::deque<Job> queue_;
   std::string running_id_;  // empty: none
   CalibrationStage stage_ = CalibrationStage::kUnspecified;
@@ -117,7 +110,7 @@ class CalibrationRunner {
   bool stopping_ = false;
   bool cancel_asked_ = false;        // by a client
   std::atomic<bool> interrupted_{};  // by a client or by Shutdown
-  std::thread thread_;
+  TaskQueue tasks_{"calibrations"};  // one RunNext for each job; uses the members above
 };
 
 }  // namespace rigcal::server

@@ -22,20 +22,16 @@ bool Announces(const AgentRecord& agent, const std::string& camera) {
                      [&](const auto& announced) { return announced.description.camera == camera; });
 }
 
-// "rig/left, rig/right", of agents that are connected.
-std::string ConnectedText(const std::vector<AgentRecord>& agents) {
+// "connected are rig/left, rig/right".
+std::string ConnectedText(const std::vector<AgentDirectory::ConnectedCamera>& cameras) {
+  if (cameras.empty()) return "no agent is connected";
   std::set<std::string> names;
-  for (const AgentRecord& agent : agents) {
-    if (!agent.connected) continue;
-    for (const AnnouncedCamera& camera : agent.cameras) {
-      names.insert(absl::StrCat(agent.rig, "/", camera.description.camera));
-    }
+  for (const AgentDirectory::ConnectedCamera& camera : cameras) {
+    names.insert(absl::StrCat(camera.rig, "/", camera.camera.description.camera));
   }
-  if (names.empty()) return "no agent is connected";
-  const size_t count = names.size();
+  const bool more = names.size() > kMaxListedCameras;
   while (names.size() > kMaxListedCameras) names.erase(std::prev(names.end()));
-  return absl::StrCat("connected are ", absl::StrJoin(names, ", "),
-                      count > names.size() ? " and others" : "");
+  return absl::StrCat("connected are ", absl::StrJoin(names, ", "), more ? " and others" : "");
 }
 
 absl::StatusCode CodeOf(PreviewStatus status) {
@@ -60,55 +56,29 @@ absl::StatusCode CodeOf(PreviewStatus status) {
 
 }  // namespace
 
-absl::Status PreviewBrokerOptions::Validate() const {
-  if (max_waiting >= 1 && default_wait.count() >= 1 && longest_wait >= default_wait &&
-      answer_grace.count() >= 0 && max_jpeg_bytes >= 1) {
-    return absl::OkStatus();
-  }
-  return absl::InvalidArgumentError(
-      "previews: max_waiting, default_wait and max_jpeg_bytes must be above 0, longest_wait not "
-      "below default_wait, answer_grace not below 0");
-}
-
 PreviewBroker::PreviewBroker(PreviewBrokerOptions options, const AgentDirectory* directory)
     : options_(options), directory_(*directory) {}
 
-absl::StatusOr<AgentDirectory::ConnectedCamera> PreviewBroker::Find(const std::string& rig,
-                                                                    const std::string& camera,
-                                                                    std::string* found_rig) const {
-  const std::vector<AgentRecord> agents = directory_.List(rig);
-  std::set<std::string> rigs;
-  const AgentRecord* away = nullptr;
-  const AgentRecord* here = nullptr;
-  for (const AgentRecord& agent : agents) {
+absl::StatusOr<AgentDirectory::ConnectedCamera> PreviewBroker::Find(
+    const std::string& rig, const std::string& camera) const {
+  std::vector<AgentDirectory::ConnectedCamera> found = directory_.ConnectedCameras(rig);
+  std::erase_if(found, [&](const auto& one) { return one.camera.description.camera != camera; });
+  if (found.size() == 1) return std::move(found.front());
+  if (found.size() > 1) {
+    const std::string rigs =
+        absl::StrJoin(found, ", ", [](std::string* out, const auto& one) { out->append(one.rig); });
+    return absl::InvalidArgumentError(
+        absl::StrCat("several rigs have a camera '", camera, "': ", rigs, "; name one of them"));
+  }
+  for (const AgentRecord& agent : directory_.List(rig)) {
     if (!Announces(agent, camera)) continue;
-    if (agent.connected) {
-      here = &agent;
-      rigs.insert(agent.rig);
-    } else {
-      away = &agent;
-    }
-  }
-  if (rigs.size() > 1) {
-    return absl::InvalidArgumentError(absl::StrCat("several rigs have a camera '", camera,
-                                                   "': ", absl::StrJoin(rigs, ", "),
-                                                   "; name one of them"));
-  }
-  if (here == nullptr && away != nullptr) {
     return absl::FailedPreconditionError(
-        absl::StrCat("agent '", away->agent_id, "' on host '", away->host, "', which has camera '",
-                     away->rig, "/", camera, "', is not connected; start it again"));
+        absl::StrCat("agent '", agent.agent_id, "' on host '", agent.host, "', which has camera '",
+                     agent.rig, "/", camera, "', is not connected; start it again"));
   }
-  if (here == nullptr) {
-    return absl::NotFoundError(absl::StrCat("no agent has a camera '", rig, rig.empty() ? "" : "/",
-                                            camera, "'; ", ConnectedText(directory_.List(""))));
-  }
-  *found_rig = here->rig;
-  for (AgentDirectory::ConnectedCamera& connected : directory_.ConnectedCameras(here->rig)) {
-    if (connected.camera.description.camera == camera) return std::move(connected);
-  }
-  return absl::AbortedError(
-      absl::StrCat("agent '", here->agent_id, "' has disconnected; ask again"));
+  return absl::NotFoundError(absl::StrCat("no agent has a camera '", rig, rig.empty() ? "" : "/",
+                                          camera, "'; ",
+                                          ConnectedText(directory_.ConnectedCameras(""))));
 }
 
 absl::StatusOr<uint32_t> PreviewBroker::Enter(const std::string& rig, const std::string& camera,
@@ -165,10 +135,8 @@ absl::StatusOr<PreviewBroker::CameraPreview> PreviewBroker::Get(
                                                    options_.longest_wait.count(),
                                                    " ms are allowed"));
   }
-  CameraPreview result;
-  RIGCAL_ASSIGN_OR_RETURN(const AgentDirectory::ConnectedCamera connected,
-                          Find(rig, camera, &result.rig));
-  result.agent_id = connected.agent_id;
+  RIGCAL_ASSIGN_OR_RETURN(const AgentDirectory::ConnectedCamera connected, Find(rig, camera));
+  CameraPreview result{.agent_id = connected.agent_id, .rig = connected.rig, .preview = {}};
   RIGCAL_ASSIGN_OR_RETURN(const uint32_t id, Enter(result.rig, camera, connected.registration));
   connected.link->SendPreviewRequest({.request_id = id,
                                       .camera = camera,

@@ -11,7 +11,6 @@
 #include <optional>
 #include <string>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/session/preview.h"
 #include "server/session/agent_directory.h"
@@ -26,8 +25,6 @@ struct PreviewBrokerOptions {
   // For the answer to arrive, beyond the time the agent waits for a frame.
   std::chrono::milliseconds answer_grace{2'000};
   uint32_t max_jpeg_bytes = 1u << 20;
-
-  absl::Status Validate() const;
 };
 
 // Gets previews from agents for the clients that ask for them. Thread-safe.
@@ -73,8 +70,7 @@ class PreviewBroker {
   };
 
   absl::StatusOr<AgentDirectory::ConnectedCamera> Find(const std::string& rig,
-                                                       const std::string& camera,
-                                                       std::string* found_rig) const;
+                                                       const std::string& camera) const;
   absl::StatusOr<uint32_t> Enter(const std::string& rig, const std::string& camera,
                                  AgentDirectory::Registration registration);
   absl::StatusOr<Preview> Await(uint32_t id, std::chrono::milliseconds longest,

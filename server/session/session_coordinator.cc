@@ -4,11 +4,9 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "server/session/session_rules.h"
 #include "server/session/utc_clock.h"
@@ -27,23 +25,6 @@ std::chrono::nanoseconds DrainTimeLeft(const Session& session, int64_t now_utc_n
 
 }  // namespace
 
-absl::Status SessionCoordinatorOptions::Validate() const {
-  FaultList faults;
-  if (max_sessions == 0) faults.Add("max_sessions must be at least 1");
-  if (max_cameras_per_session == 0) {
-    faults.Add("max_cameras_per_session must be at least 1");
-  }
-  if (send_window == 0) faults.Add("send_window must be at least 1 row");
-  if (store_retry_interval.count() <= 0) {
-    faults.Add("store_retry_interval must be above 0");
-  }
-  return faults.Result();
-}
-
-SessionHold::~SessionHold() {
-  for (const std::string& id : session_ids_) contexts_->RemoveReader(id);
-}
-
 SessionCoordinator::SessionCoordinator(SessionCoordinatorOptions options, Store* store,
                                        AgentDirectory* directory)
     : options_(std::move(options)),
@@ -54,14 +35,11 @@ SessionCoordinator::SessionCoordinator(SessionCoordinatorOptions options, Store*
 
 absl::StatusOr<std::unique_ptr<SessionCoordinator>> SessionCoordinator::Create(
     SessionCoordinatorOptions options, Store* store, AgentDirectory* directory) {
-  RIGCAL_RETURN_IF_ERROR(options.Validate());
   std::unique_ptr<SessionCoordinator> coordinator(
       new SessionCoordinator(std::move(options), store, directory));
   RIGCAL_RETURN_IF_ERROR(coordinator->Load());
   return coordinator;
 }
-
-SessionCoordinator::~SessionCoordinator() { Shutdown(); }
 
 absl::Status SessionCoordinator::Load() {
   ListPage next{.limit = kSessionPageSize};
@@ -179,28 +157,18 @@ absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<SessionView> SessionCoordinator::GetSession(std::string_view id) const {
-  RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
-  return Describe(std::move(session));
-}
-
-absl::StatusOr<SessionView> SessionCoordinator::Describe(Session session) const {
-  SessionView view;
-  RIGCAL_ASSIGN_OR_RETURN(view.counts, store_->GetSessionCounts(session.id));
-  view.connected_cameras = directory_->ConnectedCameraNames(session.rig);
-  view.session = std::move(session);
-  return view;
-}
-
-absl::StatusOr<std::unique_ptr<SessionHold>> SessionCoordinator::HoldSessions(
-    std::vector<std::string> ids) {
-  for (size_t i = 0; i < ids.size(); ++i) {
-    absl::Status status = contexts_.AddReader(ids[i]);
-    if (status.ok()) continue;
-    for (size_t k = 0; k < i; ++k) contexts_.RemoveReader(ids[k]);
-    return status;
+absl::StatusOr<SessionHold> SessionCoordinator::HoldSessions(const std::vector<std::string>& ids) {
+  const std::shared_ptr<std::vector<std::string>> held(new std::vector<std::string>,
+                                                       [this](std::vector<std::string>* ended) {
+                                                         for (const std::string& id : *ended)
+                                                           contexts_.RemoveReader(id);
+                                                         delete ended;
+                                                       });
+  for (const std::string& id : ids) {
+    RIGCAL_RETURN_IF_ERROR(contexts_.AddReader(id));
+    held->push_back(id);
   }
-  return std::make_unique<SessionHold>(&contexts_, std::move(ids));
+  return held;
 }
 
 size_t SessionCoordinator::CapturingCount() const {

@@ -18,7 +18,6 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "common/session/session.h"
-#include "server/ingest/stream_context.h"
 #include "server/session/agent_directory.h"
 #include "server/session/agent_link.h"
 #include "server/session/capture_orders.h"
@@ -39,31 +38,11 @@ struct SessionCoordinatorOptions {
   uint32_t send_window = 32768;
   // After the store refused to finish a session (disk full): how long until the next attempt.
   std::chrono::milliseconds store_retry_interval{1000};
-  std::function<int64_t()> utc_now_ns;  // unset: the system's clock
-
-  absl::Status Validate() const;
+  std::function<int64_t()> utc_now_ns = {};  // unset: the system's clock
 };
 
-// A session with its counts in the store and its connected cameras.
-struct SessionView {
-  Session session;
-  std::vector<SessionCameraCounts> counts;
-  std::vector<std::string> connected_cameras;
-};
-
-// Keeps a session from being deleted while it lives. Must not outlive the coordinator.
-class SessionHold {
- public:
-  SessionHold(StreamContextCache* contexts, std::vector<std::string> session_ids)
-      : contexts_(contexts), session_ids_(std::move(session_ids)) {}
-  ~SessionHold();
-  SessionHold(const SessionHold&) = delete;
-  SessionHold& operator=(const SessionHold&) = delete;
-
- private:
-  StreamContextCache* const contexts_;
-  const std::vector<std::string> session_ids_;
-};
+// The ids of sessions that cannot be deleted while it lives. Must not outlive the coordinator.
+using SessionHold = std::shared_ptr<const std::vector<std::string>>;
 
 // Takes sessions from created over capturing and draining to finished. Sends commands to agents
 // through their links, watches acknowledgements for the end of every camera, and keeps drain
@@ -74,13 +53,13 @@ class SessionHold {
 //
 // Sessions that were capturing or draining when the server ended continue: their agents get the
 // commands again when they connect.
-class SessionCoordinator final : public StreamContextSource {
+class SessionCoordinator {
  public:
-  // Reads the sessions from `store`. `store` and `directory` must outlive the coordinator. Errors:
-  // the options', the store's.
+  // Reads the sessions from `store`, with its errors. `store` and `directory` must outlive the
+  // coordinator.
   static absl::StatusOr<std::unique_ptr<SessionCoordinator>> Create(
       SessionCoordinatorOptions options, Store* store, AgentDirectory* directory);
-  ~SessionCoordinator() override;
+  ~SessionCoordinator() { Shutdown(); }
 
   // Starts the thread that sends commands and finishes sessions.
   void Start() { tasks_.Start(); }
@@ -96,15 +75,13 @@ class SessionCoordinator final : public StreamContextSource {
   // 0: 10 s.
   absl::StatusOr<Session> StopSession(std::string_view id, double drain_timeout_s);
   absl::Status DeleteSession(std::string_view id);
-  absl::StatusOr<SessionView> GetSession(std::string_view id) const;
-  absl::StatusOr<SessionView> Describe(Session session) const;
   // As ChangeNotifier::Add, also for a session that does not exist.
   absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchSession(std::string_view id,
                                                                       std::function<void()> wake) {
     return changes_.Add(id, std::move(wake));
   }
   // NOT_FOUND names the first session that does not exist.
-  absl::StatusOr<std::unique_ptr<SessionHold>> HoldSessions(std::vector<std::string> ids);
+  absl::StatusOr<SessionHold> HoldSessions(const std::vector<std::string>& ids);
   size_t SessionCount() const { return contexts_.size(); }
   size_t CapturingCount() const;
 
@@ -121,16 +98,10 @@ class SessionCoordinator final : public StreamContextSource {
                                                std::shared_ptr<AgentLink> link);
   // Never blocks on the disk.
   void DisconnectAgent(AgentDirectory::Registration registration);
-  // PERMISSION_DENIED; see StreamContextCache. Never blocks on the disk.
-  absl::Status CheckDelivery(const StreamKey& stream, std::string_view agent_id,
-                             std::string_view rig) const {
-    return contexts_.CheckAgent(stream, agent_id, rig);
-  }
 
   // --- Ingest ---
-  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const override {
-    return contexts_.GetStreamContext(stream);
-  }
+  // What deliveries are checked against. Never blocks on the disk.
+  const StreamContextCache& contexts() const { return contexts_; }
   // Notes what a commit has added to a stream. Never blocks on the disk.
   void RecordProgress(const StreamKey& stream, const AppendOutcome& outcome);
 
@@ -164,7 +135,7 @@ class SessionCoordinator final : public StreamContextSource {
   // Late deliveries that were answered with a stop command.
   std::set<std::pair<AgentDirectory::Registration, std::string>> told_to_stop_;
 
-  TaskQueue tasks_;  // its tasks use the members above
+  TaskQueue tasks_{"sessions"};  // its tasks use the members above
 };
 
 }  // namespace rigcal::server

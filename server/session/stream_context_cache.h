@@ -1,30 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
 #include <map>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/session/session.h"
-#include "server/ingest/stream_context.h"
+#include "server/ingest/batch_validation.h"
 
 namespace rigcal::server {
 
 // The part of every session that ingest needs for each delivery, in memory. Also counts who reads a
 // session, so that it is not deleted under a reader. Thread-safe; never touches the disk.
-class StreamContextCache final : public StreamContextSource {
+class StreamContextCache {
  public:
   // Adds or replaces a session.
   void Put(const Session& session);
   size_t size() const;
 
-  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const override;
+  // NOT_FOUND: no such session, or no such camera in it. FAILED_PRECONDITION: not started.
+  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const;
 
   // OK also for a session or camera that is not known: GetStreamContext says so.
   // PERMISSION_DENIED: the session is of another rig, or the camera took part with another agent;

@@ -68,7 +68,7 @@ void TaskQueue::Run() {
     try {
       task();
     } catch (const std::exception& error) {
-      spdlog::error("sessions: an unexpected fault: {}", error.what());
+      spdlog::error("{}: an unexpected fault: {}", name_, error.what());
     }
     task = nullptr;  // what it holds must not be destroyed under the lock
     lock.lock();

@@ -19,6 +19,8 @@ class TaskQueue {
   using Task = std::function<void()>;
   using Time = std::chrono::steady_clock::time_point;
 
+  // `name` begins messages in the log.
+  explicit TaskQueue(const char* name) : name_(name) {}
   ~TaskQueue() { Shutdown(); }
 
   // Tasks may be posted before, and wait. Nothing happens the second time, or after Shutdown.
@@ -34,6 +36,7 @@ class TaskQueue {
  private:
   void Run();
 
+  const char* const name_;
   std::mutex mutex_;
   std::condition_variable wake_;
   std::condition_variable idle_;

@@ -111,7 +111,8 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
                  RefusalReason::kAloneInInstant, input.evaluated.solution.instants.alone_count[t],
                  "no other camera saw the wand at that time");
     refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 RefusalReason::kNotNearestInInstant, input.evaluated.solution.instants.skipped_count[t],
+                 RefusalReason::kNotNearestInInstant,
+                 input.evaluated.solution.instants.skipped_count[t],
                  "it saw the wand again nearer the instant that it shares with other cameras");
   }
   for (const BundleInstant& instant : problem.instants) {
@@ -122,7 +123,8 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
                      "too few markers in common to place the wand");
         continue;
       }
-      refused->Add(camera, RefusalReason::kLabelsFlipped, IsFlipped(input.evaluated.solution, observation) ? 1 : 0,
+      refused->Add(camera, RefusalReason::kLabelsFlipped,
+                   IsFlipped(input.evaluated.solution, observation) ? 1 : 0,
                    "labels fit the other cameras when counted from the other end");
       uint32_t outliers = 0;
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {

@@ -57,4 +57,9 @@ struct StoredBatch {
   bool late = false;
 };
 
+// The rows of a stored batch that were not refused, as one batch for each run of consecutive
+// numbers. Clock samples and alignments are kept, with the first of them; a batch of none but
+// refused rows with such samples gives one without rows.
+std::vector<ObservationBatch> AcceptedRows(StoredBatch stored);
+
 }  // namespace rigcal::server

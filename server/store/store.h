@@ -47,10 +47,8 @@ class Store {
   // FAILED_PRECONDITION: it would lose a camera that has observations.
   virtual absl::Status UpdateSession(const Session& session) = 0;
   virtual absl::StatusOr<Session> GetSession(std::string_view id) const = 0;
-  // INVALID_ARGUMENT: the limit.
   virtual absl::StatusOr<std::vector<Listed<Session>>> ListSessions(const SessionFilter& filter,
                                                                     const ListPage& page) const = 0;
-  virtual absl::StatusOr<uint32_t> CountSessions() const = 0;
   virtual absl::Status DeleteSession(std::string_view id) = 0;
   // One per camera of the session, in the order of their names.
   virtual absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
@@ -77,7 +75,7 @@ class Store {
   // FAILED_PRECONDITION: it has ended and is immutable.
   virtual absl::Status UpdateCalibration(const Calibration& calibration) = 0;
   virtual absl::StatusOr<Calibration> GetCalibration(std::string_view id) const = 0;
-  // As ListSessions. Without the covariances of the cameras.
+  // Without the covariances of the cameras.
   virtual absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
       const CalibrationFilter& filter, const ListPage& page) const = 0;
   // FAILED_PRECONDITION: it is queued or running.

@@ -85,19 +85,15 @@ void Validate(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * 16);
 }
 
-class OneContext : public StreamContextSource {
- public:
-  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey&) const override {
-    return StreamContext{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
-  }
-};
+absl::StatusOr<StreamContext> OneContext(const StreamKey&) {
+  return StreamContext{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
+}
 
 // One sender that keeps at most 512 batches of 16 rows unacknowledged.
 void Ingest(benchmark::State& state) {
   OpenStore open;
-  const OneContext contexts;
-  auto ingest = *Ingest::Create(IngestOptions{}, open.store.get(), &contexts, nullptr);
-  ingest->Start();
+  server::Ingest ingest({}, open.store.get(), OneContext, nullptr);
+  ingest.Start();
   std::mutex mutex;
   std::condition_variable acknowledged;
   int under_way = 0;
@@ -115,14 +111,13 @@ void Ingest(benchmark::State& state) {
       const std::lock_guard lock(mutex);
       if (under_way-- == 512) acknowledged.notify_one();
     };
-    if (!ingest->Submit(delivery, done, nullptr).ok()) std::abort();
+    if (!ingest.Submit(delivery, done, nullptr).ok()) std::abort();
   }
-  ingest->WaitIdle();
+  ingest.WaitIdle();
   state.SetItemsProcessed(state.iterations() * 16);
-  state.counters["rows_per_commit"] =
-      static_cast<double>(ingest->Stats().stored_observation_count) /
-      static_cast<double>(ingest->Stats().commit_count);
-  ingest->Shutdown();
+  state.counters["rows_per_commit"] = static_cast<double>(ingest.Stats().stored_observation_count) /
+                                      static_cast<double>(ingest.Stats().commit_count);
+  ingest.Shutdown();
 }
 
 void Read(benchmark::State& state) {

@@ -13,7 +13,7 @@ namespace rigcal::server {
 //   sqlite:FOLDER  one SQLite database in the folder, created where it is missing (the default)
 // INVALID_ARGUMENT: an unknown kind; the known ones are named. Else as the Open of that kind.
 //
-// Another kind of store is a folder beside this one and a row in the table of open_store.cc.
+// Another kind of store is a folder beside this one and a line in open_store.cc.
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const std::string& location);
 
 }  // namespace rigcal::server

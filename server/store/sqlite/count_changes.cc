@@ -57,34 +57,16 @@ void CountChanges::Flush() {
 
 void CountChanges::FlushCamera(int64_t camera_id, const CameraChange& change) {
   if (change.observations > 0) {
-    const StatementScope scope(add_to_camera_);
-    add_to_camera_.bind(1, static_cast<int64_t>(change.observations));
-    add_to_camera_.bind(2, static_cast<int64_t>(change.wands));
-    add_to_camera_.bind(3, static_cast<int64_t>(change.late));
-    add_to_camera_.bind(4, camera_id);
-    add_to_camera_.exec();
+    Execute(add_to_camera_, change.observations, change.wands, change.late, camera_id);
   }
   for (const auto& [clock_epoch, observations] : change.clock_epochs) {
-    const StatementScope scope(add_to_clock_epoch_);
-    add_to_clock_epoch_.bind(1, camera_id);
-    add_to_clock_epoch_.bind(2, clock_epoch);
-    add_to_clock_epoch_.bind(3, static_cast<int64_t>(observations));
-    add_to_clock_epoch_.exec();
+    Execute(add_to_clock_epoch_, camera_id, clock_epoch, observations);
   }
-  for (const auto& [reason, refusal] : change.refusals) FlushRefusal(camera_id, reason, refusal);
-}
-
-void CountChanges::FlushRefusal(int64_t camera_id, RefusalReason reason,
-                                const RefusalChange& change) {
-  const std::string example = absl::StrCat("seq ", change.seq, ": ", change.detail);
-  const StatementScope scope(add_refusal_);
-  add_refusal_.bind(1, camera_id);
-  BindText(add_refusal_, 2, NameOf(reason));
-  add_refusal_.bind(3, static_cast<int64_t>(change.count));
-  add_refusal_.bind(4, change.stream_epoch);
-  add_refusal_.bind(5, change.seq);
-  BindText(add_refusal_, 6, example);
-  add_refusal_.exec();
+  for (const auto& [reason, refusal] : change.refusals) {
+    const std::string example = absl::StrCat("seq ", refusal.seq, ": ", refusal.detail);
+    Execute(add_refusal_, camera_id, NameOf(reason), refusal.count, refusal.stream_epoch,
+            refusal.seq, example);
+  }
 }
 
 }  // namespace rigcal::server

@@ -45,7 +45,6 @@ class CountChanges {
     std::map<RefusalReason, RefusalChange> refusals;
   };
   void FlushCamera(int64_t camera_id, const CameraChange& change);
-  void FlushRefusal(int64_t camera_id, RefusalReason reason, const RefusalChange& change);
 
   SQLite::Statement add_to_camera_;
   SQLite::Statement add_to_clock_epoch_;

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <memory>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
 namespace rigcal::server {

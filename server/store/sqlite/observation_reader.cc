@@ -31,33 +31,27 @@ struct ClockReadings {
 };
 using ReadingsByEpoch = std::map<std::pair<uint32_t, bool>, ClockReadings>;
 
-absl::Status NoCamera(std::string_view session_id, std::string_view camera) {
-  return absl::NotFoundError(
-      absl::StrCat("session ", std::string(session_id), " has no camera ", std::string(camera)));
-}
-
 absl::StatusOr<int64_t> CameraId(SQLite::Database& database, std::string_view session_id,
                                  std::string_view camera) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, session_id));
-  SQLite::Statement query(database,
-                          "SELECT id FROM session_camera WHERE session_number=? AND camera=?");
-  query.bind(1, number);
-  BindText(query, 2, camera);
-  if (!query.executeStep()) return NoCamera(session_id, camera);
-  return query.getColumn(0).getInt64();
+  SQLite::Statement query =
+      Query(database, "SELECT id FROM session_camera WHERE session_number=? AND camera=?", number,
+            camera);
+  if (query.executeStep()) return query.getColumn(0).getInt64();
+  return absl::NotFoundError(
+      absl::StrCat("session ", std::string(session_id), " has no camera ", std::string(camera)));
 }
 
 absl::Status ListStreams(SQLite::Database& database, std::string_view session_id,
                          std::string_view camera, std::vector<StoredStream>* streams) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, session_id));
   if (!camera.empty()) RIGCAL_RETURN_IF_ERROR(CameraId(database, session_id, camera).status());
-  SQLite::Statement query(database,
-                          "SELECT s.id, c.camera, s.stream_epoch FROM session_camera c "
-                          "JOIN stream s ON s.camera_id=c.id "
-                          "WHERE c.session_number=?1 AND (?2='' OR c.camera=?2) "
-                          "ORDER BY c.camera, s.stream_epoch");
-  query.bind(1, number);
-  BindText(query, 2, camera);
+  SQLite::Statement query = Query(database,
+                                  "SELECT s.id, c.camera, s.stream_epoch FROM session_camera c "
+                                  "JOIN stream s ON s.camera_id=c.id "
+                                  "WHERE c.session_number=?1 AND (?2='' OR c.camera=?2) "
+                                  "ORDER BY c.camera, s.stream_epoch",
+                                  number, camera);
   while (query.executeStep()) {
     streams->push_back({.id = query.getColumn(0).getInt64(),
                         .key = {.session_id = std::string(session_id),
@@ -69,12 +63,12 @@ absl::Status ListStreams(SQLite::Database& database, std::string_view session_id
 
 // Implausible ones were counted as refused when they came and are left out here.
 void LoadClockReadings(SQLite::Database& database, int64_t stream_id, ReadingsByEpoch* readings) {
-  SQLite::Statement samples(
+  SQLite::Statement samples = Query(
       database,
       "SELECT clock_epoch, late, device_ns, host_monotonic_ns, host_utc_ns, uncertainty_ns "
       "FROM clock_sample WHERE stream_id=? AND plausible ORDER BY clock_epoch, host_monotonic_ns, "
-      "device_ns, host_utc_ns, uncertainty_ns");
-  samples.bind(1, stream_id);
+      "device_ns, host_utc_ns, uncertainty_ns",
+      stream_id);
   while (samples.executeStep()) {
     (*readings)[{ColumnUint32(samples, 0), samples.getColumn(1).getInt() != 0}].samples.push_back(
         {.device_ns = samples.getColumn(2).getInt64(),
@@ -82,12 +76,12 @@ void LoadClockReadings(SQLite::Database& database, int64_t stream_id, ReadingsBy
          .host_utc_ns = samples.getColumn(4).getInt64(),
          .uncertainty_ns = ColumnUint32(samples, 5)});
   }
-  SQLite::Statement alignments(
-      database,
-      "SELECT clock_epoch, late, host_monotonic_ns, server_minus_host_ns, uncertainty_ns "
-      "FROM host_alignment WHERE stream_id=? AND plausible ORDER BY clock_epoch, "
-      "host_monotonic_ns, server_minus_host_ns, uncertainty_ns");
-  alignments.bind(1, stream_id);
+  SQLite::Statement alignments =
+      Query(database,
+            "SELECT clock_epoch, late, host_monotonic_ns, server_minus_host_ns, uncertainty_ns "
+            "FROM host_alignment WHERE stream_id=? AND plausible ORDER BY clock_epoch, "
+            "host_monotonic_ns, server_minus_host_ns, uncertainty_ns",
+            stream_id);
   while (alignments.executeStep()) {
     (*readings)[{ColumnUint32(alignments, 0), alignments.getColumn(1).getInt() != 0}]
         .alignments.push_back({.host_monotonic_ns = alignments.getColumn(2).getInt64(),
@@ -99,19 +93,15 @@ void LoadClockReadings(SQLite::Database& database, int64_t stream_id, ReadingsBy
 // Batches of `stream` that begin after `after_seq`, as many as make a chunk; none: it has no more.
 absl::Status LoadChunk(SQLite::Database& database, const StoredStream& stream, uint32_t after_seq,
                        std::vector<StoredBatch>* chunk) {
-  SQLite::Statement exists(database, "SELECT 1 FROM stream WHERE id=?");
-  exists.bind(1, stream.id);
-  if (!exists.executeStep()) {
+  if (!Query(database, "SELECT 1 FROM stream WHERE id=?", stream.id).executeStep()) {
     return absl::NotFoundError(
         absl::StrCat("session ", stream.key.session_id, " was deleted while it was being read"));
   }
-  SQLite::Statement query(database,
-                          "SELECT id & 0xffffffff, row_count, late, body FROM batch "
-                          "WHERE id > (?1<<32) + ?2 AND id <= (?1<<32) + 0xffffffff "
-                          "ORDER BY id LIMIT ?3");
-  query.bind(1, stream.id);
-  query.bind(2, after_seq);
-  query.bind(3, kChunkBatches);
+  SQLite::Statement query = Query(database,
+                                  "SELECT id & 0xffffffff, row_count, late, body FROM batch "
+                                  "WHERE id > (?1<<32) + ?2 AND id <= (?1<<32) + 0xffffffff "
+                                  "ORDER BY id LIMIT ?3",
+                                  stream.id, after_seq, kChunkBatches);
   size_t bytes = 0;
   while (bytes < kChunkBytes && query.executeStep()) {
     const std::string_view blob = ColumnBytes(query, 3);
@@ -194,16 +184,12 @@ absl::Status ReadObservations(SqliteReader& reader, std::string_view session_id,
 absl::StatusOr<StreamStatus> ReadStreamStatus(SQLite::Database& database, const StreamKey& stream) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t camera_id,
                           CameraId(database, stream.session_id, stream.camera));
-  SQLite::Statement query(
-      database, "SELECT durable_seq, last_seq FROM stream WHERE camera_id=? AND stream_epoch=?");
-  query.bind(1, camera_id);
-  query.bind(2, stream.stream_epoch);
-  StreamStatus status;
-  status.stream_epoch = stream.stream_epoch;
-  if (!query.executeStep()) return status;
-  status.durable_seq = ColumnUint32(query, 0);
-  if (!query.getColumn(1).isNull()) status.last_seq = ColumnUint32(query, 1);
-  return status;
+  for (const StreamStatus& status : ReadStreams(database, camera_id)) {
+    if (status.stream_epoch == stream.stream_epoch) return status;
+  }
+  StreamStatus none;
+  none.stream_epoch = stream.stream_epoch;
+  return none;
 }
 
 }  // namespace rigcal::server

@@ -104,12 +104,8 @@ void ObservationWriter::InsertRows(const Delivery& delivery, SeqRange range,
   const size_t begin = range.first - batch.first_seq;
   const size_t end = range.end - batch.first_seq;
   EncodeBatch(batch, delivery.refused_rows, begin, end, &blob_);
-  const StatementScope scope(insert_batch_);
-  insert_batch_.bind(1, (state.stream_id << 32) + range.first);
-  insert_batch_.bind(2, range.size());
-  insert_batch_.bind(3, state.session_finished ? 1 : 0);
-  BindBlob(insert_batch_, 4, blob_);
-  insert_batch_.exec();
+  Execute(insert_batch_, (state.stream_id << 32) + range.first, range.size(),
+          state.session_finished, Blob{blob_});
 
   const auto wands_begin = batch.visible_mask.begin();
   auto wands = range.size() -
@@ -133,12 +129,7 @@ void ObservationWriter::AppendDropped(const Delivery& delivery, StreamState* sta
     const SeqRange whole{dropped.first_seq, dropped.first_seq + dropped.count};
     for (const SeqRange& range : state->ledger.Missing(whole)) {
       Touch(delivery.stream(), state);
-      const StatementScope scope(insert_dropped_);
-      insert_dropped_.bind(1, state->stream_id);
-      insert_dropped_.bind(2, range.first);
-      insert_dropped_.bind(3, range.size());
-      BindText(insert_dropped_, 4, NameOf(dropped.reason));
-      insert_dropped_.exec();
+      Execute(insert_dropped_, state->stream_id, range.first, range.size(), NameOf(dropped.reason));
       state->ledger.Add(range);
       counts_.AddRefusal(state->camera_id, dropped.reason, range.size(),
                          delivery.stream().stream_epoch, range.first, "lost at the agent");
@@ -150,7 +141,6 @@ void ObservationWriter::AppendClockReadings(const Delivery& delivery, StreamStat
   const ObservationBatch& batch = delivery.batch;
   if (batch.clock_samples.empty() && batch.host_alignments.empty()) return;
   Touch(delivery.stream(), state);
-  const int late = state->session_finished ? 1 : 0;
   const auto refuse_if_new = [&](int inserted, bool plausible) {
     if (inserted == 0 || plausible) return;
     counts_.AddRefusal(state->camera_id, RefusalReason::kImplausibleClockSample, 1,
@@ -158,27 +148,18 @@ void ObservationWriter::AppendClockReadings(const Delivery& delivery, StreamStat
                        "a clock sample is negative or beyond 2^62 ns");
   };
   for (const ClockSample& sample : batch.clock_samples) {
-    const StatementScope scope(insert_clock_sample_);
-    insert_clock_sample_.bind(1, state->stream_id);
-    insert_clock_sample_.bind(2, batch.clock_epoch);
-    insert_clock_sample_.bind(3, sample.host_monotonic_ns);
-    insert_clock_sample_.bind(4, sample.device_ns);
-    insert_clock_sample_.bind(5, sample.host_utc_ns);
-    insert_clock_sample_.bind(6, sample.uncertainty_ns);
-    insert_clock_sample_.bind(7, late);
-    insert_clock_sample_.bind(8, IsPlausible(sample) ? 1 : 0);
-    refuse_if_new(insert_clock_sample_.exec(), IsPlausible(sample));
+    const bool plausible = IsPlausible(sample);
+    refuse_if_new(Execute(insert_clock_sample_, state->stream_id, batch.clock_epoch,
+                          sample.host_monotonic_ns, sample.device_ns, sample.host_utc_ns,
+                          sample.uncertainty_ns, state->session_finished, plausible),
+                  plausible);
   }
   for (const HostAlignment& alignment : batch.host_alignments) {
-    const StatementScope scope(insert_host_alignment_);
-    insert_host_alignment_.bind(1, state->stream_id);
-    insert_host_alignment_.bind(2, batch.clock_epoch);
-    insert_host_alignment_.bind(3, alignment.host_monotonic_ns);
-    insert_host_alignment_.bind(4, alignment.server_minus_host_ns);
-    insert_host_alignment_.bind(5, alignment.uncertainty_ns);
-    insert_host_alignment_.bind(6, late);
-    insert_host_alignment_.bind(7, IsPlausible(alignment) ? 1 : 0);
-    refuse_if_new(insert_host_alignment_.exec(), IsPlausible(alignment));
+    const bool plausible = IsPlausible(alignment);
+    refuse_if_new(Execute(insert_host_alignment_, state->stream_id, batch.clock_epoch,
+                          alignment.host_monotonic_ns, alignment.server_minus_host_ns,
+                          alignment.uncertainty_ns, state->session_finished, plausible),
+                  plausible);
   }
 }
 
@@ -192,8 +173,9 @@ void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraRepor
     refused_count += refusal.count;
     refusals.Add("", refusal.reason, refusal.count, refusal.example);
   }
+  const auto counts = NamedCounts(report);
   uint64_t counted = 0;
-  for (const auto& [name, count] : NamedCounts(report)) counted += count;
+  for (const auto& [name, count] : counts) counted += count;
   if (std::tie(report.observation_count, refused_count, counted) <=
       std::tie(state->report_observation_count, state->report_refused_count,
                state->report_counted)) {
@@ -203,35 +185,20 @@ void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraRepor
   state->report_observation_count = report.observation_count;
   state->report_refused_count = refused_count;
   state->report_counted = counted;
-  {
-    const StatementScope scope(delete_report_);
-    delete_report_.bind(1, state->stream_id);
-    delete_report_.exec();
-  }
+  Execute(delete_report_, state->stream_id);
   for (const Refusal& refusal : refusals.List()) {
-    const StatementScope scope(insert_report_);
-    insert_report_.bind(1, state->stream_id);
-    BindText(insert_report_, 2, NameOf(refusal.reason));
-    insert_report_.bind(3, static_cast<int64_t>(refusal.count));
-    BindText(insert_report_, 4, refusal.example);
-    insert_report_.exec();
+    Execute(insert_report_, state->stream_id, NameOf(refusal.reason), refusal.count,
+            refusal.example);
   }
-  for (const auto& [name, count] : NamedCounts(report)) {
-    const StatementScope scope(replace_report_count_);
-    replace_report_count_.bind(1, state->stream_id);
-    BindText(replace_report_count_, 2, name);
-    replace_report_count_.bind(3, static_cast<int64_t>(std::min<uint64_t>(count, INT64_MAX)));
-    replace_report_count_.exec();
+  for (const auto& [name, count] : counts) {
+    Execute(replace_report_count_, state->stream_id, name, count);
   }
 }
 
 void ObservationWriter::Touch(const StreamKey& stream, StreamState* state) {
   if (state->changed) return;
   if (state->stream_id == 0) {
-    const StatementScope scope(insert_stream_);
-    insert_stream_.bind(1, state->camera_id);
-    insert_stream_.bind(2, stream.stream_epoch);
-    insert_stream_.exec();
+    Execute(insert_stream_, state->camera_id, stream.stream_epoch);
     state->stream_id = database_.getLastInsertRowid();
   }
   state->changed = true;
@@ -241,17 +208,8 @@ void ObservationWriter::Touch(const StreamKey& stream, StreamState* state) {
 void ObservationWriter::WriteBack() {
   counts_.Flush();
   for (StreamState* state : changed_) {
-    const StatementScope scope(update_stream_);
-    update_stream_.bind(1, state->ledger.durable_seq());
-    if (state->last_seq) {
-      update_stream_.bind(2, *state->last_seq);
-    } else {
-      update_stream_.bind(2);
-    }
-    update_stream_.bind(3, static_cast<int64_t>(state->report_observation_count));
-    update_stream_.bind(4, static_cast<int64_t>(state->report_refused_count));
-    update_stream_.bind(5, state->stream_id);
-    update_stream_.exec();
+    Execute(update_stream_, state->ledger.durable_seq(), state->last_seq,
+            state->report_observation_count, state->report_refused_count, state->stream_id);
     state->changed = false;
   }
   changed_.clear();

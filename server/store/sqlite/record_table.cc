@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/sqlite/record_table.h"
 
-#include <string>
-
-#include "server/store/sqlite/sqlite_connection.h"
-
 namespace rigcal::server {
 namespace {
 
@@ -29,19 +25,11 @@ OrderSql SqlOf(RecordOrder order) {
 
 }  // namespace
 
-absl::Status ForEachRecord(
-    SQLite::Database& database, const char* table, std::vector<RecordCondition> conditions,
-    const ListPage& page,
-    absl::FunctionRef<absl::Status(SQLite::Statement& row, RecordPosition position)> visit) {
-  if (page.limit < 1) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("limit is ", page.limit, "; at least 1 is needed"));
-  }
+SQLite::Statement SelectRecords(SQLite::Database& database, const char* table,
+                                std::vector<RecordCondition> conditions, const ListPage& page) {
   const OrderSql order = SqlOf(page.order);
   if (page.after) {
-    const bool by_time =
-        page.order == RecordOrder::kNewestFirst || page.order == RecordOrder::kOldestFirst;
-    if (by_time) {
+    if (page.order == RecordOrder::kNewestFirst || page.order == RecordOrder::kOldestFirst) {
       conditions.push_back({order.after, page.after->time});
     } else {
       conditions.push_back({order.after, std::string_view(page.after->id)});
@@ -53,19 +41,15 @@ absl::Status ForEachRecord(
   }
   absl::StrAppend(&sql, " ORDER BY ", order.by, " LIMIT ", page.limit);
   SQLite::Statement query(database, sql);
-  for (size_t i = 0; i < conditions.size(); ++i) {
-    const int index = static_cast<int>(i) + 1;
-    if (const auto* number = std::get_if<int64_t>(&conditions[i].value)) {
-      query.bind(index, *number);
-    } else {
-      BindText(query, index, std::get<std::string_view>(conditions[i].value));
-    }
+  int index = 0;
+  for (const RecordCondition& condition : conditions) {
+    std::visit([&](auto value) { BindValue(query, ++index, value); }, condition.value);
   }
-  while (query.executeStep()) {
-    RIGCAL_RETURN_IF_ERROR(visit(
-        query, {.time = query.getColumn(3).getInt64(), .id = query.getColumn(0).getString()}));
-  }
-  return absl::OkStatus();
+  return query;
+}
+
+absl::Status NoRecord(const char* table, std::string_view id) {
+  return absl::NotFoundError(absl::StrCat("no ", table, " ", std::string(id)));
 }
 
 }  // namespace rigcal::server

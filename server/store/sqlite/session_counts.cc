@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,10 +12,10 @@ namespace rigcal::server {
 namespace {
 
 std::vector<ClockEpochCount> ReadClockEpochs(SQLite::Database& database, int64_t camera_id) {
-  SQLite::Statement query(database,
-                          "SELECT clock_epoch, observation_count FROM clock_epoch_count "
-                          "WHERE camera_id=? ORDER BY clock_epoch");
-  query.bind(1, camera_id);
+  SQLite::Statement query = Query(database,
+                                  "SELECT clock_epoch, observation_count FROM clock_epoch_count "
+                                  "WHERE camera_id=? ORDER BY clock_epoch",
+                                  camera_id);
   std::vector<ClockEpochCount> epochs;
   while (query.executeStep()) {
     epochs.push_back(
@@ -25,11 +24,43 @@ std::vector<ClockEpochCount> ReadClockEpochs(SQLite::Database& database, int64_t
   return epochs;
 }
 
+// Rows refused by ingest, and refusals in the reports of all its streams.
+std::vector<Refusal> ReadRefusals(SQLite::Database& database, int64_t camera_id,
+                                  const std::string& camera) {
+  RefusalCounter refusals;
+  SQLite::Statement query =
+      Query(database,
+            "SELECT reason, count, example FROM refusal_count WHERE camera_id=?1 "
+            "UNION ALL "
+            "SELECT r.reason, r.count, r.example FROM report_refusal r "
+            "JOIN stream s ON r.stream_id=s.id WHERE s.camera_id=?1 "
+            "ORDER BY 1, 2, 3",
+            camera_id);
+  while (query.executeStep()) {
+    refusals.Add(camera, RefusalReasonFromName(query.getColumn(0).getString()),
+                 ColumnUint64(query, 1), query.getColumn(2).getString());
+  }
+  return refusals.List();
+}
+
+void ReadReportCounts(SQLite::Database& database, int64_t camera_id, SessionCameraCounts* camera) {
+  SQLite::Statement query =
+      Query(database,
+            "SELECT r.name, sum(r.count) FROM report_count r "
+            "JOIN stream s ON r.stream_id=s.id WHERE s.camera_id=? GROUP BY r.name",
+            camera_id);
+  while (query.executeStep()) {
+    AddNamedCount(query.getColumn(0).getString(), ColumnUint64(query, 1), camera);
+  }
+}
+
+}  // namespace
+
 std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera_id) {
-  SQLite::Statement query(database,
-                          "SELECT stream_epoch, durable_seq, last_seq FROM stream "
-                          "WHERE camera_id=? ORDER BY stream_epoch");
-  query.bind(1, camera_id);
+  SQLite::Statement query = Query(database,
+                                  "SELECT stream_epoch, durable_seq, last_seq FROM stream "
+                                  "WHERE camera_id=? ORDER BY stream_epoch",
+                                  camera_id);
   std::vector<StreamStatus> streams;
   while (query.executeStep()) {
     StreamStatus status;
@@ -41,43 +72,13 @@ std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera
   return streams;
 }
 
-// Rows refused by ingest, and refusals in the reports of all its streams.
-std::vector<Refusal> ReadRefusals(SQLite::Database& database, int64_t camera_id,
-                                  const std::string& camera) {
-  RefusalCounter refusals;
-  SQLite::Statement query(database,
-                          "SELECT reason, count, example FROM refusal_count WHERE camera_id=?1 "
-                          "UNION ALL "
-                          "SELECT r.reason, r.count, r.example FROM report_refusal r "
-                          "JOIN stream s ON r.stream_id=s.id WHERE s.camera_id=?1 "
-                          "ORDER BY 1, 2, 3");
-  query.bind(1, camera_id);
-  while (query.executeStep()) {
-    refusals.Add(camera, RefusalReasonFromName(query.getColumn(0).getString()),
-                 ColumnUint64(query, 1), query.getColumn(2).getString());
-  }
-  return refusals.List();
-}
-
-void ReadReportCounts(SQLite::Database& database, int64_t camera_id, SessionCameraCounts* camera) {
-  SQLite::Statement query(database,
-                          "SELECT r.name, sum(r.count) FROM report_count r "
-                          "JOIN stream s ON r.stream_id=s.id WHERE s.camera_id=? GROUP BY r.name");
-  query.bind(1, camera_id);
-  while (query.executeStep()) {
-    AddNamedCount(query.getColumn(0).getString(), ColumnUint64(query, 1), camera);
-  }
-}
-
-}  // namespace
-
 absl::StatusOr<std::vector<SessionCameraCounts>> ReadSessionCounts(SQLite::Database& database,
                                                                    std::string_view id) {
   RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, id));
-  SQLite::Statement query(database,
-                          "SELECT id, camera, observation_count, wand_count, late_count "
-                          "FROM session_camera WHERE session_number=? ORDER BY camera");
-  query.bind(1, number);
+  SQLite::Statement query = Query(database,
+                                  "SELECT id, camera, observation_count, wand_count, late_count "
+                                  "FROM session_camera WHERE session_number=? ORDER BY camera",
+                                  number);
   std::vector<SessionCameraCounts> counts;
   while (query.executeStep()) {
     const int64_t camera_id = query.getColumn(0).getInt64();

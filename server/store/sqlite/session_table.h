@@ -21,11 +21,12 @@ absl::StatusOr<Session> FindSession(SQLite::Database& database, std::string_view
 absl::StatusOr<std::vector<Listed<Session>>> ListSessions(SQLite::Database& database,
                                                           const SessionFilter& filter,
                                                           const ListPage& page);
-uint32_t CountSessions(SQLite::Database& database);
 // Its observations too.
 absl::Status EraseSession(SQLite::Database& database, std::string_view id);
 absl::StatusOr<std::vector<SessionCameraCounts>> ReadSessionCounts(SQLite::Database& database,
                                                                    std::string_view id);
+// Of one camera, by stream epoch.
+std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera_id);
 
 // NOT_FOUND: "no session s-000001".
 absl::StatusOr<int64_t> SessionNumber(SQLite::Database& database, std::string_view id);

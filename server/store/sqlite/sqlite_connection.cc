@@ -3,13 +3,10 @@
 
 #include <sqlite3.h>
 
-#include <algorithm>
 #include <exception>
 #include <limits>
 
 #include "absl/strings/str_cat.h"
-#include "common/status/status_macros.h"
-#include "server/store/sqlite/sqlite_error.h"
 
 namespace rigcal::server {
 namespace {
@@ -32,19 +29,69 @@ void ConfigureConnection(SQLite::Database& database) {
       "PRAGMA foreign_keys=ON;");
 }
 
+int PrimaryCode(const SQLite::Exception& error) { return error.getErrorCode() & 0xff; }
+
+// Growing the shared index of the write-ahead log fails with an I/O code when the disk is full.
+bool IsDiskFull(const SQLite::Exception& error) {
+  return PrimaryCode(error) == SQLITE_FULL || error.getExtendedErrorCode() == SQLITE_IOERR_SHMSIZE;
+}
+
+// The disk failed to read, write or sync: what the database holds in memory and what is on the disk
+// may differ from now on.
+bool IsDiskFailure(const SQLite::Exception& error) {
+  return PrimaryCode(error) == SQLITE_IOERR && !IsDiskFull(error);
+}
+
 }  // namespace
 
-void BindText(SQLite::Statement& statement, int index, std::string_view text) {
+absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view what) {
+  const std::string reason = absl::StrCat(std::string(what), ": ", error.what(), " (SQLite error ",
+                                          error.getExtendedErrorCode(), ")");
+  if (IsDiskFull(error)) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(reason, "; the disk is full: free space or delete sessions"));
+  }
+  switch (PrimaryCode(error)) {
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      return absl::DataLossError(absl::StrCat(
+          reason,
+          "; the database is damaged: stop the server, keep a copy of the data directory, "
+          "and restore a backup or recover it with `sqlite3 rigcal.db .recover`"));
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return absl::UnavailableError(
+          absl::StrCat(reason, "; another program holds the database: close it"));
+    case SQLITE_CANTOPEN:
+    case SQLITE_PERM:
+    case SQLITE_READONLY:
+      return absl::FailedPreconditionError(
+          absl::StrCat(reason, "; check that the data directory and its files can be written"));
+    default:
+      return absl::InternalError(reason);
+  }
+}
+
+void BindValue(SQLite::Statement& statement, int index, std::string_view text) {
   statement.bind(index, std::string(text));
 }
 
-void BindBlob(SQLite::Statement& statement, int index, std::string_view bytes) {
+void BindValue(SQLite::Statement& statement, int index, Blob blob) {
+  const std::string_view bytes = blob.bytes;
   if (bytes.size() > static_cast<size_t>(std::numeric_limits<int>::max())) {
     throw SQLite::Exception("a blob is larger than 2 GB", SQLITE_TOOBIG);
   }
   // A null pointer would bind NULL instead of an empty blob.
   const char* data = bytes.empty() ? "" : bytes.data();
   statement.bindNoCopy(index, static_cast<const void*>(data), static_cast<int>(bytes.size()));
+}
+
+void BindValue(SQLite::Statement& statement, int index, std::optional<uint32_t> number) {
+  if (number) {
+    statement.bind(index, *number);
+  } else {
+    statement.bind(index);
+  }
 }
 
 std::string_view ColumnBytes(SQLite::Statement& statement, int index) {
@@ -110,7 +157,9 @@ absl::Status SqliteWriter::Transact(std::string_view what,
   if (!broken_.ok()) return broken_;
   absl::Status status = TransactLocked(what, work);
   if (status.ok()) {
-    CheckpointWhenDue();
+    // Not an error for the caller: the transaction is durable. With a full disk or a busy reader
+    // the log grows, and the next transaction tries again.
+    if (log_pages_ >= checkpoint_pages_) CheckpointLocked(SQLITE_CHECKPOINT_PASSIVE).IgnoreError();
   } else if (on_rollback) {
     on_rollback();
   }
@@ -132,14 +181,7 @@ absl::Status SqliteWriter::TransactLocked(std::string_view what,
     return status;
   } catch (const SQLite::Exception& error) {
     RollBack();
-    absl::Status status = StatusFromSqlite(error, what);
-    if (IsDiskFailure(error)) {
-      broken_ = absl::InternalError(
-          absl::StrCat(std::string(status.message()),
-                       "; nothing is stored any more: check the disk, then restart the server"));
-      return broken_;
-    }
-    return status;
+    return NoteFailure(error, what);
   } catch (const std::exception& error) {
     RollBack();
     return absl::InternalError(absl::StrCat(std::string(what), ": ", error.what()));
@@ -152,30 +194,26 @@ void SqliteWriter::RollBack() {
   database_->tryExec("ROLLBACK");
 }
 
-void SqliteWriter::CheckpointWhenDue() {
-  if (log_pages_ < checkpoint_pages_) return;
-  const int result = sqlite3_wal_checkpoint_v2(database_->getHandle(), nullptr,
-                                               SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
-  // Not an error for the caller: the transaction is durable. With a full disk or a busy reader the
-  // log grows, and the next transaction tries again.
-  if ((result & 0xff) != SQLITE_IOERR) return;
-  const SQLite::Exception error(database_->getHandle(), result);
-  if (!IsDiskFailure(error)) return;
-  broken_ = absl::InternalError(
-      absl::StrCat("moving the log into the database: ", error.what(),
-                   "; nothing is stored any more: check the disk, then restart the server"));
-}
-
 absl::Status SqliteWriter::Checkpoint() {
   const std::lock_guard lock(mutex_);
-  if (!broken_.ok()) return broken_;
-  const int result = sqlite3_wal_checkpoint_v2(database_->getHandle(), nullptr,
-                                               SQLITE_CHECKPOINT_TRUNCATE, nullptr, nullptr);
+  return broken_.ok() ? CheckpointLocked(SQLITE_CHECKPOINT_TRUNCATE) : broken_;
+}
+
+absl::Status SqliteWriter::CheckpointLocked(int mode) {
+  const int result =
+      sqlite3_wal_checkpoint_v2(database_->getHandle(), nullptr, mode, nullptr, nullptr);
   if (result == SQLITE_OK) return absl::OkStatus();
   const SQLite::Exception error(database_->getHandle(), result);
-  absl::Status status = StatusFromSqlite(error, "moving the log into the database");
-  if (IsDiskFailure(error)) broken_ = status;
-  return status;
+  return NoteFailure(error, "moving the log into the database");
+}
+
+absl::Status SqliteWriter::NoteFailure(const SQLite::Exception& error, std::string_view what) {
+  const absl::Status status = StatusFromSqlite(error, what);
+  if (!IsDiskFailure(error)) return status;
+  broken_ = absl::InternalError(
+      absl::StrCat(std::string(status.message()),
+                   "; nothing is stored any more: check the disk, then restart the server"));
+  return broken_;
 }
 
 absl::StatusOr<std::unique_ptr<SqliteReader>> SqliteReader::Open(const std::filesystem::path& file,
@@ -189,20 +227,6 @@ absl::StatusOr<std::unique_ptr<SqliteReader>> SqliteReader::Open(const std::file
     return StatusFromSqlite(error, absl::StrCat("opening ", file.string(), " for reading"));
   }
   return reader;
-}
-
-absl::Status SqliteReader::Read(std::string_view what,
-                                const std::function<absl::Status(SQLite::Database&)>& work) {
-  const std::lock_guard lock(mutex_);
-  try {
-    database_->exec("BEGIN");
-    absl::Status status = work(*database_);
-    database_->exec("COMMIT");
-    return status;
-  } catch (const SQLite::Exception& error) {
-    if (sqlite3_get_autocommit(database_->getHandle()) == 0) database_->tryExec("ROLLBACK");
-    return StatusFromSqlite(error, what);
-  }
 }
 
 }  // namespace rigcal::server

@@ -3,12 +3,16 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -27,13 +31,60 @@ class StatementScope {
   SQLite::Statement& statement_;
 };
 
-void BindText(SQLite::Statement& statement, int index, std::string_view text);
-// Does not copy: `bytes` must outlive the statement's next reset or binding.
-void BindBlob(SQLite::Statement& statement, int index, std::string_view bytes);
+// A value of a statement that is not copied: the bytes must outlive the statement's next reset.
+struct Blob {
+  std::string_view bytes;
+};
+
+void BindValue(SQLite::Statement& statement, int index, std::string_view text);
+void BindValue(SQLite::Statement& statement, int index, Blob blob);
+void BindValue(SQLite::Statement& statement, int index, std::optional<uint32_t> number);
+// Numbers beyond the largest of SQLite become that one; enums are bound as their numbers.
+template <typename Number>
+requires std::is_integral_v<Number> || std::is_enum_v<Number>
+void BindValue(SQLite::Statement& statement, int index, Number value) {
+  if constexpr (std::is_same_v<Number, uint64_t>) {
+    statement.bind(index, static_cast<int64_t>(std::min<uint64_t>(value, INT64_MAX)));
+  } else {
+    statement.bind(index, static_cast<int64_t>(value));
+  }
+}
+
+// Binds `values` to the statement's parameters 1, 2, ...
+template <typename... Values>
+void BindAll(SQLite::Statement& statement, const Values&... values) {
+  int index = 0;
+  (BindValue(statement, ++index, values), ...);
+}
+
+// Runs a kept statement with these values; returns the number of rows it changed.
+template <typename... Values>
+int Execute(SQLite::Statement& statement, const Values&... values) {
+  const StatementScope scope(statement);
+  BindAll(statement, values...);
+  return statement.exec();
+}
+
+// A statement with these values, ready to step.
+template <typename... Values>
+SQLite::Statement Query(SQLite::Database& database, const std::string& sql,
+                        const Values&... values) {
+  SQLite::Statement statement(database, sql);
+  BindAll(statement, values...);
+  return statement;
+}
+
 std::string_view ColumnBytes(SQLite::Statement& statement, int index);
 // Values outside the range of the type become its nearest one.
 uint32_t ColumnUint32(SQLite::Statement& statement, int index);
 uint64_t ColumnUint64(SQLite::Statement& statement, int index);
+
+// The status for an error of SQLite; `what` begins the message: "storing observations".
+//   RESOURCE_EXHAUSTED  the disk is full
+//   DATA_LOSS           the database is damaged, or the file is no database
+//   UNAVAILABLE         locked by another program
+//   INTERNAL            anything else, errors of the disk among them
+absl::Status StatusFromSqlite(const SQLite::Exception& error, std::string_view what);
 
 // The one connection that writes and checkpoints. Thread-safe. `work` given to the functions below
 // may throw SQLite::Exception, which becomes a status that begins with `what`.
@@ -63,7 +114,9 @@ class SqliteWriter {
   SqliteWriter() = default;
   absl::Status TransactLocked(std::string_view what, const std::function<absl::Status()>& work);
   void RollBack();
-  void CheckpointWhenDue();
+  absl::Status CheckpointLocked(int mode);
+  // The error as a status; a disk failure ends all writing.
+  absl::Status NoteFailure(const SQLite::Exception& error, std::string_view what);
 
   std::mutex mutex_;
   std::unique_ptr<SQLite::Database> database_;
@@ -80,10 +133,20 @@ class SqliteReader {
   static absl::StatusOr<std::unique_ptr<SqliteReader>> Open(const std::filesystem::path& file,
                                                             const std::string& vfs);
 
-  // Runs `work` on one consistent state of the database. Keep it short: readers wait for each
-  // other, and the log cannot be emptied meanwhile.
-  absl::Status Read(std::string_view what,
-                    const std::function<absl::Status(SQLite::Database&)>& work);
+  // Runs `work`, which returns a Status or a StatusOr, on one consistent state of the database.
+  // Keep it short: readers wait for each other, and the log cannot be emptied meanwhile.
+  template <typename Work>
+  std::invoke_result_t<Work, SQLite::Database&> Read(std::string_view what, const Work& work) {
+    const std::lock_guard lock(mutex_);
+    try {
+      SQLite::Transaction transaction(*database_);
+      auto result = work(*database_);
+      transaction.commit();
+      return result;
+    } catch (const SQLite::Exception& error) {
+      return StatusFromSqlite(error, what);
+    }
+  }
 
  private:
   SqliteReader() = default;

@@ -5,7 +5,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "common/status/status_macros.h"
 #include "server/store/sqlite/sqlite_connection.h"
 
 namespace rigcal::server {
@@ -149,9 +148,7 @@ int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
 
 void CreateTables(SQLite::Database& database) {
   database.exec(kTables);
-  SQLite::Statement identity(database, "INSERT INTO identity(server_id) VALUES(?)");
-  identity.bind(1, RandomId());
-  identity.exec();
+  Query(database, "INSERT INTO identity(server_id) VALUES(?)", RandomId()).exec();
   database.exec(absl::StrCat("PRAGMA application_id=", kApplicationId));
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
 }
@@ -176,19 +173,15 @@ absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
     return absl::DataLossError(absl::StrCat(name, " has no valid schema version (", version,
                                             "); restore a backup or give another --data-dir"));
   }
-  if (version > static_cast<int32_t>(kSchemaVersion)) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        name, " has schema version ", version, ", and this server reads version ", kSchemaVersion,
-        " only; start a newer rigcal-server, or give another --data-dir"));
-  }
-  if (version < static_cast<int32_t>(kSchemaVersion)) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(name, " has schema version ", version,
-                     ", from before API v1 was settled, and this server ", "reads version ",
-                     kSchemaVersion, " only; export what you need with the rigcal-server that ",
-                     "wrote it, and give this one another --data-dir"));
-  }
-  return absl::OkStatus();
+  if (version == static_cast<int32_t>(kSchemaVersion)) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      name, " has schema version ", version,
+      version < static_cast<int32_t>(kSchemaVersion) ? ", from before API v1 was settled" : "",
+      ", and this server reads version ", kSchemaVersion, " only; ",
+      version < static_cast<int32_t>(kSchemaVersion)
+          ? "export what you need with the rigcal-server that wrote it, and give this one another "
+            "--data-dir"
+          : "start a newer rigcal-server, or give another --data-dir"));
 }
 
 absl::StatusOr<std::string> ReadServerId(SQLite::Database& database) {
@@ -200,10 +193,11 @@ absl::StatusOr<std::string> ReadServerId(SQLite::Database& database) {
 }
 
 uint32_t NextNumber(SQLite::Database& database, std::string_view counter) {
-  SQLite::Statement update(database,
-                           "INSERT INTO counter(name, value) VALUES(?, 1) "
-                           "ON CONFLICT(name) DO UPDATE SET value = value + 1 RETURNING value");
-  BindText(update, 1, counter);
+  SQLite::Statement update =
+      Query(database,
+            "INSERT INTO counter(name, value) VALUES(?, 1) "
+            "ON CONFLICT(name) DO UPDATE SET value = value + 1 RETURNING value",
+            counter);
   update.executeStep();
   const uint32_t number = ColumnUint32(update, 0);
   while (update.executeStep()) {

@@ -12,7 +12,6 @@
 #include "server/store/sqlite/observation_writer.h"
 #include "server/store/sqlite/session_table.h"
 #include "server/store/sqlite/sqlite_connection.h"
-#include "server/store/sqlite/sqlite_error.h"
 #include "server/store/sqlite/sqlite_schema.h"
 
 namespace rigcal::server {
@@ -24,29 +23,12 @@ uint64_t FileSize(const std::filesystem::path& path) {
   return error ? 0 : size;
 }
 
-// Runs `query` on the reader and returns its result.
-template <typename Query>
-auto ReadValue(SqliteReader& reader, std::string_view what, const Query& query)
-    -> decltype(query(std::declval<SQLite::Database&>())) {
-  using Result = decltype(query(std::declval<SQLite::Database&>()));
-  Result result = absl::UnknownError("not read");
-  RIGCAL_RETURN_IF_ERROR(reader.Read(what, [&](SQLite::Database& database) {
-    result = query(database);
-    return result.status();
-  }));
-  return result;
-}
-
 }  // namespace
 
-absl::Status SqliteStoreOptions::Validate() const {
-  if (data_directory.empty()) return absl::InvalidArgumentError("data_directory is empty");
-  if (checkpoint_bytes == 0) return absl::InvalidArgumentError("checkpoint_bytes is 0");
-  return absl::OkStatus();
-}
-
 absl::StatusOr<std::unique_ptr<SqliteStore>> SqliteStore::Open(const SqliteStoreOptions& options) {
-  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  if (options.data_directory.empty()) {
+    return absl::InvalidArgumentError("data_directory is empty");
+  }
   std::unique_ptr<SqliteStore> store(new SqliteStore(options));
   RIGCAL_ASSIGN_OR_RETURN(store->directory_, DataDirectory::Open(options.data_directory));
   RIGCAL_RETURN_IF_ERROR(store->OpenDatabase());
@@ -109,22 +91,15 @@ absl::Status SqliteStore::UpdateSession(const Session& session) {
 }
 
 absl::StatusOr<Session> SqliteStore::GetSession(std::string_view id) const {
-  return ReadValue(*reader_, "reading a session",
-                   [&](SQLite::Database& database) { return FindSession(database, id); });
+  return reader_->Read("reading a session",
+                       [&](SQLite::Database& database) { return FindSession(database, id); });
 }
 
 absl::StatusOr<std::vector<Listed<Session>>> SqliteStore::ListSessions(const SessionFilter& filter,
                                                                        const ListPage& page) const {
-  return ReadValue(*reader_, "listing sessions", [&](SQLite::Database& database) {
+  return reader_->Read("listing sessions", [&](SQLite::Database& database) {
     return server::ListSessions(database, filter, page);
   });
-}
-
-absl::StatusOr<uint32_t> SqliteStore::CountSessions() const {
-  return ReadValue(*reader_, "counting sessions",
-                   [](SQLite::Database& database) -> absl::StatusOr<uint32_t> {
-                     return server::CountSessions(database);
-                   });
 }
 
 absl::Status SqliteStore::DeleteSession(std::string_view id) {
@@ -151,8 +126,8 @@ absl::Status SqliteStore::EraseOnAnyDisk(const std::function<absl::Status()>& er
 
 absl::StatusOr<std::vector<SessionCameraCounts>> SqliteStore::GetSessionCounts(
     std::string_view id) const {
-  return ReadValue(*reader_, "reading counts",
-                   [&](SQLite::Database& database) { return ReadSessionCounts(database, id); });
+  return reader_->Read("reading counts",
+                       [&](SQLite::Database& database) { return ReadSessionCounts(database, id); });
 }
 
 absl::StatusOr<std::vector<AppendOutcome>> SqliteStore::Append(
@@ -169,8 +144,9 @@ absl::StatusOr<std::vector<AppendOutcome>> SqliteStore::Append(
 }
 
 absl::StatusOr<StreamStatus> SqliteStore::GetStream(const StreamKey& stream) const {
-  return ReadValue(*reader_, "reading a stream's position",
-                   [&](SQLite::Database& database) { return ReadStreamStatus(database, stream); });
+  return reader_->Read("reading a stream's position", [&](SQLite::Database& database) {
+    return ReadStreamStatus(database, stream);
+  });
 }
 
 absl::Status SqliteStore::ReadObservations(
@@ -194,13 +170,13 @@ absl::Status SqliteStore::UpdateCalibration(const Calibration& calibration) {
 }
 
 absl::StatusOr<Calibration> SqliteStore::GetCalibration(std::string_view id) const {
-  return ReadValue(*reader_, "reading a calibration",
-                   [&](SQLite::Database& database) { return FindCalibration(database, id); });
+  return reader_->Read("reading a calibration",
+                       [&](SQLite::Database& database) { return FindCalibration(database, id); });
 }
 
 absl::StatusOr<std::vector<Listed<Calibration>>> SqliteStore::ListCalibrations(
     const CalibrationFilter& filter, const ListPage& page) const {
-  return ReadValue(*reader_, "listing calibrations", [&](SQLite::Database& database) {
+  return reader_->Read("listing calibrations", [&](SQLite::Database& database) {
     return server::ListCalibrations(database, filter, page);
   });
 }

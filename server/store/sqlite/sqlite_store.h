@@ -26,14 +26,13 @@ struct SqliteStoreOptions {
   size_t checkpoint_bytes = 16u << 20;
   // Name of a registered SQLite VFS; empty: the system's own. For tests of failing disks.
   std::string vfs = {};
-
-  absl::Status Validate() const;
 };
 
 // The embedded default: one SQLite database in the data directory, in write-ahead mode with
 // synchronous=FULL. One connection writes, another reads.
 class SqliteStore : public Store {
  public:
+  //   INVALID_ARGUMENT     no directory is named
   //   FAILED_PRECONDITION  another server uses the directory; the database is of a newer version or
   //                        of another program; the directory cannot be written
   //   DATA_LOSS            the database is damaged
@@ -48,7 +47,6 @@ class SqliteStore : public Store {
   absl::StatusOr<Session> GetSession(std::string_view id) const override;
   absl::StatusOr<std::vector<Listed<Session>>> ListSessions(const SessionFilter& filter,
                                                             const ListPage& page) const override;
-  absl::StatusOr<uint32_t> CountSessions() const override;
   absl::Status DeleteSession(std::string_view id) override;
   absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
       std::string_view id) const override;

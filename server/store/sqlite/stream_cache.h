@@ -40,14 +40,9 @@ class StreamCache {
   void Trim();
 
  private:
-  bool LoadCamera(const StreamKey& stream, StreamState* state);
-  void LoadStream(const StreamKey& stream, StreamState* state);
-  void LoadReportCounts(StreamState* state);
   void LoadEarlyRanges(StreamState* state);
 
-  SQLite::Statement find_camera_;
-  SQLite::Statement find_stream_;
-  SQLite::Statement find_report_counts_;
+  SQLite::Statement find_;
   SQLite::Statement find_ranges_;
   absl::flat_hash_map<StreamKey, std::unique_ptr<StreamState>> streams_;
 };

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -72,6 +74,30 @@ TEST(AgentHelloWire, TakesOneMinorVersionApartAndNoMore) {
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("0.0")));
 }
 
+TEST(AgentHelloWire, NamesTheFaultyField) {
+  struct Case {
+    std::function<void(v1::AgentHello* hello)> damage;
+    std::string said;
+  };
+  const std::vector<Case> cases = {
+      {[](v1::AgentHello* hello) { hello->clear_agent_id(); }, "hello.agent_id"},
+      {[](v1::AgentHello* hello) { hello->set_rig("a/b"); }, "hello.rig"},
+      {[](v1::AgentHello* hello) { hello->mutable_cameras(0)->set_stream_epoch(0); },
+       "hello.cameras[0].stream_epoch"},
+      {[](v1::AgentHello* hello) {
+         hello->mutable_cameras(0)->mutable_description()->mutable_intrinsics()->set_fx_px(
+             std::numeric_limits<double>::quiet_NaN());
+       },
+       "hello.cameras[0].description"},
+  };
+  for (const Case& bad : cases) {
+    v1::AgentHello hello = Hello("pc", {"left"});
+    bad.damage(&hello);
+    EXPECT_THAT(wire::FromProto(hello),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(bad.said)));
+  }
+}
+
 TEST(AgentHelloWire, BoundsWhatIsPending) {
   v1::AgentHello proto = Hello("pc", {"left"});
   for (int i = 0; i < 5000; ++i) *proto.add_pending() = wire::ToProto(kLeft);
@@ -104,11 +130,12 @@ TEST(AgentWire, AStartCommandKeepsItsPositions) {
   const v1::StartCapture proto = wire::ToProto(command);
   EXPECT_EQ(proto.session_id(), "wave");
   EXPECT_EQ(proto.target().marker_positions_m_size(), 2);
-  ASSERT_OK_AND_ASSIGN(const StreamPosition position, wire::FromProto(proto.cameras(0)));
-  EXPECT_EQ(position.stream, kLeft);
-  EXPECT_EQ(position.durable_seq, 7u);
-  EXPECT_EQ(position.send_limit_seq, 9u);
-  EXPECT_FALSE(position.unknown);
+  ASSERT_EQ(proto.cameras_size(), 1);
+  const v1::StreamPosition& position = proto.cameras(0);
+  EXPECT_EQ(*wire::FromProto(position.stream()), kLeft);
+  EXPECT_EQ(position.durable_seq(), 7u);
+  EXPECT_EQ(position.send_limit_seq(), 9u);
+  EXPECT_FALSE(position.unknown());
 }
 
 }  // namespace

@@ -87,7 +87,6 @@ class FakeStore : public server::Store {
       const server::SessionFilter&, const server::ListPage&) const override {
     return None();
   }
-  absl::StatusOr<uint32_t> CountSessions() const override { return None(); }
   absl::Status DeleteSession(std::string_view) override { return None(); }
   absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
       std::string_view) const override {

@@ -36,14 +36,11 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 // Knows cameras "a" to "z" of every session; "s-created" has not started.
-class FakeContexts : public StreamContextSource {
- public:
-  absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const override {
-    if (stream.camera.size() != 1) return absl::NotFoundError("no camera " + stream.camera);
-    if (stream.session_id == "s-created") return absl::FailedPreconditionError("not started");
-    return StreamContext{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
-  }
-};
+absl::StatusOr<StreamContext> ContextOf(const StreamKey& stream) {
+  if (stream.camera.size() != 1) return absl::NotFoundError("no camera " + stream.camera);
+  if (stream.session_id == "s-created") return absl::FailedPreconditionError("not started");
+  return StreamContext{.image_size_px = {.width = 1280, .height = 1024}, .marker_count = 3};
+}
 
 Delivery MakeDelivery(const StreamKey& stream, uint32_t first_seq, uint32_t last_seq) {
   return {.batch = MakeBatch(stream, first_seq, last_seq)};
@@ -58,12 +55,11 @@ class IngestTest : public ::testing::Test {
   }
 
   void Create(const IngestOptions& options) {
-    ASSERT_OK_AND_ASSIGN(
-        ingest_, Ingest::Create(options, &store_, &contexts_,
-                                [this](const StreamKey& stream, const AppendOutcome& outcome) {
-                                  const std::lock_guard lock(mutex_);
-                                  progress_.emplace_back(stream, outcome);
-                                }));
+    ingest_ = std::make_unique<Ingest>(
+        options, &store_, ContextOf, [this](const StreamKey& stream, const AppendOutcome& outcome) {
+          const std::lock_guard lock(mutex_);
+          progress_.emplace_back(stream, outcome);
+        });
   }
 
   absl::Status Submit(Delivery& delivery) {
@@ -91,7 +87,6 @@ class IngestTest : public ::testing::Test {
   }
 
   FakeStore store_;
-  FakeContexts contexts_;
   std::mutex mutex_;
   std::vector<absl::StatusOr<BatchAck>> answers_;
   std::vector<std::pair<StreamKey, AppendOutcome>> progress_;
@@ -359,15 +354,6 @@ TEST_F(IngestTest, LetsCallbacksSubmit) {
   while (left >= 0) std::this_thread::yield();
   ingest_->WaitIdle();
   EXPECT_EQ(ingest_->Stats().stored_observation_count, 42u);
-}
-
-TEST_F(IngestTest, RefusesOptionsWithoutSense) {
-  IngestOptions options;
-  options.queue_limit_bytes = 0;
-  options.send_window = 0;
-  EXPECT_THAT(Ingest::Create(options, &store_, &contexts_, nullptr),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("queue_limit_bytes"), HasSubstr("send_window"))));
 }
 
 TEST_F(IngestTest, LimitsTheSendLimitToWhatNumbersCanSay) {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/rpc/camera_service.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,6 +8,7 @@
 
 #include "common/wire/grpc_status.h"
 #include "common/wire/time_wire.h"
+#include "rigcal/v1/camera_service.grpc.pb.h"
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/status_matchers.h"
 

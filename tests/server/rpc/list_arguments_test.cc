@@ -5,15 +5,18 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <vector>
 
+#include "common/status/status_macros.h"
+#include "rigcal/v1/agent_service.pb.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::testing::list_arguments_test {
 namespace {
 
+using server::FillPage;
 using server::FilterField;
 using server::ListArguments;
-using server::PageFiller;
 using server::ParseFilter;
 using server::ParseListArguments;
 using server::RecordOrder;
@@ -71,14 +74,32 @@ TEST(ParseListArguments, KnowsItsOrdersAndPageSizes) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("create_time or id")));
 }
 
-TEST(PageFiller, ATokenLeadsToTheNextPageOfTheSameListOnly) {
+// A page of agents whose messages have this many bytes of text.
+struct Page {
+  google::protobuf::RepeatedPtrField<v1::Agent> agents;
+  std::string token;
+};
+absl::StatusOr<Page> PageOf(const ListArguments& list,
+                            const std::vector<server::Listed<size_t>>& records) {
+  Page page;
+  RIGCAL_RETURN_IF_ERROR(FillPage(
+      list, records,
+      [](size_t bytes, v1::Agent* agent) {
+        if (bytes == 0) return absl::NotFoundError("deleted");
+        agent->set_host(std::string(bytes, 'x'));
+        return absl::OkStatus();
+      },
+      &page.agents, &page.token));
+  return page;
+}
+
+TEST(FillPage, ATokenLeadsToTheNextPageOfTheSameListOnly) {
   ASSERT_OK_AND_ASSIGN(const auto list, ParseListArguments("rig=a", "id", 2, "", kFields));
-  PageFiller page(list);
-  page.Add({.time = 1, .id = "one"}, 10);
-  EXPECT_FALSE(page.full());
-  page.Add({.time = -7, .id = "two:with:colons"}, 10);
-  EXPECT_TRUE(page.full());
-  const std::string token = page.NextToken();
+  ASSERT_OK_AND_ASSIGN(const Page page, PageOf(list, {{10, {.time = 1, .id = "one"}},
+                                                      {10, {.time = -7, .id = "two:with:colons"}},
+                                                      {10, {.time = 9, .id = "three"}}}));
+  EXPECT_EQ(page.agents.size(), 2);
+  const std::string token = page.token;
   ASSERT_OK_AND_ASSIGN(const auto next, ParseListArguments("rig = a", "id", 2, token, kFields));
   EXPECT_EQ(next.after, (RecordPosition{.time = -7, .id = "two:with:colons"}));
   for (const auto& other : {ParseListArguments("rig=b", "id", 2, token, kFields),
@@ -89,11 +110,20 @@ TEST(PageFiller, ATokenLeadsToTheNextPageOfTheSameListOnly) {
   }
 }
 
-TEST(PageFiller, APageEndsBeforeItsMessageIsTooLarge) {
+TEST(FillPage, APageEndsBeforeItsMessageIsTooLarge) {
   ASSERT_OK_AND_ASSIGN(const auto list, ParseListArguments("", "", 1000, "", kFields));
-  PageFiller page(list);
-  page.Add({.time = 1, .id = "one"}, 2u << 20);
-  EXPECT_TRUE(page.full());
+  ASSERT_OK_AND_ASSIGN(const Page page, PageOf(list, {{2u << 20, {.time = 2, .id = "two"}},
+                                                      {10, {.time = 1, .id = "one"}}}));
+  EXPECT_EQ(page.agents.size(), 1);
+  EXPECT_NE(page.token, "");
+}
+
+TEST(FillPage, LeavesOutWhatWasDeletedMeanwhile) {
+  ASSERT_OK_AND_ASSIGN(const auto list, ParseListArguments("", "", 2, "", kFields));
+  ASSERT_OK_AND_ASSIGN(const Page page, PageOf(list, {{0, {.time = 2, .id = "two"}},
+                                                      {10, {.time = 1, .id = "one"}}}));
+  EXPECT_EQ(page.agents.size(), 1);
+  EXPECT_EQ(page.token, "");
 }
 
 }  // namespace

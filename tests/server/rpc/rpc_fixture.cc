@@ -17,19 +17,19 @@ void RpcFixture::SetUp() {
 }
 
 void RpcFixture::OpenServer() {
-  ASSERT_OK_AND_ASSIGN(
-      ingest_,
-      server::Ingest::Create(ingest_options_, faulty_.get(), coordinator_.get(),
-                             [this](const StreamKey& stream, const server::AppendOutcome& outcome) {
-                               coordinator_->RecordProgress(stream, outcome);
-                             }));
+  ingest_ = std::make_unique<server::Ingest>(
+      ingest_options_, faulty_.get(),
+      [this](const StreamKey& stream) { return coordinator_->contexts().GetStreamContext(stream); },
+      [this](const StreamKey& stream, const server::AppendOutcome& outcome) {
+        coordinator_->RecordProgress(stream, outcome);
+      });
   ingest_->Start();
-  ASSERT_OK_AND_ASSIGN(
-      rpc_, server::RpcServer::Create(rpc_options_, {.store = faulty_.get(),
-                                                     .ingest = ingest_.get(),
-                                                     .directory = directory_of_agents_.get(),
-                                                     .coordinator = coordinator_.get(),
-                                                     .runner = runner_.get()}));
+  rpc_ = std::make_unique<server::RpcServer>(
+      rpc_options_, server::RpcServerParts{.store = faulty_.get(),
+                                           .ingest = ingest_.get(),
+                                           .directory = directory_of_agents_.get(),
+                                           .coordinator = coordinator_.get(),
+                                           .runner = runner_.get()});
   ASSERT_OK_AND_ASSIGN(port_, rpc_->Start());
   channel_ = rpc_->InProcessChannel();
 }

@@ -66,7 +66,8 @@ TEST_F(RpcServer, ReflectionListsAndDescribesServices) {
               AllOf(HasSubstr("file_descriptor_proto"), HasSubstr("agent_service.proto")));
   EXPECT_THAT(Reflect(channel(), "file_containing_symbol: 'grpc.health.v1.Health'"),
               AllOf(HasSubstr("file_descriptor_proto"), HasSubstr("health.proto")));
-  EXPECT_THAT(Reflect(channel(), "file_containing_symbol: 'rigcal.v1.Nobody'"), HasSubstr("error_response"));
+  EXPECT_THAT(Reflect(channel(), "file_containing_symbol: 'rigcal.v1.Nobody'"),
+              HasSubstr("error_response"));
 }
 
 TEST_F(RpcServer, ServesOnAPortOfItsOwnAndNamesOneInUse) {
@@ -78,14 +79,13 @@ TEST_F(RpcServer, ServesOnAPortOfItsOwnAndNamesOneInUse) {
 
   server::RpcServerOptions options = rpc_options_;
   options.listen_address = address;
-  ASSERT_OK_AND_ASSIGN(const auto second,
-                       server::RpcServer::Create(options, {.store = faulty_.get(),
-                                                           .ingest = ingest_.get(),
-                                                           .directory = directory_of_agents_.get(),
-                                                           .coordinator = coordinator_.get(),
-                                                           .runner = runner_.get()}));
-  EXPECT_THAT(second->Start(), StatusIs(absl::StatusCode::kUnavailable,
-                                        AllOf(HasSubstr(address), HasSubstr("--listen"))));
+  server::RpcServer second(options, {.store = faulty_.get(),
+                                     .ingest = ingest_.get(),
+                                     .directory = directory_of_agents_.get(),
+                                     .coordinator = coordinator_.get(),
+                                     .runner = runner_.get()});
+  EXPECT_THAT(second.Start(), StatusIs(absl::StatusCode::kUnavailable,
+                                       AllOf(HasSubstr(address), HasSubstr("--listen"))));
   EXPECT_THAT(ServerClient(address).ListAgents(), IsOk()) << "the first one goes on";
 }
 
@@ -121,14 +121,18 @@ TEST(CheckLoopback, TakesLoopbackOnly) {
   }
 }
 
-TEST(RpcServerOptions, ListsEveryFault) {
-  server::RpcServerOptions options;
-  options.listen_address = "0.0.0.0:1";
-  options.max_threads = 1;
-  options.keepalive_time = std::chrono::milliseconds(0);
-  EXPECT_THAT(options.Validate(), StatusIs(absl::StatusCode::kInvalidArgument,
-                                           AllOf(HasSubstr("0.0.0.0:1"), HasSubstr("max_threads"),
-                                                 HasSubstr("keepalive_time"))));
+TEST_F(RpcServer, RefusesAnOpenAddressAndTooLittleMemory) {
+  const server::RpcServerParts parts{.store = faulty_.get(),
+                                     .ingest = ingest_.get(),
+                                     .directory = directory_of_agents_.get(),
+                                     .coordinator = coordinator_.get(),
+                                     .runner = runner_.get()};
+  server::RpcServer open({.listen_address = "0.0.0.0:1"}, parts);
+  EXPECT_THAT(open.Start(),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("0.0.0.0:1")));
+  server::RpcServer small({.listen_address = "", .memory_limit_bytes = 1u << 20}, parts);
+  EXPECT_THAT(small.Start(),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("limits.rpc_memory_mb")));
 }
 
 }  // namespace

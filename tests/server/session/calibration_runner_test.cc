@@ -14,7 +14,6 @@
 namespace rigcal::testing::calibration_runner_test {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
@@ -233,16 +232,6 @@ TEST_F(CalibrationRunner, ASessionDeletedBehindItsBackFailsWithItsName) {
   const Calibration ended = AwaitEnd(created.id);
   EXPECT_EQ(ended.state, CalibrationState::kFailed);
   EXPECT_THAT(ended.error, HasSubstr("wave"));
-}
-
-TEST_F(CalibrationRunner, RefusesOptionsThatCannotWork) {
-  server::CalibrationRunnerOptions options;
-  options.max_queued = 0;
-  options.max_attempts = 0;
-  EXPECT_THAT(
-      server::CalibrationRunner::Create(options, &store(), coordinator_.get(), solver_.Function()),
-      StatusIs(absl::StatusCode::kInvalidArgument,
-               AllOf(HasSubstr("max_queued"), HasSubstr("max_attempts"))));
 }
 
 TEST_F(CalibrationRunner, ManyClientsAtOnce) {

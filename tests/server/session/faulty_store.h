@@ -54,7 +54,6 @@ class FaultyStore : public server::Store {
     if (absl::Status status = Enter("ListSessions"); !status.ok()) return status;
     return store_.ListSessions(filter, page);
   }
-  absl::StatusOr<uint32_t> CountSessions() const override { return store_.CountSessions(); }
   absl::Status DeleteSession(std::string_view id) override {
     if (absl::Status status = Enter("DeleteSession"); !status.ok()) return status;
     return store_.DeleteSession(id);

@@ -143,7 +143,7 @@ TEST_F(SessionCoordinatorAgents, AnotherAgentDoesNotTakeARunningCameraOver) {
   coordinator().WaitIdle();
   EXPECT_THAT(other.link->Lines(), IsEmpty());
   EXPECT_TRUE(other.positions[0].unknown);
-  EXPECT_THAT(coordinator().CheckDelivery({"wave", "left", 1}, "pc-new", "rig"),
+  EXPECT_THAT(coordinator().contexts().CheckAgent({"wave", "left", 1}, "pc-new", "rig"),
               StatusIs(absl::StatusCode::kPermissionDenied, HasSubstr("pc-left")));
 }
 
@@ -181,7 +181,7 @@ TEST_F(SessionCoordinatorAgents, ComingAndGoingWakesWatchers) {
   ASSERT_OK_AND_ASSIGN(const auto watch, coordinator().WatchSession("wave", changes.Wake()));
   coordinator().DisconnectAgent(left_.registration);
   EXPECT_TRUE(changes.Wait(std::chrono::seconds(60)));
-  ASSERT_OK_AND_ASSIGN(const server::SessionView view, coordinator().GetSession("wave"));
+  ASSERT_OK_AND_ASSIGN(const SessionView view, View("wave"));
   EXPECT_THAT(view.connected_cameras, ElementsAre("right"));
 }
 

@@ -39,8 +39,7 @@ TEST_F(SessionCoordinator, RefusesUnknownSessionsByName) {
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
   EXPECT_THAT(coordinator().StopSession("nobody", 1),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
-  EXPECT_THAT(coordinator().GetSession("nobody"),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+  EXPECT_THAT(View("nobody"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
   EXPECT_THAT(coordinator().DeleteSession("nobody"),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
   EXPECT_THAT(coordinator().HoldSessions({"nobody"}),
@@ -57,7 +56,7 @@ TEST_F(SessionCoordinator, StartKeepsTheCamerasAsTheyAreThen) {
   EXPECT_EQ(started.cameras[0].agent_id, "pc");
   // A camera that comes later does not take part.
   Connect(MakeAgent("late", {"top"}));
-  ASSERT_OK_AND_ASSIGN(const server::SessionView view, coordinator().GetSession("wave"));
+  ASSERT_OK_AND_ASSIGN(const SessionView view, View("wave"));
   EXPECT_THAT(view.session.cameras, SizeIs(2));
   EXPECT_THAT(view.connected_cameras, ElementsAre("left", "right", "top"));
   EXPECT_EQ(coordinator().CapturingCount(), 1u);
@@ -98,7 +97,7 @@ TEST_F(SessionCoordinator, FinishesByItselfWhenEveryCameraHasEnded) {
   Deliver({"wave", "left", 1}, 1, 10);
   DeliverEnd({"wave", "left", 1}, 10);
   coordinator().WaitIdle();
-  ASSERT_OK_AND_ASSIGN(const server::SessionView view, coordinator().GetSession("wave"));
+  ASSERT_OK_AND_ASSIGN(const SessionView view, View("wave"));
   EXPECT_EQ(view.session.state, SessionState::kCapturing);
   DeliverEnd({"wave", "right", 1}, 0);
   const Session finished = AwaitFinished("wave");
@@ -111,7 +110,7 @@ TEST_F(SessionCoordinator, AnEndBeforeItsRowsWaitsForThem) {
   DeliverEnd({"wave", "left", 1}, 10);
   Deliver({"wave", "left", 1}, 1, 9);
   coordinator().WaitIdle();
-  ASSERT_OK_AND_ASSIGN(const server::SessionView view, coordinator().GetSession("wave"));
+  ASSERT_OK_AND_ASSIGN(const SessionView view, View("wave"));
   EXPECT_EQ(view.session.state, SessionState::kCapturing);
   Deliver({"wave", "left", 1}, 10, 10);
   EXPECT_THAT(AwaitFinished("wave").missing_cameras, IsEmpty());
@@ -166,9 +165,8 @@ TEST_F(SessionCoordinator, DeletesWhatDoesNotRun) {
                 StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("being read")));
   }
   EXPECT_THAT(coordinator().DeleteSession("wave"), IsOk());
-  EXPECT_THAT(coordinator().GetSession("wave"),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
-  EXPECT_THAT(coordinator().GetStreamContext({"wave", "left", 1}),
+  EXPECT_THAT(View("wave"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
+  EXPECT_THAT(coordinator().contexts().GetStreamContext({"wave", "left", 1}),
               StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
 }
 
@@ -177,7 +175,7 @@ TEST_F(SessionCoordinator, ADeleteThatFailsLeavesTheSessionUsable) {
   faulty().Fail("DeleteSession", absl::InternalError("disk"));
   EXPECT_THAT(coordinator().DeleteSession("wave"),
               StatusIs(absl::StatusCode::kInternal, HasSubstr("disk")));
-  EXPECT_THAT(coordinator().GetStreamContext({"wave", "left", 1}), IsOk());
+  EXPECT_THAT(coordinator().contexts().GetStreamContext({"wave", "left", 1}), IsOk());
   faulty().Fail("DeleteSession", absl::OkStatus());
   EXPECT_THAT(coordinator().DeleteSession("wave"), IsOk());
 }
@@ -220,7 +218,7 @@ TEST_F(SessionCoordinator, AFullDiskDelaysTheEndOnly) {
   faulty().Fail("UpdateSession", absl::ResourceExhaustedError("disk full"));
   DeliverEnd({"wave", "left", 1}, 0);
   coordinator().WaitIdle();
-  ASSERT_OK_AND_ASSIGN(const server::SessionView view, coordinator().GetSession("wave"));
+  ASSERT_OK_AND_ASSIGN(const SessionView view, View("wave"));
   EXPECT_EQ(view.session.state, SessionState::kCapturing);
   faulty().Fail("UpdateSession", absl::OkStatus());
   EXPECT_THAT(AwaitFinished("wave").missing_cameras, IsEmpty());
@@ -253,17 +251,7 @@ TEST_F(SessionCoordinator, WatchersAreWokenByTheDeletion) {
   ASSERT_OK_AND_ASSIGN(const auto watch, coordinator().WatchSession("wave", changes.Wake()));
   ASSERT_THAT(coordinator().DeleteSession("wave"), IsOk());
   EXPECT_TRUE(changes.Wait(std::chrono::seconds(60)));
-  EXPECT_THAT(coordinator().GetSession("wave"),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
-}
-
-TEST_F(SessionCoordinator, RefusesOptionsThatCannotWork) {
-  server::SessionCoordinatorOptions options;
-  options.max_sessions = 0;
-  options.send_window = 0;
-  EXPECT_THAT(server::SessionCoordinator::Create(options, &store(), directory_of_agents_.get()),
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr("max_sessions"), HasSubstr("send_window"))));
+  EXPECT_THAT(View("wave"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("wave")));
 }
 
 TEST_F(SessionCoordinator, ManyThreadsAtOnceEndInOneState) {
@@ -279,7 +267,7 @@ TEST_F(SessionCoordinator, ManyThreadsAtOnceEndInOneState) {
         EXPECT_THAT(coordinator().StartSession(id), IsOk());
         coordinator().RecordProgress({"shared", "left", 1}, {.complete = true});
         EXPECT_THAT(coordinator().StopSession(id, 0.001), IsOk());
-        EXPECT_THAT(coordinator().GetSession(id), IsOk());
+        EXPECT_THAT(View(id), IsOk());
       }
     });
   }

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "common/status/status_macros.h"
 #include "tests/server/session/change_waiter.h"
 #include "tests/testing/status_matchers.h"
 
@@ -107,6 +108,14 @@ void SessionFixture::FinishByHand(const std::string& id, const std::vector<std::
     DeliverEnd({id, camera, 1}, rows);
   }
   AwaitFinished(id);
+}
+
+absl::StatusOr<SessionFixture::SessionView> SessionFixture::View(const std::string& id) const {
+  SessionView view;
+  RIGCAL_ASSIGN_OR_RETURN(view.session, store_->GetSession(id));
+  RIGCAL_ASSIGN_OR_RETURN(view.counts, store_->GetSessionCounts(id));
+  view.connected_cameras = directory_of_agents_->ConnectedCameraNames(view.session.rig);
+  return view;
 }
 
 Session SessionFixture::AwaitFinished(const std::string& id) {

@@ -47,6 +47,12 @@ class SessionFixture : public StoreFixture {
   // The same, each camera with `rows` rows, finished.
   void FinishByHand(const std::string& id, const std::vector<std::string>& cameras,
                     uint32_t rows = 20);
+  struct SessionView {
+    Session session;
+    std::vector<SessionCameraCounts> counts;
+    std::vector<std::string> connected_cameras;
+  };
+  absl::StatusOr<SessionView> View(const std::string& id) const;
   // Watches until the session is finished; fails the test when it takes unreasonably long.
   Session AwaitFinished(const std::string& id);
   server::SessionCoordinator& coordinator() { return *coordinator_; }

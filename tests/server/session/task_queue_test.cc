@@ -35,7 +35,7 @@ class TaskQueueTest : public ::testing::Test {
 
   std::mutex mutex_;
   std::vector<std::string> words_;
-  TaskQueue queue_;
+  TaskQueue queue_{"test"};
 };
 
 TEST_F(TaskQueueTest, RunsTasksInOrderAlsoThoseFromBeforeItsStart) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/rpc/accepted_rows.h"
+#include "server/store/delivery.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 
 #include "tests/server/store/store_fixture.h"
 
-namespace rigcal::testing::accepted_rows_test {
+namespace rigcal::testing::delivery_test {
 namespace {
 
 using server::AcceptedRows;
@@ -56,4 +56,4 @@ TEST(AcceptedRows, KeepsTheSamplesOfABatchThatWasRefusedWhole) {
 }
 
 }  // namespace
-}  // namespace rigcal::testing::accepted_rows_test
+}  // namespace rigcal::testing::delivery_test

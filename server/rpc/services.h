@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <grpcpp/impl/service_type.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "server/ingest/ingest.h"
+#include "server/rpc/watch_hub.h"
+#include "server/session/agent_directory.h"
+#include "server/session/calibration_runner.h"
+#include "server/session/preview_broker.h"
+#include "server/session/session_coordinator.h"
+#include "server/store/store.h"
+
+namespace rigcal::server {
+
+// Parts of the server that the services speak with; all must outlive them.
+struct RpcServerParts {
+  Store* store = nullptr;
+  Ingest* ingest = nullptr;
+  AgentDirectory* directory = nullptr;
+  SessionCoordinator* coordinator = nullptr;
+  CalibrationRunner* runner = nullptr;
+};
+
+// The services of rigcal.v1 for clients; each in the file of its name.
+std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts);
+std::unique_ptr<grpc::Service> MakeCameraService(PreviewBroker* previews);
+std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches);
+std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
+                                                      WatchHub* watches);
+// It has started at `start_utc_ns`.
+std::unique_ptr<grpc::Service> MakeStatusService(const RpcServerParts& parts,
+                                                 size_t ingest_queue_limit_bytes,
+                                                 int64_t start_utc_ns);
+
+}  // namespace rigcal::server

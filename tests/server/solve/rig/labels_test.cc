@@ -54,9 +54,9 @@ class Labels : public ::testing::Test {
       for (int m = 0; m < count; ++m) {
         BundleMarker marker;
         marker.marker = m;
-        Eigen::Vector2d residual;
-        EXPECT_TRUE(MarkerResidualPx(problem_, instant, observation, marker, &residual));
-        marker.centre_px = residual;  // of a centre at zero: where the marker is seen
+        const auto residual = MarkerResidualPx(problem_, instant, observation, marker);
+        EXPECT_TRUE(residual);
+        marker.centre_px = residual.value();  // of a centre at zero: where the marker is seen
         problem_.markers.push_back(marker);
       }
       problem_.observations.push_back(observation);
@@ -66,7 +66,7 @@ class Labels : public ::testing::Test {
   }
 
   void Reverse(int observation) { FlipLabels(observation, &problem_); }
-  std::vector<int> Find() { return FindFlippedLabels({}, {}, problem_, time_ns_); }
+  std::vector<int> Find() { return FindFlippedLabels(problem_, time_ns_); }
 
   BundleProblem problem_;
   std::vector<int64_t> time_ns_;

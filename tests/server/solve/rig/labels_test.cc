@@ -10,6 +10,7 @@
 
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/calibrate.h"
+#include "server/solve/rig/outliers.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/status_matchers.h"
 
@@ -131,7 +132,7 @@ TEST_F(Labels, AnInstantThatPointsAgainstItsNeighboursIsFlippedAsAWhole) {
 TEST_F(Labels, AnInstantOfWhichTooLittleIsLeftSaysNothing) {
   Make(2, 10, {0, 0.39});
   problem_.markers.front().centre_px = {5, 7};
-  EXPECT_EQ(ClassifyOutliers({}, &problem_), 2);  // the marker, and its instant
+  EXPECT_EQ(ClassifyOutliers(&problem_), 2);  // the marker, and its instant
   EXPECT_FALSE(problem_.instants.front().used);
   for (size_t i = 1; i < problem_.instants.size(); ++i) EXPECT_TRUE(problem_.instants[i].used);
 }
@@ -141,13 +142,13 @@ TEST_F(Labels, AnInstantWithoutOutliersCountsHoweverSmall) {
   for (BundleObservation& observation : problem_.observations) {
     if (observation.camera == 1) observation.marker_count = 1;
   }
-  EXPECT_EQ(ClassifyOutliers({}, &problem_), 0);
+  EXPECT_EQ(ClassifyOutliers(&problem_), 0);
 }
 
 TEST_F(Labels, OneCameraAloneSaysNothing) {
   Make(2, 10, {0, 0.1, 0.25, 0.39});
   for (size_t m = 4; m < 8; ++m) problem_.markers[m].centre_px = {5, 7};
-  ClassifyOutliers({}, &problem_);
+  ClassifyOutliers(&problem_);
   EXPECT_FALSE(problem_.instants.front().used);
   EXPECT_TRUE(problem_.instants.back().used);
 }

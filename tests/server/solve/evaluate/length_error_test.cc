@@ -79,7 +79,7 @@ TEST(MeasureLengths, OfNothingAreNone) {
 }
 
 TEST(SummariseSpans, GivesMeanAndRootMeanSquareOfEach) {
-  const LengthErrors errors{{{0.001, 0.003}, {}}};
+  const LengthErrors errors = {{0.001, 0.003}, {}};
   const std::vector<SpanError> spans = SummariseSpans(errors, kPositions_m);
   ASSERT_EQ(spans.size(), 2u);
   EXPECT_DOUBLE_EQ(spans[0].length_m, 0.13);
@@ -93,7 +93,7 @@ TEST(SummariseSpans, GivesMeanAndRootMeanSquareOfEach) {
 }
 
 TEST(OverallRms, WeighsEveryErrorTheSame) {
-  EXPECT_DOUBLE_EQ(OverallRms({{{-0.003}, {0.001, 0.001}}}), std::sqrt(11e-6 / 3));
+  EXPECT_DOUBLE_EQ(OverallRms({{-0.003}, {0.001, 0.001}}), std::sqrt(11e-6 / 3));
 }
 
 }  // namespace

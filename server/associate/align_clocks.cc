@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <optional>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -22,15 +21,11 @@ using ClockKey = std::tuple<std::string, std::string, uint32_t>;  // session, cl
 // Server UTC minus host UTC: the median of the pings that were about as good as the best.
 int64_t HostCorrectionNs(const std::vector<HostAlignment>& alignments) {
   if (alignments.empty()) return 0;
-  uint32_t best = alignments.front().uncertainty_ns;
-  for (const HostAlignment& alignment : alignments) {
-    best = std::min(best, alignment.uncertainty_ns);
-  }
+  const uint32_t best =
+      std::ranges::min(alignments, {}, &HostAlignment::uncertainty_ns).uncertainty_ns;
   std::vector<int64_t> corrections;
   for (const HostAlignment& alignment : alignments) {
-    if (alignment.uncertainty_ns / 2 <= best) {
-      corrections.push_back(alignment.server_minus_host_ns);
-    }
+    if (alignment.uncertainty_ns / 2 <= best) corrections.push_back(alignment.server_minus_host_ns);
   }
   return LowerMedian(std::move(corrections));
 }
@@ -64,17 +59,6 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
   return offsets;
 }
 
-// The time base every clock of the session follows, if there is one.
-std::optional<std::string> CommonTimebase(const std::vector<CleanTrack>& clean,
-                                          const std::string& session_id) {
-  std::set<std::string> timebases;
-  for (const CleanTrack& track : clean) {
-    if (track.session_id == session_id) timebases.insert(track.camera.clock.timebase);
-  }
-  if (timebases.size() != 1 || timebases.begin()->empty()) return std::nullopt;
-  return *timebases.begin();
-}
-
 double MedianPeriodS(const std::vector<Observation>& observations) {
   if (observations.size() < 2) return 0;
   std::vector<int64_t> steps;
@@ -106,37 +90,27 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
                                       std::vector<CleanTrack> clean, RefusalCounter* refused) {
   const std::map<ClockKey, Offset> offsets = OffsetsFromSamples(tracks);
   const std::set<size_t> largest = LargestEpochs(clean);
-  std::map<std::string, bool> has_timebase;
+  std::map<std::string, std::set<std::string>> timebases;  // by session
   for (const CleanTrack& track : clean) {
-    if (!has_timebase.contains(track.session_id)) {
-      has_timebase[track.session_id] = CommonTimebase(clean, track.session_id).has_value();
-    }
+    timebases[track.session_id].insert(track.camera.clock.timebase);
   }
   std::vector<AlignedTrack> aligned;
   for (size_t i = 0; i < clean.size(); ++i) {
     CleanTrack& track = clean[i];
-    Offset offset;
-    if (has_timebase[track.session_id]) {
-      if (!largest.contains(i)) {
-        refused->Add(track.camera.camera, RefusalReason::kClockEpochWithoutOffset,
-                     static_cast<uint32_t>(track.observations.size()),
-                     absl::StrCat("clock epoch ", track.clock_epoch, " of clock ",
-                                  track.camera.clock.clock_id, ": the clock jumped back"));
-        continue;
-      }
-    } else {
-      const auto found =
-          offsets.find({track.session_id, track.camera.clock.clock_id, track.clock_epoch});
-      if (found == offsets.end()) {
-        refused->Add(track.camera.camera, RefusalReason::kClockEpochWithoutOffset,
-                     static_cast<uint32_t>(track.observations.size()),
-                     absl::StrCat("clock epoch ", track.clock_epoch, " of clock ",
-                                  track.camera.clock.clock_id,
-                                  ": no clock samples, and no time base that all cameras share"));
-        continue;
-      }
-      offset = found->second;
+    const std::set<std::string>& bases = timebases[track.session_id];
+    const bool has_timebase = bases.size() == 1 && !bases.begin()->empty();
+    const auto found =
+        offsets.find({track.session_id, track.camera.clock.clock_id, track.clock_epoch});
+    if (has_timebase ? !largest.contains(i) : found == offsets.end()) {
+      refused->Add(
+          track.camera.camera, RefusalReason::kClockEpochWithoutOffset, track.observations.size(),
+          absl::StrCat("clock epoch ", track.clock_epoch, " of clock ", track.camera.clock.clock_id,
+                       has_timebase
+                           ? ": the clock jumped back"
+                           : ": no clock samples, and no time base that all cameras share"));
+      continue;
     }
+    const Offset offset = has_timebase ? Offset{} : found->second;
     AlignedTrack result;
     result.clock_offset_ns = offset.offset_ns;
     result.offset_sigma_s = offset.sigma_s;

@@ -3,7 +3,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <tuple>
 #include <utility>
@@ -22,11 +21,10 @@ auto Key(const MarkerObservation& marker) {
 }
 
 bool SameValues(const Observation& a, const Observation& b) {
-  return std::equal(a.markers.begin(), a.markers.end(), b.markers.begin(), b.markers.end(),
-                    [](const MarkerObservation& left, const MarkerObservation& right) {
-                      if (!left.visible && !right.visible) return true;
-                      return Key(left) == Key(right);
-                    });
+  return std::ranges::equal(a.markers, b.markers,
+                            [](const MarkerObservation& left, const MarkerObservation& right) {
+                              return (!left.visible && !right.visible) || Key(left) == Key(right);
+                            });
 }
 
 // Why an observation is unusable; kUnspecified: it is usable.
@@ -55,9 +53,7 @@ std::string Example(const CleanTrack& track, const Observation& observation) {
 
 void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {
   std::vector<Observation>& all = track->observations;
-  std::stable_sort(all.begin(), all.end(), [](const Observation& a, const Observation& b) {
-    return a.time_ns < b.time_ns;
-  });
+  std::ranges::stable_sort(all, {}, &Observation::time_ns);
   std::vector<Observation> kept;
   kept.reserve(all.size());
   for (size_t begin = 0; begin < all.size();) {
@@ -67,15 +63,10 @@ void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {
       equal = equal && SameValues(all[begin], all[end]);
       ++end;
     }
-    const auto count = static_cast<uint32_t>(end - begin);
-    if (equal) {
-      refused->Add(track->camera.camera, RefusalReason::kDuplicateEqual, count - 1,
-                   Example(*track, all[begin]));
-      kept.push_back(std::move(all[begin]));
-    } else {
-      refused->Add(track->camera.camera, RefusalReason::kDuplicateConflict, count,
-                   Example(*track, all[begin]));
-    }
+    refused->Add(track->camera.camera,
+                 equal ? RefusalReason::kDuplicateEqual : RefusalReason::kDuplicateConflict,
+                 end - begin - (equal ? 1 : 0), Example(*track, all[begin]));
+    if (equal) kept.push_back(std::move(all[begin]));
     begin = end;
   }
   all = std::move(kept);

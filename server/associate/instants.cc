@@ -5,6 +5,7 @@
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <numeric>
 #include <string>
 #include <utility>
 
@@ -60,58 +61,21 @@ void Close(const ViewGroup& group, InstantList* list) {
     instant.members.push_back({view.track, view.observation});
     ++list->instant_count[static_cast<size_t>(view.track)];
   }
-  std::sort(instant.members.begin(), instant.members.end(),
-            [](const InstantMember& a, const InstantMember& b) { return a.track < b.track; });
-  for (const InstantMember& a : instant.members) {
-    for (const InstantMember& b : instant.members) {
-      if (a.track != b.track) {
-        ++list->shared_count[static_cast<size_t>(a.track)][static_cast<size_t>(b.track)];
-      }
-    }
-  }
+  std::ranges::sort(instant.members, {}, &InstantMember::track);
   list->instants.push_back(std::move(instant));
 }
 
-InstantList EmptyList(size_t tracks) {
-  InstantList list;
-  list.alone_count.assign(tracks, 0);
-  list.instant_count.assign(tracks, 0);
-  list.skipped_count.assign(tracks, 0);
-  list.shared_count.assign(tracks, std::vector<int>(tracks, 0));
-  return list;
-}
-
-size_t MemberCount(const InstantList& list) {
-  size_t count = 0;
-  for (const Instant& instant : list.instants) count += instant.members.size();
-  return count;
-}
-
-InstantList ListOf(size_t tracks, const ViewGrouping& grouping) {
-  InstantList list = EmptyList(tracks);
-  for (const ViewGroup& group : grouping.groups) Close(group, &list);
-  for (const WandView& view : grouping.skipped)
-    ++list.skipped_count[static_cast<size_t>(view.track)];
-  return list;
-}
-
-void Append(InstantList from, InstantList* to) {
-  for (size_t t = 0; t < from.alone_count.size(); ++t) {
-    to->alone_count[t] += from.alone_count[t];
-    to->instant_count[t] += from.instant_count[t];
-    to->skipped_count[t] += from.skipped_count[t];
-    for (size_t u = 0; u < from.alone_count.size(); ++u) {
-      to->shared_count[t][u] += from.shared_count[t][u];
-    }
+void Add(const ViewGrouping& grouping, InstantList* list) {
+  for (const ViewGroup& group : grouping.groups) Close(group, list);
+  for (const WandView& view : grouping.skipped) {
+    ++list->skipped_count[static_cast<size_t>(view.track)];
   }
-  std::move(from.instants.begin(), from.instants.end(), std::back_inserter(to->instants));
 }
 
 // Mean number of cameras per instant.
 double CamerasPerInstant(const InstantList& list) {
-  return list.instants.empty()
-             ? 0
-             : static_cast<double>(MemberCount(list)) / static_cast<double>(list.instants.size());
+  const double members = std::accumulate(list.instant_count.begin(), list.instant_count.end(), 0.0);
+  return list.instants.empty() ? 0 : members / static_cast<double>(list.instants.size());
 }
 
 // A camera that runs at the others' rate, but some constant time beside them, has no part in
@@ -133,19 +97,18 @@ struct AlikeGrouping {
 
 // Cameras of about one rate.
 AlikeGrouping GroupAlike(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                         const std::vector<WandView>& views, const InstantOptions& options,
+                         const std::vector<WandView>& views, double tolerance_s,
                          double period_share) {
   const Periods periods = PeriodsOf(tracks, members);
-  double tolerance_s = options.tolerance_s;
-  if (tolerance_s <= 0) {
-    tolerance_s =
-        periods.shortest_s > 0 ? period_share * periods.shortest_s : kToleranceWithoutPeriodS;
-  }
-  ViewGrouping together = GroupTogether(tracks, views, Nanoseconds(tolerance_s));
-  if (options.tolerance_s > 0 || periods.longest_s <= 0) return {std::move(together), false};
+  const double width_s = tolerance_s > 0          ? tolerance_s
+                         : periods.shortest_s > 0 ? period_share * periods.shortest_s
+                                                  : kToleranceWithoutPeriodS;
+  ViewGrouping together = GroupTogether(tracks, views, Nanoseconds(width_s));
+  if (tolerance_s > 0 || periods.longest_s <= 0) return {std::move(together), false};
   ViewGrouping nearest = GroupNearest(tracks, views, Nanoseconds(periods.longest_s));
-  const InstantList if_together = ListOf(tracks.size(), together);
-  const InstantList if_nearest = ListOf(tracks.size(), nearest);
+  InstantList if_together(tracks.size()), if_nearest(tracks.size());
+  Add(together, &if_together);
+  Add(nearest, &if_nearest);
   const bool run_freely =
       CamerasPerInstant(if_nearest) > kFreeRunningGain * CamerasPerInstant(if_together) ||
       StarvesTrack(if_together, if_nearest);
@@ -166,9 +129,9 @@ std::vector<int> FastTracks(const std::vector<AlignedTrack>& tracks,
 
 std::vector<WandView> ViewsOf(const std::vector<WandView>& views, const std::vector<int>& members) {
   std::vector<WandView> own;
-  for (const WandView& view : views) {
-    if (std::find(members.begin(), members.end(), view.track) != members.end()) own.push_back(view);
-  }
+  std::ranges::copy_if(views, std::back_inserter(own), [&members](const WandView& view) {
+    return std::ranges::find(members, view.track) != members.end();
+  });
   return own;
 }
 
@@ -182,16 +145,16 @@ bool IsNear(const std::vector<int64_t>& times_ns, int64_t time_ns, int64_t reach
 // between makes instants among themselves. Slow cameras that run freely share no instants; then
 // each instant is as wide as their period and holds one view of every camera.
 ViewGrouping GroupByRates(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                          const std::vector<WandView>& views, const InstantOptions& options,
+                          const std::vector<WandView>& views, double tolerance_s,
                           double period_share) {
-  const std::vector<int> fast =
-      options.tolerance_s > 0 ? std::vector<int>() : FastTracks(tracks, members);
-  if (fast.empty()) return GroupAlike(tracks, members, views, options, period_share).views;
+  const std::vector<int> fast = tolerance_s > 0 ? std::vector<int>() : FastTracks(tracks, members);
+  if (fast.empty()) return GroupAlike(tracks, members, views, tolerance_s, period_share).views;
   std::vector<int> slow;
   std::set_difference(members.begin(), members.end(), fast.begin(), fast.end(),
                       std::back_inserter(slow));
-  AlikeGrouping of_slow = GroupAlike(tracks, slow, ViewsOf(views, slow), options, period_share);
-  if (of_slow.run_freely) return GroupAlike(tracks, members, views, options, period_share).views;
+  AlikeGrouping of_slow = GroupAlike(tracks, slow, ViewsOf(views, slow), tolerance_s, period_share);
+  if (of_slow.run_freely)
+    return GroupAlike(tracks, members, views, tolerance_s, period_share).views;
   ViewGrouping grouping = std::move(of_slow.views);
   std::vector<int64_t> slow_times_ns;
   for (const ViewGroup& group : grouping.groups) slow_times_ns.push_back(MeanTimeNs(group));
@@ -203,40 +166,26 @@ ViewGrouping GroupByRates(const std::vector<AlignedTrack>& tracks, const std::ve
                     Nanoseconds(kReachPeriods * period_s), &grouping.groups);
     between.insert(between.end(), rest.begin(), rest.end());
   }
-  std::sort(slow_times_ns.begin(), slow_times_ns.end());
+  std::ranges::sort(slow_times_ns);
   for (ViewGroup& group : grouping.groups) std::sort(group.begin(), group.end(), Earlier);
   std::sort(between.begin(), between.end(), Earlier);
-  ViewGrouping others = GroupByRates(tracks, fast, between, options, kPeriodShareBetween);
+  ViewGrouping others = GroupByRates(tracks, fast, between, tolerance_s, kPeriodShareBetween);
   const int64_t slow_period_ns = Nanoseconds(PeriodsOf(tracks, slow).longest_s);
   for (ViewGroup& group : others.groups) {
     const bool between_rows =
         group.size() == 1 && IsNear(slow_times_ns, group.front().time_ns, slow_period_ns);
-    if (between_rows) {
-      grouping.skipped.push_back(group.front());
-    } else {
-      grouping.groups.push_back(std::move(group));
-    }
+    if (between_rows) grouping.skipped.push_back(group.front());
+    if (!between_rows) grouping.groups.push_back(std::move(group));
   }
   grouping.skipped.insert(grouping.skipped.end(), others.skipped.begin(), others.skipped.end());
   return grouping;
 }
 
-InstantList FindInSession(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members,
-                          const std::vector<WandView>& views, const InstantOptions& options) {
-  InstantList list =
-      ListOf(tracks.size(), GroupByRates(tracks, members, views, options, kPeriodShare));
-  std::stable_sort(
-      list.instants.begin(), list.instants.end(),
-      [](const Instant& a, const Instant& b) { return a.rig_time_ns < b.rig_time_ns; });
-  return list;
-}
-
 }  // namespace
 
 InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
-                         const std::vector<std::vector<int64_t>>& rig_time_ns,
-                         const InstantOptions& options) {
-  InstantList list = EmptyList(tracks.size());
+                         const std::vector<std::vector<int64_t>>& rig_time_ns, double tolerance_s) {
+  InstantList list(tracks.size());
   std::map<std::string, std::vector<int>> sessions;
   for (size_t t = 0; t < tracks.size(); ++t) {
     sessions[tracks[t].track.session_id].push_back(static_cast<int>(t));
@@ -251,7 +200,10 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
       }
     }
     std::sort(views.begin(), views.end(), Earlier);
-    Append(FindInSession(tracks, members, views, options), &list);
+    const auto before = static_cast<std::ptrdiff_t>(list.instants.size());
+    Add(GroupByRates(tracks, members, views, tolerance_s, kPeriodShare), &list);
+    std::ranges::stable_sort(list.instants.begin() + before, list.instants.end(), {},
+                             &Instant::rig_time_ns);
   }
   return list;
 }

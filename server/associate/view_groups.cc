@@ -2,7 +2,6 @@
 #include "server/associate/view_groups.h"
 
 #include <algorithm>
-#include <cstddef>
 #include <cstdlib>
 #include <map>
 #include <string>
@@ -11,14 +10,14 @@
 namespace rigcal::server {
 namespace {
 
-const std::string* CameraOf(const std::vector<AlignedTrack>& tracks, const WandView& view) {
-  return &tracks[static_cast<size_t>(view.track)].track.camera.camera;
+const std::string& CameraOf(const std::vector<AlignedTrack>& tracks, const WandView& view) {
+  return tracks[static_cast<size_t>(view.track)].track.camera.camera;
 }
 
 bool Has(const std::vector<AlignedTrack>& tracks, const ViewGroup& group,
          const std::string& camera) {
-  return std::any_of(group.begin(), group.end(),
-                     [&](const WandView& view) { return *CameraOf(tracks, view) == camera; });
+  return std::ranges::any_of(
+      group, [&](const WandView& view) { return CameraOf(tracks, view) == camera; });
 }
 
 }  // namespace
@@ -38,17 +37,11 @@ ViewGrouping GroupTogether(const std::vector<AlignedTrack>& tracks,
   ViewGrouping grouping;
   for (size_t begin = 0; begin < views.size();) {
     size_t end = begin + 1;
-    std::vector<const std::string*> cameras = {CameraOf(tracks, views[begin])};
+    ViewGroup& group = grouping.groups.emplace_back(1, views[begin]);
     for (; end < views.size() && views[end].time_ns - views[begin].time_ns <= tolerance_ns; ++end) {
-      const std::string* camera = CameraOf(tracks, views[end]);
-      if (std::any_of(cameras.begin(), cameras.end(),
-                      [camera](const std::string* name) { return *name == *camera; })) {
-        break;
-      }
-      cameras.push_back(camera);
+      if (Has(tracks, group, CameraOf(tracks, views[end]))) break;
+      group.push_back(views[end]);
     }
-    grouping.groups.emplace_back(views.begin() + static_cast<std::ptrdiff_t>(begin),
-                                 views.begin() + static_cast<std::ptrdiff_t>(end));
     begin = end;
   }
   return grouping;
@@ -63,7 +56,7 @@ ViewGrouping GroupNearest(const std::vector<AlignedTrack>& tracks,
     const int64_t middle_ns = views[begin].time_ns + window_ns / 2;
     std::map<std::string, WandView> nearest;
     for (size_t i = begin; i < end; ++i) {
-      const auto [entry, inserted] = nearest.try_emplace(*CameraOf(tracks, views[i]), views[i]);
+      const auto [entry, inserted] = nearest.try_emplace(CameraOf(tracks, views[i]), views[i]);
       if (inserted) continue;
       WandView& other = entry->second;
       const bool nearer =
@@ -84,13 +77,12 @@ std::vector<WandView> JoinNearest(const std::vector<AlignedTrack>& tracks,
                                   const std::vector<int64_t>& times_ns, int64_t reach_ns,
                                   std::vector<ViewGroup>* groups) {
   if (of_track.empty()) return {};
-  const std::string& camera = *CameraOf(tracks, of_track.front());
+  const std::string& camera = CameraOf(tracks, of_track.front());
   std::vector<bool> joined(of_track.size(), false);
   for (size_t g = 0; g < groups->size(); ++g) {
     ViewGroup& group = (*groups)[g];
     if (Has(tracks, group, camera)) continue;
-    const auto after = std::lower_bound(of_track.begin(), of_track.end(), times_ns[g],
-                                        [](const WandView& a, int64_t t) { return a.time_ns < t; });
+    const auto after = std::ranges::lower_bound(of_track, times_ns[g], {}, &WandView::time_ns);
     const auto at = static_cast<size_t>(after - of_track.begin());
     size_t best = of_track.size();
     int64_t least_ns = reach_ns + 1;

@@ -2,9 +2,9 @@
 #include "server/solve/calibrate.h"
 
 #include <algorithm>
-#include <cmath>
 #include <exception>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -37,10 +37,10 @@ absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptio
         ") is for a target of one marker; this wand has lengths of its own, and two scales would "
         "contradict each other: leave the distance out, and compare it with the result"));
   }
-  std::vector<std::string> without;
+  std::set<std::string> without;
   for (const CameraTrack& track : input.tracks) {
     if (!track.camera.intrinsics) {
-      without.push_back(track.camera.camera);
+      without.insert(track.camera.camera);
       continue;
     }
     const absl::Status status = track.camera.intrinsics->Validate(track.camera.image_size_px);
@@ -50,8 +50,6 @@ absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptio
     }
   }
   if (!without.empty()) {
-    std::sort(without.begin(), without.end());
-    without.erase(std::unique(without.begin(), without.end()), without.end());
     return absl::InvalidArgumentError(
         absl::StrCat("no intrinsics of camera ", absl::StrJoin(without, ", "),
                      ": calibrate its lens first and give its YAML file to the agent"));
@@ -108,10 +106,10 @@ absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
 // Cameras of which nothing is left after cleaning and aligning.
 absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts) {
   for (const auto& [camera, count] : counts) {
-    const bool left = std::any_of(
-        index.cameras.begin(), index.cameras.end(),
-        [&name = camera](const CameraDescription& entry) { return entry.camera == name; });
-    if (left) continue;
+    if (std::ranges::find(index.cameras, camera, &CameraDescription::camera) !=
+        index.cameras.end()) {
+      continue;
+    }
     return absl::FailedPreconditionError(absl::StrCat(
         "camera ", camera, ": none of its ", count.observation_count,
         " observations can be used (see what was left out); if its clock cannot be put beside the "
@@ -123,20 +121,21 @@ absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, Came
 // The spread of the wand in a camera's image, in pixels: the median distance of a marker from its
 // median position.
 double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& index, int camera) {
+  std::vector<Eigen::Vector2d> centres_px;
   std::vector<double> x, y, distance;
-  for (const bool measure : {false, true}) {
-    if (measure && x.empty()) return 0;
-    const Eigen::Vector2d middle(measure ? UpperMedian(&x) : 0, measure ? UpperMedian(&y) : 0);
-    for (size_t t = 0; t < tracks.size(); ++t) {
-      if (index.camera_of_track[t] != camera) continue;
-      for (const Observation& row : tracks[t].track.observations) {
-        if (row.markers.empty() || !row.markers.front().visible) continue;
-        const Eigen::Vector2d& centre_px = row.markers.front().centre_px;
-        if (measure) distance.push_back((centre_px - middle).norm());
-        if (!measure) x.push_back(centre_px.x());
-        if (!measure) y.push_back(centre_px.y());
-      }
+  for (size_t t = 0; t < tracks.size(); ++t) {
+    if (index.camera_of_track[t] != camera) continue;
+    for (const Observation& row : tracks[t].track.observations) {
+      if (row.markers.empty() || !row.markers.front().visible) continue;
+      centres_px.push_back(row.markers.front().centre_px);
+      x.push_back(centres_px.back().x());
+      y.push_back(centres_px.back().y());
     }
+  }
+  if (x.empty()) return 0;
+  const Eigen::Vector2d middle(UpperMedian(&x), UpperMedian(&y));
+  for (const Eigen::Vector2d& centre_px : centres_px) {
+    distance.push_back((centre_px - middle).norm());
   }
   return UpperMedian(&distance);
 }
@@ -156,10 +155,8 @@ absl::Status CheckMotion(const std::vector<AlignedTrack>& tracks, const RigIndex
 
 // 0 for none.
 int CameraIndex(const RigIndex& index, const std::string& name) {
-  for (size_t c = 0; c < index.cameras.size(); ++c) {
-    if (index.cameras[c].camera == name) return static_cast<int>(c);
-  }
-  return 0;
+  const auto found = std::ranges::find(index.cameras, name, &CameraDescription::camera);
+  return found == index.cameras.end() ? 0 : static_cast<int>(found - index.cameras.begin());
 }
 
 // From the clocks as the search leaves them; where that cannot be solved, from the clocks as given:
@@ -169,13 +166,12 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
                                                  const RigSolveOptions& solve,
                                                  const CalibrationOptions& options) {
   if (!solve.estimate_time_offsets) return SolveAndEvaluate(rig, clocks, solve, options);
-  TimeSearchOptions search;
-  search.cancelled = solve.cancelled;
-  search.progress = [&solve](double fraction) {
+  const auto progress = [&solve](double fraction) {
     solve.progress(CalibrationStage::kSearchingTimeOffsets, fraction);
   };
   std::vector<ClockCorrection> found = clocks;
-  RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, search, &found));
+  RIGCAL_RETURN_IF_ERROR(
+      SearchTimeOffsets(rig, solve.reference_camera, {progress, solve.cancelled}, &found));
   absl::StatusOr<EvaluatedSolution> evaluated = SolveAndEvaluate(rig, found, solve, options);
   const bool moved = !std::equal(found.begin(), found.end(), clocks.begin(),
                                  [](const ClockCorrection& a, const ClockCorrection& b) {

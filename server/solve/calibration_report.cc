@@ -2,15 +2,14 @@
 #include "server/solve/calibration_report.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
+#include <numeric>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/camera/intrinsics_vector.h"
 #include "common/statistics/robust_statistics.h"
-#include "common/status/status_macros.h"
 #include "server/solve/diagnose/findings.h"
-#include "server/solve/evaluate/camera_covariance.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/length_error.h"
 #include "server/solve/evaluate/quality_gate.h"
@@ -20,13 +19,12 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kMinObservations = 5;
+constexpr double kLowShare = 0.01, kHighShare = 0.99;  // of the coordinates of the wand's ends
 
 // The first track of a camera; tracks are sorted by session.
 size_t FirstTrack(const RigIndex& index, size_t camera) {
-  for (size_t t = 0; t < index.camera_of_track.size(); ++t) {
-    if (index.camera_of_track[t] == static_cast<int>(camera)) return t;
-  }
-  return 0;
+  const auto found = std::ranges::find(index.camera_of_track, static_cast<int>(camera));
+  return static_cast<size_t>(found - index.camera_of_track.begin());
 }
 
 // Offsets and rates of the clocks against the median clock of their session.
@@ -35,102 +33,80 @@ struct ClockReport {
   std::vector<double> offset_sigma_s, rate_sigma;  // zeros without an uncertainty
 };
 
-// One sigma of clock k against the mean of the clocks that make the median.
-double SigmaAgainstMedian(const RigUncertainty& uncertainty, ReducedParameterKind kind, size_t k,
+// One sigma of clock `own` of a session against the mean of those that make the median. `values` by
+// clock of the session.
+double SigmaAgainstMedian(const RigUncertainty& uncertainty, ReducedParameterKind kind, size_t own,
                           const std::vector<size_t>& clocks, const std::vector<double>& values) {
-  std::vector<size_t> order = clocks;
-  std::stable_sort(order.begin(), order.end(),
-                   [&values](size_t a, size_t b) { return values[a] < values[b]; });
-  std::vector<double> weights(values.size(), 0);
-  weights[k] += 1;
-  const size_t middle = order.size() / 2;
-  weights[order[middle]] -= 0.5;
-  weights[order[order.size() % 2 == 1 ? middle : middle - 1]] -= 0.5;
+  std::vector<size_t> order(values.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::ranges::stable_sort(order, {}, [&values](size_t i) { return values[i]; });
+  std::vector<double> weights(clocks.back() + 1, 0);
+  weights[clocks[own]] += 1;
+  for (const size_t middle : {order.size() / 2, (order.size() - 1) / 2}) {
+    weights[clocks[order[middle]]] -= 0.5;
+  }
   return uncertainty.ClockSigma(kind, weights);
 }
 
 ClockReport ReportClocks(const ReportInput& input) {
-  const size_t count = input.evaluated.solution.clocks.size();
+  const RigSolution& solution = input.evaluated.solution;
+  const size_t count = solution.clocks.size();
   std::vector<int64_t> coarse_ns(count, 0);
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     coarse_ns[static_cast<size_t>(input.rig.index.clock_of_track[t])] =
         input.rig.tracks[t].clock_offset_ns;
   }
-  ClockReport report;
-  for (size_t k = 0; k < count; ++k) {
-    const ClockCorrection& correction = input.evaluated.solution.clocks[k];
-    const BundleClock& rest = input.evaluated.solution.built.problem.clocks[k];
-    // Coarse offsets are as large as UTC: whole nanoseconds are taken off before they become
-    // doubles.
-    size_t first = k;
-    for (size_t j = 0; j < k; ++j) {
-      if (input.evaluated.solution.clocks[j].session_id == correction.session_id) {
-        first = j;
-        break;
-      }
-    }
-    report.offset_s.push_back(1e-9 * static_cast<double>(coarse_ns[k] - coarse_ns[first]) +
-                              correction.time_offset_s + rest.time_offset_s);
-    report.rate.push_back(correction.time_rate + rest.time_rate);
-  }
-  std::map<std::string, std::vector<size_t>> sessions;
-  for (size_t k = 0; k < count; ++k) {
-    sessions[input.evaluated.solution.clocks[k].session_id].push_back(k);
-  }
-  report.offset_sigma_s.assign(count, 0);
-  report.rate_sigma.assign(count, 0);
-  for (const auto& [session, clocks] : sessions) {
-    if (input.evaluated.uncertainty) {
-      for (const size_t k : clocks) {
-        report.offset_sigma_s[k] =
-            SigmaAgainstMedian(*input.evaluated.uncertainty, ReducedParameterKind::kTimeOffset, k,
-                               clocks, report.offset_s);
-        report.rate_sigma[k] = SigmaAgainstMedian(
-            *input.evaluated.uncertainty, ReducedParameterKind::kTimeRate, k, clocks, report.rate);
-      }
-    }
+  const std::vector<double> zeros(count, 0);
+  ClockReport report = {zeros, zeros, zeros, zeros};
+  for (const auto& [session, clocks] : ClocksBySession(solution.clocks)) {
     std::vector<double> offsets, rates;
     for (const size_t k : clocks) {
-      offsets.push_back(report.offset_s[k]);
-      rates.push_back(report.rate[k]);
+      const BundleClock& rest = solution.built.problem.clocks[k];
+      // Coarse offsets are as large as UTC: whole nanoseconds are taken off before they become
+      // doubles.
+      offsets.push_back(1e-9 * static_cast<double>(coarse_ns[k] - coarse_ns[clocks.front()]) +
+                        solution.clocks[k].time_offset_s + rest.time_offset_s);
+      rates.push_back(solution.clocks[k].time_rate + rest.time_rate);
     }
     const double offset = Median(offsets), rate = Median(rates);
-    for (const size_t k : clocks) {
-      report.offset_s[k] -= offset;
-      report.rate[k] -= rate;
+    for (size_t i = 0; i < clocks.size(); ++i) {
+      const size_t k = clocks[i];
+      report.offset_s[k] = offsets[i] - offset;
+      report.rate[k] = rates[i] - rate;
+      if (!input.evaluated.uncertainty) continue;
+      const auto sigma = [&](ReducedParameterKind kind, const std::vector<double>& values) {
+        return SigmaAgainstMedian(*input.evaluated.uncertainty, kind, i, clocks, values);
+      };
+      report.offset_sigma_s[k] = sigma(ReducedParameterKind::kTimeOffset, offsets);
+      report.rate_sigma[k] = sigma(ReducedParameterKind::kTimeRate, rates);
     }
   }
   return report;
 }
 
 void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
-  const RigIndex& index = input.rig.index;
-  const BundleProblem& problem = input.evaluated.solution.built.problem;
+  const RigSolution& solution = input.evaluated.solution;
+  const BundleProblem& problem = solution.built.problem;
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
-    refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 RefusalReason::kAloneInInstant, input.evaluated.solution.instants.alone_count[t],
+    const std::string& camera = input.rig.tracks[t].track.camera.camera;
+    refused->Add(camera, RefusalReason::kAloneInInstant, solution.instants.alone_count[t],
                  "no other camera saw the wand at that time");
-    refused->Add(index.cameras[static_cast<size_t>(index.camera_of_track[t])].camera,
-                 RefusalReason::kNotNearestInInstant,
-                 input.evaluated.solution.instants.skipped_count[t],
+    refused->Add(camera, RefusalReason::kNotNearestInInstant, solution.instants.skipped_count[t],
                  "it saw the wand again nearer the instant that it shares with other cameras");
   }
   for (const BundleInstant& instant : problem.instants) {
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      const std::string& camera = problem.cameras[static_cast<size_t>(observation.camera)].name;
+      const std::string& camera = problem.CameraOf(observation).name;
       if (!instant.used) {
         refused->Add(camera, RefusalReason::kInstantWithoutPose, 1,
                      "too few markers in common to place the wand");
         continue;
       }
-      refused->Add(camera, RefusalReason::kLabelsFlipped,
-                   IsFlipped(input.evaluated.solution, observation) ? 1 : 0,
+      refused->Add(camera, RefusalReason::kLabelsFlipped, IsFlipped(solution, observation) ? 1 : 0,
                    "labels fit the other cameras when counted from the other end");
-      uint32_t outliers = 0;
-      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-        outliers += marker.used ? 0 : 1;
-      }
-      refused->Add(camera, RefusalReason::kOutlier, outliers,
+      const auto outliers =
+          std::ranges::count(problem.MarkersOf(observation), false, &BundleMarker::used);
+      refused->Add(camera, RefusalReason::kOutlier, static_cast<uint64_t>(outliers),
                    "markers far from where the others put them");
     }
   }
@@ -149,6 +125,27 @@ std::string Digest(const ReportInput& input) {
     }
   }
   return ObservationDigest(input.options, input.rig.target, input.rig.tracks, used);
+}
+
+// The volume of the ends of the placed target; none if none was placed.
+std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
+  std::array<std::vector<double>, 3> coordinates;
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    // The ends of the wand; the other markers are between them.
+    for (const double s_m : {0.0, problem.target.marker_positions_m.back()}) {
+      const Eigen::Vector3d point_m = instant.origin_m + s_m * instant.direction;
+      for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(point_m[i]);
+    }
+  }
+  if (coordinates[0].empty()) return std::nullopt;
+  WandVolume volume;
+  for (size_t i = 0; i < 3; ++i) {
+    std::vector<double>& values = coordinates[i];
+    volume.min_m[static_cast<Eigen::Index>(i)] = LowerQuantile(&values, kLowShare);
+    volume.max_m[static_cast<Eigen::Index>(i)] = UpperQuantile(&values, kHighShare);
+  }
+  return volume;
 }
 
 CalibratedTarget ReportTarget(const ReportInput& input) {

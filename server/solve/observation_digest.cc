@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstdint>
 #include <memory>
+#include <type_traits>
 
 #include "absl/strings/escaping.h"
 
@@ -19,22 +20,9 @@ class Hasher {
   Hasher() : context_(EVP_MD_CTX_new(), EVP_MD_CTX_free) {
     EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr);
   }
-  void Add(uint64_t value) {
-    std::array<unsigned char, 8> bytes;
-    for (size_t i = 0; i < bytes.size(); ++i) {
-      bytes[i] = static_cast<unsigned char>(value >> (8 * i));
-    }
-    EVP_DigestUpdate(context_.get(), bytes.data(), bytes.size());
-  }
-  void Add(int64_t value) { Add(static_cast<uint64_t>(value)); }
-  void Add(double value) { Add(std::bit_cast<uint64_t>(value)); }
-  void Add(const std::string& text) {
-    Add(static_cast<uint64_t>(text.size()));
-    EVP_DigestUpdate(context_.get(), text.data(), text.size());
-  }
-  void Add(const std::vector<double>& values) {
-    Add(static_cast<uint64_t>(values.size()));
-    for (const double value : values) Add(value);
+  template <typename... Values>
+  void Add(const Values&... values) {
+    (AddOne(values), ...);
   }
   std::string Hex() {
     std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
@@ -45,39 +33,46 @@ class Hasher {
   }
 
  private:
+  template <typename T>
+  void AddOne(const T& value) {
+    if constexpr (std::is_same_v<T, std::string>) {
+      AddOne(value.size());
+      EVP_DigestUpdate(context_.get(), value.data(), value.size());
+    } else if constexpr (std::is_same_v<T, std::vector<double>>) {
+      AddOne(value.size());
+      for (const double number : value) AddOne(number);
+    } else if constexpr (std::is_floating_point_v<T>) {
+      AddOne(std::bit_cast<uint64_t>(static_cast<double>(value)));
+    } else {
+      std::array<unsigned char, 8> bytes;
+      for (size_t i = 0; i < bytes.size(); ++i) {
+        bytes[i] = static_cast<unsigned char>(static_cast<uint64_t>(value) >> (8 * i));
+      }
+      EVP_DigestUpdate(context_.get(), bytes.data(), bytes.size());
+    }
+  }
+
   std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context_;
 };
 
 void AddObservation(const Observation& observation, Hasher* hasher) {
-  hasher->Add(observation.time_ns);
-  hasher->Add(static_cast<uint64_t>(observation.markers.size()));
+  hasher->Add(observation.time_ns, observation.markers.size());
   for (const MarkerObservation& marker : observation.markers) {
-    hasher->Add(static_cast<uint64_t>(marker.visible ? 1 : 0));
+    hasher->Add(marker.visible);
     if (!marker.visible) continue;
-    for (const double value :
-         {marker.centre_px.x(), marker.centre_px.y(), marker.covariance_px2(0, 0),
-          marker.covariance_px2(0, 1), marker.covariance_px2(1, 1)}) {
-      hasher->Add(value);
-    }
-    hasher->Add(static_cast<int64_t>(marker.time_delta_ns));
-    hasher->Add(static_cast<double>(marker.label_confidence));
-    hasher->Add(static_cast<uint64_t>(marker.centre_kind));
+    hasher->Add(marker.centre_px.x(), marker.centre_px.y(), marker.covariance_px2(0, 0),
+                marker.covariance_px2(0, 1), marker.covariance_px2(1, 1), marker.time_delta_ns,
+                marker.label_confidence, marker.centre_kind);
   }
 }
 
 void AddCamera(const CameraDescription& camera, Hasher* hasher) {
-  hasher->Add(camera.camera);
-  hasher->Add(camera.clock.clock_id);
-  hasher->Add(camera.clock.timebase);
-  hasher->Add(camera.latency_s);
-  hasher->Add(static_cast<uint64_t>(camera.image_size_px.width));
-  hasher->Add(static_cast<uint64_t>(camera.image_size_px.height));
+  hasher->Add(camera.camera, camera.clock.clock_id, camera.clock.timebase, camera.latency_s,
+              camera.image_size_px.width, camera.image_size_px.height);
   if (!camera.intrinsics) return;
-  const Intrinsics& intrinsics = *camera.intrinsics;
-  hasher->Add(static_cast<uint64_t>(intrinsics.model));
-  hasher->Add(
-      std::vector<double>{intrinsics.fx_px, intrinsics.fy_px, intrinsics.cx_px, intrinsics.cy_px});
-  hasher->Add(intrinsics.distortion);
+  const Intrinsics& given = *camera.intrinsics;
+  hasher->Add(given.model, std::vector<double>{given.fx_px, given.fy_px, given.cx_px, given.cy_px},
+              given.distortion);
 }
 
 }  // namespace
@@ -86,25 +81,15 @@ std::string ObservationDigest(const CalibrationOptions& options, const Target& t
                               const std::vector<AlignedTrack>& tracks,
                               const std::vector<std::vector<bool>>& used) {
   Hasher hasher;
-  hasher.Add(options.reference_camera);
-  for (const Estimate estimate :
-       {options.intrinsics, options.time_offsets, options.marker_positions}) {
-    hasher.Add(static_cast<uint64_t>(estimate));
-  }
-  hasher.Add(options.sigma_px);
-  hasher.Add(options.association_tolerance_s);
-  hasher.Add(static_cast<uint64_t>(options.seed));
+  hasher.Add(options.reference_camera, options.intrinsics, options.time_offsets,
+             options.marker_positions, options.sigma_px, options.association_tolerance_s,
+             options.seed);
   if (options.known_distance) {
-    hasher.Add(options.known_distance->camera_a);
-    hasher.Add(options.known_distance->camera_b);
-    hasher.Add(options.known_distance->distance_m);
-    hasher.Add(options.known_distance->SigmaM());
+    const KnownDistance& known = *options.known_distance;
+    hasher.Add(known.camera_a, known.camera_b, known.distance_m, known.SigmaM());
   }
-  hasher.Add(static_cast<uint64_t>(target.kind));
-  hasher.Add(target.marker_positions_m);
-  hasher.Add(target.diameter_m);
-  hasher.Add(target.blink_hz);
-  hasher.Add(target.span_tolerance_m);
+  hasher.Add(target.kind, target.marker_positions_m, target.diameter_m, target.blink_hz,
+             target.span_tolerance_m);
   // Sessions by their place, not their id: the same observations in another session are the same.
   uint64_t session = 0;
   for (size_t t = 0; t < tracks.size(); ++t) {
@@ -112,8 +97,7 @@ std::string ObservationDigest(const CalibrationOptions& options, const Target& t
     if (t > 0 && track.session_id != tracks[t - 1].track.session_id) ++session;
     hasher.Add(session);
     AddCamera(track.camera, &hasher);
-    hasher.Add(static_cast<uint64_t>(track.clock_epoch));
-    hasher.Add(tracks[t].clock_offset_ns);
+    hasher.Add(track.clock_epoch, tracks[t].clock_offset_ns);
     for (size_t i = 0; i < track.observations.size(); ++i) {
       if (used[t][i]) AddObservation(track.observations[i], &hasher);
     }

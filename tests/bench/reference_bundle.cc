@@ -40,11 +40,7 @@ class Reference {
       targets_.emplace_back();
       targets_.back() << instant.origin_m, instant.direction.normalized();
     }
-    if (options.loss == server::BundleLoss::kHuber) {
-      loss_ = std::make_unique<ceres::HuberLoss>(options.loss_scale);
-    } else if (options.loss == server::BundleLoss::kCauchy) {
-      loss_ = std::make_unique<ceres::CauchyLoss>(options.loss_scale);
-    }
+    if (options.robust) loss_ = std::make_unique<ceres::CauchyLoss>(options.loss_scale);
     ceres::Problem::Options ownership;
     ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ceres_ = std::make_unique<ceres::Problem>(ownership);
@@ -314,9 +310,6 @@ absl::StatusOr<server::BundleSummary> SolveReferenceBundle(const server::BundleO
   result.final_cost = summary.final_cost;
   result.iterations = static_cast<int>(summary.iterations.size()) - 1;
   result.converged = summary.termination_type == ceres::CONVERGENCE;
-  result.residual_count = summary.num_residuals;
-  result.parameter_count = summary.num_effective_parameters_reduced;
-  result.message = summary.message;
   return result;
 }
 

@@ -2,11 +2,11 @@
 #include "server/solve/bundle/bundle_adjuster.h"
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 
 #include <algorithm>
 #include <exception>
 #include <memory>
-#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -100,22 +100,9 @@ class Callback final : public ceres::IterationCallback {
   const BundleOptions& options_;
 };
 
-std::unique_ptr<ceres::LossFunction> MakeLoss(const BundleOptions& options) {
-  switch (options.loss) {
-    case BundleLoss::kHuber:
-      return std::make_unique<ceres::HuberLoss>(options.loss_scale);
-    case BundleLoss::kCauchy:
-      return std::make_unique<ceres::CauchyLoss>(options.loss_scale);
-    case BundleLoss::kNone:
-      break;
-  }
-  return nullptr;
-}
-
-// Adds the markers of all used instants; counts residuals.
-int AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, ParameterBlocks* blocks,
-               ceres::Problem* ceres_problem) {
-  int count = 0;
+// Adds the markers of all used instants.
+void AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, ParameterBlocks* blocks,
+                ceres::Problem* ceres_problem) {
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     ForEachUsedMarker(
         problem, problem.instants[i],
@@ -127,10 +114,8 @@ int AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, Paramete
               blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c), blocks->offset(k),
               blocks->rate(k), blocks->position(static_cast<size_t>(marker.marker)),
               blocks->instant(i));
-          count += 2;
         });
   }
-  return count;
 }
 
 void HoldIntrinsics(const BundleCamera& camera, double* values, ceres::Problem* ceres_problem) {
@@ -144,8 +129,12 @@ void HoldIntrinsics(const BundleCamera& camera, double* values, ceres::Problem* 
     return;
   }
   if (!held.empty()) ceres_problem->SetManifold(values, new ceres::SubsetManifold(size, held));
-  ceres_problem->AddResidualBlock(
-      new VectorPriorCost(camera.intrinsics_mean, camera.intrinsics_sigma), nullptr, values);
+  ceres::Matrix inverse_sigma = ceres::Matrix::Zero(size, size);
+  for (int i = 0; i < size; ++i) {
+    if (camera.intrinsics_sigma[i] > 0) inverse_sigma(i, i) = 1 / camera.intrinsics_sigma[i];
+  }
+  ceres_problem->AddResidualBlock(new ceres::NormalPrior(inverse_sigma, camera.intrinsics_mean),
+                                  nullptr, values);
 }
 
 void ConstrainCameras(const BundleProblem& problem, ParameterBlocks* blocks,
@@ -175,7 +164,9 @@ void ConstrainScalar(bool fixed, double mean, double sigma, double* value,
   if (fixed) {
     ceres_problem->SetParameterBlockConstant(value);
   } else if (sigma > 0) {
-    ceres_problem->AddResidualBlock(new ScalarPriorCost(mean, sigma), nullptr, value);
+    ceres_problem->AddResidualBlock(new ceres::NormalPrior(ceres::Matrix::Constant(1, 1, 1 / sigma),
+                                                           ceres::Vector::Constant(1, mean)),
+                                    nullptr, value);
   }
 }
 
@@ -192,8 +183,9 @@ void ConstrainTarget(const BundleTarget& target, ParameterBlocks* blocks,
   ceres_problem->SetParameterBlockConstant(blocks->position(0));
   for (size_t m = 1; m < count; ++m) {
     const double span_m = target.given_positions_m[m] - target.given_positions_m[m - 1];
-    ceres_problem->AddResidualBlock(new SpanPriorCost(span_m, target.span_sigma_m), nullptr,
-                                    blocks->position(m - 1), blocks->position(m));
+    ceres_problem->AddResidualBlock(new ceres::AutoDiffCostFunction<SpanPrior, 1, 1, 1>(
+                                        new SpanPrior{span_m, target.span_sigma_m}),
+                                    nullptr, blocks->position(m - 1), blocks->position(m));
   }
 }
 
@@ -202,7 +194,8 @@ void ConstrainDistance(const BundleProblem& problem, ParameterBlocks* blocks,
   if (!problem.distance) return;
   const BundleDistance& distance = *problem.distance;
   const auto a = static_cast<size_t>(distance.camera_a), b = static_cast<size_t>(distance.camera_b);
-  ceres_problem->AddResidualBlock(new DistancePriorCost(distance.distance_m, distance.sigma_m),
+  ceres_problem->AddResidualBlock(new ceres::AutoDiffCostFunction<DistancePrior, 1, 4, 3, 4, 3>(
+                                      new DistancePrior{distance.distance_m, distance.sigma_m}),
                                   nullptr, blocks->rotation(a), blocks->translation(a),
                                   blocks->rotation(b), blocks->translation(b));
 }
@@ -228,13 +221,14 @@ ceres::Solver::Options SolverOptions(const BundleOptions& options, ParameterBloc
 
 absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem* problem) {
   ParameterBlocks blocks(*problem);
-  const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(options);
+  std::unique_ptr<ceres::LossFunction> loss;
+  if (options.robust) loss = std::make_unique<ceres::CauchyLoss>(options.loss_scale);
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
   BundleSummary result;
-  result.residual_count = AddMarkers(*problem, loss.get(), &blocks, &ceres_problem);
-  if (result.residual_count == 0) {
+  AddMarkers(*problem, loss.get(), &blocks, &ceres_problem);
+  if (ceres_problem.NumResidualBlocks() == 0) {
     return absl::FailedPreconditionError("bundle adjustment: no marker is used");
   }
   for (size_t i = 0; i < problem->instants.size(); ++i) {
@@ -270,8 +264,6 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
   result.final_cost = summary.final_cost;
   result.iterations = static_cast<int>(summary.iterations.size()) - 1;
   result.converged = summary.termination_type == ceres::CONVERGENCE;
-  result.parameter_count = summary.num_effective_parameters_reduced;
-  result.message = summary.message;
   return result;
 }
 

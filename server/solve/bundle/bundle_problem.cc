@@ -8,6 +8,11 @@
 namespace rigcal::server {
 namespace {
 
+template <typename... Pieces>
+absl::Status Fault(const Pieces&... pieces) {
+  return absl::InvalidArgumentError(absl::StrCat("bundle adjustment: ", pieces...));
+}
+
 bool IsFinite(const RigidTransform& transform) {
   return transform.rotation.coeffs().allFinite() && transform.translation_m.allFinite();
 }
@@ -29,24 +34,19 @@ bool IsValid(const BundleDistance& distance, size_t camera_count) {
 absl::Status ValidateCamera(const BundleCamera& camera) {
   const Eigen::Index size = IntrinsicsSize(camera.model);
   if (!IsFinite(camera.cam_from_rig) || !camera.intrinsics.allFinite()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("bundle adjustment: camera ", camera.name, " has a value that is not finite"));
+    return Fault("camera ", camera.name, " has a value that is not finite");
   }
   if (camera.intrinsics.size() != size ||
       (!camera.intrinsics_fixed &&
        (camera.intrinsics_mean.size() != size || camera.intrinsics_sigma.size() != size))) {
-    return absl::InvalidArgumentError(absl::StrCat("bundle adjustment: camera ", camera.name,
-                                                   " needs ", size, " intrinsic values"));
+    return Fault("camera ", camera.name, " needs ", size, " intrinsic values");
   }
   return absl::OkStatus();
 }
 
 absl::Status ValidateInstant(const BundleProblem& problem, size_t index) {
   const BundleInstant& instant = problem.instants[index];
-  const auto fault = [index](const char* what) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("bundle adjustment: instant ", index, " has ", what));
-  };
+  const auto fault = [index](const char* what) { return Fault("instant ", index, " has ", what); };
   if (!instant.origin_m.allFinite() || !instant.direction.allFinite() ||
       std::abs(instant.direction.squaredNorm() - 1) > 1e-6) {
     return fault("no finite pose with a unit direction");
@@ -83,34 +83,26 @@ absl::Status BundleProblem::Validate() const {
     if (absl::Status status = ValidateCamera(camera); !status.ok()) return status;
     any_fixed = any_fixed || camera.pose_fixed;
   }
-  if (!any_fixed) {
-    return absl::InvalidArgumentError("bundle adjustment: no camera's pose is fixed");
-  }
+  if (!any_fixed) return Fault("no camera's pose is fixed");
   bool offset_fixed = clocks.empty(), rate_fixed = clocks.empty();
   for (const BundleClock& clock : clocks) {
     if (!std::isfinite(clock.time_offset_s) || !std::isfinite(clock.time_rate)) {
-      return absl::InvalidArgumentError(absl::StrCat("bundle adjustment: clock ", clock.clock_id,
-                                                     " has a value that is not finite"));
+      return Fault("clock ", clock.clock_id, " has a value that is not finite");
     }
     offset_fixed = offset_fixed || clock.offset_fixed;
     rate_fixed = rate_fixed || clock.rate_fixed;
   }
-  if (!offset_fixed || !rate_fixed) {
-    return absl::InvalidArgumentError("bundle adjustment: no clock is fixed");
-  }
+  if (!offset_fixed || !rate_fixed) return Fault("no clock is fixed");
   for (const double position : target.marker_positions_m) {
-    if (!std::isfinite(position)) {
-      return absl::InvalidArgumentError("bundle adjustment: a marker position is not finite");
-    }
+    if (!std::isfinite(position)) return Fault("a marker position is not finite");
   }
   if (!target.fixed && (target.given_positions_m.size() != target.marker_positions_m.size() ||
                         !(target.span_sigma_m > 0))) {
-    return absl::InvalidArgumentError(
-        "bundle adjustment: the target's spacing is to be estimated but has no prior");
+    return Fault("the target's spacing is to be estimated but has no prior");
   }
   if (distance && !IsValid(*distance, cameras.size())) {
-    return absl::InvalidArgumentError(
-        "bundle adjustment: the distance that holds the scale is not between two cameras, or it or "
+    return Fault(
+        "the distance that holds the scale is not between two cameras, or it or "
         "its sigma is not positive");
   }
   for (size_t i = 0; i < instants.size(); ++i) {
@@ -131,16 +123,10 @@ absl::Status BundleOptions::Validate() const {
   for (const double value :
        {loss_scale, function_tolerance, gradient_tolerance, parameter_tolerance}) {
     if (!std::isfinite(value) || value <= 0) {
-      return absl::InvalidArgumentError(
-          "bundle adjustment: loss scale and tolerances must be positive");
+      return Fault("loss scale and tolerances must be positive");
     }
   }
-  if (threads < 1 || threads > 64) {
-    return absl::InvalidArgumentError("bundle adjustment: threads must be 1 to 64");
-  }
-  if (max_iterations < 0) {
-    return absl::InvalidArgumentError("bundle adjustment: max_iterations must not be negative");
-  }
+  if (max_iterations < 0) return Fault("max_iterations must not be negative");
   return absl::OkStatus();
 }
 

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <atomic>
-#include <cstdint>
 #include <functional>
 #include <optional>
 #include <span>
@@ -124,6 +123,14 @@ struct BundleProblem {
     return {markers.data() + observation.first_marker,
             static_cast<size_t>(observation.marker_count)};
   }
+  const BundleCamera& CameraOf(const BundleObservation& observation) const {
+    return cameras[static_cast<size_t>(observation.camera)];
+  }
+  // Where a marker is in the rig.
+  Eigen::Vector3d PointOf(const BundleInstant& instant, const BundleMarker& marker) const {
+    return instant.origin_m +
+           target.marker_positions_m[static_cast<size_t>(marker.marker)] * instant.direction;
+  }
   // Of a marker of this problem.
   size_t IndexOf(const BundleMarker& marker) const {
     return static_cast<size_t>(&marker - markers.data());
@@ -150,16 +157,13 @@ void ForEachUsedMarker(const BundleProblem& problem, const BundleInstant& instan
   }
 }
 
-enum class BundleLoss : uint8_t { kNone = 0, kHuber = 1, kCauchy = 2 };
-
 struct BundleOptions {
-  BundleLoss loss = BundleLoss::kCauchy;
+  bool robust = true;       // Cauchy's loss; false: least squares
   double loss_scale = 2.0;  // in sigmas of a marker's centre, > 0
   int max_iterations = 100;
   double function_tolerance = 1e-10;   // relative change of the cost
   double gradient_tolerance = 1e-10;   // as in Ceres
   double parameter_tolerance = 1e-10;  // relative change of the parameters
-  int threads = 1;  // of SolveLineBundle, 1 to 64; they change the time it takes and nothing else
   // Called after each iteration from the solving thread, with the relative decrease of the cost.
   std::function<void(int iteration, double cost)> progress;
   const std::atomic<bool>* cancelled = nullptr;
@@ -173,9 +177,6 @@ struct BundleSummary {
   double final_cost = 0;
   int iterations = 0;
   bool converged = false;
-  int residual_count = 0;   // scalars, priors not counted
-  int parameter_count = 0;  // free, in the tangent space
-  std::string message;
 };
 
 }  // namespace rigcal::server

@@ -2,10 +2,8 @@
 #include "server/solve/bundle/line_bundle.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <exception>
-#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -18,10 +16,6 @@ namespace {
 
 constexpr double kMinRelativeDecrease = 1e-3;
 constexpr double kMinRadius = 1e-32;
-
-double SecondsSince(std::chrono::steady_clock::time_point begin) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
 
 // The radius of Ceres's Levenberg-Marquardt (after Nielsen 1999): the damping is its inverse.
 class TrustRegion {
@@ -61,15 +55,12 @@ absl::Status UnseenMarker(const BundleProblem& problem) {
     const BundleInstant& instant = problem.instants[i];
     if (!instant.used) continue;
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-        Eigen::Vector2d residual_px;
-        if (!marker.used || MarkerResidualPx(problem, instant, observation, marker, &residual_px)) {
-          continue;
-        }
-        return absl::FailedPreconditionError(absl::StrCat(
-            "bundle adjustment: marker ", marker.marker, " of instant ", i, " lies behind camera ",
-            camera.name, " at the initial values; leave it out or initialize differently"));
+        if (!marker.used || MarkerResidualPx(problem, instant, observation, marker)) continue;
+        return absl::FailedPreconditionError(
+            absl::StrCat("bundle adjustment: marker ", marker.marker, " of instant ", i,
+                         " lies behind camera ", problem.CameraOf(observation).name,
+                         " at the initial values; leave it out or initialize differently"));
       }
     }
   }
@@ -78,34 +69,21 @@ absl::Status UnseenMarker(const BundleProblem& problem) {
       "image plane or its centre is absurdly far away");
 }
 
-int CountResiduals(const PackedMarkers& packed) {
-  int count = 0;
-  for (const KernelEntry& entry : packed.entries) {
-    const double* slot = packed.data.data() + entry.data + kGroupSize;
-    for (uint32_t slots = entry.slots; slots != 0; slots &= slots - 1) {
-      for (int lane = 0; lane < kGroupSize; ++lane) {
-        if (slot[lane] + slot[2 * kGroupSize + lane] > 0) count += 2;
-      }
-      slot += kSlotLanes * kGroupSize;
-    }
-  }
-  return count;
-}
-
 class Solver {
  public:
-  Solver(const BundleOptions& options, const BundleProblem& problem, LineBundleTimes* times)
+  Solver(const BundleOptions& options, const BundleProblem& problem)
       : options_(options),
         layout_(LayOut(problem)),
         packed_(Pack(problem, &layout_)),
-        system_(options, layout_, packed_, BestLineBundleKernel(), times),
+        system_(options, layout_, packed_, BestLineBundleKernel()),
         estimate_(problem, layout_, packed_),
         moved_(problem, layout_, packed_) {}
 
   const LineBundleLayout& layout() const { return layout_; }
-  const PackedMarkers& packed() const { return packed_; }
   const LineBundleEstimate& estimate() const { return estimate_; }
   LineBundleSystem& system() { return system_; }
+  bool empty() const { return packed_.instants.empty(); }
+  void Store(BundleProblem* problem) const { estimate_.Store(packed_, problem); }
 
   // `summary` has its costs at the start.
   absl::Status Run(BundleSummary* summary);
@@ -138,23 +116,12 @@ Solver::Outcome Solver::Accept(const LineBundleSystem::Move& move, BundleSummary
   } else {
     region_.Reject();
   }
-  if (small_step) {
-    summary->message = "parameter tolerance reached";
-    return Outcome::kConverged;
-  }
-  if (small_change) {
-    summary->message = "function tolerance reached";
-    return Outcome::kConverged;
-  }
-  return Outcome::kGoOn;
+  return small_step || small_change ? Outcome::kConverged : Outcome::kGoOn;
 }
 
 Solver::Outcome Solver::Iterate(BundleSummary* summary) {
   system_.Linearise(estimate_, region_.damping());
-  if (system_.gradient_max() <= options_.gradient_tolerance) {
-    summary->message = "gradient tolerance reached";
-    return Outcome::kConverged;
-  }
+  if (system_.gradient_max() <= options_.gradient_tolerance) return Outcome::kConverged;
   ++summary->iterations;
   const LineBundleSystem::Move move = system_.Solve(estimate_, &moved_);
   if (move.valid && move.model_decrease > 0) {
@@ -163,15 +130,12 @@ Solver::Outcome Solver::Iterate(BundleSummary* summary) {
   } else {
     region_.Reject();
   }
-  if (region_.exhausted()) {
-    summary->message = "no step lowers the cost any more";
-    return move.valid ? Outcome::kGivenUp : Outcome::kBroken;
-  }
-  return Outcome::kGoOn;
+  if (!region_.exhausted()) return Outcome::kGoOn;
+  // No step lowers the cost any more.
+  return move.valid ? Outcome::kGivenUp : Outcome::kBroken;
 }
 
 absl::Status Solver::Run(BundleSummary* summary) {
-  summary->message = "iterations used up";
   while (summary->iterations < options_.max_iterations) {
     if (options_.cancelled != nullptr && options_.cancelled->load()) {
       return absl::CancelledError("the calibration was cancelled");
@@ -189,59 +153,45 @@ absl::Status Solver::Run(BundleSummary* summary) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem* problem,
-                                    LineBundleTimes* times) {
-  const auto begin = std::chrono::steady_clock::now();
-  Solver solver(options, *problem, times);
-  BundleSummary summary;
-  summary.residual_count = CountResiduals(solver.packed());
-  if (summary.residual_count == 0) {
-    return absl::FailedPreconditionError("bundle adjustment: no marker is used");
+// Calls function(solver) for a problem that can be solved; what is thrown becomes INTERNAL.
+template <typename Result, typename Function>
+absl::StatusOr<Result> WithSolver(const BundleOptions& options, const BundleProblem& problem,
+                                  const Function& function) {
+  RIGCAL_RETURN_IF_ERROR(CheckInput(options, problem));
+  try {
+    Solver solver(options, problem);
+    if (solver.empty()) {
+      return absl::FailedPreconditionError("bundle adjustment: no marker is used");
+    }
+    return function(solver);
+  } catch (const std::exception& error) {
+    return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
   }
-  summary.parameter_count = solver.layout().column_count() +
-                            kInstantColumns * static_cast<int>(solver.packed().instants.size());
-  summary.initial_cost = solver.system().Cost(solver.estimate());
-  if (!std::isfinite(summary.initial_cost)) return UnseenMarker(*problem);
-  summary.final_cost = summary.initial_cost;
-  times->setup_s = SecondsSince(begin);
-  RIGCAL_RETURN_IF_ERROR(solver.Run(&summary));
-  solver.estimate().Store(solver.packed(), problem);
-  times->total_s = SecondsSince(begin);
-  return summary;
 }
 
 }  // namespace
 
-absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem,
-                                              LineBundleTimes* times) {
-  RIGCAL_RETURN_IF_ERROR(CheckInput(options, *problem));
-  LineBundleTimes ignored;
-  if (times == nullptr) times = &ignored;
-  *times = {};
-  try {
-    return Solve(options, problem, times);
-  } catch (const std::exception& error) {
-    return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
-  }
+absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options,
+                                              BundleProblem* problem) {
+  const auto solve = [problem](Solver& solver) -> absl::StatusOr<BundleSummary> {
+    BundleSummary summary;
+    summary.initial_cost = summary.final_cost = solver.system().Cost(solver.estimate());
+    if (!std::isfinite(summary.initial_cost)) return UnseenMarker(*problem);
+    RIGCAL_RETURN_IF_ERROR(solver.Run(&summary));
+    solver.Store(problem);
+    return summary;
+  };
+  return WithSolver<BundleSummary>(options, *problem, solve);
 }
 
 absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions& options,
                                                              const BundleProblem& problem) {
-  RIGCAL_RETURN_IF_ERROR(CheckInput(options, problem));
-  try {
-    LineBundleTimes ignored;
-    Solver solver(options, problem, &ignored);
-    if (CountResiduals(solver.packed()) == 0) {
-      return absl::FailedPreconditionError("bundle adjustment: no marker is used");
-    }
+  const auto compute = [&problem](Solver& solver) -> absl::StatusOr<ReducedInformation> {
     if (!solver.system().Linearise(solver.estimate(), 0)) return UnseenMarker(problem);
-    ReducedInformation result;
-    result.parameters = solver.layout().parameters;
-    result.information = solver.system().matrix().selfadjointView<Eigen::Lower>();
-    return result;
-  } catch (const std::exception& error) {
-    return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
-  }
+    return ReducedInformation{solver.layout().parameters,
+                              solver.system().matrix().selfadjointView<Eigen::Lower>()};
+  };
+  return WithSolver<ReducedInformation>(options, problem, compute);
 }
 
 }  // namespace rigcal::server

@@ -10,22 +10,12 @@
 
 namespace rigcal::server {
 
-// Times of the parts of a solve, seconds on the calling thread.
-struct LineBundleTimes {
-  double setup_s = 0;      // checks, packing and the first cost
-  double linearise_s = 0;  // residuals, derivatives, the instants' blocks
-  double eliminate_s = 0;  // the instants out of the reduced matrix
-  double solve_s = 0;      // of the reduced system
-  double step_s = 0;       // the instants' steps and the cost at the new estimates
-  double total_s = 0;
-};
-
 // Solves the problem in place: Levenberg-Marquardt for the line target alone. Every instant's 5x5
 // block is eliminated as soon as it is accumulated, its coupling to the cameras is recomputed
 // instead of kept, and eight instants go through the same instructions side by side. Reaches the
 // optimum of SolveBundle (bundle_adjuster.h), which stays the reference for it; the damping and the
 // stopping rules are Ceres's. Sums in a fixed order: equal problems give equal bits, whatever
-// vector instructions the CPU has and however many threads share the work.
+// vector instructions the CPU has.
 //
 // A step that would put a used marker behind its camera (or onto a pole of the rational model) is
 // rejected, like one that raises the cost.
@@ -34,8 +24,7 @@ struct LineBundleTimes {
 // markers. FAILED_PRECONDITION: no marker is used; a used marker is not visible at the initial
 // values (names camera, instant and marker); the linear system broke down. CANCELLED. On an
 // error the problem is left as it was. Not reaching the tolerance is no error: see `converged`.
-absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem,
-                                              LineBundleTimes* times = nullptr);
+absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem);
 
 // One column of the reduced system. Steps are added, except a rotation's, which is a rotation
 // vector in the camera's frame applied from the left: exp([step]x) * rotation.

@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <utility>
-#include <vector>
 
 namespace rigcal::server {
 namespace {
@@ -17,6 +16,26 @@ Eigen::Quaterniond FromRotationVector(const Eigen::Vector3d& vector) {
 }
 
 }  // namespace
+
+template <typename Self>
+auto* LineBundleEstimate::ValueOf(Self* self, const ReducedParameter& parameter) {
+  const auto index = static_cast<size_t>(parameter.index);
+  switch (parameter.kind) {
+    case ReducedParameterKind::kTranslation:
+      return &self->cameras_[index].cam_from_rig.translation_m[parameter.component];
+    case ReducedParameterKind::kIntrinsic:
+      return &self->cameras_[index].intrinsics[parameter.component];
+    case ReducedParameterKind::kTimeOffset:
+      return &self->clocks_[index].time_offset_s;
+    case ReducedParameterKind::kTimeRate:
+      return &self->clocks_[index].time_rate;
+    case ReducedParameterKind::kMarkerPosition:
+      return &self->positions_[index];
+    case ReducedParameterKind::kRotation:
+      break;
+  }
+  return decltype(&self->positions_[index])(nullptr);
+}
 
 LineBundleEstimate::LineBundleEstimate(const BundleProblem& problem, const LineBundleLayout& layout,
                                        const PackedMarkers& packed)
@@ -64,53 +83,20 @@ void LineBundleEstimate::MoveReduced(const LineBundleEstimate& from, const Eigen
   positions_ = from.positions_;
   for (int column = 0; column < layout_->column_count(); ++column) {
     const ReducedParameter& parameter = layout_->parameters[static_cast<size_t>(column)];
-    const auto index = static_cast<size_t>(parameter.index);
-    const double value = step[column];
-    switch (parameter.kind) {
-      case ReducedParameterKind::kRotation:
-        if (parameter.component == 0) {
-          Eigen::Quaterniond& rotation = cameras_[index].cam_from_rig.rotation;
-          rotation = (FromRotationVector(step.segment<3>(column)) * rotation).normalized();
-        }
-        break;
-      case ReducedParameterKind::kTranslation:
-        cameras_[index].cam_from_rig.translation_m[parameter.component] += value;
-        break;
-      case ReducedParameterKind::kIntrinsic:
-        cameras_[index].intrinsics[parameter.component] += value;
-        break;
-      case ReducedParameterKind::kTimeOffset:
-        clocks_[index].time_offset_s += value;
-        break;
-      case ReducedParameterKind::kTimeRate:
-        clocks_[index].time_rate += value;
-        break;
-      case ReducedParameterKind::kMarkerPosition:
-        positions_[index] += value;
-        break;
+    if (double* const value = ValueOf(this, parameter)) {
+      *value += step[column];
+    } else if (parameter.component == 0) {
+      Eigen::Quaterniond& rotation =
+          cameras_[static_cast<size_t>(parameter.index)].cam_from_rig.rotation;
+      rotation = (FromRotationVector(step.segment<3>(column)) * rotation).normalized();
     }
   }
   RefreshViews();
 }
 
 double LineBundleEstimate::Value(int column) const {
-  const ReducedParameter& parameter = layout_->parameters[static_cast<size_t>(column)];
-  const auto index = static_cast<size_t>(parameter.index);
-  switch (parameter.kind) {
-    case ReducedParameterKind::kRotation:
-      return 0;  // has no value, only steps
-    case ReducedParameterKind::kTranslation:
-      return cameras_[index].cam_from_rig.translation_m[parameter.component];
-    case ReducedParameterKind::kIntrinsic:
-      return cameras_[index].intrinsics[parameter.component];
-    case ReducedParameterKind::kTimeOffset:
-      return clocks_[index].time_offset_s;
-    case ReducedParameterKind::kTimeRate:
-      return clocks_[index].time_rate;
-    case ReducedParameterKind::kMarkerPosition:
-      return positions_[index];
-  }
-  return 0;
+  const double* const value = ValueOf(this, layout_->parameters[static_cast<size_t>(column)]);
+  return value == nullptr ? 0 : *value;
 }
 
 double LineBundleEstimate::PriorResidual(const ReducedPrior& prior) const {

@@ -29,6 +29,9 @@ class LineBundleEstimate {
   void Store(const PackedMarkers& packed, BundleProblem* problem) const;
 
  private:
+  // Where a parameter's value lies; null: a rotation, which has only steps.
+  template <typename Self>
+  static auto* ValueOf(Self* self, const ReducedParameter& parameter);
   double Value(int column) const;
   double PriorResidual(const ReducedPrior& prior) const;
   // From the centre of camera a to that of b.

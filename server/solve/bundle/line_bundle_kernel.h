@@ -34,8 +34,6 @@ inline constexpr int kPoseLanes = 6;
 // the damped block, the block's diagonal without damping (5), the gradient (5).
 inline constexpr int kFactorLanes = 25;
 
-enum class KernelLoss : uint8_t { kNone, kHuber, kCauchy };
-
 // The observations of one view (a camera under one clock) in one group.
 struct KernelEntry {
   int view = 0;
@@ -61,7 +59,7 @@ struct KernelColumns {
 
 // The constant part of a problem.
 struct KernelInput {
-  KernelLoss loss = KernelLoss::kNone;
+  bool robust = false;
   double loss_scale = 1;
   int marker_count = 0;
   int column_count = 0;     // n; column n of the accumulated system is the gradient
@@ -73,7 +71,6 @@ struct KernelInput {
   const KernelEntry* entries = nullptr;    // by group, by view within a group
   const uint32_t* first_entry = nullptr;   // by group, group_count + 1
   const double* data = nullptr;            // lanes
-  const uint8_t* group_lanes = nullptr;    // by group: the lanes that are instants
 
   int tile_count() const { return column_count / kTileSize + 1; }
   // Derivatives of a view in the order the view's sums use: pose, base, gradient, spacing.

@@ -48,7 +48,7 @@ struct CostSum {
 
   RIGCAL_INLINE double Cost(const KernelInput& input) const {
     const double scale2 = input.loss_scale * input.loss_scale;
-    return 0.5 * (input.loss == KernelLoss::kCauchy ? scale2 * Sum(log.Value()) : Sum(plain));
+    return 0.5 * (input.robust ? scale2 * Sum(log.Value()) : Sum(plain));
   }
   RIGCAL_INLINE bool Valid() const { return !(Sum(unseen) > 0); }
 };
@@ -56,21 +56,10 @@ struct CostSum {
 // Adds rho(square) and returns rho'(square).
 RIGCAL_INLINE Lanes AddLoss(const KernelInput& input, const Lanes& square, CostSum* sum) {
   const Lanes one(1.0);
-  switch (input.loss) {
-    case KernelLoss::kNone:
-      break;
-    case KernelLoss::kHuber: {
-      const Lanes scale(input.loss_scale), scale2 = scale * scale;
-      const auto outlying = square > scale2;
-      const Lanes root = Sqrt(Max(square, scale2));
-      sum->plain += Select(outlying, Lanes(2.0) * scale * root - scale2, square);
-      return Select(outlying, scale / root, one);
-    }
-    case KernelLoss::kCauchy: {
-      const Lanes factor = one + square * Lanes(1 / (input.loss_scale * input.loss_scale));
-      sum->log.Add(factor);
-      return one / factor;
-    }
+  if (input.robust) {
+    const Lanes factor = one + square * Lanes(1 / (input.loss_scale * input.loss_scale));
+    sum->log.Add(factor);
+    return one / factor;
   }
   sum->plain += square;
   return one;

@@ -5,7 +5,7 @@
 #include <array>
 #include <map>
 #include <new>
-#include <set>
+#include <numeric>
 #include <utility>
 
 #include "server/solve/bundle/marker_residual_px.h"
@@ -65,18 +65,13 @@ class GroupPlacer {
     std::vector<size_t>& candidates = drafts_of_view_[static_cast<size_t>(view)];
     const auto at = static_cast<size_t>(lane);
     const uint32_t bit = 1u << marker;
-    size_t found = drafts_.size();
-    for (const size_t i : candidates) {
-      const Draft& draft = drafts_[i];
-      if ((draft.taken[at] & bit) != 0) continue;
-      if (draft.observations[at] == nullptr || draft.observations[at] == &observation) {
-        found = i;
-        break;
-      }
-    }
+    const auto open = std::ranges::find_if(candidates, [&](size_t i) {
+      const BundleObservation* const own = drafts_[i].observations[at];
+      return (drafts_[i].taken[at] & bit) == 0 && (own == nullptr || own == &observation);
+    });
+    const size_t found = open == candidates.end() ? drafts_.size() : *open;
     if (found == drafts_.size()) {
-      drafts_.emplace_back();
-      drafts_.back().entry.view = view;
+      drafts_.emplace_back().entry.view = view;
       candidates.push_back(found);
     }
     Draft& draft = drafts_[found];
@@ -89,10 +84,8 @@ class GroupPlacer {
 
   void SortDrafts() {
     std::vector<size_t> order(drafts_.size()), rank(drafts_.size());
-    for (size_t i = 0; i < order.size(); ++i) order[i] = i;
-    std::stable_sort(order.begin(), order.end(), [this](size_t a, size_t b) {
-      return drafts_[a].entry.view < drafts_[b].entry.view;
-    });
+    std::iota(order.begin(), order.end(), size_t{0});
+    std::ranges::stable_sort(order, {}, [this](size_t i) { return drafts_[i].entry.view; });
     std::vector<Draft> sorted;
     for (size_t i = 0; i < order.size(); ++i) {
       rank[order[i]] = i;
@@ -111,33 +104,27 @@ class GroupPlacer {
 
 // Columns that two entries of one group add to.
 void MarkShared(const PackedMarkers& packed, LineBundleLayout* layout) {
-  std::set<int> shared_cameras, shared_clocks;
-  std::map<int, int> last_camera_group, last_clock_group;
-  for (int group = 0; group < packed.group_count(); ++group) {
-    for (uint32_t e = packed.first_entry[static_cast<size_t>(group)];
-         e < packed.first_entry[static_cast<size_t>(group) + 1]; ++e) {
-      const auto& view = layout->views[static_cast<size_t>(packed.entries[e].view)];
-      if (std::exchange(last_camera_group[view.camera], group + 1) == group + 1) {
-        shared_cameras.insert(view.camera);
-      }
-      if (std::exchange(last_clock_group[view.clock], group + 1) == group + 1) {
-        shared_clocks.insert(view.clock);
-      }
-    }
-  }
   // A group clears the columns of the views that it does not have, so columns of several views are
   // shared even if no group has two of them.
   std::map<int, int> views_of_camera, views_of_clock;
-  for (const auto& view : layout->views) {
-    if (++views_of_camera[view.camera] > 1) shared_cameras.insert(view.camera);
-    if (++views_of_clock[view.clock] > 1) shared_clocks.insert(view.clock);
+  const auto count = [&](const LineBundleLayout::View& view) {
+    ++views_of_camera[view.camera];
+    ++views_of_clock[view.clock];
+  };
+  for (const auto& view : layout->views) count(view);
+  // Entries of a group are sorted by view.
+  for (size_t group = 0; group + 1 < packed.first_entry.size(); ++group) {
+    for (size_t e = packed.first_entry[group] + 1; e < packed.first_entry[group + 1]; ++e) {
+      const int view = packed.entries[e].view;
+      if (packed.entries[e - 1].view == view) count(layout->views[static_cast<size_t>(view)]);
+    }
   }
   for (size_t v = 0; v < layout->views.size(); ++v) {
     KernelColumns& columns = layout->columns[v];
-    columns.pose_shared = shared_cameras.contains(layout->views[v].camera);
+    columns.pose_shared = views_of_camera[layout->views[v].camera] > 1;
     for (int i = 0; i < columns.base_count; ++i) {
       columns.base_shared[i] = columns.base_kind[i] < ViewUnknowns::kFirstIntrinsic
-                                   ? shared_clocks.contains(layout->views[v].clock)
+                                   ? views_of_clock[layout->views[v].clock] > 1
                                    : columns.pose_shared;
     }
   }

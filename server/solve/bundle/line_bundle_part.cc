@@ -2,18 +2,12 @@
 #include "server/solve/bundle/line_bundle_part.h"
 
 #include <algorithm>
-#include <chrono>
 
 namespace rigcal::server {
 namespace {
 
 // A batch's coupling should stay in the second-level cache while it is multiplied with itself.
 constexpr size_t kBatchBytes = 512 * 1024;
-
-double SecondsBetween(std::chrono::steady_clock::time_point begin,
-                      std::chrono::steady_clock::time_point end) {
-  return std::chrono::duration<double>(end - begin).count();
-}
 
 }  // namespace
 
@@ -33,7 +27,6 @@ LineBundlePart::LineBundlePart(const KernelInput& whole, const LineBundleLayout&
     : input_(whole), first_(first) {
   input_.group_count = last - first;
   input_.first_entry += first;
-  if (input_.group_lanes != nullptr) input_.group_lanes += first;
 
   const auto tiles = static_cast<size_t>(input_.tile_count());
   const size_t panel = static_cast<size_t>(kTileSize * kInstantColumns * kGroupSize);
@@ -76,26 +69,20 @@ KernelEstimate LineBundlePart::Mine(KernelEstimate whole) const {
 
 void LineBundlePart::Linearise(const LineBundleKernel& kernel, const KernelEstimate& estimate,
                                double damping, double* factors) {
-  using Clock = std::chrono::steady_clock;
   const auto tiles = static_cast<size_t>(input_.tile_count());
   const KernelEstimate mine = Mine(estimate);
   double* const my_factors = factors + static_cast<size_t>(first_) * kFactorLanes * kGroupSize;
   tiles_.Fill(0);
   view_sums_.Fill(0);
   linearisation_ = {};
-  linearise_s_ = eliminate_s_ = 0;
   for (int first = 0; first < input_.group_count; first += input_.batch_groups) {
     const int last = std::min(first + input_.batch_groups, input_.group_count);
-    const Clock::time_point begin = Clock::now();
     kernel.linearise(input_, mine, damping, first, last, my_factors, view_sums_of_.data(),
                      coupling_.data(), &linearisation_);
-    const Clock::time_point linearised = Clock::now();
     kernel.whiten(input_, first, last, my_factors, coupling_.data());
     kernel.eliminate(input_.tile_count(), input_.batch_groups,
                      masks_.data() + static_cast<size_t>(first / input_.batch_groups) * tiles,
                      coupling_.data(), tiles_.data());
-    linearise_s_ += SecondsBetween(begin, linearised);
-    eliminate_s_ += SecondsBetween(linearised, Clock::now());
   }
 }
 

@@ -11,8 +11,7 @@
 namespace rigcal::server {
 
 // A run of groups of a line bundle with the sums over them. A system is cut into parts by its size
-// alone, never by the number of threads, and the parts' sums are added in their order: so the same
-// problem gives the same bits however many threads share the parts.
+// alone, and the parts' sums are added in their order.
 class LineBundlePart {
  public:
   // Groups [first, last) of `whole`.
@@ -31,9 +30,6 @@ class LineBundlePart {
   const KernelStepResult& step() const { return step_; }
   const AlignedBuffer& tiles() const { return tiles_; }
   const AlignedBuffer& view_sums() const { return view_sums_; }
-  // Of the last linearisation, seconds.
-  double linearise_s() const { return linearise_s_; }
-  double eliminate_s() const { return eliminate_s_; }
 
  private:
   KernelEstimate Mine(KernelEstimate whole) const;
@@ -45,8 +41,6 @@ class LineBundlePart {
   std::vector<double*> view_sums_of_;
   KernelLinearisation linearisation_;
   KernelStepResult step_;
-  double linearise_s_ = 0;
-  double eliminate_s_ = 0;
 };
 
 // Columns of the reduced system in the order of a view's sums; the gradient's is column_count.

@@ -3,32 +3,15 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 
 namespace rigcal::server {
 namespace {
 
-// Enough to share among the threads of one machine; each part has a reduced matrix of its own.
+// Each part has a reduced matrix of its own. They decide the order of sums, and so the last digits.
 constexpr int kMaxParts = 8;
 constexpr int kMinGroupsPerPart = 16;
-
-// Adds the time of its life to a counter.
-class ScopedTimer {
- public:
-  explicit ScopedTimer(double* seconds)
-      : seconds_(seconds), begin_(std::chrono::steady_clock::now()) {}
-  ~ScopedTimer() {
-    *seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
-  }
-  ScopedTimer(const ScopedTimer&) = delete;
-  ScopedTimer& operator=(const ScopedTimer&) = delete;
-
- private:
-  double* seconds_;
-  std::chrono::steady_clock::time_point begin_;
-};
 
 size_t TileOffset(int row, int column) {
   const auto r = static_cast<size_t>(row), c = static_cast<size_t>(column);
@@ -39,18 +22,6 @@ size_t TileOffset(int row, int column) {
 double TileElement(const double* tiles, int row, int column) {
   return tiles[TileOffset(row / kTileSize, column / kTileSize) * kTileSize * kTileSize +
                static_cast<size_t>(row % kTileSize * kTileSize + column % kTileSize)];
-}
-
-KernelLoss ToKernelLoss(BundleLoss loss) {
-  switch (loss) {
-    case BundleLoss::kHuber:
-      return KernelLoss::kHuber;
-    case BundleLoss::kCauchy:
-      return KernelLoss::kCauchy;
-    case BundleLoss::kNone:
-      break;
-  }
-  return KernelLoss::kNone;
 }
 
 double SumLanes(const double* lanes) {
@@ -79,10 +50,9 @@ void AddTo(AlignedBuffer* sum, const AlignedBuffer& part) {
 }  // namespace
 
 LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundleLayout& layout,
-                                   const PackedMarkers& packed, const LineBundleKernel& kernel,
-                                   LineBundleTimes* times)
-    : layout_(layout), packed_(packed), kernel_(kernel), times_(times), team_(options.threads) {
-  input_.loss = ToKernelLoss(options.loss);
+                                   const PackedMarkers& packed, const LineBundleKernel& kernel)
+    : layout_(layout), packed_(packed), kernel_(kernel) {
+  input_.robust = options.robust;
   input_.loss_scale = options.loss_scale;
   input_.marker_count = packed.marker_count;
   input_.column_count = layout.column_count();
@@ -142,40 +112,21 @@ void LineBundleSystem::Assemble(const LineBundleEstimate& estimate) {
   if (n > 0) gradient_max_ = std::max(gradient_max_, gradient_.cwiseAbs().maxCoeff());
 }
 
-void LineBundleSystem::SumParts() {
-  tiles_.Fill(0);
-  view_sums_.Fill(0);
-  for (const LineBundlePart& part : parts_) {
-    AddTo(&tiles_, part.tiles());
-    AddTo(&view_sums_, part.view_sums());
-  }
-}
-
 bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damping) {
   damping_ = damping;
-  double wall_s = 0, linearise_s = 0, eliminate_s = 0;
-  {
-    const ScopedTimer timer(&wall_s);
-    team_.Run(static_cast<int>(parts_.size()), [&](int part) {
-      parts_[static_cast<size_t>(part)].Linearise(kernel_, estimate.View(), damping,
-                                                  factors_.data());
-    });
-  }
   bool valid = true;
   gradient_max_ = 0;
   cost_ = estimate.PriorCost();
-  for (const LineBundlePart& part : parts_) {
+  tiles_.Fill(0);
+  view_sums_.Fill(0);
+  for (LineBundlePart& part : parts_) {
+    part.Linearise(kernel_, estimate.View(), damping, factors_.data());
     valid = valid && part.linearisation().valid;
     gradient_max_ = std::max(gradient_max_, part.linearisation().gradient_max);
     cost_ += part.linearisation().cost;
-    linearise_s += part.linearise_s();
-    eliminate_s += part.eliminate_s();
+    AddTo(&tiles_, part.tiles());
+    AddTo(&view_sums_, part.view_sums());
   }
-  const double share = wall_s / std::max(linearise_s + eliminate_s, 1e-12);
-  times_->linearise_s += share * linearise_s;
-  times_->eliminate_s += share * eliminate_s;
-  const ScopedTimer timer(&times_->solve_s);
-  SumParts();
   Assemble(estimate);
   return valid && std::isfinite(cost_);
 }
@@ -195,20 +146,16 @@ KernelStepResult LineBundleSystem::SumSteps() const {
 LineBundleSystem::Move LineBundleSystem::Solve(const LineBundleEstimate& estimate,
                                                LineBundleEstimate* moved) {
   Move move;
-  {
-    const ScopedTimer timer(&times_->solve_s);
-    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>, Eigen::Lower> cholesky(matrix_);
-    if (cholesky.info() != Eigen::Success) return move;
-    step_ = -reduced_gradient_;
-    cholesky.solveInPlace(step_);
-  }
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>, Eigen::Lower> cholesky(matrix_);
+  if (cholesky.info() != Eigen::Success) return move;
+  step_ = -reduced_gradient_;
+  cholesky.solveInPlace(step_);
   if (!step_.allFinite()) return move;
-  const ScopedTimer timer(&times_->step_s);
   moved->MoveReduced(estimate, step_);
-  team_.Run(static_cast<int>(parts_.size()), [&](int part) {
-    parts_[static_cast<size_t>(part)].Step(kernel_, estimate.View(), damping_, step_.data(),
-                                           factors_.data(), moved->View(), moved->poses());
-  });
+  for (LineBundlePart& part : parts_) {
+    part.Step(kernel_, estimate.View(), damping_, step_.data(), factors_.data(), moved->View(),
+              moved->poses());
+  }
   const KernelStepResult result = SumSteps();
   move.cost = result.cost + moved->PriorCost();
   move.model_decrease =
@@ -222,9 +169,7 @@ LineBundleSystem::Move LineBundleSystem::Solve(const LineBundleEstimate& estimat
 }
 
 double LineBundleSystem::Cost(const LineBundleEstimate& estimate) {
-  team_.Run(static_cast<int>(parts_.size()), [&](int part) {
-    parts_[static_cast<size_t>(part)].Evaluate(kernel_, estimate.View());
-  });
+  for (LineBundlePart& part : parts_) part.Evaluate(kernel_, estimate.View());
   const KernelStepResult result = SumSteps();
   return result.valid ? result.cost + estimate.PriorCost()
                       : std::numeric_limits<double>::infinity();

@@ -9,18 +9,15 @@
 #include "server/solve/bundle/line_bundle_layout.h"
 #include "server/solve/bundle/line_bundle_packing.h"
 #include "server/solve/bundle/line_bundle_part.h"
-#include "server/solve/bundle/worker_team.h"
 
 namespace rigcal::server {
 
 // The normal equations of a line bundle: accumulated with the instants eliminated on the way, and
-// solved. Keeps its memory from one iteration to the next. `options.threads` share the work; how
-// many they are changes no bit of the result.
+// solved. Keeps its memory from one iteration to the next.
 class LineBundleSystem {
  public:
   LineBundleSystem(const BundleOptions& options, const LineBundleLayout& layout,
-                   const PackedMarkers& packed, const LineBundleKernel& kernel,
-                   LineBundleTimes* times);
+                   const PackedMarkers& packed, const LineBundleKernel& kernel);
 
   // False where a used marker cannot be seen. `damping` scales the diagonal that is added.
   bool Linearise(const LineBundleEstimate& estimate, double damping);
@@ -42,7 +39,6 @@ class LineBundleSystem {
   double Cost(const LineBundleEstimate& estimate);
 
  private:
-  void SumParts();
   void Assemble(const LineBundleEstimate& estimate);
   void ScatterViewSums();
   KernelStepResult SumSteps() const;
@@ -50,10 +46,8 @@ class LineBundleSystem {
   const LineBundleLayout& layout_;
   const PackedMarkers& packed_;
   const LineBundleKernel& kernel_;
-  LineBundleTimes* times_;
   KernelInput input_;
   std::vector<LineBundlePart> parts_;
-  WorkerTeam team_;
   AlignedBuffer factors_, tiles_, view_sums_;
   Eigen::MatrixXd matrix_;
   Eigen::VectorXd gradient_, reduced_gradient_, diagonal_, step_;

@@ -106,50 +106,36 @@ class MarkerCost final : public ceres::CostFunction {
   MarkerFunctor functor_;
 };
 
-// (value - mean) / sigma of one scalar block.
-class ScalarPriorCost final : public ceres::CostFunction {
- public:
-  ScalarPriorCost(double mean, double sigma);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  double mean_, sigma_;
-};
-
 // ((b - a) - span) / sigma for two scalar blocks a, b: the build tolerance of a target's span.
-class SpanPriorCost final : public ceres::CostFunction {
- public:
-  SpanPriorCost(double span_m, double sigma_m);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
+struct SpanPrior {
+  double span_m, sigma_m;
 
- private:
-  double span_m_, sigma_m_;
-};
-
-// (value_i - mean_i) / sigma_i for those i with sigma_i > 0, 0 for the others.
-class VectorPriorCost final : public ceres::CostFunction {
- public:
-  VectorPriorCost(const IntrinsicsVector& mean, const IntrinsicsVector& sigma);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  IntrinsicsVector mean_, inverse_sigma_;
+  template <typename T>
+  bool operator()(const T* a, const T* b, T* residual) const {
+    *residual = (*b - *a - span_m) / sigma_m;
+    return true;
+  }
 };
 
 // (|c_b - c_a| - distance) / sigma, with c the centres of two cameras. Parameter blocks: rotation
 // (4) and translation (3) of cam_from_rig of a, then of b, as in MarkerCost. Fails where the
 // centres are one place, from which there is no direction to step to.
-class DistancePriorCost final : public ceres::CostFunction {
- public:
-  DistancePriorCost(double distance_m, double sigma_m);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
+struct DistancePrior {
+  double distance_m, sigma_m;
 
- private:
-  double distance_m_, sigma_m_;
+  template <typename T>
+  bool operator()(const T* rotation_a, const T* translation_a, const T* rotation_b,
+                  const T* translation_b, T* residual) const {
+    const auto centre = [](const T* rotation, const T* translation) -> Eigen::Vector3<T> {
+      return Eigen::Map<const Eigen::Quaternion<T>>(rotation).conjugate() *
+             Eigen::Vector3<T>(-Eigen::Map<const Eigen::Vector3<T>>(translation));
+    };
+    const Eigen::Vector3<T> difference =
+        centre(rotation_b, translation_b) - centre(rotation_a, translation_a);
+    if (!(difference.squaredNorm() > T(0))) return false;
+    *residual = (difference.norm() - distance_m) / sigma_m;
+    return true;
+  }
 };
 
 }  // namespace rigcal::server

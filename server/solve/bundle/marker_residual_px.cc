@@ -34,19 +34,17 @@ Eigen::Vector2d CentreAtInstantPx(const BundleProblem& problem,
   return marker.centre_px - dt * marker.velocity_px_s;
 }
 
-bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant,
-                      const BundleObservation& observation, const BundleMarker& marker,
-                      Eigen::Vector2d* residual_px) {
-  const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
-  const double position = problem.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+std::optional<Eigen::Vector2d> MarkerResidualPx(const BundleProblem& problem,
+                                                const BundleInstant& instant,
+                                                const BundleObservation& observation,
+                                                const BundleMarker& marker) {
+  const BundleCamera& camera = problem.CameraOf(observation);
   Eigen::Vector2d pixel;
   if (!Project(camera.model, camera.intrinsics.data(),
-               camera.cam_from_rig * (instant.origin_m + position * instant.direction), &pixel,
-               nullptr, nullptr)) {
-    return false;
+               camera.cam_from_rig * problem.PointOf(instant, marker), &pixel, nullptr, nullptr)) {
+    return std::nullopt;
   }
-  *residual_px = pixel - CentreAtInstantPx(problem, observation, marker);
-  return true;
+  return pixel - CentreAtInstantPx(problem, observation, marker);
 }
 
 }  // namespace rigcal::server

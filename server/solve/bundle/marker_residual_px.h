@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/bundle/marker_residual.h"
@@ -16,10 +17,11 @@ MeasuredMarker<double> ToMeasured(const BundleMarker& marker);
 Eigen::Vector2d CentreAtInstantPx(const BundleProblem& problem,
                                   const BundleObservation& observation, const BundleMarker& marker);
 
-// Residual p - (u - dt u') of one marker in pixels, used or not. False where the camera cannot see
+// Residual p - (u - dt u') of one marker in pixels, used or not. None where the camera cannot see
 // the marker.
-bool MarkerResidualPx(const BundleProblem& problem, const BundleInstant& instant,
-                      const BundleObservation& observation, const BundleMarker& marker,
-                      Eigen::Vector2d* residual_px);
+std::optional<Eigen::Vector2d> MarkerResidualPx(const BundleProblem& problem,
+                                                const BundleInstant& instant,
+                                                const BundleObservation& observation,
+                                                const BundleMarker& marker);
 
 }  // namespace rigcal::server

@@ -8,6 +8,10 @@
 namespace rigcal::server {
 namespace {
 
+constexpr double kRateSigmas = 5;
+// Over the clock's span; less moves no marker by a noticeable part.
+constexpr double kMinDriftS = 4e-4;
+
 double DistanceToOthers(const std::vector<RateEstimate>& clocks, size_t own) {
   double sum = 0;
   for (const RateEstimate& other : clocks) {
@@ -36,8 +40,7 @@ size_t MiddleClock(const std::vector<RateEstimate>& clocks, const std::string& s
 }  // namespace
 
 std::vector<bool> FindOwnRates(const std::vector<RateEstimate>& clocks,
-                               const std::function<double(size_t, size_t)>& sigma_between,
-                               const RateTestOptions& options) {
+                               const std::function<double(size_t, size_t)>& sigma_between) {
   std::vector<bool> own(clocks.size(), false);
   for (size_t k = 0; k < clocks.size(); ++k) {
     const size_t middle = MiddleClock(clocks, clocks[k].session_id);
@@ -45,7 +48,7 @@ std::vector<bool> FindOwnRates(const std::vector<RateEstimate>& clocks,
     const double rate = std::abs(clocks[k].rate - clocks[middle].rate);
     const double sigma = sigma_between(k, middle);
     own[k] = std::isfinite(rate) && std::isfinite(sigma) && sigma > 0 &&
-             rate > options.sigmas * sigma && rate * clocks[k].span_s > options.min_drift_s;
+             rate > kRateSigmas * sigma && rate * clocks[k].span_s > kMinDriftS;
   }
   std::map<std::string, std::pair<int, int>> counts;  // that stand out, that were estimated
   for (size_t k = 0; k < clocks.size(); ++k) {

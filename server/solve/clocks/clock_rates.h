@@ -16,12 +16,6 @@ struct RateEstimate {
   bool estimated = true;
 };
 
-struct RateTestOptions {
-  double sigmas = 5;
-  // Over the clock's span; less moves no marker by a noticeable part.
-  double min_drift_s = 4e-4;
-};
-
 // Finds clocks that run differently from the others of their session. They are compared with the
 // median clock (of the rates, least sum of distances; of equal ones the first whose rate is 0, then
 // the first): most clocks run alike, and the one that the others were measured against may be the
@@ -31,9 +25,8 @@ struct RateTestOptions {
 // would put the median clock's rate into their offsets: all that were estimated are kept.
 //
 // `sigma_between(k, l)`: one sigma of rate k minus rate l. Where it is not finite and positive, no
-// rate is kept.
+// rate is kept. A clock that stands out does so by 5 sigmas, and by 0.4 ms over its span.
 std::vector<bool> FindOwnRates(const std::vector<RateEstimate>& clocks,
-                               const std::function<double(size_t, size_t)>& sigma_between,
-                               const RateTestOptions& options);
+                               const std::function<double(size_t, size_t)>& sigma_between);
 
 }  // namespace rigcal::server

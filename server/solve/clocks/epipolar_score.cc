@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/geometry/null_vector.h"
@@ -15,18 +14,18 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kReweightings = 6;
+constexpr size_t kMaxSamples = 250;
 
 struct Match {
   Eigen::Vector2d a, b;
 };
 
-std::vector<Match> Matches(const TrackPaths& a, const TrackPaths& b, double offset_s,
-                           int max_samples) {
+std::vector<Match> Matches(const TrackPaths& a, const TrackPaths& b, double offset_s) {
   std::vector<Match> matches;
   for (size_t m = 0; m < a.markers.size(); ++m) {
     const RayPath& path = a.markers[m];
     const size_t count = path.time_s.size();
-    const size_t samples = std::min(count, static_cast<size_t>(max_samples));
+    const size_t samples = std::min(count, kMaxSamples);
     for (size_t k = 0; k < samples; ++k) {
       const size_t i = k * count / samples;
       const auto ray = At(b.markers[m], path.time_s[i] - offset_s, b.gap_s);
@@ -49,13 +48,12 @@ void Normalise(std::vector<Match>* matches, Eigen::Vector2d Match::*side, double
 
 }  // namespace
 
-int CountMatches(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples) {
-  return static_cast<int>(Matches(a, b, offset_s, max_samples).size());
+int CountMatches(const TrackPaths& a, const TrackPaths& b, double offset_s) {
+  return static_cast<int>(Matches(a, b, offset_s).size());
 }
 
-double EpipolarScorePx(const TrackPaths& a, const TrackPaths& b, double offset_s, int max_samples,
-                       int min_matches) {
-  std::vector<Match> matches = Matches(a, b, offset_s, max_samples);
+double EpipolarScorePx(const TrackPaths& a, const TrackPaths& b, double offset_s, int min_matches) {
+  std::vector<Match> matches = Matches(a, b, offset_s);
   if (static_cast<int>(matches.size()) < min_matches) return kInfinity;
   double scale_a = 1, scale_b = 1;
   Normalise(&matches, &Match::a, &scale_a);

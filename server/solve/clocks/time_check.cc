@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "common/camera/camera_model.h"
-#include "common/camera/intrinsics_vector.h"
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/clocks/ray_paths.h"
 #include "server/solve/geometry/null_vector.h"
@@ -19,7 +18,17 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kNoScore = std::numeric_limits<double>::infinity();
-constexpr double kAgreePx = 5;
+constexpr double kCheckReachS = 1.0;
+constexpr double kCheckStepS = 0.01;
+constexpr double kCheckFineStepS = 0.001;
+constexpr size_t kCheckedInstants = 120;
+constexpr size_t kMinPoints = 60;
+// A clock that is matched this well is not checked.
+constexpr double kContentPx = 2;
+// Another offset is better when it scores this share of the present one, and this.
+constexpr double kBetterShare = 0.4;
+constexpr double kBetterPx = 3;
+constexpr double kPointsAgreePx = 5;
 constexpr int kCheckReweightings = 4;
 constexpr size_t kCheckDescents = 6;
 constexpr double kMinCheckedShare = 0.6;
@@ -31,27 +40,34 @@ struct TimedPoint {
   Eigen::Vector3d x_in_rig;
 };
 
-// Views of one marker by the cameras of other clocks.
-std::vector<CameraRay> ViewsOf(const BundleProblem& problem, const BundleInstant& instant,
-                               int marker, int clock, double* focal_px) {
+// A marker as the cameras of other clocks triangulate it, where they agree.
+std::optional<Eigen::Vector3d> PointWithout(const BundleProblem& problem,
+                                            const std::vector<Intrinsics>& intrinsics,
+                                            const BundleInstant& instant, int marker, int clock) {
   std::vector<CameraRay> views;
+  double focal_px = 1;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     if (observation.clock == clock) continue;
-    const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
-    const Intrinsics intrinsics = FromVector(camera.model, camera.intrinsics);
+    const BundleCamera& camera = problem.CameraOf(observation);
     for (const BundleMarker& seen : problem.MarkersOf(observation)) {
       if (seen.marker != marker) continue;
-      const absl::StatusOr<Eigen::Vector2d> ray = Undistort(intrinsics, seen.centre_px);
+      const auto ray =
+          Undistort(intrinsics[static_cast<size_t>(observation.camera)], seen.centre_px);
       if (ray.ok()) views.push_back({camera.cam_from_rig, *ray});
-      *focal_px = camera.intrinsics[0];
+      focal_px = camera.intrinsics[0];
     }
   }
-  return views;
+  std::optional<Eigen::Vector3d> point = Triangulate(views);
+  const bool agree = point && std::ranges::all_of(views, [&](const CameraRay& view) {
+                       return RayError(view, *point) * focal_px < kPointsAgreePx;
+                     });
+  return agree ? point : std::nullopt;
 }
 
 std::vector<TimedPoint> PointsWithout(const RigObservations& rig, const RigSolution& solution,
-                                      int clock, int64_t origin_ns, int max_instants) {
+                                      int clock, int64_t origin_ns) {
   const BundleProblem& problem = solution.built.problem;
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   const std::string& session = solution.clocks[static_cast<size_t>(clock)].session_id;
   std::vector<size_t> usable;
   for (size_t i = 0; i < problem.instants.size(); ++i) {
@@ -59,20 +75,13 @@ std::vector<TimedPoint> PointsWithout(const RigObservations& rig, const RigSolut
     if (rig.tracks[static_cast<size_t>(track)].track.session_id == session) usable.push_back(i);
   }
   std::vector<TimedPoint> points;
-  const size_t samples = std::min(usable.size(), static_cast<size_t>(max_instants));
+  const size_t samples = std::min(usable.size(), kCheckedInstants);
   for (size_t k = 0; k < samples; ++k) {
     const size_t i = usable[k * usable.size() / samples];
+    const auto time_ns = static_cast<double>(solution.built.instant_time_ns[i] - origin_ns);
     for (int m = 0; m < rig.target.marker_count(); ++m) {
-      double focal_px = 1;
-      const std::vector<CameraRay> views =
-          ViewsOf(problem, problem.instants[i], m, clock, &focal_px);
-      Eigen::Vector3d point;
-      if (!Triangulate(views, &point)) continue;
-      const bool agree = std::all_of(views.begin(), views.end(), [&](const CameraRay& view) {
-        return ((view.cam_from_rig * point).hnormalized() - view.ray).norm() * focal_px < kAgreePx;
-      });
-      const auto away_ns = static_cast<double>(solution.built.instant_time_ns[i] - origin_ns);
-      if (agree) points.push_back({m, 1e-9 * away_ns, point});
+      const auto point = PointWithout(problem, intrinsics, problem.instants[i], m, clock);
+      if (point) points.push_back({m, 1e-9 * time_ns, *point});
     }
   }
   return points;
@@ -129,12 +138,10 @@ double ResectionError(std::vector<PointAndRay> sights) {
 // The errors of one track against the others' points, in pixels, by offset.
 class TrackScores {
  public:
-  TrackScores(const std::vector<TimedPoint>& points, const TrackPaths& paths, int min_points)
+  TrackScores(const std::vector<TimedPoint>& points, const TrackPaths& paths)
       : points_(points), paths_(paths) {
-    min_sights_ =
-        std::max(static_cast<size_t>(min_points),
-                 static_cast<size_t>(kMinCheckedShare *
-                                     static_cast<double>(SightsAt(points, paths, 0).size())));
+    const auto here = static_cast<double>(SightsAt(points, paths, 0).size());
+    min_sights_ = std::max(kMinPoints, static_cast<size_t>(kMinCheckedShare * here));
   }
   double At(double offset_s) const {
     std::vector<PointAndRay> sights = SightsAt(points_, paths_, offset_s);
@@ -149,18 +156,18 @@ class TrackScores {
 };
 
 // Offset and score of the deepest valley.
-std::pair<double, double> Deepest(const TrackScores& scores, const TimeCheckOptions& options) {
+std::pair<double, double> Deepest(const TrackScores& scores) {
   std::vector<std::pair<double, double>> all;
-  const int steps = static_cast<int>(options.reach_s / options.step_s);
+  const int steps = static_cast<int>(kCheckReachS / kCheckStepS);
   for (int i = -steps; i <= steps; ++i) {
-    const double score = scores.At(i * options.step_s);
-    if (std::isfinite(score)) all.emplace_back(score, i * options.step_s);
+    const double score = scores.At(i * kCheckStepS);
+    if (std::isfinite(score)) all.emplace_back(score, i * kCheckStepS);
   }
-  std::sort(all.begin(), all.end());
+  std::ranges::sort(all);
   std::pair<double, double> best{0, kNoScore};
   for (size_t i = 0; i < std::min(all.size(), kCheckDescents); ++i) {
     auto [score, offset_s] = all[i];
-    for (double step_s = 0.5 * options.step_s; step_s >= options.fine_step_s; step_s *= 0.5) {
+    for (double step_s = 0.5 * kCheckStepS; step_s >= kCheckFineStepS; step_s *= 0.5) {
       for (const double away_s : {offset_s - step_s, offset_s + step_s}) {
         const double other = scores.At(away_s);
         if (!(other < score)) continue;
@@ -188,8 +195,8 @@ int TrackOf(const RigObservations& rig, const RigSolution& solution, int clock) 
 
 }  // namespace
 
-std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig, const RigSolution& solution,
-                                            const TimeCheckOptions& options) {
+std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig,
+                                            const RigSolution& solution) {
   std::optional<OffsetDoubt> doubt;
   if (solution.built.instant_time_ns.empty()) return doubt;
   const int64_t origin_ns = solution.built.instant_time_ns.front();
@@ -198,14 +205,13 @@ std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig, const Ri
     const int track = TrackOf(rig, solution, k);
     if (track < 0) continue;
     const auto t = static_cast<size_t>(track);
-    const std::vector<TimedPoint> points =
-        PointsWithout(rig, solution, k, origin_ns, options.max_instants);
+    const std::vector<TimedPoint> points = PointsWithout(rig, solution, k, origin_ns);
     const TrackPaths paths = PathsOf(rig.tracks[t], times[t], origin_ns, rig.target.marker_count());
-    const TrackScores scores(points, paths, options.min_points);
+    const TrackScores scores(points, paths);
     const double here_px = scores.At(0);
-    if (!std::isfinite(here_px) || here_px < options.content_px) continue;
-    const auto [offset_s, there_px] = Deepest(scores, options);
-    if (there_px > options.better_px || there_px > options.better_share * here_px) continue;
+    if (!std::isfinite(here_px) || here_px < kContentPx) continue;
+    const auto [offset_s, there_px] = Deepest(scores);
+    if (there_px > kBetterPx || there_px > kBetterShare * here_px) continue;
     if (doubt && here_px - there_px <= doubt->here_px - doubt->there_px) continue;
     doubt = OffsetDoubt{k, offset_s, here_px, there_px};
   }

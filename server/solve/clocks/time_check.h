@@ -7,19 +7,6 @@
 
 namespace rigcal::server {
 
-struct TimeCheckOptions {
-  double reach_s = 1.0;
-  double step_s = 0.01;
-  double fine_step_s = 0.001;
-  int max_instants = 120;
-  int min_points = 60;
-  // A clock that is matched this well is not checked.
-  double content_px = 2;
-  // Another offset is better when it scores this share of the present one, and this.
-  double better_share = 0.4;
-  double better_px = 3;
-};
-
 // A clock whose rows fit the others' better at another time.
 struct OffsetDoubt {
   int clock = 0;
@@ -34,7 +21,7 @@ struct OffsetDoubt {
 // Zisserman, Multiple View Geometry, section 7.1, reweighted against outliers) at offsets within
 // reach. The camera's own solution is not used. Returns the clock that gains most, or none; a rig
 // of two clocks cannot be checked.
-std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig, const RigSolution& solution,
-                                            const TimeCheckOptions& options);
+std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig,
+                                            const RigSolution& solution);
 
 }  // namespace rigcal::server

@@ -16,6 +16,13 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kUnmatched = std::numeric_limits<double>::infinity();
+constexpr double kReachS = 1.0;       // largest offset between two clocks
+constexpr double kStepS = 0.01;       // first steps; the solve needs about 10 ms
+constexpr double kFineStepS = 0.001;  // around the best of them
+// An offset is accepted when its score is below this share of the score of wrong offsets.
+constexpr double kConvincingShare = 0.3;
+constexpr double kConvincingPx = 4;  // and it must score better than this
+constexpr double kAlignedPx = 1.2;   // a nearby offset with this score is accepted at once
 constexpr double kMinMatchShare = 0.6;
 constexpr int kTriesPerJoin = 3;
 constexpr int kPartners = 3;  // of each clock, whose agreements are compared
@@ -28,25 +35,24 @@ constexpr double kLeftAlonePeriods = 0.125;
 // Scores of a pair by offset, kept because searches overlap.
 class PairScores {
  public:
-  PairScores(const TrackPaths& a, const TrackPaths& b, const TimeSearchOptions& options)
-      : a_(a), b_(b), options_(options) {
-    // A matrix with eight degrees of freedom fits few matches at any offset.
-    const auto here = static_cast<double>(CountMatches(a, b, 0, options.max_samples));
-    min_matches_ = std::max(kMinEpipolarMatches, static_cast<int>(kMinMatchShare * here));
-  }
+  // A matrix with eight degrees of freedom fits few matches at any offset.
+  PairScores(const TrackPaths& a, const TrackPaths& b)
+      : a_(a),
+        b_(b),
+        min_matches_(std::max(kMinEpipolarMatches,
+                              static_cast<int>(kMinMatchShare * CountMatches(a, b, 0)))) {}
 
   double At(double offset_s) {
     const auto [entry, inserted] = known_.try_emplace(std::llround(offset_s * 1e6), kUnmatched);
-    if (inserted)
-      entry->second = EpipolarScorePx(a_, b_, offset_s, options_.max_samples, min_matches_);
+    if (inserted) entry->second = EpipolarScorePx(a_, b_, offset_s, min_matches_);
     return entry->second;
   }
 
   // Downhill from an offset by a step, then by ever smaller ones.
   double Descend(double offset_s) {
-    for (double step_s = options_.step_s; step_s >= options_.fine_step_s; step_s *= 0.5) {
+    for (double step_s = kStepS; step_s >= kFineStepS; step_s *= 0.5) {
       for (const double direction_s : {step_s, -step_s}) {
-        while (std::abs(offset_s + direction_s) <= options_.reach_s &&
+        while (std::abs(offset_s + direction_s) <= kReachS &&
                At(offset_s + direction_s) < At(offset_s)) {
           offset_s += direction_s;
         }
@@ -58,8 +64,7 @@ class PairScores {
  private:
   const TrackPaths& a_;
   const TrackPaths& b_;
-  const TimeSearchOptions& options_;
-  int min_matches_ = 0;
+  const int min_matches_;
   std::map<int64_t, double> known_;  // by microseconds
 };
 
@@ -68,9 +73,8 @@ struct FoundOffset {
 };
 
 // The offset of b against a, if one convinces.
-std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b,
-                                      const TimeSearchOptions& options) {
-  PairScores scores(a, b, options);
+std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b) {
+  PairScores scores(a, b);
   // A wand at rest looks the same at any offset.
   const auto is_distinct = [&scores](double offset_s) {
     return scores.At(offset_s) + kTellingPx <
@@ -79,15 +83,15 @@ std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b,
   // Of clocks that agree nearly, the lowest score is nearby.
   const double near_s = scores.Descend(0);
   double best = scores.At(near_s), best_s = near_s;
-  if (best >= options.aligned_px) {
+  if (best >= kAlignedPx) {
     std::vector<std::pair<double, double>> all;
-    const int steps = static_cast<int>(options.reach_s / options.step_s);
+    const int steps = static_cast<int>(kReachS / kStepS);
     for (int i = -steps; i <= steps; ++i) {
-      const double value = scores.At(i * options.step_s);
-      if (std::isfinite(value)) all.emplace_back(value, i * options.step_s);
+      const double value = scores.At(i * kStepS);
+      if (std::isfinite(value)) all.emplace_back(value, i * kStepS);
     }
     if (all.empty()) return std::nullopt;
-    std::sort(all.begin(), all.end());
+    std::ranges::sort(all);
     // At its first steps a narrow valley may look worse than a wide wrong one.
     for (size_t i = 0; i < std::min<size_t>(all.size(), kDescents); ++i) {
       const double bottom_s = scores.Descend(all[i].second);
@@ -96,7 +100,7 @@ std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b,
       best_s = bottom_s;
     }
     const bool convinces =
-        best < options.convincing_px && best < options.convincing_share * all[all.size() / 2].first;
+        best < kConvincingPx && best < kConvincingShare * all[all.size() / 2].first;
     if (!convinces) return std::nullopt;
   }
   if (best_s != 0 && !is_distinct(best_s)) return std::nullopt;
@@ -110,8 +114,7 @@ struct ClockPair {
   int a, b;
 };
 
-std::vector<ClockPair> PairsOf(const RigObservations& rig, const std::vector<TrackPaths>& paths,
-                               int max_samples) {
+std::vector<ClockPair> PairsOf(const RigObservations& rig, const std::vector<TrackPaths>& paths) {
   std::vector<ClockPair> pairs;
   for (size_t a = 0; a < paths.size(); ++a) {
     for (size_t b = a + 1; b < paths.size(); ++b) {
@@ -119,13 +122,11 @@ std::vector<ClockPair> PairsOf(const RigObservations& rig, const std::vector<Tra
           rig.index.clock_of_track[a] == rig.index.clock_of_track[b]) {
         continue;
       }
-      const int weight = CountMatches(paths[a], paths[b], 0, max_samples);
+      const int weight = CountMatches(paths[a], paths[b], 0);
       if (weight > 0) pairs.push_back({weight, static_cast<int>(a), static_cast<int>(b)});
     }
   }
-  std::stable_sort(pairs.begin(), pairs.end(), [](const ClockPair& left, const ClockPair& right) {
-    return left.weight > right.weight;
-  });
+  std::ranges::stable_sort(pairs, std::greater(), &ClockPair::weight);
   return pairs;
 }
 
@@ -169,22 +170,10 @@ std::vector<TrackPaths> AllPaths(const RigObservations& rig,
 
 }  // namespace
 
-double EpipolarScorePx(const RigObservations& rig,
-                       const std::vector<std::vector<int64_t>>& times_ns, int track_a, int track_b,
-                       double offset_s, int max_samples) {
-  const auto a = static_cast<size_t>(track_a), b = static_cast<size_t>(track_b);
-  const int64_t origin_ns = times_ns[a].front();
-  const int markers = rig.target.marker_count();
-  return EpipolarScorePx(PathsOf(rig.tracks[a], times_ns[a], origin_ns, markers),
-                         PathsOf(rig.tracks[b], times_ns[b], origin_ns, markers), offset_s,
-                         max_samples);
-}
-
 absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
-                               const TimeSearchOptions& options,
-                               std::vector<ClockCorrection>* clocks) {
+                               const TimeSearchHooks& hooks, std::vector<ClockCorrection>* clocks) {
   const std::vector<TrackPaths> paths = AllPaths(rig, RigTimes(rig.tracks, rig.index, *clocks));
-  const std::vector<ClockPair> pairs = PairsOf(rig, paths, options.max_samples);
+  const std::vector<ClockPair> pairs = PairsOf(rig, paths);
   ClockGroups groups(clocks->size());
   std::vector<int> tries(clocks->size() * clocks->size(), 0), partners(clocks->size(), 0);
   std::vector<std::pair<ClockPair, FoundOffset>> found;
@@ -200,14 +189,12 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
       if (searched[p] || groups.Joined(clock_a, clock_b)) continue;
       if (is_first && partners[k] >= kPartners && partners[l] >= kPartners) continue;
       if (++tries[k * clocks->size() + l] > kTriesPerJoin) continue;
-      if (options.cancelled != nullptr && options.cancelled->load()) {
+      if (hooks.cancelled != nullptr && hooks.cancelled->load()) {
         return absl::CancelledError("the calibration was cancelled");
       }
       searched[p] = true;
-      const std::optional<FoundOffset> offset = FindOffset(paths[a], paths[b], options);
-      if (options.progress) {
-        options.progress(std::min(1.0, ++done / static_cast<double>(pairs.size())));
-      }
+      const std::optional<FoundOffset> offset = FindOffset(paths[a], paths[b]);
+      if (hooks.progress) hooks.progress(std::min(1.0, ++done / static_cast<double>(pairs.size())));
       if (!offset) continue;
       if (is_first) {
         ++partners[k], ++partners[l];
@@ -217,9 +204,7 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
       }
     }
     if (!is_first) break;
-    std::stable_sort(found.begin(), found.end(), [](const auto& left, const auto& right) {
-      return left.second.score_px < right.second.score_px;
-    });
+    std::ranges::stable_sort(found, {}, [](const auto& pair) { return pair.second.score_px; });
     for (const auto& [pair, offset] : found) {
       const int clock_a = rig.index.clock_of_track[static_cast<size_t>(pair.a)];
       const int clock_b = rig.index.clock_of_track[static_cast<size_t>(pair.b)];

@@ -2,6 +2,7 @@
 #include "server/solve/diagnose/findings.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "server/solve/diagnose/finding_causes.h"
@@ -60,12 +61,11 @@ std::vector<Finding> FindCauses(const RigObservations& rig, const EvaluatedSolut
                                 const CalibrationResult& result) {
   std::vector<Cause> causes;
   TrialProblem trial = MakeTrialProblem(evaluated.solution, evaluated.options);
-  if (SolveTrial(trial, &trial.problem).ok()) {
+  if (SolveTrial(trial.bundle, &trial.problem).ok()) {
     causes = TakeOutCauses(rig, evaluated, result, &trial);
     for (const CauseFunction find : kCauses) Append(find({rig, evaluated, result, trial}), &causes);
   }
-  std::stable_sort(causes.begin(), causes.end(),
-                   [](const Cause& a, const Cause& b) { return a.cost_px > b.cost_px; });
+  std::ranges::stable_sort(causes, std::greater(), &Cause::cost_px);
   std::vector<Finding> findings;
   for (Cause& cause : causes) findings.push_back(std::move(cause.finding));
   findings.insert(findings.end(), evaluated.findings.begin(), evaluated.findings.end());

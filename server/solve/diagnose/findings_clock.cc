@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,26 +24,18 @@ struct ClockOffset {
   double sigma_s = 0;   // of the estimate and of the alignment
 };
 
-std::map<std::string, std::vector<size_t>> ClocksBySession(const RigSolution& solution) {
-  std::map<std::string, std::vector<size_t>> sessions;
-  for (size_t k = 0; k < solution.clocks.size(); ++k) {
-    sessions[solution.clocks[k].session_id].push_back(k);
-  }
-  return sessions;
-}
-
 std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& problem) {
   const RigSolution& solution = input.evaluated.solution;
   std::vector<ClockOffset> offsets(solution.clocks.size());
   std::vector<double> estimate_sigma_s(offsets.size(), 0);
-  if (const auto sigmas = ComputeSigmas(input.trial, problem); sigmas.ok()) {
+  if (const auto sigmas = ComputeSigmas(input.trial.bundle, problem); sigmas.ok()) {
     for (size_t k = 0; k < offsets.size(); ++k) {
       const double sigma_s =
           sigmas->Of({ReducedParameterKind::kTimeOffset, static_cast<int>(k), 0});
       if (std::isfinite(sigma_s)) estimate_sigma_s[k] = sigma_s;
     }
   }
-  for (const auto& [session, clocks] : ClocksBySession(solution)) {
+  for (const auto& [session, clocks] : ClocksBySession(solution.clocks)) {
     std::vector<double> values, sigmas;
     for (const size_t k : clocks) {
       values.push_back(solution.clocks[k].time_offset_s + problem.clocks[k].time_offset_s);
@@ -61,35 +53,32 @@ std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& p
   return offsets;
 }
 
-std::vector<std::string> CamerasOfClock(const CauseInput& input, size_t clock) {
-  std::vector<std::string> cameras;
+std::set<std::string> CamerasOfClock(const CauseInput& input, size_t clock) {
+  std::set<std::string> cameras;
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     if (input.rig.index.clock_of_track[t] != static_cast<int>(clock)) continue;
-    const auto camera = static_cast<size_t>(input.rig.index.camera_of_track[t]);
-    cameras.push_back(input.rig.index.cameras[camera].camera);
+    cameras.insert(input.rig.tracks[t].track.camera.camera);
   }
-  std::sort(cameras.begin(), cameras.end());
-  cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
   return cameras;
 }
 
 // The errors if the clock ran with the median clock.
 ErrorChange WithoutOffset(const CauseInput& input, const BundleProblem& corrected, size_t clock,
-                          double offset_s, const std::vector<std::string>& cameras) {
+                          double offset_s, const std::string& camera) {
   ErrorChange change;
   if (std::abs(offset_s) > kMaxExtrapolationS) return change;
   BundleProblem without = corrected;
   for (BundleClock& entry : without.clocks) entry.offset_fixed = true;
   without.clocks[clock].time_offset_s -= offset_s;
-  if (!SolveTrial(input.trial, &without).ok()) return change;
+  if (!SolveTrial(input.trial.bundle, &without).ok()) return change;
   const std::vector<ErrorChange> changes = CompareErrors(without, corrected);
   for (size_t c = 0; c < changes.size(); ++c) {
-    if (corrected.cameras[c].name == cameras.front()) change = changes[c];
+    if (corrected.cameras[c].name == camera) change = changes[c];
   }
   return change;
 }
 
-std::string Advice(const std::vector<std::string>& cameras, const ClockOffset& offset,
+std::string Advice(const std::set<std::string>& cameras, const ClockOffset& offset,
                    const ErrorChange& change, bool two_clocks, bool corrected) {
   const double offset_ms = 1e3 * offset.offset_s;
   std::string advice = absl::StrFormat(
@@ -118,7 +107,7 @@ std::string Advice(const std::vector<std::string>& cameras, const ClockOffset& o
 std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& problem, bool corrected) {
   const std::vector<ClockOffset> offsets = Offsets(input, problem);
   std::vector<Cause> causes;
-  for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution)) {
+  for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution.clocks)) {
     for (const size_t k : clocks) {
       ClockOffset offset = offsets[k];
       const bool two_clocks = clocks.size() == 2;
@@ -128,10 +117,11 @@ std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& proble
       }
       if (std::abs(offset.offset_s) <= std::max(kMinOffsetS, kClockSigmas * offset.sigma_s))
         continue;
-      const std::vector<std::string> cameras = CamerasOfClock(input, k);
+      const std::set<std::string> cameras = CamerasOfClock(input, k);
       if (cameras.empty()) continue;
-      const ErrorChange change = WithoutOffset(input, problem, k, offset.offset_s, cameras);
-      causes.push_back({{FindingKind::kClockOffset, cameras.front(), 1e3 * offset.offset_s, "ms",
+      const ErrorChange change =
+          WithoutOffset(input, problem, k, offset.offset_s, *cameras.begin());
+      causes.push_back({{FindingKind::kClockOffset, *cameras.begin(), 1e3 * offset.offset_s, "ms",
                          Advice(cameras, offset, change, two_clocks, corrected)},
                         std::max(0.0, change.gain_px())});
     }
@@ -151,13 +141,13 @@ Repair RepairClocks(const CauseInput& input) {
   if (input.evaluated.options.estimate_time_offsets) return repair;
   repair.repaired = input.trial;
   BundleProblem& problem = repair.repaired.problem;
-  for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution)) {
+  for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution.clocks)) {
     for (const size_t k : clocks) {
       problem.clocks[k].offset_fixed = k == clocks.front();
       problem.clocks[k].offset_sigma_s = 0;
     }
   }
-  if (SolveTrialFromAfar(input.trial, &problem).ok()) {
+  if (SolveTrialFromAfar(input.trial.bundle, &problem).ok()) {
     repair.causes = CausesOf(input, problem, false);
   }
   return repair;

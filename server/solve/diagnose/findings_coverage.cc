@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/initialize/shared_views.h"
 
 namespace rigcal::server {
 namespace {
@@ -22,42 +22,20 @@ constexpr int kFewInstants = 50;
 using Cells = std::array<std::array<int, kColumns>, kRows>;
 
 std::vector<std::string> EmptySides(const Cells& cells) {
-  int left = 0, right = 0, top = 0, bottom = 0;
-  for (const auto& row : cells) {
-    left += row.front() == 0 ? 1 : 0;
-    right += row.back() == 0 ? 1 : 0;
-  }
-  for (int column = 0; column < kColumns; ++column) {
-    top += cells.front()[static_cast<size_t>(column)] == 0 ? 1 : 0;
-    bottom += cells.back()[static_cast<size_t>(column)] == 0 ? 1 : 0;
-  }
+  const auto is_empty = [&cells](bool column, size_t at) {
+    int empty = 0;
+    const int size = column ? kRows : kColumns;
+    for (size_t i = 0; i < static_cast<size_t>(size); ++i) {
+      empty += (column ? cells[i][at] : cells[at][i]) == 0 ? 1 : 0;
+    }
+    return empty >= kEmptyShareOfSide * size;
+  };
   std::vector<std::string> sides;
-  if (left >= kEmptyShareOfSide * kRows) sides.emplace_back("left");
-  if (right >= kEmptyShareOfSide * kRows) sides.emplace_back("right");
-  if (top >= kEmptyShareOfSide * kColumns) sides.emplace_back("top");
-  if (bottom >= kEmptyShareOfSide * kColumns) sides.emplace_back("bottom");
+  if (is_empty(true, 0)) sides.emplace_back("left");
+  if (is_empty(true, kColumns - 1)) sides.emplace_back("right");
+  if (is_empty(false, 0)) sides.emplace_back("top");
+  if (is_empty(false, kRows - 1)) sides.emplace_back("bottom");
   return sides;
-}
-
-// Instants in which both cameras have an inlier.
-std::vector<std::vector<int>> SharedInstants(const BundleProblem& problem) {
-  std::vector<std::vector<int>> shared(problem.cameras.size(),
-                                       std::vector<int>(problem.cameras.size(), 0));
-  for (const BundleInstant& instant : problem.instants) {
-    if (!instant.used) continue;
-    std::vector<size_t> seen;
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      const auto first = problem.markers.begin() + observation.first_marker;
-      if (std::any_of(first, first + observation.marker_count,
-                      [](const BundleMarker& marker) { return marker.used; })) {
-        seen.push_back(static_cast<size_t>(observation.camera));
-      }
-    }
-    for (const size_t a : seen) {
-      for (const size_t b : seen) shared[a][b] += a != b ? 1 : 0;
-    }
-  }
-  return shared;
 }
 
 }  // namespace
@@ -98,7 +76,11 @@ std::vector<Cause> FindUnseenEdges(const CauseInput& input) {
 
 std::vector<Cause> FindWeakLinks(const CauseInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
-  const std::vector<std::vector<int>> shared = SharedInstants(problem);
+  const std::vector<std::vector<int>> shared = CountShared(
+      problem, [&problem](const BundleInstant& instant, const BundleObservation& observation) {
+        return instant.used &&
+               std::ranges::any_of(problem.MarkersOf(observation), &BundleMarker::used);
+      });
   const size_t count = problem.cameras.size();
   // Prim: the strongest way to join one camera after the other; a weak edge of this tree has no
   // stronger way round it.

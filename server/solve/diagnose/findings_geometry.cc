@@ -56,8 +56,7 @@ std::vector<Sighting> Sightings(const BundleProblem& problem) {
 }
 
 size_t Partner(const Sighting& sighting) {
-  return static_cast<size_t>(std::max_element(sighting.shared.begin(), sighting.shared.end()) -
-                             sighting.shared.begin());
+  return static_cast<size_t>(std::ranges::max_element(sighting.shared) - sighting.shared.begin());
 }
 
 }  // namespace
@@ -92,9 +91,7 @@ std::vector<Cause> FindLoosePoses(const CauseInput& input) {
   const std::vector<Sighting> sightings = Sightings(problem);
   std::vector<Cause> causes;
   for (const CalibratedCamera& camera : input.result.cameras) {
-    const auto found =
-        std::find_if(problem.cameras.begin(), problem.cameras.end(),
-                     [&camera](const BundleCamera& entry) { return entry.name == camera.camera; });
+    const auto found = std::ranges::find(problem.cameras, camera.camera, &BundleCamera::name);
     if (!camera.uncertainty || found == problem.cameras.end()) continue;
     const auto c = static_cast<size_t>(found - problem.cameras.begin());
     if (sightings[c].distance_m.empty()) continue;

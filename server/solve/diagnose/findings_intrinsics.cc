@@ -53,12 +53,13 @@ Rays RaysOf(const BundleProblem& problem, size_t camera, const Intrinsics& given
   return rays;
 }
 
-// Root mean square of how far the same directions lie apart in the image under both intrinsics,
-// where the camera saw the wand, after the rotation that brings them closest: a turn of the camera
-// hides a moved centre.
-double DisplacementPx(const BundleProblem& problem, size_t camera, const Intrinsics& given,
-                      const Intrinsics& found) {
-  const Rays rays = RaysOf(problem, camera, given, found);
+// Root mean square of how far the same directions lie apart in the image under the camera's present
+// intrinsics and the given ones (its priors' mean), where it saw the wand, after the rotation that
+// brings them closest: a turn of the camera hides a moved centre.
+double DisplacementPx(const BundleProblem& problem, size_t index) {
+  const BundleCamera& camera = problem.cameras[index];
+  const Intrinsics found = FromVector(camera.model, camera.intrinsics);
+  const Rays rays = RaysOf(problem, index, FromVector(camera.model, camera.intrinsics_mean), found);
   if (rays.pixels.size() < 3) return 0;
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (size_t i = 0; i < rays.pixels.size(); ++i) sum += rays.found[i] * rays.given[i].transpose();
@@ -86,7 +87,8 @@ double Significance(const TrialSigmas& sigmas, int camera, const IntrinsicsVecto
   return largest;
 }
 
-std::string Changes(const IntrinsicsVector& given, const IntrinsicsVector& found) {
+std::string Changes(const BundleCamera& camera) {
+  const IntrinsicsVector &given = camera.intrinsics_mean, &found = camera.intrinsics;
   return absl::StrFormat(
       "focal lengths %+.2f %% and %+.2f %%, centre (%+.1f, %+.1f) px against the given ones",
       100 * (found[0] / given[0] - 1), 100 * (found[1] / given[1] - 1), found[2] - given[2],
@@ -102,16 +104,15 @@ void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {
 std::vector<size_t> Suspects(const CauseInput& input) {
   BundleProblem problem = input.trial.problem;
   for (size_t c = 0; c < problem.cameras.size(); ++c) Free(input, c, &problem);
-  if (!SolveTrialFromAfar(input.trial, &problem).ok()) return {};
-  const auto sigmas = ComputeSigmas(input.trial, problem);
+  if (!SolveTrialFromAfar(input.trial.bundle, &problem).ok()) return {};
+  const auto sigmas = ComputeSigmas(input.trial.bundle, problem);
   if (!sigmas.ok()) return {};
   std::vector<size_t> suspects;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     const BundleCamera& camera = problem.cameras[c];
     const IntrinsicsVector change = camera.intrinsics - camera.intrinsics_mean;
     if (Significance(*sigmas, static_cast<int>(c), change) > kIntrinsicsSigmas &&
-        DisplacementPx(problem, c, FromVector(camera.model, camera.intrinsics_mean),
-                       FromVector(camera.model, camera.intrinsics)) > kMinDisplacementPx) {
+        DisplacementPx(problem, c) > kMinDisplacementPx) {
       suspects.push_back(c);
     }
   }
@@ -128,13 +129,11 @@ Repair RepairIntrinsics(const CauseInput& input) {
   repair.repaired = input.trial;
   BundleProblem& problem = repair.repaired.problem;
   for (const size_t c : suspects) Free(input, c, &problem);
-  if (!SolveTrialFromAfar(input.trial, &problem).ok()) return repair;
+  if (!SolveTrialFromAfar(input.trial.bundle, &problem).ok()) return repair;
   const std::vector<ErrorChange> changes = CompareErrors(input.trial.problem, problem);
   for (const size_t c : suspects) {
     const BundleCamera& camera = problem.cameras[c];
-    const double displacement_px =
-        DisplacementPx(problem, c, FromVector(camera.model, camera.intrinsics_mean),
-                       FromVector(camera.model, camera.intrinsics));
+    const double displacement_px = DisplacementPx(problem, c);
     if (changes[c].gain() < kMinIntrinsicsGain || displacement_px < kMinDisplacementPx) continue;
     repair.causes.push_back(
         {{FindingKind::kWrongIntrinsics, camera.name, displacement_px, "px",
@@ -142,8 +141,7 @@ Repair RepairIntrinsics(const CauseInput& input) {
               "its given intrinsics put what it sees %.1f px (rms) away from where it is: %s; its "
               "error is %.2f px, and %.2f px with intrinsics that fit. Calibrate its lens again "
               "(zoom and focus as they are now), or calibrate with intrinsics refined",
-              displacement_px, Changes(camera.intrinsics_mean, camera.intrinsics),
-              changes[c].before_px, changes[c].after_px)},
+              displacement_px, Changes(camera), changes[c].before_px, changes[c].after_px)},
          changes[c].gain_px()});
   }
   return repair;
@@ -163,14 +161,12 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
       if (camera.intrinsics_sigma[i] <= 0) continue;
       prior_sigmas = std::max(prior_sigmas, std::abs(change[i]) / camera.intrinsics_sigma[i]);
     }
-    const double displacement_px =
-        DisplacementPx(solved, c, FromVector(camera.model, camera.intrinsics_mean),
-                       FromVector(camera.model, camera.intrinsics));
+    const double displacement_px = DisplacementPx(solved, c);
     if (prior_sigmas < kPriorSigmas || displacement_px < kMinDisplacementPx) continue;
     BundleProblem given = solved;
     given.cameras[c].intrinsics = camera.intrinsics_mean;
     given.cameras[c].intrinsics_fixed = true;
-    if (!SolveTrialFromAfar(input.trial, &given).ok()) continue;
+    if (!SolveTrialFromAfar(input.trial.bundle, &given).ok()) continue;
     const ErrorChange change_px = CompareErrors(given, solved)[c];
     if (change_px.gain() < kMinIntrinsicsGain) continue;
     causes.push_back(
@@ -179,10 +175,8 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
               "its refined intrinsics are far from the given ones, by %.1f px (rms) where it saw "
               "the wand: %s; its error is %.2f px with the given ones, %.2f px with the refined "
               "ones. The refined ones are used; check that it was given its own file, and "
-              "calibrate "
-              "its lens again",
-              displacement_px, Changes(camera.intrinsics_mean, camera.intrinsics),
-              change_px.before_px, change_px.after_px)},
+              "calibrate its lens again",
+              displacement_px, Changes(camera), change_px.before_px, change_px.after_px)},
          change_px.gain_px()});
   }
   return causes;

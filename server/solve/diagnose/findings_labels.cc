@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "absl/strings/str_format.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/rig/outliers.h"
 
 namespace rigcal::server {
 namespace {
@@ -13,30 +13,24 @@ namespace {
 constexpr int kMinFlipped = 3;
 constexpr double kMinShare = 0.002;
 
-// True if the observation's markers fit with flipped labels, and do not as
-// they are.
+// The observation's markers fit with flipped labels, and do not as they are.
 bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
                  const BundleObservation& observation, double limit) {
   const int last = static_cast<int>(problem.target.marker_positions_m.size()) - 1;
-  bool fits_as_is = true;
-  for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-    BundleMarker flipped = marker;
-    flipped.marker = last - marker.marker;
-    Eigen::Vector2d residual;
-    if (!MarkerResidualPx(problem, instant, observation, flipped, &residual) ||
-        (marker.sqrt_information * residual).norm() > limit) {
-      return false;
-    }
-    fits_as_is = fits_as_is && marker.used;
-  }
-  return !fits_as_is;
+  const auto fits = [&](BundleMarker marker) {
+    marker.marker = last - marker.marker;
+    const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+    return residual && (marker.sqrt_information * *residual).norm() <= limit;
+  };
+  const auto markers = problem.MarkersOf(observation);
+  return std::ranges::all_of(markers, fits) && !std::ranges::all_of(markers, &BundleMarker::used);
 }
 
 }  // namespace
 
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
-  const std::vector<double> scales = CameraScales(problem, input.trial.outliers);
+  const std::vector<double> limits = OutlierLimits(problem);
   struct Count {
     int observations = 0, flipped = 0;
   };
@@ -47,9 +41,8 @@ std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
       const bool flipped = IsFlipped(input.evaluated.solution, observation);
       if (observation.marker_count < 2 && !flipped) continue;
       const auto c = static_cast<size_t>(observation.camera);
-      const double limit = input.trial.outliers.sigmas * scales[c];
       ++counts[c].observations;
-      const bool fits_flipped = flipped || FitsFlipped(problem, instant, observation, limit);
+      const bool fits_flipped = flipped || FitsFlipped(problem, instant, observation, limits[c]);
       counts[c].flipped += fits_flipped ? 1 : 0;
     }
   }

@@ -3,11 +3,11 @@
 #include <cmath>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "server/solve/diagnose/finding_causes.h"
 #include "server/solve/diagnose/moved_camera_scan.h"
+#include "server/solve/rig/outliers.h"
 
 namespace rigcal::server {
 namespace {
@@ -25,19 +25,13 @@ struct Candidate {
 
 // The camera whose residuals gain most in all.
 std::optional<Candidate> BestCandidate(const CauseInput& input) {
-  const BundleProblem& problem = input.trial.problem;
-  const std::vector<ErrorChange> errors = CompareErrors(problem, problem);
   std::optional<Candidate> best;
-  double best_gain = 0;
-  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+  for (size_t c = 0; c < input.trial.problem.cameras.size(); ++c) {
     // One that was taken apart already is not looked at again.
-    const auto parts = std::count(input.trial.rig_camera.begin(), input.trial.rig_camera.end(),
-                                  input.trial.rig_camera[c]);
-    if (parts > 1) continue;
+    if (std::ranges::count(input.trial.rig_camera, input.trial.rig_camera[c]) > 1) continue;
     const std::optional<ChangePoint> change = ScanForMove(input.trial, static_cast<int>(c));
-    if (!change || change->gain < kMinScanGain || change->gain <= best_gain) continue;
-    best = Candidate{c, *change};
-    best_gain = change->gain;
+    if (!change || change->gain < kMinScanGain) continue;
+    if (!best || change->gain > best->change.gain) best = Candidate{c, *change};
   }
   return best;
 }
@@ -79,7 +73,7 @@ TrialProblem TakenApart(const TrialProblem& from, const Candidate& candidate) {
       if (observation.camera == static_cast<int>(candidate.camera)) observation.camera = part;
     }
   }
-  ClassifyOutliers(trial.outliers, &problem);
+  ClassifyOutliers(&problem);
   return trial;
 }
 
@@ -103,7 +97,7 @@ Move MeasureMove(const TrialProblem& trial, size_t camera) {
   as_before.cameras.back().cam_from_rig = before.cam_from_rig;
   const ErrorChange change = CompareErrors(problem, as_before).back();
   move.image_px = std::max(0.0, -change.gain_px());
-  if (const auto sigmas = ComputeSigmas(trial, problem); sigmas.ok()) {
+  if (const auto sigmas = ComputeSigmas(trial.bundle, problem); sigmas.ok()) {
     const Eigen::Quaterniond turn =
         after.cam_from_rig.rotation * before.cam_from_rig.rotation.conjugate();
     const Eigen::AngleAxisd angle_axis(turn);
@@ -131,7 +125,7 @@ Repair RepairMovedCamera(const CauseInput& input) {
   const std::optional<Candidate> candidate = BestCandidate(input);
   if (!candidate) return repair;
   repair.repaired = TakenApart(input.trial, *candidate);
-  if (!SolveTrial(input.trial, &repair.repaired.problem).ok()) return repair;
+  if (!SolveTrial(input.trial.bundle, &repair.repaired.problem).ok()) return repair;
   const ErrorChange change =
       CompareErrors(input.trial.problem, repair.repaired.problem)[candidate->camera];
   const Move move = MeasureMove(repair.repaired, candidate->camera);

@@ -108,16 +108,16 @@ Repair RepairRollingShutters(const CauseInput& input) {
   Repair repair;
   std::vector<int> camera_of_clock;
   BundleProblem by_row = WithRowClocks(input, true, &camera_of_clock);
-  if (!SolveTrialFromAfar(input.trial, &by_row).ok()) return repair;
+  if (!SolveTrialFromAfar(input.trial.bundle, &by_row).ok()) return repair;
   if (input.evaluated.options.estimate_time_rates) {
     std::vector<int> same;
     BundleProblem undone = WithRowClocks(input, false, &same);
-    if (SolveTrialFromAfar(input.trial, &undone).ok() &&
+    if (SolveTrialFromAfar(input.trial.bundle, &undone).ok() &&
         Overall(CompareErrors(by_row, undone)).gain_px() > 0) {
       by_row = std::move(undone);
     }
   }
-  const auto sigmas = ComputeSigmas(input.trial, by_row);
+  const auto sigmas = ComputeSigmas(input.trial.bundle, by_row);
   if (!sigmas.ok()) return repair;
   const std::vector<ErrorChange> changes = CompareErrors(input.trial.problem, by_row);
   std::vector<bool> apply(by_row.clocks.size(), false);
@@ -132,9 +132,8 @@ Repair RepairRollingShutters(const CauseInput& input) {
     }
     apply[k] = true;
     const std::string& camera = by_row.cameras[c].name;
-    const bool known =
-        std::any_of(repair.causes.begin(), repair.causes.end(),
-                    [&camera](const Cause& cause) { return cause.finding.camera == camera; });
+    const bool known = std::ranges::any_of(
+        repair.causes, [&camera](const Cause& cause) { return cause.finding.camera == camera; });
     if (known) continue;  // in another session, or before it moved
     repair.causes.push_back({{FindingKind::kRollingShutter, camera, 1e6 * line_time_s, "us",
                               Advice(line_time_s, sigma_s, rows, changes[c])},
@@ -143,7 +142,7 @@ Repair RepairRollingShutters(const CauseInput& input) {
   if (repair.causes.empty()) return repair;
   repair.repaired = input.trial;
   repair.repaired.problem = WithoutRowTimes(input.trial.problem, by_row, apply);
-  if (!SolveTrial(input.trial, &repair.repaired.problem).ok()) repair.causes.clear();
+  if (!SolveTrial(input.trial.bundle, &repair.repaired.problem).ok()) repair.causes.clear();
   return repair;
 }
 

@@ -43,13 +43,14 @@ std::vector<Cause> FindWrongWandLength(const CauseInput& input) {
   ErrorChange change;
   if (problem.target.fixed) {
     problem.target.fixed = false;
-    if (!SolveTrial(trial, &problem).ok()) return {};
+    if (!SolveTrial(trial.bundle, &problem).ok()) return {};
     change = Overall(CompareErrors(trial.problem, problem));
   } else {
     BundleProblem as_given = problem;
     as_given.target.fixed = true;
     as_given.target.marker_positions_m = as_given.target.given_positions_m;
-    if (SolveTrial(trial, &as_given).ok()) change = Overall(CompareErrors(as_given, problem));
+    if (SolveTrial(trial.bundle, &as_given).ok())
+      change = Overall(CompareErrors(as_given, problem));
   }
   const std::vector<double> found_m = Spans(problem.target.marker_positions_m);
   const double tolerance_m = problem.target.span_sigma_m;

@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
 
 #include "common/camera/camera_model.h"
 #include "server/solve/bundle/marker_residual_px.h"
@@ -32,34 +31,28 @@ std::vector<Sample> SamplesOf(const TrialProblem& trial, int camera) {
     if (observation.camera != camera) return;
     const BundleInstant& instant = problem.instants[i];
     const BundleMarker& marker = problem.markers[m];
-    Sample sample;
-    sample.time_ns = trial.instant_time_ns[i];
-    if (!MarkerResidualPx(problem, instant, observation, marker, &sample.residual)) return;
-    const Eigen::Vector3d x_in_rig =
-        instant.origin_m +
-        problem.target.marker_positions_m[static_cast<size_t>(marker.marker)] * instant.direction;
-    const Eigen::Vector3d rotated = solved.cam_from_rig.rotation * x_in_rig;
+    const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+    const Eigen::Vector3d rotated = solved.cam_from_rig.rotation * problem.PointOf(instant, marker);
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3> d_point;
-    if (!Project(solved.model, solved.intrinsics.data(),
+    if (!residual ||
+        !Project(solved.model, solved.intrinsics.data(),
                  rotated + solved.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
       return;
     }
+    Sample sample = {trial.instant_time_ns[i], *residual, {}};
     Eigen::Matrix3d cross;
-    cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(), 0;
+    cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(),
+        0;
     sample.jacobian.leftCols<3>() = -d_point * cross;
     sample.jacobian.rightCols<3>() = d_point;
     samples.push_back(sample);
   });
-  std::stable_sort(samples.begin(), samples.end(),
-                   [](const Sample& a, const Sample& b) { return a.time_ns < b.time_ns; });
+  std::ranges::stable_sort(samples, {}, &Sample::time_ns);
   const size_t stride = 1 + samples.size() / kMaxMarkers;
-  if (stride > 1) {
-    std::vector<Sample> some;
-    for (size_t i = 0; i < samples.size(); i += stride) some.push_back(samples[i]);
-    samples = std::move(some);
-  }
-  return samples;
+  std::vector<Sample> some;
+  for (size_t i = 0; i < samples.size(); i += stride) some.push_back(samples[i]);
+  return some;
 }
 
 struct Fit {

@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <optional>
-#include <vector>
 
 #include "server/solve/diagnose/trial_solve.h"
 

@@ -9,10 +9,12 @@
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/rig/outliers.h"
 
 namespace rigcal::server {
 namespace {
 
+constexpr size_t kMaxObservations = 40'000;
 constexpr int kMaxRounds = 4;
 constexpr double kWideLoss = 20;
 constexpr double kUnseenPx = 100;
@@ -20,11 +22,9 @@ constexpr double kUnseenPx = 100;
 std::vector<double> ErrorsPx(const BundleProblem& problem) {
   std::vector<double> errors(problem.markers.size(), kUnseenPx);
   ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
-    Eigen::Vector2d residual;
-    if (MarkerResidualPx(problem, problem.instants[i], observation, problem.markers[m],
-                         &residual)) {
-      errors[m] = residual.norm();
-    }
+    const auto residual =
+        MarkerResidualPx(problem, problem.instants[i], observation, problem.markers[m]);
+    if (residual) errors[m] = residual->norm();
   });
   return errors;
 }
@@ -34,46 +34,43 @@ double VarianceFactor(const BundleProblem& problem) {
   std::vector<double> norms;
   ForEachMarker(problem, [&](size_t i, const BundleObservation& observation, size_t m) {
     const BundleMarker& marker = problem.markers[m];
-    Eigen::Vector2d residual;
-    if (marker.used &&
-        MarkerResidualPx(problem, problem.instants[i], observation, marker, &residual)) {
-      norms.push_back((marker.sqrt_information * residual).norm());
-    }
+    const auto residual = MarkerResidualPx(problem, problem.instants[i], observation, marker);
+    if (marker.used && residual) norms.push_back((marker.sqrt_information * *residual).norm());
   });
   if (norms.empty()) return 1;
   const double scale = UpperMedian(&norms) / kMedianOfRayleigh;
   return std::max(1.0, scale * scale);
 }
 
+// Of sums.
+void TakeMean(ErrorChange* change) {
+  change->before_px /= std::max(1, change->marker_count);
+  change->after_px /= std::max(1, change->marker_count);
+}
+
 }  // namespace
 
-TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options,
-                              size_t max_observations) {
+TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options) {
   const BundleProblem& from = solution.built.problem;
   TrialProblem trial;
-  trial.bundle.loss_scale = options.loss_scale;
   trial.bundle.function_tolerance = 1e-7;
   trial.bundle.max_iterations = 50;
   trial.bundle.cancelled = options.cancelled;
-  trial.outliers = options.outliers;
   trial.problem.cameras = from.cameras;
   trial.problem.clocks = from.clocks;
   trial.problem.target = from.target;
   trial.problem.distance = from.distance;
   for (size_t c = 0; c < from.cameras.size(); ++c) trial.rig_camera.push_back(c);
-  const size_t stride = 1 + from.observations.size() / std::max<size_t>(1, max_observations);
+  const size_t stride = 1 + from.observations.size() / kMaxObservations;
   size_t placed = 0;
   for (size_t i = 0; i < from.instants.size(); ++i) {
     if (!from.instants[i].used || placed++ % stride != 0) continue;
     BundleInstant instant = from.instants[i];
-    const auto first = static_cast<size_t>(instant.first_observation);
     instant.first_observation = static_cast<int>(trial.problem.observations.size());
-    for (size_t o = first; o < first + static_cast<size_t>(instant.observation_count); ++o) {
-      BundleObservation observation = from.observations[o];
-      const auto begin = from.markers.begin() + observation.first_marker;
+    for (BundleObservation observation : from.ObservationsOf(from.instants[i])) {
+      const auto markers = from.MarkersOf(observation);
       observation.first_marker = static_cast<int>(trial.problem.markers.size());
-      trial.problem.markers.insert(trial.problem.markers.end(), begin,
-                                   begin + observation.marker_count);
+      trial.problem.markers.insert(trial.problem.markers.end(), markers.begin(), markers.end());
       trial.problem.observations.push_back(observation);
     }
     trial.problem.instants.push_back(instant);
@@ -82,19 +79,17 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
   return trial;
 }
 
-absl::Status SolveTrial(const TrialProblem& how, BundleProblem* problem) {
+absl::Status SolveTrial(const BundleOptions& how, BundleProblem* problem) {
   for (int round = 0; round < kMaxRounds; ++round) {
-    RIGCAL_RETURN_IF_ERROR(SolveLineBundle(how.bundle, problem).status());
-    if (ClassifyOutliers(how.outliers, problem) == 0) break;
+    RIGCAL_RETURN_IF_ERROR(SolveLineBundle(how, problem).status());
+    if (ClassifyOutliers(problem) == 0) break;
   }
   return absl::OkStatus();
 }
 
-absl::Status SolveTrialFromAfar(const TrialProblem& how, BundleProblem* problem) {
-  TrialProblem wide;
-  wide.bundle = how.bundle;
-  wide.bundle.loss_scale *= kWideLoss;
-  wide.outliers = how.outliers;
+absl::Status SolveTrialFromAfar(const BundleOptions& how, BundleProblem* problem) {
+  BundleOptions wide = how;
+  wide.loss_scale *= kWideLoss;
   RIGCAL_RETURN_IF_ERROR(SolveTrial(wide, problem));
   return SolveTrial(how, problem);
 }
@@ -109,10 +104,7 @@ std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const Bundle
     change.after_px += after_px[m];
     ++change.marker_count;
   });
-  for (ErrorChange& change : changes) {
-    change.before_px /= std::max(1, change.marker_count);
-    change.after_px /= std::max(1, change.marker_count);
-  }
+  for (ErrorChange& change : changes) TakeMean(&change);
   return changes;
 }
 
@@ -123,8 +115,7 @@ ErrorChange Overall(const std::vector<ErrorChange>& changes) {
     all.after_px += change.after_px * change.marker_count;
     all.marker_count += change.marker_count;
   }
-  all.before_px /= std::max(1, all.marker_count);
-  all.after_px /= std::max(1, all.marker_count);
+  TakeMean(&all);
   return all;
 }
 
@@ -134,9 +125,9 @@ double TrialSigmas::Of(const ReducedParameter& parameter) const {
   return sigmas[static_cast<size_t>(found - parameters.begin())];
 }
 
-absl::StatusOr<TrialSigmas> ComputeSigmas(const TrialProblem& how, const BundleProblem& problem) {
+absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const BundleProblem& problem) {
   RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation reduced,
-                          ComputeReducedInformation(how.bundle, problem));
+                          ComputeReducedInformation(how, problem));
   const Eigen::Index size = reduced.information.rows();
   // Columns differ by many powers of ten (radians beside pixels): scaled before they are inverted.
   const Eigen::VectorXd scale =

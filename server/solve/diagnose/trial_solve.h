@@ -21,19 +21,17 @@ struct TrialProblem {
   // By camera of the problem: its index in the rig. A camera taken apart has several.
   std::vector<size_t> rig_camera;
   BundleOptions bundle;
-  OutlierOptions outliers;
 };
 
-// About `max_observations` of the solution's observations: every n-th instant.
-TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options,
-                              size_t max_observations = 40'000);
+// About 40 000 of the solution's observations: every n-th instant.
+TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options);
 
 // Solves `problem`, finds the outliers anew, and solves again until they stay (a few times at
 // most). Errors as of SolveLineBundle; `problem` is then worth nothing.
-absl::Status SolveTrial(const TrialProblem& how, BundleProblem* problem);
+absl::Status SolveTrial(const BundleOptions& how, BundleProblem* problem);
 
 // The same, first under a loss so wide that what is far off pulls, too.
-absl::Status SolveTrialFromAfar(const TrialProblem& how, BundleProblem* problem);
+absl::Status SolveTrialFromAfar(const BundleOptions& how, BundleProblem* problem);
 
 // Mean reprojection errors before and after, over the markers that are inliers in either.
 struct ErrorChange {
@@ -61,7 +59,7 @@ struct TrialSigmas {
   // Infinite for what is not free or not determined.
   double Of(const ReducedParameter& parameter) const;
 };
-absl::StatusOr<TrialSigmas> ComputeSigmas(const TrialProblem& how, const BundleProblem& problem);
+absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const BundleProblem& problem);
 
 // Runs `visit(instant index, observation, marker index)` over the markers of the placed instants.
 template <typename Visit>

@@ -8,12 +8,10 @@
 #include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
-namespace {}  // namespace
-
 ErrorFigures Figures(std::vector<double> errors_px) {
   ErrorFigures figures;
   if (errors_px.empty()) return figures;
-  std::sort(errors_px.begin(), errors_px.end());
+  std::ranges::sort(errors_px);
   double sum = 0, squares = 0;
   for (const double error : errors_px) {
     sum += error;
@@ -39,10 +37,10 @@ std::vector<Residuals> ComputeResiduals(const BundleProblem& problem) {
       ++residuals[camera].observation_count;
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         if (!marker.used) ++residuals[camera].outlier_count;
-        Eigen::Vector2d residual;
-        if (!MarkerResidualPx(problem, instant, observation, marker, &residual)) continue;
-        all[camera].push_back(residual.norm());
-        if (marker.used) inlier[camera].push_back(residual.norm());
+        const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+        if (!residual) continue;
+        all[camera].push_back(residual->norm());
+        if (marker.used) inlier[camera].push_back(residual->norm());
       }
     }
   }

@@ -138,7 +138,7 @@ std::vector<bool> OwnRates(const RigSolution& solution, const RigUncertainty& un
     weights[l] = -1;
     return uncertainty.ClockSigma(ReducedParameterKind::kTimeRate, weights);
   };
-  return FindOwnRates(rates, sigma_between, RateTestOptions{});
+  return FindOwnRates(rates, sigma_between);
 }
 
 // Restarts a solve from another offset of a clock that fits the other clocks' cameras much better
@@ -153,7 +153,7 @@ absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& op
       if (absl::IsCancelled(further.status())) return further.status();
       if (further.ok()) result->solution = *std::move(further);
     }
-    const auto doubt = FindBetterOffset(rig, result->solution, TimeCheckOptions{});
+    const auto doubt = FindBetterOffset(rig, result->solution);
     if (!doubt) return absl::OkStatus();
     std::vector<ClockCorrection> clocks = InitializationFrom(result->solution).clocks;
     clocks[static_cast<size_t>(doubt->clock)].time_offset_s += doubt->offset_s;
@@ -189,7 +189,7 @@ absl::Status LeaveWrongMinimum(const RigObservations& rig,
   RIGCAL_ASSIGN_OR_RETURN(
       const std::optional<Finding> restarted,
       RestartIfWrong(rig, repaired ? InitializationFrom(result->solution).clocks : clocks, options,
-                     RestartOptions{}, &result->solution));
+                     &result->solution));
   if (!restarted) return absl::OkStatus();
   result->findings.push_back(*restarted);
   return options.estimate_time_offsets ? RepairOffsets(rig, options, result) : absl::OkStatus();
@@ -215,7 +215,7 @@ absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigS
     const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, with_rates);
     if (!uncertainty.ok()) return absl::OkStatus();
     std::vector<bool> own = OwnRates(*tried, *uncertainty);
-    if (std::find(own.begin(), own.end(), true) == own.end()) return absl::OkStatus();
+    if (std::ranges::count(own, true) == 0) return absl::OkStatus();
     std::vector<bool> estimated;
     for (const BundleClock& clock : tried->built.problem.clocks) {
       estimated.push_back(!clock.rate_fixed);
@@ -236,19 +236,15 @@ absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigS
 }
 
 void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
-  to->reprojection_px.resize(from.reprojection_px.size());
-  to->leave_one_out_px.resize(from.leave_one_out_px.size());
-  to->lengths.errors_m.resize(from.lengths.errors_m.size());
-  const auto append = [](const std::vector<double>& source, std::vector<double>* target) {
-    target->insert(target->end(), source.begin(), source.end());
+  const auto append = [](const std::vector<std::vector<double>>& source, auto* target) {
+    target->resize(source.size());
+    for (size_t i = 0; i < source.size(); ++i) {
+      (*target)[i].insert((*target)[i].end(), source[i].begin(), source[i].end());
+    }
   };
-  for (size_t c = 0; c < from.reprojection_px.size(); ++c) {
-    append(from.reprojection_px[c], &to->reprojection_px[c]);
-    append(from.leave_one_out_px[c], &to->leave_one_out_px[c]);
-  }
-  for (size_t s = 0; s < from.lengths.errors_m.size(); ++s) {
-    append(from.lengths.errors_m[s], &to->lengths.errors_m[s]);
-  }
+  append(from.reprojection_px, &to->reprojection_px);
+  append(from.leave_one_out_px, &to->leave_one_out_px);
+  append(from.lengths, &to->lengths);
   to->instant_count += from.instant_count;
 }
 
@@ -269,9 +265,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
   RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
   RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
-  if (base.estimate_time_offsets) {
-    RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
-  }
+  if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
   result.options.estimate_time_rates = first.estimate_time_rates;
   result.options.own_rates = first.own_rates;
   RigSolveOptions chosen_from = base;

@@ -2,6 +2,7 @@
 #include "server/solve/evaluate/held_out.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 
@@ -28,7 +29,7 @@ BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& s
                                 const RigSolveOptions& options,
                                 const std::function<bool(int64_t)>& select) {
   InstantList list = FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks),
-                                  {options.tolerance_s});
+                                  options.tolerance_s);
   std::erase_if(list.instants,
                 [&select](const Instant& instant) { return !select(instant.rig_time_ns); });
   BuiltProblem built = BuildProblem(rig.target, rig.tracks, solution.motions, rig.index,
@@ -52,33 +53,27 @@ void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& in
         others.push_back(view.ray);
       }
     }
-    Eigen::Vector3d point;
+    const auto point = Triangulate(others);
     Eigen::Vector2d pixel;
-    if (others.size() < 2 || !Triangulate(others, &point) ||
-        !Project(intrinsics[camera], left_out.ray.cam_from_rig * point, &pixel)) {
-      continue;
+    if (point && Project(intrinsics[camera], left_out.ray.cam_from_rig * *point, &pixel)) {
+      errors->leave_one_out_px[camera].push_back((pixel - left_out.centre_px).norm());
     }
-    errors->leave_one_out_px[camera].push_back((pixel - left_out.centre_px).norm());
   }
 }
 
+// Infinite for too few errors.
 double MeanOfMeans(const std::vector<std::vector<double>>& errors) {
   double sum = 0;
   int cameras = 0;
-  for (const std::vector<double>& camera : errors) {
+  size_t count = 0;
+  for (std::vector<double> camera : errors) {
     if (camera.empty()) continue;
-    std::vector<double> sorted = camera;
-    std::sort(sorted.begin(), sorted.end());
-    sum += std::accumulate(sorted.begin(), sorted.end(), 0.0) / static_cast<double>(sorted.size());
+    std::ranges::sort(camera);
+    sum += std::accumulate(camera.begin(), camera.end(), 0.0) / static_cast<double>(camera.size());
+    count += camera.size();
     ++cameras;
   }
-  return cameras == 0 ? std::numeric_limits<double>::infinity() : sum / cameras;
-}
-
-size_t CountAll(const std::vector<std::vector<double>>& errors) {
-  size_t count = 0;
-  for (const std::vector<double>& camera : errors) count += camera.size();
-  return count;
+  return count < kMinErrorsToChoose ? std::numeric_limits<double>::infinity() : sum / cameras;
 }
 
 }  // namespace
@@ -101,20 +96,19 @@ EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& 
   EvaluatedErrors errors;
   errors.reprojection_px.resize(problem.cameras.size());
   errors.leave_one_out_px.resize(problem.cameras.size());
-  errors.instant_count = PlaceInstants(options.initialization_threshold_px, &problem);
+  errors.instant_count = PlaceInstants(kAgreePx, &problem);
   CorrectSphereCentres(rig.target, rig.tracks, solution.motions, IsMetric(rig, options), &built);
-  ClassifyOutliers(options.outliers, &problem);
+  ClassifyOutliers(&problem);
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    ForEachUsedMarker(problem, instant,
-                      [&](const BundleObservation& observation, const BundleMarker& marker) {
-                        Eigen::Vector2d residual;
-                        if (!MarkerResidualPx(problem, instant, observation, marker, &residual))
-                          return;
-                        errors.reprojection_px[static_cast<size_t>(observation.camera)].push_back(
-                            residual.norm());
-                      });
+    ForEachUsedMarker(
+        problem, instant, [&](const BundleObservation& observation, const BundleMarker& marker) {
+          const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+          if (!residual) return;
+          errors.reprojection_px[static_cast<size_t>(observation.camera)].push_back(
+              residual->norm());
+        });
     LeaveOneOut(problem, intrinsics, instant, &errors);
   }
   errors.lengths = MeasureLengths(problem, problem.target.marker_positions_m, 3);
@@ -122,13 +116,8 @@ EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& 
 }
 
 double ChoiceScorePx(const EvaluatedErrors& errors) {
-  if (CountAll(errors.leave_one_out_px) >= kMinErrorsToChoose) {
-    return MeanOfMeans(errors.leave_one_out_px);
-  }
-  if (CountAll(errors.reprojection_px) >= kMinErrorsToChoose) {
-    return MeanOfMeans(errors.reprojection_px);
-  }
-  return std::numeric_limits<double>::infinity();
+  const double left_out_px = MeanOfMeans(errors.leave_one_out_px);
+  return std::isfinite(left_out_px) ? left_out_px : MeanOfMeans(errors.reprojection_px);
 }
 
 }  // namespace rigcal::server

@@ -21,10 +21,7 @@ MarkerPoints TriangulateMarkers(const BundleProblem& problem,
   }
   MarkerPoints points(views.size());
   for (size_t m = 0; m < views.size(); ++m) {
-    Eigen::Vector3d point;
-    if (static_cast<int>(views[m].size()) >= min_cameras && Triangulate(views[m], &point)) {
-      points[m] = point;
-    }
+    if (static_cast<int>(views[m].size()) >= min_cameras) points[m] = Triangulate(views[m]);
   }
   return points;
 }
@@ -32,33 +29,30 @@ MarkerPoints TriangulateMarkers(const BundleProblem& problem,
 }  // namespace
 
 LengthErrors MeasureLengths(const BundleProblem& problem,
-                            const std::vector<double>& expected_positions_m, int min_cameras,
-                            const std::vector<bool>& select) {
+                            const std::vector<double>& expected_positions_m, int min_cameras) {
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
-  LengthErrors result;
-  result.errors_m.resize(expected_positions_m.empty() ? 0 : expected_positions_m.size() - 1);
-  for (size_t i = 0; i < problem.instants.size(); ++i) {
-    const BundleInstant& instant = problem.instants[i];
-    if (!instant.used || (!select.empty() && !select[i])) continue;
+  LengthErrors errors(expected_positions_m.empty() ? 0 : expected_positions_m.size() - 1);
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
     const MarkerPoints points = TriangulateMarkers(problem, intrinsics, instant, min_cameras);
     for (size_t m = 0; m + 1 < points.size(); ++m) {
       if (!points[m] || !points[m + 1]) continue;
       const double expected_m = expected_positions_m[m + 1] - expected_positions_m[m];
-      result.errors_m[m].push_back((*points[m + 1] - *points[m]).norm() - expected_m);
+      errors[m].push_back((*points[m + 1] - *points[m]).norm() - expected_m);
     }
   }
-  return result;
+  return errors;
 }
 
 std::vector<SpanError> SummariseSpans(const LengthErrors& errors,
                                       const std::vector<double>& expected_positions_m) {
   std::vector<SpanError> spans;
-  for (size_t s = 0; s < errors.errors_m.size(); ++s) {
+  for (size_t s = 0; s < errors.size(); ++s) {
     SpanError span;
     span.length_m = expected_positions_m[s + 1] - expected_positions_m[s];
-    span.count = static_cast<uint32_t>(errors.errors_m[s].size());
+    span.count = static_cast<uint32_t>(errors[s].size());
     double sum = 0, squares = 0;
-    for (const double error : errors.errors_m[s]) {
+    for (const double error : errors[s]) {
       sum += error;
       squares += error * error;
     }
@@ -74,7 +68,7 @@ std::vector<SpanError> SummariseSpans(const LengthErrors& errors,
 double OverallRms(const LengthErrors& errors) {
   double squares = 0;
   size_t count = 0;
-  for (const std::vector<double>& span : errors.errors_m) {
+  for (const std::vector<double>& span : errors) {
     for (const double error : span) squares += error * error;
     count += span.size();
   }

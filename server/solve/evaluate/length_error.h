@@ -8,17 +8,14 @@
 
 namespace rigcal::server {
 
-// Errors of the spans between neighbouring markers, each marker triangulated on its own from at
-// least `min_cameras` cameras, without the wand constraint.
-struct LengthErrors {
-  std::vector<std::vector<double>> errors_m;  // by span: triangulated minus expected length
-};
+// Errors of the spans between neighbouring markers, each marker triangulated on its own without the
+// wand constraint: by span, triangulated minus expected length.
+using LengthErrors = std::vector<std::vector<double>>;
 
-// Over the inlier markers of the placed instants, against `expected_positions_m`. Only instants
-// with `select[instant]` if it is not empty.
+// Over the inlier markers of the placed instants, against `expected_positions_m`, from at least
+// `min_cameras` cameras.
 LengthErrors MeasureLengths(const BundleProblem& problem,
-                            const std::vector<double>& expected_positions_m, int min_cameras,
-                            const std::vector<bool>& select = {});
+                            const std::vector<double>& expected_positions_m, int min_cameras);
 
 // Mean and root mean square of each span, and over all spans together.
 std::vector<SpanError> SummariseSpans(const LengthErrors& errors,

@@ -2,7 +2,6 @@
 #include "server/solve/evaluate/quality_gate.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 #include <vector>
 
@@ -39,8 +38,8 @@ class GradeBuilder {
   std::vector<std::string> bad_, usable_;
 };
 
-void GradeCamera(const CalibratedCamera& camera, const QualityLimits& limits,
-                 GradeBuilder* grade_builder) {
+void GradeCamera(const CalibratedCamera& camera, GradeBuilder* grade_builder) {
+  const QualityLimits& limits = kQualityLimits;
   const std::string name = absl::StrCat("camera ", camera.camera, ": ");
   const bool held_out =
       camera.held_out && camera.held_out->marker_count >= limits.min_held_out_count;
@@ -74,9 +73,7 @@ struct FindingEffect {
 };
 
 FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) {
-  const auto found = std::find_if(
-      result.cameras.begin(), result.cameras.end(),
-      [&finding](const CalibratedCamera& camera) { return camera.camera == finding.camera; });
+  const auto found = std::ranges::find(result.cameras, finding.camera, &CalibratedCamera::camera);
   const CalibratedCamera* camera = found == result.cameras.end() ? nullptr : &*found;
   const std::string who =
       finding.camera.empty() ? "the rig" : absl::StrCat("camera ", finding.camera);
@@ -117,16 +114,15 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
   return {};
 }
 
-void EvaluateTarget(const CalibratedTarget& target, const QualityLimits& limits,
-                    GradeBuilder* grade_builder) {
+void EvaluateTarget(const CalibratedTarget& target, GradeBuilder* grade_builder) {
   const double whole_m = target.marker_positions_m.empty() ? 0 : target.marker_positions_m.back();
   if (!(whole_m > 0)) return;
   for (size_t s = 0; s < target.spans.size(); ++s) {
     const SpanError& span = target.spans[s];
-    if (span.held_out_count < limits.min_held_out_count) continue;
+    if (span.held_out_count < kQualityLimits.min_held_out_count) continue;
     grade_builder->Measure(
         absl::StrCat("held-out error of the wand's span ", s + 1, " against the wand's length"),
-        span.held_out_error_rms_m / whole_m, limits.length_error_rel, 100, "%");
+        span.held_out_error_rms_m / whole_m, kQualityLimits.length_error_rel, 100, "%");
   }
 }
 
@@ -136,14 +132,14 @@ FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& findi
   return EffectOf(result, finding).severity;
 }
 
-Quality GradeQuality(const CalibrationResult& result, const QualityLimits& limits) {
+Quality GradeQuality(const CalibrationResult& result) {
   GradeBuilder grade_builder;
   double worst_px = 0;
   for (const CalibratedCamera& camera : result.cameras) {
-    GradeCamera(camera, limits, &grade_builder);
+    GradeCamera(camera, &grade_builder);
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
-  EvaluateTarget(result.target, limits, &grade_builder);
+  EvaluateTarget(result.target, &grade_builder);
   for (const Finding& finding : result.findings) {
     FindingEffect effect = EffectOf(result, finding);
     if (effect.severity == FindingSeverity::kInfo) continue;

@@ -30,6 +30,7 @@ struct QualityLimits {
   // Held-out errors (markers) of a camera below which they are ignored.
   uint32_t min_held_out_count = 60;
 };
+inline constexpr QualityLimits kQualityLimits;
 
 // How a finding limits the grade of `result`: kError makes it bad, kWarning usable at most.
 FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& finding);
@@ -44,6 +45,6 @@ FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& findi
 //   good    otherwise
 // The reasons are those for the grade, by camera, with figure and limit; for `good` they are the
 // worst figures.
-Quality GradeQuality(const CalibrationResult& result, const QualityLimits& limits = {});
+Quality GradeQuality(const CalibrationResult& result);
 
 }  // namespace rigcal::server

@@ -2,14 +2,12 @@
 #include "server/solve/evaluate/restart.h"
 
 #include <algorithm>
-#include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <string>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/geometry/marker_rays.h"
@@ -19,6 +17,13 @@
 namespace rigcal::server {
 namespace {
 
+constexpr double kAgreementPx = 4;
+constexpr double kAgreementSigmas = 8;
+constexpr double kDoubtShare = 0.6;
+constexpr int kMinMarkers = 30;  // of a camera, to compute its share
+constexpr int kMaxRestarts = 3;
+constexpr double kTruncationPx = 20;    // of the errors that solutions are compared by
+constexpr double kMustGainShare = 0.2;  // of that error must go
 constexpr size_t kMaxSights = 600;
 constexpr int kMinSights = 30;
 constexpr double kMinSightShare = 0.5;  // that must agree with a pose found anew
@@ -28,7 +33,7 @@ constexpr size_t kMaxPairInstants = 100;
 // Markers as the trusted cameras triangulate them, and as `camera` sees them.
 std::vector<PointAndRay> SightsOf(const BundleProblem& problem,
                                   const std::vector<Eigen::Vector2d>& rays,
-                                  const std::vector<bool>& trusted, int camera, double agree_px) {
+                                  const std::vector<bool>& trusted, int camera) {
   std::vector<PointAndRay> sights;
   for (const BundleInstant& instant : problem.instants) {
     for (size_t k = 0; k < problem.target.marker_positions_m.size(); ++k) {
@@ -46,14 +51,13 @@ std::vector<PointAndRay> SightsOf(const BundleProblem& problem,
           focal_px.push_back(problem.cameras[c].intrinsics[0]);
         }
       }
-      Eigen::Vector3d point;
-      if (!own || !Triangulate(views, &point)) continue;
+      const auto point = Triangulate(views);
+      if (!own || !point) continue;
       bool agree = true;
       for (size_t v = 0; v < views.size(); ++v) {
-        const Eigen::Vector2d ray = (views[v].cam_from_rig * point).hnormalized();
-        agree = agree && (ray - views[v].ray).norm() * focal_px[v] < agree_px;
+        agree = agree && RayError(views[v], *point) * focal_px[v] < kAgreementPx;
       }
-      if (agree) sights.push_back({point, *own});
+      if (agree) sights.push_back({*point, *own});
     }
   }
   return sights;
@@ -91,10 +95,9 @@ std::optional<RigidTransform> Resect(const std::vector<PointAndRay>& sights, dou
 
 // The solution with the doubted cameras' poses from the others' markers; none where there are too
 // few of either.
-std::optional<RigInitialization> ResectedInitialization(const RigSolution& solution,
-                                                        const Agreement& agreement,
-                                                        const std::vector<ClockCorrection>& clocks,
-                                                        const RestartOptions& options) {
+std::optional<RigInitialization> ResectedInitialization(
+    const RigSolution& solution, const Agreement& agreement,
+    const std::vector<ClockCorrection>& clocks) {
   const BundleProblem& problem = solution.built.problem;
   std::vector<bool> trusted(problem.cameras.size(), true);
   for (const int c : agreement.doubted) trusted[static_cast<size_t>(c)] = false;
@@ -105,8 +108,8 @@ std::optional<RigInitialization> ResectedInitialization(const RigSolution& solut
   initial.instants.clear();
   for (const int c : agreement.doubted) {
     const BundleCamera& camera = problem.cameras[static_cast<size_t>(c)];
-    const auto pose = Resect(SightsOf(problem, rays, trusted, c, options.agree_px),
-                             2 * options.agree_px / camera.intrinsics[0]);
+    const auto pose =
+        Resect(SightsOf(problem, rays, trusted, c), 2 * kAgreementPx / camera.intrinsics[0]);
     if (!pose) return std::nullopt;
     initial.cameras[static_cast<size_t>(c)].cam_from_rig = *pose;
   }
@@ -126,39 +129,34 @@ std::optional<RigInitialization> ResectedInitialization(const RigSolution& solut
 // Share of the markers that two cameras show at once which fit the rigid target placed by these
 // two.
 double PairAgreement(const BundleProblem& problem, const std::vector<Eigen::Vector2d>& rays,
-                     const std::pair<int, int>& pair, double agree_px) {
+                     const std::pair<int, int>& pair) {
   std::vector<bool> has_pose(problem.cameras.size(), false);
   has_pose[static_cast<size_t>(pair.first)] = has_pose[static_cast<size_t>(pair.second)] = true;
   std::vector<const BundleInstant*> shared;
   for (const BundleInstant& instant : problem.instants) {
-    int seen = 0;
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      seen += has_pose[static_cast<size_t>(observation.camera)] ? 1 : 0;
-    }
+    const auto seen = std::ranges::count_if(
+        problem.ObservationsOf(instant), [&has_pose](const BundleObservation& observation) {
+          return has_pose[static_cast<size_t>(observation.camera)];
+        });
     if (seen == 2) shared.push_back(&instant);
   }
-  TargetPoseOptions fit;
-  fit.truncation_px = agree_px;
   int agreeing = 0, all = 0;
   const size_t count = std::min(shared.size(), kMaxPairInstants);
   for (size_t i = 0; i < count; ++i) {
-    BundleInstant instant = *shared[i * shared.size() / count];
-    int inliers = 0, markers = 0;
-    const bool placed =
-        EstimateTargetPose(problem, has_pose, rays, fit, &instant, &inliers, &markers);
-    agreeing += placed ? inliers : 0;
-    all += placed ? markers : 2;
+    const auto fit = EstimateTargetPose(problem, has_pose, rays, kAgreementPx,
+                                        *shared[i * shared.size() / count]);
+    agreeing += fit ? fit->inliers : 0;
+    all += fit ? fit->markers : 2;
   }
   return all > 0 ? static_cast<double>(agreeing) / all : 0;
 }
 
-std::optional<std::pair<int, int>> WorstPair(const RigSolution& solution,
-                                             const RestartOptions& options) {
+std::optional<std::pair<int, int>> WorstPair(const RigSolution& solution) {
   const std::vector<Eigen::Vector2d> rays = UndistortMarkers(solution.built.problem);
   std::optional<std::pair<int, int>> worst;
   double worst_share = 0;
   for (const std::pair<int, int>& pair : solution.spanning_tree) {
-    const double share = PairAgreement(solution.built.problem, rays, pair, options.agree_px);
+    const double share = PairAgreement(solution.built.problem, rays, pair);
     if (worst && share >= worst_share) continue;
     worst = pair;
     worst_share = share;
@@ -182,7 +180,7 @@ Finding RestartedFinding(const BundleProblem& problem, const Agreement& before,
 
 }  // namespace
 
-Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& options) {
+Agreement MeasureAgreement(const BundleProblem& problem) {
   std::vector<int> seen(problem.cameras.size(), 0), agreeing(problem.cameras.size(), 0);
   Agreement agreement;
   int count = 0;
@@ -190,28 +188,27 @@ Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& o
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const auto c = static_cast<size_t>(observation.camera);
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-        Eigen::Vector2d residual;
-        const bool placed = MarkerResidualPx(problem, instant, observation, marker, &residual);
-        const double error_px = placed ? residual.norm() : options.truncation_px;
+        const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+        const double error_px = residual ? residual->norm() : kTruncationPx;
         const bool agrees =
-            placed && (error_px < options.agree_px ||
-                       (marker.sqrt_information * residual).norm() < options.agree_sigmas);
+            residual && (error_px < kAgreementPx ||
+                         (marker.sqrt_information * *residual).norm() < kAgreementSigmas);
         ++count;
         ++seen[c];
         agreeing[c] += agrees ? 1 : 0;
         // Not so as to let a NaN through.
-        agreement.error_px += error_px < options.truncation_px ? error_px : options.truncation_px;
+        agreement.error_px += error_px < kTruncationPx ? error_px : kTruncationPx;
       }
     }
   }
   agreement.error_px /= std::max(1, count);
   for (size_t c = 0; c < seen.size(); ++c) {
-    const bool enough = seen[c] >= std::max(1, options.min_markers);
+    const bool enough = seen[c] >= kMinMarkers;
     agreement.shares.push_back(enough ? static_cast<double>(agreeing[c]) / seen[c] : 1);
-    if (agreement.shares[c] < options.doubt_share) agreement.doubted.push_back(static_cast<int>(c));
+    if (agreement.shares[c] < kDoubtShare) agreement.doubted.push_back(static_cast<int>(c));
   }
-  std::stable_sort(agreement.doubted.begin(), agreement.doubted.end(), [&agreement](int a, int b) {
-    return agreement.shares[static_cast<size_t>(a)] < agreement.shares[static_cast<size_t>(b)];
+  std::ranges::stable_sort(agreement.doubted, {}, [&agreement](int c) {
+    return agreement.shares[static_cast<size_t>(c)];
   });
   return agreement;
 }
@@ -219,17 +216,16 @@ Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& o
 absl::StatusOr<std::optional<Finding>> RestartIfWrong(const RigObservations& rig,
                                                       const std::vector<ClockCorrection>& clocks,
                                                       const RigSolveOptions& solve,
-                                                      const RestartOptions& options,
                                                       RigSolution* solution) {
   std::optional<Finding> finding;
-  const Agreement first = MeasureAgreement(solution->built.problem, options);
+  const Agreement first = MeasureAgreement(solution->built.problem);
   Agreement best = first;
   RigSolveOptions again = solve;
   bool resect = true;
   RigSolution base;  // what the next initialization is to avoid
-  for (int i = 0; i < options.max_restarts && !best.doubted.empty(); ++i) {
+  for (int i = 0; i < kMaxRestarts && !best.doubted.empty(); ++i) {
     std::optional<RigInitialization> initial;
-    if (resect) initial = ResectedInitialization(*solution, best, clocks, options);
+    if (resect) initial = ResectedInitialization(*solution, best, clocks);
     resect = false;
     std::string how = "with its pose from what the other cameras see";
     absl::StatusOr<RigSolution> tried = absl::UnknownError("not tried");
@@ -237,19 +233,19 @@ absl::StatusOr<std::optional<Finding>> RestartIfWrong(const RigObservations& rig
       tried = SolveRig(rig, clocks, again, &*initial);
     } else {
       const RigSolution& misled = base.spanning_tree.empty() ? *solution : base;
-      if (const auto pair = WorstPair(misled, options)) again.avoided_pairs.push_back(*pair);
+      if (const auto pair = WorstPair(misled)) again.avoided_pairs.push_back(*pair);
       again.seed = solve.seed + 0x9e3779b9u * static_cast<uint32_t>(i + 1);
       how = "from other pairs of cameras";
       tried = SolveRig(rig, clocks, again);
     }
     if (absl::IsCancelled(tried.status())) return tried.status();
     if (!tried.ok()) continue;
-    const Agreement now = MeasureAgreement(tried->built.problem, options);
-    if (now.error_px < (1 - options.must_gain) * best.error_px) {
+    const Agreement now = MeasureAgreement(tried->built.problem);
+    if (now.error_px < (1 - kMustGainShare) * best.error_px) {
       finding = RestartedFinding(tried->built.problem, first, now, how);
       best = now;
       *solution = *std::move(tried);
-      base = {};
+      base = RigSolution();
       resect = true;
     } else if (!initial) {
       base = *std::move(tried);

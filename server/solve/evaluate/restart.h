@@ -10,29 +10,18 @@
 
 namespace rigcal::server {
 
-struct RestartOptions {
-  // A marker agrees with a solution that puts it within this, in pixels or in its own sigmas.
-  double agree_px = 4;
-  double agree_sigmas = 8;
-  // A camera is doubted when less than this share of its markers agrees. With a majority
-  // of outliers nothing can be solved.
-  double doubt_share = 0.6;
-  int min_markers = 30;  // of a camera, to compute its share
-  int max_restarts = 3;
-  double truncation_px = 20;  // of the errors that solutions are compared by
-  double must_gain = 0.2;     // share of that error that must go
-};
-
-// Agreement of the markers of a rig with their projections, used or not.
+// Agreement of the markers of a rig with their projections, used or not: a marker agrees with a
+// solution that puts it within 4 px or 8 of its own sigmas, and a camera is doubted when less than
+// 60 % of its markers agree. With a majority of outliers nothing can be solved.
 struct Agreement {
   std::vector<double> shares;  // by camera, of its markers; 1 where there are too few
-  double error_px = 0;         // mean over all markers, each at most the truncation
+  double error_px = 0;         // mean over all markers, each at most 20 px
   std::vector<int> doubted;    // cameras, worst first
 };
-Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& options);
+Agreement MeasureAgreement(const BundleProblem& problem);
 
 // Leads a solve out of a wrong minimum. Where every camera agrees with the solution, this measures
-// that and no more. Else, up to `max_restarts` times while cameras are doubted, it solves again
+// that and no more. Else, up to three times while cameras are doubted, it solves again
 //   from the doubted cameras' poses found anew (EPnP in RANSAC) from markers that the cameras not
 //   doubted triangulate, two at least; this costs little and comes first, or
 //   from a new initialization, with other random choices, where the pair of the former spanning
@@ -45,7 +34,6 @@ Agreement MeasureAgreement(const BundleProblem& problem, const RestartOptions& o
 absl::StatusOr<std::optional<Finding>> RestartIfWrong(const RigObservations& rig,
                                                       const std::vector<ClockCorrection>& clocks,
                                                       const RigSolveOptions& solve,
-                                                      const RestartOptions& options,
                                                       RigSolution* solution);
 
 }  // namespace rigcal::server

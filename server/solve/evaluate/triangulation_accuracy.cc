@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/evaluate/triangulation_accuracy.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <algorithm>
 #include <cmath>
 
 #include "absl/strings/str_format.h"

@@ -64,11 +64,10 @@ std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleIns
   std::vector<SquaredNorm> squares;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-      Eigen::Vector2d residual;
-      if (marker.used && MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-        squares.push_back({(marker.sqrt_information * residual).squaredNorm(),
-                           built.sources[problem.IndexOf(marker)].noise_share});
-      }
+      const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+      if (!marker.used || !residual) continue;
+      squares.push_back({(marker.sqrt_information * *residual).squaredNorm(),
+                         built.sources[problem.IndexOf(marker)].noise_share});
     }
   }
   return squares;
@@ -130,6 +129,27 @@ absl::StatusOr<Eigen::MatrixXd> Inverse(const Eigen::MatrixXd& information) {
       factor.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
   if (!inverse.allFinite()) return absl::InternalError("uncertainty: not finite");
   return Eigen::MatrixXd(scale.asDiagonal() * inverse * scale.asDiagonal());
+}
+
+// Rows of the uncertainty, -1 for none, in the packed order.
+std::vector<Eigen::Index> RowsOf(const BundleProblem& problem, int reference_camera,
+                                 const RigUncertainty& uncertainty) {
+  std::vector<Eigen::Index> rows;
+  const auto add = [&](ReducedParameterKind kind, int camera, int component) {
+    rows.push_back(uncertainty.Row({kind, camera, component}));
+  };
+  for (int c = 0; c < static_cast<int>(problem.cameras.size()); ++c) {
+    const BundleCamera& camera = problem.cameras[static_cast<size_t>(c)];
+    if (c != reference_camera) {
+      for (int i = 0; i < 3; ++i) add(ReducedParameterKind::kRotation, c, i);
+      for (int i = 0; i < 3; ++i) add(ReducedParameterKind::kTranslation, c, i);
+    }
+    if (camera.intrinsics_fixed) continue;
+    for (int i = 0; i < static_cast<int>(camera.intrinsics.size()); ++i) {
+      add(ReducedParameterKind::kIntrinsic, c, i);
+    }
+  }
+  return rows;
 }
 
 CameraUncertainty OfCamera(const BundleProblem& problem, int index, const RigUncertainty& rig) {
@@ -235,21 +255,33 @@ double RigUncertainty::ClockSigma(ReducedParameterKind kind,
   return std::sqrt(std::max(0.0, row.dot(covariance * row)));
 }
 
+std::vector<double> PackCameraCovariance(const BundleProblem& problem, int reference_camera,
+                                         const RigUncertainty& uncertainty) {
+  const std::vector<Eigen::Index> rows = RowsOf(problem, reference_camera, uncertainty);
+  std::vector<double> packed;
+  packed.reserve(rows.size() * (rows.size() + 1) / 2);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    for (size_t j = 0; j <= i; ++j) {
+      packed.push_back(rows[i] < 0 || rows[j] < 0 ? 0
+                                                  : uncertainty.shape_covariance(rows[i], rows[j]));
+    }
+  }
+  return packed;
+}
+
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options) {
   const BundleProblem& problem = solution.built.problem;
-  BundleOptions bundle;
-  bundle.loss_scale = options.loss_scale;
+  const BundleOptions bundle;
   RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
                           ComputeReducedInformation(bundle, problem));
   RigUncertainty result;
   result.parameters = information.parameters;
   const Eigen::MatrixXd prior = PriorInformation(problem, result.parameters);
-  result.variance_factor =
-      VarianceFactor(solution.built, options.loss_scale, information.information.rows());
-  RIGCAL_ASSIGN_OR_RETURN(
-      result.covariance,
-      Inverse((information.information - prior) / result.variance_factor + prior));
+  const double variance_factor =
+      VarianceFactor(solution.built, bundle.loss_scale, information.information.rows());
+  RIGCAL_ASSIGN_OR_RETURN(result.covariance,
+                          Inverse((information.information - prior) / variance_factor + prior));
   if (problem.distance) {
     DescribeDistance(problem, options.known_distance_sigma_m, &result);
   } else {

@@ -18,7 +18,6 @@ struct RigUncertainty {
   std::vector<ReducedParameter> parameters;  // the rows of the covariances
   Eigen::MatrixXd covariance;                // scale included
   Eigen::MatrixXd shape_covariance;          // the length that gives the scale held fixed
-  double variance_factor = 1;                // of the residuals against the stated sigmas
   double scale_sigma_rel = 0;                // of that length; 0: the scale is not known
   std::vector<CameraUncertainty> cameras;    // poses and intrinsics; of the shape
   std::vector<double> marker_position_sigma_m;
@@ -42,5 +41,10 @@ struct RigUncertainty {
 // parameter is not determined by the data.
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options);
+
+// The shape's covariance in the form of CalibrationResult::camera_covariance. Parameters that were
+// held fixed, or that no marker touches, have zeros.
+std::vector<double> PackCameraCovariance(const BundleProblem& problem, int reference_camera,
+                                         const RigUncertainty& uncertainty);
 
 }  // namespace rigcal::server

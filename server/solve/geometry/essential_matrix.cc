@@ -9,17 +9,19 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/core/eigen.hpp>
 #include <random>
 
 namespace rigcal::server {
 namespace {
 
 constexpr size_t kKeptEssentials = 4;
+constexpr int kMinSamples = 60, kMaxSamples = 800;
 
 struct ScoredEssential {
-  double cost = std::numeric_limits<double>::infinity();
-  int inliers = 0;
   Eigen::Matrix3d matrix;
+  double cost = 0;
+  int inliers = 0;
 };
 
 double SampsonSquared(const Eigen::Matrix3d& essential, const PairMarker& marker) {
@@ -32,9 +34,7 @@ double SampsonSquared(const Eigen::Matrix3d& essential, const PairMarker& marker
 // Stops as soon as the cost is beyond `most`: the score is then of no use.
 ScoredEssential ScoreEssential(const std::vector<PairInstant>& instants,
                                const Eigen::Matrix3d& essential, double threshold, double most) {
-  ScoredEssential scored;
-  scored.matrix = essential;
-  scored.cost = 0;
+  ScoredEssential scored = {essential};
   const double limit = threshold * threshold;
   for (const PairInstant& instant : instants) {
     for (const PairMarker& marker : instant) {
@@ -67,11 +67,7 @@ std::vector<Eigen::Matrix3d> EssentialsOfFive(const std::vector<PairMarker>& fiv
   }
   for (int first = 0; first + 3 <= stacked.rows; first += 3) {
     Eigen::Matrix3d essential;
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        essential(row, column) = stacked.at<double>(first + row, column);
-      }
-    }
+    cv::cv2eigen(stacked.rowRange(first, first + 3), essential);
     if (essential.allFinite() && essential.norm() > 0) {
       essentials.push_back(essential / essential.norm());
     }
@@ -80,10 +76,8 @@ std::vector<Eigen::Matrix3d> EssentialsOfFive(const std::vector<PairMarker>& fiv
 }
 
 void Keep(const ScoredEssential& candidate, std::vector<ScoredEssential>* kept) {
-  const auto position = std::upper_bound(
-      kept->begin(), kept->end(), candidate,
-      [](const ScoredEssential& a, const ScoredEssential& b) { return a.cost < b.cost; });
-  kept->insert(position, candidate);
+  kept->insert(std::ranges::upper_bound(*kept, candidate.cost, {}, &ScoredEssential::cost),
+               candidate);
   if (kept->size() > kKeptEssentials) kept->pop_back();
 }
 
@@ -96,8 +90,8 @@ std::vector<Eigen::Matrix3d> SampleEssentials(const std::vector<PairInstant>& in
   for (const PairInstant& instant : instants) marker_count += static_cast<int>(instant.size());
   std::mt19937_64 random(options.seed);
   std::vector<ScoredEssential> kept;
-  int needed = options.max_samples;
-  for (int sample = 0; sample < std::max(options.min_samples, needed); ++sample) {
+  int needed = kMaxSamples;
+  for (int sample = 0; sample < std::max(kMinSamples, needed); ++sample) {
     std::vector<size_t> chosen;
     while (chosen.size() < 5) {
       const size_t index = random() % instants.size();
@@ -115,8 +109,8 @@ std::vector<Eigen::Matrix3d> SampleEssentials(const std::vector<PairInstant>& in
         const double share = static_cast<double>(scored.inliers) / marker_count;
         const double all_good = std::min(std::pow(share, 5), 1 - 1e-9);
         if (all_good > 1e-6) {
-          needed = std::min(options.max_samples,
-                            static_cast<int>(std::log(1e-4) / std::log1p(-all_good)) + 1);
+          needed =
+              std::min(kMaxSamples, static_cast<int>(std::log(1e-4) / std::log1p(-all_good)) + 1);
         }
       }
       Keep(scored, &kept);

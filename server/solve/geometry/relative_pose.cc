@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/geometry/relative_pose.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,6 +17,8 @@
 namespace rigcal::server {
 namespace {
 
+constexpr size_t kMaxInstants = 200;
+constexpr int kMinInlierInstants = 8;
 constexpr size_t kRefinedPoses = 3;
 constexpr double kSamePoseRad = 0.1;  // between rotations, and between directions of the baseline
 constexpr double kConvincingShare = 0.7;
@@ -30,17 +31,11 @@ struct ScoredPose {
   RigidTransform b_from_a;
 };
 
-std::vector<PairInstant> EvenlyChosen(const std::vector<PairInstant>& instants, int max_instants) {
-  const size_t limit = static_cast<size_t>(max_instants);
-  if (instants.size() <= limit) return instants;
+std::vector<PairInstant> EvenlyChosen(const std::vector<PairInstant>& instants) {
+  const size_t count = std::min(instants.size(), kMaxInstants);
   std::vector<PairInstant> chosen;
-  for (size_t i = 0; i < limit; ++i) chosen.push_back(instants[i * instants.size() / limit]);
+  for (size_t i = 0; i < count; ++i) chosen.push_back(instants[i * instants.size() / count]);
   return chosen;
-}
-
-double ReprojectionPx(const RigidTransform& cam_from_a, const Eigen::Vector3d& x_in_a,
-                      const Eigen::Vector2d& ray, double focal_px) {
-  return focal_px * ((cam_from_a * x_in_a).hnormalized() - ray).norm();
 }
 
 // What one instant says about a pose with a baseline of unit length: how far it is from agreeing
@@ -57,17 +52,14 @@ InstantVerdict ScoreInstant(const PairInstant& instant, const RigidTransform& b_
   std::vector<std::pair<double, Eigen::Vector3d>> points;
   double sum = 0;
   for (const PairMarker& marker : instant) {
-    Eigen::Vector3d point;
-    double error = options.threshold_px;
-    if (TriangulatePair({RigidTransform::Identity(), marker.ray_a}, {b_from_a, marker.ray_b},
-                        &point)) {
-      error = std::max(
-          ReprojectionPx(RigidTransform::Identity(), point, marker.ray_a, options.focal_a_px),
-          ReprojectionPx(b_from_a, point, marker.ray_b, options.focal_b_px));
-    }
+    const CameraRay a = {RigidTransform::Identity(), marker.ray_a}, b = {b_from_a, marker.ray_b};
+    const auto point = TriangulatePair(a, b);
+    const double error = point ? std::max(options.focal_a_px * RayError(a, *point),
+                                          options.focal_b_px * RayError(b, *point))
+                               : options.threshold_px;
     sum += std::min(1.0, error * error / (options.threshold_px * options.threshold_px));
     if (error < options.threshold_px) {
-      points.emplace_back(options.marker_positions_m[static_cast<size_t>(marker.marker)], point);
+      points.emplace_back(options.marker_positions_m[static_cast<size_t>(marker.marker)], *point);
     }
   }
   verdict.reprojection = sum / static_cast<double>(instant.size());
@@ -150,20 +142,18 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
   const std::vector<Eigen::Vector2d> rays = UndistortMarkers(problem);
   problem.cameras[1].cam_from_rig = b_from_a;
   const std::vector<bool> has_pose(2, true);
-  TargetPoseOptions fit;
-  fit.truncation_px = 2 * options.threshold_px;
   RelativePose result;
   result.instant_count = static_cast<int>(instants.size());
   for (int round = 0; round < 2; ++round) {
     int used = 0;
     for (BundleInstant& instant : problem.instants) {
-      int inliers = 0, markers = 0;
-      instant.used =
-          EstimateTargetPose(problem, has_pose, rays, fit, &instant, &inliers, &markers) &&
-          inliers * 2 > markers;
+      const auto fit =
+          EstimateTargetPose(problem, has_pose, rays, 2 * options.threshold_px, instant);
+      if (fit) instant = fit->instant;
+      instant.used = fit && fit->inliers * 2 > fit->markers;
       used += instant.used ? 1 : 0;
     }
-    if (used < options.min_inlier_instants) return std::nullopt;
+    if (used < kMinInlierInstants) return std::nullopt;
     BundleOptions bundle;
     bundle.loss_scale = options.threshold_px / 2;
     bundle.max_iterations = 30;
@@ -173,20 +163,17 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
   std::vector<double> errors;
   for (const BundleInstant& instant : problem.instants) {
     double worst = 0;
-    for (int o = 0; o < 2; ++o) {
-      const BundleObservation& observation =
-          problem.observations[static_cast<size_t>(instant.first_observation + o)];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-        Eigen::Vector2d residual;
-        const bool seen =
-            instant.used && MarkerResidualPx(problem, instant, observation, marker, &residual);
-        errors.push_back(seen ? residual.norm() : std::numeric_limits<double>::infinity());
+        const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+        const bool seen = instant.used && residual;
+        errors.push_back(seen ? residual->norm() : std::numeric_limits<double>::infinity());
         worst = std::max(worst, errors.back());
       }
     }
     result.inlier_count += worst < options.threshold_px ? 1 : 0;
   }
-  if (result.inlier_count < options.min_inlier_instants) return std::nullopt;
+  if (result.inlier_count < kMinInlierInstants) return std::nullopt;
   result.median_px = UpperMedian(&errors);
   result.b_from_a = problem.cameras[1].cam_from_rig;
   if (IsPoint(options)) result.b_from_a.translation_m.normalize();
@@ -213,16 +200,15 @@ std::optional<RelativePose> RankedPose(const std::vector<PairInstant>& instants,
   std::vector<RelativePose> found;
   for (const ScoredPose& pose : poses) {
     if (starts.size() == kRefinedPoses * (rank + 1)) break;
-    const auto same = [&pose](const RigidTransform& other) {
-      return IsSamePose(pose.b_from_a, other);
+    const auto same = [](const RigidTransform& a) {
+      return [&a](const RigidTransform& b) { return IsSamePose(a, b); };
     };
-    if (std::any_of(starts.begin(), starts.end(), same)) continue;
+    if (std::ranges::any_of(starts, same(pose.b_from_a))) continue;
     starts.push_back(pose.b_from_a);
     const std::optional<RelativePose> refined = RefineWithTarget(instants, pose.b_from_a, options);
     if (!refined) continue;
-    const auto known = std::find_if(found.begin(), found.end(), [&](const RelativePose& other) {
-      return IsSamePose(refined->b_from_a, other.b_from_a);
-    });
+    const auto known =
+        std::ranges::find_if(found, same(refined->b_from_a), &RelativePose::b_from_a);
     if (known == found.end()) {
       found.push_back(*refined);
     } else if (IsBetter(*refined, *known)) {
@@ -238,10 +224,8 @@ std::optional<RelativePose> RankedPose(const std::vector<PairInstant>& instants,
 
 std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>& all,
                                                  const RelativePoseOptions& options) {
-  const std::vector<PairInstant> instants = EvenlyChosen(all, options.max_instants);
-  if (static_cast<int>(instants.size()) < std::max(5, options.min_inlier_instants)) {
-    return std::nullopt;
-  }
+  const std::vector<PairInstant> instants = EvenlyChosen(all);
+  if (static_cast<int>(instants.size()) < kMinInlierInstants) return std::nullopt;
   std::vector<ScoredPose> poses;
   for (const Eigen::Matrix3d& essential : SampleEssentials(instants, options)) {
     for (const RigidTransform& pose : DecomposeEssential(essential)) {
@@ -249,8 +233,7 @@ std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>&
       if (std::isfinite(scored.cost)) poses.push_back(scored);
     }
   }
-  std::stable_sort(poses.begin(), poses.end(),
-                   [](const ScoredPose& a, const ScoredPose& b) { return a.cost < b.cost; });
+  std::ranges::stable_sort(poses, {}, &ScoredPose::cost);
   if (options.rank > 0) return RankedPose(instants, poses, options);
   if (poses.size() > kRefinedPoses) poses.resize(kRefinedPoses);
   std::optional<RelativePose> best;

@@ -26,10 +26,6 @@ struct RelativePoseOptions {
   double focal_b_px = 1;
   double threshold_px = 3;  // of an epipolar distance, and of a marker's reprojection error
   uint32_t seed = 0;
-  int min_samples = 60;
-  int max_samples = 800;
-  int max_instants = 200;  // evenly chosen from those given
-  int min_inlier_instants = 8;
   // 0 = the best pose, 1 = the second of those that differ, and so on; the last where there are
   // fewer.
   int rank = 0;
@@ -48,7 +44,8 @@ struct RelativePose {
 // spacing, and scored again with the rigid target, which distinguishes the true solution from the
 // mirrored one and from the second one of a planar motion. The winner is
 // refined with the rigid target. One marker has no size: cheirality and reprojection decide alone,
-// and the baseline has length 1. None where too few instants agree. Same input, same bits.
+// and the baseline has length 1. Of many instants 200 are used. None where too few agree. Same
+// input, same bits.
 std::optional<RelativePose> EstimateRelativePose(const std::vector<PairInstant>& instants,
                                                  const RelativePoseOptions& options);
 

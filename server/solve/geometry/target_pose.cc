@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <utility>
 
 #include "common/camera/camera_model.h"
@@ -17,31 +16,29 @@ namespace {
 constexpr size_t kMaxPairs = 12;
 constexpr int kRefineSteps = 8;
 
-struct Score {
-  double cost = std::numeric_limits<double>::infinity();
-  int inliers = 0;
-  int markers = 0;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// A span triangulated from two cameras may be off by this share and still be a hypothesis.
+constexpr double kSpanShare = 0.35;
+
+struct ScoredFit {
+  TargetFit fit;
+  double cost = kInfinity;
 };
 
 // Stops as soon as the cost is beyond `most`: the score is then of no use.
-Score Evaluate(const BundleProblem& problem, const std::vector<bool>& has_pose,
-               const TargetPoseOptions& options, const BundleInstant& instant, double most) {
-  Score score;
-  score.cost = 0;
-  const double limit = options.truncation_px * options.truncation_px;
+ScoredFit Evaluate(const BundleProblem& problem, const std::vector<bool>& has_pose,
+                   double truncation_px, const BundleInstant& instant, double most) {
+  ScoredFit score = {{instant}, 0};
+  const double limit = truncation_px * truncation_px;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
     for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       if (!marker.used) continue;
-      ++score.markers;
-      Eigen::Vector2d residual;
-      if (MarkerResidualPx(problem, instant, observation, marker, &residual) &&
-          residual.squaredNorm() < limit) {
-        ++score.inliers;
-        score.cost += residual.squaredNorm();
-      } else {
-        score.cost += limit;
-      }
+      ++score.fit.markers;
+      const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+      const bool is_inlier = residual && residual->squaredNorm() < limit;
+      score.fit.inliers += is_inlier ? 1 : 0;
+      score.cost += is_inlier ? residual->squaredNorm() : limit;
       if (score.cost > most) return score;
     }
   }
@@ -58,19 +55,17 @@ std::vector<MarkerPoint> CommonMarkers(const BundleProblem& problem,
                                        const std::vector<Eigen::Vector2d>& rays,
                                        const BundleObservation& a, const BundleObservation& b) {
   std::vector<MarkerPoint> points;
-  const auto pose = [&problem](const BundleObservation& observation) -> const RigidTransform& {
-    return problem.cameras[static_cast<size_t>(observation.camera)].cam_from_rig;
-  };
+  const RigidTransform &pose_a = problem.CameraOf(a).cam_from_rig,
+                       &pose_b = problem.CameraOf(b).cam_from_rig;
   for (const BundleMarker& marker_a : problem.MarkersOf(a)) {
     const Eigen::Vector2d& ray_a = rays[problem.IndexOf(marker_a)];
     for (const BundleMarker& marker_b : problem.MarkersOf(b)) {
       const Eigen::Vector2d& ray_b = rays[problem.IndexOf(marker_b)];
       if (marker_a.marker != marker_b.marker || !marker_a.used || !marker_b.used) continue;
       if (!ray_a.allFinite() || !ray_b.allFinite()) continue;
-      Eigen::Vector3d point;
-      if (TriangulatePair({pose(a), ray_a}, {pose(b), ray_b}, &point)) {
+      if (const auto point = TriangulatePair({pose_a, ray_a}, {pose_b, ray_b})) {
         points.push_back(
-            {problem.target.marker_positions_m[static_cast<size_t>(marker_a.marker)], point});
+            {problem.target.marker_positions_m[static_cast<size_t>(marker_a.marker)], *point});
       }
     }
   }
@@ -78,11 +73,11 @@ std::vector<MarkerPoint> CommonMarkers(const BundleProblem& problem,
 }
 
 std::optional<BundleInstant> Hypothesis(const BundleInstant& instant, const MarkerPoint& a,
-                                        const MarkerPoint& b, double span_share) {
+                                        const MarkerPoint& b) {
   const Eigen::Vector3d difference = b.x_in_rig - a.x_in_rig;
   const double span_m = b.position_m - a.position_m;
   const double length_m = difference.norm();
-  if (span_m == 0 || std::abs(length_m - std::abs(span_m)) > span_share * std::abs(span_m)) {
+  if (span_m == 0 || std::abs(length_m - std::abs(span_m)) > kSpanShare * std::abs(span_m)) {
     return std::nullopt;
   }
   BundleInstant result = instant;
@@ -92,24 +87,16 @@ std::optional<BundleInstant> Hypothesis(const BundleInstant& instant, const Mark
   return result;
 }
 
-// Of a target of one marker.
-BundleInstant PointHypothesis(const BundleInstant& instant, const MarkerPoint& point) {
-  BundleInstant result = instant;
-  result.origin_m = point.x_in_rig - point.position_m * instant.direction;
-  return result;
-}
+using ObservationPair = std::pair<const BundleObservation*, const BundleObservation*>;
 
-std::vector<std::pair<int, int>> ObservationPairs(const BundleProblem& problem,
-                                                  const std::vector<bool>& has_pose,
-                                                  const BundleInstant& instant) {
-  std::vector<int> posed;
-  for (int o = 0; o < instant.observation_count; ++o) {
-    const int index = instant.first_observation + o;
-    if (has_pose[static_cast<size_t>(problem.observations[static_cast<size_t>(index)].camera)]) {
-      posed.push_back(index);
-    }
+std::vector<ObservationPair> ObservationPairs(const BundleProblem& problem,
+                                              const std::vector<bool>& has_pose,
+                                              const BundleInstant& instant) {
+  std::vector<const BundleObservation*> posed;
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    if (has_pose[static_cast<size_t>(observation.camera)]) posed.push_back(&observation);
   }
-  std::vector<std::pair<int, int>> pairs;
+  std::vector<ObservationPair> pairs;
   // By distance in the list, so that a cut at kMaxPairs still touches every camera.
   for (size_t step = 1; step < posed.size() && pairs.size() < kMaxPairs; ++step) {
     for (size_t i = 0; i + step < posed.size() && pairs.size() < kMaxPairs; ++i) {
@@ -131,7 +118,7 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
     Eigen::Matrix<double, 5, 1> gradient = Eigen::Matrix<double, 5, 1>::Zero();
     for (const BundleObservation& observation : problem.ObservationsOf(*instant)) {
       if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
-      const BundleCamera& camera = problem.cameras[static_cast<size_t>(observation.camera)];
+      const BundleCamera& camera = problem.CameraOf(observation);
       const Eigen::Matrix3d rotation = camera.cam_from_rig.rotation.toRotationMatrix();
       for (const BundleMarker& marker : problem.MarkersOf(observation)) {
         if (!marker.used) continue;
@@ -162,30 +149,28 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
 
 }  // namespace
 
-bool EstimateTargetPose(const BundleProblem& problem, const std::vector<bool>& has_pose,
-                        const std::vector<Eigen::Vector2d>& rays, const TargetPoseOptions& options,
-                        BundleInstant* instant, int* inlier_count, int* marker_count) {
-  Score best;
-  BundleInstant best_instant = *instant;
+std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
+                                            const std::vector<bool>& has_pose,
+                                            const std::vector<Eigen::Vector2d>& rays,
+                                            double truncation_px, const BundleInstant& instant) {
+  ScoredFit best;
   std::vector<MarkerPoint> points;
   const auto try_pose = [&](const BundleInstant& candidate) {
-    const Score score = Evaluate(problem, has_pose, options, candidate, best.cost);
-    if (score.cost < best.cost) {
-      best = score;
-      best_instant = candidate;
-    }
+    const ScoredFit score = Evaluate(problem, has_pose, truncation_px, candidate, best.cost);
+    if (score.cost < best.cost) best = score;
   };
   const auto consider = [&](const MarkerPoint& a, const MarkerPoint& b) {
-    const std::optional<BundleInstant> candidate = Hypothesis(*instant, a, b, options.span_share);
-    if (candidate) try_pose(*candidate);
+    if (const auto candidate = Hypothesis(instant, a, b)) try_pose(*candidate);
   };
   const bool is_point = problem.target.marker_positions_m.size() == 1;
-  for (const auto& [a, b] : ObservationPairs(problem, has_pose, *instant)) {
-    const std::vector<MarkerPoint> common =
-        CommonMarkers(problem, rays, problem.observations[static_cast<size_t>(a)],
-                      problem.observations[static_cast<size_t>(b)]);
+  for (const auto& [a, b] : ObservationPairs(problem, has_pose, instant)) {
+    const std::vector<MarkerPoint> common = CommonMarkers(problem, rays, *a, *b);
     for (size_t i = 0; i < common.size(); ++i) {
-      if (is_point) try_pose(PointHypothesis(*instant, common[i]));
+      if (is_point) {
+        BundleInstant candidate = instant;
+        candidate.origin_m = common[i].x_in_rig - common[i].position_m * instant.direction;
+        try_pose(candidate);
+      }
       for (size_t j = i + 1; j < common.size(); ++j) consider(common[i], common[j]);
     }
     points.insert(points.end(), common.begin(), common.end());
@@ -196,18 +181,14 @@ bool EstimateTargetPose(const BundleProblem& problem, const std::vector<bool>& h
       for (size_t j = i + 1; j < points.size(); ++j) consider(points[i], points[j]);
     }
   }
-  if (!std::isfinite(best.cost)) return false;
-  BundleInstant refined = best_instant;
-  Refine(problem, has_pose, options.truncation_px / 3, &refined);
-  const Score score = Evaluate(problem, has_pose, options, refined, best.cost);
+  if (!std::isfinite(best.cost)) return std::nullopt;
+  BundleInstant refined = best.fit.instant;
+  Refine(problem, has_pose, truncation_px / 3, &refined);
+  const ScoredFit score = Evaluate(problem, has_pose, truncation_px, refined, best.cost);
   if (refined.origin_m.allFinite() && refined.direction.allFinite() && score.cost <= best.cost) {
     best = score;
-    best_instant = refined;
   }
-  *instant = best_instant;
-  if (inlier_count != nullptr) *inlier_count = best.inliers;
-  if (marker_count != nullptr) *marker_count = best.markers;
-  return true;
+  return best.fit;
 }
 
 }  // namespace rigcal::server

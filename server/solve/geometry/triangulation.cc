@@ -2,6 +2,7 @@
 #include "server/solve/geometry/triangulation.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "server/solve/geometry/null_vector.h"
@@ -18,10 +19,9 @@ Eigen::Vector3d Bearing(const CameraRay& view) {
 }
 
 bool AllBefore(const std::vector<CameraRay>& views, const Eigen::Vector3d& point) {
-  for (const CameraRay& view : views) {
-    if (!((view.cam_from_rig * point).z() > 1e-9)) return false;
-  }
-  return point.allFinite();
+  return point.allFinite() && std::ranges::all_of(views, [&point](const CameraRay& view) {
+           return (view.cam_from_rig * point).z() > 1e-9;
+         });
 }
 
 void Refine(const std::vector<CameraRay>& views, Eigen::Vector3d* point) {
@@ -50,23 +50,27 @@ void Refine(const std::vector<CameraRay>& views, Eigen::Vector3d* point) {
 
 }  // namespace
 
-bool TriangulatePair(const CameraRay& a, const CameraRay& b, Eigen::Vector3d* x_in_rig) {
+std::optional<Eigen::Vector3d> TriangulatePair(const CameraRay& a, const CameraRay& b) {
   // Least squares of the distances along both bearings; equal to the linear method for two views.
   const Eigen::Vector3d da = Bearing(a), db = Bearing(b);
-  if (!(da.cross(db).norm() > kMinSinAngle)) return false;
+  if (!(da.cross(db).norm() > kMinSinAngle)) return std::nullopt;
   const Eigen::Vector3d ca = a.cam_from_rig.SourceFromTargetTranslation();
   const Eigen::Vector3d cb = b.cam_from_rig.SourceFromTargetTranslation();
   const Eigen::Vector3d base = cb - ca;
   const double cosine = da.dot(db), scale = 1 / (1 - cosine * cosine);
   const double along_a = (da.dot(base) - cosine * db.dot(base)) * scale;
   const double along_b = (cosine * da.dot(base) - db.dot(base)) * scale;
-  if (!(along_a > 0) || !(along_b > 0)) return false;
-  *x_in_rig = 0.5 * (ca + along_a * da + cb + along_b * db);
-  return AllBefore({a, b}, *x_in_rig);
+  if (!(along_a > 0) || !(along_b > 0)) return std::nullopt;
+  const Eigen::Vector3d point = 0.5 * (ca + along_a * da + cb + along_b * db);
+  return AllBefore({a, b}, point) ? std::optional(point) : std::nullopt;
 }
 
-bool Triangulate(const std::vector<CameraRay>& views, Eigen::Vector3d* x_in_rig) {
-  if (views.size() < 2) return false;
+double RayError(const CameraRay& view, const Eigen::Vector3d& x_in_rig) {
+  return ((view.cam_from_rig * x_in_rig).hnormalized() - view.ray).norm();
+}
+
+std::optional<Eigen::Vector3d> Triangulate(const std::vector<CameraRay>& views) {
+  if (views.size() < 2) return std::nullopt;
   Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
   double max_sine = 0;
   const Eigen::Vector3d first = Bearing(views.front());
@@ -81,14 +85,13 @@ bool Triangulate(const std::vector<CameraRay>& views, Eigen::Vector3d* x_in_rig)
     }
     max_sine = std::max(max_sine, first.cross(Bearing(view)).norm());
   }
-  if (!(max_sine > kMinSinAngle)) return false;
+  if (!(max_sine > kMinSinAngle)) return std::nullopt;
   const Eigen::Vector4d homogeneous = NullVector(normal);
-  if (!(std::abs(homogeneous[3]) > 1e-12)) return false;
+  if (!(std::abs(homogeneous[3]) > 1e-12)) return std::nullopt;
   Eigen::Vector3d point = homogeneous.head<3>() / homogeneous[3];
-  if (!AllBefore(views, point)) return false;
+  if (!AllBefore(views, point)) return std::nullopt;
   Refine(views, &point);
-  *x_in_rig = point;
-  return true;
+  return point;
 }
 
 }  // namespace rigcal::server

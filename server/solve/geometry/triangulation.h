@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "common/geometry/rigid_transform.h"
@@ -21,11 +22,14 @@ struct PointAndRay {
 };
 
 // The point that two or more views see, by the linear method (Hartley and Zisserman, Multiple View
-// Geometry, section 12.2) followed by Gauss-Newton on the normalised residuals. False with fewer
+// Geometry, section 12.2) followed by Gauss-Newton on the normalised residuals. None with fewer
 // than two views, where it is not before every camera, or where the rays are too parallel to meet.
-bool Triangulate(const std::vector<CameraRay>& views, Eigen::Vector3d* x_in_rig);
+std::optional<Eigen::Vector3d> Triangulate(const std::vector<CameraRay>& views);
 
 // The same for two views, linear method only.
-bool TriangulatePair(const CameraRay& a, const CameraRay& b, Eigen::Vector3d* x_in_rig);
+std::optional<Eigen::Vector3d> TriangulatePair(const CameraRay& a, const CameraRay& b);
+
+// |ray - image of the point|, normalised.
+double RayError(const CameraRay& view, const Eigen::Vector3d& x_in_rig);
 
 }  // namespace rigcal::server

@@ -2,11 +2,8 @@
 #include "server/solve/initialize/initialization.h"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
-#include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/line_bundle.h"
 #include "server/solve/bundle/marker_residual_px.h"
@@ -19,6 +16,8 @@
 
 namespace rigcal::server {
 namespace {
+
+constexpr int kMaxInstants = 400;  // used while the cameras' poses are found
 
 using Rays = std::vector<Eigen::Vector2d>;
 
@@ -35,11 +34,8 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
                                         int b) {
   std::vector<PairInstant> shared;
   for (const BundleInstant& instant : problem.instants) {
-    const BundleObservation *left = nullptr, *right = nullptr;
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      if (observation.camera == a) left = &observation;
-      if (observation.camera == b) right = &observation;
-    }
+    const BundleObservation* const left = ObservationBy(problem, instant, a);
+    const BundleObservation* const right = ObservationBy(problem, instant, b);
     if (left == nullptr || right == nullptr) continue;
     PairInstant pair;
     for (const BundleMarker& in_left : problem.MarkersOf(*left)) {
@@ -60,27 +56,16 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
 OverlapGraph MakeGraph(const BundleProblem& problem, const InitializationOptions& options) {
   OverlapGraph graph;
   graph.notes = options.camera_notes;
-  graph.min_shared = options.min_instants;
   graph.avoided = options.avoided_pairs;
   graph.describe = [&problem](int a, int b) { return DescribeSharedViews(problem, a, b); };
-  const size_t count = problem.cameras.size();
-  for (const BundleCamera& camera : problem.cameras) graph.cameras.push_back(camera.name);
-  graph.view_counts.assign(count, 0);
-  graph.shared_counts.assign(count, std::vector<int>(count, 0));
-  for (const BundleInstant& instant : problem.instants) {
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      const auto a = static_cast<size_t>(observation.camera);
-      ++graph.view_counts[a];
-      for (const BundleObservation& other : problem.ObservationsOf(instant)) {
-        const auto b = static_cast<size_t>(other.camera);
-        if (a != b) ++graph.shared_counts[a][b];
-      }
-    }
+  graph.shared_counts =
+      CountShared(problem, [](const BundleInstant&, const BundleObservation&) { return true; });
+  for (size_t c = 0; c < problem.cameras.size(); ++c) {
+    graph.cameras.push_back(problem.cameras[c].name);
+    graph.view_counts.push_back(graph.shared_counts[c][c]);
   }
   return graph;
 }
-
-using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>;
 
 // What is referred to must outlive it. a < b.
 PairEstimate MakePairEstimate(const InitializationOptions& options, const Rays& rays,
@@ -97,12 +82,10 @@ PairEstimate MakePairEstimate(const InitializationOptions& options, const Rays& 
     pair.marker_positions_m = problem.target.marker_positions_m;
     pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
     pair.focal_b_px = MeanFocalPx(problem.cameras[static_cast<size_t>(b)]);
-    pair.threshold_px = options.threshold_px;
-    pair.min_inlier_instants = options.min_instants;
+    pair.threshold_px = kAgreePx;
     // The pair's own seed, so that looking at one pair more changes no other.
     pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
-    pair.rank = static_cast<int>(std::count(options.avoided_pairs.begin(),
-                                            options.avoided_pairs.end(), std::make_pair(a, b)));
+    pair.rank = static_cast<int>(std::ranges::count(options.avoided_pairs, std::make_pair(a, b)));
     return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
   };
 }
@@ -127,70 +110,50 @@ void ChainPoses(const std::vector<OverlapEdge>& edges, BundleProblem* problem) {
   }
 }
 
-double RobustCost(const BundleProblem& problem, const BundleInstant& instant, double limit_px) {
-  double cost = 0;
+// How an instant's used markers fit its pose.
+struct InstantFit {
+  double cost = 0;     // squared residuals, each at most that of twice the threshold
+  bool seen = true;    // by their cameras: one that is not would stop the bundle adjustment
+  bool agrees = true;  // all are within the threshold
+};
+
+InstantFit FitOf(const BundleProblem& problem, const BundleInstant& instant, double threshold_px) {
+  const double limit = 4 * threshold_px * threshold_px;
+  InstantFit fit;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       if (!marker.used) continue;
-      Eigen::Vector2d residual;
-      const bool seen = MarkerResidualPx(problem, instant, observation, marker, &residual);
-      cost += seen ? std::min(residual.squaredNorm(), limit_px * limit_px) : limit_px * limit_px;
+      const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+      fit.seen = fit.seen && residual;
+      fit.agrees = fit.agrees && residual && residual->norm() < threshold_px;
+      fit.cost += residual ? std::min(residual->squaredNorm(), limit) : limit;
     }
   }
-  return cost;
-}
-
-// A used marker behind its camera would stop the bundle adjustment; such an instant is not placed.
-bool IsBeforeItsCameras(const BundleProblem& problem, const BundleInstant& instant) {
-  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-      Eigen::Vector2d residual;
-      if (marker.used && !MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-// Every used marker is within the threshold.
-bool Agrees(const BundleProblem& problem, const BundleInstant& instant, double threshold_px) {
-  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-      Eigen::Vector2d residual;
-      if (marker.used && (!MarkerResidualPx(problem, instant, observation, marker, &residual) ||
-                          !(residual.norm() < threshold_px))) {
-        return false;
-      }
-    }
-  }
-  return true;
+  return fit;
 }
 
 // Evenly chosen instants of a problem whose others are put aside.
-std::vector<bool> ThinOut(int max_instants, BundleProblem* problem) {
+std::vector<bool> ThinOut(BundleProblem* problem) {
   std::vector<bool> was_used;
   int used = 0;
   for (const BundleInstant& instant : problem->instants) {
     was_used.push_back(instant.used);
     used += instant.used ? 1 : 0;
   }
-  if (used <= max_instants) return was_used;
-  int index = 0;
+  if (used <= kMaxInstants) return was_used;
+  int64_t index = 0;
   for (BundleInstant& instant : problem->instants) {
     if (!instant.used) continue;
-    const int64_t before = static_cast<int64_t>(index) * max_instants / used;
-    const int64_t after = static_cast<int64_t>(index + 1) * max_instants / used;
-    instant.used = after > before;
-    ++index;
+    const int64_t before = index * kMaxInstants / used;
+    instant.used = ++index * kMaxInstants / used > before;
   }
   return was_used;
 }
 
 absl::Status SettlePoses(const InitializationOptions& options, BundleProblem* problem) {
-  const std::vector<bool> was_used = ThinOut(options.max_instants, problem);
+  const std::vector<bool> was_used = ThinOut(problem);
   BundleOptions bundle;
-  bundle.loss_scale = options.threshold_px;
+  bundle.loss_scale = kAgreePx;
   bundle.max_iterations = 30;
   bundle.function_tolerance = 1e-5;
   bundle.cancelled = options.cancelled;
@@ -205,21 +168,18 @@ int PlaceInstants(double threshold_px, BundleProblem* problem) {
   Rays rays(problem->markers.size());
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(*problem);
   const std::vector<bool> has_pose(problem->cameras.size(), true);
-  TargetPoseOptions fit;
-  fit.truncation_px = 2 * threshold_px;
   int placed = 0;
   for (BundleInstant& instant : problem->instants) {
-    const bool agrees = instant.used && Agrees(*problem, instant, threshold_px);
-    const bool had_pose = agrees || (instant.used && IsBeforeItsCameras(*problem, instant));
-    instant.used = had_pose;
+    const InstantFit old = FitOf(*problem, instant, threshold_px);
+    const bool agrees = instant.used && old.agrees;
+    instant.used = instant.used && old.seen;
     if (!agrees) {
       UndistortInstant(*problem, intrinsics, instant, &rays);
-      BundleInstant candidate = instant;
-      candidate.used = EstimateTargetPose(*problem, has_pose, rays, fit, &candidate) &&
-                       IsBeforeItsCameras(*problem, candidate);
-      if (candidate.used && (!had_pose || RobustCost(*problem, candidate, fit.truncation_px) <
-                                              RobustCost(*problem, instant, fit.truncation_px))) {
-        instant = candidate;
+      const auto found = EstimateTargetPose(*problem, has_pose, rays, 2 * threshold_px, instant);
+      const InstantFit fit = found ? FitOf(*problem, found->instant, threshold_px) : InstantFit{};
+      if (found && fit.seen && (!instant.used || fit.cost < old.cost)) {
+        instant = found->instant;
+        instant.used = true;
       }
     }
     placed += instant.used ? 1 : 0;
@@ -233,7 +193,7 @@ absl::Status FindInitialization(const InitializationOptions& options, BundleProb
   const PairEstimate estimate = MakePairEstimate(options, rays, *problem);
   const OverlapGraph graph = MakeGraph(*problem, options);
   if (problem->target.marker_positions_m.size() == 1) {
-    RIGCAL_RETURN_IF_ERROR(ChainPointPoses(graph, options.threshold_px, rays, estimate, problem));
+    RIGCAL_RETURN_IF_ERROR(ChainPointPoses(graph, rays, estimate, problem));
   } else {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<OverlapEdge> edges,
                             FindSpanningTree(graph, estimate));
@@ -246,7 +206,7 @@ absl::Status FindInitialization(const InitializationOptions& options, BundleProb
   for (BundleInstant& instant : problem->instants) instant.used = false;
   for (int round = 0; round < 2; ++round) {
     // Poses that were chained over several pairs are coarse: the first round is generous.
-    const double threshold_px = round == 0 ? 4 * options.threshold_px : options.threshold_px;
+    const double threshold_px = round == 0 ? 4 * kAgreePx : kAgreePx;
     if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
     if (PlaceInstants(threshold_px, problem) == 0) {
       return absl::FailedPreconditionError(
@@ -257,7 +217,7 @@ absl::Status FindInitialization(const InitializationOptions& options, BundleProb
     RIGCAL_RETURN_IF_ERROR(SettlePoses(options, problem));
     if (options.progress) options.progress(0.8 + 0.1 * (round + 1));
   }
-  PlaceInstants(options.threshold_px, problem);
+  PlaceInstants(kAgreePx, problem);
   return absl::OkStatus();
 }
 

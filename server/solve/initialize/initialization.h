@@ -13,11 +13,10 @@
 
 namespace rigcal::server {
 
+inline constexpr double kAgreePx = 3;  // markers this near agree with a pose
+
 struct InitializationOptions {
-  double threshold_px = 3;  // of markers that agree with a pose
-  uint32_t seed = 0;        // of every random choice
-  int min_instants = 8;     // that two cameras must share to be joined
-  int max_instants = 400;   // used while the cameras' poses are found
+  uint32_t seed = 0;  // of every random choice
   // Pairs of cameras (a < b) that misled an earlier initialization: other paths through the rig are
   // taken where there are any, else the pair's next best pose. Once for each time listed.
   std::vector<std::pair<int, int>> avoided_pairs;

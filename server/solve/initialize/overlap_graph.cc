@@ -41,16 +41,9 @@ class Groups {
   std::vector<int> parent_;
 };
 
-struct Candidate {
-  double bound;  // the weight, or the most it can be
-  int a, b;
-  bool estimated;
-  // Greatest first; of equal ones those whose weight is known, then the lowest names.
-  bool operator<(const Candidate& other) const {
-    return std::make_tuple(bound, estimated, -a, -b) <
-           std::make_tuple(other.bound, other.estimated, -other.a, -other.b);
-  }
-};
+// Weight, or the most it can be; whether it is known; minus a, minus b: of equal ones the lowest
+// names come first.
+using Candidate = std::tuple<double, bool, int, int>;
 
 std::string NameGroup(const OverlapGraph& graph, const std::vector<int>& group) {
   std::vector<std::string> names;
@@ -106,9 +99,8 @@ absl::Status NotConnected(const OverlapGraph& graph, const Groups& groups,
 
 }  // namespace
 
-absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
-    const OverlapGraph& graph,
-    const std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>& estimate) {
+absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(const OverlapGraph& graph,
+                                                          const PairEstimate& estimate) {
   const int count = static_cast<int>(graph.cameras.size());
   Groups groups(graph.cameras.size());
   std::priority_queue<Candidate> queue;
@@ -116,18 +108,17 @@ absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
     for (int b = a + 1; b < count; ++b) {
       const int shared = graph.shared_counts[static_cast<size_t>(a)][static_cast<size_t>(b)];
       if (shared < graph.min_shared) continue;
-      const bool avoided = std::find(graph.avoided.begin(), graph.avoided.end(),
-                                     std::make_pair(a, b)) != graph.avoided.end();
-      queue.push({avoided ? kAvoidedShare * shared : shared, a, b, false});
+      const bool avoided = std::ranges::count(graph.avoided, std::make_pair(a, b)) > 0;
+      queue.push({avoided ? kAvoidedShare * shared : shared, false, -a, -b});
     }
   }
   std::map<std::pair<int, int>, RelativePose> poses;
   std::map<std::pair<int, int>, int> survivors;
   std::vector<OverlapEdge> tree;
   while (!queue.empty() && static_cast<int>(tree.size()) + 1 < count) {
-    const Candidate candidate = queue.top();
+    const auto [bound, estimated, minus_a, minus_b] = queue.top();
     queue.pop();
-    const auto [bound, a, b, estimated] = candidate;
+    const int a = -minus_a, b = -minus_b;
     if (groups.Find(a) == groups.Find(b)) continue;
     if (estimated) {
       groups.Join(a, b);
@@ -141,7 +132,7 @@ absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
     survivors[{a, b}] = static_cast<int>(agreeing);
     if (agreeing < graph.min_shared) continue;
     poses[{a, b}] = *pose;
-    queue.push({std::min(bound, kGoodEnough * share * bound), a, b, true});
+    queue.push({std::min(bound, kGoodEnough * share * bound), true, -a, -b});
   }
   if (static_cast<int>(tree.size()) + 1 < count) return NotConnected(graph, groups, survivors);
   return tree;

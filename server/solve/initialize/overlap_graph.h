@@ -31,15 +31,16 @@ struct OverlapEdge {
   RelativePose pose;  // b_from_a
 };
 
+// The pose b_from_a of a pair of cameras, a < b, or none where it cannot be had.
+using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>;
+
 // The spanning tree with the greatest weights. Relative poses are only estimated where they can
 // matter: an edge is looked at when nothing heavier is left, its shared instants being the most it
-// can weigh; edges that keep three quarters of their views count as keeping all. `estimate(a, b)`
-// gives the pose of a pair, or none where it cannot be had.
+// can weigh; edges that keep three quarters of their views count as keeping all.
 //
 // FAILED_PRECONDITION where the cameras are not connected: names the groups, the pair that would
 // best join them, and what to do. Errors of `estimate` are passed on (cancellation).
-absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(
-    const OverlapGraph& graph,
-    const std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>& estimate);
+absl::StatusOr<std::vector<OverlapEdge>> FindSpanningTree(const OverlapGraph& graph,
+                                                          const PairEstimate& estimate);
 
 }  // namespace rigcal::server

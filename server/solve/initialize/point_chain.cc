@@ -5,12 +5,12 @@
 #include <cmath>
 #include <map>
 #include <set>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/geometry/triangulation.h"
+#include "server/solve/initialize/initialization.h"
 #include "server/solve/initialize/point_joins.h"
 
 namespace rigcal::server {
@@ -18,16 +18,13 @@ namespace {
 
 constexpr double kMinSine = 0.005;  // of the angle between two rays, for a depth to say something
 constexpr double kMaxLogScale = 0.35;
-
-using PairEstimate = std::function<absl::StatusOr<std::optional<RelativePose>>(int a, int b)>;
+constexpr double kMaxErrorPx = 4 * kAgreePx;
 
 class PointChain {
  public:
-  PointChain(const OverlapGraph& graph, double threshold_px,
-             const std::vector<Eigen::Vector2d>& rays, const PairEstimate& estimate,
-             const BundleProblem& problem)
+  PointChain(const OverlapGraph& graph, const std::vector<Eigen::Vector2d>& rays,
+             const PairEstimate& estimate, const BundleProblem& problem)
       : graph_(graph),
-        threshold_px_(threshold_px),
         problem_(problem),
         count_(static_cast<int>(problem.cameras.size())),
         estimate_(estimate),
@@ -116,11 +113,9 @@ class PointChain {
     }
     if (static_cast<int>(log_scales.size()) < graph_.min_shared) return std::nullopt;
     const double median = UpperMedian(&log_scales);
-    const auto agree = std::count_if(log_scales.begin(), log_scales.end(), [median](double value) {
-      return std::abs(value - median) < kMaxLogScale;
-    });
-    if (static_cast<int>(agree) < graph_.min_shared) return std::nullopt;
-    return std::exp(median);
+    const auto agree = std::ranges::count_if(
+        log_scales, [median](double value) { return std::abs(value - median) < kMaxLogScale; });
+    return agree < graph_.min_shared ? std::nullopt : std::optional(std::exp(median));
   }
 
   // Depth in the camera of `via` of what the joined cameras see, where they agree about it.
@@ -134,27 +129,23 @@ class PointChain {
       views.push_back({pose, view.ray});
       sine = std::max(sine, Sine(view.ray, via.ray, pose * via_pose.Inverse()));
     }
-    Eigen::Vector3d point;
-    if (sine < kMinSine || !Triangulate(views, &point)) return std::nullopt;
+    const auto point = Triangulate(views);
+    if (sine < kMinSine || !point) return std::nullopt;
     for (size_t i = 0; i < views.size(); ++i) {
       const IntrinsicsVector& intrinsics =
           problem_.cameras[static_cast<size_t>(known[i].camera)].intrinsics;
-      const double error_px = 0.5 * (intrinsics[0] + intrinsics[1]) *
-                              ((views[i].cam_from_rig * point).hnormalized() - views[i].ray).norm();
-      if (!(error_px < 4 * threshold_px_)) return std::nullopt;
+      const double error_px = 0.5 * (intrinsics[0] + intrinsics[1]) * RayError(views[i], *point);
+      if (!(error_px < kMaxErrorPx)) return std::nullopt;
     }
-    return (via_pose * point).z();
+    return (via_pose * *point).z();
   }
 
   static std::optional<double> UnitDepth(const RayOfCamera& via, const RayOfCamera& next,
                                          const RigidTransform& next_from_via) {
-    Eigen::Vector3d point;
-    if (Sine(next.ray, via.ray, next_from_via) < kMinSine ||
-        !TriangulatePair({RigidTransform::Identity(), via.ray}, {next_from_via, next.ray},
-                         &point)) {
-      return std::nullopt;
-    }
-    return point.z();
+    if (Sine(next.ray, via.ray, next_from_via) < kMinSine) return std::nullopt;
+    const auto point =
+        TriangulatePair({RigidTransform::Identity(), via.ray}, {next_from_via, next.ray});
+    return point ? std::optional(point->z()) : std::nullopt;
   }
 
   // Of the angle between two cameras' rays.
@@ -165,7 +156,6 @@ class PointChain {
   }
 
   const OverlapGraph& graph_;
-  const double threshold_px_;
   const BundleProblem& problem_;
   const int count_;
   const PairEstimate& estimate_;
@@ -218,11 +208,10 @@ absl::Status Adopt(const std::vector<RigidTransform>& poses, BundleProblem* prob
 
 }  // namespace
 
-absl::Status ChainPointPoses(const OverlapGraph& graph, double threshold_px,
-                             const std::vector<Eigen::Vector2d>& rays, const PairEstimate& estimate,
-                             BundleProblem* problem) {
+absl::Status ChainPointPoses(const OverlapGraph& graph, const std::vector<Eigen::Vector2d>& rays,
+                             const PairEstimate& estimate, BundleProblem* problem) {
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<RigidTransform> poses,
-                          PointChain(graph, threshold_px, rays, estimate, *problem).Run());
+                          PointChain(graph, rays, estimate, *problem).Run());
   return Adopt(poses, problem);
 }
 

@@ -64,9 +64,7 @@ size_t PointJoins::TripleIndex(int a, int b, int c) const {
 int PointJoins::Weight(const std::vector<bool>& joined, int via, int next) const {
   int most = 0;
   for (int a = 0; a < count_; ++a) {
-    if (joined[static_cast<size_t>(a)] && a != via) {
-      most = std::max(most, SharedBy(a, via, next));
-    }
+    if (joined[static_cast<size_t>(a)] && a != via) most = std::max(most, SharedBy(a, via, next));
   }
   return most;
 }
@@ -113,15 +111,14 @@ std::vector<PointJoins::CameraPair> PointJoins::Seeds() const {
       if (shared >= graph_.min_shared) pairs.emplace_back(-shared, a, b);
     }
   }
-  std::sort(pairs.begin(), pairs.end());
+  std::ranges::sort(pairs);
   if (pairs.size() > kMaxSeeds) pairs.resize(kMaxSeeds);
   std::vector<std::pair<int, CameraPair>> reaches;
   for (const auto& [shared, a, b] : pairs) {
     reaches.push_back({-Reach(a, b), {a, b}});
     if (-reaches.back().first == count_ && reaches.size() >= 4) break;
   }
-  std::stable_sort(reaches.begin(), reaches.end(),
-                   [](const auto& left, const auto& right) { return left.first < right.first; });
+  std::ranges::stable_sort(reaches, {}, &std::pair<int, CameraPair>::first);
   std::vector<CameraPair> seeds;
   for (const auto& [reach, pair] : reaches) seeds.push_back(pair);
   if (seeds.size() > 4) seeds.resize(4);

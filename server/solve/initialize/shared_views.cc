@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -17,15 +17,6 @@ namespace {
 constexpr double kMiddleShare = 1.0 / 3;
 // Views beyond these do not count for the extent.
 constexpr double kLowQuantile = 0.05, kHighQuantile = 0.95;
-
-// The camera's observation in this instant; none: null.
-const BundleObservation* ObservationBy(const BundleProblem& problem, const BundleInstant& instant,
-                                       int camera) {
-  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-    if (observation.camera == camera && observation.marker_count > 0) return &observation;
-  }
-  return nullptr;
-}
 
 // Along one axis, in focal lengths from the centre.
 struct Extent {
@@ -68,6 +59,31 @@ double NearestS(const std::vector<int64_t>& a, const std::vector<int64_t>& b) {
 
 }  // namespace
 
+const BundleObservation* ObservationBy(const BundleProblem& problem, const BundleInstant& instant,
+                                       int camera) {
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    if (observation.camera == camera && observation.marker_count > 0) return &observation;
+  }
+  return nullptr;
+}
+
+std::vector<std::vector<int>> CountShared(
+    const BundleProblem& problem,
+    const std::function<bool(const BundleInstant&, const BundleObservation&)>& counts) {
+  const size_t size = problem.cameras.size();
+  std::vector<std::vector<int>> shared(size, std::vector<int>(size, 0));
+  for (const BundleInstant& instant : problem.instants) {
+    std::vector<size_t> seen;
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      if (counts(instant, observation)) seen.push_back(static_cast<size_t>(observation.camera));
+    }
+    for (const size_t a : seen) {
+      for (const size_t b : seen) ++shared[a][b];
+    }
+  }
+  return shared;
+}
+
 std::string DescribeSharedViews(const BundleProblem& problem, int a, int b) {
   std::vector<std::string> places;
   for (const int camera : {a, b}) {
@@ -93,34 +109,23 @@ std::string DescribeSharedViews(const BundleProblem& problem, int a, int b) {
 }
 
 std::string DescribeLostCameras(const BundleProblem& problem, int min_views) {
-  const size_t count = problem.cameras.size();
-  std::vector<int> views(count, 0), agreeing(count, 0);
-  std::vector<std::vector<int>> shared(count, std::vector<int>(count, 0));
-  for (const BundleInstant& instant : problem.instants) {
-    for (const BundleObservation& own : problem.ObservationsOf(instant)) {
-      const auto c = static_cast<size_t>(own.camera);
-      bool used = false;
-      for (const BundleMarker& marker : problem.MarkersOf(own)) {
-        used = used || (instant.used && marker.used);
-      }
-      ++views[c];
-      agreeing[c] += used ? 1 : 0;
-      for (const BundleObservation& other : problem.ObservationsOf(instant)) {
-        ++shared[c][static_cast<size_t>(other.camera)];
-      }
-    }
-  }
+  auto shared =
+      CountShared(problem, [](const BundleInstant&, const BundleObservation&) { return true; });
+  const auto agreeing = CountShared(problem, [&problem](const BundleInstant& instant,
+                                                        const BundleObservation& observation) {
+    return instant.used && std::ranges::any_of(problem.MarkersOf(observation), &BundleMarker::used);
+  });
   std::vector<std::string> lost;
-  for (size_t c = 0; c < count; ++c) {
-    if (agreeing[c] >= min_views) continue;
-    shared[c][c] = -1;
-    const auto partner = static_cast<size_t>(std::max_element(shared[c].begin(), shared[c].end()) -
-                                             shared[c].begin());
+  for (size_t c = 0; c < shared.size(); ++c) {
+    if (agreeing[c][c] >= min_views) continue;
+    const int views = std::exchange(shared[c][c], -1);
+    const auto partner =
+        static_cast<size_t>(std::ranges::max_element(shared[c]) - shared[c].begin());
     const std::string where =
         DescribeSharedViews(problem, static_cast<int>(c), static_cast<int>(partner));
     lost.push_back(absl::StrCat(
-        "camera ", problem.cameras[c].name, ": of the ", views[c],
-        " wand views that it shares with others ", agreeing[c], " agree with them (at least ",
+        "camera ", problem.cameras[c].name, ": of the ", views,
+        " wand views that it shares with others ", agreeing[c][c], " agree with them (at least ",
         min_views, " are needed). It shares most with ", problem.cameras[partner].name, " (",
         shared[c][partner], where.empty() ? "" : "; ", where,
         "): if these are many, check its clock, its intrinsics and its markers' labels; if they "
@@ -137,7 +142,7 @@ std::string DescribeNearestViews(const std::vector<AlignedTrack>& tracks,
     for (size_t i = 0; i < rig_time_ns[t].size(); ++i) {
       if (tracks[t].track.observations[i].VisibleCount() > 0) seen[t].push_back(rig_time_ns[t][i]);
     }
-    std::sort(seen[t].begin(), seen[t].end());
+    std::ranges::sort(seen[t]);
   }
   double nearest_s = INFINITY;
   std::string nearest;

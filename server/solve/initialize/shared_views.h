@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,15 @@
 #include "server/solve/bundle/bundle_problem.h"
 
 namespace rigcal::server {
+
+// The camera's observation with a marker in this instant; none: null.
+const BundleObservation* ObservationBy(const BundleProblem& problem, const BundleInstant& instant,
+                                       int camera);
+
+// Instants in which two cameras, or one alone (on the diagonal), have an observation that `counts`.
+std::vector<std::vector<int>> CountShared(
+    const BundleProblem& problem,
+    const std::function<bool(const BundleInstant&, const BundleObservation&)>& counts);
 
 // For error messages: where in their images two cameras saw the target at the same time, so that
 // one knows where to go on waving. "both saw it in the left of a's image (12 x 9 degrees) and in

@@ -12,6 +12,9 @@ namespace {
 
 constexpr double kMotionOutlierPx = 15;
 constexpr double kOutlierTimesUsual = 12;
+constexpr double kWindowS = 0.045;
+constexpr double kWindowPeriods = 2.5;
+constexpr double kMaxGapPeriods = 3.5;  // a longer pause ends the neighbourhood
 // Markers with times of their own can come closer than rows; points nearer than this determine no
 // further term.
 constexpr double kMinApartPeriods = 0.1;
@@ -64,10 +67,8 @@ std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
   return is_outlier;
 }
 
-ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
-                         const ImageMotionOptions& options, std::vector<bool> flipped)
-    : options_(options),
-      period_s_(track.period_s),
+ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count, std::vector<bool> flipped)
+    : period_s_(track.period_s),
       flipped_(std::move(flipped)),
       samples_(static_cast<size_t>(marker_count)),
       sample_of_row_(static_cast<size_t>(marker_count),
@@ -84,6 +85,7 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
                                  marker.centre_px, marker.covariance_px2});
     }
   }
+  std::vector<double> speeds;
   for (std::vector<Sample>& samples : samples_) {
     std::vector<int64_t> times_ns;
     std::vector<Eigen::Vector2d> centres_px;
@@ -92,19 +94,15 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count,
       centres_px.push_back(sample.centre_px);
     }
     const std::vector<bool> is_outlier =
-        FindOutlierCentres(times_ns, centres_px, options_.max_gap_periods * period_s_);
+        FindOutlierCentres(times_ns, centres_px, kMaxGapPeriods * period_s_);
     for (size_t i = 0; i < samples.size(); ++i) samples[i].excluded = is_outlier[i];
-  }
-  std::vector<double> speeds;
-  for (const std::vector<Sample>& samples : samples_) {
     for (size_t i = 1; i < samples.size(); ++i) {
       const double step_s = 1e-9 * static_cast<double>(samples[i].time_ns - samples[i - 1].time_ns);
-      if (step_s <= 0 || step_s > options_.max_gap_periods * period_s_) continue;
+      if (step_s <= 0 || step_s > kMaxGapPeriods * period_s_) continue;
       speeds.push_back((samples[i].centre_px - samples[i - 1].centre_px).norm() / step_s);
     }
   }
-  if (speeds.empty()) return;
-  typical_speed_px_s_ = UpperMedian(&speeds);
+  if (!speeds.empty()) typical_speed_px_s_ = UpperMedian(&speeds);
 }
 
 void ImageMotion::Exclude(int observation, int marker) {
@@ -114,8 +112,8 @@ void ImageMotion::Exclude(int observation, int marker) {
 
 ImageMotion::Neighbourhood ImageMotion::Around(const std::vector<Sample>& samples,
                                                size_t own) const {
-  const double window_s = std::max(options_.window_s, 2.5 * period_s_);
-  const double gap_s = options_.max_gap_periods * period_s_;
+  const double window_s = std::max(kWindowS, kWindowPeriods * period_s_);
+  const double gap_s = kMaxGapPeriods * period_s_;
   const auto seconds = [&samples](size_t a, size_t b) {
     return 1e-9 * static_cast<double>(samples[b].time_ns - samples[a].time_ns);
   };
@@ -164,11 +162,8 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s,
     motion.covariance_px2 += drift_px * drift_px * Eigen::Matrix2d::Identity();
     return motion;
   }
-  motion.has_velocity = true;
   // High orders are for rows between neighbours; at an end they run away.
-  const Eigen::Index max_degree = std::min(before, after) >= 2   ? options_.max_degree
-                                  : std::min(before, after) >= 1 ? std::min(3, options_.max_degree)
-                                                                 : std::min(2, options_.max_degree);
+  const Eigen::Index max_degree = 2 + std::min<Eigen::Index>(2, std::min(before, after));
   const Eigen::Index degree = std::min(distinct - 1, max_degree);
   const MotionQuery query = {times, degree, shift_s, own_index};
   MotionWeightsMemory own_memory;

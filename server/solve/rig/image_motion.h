@@ -17,8 +17,7 @@ struct MarkerMotion {
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
   // The centre's own variance, by that: below 1 where it is a mean of several rows.
   double noise_share = 1;
-  Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
-  bool has_velocity = false;
+  Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();  // zero where it is not known
 };
 
 // Finds centres of one marker far from the position that their neighbours predict: further than
@@ -26,14 +25,6 @@ struct MarkerMotion {
 // with fewer than three of them is believed. Times ascend.
 std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
                                      const std::vector<Eigen::Vector2d>& centres_px, double gap_s);
-
-struct ImageMotionOptions {
-  // Rows within this of the row asked about take part in the fit; at least 2.5 periods do.
-  double window_s = 0.045;
-  // A longer pause, in periods, ends the neighbourhood.
-  double max_gap_periods = 3.5;
-  int max_degree = 4;
-};
 
 // The motion of the markers in one camera's image, from local polynomial fits to its rows. The row
 // asked about is moved along the fitted polynomial, u(t) = u_row + P(t) - P(t_row), so that it
@@ -53,13 +44,13 @@ struct ImageMotionOptions {
 // Its weights are those of the least-squares polynomial among v with sum_i v_i w_i = 0, where there
 // are rows enough: an instrument in the sense of errors in variables (Fuller 1987, 2.4).
 //
-// An outlying centre takes no part in its neighbours' fits.
+// Rows within 45 ms of the row asked about take part in the fit; at least 2.5 periods do. An
+// outlying centre takes no part in its neighbours' fits.
 class ImageMotion {
  public:
   // Observations of which `flipped` is true (empty: none is) have their labels counted from the
   // target's other end, here and by whoever asks IsFlipped().
-  ImageMotion(const AlignedTrack& track, int marker_count, const ImageMotionOptions& options,
-              std::vector<bool> flipped = {});
+  ImageMotion(const AlignedTrack& track, int marker_count, std::vector<bool> flipped = {});
 
   bool IsFlipped(int observation) const {
     return !flipped_.empty() && flipped_[static_cast<size_t>(observation)];
@@ -90,7 +81,6 @@ class ImageMotion {
   };
   Neighbourhood Around(const std::vector<Sample>& samples, size_t own) const;
 
-  ImageMotionOptions options_;
   double period_s_;
   std::vector<bool> flipped_;                    // by observation
   std::vector<std::vector<Sample>> samples_;     // by marker, ascending in time

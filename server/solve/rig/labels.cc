@@ -9,26 +9,28 @@
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/target_pose.h"
+#include "server/solve/rig/outliers.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kMinGain = 0.5;
+constexpr double kTruncationPx = 6;
+// Instants of more observations outvote one that is flipped.
+constexpr int kMaxContestedObservations = 4;
+constexpr double kNeighbourS = 0.2;         // two instants this close are neighbours
+constexpr double kMinOppositeCosine = 0.5;  // below minus this, directions are opposite
 
 class LabelContest {
  public:
-  LabelContest(const LabelOptions& options, const OutlierOptions& outliers,
-               const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns)
-      : options_(options),
-        problem_(problem),
+  LabelContest(const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns)
+      : problem_(problem),
         instant_time_ns_(instant_time_ns),
         last_label_(static_cast<int>(problem.target.marker_positions_m.size()) - 1),
         has_pose_(problem.cameras.size(), true),
-        intrinsics_(CurrentIntrinsics(problem)) {
-    for (const double scale : CameraScales(problem, outliers)) {
-      limits_.push_back(outliers.sigmas * scale);
-    }
-  }
+        intrinsics_(CurrentIntrinsics(problem)),
+        limits_(OutlierLimits(problem)) {}
 
   std::vector<int> Run() {
     std::vector<int> flipped;
@@ -39,7 +41,7 @@ class LabelContest {
       if (instant.used) found = AgainstTheOthers(instant);
       if (found.empty() && IsAgainstItsNeighbours(i)) found = AllIfMirrored(instant);
       if (!IsExplained(instant, found)) {
-        if (const std::optional<int> contested = Contested(instant)) found = {*contested};
+        if (const auto contested = Contested(instant)) found = {*contested};
       }
       flipped.insert(flipped.end(), found.begin(), found.end());
     }
@@ -55,11 +57,9 @@ class LabelContest {
     double score = 0;
     for (BundleMarker marker : problem_.MarkersOf(observation)) {
       if (flipped) marker.marker = last_label_ - marker.marker;
-      Eigen::Vector2d residual;
-      double share = 1;
-      if (MarkerResidualPx(problem_, pose, observation, marker, &residual)) {
-        share = (marker.sqrt_information * residual).squaredNorm() / (limit * limit);
-      }
+      const auto residual = MarkerResidualPx(problem_, pose, observation, marker);
+      const double share =
+          residual ? (marker.sqrt_information * *residual).squaredNorm() / (limit * limit) : 1;
       score += share < 1 ? share : 1;
     }
     return score;
@@ -80,7 +80,7 @@ class LabelContest {
     for (int o = 0; o < instant.observation_count; ++o) {
       const int index = instant.first_observation + o;
       const double given = Score(instant, index, false);
-      if (given > options_.min_gain && given - Score(instant, index, true) > options_.min_gain) {
+      if (given > kMinGain && given - Score(instant, index, true) > kMinGain) {
         found.push_back(index);
       }
     }
@@ -93,8 +93,7 @@ class LabelContest {
       const double away_s =
           1e-9 * std::abs(static_cast<double>(instant_time_ns_[j] - instant_time_ns_[i]));
       const double cosine = problem_.instants[j].direction.dot(problem_.instants[i].direction);
-      if (!problem_.instants[j].used || away_s > options_.neighbour_s ||
-          cosine > -options_.min_opposite_cosine) {
+      if (!problem_.instants[j].used || away_s > kNeighbourS || cosine > -kMinOppositeCosine) {
         return false;
       }
     }
@@ -111,17 +110,16 @@ class LabelContest {
       all.push_back(instant.first_observation + o);
     }
     const double lost = TotalScore(mirrored, all) - TotalScore(instant, {});
-    return lost < options_.min_gain ? all : std::vector<int>{};
+    return lost < kMinGain ? all : std::vector<int>{};
   }
 
   // Nothing is left that another order of labels would have to explain.
   bool IsExplained(const BundleInstant& instant, const std::vector<int>& flipped) const {
-    return instant.used && TotalScore(instant, flipped) < options_.min_gain;
+    return instant.used && TotalScore(instant, flipped) < kMinGain;
   }
 
   std::optional<int> Contested(const BundleInstant& instant) const {
-    if (instant.observation_count < 2 ||
-        instant.observation_count > options_.max_contested_observations) {
+    if (instant.observation_count < 2 || instant.observation_count > kMaxContestedObservations) {
       return std::nullopt;
     }
     BundleProblem small = OneInstant(instant);
@@ -129,21 +127,17 @@ class LabelContest {
     UndistortInstant(small, intrinsics_, small.instants.front(), &rays);
     const double as_is = PlacedScore(instant, -1, rays, &small);
     // The labels as they are would be a next best that fits nearly as well.
-    if (as_is <= options_.min_gain) return std::nullopt;
+    if (as_is <= kMinGain) return std::nullopt;
     double best = kInfinity, second = as_is;
     int best_index = -1;
     for (int o = 0; o < instant.observation_count; ++o) {
       const int index = instant.first_observation + o;
       const double score = PlacedScore(instant, index, rays, &small);
-      if (score < best) {
-        second = std::min(second, best);
-        best = score;
-        best_index = index;
-      } else {
-        second = std::min(second, score);
-      }
+      second = std::min(second, std::max(score, best));
+      if (score < best) best_index = index;
+      best = std::min(best, score);
     }
-    if (!(best < options_.min_gain) || !(second - best > options_.min_gain)) return std::nullopt;
+    if (!(best < kMinGain) || !(second - best > kMinGain)) return std::nullopt;
     return best_index;
   }
 
@@ -152,15 +146,12 @@ class LabelContest {
   double PlacedScore(const BundleInstant& instant, int flipped,
                      const std::vector<Eigen::Vector2d>& rays, BundleProblem* small) const {
     const int index = flipped - instant.first_observation;  // in `small`
-    TargetPoseOptions fit;
-    fit.truncation_px = 2 * options_.initialization_threshold_px;
-    BundleInstant pose = small->instants.front();
     if (flipped >= 0) FlipLabels(index, small);
-    const bool placed = EstimateTargetPose(*small, has_pose_, rays, fit, &pose);
+    auto fit = EstimateTargetPose(*small, has_pose_, rays, kTruncationPx, small->instants.front());
     if (flipped >= 0) FlipLabels(index, small);
-    if (!placed) return kInfinity;
-    pose.first_observation = instant.first_observation;
-    return TotalScore(pose, flipped >= 0 ? std::vector<int>{flipped} : std::vector<int>{});
+    if (!fit) return kInfinity;
+    fit->instant.first_observation = instant.first_observation;
+    return TotalScore(fit->instant, flipped >= 0 ? std::vector<int>{flipped} : std::vector<int>{});
   }
 
   // A copy of one instant in which every marker takes part.
@@ -181,21 +172,19 @@ class LabelContest {
     return small;
   }
 
-  const LabelOptions& options_;
   const BundleProblem& problem_;
   const std::vector<int64_t>& instant_time_ns_;
   const int last_label_;
   const std::vector<bool> has_pose_;
   const std::vector<Intrinsics> intrinsics_;
-  std::vector<double> limits_;  // by camera
+  const std::vector<double> limits_;  // by camera
 };
 
 }  // namespace
 
-std::vector<int> FindFlippedLabels(const LabelOptions& options, const OutlierOptions& outliers,
-                                   const BundleProblem& problem,
+std::vector<int> FindFlippedLabels(const BundleProblem& problem,
                                    const std::vector<int64_t>& instant_time_ns) {
-  return LabelContest(options, outliers, problem, instant_time_ns).Run();
+  return LabelContest(problem, instant_time_ns).Run();
 }
 
 void FlipLabels(int observation, BundleProblem* problem) {

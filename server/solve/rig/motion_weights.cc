@@ -3,7 +3,6 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <optional>
 
 namespace rigcal::server {
 namespace {

@@ -11,6 +11,10 @@
 namespace rigcal::server {
 namespace {
 
+constexpr double kOutlierSigmas = 8;
+constexpr double kMinScale = 1;
+constexpr int kMinMarkers = 4;
+
 // Calls visit(observation, marker, whitened norm); infinite where the camera cannot see it.
 template <typename Problem, typename Visit>
 void ForEachResidual(Problem& problem, Visit visit) {
@@ -18,19 +22,16 @@ void ForEachResidual(Problem& problem, Visit visit) {
     if (!instant.used) continue;
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       for (auto& marker : problem.MarkersOf(observation)) {
-        Eigen::Vector2d residual;
-        double norm = std::numeric_limits<double>::infinity();
-        if (MarkerResidualPx(problem, instant, observation, marker, &residual)) {
-          norm = (marker.sqrt_information * residual).norm();
-        }
-        visit(observation, marker, norm);
+        const auto residual = MarkerResidualPx(problem, instant, observation, marker);
+        visit(observation, marker,
+              residual ? (marker.sqrt_information * *residual).norm()
+                       : std::numeric_limits<double>::infinity());
       }
     }
   }
 }
 
-bool SaysSomething(const BundleProblem& problem, const BundleInstant& instant,
-                   const OutlierOptions& options) {
+bool SaysSomething(const BundleProblem& problem, const BundleInstant& instant) {
   int inliers = 0, outliers = 0, cameras = 0;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     const int before = inliers;
@@ -41,13 +42,13 @@ bool SaysSomething(const BundleProblem& problem, const BundleInstant& instant,
   }
   // Of a point there are never more than one of each camera.
   const bool is_point = problem.target.marker_positions_m.size() == 1;
-  const int needed = is_point ? std::min(2, options.min_markers) : options.min_markers;
+  const int needed = is_point ? 2 : kMinMarkers;
   return outliers == 0 || (inliers >= needed && cameras >= 2);
 }
 
 }  // namespace
 
-std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOptions& options) {
+std::vector<double> OutlierLimits(const BundleProblem& problem) {
   std::vector<std::vector<double>> norms(problem.cameras.size());
   ForEachResidual(problem,
                   [&norms](const BundleObservation& observation, const BundleMarker&, double norm) {
@@ -55,26 +56,25 @@ std::vector<double> CameraScales(const BundleProblem& problem, const OutlierOpti
                     if (!std::isfinite(norm)) return;
                     norms[static_cast<size_t>(observation.camera)].push_back(norm);
                   });
-  std::vector<double> scales;
+  std::vector<double> limits;
   for (std::vector<double>& values : norms) {
-    double scale = options.min_scale;
-    if (!values.empty()) scale = std::max(scale, UpperMedian(&values) / kMedianOfRayleigh);
-    scales.push_back(scale);
+    const double scale = values.empty() ? 0 : UpperMedian(&values) / kMedianOfRayleigh;
+    limits.push_back(kOutlierSigmas * std::max(kMinScale, scale));
   }
-  return scales;
+  return limits;
 }
 
-int ClassifyOutliers(const OutlierOptions& options, BundleProblem* problem) {
-  const std::vector<double> scales = CameraScales(*problem, options);
+int ClassifyOutliers(BundleProblem* problem) {
+  const std::vector<double> limits = OutlierLimits(*problem);
   int changed = 0;
-  ForEachResidual(
-      *problem, [&](const BundleObservation& observation, BundleMarker& marker, double norm) {
-        const bool used = norm <= options.sigmas * scales[static_cast<size_t>(observation.camera)];
-        changed += used != marker.used ? 1 : 0;
-        marker.used = used;
-      });
+  ForEachResidual(*problem,
+                  [&](const BundleObservation& observation, BundleMarker& marker, double norm) {
+                    const bool used = norm <= limits[static_cast<size_t>(observation.camera)];
+                    changed += used != marker.used ? 1 : 0;
+                    marker.used = used;
+                  });
   for (BundleInstant& instant : problem->instants) {
-    if (!instant.used || SaysSomething(*problem, instant, options)) continue;
+    if (!instant.used || SaysSomething(*problem, instant)) continue;
     instant.used = false;
     ++changed;
   }

@@ -5,7 +5,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <tuple>
 
 #include "common/camera/intrinsics_vector.h"
@@ -44,6 +43,13 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
 }
 
 }  // namespace
+
+std::map<std::string, std::vector<size_t>> ClocksBySession(
+    const std::vector<ClockCorrection>& clocks) {
+  std::map<std::string, std::vector<size_t>> sessions;
+  for (size_t k = 0; k < clocks.size(); ++k) sessions[clocks[k].session_id].push_back(k);
+  return sessions;
+}
 
 RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorrection>* clocks) {
   RigIndex index;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,10 @@ struct ClockCorrection {
     return time_offset_s + time_rate * 1e-9 * static_cast<double>(camera_time_ns - time_epoch_ns);
   }
 };
+
+// Indices of clocks by session.
+std::map<std::string, std::vector<size_t>> ClocksBySession(
+    const std::vector<ClockCorrection>& clocks);
 
 // The cameras and clocks behind the tracks, by index.
 struct RigIndex {

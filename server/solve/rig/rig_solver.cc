@@ -6,7 +6,6 @@
 #include <set>
 #include <string>
 #include <tuple>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
@@ -16,6 +15,8 @@
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/image_motion.h"
 #include "server/solve/rig/intrinsics_prior.h"
+#include "server/solve/rig/labels.h"
+#include "server/solve/rig/outliers.h"
 #include "server/solve/rig/sphere_centres.h"
 
 namespace rigcal::server {
@@ -24,13 +25,14 @@ namespace {
 constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
 constexpr double kOutlierPx = 15;
+constexpr int kMaxRounds = 8;                // of solve, classify, interpolate again
+constexpr double kTimeToleranceS = 2e-6;     // offsets that move less have settled
+constexpr double kFunctionTolerance = 1e-9;  // relative change of the cost
 // Relative change of the cost that ends an adjustment whose result is only a stage; and below how
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
 constexpr double kCoarseTolerance = 1e-7;
 constexpr double kExactBelow = 10;
 constexpr int kMaxFlips = 2;  // there and back
-
-using MarkerKey = std::pair<std::pair<int, int>, int>;  // track, observation, marker
 
 // The steps of SolveRig with what they share.
 class RigSolver {
@@ -40,7 +42,7 @@ class RigSolver {
       : rig_(rig), options_(options) {
     solution_.clocks = clocks;
     for (const AlignedTrack& track : rig_.tracks) {
-      solution_.motions.emplace_back(track, rig_.target.marker_count(), ImageMotionOptions{});
+      solution_.motions.emplace_back(track, rig_.target.marker_count());
       flip_counts_.emplace_back(track.track.observations.size(), 0);
     }
   }
@@ -51,7 +53,7 @@ class RigSolver {
     if (problem().instants.empty()) return NoInstants();
     if (initial != nullptr) {
       Adopt(*initial);
-      PlaceInstants(options_.initialization_threshold_px, &problem());
+      PlaceInstants(kAgreePx, &problem());
     } else {
       RIGCAL_RETURN_IF_ERROR(
           FindInitialization(InitializationOptionsOf(), &problem(), &solution_.spanning_tree));
@@ -60,19 +62,19 @@ class RigSolver {
     bool rough_centres = CorrectCentres() > 0;
     if (FlipWrongLabels() > 0) Rebuild();
     bool exact = false;
-    for (int round = 0; round < options_.max_rounds; ++round) {
-      const bool is_last = round + 1 == options_.max_rounds;
+    for (int round = 0; round < kMaxRounds; ++round) {
+      const bool is_last = round + 1 == kMaxRounds;
       exact = exact || is_last;
       RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
       const int flipped = is_last ? 0 : FlipWrongLabels();
-      const int changed = ClassifyOutliers(options_.outliers, &problem());
+      const int changed = ClassifyOutliers(&problem());
       const double moved_s = ClockMovement();
       const bool settled =
-          flipped == 0 && changed == 0 && !rough_centres && moved_s < options_.time_tolerance_s;
+          flipped == 0 && changed == 0 && !rough_centres && moved_s < kTimeToleranceS;
       solution_.converged = settled && exact;
       if (solution_.converged) break;
-      exact = settled || moved_s < kExactBelow * options_.time_tolerance_s;
-      if (!is_last && (flipped > 0 || rough_centres || moved_s >= options_.time_tolerance_s)) {
+      exact = settled || moved_s < kExactBelow * kTimeToleranceS;
+      if (!is_last && (flipped > 0 || rough_centres || moved_s >= kTimeToleranceS)) {
         Rebuild();
         rough_centres = false;
       }
@@ -85,7 +87,7 @@ class RigSolver {
 
   void Build() {
     const auto times = RigTimes(rig_.tracks, rig_.index, solution_.clocks);
-    solution_.instants = FindInstants(rig_.tracks, times, {options_.tolerance_s});
+    solution_.instants = FindInstants(rig_.tracks, times, options_.tolerance_s);
     if (options_.keep_instant) {
       std::erase_if(solution_.instants.instants, [this](const Instant& instant) {
         return !options_.keep_instant(instant.rig_time_ns);
@@ -106,10 +108,10 @@ class RigSolver {
         SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c]);
       }
     }
-    const std::set<int> fixed = FixedClocks();
+    const std::map<std::string, int> fixed = FixedClocks();
     for (size_t k = 0; k < problem().clocks.size(); ++k) {
       BundleClock& clock = problem().clocks[k];
-      const bool is_fixed = fixed.contains(static_cast<int>(k));
+      const bool is_fixed = fixed.at(solution_.clocks[k].session_id) == static_cast<int>(k);
       clock.offset_fixed = is_fixed || !options_.estimate_time_offsets;
       clock.rate_fixed = !options_.estimate_time_rates ||
                          (options_.own_rates.empty() ? is_fixed : !options_.own_rates[k]);
@@ -127,17 +129,13 @@ class RigSolver {
                                 IsMetric(rig_, options_), &solution_.built);
   }
 
-  // One clock of each session.
-  std::set<int> FixedClocks() const {
-    std::set<int> fixed;
-    std::set<std::string> done;
-    for (const bool only_reference : {true, false}) {
+  // The clock of each session that keeps its correction.
+  std::map<std::string, int> FixedClocks() const {
+    std::map<std::string, int> fixed;
+    for (const bool any_camera : {false, true}) {
       for (size_t t = 0; t < rig_.tracks.size(); ++t) {
-        const std::string& session = rig_.tracks[t].track.session_id;
-        if (done.contains(session)) continue;
-        if (only_reference && rig_.index.camera_of_track[t] != options_.reference_camera) continue;
-        fixed.insert(rig_.index.clock_of_track[t]);
-        done.insert(session);
+        if (!any_camera && rig_.index.camera_of_track[t] != options_.reference_camera) continue;
+        fixed.try_emplace(rig_.tracks[t].track.session_id, rig_.index.clock_of_track[t]);
       }
     }
     return fixed;
@@ -154,7 +152,6 @@ class RigSolver {
 
   InitializationOptions InitializationOptionsOf() const {
     InitializationOptions initial;
-    initial.threshold_px = options_.initialization_threshold_px;
     initial.seed = options_.seed;
     initial.avoided_pairs = options_.avoided_pairs;
     initial.camera_notes = options_.camera_notes;
@@ -186,9 +183,7 @@ class RigSolver {
   // Not `exact`: only so far that what follows, outliers and clocks, can be seen.
   absl::Status Adjust(int round, bool exact) {
     BundleOptions bundle;
-    bundle.loss_scale = options_.loss_scale;
-    bundle.function_tolerance = exact ? options_.function_tolerance
-                                      : std::max(kCoarseTolerance, options_.function_tolerance);
+    bundle.function_tolerance = exact ? kFunctionTolerance : kCoarseTolerance;
     bundle.cancelled = options_.cancelled;
     if (options_.progress) {
       bundle.progress = [this, round](int iteration, double) {
@@ -204,7 +199,6 @@ class RigSolver {
     }
     RIGCAL_RETURN_IF_ERROR(summary.status());
     solution_.iterations += summary->iterations;
-    solution_.final_cost = summary->final_cost;
     return absl::OkStatus();
   }
 
@@ -231,11 +225,8 @@ class RigSolver {
       if (!instant.used) continue;
       for (const BundleObservation& observation : problem().ObservationsOf(instant)) {
         for (const BundleMarker& marker : problem().MarkersOf(observation)) {
-          Eigen::Vector2d residual;
-          if (MarkerResidualPx(problem(), instant, observation, marker, &residual) &&
-              residual.norm() < kOutlierPx) {
-            continue;
-          }
+          const auto residual = MarkerResidualPx(problem(), instant, observation, marker);
+          if (residual && residual->norm() < kOutlierPx) continue;
           const MarkerSource& source = solution_.built.sources[problem().IndexOf(marker)];
           solution_.motions[static_cast<size_t>(source.track)].Exclude(source.observation,
                                                                        marker.marker);
@@ -249,8 +240,7 @@ class RigSolver {
   int FlipWrongLabels() {
     std::set<int> touched;
     int count = 0;
-    for (const int index : FindFlippedLabels(options_.labels, options_.outliers, problem(),
-                                             solution_.built.instant_time_ns)) {
+    for (const int index : FindFlippedLabels(problem(), solution_.built.instant_time_ns)) {
       const BundleObservation& observation = problem().observations[static_cast<size_t>(index)];
       const MarkerSource& source =
           solution_.built.sources[static_cast<size_t>(observation.first_marker)];
@@ -266,31 +256,30 @@ class RigSolver {
       std::vector<bool> flipped;
       for (const int flips : flip_counts_[static_cast<size_t>(t)])
         flipped.push_back(flips % 2 == 1);
-      solution_.motions[static_cast<size_t>(t)] =
-          ImageMotion(rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(),
-                      ImageMotionOptions{}, std::move(flipped));
+      solution_.motions[static_cast<size_t>(t)] = ImageMotion(
+          rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(), std::move(flipped));
     }
     return count;
   }
 
   void Rebuild() {
     ExcludeFromMotion();
-    std::set<MarkerKey> outliers;
-    for (size_t m = 0; m < problem().markers.size(); ++m) {
+    const auto key = [this](size_t m) {
       const MarkerSource& source = solution_.built.sources[m];
-      if (problem().markers[m].used) continue;
-      outliers.insert({{source.track, source.observation}, problem().markers[m].marker});
+      return std::tuple(source.track, source.observation, problem().markers[m].marker);
+    };
+    std::set<std::tuple<int, int, int>> outliers;  // track, observation, marker
+    for (size_t m = 0; m < problem().markers.size(); ++m) {
+      if (!problem().markers[m].used) outliers.insert(key(m));
     }
     const RigInitialization initial = InitializationFrom(solution_);
     solution_.clocks = initial.clocks;
     Build();
     Adopt(initial);
     for (size_t m = 0; m < problem().markers.size(); ++m) {
-      const MarkerSource& source = solution_.built.sources[m];
-      problem().markers[m].used =
-          !outliers.contains({{source.track, source.observation}, problem().markers[m].marker});
+      problem().markers[m].used = !outliers.contains(key(m));
     }
-    PlaceInstants(options_.initialization_threshold_px, &problem());
+    PlaceInstants(kAgreePx, &problem());
     CorrectCentres();
   }
 

@@ -6,7 +6,6 @@
 #include <functional>
 #include <map>
 #include <optional>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -16,8 +15,6 @@
 #include "server/associate/align_clocks.h"
 #include "server/associate/instants.h"
 #include "server/solve/bundle/bundle_problem.h"
-#include "server/solve/rig/labels.h"
-#include "server/solve/rig/outliers.h"
 #include "server/solve/rig/problem_builder.h"
 
 namespace rigcal::server {
@@ -45,14 +42,7 @@ struct RigSolveOptions {
   double sigma_px = 0;                // instead of the observed covariances; 0 = as observed
   double tolerance_s = 0;             // of an instant; 0 = from the periods
   uint32_t seed = 0;
-  double initialization_threshold_px = 3;          // of markers that agree, during initialization
-  std::vector<std::pair<int, int>> avoided_pairs;  // of cameras, see initialization.h
-  double loss_scale = 2;                           // of the Cauchy loss, in sigmas
-  double function_tolerance = 1e-9;
-  OutlierOptions outliers;
-  LabelOptions labels;
-  int max_rounds = 8;                                     // of solve, classify, interpolate again
-  double time_tolerance_s = 2e-6;                         // offsets that move less have settled
+  std::vector<std::pair<int, int>> avoided_pairs;         // of cameras, see initialization.h
   std::vector<std::string> camera_notes;                  // for error messages
   std::function<bool(int64_t rig_time_ns)> keep_instant;  // none: all
   std::function<void(CalibrationStage stage, double fraction)> progress;
@@ -67,7 +57,6 @@ struct RigSolution {
   std::vector<std::pair<int, int>>
       spanning_tree;  // of cameras; empty where an initialization was given
   int iterations = 0;
-  double final_cost = 0;
   bool converged = false;
 };
 

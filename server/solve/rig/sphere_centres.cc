@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/rig/sphere_centres.h"
 
-#include <Eigen/Core>
-
 #include "common/camera/sphere_projection.h"
 
 namespace rigcal::server {
@@ -33,15 +31,10 @@ int CorrectSphereCentres(const Target& target, const std::vector<AlignedTrack>& 
         const MarkerSource& source = built->sources[problem.IndexOf(marker)];
         const auto t = static_cast<size_t>(source.track);
         if (!IsImageBlob(tracks[t], motions[t], source.observation, marker.marker)) continue;
-        const Eigen::Vector3d at =
-            instant.origin_m +
-            problem.target.marker_positions_m[static_cast<size_t>(marker.marker)] *
-                instant.direction;
-        const double distance_m = (problem.cameras[camera].cam_from_rig * at).norm();
-        if (SphereCentreFromCentroid(intrinsics[camera], marker.centre_px, distance_m,
-                                     target.diameter_m, &marker.centre_px)) {
-          ++count;
-        }
+        const double distance_m =
+            (problem.cameras[camera].cam_from_rig * problem.PointOf(instant, marker)).norm();
+        count += SphereCentreFromCentroid(intrinsics[camera], marker.centre_px, distance_m,
+                                          target.diameter_m, &marker.centre_px);
       }
     }
   }

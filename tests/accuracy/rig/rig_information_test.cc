@@ -113,7 +113,7 @@ Eigen::VectorXd EstimateOnce(const TrueRig& given, const InformationOptions& opt
     problem.instants.push_back(entry);
   }
   server::BundleOptions solve;
-  solve.loss = server::BundleLoss::kNone;
+  solve.robust = false;
   EXPECT_THAT(server::SolveBundle(solve, &problem), IsOk());
 
   Eigen::VectorXd error = Eigen::VectorXd::Zero(bound.covariance.rows());

@@ -56,14 +56,6 @@ TEST(SolveBundle, FindsTheGroundTruthOfExactViews) {
   }
 }
 
-TEST(SolveBundle, CountsScalarsAndFreeParameters) {
-  BundleProblem problem = MakeBundleScene(Exact()).initial;
-  ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveBundle({}, &problem));
-  EXPECT_EQ(summary.residual_count, static_cast<int>(2 * problem.markers.size()));
-  // Three poses, three offsets, five of each instant.
-  EXPECT_EQ(summary.parameter_count, 3 * 6 + 3 + 20 * 5);
-}
-
 TEST(SolveBundle, MovesNothingThatIsFixed) {
   BundleSceneOptions options = Exact();
   options.noise_px = 0.5;
@@ -121,12 +113,12 @@ TEST(SolveBundle, ReturnsUnitRotationsAndDirections) {
 }
 
 // One marker 30 sigmas off, at poses that are all true: what it costs is the loss alone.
-double CostOfOneOutlier(BundleLoss loss, double loss_scale) {
+double CostOfOneOutlier(bool robust, double loss_scale) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}}, {{{0, 0, 4}}});
   problem.cameras[1].pose_fixed = true;
   problem.markers[1].centre_px += Eigen::Vector2d(18, 24);
   BundleOptions options;
-  options.loss = loss;
+  options.robust = robust;
   options.loss_scale = loss_scale;
   options.max_iterations = 0;
   const absl::StatusOr<BundleSummary> summary = SolveBundle(options, &problem);
@@ -135,10 +127,9 @@ double CostOfOneOutlier(BundleLoss loss, double loss_scale) {
 }
 
 TEST(SolveBundle, AppliesTheLossToEachMarker) {
-  EXPECT_NEAR(CostOfOneOutlier(BundleLoss::kNone, 2), 0.5 * 900, 1e-6);
-  EXPECT_NEAR(CostOfOneOutlier(BundleLoss::kHuber, 2), 0.5 * (2 * 2 * 30 - 4), 1e-6);
-  EXPECT_NEAR(CostOfOneOutlier(BundleLoss::kCauchy, 2), 0.5 * 4 * std::log1p(900 / 4.0), 1e-6);
-  EXPECT_NEAR(CostOfOneOutlier(BundleLoss::kCauchy, 5), 0.5 * 25 * std::log1p(900 / 25.0), 1e-6);
+  EXPECT_NEAR(CostOfOneOutlier(false, 2), 0.5 * 900, 1e-6);
+  EXPECT_NEAR(CostOfOneOutlier(true, 2), 0.5 * 4 * std::log1p(900 / 4.0), 1e-6);
+  EXPECT_NEAR(CostOfOneOutlier(true, 5), 0.5 * 25 * std::log1p(900 / 25.0), 1e-6);
 }
 
 TEST(SolveBundle, ARobustLossKeepsThePosesOutliersWouldMove) {
@@ -147,10 +138,10 @@ TEST(SolveBundle, ARobustLossKeepsThePosesOutliersWouldMove) {
   scene_options.instant_count = 60;
   scene_options.outlier_share = 0.05;
   const BundleScene scene = MakeBundleScene(scene_options);
-  const auto worst_m = [&scene](BundleLoss loss) {
+  const auto worst_m = [&scene](bool robust) {
     BundleProblem problem = scene.initial;
     BundleOptions options;
-    options.loss = loss;
+    options.robust = robust;
     EXPECT_THAT(SolveBundle(options, &problem), IsOk());
     double worst = 0;
     for (size_t c = 0; c < problem.cameras.size(); ++c) {
@@ -160,8 +151,8 @@ TEST(SolveBundle, ARobustLossKeepsThePosesOutliersWouldMove) {
     }
     return worst;
   };
-  EXPECT_LT(worst_m(BundleLoss::kCauchy), 0.005);
-  EXPECT_GT(worst_m(BundleLoss::kNone), 0.05);
+  EXPECT_LT(worst_m(true), 0.005);
+  EXPECT_GT(worst_m(false), 0.05);
 }
 
 TEST(SolveBundle, WeighsAnOffsetByItsPrior) {
@@ -235,10 +226,9 @@ TEST(SolveBundle, LeavesUnusedInstantsAndMarkersOut) {
   BundleMarker& outlier = problem.markers[7];
   outlier.used = false;
   outlier.centre_px = {1e6, -1e6};
-  ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveBundle({}, &problem));
+  ASSERT_THAT(SolveBundle({}, &problem), IsOk());
   ExpectSamePoses(problem, scene.ground_truth, 1e-6);
   EXPECT_EQ(problem.instants[4].origin_m, Eigen::Vector3d(0, 0, -50));
-  EXPECT_EQ(summary.residual_count, static_cast<int>(2 * (problem.markers.size() - 12 - 1)));
 }
 
 TEST(SolveBundle, NothingToSolveIsAnError) {
@@ -366,20 +356,19 @@ TEST(MarkerResidualPx, IsProjectionMinusCentreAtTheRightTime) {
   marker.velocity_px_s = {100, 0};
   marker.centre_px += Eigen::Vector2d(3, -2);
   marker.used = false;
-  Eigen::Vector2d residual;
-  ASSERT_TRUE(
-      MarkerResidualPx(problem, problem.instants[0], problem.observations[0], marker, &residual));
-  EXPECT_NEAR(residual.x(), -3 + 1, 1e-9);
-  EXPECT_NEAR(residual.y(), 2, 1e-9);
+  const auto residual =
+      MarkerResidualPx(problem, problem.instants[0], problem.observations[0], marker);
+  ASSERT_TRUE(residual);
+  EXPECT_NEAR(residual->x(), -3 + 1, 1e-9);
+  EXPECT_NEAR(residual->y(), 2, 1e-9);
 }
 
 TEST(MarkerResidualPx, IsNoneBehindTheCameraOrWhereNothingIsFinite) {
   BundleProblem problem = ExactProblem({{0, 0, 0}}, {{{0, 0, 4}}});
-  Eigen::Vector2d residual;
   for (const double z : {-4.0, 0.0, kNaN}) {
     problem.instants[0].origin_m.z() = z;
-    EXPECT_FALSE(MarkerResidualPx(problem, problem.instants[0], problem.observations[0],
-                                  problem.markers[0], &residual))
+    EXPECT_FALSE(
+        MarkerResidualPx(problem, problem.instants[0], problem.observations[0], problem.markers[0]))
         << z;
   }
 }

@@ -84,9 +84,9 @@ TEST(LineBundleEdge, NeverStepsBehindACamera) {
     }
   }
   instant.origin_m = rig_from_cam * Eigen::Vector3d(0, 0, 0.3);
-  for (const BundleLoss loss : {BundleLoss::kNone, BundleLoss::kCauchy}) {
+  for (const bool robust : {false, true}) {
     BundleOptions options;
-    options.loss = loss;
+    options.robust = robust;
     BundleProblem solved = problem;
     ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveLineBundle(options, &solved));
     EXPECT_LT(summary.final_cost, summary.initial_cost);
@@ -187,12 +187,12 @@ TEST(LineBundleEdge, SaysWhenIterationsAreUsedUp) {
 // ---- information ----
 
 TEST(ReducedInformation, InvertsToTheCovarianceOfCeres) {
-  for (const BundleLoss loss : {BundleLoss::kNone, BundleLoss::kCauchy}) {
+  for (const bool robust : {false, true}) {
     BundleSceneOptions scene_options = SmallBundleScene();
     scene_options.free_rates = scene_options.free_intrinsics = scene_options.free_spacing = true;
     BundleProblem problem = MakeBundleScene(scene_options).initial;
     BundleOptions options = TightTolerances();
-    options.loss = loss;
+    options.robust = robust;
     ASSERT_THAT(SolveLineBundle(options, &problem), IsOk());
     ASSERT_OK_AND_ASSIGN(const ReducedInformation reduced,
                          ComputeReducedInformation(options, problem));

@@ -24,8 +24,7 @@ OneStep StepWith(const LineBundleKernel& kernel, const BundleOptions& options,
                  const BundleProblem& problem) {
   LineBundleLayout layout = LayOut(problem);
   const PackedMarkers packed = Pack(problem, &layout);
-  LineBundleTimes times;
-  LineBundleSystem system(options, layout, packed, kernel, &times);
+  LineBundleSystem system(options, layout, packed, kernel);
   LineBundleEstimate estimate(problem, layout, packed), moved(problem, layout, packed);
   OneStep step;
   EXPECT_TRUE(system.Linearise(estimate, 1e-4));
@@ -41,18 +40,18 @@ OneStep StepWith(const LineBundleKernel& kernel, const BundleOptions& options,
 TEST(LineBundleKernel, GivesTheSameBitsWithEveryInstructionSet) {
   const auto kernels = AvailableLineBundleKernels();
   ASSERT_FALSE(kernels.empty());
-  for (const BundleLoss loss : {BundleLoss::kNone, BundleLoss::kHuber, BundleLoss::kCauchy}) {
+  for (const bool robust : {false, true}) {
     testing::BundleSceneOptions scene_options;
     scene_options.camera_count = 7;
     scene_options.instant_count = 150;  // several batches, the last one not full
     scene_options.models = {DistortionModel::kBrownConrady, DistortionModel::kFisheye,
                             DistortionModel::kRational};
-    scene_options.outlier_share = loss == BundleLoss::kNone ? 0 : 0.1;
+    scene_options.outlier_share = robust ? 0.1 : 0;
     scene_options.hidden_share = 0.2;
     scene_options.free_rates = scene_options.free_intrinsics = scene_options.free_spacing = true;
     const BundleProblem problem = testing::MakeBundleScene(scene_options).initial;
     BundleOptions options;
-    options.loss = loss;
+    options.robust = robust;
     const OneStep plain = StepWith(*kernels.front(), options, problem);
     EXPECT_TRUE(plain.move.valid);
     EXPECT_LT(plain.move.cost, plain.cost);
@@ -72,7 +71,7 @@ TEST(LineBundleKernel, PredictsTheDecreaseOfASmallStep) {
   scene_options.initial_error = 1e-3;
   BundleProblem problem = testing::MakeBundleScene(scene_options).ground_truth;
   BundleOptions options;
-  options.loss = BundleLoss::kNone;
+  options.robust = false;
   const OneStep step = StepWith(BestLineBundleKernel(), options, problem);
   // Without a loss and near the optimum the model is the cost, so any wrong derivative shows.
   EXPECT_NEAR(step.cost - step.move.cost, step.move.model_decrease,

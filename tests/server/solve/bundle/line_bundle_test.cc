@@ -55,7 +55,7 @@ void ExpectReferenceOptimum(const BundleOptions& options, const BundleProblem& s
   ASSERT_OK_AND_ASSIGN(const BundleSummary theirs, SolveReferenceBundle(options, reference));
   EXPECT_NEAR(mine.initial_cost, theirs.initial_cost, 1e-12 * theirs.initial_cost);
   EXPECT_NEAR(mine.final_cost, theirs.final_cost, kRelativeCost * theirs.final_cost);
-  EXPECT_TRUE(mine.converged) << mine.message;
+  EXPECT_TRUE(mine.converged);
   EXPECT_LE(mine.final_cost, mine.initial_cost);
 }
 
@@ -76,23 +76,21 @@ TEST_P(LineBundleFreedom, ReachesTheReferencesOptimum) {
 }
 INSTANTIATE_TEST_SUITE_P(EveryCombination, LineBundleFreedom, ::testing::Range(0, 32));
 
-class LineBundleLoss : public ::testing::TestWithParam<BundleLoss> {};
+class LineBundleLoss : public ::testing::TestWithParam<bool> {};
 
 TEST_P(LineBundleLoss, ReachesTheReferencesOptimum) {
   BundleSceneOptions scene_options = SmallBundleScene();
   // Without a loss nobody converges among outliers.
-  scene_options.outlier_share = GetParam() == BundleLoss::kNone ? 0 : 0.1;
+  scene_options.outlier_share = GetParam() ? 0.1 : 0;
   scene_options.free_spacing = true;
   const BundleScene scene = MakeBundleScene(scene_options);
   BundleOptions options = TightTolerances();
-  options.loss = GetParam();
+  options.robust = GetParam();
   options.loss_scale = 1.7;
   BundleProblem solved, reference;
   ExpectReferenceOptimum(options, scene.initial, &solved, &reference);
 }
-INSTANTIATE_TEST_SUITE_P(EveryLoss, LineBundleLoss,
-                         ::testing::Values(BundleLoss::kNone, BundleLoss::kHuber,
-                                           BundleLoss::kCauchy));
+INSTANTIATE_TEST_SUITE_P(EveryLoss, LineBundleLoss, ::testing::Bool());
 
 // More columns than a full batch leaves room for in the cache, and a last batch that is not full.
 TEST(LineBundle, ReachesTheReferencesOptimumWithManyCameras) {
@@ -164,20 +162,6 @@ TEST(LineBundle, RefusesADistanceThatIsNone) {
     EXPECT_THAT(SolveLineBundle({}, &problem),
                 StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("distance")));
   }
-}
-
-TEST(LineBundle, CountsWhatTheReferenceCounts) {
-  BundleSceneOptions scene_options = SmallBundleScene();
-  scene_options.free_intrinsics = scene_options.free_spacing = true;
-  BundleProblem solved = MakeBundleScene(scene_options).initial, reference = solved;
-  ASSERT_OK_AND_ASSIGN(const BundleSummary mine, SolveLineBundle({}, &solved));
-  ASSERT_OK_AND_ASSIGN(const BundleSummary theirs, SolveReferenceBundle({}, &reference));
-  EXPECT_EQ(mine.parameter_count, theirs.parameter_count);
-  int priors = static_cast<int>(solved.target.marker_positions_m.size()) - 1;
-  for (const BundleCamera& camera : solved.cameras) {
-    priors += static_cast<int>((camera.intrinsics_sigma.array() > 0).count());
-  }
-  EXPECT_EQ(mine.residual_count, theirs.residual_count - priors);
 }
 
 TEST(LineBundle, SharesClocksBetweenCameras) {
@@ -330,39 +314,6 @@ TEST(LineBundle, RepeatsItselfBitForBit) {
   for (size_t i = 0; i < first.instants.size(); ++i) {
     EXPECT_EQ(first.instants[i].origin_m, second.instants[i].origin_m);
   }
-}
-
-TEST(LineBundle, ThreadsChangeNoBit) {
-  BundleSceneOptions scene_options = SmallBundleScene();
-  scene_options.instant_count = 1000;  // enough for several parts
-  scene_options.free_intrinsics = scene_options.free_rates = scene_options.free_spacing = true;
-  const BundleScene scene = MakeBundleScene(scene_options);
-  BundleProblem one = scene.initial;
-  ASSERT_OK_AND_ASSIGN(const BundleSummary first, SolveLineBundle({}, &one));
-  for (const int threads : {2, 3, 8}) {
-    BundleOptions options;
-    options.threads = threads;
-    BundleProblem several = scene.initial;
-    ASSERT_OK_AND_ASSIGN(const BundleSummary summary, SolveLineBundle(options, &several));
-    EXPECT_EQ(summary.final_cost, first.final_cost);
-    for (size_t c = 0; c < one.cameras.size(); ++c) {
-      EXPECT_EQ(one.cameras[c].cam_from_rig.rotation.coeffs(),
-                several.cameras[c].cam_from_rig.rotation.coeffs());
-      EXPECT_EQ(one.cameras[c].intrinsics, several.cameras[c].intrinsics);
-    }
-    for (size_t i = 0; i < one.instants.size(); ++i) {
-      EXPECT_EQ(one.instants[i].origin_m, several.instants[i].origin_m);
-    }
-  }
-}
-
-TEST(LineBundle, RefusesNoThreads) {
-  BundleProblem problem = MakeBundleScene(SmallBundleScene()).initial;
-  BundleOptions options;
-  options.threads = 0;
-  EXPECT_THAT(SolveLineBundle(options, &problem),
-              ::rigcal::testing::StatusIs(absl::StatusCode::kInvalidArgument,
-                                          ::testing::HasSubstr("threads must be 1 to 64")));
 }
 
 }  // namespace

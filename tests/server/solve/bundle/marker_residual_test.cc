@@ -35,9 +35,9 @@ double SumOfSquares(const BundleProblem& problem) {
   for (const BundleInstant& instant : problem.instants) {
     ForEachUsedMarker(
         problem, instant, [&](const BundleObservation& observation, const BundleMarker& marker) {
-          Eigen::Vector2d residual_px;
-          ASSERT_TRUE(MarkerResidualPx(problem, instant, observation, marker, &residual_px));
-          sum += (marker.sqrt_information * residual_px).squaredNorm();
+          const auto residual_px = MarkerResidualPx(problem, instant, observation, marker);
+          ASSERT_TRUE(residual_px);
+          sum += (marker.sqrt_information * *residual_px).squaredNorm();
         });
   }
   return sum;
@@ -48,7 +48,7 @@ TEST(MarkerResidual, GivesEveryUserTheSameCost) {
   const double expected = 0.5 * SumOfSquares(problem);
   ASSERT_GT(expected, 0);
   BundleOptions options;
-  options.loss = BundleLoss::kNone;
+  options.robust = false;
   options.max_iterations = 1;
   BundleProblem kernel = problem, ceres = problem, reference = problem;
   ASSERT_OK_AND_ASSIGN(const BundleSummary by_kernel, SolveLineBundle(options, &kernel));

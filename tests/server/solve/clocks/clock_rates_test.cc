@@ -19,7 +19,7 @@ std::vector<RateEstimate> Clocks(const std::vector<double>& rates_ppm,
 }
 
 std::vector<bool> Find(const std::vector<RateEstimate>& clocks, double sigma_ppm = 2) {
-  return FindOwnRates(clocks, [sigma_ppm](size_t, size_t) { return kPpm * sigma_ppm; }, {});
+  return FindOwnRates(clocks, [sigma_ppm](size_t, size_t) { return kPpm * sigma_ppm; });
 }
 
 TEST(FindOwnRates, NamesOnlyTheClockThatRunsDifferently) {

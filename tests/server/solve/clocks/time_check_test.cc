@@ -27,7 +27,7 @@ TEST(FindBetterOffset, LeavesARigThatIsMatchedRightlyAlone) {
   const RigObservations rig = Rig("cameras=4;duration=20;outliers=0.05;offset.1=0.004", &clocks);
   const auto solution = SolveRig(rig, clocks, {});
   ASSERT_THAT(solution, IsOk());
-  EXPECT_FALSE(FindBetterOffset(rig, *solution, {}));
+  EXPECT_FALSE(FindBetterOffset(rig, *solution));
 }
 
 TEST(FindBetterOffset, NamesTheClockAndTheTime) {
@@ -39,7 +39,7 @@ TEST(FindBetterOffset, NamesTheClockAndTheTime) {
     for (const double off_s : {0.06, -0.4, 0.93}) {
       RigSolution wrong = *solution;
       wrong.clocks[static_cast<size_t>(clock)].time_offset_s += off_s;
-      const auto doubt = FindBetterOffset(rig, wrong, {});
+      const auto doubt = FindBetterOffset(rig, wrong);
       ASSERT_TRUE(doubt) << clock << " " << off_s;
       EXPECT_EQ(doubt->clock, clock);
       EXPECT_NEAR(doubt->offset_s, -off_s, 0.004);
@@ -54,7 +54,7 @@ TEST(FindBetterOffset, CannotCheckTwoClocks) {
   auto solution = SolveRig(rig, clocks, {});
   ASSERT_THAT(solution, IsOk());
   solution->clocks[1].time_offset_s += 0.3;
-  EXPECT_FALSE(FindBetterOffset(rig, *solution, {}));
+  EXPECT_FALSE(FindBetterOffset(rig, *solution));
 }
 
 // The clocks are such as a search that was fooled would leave.

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "server/associate/clean_track.h"
+#include "server/solve/clocks/epipolar_score.h"
 #include "server/solve/clocks/time_search.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/simulation_text.h"
@@ -22,6 +23,14 @@ CalibrationInput Input(const std::string& options, const std::string& session = 
   CalibrationInput input = InputOf(*world);
   for (CameraTrack& track : input.tracks) track.session_id = session;
   return input;
+}
+
+double ScorePx(const RigObservations& rig, double offset_s) {
+  const auto times = CoarseRigTimes(rig.tracks);
+  const auto paths = [&](size_t t) {
+    return PathsOf(rig.tracks[t], times[t], times[0].front(), rig.target.marker_count());
+  };
+  return EpipolarScorePx(paths(0), paths(1), offset_s, kMinEpipolarMatches);
 }
 
 TEST(SearchTimeOffsetsEdge, FindsThemThroughGapsAndDropouts) {
@@ -85,7 +94,7 @@ TEST(SearchTimeOffsetsEdge, TooLittleSeenFindsNothing) {
   const RigObservations rig = RigOf(Input("cameras=2;duration=0.4;offset.1=0.1"), &clocks);
   ASSERT_THAT(SearchTimeOffsets(rig, 0, {}, &clocks), IsOk());
   EXPECT_EQ(clocks[1].time_offset_s, 0);
-  EXPECT_TRUE(std::isinf(EpipolarScorePx(rig, CoarseRigTimes(rig.tracks), 0, 1, 0.1, 250)));
+  EXPECT_TRUE(std::isinf(ScorePx(rig, 0.1)));
 }
 
 TEST(SearchTimeOffsetsEdge, OfNoCamerasOrOneHasNothingToDo) {
@@ -127,7 +136,7 @@ TEST(SearchTimeOffsetsEdge, RowsAtOneTimeDoNotSpoilTheScore) {
   }
   std::vector<ClockCorrection> clocks;
   const RigObservations rig = RigOf(input, &clocks);
-  EXPECT_LT(EpipolarScorePx(rig, CoarseRigTimes(rig.tracks), 0, 1, 0.3, 250), 2);
+  EXPECT_LT(ScorePx(rig, 0.3), 2);
   ASSERT_THAT(SearchTimeOffsets(rig, 0, {}, &clocks), IsOk());
   EXPECT_NEAR(clocks[1].time_offset_s, 0.3, 0.01);
 }

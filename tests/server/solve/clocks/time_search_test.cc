@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "server/solve/clocks/epipolar_score.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
@@ -54,10 +55,12 @@ TEST(SearchTimeOffsets, ScoreIsLowestAtTheTruth) {
   std::vector<ClockCorrection> clocks;
   const RigObservations rig = Rig("cameras=2;duration=30;offset.1=0.1", &clocks);
   const auto times = CoarseRigTimes(rig.tracks);
-  const double truth = EpipolarScorePx(rig, times, 0, 1, 0.1, 250);
+  const TrackPaths a = PathsOf(rig.tracks[0], times[0], times[0].front(), 3);
+  const TrackPaths b = PathsOf(rig.tracks[1], times[1], times[0].front(), 3);
+  const double truth = EpipolarScorePx(a, b, 0.1, kMinEpipolarMatches);
   EXPECT_LT(truth, 1);
   for (const double offset_s : {-0.5, 0.0, 0.08, 0.12, 0.6}) {
-    EXPECT_GT(EpipolarScorePx(rig, times, 0, 1, offset_s, 250), 3 * truth) << offset_s;
+    EXPECT_GT(EpipolarScorePx(a, b, offset_s, kMinEpipolarMatches), 3 * truth) << offset_s;
   }
 }
 
@@ -65,9 +68,8 @@ TEST(SearchTimeOffsets, StopsWhenCancelled) {
   std::vector<ClockCorrection> clocks;
   const RigObservations rig = Rig("cameras=3;duration=10", &clocks);
   const std::atomic<bool> cancelled = true;
-  TimeSearchOptions options;
-  options.cancelled = &cancelled;
-  EXPECT_EQ(SearchTimeOffsets(rig, 0, options, &clocks).code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(SearchTimeOffsets(rig, 0, {{}, &cancelled}, &clocks).code(),
+            absl::StatusCode::kCancelled);
 }
 
 }  // namespace

@@ -182,7 +182,7 @@ TEST(EvaluateSolution, OfATrueCalibrationShowsTheNoise) {
   EXPECT_LT(Mean(errors.reprojection_px), 0.45);
   EXPECT_GT(Mean(errors.leave_one_out_px), Mean(errors.reprojection_px));
   EXPECT_LT(Mean(errors.leave_one_out_px), 1.5);
-  for (const std::vector<double>& span : errors.lengths.errors_m) EXPECT_GT(span.size(), 50u);
+  for (const std::vector<double>& span : errors.lengths) EXPECT_GT(span.size(), 50u);
 }
 
 TEST(EvaluateSolution, SeesThatACameraIsNotWhereItIsSaidToBe) {
@@ -201,7 +201,7 @@ TEST(EvaluateSolution, TwoCamerasHaveNoneToLeaveOut) {
       EvaluateSolution(solved.rig, solved.solution, solved.options, [](int64_t) { return true; });
   EXPECT_TRUE(errors.leave_one_out_px[0].empty());
   EXPECT_FALSE(errors.reprojection_px[0].empty());
-  for (const std::vector<double>& span : errors.lengths.errors_m) EXPECT_TRUE(span.empty());
+  for (const std::vector<double>& span : errors.lengths) EXPECT_TRUE(span.empty());
   EXPECT_TRUE(std::isfinite(ChoiceScorePx(errors)));
 }
 

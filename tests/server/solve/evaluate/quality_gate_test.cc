@@ -38,7 +38,7 @@ TEST(QualityGate, SoundOneIsGoodAndSaysWhy) {
 }
 
 TEST(QualityGate, EachFigureHasTwoLimits) {
-  const QualityLimits limits;
+  const QualityLimits& limits = kQualityLimits;
   const auto grade = [](const auto& change) {
     CalibrationResult result = Sound();
     change(result);

@@ -71,8 +71,7 @@ TEST(RestartIfWrong, LeavesASolutionAloneThatEveryCameraAgreesWith) {
   auto solution = SolveRig(world.rig, world.clocks, {});
   ASSERT_THAT(solution, IsOk());
   const RigidTransform before = solution->built.problem.cameras[1].cam_from_rig;
-  ASSERT_OK_AND_ASSIGN(const auto finding,
-                       RestartIfWrong(world.rig, world.clocks, {}, {}, &*solution));
+  ASSERT_OK_AND_ASSIGN(const auto finding, RestartIfWrong(world.rig, world.clocks, {}, &*solution));
   EXPECT_FALSE(finding);
   EXPECT_EQ(solution->built.problem.cameras[1].cam_from_rig.translation_m, before.translation_m);
 }
@@ -88,7 +87,7 @@ TEST(RestartIfWrong, FindsAPoseAnewFromWhatTheOtherCamerasSee) {
     ASSERT_THAT(solution, IsOk());
     ASSERT_GT(WorstPositionM(world, *solution), 0.2) << "this start is no trap";
     ASSERT_OK_AND_ASSIGN(const auto finding,
-                         RestartIfWrong(world.rig, world.clocks, {}, {}, &*solution));
+                         RestartIfWrong(world.rig, world.clocks, {}, &*solution));
     ASSERT_TRUE(finding);
     EXPECT_EQ(finding->kind, FindingKind::kRestarted);
     EXPECT_EQ(finding->camera, world.rig.index.cameras[wrong].camera);
@@ -107,8 +106,7 @@ TEST(RestartIfWrong, StartsFromNothingWhereNoTwoCamerasCanBeTrusted) {
   auto solution = SolveRig(world.rig, world.clocks, {}, &start);
   ASSERT_THAT(solution, IsOk());
   ASSERT_GT(WorstPositionM(world, *solution), 0.2) << "this start is no trap";
-  ASSERT_OK_AND_ASSIGN(const auto finding,
-                       RestartIfWrong(world.rig, world.clocks, {}, {}, &*solution));
+  ASSERT_OK_AND_ASSIGN(const auto finding, RestartIfWrong(world.rig, world.clocks, {}, &*solution));
   ASSERT_TRUE(finding);
   EXPECT_THAT(finding->advice, HasSubstr("from other pairs"));
   EXPECT_LT(WorstPositionM(world, *solution), 0.03);
@@ -124,7 +122,7 @@ TEST(RestartIfWrong, StopsWhenCancelled) {
   const std::atomic<bool> cancelled = true;
   RigSolveOptions options;
   options.cancelled = &cancelled;
-  EXPECT_THAT(RestartIfWrong(world.rig, world.clocks, options, {}, &*solution),
+  EXPECT_THAT(RestartIfWrong(world.rig, world.clocks, options, &*solution),
               StatusIs(absl::StatusCode::kCancelled, HasSubstr("")));
 }
 
@@ -171,7 +169,7 @@ TEST(MeasureAgreement, DoubtsTheWorstFirstAndNobodyWithFewMarkers) {
     }
     problem.instants.push_back(instant);
   }
-  const Agreement agreement = MeasureAgreement(problem, {});
+  const Agreement agreement = MeasureAgreement(problem);
   EXPECT_EQ(agreement.doubted, (std::vector<int>{1, 2}));
   EXPECT_THAT(agreement.shares, ::testing::ElementsAre(1, 0.25, 0.5, 1));
   EXPECT_NEAR(agreement.error_px, 20.0 * (30 + 20 + 20) / (3 * kInstants + 20), 1e-9);

@@ -78,12 +78,12 @@ void Compare(const SimulatedWorld& world, const CalibrationResult& result, uint3
       ASSERT_THAT(ray, IsOk());
       views.push_back({result.cameras[c].cam_from_rig, *ray});
     }
-    Eigen::Vector3d x_in_rig;
-    if (views.size() < 3 || !Triangulate(views, &x_in_rig)) continue;
+    const auto x_in_rig = Triangulate(views);
+    if (views.size() < 3 || !x_in_rig) continue;
     options.points_m = {reference_from_world * x_in_world};
     ASSERT_OK_AND_ASSIGN(const Accuracy accuracy, ComputeAccuracy(result, options));
     if (accuracy.points[0].camera_count != views.size()) continue;
-    sums->actual += (x_in_rig - options.points_m[0]).squaredNorm();
+    sums->actual += (*x_in_rig - options.points_m[0]).squaredNorm();
     sums->expected += accuracy.points[0].sigma_m.squaredNorm();
     sums->expected_of_shape += accuracy.points[0].shape_sigma_m.squaredNorm();
     ++sums->count;

@@ -84,7 +84,7 @@ TEST(Uncertainty, LossCostsWhatItMust) {
       ++calls;
       ASSERT_OK_AND_ASSIGN(const RigUncertainty stated, ComputeUncertainty(solution, {}));
       BundleOptions without_loss;
-      without_loss.loss = BundleLoss::kNone;
+      without_loss.robust = false;
       ASSERT_OK_AND_ASSIGN(const ReducedInformation information,
                            ComputeReducedInformation(without_loss, solution.built.problem));
       const Eigen::MatrixXd bound = information.information.inverse();

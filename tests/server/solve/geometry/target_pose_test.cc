@@ -17,22 +17,15 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 const ExactWand kWand{{0.2, -0.1, 4}, {0.6, 0.3, 0.5}};
 
-struct Fit {
-  bool found = false;
-  BundleInstant instant;
-  int inliers = -1, markers = -1;
-};
+using Fit = std::optional<TargetFit>;
 
 // Fits the first instant, from a pose that says nothing.
 Fit FitFirst(const BundleProblem& problem, const std::vector<bool>& has_pose,
              const std::vector<Eigen::Vector2d>& rays) {
-  Fit fit;
-  fit.instant = problem.instants[0];
-  fit.instant.origin_m = {9, 9, 9};
-  fit.instant.direction = Eigen::Vector3d::UnitZ();
-  fit.found =
-      EstimateTargetPose(problem, has_pose, rays, {}, &fit.instant, &fit.inliers, &fit.markers);
-  return fit;
+  BundleInstant start = problem.instants[0];
+  start.origin_m = {9, 9, 9};
+  start.direction = Eigen::Vector3d::UnitZ();
+  return EstimateTargetPose(problem, has_pose, rays, 6, start);
 }
 Fit FitFirst(const BundleProblem& problem) {
   return FitFirst(problem, std::vector<bool>(problem.cameras.size(), true),
@@ -40,16 +33,12 @@ Fit FitFirst(const BundleProblem& problem) {
 }
 
 void ExpectIsTheWand(const Fit& fit) {
-  ASSERT_TRUE(fit.found);
-  EXPECT_LT((fit.instant.origin_m - kWand.origin_m).norm(), 1e-6);
-  EXPECT_LT((fit.instant.direction - kWand.direction.normalized()).norm(), 1e-6);
+  ASSERT_TRUE(fit);
+  EXPECT_LT((fit->instant.origin_m - kWand.origin_m).norm(), 1e-6);
+  EXPECT_LT((fit->instant.direction - kWand.direction.normalized()).norm(), 1e-6);
 }
 
-void ExpectNothing(const Fit& fit) {
-  EXPECT_FALSE(fit.found);
-  EXPECT_EQ(fit.instant.origin_m, Eigen::Vector3d(9, 9, 9));
-  EXPECT_EQ(fit.instant.direction, Eigen::Vector3d(Eigen::Vector3d::UnitZ()));
-}
+void ExpectNothing(const Fit& fit) { EXPECT_FALSE(fit); }
 
 TEST(UndistortMarkers, GivesNormalisedCoordinates) {
   BundleProblem problem = ExactProblem({{0, 0, 0}}, {{{0, 0, 4}, {1, 0, 0}}});
@@ -73,19 +62,19 @@ TEST(UndistortMarkers, GivesNaNWhereTheModelHasNoInverse) {
 TEST(EstimateTargetPose, FindsTheExactPoseFromTwoCameras) {
   const Fit fit = FitFirst(ExactProblem({{0, 0, 0}, {1, 0, 0}}, {kWand}));
   ExpectIsTheWand(fit);
-  EXPECT_EQ(fit.inliers, 6);
-  EXPECT_EQ(fit.markers, 6);
+  EXPECT_EQ(fit->inliers, 6);
+  EXPECT_EQ(fit->markers, 6);
 }
 
 TEST(EstimateTargetPose, FindsItThroughAnOutlier) {
   BundleProblem problem = ExactProblem({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {kWand});
   problem.markers[4].centre_px += Eigen::Vector2d(-200, 130);
   const Fit fit = FitFirst(problem);
-  ASSERT_TRUE(fit.found);
+  ASSERT_TRUE(fit);
   // The outlier still pulls, by its Cauchy weight of (2/240)^2.
-  EXPECT_LT((fit.instant.origin_m - kWand.origin_m).norm(), 0.002);
-  EXPECT_EQ(fit.inliers, 8);
-  EXPECT_EQ(fit.markers, 9);
+  EXPECT_LT((fit->instant.origin_m - kWand.origin_m).norm(), 0.002);
+  EXPECT_EQ(fit->inliers, 8);
+  EXPECT_EQ(fit->markers, 9);
 }
 
 TEST(EstimateTargetPose, LeavesOutMarkersThatAreNotUsed) {
@@ -94,7 +83,7 @@ TEST(EstimateTargetPose, LeavesOutMarkersThatAreNotUsed) {
   problem.markers[1].used = false;
   const Fit fit = FitFirst(problem);
   ExpectIsTheWand(fit);
-  EXPECT_EQ(fit.markers, 5);
+  EXPECT_EQ(fit->markers, 5);
 }
 
 TEST(EstimateTargetPose, JoinsMarkersOfDifferentPairs) {
@@ -146,8 +135,8 @@ TEST(EstimateTargetPose, RaysWithoutAnInverseTakeNoPart) {
 TEST(EstimateTargetPose, KeepsTheDirectionOfAWandNearlyAlongTheView) {
   const ExactWand along{{0.2, -0.1, 4}, {0.05, 0.02, -1}};
   const Fit fit = FitFirst(ExactProblem({{0, 0, 0}, {1, 0, 0}}, {along}));
-  ASSERT_TRUE(fit.found);
-  EXPECT_GT(fit.instant.direction.dot(along.direction.normalized()), 1 - 1e-9);
+  ASSERT_TRUE(fit);
+  EXPECT_GT(fit->instant.direction.dot(along.direction.normalized()), 1 - 1e-9);
 }
 
 TEST(EstimateTargetPose, OfOneMarkerIsThePlaceWhereTwoCamerasSeeIt) {
@@ -155,16 +144,16 @@ TEST(EstimateTargetPose, OfOneMarkerIsThePlaceWhereTwoCamerasSeeIt) {
   problem.target.marker_positions_m = problem.target.given_positions_m = {0};
   for (BundleObservation& observation : problem.observations) observation.marker_count = 1;
   Fit fit = FitFirst(problem);
-  ASSERT_TRUE(fit.found);
-  EXPECT_LT((fit.instant.origin_m - kWand.origin_m).norm(), 1e-6);
-  EXPECT_EQ(fit.instant.direction, Eigen::Vector3d(Eigen::Vector3d::UnitZ()));
-  EXPECT_EQ(fit.inliers, 3);
+  ASSERT_TRUE(fit);
+  EXPECT_LT((fit->instant.origin_m - kWand.origin_m).norm(), 1e-6);
+  EXPECT_EQ(fit->instant.direction, Eigen::Vector3d(Eigen::Vector3d::UnitZ()));
+  EXPECT_EQ(fit->inliers, 3);
   // One camera that is wrong is outvoted; one that is alone says nothing.
   problem.markers[static_cast<size_t>(problem.observations[2].first_marker)].centre_px.y() += 200;
   fit = FitFirst(problem);
-  ASSERT_TRUE(fit.found);
-  EXPECT_LT((fit.instant.origin_m - kWand.origin_m).norm(), 1e-3);
-  EXPECT_EQ(fit.inliers, 2);
+  ASSERT_TRUE(fit);
+  EXPECT_LT((fit->instant.origin_m - kWand.origin_m).norm(), 1e-3);
+  EXPECT_EQ(fit->inliers, 2);
   ExpectNothing(FitFirst(problem, {true, false, false}, UndistortMarkers(problem)));
 }
 

@@ -20,21 +20,18 @@ CameraRay View(const RigidTransform& cam_from_rig, const Eigen::Vector3d& x_in_r
   return {cam_from_rig, (cam_from_rig * x_in_rig).hnormalized()};
 }
 
-bool TriangulateBoth(const CameraRay& a, const CameraRay& b, Eigen::Vector3d* pair,
-                     Eigen::Vector3d* many) {
-  const bool pair_ok = TriangulatePair(a, b, pair);
-  const bool many_ok = Triangulate({a, b}, many);
-  EXPECT_EQ(pair_ok, many_ok);
-  return pair_ok && many_ok;
+bool MeetForBoth(const CameraRay& a, const CameraRay& b) {
+  const bool pair_ok = TriangulatePair(a, b).has_value();
+  EXPECT_EQ(pair_ok, Triangulate({a, b}).has_value());
+  return pair_ok;
 }
 
 TEST(Triangulate, FindsTheExactPoint) {
   const Eigen::Vector3d truth(0.3, -0.2, 4);
   const CameraRay a = View(Camera({0, 0, 0}), truth), b = View(Camera({2, 0.5, 0}, 0.4), truth);
-  Eigen::Vector3d pair, many;
-  ASSERT_TRUE(TriangulateBoth(a, b, &pair, &many));
-  EXPECT_LT((pair - truth).norm(), 1e-10);
-  EXPECT_LT((many - truth).norm(), 1e-10);
+  ASSERT_TRUE(MeetForBoth(a, b));
+  EXPECT_LT((*TriangulatePair(a, b) - truth).norm(), 1e-10);
+  EXPECT_LT((*Triangulate({a, b}) - truth).norm(), 1e-10);
 }
 
 TEST(Triangulate, MinimisesTheErrorsInTheImagesOfAllViews) {
@@ -50,8 +47,9 @@ TEST(Triangulate, MinimisesTheErrorsInTheImagesOfAllViews) {
     }
     return sum;
   };
-  Eigen::Vector3d point;
-  ASSERT_TRUE(Triangulate(views, &point));
+  const auto found = Triangulate(views);
+  ASSERT_TRUE(found);
+  const Eigen::Vector3d point = *found;
   EXPECT_LT((point - truth).norm(), 0.02);
   for (int axis = 0; axis < 3; ++axis) {
     for (const double step_m : {-1e-4, 1e-4}) {
@@ -61,49 +59,36 @@ TEST(Triangulate, MinimisesTheErrorsInTheImagesOfAllViews) {
 }
 
 TEST(Triangulate, NeedsTwoViews) {
-  Eigen::Vector3d point(7, 8, 9);
-  EXPECT_FALSE(Triangulate({}, &point));
-  EXPECT_FALSE(Triangulate({View(Camera({0, 0, 0}), {0, 0, 4})}, &point));
-  EXPECT_EQ(point, Eigen::Vector3d(7, 8, 9));
+  EXPECT_FALSE(Triangulate({}));
+  EXPECT_FALSE(Triangulate({View(Camera({0, 0, 0}), {0, 0, 4})}));
 }
 
 TEST(Triangulate, TwoCamerasAtOnePlaceSeeNoDepth) {
   const Eigen::Vector3d truth(0.3, -0.2, 4);
-  Eigen::Vector3d pair, many;
-  EXPECT_FALSE(TriangulateBoth(View(Camera({1, 0, 0}), truth), View(Camera({1, 0, 0}, 0.3), truth),
-                               &pair, &many));
+  EXPECT_FALSE(MeetForBoth(View(Camera({1, 0, 0}), truth), View(Camera({1, 0, 0}, 0.3), truth)));
   // Nor where their rays contradict each other and meet in the cameras' centre alone.
-  EXPECT_FALSE(TriangulateBoth(View(Camera({1, 0, 0}), truth),
-                               View(Camera({1, 0, 0}, 0.3), truth + Eigen::Vector3d(0.1, 0, 0)),
-                               &pair, &many));
+  EXPECT_FALSE(MeetForBoth(View(Camera({1, 0, 0}), truth),
+                           View(Camera({1, 0, 0}, 0.3), truth + Eigen::Vector3d(0.1, 0, 0))));
 }
 
 TEST(Triangulate, APointOnTheBaselineHasNoDepth) {
-  Eigen::Vector3d pair, many;
-  EXPECT_FALSE(TriangulateBoth(View(Camera({0, 0, 0}), {0, 0, 4}),
-                               View(Camera({0, 0, 1}), {0, 0, 4}), &pair, &many));
+  EXPECT_FALSE(MeetForBoth(View(Camera({0, 0, 0}), {0, 0, 4}), View(Camera({0, 0, 1}), {0, 0, 4})));
 }
 
 TEST(Triangulate, ParallelRaysDoNotMeet) {
-  Eigen::Vector3d pair, many;
   const CameraRay a{Camera({0, 0, 0}), {0.1, 0.1}}, b{Camera({1, 0, 0}), {0.1, 0.1}};
-  EXPECT_FALSE(TriangulateBoth(a, b, &pair, &many));
+  EXPECT_FALSE(MeetForBoth(a, b));
 }
 
 TEST(Triangulate, RefusesAPointBehindACamera) {
   // The rays diverge before the cameras: what meets lies behind both.
   const Eigen::Vector3d behind(0.5, 0, -3);
-  Eigen::Vector3d pair, many;
-  EXPECT_FALSE(TriangulateBoth(View(Camera({0, 0, 0}), behind), View(Camera({1, 0, 0}), behind),
-                               &pair, &many));
+  EXPECT_FALSE(MeetForBoth(View(Camera({0, 0, 0}), behind), View(Camera({1, 0, 0}), behind)));
   // Before one and behind the other.
   const Eigen::Vector3d between(0.3, 0.2, 4);
-  EXPECT_FALSE(TriangulateBoth(View(Camera({0, 0, 0}), between), View(Camera({1, 0, 8}), between),
-                               &pair, &many));
-  Eigen::Vector3d point;
+  EXPECT_FALSE(MeetForBoth(View(Camera({0, 0, 0}), between), View(Camera({1, 0, 8}), between)));
   EXPECT_FALSE(Triangulate({View(Camera({0, 0, 0}), between), View(Camera({1, 0, 0}), between),
-                            View(Camera({1, 0, 8}), between)},
-                           &point));
+                            View(Camera({1, 0, 8}), between)}));
 }
 
 TEST(Triangulate, RefusesWhatIsNotFinite) {
@@ -113,15 +98,14 @@ TEST(Triangulate, RefusesWhatIsNotFinite) {
   for (const double bad : {kNaN, std::numeric_limits<double>::infinity()}) {
     CameraRay broken = c;
     broken.ray.x() = bad;
-    Eigen::Vector3d point;
-    EXPECT_FALSE(TriangulatePair(a, broken, &point));
-    EXPECT_FALSE(TriangulatePair(broken, a, &point));
-    EXPECT_FALSE(Triangulate({a, b, broken}, &point));
-    EXPECT_FALSE(Triangulate({broken, a, b}, &point));
+    EXPECT_FALSE(TriangulatePair(a, broken));
+    EXPECT_FALSE(TriangulatePair(broken, a));
+    EXPECT_FALSE(Triangulate({a, b, broken}));
+    EXPECT_FALSE(Triangulate({broken, a, b}));
     broken = c;
     broken.cam_from_rig.translation_m.y() = bad;
-    EXPECT_FALSE(TriangulatePair(a, broken, &point));
-    EXPECT_FALSE(Triangulate({a, b, broken}, &point));
+    EXPECT_FALSE(TriangulatePair(a, broken));
+    EXPECT_FALSE(Triangulate({a, b, broken}));
   }
 }
 

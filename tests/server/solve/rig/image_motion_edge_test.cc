@@ -30,23 +30,21 @@ Eigen::Vector2d Fast(double t) {
 
 TEST(ImageMotionEdge, OfATrackWithoutRowsIsNothing) {
   const AlignedTrack track;
-  const ImageMotion motion(track, 3, {});
+  const ImageMotion motion(track, 3);
   EXPECT_EQ(motion.typical_speed_px_s(), 0);
 }
 
 TEST(ImageMotionEdge, OfOneRowStaysThere) {
-  const ImageMotion motion(TrackOf(Line, 1, 0), 1, {});
+  const ImageMotion motion(TrackOf(Line, 1, 0), 1);
   const MarkerMotion at = motion.At(0, 0, 0.02);
   EXPECT_EQ(at.centre_px, Line(0));
-  EXPECT_FALSE(at.has_velocity);
   EXPECT_TRUE(at.velocity_px_s.isZero());
   EXPECT_EQ(motion.typical_speed_px_s(), 0);
 }
 
 TEST(ImageMotionEdge, OfTwoRowsIsALine) {
-  const ImageMotion motion(TrackOf(Line, 2), 1, {});
+  const ImageMotion motion(TrackOf(Line, 2), 1);
   const MarkerMotion at = motion.At(0, 0, 0.01);
-  EXPECT_TRUE(at.has_velocity);
   EXPECT_LT((at.centre_px - Line(0.01)).norm(), 1e-9);
   EXPECT_LT((at.velocity_px_s - Eigen::Vector2d(300, -100)).norm(), 1e-6);
   // Half way between two rows each counts half, which a neighbour's centre does as well: what is
@@ -56,7 +54,7 @@ TEST(ImageMotionEdge, OfTwoRowsIsALine) {
 }
 
 TEST(ImageMotionEdge, MovesAlongALineExactlyAtItsEndsToo) {
-  const ImageMotion motion(TrackOf(Line, 30), 1, {});
+  const ImageMotion motion(TrackOf(Line, 30), 1);
   for (const int row : {0, 1, 15, 28, 29}) {
     const MarkerMotion at = motion.At(row, 0, 0.008);
     EXPECT_LT((at.centre_px - Line(row * kPeriod_s + 0.008)).norm(), 1e-6) << row;
@@ -67,7 +65,7 @@ TEST(ImageMotionEdge, MovesAlongALineExactlyAtItsEndsToo) {
 
 // Centripetal acceleration of 32 000 px/s^2: a line would be 1.6 px off after half a period.
 TEST(ImageMotionEdge, FollowsAFastTurn) {
-  const ImageMotion motion(TrackOf(Fast, 60), 1, {});
+  const ImageMotion motion(TrackOf(Fast, 60), 1);
   for (int row = 10; row < 50; ++row) {
     const MarkerMotion at = motion.At(row, 0, 0.01);
     EXPECT_LT((at.centre_px - Fast(row * kPeriod_s + 0.01)).norm(), 0.05) << row;
@@ -75,7 +73,7 @@ TEST(ImageMotionEdge, FollowsAFastTurn) {
 }
 
 TEST(ImageMotionEdge, AtAnEndOfAFastTurnErrorAndUncertaintyGoTogether) {
-  const ImageMotion motion(TrackOf(Fast, 60), 1, {});
+  const ImageMotion motion(TrackOf(Fast, 60), 1);
   for (const int row : {0, 59}) {
     const double shift_s = row == 0 ? -0.01 : 0.01;
     const MarkerMotion at = motion.At(row, 0, shift_s);
@@ -92,7 +90,7 @@ TEST(ImageMotionEdge, DoesNotReachOverAGap) {
     track.track.observations[static_cast<size_t>(row)].time_ns += 100'000'000;
     Marker(track, row).centre_px = {900 - 5.0 * row, 700 + 2.0 * row};
   }
-  const ImageMotion motion(track, 1, {});
+  const ImageMotion motion(track, 1);
   EXPECT_LT((motion.At(19, 0, 0.005).velocity_px_s - Eigen::Vector2d(300, -100)).norm(), 1e-3);
   EXPECT_LT((motion.At(20, 0, 0.005).velocity_px_s - Eigen::Vector2d(-250, 100)).norm(), 1e-3);
 }
@@ -100,7 +98,7 @@ TEST(ImageMotionEdge, DoesNotReachOverAGap) {
 TEST(ImageMotionEdge, GoesOnOverASingleDropout) {
   AlignedTrack track = TrackOf(Fast, 60);
   for (const int row : {29, 32}) Marker(track, row).visible = false;
-  const ImageMotion motion(track, 1, {});
+  const ImageMotion motion(track, 1);
   EXPECT_LT((motion.At(30, 0, 0.01).centre_px - Fast(30 * kPeriod_s + 0.01)).norm(), 0.4);
 }
 
@@ -108,14 +106,14 @@ TEST(ImageMotionEdge, RowsWithoutMarkersTakeNoPart) {
   AlignedTrack track = TrackOf(Line, 40);
   track.track.observations[19].markers.clear();
   track.track.observations[22].markers.clear();
-  const ImageMotion motion(track, 1, {});
+  const ImageMotion motion(track, 1);
   EXPECT_LT((motion.At(20, 0, 0.01).centre_px - Line(20 * kPeriod_s + 0.01)).norm(), 1e-6);
 }
 
 TEST(ImageMotionEdge, AnExcludedRowLeavesItsNeighboursAlone) {
   AlignedTrack track = TrackOf(Line, 40);
   Marker(track, 21).centre_px += Eigen::Vector2d(8, 0);  // too little to be an outlier
-  ImageMotion motion(track, 1, {});
+  ImageMotion motion(track, 1);
   const Eigen::Vector2d truth = Line(20 * kPeriod_s + 0.01);
   EXPECT_GT((motion.At(20, 0, 0.01).centre_px - truth).norm(), 1);
   motion.Exclude(21, 0);
@@ -123,7 +121,7 @@ TEST(ImageMotionEdge, AnExcludedRowLeavesItsNeighboursAlone) {
   // It still moves, from where it was measured.
   EXPECT_LT((motion.At(21, 0, 0.01).centre_px - Line(21 * kPeriod_s + 0.01)).norm(), 8.001);
   Marker(track, 5).visible = false;
-  ImageMotion with_dropout(track, 1, {});
+  ImageMotion with_dropout(track, 1);
   with_dropout.Exclude(5, 0);  // not visible: nothing to take out
   EXPECT_LT((with_dropout.At(4, 0, 0.01).centre_px - Line(4 * kPeriod_s + 0.01)).norm(), 1e-6);
 }
@@ -133,7 +131,7 @@ TEST(ImageMotionEdge, RowsAtOneTimeGiveFiniteValues) {
   AlignedTrack track = TrackOf(Line, 40);
   Marker(track, 20).time_delta_ns = 20'000'000;  // as row 21
   Marker(track, 20).centre_px = Line(21 * kPeriod_s);
-  const ImageMotion motion(track, 1, {});
+  const ImageMotion motion(track, 1);
   for (int row = 16; row < 26; ++row) {
     const MarkerMotion at = motion.At(row, 0, 0.01);
     EXPECT_TRUE(at.centre_px.allFinite() && at.velocity_px_s.allFinite() &&
@@ -150,7 +148,7 @@ TEST(ImageMotionEdge, OnlyRowsAtOneTimeGiveFiniteValues) {
     Marker(track, row).time_delta_ns = (2 - row) * 20'000'000;
     Marker(track, row).centre_px = {100 + 0.1 * row, 200};
   }
-  const ImageMotion motion(track, 1, {});
+  const ImageMotion motion(track, 1);
   for (int row = 0; row < 3; ++row) {
     const MarkerMotion at = motion.At(row, 0, 0.01);
     EXPECT_LT((at.centre_px - Eigen::Vector2d(100, 200)).norm(), 50) << row;

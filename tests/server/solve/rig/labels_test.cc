@@ -10,6 +10,7 @@
 
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/calibrate.h"
+#include "server/solve/rig/outliers.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
@@ -56,9 +57,9 @@ class Labels : public ::testing::Test {
       for (int m = 0; m < count; ++m) {
         BundleMarker marker;
         marker.marker = m;
-        Eigen::Vector2d residual;
-        EXPECT_TRUE(MarkerResidualPx(problem_, instant, observation, marker, &residual));
-        marker.centre_px = residual;  // of a centre at zero: where the marker is seen
+        const auto residual = MarkerResidualPx(problem_, instant, observation, marker);
+        EXPECT_TRUE(residual);
+        marker.centre_px = residual.value();  // of a centre at zero: where the marker is seen
         problem_.markers.push_back(marker);
       }
       problem_.observations.push_back(observation);
@@ -68,7 +69,7 @@ class Labels : public ::testing::Test {
   }
 
   void Reverse(int observation) { FlipLabels(observation, &problem_); }
-  std::vector<int> Find() { return FindFlippedLabels({}, {}, problem_, time_ns_); }
+  std::vector<int> Find() { return FindFlippedLabels(problem_, time_ns_); }
 
   BundleProblem problem_;
   std::vector<int64_t> time_ns_;
@@ -133,7 +134,7 @@ TEST_F(Labels, AnInstantThatPointsAgainstItsNeighboursIsFlippedAsAWhole) {
 TEST_F(Labels, AnInstantOfWhichTooLittleIsLeftSaysNothing) {
   Make(2, 10, {0, 0.39});
   problem_.markers.front().centre_px = {5, 7};
-  EXPECT_EQ(ClassifyOutliers({}, &problem_), 2);  // the marker, and its instant
+  EXPECT_EQ(ClassifyOutliers(&problem_), 2);  // the marker, and its instant
   EXPECT_FALSE(problem_.instants.front().used);
   for (size_t i = 1; i < problem_.instants.size(); ++i) EXPECT_TRUE(problem_.instants[i].used);
 }
@@ -143,13 +144,13 @@ TEST_F(Labels, AnInstantWithoutOutliersCountsHoweverSmall) {
   for (BundleObservation& observation : problem_.observations) {
     if (observation.camera == 1) observation.marker_count = 1;
   }
-  EXPECT_EQ(ClassifyOutliers({}, &problem_), 0);
+  EXPECT_EQ(ClassifyOutliers(&problem_), 0);
 }
 
 TEST_F(Labels, OneCameraAloneSaysNothing) {
   Make(2, 10, {0, 0.1, 0.25, 0.39});
   for (size_t m = 4; m < 8; ++m) problem_.markers[m].centre_px = {5, 7};
-  ClassifyOutliers({}, &problem_);
+  ClassifyOutliers(&problem_);
   EXPECT_FALSE(problem_.instants.front().used);
   EXPECT_TRUE(problem_.instants.back().used);
 }

@@ -25,60 +25,60 @@ void Shift(size_t camera, double shift_px, BundleProblem* problem) {
   }
 }
 
-TEST(CameraScales, AreTheMedianOverThatOfANormalVectorAndNeverBelowTheLeast) {
+TEST(OutlierLimits, AreTheMedianOverThatOfANormalVectorAndNeverBelowTheLeast) {
   BundleProblem problem = Two(3);
   Shift(1, 11.7741, &problem);
-  const std::vector<double> scales = CameraScales(problem, {});
-  ASSERT_EQ(scales.size(), 2u);
-  EXPECT_EQ(scales[0], 1);
-  EXPECT_NEAR(scales[1], 10, 1e-6);
+  const std::vector<double> limits = OutlierLimits(problem);
+  ASSERT_EQ(limits.size(), 2u);
+  EXPECT_EQ(limits[0], 8);
+  EXPECT_NEAR(limits[1], 80, 1e-5);
 }
 
-TEST(CameraScales, OfACameraWithoutMarkersAreTheLeast) {
+TEST(OutlierLimits, OfACameraWithoutMarkersAreTheLeast) {
   BundleProblem problem = Two(1);
   problem.instants[0].used = false;
-  EXPECT_EQ(CameraScales(problem, {8, 2.5}), (std::vector<double>{2.5, 2.5}));
-  EXPECT_EQ(CameraScales({}, {}), std::vector<double>());
+  EXPECT_EQ(OutlierLimits(problem), (std::vector<double>{8, 8}));
+  EXPECT_EQ(OutlierLimits({}), std::vector<double>());
 }
 
-TEST(CameraScales, AreOfWhitenedResiduals) {
+TEST(OutlierLimits, AreOfWhitenedResiduals) {
   BundleProblem problem = Two(3);
   Shift(1, 11.7741, &problem);
   for (BundleMarker& marker : problem.markers) marker.sqrt_information *= 0.5;
-  EXPECT_NEAR(CameraScales(problem, {})[1], 5, 1e-6);
+  EXPECT_NEAR(OutlierLimits(problem)[1], 40, 1e-5);
 }
 
 TEST(ClassifyOutliers, TurnsAtTheStatedMultipleOfTheScale) {
   BundleProblem problem = Two(4);
   problem.markers[First(0, 0)].centre_px.x() += 7.99;
   problem.markers[First(1, 0)].centre_px.y() -= 8.01;
-  EXPECT_EQ(ClassifyOutliers({}, &problem), 1);
+  EXPECT_EQ(ClassifyOutliers(&problem), 1);
   for (size_t m = 0; m < problem.markers.size(); ++m) {
     EXPECT_EQ(problem.markers[m].used, m != First(1, 0)) << m;
   }
-  EXPECT_EQ(ClassifyOutliers({}, &problem), 0);
+  EXPECT_EQ(ClassifyOutliers(&problem), 0);
 }
 
 TEST(ClassifyOutliers, TakesBackWhatFitsAgain) {
   BundleProblem problem = Two(4);
   problem.markers[5].used = false;
-  EXPECT_EQ(ClassifyOutliers({}, &problem), 1);
+  EXPECT_EQ(ClassifyOutliers(&problem), 1);
   EXPECT_TRUE(problem.markers[5].used);
 }
 
 TEST(ClassifyOutliers, KeepsTheMarkersOfACameraThatIsOffAsAWhole) {
   BundleProblem problem = Two(4);
   Shift(1, 40, &problem);
-  EXPECT_EQ(ClassifyOutliers({}, &problem), 0);
+  EXPECT_EQ(ClassifyOutliers(&problem), 0);
   // The other camera's rule stays strict.
   problem.markers[First(2, 0)].centre_px.x() += 40;
-  EXPECT_EQ(ClassifyOutliers({}, &problem), 1);
+  EXPECT_EQ(ClassifyOutliers(&problem), 1);
 }
 
 TEST(ClassifyOutliers, AMarkerBehindItsCameraIsOne) {
   BundleProblem problem = Two(5);
   problem.instants[3].origin_m.z() = -1;
-  EXPECT_GE(ClassifyOutliers({}, &problem), 6);
+  EXPECT_GE(ClassifyOutliers(&problem), 6);
   for (size_t m = 0; m < problem.markers.size(); ++m) {
     EXPECT_EQ(problem.markers[m].used, m / 6 != 3) << m;
   }
@@ -89,7 +89,7 @@ TEST(ClassifyOutliers, LeavesInstantsAloneThatAreNotPlaced) {
   problem.instants[1].used = false;
   problem.markers[First(1, 0)].centre_px.x() += 500;
   problem.markers[First(1, 1)].used = false;
-  EXPECT_EQ(ClassifyOutliers({}, &problem), 0);
+  EXPECT_EQ(ClassifyOutliers(&problem), 0);
   EXPECT_TRUE(problem.markers[First(1, 0)].used);
   EXPECT_FALSE(problem.markers[First(1, 1)].used);
 }

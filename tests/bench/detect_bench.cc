@@ -177,16 +177,14 @@ BlobFinder MakeFinder(const MaskKernel& kernel) {
 
 void Ours(benchmark::State& state, const Scene& scene, const MaskKernel* kernel, bool tracked) {
   BlobFinder finder = MakeFinder(*kernel);
-  size_t next = 0, found = 0, pixels = 0;
+  size_t next = 0, found = 0;
   for (auto _ : state) {
     const size_t i = next++ % kImages;
     const ImageView image = View(scene.images[i]);
     const BlobResult& result = finder.Find(image, tracked ? scene.windows[i] : image.Bounds());
     found += result.blobs.size();
-    pixels += static_cast<size_t>(result.mask_pixels);
   }
   state.counters["blobs"] = static_cast<double>(found) / static_cast<double>(next);
-  state.counters["mask_pixels"] = static_cast<double>(pixels) / static_cast<double>(next);
 }
 
 // Only the scene in use is kept in memory.

@@ -68,7 +68,7 @@ int main(int argc, char** argv) {
     if (!rigcal::testing::TestImageIndex({image.data, size})) ++wrong;
   }
   end.join();
-  const rigcal::agent::FrameCounts counts = (*source)->counts();
+  const rigcal::FrameCounts counts = (*source)->counts();
   std::printf(
       "received %llu damaged %llu lost %llu reconnects %llu yielded %llu wrong %llu "
       "cap_net_raw %d\n",

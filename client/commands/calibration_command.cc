@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/calibration_command.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -66,8 +67,8 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
     context.console.out << ToJson(*calibration) << "\n" << std::flush;
     return ExitCode::kOk;
   }
-  const auto files = options.format == "opencv" ? ExportOpenCv(*calibration, options.output)
-                                                : ExportJson(*calibration, options.output);
+  const auto format = std::ranges::find(ExportFormats(), options.format, &ExportFormat::name);
+  const auto files = format->write(*calibration, options.output);
   if (!files.ok()) return context.Fail(files.status());
   PrintFiles(options, *files, context);
   return ExitCode::kOk;

@@ -10,7 +10,7 @@ namespace rigcal::client {
 
 struct CalibrationExportOptions {
   std::string id;
-  std::string format;  // opencv, json
+  std::string format;  // a name of ExportFormats
   std::string output;  // folder, made where missing; "-" (JSON only): standard output
 };
 

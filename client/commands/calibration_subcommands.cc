@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "client/commands/calibrate_command.h"
 #include "client/commands/calibration_accuracy_command.h"
 #include "client/commands/calibration_command.h"
 #include "client/commands/command_parser.h"
+#include "client/results/calibration_export.h"
 
 namespace rigcal::client {
 namespace {
@@ -21,17 +24,20 @@ void AddExport(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "export", "Write a calibration as files for other programs", ExportCalibration);
   AddArgument(app, "ID", kIdHelp, &options->id);
-  AddOption(
-      app, "--format", "opencv|json", &options->format,
-      "opencv: one FileStorage YAML per camera (camera_matrix, distortion_coefficients, "
-      "extrinsics: cam_from_rig 4x4 in metres, reprojection_error); json: the whole calibration")
-      ->check(CLI::IsMember({"opencv", "json"}).description(""))
+  std::vector<std::string> names, helps;
+  for (const ExportFormat& format : ExportFormats()) {
+    names.emplace_back(format.name);
+    helps.push_back(absl::StrCat(format.name, ": ", format.help));
+  }
+  AddOption(app, "--format", absl::StrJoin(names, "|"), &options->format,
+            absl::StrJoin(helps, "; "))
+      ->check(CLI::IsMember(names).description(""))
       ->required();
   AddOption(app, "--output", "DIR", &options->output,
             "Folder to write into, made where missing; - with json: stdout")
       ->required();
   app->parse_complete_callback([options = options] {
-    if (options->output == "-" && options->format == "opencv") {
+    if (options->output == "-" && options->format != "json") {
       throw CLI::ValidationError("--output -", "goes with --format json only");
     }
     if (options->output.empty()) throw CLI::ValidationError("--output", "is empty");

@@ -67,7 +67,7 @@ void AddArgument(CLI::App* app, const char* name, const char* what, Value* value
 }
 // An option of one word behind it.
 template <typename Value>
-CLI::Option* AddOption(CLI::App* app, const char* name, const char* type, Value* value,
+CLI::Option* AddOption(CLI::App* app, const char* name, const std::string& type, Value* value,
                        const std::string& what) {
   return app->add_option(name, *value, what)->type_name(type);
 }

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "client/commands/command_context.h"
 #include "rigcal/v1/agent_service.pb.h"

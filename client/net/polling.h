@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "absl/status/status.h"
-#include "absl/status/statusor.h"
 
 namespace rigcal::client {
 

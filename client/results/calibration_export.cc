@@ -85,4 +85,18 @@ absl::StatusOr<std::vector<std::filesystem::path>> ExportJson(
   return std::vector<std::filesystem::path>{file};
 }
 
+std::span<const ExportFormat> ExportFormats() {
+  static constexpr ExportFormat kFormats[] = {
+      {"opencv",
+       "one FileStorage YAML per camera (camera_matrix, distortion_coefficients, extrinsics: "
+       "cam_from_rig 4x4 in metres, reprojection_error)",
+       ExportOpenCv},
+      {"json", "the whole calibration",
+       [](const v1::Calibration& calibration, const std::filesystem::path& directory) {
+         return ExportJson(calibration, directory);
+       }},
+  };
+  return kFormats;
+}
+
 }  // namespace rigcal::client

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -24,6 +25,16 @@ absl::StatusOr<std::vector<std::filesystem::path>> ExportOpenCv(
 absl::StatusOr<std::vector<std::filesystem::path>> ExportJson(
     const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory,
     const GroundTruthComparison* ground_truth = nullptr);
+
+// A format of `rigcal calibration export`. A new one is a row of the table in
+// calibration_export.cc.
+struct ExportFormat {
+  const char* name;
+  const char* help;  // what it writes
+  absl::StatusOr<std::vector<std::filesystem::path>> (*write)(
+      const rigcal::v1::Calibration& calibration, const std::filesystem::path& directory);
+};
+std::span<const ExportFormat> ExportFormats();
 
 // FAILED_PRECONDITION unless it has succeeded.
 absl::Status CheckHasResult(const rigcal::v1::Calibration& calibration);

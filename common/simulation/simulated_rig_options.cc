@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/simulation/simulated_rig_options.h"
 
-#include <algorithm>
 #include <vector>
 
 #include "common/options/option_table.h"

@@ -13,7 +13,6 @@
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/wand_verifier.h"
-#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {

@@ -2,7 +2,6 @@
 #include "common/simulation/events/event_spheres.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"

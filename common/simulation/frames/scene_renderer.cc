@@ -6,7 +6,6 @@
 #include <functional>
 #include <numbers>
 #include <numeric>
-#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"

@@ -39,13 +39,14 @@ bool MarkerCost::Evaluate(double const* const* parameters, double* residuals,
   if (jacobians == nullptr) {
     return functor_.Evaluate<false, false>(seen, &projected, residuals) && IsFinite(residuals);
   }
-  if (!functor_.Evaluate<true, true>(seen, &projected, residuals) || !IsFinite(residuals)) {
-    return false;
-  }
   // Rows of a block's Jacobian are as long as the block.
   const auto block = [jacobians](MarkerBlock which) {
     return jacobians[static_cast<size_t>(which)];
   };
+  const bool visible = block(MarkerBlock::kIntrinsics) != nullptr
+                           ? functor_.Evaluate<true, true>(seen, &projected, residuals)
+                           : functor_.Evaluate<true, false>(seen, &projected, residuals);
+  if (!visible || !IsFinite(residuals)) return false;
   Vec3<double> rows[2];
   PointDerivative(functor_.measured, projected, &rows[0], &rows[1]);
   const auto view_derivative = [&](int unknown, double* jacobian, int column, int columns) {

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "agent/capture/genicam/aravis_objects.h"
 #include "agent/capture/genicam/aravis_options.h"
 #include "common/camera/camera_description.h"

@@ -119,7 +119,6 @@ absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
   options.server = config.server;
   options.agent_id = identity.agent_id;
   options.incarnation = identity.incarnation;
-  options.stream_epoch = identity.incarnation;
   options.host = HostName();
   options.rig = config.rig;
   options.previews.enabled = config.preview.enabled;

@@ -57,7 +57,7 @@ absl::Status DetectingObservationSource::Start(const Target& target) {
   WandDetectorOptions options = options_.detector;
   if (options.exposure_s <= 0 && camera.settings) options.exposure_s = camera.settings->exposure_s;
   RIGCAL_ASSIGN_OR_RETURN(detector_, WandDetector::Create(options, target, camera));
-  if (mask_.width() > 0) RIGCAL_RETURN_IF_ERROR(detector_->SetIgnored(mask_));
+  detector_->SetIgnored(mask_);
   learner_.reset();
   learn_until_ns_.reset();
   if (options_.learn_mask_s > 0) {
@@ -78,8 +78,7 @@ absl::StatusOr<std::optional<Observation>> DetectingObservationSource::Next() {
   RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames_->Next());
   if (!frame) return std::nullopt;
   CheckExposure(*frame);
-  RIGCAL_ASSIGN_OR_RETURN(const bool learns, LearnsMask(*frame));
-  if (learns) {
+  if (LearnsMask(*frame)) {
     Observation empty;
     empty.time_ns = frame->time_ns;
     empty.clock_epoch = frame->clock_epoch;
@@ -94,7 +93,7 @@ absl::StatusOr<std::optional<Observation>> DetectingObservationSource::Next() {
   return detection_.observation;
 }
 
-absl::StatusOr<bool> DetectingObservationSource::LearnsMask(const Frame& frame) {
+bool DetectingObservationSource::LearnsMask(const Frame& frame) {
   if (!learner_) return false;
   if (!learn_until_ns_) {
     learn_until_ns_ = frame.time_ns + static_cast<int64_t>(options_.learn_mask_s * 1e9);
@@ -111,7 +110,7 @@ absl::StatusOr<bool> DetectingObservationSource::LearnsMask(const Frame& frame) 
   spdlog::info("camera {}: learnt from {} frames to ignore {} pixels that do not move",
                description().camera, learner_->frame_count(), learnt.CountPixels());
   learner_.reset();
-  RIGCAL_RETURN_IF_ERROR(detector_->SetIgnored(std::move(learnt)));
+  detector_->SetIgnored(std::move(learnt));
   return false;
 }
 

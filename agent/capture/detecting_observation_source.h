@@ -65,7 +65,7 @@ class DetectingObservationSource : public ObservationSource {
   DetectingObservationSource(std::unique_ptr<FrameSource> frames, DetectingOptions options,
                              PixelMask mask)
       : frames_(std::move(frames)), options_(std::move(options)), mask_(std::move(mask)) {}
-  absl::StatusOr<bool> LearnsMask(const Frame& frame);
+  bool LearnsMask(const Frame& frame);
   void CheckExposure(const Frame& frame);
   void Note(const Frame& frame);
   void Warn(RefusalReason reason, const std::string& what);

@@ -76,26 +76,18 @@ class Annotations {
   int count_ = 0;
 };
 
-// A source of frames that measures the time to read each, and ends after a number of them.
+// A source of frames that measures the time to read each.
 class TimedFrameSource : public FrameSource {
  public:
-  // `limit` 0: none.
-  TimedFrameSource(std::unique_ptr<FrameSource> frames, uint64_t limit)
-      : frames_(std::move(frames)), limit_(limit) {}
+  explicit TimedFrameSource(std::unique_ptr<FrameSource> frames) : frames_(std::move(frames)) {}
 
   const CameraDescription& description() const override { return frames_->description(); }
-  absl::Status Start(const Target& target) override {
-    yielded_ = 0;
-    return frames_->Start(target);
-  }
+  absl::Status Start(const Target& target) override { return frames_->Start(target); }
   absl::StatusOr<std::optional<Frame>> Next() override {
-    last_.reset();
-    if (limit_ > 0 && yielded_ == limit_) return std::nullopt;
     const auto begin = std::chrono::steady_clock::now();
     absl::StatusOr<std::optional<Frame>> frame = frames_->Next();
     read_time_ = std::chrono::steady_clock::now() - begin;
-    if (frame.ok()) last_ = *frame;
-    if (last_) ++yielded_;
+    last_ = frame.ok() ? *frame : std::nullopt;
     return frame;
   }
   void Stop() override { frames_->Stop(); }
@@ -109,20 +101,20 @@ class TimedFrameSource : public FrameSource {
 
  private:
   const std::unique_ptr<FrameSource> frames_;
-  const uint64_t limit_;
-  uint64_t yielded_ = 0;
   std::chrono::duration<double> read_time_{0};
   std::optional<Frame> last_;
 };
 
-// Writes the detections of each frame to the CSV, where there is one, and the annotations.
-absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, const Target& target,
+// Writes the detections of at most `limit` frames (0: all) to the CSV, where there is one, and the
+// annotations.
+absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint64_t limit,
+                                            const Target& target,
                                             DetectingObservationSource* source, OutputFile* csv,
                                             Annotations* annotations) {
   DetectionReport report;
   const auto begin = std::chrono::steady_clock::now();
   RIGCAL_RETURN_IF_ERROR(source->Start(target));
-  while (true) {
+  for (uint64_t i = 0; limit == 0 || i < limit; ++i) {
     const auto before = std::chrono::steady_clock::now();
     const uint64_t seen_before = report.looked_at();
     RIGCAL_ASSIGN_OR_RETURN(const std::optional<Observation> observation, source->Next());
@@ -130,7 +122,7 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, cons
     const std::chrono::duration<double> both = std::chrono::steady_clock::now() - before;
     report.reading.Add(frames.read_time().count());
     report.detections = *source->detection_counts();
-    if (csv != nullptr) RIGCAL_RETURN_IF_ERROR(WriteMarkerCsv(*observation, csv));
+    if (csv != nullptr) RIGCAL_RETURN_IF_ERROR(csv->Write(MarkerCsvLine(*observation)));
     for (const MarkerObservation& marker : observation->markers) {
       if (!marker.visible) continue;
       report.centres = marker.centre_kind == CentreKind::kSphereCentre ? "sphere" : "blob";
@@ -154,7 +146,7 @@ absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
   if (flags.no_tracking) spec->detecting.detector.tracking = false;
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, spec->Make());
-  auto timed = std::make_unique<TimedFrameSource>(std::move(frames), flags.frames);
+  auto timed = std::make_unique<TimedFrameSource>(std::move(frames));
   const TimedFrameSource& timed_frames = *timed;
   RIGCAL_ASSIGN_OR_RETURN(const auto source,
                           DetectingObservationSource::Create(std::move(timed), spec->detecting));
@@ -163,9 +155,9 @@ absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   if (!flags.out.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(csv, OutputFile::Create(flags.out));
   }
-  RIGCAL_ASSIGN_OR_RETURN(
-      const DetectionReport report,
-      RunDetector(timed_frames, target, source.get(), csv ? &*csv : nullptr, &annotations));
+  RIGCAL_ASSIGN_OR_RETURN(const DetectionReport report,
+                          RunDetector(timed_frames, flags.frames, target, source.get(),
+                                      csv ? &*csv : nullptr, &annotations));
   if (csv) RIGCAL_RETURN_IF_ERROR(csv->Finish());
   out << (flags.format == "json" ? ReportJson(report) : FormatReport(report));
   if (report.frames.received > 0) return absl::OkStatus();

@@ -15,12 +15,7 @@ std::string MarkerCsvLine(const Observation& observation) {
       absl::StrAppend(&line, ";-1;-1");
     }
   }
-  return line;
-}
-
-absl::Status WriteMarkerCsv(const Observation& observation, OutputFile* file) {
-  const std::string line = MarkerCsvLine(observation) + "\n";
-  return file->Write({reinterpret_cast<const uint8_t*>(line.data()), line.size()});
+  return line + "\n";
 }
 
 }  // namespace rigcal::agent

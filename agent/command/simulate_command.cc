@@ -85,8 +85,7 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(OutputFile truth, OutputFile::Create(truth_path.string()));
   const ImageSize size = source->description().image_size_px;
   const std::string header = Evt3Header({size.width, size.height}, "simulated");
-  RIGCAL_RETURN_IF_ERROR(
-      raw.Write({reinterpret_cast<const uint8_t*>(header.data()), header.size()}));
+  RIGCAL_RETURN_IF_ERROR(raw.Write(header));
   const auto output_us = [&flags](int64_t k) {
     return std::llround(1e6 * static_cast<double>(k) / flags.truth_hz);
   };
@@ -100,7 +99,7 @@ absl::Status Simulate(const SimulateFlags& flags, std::ostream& out) {
     RIGCAL_RETURN_IF_ERROR(raw.Write(chunk->bytes));
     bytes += chunk->bytes.size();
     for (; output_us(next) <= source->time_us(); ++next, ++rows) {
-      RIGCAL_RETURN_IF_ERROR(WriteMarkerCsv(TruthAt(*source, output_us(next)), &truth));
+      RIGCAL_RETURN_IF_ERROR(truth.Write(MarkerCsvLine(TruthAt(*source, output_us(next)))));
     }
   }
   RIGCAL_RETURN_IF_ERROR(raw.Finish());

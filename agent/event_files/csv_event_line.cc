@@ -127,13 +127,10 @@ CsvFields SplitCsvEventFields(std::string_view line) {
 }
 
 bool IsCsvEventHeader(std::string_view line) {
-  for (const std::string_view field : SplitCsvEventFields(line)) {
+  return std::ranges::all_of(SplitCsvEventFields(line), [](std::string_view field) {
     const std::string name = Name(field);
-    if (name.empty() || !absl::ascii_isalpha(static_cast<unsigned char>(name.front()))) {
-      return false;
-    }
-  }
-  return true;
+    return !name.empty() && absl::ascii_isalpha(static_cast<unsigned char>(name.front()));
+  });
 }
 
 absl::StatusOr<CsvEventColumns> ParseCsvEventHeader(std::string_view line) {
@@ -143,20 +140,16 @@ absl::StatusOr<CsvEventColumns> ParseCsvEventHeader(std::string_view line) {
   columns.count = fields.size();
   for (size_t i = 0; i < fields.size(); ++i) {
     const std::string name = Name(fields[i]);
-    TimeUnit unit = TimeUnit::kAuto;
-    if (name == "x") {
-      columns.x = i;
-      std::erase(missing, "x");
-    } else if (name == "y") {
-      columns.y = i;
-      std::erase(missing, "y");
-    } else if (name == "p" || name == "pol" || name == "polarity") {
-      columns.p = i;
-      std::erase(missing, "p");
-    } else if (IsTimeName(name, &unit)) {
-      columns.t = i;
+    const auto take = [&](const char* what, size_t* column) {
+      *column = i;
+      std::erase(missing, what);
+    };
+    if (name == "x") take("x", &columns.x);
+    if (name == "y") take("y", &columns.y);
+    if (name == "p" || name == "pol" || name == "polarity") take("p", &columns.p);
+    if (TimeUnit unit; IsTimeName(name, &unit)) {
+      take("t", &columns.t);
       columns.time_unit = unit;
-      std::erase(missing, "t");
     }
   }
   if (missing.empty()) return columns;

@@ -138,14 +138,12 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
 
 absl::StatusOr<std::filesystem::path> AgentState::DefaultDirectory(const std::string& agent_id) {
   const std::filesystem::path name = agent_id.empty() ? "default" : agent_id;
-  const char* state_home = std::getenv("XDG_STATE_HOME");
-  // The XDG specification says to ignore a relative path there.
-  if (state_home != nullptr && state_home[0] == '/') {
-    return std::filesystem::path(state_home) / "rigcal" / "agent" / name;
-  }
-  const char* home = std::getenv("HOME");
-  if (home != nullptr && home[0] == '/') {
-    return std::filesystem::path(home) / ".local" / "state" / "rigcal" / "agent" / name;
+  for (const auto& [variable, below] :
+       {std::pair{"XDG_STATE_HOME", ""}, {"HOME", ".local/state"}}) {
+    const char* const folder = std::getenv(variable);
+    // The XDG specification says to ignore a relative path there.
+    if (folder == nullptr || folder[0] != '/') continue;
+    return std::filesystem::path(folder) / below / "rigcal" / "agent" / name;
   }
   return absl::FailedPreconditionError(
       "neither XDG_STATE_HOME nor HOME is set: give --state-dir DIR");

@@ -59,7 +59,7 @@ v1::ConnectRequest Conversation::Hello() {
   for (const auto& [name, pipeline] : *agent_.cameras) {
     v1::AnnouncedCamera* announced = hello->add_cameras();
     *announced->mutable_description() = wire::ToProto(pipeline->description());
-    announced->set_stream_epoch(options_.stream_epoch);
+    announced->set_stream_epoch(options_.incarnation);
   }
   for (const SpooledStream& spooled : agent_.spool->Streams()) {
     pending_.push_back(spooled.stream);
@@ -182,9 +182,9 @@ void Conversation::HandleStartCapture(const v1::StartCapture& command) {
 
 void Conversation::BeginCapture(const StreamKey& stream, const Target& target,
                                 uint32_t durable_seq) {
-  if (stream.stream_epoch != options_.stream_epoch) {
+  if (stream.stream_epoch != options_.incarnation) {
     spdlog::warn("camera {}: session {} asks for stream epoch {}, but this agent captures epoch {}",
-                 stream.camera, stream.session_id, stream.stream_epoch, options_.stream_epoch);
+                 stream.camera, stream.session_id, stream.stream_epoch, options_.incarnation);
     return;
   }
   CameraPipeline* const pipeline = PipelineOf(stream.camera);

@@ -21,10 +21,9 @@ namespace rigcal::agent {
 struct UplinkOptions {
   std::string server;  // its address, for messages
   std::string agent_id;
-  uint32_t incarnation = 1;  // grows at each start of the agent
-  // Of new streams. The incarnation as long as the spool is in memory: observations that a run has
-  // not delivered are lost with it, so the next run must not continue its numbers.
-  uint32_t stream_epoch = 1;
+  // Grows at each start of the agent. Also the epoch of its streams: observations that a run has
+  // not delivered are lost with its spool, so the next run must not continue its numbers.
+  uint32_t incarnation = 1;
   std::string host;  // of this PC, for people
   std::string rig = "rig";
 

@@ -16,7 +16,7 @@
 #include <mutex>
 #include <set>
 
-#include "absl/status/status.h"
+#include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "agent/capture/genicam/aravis_objects.h"
@@ -36,20 +36,6 @@ constexpr uint16_t kControlPort = 3956;
 // Key, flags (acknowledge), command 2, no payload, packet id.
 constexpr std::array<uint8_t, kHeaderBytes> kDiscovery{0x42, 0x01, 0x00, 0x02, 0, 0, 0xff, 0xff};
 constexpr int kMostAnswers = 1000;
-
-class Socket {
- public:
-  Socket() : fd_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {}
-  ~Socket() {
-    if (fd_ >= 0) close(fd_);
-  }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  int fd() const { return fd_; }
-
- private:
-  const int fd_;
-};
 
 struct InterfaceAddress {
   std::string name;
@@ -113,27 +99,28 @@ sockaddr_in ControlAddress(in_addr address, uint16_t port) {
 // `most`.
 absl::StatusOr<std::vector<FoundCamera>> Ask(in_addr local, in_addr remote, bool broadcast,
                                              int most, std::chrono::milliseconds limit) {
-  const Socket socket;
+  const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   const auto failed = [&](const char* what) {
     return absl::UnavailableError(absl::StrCat("cannot ", what, " for GigE Vision discovery from ",
                                                ToText(local), " to ", ToText(remote), ": ",
                                                std::strerror(errno)));
   };
-  if (socket.fd() < 0) return failed("open a socket");
+  if (fd < 0) return failed("open a socket");
+  const absl::Cleanup close_it = [fd] { close(fd); };
   const int yes = 1;
-  if (broadcast) setsockopt(socket.fd(), SOL_SOCKET, SO_BROADCAST, &yes, sizeof yes);
+  if (broadcast) setsockopt(fd, SOL_SOCKET, SO_BROADCAST, &yes, sizeof yes);
   const sockaddr_in from = ControlAddress(local, 0);
-  if (bind(socket.fd(), reinterpret_cast<const sockaddr*>(&from), sizeof from) != 0) {
+  if (bind(fd, reinterpret_cast<const sockaddr*>(&from), sizeof from) != 0) {
     return failed("use this address");
   }
   const sockaddr_in to = ControlAddress(remote, kControlPort);
   // Connected, a closed port is known at once instead of after the limit.
-  if (!broadcast && connect(socket.fd(), reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) {
+  if (!broadcast && connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0) {
     return failed("reach it");
   }
-  const ssize_t sent = broadcast ? sendto(socket.fd(), kDiscovery.data(), kDiscovery.size(), 0,
+  const ssize_t sent = broadcast ? sendto(fd, kDiscovery.data(), kDiscovery.size(), 0,
                                           reinterpret_cast<const sockaddr*>(&to), sizeof to)
-                                 : send(socket.fd(), kDiscovery.data(), kDiscovery.size(), 0);
+                                 : send(fd, kDiscovery.data(), kDiscovery.size(), 0);
   if (sent < 0) return failed("send");
 
   std::vector<FoundCamera> found;
@@ -142,10 +129,10 @@ absl::StatusOr<std::vector<FoundCamera>> Ask(in_addr local, in_addr remote, bool
        ++answers) {
     const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
         deadline - std::chrono::steady_clock::now());
-    pollfd waiting{socket.fd(), POLLIN, 0};
+    pollfd waiting{fd, POLLIN, 0};
     if (left.count() <= 0 || poll(&waiting, 1, static_cast<int>(left.count())) <= 0) break;
     char answer[2048];
-    const ssize_t size = recv(socket.fd(), answer, sizeof answer, MSG_DONTWAIT);
+    const ssize_t size = recv(fd, answer, sizeof answer, MSG_DONTWAIT);
     if (size < 0) break;  // nobody listens there
     absl::StatusOr<FoundCamera> camera = ParseDiscoveryAnswer({answer, static_cast<size_t>(size)});
     if (camera.ok()) found.push_back(*std::move(camera));

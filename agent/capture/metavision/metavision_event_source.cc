@@ -2,13 +2,13 @@
 #include "agent/capture/metavision/metavision_event_source.h"
 
 #include <spdlog/spdlog.h>
-#include <time.h>
 
 #include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "agent/capture/camera_status.h"
 #include "common/camera/intrinsics_file.h"
 #include "common/status/status_macros.h"
 
@@ -21,26 +21,14 @@ constexpr size_t kLongestPiece = size_t{1} << 20;  // whole words of every forma
 constexpr std::chrono::milliseconds kPoll(1);
 constexpr std::chrono::seconds kSilence(5);
 
-int64_t NowNs(clockid_t clock) {
-  timespec now{};
-  clock_gettime(clock, &now);
-  return int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
-
-absl::Status Named(const MetavisionSourceOptions& options, const absl::Status& status) {
-  return absl::Status(status.code(),
-                      absl::StrCat("camera ", options.camera, ": ", std::string(status.message())));
-}
-
 absl::StatusOr<MetavisionRequest> MakeRequest(const MetavisionSourceOptions& options) {
   MetavisionRequest request{.camera = options.camera,
                             .serial = options.serial,
                             .config = {},
                             .trigger_channel = options.trigger_channel};
   if (!options.settings_path.empty()) {
-    absl::StatusOr<EventCameraConfig> config = ReadEventCameraConfig(options.settings_path);
-    if (!config.ok()) return Named(options, config.status());
-    request.config = *std::move(config);
+    RIGCAL_ASSIGN_OR_RETURN(request.config,
+                            OfCamera(options.camera, ReadEventCameraConfig(options.settings_path)));
   }
   if (options.sync) request.config.sync = options.sync;
   if (options.uses_triggers && request.config.trigger_in.empty()) {
@@ -70,16 +58,16 @@ absl::StatusOr<CameraDescription> Describe(const MetavisionSourceOptions& option
   description.camera = options.camera;
   description.image_size_px = {identity.geometry.width, identity.geometry.height};
   if (!options.calibration_path.empty()) {
-    absl::StatusOr<IntrinsicsFile> calibration = ReadIntrinsicsFile(options.calibration_path);
-    if (!calibration.ok()) return Named(options, calibration.status());
-    const ImageSize calibrated_px = calibration->image_size_px;
+    RIGCAL_ASSIGN_OR_RETURN(IntrinsicsFile calibration,
+                            OfCamera(options.camera, ReadIntrinsicsFile(options.calibration_path)));
+    const ImageSize calibrated_px = calibration.image_size_px;
     if (calibrated_px != description.image_size_px) {
       return absl::FailedPreconditionError(absl::StrCat(
           "camera ", options.camera, ": the sensor has ", identity.geometry.width, "x",
           identity.geometry.height, " pixels, but ", options.calibration_path, " is for ",
           calibrated_px.width, "x", calibrated_px.height, "; name the camera's own calibration"));
     }
-    description.intrinsics = std::move(calibration->intrinsics);
+    description.intrinsics = std::move(calibration.intrinsics);
   }
   description.clock = {.clock_id = options.clock_id.empty() ? options.camera : options.clock_id,
                        .timebase = ""};
@@ -188,7 +176,7 @@ void MetavisionEventSource::BeginStream() {
   }
   if (!WaitUntil(begins_at_)) return;
   joiner_.emplace(WordBytes(identity_.format));
-  timer_.emplace(identity_.format, identity_.halves_swapped, identity_.geometry);
+  timer_.emplace(MakeEventDecoder(identity_.format, identity_.halves_swapped, identity_.geometry));
   last_time_us_ = 0;
   clock_ = DeviceClock();
   if (const absl::Status status = device_->Start(); !status.ok()) return Lose(status);
@@ -258,8 +246,8 @@ void MetavisionEventSource::FollowClock() {
   // A secondary camera that waits for its primary stands still.
   if (now_us != last_time_us_) {
     arrival_ = FrameArrival{.device_ns = now_us * 1000,
-                            .host_monotonic_ns = NowNs(CLOCK_MONOTONIC),
-                            .host_utc_ns = NowNs(CLOCK_REALTIME)};
+                            .host_monotonic_ns = MonotonicNowNs(),
+                            .host_utc_ns = UtcNowNs()};
   }
   last_time_us_ = now_us;
 }

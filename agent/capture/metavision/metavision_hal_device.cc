@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_join.h"
+#include "agent/capture/camera_status.h"
 #include "agent/capture/metavision/metavision_device.h"
 #include "agent/capture/metavision/metavision_hal_errors.h"
 #include "agent/capture/metavision/metavision_hal_settings.h"
@@ -205,10 +206,7 @@ absl::StatusOr<std::unique_ptr<MetavisionDevice>> OpenMetavisionDevice(
   absl::StatusOr<std::unique_ptr<MetavisionDevice>> device = absl::UnknownError("");
   const absl::Status thrown =
       WithoutExceptions("cannot set it up", [&] { device = Open(request); });
-  const absl::Status& status = thrown.ok() ? device.status() : thrown;
-  if (status.ok()) return device;
-  return absl::Status(status.code(),
-                      absl::StrCat("camera ", request.camera, ": ", std::string(status.message())));
+  return OfCamera(request.camera, thrown.ok() ? std::move(device) : thrown);
 }
 
 }  // namespace rigcal::agent

@@ -41,9 +41,7 @@ absl::Status SetSync(Metavision::Device& device, EventCameraSync sync) {
 }
 
 std::string DescribeBiases(const std::map<std::string, int>& biases) {
-  std::vector<std::string> parts;
-  for (const auto& [name, value] : biases) parts.push_back(absl::StrCat(name, " = ", value));
-  return parts.empty() ? "none" : absl::StrJoin(parts, ", ");
+  return biases.empty() ? "none" : absl::StrJoin(biases, ", ", absl::PairFormatter(" = "));
 }
 
 absl::Status SetBias(Metavision::I_LL_Biases& facility, const std::string& name, int value,

@@ -71,7 +71,8 @@ absl::Status RawEventSource::Start(const Target&) {
                           OfCamera(options_.camera, OpenEventFile(options_.path, options_.plain)));
   const SensorGeometry geometry{description_.image_size_px.width,
                                 description_.image_size_px.height};
-  timer_.emplace(file_->header().format, file_->header().halves_swapped, geometry);
+  timer_.emplace(
+      MakeEventDecoder(file_->header().format, file_->header().halves_swapped, geometry));
   pacer_.Start();
   return absl::OkStatus();
 }

@@ -11,7 +11,6 @@
 #include "agent/capture/event_timer.h"
 #include "agent/capture/paced_source.h"
 #include "agent/capture/recorded/recording_options.h"
-#include "agent/event/event_decoder.h"
 #include "agent/event/event_source.h"
 #include "agent/event_files/event_file.h"
 

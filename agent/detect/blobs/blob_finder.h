@@ -53,6 +53,7 @@ class BlobFinder {
   // black. The result is valid until the next call. An image without pixels has no blobs.
   const BlobResult& Find(const ImageView& image, PixelRect window);
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
+  const BlobResult& result() const { return result_; }  // of the last Find
 
  private:
   BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}

@@ -22,23 +22,22 @@ constexpr int kMinBeside = 3, kHoleBeside = 6;
 
 void BurstMeasurer::Measure(const BlinkPeriod& blink, const ComponentSums& seeds,
                             const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
-  const Burst burst = FindBurst(blink, seeds, surface);
-  if (!burst.found) return;
+  const std::optional<double> burst = FindBurst(blink, seeds, surface);
+  if (!burst) return;
   const double jitter = kJitterShare * blink.period;
-  const auto oldest = static_cast<uint32_t>(std::lround(burst.start_units + jitter));
-  const auto newest =
-      static_cast<uint32_t>(std::max(0L, std::lround(burst.start_units - blink.lit)));
+  const auto oldest = static_cast<uint32_t>(std::lround(*burst + jitter));
+  const auto newest = static_cast<uint32_t>(std::max(0L, std::lround(*burst - blink.lit)));
   Grow(blink, seeds, surface, newest, oldest);
   Smooth();
   if (static_cast<int>(lit_.size()) < min_pixels_) return;
-  if (!IsLong(ShapeOf(lit_))) return AddBlob(blink, &lit_, burst, surface, blobs);
+  if (!IsLong(ShapeOf(lit_))) return AddBlob(blink, &lit_, *burst, surface, blobs);
   for (PixelList part : splitter_.Split(lit_, min_pixels_)) {
-    AddBlob(blink, &part, burst, surface, blobs);
+    AddBlob(blink, &part, *burst, surface, blobs);
   }
 }
 
-BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
-                                              const BlinkSurface& surface) {
+std::optional<double> BurstMeasurer::FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
+                                               const BlinkSurface& surface) {
   const uint32_t now = surface.now();
   ages_.clear();
   double gaps = 0;
@@ -50,15 +49,14 @@ BurstMeasurer::Burst BurstMeasurer::FindBurst(const BlinkPeriod& blink, const Co
       gaps += row[x] >> 4 & BlinkRules::kMaxGap;
     }
   }
-  Burst burst;
-  if (ages_.empty()) return burst;
-  burst.period_us = gaps / static_cast<double>(ages_.size()) * (1 << surface.shift);
-  if (std::abs(burst.period_us / blink.period_us - 1) > blink.band_rel) return burst;
+  if (ages_.empty()) return std::nullopt;
+  // Between the last two bursts, mean over the pixels.
+  const double period_us = gaps / static_cast<double>(ages_.size()) * (1 << surface.shift);
+  if (std::abs(period_us / blink.period_us - 1) > blink.band_rel) return std::nullopt;
   // Pixels whose burst is just over and those whose next one has begun are a period apart: the
   // newest burst that most pixels took part in.
-  burst.start_units = UpperMedian(&ages_);
-  burst.found = burst.start_units >= 0;
-  return burst;
+  const double start_units = UpperMedian(&ages_);
+  return start_units >= 0 ? std::optional(start_units) : std::nullopt;
 }
 
 void BurstMeasurer::Grow(const BlinkPeriod& blink, const ComponentSums& seeds,
@@ -128,13 +126,12 @@ void BurstMeasurer::Smooth() {
   std::swap(lit_, smoothed_);
 }
 
-void BurstMeasurer::AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
+void BurstMeasurer::AddBlob(const BlinkPeriod& blink, PixelList* pixels, double burst_units,
                             const BlinkSurface& surface, std::vector<BlinkBlob>* blobs) {
   BlinkBlob blob{MarkerShapeOf(pixels)};
   const double unit_us = 1 << surface.shift;
-  blob.time_us = unit_us * (static_cast<double>(surface.now()) - burst.start_units +
+  blob.time_us = unit_us * (static_cast<double>(surface.now()) - burst_units +
                             0.5 * static_cast<double>(blink.lit));
-  blob.period_us = burst.period_us;
   blob.frequency = blink.index;
   blob.touches_border = blob.box.x == 0 || blob.box.y == 0 ||
                         blob.box.x + blob.box.width == static_cast<int>(surface.geometry.width) ||

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/event/blink_period.h"
 #include "agent/detect/event/disc_splitter.h"
@@ -9,9 +11,8 @@ namespace rigcal::agent {
 
 // A marker in one burst of light; its area is that of the pixels that lit up.
 struct BlinkBlob : Blob {
-  double time_us = 0;    // the sensor's clock, lower 32 bits: when the marker was at the centre
-  double period_us = 0;  // between the last two bursts, mean over the pixels
-  int frequency = 0;     // which of BlinkFilterOptions::blink_hz that is
+  double time_us = 0;  // the sensor's clock, lower 32 bits: when the marker was at the centre
+  int frequency = 0;   // which of BlinkFilterOptions::blink_hz that is
 };
 
 // From a group of seeds to the markers there, as they were in the last burst that is over. Buffers
@@ -28,20 +29,16 @@ class BurstMeasurer {
                std::vector<BlinkBlob>* blobs);
 
  private:
-  struct Burst {
-    double start_units = 0;  // before `now`
-    double period_us = 0;
-    bool found = false;
-  };
-  Burst FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
-                  const BlinkSurface& surface);
+  // Units before `now`; none: the seeds had no burst of this blink.
+  std::optional<double> FindBurst(const BlinkPeriod& blink, const ComponentSums& seeds,
+                                  const BlinkSurface& surface);
   // The pixels that lit up between these ages and are connected with a seed, into lit_.
   void Grow(const BlinkPeriod& blink, const ComponentSums& seeds, const BlinkSurface& surface,
             uint32_t newest, uint32_t oldest);
   bool IsSeedOfAnother(const BlinkPeriod& blink, uint32_t state, uint32_t now) const;
   // Drops from lit_ what hangs on by a pixel or two, and fills in pixels that were dead: noise.
   void Smooth();
-  static void AddBlob(const BlinkPeriod& blink, PixelList* pixels, const Burst& burst,
+  static void AddBlob(const BlinkPeriod& blink, PixelList* pixels, double burst_units,
                       const BlinkSurface& surface, std::vector<BlinkBlob>* blobs);
 
   std::vector<BlinkPeriod> blinks_;

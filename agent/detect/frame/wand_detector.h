@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
 
+#include "agent/detect/blobs/blob_splitter.h"
+#include "agent/detect/frame/wand_track.h"
 #include "agent/identify/detection.h"
-#include "agent/identify/wand_finder.h"
+#include "agent/identify/wand_verifier.h"
 
 namespace rigcal::agent {
 
@@ -28,13 +32,9 @@ class WandDetector {
   // INVALID_ARGUMENT: options, target or camera not valid; names the camera.
   static absl::StatusOr<WandDetector> Create(const WandDetectorOptions& options,
                                              const Target& target, const CameraDescription& camera);
-  WandDetector(WandDetector&&) noexcept;
-  WandDetector& operator=(WandDetector&&) noexcept;
-  ~WandDetector();
 
-  // Pixels that never belong to a marker from now on (StaticMask). INVALID_ARGUMENT: not of the
-  // images' size.
-  absl::Status SetIgnored(PixelMask ignored);
+  // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
+  void SetIgnored(PixelMask ignored) { blob_finder_.SetIgnored(std::move(ignored)); }
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image
@@ -42,13 +42,31 @@ class WandDetector {
   absl::StatusOr<Detection> Detect(const ImageView& image, int64_t time_ns, uint32_t clock_epoch);
 
   // Window and blobs of the last Detect; valid until the next call.
-  PixelRect window() const;
-  absl::Span<const Blob> blobs() const;
+  PixelRect window() const { return window_; }
+  absl::Span<const Blob> blobs() const { return blob_finder_.result().blobs; }
 
  private:
-  struct Impl;
-  explicit WandDetector(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  WandDetector(const WandDetectorOptions& options, const Target& target,
+               const CameraDescription& camera, BlobFinder blob_finder);
+  Verdict Search(const ImageView& image, const PixelRect& part);
+  std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
+                                            uint32_t clock_epoch);
+  MarkerObservation Observe(const VerifiedWand& wand, size_t marker) const;
+  void Follow(const VerifiedWand& wand, Detection* detection);
+  DetectionOutcome WhyNone(const ImageView& image, const Verdict& verdict) const;
+
+  WandDetectorOptions options_;
+  Target target_;
+  CameraDescription camera_;
+  BlobFinder blob_finder_;
+  WandFinder wand_finder_;
+  WandVerifier verifier_;
+  double light_sigma_s_;
+  WandTrack track_;
+  PixelRect window_;
+  BlobSplitter splitter_;
+  std::vector<Blob> standing_out_;  // of the blobs or their pieces
+  std::vector<bool> cut_;           // of these: the window may have cut it
 };
 
 }  // namespace rigcal::agent

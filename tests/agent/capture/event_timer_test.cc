@@ -23,7 +23,7 @@ std::vector<uint8_t> LittleEndian(std::initializer_list<Word> words) {
 }
 
 TEST(EventTimer, FollowsEvt3OverItsOverflow) {
-  EventTimer timer(EventFormat::kEvt3, false, kGeometry);
+  EventTimer timer(MakeEventDecoder(EventFormat::kEvt3, false, kGeometry));
   Evt3Writer writer;
   for (int64_t time_us = 16'700'000; time_us < 16'900'000; time_us += 2000) {
     std::vector<uint8_t> bytes;
@@ -34,14 +34,14 @@ TEST(EventTimer, FollowsEvt3OverItsOverflow) {
 }
 
 TEST(EventTimer, FollowsEvt2) {
-  EventTimer timer(EventFormat::kEvt2, false, kGeometry);
+  EventTimer timer(MakeEventDecoder(EventFormat::kEvt2, false, kGeometry));
   timer.Take(LittleEndian<uint32_t>({0x80000010u}));
   EXPECT_EQ(timer.time_us(), 16 << 6);
 }
 
 TEST(EventTimer, FollowsBothOrdersOfEvt21) {
   for (const bool swapped : {false, true}) {
-    EventTimer timer(EventFormat::kEvt21, swapped, kGeometry);
+    EventTimer timer(MakeEventDecoder(EventFormat::kEvt21, swapped, kGeometry));
     timer.Take(
         LittleEndian<uint64_t>({swapped ? uint64_t{0x80000010u} : uint64_t{0x80000010u} << 32}));
     EXPECT_EQ(timer.time_us(), 16 << 6) << swapped;

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "agent/capture/recorded/csv_line.h"
+#include "agent/event_files/event_file_writer.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -27,7 +28,7 @@ Observation SomeObservation() {
 
 TEST(MarkerCsvLine, IsWhatTheCsvSourceReads) {
   const std::string line = MarkerCsvLine(SomeObservation());
-  EXPECT_EQ(line, "1699999999123456789;12.34567;1023.99999;-1;-1;0.00000;-0.25000");
+  EXPECT_EQ(line, "1699999999123456789;12.34567;1023.99999;-1;-1;0.00000;-0.25000\n");
   Observation read;
   ASSERT_FALSE(ParseCsvLine(line, 3, 0.5, &read).has_value());
   EXPECT_EQ(read.time_ns, 1699999999123456789);
@@ -37,10 +38,12 @@ TEST(MarkerCsvLine, IsWhatTheCsvSourceReads) {
   EXPECT_NEAR(read.markers[2].centre_px.y(), -0.25, 1e-9);
 }
 
-TEST(WriteMarkerCsv, SaysWhereItCannotWrite) {
+TEST(MarkerCsvLine, SaysWhereItCannotBeWritten) {
   ASSERT_OK_AND_ASSIGN(OutputFile full, OutputFile::Create("/dev/full"));
   absl::Status status;
-  for (int i = 0; i < 1000 && status.ok(); ++i) status = WriteMarkerCsv(SomeObservation(), &full);
+  for (int i = 0; i < 1000 && status.ok(); ++i) {
+    status = full.Write(MarkerCsvLine(SomeObservation()));
+  }
   EXPECT_THAT(status, StatusIs(absl::StatusCode::kDataLoss, ::testing::HasSubstr("/dev/full")));
 }
 

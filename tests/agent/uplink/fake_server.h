@@ -80,7 +80,7 @@ class FakeServer : public v1::IngestService::CallbackService {
 
   // On the newest connection.
   void StartCapture(const std::string& session_id, const std::vector<std::string>& cameras,
-                    uint32_t stream_epoch = 1);
+                    uint32_t stream_epoch = 7);
   void StopCapture(const std::string& session_id);
   void Send(v1::ConnectResponse message);
   void Disconnect(const grpc::Status& status);

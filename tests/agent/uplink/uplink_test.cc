@@ -29,8 +29,8 @@ using ::testing::IsEmpty;
 using ::testing::SizeIs;
 using State = FakeServer::State;
 
-const StreamKey kLeft{"s-1", "left", 1};
-const StreamKey kRight{"s-1", "right", 1};
+const StreamKey kLeft{"s-1", "left", 7};
+const StreamKey kRight{"s-1", "right", 7};
 constexpr milliseconds kPatience{30'000};
 
 UplinkOptions QuickOptions() {
@@ -103,7 +103,7 @@ TEST_F(UplinkTest, SaysWhoItIsAndWhichCamerasItHas) {
   ASSERT_EQ(hello.cameras_size(), 2);
   EXPECT_EQ(hello.cameras(0).description().camera(), "left");
   EXPECT_EQ(hello.cameras(0).description().clock().clock_id(), "left");
-  EXPECT_EQ(hello.cameras(0).stream_epoch(), 1u);
+  EXPECT_EQ(hello.cameras(0).stream_epoch(), 7u);
   EXPECT_EQ(hello.cameras(1).description().camera(), "right");
   EXPECT_EQ(hello.pending_size(), 0);
 }
@@ -177,7 +177,7 @@ TEST_F(UplinkTest, GoesOnBehindWhatIsDurableAfterALostConnection) {
   ASSERT_EQ(hello.pending_size(), 1);
   EXPECT_EQ(hello.pending(0).session_id(), "s-1");
   EXPECT_EQ(hello.pending(0).camera(), "left");
-  EXPECT_EQ(hello.pending(0).stream_epoch(), 1u);
+  EXPECT_EQ(hello.pending(0).stream_epoch(), 7u);
   left_->YieldEnd();
   const State state = WaitForEnd(kLeft);
   ExpectRows(state.At(kLeft), 500);
@@ -293,8 +293,8 @@ TEST_F(UplinkTest, DropsASessionTheServerNoLongerKnows) {
   left_->WaitUntilStarted(2);
   left_->YieldRows(0, 3);
   left_->YieldEnd();
-  const State state = WaitForEnd({"s-2", "left", 1});
-  ExpectRows(state.At({"s-2", "left", 1}), 3);
+  const State state = WaitForEnd({"s-2", "left", 7});
+  ExpectRows(state.At({"s-2", "left", 7}), 3);
   EXPECT_EQ(state.At(kLeft).times_received.at(10), 1u);
 }
 
@@ -443,7 +443,7 @@ TEST_F(UplinkTest, EndsACaptureWhoseSessionEndedWhileTheServerWasAway) {
   left_->WaitUntilStarted(2);
   EXPECT_EQ(WaitForEnd(kLeft).At(kLeft).end->last_seq, 0u);
   left_->YieldEnd();
-  WaitForEnd({"s-2", "left", 1});
+  WaitForEnd({"s-2", "left", 7});
 }
 
 TEST_F(UplinkTest, LetsASecondCaptureOfACameraWaitForTheFirst) {
@@ -455,7 +455,7 @@ TEST_F(UplinkTest, LetsASecondCaptureOfACameraWaitForTheFirst) {
   // A session that stops before its turn comes has its end at once.
   server_.StartCapture("s-3", {"left"});
   server_.StopCapture("s-3");
-  EXPECT_EQ(WaitForEnd({"s-3", "left", 1}).At({"s-3", "left", 1}).end->last_seq, 0u);
+  EXPECT_EQ(WaitForEnd({"s-3", "left", 7}).At({"s-3", "left", 7}).end->last_seq, 0u);
   EXPECT_EQ(left_->starts(), 1);
   left_->YieldRows(0, 2);
   left_->YieldEnd();
@@ -463,7 +463,7 @@ TEST_F(UplinkTest, LetsASecondCaptureOfACameraWaitForTheFirst) {
   left_->WaitUntilStarted(2);
   left_->YieldRows(0, 1);
   left_->YieldEnd();
-  ExpectRows(WaitForEnd({"s-2", "left", 1}).At({"s-2", "left", 1}), 1);
+  ExpectRows(WaitForEnd({"s-2", "left", 7}).At({"s-2", "left", 7}), 1);
 }
 
 TEST_F(UplinkTest, NumbersBehindWhatAnEarlierLifeHasDelivered) {
@@ -478,7 +478,7 @@ TEST_F(UplinkTest, NumbersBehindWhatAnEarlierLifeHasDelivered) {
   v1::StreamPosition* position = command->add_cameras();
   position->mutable_stream()->set_session_id("s-1");
   position->mutable_stream()->set_camera("left");
-  position->mutable_stream()->set_stream_epoch(1);
+  position->mutable_stream()->set_stream_epoch(7);
   position->set_durable_seq(40);
   position->set_send_limit_seq(1000);
   server_.Send(message);
@@ -504,7 +504,7 @@ TEST_F(UplinkTest, IgnoresCommandsForWhatItDoesNotHave) {
   v1::ConnectResponse stray_ack;
   stray_ack.mutable_ack()->set_session_id("s-9");
   stray_ack.mutable_ack()->set_camera("left");
-  stray_ack.mutable_ack()->set_stream_epoch(1);
+  stray_ack.mutable_ack()->set_stream_epoch(7);
   stray_ack.mutable_ack()->set_complete(true);
   server_.Send(stray_ack);
   v1::ConnectResponse stray_pong;

@@ -119,7 +119,6 @@ TEST(BlinkFilter, FindsADiscThatStandsStill) {
   ASSERT_THAT(blobs, SizeIs(1));
   EXPECT_LT((blobs[0].centre_px - scene.start_px).norm(), 0.1);
   EXPECT_NEAR(blobs[0].area_px, M_PI * 144, 20);
-  EXPECT_NEAR(blobs[0].period_us, kPeriodUs, 30);
   // Lit from 30 000 to 31 000.
   EXPECT_NEAR(blobs[0].time_us, 30'500, 40);
 }
@@ -219,7 +218,6 @@ TEST(BlinkFilter, TellsFrequenciesApart) {
     const std::vector<BlinkBlob> blobs = Feed(&filter, events, t);
     ASSERT_THAT(FrequenciesOf(blobs), ElementsAre(0, 1, 2)) << t;
     for (size_t i = 0; i < 3; ++i) {
-      EXPECT_NEAR(blobs[i].period_us, 1e6 / hz[i], 60) << t;  // events are up to 50 late
       EXPECT_LT((blobs[i].centre_px - discs[i].CentreAt(blobs[i].time_us)).norm(), 0.4) << t;
       // All near one time.
       EXPECT_NEAR(blobs[i].time_us, t - 2000, 1400) << t;

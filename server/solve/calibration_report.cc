@@ -11,7 +11,6 @@
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/diagnose/findings.h"
 #include "server/solve/evaluate/error_figures.h"
-#include "server/solve/evaluate/length_error.h"
 #include "server/solve/evaluate/quality_gate.h"
 #include "server/solve/observation_digest.h"
 

@@ -3,11 +3,34 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/geometry/marker_rays.h"
+#include "server/solve/geometry/triangulation.h"
 
 namespace rigcal::server {
+namespace {
+
+using MarkerPoints = std::vector<std::optional<Eigen::Vector3d>>;
+
+MarkerPoints TriangulateMarkers(const BundleProblem& problem,
+                                const std::vector<Intrinsics>& intrinsics,
+                                const BundleInstant& instant, int min_cameras) {
+  std::vector<std::vector<CameraRay>> views(problem.target.marker_positions_m.size());
+  for (const MarkerRay& seen : UsedMarkerRays(problem, intrinsics, instant)) {
+    if (seen.has_ray) views[static_cast<size_t>(seen.marker)].push_back(seen.ray);
+  }
+  MarkerPoints points(views.size());
+  for (size_t m = 0; m < views.size(); ++m) {
+    if (static_cast<int>(views[m].size()) >= min_cameras) points[m] = Triangulate(views[m]);
+  }
+  return points;
+}
+
+}  // namespace
+
 ErrorFigures Figures(std::vector<double> errors_px) {
   ErrorFigures figures;
   if (errors_px.empty()) return figures;
@@ -49,6 +72,53 @@ std::vector<Residuals> ComputeResiduals(const BundleProblem& problem) {
     residuals[c].inlier = Figures(std::move(inlier[c]));
   }
   return residuals;
+}
+
+LengthErrors MeasureLengths(const BundleProblem& problem,
+                            const std::vector<double>& expected_positions_m, int min_cameras) {
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
+  LengthErrors errors(expected_positions_m.empty() ? 0 : expected_positions_m.size() - 1);
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    const MarkerPoints points = TriangulateMarkers(problem, intrinsics, instant, min_cameras);
+    for (size_t m = 0; m + 1 < points.size(); ++m) {
+      if (!points[m] || !points[m + 1]) continue;
+      const double expected_m = expected_positions_m[m + 1] - expected_positions_m[m];
+      errors[m].push_back((*points[m + 1] - *points[m]).norm() - expected_m);
+    }
+  }
+  return errors;
+}
+
+std::vector<SpanError> SummariseSpans(const LengthErrors& errors,
+                                      const std::vector<double>& expected_positions_m) {
+  std::vector<SpanError> spans;
+  for (size_t s = 0; s < errors.size(); ++s) {
+    SpanError span;
+    span.length_m = expected_positions_m[s + 1] - expected_positions_m[s];
+    span.count = static_cast<uint32_t>(errors[s].size());
+    double sum = 0, squares = 0;
+    for (const double error : errors[s]) {
+      sum += error;
+      squares += error * error;
+    }
+    if (span.count > 0) {
+      span.mean_error_m = sum / span.count;
+      span.error_rms_m = std::sqrt(squares / span.count);
+    }
+    spans.push_back(span);
+  }
+  return spans;
+}
+
+double OverallRms(const LengthErrors& errors) {
+  double squares = 0;
+  size_t count = 0;
+  for (const std::vector<double>& span : errors) {
+    for (const double error : span) squares += error * error;
+    count += span.size();
+  }
+  return count == 0 ? 0 : std::sqrt(squares / static_cast<double>(count));
 }
 
 }  // namespace rigcal::server

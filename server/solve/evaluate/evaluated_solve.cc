@@ -268,9 +268,6 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
   result.options.estimate_time_rates = first.estimate_time_rates;
   result.options.own_rates = first.own_rates;
-  RigSolveOptions chosen_from = base;
-  chosen_from.estimate_time_rates = first.estimate_time_rates;
-  chosen_from.own_rates = first.own_rates;
   const RigInitialization initial = InitializationFrom(result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
@@ -282,7 +279,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
     fold_options.progress = AllAs(CalibrationStage::kEvaluating, base);
     if (choose) {
       RIGCAL_ASSIGN_OR_RETURN(const IntrinsicsScores own,
-                              ScoreIntrinsics(rig, initial, blocks, chosen_from, fold));
+                              ScoreIntrinsics(rig, initial, blocks, result.options, fold));
       fold_options.refine_intrinsics = own.RefinedPays();
       scores.Add(own);
     }

@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "server/solve/evaluate/length_error.h"
+#include "server/solve/evaluate/error_figures.h"
 #include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {

@@ -3,15 +3,57 @@
 
 #include <SQLiteCpp/SQLiteCpp.h>
 
+#include <cstdint>
+#include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/types/span.h"
-#include "server/store/sqlite/count_changes.h"
 #include "server/store/sqlite/stream_cache.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
+
+// Collects what one transaction adds to the counts of cameras, so that each row of counts is
+// written once however many batches it holds. May throw SQLite::Exception.
+class CountChanges {
+ public:
+  explicit CountChanges(SQLite::Database& database);
+
+  // Observations that were newly stored; refused ones not among them.
+  void AddRows(int64_t camera_id, uint32_t clock_epoch, uint32_t observations, uint32_t wands,
+               bool late);
+  // `first_seq`: of the lowest one counted. The example that stays is of the lowest (stream_epoch,
+  // seq) of all, so that it does not depend on the order of arrival.
+  void AddRefusal(int64_t camera_id, RefusalReason reason, uint32_t count, uint32_t stream_epoch,
+                  uint32_t first_seq, std::string_view detail);
+  // Writes everything collected.
+  void Flush();
+  // Drops everything collected.
+  void Clear() { cameras_.clear(); }
+
+ private:
+  struct RefusalChange {
+    uint64_t count = 0;
+    uint32_t stream_epoch = 0;
+    uint32_t seq = 0;
+    std::string detail;
+  };
+  struct CameraChange {
+    uint64_t observations = 0;
+    uint64_t wands = 0;
+    uint64_t late = 0;
+    std::map<uint32_t, uint64_t> clock_epochs;
+    std::map<RefusalReason, RefusalChange> refusals;
+  };
+  void FlushCamera(int64_t camera_id, const CameraChange& change);
+
+  SQLite::Statement add_to_camera_;
+  SQLite::Statement add_to_clock_epoch_;
+  SQLite::Statement add_refusal_;
+  std::map<int64_t, CameraChange> cameras_;
+};
 
 // Adds deliveries to streams: Store::Append within a transaction of the caller's. Its functions may
 // throw SQLite::Exception.

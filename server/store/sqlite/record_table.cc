@@ -2,44 +2,23 @@
 #include "server/store/sqlite/record_table.h"
 
 namespace rigcal::server {
-namespace {
-
-struct OrderSql {
-  const char* by;
-  const char* after;  // condition for rows after a position
-};
-
-OrderSql SqlOf(RecordOrder order) {
-  switch (order) {
-    case RecordOrder::kNewestFirst:
-      return {"number DESC", "number<?"};
-    case RecordOrder::kOldestFirst:
-      return {"number", "number>?"};
-    case RecordOrder::kIdAscending:
-      return {"id", "id>?"};
-    case RecordOrder::kIdDescending:
-      return {"id DESC", "id<?"};
-  }
-  return {"number DESC", "number<?"};
-}
-
-}  // namespace
 
 SQLite::Statement SelectRecords(SQLite::Database& database, const char* table,
                                 std::vector<RecordCondition> conditions, const ListPage& page) {
-  const OrderSql order = SqlOf(page.order);
+  const bool by_number =
+      page.order == RecordOrder::kNewestFirst || page.order == RecordOrder::kOldestFirst;
+  const bool descending =
+      page.order == RecordOrder::kNewestFirst || page.order == RecordOrder::kIdDescending;
+  const std::string column = by_number ? "number" : "id";
   if (page.after) {
-    if (page.order == RecordOrder::kNewestFirst || page.order == RecordOrder::kOldestFirst) {
-      conditions.push_back({order.after, page.after->time});
-    } else {
-      conditions.push_back({order.after, std::string_view(page.after->id)});
-    }
+    conditions.push_back({column + (descending ? "<?" : ">?"), std::string_view(page.after->id)});
+    if (by_number) conditions.back().value = page.after->time;
   }
   std::string sql = absl::StrCat("SELECT id, body, checksum, number FROM ", table);
   for (size_t i = 0; i < conditions.size(); ++i) {
     absl::StrAppend(&sql, i == 0 ? " WHERE " : " AND ", conditions[i].sql);
   }
-  absl::StrAppend(&sql, " ORDER BY ", order.by, " LIMIT ", page.limit);
+  absl::StrAppend(&sql, " ORDER BY ", column, descending ? " DESC" : "", " LIMIT ", page.limit);
   SQLite::Statement query(database, sql);
   int index = 0;
   for (const RecordCondition& condition : conditions) {

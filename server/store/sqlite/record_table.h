@@ -23,7 +23,7 @@ namespace rigcal::server {
 
 // A condition of a query, with the value of its `?`.
 struct RecordCondition {
-  const char* sql;
+  std::string sql;
   std::variant<int64_t, std::string_view> value;
 };
 

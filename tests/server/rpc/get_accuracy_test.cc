@@ -1,17 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/rpc/accuracy_messages.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "common/wire/calibration_wire.h"
 #include "common/wire/grpc_status.h"
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::server::accuracy_messages_test {
+namespace rigcal::server::get_accuracy_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
@@ -22,7 +19,7 @@ using ::testing::HasSubstr;
 // 1 mm along x.
 Calibration TwoCameras() {
   Calibration calibration;
-  calibration.id = "c-000007";
+  calibration.rig = "default";
   calibration.state = CalibrationState::kSucceeded;
   CalibrationResult result;
   result.scale_known = true;
@@ -37,6 +34,7 @@ Calibration TwoCameras() {
   }
   result.camera_covariance.assign(21, 0);
   result.camera_covariance[9] = 1e-6;  // row 3, column 3
+  result.target.given.marker_positions_m = {0, 0.13, 0.39};
   result.target.scale_sigma_rel = 0.01;
   result.wand_volume = WandVolume{{0, -1, 4}, {2, 1, 6}};
   calibration.result = result;
@@ -52,10 +50,30 @@ v1::GetAccuracyRequest AtPoint(double x, double y, double z) {
   return request;
 }
 
-TEST(AccuracyMessages, PointBetweenTwoCameras) {
+class GetAccuracy : public rigcal::testing::RpcFixture {
+ protected:
+  absl::StatusOr<v1::GetAccuracyResponse> Ask(const v1::GetAccuracyRequest& request) {
+    const auto stub = v1::CalibrationService::NewStub(channel());
+    grpc::ClientContext context;
+    v1::GetAccuracyResponse response;
+    const absl::Status status = wire::FromGrpc(stub->GetAccuracy(&context, request, &response));
+    if (!status.ok()) return status;
+    return response;
+  }
+  // Of a calibration that is in the store.
+  absl::StatusOr<v1::GetAccuracyResponse> AccuracyOf(const Calibration& calibration,
+                                                     v1::GetAccuracyRequest request) {
+    const absl::StatusOr<Calibration> stored = store().CreateCalibration(calibration);
+    if (!stored.ok()) return stored.status();
+    request.set_id(stored->id);
+    return Ask(request);
+  }
+};
+
+TEST_F(GetAccuracy, PointBetweenTwoCameras) {
   ASSERT_OK_AND_ASSIGN(const v1::GetAccuracyResponse response,
                        AccuracyOf(TwoCameras(), AtPoint(1, 0, 5)));
-  EXPECT_EQ(response.id(), "c-000007");
+  EXPECT_EQ(response.id(), "c-000001");
   EXPECT_EQ(response.sigma_px(), 0.3);
   EXPECT_EQ(response.grid_step_m(), 0);
   ASSERT_EQ(response.points_size(), 1);
@@ -74,7 +92,7 @@ TEST(AccuracyMessages, PointBetweenTwoCameras) {
   EXPECT_EQ(response.shape().count(), 1u);
 }
 
-TEST(AccuracyMessages, PointThatNobodySeesHasNoError) {
+TEST_F(GetAccuracy, PointThatNobodySeesHasNoError) {
   ASSERT_OK_AND_ASSIGN(const v1::GetAccuracyResponse response,
                        AccuracyOf(TwoCameras(), AtPoint(1, 0, -5)));
   ASSERT_EQ(response.points_size(), 1);
@@ -84,7 +102,7 @@ TEST(AccuracyMessages, PointThatNobodySeesHasNoError) {
   EXPECT_FALSE(response.shape().has_worst_point_m());
 }
 
-TEST(AccuracyMessages, GridAndPointsTogether) {
+TEST_F(GetAccuracy, GridAndPointsTogether) {
   v1::GetAccuracyRequest request = AtPoint(1, 0, 5);
   request.set_grid_step_m(0.5);
   request.set_sigma_px(1);
@@ -95,7 +113,7 @@ TEST(AccuracyMessages, GridAndPointsTogether) {
   EXPECT_EQ(response.sigma_px(), 1);
 }
 
-TEST(AccuracyMessages, RefusesWhatHasNoResult) {
+TEST_F(GetAccuracy, RefusesWhatHasNoResult) {
   Calibration calibration = TwoCameras();
   calibration.state = CalibrationState::kFailed;
   calibration.result.reset();
@@ -115,17 +133,11 @@ TEST(AccuracyMessages, RefusesWhatHasNoResult) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("sigma_px")));
 }
 
-using GetAccuracy = rigcal::testing::RpcFixture;
-
 TEST_F(GetAccuracy, NamesACalibrationThatDoesNotExist) {
-  const auto stub = v1::CalibrationService::NewStub(channel());
-  grpc::ClientContext context;
   v1::GetAccuracyRequest request;
   request.set_id("c-000404");
-  v1::GetAccuracyResponse response;
-  EXPECT_THAT(wire::FromGrpc(stub->GetAccuracy(&context, request, &response)),
-              StatusIs(absl::StatusCode::kNotFound, HasSubstr("c-000404")));
+  EXPECT_THAT(Ask(request), StatusIs(absl::StatusCode::kNotFound, HasSubstr("c-000404")));
 }
 
 }  // namespace
-}  // namespace rigcal::server::accuracy_messages_test
+}  // namespace rigcal::server::get_accuracy_test

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/calibrate_command.h"
-#include "client/commands/calibration_accuracy_command.h"
 #include "client/commands/calibration_command.h"
 #include "client/commands/command_parser.h"
 

@@ -75,7 +75,7 @@ std::string DescribePreview(const v1::GetPreviewResponse& preview, const std::st
     absl::StrAppendFormat(&text, ", confidence %.2f, %d markers", info.confidence(),
                           info.visible_marker_count());
   }
-  return absl::StrCat(text, ", ", FormatCount(info.blob_count(), "blob", "blobs"),
+  return absl::StrCat(text, ", ", FormatCount(info.blob_count(), "blob"),
                       info.tracked() ? ", tracked" : "", "\n");
 }
 

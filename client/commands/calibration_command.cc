@@ -2,10 +2,17 @@
 #include "client/commands/calibration_command.h"
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "client/output/output.h"
+#include "client/output/quantities.h"
+#include "client/output/text_table.h"
 #include "client/results/calibration_comparison.h"
 #include "client/results/calibration_export.h"
 #include "client/tables/calibration_table.h"
@@ -28,6 +35,54 @@ void PrintFiles(const CalibrationExportOptions& options,
   auto names = nlohmann::ordered_json::array();
   for (const std::filesystem::path& file : files) names.push_back(file.string());
   context.console.out << JsonText({{"calibration", options.id}, {"files", names}}) << "\n";
+}
+
+constexpr double kMmPerM = 1000;
+constexpr std::chrono::milliseconds kAccuracyTimeout{60'000};  // a fine grid takes its time
+
+std::string Millimetres(double metres) { return FormatFixed(metres * kMmPerM, 3); }
+
+std::string FormatPoint(const v1::Vector3& point) {
+  return absl::StrCat("(", FormatFixed(point.x(), 3), ", ", FormatFixed(point.y(), 3), ", ",
+                      FormatFixed(point.z(), 3), ")");
+}
+
+std::string FormatPoints(const v1::GetAccuracyResponse& accuracy) {
+  TextTable table;
+  table.Words({"point (m)"})
+      .Numbers({"cameras"})
+      .Numbers({"x", "y", "z"}, "one sigma (mm)")
+      .Numbers({"total", "without scale", "noise alone"}, "in all (mm)");
+  for (const v1::PointAccuracy& point : accuracy.points()) {
+    std::vector<TextTable::Cell> cells = {FormatPoint(point.point_m()), point.camera_count()};
+    if (point.has_sigma_m()) {
+      const v1::Vector3& sigma = point.sigma_m();
+      const v1::Vector3& noise = point.noise_sigma_m();
+      for (const double value_m :
+           {sigma.x(), sigma.y(), sigma.z(), point.total_m(), point.shape_total_m(),
+            std::hypot(noise.x(), noise.y(), noise.z())}) {
+        cells.push_back(Millimetres(value_m));
+      }
+    } else {
+      cells.insert(cells.end(), 6, "-");
+    }
+    table.AddRow(cells);
+  }
+  return table.Format(2);
+}
+
+std::string FormatSummary(const v1::GetAccuracyResponse& accuracy) {
+  TextTable table;
+  table.Words({""})
+      .Numbers({"median", "p95", "worst"}, "expected error (mm)")
+      .Words({"worst at (m)"});
+  const auto add = [&table](const char* name, const v1::AccuracySummary& summary) {
+    table.AddRow({name, Millimetres(summary.median_m()), Millimetres(summary.p95_m()),
+                  Millimetres(summary.worst_m()), FormatPoint(summary.worst_point_m())});
+  };
+  add("without the scale's", accuracy.shape());
+  add("with the scale's", accuracy.with_scale());
+  return table.Format(2);
 }
 
 }  // namespace
@@ -81,6 +136,59 @@ ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context
   const absl::StatusOr<v1::Calibration> b = FetchCalibration(server, ids.b);
   if (!b.ok()) return context.Fail(b.status());
   return context.Show(Compare(*a, *b), FormatComparison);
+}
+
+absl::StatusOr<v1::Vector3> ParsePoint(const std::string& text) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ',');
+  double values[3] = {};
+  bool valid = parts.size() == 3;
+  for (size_t i = 0; valid && i < 3; ++i) {
+    valid = absl::SimpleAtod(absl::StripAsciiWhitespace(parts[i]), &values[i]) &&
+            std::isfinite(values[i]);
+  }
+  if (!valid) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "point \"", text, "\" is not three numbers: metres in the rig frame, as in 0.5,-0.2,3"));
+  }
+  v1::Vector3 point;
+  point.set_x(values[0]);
+  point.set_y(values[1]);
+  point.set_z(values[2]);
+  return point;
+}
+
+std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy) {
+  std::string text =
+      absl::StrCat("Expected error of triangulated points, one sigma, with centres good to ",
+                   FormatFixed(accuracy.sigma_px(), 2), " px\n");
+  if (accuracy.points_size() > 0) absl::StrAppend(&text, FormatPoints(accuracy), "\n");
+  if (accuracy.grid_step_m() > 0) {
+    absl::StrAppend(&text, "Over ", FormatCount(accuracy.shape().count(), "point"),
+                    " that two cameras see, on a grid of ",
+                    FormatFixed(accuracy.grid_step_m() * kMmPerM, 0), " mm where the wand was\n");
+  } else {
+    absl::StrAppend(&text, "Over these points\n");
+  }
+  if (accuracy.shape().count() == 0) return text + "  none is seen by two cameras\n";
+  absl::StrAppend(&text, FormatSummary(accuracy));
+  absl::StrAppend(&text, "scale              ", FormatFixed(100 * accuracy.scale_sigma_rel(), 3),
+                  " % (one sigma of every length)\n");
+  return text;
+}
+
+ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& context) {
+  v1::GetAccuracyRequest request;
+  request.set_id(options.id);
+  request.set_grid_step_m(options.grid_step_m);
+  request.set_sigma_px(options.sigma_px);
+  for (const std::string& text : options.points) {
+    const absl::StatusOr<v1::Vector3> point = ParsePoint(text);
+    if (!point.ok()) return context.Fail(point.status());
+    *request.add_points_m() = *point;
+  }
+  ServerConnection server(context.server);
+  return context.Show(server.Call(&CalibrationStub::GetAccuracy, request, kAccuracyTimeout),
+                      FormatAccuracy);
 }
 
 }  // namespace rigcal::client

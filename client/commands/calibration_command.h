@@ -2,9 +2,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "absl/status/statusor.h"
 #include "client/commands/command_context.h"
 #include "client/net/paging.h"
+#include "rigcal/v1/calibration_service.pb.h"
 
 namespace rigcal::client {
 
@@ -29,5 +32,21 @@ ExitCode DeleteCalibration(const std::string& id, CommandContext& context);
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context);
 // Prints how B differs from A.
 ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context);
+
+struct AccuracyCommandOptions {
+  std::string id;
+  std::vector<std::string> points;  // "x,y,z" in the rig frame, metres
+  double grid_step_m = 0;           // 0: the server's choice without points, none with points
+  double sigma_px = 0;              // 0: the server's default
+};
+
+// Reads "x,y,z". INVALID_ARGUMENT quotes the text and shows a right one.
+absl::StatusOr<rigcal::v1::Vector3> ParsePoint(const std::string& text);
+
+// The points asked for, and a summary over them and the grid, in millimetres.
+std::string FormatAccuracy(const rigcal::v1::GetAccuracyResponse& accuracy);
+
+// `rigcal calibration accuracy`: prints the expected triangulation error. Returns the exit code.
+ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& context);
 
 }  // namespace rigcal::client

@@ -2,7 +2,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/commands/calibrate_command.h"
-#include "client/commands/calibration_accuracy_command.h"
 #include "client/commands/calibration_command.h"
 #include "client/commands/command_parser.h"
 #include "client/results/calibration_export.h"

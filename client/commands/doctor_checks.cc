@@ -79,8 +79,8 @@ Check CheckAgents(const v1::ListAgentsResponse& agents) {
       gone.push_back(agent.agent_id());
     }
   }
-  const std::string counts = absl::StrCat(FormatCount(connected, "agent", "agents"), " with ",
-                                          FormatCount(cameras, "camera", "cameras"), " connected");
+  const std::string counts = absl::StrCat(FormatCount(connected, "agent"), " with ",
+                                          FormatCount(cameras, "camera"), " connected");
   if (!gone.empty()) {
     return {CheckLevel::kWarn, "agents",
             absl::StrCat(counts, "; gone: ", absl::StrJoin(gone, ", ")),

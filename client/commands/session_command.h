@@ -36,4 +36,17 @@ ExitCode DeleteSession(const std::string& id, CommandContext& context);
 // nobody reads any more.
 ExitCode WatchSession(const std::string& id, CommandContext& context);
 
+struct SessionObservationsOptions {
+  std::string session;
+  std::string camera;  // empty: all
+  bool include_late = false;
+};
+
+// Writes what is stored of a session as CSV, in the order (camera, stream_epoch, seq): a head line,
+// then `camera,stream_epoch,seq,clock_epoch,time_ns` and x, y (pixels, as many digits as it takes
+// to read the same float again) of each marker; both empty for a marker that is not visible. As
+// JSON: one ObservationBatch per line.
+ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
+                                  CommandContext& context);
+
 }  // namespace rigcal::client

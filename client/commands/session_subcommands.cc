@@ -2,7 +2,6 @@
 #include "client/commands/agent_command.h"
 #include "client/commands/command_parser.h"
 #include "client/commands/session_command.h"
-#include "client/commands/session_observations_command.h"
 
 namespace rigcal::client {
 namespace {

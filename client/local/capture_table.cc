@@ -42,8 +42,7 @@ std::string FormatCaptureProgress(const v1::Session& session,
     absl::StrAppend(&each, " ", camera.description().camera(), " ", camera.observation_count());
   }
   if (session.cameras_size() > 0 && each.size() <= kLineColumns) return each;
-  return absl::StrCat(head, " ",
-                      FormatCount(session.observation_count(), "observation", "observations"), ", ",
+  return absl::StrCat(head, " ", FormatCount(session.observation_count(), "observation"), ", ",
                       complete, " of ", session.cameras_size(), " cameras complete");
 }
 

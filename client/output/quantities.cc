@@ -34,8 +34,8 @@ std::string FormatDuration(double seconds) {
   return absl::StrFormat("%d min %d s", whole / 60, whole % 60);
 }
 
-std::string FormatCount(uint64_t count, const char* singular, const char* plural) {
-  return absl::StrCat(count, " ", count == 1 ? singular : plural);
+std::string FormatCount(uint64_t count, const char* singular) {
+  return absl::StrCat(count, " ", singular, count == 1 ? "" : "s");
 }
 
 std::string FormatBytes(uint64_t bytes) {

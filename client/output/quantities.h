@@ -17,7 +17,7 @@ std::string FormatTime(bool is_set, const google::protobuf::Timestamp& time);
 // "0.82 s", "3 min 20 s".
 std::string FormatDuration(double seconds);
 // "1 camera", "4 cameras".
-std::string FormatCount(uint64_t count, const char* singular, const char* plural);
+std::string FormatCount(uint64_t count, const char* singular);
 // "12 KiB", "1.2 GiB".
 std::string FormatBytes(uint64_t bytes);
 

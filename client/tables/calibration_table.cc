@@ -52,7 +52,7 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
   std::string text = "wand length error  ";
   if (count == 0 && target.length_error_rms_m() == 0) return text + "not measured\n";
   absl::StrAppend(&text, FormatFixed(target.length_error_rms_m() * kMmPerM, 3), " mm rms");
-  if (count > 0) absl::StrAppend(&text, " over ", FormatCount(count, "span", "spans"));
+  if (count > 0) absl::StrAppend(&text, " over ", FormatCount(count, "span"));
   text += "\n";
   for (const v1::SpanError& span : target.spans()) {
     absl::StrAppend(&text, "  span of ", FormatFixed(span.length_m() * kMmPerM, 1),

@@ -94,8 +94,7 @@ std::string FormatSession(const v1::Session& session) {
     absl::StrAppend(&text, "missing  ", absl::StrJoin(session.missing_cameras(), ", "),
                     " (had not delivered everything when the session finished)\n");
   }
-  absl::StrAppend(&text, "stored   ",
-                  FormatCount(session.observation_count(), "observation", "observations"), ", ",
+  absl::StrAppend(&text, "stored   ", FormatCount(session.observation_count(), "observation"), ", ",
                   session.wand_count(), " with a wand, ", session.late_count(), " late\n");
   text = Printable(text);
   if (session.cameras().empty()) {

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 
 namespace rigcal {
 
@@ -34,7 +35,11 @@ class FaultList {
   }
 
   // OK if there is none, else INVALID_ARGUMENT: `context`, then the faults.
-  absl::Status Result(std::string_view context = {}, std::string_view separator = "; ") const;
+  absl::Status Result(std::string_view context = {}, std::string_view separator = "; ") const {
+    if (faults_.empty()) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        absl::StrCat(std::string(context), absl::StrJoin(faults_, std::string(separator))));
+  }
 
  private:
   std::vector<std::string> faults_;

@@ -13,6 +13,14 @@
 
 namespace rigcal {
 
+// kUnspecified: no reason has this name.
+constexpr RefusalReason RefusalReasonFromName(std::string_view name) {
+  for (const auto& [value, value_name] : kRefusalReasonNames) {
+    if (value_name == name) return value;
+  }
+  return RefusalReason::kUnspecified;
+}
+
 // Something that was refused or left out, and how often.
 struct Refusal {
   std::string camera;  // empty: the whole session

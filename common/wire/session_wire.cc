@@ -71,26 +71,15 @@ v1::Session OwnFields(const Session& session) {
 v1::Session ToProto(const Session& session, const std::vector<SessionCameraCounts>& counts,
                     const std::vector<std::string>& connected_cameras) {
   v1::Session proto = OwnFields(session);
-  uint64_t observations = 0;
-  uint64_t wands = 0;
-  uint64_t late = 0;
   for (v1::SessionCamera& camera : *proto.mutable_cameras()) {
     const std::string& name = camera.description().camera();
-    const auto found =
-        std::find_if(counts.begin(), counts.end(),
-                     [&](const SessionCameraCounts& count) { return count.camera == name; });
-    if (found != counts.end()) {
-      FillCounts(*found, &camera);
-      observations += found->observation_count;
-      wands += found->wand_count;
-      late += found->late_count;
-    }
-    camera.set_connected(std::find(connected_cameras.begin(), connected_cameras.end(), name) !=
-                         connected_cameras.end());
+    const auto found = std::ranges::find(counts, name, &SessionCameraCounts::camera);
+    if (found != counts.end()) FillCounts(*found, &camera);
+    proto.set_observation_count(proto.observation_count() + camera.observation_count());
+    proto.set_wand_count(proto.wand_count() + camera.wand_count());
+    proto.set_late_count(proto.late_count() + camera.late_count());
+    camera.set_connected(std::ranges::find(connected_cameras, name) != connected_cameras.end());
   }
-  proto.set_observation_count(observations);
-  proto.set_wand_count(wands);
-  proto.set_late_count(late);
   return proto;
 }
 

@@ -11,7 +11,7 @@
 
 #include "common/calibration/calibration_stage.h"
 #include "common/calibration/finding_kind.h"
-#include "common/status/refusal_reason.h"
+#include "common/status/refusal.h"
 #include "rigcal/v1/calibration.pb.h"
 #include "rigcal/v1/finding.pb.h"
 #include "rigcal/v1/refusal.pb.h"

@@ -5,8 +5,6 @@
 #include <cstddef>
 #include <numeric>
 
-#include "common/simulation/events/fast_math.h"
-
 namespace rigcal {
 namespace {
 

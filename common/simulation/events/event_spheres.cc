@@ -6,13 +6,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/camera/camera_model.h"
-#include "common/simulation/events/fast_math.h"
 #include "common/simulation/frames/light_model.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {
 namespace {
 
+// Nearer than that two switches are one.
+constexpr double kShortestStepUs = 1e-3;
 // Around a sphere: where pixels may still settle after it has passed.
 constexpr int kSettlePx = 2;
 // Noise of a sphere's pixels is drawn for each part, so at least this many.
@@ -50,6 +51,35 @@ ImagePatch Around(std::span<const SphereImage> images, const ImageSize& size) {
 }
 
 }  // namespace
+
+bool BlinkingLed::IsLit(double time_s) const {
+  if (hz <= 0) return true;
+  const double turns = hz * time_s + phase;
+  return turns - std::floor(turns) < duty;
+}
+
+void BlinkingLed::StepsOf(double begin_us, double duration_us,
+                          std::vector<LightStep>* steps) const {
+  steps->clear();
+  double from_us = 0;
+  const auto cut_at = [&](double cut_us) {
+    if (cut_us - from_us < kShortestStepUs) return;
+    steps->push_back({cut_us, IsLit(1e-6 * (begin_us + 0.5 * (from_us + cut_us)))});
+    from_us = cut_us;
+  };
+  if (hz > 0) {
+    const double period_us = 1e6 / hz;
+    const double turns = 1e-6 * hz * begin_us + phase;
+    for (double cycle = std::floor(turns);; ++cycle) {
+      const double on_us = (cycle - turns) * period_us;
+      if (on_us >= duration_us) break;
+      for (const double cut : {on_us, on_us + duty * period_us}) {
+        if (cut < duration_us - kShortestStepUs) cut_at(cut);
+      }
+    }
+  }
+  cut_at(duration_us);
+}
 
 EventSpheres::EventSpheres(SphereImager imager, const EdgeProfile& profile, const Target& target,
                            const FrameRenderOptions& scene, double led_phase,

@@ -8,7 +8,6 @@
 
 #include "absl/status/status.h"
 #include "common/camera/intrinsics.h"
-#include "common/simulation/events/blinking_led.h"
 #include "common/simulation/events/event_clutter.h"
 #include "common/simulation/events/event_pixels.h"
 #include "common/simulation/frames/edge_profile.h"
@@ -19,6 +18,23 @@
 #include "common/target/target.h"
 
 namespace rigcal {
+
+// A part of a stretch of time during which an LED does not switch.
+struct LightStep {
+  double end_us = 0;  // since the stretch began
+  bool lit = false;
+};
+
+// An LED that shines during the first `duty` of each of its periods.
+struct BlinkingLed {
+  double hz = 0;     // 0: it shines all the time
+  double duty = 1;   // (0, 1]
+  double phase = 0;  // where in its period it is at time 0, 0 to 1
+
+  bool IsLit(double time_s) const;
+  // A stretch from switch to switch; replaces `steps`, which are never none.
+  void StepsOf(double begin_us, double duration_us, std::vector<LightStep>* steps) const;
+};
 
 // The wand at a time of the simulation, in frame `cam`. None: it is not there.
 using WandPath = std::function<std::optional<WandPose>(double time_s)>;

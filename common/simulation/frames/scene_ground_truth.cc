@@ -6,15 +6,9 @@
 #include <numbers>
 
 #include "common/camera/camera_model.h"
+#include "common/simulation/world/simulated_world.h"
 
 namespace rigcal {
-
-bool ImageOf(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam,
-             Eigen::Vector2d* pixel) {
-  if (!Project(intrinsics, x_in_cam, pixel)) return false;
-  const auto direction = Undistort(intrinsics, *pixel);
-  return direction.ok() && (*direction - x_in_cam.hnormalized()).norm() < 1e-6;
-}
 
 MarkerGroundTruth TruthOf(const Intrinsics& intrinsics, const ImageSize& image_size,
                           const Eigen::Vector3d& centre_in_cam_m, double radius_m) {

@@ -15,11 +15,6 @@ struct MarkerGroundTruth {
   double radius_px = 0;  // of its image, mean
 };
 
-// The image of a point in frame `cam`. False where the lens has none: also beyond the part of the
-// field in which its model is one to one, where a point would come back into the picture at a wrong
-// place.
-bool ImageOf(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel);
-
 MarkerGroundTruth TruthOf(const Intrinsics& intrinsics, const ImageSize& image_size,
                           const Eigen::Vector3d& centre_in_cam_m, double radius_m);
 

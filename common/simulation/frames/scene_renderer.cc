@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/simulation/frames/room_background.h"
 #include "common/simulation/world/random_stream.h"
+#include "common/simulation/world/simulated_world.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal {

@@ -28,18 +28,6 @@ bool InsideImage(const ImageSize& size, const Eigen::Vector2d& pixel) {
          pixel.y() <= size.height - 1.0;
 }
 
-// The marker's image. Beyond the part of the field in which the lens model is one to one a marker
-// would reappear at a wrong place in the image; a lens does not do that.
-bool SeesMarker(const SimulatedCamera& camera, const Eigen::Vector3d& x_in_rig,
-                Eigen::Vector2d* pixel) {
-  const Intrinsics& intrinsics = camera.true_intrinsics;
-  const Eigen::Vector3d x_in_cam = camera.cam_from_rig * x_in_rig;
-  if (!Project(intrinsics, x_in_cam, pixel)) return false;
-  if (!InsideImage(camera.description.image_size_px, *pixel)) return false;
-  const absl::StatusOr<Eigen::Vector2d> direction = Undistort(intrinsics, *pixel);
-  return direction.ok() && (*direction - x_in_cam.hnormalized()).norm() < 1e-6;
-}
-
 // rig_time = camera_time + time_offset + time_rate * camera_time, solved for camera_time.
 double CameraTime(const SimulatedCamera& camera, double rig_time_s) {
   return (rig_time_s - camera.time_offset_s) / (1 + 1e-6 * camera.time_rate_ppm);
@@ -48,6 +36,13 @@ double CameraTime(const SimulatedCamera& camera, double rig_time_s) {
 int64_t Nanoseconds(double seconds) { return std::llround(seconds * 1e9); }
 
 }  // namespace
+
+bool ImageOf(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam,
+             Eigen::Vector2d* pixel) {
+  if (!Project(intrinsics, x_in_cam, pixel)) return false;
+  const auto direction = Undistort(intrinsics, *pixel);
+  return direction.ok() && (*direction - x_in_cam.hnormalized()).norm() < 1e-6;
+}
 
 absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& options,
                                                       const Target& target) {
@@ -121,8 +116,9 @@ Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is
     const double noise_x = draw.Gaussian();
     const double noise_y = draw.Gaussian();
     Eigen::Vector2d pixel;
-    const Eigen::Vector3d x_in_rig = wand.At(true_target_.marker_positions_m[m]);
-    if (in_gap || dropped || !SeesMarker(c, x_in_rig, &pixel)) continue;
+    const Eigen::Vector3d x_in_cam = c.cam_from_rig * wand.At(true_target_.marker_positions_m[m]);
+    if (in_gap || dropped || !ImageOf(c.true_intrinsics, x_in_cam, &pixel)) continue;
+    if (!InsideImage(size, pixel)) continue;
     pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
     if (outlier) pixel = {anywhere_x, anywhere_y};
     if (!InsideImage(size, pixel)) continue;

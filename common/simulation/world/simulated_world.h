@@ -38,6 +38,11 @@ struct WandPose {
   Eigen::Vector3d At(double position_m) const { return origin_m + position_m * direction; }
 };
 
+// The image of a point in frame `cam`. False where the lens has none: also beyond the part of the
+// field in which its model is one to one, where a point would come back into the picture at a wrong
+// place.
+bool ImageOf(const Intrinsics& intrinsics, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* pixel);
+
 // A rig of cameras around a volume and a wand waved in it: what agents simulate, tests use and the
 // CLI compares with. Deterministic: the same options and target give the same observations in every
 // process.

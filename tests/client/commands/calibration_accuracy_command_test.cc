@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/commands/calibration_accuracy_command.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
+#include "client/commands/calibration_command.h"
 #include "tests/client/command_runner.h"
 #include "tests/client/fake_server.h"
 #include "tests/client/sample_messages.h"

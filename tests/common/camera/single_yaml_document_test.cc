@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/camera/single_yaml_document.h"
-
 #include <string>
 #include <vector>
 
+#include "common/camera/intrinsics_file.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::single_yaml_document_test {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/simulation/events/blinking_led.h"
-
 #include <gtest/gtest.h>
+
+#include "common/simulation/events/event_spheres.h"
 
 namespace rigcal::blinking_led_test {
 namespace {

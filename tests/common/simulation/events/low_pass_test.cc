@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/simulation/events/low_pass.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "common/simulation/events/event_pixels.h"
 #include "common/simulation/world/random_stream.h"
 
 namespace rigcal::low_pass_test {

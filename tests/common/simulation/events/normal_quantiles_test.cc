@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/simulation/events/normal_quantiles.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
+
+#include "common/simulation/events/event_pixels.h"
 
 namespace rigcal::normal_quantiles_test {
 namespace {

@@ -40,8 +40,8 @@ struct InstantList {
 // session by session. Cameras that run together: a quarter of the smallest median period, the
 // widest that cannot mix neighbouring frames. Where that leaves most views alone, or most of one
 // camera's, the cameras run freely: then an instant takes what lies within one median period of
-// the slowest camera, of each camera the view nearest its middle, and it is for whoever uses the
-// instants to move each view to the instant's time.
+// the slowest camera, of each camera the view nearest its middle, and the caller interpolates each
+// view to the instant's time.
 //
 // That is for cameras of about one rate. Of much faster ones (event cameras at 200 Hz beside frame
 // cameras at 50 that run together) the view nearest to each instant of the slow ones joins it, and

@@ -20,7 +20,6 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 "$root/deploy/install-deps.sh"
 # Checkouts of the same sources share ccache results.
-export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 (
   cd "$root"
   cmake --preset release -DRIGCAL_BUILD_TESTS=OFF >/dev/null

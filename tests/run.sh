@@ -9,8 +9,6 @@ preset=${RIGCAL_PRESET:-test}
 jobs=$(nproc)
 
 "$root/deploy/install-deps.sh"
-# Two checkouts of the same sources share what ccache has compiled.
-export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 cd "$root"
 cmake --preset "$preset" -DRIGCAL_BUILD_TESTS=ON >/dev/null
 log=build/$preset/build.log

@@ -58,34 +58,20 @@ if(RIGCAL_PRECOMPILE AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # Precompiled, the standard library no longer counts as system headers, and gcc 12 shows its false warnings of these
   # kinds there (GCC bug 105651). A build with RIGCAL_PRECOMPILE=OFF checks for them.
   target_compile_options(rigcal_build_flags INTERFACE -Wno-stringop-overflow -Wno-array-bounds)
+  file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/precompiled_headers.cc CONTENT "// Only the headers matter.\n")
+  add_library(rigcal_precompiled_headers OBJECT ${PROJECT_BINARY_DIR}/precompiled_headers.cc)
+  target_link_libraries(rigcal_precompiled_headers PRIVATE rigcal_build_flags absl::statusor absl::strings)
+  target_precompile_headers(rigcal_precompiled_headers PRIVATE
+    <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <functional> <limits> <map> <memory> <mutex> <optional>
+    <ranges> <span> <string> <string_view> <utility> <vector> <absl/status/statusor.h> <absl/strings/str_cat.h>)
 endif()
-
-# rigcal_precompile(<name> HEADERS ... DEPS ...): headers that many targets include, compiled once, for
-# rigcal_use_precompiled.
-function(rigcal_precompile name)
-  cmake_parse_arguments(ARG "" "" "HEADERS;DEPS" ${ARGN})
-  if(RIGCAL_PRECOMPILE AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/${name}.cc CONTENT "// Only the headers matter.\n")
-    add_library(${name} OBJECT ${PROJECT_BINARY_DIR}/${name}.cc)
-    target_link_libraries(${name} PRIVATE ${ARG_DEPS} rigcal_build_flags)
-    target_precompile_headers(${name} PRIVATE ${ARG_HEADERS})
-  endif()
-endfunction()
-
-function(rigcal_use_precompiled target name)
-  if(TARGET ${name})
-    target_precompile_headers(${target} REUSE_FROM ${name})
-  endif()
-endfunction()
-
-set(rigcal_common_headers
-  <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <functional> <limits> <map> <memory> <mutex> <optional>
-  <ranges> <span> <string> <string_view> <utility> <vector> <absl/status/statusor.h> <absl/strings/str_cat.h>)
-rigcal_precompile(rigcal_precompiled HEADERS ${rigcal_common_headers} DEPS absl::statusor absl::strings)
 
 # CMake compiles sources with their own compile options separately.
 function(rigcal_compile_together target)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${RIGCAL_UNITY} UNITY_BUILD_BATCH_SIZE 20)
+  if(TARGET rigcal_precompiled_headers)
+    target_precompile_headers(${target} REUSE_FROM rigcal_precompiled_headers)
+  endif()
 endfunction()
 
 # rigcal_compile_apart(<source> <options>...): a source with compile options of its own.
@@ -114,7 +100,6 @@ function(rigcal_library name)
   target_include_directories(rigcal_${name} PUBLIC ${PROJECT_SOURCE_DIR})
   target_link_libraries(rigcal_${name} PUBLIC ${ARG_DEPS} PRIVATE rigcal_build_flags)
   rigcal_compile_together(rigcal_${name})
-  rigcal_use_precompiled(rigcal_${name} rigcal_precompiled)
   rigcal_optimise(rigcal_${name} ${ARGN})
 endfunction()
 

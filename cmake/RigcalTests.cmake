@@ -2,10 +2,6 @@
 # Functions that declare test folders. The tests of a folder are one program. In CTest each file is a separate test,
 # <folder>/<file>, so that `ctest -R server/solve` selects that folder and a crash ends only one file's tests.
 
-rigcal_precompile(rigcal_precompiled_for_tests
-  HEADERS ${rigcal_common_headers} <gmock/gmock.h> <gtest/gtest.h>
-  DEPS absl::statusor absl::strings GTest::gmock)
-
 # The googletest filter for one file's tests: the suites it defines, read from its TEST macros.
 function(rigcal_suites_of file result)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
@@ -36,7 +32,6 @@ function(rigcal_tests folder)
   target_link_libraries(${target} PRIVATE ${ARG_DEPS} rigcal::testing GTest::gmock GTest::gtest_main
     rigcal_build_flags)
   rigcal_compile_together(${target})
-  rigcal_use_precompiled(${target} rigcal_precompiled_for_tests)
   rigcal_optimise(${target} COLD)
   if(ARG_PROGRAMS)
     add_dependencies(${target} ${ARG_PROGRAMS})

@@ -19,7 +19,6 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
 "$root/deploy/install-deps.sh"
-# Checkouts of the same sources share ccache results.
 (
   cd "$root"
   cmake --preset release -DRIGCAL_BUILD_TESTS=OFF >/dev/null

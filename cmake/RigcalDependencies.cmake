@@ -10,7 +10,8 @@ find_package(OpenCV CONFIG REQUIRED COMPONENTS core calib3d imgproc imgcodecs vi
 find_package(spdlog CONFIG REQUIRED)
 find_package(tomlplusplus CONFIG REQUIRED)
 find_package(SQLiteCpp CONFIG REQUIRED)
-find_package(OpenSSL REQUIRED)
+find_package(OpenSSL 3.0 REQUIRED)
+find_package(Boost REQUIRED) # headers only: Asio and Beast
 find_package(ZLIB REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)

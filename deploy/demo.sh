@@ -22,7 +22,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 (
   cd "$root"
   cmake --preset release -DRIGCAL_BUILD_TESTS=OFF >/dev/null
-  cmake --build --preset release -j "$(nproc)" --target rigcal rigcal-server rigcal-agent
+  cmake --build --preset release -j "$(nproc)" --target rigcal rigcal-server rigcal-worker rigcal-agent
 ) >&2
 
 rigcal=$root/build/release/bin/rigcal

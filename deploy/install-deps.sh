@@ -19,10 +19,10 @@ packages=(
   # the network namespace of the GigE demo
   iproute2
   # store, configuration, command line, logging
-  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev
+  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev libboost-dev
   libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev libboost-dev
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev
 )
 
 missing=()

@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "absl/numeric/int128.h"
 #include "absl/strings/str_cat.h"
 #include "common/statistics/robust_statistics.h"
 
@@ -30,6 +31,26 @@ int64_t HostCorrectionNs(const std::vector<HostAlignment>& alignments) {
   return LowerMedian(std::move(corrections));
 }
 
+// What clocks say may be anything; what is beyond this, 146 years, says nothing. Differences of two
+// such times, and sums of one with a period, are within 64 bits.
+constexpr int64_t kMaxRigTimeNs = (int64_t{1} << 62) - 1;
+constexpr double kMaxPeriodS = 1e9;
+
+int64_t Bounded(absl::int128 value) {
+  return static_cast<int64_t>(
+      std::clamp<absl::int128>(value, -absl::int128(kMaxRigTimeNs), kMaxRigTimeNs));
+}
+
+// Every row of the track has a rig time that can be calculated with.
+bool IsWithinReach(const CleanTrack& track, int64_t offset_ns, int64_t latency_ns) {
+  const auto within = [&](size_t row) {
+    const absl::int128 rig_time_ns =
+        absl::int128(track.observations.time_ns(row)) + offset_ns - latency_ns;
+    return rig_time_ns >= -kMaxRigTimeNs && rig_time_ns <= kMaxRigTimeNs;
+  };
+  return within(0) && within(track.observations.size() - 1);
+}
+
 struct Offset {
   int64_t offset_ns = 0;
   double sigma_s = 0;
@@ -42,7 +63,8 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
     const int64_t correction = HostCorrectionNs(track.host_alignments);
     for (const CameraTrack::EpochSample& sample : track.clock_samples) {
       const ClockKey key = {track.session_id, track.camera.clock.clock_id, sample.clock_epoch};
-      differences[key].push_back(sample.sample.host_utc_ns - sample.sample.device_ns + correction);
+      differences[key].push_back(
+          Bounded(absl::int128(sample.sample.host_utc_ns) - sample.sample.device_ns + correction));
       const double sigma = sample.sample.uncertainty_ns > 0
                                ? static_cast<double>(sample.sample.uncertainty_ns) * 1e-9
                                : kDefaultSampleSigmaS;
@@ -59,13 +81,14 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
   return offsets;
 }
 
-double MedianPeriodS(const std::vector<Observation>& observations) {
+double MedianPeriodS(const ObservationTable& observations) {
   if (observations.size() < 2) return 0;
   std::vector<int64_t> steps;
+  steps.reserve(observations.size() - 1);
   for (size_t i = 1; i < observations.size(); ++i) {
-    steps.push_back(observations[i].time_ns - observations[i - 1].time_ns);
+    steps.push_back(observations.time_ns(i) - observations.time_ns(i - 1));
   }
-  return 1e-9 * static_cast<double>(LowerMedian(std::move(steps)));
+  return std::min(kMaxPeriodS, 1e-9 * static_cast<double>(LowerMedian(std::move(steps))));
 }
 
 // Index into `clean` of the epoch that stands for each (session, camera) without clock samples.
@@ -111,10 +134,18 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
       continue;
     }
     const Offset offset = has_timebase ? Offset{} : found->second;
+    const int64_t latency_ns = std::llround(track.camera.latency_s * 1e9);
+    if (!IsWithinReach(track, offset.offset_ns, latency_ns)) {
+      refused->Add(
+          track.camera.camera, RefusalReason::kClockEpochWithoutOffset, track.observations.size(),
+          absl::StrCat("clock epoch ", track.clock_epoch, " of clock ", track.camera.clock.clock_id,
+                       ": its times are more than 146 years from the server's"));
+      continue;
+    }
     AlignedTrack result;
     result.clock_offset_ns = offset.offset_ns;
     result.offset_sigma_s = offset.sigma_s;
-    result.latency_ns = std::llround(track.camera.latency_s * 1e9);
+    result.latency_ns = latency_ns;
     result.period_s = MedianPeriodS(track.observations);
     result.track = std::move(track);
     aligned.push_back(std::move(result));

@@ -38,6 +38,7 @@ UplinkOptions QuickOptions() {
   options.server = "fake";
   options.agent_id = "pc-1";
   options.incarnation = 7;
+  options.stream_epoch = 7;
   options.host = "pc";
   options.rig = "hall";
   options.flush_interval = milliseconds(1);
@@ -210,6 +211,23 @@ TEST_F(UplinkTest, DeliversEverythingOverAConnectionThatBreaksAgainAndAgain) {
   for (size_t i = 0; i < state.hellos.size(); ++i) {
     EXPECT_EQ(state.hellos[i].connection(), i + 1);
   }
+}
+
+// As for a renewed certificate, in the middle of a capture.
+TEST_F(UplinkTest, ConnectsAgainWhenAskedAndLosesNothing) {
+  Start();
+  server_.WaitForHello(1);
+  server_.StartCapture("s-1", {"left"});
+  left_->WaitUntilStarted(1);
+  for (int i = 0; i < 5; ++i) {
+    left_->YieldRows(i * 200, 100);
+    uplink_->Reconnect();
+    left_->YieldRows(i * 200 + 100, 100);
+    EXPECT_EQ(server_.WaitForHello(static_cast<size_t>(i) + 2).connection(),
+              static_cast<uint32_t>(i) + 2);
+  }
+  left_->YieldEnd();
+  ExpectRows(WaitForEnd(kLeft).At(kLeft), 1000);
 }
 
 TEST_F(UplinkTest, KeepsEverythingWhileNothingIsAcknowledged) {
@@ -526,13 +544,39 @@ TEST_F(UplinkTest, ReportsWhatASourceRefusesWhileItRuns) {
   left_->SetRefused({{"", RefusalReason::kCsvBadTime, 2, "f.csv:3: bad"}});
   server_.StartCapture("s-1", {"left"});
   int rows = 0;
-  while (!server_.Now().At(kLeft).report) {
+  // The first ones may tell of the spool only.
+  const auto has_refused = [&] {
+    const auto report = server_.Now().At(kLeft).report;
+    return report && !report->refused.empty();
+  };
+  while (!has_refused()) {
     left_->YieldRows(rows++, 1);
     server_.WaitFor(
         [&](const State& now) { return now.At(kLeft).durable_seq >= static_cast<uint32_t>(rows); });
   }
   EXPECT_THAT(server_.Now().At(kLeft).report->refused,
               ElementsAre(Refusal{"", RefusalReason::kCsvBadTime, 2, "f.csv:3: bad"}));
+}
+
+TEST_F(UplinkTest, ReportsWhereTheRowsOfItsStreamsAre) {
+  UplinkOptions options = QuickOptions();
+  options.report_interval = milliseconds(5);
+  server_.Set([](FakeBehaviour& behaviour) { behaviour.acknowledges = false; });
+  Start(options);
+  server_.WaitForHello(1);
+  server_.StartCapture("s-1", {"left"});
+  left_->YieldRows(0, 9);
+  const auto has = [](uint32_t acknowledged_seq, uint64_t spooled_count) {
+    return [=](const State& now) {
+      const auto& report = now.At(kLeft).report;
+      return report && report->spool && report->spool->last_seq == 9 &&
+             report->spool->acknowledged_seq == acknowledged_seq &&
+             report->spool->spooled_count == spooled_count;
+    };
+  };
+  server_.WaitFor(has(0, 9));
+  server_.AcknowledgeAll();
+  server_.WaitFor(has(9, 0));
 }
 
 TEST_F(UplinkTest, DeliversWhatIsThereBeforeItEnds) {
@@ -542,7 +586,7 @@ TEST_F(UplinkTest, DeliversWhatIsThereBeforeItEnds) {
   left_->YieldRows(0, 700);
   server_.WaitFor([](const State& now) { return now.At(kLeft).durable_seq >= 1; });
   // Ends the capture wherever it is; all it has captured by then is delivered.
-  EXPECT_EQ(uplink_->Shutdown(kPatience), 0u);
+  EXPECT_EQ(uplink_->Shutdown(kPatience).row_count, 0u);
   const State state = server_.Now();
   ASSERT_TRUE(state.HasEnded(kLeft));
   ExpectRows(state.At(kLeft), state.At(kLeft).end->last_seq);
@@ -555,12 +599,14 @@ TEST_F(UplinkTest, CountsWhatCannotBeDeliveredBeforeItEnds) {
   server_.StartCapture("s-1", {"left"});
   left_->YieldRows(0, 7);
   server_.WaitFor([](const State& now) { return now.At(kLeft).times_received.contains(7); });
-  EXPECT_EQ(uplink_->Shutdown(milliseconds(20)), 7u);
+  const LeftBehind left = uplink_->Shutdown(milliseconds(20));
+  EXPECT_EQ(left.row_count, 7u);
+  EXPECT_THAT(left.cameras, ElementsAre("left"));
 }
 
 TEST_F(UplinkTest, EndsWhileNoServerIsThere) {
   Start(QuickOptions(), "recording", [] { return Uplink::MakeChannel("127.0.0.1:1"); });
-  EXPECT_EQ(uplink_->Shutdown(kPatience), 0u);
+  EXPECT_EQ(uplink_->Shutdown(kPatience).row_count, 0u);
 }
 
 TEST_F(UplinkTest, DeliversEachObservationOnceInEffectThroughAServersRestart) {

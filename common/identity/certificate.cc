@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/identity/certificate.h"
+
+#include <arpa/inet.h>
+
+#include <array>
+#include <cstdlib>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "common/identity/openssl_handles.h"
+#include "common/identity/private_key.h"
+
+namespace rigcal {
+namespace {
+
+absl::Time TimeOf(const ASN1_TIME* time) {
+  std::tm parts{};
+  if (time == nullptr || ASN1_TIME_to_tm(time, &parts) != 1) return absl::InfinitePast();
+  return absl::FromTM(parts, absl::UTCTimeZone());
+}
+
+std::string TextOf(const ASN1_STRING* text) {
+  return {reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)),
+          static_cast<size_t>(ASN1_STRING_length(text))};
+}
+
+std::string AddressText(const ASN1_OCTET_STRING* address) {
+  const int size = ASN1_STRING_length(address);
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  if (size != 4 && size != 16) return "";
+  inet_ntop(size == 4 ? AF_INET : AF_INET6, ASN1_STRING_get0_data(address), text.data(),
+            static_cast<socklen_t>(text.size()));
+  return text.data();
+}
+
+void ReadNames(const X509* x509, Certificate* certificate) {
+  const openssl::NamesPtr names(
+      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(x509, NID_subject_alt_name, nullptr, nullptr)));
+  int uri_count = 0;
+  for (int i = 0; names && i < sk_GENERAL_NAME_num(names.get()); ++i) {
+    const GENERAL_NAME* const name = sk_GENERAL_NAME_value(names.get(), i);
+    if (name->type == GEN_URI) {
+      certificate->uri = TextOf(name->d.uniformResourceIdentifier);
+      ++uri_count;
+    } else if (name->type == GEN_DNS) {
+      certificate->hosts.push_back(TextOf(name->d.dNSName));
+    } else if (name->type == GEN_IPADD) {
+      certificate->hosts.push_back(AddressText(name->d.iPAddress));
+    }
+  }
+  if (uri_count > 1) certificate->uri.clear();
+}
+
+std::string SerialText(const X509* x509) {
+  const openssl::NumberPtr number(ASN1_INTEGER_to_BN(X509_get0_serialNumber(x509), nullptr));
+  char* const text = number ? BN_bn2hex(number.get()) : nullptr;
+  const std::string digits = text == nullptr ? "" : text;
+  OPENSSL_free(text);
+  const size_t first = digits.find_first_not_of('0');
+  return first == std::string::npos ? "0" : absl::AsciiStrToLower(digits.substr(first));
+}
+
+std::string DerOf(X509* x509) {
+  unsigned char* bytes = nullptr;
+  const int size = i2d_X509(x509, &bytes);
+  if (size < 0) return "";
+  std::string der(reinterpret_cast<const char*>(bytes), static_cast<size_t>(size));
+  OPENSSL_free(bytes);
+  return der;
+}
+
+}  // namespace
+
+absl::StatusOr<Certificate> ParseCertificate(std::string_view pem) {
+  const openssl::CertificatePtr x509 = openssl::CertificateFromPem(pem);
+  if (!x509) return absl::InvalidArgumentError("not a certificate in PEM form");
+  Certificate certificate{.pem = std::string(pem)};
+  const X509_NAME* const subject = X509_get_subject_name(x509.get());
+  certificate.name = openssl::SubjectEntry(subject, NID_commonName);
+  certificate.role = RoleFromName(openssl::SubjectEntry(subject, NID_organizationalUnitName));
+  ReadNames(x509.get(), &certificate);
+  certificate.serial = SerialText(x509.get());
+  certificate.sha256 = Sha256(DerOf(x509.get()));
+  certificate.not_before = TimeOf(X509_get0_notBefore(x509.get()));
+  certificate.not_after = TimeOf(X509_get0_notAfter(x509.get()));
+  return certificate;
+}
+
+absl::Status CheckIssuedBy(const Certificate& certificate, std::string_view ca_pem,
+                           CertificateUse use) {
+  const openssl::CertificatePtr x509 = openssl::CertificateFromPem(certificate.pem);
+  const openssl::CertificatePtr ca = openssl::CertificateFromPem(ca_pem);
+  if (!x509 || !ca) return absl::UnauthenticatedError("not a certificate in PEM form");
+  const openssl::StorePtr store(X509_STORE_new());
+  const openssl::StoreContextPtr context(X509_STORE_CTX_new());
+  if (!store || !context || X509_STORE_add_cert(store.get(), ca.get()) != 1 ||
+      X509_STORE_CTX_init(context.get(), store.get(), x509.get(), nullptr) != 1) {
+    return openssl::Error("check a certificate");
+  }
+  X509_VERIFY_PARAM* const rules = X509_STORE_CTX_get0_param(context.get());
+  X509_VERIFY_PARAM_set_flags(rules, X509_V_FLAG_NO_CHECK_TIME);
+  X509_VERIFY_PARAM_set_purpose(
+      rules, use == CertificateUse::kServer ? X509_PURPOSE_SSL_SERVER : X509_PURPOSE_SSL_CLIENT);
+  if (X509_verify_cert(context.get()) == 1) return absl::OkStatus();
+  const int error = X509_STORE_CTX_get_error(context.get());
+  return absl::UnauthenticatedError(
+      absl::StrCat("the certificate of ", certificate.name.empty() ? "nobody" : certificate.name,
+                   " was not issued by this CA: ", X509_verify_cert_error_string(error)));
+}
+
+}  // namespace rigcal

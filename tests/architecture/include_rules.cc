@@ -101,7 +101,7 @@ const FolderGraph& AllowedFolders() {
       {"common/wire",
        {"common/calibration", "common/camera", "common/geometry", "common/session", "common/status",
         "common/target", "common/text"}},
-      {"server/access", {"common/status"}},
+      {"server/access", {"common/identity", "common/status"}},
       {"server/associate",
        {"common/camera", "common/session", "common/statistics", "common/status", "common/target",
         "common/time"}},
@@ -211,7 +211,7 @@ const std::vector<LibraryRule>& LibraryRules() {
       {"HTTP", {"boost/beast", "boost/asio"}, {"server/http", "common/enrolment"}},
       {"OpenSSL",
        {"openssl/"},
-       {"common/identity", "common/enrolment", "server/access", "server/identity", "server/session",
+       {"common/identity", "common/enrolment", "server/identity", "server/session",
         "server/solve"}},
   };
   return *kRules;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "common/wire/request_traits.h"
 #include "rigcal/v1/maintenance_service.grpc.pb.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/services.h"
@@ -27,8 +28,11 @@ class MaintenanceService final
     tasks_.Start();
   }
 
-  grpc::ServerWriteReactor<v1::CompactResponse>* Compact(grpc::CallbackServerContext*,
-                                                         const v1::CompactRequest*) override {
+  grpc::ServerWriteReactor<v1::CompactResponse>* Compact(
+      grpc::CallbackServerContext*, const v1::CompactRequest* request) override {
+    if (const absl::Status fault = wire::FaultOf(*request); !fault.ok()) {
+      return new RefusedWatch<v1::CompactResponse>(fault);
+    }
     if (compacting_.exchange(true)) {
       return new RefusedWatch<v1::CompactResponse>(absl::FailedPreconditionError(
           "the database is being compacted already; wait for the end of that"));

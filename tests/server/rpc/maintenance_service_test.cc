@@ -14,6 +14,7 @@
 #include "rigcal/v1/maintenance_service.grpc.pb.h"
 #include "tests/server/rpc/rpc_fixture.h"
 #include "tests/testing/process.h"
+#include "tests/testing/reflection_client.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::testing::maintenance_service_test {
@@ -90,6 +91,12 @@ TEST_F(MaintenanceService, AClientThatReadsNothingKeepsNobodyWaiting) {
   unread.emplace_back(channel());
   EXPECT_TRUE(WaitFor([&] { return faulty().CallCount("CompactEnd") == 1; }));
   EXPECT_TRUE(WaitFor([&] { return Call(channel()).End().ok(); }));
+}
+
+TEST_F(MaintenanceService, ABadRequestStartsNothing) {
+  EXPECT_THAT(CallRaw(channel(), "/rigcal.v1.MaintenanceService/Compact", "\xff"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("")));
+  EXPECT_EQ(faulty().CallCount("Compact"), 0);
 }
 
 TEST_F(MaintenanceService, TellsWhatFailedAndCanBeAskedAgain) {

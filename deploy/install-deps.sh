@@ -14,6 +14,8 @@ packages=(
   libeigen3-dev libceres-dev libopencv-dev
   # cameras (libaravis-dev does not depend on libusb's headers, but needs them)
   libaravis-dev libusb-1.0-0-dev
+  # finding servers by mDNS (optional; to run: avahi-daemon)
+  libavahi-client-dev libavahi-common-dev
   # event files
   libhdf5-dev
   # the network namespace of the GigE demo

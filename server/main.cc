@@ -2,15 +2,19 @@
 #include <pthread.h>
 #include <signal.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
 
 #include "common/config/server_config.h"
+#include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
 #include "common/log/start_log.h"
 #include "common/status/status_macros.h"
@@ -132,6 +136,28 @@ void TellHowToJoin(const EnrolmentServer& enrolment) {
       enrolment.https_port());
 }
 
+// Null: it is not announced; the log says why where it should be. Nothing else depends on it.
+std::unique_ptr<Discovery::Announcement> Announce(const ServerConfig& config, int grpc_port,
+                                                  const EnrolmentServer* enrolment) {
+  if (!config.discovery.mdns) return nullptr;
+  const auto trouble = [](const std::string& why) {
+    spdlog::warn("the server does not announce itself in its network: {}", why);
+  };
+  if (enrolment == nullptr || IsLoopbackAddress(config.listen)) {
+    trouble("other PCs cannot reach it; start it with --listen 0.0.0.0");
+    return nullptr;
+  }
+  std::array<char, 256> host{};
+  gethostname(host.data(), host.size() - 1);
+  auto announcement =
+      MakeDiscovery()->Announce({.name = host.data(),
+                                 .grpc_port = static_cast<uint16_t>(grpc_port),
+                                 .https_port = static_cast<uint16_t>(enrolment->https_port())},
+                                trouble);
+  if (!announcement.ok()) trouble(std::string(announcement.status().message()));
+  return announcement.ok() ? *std::move(announcement) : nullptr;
+}
+
 RetentionOptions RetentionOf(const RetentionConfig& config) {
   return {.max_age = std::chrono::hours(24) * config.max_age_days,
           .max_bytes = uint64_t{config.max_size_mb} << 20,
@@ -229,10 +255,12 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
                std::string(wire::kSoftwareVersion), config.listen, port,
                identity.empty() ? "" : ", TLS", config.data_dir);
   if (enrolment) TellHowToJoin(*enrolment);
+  auto announcement = Announce(config, port, enrolment.get());
 
   int received = 0;
   sigwait(&stop_signals, &received);
   spdlog::info("stopping on signal {}", received);
+  announcement.reset();
   // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.
   if (enrolment) enrolment->Shutdown();
   rpc.Shutdown(std::chrono::seconds(2));

@@ -50,12 +50,13 @@ void AddOptions(RetentionConfig* retention, OptionTable* table) {
 absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
   ServerConfig config;
-  OptionTable options, https, tls, limits, retention;
+  OptionTable options, https, tls, discovery, limits, retention;
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
   AddLogLevel(&config.log_level, &options);
   tls.Add("loopback", &config.tls.loopback, "TLS for clients on this machine too");
   AddAddress("listen", &config.https.listen, 0, "where other PCs join", &https);
+  discovery.Add("mdns", &config.discovery.mdns, "the server announces itself in its network");
   AddOptions(&config.limits, &limits);
   AddOptions(&config.retention, &retention);
   TomlSection section(&file, file.root);
@@ -66,6 +67,7 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   config.data_dir = ResolvedPath(path, config.data_dir);
   ReadTable(&file, &section, "tls", tls);
   ReadTable(&file, &section, "https", https);
+  ReadTable(&file, &section, "discovery", discovery);
   ReadTable(&file, &section, "limits", limits);
   ReadTable(&file, &section, "retention", retention);
   section.RefuseOtherKeys();

@@ -43,6 +43,13 @@ struct ServerTlsConfig {
   friend bool operator==(const ServerTlsConfig&, const ServerTlsConfig&) = default;
 };
 
+// [discovery]: how PCs of the same network find this server before they join it.
+struct ServerDiscoveryConfig {
+  bool mdns = false;  // it announces itself, by avahi-daemon
+
+  friend bool operator==(const ServerDiscoveryConfig&, const ServerDiscoveryConfig&) = default;
+};
+
 // [retention]: the observations of finished sessions that are deleted by themselves.
 struct RetentionConfig {
   uint32_t max_age_days = 0;       // since the session finished; 0: no limit
@@ -52,15 +59,17 @@ struct RetentionConfig {
   friend bool operator==(const RetentionConfig&, const RetentionConfig&) = default;
 };
 
-// A server's TOML file: these keys, and tables [https], [tls], [limits] and [retention] with the
-// members of ServerHttpsConfig, ServerTlsConfig, ServerLimits (these each at least 1) and
-// RetentionConfig. Every key may be left out. Paths are relative to the file's folder.
+// A server's TOML file: these keys, and tables [https], [tls], [discovery], [limits] and
+// [retention] with the members of ServerHttpsConfig, ServerTlsConfig, ServerDiscoveryConfig,
+// ServerLimits (these each at least 1) and RetentionConfig. Every key may be left out. Paths are
+// relative to the file's folder.
 struct ServerConfig {
   std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
   std::string data_dir;                   // empty: DefaultDataDirectory()
   std::string log_level = "info";         // trace, debug, info, warn, error, off
   ServerHttpsConfig https;
   ServerTlsConfig tls;
+  ServerDiscoveryConfig discovery;
   ServerLimits limits;
   RetentionConfig retention;
 };

@@ -2,11 +2,13 @@
 #include "common/identity/certificate.h"
 
 #include <arpa/inet.h>
+#include <openssl/err.h>
 
 #include <array>
 #include <cstdlib>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "common/identity/openssl_handles.h"
 #include "common/identity/private_key.h"
@@ -70,43 +72,92 @@ std::string DerOf(X509* x509) {
   return der;
 }
 
+// What to do about an error of X509_verify_cert.
+const char* AdviceOn(int error) {
+  switch (error) {
+    case X509_V_ERR_CERT_HAS_EXPIRED:
+      return "; renew it, or join again, and compare the clocks of both PCs";
+    case X509_V_ERR_CERT_NOT_YET_VALID:
+      return "; compare the clocks of both PCs";
+    case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
+    case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
+    case X509_V_ERR_CERT_SIGNATURE_FAILURE:
+      return "; another CA has signed it: join this server with a string of its own";
+    default:
+      return "";
+  }
+}
+
+Certificate CertificateOf(X509* x509) {
+  const X509_NAME* const subject = X509_get_subject_name(x509);
+  Certificate certificate{
+      .name = openssl::SubjectEntry(subject, NID_commonName),
+      .unit = openssl::SubjectEntry(subject, NID_organizationalUnitName),
+  };
+  certificate.role = RoleFromName(certificate.unit);
+  ReadNames(x509, &certificate);
+  certificate.serial = SerialText(x509);
+  certificate.sha256 = Sha256(DerOf(x509));
+  certificate.not_before = TimeOf(X509_get0_notBefore(x509));
+  certificate.not_after = TimeOf(X509_get0_notAfter(x509));
+  return certificate;
+}
+
 }  // namespace
 
 absl::StatusOr<Certificate> ParseCertificate(std::string_view pem) {
   const openssl::CertificatePtr x509 = openssl::CertificateFromPem(pem);
   if (!x509) return absl::InvalidArgumentError("not a certificate in PEM form");
-  Certificate certificate{.pem = std::string(pem)};
-  const X509_NAME* const subject = X509_get_subject_name(x509.get());
-  certificate.name = openssl::SubjectEntry(subject, NID_commonName);
-  certificate.role = RoleFromName(openssl::SubjectEntry(subject, NID_organizationalUnitName));
-  ReadNames(x509.get(), &certificate);
-  certificate.serial = SerialText(x509.get());
-  certificate.sha256 = Sha256(DerOf(x509.get()));
-  certificate.not_before = TimeOf(X509_get0_notBefore(x509.get()));
-  certificate.not_after = TimeOf(X509_get0_notAfter(x509.get()));
+  Certificate certificate = CertificateOf(x509.get());
+  certificate.pem = std::string(pem);
   return certificate;
 }
 
+std::string Describe(const Certificate& certificate) {
+  return absl::StrCat("certificate ", certificate.serial, " of '",
+                      absl::CHexEscape(certificate.name.substr(0, 64)), "'");
+}
+
 absl::Status CheckIssuedBy(const Certificate& certificate, std::string_view ca_pem,
-                           CertificateUse use) {
+                           CertificateUse use, std::optional<absl::Time> time) {
   const openssl::CertificatePtr x509 = openssl::CertificateFromPem(certificate.pem);
-  const openssl::CertificatePtr ca = openssl::CertificateFromPem(ca_pem);
-  if (!x509 || !ca) return absl::UnauthenticatedError("not a certificate in PEM form");
+  const std::vector<openssl::CertificatePtr> cas = openssl::CertificatesFromPem(ca_pem);
+  if (!x509 || cas.empty()) return absl::UnauthenticatedError("not a certificate in PEM form");
   const openssl::StorePtr store(X509_STORE_new());
   const openssl::StoreContextPtr context(X509_STORE_CTX_new());
-  if (!store || !context || X509_STORE_add_cert(store.get(), ca.get()) != 1 ||
-      X509_STORE_CTX_init(context.get(), store.get(), x509.get(), nullptr) != 1) {
+  bool ready = store && context;
+  for (const auto& ca : cas) ready = ready && X509_STORE_add_cert(store.get(), ca.get()) == 1;
+  if (!ready || X509_STORE_CTX_init(context.get(), store.get(), x509.get(), nullptr) != 1) {
     return openssl::Error("check a certificate");
   }
   X509_VERIFY_PARAM* const rules = X509_STORE_CTX_get0_param(context.get());
-  X509_VERIFY_PARAM_set_flags(rules, X509_V_FLAG_NO_CHECK_TIME);
+  if (time) {
+    X509_VERIFY_PARAM_set_time(rules, absl::ToTimeT(*time));
+  } else {
+    X509_VERIFY_PARAM_set_flags(rules, X509_V_FLAG_NO_CHECK_TIME);
+  }
   X509_VERIFY_PARAM_set_purpose(
       rules, use == CertificateUse::kServer ? X509_PURPOSE_SSL_SERVER : X509_PURPOSE_SSL_CLIENT);
-  if (X509_verify_cert(context.get()) == 1) return absl::OkStatus();
+  const bool good = X509_verify_cert(context.get()) == 1;
+  ERR_clear_error();
+  if (good) return absl::OkStatus();
   const int error = X509_STORE_CTX_get_error(context.get());
   return absl::UnauthenticatedError(
-      absl::StrCat("the certificate of ", certificate.name.empty() ? "nobody" : certificate.name,
-                   " was not issued by this CA: ", X509_verify_cert_error_string(error)));
+      absl::StrCat(Describe(certificate), " is refused: ", X509_verify_cert_error_string(error),
+                   AdviceOn(error)));
+}
+
+absl::Status CheckCaCertificates(std::string_view pem) {
+  const std::vector<openssl::CertificatePtr> cas = openssl::CertificatesFromPem(pem);
+  if (cas.empty()) return absl::InvalidArgumentError("holds no certificate");
+  for (const auto& ca : cas) {
+    const bool is_ca = X509_check_ca(ca.get()) != 0;
+    ERR_clear_error();
+    if (is_ca) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat(Describe(CertificateOf(ca.get())), " is no CA's"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace rigcal

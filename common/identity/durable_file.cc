@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <cstdio>
 #include <fstream>
-#include <iterator>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
@@ -68,8 +67,10 @@ absl::StatusOr<std::string> ReadSmallFile(const std::filesystem::path& path) {
                ? absl::NotFoundError(absl::StrCat("there is no ", path.string()))
                : absl::ErrnoToStatus(error, absl::StrCat("cannot read ", path.string()));
   }
-  std::string text(std::istreambuf_iterator<char>(file), {});
+  std::string text(kMaxBytes + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
   if (file.bad()) return Failed("read", path);
+  text.resize(static_cast<size_t>(file.gcount()));
   if (text.size() > kMaxBytes) {
     return absl::OutOfRangeError(absl::StrCat(path.string(), " has more than 1 MiB"));
   }

@@ -43,6 +43,16 @@ CertificatePtr CertificateFromPem(std::string_view pem) {
   return certificate;
 }
 
+std::vector<CertificatePtr> CertificatesFromPem(std::string_view pem) {
+  const BioPtr bio = ReadBio(pem);
+  std::vector<CertificatePtr> certificates;
+  while (X509* const next = PEM_read_bio_X509(bio.get(), nullptr, NoPassword, nullptr)) {
+    certificates.emplace_back(next);
+  }
+  ERR_clear_error();
+  return certificates;
+}
+
 KeyPtr PrivateKeyFromPem(std::string_view pem) {
   KeyPtr key(PEM_read_bio_PrivateKey(ReadBio(pem).get(), nullptr, NoPassword, nullptr));
   ERR_clear_error();

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 
@@ -43,6 +44,8 @@ std::string TextOf(const BioPtr& bio);
 
 // Null: not PEM, or another kind of object. Empties the queue of errors.
 CertificatePtr CertificateFromPem(std::string_view pem);
+// All that follow each other in the text, until one cannot be read.
+std::vector<CertificatePtr> CertificatesFromPem(std::string_view pem);
 KeyPtr PrivateKeyFromPem(std::string_view pem);
 RequestPtr RequestFromPem(std::string_view pem);
 

@@ -13,8 +13,9 @@ enum class Role : uint8_t {
   kAgent = 1,     // writes its own cameras and nothing else
   kOperator = 2,  // all but identities
   kViewer = 3,    // reads
-  kAdmin = 4,     // identities
+  kAdmin = 4,     // what an operator does, and identities
 };
+inline constexpr Role kRoles[] = {Role::kAgent, Role::kOperator, Role::kViewer, Role::kAdmin};
 
 // "agent", "operator", "viewer", "admin".
 std::string_view RoleName(Role role);

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <string>
 
 #include "absl/strings/str_cat.h"
 
@@ -50,6 +49,15 @@ constexpr AccessRule kAccessRules[] = {
 };
 
 }  // namespace
+
+std::string RoleSet::ToString() const {
+  std::string text;
+  for (const Role role : kRoles) {
+    if (!contains(role)) continue;
+    absl::StrAppend(&text, text.empty() ? "" : " or ", std::string(RoleName(role)));
+  }
+  return text.empty() ? "nobody" : text;
+}
 
 absl::Span<const AccessRule> AccessRules() { return kAccessRules; }
 

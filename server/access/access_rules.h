@@ -1,14 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <initializer_list>
+#include <string>
 #include <string_view>
 
 #include "absl/status/status.h"
 #include "absl/types/span.h"
+#include "common/identity/role.h"
 #include "server/access/peer.h"
-#include "server/access/role.h"
 
 namespace rigcal::server {
+
+class RoleSet {
+ public:
+  constexpr RoleSet(std::initializer_list<Role> roles) {
+    for (const Role role : roles) bits_ |= Bit(role);
+  }
+  constexpr bool contains(Role role) const { return (bits_ & Bit(role)) != 0; }
+  constexpr bool empty() const { return bits_ == 0; }
+  // "operator or admin".
+  std::string ToString() const;
+
+ private:
+  static constexpr unsigned Bit(Role role) { return 1u << static_cast<unsigned>(role); }
+
+  unsigned bits_ = 0;
+};
 
 // Who may call one RPC.
 struct AccessRule {

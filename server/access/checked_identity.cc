@@ -1,20 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/access/checked_identity.h"
 
-#include <fcntl.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include <cerrno>
-#include <chrono>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/identity/durable_file.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::server {
@@ -23,45 +17,18 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<const char*, 3> kFiles = {"ca.crt", "server.crt", "server.key"};
-constexpr int64_t kWarnBeforeEndS = 14 * 86'400;
-
-absl::StatusOr<std::string> ReadIdentityFile(const fs::path& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(stream), {}};
-  if (!stream.is_open() || text.empty()) {
-    return absl::FailedPreconditionError(absl::StrCat("cannot read ", path.string()));
-  }
-  return text;
-}
-
-absl::Status WritePrivateFile(const fs::path& path, const std::string& text) {
-  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-  const bool written = descriptor >= 0 && write(descriptor, text.data(), text.size()) ==
-                                              static_cast<ssize_t>(text.size());
-  const int error = errno;
-  if (descriptor >= 0) close(descriptor);
-  if (written) return absl::OkStatus();
-  return absl::ErrnoToStatus(error, absl::StrCat("cannot write ", path.string()));
-}
+constexpr absl::Duration kWarnBeforeEnd = absl::Hours(14 * 24);
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<CheckedIdentity>> CheckedIdentity::Load(
-    fs::path folder, std::function<int64_t()> utc_now_s) {
-  std::unique_ptr<CheckedIdentity> identity(
-      new CheckedIdentity(std::move(folder), std::move(utc_now_s)));
+    fs::path folder, std::function<absl::Time()> now) {
+  std::unique_ptr<CheckedIdentity> identity(new CheckedIdentity(std::move(folder), std::move(now)));
   std::lock_guard lock(identity->mutex_);
   identity->version_ = identity->Version();
   RIGCAL_RETURN_IF_ERROR(identity->Take());
   identity->WarnOfEnd();
   return identity;
-}
-
-int64_t CheckedIdentity::NowUtcS() const {
-  if (utc_now_s_) return utc_now_s_();
-  return std::chrono::duration_cast<std::chrono::seconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
 }
 
 std::shared_ptr<const TrustedCa> CheckedIdentity::ca() const {
@@ -84,22 +51,22 @@ std::string CheckedIdentity::Version() const {
 }
 
 absl::Status CheckedIdentity::Take() {
-  std::array<std::string, 3> texts;
-  for (size_t i = 0; i < kFiles.size(); ++i) {
-    RIGCAL_ASSIGN_OR_RETURN(texts.at(i), ReadIdentityFile(folder_ / kFiles.at(i)));
-  }
   const auto in_file = [&](const char* name, const absl::Status& status) {
     return absl::FailedPreconditionError(
         absl::StrCat((folder_ / name).string(), ": ", status.message()));
   };
+  std::array<std::string, 3> texts;
+  for (size_t i = 0; i < kFiles.size(); ++i) {
+    absl::StatusOr<std::string> text = ReadSmallFile(folder_ / kFiles.at(i));
+    if (!text.ok()) return absl::FailedPreconditionError(text.status().message());
+    texts.at(i) = *std::move(text);
+  }
   absl::StatusOr<TrustedCa> ca = TrustedCa::Parse(texts[0]);
   if (!ca.ok()) return in_file(kFiles[0], ca.status());
-  if (const absl::Status status = ca->CheckServerCertificate(texts[1], texts[2], NowUtcS());
-      !status.ok()) {
-    return in_file(kFiles[1], status);
-  }
-  RIGCAL_ASSIGN_OR_RETURN(end_utc_s_, CertificateEndUtcS(texts[1]));
+  const absl::StatusOr<absl::Time> end = ca->CheckServerCertificate(texts[1], texts[2], Now());
+  if (!end.ok()) return in_file(kFiles[1], end.status());
   RIGCAL_RETURN_IF_ERROR(Publish(texts));
+  end_ = *end;
   ca_ = std::make_shared<const TrustedCa>(*std::move(ca));
   end_logged_ = false;
   return absl::OkStatus();
@@ -118,7 +85,7 @@ absl::Status CheckedIdentity::Publish(const std::array<std::string, 3>& texts) {
   }
   fs::permissions(base, fs::perms::owner_all, error);
   for (size_t i = 0; i < kFiles.size(); ++i) {
-    RIGCAL_RETURN_IF_ERROR(WritePrivateFile(folder / kFiles.at(i), texts.at(i)));
+    RIGCAL_RETURN_IF_ERROR(WriteDurableFile(folder / kFiles.at(i), texts.at(i)));
   }
   // One rename switches all three files at once.
   const fs::path link = base / "next";
@@ -155,10 +122,10 @@ void CheckedIdentity::Refresh() {
 }
 
 void CheckedIdentity::WarnOfEnd() {
-  const int64_t left_s = end_utc_s_ - NowUtcS();
-  if (left_s > kWarnBeforeEndS || std::exchange(end_logged_, true)) return;
+  const absl::Duration left = end_ - Now();
+  if (left > kWarnBeforeEnd || std::exchange(end_logged_, true)) return;
   spdlog::warn("the server's certificate in {} ends in {} days: renew it", folder_.string(),
-               left_s / 86'400);
+               left / absl::Hours(24));
 }
 
 }  // namespace rigcal::server

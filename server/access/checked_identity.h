@@ -11,7 +11,9 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/access/certificate.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "server/access/trusted_ca.h"
 
 namespace rigcal::server {
 
@@ -20,10 +22,9 @@ namespace rigcal::server {
 // put where the transport watches them (active()), all three at once. Thread-safe.
 class CheckedIdentity {
  public:
-  // `utc_now_s` unset: the system's clock. FAILED_PRECONDITION names the file and says what is
-  // wrong.
+  // FAILED_PRECONDITION names the file and says what is wrong.
   static absl::StatusOr<std::unique_ptr<CheckedIdentity>> Load(
-      std::filesystem::path folder, std::function<int64_t()> utc_now_s = {});
+      std::filesystem::path folder, std::function<absl::Time()> now = absl::Now);
 
   // Looks whether the files have changed, and takes them when they are good. What is wrong with
   // them is logged once, and the old ones stay. Also warns when the certificate ends soon. Call it
@@ -33,11 +34,11 @@ class CheckedIdentity {
   // The folder with the checked copies.
   std::filesystem::path active() const { return folder_ / ".active" / "current"; }
   std::shared_ptr<const TrustedCa> ca() const;
-  int64_t NowUtcS() const;
+  absl::Time Now() const { return now_(); }
 
  private:
-  CheckedIdentity(std::filesystem::path folder, std::function<int64_t()> utc_now_s)
-      : folder_(std::move(folder)), utc_now_s_(std::move(utc_now_s)) {}
+  CheckedIdentity(std::filesystem::path folder, std::function<absl::Time()> now)
+      : folder_(std::move(folder)), now_(std::move(now)) {}
 
   absl::Status Take();
   absl::Status Publish(const std::array<std::string, 3>& texts);
@@ -45,13 +46,13 @@ class CheckedIdentity {
   void WarnOfEnd();
 
   const std::filesystem::path folder_;
-  const std::function<int64_t()> utc_now_s_;
+  const std::function<absl::Time()> now_;
   mutable std::mutex mutex_;
   std::string version_;
   std::string faulty_version_;
   bool fault_logged_ = false;
   bool end_logged_ = false;
-  int64_t end_utc_s_ = 0;
+  absl::Time end_;
   uint64_t published_ = 0;
   std::shared_ptr<const TrustedCa> ca_;
 };

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "server/access/role.h"
+#include "common/identity/role.h"
 
 namespace rigcal::server {
 

@@ -14,7 +14,6 @@
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
-#include "server/identity/deny_file.h"
 
 namespace rigcal::server {
 namespace {
@@ -31,17 +30,18 @@ absl::StatusOr<std::unique_ptr<IdentityAuthority>> IdentityAuthority::Open(
   RIGCAL_ASSIGN_OR_RETURN(TokenStore tokens, TokenStore::Open(folder / "tokens.json"));
   RIGCAL_ASSIGN_OR_RETURN(IdentityRegistry registry,
                           IdentityRegistry::Open(folder / "identities.json"));
-  RIGCAL_RETURN_IF_ERROR(IsDenied(folder / "denied.json", "", "").status());
-  return std::unique_ptr<IdentityAuthority>(new IdentityAuthority(
+  std::unique_ptr<IdentityAuthority> authority(new IdentityAuthority(
       folder, std::move(now), std::move(ca), std::move(tokens), std::move(registry)));
+  RIGCAL_RETURN_IF_ERROR(authority->denied_.Denies("", "").status());
+  return authority;
 }
 
 IdentityAuthority::IdentityAuthority(std::filesystem::path folder, std::function<absl::Time()> now,
                                      CertificateAuthority ca, TokenStore tokens,
                                      IdentityRegistry registry)
-    : denied_file_(folder / "denied.json"),
-      now_(std::move(now)),
+    : now_(std::move(now)),
       ca_(std::move(ca)),
+      denied_(folder / "denied.json"),
       tokens_(std::move(tokens)),
       registry_(std::move(registry)) {}
 
@@ -119,7 +119,7 @@ absl::Status IdentityAuthority::DenyBeforeLocked(const std::string& uri) {
   if (record == nullptr) return absl::OkStatus();
   std::set<std::string> serials;
   for (const auto& [serial, expires] : record->serials) serials.insert(serial);
-  return DenyCertificates(denied_file_, uri, serials, now_());
+  return denied_.Deny(uri, serials, now_());
 }
 
 absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Enrol(std::string_view secret,
@@ -173,8 +173,7 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_v
   }
   const std::lock_guard lock(mutex_);
   const absl::Time now = now_();
-  RIGCAL_ASSIGN_OR_RETURN(const bool denied,
-                          IsDenied(denied_file_, certificate.uri, certificate.serial));
+  RIGCAL_ASSIGN_OR_RETURN(const bool denied, denied_.Denies(certificate.uri, certificate.serial));
   if (denied) {
     return absl::PermissionDeniedError(
         absl::StrCat("the certificate of ", certificate.uri,

@@ -15,6 +15,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "server/identity/certificate_authority.h"
+#include "server/identity/denied_certificates.h"
 #include "server/identity/identity_registry.h"
 #include "server/identity/token_store.h"
 
@@ -89,9 +90,9 @@ class IdentityAuthority {
                                      absl::Time now);
   Issued AnswerLocked(std::string certificate_pem) const;
 
-  const std::filesystem::path denied_file_;
   const std::function<absl::Time()> now_;
   const CertificateAuthority ca_;
+  DeniedCertificates denied_;
   mutable std::mutex mutex_;
   ServerAddresses addresses_;
   TokenStore tokens_;

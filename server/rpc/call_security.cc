@@ -24,17 +24,19 @@ std::string AddressOfUri(std::string_view uri) {
 absl::StatusOr<Peer> CallSecurity::Identify(std::string_view certificate_pem) {
   if (identity_ == nullptr) return absl::UnauthenticatedError("this server has no certificates");
   const std::shared_ptr<const TrustedCa> ca = identity_->ca();
-  const int64_t now_utc_s = identity_->NowUtcS();
+  const absl::Time now = identity_->Now();
   Peer peer;
   {
     std::lock_guard lock(mutex_);
     if (known_by_ != ca || known_.size() >= kMaxKnown) known_.clear();
     known_by_ = ca;
     const auto known = known_.find(certificate_pem);
-    if (known != known_.end() && now_utc_s <= known->second.not_after_utc_s) peer = known->second;
+    if (known != known_.end() && absl::ToUnixSeconds(now) <= known->second.not_after_utc_s) {
+      peer = known->second;
+    }
   }
   if (!peer.has_certificate) {
-    RIGCAL_ASSIGN_OR_RETURN(peer, ca->Identify(certificate_pem, now_utc_s));
+    RIGCAL_ASSIGN_OR_RETURN(peer, ca->Identify(certificate_pem, now));
     std::lock_guard lock(mutex_);
     if (known_by_ == ca) known_[std::string(certificate_pem)] = peer;
   }
@@ -44,6 +46,11 @@ absl::StatusOr<Peer> CallSecurity::Identify(std::string_view certificate_pem) {
                      "server's PC, and join with it"));
   }
   return peer;
+}
+
+bool CallSecurity::IsDenied(const Peer& peer) {
+  if (denied_ == nullptr || !peer.has_certificate) return false;
+  return denied_->Denies(peer.uri, peer.serial).value_or(true);
 }
 
 absl::StatusOr<Peer> CallSecurity::IdentifyFrom(const grpc::AuthContext& context) {

@@ -13,9 +13,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/access/checked_identity.h"
-#include "server/access/denied_certificates.h"
 #include "server/access/peer.h"
 #include "server/audit/audit_log.h"
+#include "server/identity/denied_certificates.h"
 #include "server/listen/connections.h"
 
 namespace rigcal::server {
@@ -44,7 +44,8 @@ class CallSecurity {
   // Who makes this call, which has been authorised. Also notes whose the connection is.
   Caller CallerOf(const grpc::ServerContextBase& context);
 
-  bool IsDenied(const Peer& peer) { return denied_ != nullptr && denied_->Denies(peer); }
+  // Also true of every peer with a certificate while it is not known whom the list denies.
+  bool IsDenied(const Peer& peer);
   bool has_certificates() const { return identity_ != nullptr; }
   AuditLog& audit() { return audit_; }
 

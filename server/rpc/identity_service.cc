@@ -47,7 +47,7 @@ class IdentityService final : public v1::IdentityService::Service {
   grpc::Status CreateToken(grpc::ServerContext*, const v1::CreateTokenRequest* request,
                            v1::CreateTokenResponse* response) override {
     return Guard("CreateToken", [&]() -> absl::Status {
-      RIGCAL_ASSIGN_OR_RETURN(const rigcal::Role role, RoleOf(request->role()));
+      RIGCAL_ASSIGN_OR_RETURN(const Role role, RoleOf(request->role()));
       absl::Duration ttl = kDefaultTokenTtl;
       if (request->has_ttl()) {
         RIGCAL_ASSIGN_OR_RETURN(const uint32_t ttl_ms, wire::MillisecondsOf(request->ttl(), "ttl"));
@@ -104,9 +104,9 @@ class IdentityService final : public v1::IdentityService::Service {
     });
   }
 
-  static absl::StatusOr<rigcal::Role> RoleOf(v1::Role role) {
-    if (role == v1::ROLE_UNSPECIFIED) return rigcal::Role::kAgent;
-    if (v1::Role_IsValid(role)) return static_cast<rigcal::Role>(role);
+  static absl::StatusOr<Role> RoleOf(v1::Role role) {
+    if (role == v1::ROLE_UNSPECIFIED) return Role::kAgent;
+    if (v1::Role_IsValid(role)) return static_cast<Role>(role);
     return absl::InvalidArgumentError(
         absl::StrCat("role: ", static_cast<int>(role), " is not known"));
   }

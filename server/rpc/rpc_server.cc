@@ -102,7 +102,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
   services_.push_back(MakeIdentityService(parts.identities));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_));
-  services_.push_back(MakeMaintenanceService(parts.store));
+  services_.push_back(MakeMaintenanceService(parts.store, &watches_));
   services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({}),
                                         &listener_, options_.listener.limits.total));
 }

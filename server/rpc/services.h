@@ -45,7 +45,7 @@ std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, W
                                                   ObservationReaders* readers);
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
                                                       WatchHub* watches);
-std::unique_ptr<grpc::Service> MakeMaintenanceService(Store* store);
+std::unique_ptr<grpc::Service> MakeMaintenanceService(Store* store, WatchHub* watches);
 // It has started at `start_utc_ns`. At most `max_connections` are open on `listener`.
 std::unique_ptr<grpc::Service> MakeStatusService(const RpcServerParts& parts,
                                                  size_t ingest_queue_limit_bytes,

@@ -44,6 +44,10 @@ class Join : public ::testing::Test {
     ASSERT_TRUE(server_->Running()) << server_->StandardError();
     address_ = "127.0.0.1:" + std::to_string(std::stoi(FileText(port_file)));
   }
+  void StopServer() {
+    server_->Signal(SIGTERM);
+    ASSERT_EQ(server_->Wait(), 0);
+  }
   // On the server's own PC.
   CommandResult Admin(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "rigcal");
@@ -54,9 +58,10 @@ class Join : public ::testing::Test {
     arguments.insert(arguments.begin(), "rigcal");
     return RunCommand(arguments, {{"RIGCAL_SERVER", ""}, {"XDG_CONFIG_HOME", path("user")}});
   }
+  // On a PC without avahi-daemon.
   CommandResult JoinAgent(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), {"rigcal-agent", "join", "--state-dir", path("agent")});
-    return RunCommand(arguments);
+    return RunCommand(arguments, {{"DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/nowhere"}});
   }
   std::string Token(std::vector<std::string> options = {}) {
     options.insert(options.begin(), {"token", "create"});
@@ -180,16 +185,41 @@ TEST_F(Join, WrongStringsAreExplained) {
 
 TEST_F(Join, AServerThatIsGoneIsExplained) {
   const std::string token = Token();
-  server_->Signal(SIGTERM);
-  ASSERT_EQ(server_->Wait(), 0);
+  StopServer();
   const CommandResult gone = JoinAgent({token});
   EXPECT_EQ(gone.exit_code, 1);
   EXPECT_THAT(gone.error, AllOf(HasSubstr("refused"), HasSubstr("firewall")));
 }
 
+TEST_F(Join, AServerAtAnotherAddressThanTheStringSaysIsNamed) {
+  const std::string token = Token();
+  StopServer();
+  StartServer("[https]\nlisten = \"127.0.0.1:0\"\n[discovery]\nmdns = true\n");
+  // Of this PC only, for which nobody need look.
+  EXPECT_TRUE(WaitFor([&] {
+    return server_->StandardError().find("does not announce itself") != std::string::npos;
+  })) << server_->StandardError();
+  const CommandResult elsewhere = JoinAgent({token});
+  EXPECT_EQ(elsewhere.exit_code, 1);
+  EXPECT_THAT(elsewhere.error,
+              AllOf(HasSubstr("refused"), HasSubstr("mDNS"), HasSubstr("--server HOST:PORT")));
+  EXPECT_EQ(JoinAgent({token, "--server", "nowhere"}).exit_code, 2);
+  const std::string log = server_->StandardError();
+  const std::string before = "HTTPS port ";
+  const int port = std::stoi(log.substr(log.find(before) + before.size()));
+  const CommandResult joined = JoinAgent({token, "--server", "127.0.0.1:" + std::to_string(port)});
+  EXPECT_EQ(joined.exit_code, 0) << joined.error;
+}
+
+TEST_F(Join, WithoutAStringSaysWhereToGetOne) {
+  const CommandResult nothing = JoinAgent({});
+  EXPECT_EQ(nothing.exit_code, 2);
+  EXPECT_THAT(nothing.output, HasSubstr("mDNS"));
+  EXPECT_THAT(nothing.error, HasSubstr("rigcal token create"));
+}
+
 TEST_F(Join, AServerOfOnePcMakesNoStrings) {
-  server_->Signal(SIGTERM);
-  ASSERT_EQ(server_->Wait(), 0);
+  StopServer();
   StartServer("");
   const CommandResult refused = Admin({"token", "create"});
   EXPECT_EQ(refused.exit_code, 1);

@@ -44,12 +44,13 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
     keys += line.find(" = ") != std::string::npos ? 1 : 0;
     text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
   }
-  EXPECT_EQ(keys, 23);
+  EXPECT_EQ(keys, 24);
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);
   EXPECT_EQ(config.limits, ServerLimits());
   EXPECT_EQ(config.tls, ServerTlsConfig());
+  EXPECT_EQ(config.discovery, ServerDiscoveryConfig());
   EXPECT_EQ(config.retention, RetentionConfig());
 }
 
@@ -60,6 +61,8 @@ data_dir = "data"
 log_level = "debug"
 [tls]
 loopback = true
+[discovery]
+mdns = true
 [limits]
 max_agents = 1
 max_cameras_per_agent = 2
@@ -101,6 +104,7 @@ delete_calibrated = true
                               .disk_reserve_mb = 13};
   EXPECT_EQ(config.limits, expected);
   EXPECT_TRUE(config.tls.loopback);
+  EXPECT_TRUE(config.discovery.mdns);
   const RetentionConfig retention{.max_age_days = 14, .max_size_mb = 15, .delete_calibrated = true};
   EXPECT_EQ(config.retention, retention);
 }

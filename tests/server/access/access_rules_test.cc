@@ -12,7 +12,6 @@
 namespace rigcal::testing::access_rules_test {
 namespace {
 
-using server::Role;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
@@ -58,7 +57,7 @@ TEST(AccessRules, ARefusalNamesWhoWhichRoleAndWhat) {
 }
 
 TEST(AccessRules, WhatHasNoRuleIsForNobodyWithACertificate) {
-  for (const Role role : server::kRoles) {
+  for (const Role role : kRoles) {
     EXPECT_THAT(server::CheckAccess(PeerOf(role), "/rigcal.v1.SessionService/Nothing\n"),
                 StatusIs(absl::StatusCode::kPermissionDenied,
                          AllOf(HasSubstr("no rule"), ::testing::Not(HasSubstr("\n")))));

@@ -83,7 +83,7 @@ TEST_F(CheckedIdentity, KeepsTheOldOneBesideBrokenFiles) {
   std::filesystem::remove(folder() / "server.crt");
   identity->Refresh();
   EXPECT_EQ(Active(*identity, "server.crt"), old.certificate_pem);
-  EXPECT_THAT(identity->ca()->Identify(ca_.MakeAgent("pc1").certificate_pem, identity->NowUtcS()),
+  EXPECT_THAT(identity->ca()->Identify(ca_.MakeAgent("pc1").certificate_pem, identity->Now()),
               IsOk());
 }
 

@@ -14,7 +14,7 @@
 #include "common/identity/durable_file.h"
 #include "common/identity/join_string.h"
 #include "common/identity/private_key.h"
-#include "server/identity/deny_file.h"
+#include "server/identity/denied_certificates.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -54,7 +54,8 @@ class IdentityAuthority : public ::testing::Test {
   }
   bool Denied(const std::string& pem) const {
     const auto certificate = ParseCertificate(pem);
-    return *server::IsDenied(folder() / "denied.json", certificate->uri, certificate->serial);
+    return *server::DeniedCertificates(folder() / "denied.json")
+                .Denies(certificate->uri, certificate->serial);
   }
 
   absl::Time now_ = absl::FromUnixSeconds(1'795'000'000);
@@ -263,7 +264,7 @@ TEST_F(IdentityAuthority, RenewsForTheHolderOfTheKeyOnly) {
   auto other = server::IdentityAuthority::Open(other_data.path(), [this] { return now_; });
   ASSERT_THAT(other, IsOk());
   EXPECT_THAT((*other)->Renew(first, request),
-              StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("not issued by this CA")));
+              StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("another CA has signed it")));
   EXPECT_THAT(authority_->Renew(authority_->ca_pem(), request), Not(IsOk()));
   EXPECT_THAT(authority_->Renew("no certificate", request),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("PEM")));

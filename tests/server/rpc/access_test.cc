@@ -17,7 +17,6 @@ namespace rigcal::testing::access_test {
 namespace {
 
 using server::AccessRule;
-using server::Role;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
@@ -53,7 +52,7 @@ TEST_F(Access, EachMethodHasARuleAndEachRuleAMethod) {
 }
 
 TEST_F(Access, EachRoleCallsWhatItMayAndNothingElse) {
-  for (const Role role : server::kRoles) {
+  for (const Role role : kRoles) {
     const auto channel =
         role == Role::kAgent ? AgentChannel("pc1") : UserChannel(std::string(RoleName(role)));
     for (const AccessRule& rule : server::AccessRules()) {

@@ -46,13 +46,12 @@ TEST_F(IdentityService, MakesAJoinStringAndForgetsWhoUsedIt) {
   v1::CreateTokenResponse made;
   ASSERT_THAT(Call(&Stub::CreateToken, request, &made), IsOk());
   ASSERT_OK_AND_ASSIGN(const rigcal::JoinString join, ParseJoinString(made.join_string()));
-  EXPECT_EQ(join.role, rigcal::Role::kViewer);
+  EXPECT_EQ(join.role, Role::kViewer);
   EXPECT_EQ(join.name, "anna");
   EXPECT_EQ(made.token().expire_time().seconds(), absl::ToUnixSeconds(join.expiry));
   const std::string key = *MakePrivateKey();
-  ASSERT_THAT(
-      identities_->Enrol(join.secret, *MakeCertificateRequest(key, "anna", rigcal::Role::kViewer)),
-      IsOk());
+  ASSERT_THAT(identities_->Enrol(join.secret, *MakeCertificateRequest(key, "anna", Role::kViewer)),
+              IsOk());
 
   v1::ListTokensResponse tokens;
   ASSERT_THAT(Call(&Stub::ListTokens, {}, &tokens), IsOk());

@@ -120,7 +120,9 @@ class FaultyStore : public server::Store {
   }
   absl::Status Compact(const std::function<absl::Status(double)>& progress) override {
     if (absl::Status status = Enter("Compact"); !status.ok()) return status;
-    return store_.Compact(progress);
+    absl::Status status = store_.Compact(progress);
+    (void)Enter(absl::IsCancelled(status) ? "CompactCancelled" : "CompactEnd");
+    return status;
   }
 
  private:

@@ -1,44 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/access/certificate.h"
+#include "server/access/trusted_ca.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <ctime>
 #include <string>
 
+#include "absl/time/clock.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/test_ca.h"
 
-namespace rigcal::testing::certificate_test {
+namespace rigcal::testing::trusted_ca_test {
 namespace {
 
-using server::Role;
-using server::TrustedCa;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-class Certificate : public ::testing::Test {
+class TrustedCa : public ::testing::Test {
  protected:
-  Certificate() : trusted_(*TrustedCa::Parse(ca_.certificate_pem())) {}
+  TrustedCa() : trusted_(*server::TrustedCa::Parse(ca_.certificate_pem())) {}
 
   absl::StatusOr<server::Peer> Identify(const CertificateWish& wish) {
     return trusted_.Identify(ca_.Make(wish).certificate_pem, now_);
   }
 
-  const int64_t now_ = std::time(nullptr);
+  const absl::Time now_ = absl::Now();
   TestCa ca_;
-  TrustedCa trusted_;
+  server::TrustedCa trusted_;
 };
 
-TEST_F(Certificate, SaysWhoAndWhichRole) {
+TEST_F(TrustedCa, SaysWhoAndWhichRole) {
   const TestCertificate agent = ca_.MakeAgent("pc-1");
   ASSERT_OK_AND_ASSIGN(const server::Peer peer, trusted_.Identify(agent.certificate_pem, now_));
   EXPECT_TRUE(peer.IsAgent());
   EXPECT_EQ(peer.name, "pc-1");
   EXPECT_EQ(peer.uri, "rigcal://agents/pc-1");
   EXPECT_EQ(peer.serial, agent.serial);
-  EXPECT_GT(peer.not_after_utc_s, now_ + 29 * 86'400);
+  EXPECT_GT(peer.not_after_utc_s, absl::ToUnixSeconds(now_ + absl::Hours(29 * 24)));
   for (const auto& [word, role] : {std::pair{"operator", Role::kOperator},
                                    {"viewer", Role::kViewer},
                                    {"admin", Role::kAdmin}}) {
@@ -49,7 +47,7 @@ TEST_F(Certificate, SaysWhoAndWhichRole) {
   }
 }
 
-TEST_F(Certificate, OfAnotherCaOrSelfSignedIsRefused) {
+TEST_F(TrustedCa, ACertificateOfAnotherCaOrSelfSignedIsRefused) {
   const TestCa other;
   EXPECT_THAT(trusted_.Identify(other.MakeAgent("pc1").certificate_pem, now_),
               StatusIs(absl::StatusCode::kUnauthenticated,
@@ -58,7 +56,7 @@ TEST_F(Certificate, OfAnotherCaOrSelfSignedIsRefused) {
               StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("pc1")));
 }
 
-TEST_F(Certificate, OutsideItsTimeIsRefused) {
+TEST_F(TrustedCa, ACertificateOutsideItsTimeIsRefused) {
   EXPECT_THAT(Identify({.begins_in_s = -7200, .ends_in_s = -60}),
               StatusIs(absl::StatusCode::kUnauthenticated,
                        AllOf(HasSubstr("expired"), HasSubstr("renew"))));
@@ -66,11 +64,11 @@ TEST_F(Certificate, OutsideItsTimeIsRefused) {
               StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("clocks")));
   const TestCertificate good = ca_.MakeAgent("pc1");
   EXPECT_THAT(trusted_.Identify(good.certificate_pem, now_), IsOk());
-  EXPECT_THAT(trusted_.Identify(good.certificate_pem, now_ + 366 * 86'400),
+  EXPECT_THAT(trusted_.Identify(good.certificate_pem, now_ + absl::Hours(366 * 24)),
               StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("expired")));
 }
 
-TEST_F(Certificate, OfAnotherFormIsRefused) {
+TEST_F(TrustedCa, ACertificateOfAnotherFormIsRefused) {
   const CertificateWish wrong[] = {
       {.uris = {}},
       {.uris = {"rigcal://agents/pc1", "rigcal://agents/pc2"}},
@@ -94,37 +92,48 @@ TEST_F(Certificate, OfAnotherFormIsRefused) {
               StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("purpose")));
 }
 
-TEST_F(Certificate, NamesInMessagesAreEscaped) {
+TEST_F(TrustedCa, NamesInMessagesAreEscaped) {
   EXPECT_THAT(Identify({.common_name = "a\nb\x1b[2J", .role = "x\ny"}),
               StatusIs(absl::StatusCode::kUnauthenticated,
                        AllOf(HasSubstr("a\\nb"), ::testing::Not(HasSubstr("\n")),
                              ::testing::Not(HasSubstr("\x1b")))));
 }
 
-TEST_F(Certificate, OfTheServerMustMatchItsKeyAndTheCa) {
+TEST_F(TrustedCa, ACertificateOfTheServerMustMatchItsKeyAndTheCa) {
   const TestCertificate good = ca_.MakeServer();
   const TestCertificate another = ca_.MakeServer();
   EXPECT_THAT(trusted_.CheckServerCertificate(good.certificate_pem, good.key_pem, now_), IsOk());
   EXPECT_THAT(trusted_.CheckServerCertificate(good.certificate_pem, another.key_pem, now_),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("private key")));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("private key")));
   const TestCa other;
   const TestCertificate foreign = other.MakeServer();
   EXPECT_THAT(trusted_.CheckServerCertificate(foreign.certificate_pem, foreign.key_pem, now_),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("another CA")));
+              StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("another CA")));
   EXPECT_THAT(trusted_.CheckServerCertificate("", good.key_pem, now_),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("certificate")));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("certificate")));
   EXPECT_THAT(trusted_.CheckServerCertificate(good.certificate_pem, "x", now_),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("key")));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("key")));
   const TestCertificate agent = ca_.MakeAgent("pc1");
   EXPECT_THAT(trusted_.CheckServerCertificate(agent.certificate_pem, agent.key_pem, now_),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("purpose")));
+              StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("purpose")));
 }
 
-TEST_F(Certificate, OnlyACaIsTrusted) {
-  EXPECT_THAT(TrustedCa::Parse(""), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("")));
-  EXPECT_THAT(TrustedCa::Parse(ca_.MakeAgent("pc1").certificate_pem),
+TEST_F(TrustedCa, OnlyACaIsTrusted) {
+  EXPECT_THAT(server::TrustedCa::Parse(""),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("no certificate")));
+  EXPECT_THAT(server::TrustedCa::Parse(ca_.MakeAgent("pc1").certificate_pem),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("no CA")));
 }
 
+TEST_F(TrustedCa, MayBeSeveral) {
+  const TestCa other;
+  const auto both = server::TrustedCa::Parse(ca_.certificate_pem() + other.certificate_pem());
+  ASSERT_THAT(both, IsOk());
+  EXPECT_THAT(both->Identify(ca_.MakeAgent("pc1").certificate_pem, now_), IsOk());
+  EXPECT_THAT(both->Identify(other.MakeAgent("pc2").certificate_pem, now_), IsOk());
+  EXPECT_THAT(both->Identify(TestCa().MakeAgent("pc3").certificate_pem, now_),
+              StatusIs(absl::StatusCode::kUnauthenticated, HasSubstr("another CA")));
+}
+
 }  // namespace
-}  // namespace rigcal::testing::certificate_test
+}  // namespace rigcal::testing::trusted_ca_test

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <functional>
-#include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "server/access/peer.h"
 
 namespace rigcal::server {
@@ -17,24 +16,23 @@ namespace rigcal::server {
 class TrustedCa {
  public:
   // Reads a PEM text with one CA or several. INVALID_ARGUMENT: it holds none.
-  static absl::StatusOr<TrustedCa> Parse(std::string_view pem);
+  static absl::StatusOr<TrustedCa> Parse(std::string pem);
 
   // Reads who owns a client's certificate (PEM): a URI in its SAN, rigcal://agents/NAME or
   // rigcal://users/NAME, and the role in the OU of its subject.
   // UNAUTHENTICATED: not signed by this CA, not valid now, or of another form; the message names
   // the certificate and says what is wrong with it.
-  absl::StatusOr<Peer> Identify(std::string_view pem, int64_t now_utc_s) const;
+  absl::StatusOr<Peer> Identify(std::string_view pem, absl::Time now) const;
 
-  // OK: this CA has signed `certificate_pem`, it is valid now, and `key_pem` is its private key.
-  // INVALID_ARGUMENT says what is wrong.
-  absl::Status CheckServerCertificate(std::string_view certificate_pem, std::string_view key_pem,
-                                      int64_t now_utc_s) const;
+  // The end of a server's certificate: this CA has signed it, it is valid now, and `key_pem` is its
+  // private key. Else the error says what is wrong.
+  absl::StatusOr<absl::Time> CheckServerCertificate(std::string_view certificate_pem,
+                                                    std::string_view key_pem, absl::Time now) const;
 
  private:
-  std::shared_ptr<void> store_;  // an X509_STORE
-};
+  explicit TrustedCa(std::string pem) : pem_(std::move(pem)) {}
 
-// The end of a certificate's life, UTC. INVALID_ARGUMENT: not a certificate.
-absl::StatusOr<int64_t> CertificateEndUtcS(std::string_view pem);
+  std::string pem_;
+};
 
 }  // namespace rigcal::server

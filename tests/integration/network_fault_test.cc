@@ -81,7 +81,8 @@ class NetworkFault : public ::testing::Test {
     options_.duration_s = speed * static_cast<double>(3 * Outage().count() + 200);
     live_rate_hz_ = rate_hz * speed;
     for (int i = 0; i < agents; ++i) {
-      Member member{.link = std::make_unique<TcpFaultProxy>(server_.port())};
+      Member member;
+      member.link = std::make_unique<TcpFaultProxy>(server_.port());
       Process::Options agent;
       agent.arguments = {"rigcal-agent", "--server", member.link->address(), "--state-dir",
                          (directory_.path() / absl::StrCat("agent", i)).string()};

@@ -26,7 +26,7 @@ constexpr char kScript[] = RIGCAL_SOURCE_DIR "/deploy/demo-network.sh";
 
 int OutageSeconds() {
   const char* asked = std::getenv("RIGCAL_OUTAGE_SECONDS");
-  return asked == nullptr ? 3 : std::max(1, std::atoi(asked));
+  return asked == nullptr ? 2 : std::max(1, std::atoi(asked));
 }
 
 std::unique_ptr<Process> StartDemo(const std::string& fault) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 #include <tuple>
@@ -16,6 +17,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kDefaultSampleSigmaS = 1e-3;
+// A host's UTC that moves by more against its monotonic clock has been set; readings are better.
+constexpr int64_t kStepNs = 50'000'000;
 
 using ClockKey = std::tuple<std::string, std::string, uint32_t>;  // session, clock, epoch
 
@@ -51,6 +54,54 @@ bool IsWithinReach(const CleanTrack& track, int64_t offset_ns, int64_t latency_n
   return within(0) && within(track.observations.size() - 1);
 }
 
+// How the host of a camera relates to the server: UTC of the server minus the host's UTC, or where
+// that has been set in between, minus its monotonic clock, which nobody sets.
+struct HostRelation {
+  bool by_monotonic = false;
+  int64_t correction_ns = 0;
+
+  int64_t ServerMinusDeviceNs(const ClockSample& sample) const {
+    const int64_t host_ns = by_monotonic ? sample.host_monotonic_ns : sample.host_utc_ns;
+    return Bounded(absl::int128(host_ns) - sample.device_ns + correction_ns);
+  }
+};
+
+bool UtcWasSetBetween(const ClockSample& a, const ClockSample& b) {
+  const absl::int128 utc_ns = absl::int128(b.host_utc_ns) - a.host_utc_ns;
+  const absl::int128 monotonic_ns = absl::int128(b.host_monotonic_ns) - a.host_monotonic_ns;
+  const absl::int128 step_ns = utc_ns - monotonic_ns;
+  return monotonic_ns > 0 && (step_ns > kStepNs || step_ns < -kStepNs);
+}
+
+HostRelation RelateHost(const CameraTrack& track) {
+  std::vector<ClockSample> samples;
+  for (const CameraTrack::EpochSample& sample : track.clock_samples) {
+    samples.push_back(sample.sample);
+  }
+  const auto key = [](const ClockSample& sample) {
+    return std::pair(sample.host_monotonic_ns, sample.host_utc_ns);
+  };
+  std::ranges::sort(samples, {}, key);
+  // Each ping with the samples around it: a ping between two that differ could be of either.
+  std::vector<HostAlignment> to_monotonic;
+  for (const HostAlignment& ping : track.host_alignments) {
+    const auto after = std::ranges::lower_bound(samples, ping.host_monotonic_ns, {},
+                                                &ClockSample::host_monotonic_ns);
+    const bool is_between = after != samples.begin() && after != samples.end();
+    if (samples.empty() || (is_between && UtcWasSetBetween(*std::prev(after), *after))) continue;
+    const ClockSample& nearby = after == samples.end() ? samples.back() : *after;
+    HostAlignment alignment = ping;
+    alignment.server_minus_host_ns = Bounded(absl::int128(ping.server_minus_host_ns) +
+                                             nearby.host_utc_ns - nearby.host_monotonic_ns);
+    to_monotonic.push_back(alignment);
+  }
+  if (std::ranges::adjacent_find(samples, UtcWasSetBetween) == samples.end() ||
+      to_monotonic.empty()) {
+    return {.by_monotonic = false, .correction_ns = HostCorrectionNs(track.host_alignments)};
+  }
+  return {.by_monotonic = true, .correction_ns = HostCorrectionNs(to_monotonic)};
+}
+
 struct Offset {
   int64_t offset_ns = 0;
   double sigma_s = 0;
@@ -60,11 +111,10 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
   std::map<ClockKey, std::vector<int64_t>> differences;
   std::map<ClockKey, double> sigmas;
   for (const CameraTrack& track : tracks) {
-    const int64_t correction = HostCorrectionNs(track.host_alignments);
+    const HostRelation host = RelateHost(track);
     for (const CameraTrack::EpochSample& sample : track.clock_samples) {
       const ClockKey key = {track.session_id, track.camera.clock.clock_id, sample.clock_epoch};
-      differences[key].push_back(
-          Bounded(absl::int128(sample.sample.host_utc_ns) - sample.sample.device_ns + correction));
+      differences[key].push_back(host.ServerMinusDeviceNs(sample.sample));
       const double sigma = sample.sample.uncertainty_ns > 0
                                ? static_cast<double>(sample.sample.uncertainty_ns) * 1e-9
                                : kDefaultSampleSigmaS;

@@ -70,6 +70,30 @@ TEST(AlignClocks, AlignsEveryEpochWithSamples) {
   EXPECT_EQ(refused.List()[0].count, 1u);
 }
 
+// The host's UTC is set an hour ahead, and most samples come after that, most pings before.
+TEST(AlignClocks, AWallClockThatIsSetMovesNothing) {
+  constexpr int64_t kSecond = 1'000'000'000;
+  constexpr int64_t kHour = 3600 * kSecond;
+  constexpr int64_t kUtc = 1'700'000'000 * kSecond;
+  for (const int64_t step : {kHour, -kHour, int64_t{200'000'000}}) {
+    CameraTrack track = Track("a", "", {{10, 0}, {20, 0}});
+    for (int64_t second = 100; second < 110; ++second) {
+      const int64_t utc_ns = kUtc + second * kSecond + (second < 103 ? 0 : step);
+      track.clock_samples.push_back({0, {second * kSecond + 42, second * kSecond, utc_ns, 0}});
+    }
+    // One between the samples around the step, and one before all samples.
+    for (const int64_t ping_ms : {90'000, 100'500, 101'500, 102'500, 108'500}) {
+      const bool is_set = ping_ms > 102'100;
+      track.host_alignments.push_back({ping_ms * 1'000'000, 7 - (is_set ? step : 0), 100});
+    }
+    RefusalCounter refused;
+    const auto aligned = Align({track}, &refused);
+    ASSERT_EQ(aligned.size(), 1u);
+    EXPECT_EQ(aligned[0].clock_offset_ns, kUtc - 42 + 7) << step;
+    EXPECT_LT(aligned[0].offset_sigma_s, 0.01);
+  }
+}
+
 TEST(AlignClocks, CamerasOnOneClockShareItsSamples) {
   CameraTrack a = Track("a", "", {{10, 0}}), b = Track("b", "", {{10, 0}});
   b.camera.clock.clock_id = a.camera.clock.clock_id;

@@ -26,6 +26,8 @@ class EventBatcher {
   static constexpr size_t kEvents = 1024;
   static constexpr size_t kRoomEvents = 256;  // that may be written behind full()
 
+  static_assert(kRoomEvents >= 32 + 12);  // a vector's pixels, and what a short run writes beyond
+
   explicit EventBatcher(Consumer* consumer) : consumer_(*consumer) {}
   EventBatcher(const EventBatcher&) = delete;
   EventBatcher& operator=(const EventBatcher&) = delete;
@@ -37,9 +39,19 @@ class EventBatcher {
   }
   void Vector(uint32_t x, uint32_t y, bool on, uint32_t time_us, uint32_t mask) {
     const auto y_polarity = static_cast<uint16_t>(y | (on ? 0x8000u : 0u));
-    for (; mask != 0; mask &= mask - 1) {
-      *to_++ = {time_us, static_cast<uint16_t>(x + static_cast<uint32_t>(std::countr_zero(mask))),
-                y_polarity};
+    const auto event_at = [=](uint32_t column) {
+      return PackedEvent{time_us, static_cast<uint16_t>(column), y_polarity};
+    };
+    // Most vectors are one short run of pixels: no branch for each.
+    const auto first = static_cast<uint32_t>(std::countr_zero(mask));
+    const uint32_t run = mask >> first;
+    if ((run & (run + 1)) == 0 && run < 1u << kShortRun) [[likely]] {
+      for (uint32_t k = 0; k < kShortRun; ++k) to_[k] = event_at(x + first + k);
+      to_ += std::countr_one(run);
+    } else {
+      for (; mask != 0; mask &= mask - 1) {
+        *to_++ = event_at(x + static_cast<uint32_t>(std::countr_zero(mask)));
+      }
     }
     if (to_ >= full()) [[unlikely]]
       Flush();
@@ -68,6 +80,8 @@ class EventBatcher {
   }
 
  private:
+  static constexpr uint32_t kShortRun = 12;  // pixels
+
   Consumer& consumer_;
   PackedEvent* to_ = buffer_.data();
   alignas(64) std::array<PackedEvent, kEvents + kRoomEvents> buffer_;

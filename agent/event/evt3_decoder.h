@@ -47,6 +47,10 @@ class Evt3Decoder : public WordDecoder<Evt3Decoder, uint16_t> {
   // Where the kernel stops, one of the next kBlockWords words is the reason.
   static constexpr ptrdiff_t kSteppedBytes = Evt3Kernel::kBlockWords * kWordBytes;
 
+  // In pixels; 0: this is no vector.
+  static uint32_t VectorLength(uint32_t word) {
+    return word >> 12 == kVector12 ? 12 : word >> 12 == kVector8 ? 8 : 0;
+  }
   std::optional<uint32_t> TimeOf(uint32_t word) const {
     if (word >> 12 != kTimeHigh) return std::nullopt;
     return word & 0xfff;
@@ -161,10 +165,20 @@ void Evt3Decoder::DecodeWords(const uint8_t* at, const uint8_t* const stop,
       case kVectorBase:
         base_x = word & 0x7ff;
         base_on = word >> 11 & 1;
+        // Vectors come behind their base: a branch of their own is predicted better.
+        while (at != stop) {
+          const uint32_t vector = LoadWord<uint16_t>(at);
+          const uint32_t length = VectorLength(vector);
+          if (length == 0 || base_x + length > width) break;
+          const uint32_t mask = vector & ((1u << length) - 1);
+          if (mask != 0) sink.Vector(base_x, y, base_on != 0, now, mask);
+          base_x += length;
+          at += kWordBytes;
+        }
         break;
       case kVector12:
       case kVector8: {
-        const uint32_t length = word >> 12 == kVector12 ? 12 : 8;
+        const uint32_t length = VectorLength(word);
         uint32_t mask = word & ((1u << length) - 1);
         const uint32_t x = base_x;
         base_x += length;

@@ -9,7 +9,6 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <map>
 #include <memory>
 #include <random>
 #include <set>
@@ -25,6 +24,7 @@
 #include "tests/testing/process.h"
 #include "tests/testing/recorded_data.h"
 #include "tests/testing/server_client.h"
+#include "tests/testing/simulated_rows.h"
 #include "tests/testing/status_matchers.h"
 #include "tests/testing/temporary_directory.h"
 
@@ -152,38 +152,6 @@ class KilledAtRandom : public ::testing::Test {
     longest_restart_s_ = std::max(longest_restart_s_, took.count());
   }
 
-  // What the cameras detected, row by row, against what the server has.
-  void ExpectRowsOfTheSimulation(const std::vector<ObservationBatch>& batches,
-                                 const v1::Session& session) {
-    const auto world = SimulatedWorld::Create(options_, target_);
-    ASSERT_THAT(world, IsOk());
-    std::map<std::string, uint32_t> next;
-    for (const ObservationBatch& batch : batches) {
-      const std::string& name = batch.stream.camera;
-      const int camera = std::stoi(name.substr(name.find('_') + 1));
-      for (size_t row = 0; row < batch.rows(); ++row) {
-        const uint32_t seq = batch.first_seq + static_cast<uint32_t>(row);
-        ASSERT_EQ(seq, ++next[name]) << name << ": lost or stored twice";
-        ObservationBatch truth = batch.Slice(0, 0);
-        truth.clock_samples.clear();
-        truth.host_alignments.clear();
-        truth.first_seq = seq;
-        truth.Append(world->Observe(camera, static_cast<int>(seq) - 1));
-        ObservationBatch stored = batch.Slice(row, row + 1);
-        stored.clock_samples.clear();
-        stored.host_alignments.clear();
-        ASSERT_TRUE(ComparableBytes({stored}) == ComparableBytes({truth})) << name << " " << seq;
-      }
-    }
-    for (const v1::SessionCamera& camera : session.cameras()) {
-      ASSERT_EQ(camera.streams_size(), 1);
-      EXPECT_TRUE(camera.streams(0).ended());
-      EXPECT_EQ(camera.streams(0).last_seq(), next[camera.description().camera()]);
-      EXPECT_EQ(camera.conflict_count(), 0u);
-      EXPECT_EQ(camera.damaged_count(), 0u);
-    }
-  }
-
   // The same rows, delivered to a server that nobody kills.
   std::string UndisturbedCalibration(const std::vector<ObservationBatch>& batches,
                                      const v1::Session& session) {
@@ -249,7 +217,9 @@ TEST_F(KilledAtRandom, LosesNothingAndGivesTheSameResult) {
   EXPECT_EQ(finished->late_count(), 0u);
   const auto batches = client.ReadObservations("wave");
   ASSERT_THAT(batches, IsOk());
-  ExpectRowsOfTheSimulation(*batches, *finished);
+  const auto world = SimulatedWorld::Create(options_, target_);
+  ASSERT_THAT(world, IsOk());
+  ExpectSimulatedRows(*world, *batches, *finished);
   const auto calibration = client.Calibrate("wave");
   ASSERT_THAT(calibration, IsOk());
   EXPECT_EQ(calibration->state(), v1::Calibration::STATE_SUCCEEDED) << calibration->error();

@@ -26,7 +26,7 @@
 #include "tests/testing/process_figures.h"
 #include "tests/testing/server_client.h"
 #include "tests/testing/status_matchers.h"
-#include "tests/testing/tcp_proxy.h"
+#include "tests/testing/tcp_fault_proxy.h"
 #include "tests/testing/temporary_directory.h"
 
 namespace rigcal::testing::soak_test {
@@ -88,7 +88,7 @@ class Soak : public ::testing::Test {
   void SetUp() override {
     server_ = std::make_unique<ServerProcess>(directory_.path() / "store");
     port_ = server_->port();
-    proxy_ = std::make_unique<TcpProxy>(port_);
+    proxy_ = std::make_unique<TcpFaultProxy>(port_);
     agents_.resize(kAgents);
     for (int i = 0; i < kAgents; ++i) StartAgent(i);
     AwaitAgents();
@@ -153,12 +153,13 @@ class Soak : public ::testing::Test {
     switch (kind) {
       case 0:
         ++faults_["link cut"];
-        return proxy_->Cut();
+        proxy_->Cut();
+        return proxy_->Restore();
       case 1:
         ++faults_["link down"];
-        proxy_->SetDown(true);
+        proxy_->Set({.is_black_hole = true});
         std::this_thread::sleep_for(pause);
-        return proxy_->SetDown(false);
+        return proxy_->Restore();
       case 2:
         ++faults_["agent stopped"];
         return Stop(*agents_[static_cast<size_t>(agent)], pause);
@@ -212,7 +213,7 @@ class Soak : public ::testing::Test {
   const TemporaryDirectory directory_;
   int port_ = 0;
   std::unique_ptr<ServerProcess> server_;
-  std::unique_ptr<TcpProxy> proxy_;
+  std::unique_ptr<TcpFaultProxy> proxy_;
   std::vector<std::unique_ptr<Process>> agents_;
   std::mt19937 random_{16};
   std::map<std::string, int> faults_;

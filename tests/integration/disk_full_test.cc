@@ -122,7 +122,9 @@ source = "sim:camera=1;cameras=2;duration=80000;rate=400;speed=1"
     const auto finished = client().WaitUntilFinished("wave");
     ASSERT_THAT(finished, IsOk());
     EXPECT_EQ(finished->missing_cameras_size(), 0) << agent.StandardError();
-    EXPECT_EQ(finished->refused_size(), 0);
+    for (const v1::SessionCamera& camera : finished->cameras()) {
+      EXPECT_EQ(camera.refused_size(), 0) << camera.description().camera();
+    }
     const CommandResult verified =
         RunCommand({"rigcal", "session", "verify", "wave", "--server", address_});
     EXPECT_EQ(verified.exit_code, 0) << verified.output << verified.error;

@@ -20,6 +20,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/wire/camera_wire.h"
+#include "rigcal/v1/status_service.grpc.pb.h"
 #include "tests/testing/process.h"
 #include "tests/testing/reflection_client.h"
 #include "tests/testing/server_client.h"
@@ -211,8 +212,13 @@ class ServerOnFullDisk : public DiskFull {
     ASSERT_THAT(rows, IsOk());
     EXPECT_FALSE(rows->empty());
     EXPECT_EQ(RunCommand({"rigcal", "session", "list", "--server", address_}).exit_code, 0);
-    const CommandResult status = RunCommand({"rigcal", "status", "--server", address_});
-    EXPECT_THAT(status.output + status.error, HasSubstr("disk"));
+    grpc::ClientContext context;
+    v1::GetStatusResponse status;
+    EXPECT_TRUE(v1::StatusService::NewStub(
+                    grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()))
+                    ->GetStatus(&context, {}, &status)
+                    .ok());
+    EXPECT_THAT(status.ingest().problem(), HasSubstr("disk"));
   }
 
   std::unique_ptr<OnSmallDisk> server_;

@@ -14,16 +14,16 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/ssl.hpp>
 #include <list>
+#include <optional>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
-#include "absl/time/time.h"
 #include "common/identity/durable_file.h"
 #include "common/identity/join_string.h"
 #include "common/identity/private_key.h"
 #include "common/status/status_macros.h"
+#include "server/http/http_messages.h"
 
 namespace rigcal::server {
 namespace {
@@ -35,8 +35,6 @@ using asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
 using TlsStream = beast::ssl_stream<beast::tcp_stream>;
-using BeastRequest = http::request<http::string_body>;
-using BeastResponse = http::response<http::string_body>;
 
 // How long, and for how much, a client that sends too much is heard out: a connection that is
 // closed earlier may lose the answer.
@@ -60,35 +58,6 @@ absl::StatusOr<std::shared_ptr<asio::ssl::context>> MakeContext(const HttpServer
   if (!error) return context;
   return absl::FailedPreconditionError(absl::StrCat(
       "cannot use ", options.certificate_file.string(), " for HTTPS: ", error.message()));
-}
-
-// The status for a request that could not be read; 0: the client is gone, there is none.
-unsigned StatusOfBadRequest(ErrorCode error) {
-  if (error == http::error::body_limit) return 413;
-  if (error == http::error::header_limit) return 431;
-  if (error.category() == make_error_code(http::error::bad_method).category() &&
-      error != http::error::end_of_stream && error != http::error::partial_message) {
-    return 400;
-  }
-  return 0;
-}
-
-HttpResponse PlainResponse(unsigned status, std::string text) {
-  return {.status = status, .body = std::move(text) + "\n"};
-}
-
-BeastResponse ToBeast(HttpResponse response, bool keep_alive) {
-  BeastResponse message(static_cast<http::status>(response.status), 11);
-  message.set(http::field::content_type, response.content_type);
-  message.set(http::field::cache_control, "no-store");
-  message.set("X-Content-Type-Options", "nosniff");
-  // Clients compare it with their clock.
-  message.set(http::field::date,
-              absl::FormatTime("%a, %d %b %Y %H:%M:%S GMT", absl::Now(), absl::UTCTimeZone()));
-  message.keep_alive(keep_alive);
-  message.body() = std::move(response.body);
-  message.prepare_payload();
-  return message;
 }
 
 }  // namespace
@@ -221,23 +190,20 @@ class HttpServer::Impl {
     bool keep_alive = true;
     while (keep_alive) {
       ErrorCode error;
-      http::request_parser<http::string_body> parser;
-      parser.header_limit(static_cast<uint32_t>(options_.max_header_bytes));
-      parser.body_limit(options_.max_body_bytes);
+      HttpRequestParser parser;
+      SetLimits(options_, &parser);
       socket.expires_after(options_.request_timeout);
       co_await http::async_read(stream, buffer, parser,
                                 asio::redirect_error(asio::use_awaitable, error));
-      const unsigned bad = error ? StatusOfBadRequest(error) : 0;
-      if (error && bad == 0) co_return;
-      keep_alive = !error && parser.get().keep_alive();
+      std::optional<BeastResponse> response = AnswerTo(parser, error, peer, routes_);
+      if (!response) co_return;
+      keep_alive = response->keep_alive();
       connection->answering = true;
-      BeastResponse response = ToBeast(
-          error ? PlainResponse(bad, error.message()) : Answer(parser.get(), peer), keep_alive);
       socket.expires_after(options_.request_timeout);
-      co_await http::async_write(stream, response, asio::use_awaitable);
+      co_await http::async_write(stream, *response, asio::use_awaitable);
       connection->answering = false;
       connections_.splice(connections_.end(), connections_, connection);
-      if (error && bad != 400) co_await Linger(stream);
+      if (error && response->result() != http::status::bad_request) co_await Linger(stream);
     }
     socket.expires_after(kLinger);
     co_await stream.async_shutdown(asio::use_awaitable);
@@ -250,28 +216,6 @@ class HttpServer::Impl {
     for (size_t read = 0; read < kLingerBytes;) {
       read += co_await stream.async_read_some(asio::buffer(bytes), asio::use_awaitable);
     }
-  }
-
-  HttpResponse Answer(const BeastRequest& request, const std::string& peer) const {
-    std::string path(request.target());
-    path.resize(std::min(path.find('?'), path.size()));
-    bool path_known = false;
-    for (const HttpRoute& route : routes_) {
-      if (route.path != path) continue;
-      path_known = true;
-      if (route.method !=
-          std::string_view(request.method_string().data(), request.method_string().size())) {
-        continue;
-      }
-      try {
-        return route.handle({.peer = peer, .body = request.body()});
-      } catch (const std::exception& error) {
-        spdlog::error("HTTPS {}: an unexpected fault: {}", path, error.what());
-        return PlainResponse(500, "an unexpected fault");
-      }
-    }
-    return path_known ? PlainResponse(405, "this path has another method")
-                      : PlainResponse(404, "there is nothing here");
   }
 
   const HttpServerOptions options_;

@@ -101,6 +101,12 @@ void DiskSpool::Release(DiskStream& stream) {
 
 void DiskSpool::Doom(Segment segment) {
   segment.file.reset();
+  // A file that is open for reading would keep its space on the disk.
+  for (auto& [key, stream] : streams_) {
+    if (stream.cursor.ordinal != segment.ordinal) continue;
+    stream.cursor = {};
+    stream.cursor_file.reset();
+  }
   doomed_.push_back(std::move(segment));
 }
 

@@ -102,5 +102,29 @@ TEST(RealFileSystem, KeepsRowsOverARestart) {
   EXPECT_EQ(batch.time_ns[199], 300);
 }
 
+// An open file keeps its space: with one, a full disk would stay full.
+TEST(RealFileSystem, HasNoDeletedSegmentOpen) {
+  const TemporaryDirectory directory;
+  DiskSpoolOptions options = OptionsFor(directory);
+  options.has_thread = false;
+  ASSERT_OK_AND_ASSIGN(const auto spool, DiskSpool::Create(options));
+  ASSERT_THAT(spool->Open(kLeft, 1, 1), IsOk());
+  for (int row = 1; row <= 300; ++row) {
+    ASSERT_THAT(spool->Append(kLeft, MakeObservation(row), {}), IsOk());
+  }
+  ASSERT_THAT(spool->Read(kLeft, 1, 1000), IsOk());
+  ASSERT_THAT(spool->Finish(kLeft, {}), IsOk());
+  spool->Acknowledge(kLeft, 300);
+  spool->Maintain();
+  for (const auto& entry : fs::directory_iterator(options.folder)) {
+    EXPECT_NE(entry.path().extension(), ".seg") << "everything is acknowledged";
+  }
+  std::error_code gone;  // the descriptor of this loop, for one
+  for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
+    const std::string file = fs::read_symlink(entry.path(), gone).string();
+    EXPECT_FALSE(file.starts_with(options.folder) && file.ends_with(" (deleted)")) << file;
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::agent::file_system_test

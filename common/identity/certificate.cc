@@ -4,6 +4,7 @@
 #include <arpa/inet.h>
 #include <openssl/err.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 
@@ -126,7 +127,18 @@ absl::Status CheckIssuedBy(const Certificate& certificate, std::string_view ca_p
   const openssl::StorePtr store(X509_STORE_new());
   const openssl::StoreContextPtr context(X509_STORE_CTX_new());
   bool ready = store && context;
-  for (const auto& ca : cas) ready = ready && X509_STORE_add_cert(store.get(), ca.get()) == 1;
+  // Of several CAs with one name OpenSSL might take one that has not signed.
+  const auto signer = std::ranges::find_if(cas, [&](const auto& ca) {
+    return X509_verify(x509.get(), X509_get0_pubkey(ca.get())) == 1;
+  });
+  for (auto ca = cas.begin(); ca != cas.end(); ++ca) {
+    if (signer != cas.end() && ca != signer &&
+        X509_NAME_cmp(X509_get_subject_name(ca->get()), X509_get_subject_name(signer->get())) ==
+            0) {
+      continue;
+    }
+    ready = ready && X509_STORE_add_cert(store.get(), ca->get()) == 1;
+  }
   if (!ready || X509_STORE_CTX_init(context.get(), store.get(), x509.get(), nullptr) != 1) {
     return openssl::Error("check a certificate");
   }

@@ -139,7 +139,7 @@ class NetworkFault : public ::testing::Test {
   // After the fault: waits until every camera delivers again, ends the session and waits for the
   // rest.
   void FinishSession() {
-    at_end_ = Look();
+    fault_ended_ = SteadyClock::now();
     const auto delivers = [&](const auto& entry) { return entry.second > at_end_[entry.first]; };
     ASSERT_TRUE(
         WaitFor([&] { return std::ranges::all_of(Look(), delivers); }, seconds(60) + Outage()))
@@ -174,15 +174,19 @@ class NetworkFault : public ::testing::Test {
   double LiveRate(const std::string& camera) const {
     return static_cast<double>(Final(camera) - before_.at(camera)) / captured_s_;
   }
-  // How many times faster than they are detected the camera's observations came, once they did.
+  // How many times faster than they are detected the observations came that were behind, once they
+  // did.
   double DrainFactor(const std::string& camera) const {
-    SteadyClock::time_point from{}, to{};
+    const double detected = static_cast<double>(at_end_.at(camera)) + Behind(camera);
+    SteadyClock::time_point from = fault_ended_, to{};
     for (const auto& [time, counts] : history_) {
-      if (counts.at(camera) <= at_end_.at(camera)) from = time;
-      if (to == SteadyClock::time_point() && counts.at(camera) == Final(camera)) to = time;
+      if (counts.at(camera) <= at_end_.at(camera)) from = std::max(from, time);
+      if (to == SteadyClock::time_point() && static_cast<double>(counts.at(camera)) >= detected) {
+        to = time;
+      }
     }
-    return static_cast<double>(Final(camera) - at_end_.at(camera)) /
-           std::chrono::duration<double>(to - from).count() / LiveRate(camera);
+    if (to == SteadyClock::time_point()) to = history_.back().first;
+    return Behind(camera) / std::chrono::duration<double>(to - from).count() / LiveRate(camera);
   }
   uint64_t Final(const std::string& camera) const { return history_.back().second.at(camera); }
 
@@ -228,6 +232,7 @@ class NetworkFault : public ::testing::Test {
   double live_rate_hz_ = 0;  // of each camera
   std::vector<Member> members_;
   SteadyClock::time_point fault_began_;
+  SteadyClock::time_point fault_ended_;
   Counts before_;          // when the fault began
   Counts at_end_;          // when it ended
   double captured_s_ = 0;  // from then to the end of the captures
@@ -280,6 +285,7 @@ TEST_F(NetworkFault, EverythingArrivesOnceTheLinksAreGood) {
     SleepBriefly();
   }
   ExpectVerified(/*all_complete=*/false);
+  at_end_ = Look();
   for (const Member& member : members_) member.link->Restore();
   ASSERT_NO_FATAL_FAILURE(FinishSession());
 
@@ -315,6 +321,7 @@ TEST_F(NetworkFault, MemoryIsFlatWhileTheServerStandsStill) {
     highest_memory_kb = std::max(highest_memory_kb, MemoryKb(*members_[0].agent));
     SleepBriefly();
   }
+  at_end_ = before_;
   server_.process().Signal(SIGCONT);
   ASSERT_NO_FATAL_FAILURE(FinishSession());
 

@@ -254,6 +254,7 @@ class FloodsTogether : public ::testing::Test {
     ServerClient client(address_);
     v1::CreateSessionRequest request;
     request.set_id("wave");
+    request.mutable_target()->set_kind(v1::Target::KIND_WAND);
     for (const double position : {0.0, 0.13, 0.39}) {
       request.mutable_target()->add_marker_positions_m(position);
     }
@@ -268,7 +269,6 @@ class FloodsTogether : public ::testing::Test {
       ObservationBatch batch;
       batch.stream = {"wave", "left", 1};
       batch.first_seq = first;
-      batch.clock_epoch = 1;
       batch.marker_count = 3;
       for (uint32_t seq = first; seq < first + 6000; ++seq) {
         Observation row;

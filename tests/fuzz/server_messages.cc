@@ -88,6 +88,7 @@ void FillCamera(const char* name, v1::CameraDescription* camera) {
 }
 
 void FillSession(v1::CreateSessionRequest* request) {
+  request->mutable_target()->set_kind(v1::Target::KIND_WAND);
   for (const double position : {0.0, 0.13, 0.39}) {
     request->mutable_target()->add_marker_positions_m(position);
   }

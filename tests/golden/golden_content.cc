@@ -130,6 +130,7 @@ std::map<std::string, std::string> GoldenMessages() {
   messages["server_hello"] = response.SerializeAsString();
   v1::StartCapture* start = response.mutable_start_capture();
   start->set_session_id("wave");
+  start->mutable_target()->set_kind(v1::Target::KIND_WAND);
   for (const double position : {0.0, 0.125, 0.375}) {
     start->mutable_target()->add_marker_positions_m(position);
   }

@@ -101,6 +101,7 @@ source = "sim:camera=1;cameras=2;duration=80000;rate=400;speed=1"
   static v1::CreateSessionRequest SessionRequest(const std::string& id) {
     v1::CreateSessionRequest request;
     request.set_id(id);
+    request.mutable_target()->set_kind(v1::Target::KIND_WAND);
     for (const double position : {0.0, 0.13, 0.39}) {
       request.mutable_target()->add_marker_positions_m(position);
     }
@@ -192,7 +193,6 @@ class ServerOnFullDisk : public DiskFull {
     ObservationBatch batch;
     batch.stream = {"old", "by_hand", 1};
     batch.first_seq = first_seq;
-    batch.clock_epoch = 1;
     batch.marker_count = 3;
     for (uint32_t seq = first_seq; seq <= last_seq; ++seq) {
       Observation row;

@@ -56,6 +56,13 @@ std::shared_ptr<grpc::Channel> ConnectionOfItsOwn(const std::string& address) {
   return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
 }
 
+// Before sockets take all the places.
+std::shared_ptr<grpc::Channel> Connected(const std::string& address) {
+  const auto channel = ConnectionOfItsOwn(address);
+  EXPECT_TRUE(channel->WaitForConnected(std::chrono::system_clock::now() + seconds(20)));
+  return channel;
+}
+
 absl::Status GetStatus(const std::shared_ptr<grpc::Channel>& channel, seconds limit) {
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + limit);
@@ -137,8 +144,10 @@ std::map<std::string, std::string> LargeMessages() {
 // Sends copies of a message at once, over a connection of its own, without a thread for each.
 class LargeCalls {
  public:
-  LargeCalls(const std::string& address, const std::string& message)
-      : stub_(ConnectionOfItsOwn(address)) {
+  explicit LargeCalls(const std::string& address) : stub_(Connected(address)) {}
+  ~LargeCalls() { Await(); }
+
+  void Send(const std::string& message) {
     const grpc::Slice slice(message);
     for (int i = 0; i < kCopies; ++i) {
       calls_.push_back(std::make_unique<Call>());
@@ -154,12 +163,10 @@ class LargeCalls {
                       });
     }
   }
-  ~LargeCalls() { Await(); }
-
   // How many ended with which code.
   std::map<grpc::StatusCode, int> Await() {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return ended_ == kCopies; });
+    changed_.wait(lock, [this] { return ended_ == calls_.size(); });
     return codes_;
   }
 
@@ -174,7 +181,7 @@ class LargeCalls {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::map<grpc::StatusCode, int> codes_;
-  int ended_ = 0;
+  size_t ended_ = 0;
 };
 
 // A stream that is opened and left alone.
@@ -197,7 +204,7 @@ using ReaderUnderTest = OpenStream<grpc::ClientReader<v1::ReadObservationsRespon
 class StatusClient {
  public:
   explicit StatusClient(const std::string& address)
-      : channel_(ConnectionOfItsOwn(address)), thread_([this] { Run(); }) {}
+      : channel_(Connected(address)), thread_([this] { Run(); }) {}
   ~StatusClient() { Stop(); }
 
   // Seconds of each call, sorted.
@@ -254,6 +261,7 @@ class FloodsTogether : public ::testing::Test {
     ServerClient client(address_);
     v1::CreateSessionRequest request;
     request.set_id("wave");
+    request.mutable_target()->set_kind(v1::Target::KIND_WAND);
     for (const double position : {0.0, 0.13, 0.39}) {
       request.mutable_target()->add_marker_positions_m(position);
     }
@@ -268,7 +276,6 @@ class FloodsTogether : public ::testing::Test {
       ObservationBatch batch;
       batch.stream = {"wave", "left", 1};
       batch.first_seq = first;
-      batch.clock_epoch = 1;
       batch.marker_count = 3;
       for (uint32_t seq = first; seq < first + 6000; ++seq) {
         Observation row;
@@ -296,7 +303,7 @@ class FloodsTogether : public ::testing::Test {
     std::vector<std::unique_ptr<AgentStreamUnderTest>> streams;
     std::unique_ptr<v1::IngestService::Stub> stub;
     for (int i = 0; i < kSilentStreams; ++i) {
-      if (i % 100 == 0) stub = v1::IngestService::NewStub(ConnectionOfItsOwn(address_));
+      if (i % 100 == 0) stub = v1::IngestService::NewStub(Connected(address_));
       streams.push_back(std::make_unique<AgentStreamUnderTest>());
       streams.back()->stream = stub->Connect(&streams.back()->context);
     }
@@ -308,7 +315,7 @@ class FloodsTogether : public ::testing::Test {
     v1::ReadObservationsRequest request;
     request.set_session_id("wave");
     for (int i = 0; i < kReaders; ++i) {
-      if (i % 50 == 0) stub = v1::SessionService::NewStub(ConnectionOfItsOwn(address_));
+      if (i % 50 == 0) stub = v1::SessionService::NewStub(Connected(address_));
       readers.push_back(std::make_unique<ReaderUnderTest>());
       readers.back()->stream = stub->ReadObservations(&readers.back()->context, request);
     }
@@ -327,13 +334,14 @@ TEST_F(FloodsTogether, LeaveAnotherClientServedAndTheServerSmall) {
   const std::map<std::string, std::string> messages = LargeMessages();
   StatusClient status(address_);
   {
-    const auto sockets = OpenSockets();
-    const auto silent = OpenSilentStreams();
-    const auto readers = OpenReaders();
     std::vector<std::pair<std::string, std::unique_ptr<LargeCalls>>> calls;
     for (const auto& [name, message] : messages) {
-      calls.emplace_back(name, std::make_unique<LargeCalls>(address_, message));
+      calls.emplace_back(name, std::make_unique<LargeCalls>(address_));
     }
+    const auto silent = OpenSilentStreams();
+    const auto readers = OpenReaders();
+    const auto sockets = OpenSockets();
+    for (const auto& [name, call] : calls) call->Send(messages.at(name));
     for (const auto& [name, call] : calls) {
       for (const auto& [code, count] : call->Await()) {
         std::printf("%d messages of 4 MiB of %s end with code %d\n", count, name.c_str(), code);

@@ -94,6 +94,7 @@ class Soak : public ::testing::Test {
     AwaitAgents();
     v1::CreateSessionRequest request;
     request.set_id("wave");
+    request.mutable_target()->set_kind(v1::Target::KIND_WAND);
     for (const double position : {0.0, 0.13, 0.39}) {
       request.mutable_target()->add_marker_positions_m(position);
     }

@@ -89,8 +89,12 @@ function(rigcal_compile_together target precompiled)
   endif()
 endfunction()
 
-# rigcal_compile_apart(<source> <options>...): a source with compile options of its own.
+# rigcal_compile_apart(<source> <options>...): a source with compile options of its own. With sanitizers, kernels take
+# minutes to compile at -O3, and are as the rest.
 function(rigcal_compile_apart source)
+  if(RIGCAL_SANITIZE)
+    list(REMOVE_ITEM ARGN -O3)
+  endif()
   set_source_files_properties(${source} PROPERTIES COMPILE_OPTIONS "${ARGN}" SKIP_PRECOMPILE_HEADERS ON)
 endfunction()
 

@@ -41,6 +41,8 @@ if(RIGCAL_SANITIZE)
   target_compile_options(rigcal_build_flags INTERFACE -fsanitize=${RIGCAL_SANITIZE}
     -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(rigcal_build_flags INTERFACE -fsanitize=${RIGCAL_SANITIZE})
+  # As without the address sanitizer: what Eigen allocates in Ceres it frees here, and the other way round.
+  target_compile_definitions(rigcal_build_flags INTERFACE EIGEN_MALLOC_ALREADY_ALIGNED=1)
   # With sanitizers, gcc 12 gives false warnings of these kinds; the normal build checks the same files.
   target_compile_options(rigcal_build_flags INTERFACE
     $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized> $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>)

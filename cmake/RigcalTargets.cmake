@@ -41,6 +41,8 @@ if(RIGCAL_SANITIZE)
   target_compile_options(rigcal_build_flags INTERFACE -fsanitize=${RIGCAL_SANITIZE}
     -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(rigcal_build_flags INTERFACE -fsanitize=${RIGCAL_SANITIZE})
+  # As without the address sanitizer: what Eigen allocates in Ceres it frees here, and the other way round.
+  target_compile_definitions(rigcal_build_flags INTERFACE EIGEN_MALLOC_ALREADY_ALIGNED=1)
   # With sanitizers, gcc 12 gives false warnings of these kinds; the normal build checks the same files.
   target_compile_options(rigcal_build_flags INTERFACE
     $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized> $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>)
@@ -89,8 +91,12 @@ function(rigcal_compile_together target precompiled)
   endif()
 endfunction()
 
-# rigcal_compile_apart(<source> <options>...): a source with compile options of its own.
+# rigcal_compile_apart(<source> <options>...): a source with compile options of its own. With sanitizers, kernels take
+# minutes to compile at -O3, and are as the rest.
 function(rigcal_compile_apart source)
+  if(RIGCAL_SANITIZE)
+    list(REMOVE_ITEM ARGN -O3)
+  endif()
   set_source_files_properties(${source} PROPERTIES COMPILE_OPTIONS "${ARGN}" SKIP_PRECOMPILE_HEADERS ON)
 endfunction()
 

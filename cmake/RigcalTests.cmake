@@ -13,6 +13,14 @@ rigcal_precompile(rigcal_precompiled_for_tests
   DEPS absl::statusor absl::strings GTest::gmock
   OPTIONS ${rigcal_unoptimised})
 
+# Seconds after which a test is taken to hang. Sanitizers make tests several times as slow.
+function(rigcal_time_limit result seconds)
+  if(RIGCAL_SANITIZE)
+    math(EXPR seconds "4 * ${seconds}")
+  endif()
+  set(${result} ${seconds} PARENT_SCOPE)
+endfunction()
+
 # The googletest filter for one file's tests: the suites it defines, read from its TEST macros.
 function(rigcal_suites_of file result)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
@@ -66,7 +74,8 @@ function(rigcal_tests folder)
     endforeach()
     list(JOIN filters : filter)
     add_test(NAME ${folder}/${test} COMMAND ${target} --gtest_filter=${filter})
-    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT 120 ENVIRONMENT "OMP_THREAD_LIMIT=1"
+    rigcal_time_limit(limit 120)
+    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${limit} ENVIRONMENT "OMP_THREAD_LIMIT=1"
       SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
   endforeach()
 endfunction()
@@ -77,5 +86,13 @@ function(rigcal_test_properties folder)
   list(SUBLIST ARGN 0 ${split} tests)
   list(SUBLIST ARGN ${split} -1 properties)
   list(TRANSFORM tests PREPEND ${folder}/)
+  list(FIND properties TIMEOUT at)
+  if(NOT at EQUAL -1)
+    math(EXPR at "${at} + 1")
+    list(GET properties ${at} seconds)
+    rigcal_time_limit(limit ${seconds})
+    list(REMOVE_AT properties ${at})
+    list(INSERT properties ${at} ${limit})
+  endif()
   set_tests_properties(${tests} ${properties})
 endfunction()

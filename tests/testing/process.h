@@ -14,6 +14,13 @@ namespace rigcal::testing {
 // A program of this build, started with its output in files. Killed (by its id) with the object.
 class Process {
  public:
+  // Programs with the address sanitizer are several times as slow.
+#ifdef __SANITIZE_ADDRESS__
+  static constexpr std::chrono::seconds kLongestRun{400};
+#else
+  static constexpr std::chrono::seconds kLongestRun{100};
+#endif
+
   struct Options {
     std::vector<std::string>
         arguments;  // [0]: name of a program in the build's bin folder, or a path
@@ -26,7 +33,7 @@ class Process {
 
   pid_t pid() const { return pid_; }
   // Waits for its end; the exit code, or 128 + signal. Fails the test after `limit`.
-  int Wait(std::chrono::seconds limit = std::chrono::seconds(100));
+  int Wait(std::chrono::seconds limit = kLongestRun);
   void Signal(int signal) const;
   bool Running();
   std::string StandardOutput() const;

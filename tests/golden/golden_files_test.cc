@@ -81,7 +81,7 @@ TEST_P(GoldenFiles, TheDatabaseReadsLikeANewOneAndTakesMore) {
   EXPECT_THAT(golden->Health().problem, "");
   for (const char* id : {"wave", "running"}) {
     const auto rows = ReadRows(*golden, id);
-    EXPECT_THAT(rows, SizeIs(180)) << id;
+    EXPECT_EQ(rows.size(), id == std::string("wave") ? 180u : 160u);
     EXPECT_TRUE(rows == ReadRows(*fresh, id)) << id;
     EXPECT_EQ(CountsText(*golden, id), CountsText(*fresh, id)) << id;
     ASSERT_OK_AND_ASSIGN(Session read, golden->GetSession(id));

@@ -82,6 +82,16 @@ class RealFile final : public SpoolFile {
   const std::string path_;
 };
 
+// Closed at the end.
+struct OpenDescriptor {
+  explicit OpenDescriptor(int opened) : fd(opened) {}
+  ~OpenDescriptor() { close(fd); }
+  OpenDescriptor(const OpenDescriptor&) = delete;
+  OpenDescriptor& operator=(const OpenDescriptor&) = delete;
+
+  const int fd;
+};
+
 class PosixFileSystem final : public FileSystem {
  public:
   absl::Status CreateFolder(const std::string& path) override {
@@ -138,7 +148,7 @@ class PosixFileSystem final : public FileSystem {
   absl::StatusOr<std::shared_ptr<void>> Lock(const std::string& path) override {
     const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (fd < 0) return FileError("open", path);
-    std::shared_ptr<void> lock(nullptr, [fd](void*) { close(fd); });
+    const auto lock = std::make_shared<OpenDescriptor>(fd);
     if (flock(fd, LOCK_EX | LOCK_NB) == 0) return lock;
     if (errno != EWOULDBLOCK) return FileError("lock", path);
     return absl::AlreadyExistsError(absl::StrCat("another agent uses the spool (", path,

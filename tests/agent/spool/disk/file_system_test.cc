@@ -102,6 +102,27 @@ TEST(RealFileSystem, KeepsRowsOverARestart) {
   EXPECT_EQ(batch.time_ns[199], 300);
 }
 
+TEST(RealFileSystem, HasAllOfASpoolThatWasClosed) {
+  const TemporaryDirectory directory;
+  DiskSpoolOptions options = OptionsFor(directory);
+  options.has_thread = false;
+  {
+    ASSERT_OK_AND_ASSIGN(const auto spool, DiskSpool::Create(options));
+    ASSERT_THAT(spool->Open(kLeft, 1, 1), IsOk());
+    for (int row = 1; row <= 30; ++row) {
+      ASSERT_THAT(spool->Append(kLeft, MakeObservation(row), {}), IsOk());
+    }
+    spool->Acknowledge(kLeft, 12);
+    ASSERT_THAT(spool->Finish(kLeft, {}), IsOk());
+  }
+  ASSERT_OK_AND_ASSIGN(const auto spool, DiskSpool::Create(options));
+  const auto stream = spool->Find(kLeft);
+  ASSERT_TRUE(stream.has_value());
+  EXPECT_EQ(stream->durable_seq, 12u);
+  ASSERT_TRUE(stream->end.has_value());
+  EXPECT_FALSE(stream->end->interrupted) << "the end of the capture is in the checkpoint";
+}
+
 // An open file keeps its space: with one, a full disk would stay full.
 TEST(RealFileSystem, HasNoDeletedSegmentOpen) {
   const TemporaryDirectory directory;

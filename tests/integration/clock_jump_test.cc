@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "absl/strings/match.h"
@@ -112,6 +113,18 @@ TEST_F(ClockJump, LosesNothingAndKeepsTheOrder) {
     link_.Restore();
     ExpectProgress();
   }
+  // As a clock that is disciplined by two quarrelling programs.
+  for (int i = 0; i < 60; ++i) {
+    SetClock(i % 2 == 0 ? "+0.2" : "-0.2");
+    std::this_thread::sleep_for(std::chrono::milliseconds(25));
+    if (i % 20 == 10) {
+      link_.Cut();
+      link_.Restore();
+    }
+  }
+  ExpectProgress();
+  SetClock("+0");
+  ExpectProgress();
   ASSERT_THAT(client_.StopSession("wave", 60), IsOk());
   const auto finished = client_.WaitUntilFinished("wave");
   ASSERT_THAT(finished, IsOk()) << agent_->StandardError();

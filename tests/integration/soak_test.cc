@@ -43,7 +43,7 @@ constexpr int kCameras = kAgents * kCamerasPerAgent;
 // How long faults happen, the same again without kills of what is measured.
 Seconds Duration() {
   const char* minutes = std::getenv("RIGCAL_SOAK_MINUTES");
-  return Seconds(minutes == nullptr ? 20 : std::max(1.0, 60 * std::atof(minutes)));
+  return Seconds(minutes == nullptr ? 150 : std::max(1.0, 60 * std::atof(minutes)));
 }
 
 // Memory and descriptors of one process over a while.

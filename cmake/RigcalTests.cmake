@@ -13,10 +13,10 @@ rigcal_precompile(rigcal_precompiled_for_tests
   DEPS absl::statusor absl::strings GTest::gmock
   OPTIONS ${rigcal_unoptimised})
 
-# Seconds after which a test is taken to hang. Sanitizers make tests several times as slow.
+# Seconds after which a test is taken to hang. Sanitizers make solves ten times as slow.
 function(rigcal_time_limit result seconds)
   if(RIGCAL_SANITIZE)
-    math(EXPR seconds "4 * ${seconds}")
+    math(EXPR seconds "10 * ${seconds}")
   endif()
   set(${result} ${seconds} PARENT_SCOPE)
 endfunction()

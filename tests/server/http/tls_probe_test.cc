@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <chrono>
 #include <string>
@@ -27,6 +28,9 @@ class TlsProbe : public JoinFixture {
     StartServer(server_ahead);
     identity_ = *JoinServer(MakeJoin(Role::kOperator, "anna"), "anna");
   }
+  // As every program does.
+  static void SetUpTestSuite() { signal(SIGPIPE, SIG_IGN); }
+
   rigcal::TlsProbe Probe(const std::string& to) { return ProbeTls(to, &identity_, kTimeout); }
 
   PeerIdentity identity_;

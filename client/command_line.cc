@@ -11,11 +11,9 @@ ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& cons
   AddLocalCommand(parser);
   AddSessionCommands(parser);
   AddCalibrationCommands(parser);
-  AddIdentityCommands(parser);
-  auto [doctor, options] = parser.AddCommand(
-      nullptr, "doctor",
-      "Look for what is wrong: connection, versions, disk, agents, cameras, sessions", RunDoctor);
-  doctor->add_option("SERVER", options->server, "HOST:PORT to look at, as --server")->type_name("");
+  parser.AddCommand(nullptr, "doctor",
+                    "Look for what is wrong: server, versions, disk, agents, cameras, sessions",
+                    RunDoctor);
   return parser.Run(arguments);
 }
 

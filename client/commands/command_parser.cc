@@ -9,7 +9,6 @@
 #include "absl/strings/str_split.h"
 #include "common/text/utf8.h"
 #include "common/wire/protocol_version.h"
-#include "common/wire/server_access.h"
 
 namespace rigcal::client {
 namespace {
@@ -33,8 +32,7 @@ constexpr char kDescription[] =
 
 std::string DefaultServer() {
   const char* given = std::getenv("RIGCAL_SERVER");
-  if (given != nullptr && *given != '\0') return given;
-  return wire::DefaultServerAddress(wire::ClientIdentity::OfUser());
+  return given != nullptr && *given != '\0' ? given : std::string(kDefaultServer);
 }
 
 // Breaks lines between words.
@@ -88,8 +86,7 @@ CommandParser::CommandParser(Console& console)
 
 void CommandParser::AddServerOption(CLI::App* app) {
   app->add_option("--server", server_,
-                  absl::StrCat("Address of rigcal-server; without it RIGCAL_SERVER, the server ",
-                               "you have joined, one of your own on this PC, or ",
+                  absl::StrCat("Address of rigcal-server; without it RIGCAL_SERVER, or ",
                                std::string(kDefaultServer)))
       ->type_name("HOST:PORT");
 }

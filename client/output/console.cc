@@ -5,8 +5,6 @@
 
 #include <cerrno>
 
-#include "common/text/printable.h"
-
 namespace rigcal::client {
 namespace {
 
@@ -36,7 +34,14 @@ void ProgressLine::Clear() {
   shown_.clear();
 }
 
-std::string Printable(std::string_view text) { return PrintableLines(text); }
+std::string Printable(std::string_view text) {
+  std::string result(text);
+  for (char& character : result) {
+    const auto value = static_cast<unsigned char>(character);
+    if ((value < 0x20 && character != '\n') || value == 0x7f) character = '?';
+  }
+  return result;
+}
 
 DescriptorBuffer::DescriptorBuffer(int descriptor) : descriptor_(descriptor) {
   setp(buffer_.data(), buffer_.data() + buffer_.size());

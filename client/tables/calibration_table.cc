@@ -248,13 +248,7 @@ std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) 
                   FormatTime(calibration.run().has_create_time(), calibration.run().create_time()),
                   absl::StrJoin(calibration.session_ids(), ", ")});
   }
-  std::string text = table.Format();
-  for (const v1::Calibration& calibration : response.calibrations()) {
-    if (!calibration.damage().empty()) {
-      absl::StrAppend(&text, "damaged  ", Printable(calibration.damage()), "\n");
-    }
-  }
-  return text;
+  return table.Format();
 }
 
 std::string FormatCalibration(const v1::Calibration& calibration) {

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "common/camera/camera_description.h"
-#include "common/session/observation_batch.h"
 #include "common/target/observation.h"
 #include "common/time/clock.h"
 
@@ -26,8 +25,5 @@ struct CameraTrack {
   std::vector<EpochSample> clock_samples;
   std::vector<HostAlignment> host_alignments;
 };
-
-// Adds every row of a batch of the track's camera, with the batch's clock samples and alignments.
-void AddRows(const ObservationBatch& batch, CameraTrack* track);
 
 }  // namespace rigcal::server

@@ -18,17 +18,21 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration_options.h"
 #include "common/calibration/calibration_record.h"
-#include "server/session/calibration_solver.h"
 #include "server/session/change_notifier.h"
 #include "server/session/session_coordinator.h"
 #include "server/session/task_queue.h"
+#include "server/solve/calibrate.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
 
+// server/solve's Calibrate, or a test's.
+using CalibrateFunction = std::function<CalibrationOutcome(
+    const CalibrationInput&, const CalibrationOptions&, const CalibrationHooks&)>;
+
 struct CalibrationRunnerOptions {
   size_t max_queued = 32;
-  // Of one calibration.
+  // Observations one calibration may hold in memory, about 250 bytes each.
   size_t max_observations = 10'000'000;
   // Clients that watch calibrations at a time.
   size_t max_watches = 64;
@@ -46,7 +50,7 @@ class CalibrationRunner {
   static absl::StatusOr<std::unique_ptr<CalibrationRunner>> Create(CalibrationRunnerOptions options,
                                                                    Store* store,
                                                                    SessionCoordinator* coordinator,
-                                                                   SolveFunction solve);
+                                                                   CalibrateFunction calibrate);
   ~CalibrationRunner();
 
   void Start() { tasks_.Start(); }
@@ -77,7 +81,7 @@ class CalibrationRunner {
   };
 
   CalibrationRunner(CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
-                    SolveFunction solve);
+                    CalibrateFunction calibrate);
   absl::Status QueueUnfinished();
   // The first job of the queue; none: it was cancelled.
   void RunNext();
@@ -91,7 +95,7 @@ class CalibrationRunner {
   const CalibrationRunnerOptions options_;
   Store* const store_;
   SessionCoordinator* const coordinator_;
-  const SolveFunction solve_;
+  const CalibrateFunction calibrate_;
   ChangeNotifier changes_;
 
   std::mutex create_mutex_;  // held over a whole CreateCalibration; taken before mutex_

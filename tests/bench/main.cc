@@ -17,8 +17,7 @@ namespace {
 using ::benchmark::ConsoleReporter;
 
 std::vector<Suite> AllSuites() {
-  return {DetectSuite(), EventSuite(), IngestSuite(), RecordedSuite(),
-          SolveSuite(),  SpoolSuite(), StoreSuite()};
+  return {DetectSuite(), EventSuite(), IngestSuite(), RecordedSuite(), SolveSuite(), StoreSuite()};
 }
 
 void PrintHelp() {

@@ -12,8 +12,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr const char* kSuites[] = {"detect", "event", "ingest", "recorded",
-                                   "solve",  "spool", "store"};
+constexpr const char* kSuites[] = {"detect", "event", "ingest", "recorded", "solve", "store"};
 
 TEST(RigcalBench, HelpAndListNameEverySuite) {
   const CommandResult help = RunCommand({"rigcal-bench", "--help"});

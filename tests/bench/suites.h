@@ -35,7 +35,6 @@ Suite EventSuite();
 Suite IngestSuite();
 Suite RecordedSuite();
 Suite SolveSuite();
-Suite SpoolSuite();
 Suite StoreSuite();
 
 }  // namespace rigcal::bench

@@ -36,8 +36,7 @@ class FakeServer {
   std::mutex mutex;
   std::map<std::string, v1::Session> sessions;
   std::map<std::string, v1::Calibration> calibrations;
-  std::vector<v1::StreamAudit> audit;  // of any session, where it is asked for
-  v1::GetAccuracyResponse accuracy;    // of any calibration that exists
+  v1::GetAccuracyResponse accuracy;  // of any calibration that exists
   v1::ListAgentsResponse agents;
   v1::GetStatusResponse status;
   v1::GetPreviewResponse preview;

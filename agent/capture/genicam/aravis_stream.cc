@@ -104,15 +104,17 @@ void AravisStream::StopCamera() {
 
 bool AravisStream::WaitForLast() {
   if (camera_->control_lost() || std::chrono::steady_clock::now() > last_wait_ends_) return false;
-  return bell_->Wait(done_ < begun_ ? kGivenUp : kQuiet);
+  // Packets that find no buffer ring no bell, and a busy machine is slow to take them in.
+  const uint64_t before = packets_without_buffer();
+  return bell_->Wait(done_ < begun_ ? kGivenUp : kQuiet) || packets_without_buffer() != before;
 }
 
-uint64_t AravisStream::underruns() const {
+uint64_t AravisStream::packets_without_buffer() const {
   guint64 completed = 0;
   guint64 failures = 0;
   guint64 underruns = 0;
   arv_stream_get_statistics(stream_.get(), &completed, &failures, &underruns);
-  return underruns / packets_per_frame_;
+  return underruns;
 }
 
 }  // namespace rigcal::agent

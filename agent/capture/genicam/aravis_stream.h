@@ -57,10 +57,11 @@ class AravisStream {
   bool WaitForLast();
 
   // Frames that arrived while every buffer was in use, estimated from their packets.
-  uint64_t underruns() const;
+  uint64_t underruns() const { return packets_without_buffer() / packets_per_frame_; }
 
  private:
   AravisStream(AravisCamera* camera, CaptureBell* bell) : camera_(camera), bell_(bell) {}
+  uint64_t packets_without_buffer() const;
   static void OnEvent(void* self, ArvStreamCallbackType type, ArvBuffer* buffer);
 
   AravisCamera* const camera_;

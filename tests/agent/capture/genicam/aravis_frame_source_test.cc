@@ -425,7 +425,11 @@ TEST(AravisFrameSource, FramesThatFindNoBufferAreCountedAsLost) {
   Take(source.get(), 3);
   End(source.get());
   EXPECT_GE(source->counts().lost, 15u);
-  EXPECT_EQ(Sum(source->counts()), camera->sent());
+  // Each frame of which some packets found a buffer is counted as damaged, and its others shift the
+  // estimate of the lost ones by less than a frame.
+  const uint64_t damaged = source->counts().damaged;
+  EXPECT_GE(Sum(source->counts()) + damaged, camera->sent());
+  EXPECT_LE(Sum(source->counts()), camera->sent() + damaged);
   std::vector<RefusalReason> reasons;
   for (const Refusal& refusal : source->Refused()) reasons.push_back(refusal.reason);
   EXPECT_THAT(reasons, ::testing::Contains(RefusalReason::kFrameNoBuffer));
@@ -575,9 +579,9 @@ TEST(AravisFrameSource, StopEndsTheSearchForALostCamera) {
     return frame;
   });
   const auto deadline = std::chrono::steady_clock::now() + kHangs;
-  while (log.text().find("looking for it") == std::string::npos &&
+  while (log.text().find("trying to reopen it") == std::string::npos &&
          std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   source->Stop();
   ASSERT_EQ(next.wait_for(kHangs), std::future_status::ready);

@@ -3,7 +3,8 @@
 // and the time of an fdatasync in the data directory. Columns: obs/s; ratio to the echo with the
 // same agents and message size; p50 and p99 of the time from writing a message to its
 // acknowledgement (at full load this is mostly the window of unacknowledged rows; the paced rows
-// show the response of an unloaded server); CPU of the server process per observation.
+// show the response of an unloaded server); CPU of the server process per observation. The TLS rows
+// are the same with mutual TLS; of_plain is their ratio to the plain rows.
 #include <benchmark/benchmark.h>
 #include <fcntl.h>
 #include <unistd.h>
@@ -28,6 +29,7 @@
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
 #include "tests/testing/temporary_directory.h"
+#include "tests/testing/test_ca.h"
 
 namespace rigcal::bench::ingest_bench {
 namespace {
@@ -51,9 +53,25 @@ double CpuSeconds(pid_t pid) {
   return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
 }
 
-std::map<std::pair<int, int>, double>& EchoRates() {
-  static auto* const rates = new std::map<std::pair<int, int>, double>;
+using Rates = std::map<std::pair<int, int>, double>;
+
+Rates& EchoRates() {
+  static auto* const rates = new Rates;
   return *rates;
+}
+Rates& PlainRates() {
+  static auto* const rates = new Rates;
+  return *rates;
+}
+
+std::pair<int, int> KeyOf(const benchmark::State& state) {
+  return {static_cast<int>(state.range(0)), static_cast<int>(state.range(1))};
+}
+
+// What a load reaches of another one with the same agents and message size.
+void Compare(benchmark::State& state, const char* name, const Rates& rates, double rate) {
+  const auto other = rates.find(KeyOf(state));
+  if (other != rates.end()) state.counters[name] = rate / other->second;
 }
 
 LoadOptions Load(const benchmark::State& state, std::string address) {
@@ -117,19 +135,28 @@ void Echo(benchmark::State& state) {
       break;
     }
     Report(state, *result, CpuSeconds(pid));
-    EchoRates()[{static_cast<int>(state.range(0)), static_cast<int>(state.range(1))}] =
-        static_cast<double>(result->rows) / result->duration_s;
+    EchoRates()[KeyOf(state)] = static_cast<double>(result->rows) / result->duration_s;
   }
   close(to_child[1]);
   close(from_child[0]);
 }
 
-void RunIngest(benchmark::State& state, double rows_per_s) {
+void RunIngest(benchmark::State& state, double rows_per_s, bool tls = false) {
   for (auto _ : state) {
     const TemporaryDirectory directory;
+    const testing::TestCa ca;
+    if (tls) ca.WriteServerFolder(directory.path() / "identity", ca.MakeServer());
     ServerProcess server(directory.path());
     ServerClient client(server.address());
     LoadOptions load = Load(state, server.address());
+    if (tls) {
+      load.credentials = [&ca](const std::string& agent_id) {
+        const testing::TestCertificate own = ca.MakeAgent(agent_id);
+        return grpc::SslCredentials({.pem_root_certs = ca.certificate_pem(),
+                                     .pem_private_key = own.key_pem,
+                                     .pem_cert_chain = own.certificate_pem});
+      };
+    }
     if (rows_per_s > 0) {
       load.rows_per_s = rows_per_s;
       load.rows_per_agent = static_cast<uint32_t>(4 * rows_per_s) /
@@ -152,18 +179,22 @@ void RunIngest(benchmark::State& state, double rows_per_s) {
       break;
     }
     Report(state, *result, CpuSeconds(server.process().pid()));
-    const auto echo =
-        EchoRates().find({static_cast<int>(state.range(0)), static_cast<int>(state.range(1))});
-    if (echo != EchoRates().end() && rows_per_s == 0) {
-      state.counters["of_echo"] =
-          static_cast<double>(result->rows) / result->duration_s / echo->second;
+    if (rows_per_s > 0) continue;
+    const double rate = static_cast<double>(result->rows) / result->duration_s;
+    Compare(state, "of_echo", EchoRates(), rate);
+    if (tls) {
+      Compare(state, "of_plain", PlainRates(), rate);
+    } else {
+      PlainRates()[KeyOf(state)] = rate;
     }
   }
 }
 
 void Ingest(benchmark::State& state) { RunIngest(state, 0); }
+void IngestTls(benchmark::State& state) { RunIngest(state, 0, /*tls=*/true); }
 // Each agent at 500 observations/s, the rate of a fast event camera.
 void IngestPaced(benchmark::State& state) { RunIngest(state, 500); }
+void IngestPacedTls(benchmark::State& state) { RunIngest(state, 500, /*tls=*/true); }
 
 using Run = void (*)(benchmark::State&);
 
@@ -181,7 +212,9 @@ void Register() {
   benchmark::RegisterBenchmark("ingest/Fdatasync", Fdatasync)->Unit(benchmark::kMicrosecond);
   RegisterLoads("ingest/Echo", Echo, full);
   RegisterLoads("ingest/Ingest", Ingest, full);
+  RegisterLoads("ingest/IngestTls", IngestTls, full);
   RegisterLoads("ingest/IngestPaced", IngestPaced, {{1, 16}, {16, 16}});
+  RegisterLoads("ingest/IngestPacedTls", IngestPacedTls, {{1, 16}, {16, 16}});
 }
 
 }  // namespace

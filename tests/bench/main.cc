@@ -17,7 +17,8 @@ namespace {
 using ::benchmark::ConsoleReporter;
 
 std::vector<Suite> AllSuites() {
-  return {DetectSuite(), EventSuite(), IngestSuite(), RecordedSuite(), SolveSuite(), StoreSuite()};
+  return {DetectSuite(), EventSuite(), IngestSuite(), RecordedSuite(),
+          SolveSuite(),  SpoolSuite(), StoreSuite()};
 }
 
 void PrintHelp() {

@@ -35,6 +35,7 @@ Suite EventSuite();
 Suite IngestSuite();
 Suite RecordedSuite();
 Suite SolveSuite();
+Suite SpoolSuite();
 Suite StoreSuite();
 
 }  // namespace rigcal::bench

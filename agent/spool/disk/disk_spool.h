@@ -43,7 +43,8 @@ uint64_t BootNumber();
 // A spool on the disk: what it holds is delivered after a restart. Each stream has segment files of
 // its own (segment_format.h), and one checkpoint (checkpoint.h) says what of them is acknowledged.
 // A segment is deleted only once a checkpoint that passes it is durable. When it is opened, headers
-// and the last segment of each stream are read, nothing else. Rows are never held in memory.
+// and the last segment of each stream are read, nothing else. Of each stream a few rows that were
+// read ahead are held in memory, no more.
 //
 // Damaged records, and rows dropped when it was full, are counted, and told to the server as
 // dropped ranges. A stream whose capture was running when the agent ended gets its end behind its

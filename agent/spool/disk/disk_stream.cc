@@ -38,6 +38,7 @@ uint64_t DiskStream::AddGap(uint32_t first, uint32_t past, RefusalReason reason)
   }
   add(first, past);
   gaps = std::move(merged);
+  ahead = {};
   if (added > 0) dropped[reason] += added;
   CountRows();
   return added;
@@ -63,6 +64,8 @@ const SpoolGap* DiskStream::GapAt(uint32_t seq) const {
 
 namespace {
 
+constexpr size_t kMinPieceBytes = 4096;
+
 // The segment that holds `seq`, or the next one behind it.
 const Segment* SegmentAt(const DiskStream& stream, uint32_t seq) {
   const auto found = std::ranges::find_if(
@@ -70,9 +73,10 @@ const Segment* SegmentAt(const DiskStream& stream, uint32_t seq) {
   return found == stream.segments.end() ? nullptr : &*found;
 }
 
-// A scanner that stands at `seq` or before it. Null: the file cannot be opened.
+// A scanner that stands at `seq` or before it, for about `rows` rows. Null: the file cannot be
+// opened.
 std::optional<SegmentScanner> ScannerAt(FileSystem& files, DiskStream& stream,
-                                        const Segment& segment, uint32_t seq) {
+                                        const Segment& segment, uint32_t seq, size_t rows) {
   DiskStream::Cursor& cursor = stream.cursor;
   if (cursor.ordinal != segment.ordinal || stream.cursor_file == nullptr) {
     stream.cursor_file = segment.file;
@@ -83,20 +87,30 @@ std::optional<SegmentScanner> ScannerAt(FileSystem& files, DiskStream& stream,
     }
     cursor = {.ordinal = segment.ordinal};
   }
-  const uint64_t offset = cursor.next_seq == seq ? cursor.offset : 0;
-  return SegmentScanner(stream.cursor_file, offset);
+  if (cursor.next_seq != seq) return SegmentScanner(stream.cursor_file, 0);
+  const uint64_t row_bytes = segment.bytes / (segment.end_seq - segment.first_seq) + 1;
+  return SegmentScanner(stream.cursor_file, cursor.offset,
+                        std::clamp<size_t>(rows * row_bytes, kMinPieceBytes, kMaxRecordBytes));
 }
+
+// How many rows are wanted, and how many may be read ahead with them, as long as those have no
+// clock samples.
+struct RowLimits {
+  size_t wanted = 1;
+  size_t most = 1;
+};
 
 // Rows from `batch->first_seq` on out of one segment. Returns the number up to which nothing can be
 // read: batch->first_seq where there are rows, or nothing is missing in front of what follows.
-uint32_t ReadSegment(FileSystem& files, DiskStream& stream, const Segment& segment, size_t max_rows,
-                     ObservationBatch* batch) {
+uint32_t ReadSegment(FileSystem& files, DiskStream& stream, const Segment& segment,
+                     RowLimits limits, ObservationBatch* batch) {
   const uint32_t from = batch->first_seq;
-  std::optional<SegmentScanner> scanner = ScannerAt(files, stream, segment, from);
+  std::optional<SegmentScanner> scanner = ScannerAt(files, stream, segment, from, limits.most);
   if (!scanner) return segment.end_seq;
   uint32_t expected = from;
   uint64_t offset = scanner->offset();
-  while (batch->rows() < max_rows && expected < segment.end_seq) {
+  SpooledObservation row;
+  while (batch->rows() < limits.most && expected < segment.end_seq) {
     const std::optional<RecordView> record = scanner->Next();
     if (!record) break;
     if (record->seq < expected) {
@@ -105,18 +119,20 @@ uint32_t ReadSegment(FileSystem& files, DiskStream& stream, const Segment& segme
     }
     // Behind the segment's end only where its name or header is wrong.
     if (record->seq >= segment.end_seq) break;
-    std::optional<SpooledObservation> row;
-    if (record->seq == expected) row = DecodePayload(record->payload, stream.marker_count);
-    if (!row && batch->rows() > 0) break;
-    if (!row) return std::max(record->seq, expected + 1);
+    const bool is_row =
+        record->seq == expected && DecodePayload(record->payload, stream.marker_count, &row);
+    if (!is_row && batch->rows() > 0) break;
+    if (!is_row) return std::max(record->seq, expected + 1);
     if (batch->rows() == 0) {
-      batch->clock_epoch = row->observation.clock_epoch;
-    } else if (batch->clock_epoch != row->observation.clock_epoch) {
+      batch->clock_epoch = row.observation.clock_epoch;
+      batch->Reserve(std::min<size_t>(limits.most, segment.end_seq - expected));
+    } else if (batch->clock_epoch != row.observation.clock_epoch) {
       break;
     }
-    batch->Append(row->observation);
-    batch->clock_samples.insert(batch->clock_samples.end(), row->clock_samples.begin(),
-                                row->clock_samples.end());
+    if (batch->rows() >= limits.wanted && !row.clock_samples.empty()) break;
+    batch->Append(row.observation);
+    batch->clock_samples.insert(batch->clock_samples.end(), row.clock_samples.begin(),
+                                row.clock_samples.end());
     offset = scanner->offset();
     ++expected;
   }
@@ -126,10 +142,9 @@ uint32_t ReadSegment(FileSystem& files, DiskStream& stream, const Segment& segme
   return from;
 }
 
-}  // namespace
-
-ObservationBatch ReadStream(FileSystem& files, DiskStream& stream, uint32_t from_seq,
-                            size_t max_rows, uint64_t* newly_lost) {
+// ReadStream, from the files; rows read ahead are behind the others.
+ObservationBatch ReadFiles(FileSystem& files, DiskStream& stream, uint32_t from_seq,
+                           size_t max_rows, uint64_t* newly_lost) {
   ObservationBatch batch;
   batch.stream = stream.stream;
   batch.marker_count = stream.marker_count;
@@ -154,8 +169,10 @@ ObservationBatch ReadStream(FileSystem& files, DiskStream& stream, uint32_t from
   if (const Segment* segment = SegmentAt(stream, from_seq)) {
     readable_from = std::max(from_seq, segment->first_seq);
     if (readable_from == from_seq) {
-      readable_from = ReadSegment(files, stream, *segment,
-                                  std::min<size_t>(max_rows, limit - from_seq), &batch);
+      const RowLimits limits{
+          .wanted = max_rows,
+          .most = std::min<size_t>(std::max(max_rows, kRowsAhead), limit - from_seq)};
+      readable_from = ReadSegment(files, stream, *segment, limits, &batch);
     }
   }
   readable_from = std::min(readable_from, limit);
@@ -164,6 +181,22 @@ ObservationBatch ReadStream(FileSystem& files, DiskStream& stream, uint32_t from
     drop_up_to(readable_from, RefusalReason::kSpoolDamaged);
   }
   return batch;
+}
+
+}  // namespace
+
+ObservationBatch ReadStream(FileSystem& files, DiskStream& stream, uint32_t from_seq,
+                            size_t max_rows, uint64_t* newly_lost) {
+  const ObservationBatch& ahead = stream.ahead;
+  if (from_seq >= ahead.first_seq && from_seq < ahead.end_seq()) {
+    const size_t begin = from_seq - ahead.first_seq;
+    return ahead.Slice(begin, std::min(begin + max_rows, ahead.rows()));
+  }
+  stream.ahead = {};
+  ObservationBatch batch = ReadFiles(files, stream, from_seq, max_rows, newly_lost);
+  if (batch.rows() <= max_rows) return batch;
+  stream.ahead = batch.Slice(max_rows, batch.rows());
+  return batch.Slice(0, max_rows);
 }
 
 }  // namespace rigcal::agent

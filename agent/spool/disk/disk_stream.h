@@ -32,7 +32,10 @@ struct Segment {
   std::shared_ptr<SpoolFile> file;  // of a segment being written; else none
 };
 
-// One stream of the disk spool: what is known of it in memory. Its rows are in its segments only.
+inline constexpr size_t kRowsAhead = 256;
+
+// One stream of the disk spool: what is known of it in memory. Its rows are in its segments, and at
+// most kRowsAhead of them here.
 // Not thread-safe.
 struct DiskStream : SpooledStream {
   uint32_t number = 0;  // within the spool
@@ -50,6 +53,9 @@ struct DiskStream : SpooledStream {
   };
   Cursor cursor;
   std::shared_ptr<SpoolFile> cursor_file;
+  // Rows read ahead, at most kRowsAhead: a batch of a few rows would cost a read of the file each.
+  // None of them has clock samples.
+  ObservationBatch ahead;
 
   // Marks [first, past) as lost, as far as they are not acknowledged or marked already; returns how
   // many are newly so.

@@ -107,21 +107,22 @@ void EncodeRecord(uint32_t seq, const Observation& observation,
   std::copy(prefix.begin(), prefix.end(), out->begin() + static_cast<std::ptrdiff_t>(begin));
 }
 
-std::optional<SpooledObservation> DecodePayload(std::string_view payload, uint32_t marker_count) {
+bool DecodePayload(std::string_view payload, uint32_t marker_count, SpooledObservation* row) {
   ByteReader reader(payload);
-  SpooledObservation row;
-  row.observation.clock_epoch = reader.Take<uint32_t>();
-  row.observation.time_ns = reader.Take<int64_t>();
+  Observation& observation = row->observation;
+  row->clock_samples.clear();
+  observation.clock_epoch = reader.Take<uint32_t>();
+  observation.time_ns = reader.Take<int64_t>();
   const auto markers = reader.Take<uint8_t>();
   const auto mask = reader.Take<uint32_t>();
   if (!reader.ok() || markers != marker_count || markers == 0 || markers > kMaxMarkers ||
       uint64_t{mask} >> markers != 0) {
-    return std::nullopt;
+    return false;
   }
-  row.observation.markers.resize(markers);
+  observation.markers.assign(markers, {});
   for (uint32_t m = 0; m < markers; ++m) {
     if ((mask >> m & 1u) == 0) continue;
-    MarkerObservation& marker = row.observation.markers[m];
+    MarkerObservation& marker = observation.markers[m];
     marker.visible = true;
     marker.centre_px.x() = reader.Take<float>();
     marker.centre_px.y() = reader.Take<float>();
@@ -134,21 +135,20 @@ std::optional<SpooledObservation> DecodePayload(std::string_view payload, uint32
     const auto kind = reader.Take<uint8_t>();
     if (kind != static_cast<uint8_t>(CentreKind::kImageBlob) &&
         kind != static_cast<uint8_t>(CentreKind::kSphereCentre)) {
-      return std::nullopt;
+      return false;
     }
     marker.centre_kind = CentreKind{kind};
   }
   const auto samples = reader.Take<uint16_t>();
-  if (reader.left() != samples * kSampleBytes) return std::nullopt;
+  if (reader.left() != samples * kSampleBytes) return false;
   for (uint16_t i = 0; i < samples; ++i) {
-    ClockSample& sample = row.clock_samples.emplace_back();
+    ClockSample& sample = row->clock_samples.emplace_back();
     sample.device_ns = reader.Take<int64_t>();
     sample.host_monotonic_ns = reader.Take<int64_t>();
     sample.host_utc_ns = reader.Take<int64_t>();
     sample.uncertainty_ns = reader.Take<uint32_t>();
   }
-  if (!reader.complete()) return std::nullopt;
-  return row;
+  return reader.complete();
 }
 
 std::optional<RecordView> RecordAtFront(std::string_view bytes) {

@@ -52,8 +52,8 @@ struct SpooledObservation {
 // Appends a record to `*out`. Values become 32-bit floats, as on the wire.
 void EncodeRecord(uint32_t seq, const Observation& observation,
                   const std::vector<ClockSample>& clock_samples, std::string* out);
-// None: it is none of `marker_count` markers.
-std::optional<SpooledObservation> DecodePayload(std::string_view payload, uint32_t marker_count);
+// Into `*row`, whose memory is used again. False: it is none of `marker_count` markers.
+bool DecodePayload(std::string_view payload, uint32_t marker_count, SpooledObservation* row);
 
 // A record found in bytes of a segment.
 struct RecordView {

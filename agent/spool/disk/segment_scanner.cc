@@ -2,24 +2,24 @@
 #include "agent/spool/disk/segment_scanner.h"
 
 #include <string_view>
+#include <utility>
 
 namespace rigcal::agent {
-namespace {
-
-constexpr size_t kPieceBytes = size_t{64} << 10;
-
-}  // namespace
-
 void SegmentScanner::Fill() {
   buffer_offset_ += position_;
   buffer_.erase(0, position_);
   position_ = 0;
   const uint64_t from = buffer_offset_ + buffer_.size();
-  absl::StatusOr<std::string> piece = file_->ReadAt(from, kPieceBytes);
-  if (!piece.ok()) piece = file_->ReadAt(from, kPieceBytes);
+  absl::StatusOr<std::string> piece = file_->ReadAt(from, piece_bytes_);
+  if (!piece.ok()) piece = file_->ReadAt(from, piece_bytes_);
   // What cannot be read is lost like what is damaged.
-  if (!piece.ok() || piece->size() < kPieceBytes) at_end_ = true;
-  if (piece.ok()) buffer_ += *piece;
+  if (!piece.ok() || piece->size() < piece_bytes_) at_end_ = true;
+  if (!piece.ok()) return;
+  if (buffer_.empty()) {
+    buffer_ = *std::move(piece);
+  } else {
+    buffer_ += *piece;
+  }
 }
 
 std::optional<RecordView> SegmentScanner::Next() {

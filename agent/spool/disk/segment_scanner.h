@@ -13,12 +13,13 @@
 namespace rigcal::agent {
 
 // Reads the intact records of a segment one after the other, and goes on behind damaged bytes.
-// Holds at most two pieces of 64 KiB.
+// Reads pieces of `piece_bytes`, and holds at most two of them, or one record.
 class SegmentScanner {
  public:
   // `offset`: of a record, or of anything in front of one.
-  SegmentScanner(std::shared_ptr<SpoolFile> file, uint64_t offset)
-      : file_(std::move(file)), buffer_offset_(offset) {}
+  SegmentScanner(std::shared_ptr<SpoolFile> file, uint64_t offset,
+                 size_t piece_bytes = kMaxRecordBytes)
+      : file_(std::move(file)), piece_bytes_(piece_bytes), buffer_offset_(offset) {}
 
   // None: there is no other one. The view is good until the next call.
   std::optional<RecordView> Next();
@@ -31,6 +32,7 @@ class SegmentScanner {
   void Fill();
 
   const std::shared_ptr<SpoolFile> file_;
+  const size_t piece_bytes_;
   uint64_t buffer_offset_;
   std::string buffer_;
   size_t position_ = 0;

@@ -73,6 +73,52 @@ TEST(DiskSpool, KeepsClockEpochsApartAndSamplesWithTheirRow) {
   EXPECT_THAT(rows, ElementsAre(2, 3, 1));
 }
 
+TEST(DiskSpool, GivesRowsReadAheadOnceAndSamplesWithTheirRow) {
+  ModelFileSystem files;
+  const auto spool = OpenSpool(files);
+  ASSERT_THAT(spool->Open(kLeft, 1, 1), IsOk());
+  for (uint32_t seq = 1; seq <= 1000; ++seq) {
+    std::vector<ClockSample> samples;
+    if (seq % 70 == 0) samples.push_back({.device_ns = seq});
+    ASSERT_THAT(spool->Append(kLeft, MakeObservation(seq * kRowNs), samples), IsOk());
+  }
+  std::vector<int64_t> sample_times;
+  for (uint32_t next = 1; next <= 1000;) {
+    ASSERT_OK_AND_ASSIGN(const ObservationBatch batch, spool->Read(kLeft, next, 16));
+    ASSERT_EQ(batch.first_seq, next);
+    ASSERT_GE(batch.rows(), 1u);
+    ASSERT_LE(batch.rows(), 16u);
+    for (size_t row = 0; row < batch.rows(); ++row) {
+      ASSERT_EQ(batch.time_ns[row], (next + static_cast<int64_t>(row)) * kRowNs);
+    }
+    for (const ClockSample& sample : batch.clock_samples) {
+      EXPECT_GE(sample.device_ns, batch.first_seq);
+      EXPECT_LT(sample.device_ns, batch.end_seq());
+      sample_times.push_back(sample.device_ns);
+    }
+    next = batch.end_seq();
+  }
+  EXPECT_THAT(sample_times, SizeIs(14));
+  EXPECT_TRUE(std::ranges::is_sorted(sample_times));
+}
+
+TEST(DiskSpool, DoesNotGiveRowsReadAheadThatItHasDropped) {
+  ModelFileSystem files;
+  DiskSpoolOptions options = ModelOptions();
+  options.limit_bytes = uint64_t{256} << 10;
+  options.full = SpoolFull::kDropOldest;
+  const auto spool = OpenSpool(files, options);
+  ASSERT_THAT(spool->Open(kLeft, 1, 1), IsOk());
+  AppendRows(*spool, kLeft, 1, 100);
+  ASSERT_OK_AND_ASSIGN(const ObservationBatch first, spool->Read(kLeft, 1, 16));
+  ASSERT_EQ(first.rows(), 16u);
+  AppendRows(*spool, kLeft, 101, 10'000);  // drops the segment with the first rows
+  ASSERT_GT(spool->Status().dropped.size(), 0u);
+  const ReadStreamRows read = ReadRows(*spool, kLeft, 17);
+  EXPECT_FALSE(read.rows.contains(17));
+  EXPECT_EQ(spool->Find(kLeft)->row_count, read.rows.size());
+}
+
 TEST(DiskSpool, RefusesWhatDoesNotFit) {
   ModelFileSystem files;
   const auto spool = OpenSpool(files);

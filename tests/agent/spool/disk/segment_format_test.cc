@@ -53,11 +53,11 @@ TEST(SegmentFormat, GivesAnObservationBackAsFloats) {
   ASSERT_TRUE(record);
   EXPECT_EQ(record->seq, 12u);
   EXPECT_EQ(record->size, size);
-  EXPECT_FALSE(DecodePayload(record->payload, 2));
-  const auto row = DecodePayload(record->payload, 3);
-  ASSERT_TRUE(row);
-  ASSERT_EQ(row->clock_samples.size(), 2u);
-  EXPECT_EQ(row->clock_samples[1], sample);
+  SpooledObservation decoded;
+  EXPECT_FALSE(DecodePayload(record->payload, 2, &decoded));
+  ASSERT_TRUE(DecodePayload(record->payload, 3, &decoded));
+  ASSERT_EQ(decoded.clock_samples.size(), 2u);
+  EXPECT_EQ(decoded.clock_samples[1], sample);
   // What the server gets is the same as without a disk in between.
   ObservationBatch direct, read;
   for (ObservationBatch* batch : {&direct, &read}) {
@@ -65,7 +65,7 @@ TEST(SegmentFormat, GivesAnObservationBackAsFloats) {
     batch->marker_count = 3;
   }
   direct.Append(observation);
-  read.Append(row->observation);
+  read.Append(decoded.observation);
   EXPECT_EQ(read.time_ns, direct.time_ns);
   EXPECT_EQ(read.visible_mask, direct.visible_mask);
   EXPECT_EQ(read.x_px, direct.x_px);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <exception>
@@ -18,16 +18,23 @@
 #include "agent/capture/registry/source_help.h"
 #include "agent/capture/registry/source_registry.h"
 #include "agent/command/subcommands.h"
+#include "agent/spool/disk/disk_spool.h"
 #include "agent/spool/memory_spool.h"
 #include "agent/uplink/agent_state.h"
 #include "agent/uplink/uplink.h"
 #include "common/config/agent_config.h"
+#include "common/enrolment/renewal_thread.h"
+#include "common/failpoint/failpoint.h"
+#include "common/identity/identity_folder.h"
+#include "common/log/start_log.h"
 #include "common/status/status_macros.h"
+#include "common/wire/server_access.h"
 
 namespace rigcal::agent {
 namespace {
 
 constexpr std::chrono::seconds kDeliveryTimeAtEnd{2};
+constexpr size_t kMostInMemoryMb = 256;
 
 constexpr char kDescription[] =
     "Streams the wand observations of this PC's cameras to a rigcal server.";
@@ -40,8 +47,9 @@ std::string Footer() {
       "  rigcal-agent --source csv:rig/left.csv --source csv:rig/right.csv\n"
       "  rigcal-agent --server 10.0.0.5:7420 --source 'left=aravis:192.168.1.5;exposure=0.004'\n"
       "  rigcal-agent --source 'sim:camera=0;cameras=4;pixels=1'\n"
-      "SIGTERM or SIGINT ends captures, delivers what is there for up to 2 s, and exits with 0.\n"
-      "Exit codes: 0 ended by signal or the command is done, 1 failed, 2 usage.");
+      "SIGTERM or SIGINT ends captures, delivers what is there for up to 2 s, and exits.\n"
+      "Exit codes: 0 ended by signal or the command is done, 1 failed, 2 usage, 3 ended by signal "
+      "with observations that are not delivered (with the disk spool they are at the next start).");
 }
 
 struct Flags {
@@ -50,17 +58,22 @@ struct Flags {
   std::string rig;
   std::string agent_id;
   std::string state_dir;
+  std::string spool;
   std::string log_level;
   std::vector<std::string> sources;
 };
 
 void AddFlags(CLI::App& app, Flags& flags) {
   app.add_option("--config", flags.config, "TOML file; flags override it");
-  app.add_option("--server", flags.server, "HOST:PORT of the server [127.0.0.1:7420]");
+  app.add_option("--server", flags.server,
+                 "HOST:PORT of the server [the one joined, or this PC's]");
   app.add_option("--rig", flags.rig, "Rig the cameras belong to [rig]");
   app.add_option("--agent-id", flags.agent_id, "Name of this agent [kept in the state directory]");
   app.add_option("--state-dir", flags.state_dir,
                  "Folder of this agent alone [~/.local/state/rigcal/agent/AGENT_ID]");
+  app.add_option("--spool", flags.spool,
+                 "Where observations wait for the server: disk or memory [disk]")
+      ->check(CLI::IsMember({"disk", "memory"}));
   app.add_option("--source", flags.sources,
                  "SPEC of a camera; repeatable; replaces the cameras of the file");
   app.add_option("--log-level", flags.log_level, "trace, debug, info, warn, error, off [info]");
@@ -76,6 +89,8 @@ absl::StatusOr<AgentConfig> MakeConfig(const Flags& flags) {
   if (!flags.rig.empty()) config.rig = flags.rig;
   if (!flags.agent_id.empty()) config.agent_id = flags.agent_id;
   if (!flags.state_dir.empty()) config.state_dir = flags.state_dir;
+  if (flags.spool == "disk") config.spool.kind = SpoolConfig::Kind::kDisk;
+  if (flags.spool == "memory") config.spool.kind = SpoolConfig::Kind::kMemory;
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
   RIGCAL_RETURN_IF_ERROR(config.Validate());
   return config;
@@ -102,7 +117,56 @@ absl::StatusOr<std::vector<std::unique_ptr<ObservationSource>>> MakeSources(
   return absl::InvalidArgumentError(absl::StrJoin(faults, "\n"));
 }
 
-absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
+// The server knows an agent by the name in its certificate.
+absl::Status CheckJoinedAs(const AgentIdentity& agent, const IdentityFolder& folder) {
+  if (!folder.Exists()) return absl::OkStatus();
+  RIGCAL_ASSIGN_OR_RETURN(const PeerIdentity identity, folder.Load());
+  RIGCAL_ASSIGN_OR_RETURN(const Certificate certificate,
+                          ParseCertificate(identity.certificate_pem));
+  if (certificate.name == agent.agent_id) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("this agent is called ", agent.agent_id, ", and joined its server as ",
+                   certificate.name, "; start it with --agent-id ", certificate.name,
+                   ", or join again under the new name: ", "rigcal-agent join STRING --force"));
+}
+
+// `uplink` is set before the thread starts.
+RenewalThread::Events RenewalEvents(Uplink* const* uplink) {
+  return {.renewed =
+              [uplink] {
+                spdlog::info("the certificate is renewed; connecting again with it");
+                (*uplink)->Reconnect();
+              },
+          .trouble = [](const std::string& why) { spdlog::error("the certificate: {}", why); }};
+}
+
+absl::StatusOr<std::unique_ptr<ObservationSpool>> MakeSpool(const AgentConfig& config) {
+  const SpoolConfig& spool = config.spool;
+  if (spool.kind == SpoolConfig::Kind::kMemory) {
+    return std::make_unique<MemorySpool>(std::min(spool.limit_mb, kMostInMemoryMb) << 20);
+  }
+  DiskSpoolOptions options;
+  options.folder = config.state_dir + "/spool";
+  options.limit_bytes = uint64_t{spool.limit_mb} << 20;
+  options.full =
+      spool.full == SpoolConfig::Full::kBlock ? SpoolFull::kBlock : SpoolFull::kDropOldest;
+  options.sync_interval = std::chrono::milliseconds(spool.sync_interval_ms);
+  options.boot = BootNumber();
+  return DiskSpool::Create(std::move(options));
+}
+
+// The exit code of an agent that has ended.
+int Conclude(const LeftBehind& left, const std::string& folder) {
+  if (left.row_count == 0) return kExitOk;
+  spdlog::warn("{} observations of {} are not delivered; {}", left.row_count,
+               absl::StrJoin(left.cameras, ", "),
+               folder.empty()
+                   ? std::string("they were in memory only and are lost")
+                   : absl::StrCat("they are in ", folder, " and are delivered at the next start"));
+  return kExitUndelivered;
+}
+
+absl::StatusOr<int> RunAgent(const Flags& flags, const sigset_t& signals) {
   RIGCAL_ASSIGN_OR_RETURN(AgentConfig config, MakeConfig(flags));
   spdlog::set_level(spdlog::level::from_str(config.log_level));
   RIGCAL_ASSIGN_OR_RETURN(auto sources, MakeSources(flags, config));
@@ -113,33 +177,51 @@ absl::Status RunAgent(const Flags& flags, const sigset_t& signals) {
   RIGCAL_ASSIGN_OR_RETURN(const AgentState state,
                           AgentState::Open(config.state_dir, config.agent_id));
   const AgentIdentity& identity = state.identity();
+  const IdentityFolder folder = IdentityFolder::OfAgent(config.state_dir);
+  RIGCAL_RETURN_IF_ERROR(CheckJoinedAs(identity, folder));
+  const auto files = wire::ClientIdentity::OfAgent(config.state_dir);
+  // Neither a flag nor the file names a server.
+  if (config.server == AgentConfig().server && flags.server.empty()) {
+    config.server = wire::DefaultServerAddress(files);
+  }
+  RIGCAL_RETURN_IF_ERROR(wire::CredentialsFor(config.server, files).status());
 
-  MemorySpool spool(config.spool_limit_mb << 20);
+  RIGCAL_ASSIGN_OR_RETURN(const std::unique_ptr<ObservationSpool> spool, MakeSpool(config));
   UplinkOptions options;
   options.server = config.server;
   options.agent_id = identity.agent_id;
   options.incarnation = identity.incarnation;
+  options.stream_epoch = identity.stream_epoch;
   options.host = HostName();
+  options.secret = identity.secret;
   options.rig = config.rig;
   options.previews.enabled = config.preview.enabled;
   options.previews.max_rate_hz = config.preview.max_rate_hz;
   options.previews.max_jpeg_bytes = static_cast<size_t>(config.preview.max_kb) << 10;
+  Uplink* running = nullptr;
+  RenewalThread renewal(folder, RenewalEvents(&running));
+  const auto make_channel = [server = config.server, files, &renewal] {
+    // A server that refuses the certificate closes the connection without a word.
+    renewal.AskSoon();
+    return Uplink::MakeChannel(server, files);
+  };
   RIGCAL_ASSIGN_OR_RETURN(const auto uplink, Uplink::Create(std::move(options), std::move(sources),
-                                                            &spool, [server = config.server] {
-                                                              return Uplink::MakeChannel(server);
-                                                            }));
+                                                            spool.get(), make_channel));
+  running = uplink.get();
   uplink->Start();
+  if (folder.Exists()) renewal.Start();
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("signal {}: ending captures", signal);
-  uplink->Shutdown(kDeliveryTimeAtEnd);
-  return absl::OkStatus();
+  const LeftBehind left = uplink->Shutdown(kDeliveryTimeAtEnd);
+  renewal.Shutdown();
+  return Conclude(left, spool->Status().folder);
 }
 
 int Run(const Flags& flags, const sigset_t& signals) {
-  const absl::Status status = RunAgent(flags, signals);
-  if (status.ok()) return kExitOk;
-  spdlog::error("{}", std::string(status.message()));
+  const absl::StatusOr<int> code = RunAgent(flags, signals);
+  if (code.ok()) return *code;
+  spdlog::error("{}", std::string(code.status().message()));
   return kExitFailed;
 }
 
@@ -166,7 +248,11 @@ int Main(int argc, char** argv) {
   sigaddset(&signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
-  spdlog::set_default_logger(spdlog::stderr_color_mt("rigcal-agent"));
+  StartLog("rigcal-agent");
+  if (const absl::Status status = ActivateFailpoints(); !status.ok()) {
+    spdlog::error("{}", std::string(status.message()));
+    return kExitUsage;
+  }
 
   CLI::App app(kDescription, "rigcal-agent");
   Flags flags;

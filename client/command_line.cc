@@ -11,9 +11,11 @@ ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& cons
   AddLocalCommand(parser);
   AddSessionCommands(parser);
   AddCalibrationCommands(parser);
-  parser.AddCommand(nullptr, "doctor",
-                    "Look for what is wrong: server, versions, disk, agents, cameras, sessions",
-                    RunDoctor);
+  AddIdentityCommands(parser);
+  auto [doctor, options] = parser.AddCommand(
+      nullptr, "doctor",
+      "Look for what is wrong: connection, versions, disk, agents, cameras, sessions", RunDoctor);
+  doctor->add_option("SERVER", options->server, "HOST:PORT to look at, as --server")->type_name("");
   return parser.Run(arguments);
 }
 

@@ -10,12 +10,17 @@ find_package(OpenCV CONFIG REQUIRED COMPONENTS core calib3d imgproc imgcodecs vi
 find_package(spdlog CONFIG REQUIRED)
 find_package(tomlplusplus CONFIG REQUIRED)
 find_package(SQLiteCpp CONFIG REQUIRED)
-find_package(OpenSSL REQUIRED)
+find_package(OpenSSL 3.0 REQUIRED)
+find_package(Boost REQUIRED) # headers only: Asio and Beast
 find_package(ZLIB REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
 pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5)
+pkg_check_modules(AVAHI IMPORTED_TARGET avahi-client) # optional: common/discovery
+if(NOT AVAHI_FOUND)
+  message(STATUS "Servers are not found by mDNS: libavahi-client-dev is not installed")
+endif()
 find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
 

@@ -12,6 +12,10 @@
 #                                 seconds
 #   deploy/demo.sh --pixels       four frame cameras with rendered frames
 #   deploy/demo.sh --gige         the same frames over GigE Vision, from fake cameras on loopback
+#   deploy/demo.sh --network [cut | one-way | loss]
+#                                 three PCs, as network namespaces of this machine: two with cameras
+#                                 join a server over TLS, and the link of one of them fails in the
+#                                 middle of the recording; skipped where namespaces are not allowed
 #   deploy/demo.sh DIR [OPTIONS]  a recorded rig: DIR has, for each camera, <camera>.yaml and
 #                                 <camera>.csv (markers) or .raw, .h5, .hdf5 (events)
 # OPTIONS go to `rigcal local` (deploy/demo.sh DIR -o json). RIGCAL_TARGET names another target.
@@ -22,7 +26,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 (
   cd "$root"
   cmake --preset release -DRIGCAL_BUILD_TESTS=OFF >/dev/null
-  cmake --build --preset release -j "$(nproc)" --target rigcal rigcal-server rigcal-agent
+  cmake --build --preset release -j "$(nproc)" --target rigcal rigcal-server rigcal-worker rigcal-agent
 ) >&2
 
 rigcal=$root/build/release/bin/rigcal
@@ -48,6 +52,10 @@ case "${1:-}" in
       cmake --build --preset release -j "$(nproc)" --target rigcal-fake-gige-camera
     ) >&2
     exec "$root/deploy/demo-gige.sh" "$@"
+    ;;
+  --network)
+    shift
+    exec "$root/deploy/demo-network.sh" "$@"
     ;;
   --pixels)
     shift

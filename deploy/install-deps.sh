@@ -14,15 +14,17 @@ packages=(
   libeigen3-dev libceres-dev libopencv-dev
   # cameras (libaravis-dev does not depend on libusb's headers, but needs them)
   libaravis-dev libusb-1.0-0-dev
+  # finding servers by mDNS (optional; to run: avahi-daemon)
+  libavahi-client-dev libavahi-common-dev
   # event files
   libhdf5-dev
-  # the network namespace of the GigE demo
-  iproute2
+  # network namespaces of the demos, and their faults
+  iproute2 iptables
   # store, configuration, command line, logging
-  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev
+  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev libboost-dev
   libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev
   # tests
-  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev libboost-dev
+  libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime
 )
 
 missing=()

@@ -1,20 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pthread.h>
 #include <signal.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
 
 #include "common/config/server_config.h"
+#include "common/discovery/discovery.h"
+#include "common/failpoint/failpoint.h"
+#include "common/log/start_log.h"
 #include "common/status/status_macros.h"
+#include "common/text/printable.h"
 #include "common/wire/protocol_version.h"
+#include "server/audit/audit_log.h"
+#include "server/care/care_commands.h"
+#include "server/care/running_server.h"
+#include "server/http/enrolment_server.h"
+#include "server/identity/server_identity.h"
+#include "server/jobs/solve_in_worker.h"
+#include "server/listen/descriptor_limit.h"
+#include "server/listen/listen_socket.h"
 #include "server/rpc/rpc_server.h"
-#include "server/solve/calibrate.h"
+#include "server/session/agent_registry.h"
 #include "server/store/factory/open_store.h"
 
 namespace rigcal::server {
@@ -29,12 +44,19 @@ struct Flags {
   std::string log_level;
 };
 
+// A host alone gets the usual port.
+std::string WithPort(const std::string& listen) {
+  const bool has_port = listen.find(':') != std::string::npos && listen.back() != ']';
+  const bool is_number = listen.find_first_not_of("0123456789") == std::string::npos;
+  return has_port || is_number ? listen : listen + ":7420";
+}
+
 absl::StatusOr<ServerConfig> ReadConfig(const Flags& flags) {
   ServerConfig config;
   if (!flags.config_file.empty()) {
     RIGCAL_ASSIGN_OR_RETURN(config, ReadServerConfig(flags.config_file));
   }
-  if (!flags.listen.empty()) config.listen = flags.listen;
+  if (!flags.listen.empty()) config.listen = WithPort(flags.listen);
   if (!flags.log_level.empty()) config.log_level = flags.log_level;
   if (!flags.data_dir.empty()) config.data_dir = flags.data_dir;
   if (config.data_dir.empty()) {
@@ -66,15 +88,96 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
-RpcServerOptions RpcOptions(const ServerConfig& config) {
+// TLS is for whoever is on another machine; on this one it is there for clients that have joined.
+absl::StatusOr<std::filesystem::path> PrepareIdentity(const ServerConfig& config) {
+  std::error_code ignored;
+  if (IsLoopbackAddress(config.listen) && !config.tls.loopback && config.https.listen.empty() &&
+      !std::filesystem::exists(IdentityDirectory(config.data_dir) / "server.crt", ignored)) {
+    return std::filesystem::path();
+  }
+  RIGCAL_RETURN_IF_ERROR(
+      EnsureServerIdentity(config.data_dir, CertificateHosts(config.listen, config.https.listen)));
+  return IdentityDirectory(config.data_dir);
+}
+
+std::filesystem::path SocketFile(const ServerConfig& config) {
+  return std::filesystem::path(config.data_dir) / "rigcal.sock";
+}
+
+RpcServerOptions RpcOptions(const ServerConfig& config,
+                            const std::filesystem::path& identity_folder) {
   const ServerLimits& limits = config.limits;
+  const size_t connections = ConnectionsWithin(RaiseDescriptorLimit(), limits.max_connections);
+  if (connections < limits.max_connections) {
+    spdlog::warn(
+        "at most {} connections, not {}: this process may not open more descriptors; "
+        "raise its limit (ulimit -n)",
+        connections, limits.max_connections);
+  }
   return {.listen_address = config.listen,
-          // More than agents, for streams that have not sent their hello or are being replaced.
+          .socket_file = SocketFile(config),
+          .identity_folder = identity_folder,
+          .listener = {.plain_loopback = !config.tls.loopback,
+                       .limits = {.total = connections,
+                                  .per_address = limits.max_connections_per_address}},
+          // More than agents, for streams that are being replaced.
           .agents = {.max_streams = size_t{limits.max_agents} + 64},
+          .readers = {.max_readers = limits.max_readers},
           .memory_limit_bytes = size_t{limits.rpc_memory_mb} << 20,
-          // Every watch holds a thread; the rest is for calls that are answered at once.
-          .max_threads = static_cast<int>(2 * limits.max_watches) + 64,
           .ingest_queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20};
+}
+
+// Once per start: what to type to use this server from elsewhere.
+void TellHowToJoin(const EnrolmentServer& enrolment) {
+  spdlog::info(
+      "other PCs join at the HTTPS port {}: `rigcal token create` on this PC prints a join string "
+      "for `rigcal-agent join STRING` on a PC with cameras; `rigcal token create --role operator` "
+      "one for `rigcal login STRING`",
+      enrolment.https_port());
+}
+
+// Null: it is not announced; the log says why where it should be. Nothing else depends on it.
+std::unique_ptr<Discovery::Announcement> Announce(const ServerConfig& config, int grpc_port,
+                                                  const EnrolmentServer* enrolment) {
+  if (!config.discovery.mdns) return nullptr;
+  const auto trouble = [](const std::string& why) {
+    spdlog::warn("the server does not announce itself in its network: {}", why);
+  };
+  if (enrolment == nullptr || IsLoopbackAddress(config.listen)) {
+    trouble("other PCs cannot reach it; start it with --listen 0.0.0.0");
+    return nullptr;
+  }
+  std::array<char, 256> host{};
+  gethostname(host.data(), host.size() - 1);
+  auto announcement =
+      MakeDiscovery()->Announce({.name = host.data(),
+                                 .grpc_port = static_cast<uint16_t>(grpc_port),
+                                 .https_port = static_cast<uint16_t>(enrolment->https_port())},
+                                trouble);
+  if (!announcement.ok()) trouble(std::string(announcement.status().message()));
+  return announcement.ok() ? *std::move(announcement) : nullptr;
+}
+
+RetentionOptions RetentionOf(const RetentionConfig& config) {
+  return {.max_age = std::chrono::hours(24) * config.max_age_days,
+          .max_bytes = uint64_t{config.max_size_mb} << 20,
+          .delete_calibrated = config.delete_calibrated};
+}
+
+// Why the server cannot take observations, if so.
+absl::Status Readiness(const Store& store, const Ingest& ingest) {
+  std::string problem = store.Health().problem;
+  if (problem.empty()) problem = ingest.Stats().problem;
+  return problem.empty() ? absl::OkStatus() : absl::UnavailableError(problem);
+}
+
+// How commands on this machine reach the server: by its socket file, which never needs a
+// certificate, else by the port.
+std::string AddressForCommands(const ServerConfig& config, int port) {
+  std::error_code error;
+  const std::filesystem::path file = std::filesystem::absolute(SocketFile(config), error);
+  if (!error && std::filesystem::is_socket(file, error)) return "unix:" + file.string();
+  return LocalAddress(config.listen, port);
 }
 
 absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
@@ -82,8 +185,16 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   // A file left by an earlier run must not be mistaken for this one's.
   if (!port_file.empty()) std::remove(port_file.c_str());
   const ServerLimits& limits = config.limits;
-  RIGCAL_RETURN_IF_ERROR(CheckLoopback(config.listen));
-  RIGCAL_ASSIGN_OR_RETURN(const auto store, OpenStore(config.data_dir));
+  RIGCAL_RETURN_IF_ERROR(ParseHostPort(config.listen).status());
+  RIGCAL_ASSIGN_OR_RETURN(const auto worker, FindWorker());
+  RIGCAL_ASSIGN_OR_RETURN(
+      const auto store,
+      OpenStore(config.data_dir, {.min_free_bytes = uint64_t{limits.disk_reserve_mb} << 20}));
+  RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path identity, PrepareIdentity(config));
+  const std::filesystem::path data_dir = config.data_dir;
+  RIGCAL_ASSIGN_OR_RETURN(const auto registry,
+                          AgentRegistry::Open({.file = data_dir / "agents.json"}));
+  AuditLog audit(data_dir / "audit.jsonl");
   AgentDirectory directory({.max_connected_agents = limits.max_agents,
                             .max_cameras_per_agent = limits.max_cameras_per_agent});
   RIGCAL_ASSIGN_OR_RETURN(
@@ -104,31 +215,57 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
                 store.get(), find_context, report_progress);
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
-      CalibrationRunner::Create({.max_queued = limits.max_queued_calibrations,
-                                 .max_observations = limits.max_calibration_observations,
-                                 .max_watches = limits.max_watches,
-                                 .software_version = std::string(wire::kSoftwareVersion)},
-                                store.get(), coordinator.get(), Calibrate));
-  RpcServer rpc(RpcOptions(config), {.store = store.get(),
-                                     .ingest = &ingest,
-                                     .directory = &directory,
-                                     .coordinator = coordinator.get(),
-                                     .runner = runner.get()});
+      CalibrationRunner::Create(
+          {.max_queued = limits.max_queued_calibrations,
+           .max_observations = limits.max_calibration_observations,
+           .max_watches = limits.max_watches,
+           .software_version = std::string(wire::kSoftwareVersion)},
+          store.get(), coordinator.get(),
+          SolveInWorker({.program = worker,
+                         .scratch_dir = config.data_dir,
+                         .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20})));
+  RIGCAL_ASSIGN_OR_RETURN(
+      const auto enrolment,
+      EnrolmentServer::Open({.data_dir = config.data_dir,
+                             .grpc_listen = config.listen,
+                             .https_listen = config.https.listen,
+                             .audit = &audit,
+                             .ready = [&] { return Readiness(*store, ingest); }}));
+  Retention retention(RetentionOf(config.retention), store.get(), coordinator.get());
+  RpcServer rpc(RpcOptions(config, identity),
+                {.store = store.get(),
+                 .ingest = &ingest,
+                 .directory = &directory,
+                 .coordinator = coordinator.get(),
+                 .runner = runner.get(),
+                 .registry = registry.get(),
+                 .audit = &audit,
+                 .identities = enrolment ? enrolment->authority() : nullptr,
+                 .retention = &retention});
 
   coordinator->Start();
   ingest.Start();
   runner->Start();
+  retention.Start();
   RIGCAL_ASSIGN_OR_RETURN(const int port, rpc.Start());
+  if (enrolment) RIGCAL_RETURN_IF_ERROR(enrolment->Start(port));
   if (!port_file.empty()) RIGCAL_RETURN_IF_ERROR(WritePortFile(port_file, port));
-  spdlog::info("rigcal-server {} listens on {} (port {}), data in {}",
-               std::string(wire::kSoftwareVersion), config.listen, port, config.data_dir);
+  const RunningServerNote note(config.data_dir, AddressForCommands(config, port));
+  spdlog::info("rigcal-server {} listens on {} (port {}{}), data in {}",
+               std::string(wire::kSoftwareVersion), config.listen, port,
+               identity.empty() ? "" : ", TLS", config.data_dir);
+  if (enrolment) TellHowToJoin(*enrolment);
+  auto announcement = Announce(config, port, enrolment.get());
 
   int received = 0;
   sigwait(&stop_signals, &received);
   spdlog::info("stopping on signal {}", received);
+  announcement.reset();
   // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.
+  if (enrolment) enrolment->Shutdown();
   rpc.Shutdown(std::chrono::seconds(2));
   ingest.Shutdown();
+  retention.Shutdown();
   runner->Shutdown();
   coordinator->Shutdown();
   spdlog::info("stopped");
@@ -139,12 +276,12 @@ int Run(int argc, char** argv) {
   Flags flags;
   CLI::App app(
       "Receives observations from capture agents, stores them, and calibrates the rig.\n"
-      "Listens on this machine only.");
+      "Listens on this machine only; on other addresses with TLS, for clients that have joined.");
   app.set_version_flag("--version", std::string(wire::kSoftwareVersion));
   app.add_option("--config", flags.config_file, "TOML file; flags override it")->type_name("FILE");
   app.add_option("--listen", flags.listen,
                  "Address to listen on (default 127.0.0.1:7420; port 0: any free one)")
-      ->type_name("HOST:PORT");
+      ->type_name("HOST[:PORT]");
   app.add_option("--data-dir", flags.data_dir,
                  "Folder of the database (default $XDG_DATA_HOME/rigcal or ~/.local/share/rigcal)")
       ->type_name("DIR");
@@ -153,25 +290,30 @@ int Run(int argc, char** argv) {
       ->type_name("FILE");
   app.add_option("--log-level", flags.log_level, "Lowest level logged on stderr (default info)")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
+  CareCommands care(&app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
 
-  spdlog::set_default_logger(spdlog::stderr_color_mt("rigcal-server"));
-  absl::Status status;
+  StartLog("rigcal-server");
+  absl::Status status = ActivateFailpoints();
   const absl::StatusOr<ServerConfig> config = ReadConfig(flags);
-  if (!config.ok()) {
+  if (!status.ok()) {
+    // Said below.
+  } else if (!config.ok()) {
     status = config.status();
   } else {
     spdlog::set_level(
         spdlog::level::from_str(config->log_level == "warn" ? "warning" : config->log_level));
+    if (care.chosen()) return care.Run(config->data_dir);
     status = Serve(*config, flags.port_file);
   }
   if (status.ok()) return 0;
   // On stderr whatever the log level.
-  std::fprintf(stderr, "rigcal-server: %s\n", std::string(status.message()).c_str());
+  std::fprintf(stderr, "rigcal-server: %s\n",
+               PrintableLines(std::string(status.message())).c_str());
   return 1;
 }
 

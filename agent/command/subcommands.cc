@@ -5,6 +5,7 @@ namespace rigcal::agent {
 
 void Subcommands::AddTo(CLI::App& app) {
   app.require_subcommand(0, 1);
+  AddJoinCommand(app, this);
   AddSourcesCommand(app, this);
   AddDetectCommand(app, this);
   AddTuneCommand(app, this);

@@ -15,6 +15,7 @@ namespace rigcal::agent {
 inline constexpr int kExitOk = 0;
 inline constexpr int kExitFailed = 1;
 inline constexpr int kExitUsage = 2;
+inline constexpr int kExitUndelivered = 3;
 
 // INVALID_ARGUMENT: a wrong command line; any other error: the command failed.
 inline int ExitCodeOf(const absl::Status& status) {
@@ -53,6 +54,7 @@ class Subcommands {
 void AddConvertCommand(CLI::App& app, Subcommands* all);
 void AddDetectCommand(CLI::App& app, Subcommands* all);
 void AddInfoCommand(CLI::App& app, Subcommands* all);
+void AddJoinCommand(CLI::App& app, Subcommands* all);
 void AddMaskCommand(CLI::App& app, Subcommands* all);
 void AddSimulateCommand(CLI::App& app, Subcommands* all);
 void AddSourcesCommand(CLI::App& app, Subcommands* all);

@@ -96,14 +96,17 @@ std::optional<DeliveryPlan::Message> DeliveryPlan::NextOf(const StreamKey& key, 
                                                           Clock::time_point now) {
   const std::optional<SpooledStream> spooled = spool_->Find(key);
   if (!spooled) return std::nullopt;
-  if (waits_for_alignment_ && alignments_.empty() && aligned_cameras_.contains(key.camera)) {
+  if (waits_for_alignment_ && alignments_.empty() && !spooled->is_of_other_boot &&
+      aligned_cameras_.contains(key.camera)) {
     return std::nullopt;
   }
   if (progress.next_seq < spooled->end_seq) return NextRows(*spooled, progress, now);
   if (!spooled->end || progress.end_sent) return std::nullopt;
   progress.end_sent = true;
   NoteInFlight(key, spooled->end->last_seq, true);
-  return *spooled->end;
+  EndOfCapture end = *spooled->end;
+  end.report.spool = SpoolReportOf(*spooled);
+  return end;
 }
 
 std::optional<DeliveryPlan::Message> DeliveryPlan::NextRows(const SpooledStream& spooled,
@@ -115,27 +118,43 @@ std::optional<DeliveryPlan::Message> DeliveryPlan::NextRows(const SpooledStream&
   const bool is_rest = spooled.end && last_seq == spooled.end->last_seq;
   const bool is_worth_it = available >= max_batch_rows_ || is_rest || now >= progress.next_flush;
   if (!was_freed && (available == 0 || !is_worth_it)) return std::nullopt;
-  absl::StatusOr<ObservationBatch> batch =
-      spool_->Read(spooled.stream, progress.next_seq, std::min(available, max_batch_rows_));
-  if (!batch.ok()) return std::nullopt;
-  if (was_freed) {
+  absl::StatusOr<ObservationBatch> batch = spool_->Read(
+      spooled.stream, progress.next_seq, std::clamp<size_t>(available, 1, max_batch_rows_));
+  if (!batch.ok() || (batch->rows() == 0 && batch->dropped.empty())) return std::nullopt;
+  for (const DroppedRange& range : batch->dropped) {
+    if (range.reason != RefusalReason::kSpoolFreed) continue;
     // Only a server whose store went back in time asks for these again.
     spdlog::error(
         "camera {}: the server lost observations {} to {} of session {} after it had "
         "acknowledged them; they are no longer here",
-        spooled.stream.camera, progress.next_seq, spooled.first_seq - 1, spooled.stream.session_id);
-    batch = batch->Slice(0, 0);
-  } else if (batch->rows() == 0 && batch->dropped.empty()) {
-    return std::nullopt;
+        spooled.stream.camera, range.first_seq, range.first_seq + range.count - 1,
+        spooled.stream.session_id);
   }
-  batch->host_alignments.assign(
-      alignments_.begin() + static_cast<std::ptrdiff_t>(progress.alignments_sent),
-      alignments_.end());
-  progress.alignments_sent = alignments_.size();
+  // Rows behind what is dropped may be beyond the credit.
+  if (!batch->dropped.empty()) batch = batch->Slice(0, 0);
+  // Those of today say nothing about the clock of an earlier run of the operating system.
+  if (!spooled.is_of_other_boot) {
+    batch->host_alignments.assign(
+        alignments_.begin() + static_cast<std::ptrdiff_t>(progress.alignments_sent),
+        alignments_.end());
+    progress.alignments_sent = alignments_.size();
+  }
   progress.next_seq = batch->end_seq();
   progress.next_flush = now + flush_interval_;
   NoteInFlight(spooled.stream, batch->end_seq() - 1, false);
   return *std::move(batch);
+}
+
+bool DeliveryPlan::HasEndedBefore(const StreamKey& stream) const {
+  const auto is_earlier_end = [&](const StreamKey& key, const std::optional<EndOfCapture>& end) {
+    return key.session_id == stream.session_id && key.camera == stream.camera &&
+           key.stream_epoch != stream.stream_epoch && end && !end->interrupted;
+  };
+  for (const SpooledStream& spooled : spool_->Streams()) {
+    if (is_earlier_end(spooled.stream, spooled.end)) return true;
+  }
+  return std::ranges::any_of(
+      over_, [&](const auto& over) { return is_earlier_end(over.first, over.second); });
 }
 
 uint32_t DeliveryPlan::Discard(const StreamKey& stream) {
@@ -168,10 +187,17 @@ std::optional<DeliveryPlan::GivenUp> DeliveryPlan::OnProtocolFault(const std::st
   EndOfCapture end;
   end.stream = guilty.stream;
   end.last_seq = progress_[guilty.stream].durable_seq;
-  if (const auto spooled = spool_->Find(guilty.stream); spooled && spooled->end) {
-    end.report = spooled->end->report;
+  SpoolReport spool;
+  if (const auto spooled = spool_->Find(guilty.stream)) {
+    if (spooled->end) end.report = spooled->end->report;
+    spool = SpoolReportOf(*spooled);
+    spool.last_seq = spooled->end_seq - 1;
   }
   const uint32_t lost = spool_->Discard(guilty.stream);
+  spool.spooled_count = 0;
+  spool.dropped.push_back(
+      {.camera = "", .reason = RefusalReason::kProtocolFault, .count = lost, .example = ""});
+  end.report.spool = std::move(spool);
   end.report.stream = guilty.stream;
   end.report.observation_count = end.last_seq + lost;
   end.report.refused.push_back(

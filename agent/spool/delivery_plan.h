@@ -11,7 +11,7 @@
 #include <variant>
 #include <vector>
 
-#include "agent/spool/memory_spool.h"
+#include "agent/spool/observation_spool.h"
 
 namespace rigcal::agent {
 
@@ -26,7 +26,7 @@ class DeliveryPlan {
   using Clock = std::chrono::steady_clock;
 
   // A batch of fewer rows than a full one leaves `flush_interval` after the stream's last one.
-  DeliveryPlan(MemorySpool* spool, Clock::duration flush_interval)
+  DeliveryPlan(ObservationSpool* spool, Clock::duration flush_interval)
       : spool_(spool), flush_interval_(flush_interval) {}
 
   // A connection was made: nothing is in flight, and no stream has a position yet.
@@ -42,6 +42,8 @@ class DeliveryPlan {
 
   // The next message; none: nothing to send, no credit for it, or not enough of it yet.
   std::optional<Message> Next(Clock::time_point now);
+  // The server has given a position for this stream, and it is not delivered.
+  bool IsDelivering(const StreamKey& stream) const { return progress_.contains(stream); }
   // There are streams on this connection that are not delivered.
   bool HasOpenStreams() const { return !progress_.empty(); }
 
@@ -49,6 +51,9 @@ class DeliveryPlan {
   bool Knows(const StreamKey& stream) const {
     return over_.contains(stream) || spool_->Find(stream).has_value();
   }
+  // This agent, or its run before, has ended a capture of the camera for the session, in another
+  // stream than `stream`.
+  bool HasEndedBefore(const StreamKey& stream) const;
   // Drops a stream that the server does not accept; returns how many observations are lost.
   uint32_t Discard(const StreamKey& stream);
   // Nothing is in the spool.
@@ -95,7 +100,7 @@ class DeliveryPlan {
   void NoteInFlight(const StreamKey& stream, uint32_t last_seq, bool is_end);
   void Remember(const StreamKey& stream, std::optional<EndOfCapture> end);
 
-  MemorySpool* const spool_;
+  ObservationSpool* const spool_;
   const Clock::duration flush_interval_;
   size_t max_batch_rows_ = 1;
   std::map<StreamKey, Progress> progress_;  // streams the server has given a position for

@@ -34,7 +34,7 @@ absl::Status MemorySpool::Open(const StreamKey& stream, int marker_count, uint32
   opened.stream = stream;
   opened.marker_count = marker_count;
   opened.begin_seq = opened.first_seq = opened.end_seq = first_seq;
-  opened.durable_seq = first_seq - 1;
+  opened.durable_seq = opened.synced_seq = first_seq - 1;
   if (!streams_.try_emplace(stream, std::move(opened)).second) {
     return absl::AlreadyExistsError(absl::StrCat(Name(stream), " is already in the spool"));
   }
@@ -73,6 +73,8 @@ absl::StatusOr<uint32_t> MemorySpool::Append(const StreamKey& key, const Observa
   for (const ClockSample& sample : clock_samples) {
     stream.clock_samples.push_back({stream.end_seq, sample});
   }
+  ++stream.row_count;
+  stream.synced_seq = stream.end_seq;
   return stream.end_seq++;
 }
 
@@ -89,7 +91,7 @@ absl::Status MemorySpool::Finish(const StreamKey& key, CameraReport report) {
 }
 
 absl::StatusOr<ObservationBatch> MemorySpool::Read(const StreamKey& key, uint32_t from_seq,
-                                                   size_t max_rows) const {
+                                                   size_t max_rows) {
   const std::lock_guard lock(mutex_);
   const auto found = streams_.find(key);
   if (found == streams_.end()) return NotOpen(key);
@@ -124,6 +126,7 @@ void MemorySpool::Acknowledge(const StreamKey& key, uint32_t durable_seq) {
   if (found == streams_.end()) return;
   Stream& stream = found->second;
   stream.durable_seq = std::max(stream.durable_seq, std::min(durable_seq, stream.end_seq - 1));
+  stream.row_count = stream.end_seq - 1 - stream.durable_seq;
   while (!stream.chunks.empty() && stream.chunks.front().end_seq() <= stream.durable_seq + 1) {
     stream.first_seq = stream.chunks.front().end_seq();
     bytes_ -= stream.chunks.front().rows() * RowBytes(stream.marker_count);
@@ -161,6 +164,13 @@ std::vector<SpooledStream> MemorySpool::Streams() const {
   std::vector<SpooledStream> list;
   for (const auto& [key, stream] : streams_) list.push_back(stream);
   return list;
+}
+
+SpoolStatus MemorySpool::Status() const {
+  const std::lock_guard lock(mutex_);
+  SpoolStatus status{.bytes = bytes_, .limit_bytes = limit_bytes_};
+  for (const auto& [key, stream] : streams_) status.row_count += stream.row_count;
+  return status;
 }
 
 void MemorySpool::Shutdown() {

@@ -114,9 +114,10 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
   spdlog::info("camera {}: capture for session {} begins", stream.camera, stream.session_id);
   absl::Status status;
   CameraReport report;
+  RefusalReason reason = RefusalReason::kSourceFailed;
   try {
     if (!StopRequested()) {
-      status = MoveObservations(stream, target);
+      status = MoveObservations(stream, target, &reason);
       report = MakeReport();
     }
   } catch (const std::exception& error) {
@@ -126,8 +127,7 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
     const std::string message(status.message());
     spdlog::error("camera {}: capture for session {} ends early: {}", stream.camera,
                   stream.session_id, message);
-    report.refused.push_back(
-        {.camera = "", .reason = RefusalReason::kSourceFailed, .count = 1, .example = message});
+    report.refused.push_back({.camera = "", .reason = reason, .count = 1, .example = message});
   }
   for (const Refusal& refusal : report.refused) {
     spdlog::warn("camera {}: {} x {}, first: {}", stream.camera, NameOf(refusal.reason),
@@ -139,7 +139,8 @@ void CameraPipeline::RunCapture(const StreamKey& stream, const Target& target) {
   on_progress_();
 }
 
-absl::Status CameraPipeline::MoveObservations(const StreamKey& stream, const Target& target) {
+absl::Status CameraPipeline::MoveObservations(const StreamKey& stream, const Target& target,
+                                              RefusalReason* reason) {
   RIGCAL_RETURN_IF_ERROR(source_->Start(target));
   // An End between the check above and Start was undone by Start.
   if (StopRequested()) source_->Stop();
@@ -152,6 +153,7 @@ absl::Status CameraPipeline::MoveObservations(const StreamKey& stream, const Tar
         spool_->Append(stream, *observation, source_->TakeClockSamples());
     // The stream was discarded, which is logged where that is decided, or the agent shuts down.
     if (absl::IsNotFound(seq.status()) || absl::IsCancelled(seq.status())) return absl::OkStatus();
+    if (absl::IsDataLoss(seq.status())) *reason = RefusalReason::kSpoolFailed;
     RIGCAL_RETURN_IF_ERROR(seq.status());
     if (++count % kRowsPerProgress == 0) on_progress_();
     if (const auto now = std::chrono::steady_clock::now(); now >= next_report) {
@@ -179,7 +181,7 @@ CameraReport CameraPipeline::MakeReport() const {
 }
 
 absl::StatusOr<CameraPipelines> MakePipelines(
-    std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
+    std::vector<std::unique_ptr<ObservationSource>> sources, ObservationSpool* spool,
     const std::function<void()>& on_progress) {
   if (sources.empty()) {
     return absl::InvalidArgumentError(

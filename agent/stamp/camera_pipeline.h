@@ -16,7 +16,7 @@
 
 #include "absl/status/statusor.h"
 #include "agent/capture/observation_source.h"
-#include "agent/spool/memory_spool.h"
+#include "agent/spool/observation_spool.h"
 
 namespace rigcal::agent {
 
@@ -29,7 +29,7 @@ class CameraPipeline {
  public:
   // `on_progress` is called on any thread now and then, and at each end of a capture; it must
   // neither block nor call back. `spool` outlives the pipeline.
-  CameraPipeline(std::unique_ptr<ObservationSource> source, MemorySpool* spool,
+  CameraPipeline(std::unique_ptr<ObservationSource> source, ObservationSpool* spool,
                  std::function<void()> on_progress)
       : source_(std::move(source)), spool_(spool), on_progress_(std::move(on_progress)) {}
   ~CameraPipeline() { Shutdown(); }
@@ -71,13 +71,15 @@ class CameraPipeline {
 
   void Run();
   void RunCapture(const StreamKey& stream, const Target& target);
-  absl::Status MoveObservations(const StreamKey& stream, const Target& target);
+  // `*reason`: of an error.
+  absl::Status MoveObservations(const StreamKey& stream, const Target& target,
+                                RefusalReason* reason);
   bool StopRequested() const;
   CameraReport MakeReport() const;
   void EndIf(const std::function<bool(const Capture&)>& condition);
 
   const std::unique_ptr<ObservationSource> source_;
-  MemorySpool* const spool_;
+  ObservationSpool* const spool_;
   const std::function<void()> on_progress_;
 
   mutable std::mutex mutex_;
@@ -94,7 +96,7 @@ using CameraPipelines = std::map<std::string, std::unique_ptr<CameraPipeline>>;
 
 // One for each source, not started. INVALID_ARGUMENT: no camera, or two of one name.
 absl::StatusOr<CameraPipelines> MakePipelines(
-    std::vector<std::unique_ptr<ObservationSource>> sources, MemorySpool* spool,
+    std::vector<std::unique_ptr<ObservationSource>> sources, ObservationSpool* spool,
     const std::function<void()>& on_progress);
 
 }  // namespace rigcal::agent

@@ -19,6 +19,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
@@ -28,6 +29,15 @@ namespace {
 
 constexpr char kStateFile[] = "agent.state";
 constexpr char kLockFile[] = "lock";
+constexpr char kSecretFile[] = "agent.secret";
+constexpr size_t kSecretDigits = 64;
+constexpr size_t kRememberedEpochs = 64;
+
+// What the file holds.
+struct StoredState {
+  AgentIdentity identity;
+  std::vector<uint32_t> stream_epochs;  // of the last runs, the newest last
+};
 
 absl::Status Errno(const std::string& what, const std::filesystem::path& path) {
   return absl::ErrnoToStatus(errno, absl::StrCat("cannot ", what, " ", path.string()));
@@ -61,12 +71,21 @@ std::string MadeAgentId() {
   return absl::StrFormat("%s-%08x", HostName().substr(0, 48), random());
 }
 
+// 31 bits, so that it stays a positive number wherever it is shown.
+uint32_t NewStreamEpoch(const std::vector<uint32_t>& used) {
+  std::random_device random;
+  uint32_t epoch = 0;
+  while (epoch == 0 || std::ranges::find(used, epoch) != used.end()) epoch = random() >> 1;
+  return epoch;
+}
+
 // `key=value` lines. Incarnation 0: there is no file yet.
-absl::StatusOr<AgentIdentity> Load(const std::filesystem::path& path) {
-  AgentIdentity identity;
+absl::StatusOr<StoredState> Load(const std::filesystem::path& path) {
+  StoredState state;
+  AgentIdentity& identity = state.identity;
   std::error_code error;
   if (!std::filesystem::exists(path, error)) {
-    if (!error) return identity;
+    if (!error) return state;
     return absl::UnavailableError(
         absl::StrCat("cannot read ", path.string(), ": ", error.message()));
   }
@@ -79,6 +98,12 @@ absl::StatusOr<AgentIdentity> Load(const std::filesystem::path& path) {
     if (pair.first == "incarnation" && !absl::SimpleAtoi(pair.second, &identity.incarnation)) {
       identity.incarnation = 0;
     }
+    if (pair.first != "stream_epochs") continue;
+    for (const absl::string_view word : absl::StrSplit(pair.second, ',', absl::SkipEmpty())) {
+      // A damaged one cannot be met again.
+      uint32_t epoch = 0;
+      if (absl::SimpleAtoi(word, &epoch)) state.stream_epochs.push_back(epoch);
+    }
   }
   constexpr uint32_t kLast = std::numeric_limits<uint32_t>::max();
   if (identity.incarnation == 0 || identity.incarnation == kLast ||
@@ -88,20 +113,48 @@ absl::StatusOr<AgentIdentity> Load(const std::filesystem::path& path) {
                      " is damaged: it must hold agent_id=NAME and incarnation=NUMBER; remove "
                      "the file to start as a new agent"));
   }
-  return identity;
+  return state;
 }
 
-absl::Status Save(const std::filesystem::path& directory, const AgentIdentity& identity) {
+absl::Status Save(const std::filesystem::path& directory, const StoredState& state) {
   const std::filesystem::path path = directory / kStateFile;
   const std::filesystem::path temporary = directory / (std::string(kStateFile) + ".new");
   {
     std::ofstream file(temporary, std::ios::trunc);
-    file << "agent_id=" << identity.agent_id << "\nincarnation=" << identity.incarnation << '\n';
+    file << "agent_id=" << state.identity.agent_id << "\nincarnation=" << state.identity.incarnation
+         << "\nstream_epochs=" << absl::StrJoin(state.stream_epochs, ",") << '\n';
     if (!file.flush()) return Errno("write", temporary);
   }
   RIGCAL_RETURN_IF_ERROR(Sync(temporary, O_RDONLY));
   if (std::rename(temporary.c_str(), path.c_str()) != 0) return Errno("replace", path);
   return Sync(directory, O_RDONLY | O_DIRECTORY);
+}
+
+// Made at the first start, readable for this user only.
+absl::StatusOr<std::string> LoadOrMakeSecret(const std::filesystem::path& directory) {
+  const std::filesystem::path path = directory / kSecretFile;
+  std::string secret;
+  if (std::ifstream file(path); file >> secret) {
+    if (secret.size() == kSecretDigits) return secret;
+    return absl::DataLossError(
+        absl::StrCat(path.string(),
+                     " is damaged; restore it, or remove it and give the agent a new --agent-id"));
+  }
+  std::array<unsigned char, kSecretDigits / 2> bytes{};
+  if (getentropy(bytes.data(), bytes.size()) != 0) return Errno("make random numbers for", path);
+  secret.clear();
+  for (const unsigned char byte : bytes) absl::StrAppendFormat(&secret, "%02x", byte);
+  const std::filesystem::path temporary = path.string() + ".new";
+  const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  if (fd < 0) return Errno("open", temporary);
+  const std::string line = secret + "\n";
+  const bool written =
+      write(fd, line.data(), line.size()) == static_cast<ssize_t>(line.size()) && fsync(fd) == 0;
+  close(fd);
+  if (!written) return Errno("write", temporary);
+  if (std::rename(temporary.c_str(), path.c_str()) != 0) return Errno("replace", path);
+  RIGCAL_RETURN_IF_ERROR(Sync(directory, O_RDONLY | O_DIRECTORY));
+  return secret;
 }
 
 }  // namespace
@@ -128,11 +181,19 @@ absl::StatusOr<AgentState> AgentState::Open(const std::filesystem::path& directo
   }
   RIGCAL_ASSIGN_OR_RETURN(const int lock_fd, Lock(directory));
   AgentState state(lock_fd);
-  RIGCAL_ASSIGN_OR_RETURN(state.identity_, Load(directory / kStateFile));
-  if (!agent_id.empty()) state.identity_.agent_id = agent_id;
-  if (state.identity_.agent_id.empty()) state.identity_.agent_id = MadeAgentId();
-  ++state.identity_.incarnation;
-  RIGCAL_RETURN_IF_ERROR(Save(directory, state.identity_));
+  RIGCAL_ASSIGN_OR_RETURN(StoredState stored, Load(directory / kStateFile));
+  AgentIdentity& identity = stored.identity;
+  if (!agent_id.empty()) identity.agent_id = agent_id;
+  if (identity.agent_id.empty()) identity.agent_id = MadeAgentId();
+  RIGCAL_ASSIGN_OR_RETURN(identity.secret, LoadOrMakeSecret(directory));
+  ++identity.incarnation;
+  identity.stream_epoch = NewStreamEpoch(stored.stream_epochs);
+  stored.stream_epochs.push_back(identity.stream_epoch);
+  if (stored.stream_epochs.size() > kRememberedEpochs) {
+    stored.stream_epochs.erase(stored.stream_epochs.begin());
+  }
+  RIGCAL_RETURN_IF_ERROR(Save(directory, stored));
+  state.identity_ = std::move(identity);
   return state;
 }
 

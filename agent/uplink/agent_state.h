@@ -12,7 +12,11 @@ namespace rigcal::agent {
 // The agent's identity over all its runs, and the number of this one.
 struct AgentIdentity {
   std::string agent_id;
+  std::string secret;  // proves to a server that it is this installation; 64 hexadecimal digits
   uint32_t incarnation = 0;  // grows at each start
+  // Of the streams that begin in this run. Random, so that the copy of a disk in another PC does
+  // not number other observations as this one does; never one of the last runs' again.
+  uint32_t stream_epoch = 1;
 };
 
 // The agent's folder: its identity, and a lock against a second agent while this object lives.
@@ -23,7 +27,7 @@ class AgentState {
   // this one from now on; empty: the one from before, or at the first start one made of the host's
   // name and a random number.
   //   ALREADY_EXISTS       another agent uses the folder; the message says what to do
-  //   DATA_LOSS            the file in it is damaged; it is named
+  //   DATA_LOSS            a file in it is damaged; it is named
   //   INVALID_ARGUMENT     the agent_id is not a valid name
   //   others               errors of the file system, naming the path
   static absl::StatusOr<AgentState> Open(const std::filesystem::path& directory,

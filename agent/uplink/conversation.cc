@@ -15,6 +15,7 @@
 #include "common/wire/observation_wire.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
+#include "common/wire/spool_wire.h"
 
 namespace rigcal::agent {
 namespace {
@@ -41,6 +42,10 @@ uint64_t CountedIn(const CameraReport& report) {
   if (const auto& frames = report.frames) {
     sum += frames->received + frames->damaged + frames->lost + frames->reconnects;
   }
+  if (const auto& spool = report.spool) {
+    sum += uint64_t{spool->last_seq} + spool->acknowledged_seq;
+    for (const Refusal& refusal : spool->dropped) sum += refusal.count;
+  }
   return sum;
 }
 
@@ -56,15 +61,17 @@ v1::ConnectRequest Conversation::Hello() {
   hello->set_connection(connection_);
   hello->set_host(options_.host);
   hello->set_rig(options_.rig);
+  hello->set_installation_secret(options_.secret);
   for (const auto& [name, pipeline] : *agent_.cameras) {
     v1::AnnouncedCamera* announced = hello->add_cameras();
     *announced->mutable_description() = wire::ToProto(pipeline->description());
-    announced->set_stream_epoch(options_.incarnation);
+    announced->set_stream_epoch(options_.stream_epoch);
   }
   for (const SpooledStream& spooled : agent_.spool->Streams()) {
     pending_.push_back(spooled.stream);
     *hello->add_pending() = wire::ToProto(spooled.stream);
   }
+  hello->set_spool_survives_restart(agent_.spool->survives_restart());
   return message;
 }
 
@@ -182,15 +189,24 @@ void Conversation::HandleStartCapture(const v1::StartCapture& command) {
 
 void Conversation::BeginCapture(const StreamKey& stream, const Target& target,
                                 uint32_t durable_seq) {
-  if (stream.stream_epoch != options_.incarnation) {
+  if (stream.stream_epoch != options_.stream_epoch) {
     spdlog::warn("camera {}: session {} asks for stream epoch {}, but this agent captures epoch {}",
-                 stream.camera, stream.session_id, stream.stream_epoch, options_.incarnation);
+                 stream.camera, stream.session_id, stream.stream_epoch, options_.stream_epoch);
     return;
   }
   CameraPipeline* const pipeline = PipelineOf(stream.camera);
   if (pipeline == nullptr) {
     spdlog::error("camera {}: session {} asks for it, but this agent has no such camera",
                   stream.camera, stream.session_id);
+    return;
+  }
+  if (agent_.plan->HasEndedBefore(stream)) {
+    // Before this run, while the server was not connected. It waits for the end of this stream too.
+    spdlog::info("camera {}: its capture for session {} ended before this start of the agent",
+                 stream.camera, stream.session_id);
+    absl::Status status = agent_.spool->Open(stream, target.marker_count(), durable_seq + 1);
+    if (status.ok()) status = agent_.spool->Finish(stream, {});
+    if (!status.ok()) spdlog::error("camera {}: {}", stream.camera, std::string(status.message()));
     return;
   }
   for (const std::string& session_id : pipeline->Sessions()) {
@@ -229,6 +245,13 @@ absl::Status Conversation::HandleAck(const v1::BatchAck& proto) {
         ack->stream.camera, ack->fault_count, ack->stream.session_id, first.seq, first.field,
         NameOf(first.reason));
   }
+  if (ack->conflict_count > 0) {
+    spdlog::error(
+        "camera {}: the server has {} observations of session {} with other values than this agent "
+        "sent under their numbers, and keeps those; does another agent use the same state "
+        "directory, or a copy of it?",
+        ack->stream.camera, ack->conflict_count, ack->stream.session_id);
+  }
   if (agent_.plan->Acknowledge(*ack)) progressed_ = true;
   return absl::OkStatus();
 }
@@ -247,13 +270,15 @@ std::optional<v1::ConnectRequest> Conversation::Next(Clock::time_point now) {
     next_ping_ = now + options_.ping_interval;
     ping_ns_ = MonotonicNowNs();
     message.mutable_time_ping()->set_host_monotonic_ns(*ping_ns_);
+    *message.mutable_time_ping()->mutable_spool() = wire::ToProto(agent_.spool->Status());
     return message;
   }
   if (now - start_ >= options_.alignment_timeout) agent_.plan->StopWaitingForAlignment();
-  if (now >= next_report_) {
-    if (auto report = NextReport()) return report;
+  if (now >= next_report_ && !agent_.plan->SendsOneAtATime()) {
     next_report_ = now + options_.report_interval;
+    to_report_ = agent_.spool->Streams();
   }
+  if (auto report = NextReport()) return report;
   std::optional<DeliveryPlan::Message> next = agent_.plan->Next(now);
   if (!next) {
     // Only when there is nothing else to send.
@@ -271,16 +296,33 @@ std::optional<v1::ConnectRequest> Conversation::Next(Clock::time_point now) {
 }
 
 std::optional<v1::ConnectRequest> Conversation::NextReport() {
-  if (agent_.plan->SendsOneAtATime()) return std::nullopt;
-  for (const auto& [name, pipeline] : *agent_.cameras) {
-    const std::optional<CameraReport> report = pipeline->RunningReport();
-    const uint64_t counted = report ? CountedIn(*report) : 0;
-    if (counted == 0 || std::exchange(reported_[report->stream], counted) == counted) continue;
+  while (!to_report_.empty()) {
+    const SpooledStream spooled = std::move(to_report_.back());
+    to_report_.pop_back();
+    // One that the server does not take anything of would end the connection.
+    if (!agent_.plan->IsDelivering(spooled.stream)) continue;
+    const CameraReport report = ReportOf(spooled);
+    const uint64_t counted = CountedIn(report);
+    if (counted == 0 || std::exchange(reported_[report.stream], counted) == counted) continue;
     v1::ConnectRequest message;
-    *message.mutable_report() = wire::ToProto(*report);
+    *message.mutable_report() = wire::ToProto(report);
     return message;
   }
   return std::nullopt;
+}
+
+CameraReport Conversation::ReportOf(const SpooledStream& spooled) const {
+  CameraReport report;
+  const CameraPipeline* const pipeline = PipelineOf(spooled.stream.camera);
+  if (spooled.end) {
+    report = spooled.end->report;
+  } else if (pipeline != nullptr) {
+    std::optional<CameraReport> running = pipeline->RunningReport();
+    if (running && running->stream == spooled.stream) report = *std::move(running);
+  }
+  report.stream = spooled.stream;
+  report.spool = SpoolReportOf(spooled);
+  return report;
 }
 
 CameraPipeline* Conversation::PipelineOf(const std::string& camera) const {

@@ -21,10 +21,11 @@ namespace rigcal::agent {
 struct UplinkOptions {
   std::string server;  // its address, for messages
   std::string agent_id;
-  // Grows at each start of the agent. Also the epoch of its streams: observations that a run has
-  // not delivered are lost with its spool, so the next run must not continue its numbers.
-  uint32_t incarnation = 1;
-  std::string host;  // of this PC, for people
+  uint32_t incarnation = 1;   // grows at each start of the agent
+  uint32_t stream_epoch = 1;  // of new observations; another one at each start
+  std::string host;           // of this PC, for people
+  // As AgentIdentity.
+  std::string secret;
   std::string rig = "rig";
 
   // Rows of a full batch, and how long fewer rows wait to become one. The server may ask for fewer.
@@ -57,7 +58,7 @@ class Conversation {
 
   // Parts of the agent that outlive a connection.
   struct Agent {
-    MemorySpool* spool = nullptr;
+    ObservationSpool* spool = nullptr;
     const CameraPipelines* cameras = nullptr;
     PreviewWorker* previews = nullptr;
     DeliveryPlan* plan = nullptr;
@@ -98,6 +99,7 @@ class Conversation {
   void HandlePosition(const StreamKey& stream, const v1::StreamPosition& position);
   void BeginCapture(const StreamKey& stream, const Target& target, uint32_t durable_seq);
   std::optional<v1::ConnectRequest> NextReport();
+  CameraReport ReportOf(const SpooledStream& spooled) const;
   // Null: the agent has no such camera.
   CameraPipeline* PipelineOf(const std::string& camera) const;
 
@@ -110,13 +112,15 @@ class Conversation {
   bool progressed_ = false;  // something became durable
   Clock::time_point last_heard_ = start_;
   Clock::time_point next_ping_ = start_;
-  Clock::time_point next_report_ = start_;
+  Clock::time_point next_report_ = start_ + options_.report_interval;
   std::optional<int64_t> ping_ns_;  // of the ping that is not answered yet
   std::vector<StreamKey> pending_;  // as the agent's hello named them
   // Sessions that the server has started, and not stopped, on this connection. One that captures
   // here since an earlier connection and is not among them ended in between.
   std::set<std::string> live_sessions_;
-  std::map<StreamKey, uint64_t> reported_;  // sum of what the last report of each stream counts
+  std::vector<SpooledStream> to_report_;  // in this round, as they were at its beginning
+  // Of each stream, a sum that grows with everything in its reports, as of the last one.
+  std::map<StreamKey, uint64_t> reported_;
 };
 
 }  // namespace rigcal::agent

@@ -2,7 +2,6 @@
 #include "agent/uplink/uplink.h"
 
 #include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -11,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/uplink/uplink_connection.h"
+#include "common/failpoint/failpoint.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -29,7 +29,8 @@ bool IsRefusal(absl::StatusCode code) {
 
 }  // namespace
 
-std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address) {
+std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address,
+                                                   const wire::ClientIdentity& identity) {
   grpc::ChannelArguments arguments;
   // The server is in the same network: a web proxy never leads to it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
@@ -38,12 +39,14 @@ std::shared_ptr<grpc::Channel> Uplink::MakeChannel(const std::string& address) {
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // Shared subchannels would make a fresh channel wait for the backoff of the one before.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  const auto credentials = wire::CredentialsFor(address, identity);
+  if (!credentials.ok()) spdlog::error("{}", std::string(credentials.status().message()));
+  return grpc::CreateCustomChannel(address, credentials.ok() ? *credentials : nullptr, arguments);
 }
 
 absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
     UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-    MemorySpool* spool, ChannelFactory make_channel) {
+    ObservationSpool* spool, ChannelFactory make_channel) {
   std::unique_ptr<Uplink> uplink(new Uplink(std::move(options), spool, std::move(make_channel)));
   const auto wake = [raw = uplink.get()] { raw->Wake(); };
   RIGCAL_ASSIGN_OR_RETURN(uplink->cameras_, MakePipelines(std::move(sources), spool, wake));
@@ -58,7 +61,7 @@ absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
   return uplink;
 }
 
-Uplink::Uplink(UplinkOptions options, MemorySpool* spool, ChannelFactory make_channel)
+Uplink::Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory make_channel)
     : options_(std::move(options)),
       spool_(spool),
       make_channel_(std::move(make_channel)),
@@ -70,7 +73,7 @@ void Uplink::Start() {
   thread_ = std::thread([this] { Run(); });
 }
 
-uint32_t Uplink::Shutdown(std::chrono::milliseconds patience) {
+LeftBehind Uplink::Shutdown(std::chrono::milliseconds patience) {
   {
     const std::lock_guard lock(mutex_);
     if (!leave_by_) leave_by_ = Clock::now() + patience;
@@ -81,21 +84,31 @@ uint32_t Uplink::Shutdown(std::chrono::milliseconds patience) {
   if (previews_) previews_->Shutdown();  // none in an uplink whose creation failed
   spool_->Shutdown();
   for (const auto& [name, pipeline] : cameras_) pipeline->Shutdown();
-  uint32_t lost = 0;
+  LeftBehind left;
   for (const SpooledStream& spooled : spool_->Streams()) {
-    const uint32_t count = spool_->Discard(spooled.stream);
-    lost += count;
-    if (count == 0) continue;
-    spdlog::warn("camera {}: {} observations of session {} were not acknowledged and are lost",
-                 spooled.stream.camera, count, spooled.stream.session_id);
+    if (spooled.row_count == 0) continue;
+    left.row_count += spooled.row_count;
+    left.cameras.insert(spooled.stream.camera);
   }
-  return lost;
+  return left;
 }
 
 void Uplink::Wake() {
   const std::lock_guard lock(mutex_);
   woken_ = true;
   woken_changed_.notify_all();
+}
+
+void Uplink::Reconnect() {
+  const std::lock_guard lock(mutex_);
+  reconnect_ = true;
+  woken_ = true;
+  woken_changed_.notify_all();
+}
+
+bool Uplink::TakeReconnect() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(reconnect_, false);
 }
 
 void Uplink::WaitUntil(Clock::time_point deadline) {
@@ -115,6 +128,7 @@ void Uplink::Run() {
     Conversation conversation(options_, ++connection_, &agent_, Clock::now());
     const absl::Status status = Serve(conversation);
     if (IsTimeToLeave()) return;
+    if (status.ok()) continue;
     const Clock::time_point next_attempt = Clock::now() + WaitAfter(conversation, status);
     while (Clock::now() < next_attempt && !IsTimeToLeave()) WaitUntil(next_attempt);
   }
@@ -133,6 +147,7 @@ absl::Status Uplink::Serve(Conversation& conversation) {
       return result->ok() ? absl::UnavailableError("the server ended the stream") : *result;
     }
     RIGCAL_RETURN_IF_ERROR(conversation.CheckTimeouts(Clock::now()));
+    if (TakeReconnect()) return absl::OkStatus();
     if (IsTimeToLeave()) {
       connection.FinishWriting();
       const Clock::time_point give_up = Clock::now() + kGoodbye;
@@ -148,6 +163,7 @@ absl::Status Uplink::Serve(Conversation& conversation) {
     if (conversation.greeted() && can_write) {
       if (auto message = conversation.Next(Clock::now())) {
         connection.Write(*std::move(message));
+        Failpoint("after_send");
         continue;
       }
     }
@@ -166,7 +182,10 @@ Backoff::Duration Uplink::WaitAfter(const Conversation& conversation, const absl
           "camera {}: the server rejects the stream of session {} as malformed; the stream is "
           "abandoned, and {} observations are lost",
           given_up->stream.camera, given_up->stream.session_id, given_up->lost_count);
-      cameras_.at(given_up->stream.camera)->End(given_up->stream.session_id);
+      // Streams of an earlier run may be of a camera that is not there any more.
+      if (const auto camera = cameras_.find(given_up->stream.camera); camera != cameras_.end()) {
+        camera->second->End(given_up->stream.session_id);
+      }
     }
     return backoff_.Next();
   }

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -18,12 +19,19 @@
 #include "agent/stamp/camera_pipeline.h"
 #include "agent/uplink/backoff.h"
 #include "agent/uplink/conversation.h"
+#include "common/wire/server_access.h"
 
 namespace grpc {
 class Channel;
 }
 
 namespace rigcal::agent {
+
+// Observations that were not acknowledged when the agent ended.
+struct LeftBehind {
+  uint64_t row_count = 0;
+  std::set<std::string> cameras;
+};
 
 // Keeps one stream to the server, and connects again for as long as the agent runs. Conversation
 // decides what is sent over a connection and follows the server's commands. One thread does all of
@@ -33,40 +41,47 @@ class Uplink {
   // A fresh channel for each attempt, so that how often to try is decided here alone.
   using ChannelFactory = std::function<std::shared_ptr<grpc::Channel>()>;
 
-  // A channel to `address` (HOST:PORT) with keepalive, for ChannelFactory.
-  static std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address);
+  // A channel to `address` (HOST:PORT, or unix:PATH) with keepalive, for ChannelFactory. To another
+  // machine with the files of `identity`, as they are now; where they cannot be used, that is
+  // logged, and the channel gives INVALID_ARGUMENT.
+  static std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address,
+                                                    const wire::ClientIdentity& identity = {});
 
   // `spool` outlives the uplink. `sources` are the agent's cameras. INVALID_ARGUMENT as for
   // MakePipelines.
   static absl::StatusOr<std::unique_ptr<Uplink>> Create(
       UplinkOptions options, std::vector<std::unique_ptr<ObservationSource>> sources,
-      MemorySpool* spool, ChannelFactory make_channel);
+      ObservationSpool* spool, ChannelFactory make_channel);
   ~Uplink() { Shutdown(std::chrono::milliseconds(0)); }
   Uplink(const Uplink&) = delete;
   Uplink& operator=(const Uplink&) = delete;
 
   void Start();
+  // Leaves the connection for a new one, which uses a renewed certificate. What is not acknowledged
+  // is delivered again. From any thread.
+  void Reconnect();
   // Ends every capture, delivers what the spool holds for at most `patience`, and disconnects.
-  // Returns how many observations were not acknowledged by then; with a spool in memory they are
-  // lost.
-  uint32_t Shutdown(std::chrono::milliseconds patience);
+  // Returns what was not acknowledged by then; with a spool in memory it is lost.
+  LeftBehind Shutdown(std::chrono::milliseconds patience);
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  Uplink(UplinkOptions options, MemorySpool* spool, ChannelFactory make_channel);
+  Uplink(UplinkOptions options, ObservationSpool* spool, ChannelFactory make_channel);
 
   void Run();
+  // OK: it is time to leave, or to connect again.
   absl::Status Serve(Conversation& conversation);
   Backoff::Duration WaitAfter(const Conversation& conversation, const absl::Status& status);
 
   void Wake();
   // Until Wake or `deadline`.
   void WaitUntil(Clock::time_point deadline);
+  bool TakeReconnect();
   bool IsTimeToLeave() const;  // shutting down, and all is delivered or patience is at its end
 
   const UplinkOptions options_;
-  MemorySpool* const spool_;
+  ObservationSpool* const spool_;
   const ChannelFactory make_channel_;
   CameraPipelines cameras_;
   std::unique_ptr<PreviewWorker> previews_;  // uses the sources of cameras_
@@ -79,6 +94,7 @@ class Uplink {
   mutable std::mutex mutex_;
   std::condition_variable woken_changed_;
   bool woken_ = false;
+  bool reconnect_ = false;
   std::optional<Clock::time_point> leave_by_;  // set: shutting down
   std::thread thread_;
 };

@@ -34,10 +34,39 @@ std::string SettingsText(const v1::CameraDescription& camera) {
   return parts.empty() ? "-" : absl::StrJoin(parts, ", ");
 }
 
+// "1200 rows, 150 KiB, 12 dropped"; "-" where nothing was reported.
+std::string SpoolText(const v1::Agent& agent) {
+  if (!agent.has_spool()) return "-";
+  const v1::SpoolStatus& spool = agent.spool();
+  uint64_t dropped = 0;
+  for (const v1::RefusalCount& refusal : spool.dropped()) dropped += refusal.count();
+  std::string text =
+      absl::StrCat(FormatCount(spool.row_count(), "row"), ", ", FormatBytes(spool.bytes()));
+  if (dropped > 0) absl::StrAppend(&text, ", ", dropped, " dropped");
+  if (!spool.problem().empty()) text += ", has a problem";
+  return text;
+}
+
+// What is wrong with spools, and what they dropped, below the table.
+std::string FormatSpoolFaults(const v1::ListAgentsResponse& response) {
+  std::string text;
+  for (const v1::Agent& agent : response.agents()) {
+    const v1::SpoolStatus& spool = agent.spool();
+    if (!spool.problem().empty()) {
+      absl::StrAppend(&text, "agent ", agent.agent_id(), ": ", spool.problem(), "\n");
+    }
+    for (const v1::RefusalCount& refusal : spool.dropped()) {
+      absl::StrAppend(&text, "agent ", agent.agent_id(), ": ", refusal.count(),
+                      " observations dropped: ", EnumWord(refusal.reason()), "\n");
+    }
+  }
+  return text.empty() ? "" : absl::StrCat("\n", text);
+}
+
 std::string FormatAgents(const v1::ListAgentsResponse& response) {
   if (response.agents().empty()) return "no agents\n";
   TextTable table;
-  table.Words({"agent", "host", "rig", "state", "since", "version", "camera"})
+  table.Words({"agent", "host", "rig", "state", "since", "version", "spool", "camera"})
       .Numbers({"image (px)"})
       .Words({"intrinsics", "settings", "source"});
   for (const v1::Agent& agent : response.agents()) {
@@ -48,7 +77,8 @@ std::string FormatAgents(const v1::ListAgentsResponse& response) {
         agent.connected() ? "connected" : "gone",
         agent.connected() ? FormatTime(agent.has_connect_time(), agent.connect_time())
                           : FormatTime(agent.has_disconnect_time(), agent.disconnect_time()),
-        agent.software_version()};
+        agent.software_version(),
+        SpoolText(agent)};
     const size_t agent_cells = cells.size();
     if (agent.cameras().empty()) table.AddRow(cells);
     for (const v1::CameraDescription& camera : agent.cameras()) {
@@ -62,7 +92,7 @@ std::string FormatAgents(const v1::ListAgentsResponse& response) {
       cells.assign(agent_cells, "");
     }
   }
-  return table.Format();
+  return table.Format() + FormatSpoolFaults(response);
 }
 
 std::string DescribePreview(const v1::GetPreviewResponse& preview, const std::string& file) {
@@ -85,6 +115,21 @@ ExitCode ListAgents(const ListOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
   return context.Show(ReadAllPages(server, &v1::AgentService::Stub::ListAgents, options),
                       FormatAgents);
+}
+
+ExitCode MoveCamera(const CameraMoveOptions& options, CommandContext& context) {
+  ServerConnection server(context.server);
+  v1::MoveCameraRequest request;
+  request.set_rig(options.rig);
+  request.set_camera(options.camera);
+  request.set_agent_id(options.agent_id);
+  return context.Show(server.Call(&v1::CameraService::Stub::MoveCamera, request),
+                      [](const v1::MoveCameraResponse& moved) {
+                        const std::string& before = moved.previous_agent_id();
+                        return absl::StrCat("camera ", moved.rig(), "/", moved.camera(),
+                                            " belongs to agent ", moved.agent_id(),
+                                            before.empty() ? "" : ", before to " + before, "\n");
+                      });
 }
 
 ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& context) {

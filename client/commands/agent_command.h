@@ -22,4 +22,13 @@ struct AgentPreviewOptions {
 // in it, as JPEG. A file of that name is replaced at once or not at all.
 ExitCode PreviewCamera(const AgentPreviewOptions& options, CommandContext& context);
 
+struct CameraMoveOptions {
+  std::string camera;
+  std::string agent_id;
+  std::string rig;  // empty: "rig"
+};
+
+// `rigcal camera move`: gives a camera to another agent.
+ExitCode MoveCamera(const CameraMoveOptions& options, CommandContext& context);
+
 }  // namespace rigcal::client

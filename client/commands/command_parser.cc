@@ -9,6 +9,7 @@
 #include "absl/strings/str_split.h"
 #include "common/text/utf8.h"
 #include "common/wire/protocol_version.h"
+#include "common/wire/server_access.h"
 
 namespace rigcal::client {
 namespace {
@@ -32,7 +33,8 @@ constexpr char kDescription[] =
 
 std::string DefaultServer() {
   const char* given = std::getenv("RIGCAL_SERVER");
-  return given != nullptr && *given != '\0' ? given : std::string(kDefaultServer);
+  if (given != nullptr && *given != '\0') return given;
+  return wire::DefaultServerAddress(wire::ClientIdentity::OfUser());
 }
 
 // Breaks lines between words.
@@ -86,7 +88,8 @@ CommandParser::CommandParser(Console& console)
 
 void CommandParser::AddServerOption(CLI::App* app) {
   app->add_option("--server", server_,
-                  absl::StrCat("Address of rigcal-server; without it RIGCAL_SERVER, or ",
+                  absl::StrCat("Address of rigcal-server; without it RIGCAL_SERVER, the server ",
+                               "you have joined, one of your own on this PC, or ",
                                std::string(kDefaultServer)))
       ->type_name("HOST:PORT");
 }

@@ -57,6 +57,7 @@ class CommandParser {
 // Each file of commands adds its own.
 void AddSessionCommands(CommandParser& parser);
 void AddCalibrationCommands(CommandParser& parser);
+void AddIdentityCommands(CommandParser& parser);
 void AddLocalCommand(CommandParser& parser);
 
 // Options that several commands share. What cannot be read is a usage error naming the option.

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -60,11 +61,16 @@ Check CheckIngest(const v1::IngestStatus& ingest) {
 }
 
 Check CheckDisk(const v1::StoreStatus& store) {
+  if (!store.problem().empty()) {
+    return {CheckLevel::kFail, "disk", store.problem(),
+            "nothing is written any more; check the disk, then restart rigcal-server"};
+  }
   const std::string sizes = absl::StrCat(FormatBytes(store.free_bytes()), " free; the store (",
                                          store.kind(), ") takes ", FormatBytes(store.size_bytes()));
   if (store.free_bytes() >= kWarnFreeBytes) return {CheckLevel::kOk, "disk", sizes};
-  return {store.free_bytes() < kFailFreeBytes ? CheckLevel::kFail : CheckLevel::kWarn, "disk",
-          sizes, "make room on the server's disk, or delete old sessions: rigcal session delete"};
+  const bool fails = store.free_bytes() < std::max(kFailFreeBytes, store.reserve_bytes());
+  return {fails ? CheckLevel::kFail : CheckLevel::kWarn, "disk", sizes,
+          "make room on the server's disk, or delete old sessions: rigcal session delete"};
 }
 
 Check CheckAgents(const v1::ListAgentsResponse& agents) {
@@ -113,7 +119,9 @@ Check CheckIntrinsics(const v1::ListAgentsResponse& agents) {
 Check CheckSessions(const v1::ListSessionsResponse& sessions, double now_s) {
   size_t open = 0;
   std::vector<std::string> stuck;
+  std::vector<std::string> damaged;
   for (const v1::Session& session : sessions.sessions()) {
+    if (!session.damage().empty()) damaged.push_back(session.damage());
     const bool drains = session.state() == v1::Session::STATE_DRAINING;
     if (!drains && session.state() != v1::Session::STATE_CAPTURING) continue;
     ++open;
@@ -128,6 +136,10 @@ Check CheckSessions(const v1::ListSessionsResponse& sessions, double now_s) {
     } else if (!absent.empty()) {
       stuck.push_back(absl::StrCat(session.id(), " (waits for ", absl::StrJoin(absent, ", "), ")"));
     }
+  }
+  if (!damaged.empty()) {
+    return {CheckLevel::kFail, "sessions", absl::StrJoin(damaged, "; "),
+            "rigcal-server check names all that is damaged"};
   }
   if (stuck.empty()) {
     return {CheckLevel::kOk, "sessions",

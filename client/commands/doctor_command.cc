@@ -20,6 +20,24 @@ Check CannotAsk(std::string name, const absl::Status& status) {
   return {CheckLevel::kFail, std::move(name), std::string(status.message())};
 }
 
+// All sessions; those that capture or drain with their cameras, which lists leave out.
+absl::StatusOr<v1::ListSessionsResponse> ReadSessions(ServerConnection& server) {
+  auto sessions = ReadAllPages(server, &v1::SessionService::Stub::ListSessions);
+  if (!sessions.ok()) return sessions;
+  for (v1::Session& session : *sessions->mutable_sessions()) {
+    if (session.state() != v1::Session::STATE_CAPTURING &&
+        session.state() != v1::Session::STATE_DRAINING) {
+      continue;
+    }
+    v1::GetSessionRequest request;
+    request.set_id(session.id());
+    // One that has been deleted meanwhile stays as it was listed.
+    const auto whole = server.Call(&v1::SessionService::Stub::GetSession, request);
+    if (whole.ok()) session = whole->session();
+  }
+  return sessions;
+}
+
 // The checks of a server that has answered with `status`.
 std::vector<Check> CheckServer(ServerConnection& server, const v1::GetStatusResponse& status) {
   std::vector<Check> checks = {
@@ -32,11 +50,17 @@ std::vector<Check> CheckServer(ServerConnection& server, const v1::GetStatusResp
   const auto agents = ReadAllPages(server, &v1::AgentService::Stub::ListAgents);
   checks.push_back(agents.ok() ? CheckAgents(*agents) : CannotAsk("agents", agents.status()));
   if (agents.ok()) checks.push_back(CheckIntrinsics(*agents));
-  const auto sessions = ReadAllPages(server, &v1::SessionService::Stub::ListSessions);
+  const auto sessions = ReadSessions(server);
   const double now_s = absl::ToDoubleSeconds(absl::Now() - absl::UnixEpoch());
   checks.push_back(sessions.ok() ? CheckSessions(*sessions, now_s)
                                  : CannotAsk("sessions", sessions.status()));
   return checks;
+}
+
+void AddConnectionChecks(const std::string& address, std::vector<Check>* checks) {
+  const ConnectionFacts facts = GatherConnectionFacts(address);
+  checks->push_back(ExplainConnection(facts));
+  if (const std::optional<Check> clock = CheckClock(facts)) checks->push_back(*clock);
 }
 
 void PrintTable(const std::vector<Check>& checks, std::ostream& out) {
@@ -64,11 +88,19 @@ void PrintJson(const std::string& server, const std::vector<Check>& checks, bool
 
 }  // namespace
 
-ExitCode RunDoctor(CommandContext& context) {
+ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context) {
+  if (!options.server.empty()) {
+    if (const absl::Status valid = ValidateServerAddress(options.server); !valid.ok()) {
+      context.Fail(valid);
+      return ExitCode::kUsage;
+    }
+    context.server = options.server;
+  }
   ServerConnection server(context.server);
   const auto status = server.Call(&v1::StatusService::Stub::GetStatus, {});
-  const std::vector<Check> checks = status.ok() ? CheckServer(server, *status)
-                                                : std::vector{CannotAsk("server", status.status())};
+  std::vector<Check> checks = status.ok() ? CheckServer(server, *status)
+                                          : std::vector{CannotAsk("server", status.status())};
+  if (UsesTls(context.server)) AddConnectionChecks(context.server, &checks);
   const bool ok = std::ranges::find(checks, CheckLevel::kFail, &Check::level) == checks.end();
   if (context.console.format == OutputFormat::kJson) {
     PrintJson(server.address(), checks, ok, context.console.out);

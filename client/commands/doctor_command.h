@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 
+#include "absl/status/status.h"
+#include "absl/time/time.h"
 #include "client/commands/command_context.h"
+#include "common/enrolment/tls_probe.h"
 #include "rigcal/v1/agent_service.pb.h"
 #include "rigcal/v1/session_service.pb.h"
 #include "rigcal/v1/status_service.pb.h"
@@ -20,11 +24,31 @@ struct Check {
   std::string advice = {};  // what to do; empty where nothing is wrong
 };
 
+struct DoctorOptions {
+  std::string server;  // HOST:PORT; empty: that of --server
+};
+
 // `rigcal doctor`: kServerUnreachable where there is no server, kFailed where a check fails; a
 // warning is no failure.
-ExitCode RunDoctor(CommandContext& context);
+ExitCode RunDoctor(const DoctorOptions& options, CommandContext& context);
+
+// What the doctor finds out about a connection that fails, or that is to another PC.
+struct ConnectionFacts {
+  std::string address;
+  bool has_identity = false;
+  TlsProbe probe = {};
+  std::optional<absl::Time> own_end = {};          // of this user's certificate
+  std::optional<absl::Duration> clock_ahead = {};  // of this PC, against the server
+  absl::Status renewal = absl::OkStatus();         // what the server said to a renewal
+};
+// The server is on another PC, or this user has joined it.
+bool UsesTls(const std::string& address);
+ConnectionFacts GatherConnectionFacts(const std::string& address);
 
 // The checks, each for itself.
+Check ExplainConnection(const ConnectionFacts& facts);
+// Unset: the server's clock is not known.
+std::optional<Check> CheckClock(const ConnectionFacts& facts);
 Check CheckVersions(const rigcal::v1::GetStatusResponse& status);
 Check CheckHealthWord(const std::string& word);
 Check CheckIngest(const rigcal::v1::IngestStatus& ingest);

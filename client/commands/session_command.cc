@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/net/polling.h"
+#include "client/results/session_verification.h"
 #include "client/tables/session_table.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
@@ -40,6 +41,9 @@ absl::StatusOr<v1::Session> CallStart(ServerConnection& server, const std::strin
 
 // For the whole of a long recording over a slow link.
 constexpr std::chrono::milliseconds kReadTimeout{3'600'000};
+
+// Every batch of the session is looked at.
+constexpr std::chrono::milliseconds kAuditTimeout{120'000};
 
 void WriteObservationHead(uint32_t marker_count, std::ostream& out) {
   std::string line = "camera,stream_epoch,seq,clock_epoch,time_ns";
@@ -117,6 +121,22 @@ ExitCode ListSessions(const ListOptions& options, CommandContext& context) {
 ExitCode GetSession(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
   return context.Show(FetchSession(server, id), FormatSession);
+}
+
+ExitCode VerifySessionStreams(const std::string& id, CommandContext& context) {
+  ServerConnection server(context.server);
+  v1::GetSessionRequest request;
+  request.set_id(id);
+  request.set_audit(true);
+  const auto response = server.Call(&SessionStub::GetSession, request, kAuditTimeout);
+  if (!response.ok()) return context.Fail(response.status());
+  const SessionVerification verification = VerifySession(*response);
+  if (context.console.format == OutputFormat::kJson) {
+    context.console.out << VerificationJson(verification) << "\n" << std::flush;
+  } else {
+    context.console.out << FormatVerification(verification) << std::flush;
+  }
+  return verification.holds() ? ExitCode::kOk : ExitCode::kObservationsMissing;
 }
 
 ExitCode DeleteSession(const std::string& id, CommandContext& context) {

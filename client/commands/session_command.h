@@ -36,6 +36,10 @@ ExitCode DeleteSession(const std::string& id, CommandContext& context);
 // nobody reads any more.
 ExitCode WatchSession(const std::string& id, CommandContext& context);
 
+// Prints for every stream where its observations are: detected = durable + spooled + dropped.
+// kObservationsMissing where that does not hold; stream and numbers are named.
+ExitCode VerifySessionStreams(const std::string& id, CommandContext& context);
+
 struct SessionObservationsOptions {
   std::string session;
   std::string camera;  // empty: all

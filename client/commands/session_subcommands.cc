@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/agent_command.h"
 #include "client/commands/command_parser.h"
+#include "client/commands/identity_command.h"
 #include "client/commands/session_command.h"
 
 namespace rigcal::client {
@@ -78,6 +79,10 @@ void AddSessionCommands(CommandParser& parser) {
   AddListOptions(list, "state=STATE_FINISHED", "create_time or id", list_options);
   AddIdCommand(parser, group, "get", "One session with its cameras and what was refused",
                GetSession);
+  AddIdCommand(parser, group, "verify",
+               "Prove for every stream that detected = durable + spooled + dropped, or fail (exit "
+               "code 5)",
+               VerifySessionStreams);
   AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
   AddIdCommand(parser, group, "watch",
                "A line now and after each change, until it is finished (JSON: one object per line)",
@@ -85,11 +90,24 @@ void AddSessionCommands(CommandParser& parser) {
   AddObservations(parser, group);
 
   CLI::App* agents =
-      parser.AddGroup("agent", "Agents: the programs beside the cameras (list, preview)");
+      parser.AddGroup("agent", "Agents: the programs beside the cameras (list, preview, forget)");
   auto [agent_list, agent_options] = parser.AddCommand(
       agents, "list", "Agents that are or were connected, with their cameras", ListAgents);
   AddListOptions(agent_list, "connected=true", "agent_id or connect_time", agent_options);
   AddPreview(parser, agents);
+  auto [forget, name] = parser.AddCommand(
+      agents, "forget", "Refuse an agent that has joined from another PC from now on", ForgetAgent);
+  AddArgument(forget, "NAME", "Name of the agent", name);
+
+  CLI::App* cameras = parser.AddGroup("camera", "Cameras and whose they are (move)");
+  auto [move, camera] = parser.AddCommand(
+      cameras, "move",
+      "Give a camera to another agent: it belongs to the first one that announced it, and no other "
+      "may deliver it",
+      MoveCamera);
+  AddArgument(move, "CAMERA", "Name of the camera", &camera->camera);
+  AddArgument(move, "AGENT", "Id of the agent that it belongs to from now on", &camera->agent_id);
+  AddOption(move, "--rig", "RIG", &camera->rig, "Rig of the camera; without it \"rig\"");
 }
 
 }  // namespace rigcal::client

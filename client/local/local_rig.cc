@@ -72,8 +72,8 @@ absl::Status LocalRig::StartAgents(const std::vector<LocalCamera>& cameras) {
             {.name = AgentName(camera.name),
              .program = programs_ / "rigcal-agent",
              .arguments = {"--server", address_, "--agent-id", absl::StrCat("local-", camera.name),
-                           "--state-dir", (folder_.Agents() / camera.name).string(), "--source",
-                           camera.source},
+                           "--state-dir", (folder_.Agents() / camera.name).string(), "--spool",
+                           "memory", "--source", camera.source},
              .log = folder_.Logs() / absl::StrCat("agent_", camera.name, ".log"),
              // No proxy of the user's environment for calls on this machine.
              .environment = {"no_grpc_proxy=127.0.0.1"}}));

@@ -21,7 +21,8 @@ constexpr int kConnectMs = 10'000;
 constexpr int kFirstPauseMs = 100;
 constexpr int kLastPauseMs = 1000;
 
-std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address) {
+std::shared_ptr<grpc::Channel> MakeChannel(
+    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
@@ -29,8 +30,8 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address) {
   // In spite of its name: the least time given to an attempt.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLastPauseMs);
-  return grpc::CreateCustomChannel("dns:///" + address, grpc::InsecureChannelCredentials(),
-                                   arguments);
+  const std::string target = address.starts_with("unix:") ? address : "dns:///" + address;
+  return grpc::CreateCustomChannel(target, credentials, arguments);
 }
 
 // The library's messages go from the general to the cause: "failed to connect to all addresses;
@@ -48,6 +49,7 @@ constexpr char kAdvice[] =
 }  // namespace
 
 absl::Status ValidateServerAddress(std::string_view address) {
+  if (address.starts_with("unix:/")) return absl::OkStatus();
   const size_t colon = address.rfind(':');
   const std::string_view host = address.substr(0, colon);
   uint32_t port = 0;
@@ -63,14 +65,17 @@ absl::Status ValidateServerAddress(std::string_view address) {
   return absl::OkStatus();
 }
 
-ServerConnection::ServerConnection(const std::string& address)
-    : address_(address), channel_(MakeChannel(address)) {}
+ServerConnection::ServerConnection(const std::string& address, const wire::ClientIdentity& identity)
+    : address_(address),
+      credentials_(wire::CredentialsFor(address, identity)),
+      channel_(MakeChannel(address, credentials_.ok() ? *credentials_ : nullptr)) {}
 
 absl::Status ServerConnection::Explain(const grpc::Status& status,
                                        std::chrono::milliseconds timeout) const {
   if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-    return absl::UnavailableError(absl::StrCat("cannot reach the server at ", address_, " (",
-                                               CauseOf(status.error_message()), "). ", kAdvice));
+    return absl::UnavailableError(absl::StrCat(
+        "cannot reach the server at ", address_, " (", CauseOf(status.error_message()), "). ",
+        kAdvice, wire::IsOnThisMachine(address_) ? "" : ". rigcal doctor says more"));
   }
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
     return absl::UnavailableError(
@@ -89,6 +94,7 @@ absl::Status ServerConnection::Explain(const grpc::Status& status,
 }
 
 absl::StatusOr<std::string> ServerConnection::CheckHealth() {
+  if (!credentials_.ok()) return credentials_.status();
   using grpc::health::v1::HealthCheckRequest;
   using grpc::health::v1::HealthCheckResponse;
   grpc::TemplatedGenericStub<HealthCheckRequest, HealthCheckResponse> stub(channel_);

@@ -12,6 +12,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "client/net/user_identity.h"
+#include "common/wire/server_access.h"
 #include "rigcal/v1/agent_service.grpc.pb.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"
 #include "rigcal/v1/camera_service.grpc.pb.h"
@@ -23,17 +25,20 @@ namespace rigcal::client {
 inline constexpr std::string_view kDefaultServer = "127.0.0.1:7420";
 inline constexpr std::chrono::milliseconds kCallTimeout{10'000};
 
-// INVALID_ARGUMENT unless `address` is HOST:PORT, with a port from 1 to 65535.
+// INVALID_ARGUMENT unless `address` is HOST:PORT, with a port from 1 to 65535, or unix:/PATH.
 absl::Status ValidateServerAddress(std::string_view address);
 
 template <typename Stub, typename Request, typename Response>
 using UnaryMethod = grpc::Status (Stub::*)(grpc::ClientContext*, const Request&, Response*);
 
 // The services of one server. Connects with the first call; proxies named in the environment are
-// not used, a rig's server being on its own network. Thread safe.
+// not used, a rig's server being on its own network. To another machine it uses the certificate of
+// this user, without which every call is FAILED_PRECONDITION. Thread safe.
 class ServerConnection {
  public:
-  explicit ServerConnection(const std::string& address);
+  explicit ServerConnection(const std::string& address)
+      : ServerConnection(address, RenewedUserIdentity(address)) {}
+  ServerConnection(const std::string& address, const wire::ClientIdentity& identity);
 
   const std::string& address() const { return address_; }
 
@@ -44,6 +49,7 @@ class ServerConnection {
   absl::StatusOr<Response> Call(UnaryMethod<Stub, Request, Response> method,
                                 const std::type_identity_t<Request>& request,
                                 std::chrono::milliseconds timeout = kCallTimeout) {
+    if (!credentials_.ok()) return credentials_.status();
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + timeout);
     Response response;
@@ -68,6 +74,7 @@ class ServerConnection {
                         grpc::ClientContext*, const Request&),
                     const std::type_identity_t<Request>& request, std::chrono::milliseconds timeout,
                     const std::function<bool(const std::type_identity_t<Message>&)>& each) {
+    if (!credentials_.ok()) return credentials_.status();
     grpc::ClientContext context;
     if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);
     Stub stub(channel_);
@@ -100,6 +107,7 @@ class ServerConnection {
   absl::Status Explain(const grpc::Status& status, std::chrono::milliseconds timeout) const;
 
   const std::string address_;
+  const absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> credentials_;
   const std::shared_ptr<grpc::Channel> channel_;
 };
 

@@ -5,6 +5,8 @@
 
 #include <cerrno>
 
+#include "common/text/printable.h"
+
 namespace rigcal::client {
 namespace {
 
@@ -34,14 +36,7 @@ void ProgressLine::Clear() {
   shown_.clear();
 }
 
-std::string Printable(std::string_view text) {
-  std::string result(text);
-  for (char& character : result) {
-    const auto value = static_cast<unsigned char>(character);
-    if ((value < 0x20 && character != '\n') || value == 0x7f) character = '?';
-  }
-  return result;
-}
+std::string Printable(std::string_view text) { return PrintableLines(text); }
 
 DescriptorBuffer::DescriptorBuffer(int descriptor) : descriptor_(descriptor) {
   setp(buffer_.data(), buffer_.data() + buffer_.size());

@@ -248,7 +248,13 @@ std::string FormatCalibrationList(const v1::ListCalibrationsResponse& response) 
                   FormatTime(calibration.run().has_create_time(), calibration.run().create_time()),
                   absl::StrJoin(calibration.session_ids(), ", ")});
   }
-  return table.Format();
+  std::string text = table.Format();
+  for (const v1::Calibration& calibration : response.calibrations()) {
+    if (!calibration.damage().empty()) {
+      absl::StrAppend(&text, "damaged  ", Printable(calibration.damage()), "\n");
+    }
+  }
+  return text;
 }
 
 std::string FormatCalibration(const v1::Calibration& calibration) {

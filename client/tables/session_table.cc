@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/tables/session_table.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -70,11 +72,19 @@ std::string FormatSessionList(const v1::ListSessionsResponse& response) {
       .Numbers({"cameras", "observations", "with wand"})
       .Words({"created", "title"});
   for (const v1::Session& session : response.sessions()) {
-    table.AddRow({session.id(), session.rig(), EnumWord(session.state()), session.cameras_size(),
-                  session.observation_count(), session.wand_count(),
-                  FormatTime(session.has_create_time(), session.create_time()), session.title()});
+    table.AddRow(
+        {session.id(), session.rig(), EnumWord(session.state()),
+         std::max<uint32_t>(session.camera_count(), static_cast<uint32_t>(session.cameras_size())),
+         session.observation_count(), session.wand_count(),
+         FormatTime(session.has_create_time(), session.create_time()), session.title()});
   }
-  return table.Format();
+  std::string text = table.Format();
+  for (const v1::Session& session : response.sessions()) {
+    if (!session.damage().empty()) {
+      absl::StrAppend(&text, "damaged  ", Printable(session.damage()), "\n");
+    }
+  }
+  return text;
 }
 
 std::string FormatSession(const v1::Session& session) {
@@ -90,6 +100,10 @@ std::string FormatSession(const v1::Session& session) {
   add_time("started  ", session.has_start_time(), session.start_time());
   add_time("stopped  ", session.has_stop_time(), session.stop_time());
   add_time("finished ", session.has_finish_time(), session.finish_time());
+  if (session.has_observations_delete_time()) {
+    absl::StrAppend(&text, "deleted  observations, by the server's retention, ",
+                    FormatTime(true, session.observations_delete_time()), "\n");
+  }
   if (!session.missing_cameras().empty()) {
     absl::StrAppend(&text, "missing  ", absl::StrJoin(session.missing_cameras(), ", "),
                     " (had not delivered everything when the session finished)\n");

@@ -33,6 +33,7 @@ struct Calibration {
   double duration_s = 0;
   std::string software_version;
   uint32_t attempt_count = 0;  // how often it was begun; not shown to clients
+  std::string damage = {};     // in lists: why the stored record cannot be read; not stored
 };
 
 }  // namespace rigcal

@@ -6,11 +6,11 @@
 #include <cstddef>
 #include <limits>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "common/status/fault_list.h"
 #include "common/status/validate_name.h"
+#include "common/text/printable.h"
 
 namespace rigcal {
 namespace {
@@ -24,9 +24,7 @@ void CheckNumber(const char* name, double value, double lowest, FaultList* fault
 }
 
 void CheckText(const char* name, const std::string& text, FaultList* faults) {
-  const bool printable = std::all_of(text.begin(), text.end(), [](char c) {
-    return !absl::ascii_iscntrl(static_cast<unsigned char>(c));
-  });
+  const bool printable = Printable(text) == text;
   if (text.size() > kMaxTextLength) {
     faults->Add(name, " has ", text.size(), " bytes, at most ", kMaxTextLength);
   }

@@ -60,8 +60,23 @@ void AddOptions(AgentConfig* config, OptionTable* table) {
   AddName("agent_id", &config->agent_id, "of this agent", table);
   table->AddPath("state_dir", &config->state_dir, "of this agent alone");
   AddLogLevel(&config->log_level, table);
-  table->Add("spool_limit_mb", &config->spool_limit_mb, {1, 1 << 20, "MiB"},
+}
+
+void AddOptions(SpoolConfig* config, OptionTable* table) {
+  using Kind = SpoolConfig::Kind;
+  using Full = SpoolConfig::Full;
+  table->AddChoice(
+      "kind", &config->kind,
+      std::vector<std::pair<std::string, Kind>>{{"disk", Kind::kDisk}, {"memory", Kind::kMemory}},
+      "where observations wait for the server");
+  table->Add("limit_mb", &config->limit_mb, {1, 1 << 20, "MiB"},
              "of observations that are not acknowledged");
+  table->AddChoice("full", &config->full,
+                   std::vector<std::pair<std::string, Full>>{{"block", Full::kBlock},
+                                                             {"drop_oldest", Full::kDropOldest}},
+                   "what happens when the spool is full");
+  table->Add("sync_interval_ms", &config->sync_interval_ms, {0, 60'000, "ms"},
+             "between syncs to the disk; 0: every observation");
 }
 
 void AddOptions(PreviewConfig* config, OptionTable* table) {
@@ -74,19 +89,22 @@ absl::Status AgentConfig::Validate() const {
   FaultList faults;
   CheckOptions(*this, &faults);
   CheckOptions(preview, &faults);
+  CheckOptions(spool, &faults);
   return faults.Result("", "\n");
 }
 
 absl::StatusOr<AgentConfig> ReadAgentConfig(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
   AgentConfig config;
-  OptionTable options, preview;
+  OptionTable options, preview, spool;
   AddOptions(&config, &options);
+  AddOptions(&config.spool, &spool);
   AddOptions(&config.preview, &preview);
   TomlSection section(&file, file.root);
   section.Take(options);
   config.state_dir = ResolvedPath(path, config.state_dir);
   ReadTable(&file, &section, "preview", preview);
+  ReadTable(&file, &section, "spool", spool);
   std::set<std::string> names;
   for (const toml::table* table : section.TakeTables("camera")) {
     config.cameras.push_back(ReadCamera(&file, *table));

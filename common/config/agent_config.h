@@ -31,15 +31,26 @@ struct PreviewConfig {
   int64_t max_kb = 256;    // KiB of one JPEG, 8 to 1024
 };
 
+// [spool]: where observations wait for the server.
+struct SpoolConfig {
+  enum class Kind : uint8_t { kDisk, kMemory };
+  enum class Full : uint8_t { kBlock, kDropOldest };
+
+  Kind kind = Kind::kDisk;
+  size_t limit_mb = 2048;          // MiB of observations that are not acknowledged
+  Full full = Full::kBlock;        // of the disk; a full spool in memory always blocks
+  int64_t sync_interval_ms = 200;  // 0: every observation before the next one is taken
+};
+
 // An agent's TOML file. deploy/agent.toml shows every key; each may be left out, except a camera's
 // source. Paths are relative to the file's folder.
 struct AgentConfig {
-  std::string server = "127.0.0.1:7420";  // HOST:PORT
+  std::string server = "127.0.0.1:7420";  // HOST:PORT, or unix:/PATH
   std::string rig = "rig";                // of all cameras
   std::string agent_id;                   // empty: as kept in the state directory
   std::string state_dir;                  // empty: the user's default
   std::string log_level = "info";         // trace, debug, info, warn, error, off
-  size_t spool_limit_mb = 256;            // MiB of observations that are not acknowledged
+  SpoolConfig spool;
   PreviewConfig preview;
   std::vector<CameraConfig> cameras;
 
@@ -49,6 +60,7 @@ struct AgentConfig {
 
 void AddOptions(AgentConfig* config, OptionTable* table);
 void AddOptions(PreviewConfig* config, OptionTable* table);
+void AddOptions(SpoolConfig* config, OptionTable* table);
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT: every unknown key and every bad value at once, each
 // with file and line.

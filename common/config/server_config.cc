@@ -20,13 +20,29 @@ void AddOptions(ServerLimits* limits, OptionTable* table) {
   add("max_sessions", &limits->max_sessions, 1'000'000, "kept, finished ones included");
   add("max_cameras_per_session", &limits->max_cameras_per_session, 1'000, "");
   add("max_watches", &limits->max_watches, 1'000, "of each kind");
+  add("max_readers", &limits->max_readers, 1'000, "clients that read observations");
   add("max_queued_calibrations", &limits->max_queued_calibrations, 1'000, "");
   add("max_calibration_observations", &limits->max_calibration_observations, 1'000'000'000,
       "in one calibration");
+  add("calibration_memory_mb", &limits->calibration_memory_mb, 4'000'000,
+      "MiB one calibration may use");
   add("ingest_queue_mb", &limits->ingest_queue_mb, 4'000, "MiB waiting for the disk");
   add("send_window_rows", &limits->send_window_rows, 1'000'000'000,
       "unacknowledged, of each camera");
   add("rpc_memory_mb", &limits->rpc_memory_mb, 1'000'000, "MiB for messages and connections");
+  add("max_connections", &limits->max_connections, 100'000, "open at a time");
+  add("max_connections_per_address", &limits->max_connections_per_address, 100'000, "of them");
+  add("disk_reserve_mb", &limits->disk_reserve_mb, 1'000'000,
+      "MiB free on the disk at which observations are refused");
+}
+
+void AddOptions(RetentionConfig* retention, OptionTable* table) {
+  table->Add("max_age_days", &retention->max_age_days, {0, 100'000},
+             "since the session finished; 0: no limit");
+  table->Add("max_size_mb", &retention->max_size_mb, {0, 4'000'000'000},
+             "MiB of the database; 0: no limit");
+  table->Add("delete_calibrated", &retention->delete_calibrated,
+             "also where a kept calibration was made from them");
 }
 
 }  // namespace
@@ -34,18 +50,26 @@ void AddOptions(ServerLimits* limits, OptionTable* table) {
 absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   RIGCAL_ASSIGN_OR_RETURN(TomlFile file, ReadTomlFile(path));
   ServerConfig config;
-  OptionTable options, limits;
+  OptionTable options, https, tls, discovery, limits, retention;
   AddAddress("listen", &config.listen, 0, "where the server listens", &options);
   options.AddPath("data_dir", &config.data_dir, "of the store");
   AddLogLevel(&config.log_level, &options);
+  tls.Add("loopback", &config.tls.loopback, "TLS for clients on this machine too");
+  AddAddress("listen", &config.https.listen, 0, "where other PCs join", &https);
+  discovery.Add("mdns", &config.discovery.mdns, "the server announces itself in its network");
   AddOptions(&config.limits, &limits);
+  AddOptions(&config.retention, &retention);
   TomlSection section(&file, file.root);
   section.Take(options);
   if (config.data_dir.empty() && file.root.contains("data_dir")) {
     section.AddFault("data_dir", "must not be empty");
   }
   config.data_dir = ResolvedPath(path, config.data_dir);
+  ReadTable(&file, &section, "tls", tls);
+  ReadTable(&file, &section, "https", https);
+  ReadTable(&file, &section, "discovery", discovery);
   ReadTable(&file, &section, "limits", limits);
+  ReadTable(&file, &section, "retention", retention);
   section.RefuseOtherKeys();
   RIGCAL_RETURN_IF_ERROR(file.Result());
   return config;

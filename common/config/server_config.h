@@ -15,22 +15,63 @@ struct ServerLimits {
   uint32_t max_sessions = 10'000;  // kept, finished ones included
   uint32_t max_cameras_per_session = 256;
   uint32_t max_watches = 64;  // clients that watch sessions; calibrations the same
+  uint32_t max_readers = 16;  // clients that read observations
   uint32_t max_queued_calibrations = 32;
-  uint32_t max_calibration_observations = 10'000'000;  // in one calibration, about 250 bytes each
+  uint32_t max_calibration_observations = 10'000'000;  // in one calibration
+  uint32_t calibration_memory_mb = 12'288;             // MiB one calibration may use
   uint32_t ingest_queue_mb = 64;                       // MiB of deliveries that wait for the disk
   uint32_t send_window_rows = 32'768;                  // unacknowledged, per camera
   uint32_t rpc_memory_mb = 512;                        // MiB for messages and connections
+  uint32_t max_connections = 1'024;                    // open at a time
+  uint32_t max_connections_per_address = 256;          // of them
+  uint32_t disk_reserve_mb = 256;  // MiB free on the disk at which observations are refused
 
   friend bool operator==(const ServerLimits&, const ServerLimits&) = default;
 };
 
-// A server's TOML file: these keys, and a table [limits] with the members of ServerLimits, each at
-// least 1. Every key may be left out. Paths are relative to the file's folder.
+// [https]: where other PCs join. On by itself when other PCs can reach `listen`.
+struct ServerHttpsConfig {
+  std::string listen;  // HOST:PORT; empty: the host of ServerConfig::listen, port 7421
+
+  friend bool operator==(const ServerHttpsConfig&, const ServerHttpsConfig&) = default;
+};
+
+// [tls]: the port uses TLS as soon as other machines can reach it.
+struct ServerTlsConfig {
+  bool loopback = false;  // also for clients on this machine; else they need no certificate
+
+  friend bool operator==(const ServerTlsConfig&, const ServerTlsConfig&) = default;
+};
+
+// [discovery]: how PCs of the same network find this server before they join it.
+struct ServerDiscoveryConfig {
+  bool mdns = false;  // it announces itself, by avahi-daemon
+
+  friend bool operator==(const ServerDiscoveryConfig&, const ServerDiscoveryConfig&) = default;
+};
+
+// [retention]: the observations of finished sessions that are deleted by themselves.
+struct RetentionConfig {
+  uint32_t max_age_days = 0;       // since the session finished; 0: no limit
+  uint32_t max_size_mb = 0;        // MiB of the database; 0: no limit
+  bool delete_calibrated = false;  // also where a kept calibration was made from them
+
+  friend bool operator==(const RetentionConfig&, const RetentionConfig&) = default;
+};
+
+// A server's TOML file: these keys, and tables [https], [tls], [discovery], [limits] and
+// [retention] with the members of ServerHttpsConfig, ServerTlsConfig, ServerDiscoveryConfig,
+// ServerLimits (these each at least 1) and RetentionConfig. Every key may be left out. Paths are
+// relative to the file's folder.
 struct ServerConfig {
   std::string listen = "127.0.0.1:7420";  // HOST:PORT; port 0: any free one
   std::string data_dir;                   // empty: DefaultDataDirectory()
   std::string log_level = "info";         // trace, debug, info, warn, error, off
+  ServerHttpsConfig https;
+  ServerTlsConfig tls;
+  ServerDiscoveryConfig discovery;
   ServerLimits limits;
+  RetentionConfig retention;
 };
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT: every unknown key and every bad value at once, each

@@ -22,6 +22,11 @@ void AddAddress(std::string name, std::string* address, int lowest_port, std::st
   const auto read = [address, lowest_port](const std::string& text) {
     const size_t colon = text.rfind(':');
     int port = -1;
+    // A client may name the socket file of a server on this machine.
+    if (lowest_port > 0 && text.starts_with("unix:/")) {
+      *address = text;
+      return absl::OkStatus();
+    }
     if (colon == std::string::npos || colon == 0 ||
         !absl::SimpleAtoi(text.substr(colon + 1), &port) || port < lowest_port || port > 65535) {
       return absl::InvalidArgumentError("must be HOST:PORT, such as 127.0.0.1:7420");

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/camera/camera_description.h"
+#include "common/session/spool_report.h"
 #include "common/session/stream_key.h"
 
 namespace rigcal {
@@ -24,15 +26,22 @@ struct AgentRecord {
   std::string software_version;
   std::string rig;
   std::vector<AnnouncedCamera> cameras;
+  bool spool_survives_restart = false;
+  std::vector<StreamKey> pending;  // in its spool when it connected
+  // Proves which installation of the agent it is: a hash of its secret, or that a certificate names
+  // it. Empty: nothing proves it. Filled by the server.
+  std::string credential;
   // Filled by the server's directory of agents.
   bool connected = false;
   int64_t connect_utc_ns = 0;
-  int64_t disconnect_utc_ns = 0;  // 0 while connected
+  int64_t disconnect_utc_ns = 0;     // 0 while connected
+  std::optional<SpoolStatus> spool;  // as last reported; none: nothing was
 };
 
 // An agent's first message: who it is, and which streams it has yet to deliver.
 struct AgentHello {
   AgentRecord agent;
+  std::string secret;  // of this installation; empty: it has none
   std::vector<StreamKey> pending;
 };
 

@@ -102,6 +102,17 @@ absl::Status CheckNumbers(const ObservationBatch& batch) {
 
 }  // namespace
 
+void ObservationBatch::Reserve(size_t row_count) {
+  time_ns.reserve(row_count);
+  visible_mask.reserve(row_count);
+  for (std::vector<float>* column :
+       {&x_px, &y_px, &cov_xx_px2, &cov_xy_px2, &cov_yy_px2, &label_confidence}) {
+    column->reserve(row_count * marker_count);
+  }
+  time_delta_ns.reserve(row_count * marker_count);
+  centre_kind.reserve(row_count * marker_count);
+}
+
 void ObservationBatch::Append(const Observation& observation) {
   assert(observation.clock_epoch == clock_epoch);
   assert(observation.markers.size() == marker_count);

@@ -51,6 +51,8 @@ struct ObservationBatch {
     return first_seq + static_cast<uint32_t>(rows());
   }  // one past the last
 
+  // Makes room for so many rows of marker_count markers.
+  void Reserve(size_t row_count);
   // Adds a row; `observation.clock_epoch` must be this batch's and its markers `marker_count`.
   void Append(const Observation& observation);
   Observation Row(size_t row) const;

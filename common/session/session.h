@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -36,6 +37,7 @@ struct Session {
   int64_t finish_utc_ns = 0;
   int64_t drain_deadline_utc_ns = 0;
   std::vector<std::string> missing_cameras;  // had not ended when the session finished
+  int64_t observations_delete_utc_ns = 0;    // deleted by the retention; 0: still there
 
   const SessionCamera* FindCamera(std::string_view camera) const {
     for (const SessionCamera& candidate : cameras) {
@@ -45,11 +47,23 @@ struct Session {
   }
 };
 
+// A session as lists show it.
+struct SessionSummary {
+  Session session;  // without its cameras, the requested and the missing ones
+  uint32_t camera_count = 0;
+  uint64_t observation_count = 0;  // sums over the cameras, as in SessionCameraCounts
+  uint64_t wand_count = 0;
+  uint64_t late_count = 0;
+  // Why the stored record cannot be read; only id, rig, state and counts are filled then.
+  std::string damage = {};
+};
+
 // How much of one stream is on disk.
 struct StreamStatus {
   uint32_t stream_epoch = 1;
   uint32_t durable_seq = 0;
   std::optional<uint32_t> last_seq;  // once the end of capture has come
+  uint32_t reported_seq = 0;         // last number as the agent reported it; 0: not yet
 
   bool ended() const { return last_seq.has_value() && durable_seq >= *last_seq; }
 };
@@ -72,8 +86,12 @@ struct SessionCameraCounts {
   std::optional<FrameCounts> frames = {};
   std::optional<DetectionCounts> detections = {};
 
-  // The newest stream has ended.
-  bool ended() const { return !streams.empty() && streams.back().ended(); }
+  // There are streams, and all of them have ended. An agent that was killed leaves one that has
+  // not, until it has delivered it.
+  bool ended() const {
+    return !streams.empty() &&
+           std::ranges::all_of(streams, [](const StreamStatus& stream) { return stream.ended(); });
+  }
 };
 
 }  // namespace rigcal

@@ -8,13 +8,14 @@
 #include <vector>
 
 #include "common/camera/frame_counts.h"
+#include "common/session/spool_report.h"
 #include "common/status/refusal.h"
 #include "common/target/detection_outcome.h"
 
 namespace rigcal {
 
-// A stream of one camera of a session: the observations from one start of an agent's spool, with
-// sequence numbers from 1.
+// A stream of one camera of a session: the observations from one start of an agent, with sequence
+// numbers from 1. The epoch is random (agent/uplink/agent_state.h).
 struct StreamKey {
   std::string session_id;
   std::string camera;
@@ -35,6 +36,7 @@ struct CameraReport {
   std::vector<Refusal> refused = {};               // by the source itself; `camera` may be empty
   std::optional<FrameCounts> frames = {};          // none: the source has no frames
   std::optional<DetectionCounts> detections = {};  // none: the source has no detector
+  std::optional<SpoolReport> spool = {};           // none: an agent that does not say
 };
 
 // The end of a stream: nothing after `last_seq` will come.
@@ -42,6 +44,9 @@ struct EndOfCapture {
   StreamKey stream;
   uint32_t last_seq = 0;
   CameraReport report;
+  // The agent ended before the capture did, and found the stream in its spool when it started
+  // again. For the agent only.
+  bool interrupted = false;
 };
 
 // A row that was refused by ingest, and why.
@@ -60,7 +65,8 @@ struct BatchAck {
   uint32_t send_limit_seq = 0;
   std::vector<ObservationFault> faults;  // at most 16 of them
   uint64_t fault_count = 0;
-  bool complete = false;  // the end was received, and everything before it is durable
+  bool complete = false;        // the end was received, and everything before it is durable
+  uint64_t conflict_count = 0;  // rows with other values than the stored ones of their numbers
 };
 
 }  // namespace rigcal

@@ -7,9 +7,11 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
+#include "common/text/printable.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/protocol_version.h"
+#include "common/wire/spool_wire.h"
 #include "common/wire/time_wire.h"
 
 namespace rigcal::wire {
@@ -23,7 +25,12 @@ absl::Status InField(absl::string_view field, const absl::Status& status) {
 }
 
 absl::Status CheckWord(absl::string_view field, const std::string& word) {
-  if (word.size() <= kMaxWordBytes) return absl::OkStatus();
+  if (word.size() <= kMaxWordBytes) {
+    const std::string shown = Printable(word);
+    if (shown == word) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        absl::StrCat(field, ": \"", shown, "\" has control characters"));
+  }
   return absl::InvalidArgumentError(absl::StrCat(field, ": has ", word.size(), " bytes, at most ",
                                                  kMaxWordBytes, " are allowed"));
 }
@@ -41,6 +48,7 @@ absl::StatusOr<AgentHello> FromProto(const v1::AgentHello& proto) {
   }
   RIGCAL_RETURN_IF_ERROR(CheckWord("hello.host", proto.host()));
   RIGCAL_RETURN_IF_ERROR(CheckWord("hello.software_version", proto.software_version()));
+  RIGCAL_RETURN_IF_ERROR(CheckWord("hello.installation_secret", proto.installation_secret()));
   AgentHello hello;
   hello.agent.agent_id = proto.agent_id();
   hello.agent.incarnation = proto.incarnation();
@@ -48,6 +56,8 @@ absl::StatusOr<AgentHello> FromProto(const v1::AgentHello& proto) {
   hello.agent.host = proto.host();
   hello.agent.software_version = proto.software_version();
   hello.agent.rig = proto.rig();
+  hello.secret = proto.installation_secret();
+  hello.agent.spool_survives_restart = proto.spool_survives_restart();
   for (int i = 0; i < proto.cameras_size(); ++i) {
     const v1::AnnouncedCamera& camera = proto.cameras(i);
     const std::string field = absl::StrCat("hello.cameras[", i, "]");
@@ -104,6 +114,7 @@ v1::Agent ToProto(const AgentRecord& agent) {
   for (const AnnouncedCamera& camera : agent.cameras) {
     *proto.add_cameras() = ToProto(camera.description);
   }
+  if (agent.spool) *proto.mutable_spool() = ToProto(*agent.spool);
   return proto;
 }
 

@@ -305,6 +305,7 @@ v1::Calibration ToProto(const Calibration& calibration) {
   if (calibration.end_utc_ns) *run->mutable_end_time() = ToTimestamp(calibration.end_utc_ns);
   *run->mutable_solve_duration() = ToDuration(calibration.duration_s);
   run->set_software_version(calibration.software_version);
+  proto.set_damage(calibration.damage);
   return proto;
 }
 

@@ -6,9 +6,14 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
+#include "common/text/printable.h"
+#include "common/wire/spool_wire.h"
 
 namespace rigcal::wire {
 namespace {
+
+// Of a refusal; a session keeps one for each camera and reason.
+constexpr size_t kMaxExampleBytes = 256;
 
 absl::Status Fault(absl::string_view message) {
   return absl::InvalidArgumentError(absl::StrCat("batch.", message));
@@ -189,7 +194,8 @@ v1::RefusalCount ToProto(const Refusal& refusal) {
 }
 
 Refusal FromProto(const v1::RefusalCount& proto) {
-  return {proto.camera(), FromProto(proto.reason()), proto.count(), proto.example()};
+  return {proto.camera(), FromProto(proto.reason()), proto.count(),
+          Printable(Beginning(proto.example(), kMaxExampleBytes))};
 }
 
 v1::FrameCounts ToProto(const FrameCounts& counts) {
@@ -229,6 +235,7 @@ v1::CameraReport ToProto(const CameraReport& report) {
   for (const Refusal& refusal : report.refused) *proto.add_refused() = ToProto(refusal);
   if (report.frames) *proto.mutable_frames() = ToProto(*report.frames);
   if (report.detections) *proto.mutable_detections() = ToProto(*report.detections);
+  if (report.spool) *proto.mutable_spool() = ToProto(*report.spool);
   return proto;
 }
 
@@ -249,6 +256,9 @@ absl::StatusOr<CameraReport> FromProto(const v1::CameraReport& proto) {
   }
   if (proto.has_frames()) report.frames = FromProto(proto.frames());
   if (proto.has_detections()) report.detections = FromProto(proto.detections());
+  if (proto.has_spool()) {
+    RIGCAL_ASSIGN_OR_RETURN(report.spool, FromProto(proto.spool(), "report.spool"));
+  }
   return report;
 }
 
@@ -287,6 +297,7 @@ v1::BatchAck ToProto(const BatchAck& ack) {
   }
   proto.set_fault_count(ack.fault_count);
   proto.set_complete(ack.complete);
+  proto.set_conflict_count(ack.conflict_count);
   return proto;
 }
 
@@ -300,6 +311,7 @@ absl::StatusOr<BatchAck> FromProto(const v1::BatchAck& proto) {
   }
   ack.fault_count = proto.fault_count();
   ack.complete = proto.complete();
+  ack.conflict_count = proto.conflict_count();
   return ack;
 }
 

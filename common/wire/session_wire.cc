@@ -36,6 +36,10 @@ void FillCounts(const SessionCameraCounts& counts, v1::SessionCamera* camera) {
     out->set_ended(stream.ended());
   }
   for (const Refusal& refusal : counts.refused) *camera->add_refused() = ToProto(refusal);
+  for (const Refusal& refusal : counts.refused) {
+    if (refusal.reason == RefusalReason::kConflict) camera->set_conflict_count(refusal.count);
+    if (refusal.reason == RefusalReason::kDamagedRecord) camera->set_damaged_count(refusal.count);
+  }
   if (counts.frames) *camera->mutable_frames() = ToProto(*counts.frames);
   if (counts.detections) *camera->mutable_detections() = ToProto(*counts.detections);
   camera->set_ended(counts.ended());
@@ -61,6 +65,9 @@ v1::Session OwnFields(const Session& session) {
   if (session.drain_deadline_utc_ns) {
     *proto.mutable_drain_deadline() = ToTimestamp(session.drain_deadline_utc_ns);
   }
+  if (session.observations_delete_utc_ns) {
+    *proto.mutable_observations_delete_time() = ToTimestamp(session.observations_delete_utc_ns);
+  }
   for (const std::string& camera : session.missing_cameras) proto.add_missing_cameras(camera);
   for (const std::string& camera : session.requested_cameras) proto.add_requested_cameras(camera);
   return proto;
@@ -71,6 +78,7 @@ v1::Session OwnFields(const Session& session) {
 v1::Session ToProto(const Session& session, const std::vector<SessionCameraCounts>& counts,
                     const std::vector<std::string>& connected_cameras) {
   v1::Session proto = OwnFields(session);
+  proto.set_camera_count(static_cast<uint32_t>(session.cameras.size()));
   for (v1::SessionCamera& camera : *proto.mutable_cameras()) {
     const std::string& name = camera.description().camera();
     const auto found = std::ranges::find(counts, name, &SessionCameraCounts::camera);
@@ -80,6 +88,16 @@ v1::Session ToProto(const Session& session, const std::vector<SessionCameraCount
     proto.set_late_count(proto.late_count() + camera.late_count());
     camera.set_connected(std::ranges::find(connected_cameras, name) != connected_cameras.end());
   }
+  return proto;
+}
+
+v1::Session ToProto(const SessionSummary& summary) {
+  v1::Session proto = OwnFields(summary.session);
+  proto.set_camera_count(summary.camera_count);
+  proto.set_observation_count(summary.observation_count);
+  proto.set_wand_count(summary.wand_count);
+  proto.set_late_count(summary.late_count);
+  proto.set_damage(summary.damage);
   return proto;
 }
 
@@ -127,6 +145,7 @@ absl::StatusOr<Session> ParseSession(std::string_view bytes) {
   session.stop_utc_ns = FromTimestamp(proto.stop_time());
   session.finish_utc_ns = FromTimestamp(proto.finish_time());
   session.drain_deadline_utc_ns = FromTimestamp(proto.drain_deadline());
+  session.observations_delete_utc_ns = FromTimestamp(proto.observations_delete_time());
   session.missing_cameras.assign(proto.missing_cameras().begin(), proto.missing_cameras().end());
   session.requested_cameras.assign(proto.requested_cameras().begin(),
                                    proto.requested_cameras().end());

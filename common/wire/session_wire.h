@@ -14,6 +14,7 @@ namespace rigcal::wire {
 // `counts` as from the store (may be empty); `connected_cameras` are names with a live agent.
 v1::Session ToProto(const Session& session, const std::vector<SessionCameraCounts>& counts,
                     const std::vector<std::string>& connected_cameras);
+v1::Session ToProto(const SessionSummary& summary);
 // What CreateSession asks for: id, rig ("rig" when empty), title, target, requested cameras and
 // cameras by hand. Names, the title and numbers of cameras are not looked at.
 absl::StatusOr<Session> FromProto(const v1::CreateSessionRequest& proto);

@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 #include <tuple>
 #include <utility>
 
+#include "absl/numeric/int128.h"
 #include "absl/strings/str_cat.h"
 #include "common/statistics/robust_statistics.h"
 
@@ -15,6 +17,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kDefaultSampleSigmaS = 1e-3;
+// A host's UTC that moves by more against its monotonic clock has been set; readings are better.
+constexpr int64_t kStepNs = 50'000'000;
 
 using ClockKey = std::tuple<std::string, std::string, uint32_t>;  // session, clock, epoch
 
@@ -30,6 +34,74 @@ int64_t HostCorrectionNs(const std::vector<HostAlignment>& alignments) {
   return LowerMedian(std::move(corrections));
 }
 
+// What clocks say may be anything; what is beyond this, 146 years, says nothing. Differences of two
+// such times, and sums of one with a period, are within 64 bits.
+constexpr int64_t kMaxRigTimeNs = (int64_t{1} << 62) - 1;
+constexpr double kMaxPeriodS = 1e9;
+
+int64_t Bounded(absl::int128 value) {
+  return static_cast<int64_t>(
+      std::clamp<absl::int128>(value, -absl::int128(kMaxRigTimeNs), kMaxRigTimeNs));
+}
+
+// Every row of the track has a rig time that can be calculated with.
+bool IsWithinReach(const CleanTrack& track, int64_t offset_ns, int64_t latency_ns) {
+  const auto within = [&](size_t row) {
+    const absl::int128 rig_time_ns =
+        absl::int128(track.observations.time_ns(row)) + offset_ns - latency_ns;
+    return rig_time_ns >= -kMaxRigTimeNs && rig_time_ns <= kMaxRigTimeNs;
+  };
+  return within(0) && within(track.observations.size() - 1);
+}
+
+// How the host of a camera relates to the server: UTC of the server minus the host's UTC, or where
+// that has been set in between, minus its monotonic clock, which nobody sets.
+struct HostRelation {
+  bool by_monotonic = false;
+  int64_t correction_ns = 0;
+
+  int64_t ServerMinusDeviceNs(const ClockSample& sample) const {
+    const int64_t host_ns = by_monotonic ? sample.host_monotonic_ns : sample.host_utc_ns;
+    return Bounded(absl::int128(host_ns) - sample.device_ns + correction_ns);
+  }
+};
+
+bool UtcWasSetBetween(const ClockSample& a, const ClockSample& b) {
+  const absl::int128 utc_ns = absl::int128(b.host_utc_ns) - a.host_utc_ns;
+  const absl::int128 monotonic_ns = absl::int128(b.host_monotonic_ns) - a.host_monotonic_ns;
+  const absl::int128 step_ns = utc_ns - monotonic_ns;
+  return monotonic_ns > 0 && (step_ns > kStepNs || step_ns < -kStepNs);
+}
+
+HostRelation RelateHost(const CameraTrack& track) {
+  std::vector<ClockSample> samples;
+  for (const CameraTrack::EpochSample& sample : track.clock_samples) {
+    samples.push_back(sample.sample);
+  }
+  const auto key = [](const ClockSample& sample) {
+    return std::pair(sample.host_monotonic_ns, sample.host_utc_ns);
+  };
+  std::ranges::sort(samples, {}, key);
+  // Each ping with the samples around it: a ping between two that differ could be of either.
+  std::vector<HostAlignment> to_monotonic;
+  for (const HostAlignment& ping : track.host_alignments) {
+    const auto after = std::ranges::lower_bound(samples, ping.host_monotonic_ns, {},
+                                                &ClockSample::host_monotonic_ns);
+    const bool is_between = after != samples.begin() && after != samples.end();
+    if (samples.empty() || (is_between && UtcWasSetBetween(*std::prev(after), *after))) continue;
+    const ClockSample& nearby = after == samples.end() ? samples.back() : *after;
+    HostAlignment alignment = ping;
+    alignment.server_minus_host_ns = Bounded(absl::int128(ping.server_minus_host_ns) +
+                                             nearby.host_utc_ns - nearby.host_monotonic_ns);
+    to_monotonic.push_back(alignment);
+  }
+  if (std::ranges::adjacent_find(samples, UtcWasSetBetween) == samples.end() ||
+      to_monotonic.empty()) {
+    return {.by_monotonic = false, .correction_ns = HostCorrectionNs(track.host_alignments)};
+  }
+  return {.by_monotonic = true, .correction_ns = HostCorrectionNs(to_monotonic)};
+}
+
 struct Offset {
   int64_t offset_ns = 0;
   double sigma_s = 0;
@@ -39,10 +111,10 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
   std::map<ClockKey, std::vector<int64_t>> differences;
   std::map<ClockKey, double> sigmas;
   for (const CameraTrack& track : tracks) {
-    const int64_t correction = HostCorrectionNs(track.host_alignments);
+    const HostRelation host = RelateHost(track);
     for (const CameraTrack::EpochSample& sample : track.clock_samples) {
       const ClockKey key = {track.session_id, track.camera.clock.clock_id, sample.clock_epoch};
-      differences[key].push_back(sample.sample.host_utc_ns - sample.sample.device_ns + correction);
+      differences[key].push_back(host.ServerMinusDeviceNs(sample.sample));
       const double sigma = sample.sample.uncertainty_ns > 0
                                ? static_cast<double>(sample.sample.uncertainty_ns) * 1e-9
                                : kDefaultSampleSigmaS;
@@ -59,13 +131,14 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
   return offsets;
 }
 
-double MedianPeriodS(const std::vector<Observation>& observations) {
+double MedianPeriodS(const ObservationTable& observations) {
   if (observations.size() < 2) return 0;
   std::vector<int64_t> steps;
+  steps.reserve(observations.size() - 1);
   for (size_t i = 1; i < observations.size(); ++i) {
-    steps.push_back(observations[i].time_ns - observations[i - 1].time_ns);
+    steps.push_back(observations.time_ns(i) - observations.time_ns(i - 1));
   }
-  return 1e-9 * static_cast<double>(LowerMedian(std::move(steps)));
+  return std::min(kMaxPeriodS, 1e-9 * static_cast<double>(LowerMedian(std::move(steps))));
 }
 
 // Index into `clean` of the epoch that stands for each (session, camera) without clock samples.
@@ -111,10 +184,18 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
       continue;
     }
     const Offset offset = has_timebase ? Offset{} : found->second;
+    const int64_t latency_ns = std::llround(track.camera.latency_s * 1e9);
+    if (!IsWithinReach(track, offset.offset_ns, latency_ns)) {
+      refused->Add(
+          track.camera.camera, RefusalReason::kClockEpochWithoutOffset, track.observations.size(),
+          absl::StrCat("clock epoch ", track.clock_epoch, " of clock ", track.camera.clock.clock_id,
+                       ": its times are more than 146 years from the server's"));
+      continue;
+    }
     AlignedTrack result;
     result.clock_offset_ns = offset.offset_ns;
     result.offset_sigma_s = offset.sigma_s;
-    result.latency_ns = std::llround(track.camera.latency_s * 1e9);
+    result.latency_ns = latency_ns;
     result.period_s = MedianPeriodS(track.observations);
     result.track = std::move(track);
     aligned.push_back(std::move(result));

@@ -18,8 +18,9 @@ struct AlignedTrack {
   double offset_sigma_s = 0;    // one sigma of the coarse offset; 0 within one time base
   double period_s = 0;          // median time between rows; 0 with fewer than two
 
-  int64_t CoarseRigTimeNs(const Observation& observation) const {
-    return observation.time_ns + clock_offset_ns - latency_ns;
+  // Of a moment of the camera's clock.
+  int64_t CoarseRigTimeNs(int64_t camera_time_ns) const {
+    return camera_time_ns + clock_offset_ns - latency_ns;
   }
 };
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/camera/camera_description.h"
+#include "common/session/observation_batch.h"
 #include "common/target/observation.h"
 #include "common/time/clock.h"
 
@@ -25,5 +26,8 @@ struct CameraTrack {
   std::vector<EpochSample> clock_samples;
   std::vector<HostAlignment> host_alignments;
 };
+
+// Adds every row of a batch of the track's camera, with the batch's clock samples and alignments.
+void AddRows(const ObservationBatch& batch, CameraTrack* track);
 
 }  // namespace rigcal::server

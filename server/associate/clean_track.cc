@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <tuple>
 #include <utility>
 
@@ -51,36 +52,52 @@ std::string Example(const CleanTrack& track, const Observation& observation) {
   return absl::StrCat("time ", observation.time_ns, " ns, clock epoch ", track.clock_epoch);
 }
 
+// True: in strictly ascending order, as cameras deliver them.
+bool IsStrictlyAscending(const ObservationTable& rows) {
+  for (size_t i = 1; i < rows.size(); ++i) {
+    if (rows.time_ns(i) <= rows.time_ns(i - 1)) return false;
+  }
+  return true;
+}
+
 void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {
-  std::vector<Observation>& all = track->observations;
-  std::ranges::stable_sort(all, {}, &Observation::time_ns);
-  std::vector<Observation> kept;
-  kept.reserve(all.size());
-  for (size_t begin = 0; begin < all.size();) {
+  const ObservationTable& all = track->observations;
+  if (IsStrictlyAscending(all)) return;
+  std::vector<uint32_t> order(all.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::ranges::stable_sort(order, {}, [&all](uint32_t row) { return all.time_ns(row); });
+  std::vector<uint32_t> kept;
+  kept.reserve(order.size());
+  for (size_t begin = 0; begin < order.size();) {
     size_t end = begin + 1;
     bool equal = true;
-    while (end < all.size() && all[end].time_ns == all[begin].time_ns) {
-      equal = equal && SameValues(all[begin], all[end]);
+    const Observation first = all[order[begin]];
+    while (end < order.size() && all.time_ns(order[end]) == first.time_ns) {
+      equal = equal && SameValues(first, all[order[end]]);
       ++end;
     }
     refused->Add(track->camera.camera,
                  equal ? RefusalReason::kDuplicateEqual : RefusalReason::kDuplicateConflict,
-                 end - begin - (equal ? 1 : 0), Example(*track, all[begin]));
-    if (equal) kept.push_back(std::move(all[begin]));
+                 end - begin - (equal ? 1 : 0), Example(*track, first));
+    if (equal) kept.push_back(order[begin]);
     begin = end;
   }
-  all = std::move(kept);
+  track->observations = all.Select(kept);
 }
 
 }  // namespace
 
-std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int marker_count,
+std::vector<CleanTrack> CleanTracks(std::vector<CameraTrack>* tracks, int marker_count,
                                     RefusalCounter* refused) {
   std::map<std::tuple<std::string, std::string, uint32_t>, CleanTrack> by_key;
   // What is refused for its values is counted here and named after sorting, so that the example
   // does not depend on the order of arrival.
   std::map<std::pair<std::string, RefusalReason>, std::pair<uint32_t, std::string>> faults;
-  for (const CameraTrack& track : tracks) {
+  for (CameraTrack& track : *tracks) {
+    std::map<uint32_t, size_t> rows_of_epoch;
+    for (const Observation& observation : track.observations) {
+      ++rows_of_epoch[observation.clock_epoch];
+    }
     for (const Observation& observation : track.observations) {
       CleanTrack& clean = by_key[{track.session_id, track.camera.camera, observation.clock_epoch}];
       clean.session_id = track.session_id;
@@ -88,6 +105,10 @@ std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int 
       clean.clock_epoch = observation.clock_epoch;
       const RefusalReason fault = Fault(observation, marker_count);
       if (fault == RefusalReason::kUnspecified) {
+        if (clean.observations.empty()) {
+          clean.observations.reserve(rows_of_epoch[observation.clock_epoch],
+                                     static_cast<size_t>(marker_count));
+        }
         clean.observations.push_back(observation);
         continue;
       }
@@ -96,6 +117,7 @@ std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int 
       if (count == 0 || words < example) example = words;
       ++count;
     }
+    track.observations = std::vector<Observation>();  // which frees them, as {} does not
   }
   for (const auto& [key, fault] : faults) {
     refused->Add(key.first, key.second, fault.first, fault.second);

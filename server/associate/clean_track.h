@@ -7,8 +7,8 @@
 
 #include "common/camera/camera_description.h"
 #include "common/status/refusal.h"
-#include "common/target/observation.h"
 #include "server/associate/camera_track.h"
+#include "server/associate/observation_table.h"
 
 namespace rigcal::server {
 
@@ -18,7 +18,7 @@ struct CleanTrack {
   std::string session_id;
   CameraDescription camera;
   uint32_t clock_epoch = 0;
-  std::vector<Observation> observations;
+  ObservationTable observations;
 };
 
 // Sorts observations and rejects unusable ones. The result depends on the
@@ -26,8 +26,9 @@ struct CleanTrack {
 // CameraTracks of one session and camera are taken together. Two observations of one camera, epoch
 // and time: equal in every value, one is kept and the others are counted as `duplicate_equal`;
 // else all are rejected as `duplicate_conflict`. Also rejected and counted: `value_not_finite`,
-// `covariance_not_positive`, `marker_count_mismatch`.
-std::vector<CleanTrack> CleanTracks(const std::vector<CameraTrack>& tracks, int marker_count,
+// `covariance_not_positive`, `marker_count_mismatch`. The rows of `tracks` are freed as soon as
+// they have been read.
+std::vector<CleanTrack> CleanTracks(std::vector<CameraTrack>* tracks, int marker_count,
                                     RefusalCounter* refused);
 
 }  // namespace rigcal::server

@@ -11,6 +11,8 @@
 #include <tuple>
 #include <utility>
 
+#include "absl/numeric/int128.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -62,9 +64,10 @@ bool Earlier(const WandView& a, const WandView& b) {
 }
 
 int64_t MeanTimeNs(const ViewGroup& group) {
-  int64_t sum = 0;
+  // Of many views of slow cameras it may have more than 64 bits.
+  absl::int128 sum = 0;
   for (const WandView& view : group) sum += view.time_ns - group.front().time_ns;
-  return group.front().time_ns + sum / static_cast<int64_t>(group.size());
+  return group.front().time_ns + static_cast<int64_t>(sum / static_cast<int64_t>(group.size()));
 }
 
 // Cameras that run together: a group ends `tolerance_ns` after its first view, or where a camera
@@ -168,6 +171,7 @@ void Close(const ViewGroup& group, InstantList* list) {
   }
   Instant instant;
   instant.rig_time_ns = MeanTimeNs(group);
+  instant.members.reserve(group.size());
   for (const WandView& view : group) {
     instant.members.push_back({view.track, view.observation});
     ++list->instant_count[static_cast<size_t>(view.track)];
@@ -303,10 +307,15 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
   }
   for (const auto& [session_id, members] : sessions) {
     std::vector<WandView> views;
+    size_t row_count = 0;
     for (const int t : members) {
-      const std::vector<Observation>& rows = tracks[static_cast<size_t>(t)].track.observations;
+      row_count += tracks[static_cast<size_t>(t)].track.observations.size();
+    }
+    views.reserve(row_count);
+    for (const int t : members) {
+      const ObservationTable& rows = tracks[static_cast<size_t>(t)].track.observations;
       for (size_t i = 0; i < rows.size(); ++i) {
-        if (rows[i].VisibleCount() == 0) continue;
+        if (rows.visible_mask(i) == 0) continue;
         views.push_back({rig_time_ns[static_cast<size_t>(t)][i], t, static_cast<int>(i)});
       }
     }
@@ -322,9 +331,10 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
 std::vector<std::vector<int64_t>> CoarseRigTimes(const std::vector<AlignedTrack>& tracks) {
   std::vector<std::vector<int64_t>> times(tracks.size());
   for (size_t t = 0; t < tracks.size(); ++t) {
-    times[t].reserve(tracks[t].track.observations.size());
-    for (const Observation& observation : tracks[t].track.observations) {
-      times[t].push_back(tracks[t].CoarseRigTimeNs(observation));
+    const ObservationTable& rows = tracks[t].track.observations;
+    times[t].reserve(rows.size());
+    for (size_t i = 0; i < rows.size(); ++i) {
+      times[t].push_back(tracks[t].CoarseRigTimeNs(rows.time_ns(i)));
     }
   }
   return times;

@@ -12,13 +12,14 @@
 
 #include "absl/container/flat_hash_map.h"
 #include "absl/strings/str_cat.h"
+#include "common/failpoint/failpoint.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr std::chrono::seconds kDiskFullCheckInterval{1};
-// Less than this on the disk counts as full.
+// Less than this beyond the store's reserve counts as full.
 constexpr uint64_t kDiskHasRoomBytes = 16u << 20;
 // Faults listed in an acknowledgement; all are counted.
 constexpr size_t kMaxListedFaults = 16;
@@ -44,6 +45,7 @@ BatchAck MakeAck(const Delivery& delivery, const AppendOutcome& outcome, uint32_
   }
   ack.fault_count = delivery.refused_rows.size();
   ack.complete = outcome.complete;
+  ack.conflict_count = outcome.conflict_rows;
   return ack;
 }
 
@@ -52,6 +54,7 @@ void AddUp(const AppendOutcome& outcome, AppendOutcome* total) {
   sum.stored_rows += total->stored_rows;
   sum.duplicate_rows += total->duplicate_rows;
   sum.refused_rows += total->refused_rows;
+  sum.conflict_rows += total->conflict_rows;
   *total = sum;
 }
 
@@ -136,13 +139,17 @@ void Ingest::RunWriter() {
 }
 
 void Ingest::Write(const IngestQueue::Group& group) {
+  Failpoint("before_commit");
   const absl::StatusOr<std::vector<AppendOutcome>> outcomes = Append(group);
+  Failpoint("after_commit");
   NoteResult(outcomes);
   if (!outcomes.ok()) {
     for (const IngestCallback& done : group.done) done(outcomes.status());
     return;
   }
+  Failpoint("before_ack");
   Answer(group, *outcomes);
+  Failpoint("after_ack");
   if (on_progress_) ReportProgress(group, *outcomes);
 }
 
@@ -167,6 +174,7 @@ void Ingest::NoteResult(const absl::StatusOr<std::vector<AppendOutcome>>& outcom
       stats_.stored_observation_count += outcome.stored_rows;
       stats_.duplicate_observation_count += outcome.duplicate_rows;
       stats_.refused_observation_count += outcome.refused_rows;
+      stats_.conflict_observation_count += outcome.conflict_rows;
     }
     if (disk_full_) spdlog::info("ingest: the disk has room again");
     disk_full_ = false;
@@ -215,7 +223,9 @@ void Ingest::ReportProgress(const IngestQueue::Group& group,
 }
 
 void Ingest::ForgetDiskFullWhenThereIsRoom() {
-  if (!disk_full() || store_->Health().free_bytes < kDiskHasRoomBytes) return;
+  if (!disk_full()) return;
+  const StoreHealth health = store_->Health();
+  if (health.free_bytes < health.reserve_bytes + kDiskHasRoomBytes) return;
   const std::lock_guard lock(mutex_);
   spdlog::info("ingest: the disk has room again");
   disk_full_ = false;

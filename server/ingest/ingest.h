@@ -31,6 +31,7 @@ struct IngestStats {
   uint64_t stored_observation_count = 0;
   uint64_t duplicate_observation_count = 0;
   uint64_t refused_observation_count = 0;
+  uint64_t conflict_observation_count = 0;  // delivered again with other values
   uint64_t commit_count = 0;
   size_t queue_bytes = 0;
   std::string problem;  // empty: healthy

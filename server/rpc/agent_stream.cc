@@ -6,10 +6,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/wire/agent_wire.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
+#include "common/wire/request_traits.h"
+#include "common/wire/spool_wire.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
@@ -45,14 +48,32 @@ class StreamLink final : public AgentLink {
   const std::weak_ptr<AgentStream> stream_;
 };
 
+// Agents renew their certificates long before.
+void WarnOfEnd(const Peer& peer) {
+  constexpr int64_t kDayNs = int64_t{86'400} * 1'000'000'000;
+  if (!peer.has_certificate) return;
+  const int64_t left_days = (peer.not_after_utc_s * 1'000'000'000 - UtcNowNs({})) / kDayNs;
+  if (left_days >= 7) return;
+  spdlog::warn("the certificate of {} ends in {} days, and the agent has not renewed it",
+               Describe(peer), left_days);
+}
+
 }  // namespace
 
+void AgentStreamEnvironment::AuditRefusal(const Caller& caller, const std::string& agent_id,
+                                          const absl::Status& reason) {
+  if (!absl::IsPermissionDenied(reason) && !absl::IsAlreadyExists(reason)) return;
+  security->audit().Write("refused", Describe(caller.peer),
+                          {{"address", caller.address},
+                           {"agent_id", agent_id},
+                           {"reason", std::string(reason.message())}});
+}
+
 grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* AgentStream::Open(
-    AgentStreamEnvironment* environment) {
-  std::shared_ptr<AgentStream> stream(new AgentStream(environment));
+    AgentStreamEnvironment* environment, Caller caller) {
+  std::shared_ptr<AgentStream> stream(new AgentStream(environment, std::move(caller)));
   AgentStream* reactor = stream.get();
   reactor->self_ = std::move(stream);
-  ++environment->open_streams;
   reactor->Begin();
   return reactor;
 }
@@ -67,6 +88,12 @@ void AgentStream::Begin() {
     if (!stream->hello_seen_) {
       stream->EndWith(absl::DeadlineExceededError("no hello came in time; the stream is closed"));
     }
+  });
+  ticket_ = environment_.without_hello.Add([weak = weak_from_this()] {
+    const auto stream = weak.lock();
+    if (!stream) return;
+    stream->Close(absl::ResourceExhaustedError(
+        "too many streams are open that have not sent their hello; the oldest is closed"));
   });
   StartRead(&request_);
 }
@@ -87,8 +114,10 @@ void AgentStream::OnReadDone(bool ok) {
     if (ended_) return;
     first = !std::exchange(hello_seen_, true);
   }
+  if (const absl::Status fault = wire::FaultOf(request_); !fault.ok()) return Refuse(fault);
   if (first) {
     hello_alarm_.Cancel();
+    environment_.without_hello.Remove(ticket_);
     TakeHello();
   } else {
     TakeMessage();
@@ -96,28 +125,68 @@ void AgentStream::OnReadDone(bool ok) {
 }
 
 void AgentStream::TakeHello() {
+  counted_ = true;
+  if (++environment_.open_streams > environment_.options.max_streams) {
+    return Close(absl::ResourceExhaustedError(
+        absl::StrCat(environment_.options.max_streams, " agent streams are open, which is the ",
+                     "limit; try again later, or raise limits.max_agents on the server")));
+  }
   if (!request_.has_hello()) {
     return Close(absl::InvalidArgumentError("hello: must be the first message of the stream"));
   }
   absl::StatusOr<AgentHello> hello = wire::FromProto(request_.hello());
   if (!hello.ok()) return Refuse(hello.status());
   agent_id_ = hello->agent.agent_id;
+  if (const absl::Status status = CheckName(&*hello); !status.ok()) return Refuse(status);
   rig_ = hello->agent.rig;
   for (const AnnouncedCamera& camera : hello->agent.cameras) {
     cameras_.insert(camera.description.camera);
   }
+  for (const StreamKey& stream : hello->pending) cameras_.insert(stream.camera);
   // Reads the store, so not here.
   environment_.tasks.Post([self = shared_from_this(), hello = *std::move(hello)]() mutable {
     self->Register(std::move(hello));
   });
 }
 
+absl::Status AgentStream::CheckName(AgentHello* hello) const {
+  if (!caller_.peer.has_certificate) {
+    hello->agent.credential = CredentialOf(hello->secret);
+    return absl::OkStatus();
+  }
+  hello->agent.credential = std::string(kCertificateCredential);
+  if (caller_.peer.IsAgent() && caller_.peer.name == hello->agent.agent_id) {
+    return absl::OkStatus();
+  }
+  return absl::PermissionDeniedError(
+      absl::StrCat(Describe(caller_.peer), " must not connect as agent '", hello->agent.agent_id,
+                   "': the certificate names who it is; join again to change the name"));
+}
+
 void AgentStream::Register(AgentHello hello) {
   const size_t camera_count = hello.agent.cameras.size();
   const std::string host = hello.agent.host;
+  AgentRegistry* const registry = environment_.registry;
+  const AgentRecord agent = registry == nullptr ? AgentRecord() : hello.agent;
+  if (registry != nullptr) {
+    if (const absl::Status status = registry->Check(agent); !status.ok()) return Refuse(status);
+  }
   auto connection = environment_.coordinator->ConnectAgent(
       std::move(hello.agent), hello.pending, std::make_shared<StreamLink>(weak_from_this()));
   if (!connection.ok()) return Refuse(connection.status());
+  if (registry != nullptr) {
+    if (const absl::Status status = registry->Remember(agent); !status.ok()) {
+      environment_.coordinator->DisconnectAgent(connection->registration);
+      return Refuse(status);
+    }
+  }
+  environment_.security->audit().Write("agent_connected", Describe(caller_.peer),
+                                       {{"address", caller_.address},
+                                        {"agent_id", agent_id_},
+                                        {"host", host},
+                                        {"rig", rig_},
+                                        {"cameras", absl::StrJoin(cameras_, ",")}});
+  WarnOfEnd(caller_.peer);
   v1::ServerHello answer;
   *answer.mutable_protocol_version() = wire::OwnProtocolVersion();
   answer.set_software_version(std::string(wire::kSoftwareVersion));
@@ -152,6 +221,17 @@ void AgentStream::TakeMessage() {
     case v1::ConnectRequest::kReport:
       return Deliver(ParseDelivery(request_.report()));
     case v1::ConnectRequest::kTimePing: {
+      if (request_.time_ping().has_spool()) {
+        absl::StatusOr<SpoolStatus> spool =
+            wire::FromProto(request_.time_ping().spool(), "time_ping.spool");
+        if (!spool.ok()) return Refuse(spool.status());
+        AgentDirectory::Registration registration = 0;
+        {
+          std::lock_guard lock(mutex_);
+          registration = registration_;
+        }
+        environment_.coordinator->RecordSpool(registration, *std::move(spool));
+      }
       std::lock_guard lock(mutex_);
       outgoing_.AddPing(request_.time_ping().host_monotonic_ns());
       Pump();
@@ -183,14 +263,14 @@ void AgentStream::Deliver(absl::StatusOr<Delivery> delivery) {
   if (!delivery.ok()) return Refuse(delivery.status());
   const StreamKey& stream = delivery->stream();
   if (!cameras_.contains(stream.camera)) {
-    return Close(absl::PermissionDeniedError(
+    return Refuse(absl::PermissionDeniedError(
         absl::StrCat("agent '", agent_id_, "' must not deliver camera '", stream.camera,
                      "': it has not announced it")));
   }
   if (absl::Status status =
           environment_.coordinator->contexts().CheckAgent(stream, agent_id_, rig_);
       !status.ok()) {
-    return Close(status);
+    return Refuse(status);
   }
   delivery_ = *std::move(delivery);
   Submit();
@@ -257,6 +337,7 @@ void AgentStream::Close(const absl::Status& reason) {
 
 void AgentStream::Refuse(const absl::Status& reason) {
   spdlog::warn("agent '{}' is refused: {}", agent_id_, std::string(reason.message()));
+  environment_.AuditRefusal(caller_, agent_id_, reason);
   Close(reason);
 }
 
@@ -304,12 +385,13 @@ void AgentStream::OnDone() {
     registration = registration_;
   }
   hello_alarm_.Cancel();
+  environment_.without_hello.Remove(ticket_);
   if (registration != 0) {
     environment_.coordinator->DisconnectAgent(registration);
     environment_.previews->AgentGone(registration);
     spdlog::info("agent {} disconnected", agent_id_);
   }
-  --environment_.open_streams;
+  if (counted_) --environment_.open_streams;
   const auto last = std::move(self_);
 }
 

@@ -18,8 +18,11 @@
 #include "common/session/agent.h"
 #include "rigcal/v1/ingest_service.pb.h"
 #include "server/ingest/ingest.h"
+#include "server/rpc/call_security.h"
 #include "server/rpc/deliveries.h"
 #include "server/rpc/outgoing_messages.h"
+#include "server/rpc/streams_without_hello.h"
+#include "server/session/agent_registry.h"
 #include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
 #include "server/session/task_queue.h"
@@ -29,22 +32,30 @@ namespace rigcal::server {
 struct AgentStreamOptions {
   uint32_t max_message_bytes = 4u << 20;
   uint32_t max_batch_rows = 8192;
-  // Agent streams open at a time, those without a hello yet included.
+  // Agent streams open at a time that have sent their hello, and besides those that have not yet.
   size_t max_streams = 320;
+  size_t max_streams_without_hello = 64;
   // A stream whose hello does not come in this time is closed.
   std::chrono::milliseconds hello_timeout{10'000};
 };
 
 // What all agent streams of a server share; outlives them.
 struct AgentStreamEnvironment {
+  // PERMISSION_DENIED or ALREADY_EXISTS, with a line in the audit log: somebody claims what is not
+  // theirs.
+  void AuditRefusal(const Caller& caller, const std::string& agent_id, const absl::Status& reason);
+
   AgentStreamOptions options;
   SessionCoordinator* coordinator = nullptr;
   Ingest* ingest = nullptr;
   PreviewBroker* previews = nullptr;
   std::string server_id;
+  CallSecurity* security = nullptr;
+  AgentRegistry* registry = nullptr;  // null: agents and cameras belong to nobody
+  StreamsWithoutHello without_hello{options.max_streams_without_hello};
   // For what the reaction of a stream must not wait for; two tasks per open stream at most.
   TaskQueue tasks{"agent streams"};
-  std::atomic<size_t> open_streams{0};
+  std::atomic<size_t> open_streams{0};  // that have sent their hello
 };
 
 // One agent's stream: waits for its hello, registers it, then takes deliveries and writes
@@ -58,7 +69,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
  public:
   // Begins to read.
   static grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* Open(
-      AgentStreamEnvironment* environment);
+      AgentStreamEnvironment* environment, Caller caller);
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
@@ -70,17 +81,20 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void Close(const absl::Status& reason);
 
  private:
-  explicit AgentStream(AgentStreamEnvironment* environment) : environment_(*environment) {}
+  AgentStream(AgentStreamEnvironment* environment, Caller caller)
+      : environment_(*environment), caller_(std::move(caller)) {}
 
   void Begin();
   void TakeHello();
+  // Whether the caller may be the agent that its hello names, with the proof of it.
+  absl::Status CheckName(AgentHello* hello) const;
   void Register(AgentHello hello);
   void TakeMessage();
   void TakePreview();
   void Deliver(absl::StatusOr<Delivery> delivery);
   void Submit();
   void Delivered(absl::StatusOr<BatchAck> ack);
-  // Close, and a line in the log.
+  // Close, and a line in the log, and in that of audits where somebody claims what is not theirs.
   void Refuse(const absl::Status& reason);
 
   // With mutex_ held.
@@ -90,6 +104,9 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void EndWith(const absl::Status& status);
 
   AgentStreamEnvironment& environment_;
+  const Caller caller_;
+  bool counted_ = false;               // among the open streams
+  uint64_t ticket_ = 0;                // among the streams without hello
   std::shared_ptr<AgentStream> self_;  // until OnDone
   grpc::Alarm hello_alarm_;
 

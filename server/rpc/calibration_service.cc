@@ -7,7 +7,9 @@
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_wire.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/request_traits.h"
 #include "rigcal/v1/calibration_service.grpc.pb.h"
+#include "server/rpc/answer_limits.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/list_arguments.h"
 #include "server/rpc/services.h"
@@ -21,7 +23,10 @@ constexpr FilterField kCalibrationFilterFields[] = {
 constexpr ListFields kCalibrationFields = {.filter = kCalibrationFilterFields};
 
 absl::Status Describe(const absl::StatusOr<Calibration>& calibration, v1::Calibration* response) {
-  if (calibration.ok()) *response = wire::ToProto(*calibration);
+  if (calibration.ok()) {
+    *response = wire::ToProto(*calibration);
+    FitAnswer(response);
+  }
   return calibration.status();
 }
 
@@ -114,8 +119,10 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
                               runner_.ListCalibrations(filter, list.Page()));
       const auto describe = [](const Calibration& calibration, v1::Calibration* proto) {
         *proto = wire::ToProto(calibration);
+        // One that has just ended is listed from memory, with all that it has.
         proto->clear_cameras();
         proto->clear_refused();
+        FitAnswer(proto);
         return absl::OkStatus();
       };
       return FillPage(list, calibrations, describe, response->mutable_calibrations(),
@@ -138,12 +145,16 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
 
   grpc::ServerWriteReactor<v1::WatchCalibrationResponse>* WatchCalibration(
       grpc::CallbackServerContext*, const v1::WatchCalibrationRequest* request) override {
+    if (const absl::Status fault = wire::FaultOf(*request); !fault.ok()) {
+      return new RefusedWatch<v1::WatchCalibrationResponse>(fault);
+    }
     const std::string id = request->id();
     return watches_.Open<v1::WatchCalibrationResponse>(
         [&](std::function<void()> wake) { return runner_.WatchCalibration(id, std::move(wake)); },
         [this, id](v1::WatchCalibrationResponse* response) -> absl::StatusOr<bool> {
           RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(id));
           *response->mutable_calibration() = wire::ToProto(calibration);
+          FitAnswer(response->mutable_calibration());
           return calibration.state == CalibrationState::kSucceeded ||
                  calibration.state == CalibrationState::kFailed;
         });

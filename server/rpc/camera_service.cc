@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <chrono>
+#include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/time_wire.h"
@@ -14,7 +16,8 @@ namespace {
 
 class CameraService final : public v1::CameraService::Service {
  public:
-  explicit CameraService(PreviewBroker* previews) : previews_(*previews) {}
+  CameraService(const RpcServerParts& parts, PreviewBroker* previews)
+      : directory_(*parts.directory), registry_(parts.registry), previews_(*previews) {}
 
   grpc::Status GetPreview(grpc::ServerContext* context, const v1::GetPreviewRequest* request,
                           v1::GetPreviewResponse* response) override {
@@ -33,14 +36,43 @@ class CameraService final : public v1::CameraService::Service {
     });
   }
 
+  grpc::Status MoveCamera(grpc::ServerContext*, const v1::MoveCameraRequest* request,
+                          v1::MoveCameraResponse* response) override {
+    return GuardedCall("MoveCamera", [&]() -> absl::Status {
+      if (registry_ == nullptr) {
+        return absl::FailedPreconditionError("on this server cameras belong to nobody");
+      }
+      const std::string rig = request->rig().empty() ? "rig" : request->rig();
+      for (const AgentDirectory::ConnectedCamera& camera : directory_.ConnectedCameras(rig)) {
+        if (camera.camera.description.camera != request->camera() ||
+            camera.agent_id == request->agent_id()) {
+          continue;
+        }
+        return absl::FailedPreconditionError(
+            absl::StrCat("camera '", rig, "/", request->camera(), "' cannot be moved: agent '",
+                         camera.agent_id, "' is connected with it; stop that agent first"));
+      }
+      RIGCAL_ASSIGN_OR_RETURN(std::string before,
+                              registry_->Move(rig, request->camera(), request->agent_id()));
+      response->set_rig(rig);
+      response->set_camera(request->camera());
+      response->set_agent_id(request->agent_id());
+      response->set_previous_agent_id(std::move(before));
+      return absl::OkStatus();
+    });
+  }
+
  private:
+  const AgentDirectory& directory_;
+  AgentRegistry* const registry_;
   PreviewBroker& previews_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> MakeCameraService(PreviewBroker* previews) {
-  return std::make_unique<CameraService>(previews);
+std::unique_ptr<grpc::Service> MakeCameraService(const RpcServerParts& parts,
+                                                 PreviewBroker* previews) {
+  return std::make_unique<CameraService>(parts, previews);
 }
 
 }  // namespace rigcal::server

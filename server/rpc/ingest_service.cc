@@ -3,41 +3,52 @@
 
 #include <utility>
 
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/observation_wire.h"
+#include "common/wire/request_traits.h"
 #include "server/rpc/deliveries.h"
 
 namespace rigcal::server {
-namespace {
-
-class RefusedStream final
-    : public grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse> {
- public:
-  explicit RefusedStream(const absl::Status& reason) { Finish(wire::ToGrpc(reason)); }
-  void OnDone() override { delete this; }
-};
-
-}  // namespace
-
 IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coordinator,
-                             Ingest* ingest, PreviewBroker* previews, std::string server_id)
+                             Ingest* ingest, PreviewBroker* previews, std::string server_id,
+                             CallSecurity* security, AgentRegistry* registry)
     : environment_{.options = options,
                    .coordinator = coordinator,
                    .ingest = ingest,
                    .previews = previews,
-                   .server_id = std::move(server_id)} {
+                   .server_id = std::move(server_id),
+                   .security = security,
+                   .registry = registry} {
   environment_.tasks.Start();
 }
 
 grpc::ServerBidiReactor<v1::ConnectRequest, v1::ConnectResponse>* IngestService::Connect(
-    grpc::CallbackServerContext* /*context*/) {
-  if (environment_.open_streams >= environment_.options.max_streams) {
-    return new RefusedStream(absl::ResourceExhaustedError(absl::StrCat(
-        environment_.options.max_streams, " agent streams are open, which is the limit; try ",
-        "again later, or raise limits.max_agents on the server")));
+    grpc::CallbackServerContext* context) {
+  return AgentStream::Open(&environment_, environment_.security->CallerOf(*context));
+}
+
+absl::Status IngestService::CheckCaller(const Caller& caller, const v1::UploadBatchRequest& request,
+                                        const StreamKey& stream) const {
+  std::string agent_id = request.agent_id();
+  if (caller.peer.has_certificate) {
+    if (caller.peer.name.empty()) {
+      return absl::UnauthenticatedError("the caller's certificate counts no more");
+    }
+    const std::string& own = caller.peer.IsAgent() ? caller.peer.name : "";
+    if (!agent_id.empty() && agent_id != own) {
+      return absl::PermissionDeniedError(
+          absl::StrCat(Describe(caller.peer), " must not deliver as agent '",
+                       absl::CHexEscape(agent_id.substr(0, 64)), "'"));
+    }
+    agent_id = own;
+  } else if (!agent_id.empty() && environment_.registry != nullptr) {
+    RIGCAL_RETURN_IF_ERROR(environment_.registry->CheckInstallation(
+        agent_id, CredentialOf(request.installation_secret()), "of an upload"));
   }
-  return AgentStream::Open(&environment_);
+  return environment_.coordinator->contexts().CheckAgent(stream, agent_id, /*rig=*/"");
 }
 
 grpc::ServerUnaryReactor* IngestService::UploadBatch(grpc::CallbackServerContext* context,
@@ -45,8 +56,15 @@ grpc::ServerUnaryReactor* IngestService::UploadBatch(grpc::CallbackServerContext
                                                      v1::UploadBatchResponse* response) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   absl::StatusOr<Delivery> delivery = ParseDelivery(*request, environment_.options.max_batch_rows);
+  if (const absl::Status fault = wire::FaultOf(*request); !fault.ok()) delivery = fault;
   if (!delivery.ok()) {
     reactor->Finish(wire::ToGrpc(delivery.status()));
+    return reactor;
+  }
+  const Caller caller = environment_.security->CallerOf(*context);
+  if (const absl::Status status = CheckCaller(caller, *request, delivery->stream()); !status.ok()) {
+    environment_.AuditRefusal(caller, request->agent_id(), status);
+    reactor->Finish(wire::ToGrpc(status));
     return reactor;
   }
   // The call, and with it the response, lives until Finish; ingest always answers.

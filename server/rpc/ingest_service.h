@@ -11,8 +11,10 @@ namespace rigcal::server {
 // rigcal.v1.IngestService. Must outlive the server it is registered with.
 class IngestService final : public v1::IngestService::CallbackService {
  public:
+  // `registry` may be null.
   IngestService(AgentStreamOptions options, SessionCoordinator* coordinator, Ingest* ingest,
-                PreviewBroker* previews, std::string server_id);
+                PreviewBroker* previews, std::string server_id, CallSecurity* security,
+                AgentRegistry* registry);
   // After the server has ended every stream.
   ~IngestService() override { environment_.tasks.Shutdown(); }
 
@@ -23,6 +25,10 @@ class IngestService final : public v1::IngestService::CallbackService {
                                         v1::UploadBatchResponse* response) override;
 
  private:
+  // Whether the caller may write to the stream of a delivery.
+  absl::Status CheckCaller(const Caller& caller, const v1::UploadBatchRequest& request,
+                           const StreamKey& stream) const;
+
   AgentStreamEnvironment environment_;
 };
 

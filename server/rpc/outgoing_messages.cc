@@ -13,6 +13,7 @@ void MergeInto(BatchAck newer, BatchAck* ack) {
   ack->send_limit_seq = std::max(ack->send_limit_seq, newer.send_limit_seq);
   ack->complete = ack->complete || newer.complete;
   ack->fault_count += newer.fault_count;
+  ack->conflict_count += newer.conflict_count;
   for (ObservationFault& fault : newer.faults) {
     if (ack->faults.size() >= OutgoingMessages::kMaxFaults) break;
     ack->faults.push_back(std::move(fault));

@@ -10,19 +10,27 @@
 #include <grpcpp/server_builder.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "server/listen/listen_socket.h"
+#include "server/rpc/call_guard.h"
+#include "server/rpc/call_hooks.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
 namespace {
 
+constexpr std::chrono::milliseconds kLookInterval{2};
+constexpr std::chrono::milliseconds kFarewell{100};
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
-    "rigcal.v1.AgentService", "rigcal.v1.CameraService", "rigcal.v1.SessionService",
-    "rigcal.v1.CalibrationService", "rigcal.v1.StatusService"};
+    "rigcal.v1.AgentService",   "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
+    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService", "rigcal.v1.MaintenanceService",
+    "rigcal.v1.StatusService"};
 
 // Both plugins are global to the process and must be on before the first server is built; and so is
 // the log of gRPC, which goes to ours at level debug: what matters of it comes back as a status,
@@ -61,44 +69,54 @@ void SetLimits(const RpcServerOptions& options, grpc::ServerBuilder* builder) {
   builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 1000);
 }
 
-}  // namespace
-
-absl::Status CheckLoopback(const std::string& listen_address) {
-  const size_t colon = listen_address.rfind(':');
-  if (colon == std::string::npos || colon == 0 || colon + 1 == listen_address.size()) {
-    return absl::InvalidArgumentError(absl::StrCat("the listen address '", listen_address,
-                                                   "' is not HOST:PORT; an example is ",
-                                                   "127.0.0.1:7420"));
-  }
-  const std::string host = listen_address.substr(0, colon);
-  const bool four_bytes = host.find_first_not_of("0123456789.") == std::string::npos;
-  if (host == "localhost" || host == "[::1]" || (four_bytes && host.rfind("127.", 0) == 0)) {
-    return absl::OkStatus();
-  }
-  return absl::FailedPreconditionError(absl::StrCat(
-      "the listen address '", listen_address, "' can be reached from other machines, and this ",
-      "server has no certificates to tell friend from foe; listen on 127.0.0.1, and reach it from ",
-      "elsewhere through ssh -L"));
+absl::StatusOr<std::unique_ptr<CheckedIdentity>> LoadIdentity(const RpcServerOptions& options) {
+  if (options.identity_folder.empty()) return nullptr;
+  return CheckedIdentity::Load(options.identity_folder);
 }
+
+ListenerOptions ListeningOptions(const RpcServerOptions& options) {
+  ListenerOptions result = options.listener;
+  result.address = options.listen_address;
+  result.socket_file = options.socket_file;
+  result.tls = !options.identity_folder.empty();
+  return result;
+}
+
+}  // namespace
 
 RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
     : options_(std::move(options)),
       parts_(parts),
+      audit_(parts.audit == nullptr ? no_audit_ : *parts.audit),
+      identity_(LoadIdentity(options_)),
+      denied_(options_.identity_folder / "denied.json"),
+      listener_(ListeningOptions(options_), &audit_),
+      security_(identity_.ok() ? identity_->get() : nullptr, &denied_, &listener_.connections(),
+                &audit_),
       previews_(options_.previews, parts.directory),
+      readers_(options_.readers, parts.store, parts.coordinator),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
-                      parts.store->server_id()) {
+                      parts.store->server_id(), &security_, parts.registry) {
   services_.push_back(MakeAgentService(parts));
-  services_.push_back(MakeCameraService(&previews_));
-  services_.push_back(MakeSessionService(parts, &watches_));
+  services_.push_back(MakeCameraService(parts, &previews_));
+  services_.push_back(MakeIdentityService(parts.identities));
+  services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_));
-  services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({})));
+  services_.push_back(MakeMaintenanceService(parts.store, &watches_));
+  services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({}),
+                                        &listener_, options_.listener.limits.total));
 }
 
 RpcServer::~RpcServer() { Shutdown(std::chrono::milliseconds(1000)); }
 
 absl::StatusOr<int> RpcServer::Start() {
-  if (!options_.listen_address.empty()) {
-    RIGCAL_RETURN_IF_ERROR(CheckLoopback(options_.listen_address));
+  RIGCAL_RETURN_IF_ERROR(identity_.status());
+  const std::string& address = options_.listen_address;
+  if (!address.empty()) RIGCAL_RETURN_IF_ERROR(ParseHostPort(address).status());
+  if (!address.empty() && !IsLoopbackAddress(address) && !security_.has_certificates()) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "the listen address '", address, "' can be reached from other machines, and this server ",
+        "has no certificates to tell friend from foe; listen on 127.0.0.1"));
   }
   if (options_.memory_limit_bytes < options_.agents.max_message_bytes) {
     return absl::InvalidArgumentError(
@@ -109,33 +127,69 @@ absl::StatusOr<int> RpcServer::Start() {
   PrepareGrpc();
   grpc::ServerBuilder builder;
   SetLimits(options_, &builder);
-  int port = 0;
-  if (!options_.listen_address.empty()) {
-    builder.AddListeningPort(options_.listen_address, grpc::InsecureServerCredentials(), &port);
+  RIGCAL_ASSIGN_OR_RETURN(const int port, listener_.Bind());
+  using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
+  plain_ = builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD,
+                                                                grpc::InsecureServerCredentials());
+  if (security_.has_certificates()) {
+    tls_ = builder.experimental().AddExternalConnectionAcceptor(
+        Type::FROM_FD, MakeTlsCredentials(**identity_, &security_));
   }
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> observers;
+  observers.push_back(MakeCallObserver(&security_));
+  builder.experimental().SetInterceptorCreators(std::move(observers));
   builder.RegisterService(&ingest_service_);
   for (const auto& service : services_) builder.RegisterService(service.get());
   server_ = builder.BuildAndStart();
-  if (!server_ || (!options_.listen_address.empty() && port == 0)) {
-    server_.reset();
-    return absl::UnavailableError(absl::StrCat(
-        "cannot listen on ", options_.listen_address, ": the port is in use (by another ",
-        "rigcal-server?) or not allowed; stop the other program, or choose another port with ",
-        "--listen (port 0 takes any free one)"));
-  }
+  if (!server_) return absl::InternalError("gRPC cannot start; its log is ours at level debug");
   for (const char* service : kOtherServices) {
     server_->GetHealthCheckService()->SetServingStatus(service, true);
   }
   server_->GetHealthCheckService()->SetServingStatus(kIngestService, true);
+  Accept();
   ReportHealth();
   health_.Start();
   return port;
 }
 
+void RpcServer::Accept() {
+  listener_.Start([this](Listener::Kind kind, int descriptor) {
+    grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
+    connection.fd = descriptor;
+    (kind == Listener::Kind::kTls ? tls_ : plain_)->HandleNewConnection(&connection);
+  });
+}
+
+void RpcServer::FollowIdentity() {
+  if (!security_.has_certificates()) return;
+  (*identity_)->Refresh();
+  const std::vector<Peer> cut =
+      listener_.connections().CutIf([this](const Peer& peer) { return security_.IsDenied(peer); });
+  for (const Peer& peer : cut) {
+    spdlog::warn("the connection of {} is cut: its certificate was revoked", Describe(peer));
+    audit_.Write("connection_cut", Describe(peer), {{"reason", "its certificate was revoked"}});
+  }
+}
+
 void RpcServer::ReportHealth() {
   health_.PostAt(std::chrono::steady_clock::now() + options_.health_interval,
                  [this] { ReportHealth(); });
-  const std::string problem = parts_.ingest->Stats().problem;
+  FollowIdentity();
+  std::string problem = parts_.store->Health().problem;
+  // A write of a session or a calibration can find that the disk has failed, before ingest does.
+  const bool store_serves = problem.empty();
+  if (store_serves_ && !store_serves) {
+    for (const char* service : {"rigcal.v1.SessionService", "rigcal.v1.CalibrationService"}) {
+      server_->GetHealthCheckService()->SetServingStatus(service, false);
+    }
+  }
+  const bool hears = !listener_.IsDeaf();
+  if ((hears && store_serves) != (hears_ && store_serves_)) {
+    server_->GetHealthCheckService()->SetServingStatus("", hears && store_serves);
+  }
+  hears_ = hears;
+  store_serves_ = store_serves;
+  if (store_serves) problem = parts_.ingest->Stats().problem;
   if (problem.empty() == ingest_serves_) return;
   ingest_serves_ = problem.empty();
   server_->GetHealthCheckService()->SetServingStatus(kIngestService, ingest_serves_);
@@ -149,13 +203,21 @@ void RpcServer::ReportHealth() {
 void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   if (std::exchange(stopping_, true)) return;
   health_.Shutdown();
+  listener_.Stop();
   if (!server_) return;
   server_->GetHealthCheckService()->SetServingStatus(false);
   previews_.Shutdown();
   parts_.directory->CloseAll(
       absl::UnavailableError("the server is shutting down; connect again after a moment"));
   watches_.EndStreams();
-  server_->Shutdown(std::chrono::system_clock::now() + grace);
+  readers_.EndStreams();
+  const auto deadline = std::chrono::steady_clock::now() + grace;
+  while (calls_in_flight > 0 && std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(kLookInterval);
+  }
+  // gRPC waits for clients to close their connections, whether they are in a call or not; what is
+  // left has been told why, and gets the time to hear it.
+  server_->Shutdown(std::chrono::system_clock::now() + std::min(grace, kFarewell));
 }
 
 std::shared_ptr<grpc::Channel> RpcServer::InProcessChannel() {

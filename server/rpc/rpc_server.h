@@ -3,15 +3,22 @@
 
 #include <grpcpp/channel.h>
 #include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
 
 #include <chrono>
 #include <cstddef>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/access/checked_identity.h"
+#include "server/audit/audit_log.h"
+#include "server/identity/denied_certificates.h"
+#include "server/listen/listener.h"
+#include "server/rpc/call_security.h"
 #include "server/rpc/ingest_service.h"
 #include "server/rpc/services.h"
 #include "server/session/task_queue.h"
@@ -19,24 +26,28 @@
 namespace rigcal::server {
 
 struct RpcServerOptions {
-  // HOST:PORT with a loopback host; port 0: any free one. Empty: no port, for tests that use
-  // InProcessChannel.
+  // HOST:PORT; port 0: any free one. Empty: no port, for tests that use InProcessChannel. Others
+  // than loopback (127.0.0.0/8, ::1, localhost) need an identity.
   std::string listen_address = "127.0.0.1:7420";
+  // Besides the port, for the server's own user on this machine. Empty: none.
+  std::filesystem::path socket_file = {};
+  // The folder with ca.crt, server.crt, server.key and denied.json. Empty: no TLS.
+  std::filesystem::path identity_folder = {};
+  // `address`, `socket_file` and `tls` in it are set from the members here.
+  ListenerOptions listener = {};
   AgentStreamOptions agents = {};
   PreviewBrokerOptions previews = {};
+  ObservationReaderOptions readers = {};
   // Memory gRPC may hold for messages and connections, in all.
   size_t memory_limit_bytes = size_t{512} << 20;
-  // Threads for calls that may block: reads of the store and previews. Watches need none.
+  // Threads for calls that are answered soon: reads of the store and previews. Watches and readers
+  // of observations need none.
   int max_threads = 192;
-  // How often the health service looks at ingest.
+  // How often the health service looks at ingest and the store.
   std::chrono::milliseconds health_interval{500};
   // For the status only.
   size_t ingest_queue_limit_bytes = 0;
 };
-
-// FAILED_PRECONDITION unless `listen_address` is HOST:PORT with a loopback host (127.0.0.0/8, ::1,
-// localhost): without certificates nobody else may come in. INVALID_ARGUMENT: not HOST:PORT.
-absl::Status CheckLoopback(const std::string& listen_address);
 
 // Owns the gRPC server with all services, health and reflection.
 class RpcServer {
@@ -46,8 +57,10 @@ class RpcServer {
 
   // Serves from here on; returns the port (0 without a listen address).
   //   INVALID_ARGUMENT  the memory does not hold one message
+  //                     the address is not HOST:PORT
   //   UNAVAILABLE       the port is in use; the message names the address and says what to do
-  // and the errors of CheckLoopback.
+  //   FAILED_PRECONDITION  others than this machine could reach the address, and there is no
+  //                        identity, or it is damaged
   absl::StatusOr<int> Start();
   // Ends agent streams and watches with UNAVAILABLE, waits for other calls at most `grace`. Ingest
   // must still run.
@@ -58,17 +71,32 @@ class RpcServer {
  private:
   // Again and again, until the shutdown.
   void ReportHealth();
+  // Takes changed certificates, and ends the connections of revoked ones.
+  void FollowIdentity();
+  void Accept();
 
   const RpcServerOptions options_;
   const RpcServerParts parts_;
+  AuditLog no_audit_{""};
+  AuditLog& audit_;
+  // Null: no TLS.
+  const absl::StatusOr<std::unique_ptr<CheckedIdentity>> identity_;
+  DeniedCertificates denied_;
+  Listener listener_;
+  CallSecurity security_;
   PreviewBroker previews_;
   WatchHub watches_;
+  ObservationReaders readers_;
   IngestService ingest_service_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> plain_;
+  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> tls_;
 
   bool stopping_ = false;
   bool ingest_serves_ = true;
+  bool hears_ = true;
+  bool store_serves_ = true;    // never again once it is false
   TaskQueue health_{"health"};  // its tasks use the members above
 };
 

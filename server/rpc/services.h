@@ -7,11 +7,17 @@
 #include <cstdint>
 #include <memory>
 
+#include "server/audit/audit_log.h"
+#include "server/identity/identity_authority.h"
 #include "server/ingest/ingest.h"
+#include "server/listen/listener.h"
+#include "server/rpc/observation_readers.h"
 #include "server/rpc/watch_hub.h"
 #include "server/session/agent_directory.h"
+#include "server/session/agent_registry.h"
 #include "server/session/calibration_runner.h"
 #include "server/session/preview_broker.h"
+#include "server/session/retention.h"
 #include "server/session/session_coordinator.h"
 #include "server/store/store.h"
 
@@ -24,17 +30,26 @@ struct RpcServerParts {
   AgentDirectory* directory = nullptr;
   SessionCoordinator* coordinator = nullptr;
   CalibrationRunner* runner = nullptr;
+  AgentRegistry* registry = nullptr;        // null: agents and cameras belong to nobody
+  AuditLog* audit = nullptr;                // null: nothing is written
+  IdentityAuthority* identities = nullptr;  // null: this server listens on its own PC only
+  const Retention* retention = nullptr;     // null: nothing is ever deleted
 };
 
 // The services of rigcal.v1 for clients; each in the file of its name.
 std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts);
-std::unique_ptr<grpc::Service> MakeCameraService(PreviewBroker* previews);
-std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches);
+std::unique_ptr<grpc::Service> MakeCameraService(const RpcServerParts& parts,
+                                                 PreviewBroker* previews);
+std::unique_ptr<grpc::Service> MakeIdentityService(IdentityAuthority* authority);
+std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches,
+                                                  ObservationReaders* readers);
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
                                                       WatchHub* watches);
-// It has started at `start_utc_ns`.
+std::unique_ptr<grpc::Service> MakeMaintenanceService(Store* store, WatchHub* watches);
+// It has started at `start_utc_ns`. At most `max_connections` are open on `listener`.
 std::unique_ptr<grpc::Service> MakeStatusService(const RpcServerParts& parts,
                                                  size_t ingest_queue_limit_bytes,
-                                                 int64_t start_utc_ns);
+                                                 int64_t start_utc_ns, Listener* listener,
+                                                 size_t max_connections);
 
 }  // namespace rigcal::server

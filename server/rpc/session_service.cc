@@ -5,10 +5,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "common/wire/observation_wire.h"
+#include "common/wire/request_traits.h"
 #include "common/wire/session_wire.h"
+#include "common/wire/spool_wire.h"
 #include "common/wire/time_wire.h"
 #include "rigcal/v1/session_service.grpc.pb.h"
+#include "server/rpc/answer_limits.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/list_arguments.h"
 #include "server/rpc/services.h"
@@ -16,17 +18,21 @@
 namespace rigcal::server {
 namespace {
 
+// Clients accept 4 MiB.
+constexpr size_t kMaxAuditedBytes = (size_t{4} << 20) - (64 << 10);
 constexpr FilterField kSessionFilterFields[] = {{"rig"}, {"state"}};
 constexpr ListFields kSessionFields = {.filter = kSessionFilterFields};
 
 class SessionService final
-    : public v1::SessionService::WithCallbackMethod_WatchSession<v1::SessionService::Service> {
+    : public v1::SessionService::WithCallbackMethod_WatchSession<
+          v1::SessionService::WithCallbackMethod_ReadObservations<v1::SessionService::Service>> {
  public:
-  SessionService(const RpcServerParts& parts, WatchHub* watches)
+  SessionService(const RpcServerParts& parts, WatchHub* watches, ObservationReaders* readers)
       : coordinator_(*parts.coordinator),
         directory_(*parts.directory),
         store_(*parts.store),
-        watches_(*watches) {}
+        watches_(*watches),
+        readers_(*readers) {}
 
   grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest* request,
                              v1::CreateSessionResponse* response) override {
@@ -55,8 +61,10 @@ class SessionService final
 
   grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                           v1::GetSessionResponse* response) override {
-    return GuardedCall("GetSession", [&] {
-      return Describe(store_.GetSession(request->id()), response->mutable_session());
+    return GuardedCall("GetSession", [&]() -> absl::Status {
+      const absl::StatusOr<Session> session = store_.GetSession(request->id());
+      RIGCAL_RETURN_IF_ERROR(Describe(session, response->mutable_session()));
+      return request->audit() ? Audit(*session, response) : absl::OkStatus();
     });
   }
 
@@ -77,7 +85,10 @@ class SessionService final
       RIGCAL_ASSIGN_OR_RETURN(const auto sessions, store_.ListSessions(filter, list.Page()));
       return FillPage(
           list, sessions,
-          [this](const Session& session, v1::Session* proto) { return Describe(session, proto); },
+          [](const SessionSummary& summary, v1::Session* proto) {
+            *proto = wire::ToProto(summary);
+            return absl::OkStatus();
+          },
           response->mutable_sessions(), response->mutable_next_page_token());
     });
   }
@@ -89,6 +100,9 @@ class SessionService final
 
   grpc::ServerWriteReactor<v1::WatchSessionResponse>* WatchSession(
       grpc::CallbackServerContext*, const v1::WatchSessionRequest* request) override {
+    if (const absl::Status fault = wire::FaultOf(*request); !fault.ok()) {
+      return new RefusedWatch<v1::WatchSessionResponse>(fault);
+    }
     const std::string id = request->id();
     return watches_.Open<v1::WatchSessionResponse>(
         [&](std::function<void()> wake) { return coordinator_.WatchSession(id, std::move(wake)); },
@@ -98,33 +112,33 @@ class SessionService final
         });
   }
 
-  grpc::Status ReadObservations(grpc::ServerContext*, const v1::ReadObservationsRequest* request,
-                                grpc::ServerWriter<v1::ReadObservationsResponse>* writer) override {
-    return GuardedCall("ReadObservations", [&]() -> absl::Status {
-      const std::string& id = request->session_id();
-      RIGCAL_ASSIGN_OR_RETURN(const auto hold, coordinator_.HoldSessions({id}));
-      RIGCAL_ASSIGN_OR_RETURN(const Session session, store_.GetSession(id));
-      if (!request->camera().empty() && session.FindCamera(request->camera()) == nullptr) {
-        return absl::NotFoundError(
-            absl::StrCat("session '", id, "' has no camera '", request->camera(), "'"));
-      }
-      return store_.ReadObservations(id, request->camera(), [&](StoredBatch stored) {
-        if (stored.late && !request->include_late()) return absl::OkStatus();
-        for (const ObservationBatch& batch : AcceptedRows(std::move(stored))) {
-          v1::ReadObservationsResponse response;
-          wire::ToProto(batch, response.mutable_batch());
-          if (!writer->Write(response)) return absl::CancelledError("the client has disconnected");
-        }
-        return absl::OkStatus();
-      });
-    });
+  ObservationReaders::Reactor* ReadObservations(
+      grpc::CallbackServerContext* context, const v1::ReadObservationsRequest* request) override {
+    return readers_.Open(context, *request);
   }
 
  private:
+  absl::Status Audit(const Session& session, v1::GetSessionResponse* response) const {
+    RIGCAL_ASSIGN_OR_RETURN(std::vector<StreamAudit> audits, store_.AuditStreams(session.id));
+    for (StreamAudit& audit : audits) {
+      const SessionCamera* const camera = session.FindCamera(audit.stream.camera);
+      if (camera != nullptr) audit.agent_id = camera->agent_id;
+      audit.holder = directory_.HolderOf(audit.agent_id, audit.stream);
+      *response->add_audit() = wire::ToProto(audit);
+    }
+    if (response->ByteSizeLong() > kMaxAuditedBytes) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("the audit of session '", session.id, "' with its ", audits.size(),
+                       " streams does not fit into one answer; read the session without it"));
+    }
+    return absl::OkStatus();
+  }
+
   absl::Status Describe(const absl::StatusOr<Session>& session, v1::Session* response) const {
     RIGCAL_RETURN_IF_ERROR(session.status());
     RIGCAL_ASSIGN_OR_RETURN(const auto counts, store_.GetSessionCounts(session->id));
     *response = wire::ToProto(*session, counts, directory_.ConnectedCameraNames(session->rig));
+    FitAnswer(response);
     return absl::OkStatus();
   }
 
@@ -132,12 +146,14 @@ class SessionService final
   const AgentDirectory& directory_;
   Store& store_;
   WatchHub& watches_;
+  ObservationReaders& readers_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches) {
-  return std::make_unique<SessionService>(parts, watches);
+std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches,
+                                                  ObservationReaders* readers) {
+  return std::make_unique<SessionService>(parts, watches, readers);
 }
 
 }  // namespace rigcal::server

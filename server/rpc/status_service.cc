@@ -15,12 +15,25 @@ uint32_t Count(uint64_t count) {
   return static_cast<uint32_t>(std::min<uint64_t>(count, UINT32_MAX));
 }
 
+void FillRetention(const RetentionStats& stats, v1::RetentionStatus* retention) {
+  if (stats.last_run_utc_ns != 0) {
+    *retention->mutable_last_run_time() = wire::ToTimestamp(stats.last_run_utc_ns);
+  }
+  retention->set_session_count(stats.session_count);
+  retention->set_last_session_id(stats.last_session_id);
+  retention->set_kept_session_count(stats.kept_session_count);
+  retention->set_problem(stats.problem);
+}
+
 class StatusService final : public v1::StatusService::Service {
  public:
-  StatusService(const RpcServerParts& parts, size_t ingest_queue_limit_bytes, int64_t start_utc_ns)
+  StatusService(const RpcServerParts& parts, size_t ingest_queue_limit_bytes, int64_t start_utc_ns,
+                Listener* listener, size_t max_connections)
       : parts_(parts),
         ingest_queue_limit_bytes_(ingest_queue_limit_bytes),
-        start_utc_ns_(start_utc_ns) {}
+        start_utc_ns_(start_utc_ns),
+        listener_(*listener),
+        max_connections_(max_connections) {}
 
   grpc::Status GetStatus(grpc::ServerContext*, const v1::GetStatusRequest*,
                          v1::GetStatusResponse* response) override {
@@ -43,6 +56,7 @@ class StatusService final : public v1::StatusService::Service {
       ingest->set_queue_bytes(stats.queue_bytes);
       ingest->set_queue_limit_bytes(ingest_queue_limit_bytes_);
       ingest->set_problem(stats.problem);
+      ingest->set_conflict_observation_count(stats.conflict_observation_count);
 
       const StoreHealth health = parts_.store->Health();
       v1::StoreStatus* store = response->mutable_store();
@@ -50,6 +64,20 @@ class StatusService final : public v1::StatusService::Service {
       store->set_schema_version(health.schema_version);
       store->set_size_bytes(health.size_bytes);
       store->set_free_bytes(health.free_bytes);
+      store->set_problem(health.problem);
+      store->set_unused_bytes(health.unused_bytes);
+      store->set_reserve_bytes(health.reserve_bytes);
+      if (parts_.retention != nullptr && parts_.retention->enabled()) {
+        FillRetention(parts_.retention->Stats(), store->mutable_retention());
+      }
+
+      const ConnectionStats open = listener_.connections().Stats();
+      v1::ConnectionStatus* connections = response->mutable_connections();
+      connections->set_open_count(open.open);
+      connections->set_limit(Count(max_connections_));
+      connections->set_accepted_count(open.accepted);
+      connections->set_refused_count(open.refused);
+      connections->set_deaf(listener_.IsDeaf());
       return absl::OkStatus();
     });
   }
@@ -58,14 +86,18 @@ class StatusService final : public v1::StatusService::Service {
   const RpcServerParts parts_;
   const size_t ingest_queue_limit_bytes_;
   const int64_t start_utc_ns_;
+  Listener& listener_;
+  const size_t max_connections_;
 };
 
 }  // namespace
 
 std::unique_ptr<grpc::Service> MakeStatusService(const RpcServerParts& parts,
                                                  size_t ingest_queue_limit_bytes,
-                                                 int64_t start_utc_ns) {
-  return std::make_unique<StatusService>(parts, ingest_queue_limit_bytes, start_utc_ns);
+                                                 int64_t start_utc_ns, Listener* listener,
+                                                 size_t max_connections) {
+  return std::make_unique<StatusService>(parts, ingest_queue_limit_bytes, start_utc_ns, listener,
+                                         max_connections);
 }
 
 }  // namespace rigcal::server

@@ -55,6 +55,12 @@ absl::Status AgentDirectory::CheckAgainstConnected(const AgentRecord& agent) con
   const bool replaces = own != by_agent_id_.end() && own->second.link != nullptr;
   if (replaces) {
     const AgentRecord& other = own->second.agent;
+    if (agent.credential != other.credential) {
+      return absl::AlreadyExistsError(absl::StrCat(
+          Describe(agent), " is refused: ", Describe(other),
+          " is connected with the same id, and is another installation; give each agent its own ",
+          "state directory and --agent-id"));
+    }
     const auto now = std::tie(agent.incarnation, agent.connection);
     const auto before = std::tie(other.incarnation, other.connection);
     if (now < before) {
@@ -180,6 +186,27 @@ std::vector<AgentRecord> AgentDirectory::List(std::string_view rig) const {
 size_t AgentDirectory::ConnectedCount() const {
   std::lock_guard lock(mutex_);
   return connected_count_;
+}
+
+void AgentDirectory::SetSpool(Registration registration, SpoolStatus status) {
+  std::lock_guard lock(mutex_);
+  for (auto& [agent_id, entry] : by_agent_id_) {
+    if (entry.registration != registration || !entry.link) continue;
+    entry.agent.spool = std::move(status);
+    return;
+  }
+}
+
+StreamHolder AgentDirectory::HolderOf(std::string_view agent_id, const StreamKey& stream) const {
+  if (agent_id.empty()) return StreamHolder::kNone;
+  std::lock_guard lock(mutex_);
+  const auto found = by_agent_id_.find(agent_id);
+  if (found == by_agent_id_.end() || !found->second.link) return StreamHolder::kAway;
+  const AgentRecord& agent = found->second.agent;
+  const AnnouncedCamera* const camera = FindCamera(agent, stream.camera);
+  const bool has = (camera != nullptr && camera->stream_epoch == stream.stream_epoch) ||
+                   std::ranges::find(agent.pending, stream) != agent.pending.end();
+  return has ? StreamHolder::kConnected : StreamHolder::kGone;
 }
 
 void AgentDirectory::CloseAll(const absl::Status& reason) {

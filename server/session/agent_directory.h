@@ -14,6 +14,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/session/agent.h"
+#include "common/session/stream_audit.h"
 #include "server/session/agent_link.h"
 
 namespace rigcal::server {
@@ -47,8 +48,8 @@ class AgentDirectory {
   // connection) replaces its older stream, which is closed with ABORTED.
   //   INVALID_ARGUMENT    the same camera twice, no camera
   //   ABORTED             a newer stream of the same agent_id is connected; both are named
-  //   ALREADY_EXISTS      a live agent with another agent_id, or another process with the same one,
-  //                       holds a camera; both and the camera are named
+  //   ALREADY_EXISTS      a live agent with another agent_id, or another process or installation
+  //                       with the same one, holds a camera; both and the camera are named
   //   RESOURCE_EXHAUSTED  too many agents, or too many cameras for one agent
   //   UNAVAILABLE         after CloseAll
   absl::StatusOr<Registration> Register(AgentRecord agent, std::shared_ptr<AgentLink> link);
@@ -61,6 +62,10 @@ class AgentDirectory {
   // Connected and remembered ones, by agent_id. Empty `rig`: every rig.
   std::vector<AgentRecord> List(std::string_view rig) const;
   size_t ConnectedCount() const;
+  // Of a registration that is not current any more: nothing happens.
+  void SetSpool(Registration registration, SpoolStatus status);
+  // kNone for an empty `agent_id`.
+  StreamHolder HolderOf(std::string_view agent_id, const StreamKey& stream) const;
 
   // Closes every link with `reason` and accepts no agent from now on.
   void CloseAll(const absl::Status& reason);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -26,23 +27,6 @@ absl::Status CheckCamerasFit(const Session& session, const Session& other) {
   return absl::OkStatus();
 }
 
-// Adds the accepted rows of a stored batch to their camera's track; returns how many.
-size_t AddRows(const StoredBatch& stored, CameraTrack* track) {
-  const ObservationBatch& batch = stored.batch;
-  size_t added = 0;
-  for (size_t row = 0; row < batch.rows(); ++row) {
-    if (!stored.refused_rows.empty() && stored.refused_rows[row]) continue;
-    track->observations.push_back(batch.Row(row));
-    ++added;
-  }
-  for (const ClockSample& sample : batch.clock_samples) {
-    track->clock_samples.push_back({batch.clock_epoch, sample});
-  }
-  track->host_alignments.insert(track->host_alignments.end(), batch.host_alignments.begin(),
-                                batch.host_alignments.end());
-  return added;
-}
-
 uint32_t UsableRowCount(const StoredBatch& stored) {
   const auto refused = std::count(stored.refused_rows.begin(), stored.refused_rows.end(), true);
   return static_cast<uint32_t>(stored.batch.rows() - static_cast<size_t>(refused));
@@ -58,6 +42,12 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
                        session.state == SessionState::kCreated ? "start it and record a wave first"
                        : session.state == SessionState::kCapturing ? "stop it first"
                                                                    : "wait until it has drained"));
+    }
+    if (session.observations_delete_utc_ns != 0) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("the observations of session '", session.id,
+                       "' were deleted by the server's retention ([retention] in its ",
+                       "configuration); record again, or restore a backup"));
     }
     for (const SessionCamera& camera : session.cameras) {
       if (camera.description.intrinsics) continue;
@@ -83,16 +73,14 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
-                                                      absl::Span<const std::string> session_ids,
-                                                      size_t max_observations,
-                                                      const std::atomic<bool>& cancelled,
-                                                      RefusalCounter* refused) {
-  CalibrationInput input;
-  size_t observation_count = 0;
+absl::StatusOr<CalibrationPlan> PlanCalibration(const Store& store,
+                                                absl::Span<const std::string> session_ids,
+                                                RefusalCounter* refused) {
+  CalibrationPlan plan;
+  plan.session_ids.assign(session_ids.begin(), session_ids.end());
   for (const std::string& id : session_ids) {
     RIGCAL_ASSIGN_OR_RETURN(const Session session, store.GetSession(id));
-    input.target = session.target;
+    plan.target = session.target;
     std::map<std::string, CameraTrack> tracks;
     for (const SessionCamera& camera : session.cameras) {
       CameraTrack& track = tracks[camera.description.camera];
@@ -101,38 +89,82 @@ absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
     }
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<SessionCameraCounts> counts,
                             store.GetSessionCounts(id));
+    std::map<std::string_view, uint64_t> rows;
     for (const SessionCameraCounts& camera : counts) {
+      rows[camera.camera] = camera.observation_count;
       for (Refusal refusal : camera.refused) {
+        // Counted below, as they are met.
+        if (refusal.reason == RefusalReason::kDamagedRecord) continue;
         refusal.camera = camera.camera;
         refused->Add(refusal);
       }
     }
-    RIGCAL_RETURN_IF_ERROR(store.ReadObservations(id, "", [&](StoredBatch stored) -> absl::Status {
+    for (auto& [camera, track] : tracks) {
+      plan.row_limits.push_back(rows[camera]);
+      plan.tracks.push_back(std::move(track));
+    }
+  }
+  return plan;
+}
+
+absl::Status ReadCalibrationRows(
+    const Store& store, const CalibrationPlan& plan, size_t max_observations,
+    const std::atomic<bool>& cancelled, RefusalCounter* refused,
+    const std::function<absl::Status(size_t track, const ObservationBatch& batch)>& visit) {
+  std::map<std::pair<std::string_view, std::string_view>, size_t> tracks;
+  for (size_t t = 0; t < plan.tracks.size(); ++t) {
+    tracks[{plan.tracks[t].session_id, plan.tracks[t].camera.camera}] = t;
+  }
+  size_t observation_count = 0;
+  for (const std::string& id : plan.session_ids) {
+    const auto take = [&](StoredBatch stored) -> absl::Status {
       if (cancelled) return absl::CancelledError("cancelled");
+      const std::string camera = stored.batch.stream.camera;
+      if (stored.damaged_rows > 0) {
+        refused->Add(camera, RefusalReason::kDamagedRecord, stored.damaged_rows, stored.damage);
+        return absl::OkStatus();
+      }
       if (stored.late) {
-        refused->Add(stored.batch.stream.camera, RefusalReason::kLate, UsableRowCount(stored),
+        refused->Add(camera, RefusalReason::kLate, UsableRowCount(stored),
                      absl::StrCat("arrived after session '", id, "' was finished"));
         return absl::OkStatus();
       }
-      const auto track = tracks.find(stored.batch.stream.camera);
+      const auto track = tracks.find({id, camera});
       if (track == tracks.end()) {
         return absl::DataLossError(absl::StrCat("session '", id, "' holds observations of camera '",
-                                                stored.batch.stream.camera,
-                                                "', which it does not have"));
+                                                camera, "', which it does not have"));
       }
-      observation_count += AddRows(stored, &track->second);
+      observation_count += UsableRowCount(stored);
       if (observation_count > max_observations) {
         return absl::ResourceExhaustedError(absl::StrCat(
             "the sessions hold more than ", max_observations,
             " observations, which is the limit; "
             "use fewer sessions, or raise limits.max_calibration_observations on the server"));
       }
+      for (const ObservationBatch& batch : AcceptedRows(std::move(stored))) {
+        RIGCAL_RETURN_IF_ERROR(visit(track->second, batch));
+      }
       return absl::OkStatus();
-    }));
-    for (auto& [camera, track] : tracks) input.tracks.push_back(std::move(track));
+    };
+    RIGCAL_RETURN_IF_ERROR(store.ReadObservations(id, "", take));
   }
-  input.refused = refused->List();
-  return input;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
+                                                      absl::Span<const std::string> session_ids,
+                                                      size_t max_observations,
+                                                      const std::atomic<bool>& cancelled,
+                                                      RefusalCounter* refused) {
+  RIGCAL_ASSIGN_OR_RETURN(CalibrationPlan plan, PlanCalibration(store, session_ids, refused));
+  std::vector<CameraTrack> tracks = plan.tracks;
+  RIGCAL_RETURN_IF_ERROR(
+      ReadCalibrationRows(store, plan, max_observations, cancelled, refused,
+                          [&tracks](size_t track, const ObservationBatch& batch) {
+                            AddRows(batch, &tracks[track]);
+                            return absl::OkStatus();
+                          }));
+  return CalibrationInput{plan.target, std::move(tracks), refused->List()};
 }
 
 }  // namespace rigcal::server

@@ -3,11 +3,15 @@
 
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "common/session/observation_batch.h"
 #include "common/session/session.h"
 #include "common/status/refusal.h"
 #include "server/solve/calibrate.h"
@@ -20,12 +24,32 @@ namespace rigcal::server {
 // image size for the same camera, a camera without intrinsics.
 absl::Status CheckSessionsFit(absl::Span<const Session> sessions);
 
-// The observations of the sessions as input of the solver: one track per session and camera,
-// without refused and late rows. `refused` gets what agents and ingest refused, and late rows as
-// RefusalReason::kLate; also when reading fails.
+// What goes into a calibration, before any row has been read.
+struct CalibrationPlan {
+  std::vector<std::string> session_ids;
+  Target target;
+  std::vector<CameraTrack> tracks;   // by session, then by camera; no rows yet
+  std::vector<uint64_t> row_limits;  // by track: at most so many rows will come
+};
+
+// `refused` gets what agents and ingest refused; damaged rows are counted when they are read. The
+// store's errors.
+absl::StatusOr<CalibrationPlan> PlanCalibration(const Store& store,
+                                                absl::Span<const std::string> session_ids,
+                                                RefusalCounter* refused);
+
+// Reads the rows of a plan, batch by batch: `visit` gets the index of the track and what was
+// neither refused nor late. `refused` gets late rows as RefusalReason::kLate and damaged ones as
+// kDamagedRecord; also when reading fails.
 //   CANCELLED           `cancelled` has become true
 //   RESOURCE_EXHAUSTED  more than `max_observations`
-// and the store's errors.
+// and the errors of the store and of `visit`.
+absl::Status ReadCalibrationRows(
+    const Store& store, const CalibrationPlan& plan, size_t max_observations,
+    const std::atomic<bool>& cancelled, RefusalCounter* refused,
+    const std::function<absl::Status(size_t track, const ObservationBatch& batch)>& visit);
+
+// The observations of the sessions as input of the solver, in memory.
 absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
                                                       absl::Span<const std::string> session_ids,
                                                       size_t max_observations,

@@ -37,18 +37,18 @@ void Fail(std::string error, Calibration* calibration) {
 }  // namespace
 
 CalibrationRunner::CalibrationRunner(CalibrationRunnerOptions options, Store* store,
-                                     SessionCoordinator* coordinator, CalibrateFunction calibrate)
+                                     SessionCoordinator* coordinator, SolveFunction solve)
     : options_(std::move(options)),
       store_(store),
       coordinator_(coordinator),
-      calibrate_(std::move(calibrate)),
+      solve_(std::move(solve)),
       changes_(options_.max_watches) {}
 
 absl::StatusOr<std::unique_ptr<CalibrationRunner>> CalibrationRunner::Create(
     CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
-    CalibrateFunction calibrate) {
+    SolveFunction solve) {
   std::unique_ptr<CalibrationRunner> runner(
-      new CalibrationRunner(std::move(options), store, coordinator, std::move(calibrate)));
+      new CalibrationRunner(std::move(options), store, coordinator, std::move(solve)));
   RIGCAL_RETURN_IF_ERROR(runner->QueueUnfinished());
   return runner;
 }
@@ -267,21 +267,17 @@ absl::Status CalibrationRunner::Begin(Calibration* calibration) {
 }
 
 void CalibrationRunner::Solve(Calibration* calibration) {
-  RefusalCounter refused;
-  const absl::StatusOr<CalibrationInput> input = ReadCalibrationInput(
-      *store_, calibration->session_ids, options_.max_observations, interrupted_, &refused);
-  if (!input.ok()) {
-    calibration->refused = refused.List();
-    return Fail(absl::StrCat("the observations cannot be read: ", input.status().message()),
-                calibration);
-  }
   CalibrationHooks hooks;
   hooks.progress = [this](CalibrationStage stage, double fraction) {
     ReportProgress(stage, fraction);
   };
   hooks.cancelled = &interrupted_;
   const auto start = std::chrono::steady_clock::now();
-  CalibrationOutcome outcome = calibrate_(*input, calibration->options, hooks);
+  CalibrationOutcome outcome = solve_({.store = *store_,
+                                       .session_ids = calibration->session_ids,
+                                       .max_observations = options_.max_observations,
+                                       .options = calibration->options},
+                                      hooks);
   calibration->duration_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (!outcome.result.ok()) {

@@ -18,21 +18,17 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration_options.h"
 #include "common/calibration/calibration_record.h"
+#include "server/session/calibration_solver.h"
 #include "server/session/change_notifier.h"
 #include "server/session/session_coordinator.h"
 #include "server/session/task_queue.h"
-#include "server/solve/calibrate.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
 
-// server/solve's Calibrate, or a test's.
-using CalibrateFunction = std::function<CalibrationOutcome(
-    const CalibrationInput&, const CalibrationOptions&, const CalibrationHooks&)>;
-
 struct CalibrationRunnerOptions {
   size_t max_queued = 32;
-  // Observations one calibration may hold in memory, about 250 bytes each.
+  // Of one calibration.
   size_t max_observations = 10'000'000;
   // Clients that watch calibrations at a time.
   size_t max_watches = 64;
@@ -50,7 +46,7 @@ class CalibrationRunner {
   static absl::StatusOr<std::unique_ptr<CalibrationRunner>> Create(CalibrationRunnerOptions options,
                                                                    Store* store,
                                                                    SessionCoordinator* coordinator,
-                                                                   CalibrateFunction calibrate);
+                                                                   SolveFunction solve);
   ~CalibrationRunner();
 
   void Start() { tasks_.Start(); }
@@ -81,7 +77,7 @@ class CalibrationRunner {
   };
 
   CalibrationRunner(CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
-                    CalibrateFunction calibrate);
+                    SolveFunction solve);
   absl::Status QueueUnfinished();
   // The first job of the queue; none: it was cancelled.
   void RunNext();
@@ -95,7 +91,7 @@ class CalibrationRunner {
   const CalibrationRunnerOptions options_;
   Store* const store_;
   SessionCoordinator* const coordinator_;
-  const CalibrateFunction calibrate_;
+  const SolveFunction solve_;
   ChangeNotifier changes_;
 
   std::mutex create_mutex_;  // held over a whole CreateCalibration; taken before mutex_

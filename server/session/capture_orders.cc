@@ -50,9 +50,12 @@ absl::StatusOr<std::vector<CaptureOrder>> CaptureOrders::ToResume(
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<SessionCameraCounts> counts,
                           store_.GetSessionCounts(session.id));
   const auto has_ended = [&](const StreamPosition& position) {
-    return std::any_of(counts.begin(), counts.end(), [&](const SessionCameraCounts& count) {
-      return count.camera == position.stream.camera && count.ended();
-    });
+    const auto count =
+        std::ranges::find(counts, position.stream.camera, &SessionCameraCounts::camera);
+    if (count == counts.end()) return false;
+    return count->ended() || std::ranges::any_of(count->streams, [&](const StreamStatus& stream) {
+             return stream.stream_epoch == position.stream.stream_epoch && stream.ended();
+           });
   };
   std::vector<CaptureOrder> orders = ToStart(session, connected);
   for (CaptureOrder& order : orders) {

@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "common/status/status_macros.h"
 #include "server/session/session_rules.h"
+#include "server/session/stream_opening.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
@@ -45,14 +46,21 @@ absl::Status SessionCoordinator::Load() {
   ListPage next{.limit = kSessionPageSize};
   while (true) {
     RIGCAL_ASSIGN_OR_RETURN(const auto page, store_->ListSessions({}, next));
-    for (const auto& [session, position] : page) {
-      contexts_.Put(session);
-      if (session.state != SessionState::kCapturing && session.state != SessionState::kDraining) {
+    for (const auto& [summary, position] : page) {
+      const absl::StatusOr<Session> session = store_->GetSession(position.id);
+      if (absl::IsDataLoss(session.status())) {
+        // The others go on. What still arrives for this one is refused.
+        spdlog::error("{}", std::string(session.status().message()));
         continue;
       }
-      Activate(session);
-      spdlog::info("session {}: continues after a restart with {} cameras", session.id,
-                   session.cameras.size());
+      RIGCAL_RETURN_IF_ERROR(session.status());
+      contexts_.Put(*session);
+      if (session->state != SessionState::kCapturing && session->state != SessionState::kDraining) {
+        continue;
+      }
+      Activate(*session);
+      spdlog::info("session {}: continues after a restart with {} cameras", session->id,
+                   session->cameras.size());
     }
     if (page.size() < static_cast<size_t>(kSessionPageSize)) return absl::OkStatus();
     next.after = page.back().position;
@@ -107,7 +115,13 @@ absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
   RIGCAL_RETURN_IF_ERROR(store_->UpdateSession(session));
   Activate(session);
   spdlog::info("session {}: capturing with {} cameras", session.id, session.cameras.size());
-  SendOrders(session, orders_.ToStart(session, connected));
+  std::vector<CaptureOrder> orders = orders_.ToStart(session, connected);
+  // The session has started: an order is not held back for this.
+  if (const absl::Status status = OpenStreams(StreamsOf(orders), store_); !status.ok()) {
+    spdlog::warn("session {}: its streams are not noted: {}", session.id,
+                 std::string(status.message()));
+  }
+  SendOrders(session, std::move(orders));
   return session;
 }
 
@@ -140,7 +154,16 @@ absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id,
 
 absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
   std::lock_guard change(change_mutex_);
-  RIGCAL_ASSIGN_OR_RETURN(const Session session, store_->GetSession(id));
+  const absl::StatusOr<Session> stored = store_->GetSession(id);
+  if (absl::IsDataLoss(stored.status())) {
+    contexts_.Remove(id).IgnoreError();  // it is there if the damage is new
+    RIGCAL_RETURN_IF_ERROR(store_->DeleteSession(id));
+    changes_.Notify(id);
+    spdlog::info("session {}: deleted; its record was damaged", id);
+    return absl::OkStatus();
+  }
+  RIGCAL_RETURN_IF_ERROR(stored.status());
+  const Session& session = *stored;
   if (session.state == SessionState::kCapturing || session.state == SessionState::kDraining) {
     return absl::FailedPreconditionError(
         absl::StrCat("session '", session.id, "' cannot be deleted: it is ",
@@ -155,6 +178,20 @@ absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
   changes_.Notify(id);
   spdlog::info("session {}: deleted", session.id);
   return absl::OkStatus();
+}
+
+absl::Status SessionCoordinator::DeleteObservations(std::string_view id) {
+  std::lock_guard change(change_mutex_);
+  RIGCAL_ASSIGN_OR_RETURN(const Session session, store_->GetSession(id));
+  if (session.state != SessionState::kFinished) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("session '", session.id, "' has not finished; its observations stay"));
+  }
+  RIGCAL_RETURN_IF_ERROR(contexts_.Remove(id));
+  const absl::Status deleted = store_->DeleteObservations(id, UtcNowNs(options_.utc_now_ns));
+  contexts_.Put(session);
+  if (deleted.ok()) changes_.Notify(id);
+  return deleted;
 }
 
 absl::StatusOr<SessionHold> SessionCoordinator::HoldSessions(const std::vector<std::string>& ids) {
@@ -189,17 +226,23 @@ absl::StatusOr<SessionCoordinator::AgentConnection> SessionCoordinator::ConnectA
     AgentRecord agent, absl::Span<const StreamKey> pending, std::shared_ptr<AgentLink> link) {
   std::lock_guard change(change_mutex_);
   AgentConnection connection;
-  std::set<std::string> announced;
-  for (const AnnouncedCamera& camera : agent.cameras) announced.insert(camera.description.camera);
   for (const StreamKey& stream : pending) {
     RIGCAL_ASSIGN_OR_RETURN(StreamPosition position, orders_.PositionOf(stream));
-    if (!announced.contains(stream.camera) ||
+    // The camera itself need not be there any more: what was captured is delivered all the same.
+    // Of a session whose record is damaged nothing can be checked, so nothing is taken.
+    if (absl::IsNotFound(contexts_.GetStreamContext(stream).status()) ||
         !contexts_.CheckAgent(stream, agent.agent_id, agent.rig).ok()) {
       position = {.stream = stream, .unknown = true};
     }
     connection.positions.push_back(std::move(position));
   }
 
+  agent.pending.assign(pending.begin(), pending.end());
+  std::vector<StreamKey> opened;
+  for (const StreamPosition& position : connection.positions) {
+    if (!position.unknown) opened.push_back(position.stream);
+  }
+  const AgentRecord record = agent;
   const std::string agent_id = agent.agent_id;
   const std::string rig = agent.rig;
   RIGCAL_ASSIGN_OR_RETURN(connection.registration,
@@ -209,12 +252,21 @@ absl::StatusOr<SessionCoordinator::AgentConnection> SessionCoordinator::ConnectA
   for (const Session& session : ActiveSessions()) {
     if (session.rig != rig) continue;
     absl::StatusOr<std::vector<CaptureOrder>> orders = orders_.ToResume(session, own);
-    if (!orders.ok()) {
+    absl::Status status = orders.status();
+    if (status.ok()) status = EndStreamsNeverBegun(session, record, *directory_, store_);
+    if (!status.ok()) {
       directory_->Unregister(connection.registration);
-      return orders.status();
+      return status;
     }
+    for (StreamKey& stream : StreamsOf(*orders)) opened.push_back(std::move(stream));
     SendOrders(session, *std::move(orders));
     changes_.Notify(session.id);
+    PostFinishCheck(session.id);
+  }
+  // Before the agent is greeted, and so before anything of these streams can end.
+  if (absl::Status status = OpenStreams(opened, store_); !status.ok()) {
+    directory_->Unregister(connection.registration);
+    return status;
   }
   return connection;
 }

@@ -75,6 +75,9 @@ class SessionCoordinator {
   // 0: 10 s.
   absl::StatusOr<Session> StopSession(std::string_view id, double drain_timeout_s);
   absl::Status DeleteSession(std::string_view id);
+  // The observations of a finished session; its counts stay. FAILED_PRECONDITION: it has not
+  // finished, or somebody reads it.
+  absl::Status DeleteObservations(std::string_view id);
   // As ChangeNotifier::Add, also for a session that does not exist.
   absl::StatusOr<std::unique_ptr<ChangeNotifier::Watch>> WatchSession(std::string_view id,
                                                                       std::function<void()> wake) {
@@ -96,6 +99,10 @@ class SessionCoordinator {
   absl::StatusOr<AgentConnection> ConnectAgent(AgentRecord agent,
                                                absl::Span<const StreamKey> pending,
                                                std::shared_ptr<AgentLink> link);
+  // What the agent says about its spool. Never blocks on the disk.
+  void RecordSpool(AgentDirectory::Registration registration, SpoolStatus status) {
+    directory_->SetSpool(registration, std::move(status));
+  }
   // Never blocks on the disk.
   void DisconnectAgent(AgentDirectory::Registration registration);
 

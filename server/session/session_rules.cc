@@ -10,6 +10,7 @@
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
+#include "common/text/printable.h"
 
 namespace rigcal::server {
 namespace {
@@ -39,6 +40,10 @@ absl::Status ValidateNewSession(const Session& session, size_t max_cameras) {
   if (session.title.size() > kMaxTitleBytes) {
     faults.Add("the title has ", session.title.size(), " bytes; at most ", kMaxTitleBytes,
                " are allowed");
+  }
+  if (const std::string shown = Printable(session.title); shown != session.title) {
+    faults.Add("the title \"", std::string(Beginning(shown, kMaxTitleBytes)),
+               "\" has control characters");
   }
   faults.Add(session.target.Validate());
   std::set<std::string> names;

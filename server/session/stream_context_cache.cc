@@ -59,7 +59,7 @@ absl::Status StreamContextCache::CheckAgent(const StreamKey& stream, std::string
   std::lock_guard lock(mutex_);
   const auto session = sessions_.find(stream.session_id);
   if (session == sessions_.end()) return absl::OkStatus();
-  if (session->second.rig != rig) {
+  if (!rig.empty() && session->second.rig != rig) {
     return absl::PermissionDeniedError(
         absl::StrCat("agent '", std::string(agent_id), "' of rig '", std::string(rig),
                      "' must not deliver camera '", stream.camera, "' to session '",
@@ -73,9 +73,11 @@ absl::Status StreamContextCache::CheckAgent(const StreamKey& stream, std::string
       camera->second.agent_id.empty()
           ? "was described by hand and has no agent"
           : absl::StrCat("takes part with agent '", camera->second.agent_id, "'");
+  const std::string caller = agent_id.empty() ? "a caller that is no agent"
+                                              : absl::StrCat("agent '", std::string(agent_id), "'");
   return absl::PermissionDeniedError(
-      absl::StrCat("agent '", std::string(agent_id), "' must not deliver camera '", stream.camera,
-                   "' to session '", stream.session_id, "': there the camera ", owner));
+      absl::StrCat(caller, " must not deliver camera '", stream.camera, "' to session '",
+                   stream.session_id, "': there the camera ", owner));
 }
 
 std::optional<StreamContextCache::Owner> StreamContextCache::FindOwner(

@@ -25,7 +25,10 @@ class StreamContextCache {
   // NOT_FOUND: no such session, or no such camera in it. FAILED_PRECONDITION: not started.
   absl::StatusOr<StreamContext> GetStreamContext(const StreamKey& stream) const;
 
-  // OK also for a session or camera that is not known: GetStreamContext says so.
+  // Who may write to a stream, whichever way a delivery comes: the agent that the camera takes part
+  // with; for a camera that was described by hand, whoever is no agent. `agent_id` empty: no agent.
+  // `rig`: of the agent; empty where it has not said so. OK also for a session or camera that is
+  // not known: GetStreamContext says so.
   // PERMISSION_DENIED: the session is of another rig, or the camera took part with another agent;
   // all are named.
   absl::Status CheckAgent(const StreamKey& stream, std::string_view agent_id,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <exception>
 #include <map>
+#include <new>
 #include <set>
 #include <string>
 #include <utility>
@@ -125,9 +126,10 @@ double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& in
   std::vector<double> x, y, distance;
   for (size_t t = 0; t < tracks.size(); ++t) {
     if (index.camera_of_track[t] != camera) continue;
-    for (const Observation& row : tracks[t].track.observations) {
-      if (row.markers.empty() || !row.markers.front().visible) continue;
-      centres_px.push_back(row.markers.front().centre_px);
+    const ObservationTable& rows = tracks[t].track.observations;
+    for (size_t i = 0; i < rows.size(); ++i) {
+      if (!rows.IsVisible(i, 0)) continue;
+      centres_px.push_back(rows.centre_px(i, 0));
       x.push_back(centres_px.back().x());
       y.push_back(centres_px.back().y());
     }
@@ -183,8 +185,7 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
                                                                : std::move(evaluated);
 }
 
-absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
-                                      const CalibrationOptions& options,
+absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
   const auto progress = [&hooks](CalibrationStage stage, double fraction) {
@@ -196,7 +197,7 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
   RigObservations rig;
   rig.target = input.target;
   rig.tracks = AlignClocks(
-      input.tracks, CleanTracks(input.tracks, input.target.marker_count(), refused), refused);
+      input.tracks, CleanTracks(&input.tracks, input.target.marker_count(), refused), refused);
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
@@ -231,13 +232,15 @@ absl::StatusOr<CalibrationResult> Run(const CalibrationInput& input,
 
 }  // namespace
 
-CalibrationOutcome Calibrate(const CalibrationInput& input, const CalibrationOptions& options,
+CalibrationOutcome Calibrate(CalibrationInput input, const CalibrationOptions& options,
                              const CalibrationHooks& hooks) {
   RefusalCounter refused;
   for (const Refusal& refusal : input.refused) refused.Add(refusal);
   CalibrationOutcome outcome{absl::UnknownError("not run"), {}};
   try {
     outcome.result = Run(input, options, hooks, &refused);
+  } catch (const std::bad_alloc&) {
+    outcome.result = absl::ResourceExhaustedError("calibration: the memory ran out");
   } catch (const std::exception& error) {
     outcome.result = absl::InternalError(absl::StrCat("calibration: ", error.what()));
   }

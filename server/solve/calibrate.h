@@ -45,7 +45,9 @@ struct CalibrationOutcome {
 // Errors of `result`: INVALID_ARGUMENT (options, a known distance with a wand, a camera without
 // intrinsics), FAILED_PRECONDITION (not connected: names the groups and the pair that would best
 // join them; too few instants; no camera), CANCELLED. Each says what to do.
-CalibrationOutcome Calibrate(const CalibrationInput& input, const CalibrationOptions& options,
+//
+// The rows of `input` are freed as soon as they have been read.
+CalibrationOutcome Calibrate(CalibrationInput input, const CalibrationOptions& options,
                              const CalibrationHooks& hooks = {});
 
 }  // namespace rigcal::server

@@ -27,6 +27,7 @@ size_t Delivery::Bytes() const {
 
 std::vector<ObservationBatch> AcceptedRows(StoredBatch stored) {
   std::vector<ObservationBatch> batches;
+  if (stored.damaged_rows > 0) return batches;
   if (stored.refused_rows.empty()) {
     batches.push_back(std::move(stored.batch));
     return batches;

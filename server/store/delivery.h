@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -31,6 +32,9 @@ struct Delivery {
   // Found by ingest, by row. These rows keep their values and count towards durable_seq.
   std::vector<RefusedRow> refused_rows = {};
   std::optional<uint32_t> last_seq = {};  // the capture has ended with this observation
+  // The stream is noted, with nothing of it yet: its agent was told to capture, or has it in its
+  // spool. Its camera has not ended before this stream has.
+  bool opens_stream = false;
   std::optional<CameraReport> report = {};
 
   const StreamKey& stream() const { return batch.stream; }
@@ -41,7 +45,8 @@ struct Delivery {
 struct AppendOutcome {
   uint32_t durable_seq = 0;     // everything up to here is on disk
   uint32_t stored_rows = 0;     // new in this delivery, refused ones not counted
-  uint32_t duplicate_rows = 0;  // were stored before
+  uint32_t duplicate_rows = 0;  // were stored before, with the same values
+  uint32_t conflict_rows = 0;   // others were stored before under their numbers, and stay
   uint32_t refused_rows = 0;    // newly refused
   bool late = false;            // the session had finished: stored as not used
   bool complete = false;        // the stream has ended and everything of it is durable
@@ -55,11 +60,15 @@ struct StoredBatch {
   ObservationBatch batch;          // refused rows included
   std::vector<bool> refused_rows;  // one per row; empty: none is refused
   bool late = false;
+  // A record that cannot be read any more: how many rows it had, and what is wrong. `batch` has
+  // its stream and its first number then, and no rows.
+  uint32_t damaged_rows = 0;
+  std::string damage = {};
 };
 
 // The rows of a stored batch that were not refused, as one batch for each run of consecutive
 // numbers. Clock samples and alignments are kept, with the first of them; a batch of none but
-// refused rows with such samples gives one without rows.
+// refused rows with such samples gives one without rows. A damaged one gives none.
 std::vector<ObservationBatch> AcceptedRows(StoredBatch stored);
 
 }  // namespace rigcal::server

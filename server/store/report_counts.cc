@@ -26,6 +26,10 @@ constexpr std::array kCountNames = {
     CountName{"detections.saturated", DetectionOutcome::kSaturated}};
 static_assert(kCountNames.size() == 4 + kDetectionOutcomes.size());
 
+constexpr std::string_view kSpoolLastSeq = "spool.last_seq";
+constexpr std::string_view kSpoolAcknowledgedSeq = "spool.acknowledged_seq";
+constexpr std::string_view kSpoolDropped = "spool.dropped.";
+
 }  // namespace
 
 std::vector<std::pair<std::string_view, uint64_t>> NamedCounts(const CameraReport& report) {
@@ -38,6 +42,36 @@ std::vector<std::pair<std::string_view, uint64_t>> NamedCounts(const CameraRepor
     }
   }
   return counts;
+}
+
+std::vector<std::pair<std::string, uint64_t>> NamedCounts(const SpoolReport& report) {
+  std::vector<std::pair<std::string, uint64_t>> counts = {
+      {std::string(kSpoolLastSeq), report.last_seq},
+      {std::string(kSpoolAcknowledgedSeq), report.acknowledged_seq},
+      {std::string(kSpoolRows), report.spooled_count}};
+  for (const Refusal& refusal : report.dropped) {
+    counts.emplace_back(std::string(kSpoolDropped) + std::string(NameOf(refusal.reason)),
+                        refusal.count);
+  }
+  return counts;
+}
+
+bool SetNamedCount(std::string_view name, uint64_t count, SpoolReport* report) {
+  if (name == kSpoolLastSeq) {
+    report->last_seq = static_cast<uint32_t>(count);
+  } else if (name == kSpoolAcknowledgedSeq) {
+    report->acknowledged_seq = static_cast<uint32_t>(count);
+  } else if (name == kSpoolRows) {
+    report->spooled_count = count;
+  } else if (name.starts_with(kSpoolDropped)) {
+    report->dropped.push_back({.camera = "",
+                               .reason = RefusalReasonFromName(name.substr(kSpoolDropped.size())),
+                               .count = count,
+                               .example = ""});
+  } else {
+    return false;
+  }
+  return true;
 }
 
 void AddNamedCount(std::string_view name, uint64_t count, SessionCameraCounts* camera) {

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +14,7 @@
 #include "absl/types/span.h"
 #include "common/calibration/calibration_record.h"
 #include "common/session/session.h"
+#include "common/session/stream_audit.h"
 #include "server/store/delivery.h"
 #include "server/store/record_list.h"
 
@@ -21,7 +24,19 @@ struct StoreHealth {
   std::string kind;  // "sqlite"
   uint32_t schema_version = 0;
   uint64_t size_bytes = 0;
-  uint64_t free_bytes = 0;  // on its disk
+  uint64_t unused_bytes = 0;   // part of it that holds nothing; Compact gives it back
+  uint64_t free_bytes = 0;     // on its disk
+  uint64_t reserve_bytes = 0;  // free space at which observations are refused
+  std::string problem = {};    // why nothing can be written any more; empty: healthy
+};
+
+// Reads the observations of a session batch by batch, in the order of ReadObservations, and has one
+// piece of at most about 1 MiB of them in memory. For one thread at a time.
+class ObservationCursor {
+ public:
+  virtual ~ObservationCursor() = default;
+  // None: that was all.
+  virtual absl::StatusOr<std::optional<StoredBatch>> Next() = 0;
 };
 
 // Keeps sessions, observations and calibrations. Thread-safe. Every write is durable (survives
@@ -29,9 +44,10 @@ struct StoreHealth {
 // nothing.
 //
 // Errors common to all: NOT_FOUND (the id is named), RESOURCE_EXHAUSTED (disk full; reads and
-// deletes still work, and writes again once there is room), DATA_LOSS (a record's checksum is
-// wrong; it is named), UNAVAILABLE (another program holds the store; try again), INTERNAL (an error
-// of the disk: every later write is refused too, until the store is opened again).
+// deletes still work, and writes again once there is room; observations are refused before that,
+// see StoreHealth::reserve_bytes), DATA_LOSS (a record's checksum is wrong; it is named),
+// UNAVAILABLE (another program holds the store; try again), INTERNAL (an error of the disk: every
+// later write is refused too, until the store is opened again).
 class Store {
  public:
   virtual ~Store() = default;
@@ -47,9 +63,15 @@ class Store {
   // FAILED_PRECONDITION: it would lose a camera that has observations.
   virtual absl::Status UpdateSession(const Session& session) = 0;
   virtual absl::StatusOr<Session> GetSession(std::string_view id) const = 0;
-  virtual absl::StatusOr<std::vector<Listed<Session>>> ListSessions(const SessionFilter& filter,
-                                                                    const ListPage& page) const = 0;
+  // Reads a summary of each session, not the session. A damaged record is in the list too, see
+  // SessionSummary::damage.
+  virtual absl::StatusOr<std::vector<Listed<SessionSummary>>> ListSessions(
+      const SessionFilter& filter, const ListPage& page) const = 0;
+  // Also one whose record is damaged.
   virtual absl::Status DeleteSession(std::string_view id) = 0;
+  // The observations only, with their clock samples; the session, its counts and the positions of
+  // its streams stay. Sets Session::observations_delete_utc_ns.
+  virtual absl::Status DeleteObservations(std::string_view id, int64_t utc_ns) = 0;
   // One per camera of the session, in the order of their names.
   virtual absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
       std::string_view id) const = 0;
@@ -62,12 +84,20 @@ class Store {
       absl::Span<const Delivery> deliveries) = 0;
   // 0 for a stream that has nothing yet. NOT_FOUND: no such session, or no such camera in it.
   virtual absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const = 0;
+  // Every stream of the session, by camera and stream epoch, with its stored rows counted one batch
+  // after the other. Agent and holder are not filled in.
+  virtual absl::StatusOr<std::vector<StreamAudit>> AuditStreams(std::string_view id) const = 0;
   // Calls `visit` for every stored batch of the session in the order (camera, stream_epoch, seq);
   // stops at the first error and returns it. Empty `camera`: all. `visit` may take its time and may
-  // call the store; rows that arrive meanwhile may or may not be seen.
+  // call the store; rows that arrive meanwhile may or may not be seen. A damaged record is visited
+  // as such (StoredBatch::damage), and from then on counted in the camera's refusals.
   virtual absl::Status ReadObservations(
       std::string_view session_id, std::string_view camera,
       const std::function<absl::Status(StoredBatch)>& visit) const = 0;
+
+  // The same for a caller that cannot wait in a callback. The store must outlive the cursor.
+  virtual absl::StatusOr<std::unique_ptr<ObservationCursor>> OpenObservations(
+      std::string_view session_id, std::string_view camera) const = 0;
 
   // --- Calibrations ---
   // Fills id ("c-000001") and version.
@@ -75,11 +105,17 @@ class Store {
   // FAILED_PRECONDITION: it has ended and is immutable.
   virtual absl::Status UpdateCalibration(const Calibration& calibration) = 0;
   virtual absl::StatusOr<Calibration> GetCalibration(std::string_view id) const = 0;
-  // Without the covariances of the cameras.
+  // Summaries: without the cameras, the refusals and the covariances. A damaged record is in the
+  // list too, see Calibration::damage; only id, rig, version and state are filled then.
   virtual absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(
       const CalibrationFilter& filter, const ListPage& page) const = 0;
   // FAILED_PRECONDITION: it is queued or running.
   virtual absl::Status DeleteCalibration(std::string_view id) = 0;
+
+  // --- Care ---
+  // Gives unused space back to the disk, in small steps between which others write. `progress` gets
+  // the part that is done, 0 to 1; what it returns, unless OK, ends the work.
+  virtual absl::Status Compact(const std::function<absl::Status(double)>& progress) = 0;
 };
 
 }  // namespace rigcal::server

@@ -27,7 +27,7 @@ v1::ConnectRequest Hello(int agent) {
   v1::ConnectRequest message;
   v1::AgentHello* hello = message.mutable_hello();
   *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
-  hello->set_agent_id(absl::StrCat("bench-agent-", agent));
+  hello->set_agent_id(BenchAgentId(agent));
   hello->set_incarnation(1);
   hello->set_connection(1);
   hello->set_host("bench");
@@ -74,7 +74,10 @@ class BenchAgent {
     grpc::ChannelArguments arguments;
     arguments.SetInt("grpc.use_local_subchannel_pool", 1);
     channel_ =
-        grpc::CreateCustomChannel(options.address, grpc::InsecureChannelCredentials(), arguments);
+        grpc::CreateCustomChannel(options.address,
+                                  options.credentials ? options.credentials(BenchAgentId(agent))
+                                                      : grpc::InsecureChannelCredentials(),
+                                  arguments);
     stub_ = v1::IngestService::NewStub(channel_);
     stream_ = stub_->Connect(&context_);
   }
@@ -162,6 +165,7 @@ class BenchAgent {
 
 }  // namespace
 
+std::string BenchAgentId(int agent) { return absl::StrCat("bench-agent-", agent); }
 std::string BenchCameraName(int agent) { return absl::StrCat("bench_", agent); }
 
 absl::StatusOr<LoadResult> RunLoad(const LoadOptions& options,

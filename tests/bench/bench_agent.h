@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <grpcpp/security/credentials.h>
+
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -20,6 +23,9 @@ struct LoadOptions {
   uint32_t rows_per_agent = 100'000;
   double rows_per_s = 0;  // of each agent; 0: as fast as credits allow
   uint32_t window = 32768;
+  // Of one agent; unset: none.
+  std::function<std::shared_ptr<grpc::ChannelCredentials>(const std::string& agent_id)>
+      credentials = {};
 };
 
 struct LoadResult {
@@ -33,6 +39,8 @@ struct LoadResult {
 absl::StatusOr<LoadResult> RunLoad(const LoadOptions& options,
                                    const std::function<absl::Status()>& start);
 
+// "bench-agent-<agent>".
+std::string BenchAgentId(int agent);
 // "bench_<agent>".
 std::string BenchCameraName(int agent);
 

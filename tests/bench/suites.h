@@ -30,11 +30,13 @@ struct Suite {
   void (*print_ratios)(const MeasuredTimes& times) = nullptr;  // after all runs
 };
 
+Suite BesideSolveSuite();
 Suite DetectSuite();
 Suite EventSuite();
 Suite IngestSuite();
 Suite RecordedSuite();
 Suite SolveSuite();
+Suite SpoolSuite();
 Suite StoreSuite();
 
 }  // namespace rigcal::bench

@@ -67,6 +67,7 @@ class FakeServer::Sessions : public v1::SessionService::Service {
     if (found == fake_.sessions.end()) return NotFound("session", request->id());
     if (fake_.on_get_session) fake_.on_get_session(found->second);
     *out->mutable_session() = found->second;
+    if (request->audit()) out->mutable_audit()->Assign(fake_.audit.begin(), fake_.audit.end());
     return grpc::Status::OK;
   }
   grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,

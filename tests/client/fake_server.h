@@ -36,7 +36,8 @@ class FakeServer {
   std::mutex mutex;
   std::map<std::string, v1::Session> sessions;
   std::map<std::string, v1::Calibration> calibrations;
-  v1::GetAccuracyResponse accuracy;  // of any calibration that exists
+  std::vector<v1::StreamAudit> audit;  // of any session, where it is asked for
+  v1::GetAccuracyResponse accuracy;    // of any calibration that exists
   v1::ListAgentsResponse agents;
   v1::GetStatusResponse status;
   v1::GetPreviewResponse preview;

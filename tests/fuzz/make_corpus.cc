@@ -12,7 +12,11 @@
 #include <vector>
 
 #include "agent/event/evt3_writer.h"
+#include "common/wire/calibration_wire.h"
 #include "common/wire/observation_wire.h"
+#include "common/wire/session_wire.h"
+#include "server/store/sqlite/batch_blob.h"
+#include "tests/fuzz/spool_corpus.h"
 
 namespace rigcal::agent {
 namespace {
@@ -288,7 +292,7 @@ bool SaveCsv(const std::filesystem::path& folder) {
   return ok;
 }
 
-bool SaveBatches(const std::filesystem::path& folder) {
+ObservationBatch FourRows() {
   ObservationBatch batch;
   batch.stream = {"session", "left", 1};
   batch.marker_count = 3;
@@ -303,6 +307,40 @@ bool SaveBatches(const std::filesystem::path& folder) {
     }
     batch.Append(row);
   }
+  return batch;
+}
+
+// As the store keeps them; the first byte as in stored_blobs.cc.
+bool SaveStoredBlobs(const std::filesystem::path& folder) {
+  const ObservationBatch batch = FourRows();
+  std::string blob;
+  server::EncodeBatch(batch, {}, 0, batch.rows(), &blob);
+  bool ok = Save(folder, "batch", Text(std::string(1, '\0') + blob));
+  const std::string body = blob.substr(0, blob.size() - 4);
+  ok &= Save(folder, "batch_without_checksum", Text("\x01" + body));
+  ok &= Save(folder, "batch_cut", Text("\x01" + body.substr(0, body.size() / 2)));
+  const server::RefusedRow refused[] = {{.row = 1}, {.row = 3}};
+  server::EncodeBatch(batch, refused, 0, batch.rows(), &blob);
+  ok &= Save(folder, "batch_refused", Text("\x01" + blob.substr(0, blob.size() - 4)));
+  Session session;
+  session.id = "s-000001";
+  session.rig = "rig";
+  session.state = SessionState::kFinished;
+  session.target.marker_positions_m = {0, 0.13, 0.39};
+  session.missing_cameras = {"left"};
+  ok &= Save(folder, "session", Text("\x02" + wire::SerializeSession(session)));
+  Calibration calibration;
+  calibration.id = "c-000001";
+  calibration.rig = "rig";
+  calibration.session_ids = {"s-000001"};
+  calibration.state = CalibrationState::kSucceeded;
+  calibration.result.emplace();
+  calibration.result->target.given.marker_positions_m = {0, 0.13, 0.39};
+  return Save(folder, "calibration", Text("\x04" + wire::SerializeCalibration(calibration))) && ok;
+}
+
+bool SaveBatches(const std::filesystem::path& folder) {
+  ObservationBatch batch = FourRows();
   const auto save = [&](const std::string& name) {
     v1::ObservationBatch proto;
     wire::ToProto(batch, &proto);
@@ -335,6 +373,8 @@ int main(int argc, char** argv) {
   ok &= rigcal::agent::SavePlain(corpus / "plain_records");
   ok &= rigcal::agent::SaveCsv(corpus / "csv_events");
   ok &= rigcal::agent::SaveBatches(corpus / "observation_batch");
+  ok &= rigcal::agent::SaveStoredBlobs(corpus / "stored_blobs");
+  ok &= rigcal::agent::SaveSpool(corpus);
   ok &= rigcal::agent::SaveDetector(corpus / "blink_wand_detector");
   return ok ? 0 : 1;
 }

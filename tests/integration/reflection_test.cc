@@ -43,7 +43,8 @@ class Reflection : public ::testing::Test {
 TEST_F(Reflection, EveryListedServiceIsDescribed) {
   const std::vector<std::string> services = Services();
   EXPECT_THAT(services, IsSupersetOf({"rigcal.v1.AgentService", "rigcal.v1.CalibrationService",
-                                      "rigcal.v1.CameraService", "rigcal.v1.IngestService",
+                                      "rigcal.v1.CameraService", "rigcal.v1.IdentityService",
+                                      "rigcal.v1.IngestService", "rigcal.v1.MaintenanceService",
                                       "rigcal.v1.SessionService", "rigcal.v1.StatusService",
                                       "grpc.health.v1.Health"}));
   for (const std::string& service : services) {

@@ -63,11 +63,15 @@ struct BundleTarget {
   double span_sigma_m = 0.002;
 };
 
+// Most of a problem's memory: not aligned, so that it holds nothing but its values.
 struct BundleMarker {
-  int marker = 0;  // index into marker_positions_m
-  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
-  Eigen::Vector2d velocity_px_s = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d sqrt_information = Eigen::Matrix2d::Identity();  // L, 1/px
+  using Vector2 = Eigen::Matrix<double, 2, 1, Eigen::DontAlign>;
+  using Matrix2 = Eigen::Matrix<double, 2, 2, Eigen::DontAlign>;
+
+  Vector2 centre_px = Vector2::Zero();
+  Vector2 velocity_px_s = Vector2::Zero();
+  Matrix2 sqrt_information = Matrix2::Identity();  // L, 1/px
+  int marker = 0;                                  // index into marker_positions_m
   bool used = true;  // false: no part of the cost (rejected), residual still of interest
 };
 

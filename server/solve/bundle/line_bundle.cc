@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <new>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -164,6 +165,8 @@ absl::StatusOr<Result> WithSolver(const BundleOptions& options, const BundleProb
       return absl::FailedPreconditionError("bundle adjustment: no marker is used");
     }
     return function(solver);
+  } catch (const std::bad_alloc&) {
+    throw;  // no fault of this problem
   } catch (const std::exception& error) {
     return absl::InternalError(absl::StrCat("bundle adjustment: ", error.what()));
   }

@@ -71,7 +71,15 @@ struct KernelInput {
   const KernelEntry* entries = nullptr;    // by group, by view within a group
   const uint32_t* first_entry = nullptr;   // by group, group_count + 1
   const double* data = nullptr;            // lanes
+  // Where not all data is kept: puts that of one group into `data`, to which the group's entries
+  // then refer. None: `data` is that of every group.
+  void (*load)(const void* source, int group) = nullptr;
+  const void* source = nullptr;
+  int first_group = 0;  // of the source's, that group 0 here is
 
+  void Load(int group) const {
+    if (load != nullptr) load(source, first_group + group);
+  }
   int tile_count() const { return column_count / kTileSize + 1; }
   // Derivatives of a view in the order the view's sums use: pose, base, gradient, spacing.
   int LocalCount(const KernelColumns& view_columns) const {

@@ -263,6 +263,7 @@ void Linearise(const KernelInput& input, const KernelEstimate& estimate, double 
   Lanes gradient_max(0.0);
   EntrySums sums;
   for (int group = first; group < last; ++group) {
+    input.Load(group);
     const KernelEntry* const begin = input.entries + input.first_entry[group];
     const KernelEntry* const end = input.entries + input.first_entry[group + 1];
     const TargetPose pose = LoadPose(estimate.poses + group * kPoseLanes * kLanes);

@@ -15,14 +15,6 @@ namespace {
 
 constexpr size_t kCacheLine = 64;
 
-// A marker and its place in a group.
-struct Placement {
-  const BundleObservation* observation;
-  const BundleMarker* marker;
-  size_t entry;  // of the group
-  int lane;
-};
-
 class GroupPlacer {
  public:
   GroupPlacer(const BundleProblem& problem, const LineBundleLayout& layout)
@@ -34,12 +26,12 @@ class GroupPlacer {
       drafts_of_view_[static_cast<size_t>(draft.entry.view)].clear();
     }
     drafts_.clear();
-    placements_.clear();
+    entry_of_marker_.clear();
     for (int lane = 0; lane < count; ++lane) {
       ForEachUsedMarker(problem_, problem_.instants[static_cast<size_t>(instants[lane])],
                         [&](const BundleObservation& observation, const BundleMarker& marker) {
                           const size_t draft = FindDraft(observation, marker.marker, lane);
-                          placements_.push_back({&observation, &marker, draft, lane});
+                          entry_of_marker_.push_back(draft);
                         });
     }
     SortDrafts();
@@ -50,7 +42,8 @@ class GroupPlacer {
     for (const Draft& draft : drafts_) entries.push_back(draft.entry);
     return entries;
   }
-  const std::vector<Placement>& placements() const { return placements_; }
+  // By used marker of the group.
+  const std::vector<size_t>& entry_of_marker() const { return entry_of_marker_; }
 
  private:
   struct Draft {
@@ -92,14 +85,14 @@ class GroupPlacer {
       sorted.push_back(drafts_[order[i]]);
     }
     drafts_ = std::move(sorted);
-    for (Placement& placement : placements_) placement.entry = rank[placement.entry];
+    for (size_t& entry : entry_of_marker_) entry = rank[entry];
   }
 
   const BundleProblem& problem_;
   const LineBundleLayout& layout_;
   std::vector<std::vector<size_t>> drafts_of_view_;
   std::vector<Draft> drafts_;
-  std::vector<Placement> placements_;
+  std::vector<size_t> entry_of_marker_;
 };
 
 // Columns that two entries of one group add to.
@@ -130,16 +123,44 @@ void MarkShared(const PackedMarkers& packed, LineBundleLayout* layout) {
   }
 }
 
-void Fill(const Placement& placement, const KernelEntry& entry, double* data) {
-  const int lane = placement.lane;
+size_t Doubles(const KernelEntry& entry) {
+  return static_cast<size_t>(kGroupSize * (1 + kSlotLanes * __builtin_popcount(entry.slots)));
+}
+
+void Fill(const BundleObservation& observation, const BundleMarker& marker, int lane,
+          const KernelEntry& entry, double* data) {
   double* const at = data + entry.data;
-  at[lane] = placement.observation->clock_time_s;
-  const uint32_t below = entry.slots & ((1u << placement.marker->marker) - 1);
+  at[lane] = observation.clock_time_s;
+  const uint32_t below = entry.slots & ((1u << marker.marker) - 1);
   double* const slot = at + kGroupSize * (1 + kSlotLanes * __builtin_popcount(below));
-  const MeasuredMarker<double> m = ToMeasured(*placement.marker);
+  const MeasuredMarker<double> m = ToMeasured(marker);
   const double values[kSlotLanes] = {m.a,         m.b,           m.c,          m.centre[0],
                                      m.centre[1], m.velocity[0], m.velocity[1]};
   for (int i = 0; i < kSlotLanes; ++i) slot[i * kGroupSize + lane] = values[i];
+}
+
+// Replaces the source by the data of all its groups.
+void StoreAll(size_t size, PackedMarkers* packed) {
+  AlignedBuffer data(size);
+  size_t begin = 0;
+  for (int group = 0; group < packed->group_count(); ++group) {
+    packed->Load(group);
+    const auto g = static_cast<size_t>(group);
+    size_t end = begin;
+    for (uint32_t e = packed->first_entry[g]; e < packed->first_entry[g + 1]; ++e) {
+      const KernelEntry& entry = packed->entries[e];
+      end = begin + entry.data + Doubles(entry);
+    }
+    std::copy_n(packed->data.data(), end - begin, data.data() + begin);
+    for (uint32_t e = packed->first_entry[g]; e < packed->first_entry[g + 1]; ++e) {
+      packed->entries[e].data += begin;
+    }
+    begin = end;
+  }
+  packed->data = std::move(data);
+  packed->source = nullptr;
+  packed->places = std::vector<uint16_t>();
+  packed->first_place = std::vector<size_t>();
 }
 
 }  // namespace
@@ -154,7 +175,24 @@ AlignedBuffer::AlignedBuffer(size_t size) : size_(size) {
 
 void AlignedBuffer::Fill(double value) { std::fill_n(data_.get(), size_, value); }
 
-PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout) {
+void PackedMarkers::Load(int group) const {
+  const auto g = static_cast<size_t>(group);
+  double* const to = data.data();
+  const KernelEntry* const own = entries.data() + first_entry[g];
+  const KernelEntry& last = entries[first_entry[g + 1] - 1];
+  std::fill_n(to, last.data + Doubles(last), 0.0);
+  const uint16_t* place = places.data() + first_place[g];
+  const size_t first = g * kGroupSize;
+  const size_t count = std::min<size_t>(kGroupSize, instants.size() - first);
+  for (size_t lane = 0; lane < count; ++lane) {
+    ForEachUsedMarker(*source, source->instants[static_cast<size_t>(instants[first + lane])],
+                      [&](const BundleObservation& observation, const BundleMarker& marker) {
+                        Fill(observation, marker, static_cast<int>(lane), own[*place++], to);
+                      });
+  }
+}
+
+PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout, size_t max_bytes) {
   PackedMarkers packed;
   packed.marker_count = static_cast<int>(problem.target.marker_positions_m.size());
   for (size_t i = 0; i < problem.instants.size(); ++i) {
@@ -165,30 +203,29 @@ PackedMarkers Pack(const BundleProblem& problem, LineBundleLayout* layout) {
   }
   GroupPlacer placer(problem, *layout);
   const int instant_count = static_cast<int>(packed.instants.size());
-  const auto place = [&](int first) {
-    placer.Place(packed.instants.data() + first, std::min(kGroupSize, instant_count - first));
-  };
-  size_t size = 0;
+  packed.places.reserve(problem.markers.size());
+  size_t all = 0, largest = 0;
   packed.first_entry.push_back(0);
   for (int first = 0; first < instant_count; first += kGroupSize) {
-    place(first);
+    placer.Place(packed.instants.data() + first, std::min(kGroupSize, instant_count - first));
+    size_t size = 0;
     for (KernelEntry entry : placer.Entries()) {
       entry.data = size;
-      size += static_cast<size_t>(kGroupSize * (1 + kSlotLanes * __builtin_popcount(entry.slots)));
+      size += Doubles(entry);
       packed.entries.push_back(entry);
     }
     packed.first_entry.push_back(static_cast<uint32_t>(packed.entries.size()));
-  }
-  packed.data = AlignedBuffer(size);
-  for (int group = 0; group < packed.group_count(); ++group) {
-    place(group * kGroupSize);
-    for (const Placement& placement : placer.placements()) {
-      Fill(placement,
-           packed.entries[packed.first_entry[static_cast<size_t>(group)] + placement.entry],
-           packed.data.data());
+    packed.first_place.push_back(packed.places.size());
+    for (const size_t entry : placer.entry_of_marker()) {
+      packed.places.push_back(static_cast<uint16_t>(entry));
     }
+    all += size;
+    largest = std::max(largest, size);
   }
   MarkShared(packed, layout);
+  packed.source = &problem;
+  packed.data = AlignedBuffer(largest);
+  if (all * sizeof(double) <= max_bytes) StoreAll(all, &packed);
   return packed;
 }
 

@@ -203,6 +203,7 @@ void Step(const KernelInput& input, const KernelEstimate& estimate, double dampi
   CostSum cost;
   Lanes decrease(0.0), step_norm2(0.0), norm2(0.0);
   for (int group = 0; group < input.group_count; ++group) {
+    input.Load(group);
     const TargetPose pose = LoadPose(estimate.poses + group * kPoseLanes * kLanes);
     const double* const factor = factors + group * kFactorLanes * kLanes;
     Lanes x[kInstantColumns];
@@ -232,6 +233,7 @@ void Step(const KernelInput& input, const KernelEstimate& estimate, double dampi
 void Evaluate(const KernelInput& input, const KernelEstimate& estimate, KernelStepResult* result) {
   CostSum cost;
   for (int group = 0; group < input.group_count; ++group) {
+    input.Load(group);
     const double* const from = estimate.poses + group * kPoseLanes * kLanes;
     SumCost(input, estimate, group, LoadVec3(from), LoadVec3(from + 3 * kLanes), &cost);
   }

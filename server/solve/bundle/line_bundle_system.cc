@@ -68,6 +68,7 @@ LineBundlePart::LineBundlePart(const KernelInput& whole, const LineBundleLayout&
     : input_(whole), first_(first) {
   input_.group_count = last - first;
   input_.first_entry += first;
+  input_.first_group = first;
 
   const auto tiles = static_cast<size_t>(input_.tile_count());
   const size_t panel = static_cast<size_t>(kTileSize * kInstantColumns * kGroupSize);
@@ -155,6 +156,12 @@ LineBundleSystem::LineBundleSystem(const BundleOptions& options, const LineBundl
   input_.entries = packed.entries.data();
   input_.first_entry = packed.first_entry.data();
   input_.data = packed.data.data();
+  if (packed.source != nullptr) {
+    input_.source = &packed;
+    input_.load = [](const void* source, int group) {
+      static_cast<const PackedMarkers*>(source)->Load(group);
+    };
+  }
   parts_ = CutIntoParts(input_, layout);
   factors_ = AlignedBuffer(static_cast<size_t>(input_.group_count * kFactorLanes * kGroupSize));
   tiles_ = AlignedBuffer(parts_.front().tiles().size());

@@ -23,13 +23,12 @@ TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_
   for (int m = 0; m < marker_count; ++m) {
     std::vector<int64_t> seen_ns;
     std::vector<Eigen::Vector2d> centres_px;
-    for (size_t i = 0; i < track.track.observations.size(); ++i) {
-      const Observation& row = track.track.observations[i];
-      if (static_cast<int>(row.markers.size()) <= m) continue;
-      const MarkerObservation& marker = row.markers[static_cast<size_t>(m)];
-      if (!marker.visible) continue;
-      seen_ns.push_back(times_ns[i] + marker.time_delta_ns);
-      centres_px.push_back(marker.centre_px);
+    const ObservationTable& rows = track.track.observations;
+    const auto label = static_cast<size_t>(m);
+    for (size_t i = 0; i < rows.size(); ++i) {
+      if (!rows.IsVisible(i, label)) continue;
+      seen_ns.push_back(times_ns[i] + rows.time_delta_ns(i, label));
+      centres_px.push_back(rows.centre_px(i, label));
     }
     const std::vector<bool> is_outlier = FindOutlierCentres(seen_ns, centres_px, paths.gap_s);
     RayPath path;

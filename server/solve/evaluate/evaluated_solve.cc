@@ -40,8 +40,9 @@ absl::StatusOr<EvaluatedErrors> SolveAndMeasure(const RigObservations& rig,
                                                 const std::function<bool(int64_t)>& keep,
                                                 const std::function<bool(int64_t)>& evaluate_on) {
   options.keep_instant = keep;
-  RIGCAL_ASSIGN_OR_RETURN(const RigSolution solution,
-                          SolveRig(rig, initial.clocks, options, &initial));
+  RIGCAL_ASSIGN_OR_RETURN(RigSolution solution, SolveRig(rig, initial.clocks, options, &initial));
+  // The evaluation builds a problem of its own.
+  PutAway(rig, options, &solution);
   EvaluatedErrors errors = EvaluateSolution(rig, solution, options, evaluate_on);
   if (errors.instant_count < kMinHeldOutInstants) {
     return absl::FailedPreconditionError("too few instants are held out");
@@ -149,18 +150,24 @@ absl::Status RepairOffsets(const RigObservations& rig, const RigSolveOptions& op
     if (!result->solution.converged) {
       // Clocks that still move are on their way to where they match.
       const RigInitialization initial = InitializationFrom(result->solution);
+      PutAway(rig, options, &result->solution);
       absl::StatusOr<RigSolution> further = SolveRig(rig, initial.clocks, options, &initial);
       if (absl::IsCancelled(further.status())) return further.status();
       if (further.ok()) result->solution = *std::move(further);
+      TakeBack(rig, options, &result->solution);
     }
     const auto doubt = FindBetterOffset(rig, result->solution);
     if (!doubt) return absl::OkStatus();
     std::vector<ClockCorrection> clocks = InitializationFrom(result->solution).clocks;
     clocks[static_cast<size_t>(doubt->clock)].time_offset_s += doubt->offset_s;
+    const double share = InlierShare(result->solution);
+    PutAway(rig, options, &result->solution);
     absl::StatusOr<RigSolution> again = SolveRig(rig, clocks, options);
     if (absl::IsCancelled(again.status())) return again.status();
     // Another time groups other views; only a fit that breaks is a reason to stay.
-    if (!again.ok() || InlierShare(*again) < InlierShare(result->solution) - kMayLoseInliers) {
+    if (!again.ok() || InlierShare(*again) < share - kMayLoseInliers) {
+      again = absl::UnknownError("not taken");
+      TakeBack(rig, options, &result->solution);
       return absl::OkStatus();
     }
     result->solution = *std::move(again);
@@ -204,11 +211,13 @@ absl::Status CheckHeld(const BundleProblem& problem) {
 
 // Gives rates to the clocks that are seen to run differently: all are tried, then those that stood
 // out alone, until all of them still do. What could not be solved has no rates.
+// `solution` may be put away on return.
 absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigSolution* solution) {
   RigSolveOptions with_rates = *options;
   with_rates.estimate_time_rates = true;
+  const RigInitialization initial = InitializationFrom(*solution);
+  PutAway(rig, *options, solution);
   for (int i = 0; i < kMaxRateTries; ++i) {
-    RigInitialization initial = InitializationFrom(*solution);
     absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, with_rates, &initial);
     if (absl::IsCancelled(tried.status())) return tried.status();
     if (!tried.ok()) return absl::OkStatus();
@@ -265,10 +274,14 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
   RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
   RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
-  if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
+  if (base.estimate_time_offsets) {
+    RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
+    TakeBack(rig, first, &result.solution);
+  }
   result.options.estimate_time_rates = first.estimate_time_rates;
   result.options.own_rates = first.own_rates;
   const RigInitialization initial = InitializationFrom(result.solution);
+  PutAway(rig, first, &result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
 
@@ -302,6 +315,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
     RIGCAL_ASSIGN_OR_RETURN(result.solution,
                             SolveRig(rig, initial.clocks, result.options, &initial));
   }
+  TakeBack(rig, result.options, &result.solution);
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
   return result;

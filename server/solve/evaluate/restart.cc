@@ -222,33 +222,46 @@ absl::StatusOr<std::optional<Finding>> RestartIfWrong(const RigObservations& rig
   Agreement best = first;
   RigSolveOptions again = solve;
   bool resect = true;
-  RigSolution base;  // what the next initialization is to avoid
+  // What the next initialization is to avoid: of the last one that began from other pairs.
+  std::optional<std::pair<int, int>> misleading_pair;
+  bool has_base = false;
   for (int i = 0; i < kMaxRestarts && !best.doubted.empty(); ++i) {
     std::optional<RigInitialization> initial;
     if (resect) initial = ResectedInitialization(*solution, best, clocks);
     resect = false;
     std::string how = "with its pose from what the other cameras see";
+    if (!initial) {
+      const auto pair = has_base ? misleading_pair : WorstPair(*solution);
+      if (pair) again.avoided_pairs.push_back(*pair);
+    }
+    PutAway(rig, solve, solution);
     absl::StatusOr<RigSolution> tried = absl::UnknownError("not tried");
     if (initial) {
       tried = SolveRig(rig, clocks, again, &*initial);
     } else {
-      const RigSolution& misled = base.spanning_tree.empty() ? *solution : base;
-      if (const auto pair = WorstPair(misled)) again.avoided_pairs.push_back(*pair);
       again.seed = solve.seed + 0x9e3779b9u * static_cast<uint32_t>(i + 1);
       how = "from other pairs of cameras";
       tried = SolveRig(rig, clocks, again);
     }
     if (absl::IsCancelled(tried.status())) return tried.status();
-    if (!tried.ok()) continue;
+    if (!tried.ok()) {
+      TakeBack(rig, solve, solution);
+      continue;
+    }
     const Agreement now = MeasureAgreement(tried->built.problem);
     if (now.error_px < (1 - kMustGainShare) * best.error_px) {
       finding = RestartedFinding(tried->built.problem, first, now, how);
       best = now;
       *solution = *std::move(tried);
-      base = RigSolution();
+      has_base = false;
       resect = true;
-    } else if (!initial) {
-      base = *std::move(tried);
+    } else {
+      if (!initial) {
+        has_base = !tried->spanning_tree.empty();
+        misleading_pair = has_base ? WorstPair(*tried) : std::nullopt;
+      }
+      tried = absl::UnknownError("not taken");
+      TakeBack(rig, solve, solution);
     }
   }
   return finding;

@@ -79,16 +79,17 @@ double VarianceFactor(const BuiltProblem& built, double loss_scale, Eigen::Index
   const double c2 = loss_scale * loss_scale;
   const int own =
       problem.target.marker_positions_m.size() == 1 ? kPointParameters : kLineParameters;
-  std::vector<std::vector<SquaredNorm>> instants;
-  double count = 0;
+  double count = 0, instant_count = 0;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    instants.push_back(SquaredNorms(built, instant));
-    count += static_cast<double>(instants.back().size());
+    ++instant_count;
+    count += static_cast<double>(SquaredNorms(built, instant).size());
   }
   const double shared = count > 0 ? static_cast<double>(free) / (2 * count) : 1;
   double weight = 0, slope = 0, slope_square = 0, square = 0, taken = 0;
-  for (const std::vector<SquaredNorm>& squares : instants) {
+  for (const BundleInstant& instant : problem.instants) {
+    if (!instant.used) continue;
+    const std::vector<SquaredNorm> squares = SquaredNorms(built, instant);
     const double leverage =
         std::min(kMaxLeverage,
                  shared + 0.5 * own / static_cast<double>(std::max<size_t>(1, squares.size())));
@@ -103,8 +104,7 @@ double VarianceFactor(const BuiltProblem& built, double loss_scale, Eigen::Index
       square += 0.5 * w * w * s;
     }
   }
-  if (2 * count <= own * static_cast<double>(instants.size()) + static_cast<double>(free) ||
-      !(slope > 0)) {
+  if (2 * count <= own * instant_count + static_cast<double>(free) || !(slope > 0)) {
     return 1;
   }
   const double spread = slope_square * count / (slope * slope) - 1;

@@ -140,7 +140,9 @@ std::string DescribeNearestViews(const std::vector<AlignedTrack>& tracks,
   std::vector<std::vector<int64_t>> seen(tracks.size());
   for (size_t t = 0; t < tracks.size(); ++t) {
     for (size_t i = 0; i < rig_time_ns[t].size(); ++i) {
-      if (tracks[t].track.observations[i].VisibleCount() > 0) seen[t].push_back(rig_time_ns[t][i]);
+      if (tracks[t].track.observations.visible_mask(i) != 0) {
+        seen[t].push_back(rig_time_ns[t][i]);
+      }
     }
     std::ranges::sort(seen[t]);
   }

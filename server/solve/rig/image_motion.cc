@@ -156,93 +156,109 @@ std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,
 }
 
 ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count, std::vector<bool> flipped)
-    : period_s_(track.period_s),
+    : rows_(&track.track.observations),
+      marker_count_(static_cast<size_t>(marker_count)),
+      period_s_(track.period_s),
       flipped_(std::move(flipped)),
-      samples_(static_cast<size_t>(marker_count)),
-      sample_of_row_(static_cast<size_t>(marker_count),
-                     std::vector<int>(track.track.observations.size(), -1)) {
-  for (size_t row = 0; row < track.track.observations.size(); ++row) {
-    const Observation& observation = track.track.observations[row];
-    for (size_t m = 0; m < observation.markers.size(); ++m) {
-      const MarkerObservation& marker = observation.markers[m];
-      if (!marker.visible) continue;
-      const size_t label =
-          IsFlipped(static_cast<int>(row)) ? observation.markers.size() - 1 - m : m;
-      sample_of_row_[label][row] = static_cast<int>(samples_[label].size());
-      samples_[label].push_back({static_cast<int>(row), observation.time_ns + marker.time_delta_ns,
-                                 marker.centre_px, marker.covariance_px2});
-    }
-  }
+      excluded_(rows_->size() * marker_count_, false) {
   std::vector<double> speeds;
-  for (std::vector<Sample>& samples : samples_) {
+  for (size_t label = 0; label < marker_count_; ++label) {
     std::vector<int64_t> times_ns;
+    std::vector<size_t> places;
     std::vector<Eigen::Vector2d> centres_px;
-    for (const Sample& sample : samples) {
-      times_ns.push_back(sample.time_ns);
-      centres_px.push_back(sample.centre_px);
+    for (size_t row = 0; row < rows_->size(); ++row) {
+      const auto sample = SampleAt(row, label);
+      if (!sample) continue;
+      times_ns.push_back(sample->time_ns);
+      places.push_back(Place(row, label));
+      centres_px.push_back(rows_->centre_px(row, sample->column));
     }
     const std::vector<bool> is_outlier =
         FindOutlierCentres(times_ns, centres_px, kMaxGapPeriods * period_s_);
-    for (size_t i = 0; i < samples.size(); ++i) samples[i].excluded = is_outlier[i];
-    for (size_t i = 1; i < samples.size(); ++i) {
-      const double step_s = 1e-9 * static_cast<double>(samples[i].time_ns - samples[i - 1].time_ns);
+    for (size_t i = 0; i < places.size(); ++i) excluded_[places[i]] = is_outlier[i];
+    for (size_t i = 1; i < places.size(); ++i) {
+      const double step_s = 1e-9 * static_cast<double>(times_ns[i] - times_ns[i - 1]);
       if (step_s <= 0 || step_s > kMaxGapPeriods * period_s_) continue;
-      speeds.push_back((samples[i].centre_px - samples[i - 1].centre_px).norm() / step_s);
+      speeds.push_back((centres_px[i] - centres_px[i - 1]).norm() / step_s);
     }
   }
   if (!speeds.empty()) typical_speed_px_s_ = UpperMedian(&speeds);
 }
 
-void ImageMotion::Exclude(int observation, int marker) {
-  const int index = sample_of_row_[static_cast<size_t>(marker)][static_cast<size_t>(observation)];
-  if (index >= 0) samples_[static_cast<size_t>(marker)][static_cast<size_t>(index)].excluded = true;
+std::optional<ImageMotion::Sample> ImageMotion::SampleAt(size_t row, size_t label) const {
+  const size_t count = rows_->MarkerCount(row);
+  if (label >= count) return std::nullopt;
+  const size_t column = IsFlipped(static_cast<int>(row)) ? count - 1 - label : label;
+  if (!rows_->IsVisible(row, column)) return std::nullopt;
+  return Sample{row, column, rows_->time_ns(row) + rows_->time_delta_ns(row, column)};
 }
 
-ImageMotion::Neighbourhood ImageMotion::Around(const std::vector<Sample>& samples,
-                                               size_t own) const {
+std::optional<ImageMotion::Sample> ImageMotion::Next(size_t row, size_t label, int step) const {
+  // Where rows end, the number wraps past the last one.
+  for (row += static_cast<size_t>(step); row < rows_->size(); row += static_cast<size_t>(step)) {
+    if (const auto sample = SampleAt(row, label)) return sample;
+  }
+  return std::nullopt;
+}
+
+void ImageMotion::Exclude(int observation, int marker) {
+  const auto row = static_cast<size_t>(observation), label = static_cast<size_t>(marker);
+  if (SampleAt(row, label)) excluded_[Place(row, label)] = true;
+}
+
+ImageMotion::Neighbourhood ImageMotion::Around(const Sample& own, size_t label) const {
   const double window_s = std::max(kWindowS, kWindowPeriods * period_s_);
   const double gap_s = kMaxGapPeriods * period_s_;
-  const auto seconds = [&samples](size_t a, size_t b) {
-    return 1e-9 * static_cast<double>(samples[b].time_ns - samples[a].time_ns);
+  const auto seconds = [](const Sample& a, const Sample& b) {
+    return 1e-9 * static_cast<double>(b.time_ns - a.time_ns);
   };
-  Neighbourhood around{own, own + 1, own};
-  const size_t reach = static_cast<size_t>(kMaxMotionPoints) / 2;
-  while (around.begin > 0 && own - around.begin < reach &&
-         seconds(around.begin - 1, own) <= window_s &&
-         seconds(around.begin - 1, around.begin) <= gap_s) {
-    --around.begin;
+  constexpr size_t kReach = static_cast<size_t>(kMaxMotionPoints) / 2;
+  Neighbourhood around;
+  // Those before, the nearest first, are turned round below.
+  around.own = 0;
+  for (Sample last = own; around.own < kReach; ++around.own) {
+    const auto next = Next(last.row, label, -1);
+    if (!next || seconds(*next, own) > window_s || seconds(*next, last) > gap_s) break;
+    around.samples[around.own] = last = *next;
   }
-  while (around.end < samples.size() && around.end - own <= reach &&
-         seconds(own, around.end) <= window_s && seconds(around.end - 1, around.end) <= gap_s) {
-    ++around.end;
+  std::reverse(around.samples.begin(),
+               around.samples.begin() + static_cast<std::ptrdiff_t>(around.own));
+  around.samples[around.own] = own;
+  around.count = around.own + 1;
+  for (Sample last = own; around.count - around.own <= kReach; ++around.count) {
+    const auto next = Next(last.row, label, 1);
+    if (!next || seconds(own, *next) > window_s || seconds(last, *next) > gap_s) break;
+    around.samples[around.count] = last = *next;
   }
   return around;
 }
 
 MarkerMotion ImageMotion::At(int observation, int marker, double shift_s,
                              MotionWeightsMemory* memory) const {
-  const std::vector<Sample>& samples = samples_[static_cast<size_t>(marker)];
-  const auto own = static_cast<size_t>(
-      sample_of_row_[static_cast<size_t>(marker)][static_cast<size_t>(observation)]);
-  const Neighbourhood around = Around(samples, own);
-  std::vector<const Sample*> points;
+  const auto label = static_cast<size_t>(marker);
+  const Sample own = *SampleAt(static_cast<size_t>(observation), label);
+  const Eigen::Vector2d own_px = rows_->centre_px(own.row, own.column);
+  const Eigen::Matrix2d own_covariance_px2 = rows_->covariance_px2(own.row, own.column);
+  const Neighbourhood around = Around(own, label);
+  std::array<const Sample*, kMaxMotionPoints> points;
+  size_t point_count = 0;
   Eigen::Index before = 0, after = 0, own_index = -1;
-  for (size_t i = around.begin; i < around.end; ++i) {
+  for (size_t i = 0; i < around.count; ++i) {
+    const Sample& sample = around.samples[i];
     // An outlying row moves with its neighbours, and stays an outlier.
-    if (samples[i].excluded) continue;
-    if (i == own) own_index = static_cast<Eigen::Index>(points.size());
-    before += i < own ? 1 : 0;
-    after += i > own ? 1 : 0;
-    points.push_back(&samples[i]);
+    if (excluded_[Place(sample.row, label)]) continue;
+    if (i == around.own) own_index = static_cast<Eigen::Index>(point_count);
+    before += i < around.own ? 1 : 0;
+    after += i > around.own ? 1 : 0;
+    points[point_count++] = &sample;
   }
   MarkerMotion motion;
-  motion.centre_px = samples[own].centre_px;
-  motion.covariance_px2 = samples[own].covariance_px2;
-  const auto count = static_cast<Eigen::Index>(points.size());
+  motion.centre_px = own_px;
+  motion.covariance_px2 = own_covariance_px2;
+  const auto count = static_cast<Eigen::Index>(point_count);
   PointWeights times(count);
   for (Eigen::Index i = 0; i < count; ++i) {
-    times[i] =
-        1e-9 * static_cast<double>(points[static_cast<size_t>(i)]->time_ns - samples[own].time_ns);
+    times[i] = 1e-9 * static_cast<double>(points[static_cast<size_t>(i)]->time_ns - own.time_ns);
   }
   const Eigen::Index distinct = CountDistinct(times, kMinApartPeriods * period_s_);
   if (distinct < 2) {
@@ -261,13 +277,14 @@ MarkerMotion ImageMotion::At(int observation, int marker, double shift_s,
   for (Eigen::Index i = 0; i < count; ++i) {
     const Sample& point = *points[static_cast<size_t>(i)];
     // Differences to the own row: the weights sum to zero, and small numbers keep their digits.
-    const Eigen::Vector2d value = point.centre_px - samples[own].centre_px;
+    const Eigen::Vector2d value = rows_->centre_px(point.row, point.column) - own_px;
     displacement += weights.displacement[i] * value;
     motion.velocity_px_s += weights.velocity[i] * value;
     lower += weights.lower_displacement[i] * value;
-    own_noise += weights.centre[i] * weights.centre[i] * point.covariance_px2;
+    own_noise +=
+        weights.centre[i] * weights.centre[i] * rows_->covariance_px2(point.row, point.column);
   }
-  if (own_index < 0) own_noise += samples[own].covariance_px2;
+  if (own_index < 0) own_noise += own_covariance_px2;
   motion.centre_px += displacement;
   const double share = own_noise.trace() / motion.covariance_px2.trace();
   motion.covariance_px2 *= std::max(1.0, share);

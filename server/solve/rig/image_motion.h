@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -87,7 +88,9 @@ class ImageMotion {
  public:
   // Observations of which `flipped` is true (empty: none is) have their labels counted from the
   // target's other end, here and by whoever asks IsFlipped().
+  // `track` must outlive it.
   ImageMotion(const AlignedTrack& track, int marker_count, std::vector<bool> flipped = {});
+  ImageMotion(const AlignedTrack&& track, int marker_count, std::vector<bool> = {}) = delete;
 
   bool IsFlipped(int observation) const {
     return !flipped_.empty() && flipped_[static_cast<size_t>(observation)];
@@ -106,22 +109,28 @@ class ImageMotion {
   double typical_speed_px_s() const { return typical_speed_px_s_; }
 
  private:
+  // A row in which the marker is visible.
   struct Sample {
-    int observation;
+    size_t row;
+    size_t column;  // of the marker in that row
     int64_t time_ns;
-    Eigen::Vector2d centre_px;
-    Eigen::Matrix2d covariance_px2;
-    bool excluded = false;
   };
+  // Ascending in time, the own one among them.
   struct Neighbourhood {
-    size_t begin, end, own;  // into samples of the marker
+    std::array<Sample, kMaxMotionPoints> samples;
+    size_t count, own;
   };
-  Neighbourhood Around(const std::vector<Sample>& samples, size_t own) const;
+  std::optional<Sample> SampleAt(size_t row, size_t label) const;
+  // The next one after (step 1) or before (step -1) a row.
+  std::optional<Sample> Next(size_t row, size_t label, int step) const;
+  Neighbourhood Around(const Sample& own, size_t label) const;
+  size_t Place(size_t row, size_t label) const { return row * marker_count_ + label; }
 
+  const ObservationTable* rows_;
+  size_t marker_count_;
   double period_s_;
-  std::vector<bool> flipped_;                    // by observation
-  std::vector<std::vector<Sample>> samples_;     // by marker, ascending in time
-  std::vector<std::vector<int>> sample_of_row_;  // by marker, then observation; -1 = not visible
+  std::vector<bool> flipped_;   // by observation
+  std::vector<bool> excluded_;  // by observation, then marker
   double typical_speed_px_s_ = 0;
 };
 

@@ -21,15 +21,17 @@ Eigen::Matrix2d SqrtInformation(const Eigen::Matrix2d& covariance) {
 void AddMember(const AlignedTrack& track, const ImageMotion& motion,
                const ClockCorrection& correction, const Instant& instant,
                const InstantMember& member, double sigma_px, BuiltProblem* built) {
-  const Observation& row = track.track.observations[static_cast<size_t>(member.observation)];
+  const ObservationTable& rows = track.track.observations;
+  const auto row = static_cast<size_t>(member.observation);
+  const size_t count = rows.MarkerCount(row);
   MotionWeightsMemory memory;
-  for (size_t m = 0; m < row.markers.size(); ++m) {
-    if (!row.markers[m].visible) continue;
-    const int64_t camera_time_ns = row.time_ns + row.markers[m].time_delta_ns;
-    const int64_t coarse_ns = track.CoarseRigTimeNs(row) + row.markers[m].time_delta_ns;
+  for (size_t m = 0; m < count; ++m) {
+    if (!rows.IsVisible(row, m)) continue;
+    const int64_t camera_time_ns = rows.time_ns(row) + rows.time_delta_ns(row, m);
+    const int64_t coarse_ns = track.CoarseRigTimeNs(rows.time_ns(row)) + rows.time_delta_ns(row, m);
     const double shift_s =
         1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
-    const size_t label = motion.IsFlipped(member.observation) ? row.markers.size() - 1 - m : m;
+    const size_t label = motion.IsFlipped(member.observation) ? count - 1 - m : m;
     MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, &memory);
     if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     BundleMarker marker;
@@ -40,6 +42,25 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
     built->problem.markers.push_back(marker);
     built->sources.push_back({member.track, member.observation, moved.noise_share});
   }
+}
+
+// As much memory as the problem needs.
+void Reserve(const std::vector<AlignedTrack>& tracks, const std::vector<Instant>& instants,
+             BuiltProblem* built) {
+  size_t observation_count = 0, marker_count = 0;
+  for (const Instant& instant : instants) {
+    observation_count += instant.members.size();
+    for (const InstantMember& member : instant.members) {
+      marker_count += static_cast<size_t>(
+          tracks[static_cast<size_t>(member.track)].track.observations.VisibleCount(
+              static_cast<size_t>(member.observation)));
+    }
+  }
+  built->problem.instants.reserve(instants.size());
+  built->instant_time_ns.reserve(instants.size());
+  built->problem.observations.reserve(observation_count);
+  built->problem.markers.reserve(marker_count);
+  built->sources.reserve(marker_count);
 }
 
 }  // namespace
@@ -67,7 +88,7 @@ RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorr
     const auto [entry, inserted] =
         clock_index.try_emplace({clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch},
                                 static_cast<int>(clocks->size()));
-    const int64_t first_ns = clean.observations.front().time_ns;
+    const int64_t first_ns = clean.observations.time_ns(0);
     if (inserted) {
       clocks->push_back(
           {clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch, first_ns, 0, 0});
@@ -86,7 +107,7 @@ std::vector<std::vector<int64_t>> RigTimes(const std::vector<AlignedTrack>& trac
   for (size_t t = 0; t < tracks.size(); ++t) {
     const ClockCorrection& clock = clocks[static_cast<size_t>(index.clock_of_track[t])];
     for (size_t i = 0; i < times[t].size(); ++i) {
-      times[t][i] += std::llround(1e9 * clock.At(tracks[t].track.observations[i].time_ns));
+      times[t][i] += std::llround(1e9 * clock.At(tracks[t].track.observations.time_ns(i)));
     }
   }
   return times;
@@ -113,6 +134,7 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
   problem.target.marker_positions_m = target.marker_positions_m;
   problem.target.given_positions_m = target.marker_positions_m;
   problem.target.span_sigma_m = target.span_tolerance_m;
+  Reserve(tracks, instants, &built);
   for (const Instant& instant : instants) {
     BundleInstant entry;
     entry.first_observation = static_cast<int>(problem.observations.size());
@@ -121,7 +143,7 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
       const auto t = static_cast<size_t>(member.track);
       const ClockCorrection& clock = clocks[static_cast<size_t>(index.clock_of_track[t])];
       const int64_t row_ns =
-          tracks[t].track.observations[static_cast<size_t>(member.observation)].time_ns;
+          tracks[t].track.observations.time_ns(static_cast<size_t>(member.observation));
       BundleObservation observation;
       observation.camera = index.camera_of_track[t];
       observation.clock = index.clock_of_track[t];

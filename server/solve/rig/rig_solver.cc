@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 #include <tuple>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
@@ -43,7 +44,7 @@ class RigSolver {
     solution_.clocks = clocks;
     for (const AlignedTrack& track : rig_.tracks) {
       solution_.motions.emplace_back(track, rig_.target.marker_count());
-      flip_counts_.emplace_back(track.track.observations.size(), 0);
+      flip_counts_.emplace_back(track.track.observations.size(), uint8_t{0});
     }
   }
 
@@ -244,7 +245,7 @@ class RigSolver {
       const BundleObservation& observation = problem().observations[static_cast<size_t>(index)];
       const MarkerSource& source =
           solution_.built.sources[static_cast<size_t>(observation.first_marker)];
-      int& flips =
+      uint8_t& flips =
           flip_counts_[static_cast<size_t>(source.track)][static_cast<size_t>(source.observation)];
       if (flips == kMaxFlips) continue;
       ++flips;
@@ -254,8 +255,9 @@ class RigSolver {
     }
     for (const int t : touched) {
       std::vector<bool> flipped;
-      for (const int flips : flip_counts_[static_cast<size_t>(t)])
+      for (const uint8_t flips : flip_counts_[static_cast<size_t>(t)]) {
         flipped.push_back(flips % 2 == 1);
+      }
       solution_.motions[static_cast<size_t>(t)] = ImageMotion(
           rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(), std::move(flipped));
     }
@@ -268,16 +270,21 @@ class RigSolver {
       const MarkerSource& source = solution_.built.sources[m];
       return std::tuple(source.track, source.observation, problem().markers[m].marker);
     };
-    std::set<std::tuple<int, int, int>> outliers;  // track, observation, marker
+    std::vector<std::tuple<int, int, int>> outliers;  // track, observation, marker
     for (size_t m = 0; m < problem().markers.size(); ++m) {
-      if (!problem().markers[m].used) outliers.insert(key(m));
+      if (!problem().markers[m].used) outliers.push_back(key(m));
     }
-    const RigInitialization initial = InitializationFrom(solution_);
-    solution_.clocks = initial.clocks;
-    Build();
-    Adopt(initial);
+    std::ranges::sort(outliers);
+    {
+      const RigInitialization initial = InitializationFrom(solution_);
+      solution_.clocks = initial.clocks;
+      // Before the next one is built, so that there is never room for two.
+      solution_.built = BuiltProblem();
+      Build();
+      Adopt(initial);
+    }
     for (size_t m = 0; m < problem().markers.size(); ++m) {
-      problem().markers[m].used = !outliers.contains(key(m));
+      problem().markers[m].used = !std::ranges::binary_search(outliers, key(m));
     }
     PlaceInstants(kAgreePx, &problem());
     CorrectCentres();
@@ -286,7 +293,7 @@ class RigSolver {
   const RigObservations& rig_;
   const RigSolveOptions& options_;
   RigSolution solution_;
-  std::vector<std::vector<int>> flip_counts_;  // by track and observation
+  std::vector<std::vector<uint8_t>> flip_counts_;  // by track and observation
 };
 
 }  // namespace
@@ -320,6 +327,39 @@ RigInitialization InitializationFrom(const RigSolution& solution) {
                                                           problem.instants[i].direction};
   }
   return initial;
+}
+
+void PutAway(const RigObservations& rig, const RigSolveOptions& options, RigSolution* solution) {
+  if (solution->put_away) return;
+  BundleProblem& problem = solution->built.problem;
+  RigSolution::PutAway& kept = solution->put_away.emplace();
+  kept.used.reserve(problem.markers.size());
+  for (const BundleMarker& marker : problem.markers) kept.used.push_back(marker.used);
+  if (rig.target.diameter_m > 0 && IsMetric(rig, options)) {
+    kept.centres_px.reserve(problem.markers.size());
+    for (const BundleMarker& marker : problem.markers) kept.centres_px.push_back(marker.centre_px);
+  }
+  // An empty list in braces would keep their memory.
+  problem.markers = std::vector<BundleMarker>();
+  problem.observations = std::vector<BundleObservation>();
+  solution->built.sources = std::vector<MarkerSource>();
+}
+
+void TakeBack(const RigObservations& rig, const RigSolveOptions& options, RigSolution* solution) {
+  if (!solution->put_away) return;
+  BundleProblem& problem = solution->built.problem;
+  const RigSolution::PutAway& kept = *solution->put_away;
+  BuiltProblem again =
+      BuildProblem(rig.target, rig.tracks, solution->motions, rig.index, solution->clocks,
+                   solution->instants.instants, options.sigma_px);
+  for (size_t m = 0; m < again.problem.markers.size(); ++m) {
+    again.problem.markers[m].used = kept.used[m];
+    if (!kept.centres_px.empty()) again.problem.markers[m].centre_px = kept.centres_px[m];
+  }
+  problem.markers = std::move(again.problem.markers);
+  problem.observations = std::move(again.problem.observations);
+  solution->built.sources = std::move(again.sources);
+  solution->put_away.reset();
 }
 
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,

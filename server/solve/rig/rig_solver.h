@@ -58,7 +58,21 @@ struct RigSolution {
       spanning_tree;  // of cameras; empty where an initialization was given
   int iterations = 0;
   bool converged = false;
+
+  // What `built` cannot be made again from, while it is put away.
+  struct PutAway {
+    std::vector<bool> used;                   // by marker
+    std::vector<Eigen::Vector2d> centres_px;  // by marker; empty where they are as observed
+  };
+  std::optional<PutAway> put_away;
 };
+
+// Most of a solution's memory are the rows moved to their instants, which the observations give at
+// any time: PutAway frees them while something else is solved, TakeBack makes them again, bit for
+// bit. In between only cameras, clocks, target and the instants' poses may be looked at. Neither
+// does anything to a solution that is in that state.
+void PutAway(const RigObservations& rig, const RigSolveOptions& options, RigSolution* solution);
+void TakeBack(const RigObservations& rig, const RigSolveOptions& options, RigSolution* solution);
 
 // The unit of length of the solution is the metre, not the distance of two cameras.
 bool IsMetric(const RigObservations& rig, const RigSolveOptions& options);

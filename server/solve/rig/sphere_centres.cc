@@ -8,10 +8,11 @@ namespace {
 
 bool IsImageBlob(const AlignedTrack& track, const ImageMotion& motion, int observation,
                  int marker) {
-  const Observation& row = track.track.observations[static_cast<size_t>(observation)];
+  const ObservationTable& rows = track.track.observations;
+  const auto row = static_cast<size_t>(observation);
   const auto label = static_cast<size_t>(marker);
-  const size_t source = motion.IsFlipped(observation) ? row.markers.size() - 1 - label : label;
-  return row.markers[source].centre_kind == CentreKind::kImageBlob;
+  const size_t source = motion.IsFlipped(observation) ? rows.MarkerCount(row) - 1 - label : label;
+  return rows.centre_kind(row, source) == CentreKind::kImageBlob;
 }
 
 }  // namespace
@@ -33,8 +34,10 @@ int CorrectSphereCentres(const Target& target, const std::vector<AlignedTrack>& 
         if (!IsImageBlob(tracks[t], motions[t], source.observation, marker.marker)) continue;
         const double distance_m =
             (problem.cameras[camera].cam_from_rig * problem.PointOf(instant, marker)).norm();
-        count += SphereCentreFromCentroid(intrinsics[camera], marker.centre_px, distance_m,
-                                          target.diameter_m, &marker.centre_px);
+        Eigen::Vector2d centre_px = marker.centre_px;
+        count += SphereCentreFromCentroid(intrinsics[camera], centre_px, distance_m,
+                                          target.diameter_m, &centre_px);
+        marker.centre_px = centre_px;
       }
     }
   }

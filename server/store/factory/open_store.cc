@@ -5,7 +5,8 @@
 #include "server/store/sqlite/sqlite_store.h"
 
 namespace rigcal::server {
-absl::StatusOr<std::unique_ptr<Store>> OpenStore(const std::string& location) {
+absl::StatusOr<std::unique_ptr<Store>> OpenStore(const std::string& location,
+                                                 const StoreOptions& options) {
   const size_t colon = location.find(':');
   std::string kind = "sqlite";
   std::string place = location;
@@ -14,7 +15,9 @@ absl::StatusOr<std::unique_ptr<Store>> OpenStore(const std::string& location) {
     kind = location.substr(0, colon);
     place = location.substr(colon + 1);
   }
-  if (kind == "sqlite") return SqliteStore::Open({.data_directory = place});
+  if (kind == "sqlite") {
+    return SqliteStore::Open({.data_directory = place, .min_free_bytes = options.min_free_bytes});
+  }
   return absl::InvalidArgumentError(absl::StrCat("'", location, "': unknown kind of store '", kind,
                                                  "'; known: sqlite (write ./", location,
                                                  " for a folder of that name)"));

@@ -18,10 +18,12 @@ bool HasEnded(CalibrationState state) {
   return state == CalibrationState::kSucceeded || state == CalibrationState::kFailed;
 }
 
-// FAILED_PRECONDITION: it has ended. INVALID_ARGUMENT: rig or version differ from what is stored.
-absl::Status CheckReplacement(SQLite::Database& database, const Calibration& calibration) {
-  SQLite::Statement row =
-      Query(database, "SELECT state, rig, version FROM calibration WHERE id=?", calibration.id);
+// Its number. FAILED_PRECONDITION: it has ended. INVALID_ARGUMENT: rig or version differ from what
+// is stored.
+absl::StatusOr<int64_t> CheckReplacement(SQLite::Database& database,
+                                         const Calibration& calibration) {
+  SQLite::Statement row = Query(
+      database, "SELECT state, rig, version, number FROM calibration WHERE id=?", calibration.id);
   if (!row.executeStep()) return NoRecord(kCalibration, calibration.id);
   const auto state = static_cast<CalibrationState>(row.getColumn(0).getInt());
   if (HasEnded(state)) {
@@ -35,15 +37,44 @@ absl::Status CheckReplacement(SQLite::Database& database, const Calibration& cal
     return absl::InvalidArgumentError(
         absl::StrCat("calibration ", calibration.id, " keeps its rig and its version"));
   }
-  return absl::OkStatus();
+  return row.getColumn(3).getInt64();
 }
 
-// Without the covariance: megabytes each with many cameras; only a calibration asked for by its id
-// needs it.
-absl::StatusOr<Calibration> ParseForList(std::string_view body) {
-  absl::StatusOr<Calibration> calibration = wire::ParseCalibration(body);
-  if (calibration.ok() && calibration->result) calibration->result->camera_covariance = {};
+// Cameras, refusals and the covariance are megabytes with many cameras; only a calibration asked
+// for by its id needs them.
+Calibration WithoutLists(Calibration calibration) {
+  calibration.refused.clear();
+  if (calibration.result) {
+    calibration.result->cameras.clear();
+    calibration.result->refused.clear();
+    calibration.result->camera_covariance.clear();
+  }
   return calibration;
+}
+
+absl::StatusOr<Calibration> SummarizeCalibration(SQLite::Database& database, std::string_view id) {
+  RIGCAL_ASSIGN_OR_RETURN(Calibration calibration, FindCalibration(database, id));
+  return WithoutLists(std::move(calibration));
+}
+
+Calibration BlankCalibration(SQLite::Statement& row) {
+  Calibration calibration;
+  calibration.id = row.getColumn(0).getString();
+  calibration.rig = row.getColumn(4).getString();
+  calibration.state = static_cast<CalibrationState>(row.getColumn(5).getInt());
+  calibration.version = ColumnUint32(row, 7);
+  return calibration;
+}
+
+constexpr SummarySource<Calibration> kCalibrationSummaries = {.table = kCalibration,
+                                                              .more = "version",
+                                                              .parse = wire::ParseCalibration,
+                                                              .summarize = SummarizeCalibration,
+                                                              .blank = BlankCalibration};
+
+void PutCalibrationSummary(SQLite::Database& database, int64_t number,
+                           const Calibration& calibration) {
+  PutSummary(database, kCalibration, number, wire::SerializeCalibration(WithoutLists(calibration)));
 }
 
 }  // namespace
@@ -59,6 +90,7 @@ absl::StatusOr<Calibration> InsertCalibration(SQLite::Database& database, Calibr
         number, calibration.id, calibration.rig, calibration.version, calibration.state, Blob{body},
         Checksum(body))
       .exec();
+  PutCalibrationSummary(database, number, calibration);
   SQLite::Statement relate(
       database,
       "INSERT OR IGNORE INTO calibration_session(session_id, calibration_number) VALUES(?,?)");
@@ -69,11 +101,12 @@ absl::StatusOr<Calibration> InsertCalibration(SQLite::Database& database, Calibr
 }
 
 absl::Status ReplaceCalibration(SQLite::Database& database, const Calibration& calibration) {
-  RIGCAL_RETURN_IF_ERROR(CheckReplacement(database, calibration));
+  RIGCAL_ASSIGN_OR_RETURN(const int64_t number, CheckReplacement(database, calibration));
   const std::string body = wire::SerializeCalibration(calibration);
   Query(database, "UPDATE calibration SET state=?, body=?, checksum=? WHERE id=?",
         calibration.state, Blob{body}, Checksum(body), calibration.id)
       .exec();
+  PutCalibrationSummary(database, number, calibration);
   return absl::OkStatus();
 }
 
@@ -81,9 +114,9 @@ absl::StatusOr<Calibration> FindCalibration(SQLite::Database& database, std::str
   return FindRecord(database, kCalibration, id, wire::ParseCalibration);
 }
 
-absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(SQLite::Database& database,
-                                                                  const CalibrationFilter& filter,
-                                                                  const ListPage& page) {
+std::vector<Listed<Calibration>> ListCalibrations(SQLite::Database& database,
+                                                  const CalibrationFilter& filter,
+                                                  const ListPage& page) {
   std::vector<RecordCondition> conditions;
   if (!filter.rig.empty()) conditions.push_back({"rig=?", std::string_view(filter.rig)});
   if (filter.state) conditions.push_back({"state=?", static_cast<int64_t>(*filter.state)});
@@ -92,7 +125,17 @@ absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(SQLite::Databa
         {"number IN (SELECT calibration_number FROM calibration_session WHERE session_id=?)",
          std::string_view(filter.session_id)});
   }
-  return ListRecords(database, kCalibration, std::move(conditions), page, ParseForList);
+  return ListSummaries(database, kCalibrationSummaries, std::move(conditions), page);
+}
+
+void SummarizeCalibrations(SQLite::Database& database) {
+  SQLite::Statement row(database, "SELECT id, body, checksum, number FROM calibration");
+  while (row.executeStep()) {
+    const auto calibration = ParseRecord(row, kCalibration, wire::ParseCalibration);
+    if (calibration.ok()) {
+      PutCalibrationSummary(database, row.getColumn(3).getInt64(), *calibration);
+    }
+  }
 }
 
 absl::Status EraseCalibration(SQLite::Database& database, std::string_view id) {

@@ -18,9 +18,11 @@ namespace rigcal::server {
 absl::StatusOr<Calibration> InsertCalibration(SQLite::Database& database, Calibration calibration);
 absl::Status ReplaceCalibration(SQLite::Database& database, const Calibration& calibration);
 absl::StatusOr<Calibration> FindCalibration(SQLite::Database& database, std::string_view id);
-absl::StatusOr<std::vector<Listed<Calibration>>> ListCalibrations(SQLite::Database& database,
-                                                                  const CalibrationFilter& filter,
-                                                                  const ListPage& page);
+std::vector<Listed<Calibration>> ListCalibrations(SQLite::Database& database,
+                                                  const CalibrationFilter& filter,
+                                                  const ListPage& page);
+// Makes the summaries of all calibrations whose records can be read.
+void SummarizeCalibrations(SQLite::Database& database);
 // FAILED_PRECONDITION: it is queued or running.
 absl::Status EraseCalibration(SQLite::Database& database, std::string_view id);
 

@@ -2,18 +2,25 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "absl/status/statusor.h"
 
 namespace rigcal::server {
 
-// The folder with all data of a server, locked by one process at a time.
+// The folder with all data of a server, locked by one process at a time. Nobody but its user can
+// enter it: folders of earlier releases are changed to mode 0700 and their files to 0600, which is
+// logged.
 class DataDirectory {
  public:
   // Creates the folder where it is missing. FAILED_PRECONDITION: another process holds it; its pid
-  // is named. The lock ends with this object or with the process, however that ends.
+  // is named where it is known. The lock ends with this object or with the process, however that
+  // ends. It is on the folder itself and on a file `lock` in it, so that it holds when somebody
+  // deletes that file.
   static absl::StatusOr<std::unique_ptr<DataDirectory>> Open(const std::filesystem::path& path);
   ~DataDirectory();
   DataDirectory(const DataDirectory&) = delete;
@@ -22,18 +29,24 @@ class DataDirectory {
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path database_file() const { return path_ / "rigcal.db"; }
 
+  // Of its disk, for this user; none: it cannot be asked.
+  std::optional<uint64_t> FreeBytes() const;
+
   // A file that reserves space for deleting when the disk is full. Fill does nothing where it is
   // filled already or the disk has no room for it.
   void FillReserve(size_t bytes);
   void ReleaseReserve();
 
  private:
-  DataDirectory(std::filesystem::path path, int lock_fd)
-      : path_(std::move(path)), lock_fd_(lock_fd) {}
+  DataDirectory(std::filesystem::path path, int lock_fd, int folder_fd)
+      : path_(std::move(path)), lock_fd_(lock_fd), folder_fd_(folder_fd) {}
+  // Permissions of the folder and of the files in it that are this server's.
+  void MakePrivate() const;
   std::filesystem::path reserve_file() const { return path_ / "reserve"; }
 
   std::filesystem::path path_;
   int lock_fd_ = -1;
+  int folder_fd_ = -1;
 };
 
 }  // namespace rigcal::server

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/sqlite/observation_reader.h"
 
+#include <algorithm>
+#include <deque>
 #include <map>
+#include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,6 +25,8 @@ constexpr size_t kChunkBytes = 1u << 20;
 
 struct StoredStream {
   int64_t id = 0;
+  int64_t camera_id = 0;
+  uint32_t durable_seq = 0;
   StreamKey key;
 };
 
@@ -47,13 +53,16 @@ absl::Status ListStreams(SQLite::Database& database, std::string_view session_id
   RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, session_id));
   if (!camera.empty()) RIGCAL_RETURN_IF_ERROR(CameraId(database, session_id, camera).status());
   SQLite::Statement query = Query(database,
-                                  "SELECT s.id, c.camera, s.stream_epoch FROM session_camera c "
+                                  "SELECT s.id, c.camera, s.stream_epoch, c.id, s.durable_seq "
+                                  "FROM session_camera c "
                                   "JOIN stream s ON s.camera_id=c.id "
                                   "WHERE c.session_number=?1 AND (?2='' OR c.camera=?2) "
                                   "ORDER BY c.camera, s.stream_epoch",
                                   number, camera);
   while (query.executeStep()) {
     streams->push_back({.id = query.getColumn(0).getInt64(),
+                        .camera_id = query.getColumn(3).getInt64(),
+                        .durable_seq = ColumnUint32(query, 4),
                         .key = {.session_id = std::string(session_id),
                                 .camera = query.getColumn(1).getString(),
                                 .stream_epoch = ColumnUint32(query, 2)}});
@@ -90,7 +99,31 @@ void LoadClockReadings(SQLite::Database& database, int64_t stream_id, ReadingsBy
   }
 }
 
+StoredBatch DamagedBatch(const StoredStream& stream, uint32_t first_seq, uint32_t row_count,
+                         std::string damage) {
+  StoredBatch stored;
+  stored.batch.stream = stream.key;
+  stored.batch.first_seq = first_seq;
+  stored.damaged_rows = std::clamp<uint32_t>(row_count, 1, kMaxBatchRows);
+  stored.damage = std::move(damage);
+  return stored;
+}
+
+// The batch of a row (first_seq, row_count, late, body). Of the two numbers of rows the one in the
+// body counts, which has a checksum.
+StoredBatch ReadBatch(SQLite::Statement& row, const StoredStream& stream) {
+  const uint32_t first_seq = ColumnUint32(row, 0);
+  const uint32_t row_count = ColumnUint32(row, 1);
+  absl::StatusOr<StoredBatch> stored = DecodeBatch(ColumnBytes(row, 3), stream.key, first_seq);
+  if (!stored.ok()) {
+    return DamagedBatch(stream, first_seq, row_count, std::string(stored.status().message()));
+  }
+  stored->late = row.getColumn(2).getInt() != 0;
+  return *std::move(stored);
+}
+
 // Batches of `stream` that begin after `after_seq`, as many as make a chunk; none: it has no more.
+// With an error, `chunk` has those before it.
 absl::Status LoadChunk(SQLite::Database& database, const StoredStream& stream, uint32_t after_seq,
                        std::vector<StoredBatch>* chunk) {
   if (!Query(database, "SELECT 1 FROM stream WHERE id=?", stream.id).executeStep()) {
@@ -104,21 +137,51 @@ absl::Status LoadChunk(SQLite::Database& database, const StoredStream& stream, u
                                   stream.id, after_seq, kChunkBatches);
   size_t bytes = 0;
   while (bytes < kChunkBytes && query.executeStep()) {
-    const std::string_view blob = ColumnBytes(query, 3);
-    RIGCAL_ASSIGN_OR_RETURN(StoredBatch stored,
-                            DecodeBatch(blob, stream.key, ColumnUint32(query, 0)));
-    if (stored.batch.rows() != ColumnUint32(query, 1)) {
-      return absl::DataLossError(
-          absl::StrCat("stored observations of session ", stream.key.session_id, ", camera ",
-                       stream.key.camera, ", stream epoch ", stream.key.stream_epoch, ", from seq ",
-                       stored.batch.first_seq, " are damaged: ", stored.batch.rows(),
-                       " rows where ", ColumnUint32(query, 1), " are noted"));
-    }
-    stored.late = query.getColumn(2).getInt() != 0;
-    bytes += blob.size();
-    chunk->push_back(std::move(stored));
+    bytes += ColumnBytes(query, 3).size();
+    chunk->push_back(ReadBatch(query, stream));
   }
   return absl::OkStatus();
+}
+
+// The first batch from `seq` on; none: there is none. DATA_LOSS: a page of the database on the way
+// to it is damaged.
+absl::StatusOr<std::optional<uint32_t>> FindBatchFrom(SqliteReader& reader,
+                                                      const StoredStream& stream, uint32_t seq) {
+  return reader.Read(kWhat,
+                     [&](SQLite::Database& database) -> absl::StatusOr<std::optional<uint32_t>> {
+                       SQLite::Statement query =
+                           Query(database,
+                                 "SELECT id & 0xffffffff FROM batch WHERE id >= (?1<<32) + ?2 AND "
+                                 "id <= (?1<<32) + 0xffffffff ORDER BY id LIMIT 1",
+                                 stream.id, seq);
+                       if (!query.executeStep()) return std::optional<uint32_t>();
+                       return std::optional<uint32_t>(ColumnUint32(query, 0));
+                     });
+}
+
+// Behind a damaged page of the database: what cannot be read, as one damaged batch that begins at
+// `first_seq` and ends where reading is possible again.
+StoredBatch SkipDamagedPage(SqliteReader& reader, const StoredStream& stream, uint32_t first_seq,
+                            const absl::Status& damage) {
+  uint32_t bad = first_seq;
+  uint64_t good = uint64_t{std::max(stream.durable_seq, first_seq)} + 1;
+  while (bad + 1 < good) {  // ends: the interval is halved
+    const auto middle = static_cast<uint32_t>(bad + (good - bad) / 2);
+    const absl::StatusOr<std::optional<uint32_t>> found = FindBatchFrom(reader, stream, middle);
+    if (found.ok()) {
+      good = middle;
+    } else {
+      bad = middle;
+    }
+  }
+  const absl::StatusOr<std::optional<uint32_t>> next =
+      FindBatchFrom(reader, stream, static_cast<uint32_t>(good));
+  const uint32_t end = next.ok() && next->has_value() ? **next : static_cast<uint32_t>(good);
+  return DamagedBatch(
+      stream, first_seq, end - first_seq,
+      absl::StrCat("stored observations of session ", stream.key.session_id, ", camera ",
+                   stream.key.camera, ", stream epoch ", stream.key.stream_epoch, ", seq ",
+                   first_seq, " to ", end - 1, " cannot be read: ", std::string(damage.message())));
 }
 
 void TakeReadings(ClockReadings readings, ObservationBatch* batch) {
@@ -126,59 +189,118 @@ void TakeReadings(ClockReadings readings, ObservationBatch* batch) {
   batch->host_alignments = std::move(readings.alignments);
 }
 
-// Readings of clock epochs that have no rows at all.
-absl::Status VisitLeftReadings(const StreamKey& key, ReadingsByEpoch readings,
-                               const std::function<absl::Status(StoredBatch)>& visit) {
-  for (auto& [epoch, left] : readings) {
-    StoredBatch stored;
-    stored.batch.stream = key;
-    stored.batch.clock_epoch = epoch.first;
-    stored.late = epoch.second;
-    TakeReadings(std::move(left), &stored.batch);
-    RIGCAL_RETURN_IF_ERROR(visit(std::move(stored)));
-  }
-  return absl::OkStatus();
-}
+// Goes through the streams, and through each chunk by chunk.
+class SqliteObservationCursor final : public ObservationCursor {
+ public:
+  SqliteObservationCursor(SqliteReader* reader, std::vector<StoredStream> streams,
+                          NoteDamaged note_damaged)
+      : reader_(*reader),
+        note_damaged_(std::move(note_damaged)),
+        streams_(streams.begin(), streams.end()) {}
+  ~SqliteObservationCursor() override { NoteDamagedBatches(); }
 
-absl::Status VisitStream(SqliteReader& reader, const StoredStream& stream,
-                         const std::function<absl::Status(StoredBatch)>& visit) {
-  ReadingsByEpoch readings;
-  RIGCAL_RETURN_IF_ERROR(reader.Read(kWhat, [&](SQLite::Database& database) {
-    LoadClockReadings(database, stream.id, &readings);
-    return absl::OkStatus();
-  }));
-  uint32_t after_seq = 0;
-  for (;;) {  // ends: after_seq grows
-    std::vector<StoredBatch> chunk;
-    RIGCAL_RETURN_IF_ERROR(reader.Read(kWhat, [&](SQLite::Database& database) {
-      return LoadChunk(database, stream, after_seq, &chunk);
-    }));
-    if (chunk.empty()) return VisitLeftReadings(stream.key, std::move(readings), visit);
-    after_seq = chunk.back().batch.first_seq;
-    for (StoredBatch& stored : chunk) {
-      const auto found = readings.find({stored.batch.clock_epoch, stored.late});
-      if (found != readings.end()) {
-        TakeReadings(std::move(found->second), &stored.batch);
-        readings.erase(found);
-      }
-      RIGCAL_RETURN_IF_ERROR(visit(std::move(stored)));
+  absl::StatusOr<std::optional<StoredBatch>> Next() override {
+    while (chunk_.empty()) {
+      if (!in_stream_ && streams_.empty()) return std::nullopt;
+      RIGCAL_RETURN_IF_ERROR(in_stream_ ? ReadOn() : BeginStream());
     }
+    StoredBatch stored = std::move(chunk_.front());
+    chunk_.pop_front();
+    return stored;
   }
-}
+
+ private:
+  absl::Status BeginStream() {
+    in_stream_ = true;
+    after_seq_ = 0;
+    readings_.clear();
+    return reader_.Read(kWhat, [&](SQLite::Database& database) {
+      LoadClockReadings(database, streams_.front().id, &readings_);
+      return absl::OkStatus();
+    });
+  }
+
+  absl::Status ReadOn() {
+    const StoredStream& stream = streams_.front();
+    std::vector<StoredBatch> chunk;
+    const absl::Status read = reader_.Read(kWhat, [&](SQLite::Database& database) {
+      return LoadChunk(database, stream, after_seq_, &chunk);
+    });
+    const bool damaged_page = absl::IsDataLoss(read);
+    if (!read.ok() && !damaged_page) return read;
+    const bool last = read.ok() && chunk.empty();
+    uint32_t next_seq = after_seq_ + 1;
+    for (StoredBatch& stored : chunk) {
+      after_seq_ = stored.batch.first_seq;
+      next_seq = after_seq_ + static_cast<uint32_t>(stored.batch.rows()) + stored.damaged_rows;
+      Take(std::move(stored));
+    }
+    if (last || (damaged_page && next_seq > stream.durable_seq)) {
+      EndStream();
+    } else if (damaged_page) {
+      StoredBatch lost = SkipDamagedPage(reader_, stream, next_seq, read);
+      after_seq_ = next_seq + lost.damaged_rows - 1;
+      Take(std::move(lost));
+    }
+    return absl::OkStatus();
+  }
+
+  // The first of a clock epoch gets its readings; a damaged one is noted.
+  void Take(StoredBatch stored) {
+    if (stored.damaged_rows > 0) {
+      damaged_.push_back({.batch_id = (streams_.front().id << 32) + stored.batch.first_seq,
+                          .camera_id = streams_.front().camera_id,
+                          .row_count = stored.damaged_rows,
+                          .example = stored.damage});
+    } else if (const auto found = readings_.find({stored.batch.clock_epoch, stored.late});
+               found != readings_.end()) {
+      TakeReadings(std::move(found->second), &stored.batch);
+      readings_.erase(found);
+    }
+    chunk_.push_back(std::move(stored));
+  }
+
+  void EndStream() {
+    // Readings of clock epochs that have no rows at all.
+    for (auto& [epoch, left] : readings_) {
+      StoredBatch& stored = chunk_.emplace_back();
+      stored.batch.stream = streams_.front().key;
+      stored.batch.clock_epoch = epoch.first;
+      stored.late = epoch.second;
+      TakeReadings(std::move(left), &stored.batch);
+    }
+    readings_.clear();
+    streams_.pop_front();
+    in_stream_ = false;
+    NoteDamagedBatches();
+  }
+
+  void NoteDamagedBatches() {
+    if (!damaged_.empty()) note_damaged_(std::exchange(damaged_, {}));
+  }
+
+  SqliteReader& reader_;
+  const NoteDamaged note_damaged_;
+  std::deque<StoredStream> streams_;  // the one being read, and those after it
+  bool in_stream_ = false;
+  uint32_t after_seq_ = 0;
+  ReadingsByEpoch readings_;
+  std::deque<StoredBatch> chunk_;
+  std::vector<DamageNote> damaged_;  // not noted yet
+};
 
 }  // namespace
 
-absl::Status ReadObservations(SqliteReader& reader, std::string_view session_id,
-                              std::string_view camera,
-                              const std::function<absl::Status(StoredBatch)>& visit) {
+absl::StatusOr<std::unique_ptr<ObservationCursor>> OpenObservations(SqliteReader& reader,
+                                                                    std::string_view session_id,
+                                                                    std::string_view camera,
+                                                                    NoteDamaged note_damaged) {
   std::vector<StoredStream> streams;
   RIGCAL_RETURN_IF_ERROR(reader.Read(kWhat, [&](SQLite::Database& database) {
     return ListStreams(database, session_id, camera, &streams);
   }));
-  for (const StoredStream& stream : streams) {
-    RIGCAL_RETURN_IF_ERROR(VisitStream(reader, stream, visit));
-  }
-  return absl::OkStatus();
+  return std::make_unique<SqliteObservationCursor>(&reader, std::move(streams),
+                                                   std::move(note_damaged));
 }
 
 absl::StatusOr<StreamStatus> ReadStreamStatus(SQLite::Database& database, const StreamKey& stream) {

@@ -2,20 +2,27 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "server/store/sqlite/damage_note.h"
 #include "server/store/sqlite/sqlite_connection.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
 
-// Store::ReadObservations. Reads in short pieces; `visit` is called between them, with no lock
-// held.
-absl::Status ReadObservations(SqliteReader& reader, std::string_view session_id,
-                              std::string_view camera,
-                              const std::function<absl::Status(StoredBatch)>& visit);
+using NoteDamaged = std::function<void(const std::vector<DamageNote>&)>;
+
+// Store::OpenObservations. Reads in short pieces, with no lock held between them. `reader` must
+// outlive the cursor. `note_damaged` gets what was found damaged, stream by stream, the rest when
+// the cursor ends early.
+absl::StatusOr<std::unique_ptr<ObservationCursor>> OpenObservations(SqliteReader& reader,
+                                                                    std::string_view session_id,
+                                                                    std::string_view camera,
+                                                                    NoteDamaged note_damaged);
 
 // Store::GetStream, inside a Read. May throw SQLite::Exception.
 absl::StatusOr<StreamStatus> ReadStreamStatus(SQLite::Database& database, const StreamKey& stream);

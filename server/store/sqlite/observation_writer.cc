@@ -94,6 +94,7 @@ ObservationWriter::ObservationWriter(SQLite::Database& database)
     : database_(database),
       streams_(database),
       counts_(database),
+      conflicts_(database),
       insert_stream_(database,
                      "INSERT INTO stream(camera_id, stream_epoch, durable_seq, "
                      "report_observation_count, report_refused_count) VALUES(?,?,0,0,0)"),
@@ -111,11 +112,15 @@ ObservationWriter::ObservationWriter(SQLite::Database& database)
           database,
           "INSERT INTO report_refusal(stream_id, reason, count, example) VALUES(?,?,?,?)"),
       replace_report_count_(
-          database, "INSERT OR REPLACE INTO report_count(stream_id, name, count) VALUES(?,?,?)") {}
+          database, "INSERT OR REPLACE INTO report_count(stream_id, name, count) VALUES(?,?,?)"),
+      sum_spool_counts_(database,
+                        "SELECT coalesce(sum(count), 0) FROM report_count WHERE stream_id=? AND "
+                        "name LIKE 'spool.%' AND name<>'spool.rows'") {}
 
 void ObservationWriter::Forget() {
   changed_.clear();
   counts_.Clear();
+  conflicts_.Forget();
   streams_.Forget();
 }
 
@@ -133,6 +138,7 @@ void ObservationWriter::AppendOne(const Delivery& delivery, AppendOutcome* outco
     outcome->unknown = true;
     return;
   }
+  if (delivery.opens_stream && state->stream_id == 0) Touch(delivery.stream(), state);
   AppendRows(delivery, state, outcome);
   AppendDropped(delivery, state);
   AppendClockReadings(delivery, state);
@@ -150,14 +156,27 @@ void ObservationWriter::AppendRows(const Delivery& delivery, StreamState* state,
                                    AppendOutcome* outcome) {
   const ObservationBatch& batch = delivery.batch;
   if (batch.rows() == 0) return;
-  uint32_t added = 0;
+  uint32_t repeated_from = batch.first_seq;
   for (const SeqRange& range : state->ledger.Missing({batch.first_seq, batch.end_seq()})) {
+    NoteRepeatedRows(delivery, {repeated_from, range.first}, *state, outcome);
     Touch(delivery.stream(), state);
     InsertRows(delivery, range, *state, outcome);
     state->ledger.Add(range);
-    added += range.size();
+    repeated_from = range.end;
   }
-  outcome->duplicate_rows = static_cast<uint32_t>(batch.rows()) - added;
+  NoteRepeatedRows(delivery, {repeated_from, batch.end_seq()}, *state, outcome);
+}
+
+void ObservationWriter::NoteRepeatedRows(const Delivery& delivery, SeqRange range,
+                                         const StreamState& state, AppendOutcome* outcome) {
+  if (range.size() == 0) return;
+  const RowConflicts conflicts = conflicts_.Compare(state.stream_id, delivery.batch, range);
+  outcome->duplicate_rows += range.size() - conflicts.count;
+  outcome->conflict_rows += conflicts.count;
+  if (conflicts.count == 0) return;
+  counts_.AddRefusal(state.camera_id, RefusalReason::kConflict, conflicts.count,
+                     delivery.stream().stream_epoch, conflicts.first_seq,
+                     "delivered again with other values; the first ones stay");
 }
 
 void ObservationWriter::InsertRows(const Delivery& delivery, SeqRange range,
@@ -229,6 +248,7 @@ void ObservationWriter::AppendClockReadings(const Delivery& delivery, StreamStat
 // order they arrive.
 void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraReport& report,
                                       StreamState* state) {
+  if (report.spool) ReplaceSpoolReport(stream, *report.spool, state);
   uint64_t refused_count = 0;
   RefusalCounter refusals;
   for (const Refusal& refusal : report.refused) {
@@ -252,6 +272,25 @@ void ObservationWriter::ReplaceReport(const StreamKey& stream, const CameraRepor
     Execute(insert_report_, state->stream_id, NameOf(refusal.reason), refusal.count,
             refusal.example);
   }
+  for (const auto& [name, count] : counts) {
+    Execute(replace_report_count_, state->stream_id, name, count);
+  }
+}
+
+// Its numbers grow too, all but that of the rows in the spool.
+void ObservationWriter::ReplaceSpoolReport(const StreamKey& stream, const SpoolReport& report,
+                                           StreamState* state) {
+  const auto counts = NamedCounts(report);
+  uint64_t counted = 0;
+  for (const auto& [name, count] : counts) counted += name == kSpoolRows ? 0 : count;
+  if (!state->spool_counted) {
+    const StatementScope scope(sum_spool_counts_);
+    BindAll(sum_spool_counts_, state->stream_id);
+    state->spool_counted = sum_spool_counts_.executeStep() ? ColumnUint64(sum_spool_counts_, 0) : 0;
+  }
+  if (counted <= *state->spool_counted) return;
+  Touch(stream, state);
+  state->spool_counted = counted;
   for (const auto& [name, count] : counts) {
     Execute(replace_report_count_, state->stream_id, name, count);
   }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "server/store/sqlite/conflict_check.h"
 #include "server/store/sqlite/stream_cache.h"
 #include "server/store/store.h"
 
@@ -70,9 +71,13 @@ class ObservationWriter {
   void AppendRows(const Delivery& delivery, StreamState* state, AppendOutcome* outcome);
   void InsertRows(const Delivery& delivery, SeqRange range, const StreamState& state,
                   AppendOutcome* outcome);
+  // Rows of numbers that the stream has.
+  void NoteRepeatedRows(const Delivery& delivery, SeqRange range, const StreamState& state,
+                        AppendOutcome* outcome);
   void AppendDropped(const Delivery& delivery, StreamState* state);
   void AppendClockReadings(const Delivery& delivery, StreamState* state);
   void ReplaceReport(const StreamKey& stream, const CameraReport& report, StreamState* state);
+  void ReplaceSpoolReport(const StreamKey& stream, const SpoolReport& report, StreamState* state);
   // Gives the stream its row in the database, and marks it as changed.
   void Touch(const StreamKey& stream, StreamState* state);
   void WriteBack();
@@ -80,6 +85,7 @@ class ObservationWriter {
   SQLite::Database& database_;
   StreamCache streams_;
   CountChanges counts_;
+  ConflictCheck conflicts_;
   std::vector<StreamState*> changed_;
   std::string blob_;  // kept for its capacity
 
@@ -92,6 +98,7 @@ class ObservationWriter {
   SQLite::Statement delete_report_;
   SQLite::Statement insert_report_;
   SQLite::Statement replace_report_count_;
+  SQLite::Statement sum_spool_counts_;
 };
 
 }  // namespace rigcal::server

@@ -2,9 +2,15 @@
 #include "server/store/sqlite/record_table.h"
 
 namespace rigcal::server {
+namespace {
 
-SQLite::Statement SelectRecords(SQLite::Database& database, const char* table,
-                                std::vector<RecordCondition> conditions, const ListPage& page) {
+// A list checks this many bytes of records: some milliseconds.
+constexpr int64_t kVerifyBytes = 8 << 20;
+
+}  // namespace
+
+SQLite::Statement SelectSummaries(SQLite::Database& database, const char* table, const char* more,
+                                  std::vector<RecordCondition> conditions, const ListPage& page) {
   const bool by_number =
       page.order == RecordOrder::kNewestFirst || page.order == RecordOrder::kOldestFirst;
   const bool descending =
@@ -14,7 +20,9 @@ SQLite::Statement SelectRecords(SQLite::Database& database, const char* table,
     conditions.push_back({column + (descending ? "<?" : ">?"), std::string_view(page.after->id)});
     if (by_number) conditions.back().value = page.after->time;
   }
-  std::string sql = absl::StrCat("SELECT id, body, checksum, number FROM ", table);
+  std::string sql =
+      absl::StrCat("SELECT id, s.body, s.checksum, number, rig, state, length(r.body), ", more,
+                   " FROM ", table, " r LEFT JOIN ", table, "_summary s ON record_number=number");
   for (size_t i = 0; i < conditions.size(); ++i) {
     absl::StrAppend(&sql, i == 0 ? " WHERE " : " AND ", conditions[i].sql);
   }
@@ -27,8 +35,40 @@ SQLite::Statement SelectRecords(SQLite::Database& database, const char* table,
   return query;
 }
 
+void PutSummary(SQLite::Database& database, const char* table, int64_t number,
+                std::string_view body) {
+  Query(database,
+        absl::StrCat("INSERT OR REPLACE INTO ", table,
+                     "_summary(record_number, body, checksum) VALUES(?,?,?)"),
+        number, Blob{body}, Checksum(body))
+      .exec();
+}
+
 absl::Status NoRecord(const char* table, std::string_view id) {
   return absl::NotFoundError(absl::StrCat("no ", table, " ", std::string(id)));
+}
+
+absl::Status CheckRecord(const char* table, std::string_view id, std::string_view body,
+                         uint32_t checksum) {
+  if (Checksum(body) == checksum) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat("the record of ", table, " ", std::string(id),
+                   " is damaged: its checksum is wrong; restore a backup, or delete it"));
+}
+
+absl::Status UnreadableRecord(const char* table, std::string_view id, const absl::Status& why) {
+  return absl::DataLossError(absl::StrCat("the record of ", table, " ", std::string(id),
+                                          " cannot be read: ", std::string(why.message()),
+                                          "; restore a backup, or delete it"));
+}
+
+absl::Status RecordVerifier::Verify(std::string_view id, int64_t number, int64_t body_size) {
+  if (verified_bytes_ + body_size > kVerifyBytes) return absl::OkStatus();
+  verified_bytes_ += body_size;
+  SQLite::Statement row = Query(
+      database_, absl::StrCat("SELECT body, checksum FROM ", table_, " WHERE number=?"), number);
+  if (!row.executeStep()) return absl::OkStatus();
+  return CheckRecord(table_, id, ColumnBytes(row, 0), ColumnUint32(row, 1));
 }
 
 }  // namespace rigcal::server

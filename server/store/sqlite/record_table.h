@@ -19,7 +19,8 @@
 namespace rigcal::server {
 
 // The tables of whole records, `session` and `calibration`: number (grows with each record), id,
-// rig, body and checksum. Messages call a record by its table's name. Throw SQLite::Exception.
+// rig, state, body and checksum; and beside each `session_summary` and `calibration_summary` with
+// what lists show. Messages call a record by its table's name. Throw SQLite::Exception.
 
 // A condition of a query, with the value of its `?`.
 struct RecordCondition {
@@ -27,27 +28,34 @@ struct RecordCondition {
   std::variant<int64_t, std::string_view> value;
 };
 
-// The rows (id, body, checksum, number) of `table` that meet the conditions and are on the page.
-SQLite::Statement SelectRecords(SQLite::Database& database, const char* table,
-                                std::vector<RecordCondition> conditions, const ListPage& page);
+// Rows (id, summary's body, summary's checksum, number, rig, state, size of the body, `more`) of
+// the records that meet the conditions and are on the page.
+SQLite::Statement SelectSummaries(SQLite::Database& database, const char* table, const char* more,
+                                  std::vector<RecordCondition> conditions, const ListPage& page);
+
+// Adds or replaces the summary of a record.
+void PutSummary(SQLite::Database& database, const char* table, int64_t number,
+                std::string_view body);
 
 // NOT_FOUND: "no session s-000001".
 absl::Status NoRecord(const char* table, std::string_view id);
+
+// OK, or DATA_LOSS that names the record and says what to do.
+absl::Status CheckRecord(const char* table, std::string_view id, std::string_view body,
+                         uint32_t checksum);
+absl::Status UnreadableRecord(const char* table, std::string_view id, const absl::Status& why);
 
 // The record of a row that begins with id, body and checksum; DATA_LOSS where it is damaged.
 // `parse` reads the body.
 template <typename Record>
 absl::StatusOr<Record> ParseRecord(SQLite::Statement& row, const char* table,
                                    absl::StatusOr<Record> (*parse)(std::string_view body)) {
-  const std::string name = absl::StrCat("the record of ", table, " ", row.getColumn(0).getString());
+  const std::string id = row.getColumn(0).getString();
   const std::string_view body = ColumnBytes(row, 1);
-  if (Checksum(body) != ColumnUint32(row, 2)) {
-    return absl::DataLossError(absl::StrCat(name, " is damaged: its checksum is wrong"));
-  }
+  RIGCAL_RETURN_IF_ERROR(CheckRecord(table, id, body, ColumnUint32(row, 2)));
   absl::StatusOr<Record> record = parse(body);
   if (record.ok()) return record;
-  return absl::DataLossError(
-      absl::StrCat(name, " cannot be read: ", std::string(record.status().message())));
+  return UnreadableRecord(table, id, record.status());
 }
 
 template <typename Record>
@@ -60,18 +68,60 @@ absl::StatusOr<Record> FindRecord(SQLite::Database& database, const char* table,
   return ParseRecord(row, table, parse);
 }
 
-template <typename Record>
-absl::StatusOr<std::vector<Listed<Record>>> ListRecords(
-    SQLite::Database& database, const char* table, std::vector<RecordCondition> conditions,
-    const ListPage& page, absl::StatusOr<Record> (*parse)(std::string_view body)) {
-  SQLite::Statement row = SelectRecords(database, table, std::move(conditions), page);
-  std::vector<Listed<Record>> records;
+// Checks the records that lists show, as far as a list may take its time.
+class RecordVerifier {
+ public:
+  RecordVerifier(SQLite::Database& database, const char* table)
+      : database_(database), table_(table) {}
+
+  // Of a record with `body_size` bytes: OK, or its damage. OK without a look when the records
+  // looked at so far were many bytes.
+  absl::Status Verify(std::string_view id, int64_t number, int64_t body_size);
+
+ private:
+  SQLite::Database& database_;
+  const char* const table_;
+  int64_t verified_bytes_ = 0;
+};
+
+// How a list gets its entries.
+template <typename Summary>
+struct SummarySource {
+  const char* table;
+  const char* more;  // a column for `blank`
+  absl::StatusOr<Summary> (*parse)(std::string_view body);
+  // From the record itself, where it has no summary that can be read.
+  absl::StatusOr<Summary> (*summarize)(SQLite::Database& database, std::string_view id);
+  // With what the columns of SelectSummaries say, for a record that is damaged.
+  Summary (*blank)(SQLite::Statement& row);
+};
+
+template <typename Summary>
+std::vector<Listed<Summary>> ListSummaries(SQLite::Database& database,
+                                           const SummarySource<Summary>& source,
+                                           std::vector<RecordCondition> conditions,
+                                           const ListPage& page) {
+  SQLite::Statement row =
+      SelectSummaries(database, source.table, source.more, std::move(conditions), page);
+  RecordVerifier verifier(database, source.table);
+  std::vector<Listed<Summary>> summaries;
   while (row.executeStep()) {
-    RIGCAL_ASSIGN_OR_RETURN(Record record, ParseRecord(row, table, parse));
-    records.push_back({std::move(record),
-                       {.time = row.getColumn(3).getInt64(), .id = row.getColumn(0).getString()}});
+    const std::string id = row.getColumn(0).getString();
+    const int64_t number = row.getColumn(3).getInt64();
+    absl::StatusOr<Summary> summary = absl::NotFoundError("");
+    if (!row.getColumn(1).isNull()) summary = ParseRecord(row, source.table, source.parse);
+    absl::Status damage;
+    if (summary.ok()) {
+      damage = verifier.Verify(id, number, row.getColumn(6).getInt64());
+    } else {
+      summary = source.summarize(database, id);
+      damage = summary.status();
+    }
+    if (!summary.ok()) summary = source.blank(row);
+    summary->damage = std::string(damage.message());
+    summaries.push_back({*std::move(summary), {.time = number, .id = id}});
   }
-  return records;
+  return summaries;
 }
 
 }  // namespace rigcal::server

@@ -34,6 +34,9 @@ std::vector<Refusal> ReadRefusals(SQLite::Database& database, int64_t camera_id,
             "UNION ALL "
             "SELECT r.reason, r.count, r.example FROM report_refusal r "
             "JOIN stream s ON r.stream_id=s.id WHERE s.camera_id=?1 "
+            "UNION ALL "
+            "SELECT 'damaged_record', sum(row_count), min(example) FROM damaged_batch "
+            "WHERE camera_id=?1 GROUP BY camera_id "
             "ORDER BY 1, 2, 3",
             camera_id);
   while (query.executeStep()) {
@@ -58,7 +61,9 @@ void ReadReportCounts(SQLite::Database& database, int64_t camera_id, SessionCame
 
 std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera_id) {
   SQLite::Statement query = Query(database,
-                                  "SELECT stream_epoch, durable_seq, last_seq FROM stream "
+                                  "SELECT stream_epoch, durable_seq, last_seq, "
+                                  "coalesce((SELECT count FROM report_count WHERE stream_id=s.id "
+                                  "AND name='spool.last_seq'), 0) FROM stream s "
                                   "WHERE camera_id=? ORDER BY stream_epoch",
                                   camera_id);
   std::vector<StreamStatus> streams;
@@ -67,6 +72,7 @@ std::vector<StreamStatus> ReadStreams(SQLite::Database& database, int64_t camera
     status.stream_epoch = ColumnUint32(query, 0);
     status.durable_seq = ColumnUint32(query, 1);
     if (!query.getColumn(2).isNull()) status.last_seq = ColumnUint32(query, 2);
+    status.reported_seq = ColumnUint32(query, 3);
     streams.push_back(status);
   }
   return streams;

@@ -61,14 +61,57 @@ absl::Status SyncCameras(SQLite::Database& database, int64_t number, const Sessi
   return absl::OkStatus();
 }
 
+absl::StatusOr<SessionSummary> ParseSessionSummary(std::string_view body) {
+  RIGCAL_ASSIGN_OR_RETURN(Session session, wire::ParseSession(body));
+  return SessionSummary{.session = std::move(session)};
+}
+
+Session WithoutCameras(Session session) {
+  session.cameras.clear();
+  session.requested_cameras.clear();
+  session.missing_cameras.clear();
+  return session;
+}
+
+absl::StatusOr<SessionSummary> SummarizeSession(SQLite::Database& database, std::string_view id) {
+  RIGCAL_ASSIGN_OR_RETURN(Session session, FindSession(database, id));
+  return SessionSummary{.session = WithoutCameras(std::move(session))};
+}
+
+SessionSummary BlankSession(SQLite::Statement& row) {
+  SessionSummary summary;
+  summary.session.id = row.getColumn(0).getString();
+  summary.session.rig = row.getColumn(4).getString();
+  summary.session.state = static_cast<SessionState>(row.getColumn(5).getInt());
+  return summary;
+}
+
+constexpr SummarySource<SessionSummary> kSessionSummaries = {.table = kSession,
+                                                             .more = "0",
+                                                             .parse = ParseSessionSummary,
+                                                             .summarize = SummarizeSession,
+                                                             .blank = BlankSession};
+
+void PutSessionSummary(SQLite::Database& database, int64_t number, const Session& session) {
+  PutSummary(database, kSession, number, wire::SerializeSession(WithoutCameras(session)));
+}
+
+// Batches, clock samples and alignments of its streams.
 void EraseStreamRows(SQLite::Database& database, int64_t session_number) {
   SQLite::Statement streams = Query(database,
                                     "SELECT s.id FROM stream s JOIN session_camera c ON "
                                     "s.camera_id=c.id WHERE c.session_number=?",
                                     session_number);
-  SQLite::Statement erase(database,
-                          "DELETE FROM batch WHERE id BETWEEN ?1<<32 AND (?1<<32)+0xffffffff");
-  while (streams.executeStep()) Execute(erase, streams.getColumn(0).getInt64());
+  SQLite::Statement erase_batches(
+      database, "DELETE FROM batch WHERE id BETWEEN ?1<<32 AND (?1<<32)+0xffffffff");
+  SQLite::Statement erase_samples(database, "DELETE FROM clock_sample WHERE stream_id=?");
+  SQLite::Statement erase_alignments(database, "DELETE FROM host_alignment WHERE stream_id=?");
+  while (streams.executeStep()) {
+    const int64_t stream = streams.getColumn(0).getInt64();
+    Execute(erase_batches, stream);
+    Execute(erase_samples, stream);
+    Execute(erase_alignments, stream);
+  }
 }
 
 }  // namespace
@@ -98,6 +141,7 @@ absl::StatusOr<Session> InsertSession(SQLite::Database& database, Session sessio
   Query(database, "INSERT INTO session(number, id, rig, state, body, checksum) VALUES(?,?,?,?,?,?)",
         number, session.id, session.rig, session.state, Blob{body}, Checksum(body))
       .exec();
+  PutSessionSummary(database, number, session);
   RIGCAL_RETURN_IF_ERROR(SyncCameras(database, number, session));
   return session;
 }
@@ -108,6 +152,7 @@ absl::Status ReplaceSession(SQLite::Database& database, const Session& session) 
   Query(database, "UPDATE session SET rig=?, state=?, body=?, checksum=? WHERE number=?",
         session.rig, session.state, Blob{body}, Checksum(body), number)
       .exec();
+  PutSessionSummary(database, number, session);
   return SyncCameras(database, number, session);
 }
 
@@ -115,13 +160,35 @@ absl::StatusOr<Session> FindSession(SQLite::Database& database, std::string_view
   return FindRecord(database, kSession, id, wire::ParseSession);
 }
 
-absl::StatusOr<std::vector<Listed<Session>>> ListSessions(SQLite::Database& database,
-                                                          const SessionFilter& filter,
-                                                          const ListPage& page) {
+std::vector<Listed<SessionSummary>> ListSessions(SQLite::Database& database,
+                                                 const SessionFilter& filter,
+                                                 const ListPage& page) {
   std::vector<RecordCondition> conditions;
   if (!filter.rig.empty()) conditions.push_back({"rig=?", std::string_view(filter.rig)});
   if (filter.state) conditions.push_back({"state=?", static_cast<int64_t>(*filter.state)});
-  return ListRecords(database, kSession, std::move(conditions), page, wire::ParseSession);
+  auto summaries = ListSummaries(database, kSessionSummaries, std::move(conditions), page);
+  SQLite::Statement counts(database,
+                           "SELECT count(*), coalesce(sum(observation_count), 0), "
+                           "coalesce(sum(wand_count), 0), coalesce(sum(late_count), 0) "
+                           "FROM session_camera WHERE session_number=?");
+  for (auto& [summary, position] : summaries) {
+    const StatementScope scope(counts);
+    BindAll(counts, position.time);
+    counts.executeStep();
+    summary.camera_count = ColumnUint32(counts, 0);
+    summary.observation_count = ColumnUint64(counts, 1);
+    summary.wand_count = ColumnUint64(counts, 2);
+    summary.late_count = ColumnUint64(counts, 3);
+  }
+  return summaries;
+}
+
+void SummarizeSessions(SQLite::Database& database) {
+  SQLite::Statement row(database, "SELECT id, body, checksum, number FROM session");
+  while (row.executeStep()) {
+    const absl::StatusOr<Session> session = ParseRecord(row, kSession, wire::ParseSession);
+    if (session.ok()) PutSessionSummary(database, row.getColumn(3).getInt64(), *session);
+  }
 }
 
 absl::Status EraseSession(SQLite::Database& database, std::string_view id) {
@@ -130,6 +197,14 @@ absl::Status EraseSession(SQLite::Database& database, std::string_view id) {
   Query(database, "DELETE FROM session WHERE number=?", number).exec();
   Query(database, "INSERT INTO deleted_session(id, number) VALUES(?,?)", id, number).exec();
   return absl::OkStatus();
+}
+
+absl::Status EraseObservations(SQLite::Database& database, std::string_view id, int64_t utc_ns) {
+  RIGCAL_ASSIGN_OR_RETURN(const int64_t number, SessionNumber(database, id));
+  RIGCAL_ASSIGN_OR_RETURN(Session session, FindSession(database, id));
+  EraseStreamRows(database, number);
+  session.observations_delete_utc_ns = utc_ns;
+  return ReplaceSession(database, session);
 }
 
 }  // namespace rigcal::server

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::server {
 namespace {
@@ -124,6 +125,10 @@ absl::StatusOr<std::unique_ptr<SqliteWriter>> SqliteWriter::Open(const std::file
     // Overwriting deleted data (Debian's default) would make deleting a session cost as much as
     // writing it.
     database.exec("PRAGMA secure_delete=OFF");
+    if (database.execAndGet("PRAGMA page_count").getInt() == 0) {
+      // So that space can be given back in small steps.
+      database.exec("PRAGMA auto_vacuum=INCREMENTAL");
+    }
     const std::string mode = database.execAndGet("PRAGMA journal_mode=WAL").getString();
     if (mode != "wal") {
       return absl::FailedPreconditionError(
@@ -154,7 +159,7 @@ absl::Status SqliteWriter::Transact(std::string_view what,
                                     const std::function<absl::Status()>& work,
                                     const std::function<void()>& on_rollback) {
   const std::lock_guard lock(mutex_);
-  if (!broken_.ok()) return broken_;
+  RIGCAL_RETURN_IF_ERROR(problem());
   absl::Status status = TransactLocked(what, work);
   if (status.ok()) {
     // Not an error for the caller: the transaction is durable. With a full disk or a busy reader
@@ -196,7 +201,30 @@ void SqliteWriter::RollBack() {
 
 absl::Status SqliteWriter::Checkpoint() {
   const std::lock_guard lock(mutex_);
-  return broken_.ok() ? CheckpointLocked(SQLITE_CHECKPOINT_TRUNCATE) : broken_;
+  RIGCAL_RETURN_IF_ERROR(problem());
+  return CheckpointLocked(SQLITE_CHECKPOINT_TRUNCATE);
+}
+
+absl::Status SqliteWriter::CheckpointWithoutWaiting() {
+  const std::lock_guard lock(mutex_);
+  RIGCAL_RETURN_IF_ERROR(problem());
+  return CheckpointLocked(SQLITE_CHECKPOINT_PASSIVE);
+}
+
+absl::Status SqliteWriter::problem() const {
+  const std::lock_guard lock(broken_mutex_);
+  return broken_;
+}
+
+absl::Status SqliteWriter::RunAlone(std::string_view what, const std::function<void()>& work) {
+  const std::lock_guard lock(mutex_);
+  RIGCAL_RETURN_IF_ERROR(problem());
+  try {
+    work();
+    return absl::OkStatus();
+  } catch (const SQLite::Exception& error) {
+    return NoteFailure(error, what);
+  }
 }
 
 absl::Status SqliteWriter::CheckpointLocked(int mode) {
@@ -210,6 +238,7 @@ absl::Status SqliteWriter::CheckpointLocked(int mode) {
 absl::Status SqliteWriter::NoteFailure(const SQLite::Exception& error, std::string_view what) {
   const absl::Status status = StatusFromSqlite(error, what);
   if (!IsDiskFailure(error)) return status;
+  const std::lock_guard lock(broken_mutex_);
   broken_ = absl::InternalError(
       absl::StrCat(std::string(status.message()),
                    "; nothing is stored any more: check the disk, then restart the server"));

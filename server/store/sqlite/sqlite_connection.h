@@ -105,8 +105,14 @@ class SqliteWriter {
   // called before another transaction can begin.
   absl::Status Transact(std::string_view what, const std::function<absl::Status()>& work,
                         const std::function<void()>& on_rollback = nullptr);
-  // Moves everything from the log into the database and empties the log.
+  // Runs `work` without a transaction around it, for statements that bring their own.
+  absl::Status RunAlone(std::string_view what, const std::function<void()>& work);
+  // Moves everything from the log into the database and empties the log. Waits for readers.
   absl::Status Checkpoint();
+  // Moves what no reader needs, without waiting.
+  absl::Status CheckpointWithoutWaiting();
+  // OK, or the disk failure after which nothing is written. Never waits for a transaction.
+  absl::Status problem() const;
   // For preparing statements while opening; afterwards use it inside `work` only.
   SQLite::Database& database() { return *database_; }
 
@@ -124,7 +130,8 @@ class SqliteWriter {
   std::unique_ptr<SQLite::Statement> commit_;
   int log_pages_ = 0;
   int checkpoint_pages_ = 0;
-  absl::Status broken_;  // not OK after a disk failure
+  mutable std::mutex broken_mutex_;  // taken after mutex_
+  absl::Status broken_;              // not OK after a disk failure
 };
 
 // A second connection that only reads. Thread-safe.

@@ -5,12 +5,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "server/store/sqlite/calibration_table.h"
+#include "server/store/sqlite/session_table.h"
 #include "server/store/sqlite/sqlite_connection.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr int32_t kApplicationId = 0x52674331;  // "RgC1"
+constexpr int32_t kOldestVersion = 3;           // that can be brought up to date
 
 // Positions and counts are rows of their own, so that reading them scans nothing.
 //
@@ -137,6 +140,27 @@ CREATE TABLE calibration_session(
 CREATE INDEX session_of_calibration ON calibration_session(calibration_number);
 )sql";
 
+// What version 4 has added: what lists show of a record, and which batches were found damaged.
+constexpr char kTablesOfVersion4[] = R"sql(
+CREATE TABLE session_summary(
+  record_number INTEGER PRIMARY KEY REFERENCES session(number) ON DELETE CASCADE,
+  body BLOB NOT NULL,
+  checksum INTEGER NOT NULL
+);
+CREATE TABLE calibration_summary(
+  record_number INTEGER PRIMARY KEY REFERENCES calibration(number) ON DELETE CASCADE,
+  body BLOB NOT NULL,
+  checksum INTEGER NOT NULL
+);
+CREATE TABLE damaged_batch(
+  batch_id INTEGER PRIMARY KEY,
+  camera_id INTEGER NOT NULL REFERENCES session_camera(id) ON DELETE CASCADE,
+  row_count INTEGER NOT NULL,
+  example TEXT NOT NULL
+);
+CREATE INDEX damaged_batch_of_camera ON damaged_batch(camera_id);
+)sql";
+
 std::string RandomId() {
   std::random_device device;
   return absl::StrFormat("%08x%08x%08x%08x", device(), device(), device(), device());
@@ -148,24 +172,25 @@ int32_t ReadPragma(SQLite::Database& database, const char* pragma) {
 
 void CreateTables(SQLite::Database& database) {
   database.exec(kTables);
+  database.exec(kTablesOfVersion4);
   Query(database, "INSERT INTO identity(server_id) VALUES(?)", RandomId()).exec();
   database.exec(absl::StrCat("PRAGMA application_id=", kApplicationId));
   database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
 }
 
+void MigrateFromVersion3(SQLite::Database& database) {
+  database.exec(kTablesOfVersion4);
+  SummarizeSessions(database);
+  SummarizeCalibrations(database);
+  database.exec(absl::StrCat("PRAGMA user_version=", kSchemaVersion));
+}
+
 }  // namespace
 
-absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
+absl::Status CheckSchema(SQLite::Database& database, std::string_view file) {
   const std::string name(file);
-  const int32_t application_id = ReadPragma(database, "application_id");
   const int32_t version = ReadPragma(database, "user_version");
-  const int table_count =
-      database.execAndGet("SELECT count(*) FROM sqlite_schema WHERE type='table'").getInt();
-  if (table_count == 0 && application_id == 0 && version == 0) {
-    CreateTables(database);
-    return absl::OkStatus();
-  }
-  if (application_id != kApplicationId) {
+  if (ReadPragma(database, "application_id") != kApplicationId) {
     return absl::FailedPreconditionError(absl::StrCat(
         name, " is a database of another program; give another --data-dir or move it away"));
   }
@@ -174,14 +199,29 @@ absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
                                             "); restore a backup or give another --data-dir"));
   }
   if (version == static_cast<int32_t>(kSchemaVersion)) return absl::OkStatus();
+  const bool is_older = version < static_cast<int32_t>(kSchemaVersion);
   return absl::FailedPreconditionError(absl::StrCat(
       name, " has schema version ", version,
-      version < static_cast<int32_t>(kSchemaVersion) ? ", from before API v1 was settled" : "",
-      ", and this server reads version ", kSchemaVersion, " only; ",
-      version < static_cast<int32_t>(kSchemaVersion)
-          ? "export what you need with the rigcal-server that wrote it, and give this one another "
-            "--data-dir"
-          : "start a newer rigcal-server, or give another --data-dir"));
+      is_older && version < kOldestVersion ? ", from before API v1 was settled" : "",
+      ", and this server reads version ", kSchemaVersion, "; ",
+      !is_older ? "start a newer rigcal-server, or give another --data-dir"
+      : version >= kOldestVersion
+          ? "start this server on it once: it brings the database up to date"
+          : "export what you need with the rigcal-server that wrote it, and give this one another "
+            "--data-dir"));
+}
+
+absl::Status PrepareSchema(SQLite::Database& database, std::string_view file) {
+  const int32_t application_id = ReadPragma(database, "application_id");
+  const int32_t version = ReadPragma(database, "user_version");
+  const int table_count =
+      database.execAndGet("SELECT count(*) FROM sqlite_schema WHERE type='table'").getInt();
+  if (table_count == 0 && application_id == 0 && version == 0) {
+    CreateTables(database);
+  } else if (application_id == kApplicationId && version == kOldestVersion) {
+    MigrateFromVersion3(database);
+  }
+  return CheckSchema(database, file);
 }
 
 absl::StatusOr<std::string> ReadServerId(SQLite::Database& database) {

@@ -12,13 +12,17 @@
 
 namespace rigcal::server {
 
-inline constexpr uint32_t kSchemaVersion = 3;
+inline constexpr uint32_t kSchemaVersion = 4;
 
-// Creates the tables in an empty database, inside a transaction of the caller's.
+// Creates the tables in an empty database, or brings those of version 3 up to date, inside a
+// transaction of the caller's.
 //   FAILED_PRECONDITION  the database is of another program, or of another version of this one
 //   DATA_LOSS            the identity in it is missing
 // `file` is for messages.
 absl::Status PrepareSchema(SQLite::Database& database, std::string_view file);
+
+// OK for a database of this version; else FAILED_PRECONDITION or DATA_LOSS as above. Reads only.
+absl::Status CheckSchema(SQLite::Database& database, std::string_view file);
 
 // The identity made by PrepareSchema.
 absl::StatusOr<std::string> ReadServerId(SQLite::Database& database);

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/sqlite/sqlite_store.h"
 
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
 #include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/store/sqlite/calibration_table.h"
+#include "server/store/sqlite/damage_note.h"
 #include "server/store/sqlite/data_directory.h"
 #include "server/store/sqlite/observation_reader.h"
 #include "server/store/sqlite/observation_writer.h"
@@ -16,6 +20,12 @@
 
 namespace rigcal::server {
 namespace {
+
+// One step of compacting: a few milliseconds.
+constexpr int kCompactPages = 512;
+constexpr int64_t kIncrementalVacuum = 2;
+
+std::string Mebibytes(uint64_t bytes) { return absl::StrCat(bytes >> 20, " MiB"); }
 
 uint64_t FileSize(const std::filesystem::path& path) {
   std::error_code error;
@@ -31,7 +41,13 @@ absl::StatusOr<std::unique_ptr<SqliteStore>> SqliteStore::Open(const SqliteStore
   }
   std::unique_ptr<SqliteStore> store(new SqliteStore(options));
   RIGCAL_ASSIGN_OR_RETURN(store->directory_, DataDirectory::Open(options.data_directory));
-  RIGCAL_RETURN_IF_ERROR(store->OpenDatabase());
+  absl::Status opened = store->OpenDatabase();
+  if (absl::IsResourceExhausted(opened)) {
+    // A database of an earlier release is brought up to date, which takes room.
+    store->directory_->ReleaseReserve();
+    opened = store->OpenDatabase();
+  }
+  RIGCAL_RETURN_IF_ERROR(opened);
   store->directory_->FillReserve(options.reserve_bytes);
   return store;
 }
@@ -41,6 +57,11 @@ SqliteStore::SqliteStore(const SqliteStoreOptions& options) : options_(options) 
 SqliteStore::~SqliteStore() = default;
 
 absl::Status SqliteStore::OpenDatabase() {
+  // What an attempt before has left, statements before their connection.
+  count_unused_pages_.reset();
+  observations_.reset();
+  reader_.reset();
+  writer_.reset();
   const std::filesystem::path file = directory_->database_file();
   RIGCAL_ASSIGN_OR_RETURN(writer_,
                           SqliteWriter::Open(file, options_.vfs, options_.checkpoint_bytes));
@@ -52,6 +73,10 @@ absl::Status SqliteStore::OpenDatabase() {
   if (!prepared.ok()) return prepared;
   try {
     observations_ = std::make_unique<ObservationWriter>(writer_->database());
+    count_unused_pages_ = std::make_unique<SQLite::Statement>(
+        writer_->database(),
+        "SELECT freelist_count, page_size FROM pragma_freelist_count, pragma_page_size");
+    NoteUnusedPages();
   } catch (const SQLite::Exception& error) {
     return StatusFromSqlite(error, "preparing statements");
   }
@@ -63,17 +88,43 @@ StoreHealth SqliteStore::Health() const {
   StoreHealth health{.kind = "sqlite", .schema_version = kSchemaVersion};
   const std::filesystem::path file = directory_->database_file();
   health.size_bytes = FileSize(file) + FileSize(file.string() + "-wal");
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(directory_->path(), error);
-  if (!error) health.free_bytes = space.available;
+  health.free_bytes = directory_->FreeBytes().value_or(0);
+  health.reserve_bytes = options_.min_free_bytes;
+  health.problem = std::string(writer_->problem().message());
+  health.unused_bytes = unused_bytes_;
   return health;
+}
+
+void SqliteStore::NoteUnusedPages() {
+  const StatementScope scope(*count_unused_pages_);
+  count_unused_pages_->executeStep();
+  unused_bytes_ = ColumnUint64(*count_unused_pages_, 0) * ColumnUint64(*count_unused_pages_, 1);
+}
+
+absl::StatusOr<int64_t> SqliteStore::ReadNumber(const char* pragma) const {
+  return reader_->Read("reading the size of the database",
+                       [&](SQLite::Database& database) -> absl::StatusOr<int64_t> {
+                         return database.execAndGet(absl::StrCat("PRAGMA ", pragma)).getInt64();
+                       });
+}
+
+absl::Status SqliteStore::CheckRoom() const {
+  const std::optional<uint64_t> free_bytes = directory_->FreeBytes();
+  if (!free_bytes || *free_bytes >= options_.min_free_bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat(
+      "no observations are stored: the disk of ", directory_->path().string(), " has ",
+      Mebibytes(*free_bytes), " left, and ", Mebibytes(options_.min_free_bytes),
+      " are its reserve; free space, delete sessions and run `rigcal-server compact`, or lower ",
+      "limits.disk_reserve_mb"));
 }
 
 absl::Status SqliteStore::ChangeSessions(std::string_view what,
                                          const std::function<absl::Status()>& change) {
   return writer_->Transact(what, [&] {
     observations_->Forget();
-    return change();
+    absl::Status status = change();
+    NoteUnusedPages();
+    return status;
   });
 }
 
@@ -95,17 +146,26 @@ absl::StatusOr<Session> SqliteStore::GetSession(std::string_view id) const {
                        [&](SQLite::Database& database) { return FindSession(database, id); });
 }
 
-absl::StatusOr<std::vector<Listed<Session>>> SqliteStore::ListSessions(const SessionFilter& filter,
-                                                                       const ListPage& page) const {
-  return reader_->Read("listing sessions", [&](SQLite::Database& database) {
-    return server::ListSessions(database, filter, page);
-  });
+absl::StatusOr<std::vector<Listed<SessionSummary>>> SqliteStore::ListSessions(
+    const SessionFilter& filter, const ListPage& page) const {
+  return reader_->Read(
+      "listing sessions",
+      [&](SQLite::Database& database) -> absl::StatusOr<std::vector<Listed<SessionSummary>>> {
+        return server::ListSessions(database, filter, page);
+      });
 }
 
 absl::Status SqliteStore::DeleteSession(std::string_view id) {
   return EraseOnAnyDisk([&] {
     return ChangeSessions(absl::StrCat("deleting session ", std::string(id)),
                           [&] { return EraseSession(writer_->database(), id); });
+  });
+}
+
+absl::Status SqliteStore::DeleteObservations(std::string_view id, int64_t utc_ns) {
+  return EraseOnAnyDisk([&] {
+    return ChangeSessions(absl::StrCat("deleting the observations of session ", std::string(id)),
+                          [&] { return EraseObservations(writer_->database(), id, utc_ns); });
   });
 }
 
@@ -132,11 +192,16 @@ absl::StatusOr<std::vector<SessionCameraCounts>> SqliteStore::GetSessionCounts(
 
 absl::StatusOr<std::vector<AppendOutcome>> SqliteStore::Append(
     absl::Span<const Delivery> deliveries) {
+  // What has no rows is small: the beginnings and ends of streams are noted as long as they fit.
+  if (std::ranges::any_of(deliveries, [](const Delivery& one) { return one.batch.rows() > 0; })) {
+    RIGCAL_RETURN_IF_ERROR(CheckRoom());
+  }
   std::vector<AppendOutcome> outcomes;
   RIGCAL_RETURN_IF_ERROR(writer_->Transact(
       "storing observations",
       [&] {
         observations_->Append(deliveries, &outcomes);
+        NoteUnusedPages();
         return absl::OkStatus();
       },
       [&] { observations_->Forget(); }));
@@ -149,10 +214,44 @@ absl::StatusOr<StreamStatus> SqliteStore::GetStream(const StreamKey& stream) con
   });
 }
 
+absl::StatusOr<std::vector<StreamAudit>> SqliteStore::AuditStreams(std::string_view id) const {
+  return reader_->Read("counting stored rows",
+                       [&](SQLite::Database& database) { return ReadStreamAudits(database, id); });
+}
+
 absl::Status SqliteStore::ReadObservations(
     std::string_view session_id, std::string_view camera,
     const std::function<absl::Status(StoredBatch)>& visit) const {
-  return server::ReadObservations(*reader_, session_id, camera, visit);
+  RIGCAL_ASSIGN_OR_RETURN(const auto cursor, OpenObservations(session_id, camera));
+  while (true) {
+    RIGCAL_ASSIGN_OR_RETURN(std::optional<StoredBatch> stored, cursor->Next());
+    if (!stored) return absl::OkStatus();
+    RIGCAL_RETURN_IF_ERROR(visit(*std::move(stored)));
+  }
+}
+
+void SqliteStore::NoteDamagedBatches(const std::vector<DamageNote>& damaged) const {
+  if (damaged.empty()) return;
+  const auto added = reader_->Read(
+      "reading counts", [&](SQLite::Database& database) -> absl::StatusOr<std::vector<DamageNote>> {
+        return NewDamage(database, damaged);
+      });
+  if (!added.ok() || added->empty()) return;
+  spdlog::error("{} stored batches are damaged and left out, the first: {}", added->size(),
+                added->front().example);
+  const absl::Status noted = writer_->Transact("counting damaged observations", [&] {
+    NoteDamage(writer_->database(), *added);
+    return absl::OkStatus();
+  });
+  // What reads them counts them itself; the next one tries to note them again.
+  if (!noted.ok()) spdlog::warn("{}", std::string(noted.message()));
+}
+
+absl::StatusOr<std::unique_ptr<ObservationCursor>> SqliteStore::OpenObservations(
+    std::string_view session_id, std::string_view camera) const {
+  return server::OpenObservations(
+      *reader_, session_id, camera,
+      [this](const std::vector<DamageNote>& damaged) { NoteDamagedBatches(damaged); });
 }
 
 absl::StatusOr<Calibration> SqliteStore::CreateCalibration(Calibration calibration) {
@@ -176,15 +275,57 @@ absl::StatusOr<Calibration> SqliteStore::GetCalibration(std::string_view id) con
 
 absl::StatusOr<std::vector<Listed<Calibration>>> SqliteStore::ListCalibrations(
     const CalibrationFilter& filter, const ListPage& page) const {
-  return reader_->Read("listing calibrations", [&](SQLite::Database& database) {
-    return server::ListCalibrations(database, filter, page);
-  });
+  return reader_->Read(
+      "listing calibrations",
+      [&](SQLite::Database& database) -> absl::StatusOr<std::vector<Listed<Calibration>>> {
+        return server::ListCalibrations(database, filter, page);
+      });
 }
 
 absl::Status SqliteStore::DeleteCalibration(std::string_view id) {
   return EraseOnAnyDisk([&] {
     return writer_->Transact(absl::StrCat("deleting calibration ", std::string(id)),
                              [&] { return EraseCalibration(writer_->database(), id); });
+  });
+}
+
+absl::Status SqliteStore::Compact(const std::function<absl::Status(double)>& progress) {
+  RIGCAL_ASSIGN_OR_RETURN(const int64_t mode, ReadNumber("auto_vacuum"));
+  RIGCAL_RETURN_IF_ERROR(progress(0));
+  if (mode != kIncrementalVacuum) RIGCAL_RETURN_IF_ERROR(Rewrite());
+  RIGCAL_ASSIGN_OR_RETURN(const int64_t unused, ReadNumber("freelist_count"));
+  int64_t left = unused;
+  while (left > 0) {
+    RIGCAL_RETURN_IF_ERROR(writer_->Transact("compacting", [&] {
+      writer_->database().exec(absl::StrCat("PRAGMA incremental_vacuum(", kCompactPages, ")"));
+      NoteUnusedPages();
+      return absl::OkStatus();
+    }));
+    const int64_t before = left;
+    RIGCAL_ASSIGN_OR_RETURN(left, ReadNumber("freelist_count"));
+    if (left >= before) break;  // others delete at the same time
+    RIGCAL_RETURN_IF_ERROR(
+        progress(static_cast<double>(unused - left) / static_cast<double>(unused)));
+  }
+  RIGCAL_RETURN_IF_ERROR(writer_->CheckpointWithoutWaiting());
+  return progress(1);
+}
+
+absl::Status SqliteStore::Rewrite() {
+  const StoreHealth health = Health();
+  // The copy, and the log that it is written back through.
+  const uint64_t needed = 2 * health.size_bytes + options_.min_free_bytes;
+  if (health.free_bytes < needed) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "this database was made by an earlier release, and compacting it for the first time needs ",
+        Mebibytes(needed), " on the disk of ", directory_->path().string(), "; it has ",
+        Mebibytes(health.free_bytes), " left: free space, or delete sessions"));
+  }
+  return writer_->RunAlone("compacting", [&] {
+    writer_->database().exec("PRAGMA temp_store=FILE");
+    writer_->database().exec("PRAGMA auto_vacuum=INCREMENTAL");
+    writer_->database().exec("VACUUM");
+    writer_->database().exec("PRAGMA temp_store=MEMORY");
   });
 }
 

@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -13,6 +18,7 @@
 namespace rigcal::server {
 
 class DataDirectory;
+struct DamageNote;
 class ObservationWriter;
 class SqliteReader;
 class SqliteWriter;
@@ -21,6 +27,8 @@ struct SqliteStoreOptions {
   std::filesystem::path data_directory;  // created where it is missing
   // Room kept on the disk so that sessions can be deleted when it is full.
   size_t reserve_bytes = 8u << 20;
+  // Observations are refused while the disk has less room than this.
+  uint64_t min_free_bytes = uint64_t{256} << 20;
   // Size of the log at which it is moved into the database. Pages that are written again and again
   // (positions, counts) are moved once each time, so a large one costs less.
   size_t checkpoint_bytes = 16u << 20;
@@ -45,14 +53,18 @@ class SqliteStore : public Store {
   absl::StatusOr<Session> CreateSession(Session session) override;
   absl::Status UpdateSession(const Session& session) override;
   absl::StatusOr<Session> GetSession(std::string_view id) const override;
-  absl::StatusOr<std::vector<Listed<Session>>> ListSessions(const SessionFilter& filter,
-                                                            const ListPage& page) const override;
+  absl::StatusOr<std::vector<Listed<SessionSummary>>> ListSessions(
+      const SessionFilter& filter, const ListPage& page) const override;
   absl::Status DeleteSession(std::string_view id) override;
+  absl::Status DeleteObservations(std::string_view id, int64_t utc_ns) override;
   absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
       std::string_view id) const override;
 
   absl::StatusOr<std::vector<AppendOutcome>> Append(absl::Span<const Delivery> deliveries) override;
   absl::StatusOr<StreamStatus> GetStream(const StreamKey& stream) const override;
+  absl::StatusOr<std::vector<StreamAudit>> AuditStreams(std::string_view id) const override;
+  absl::StatusOr<std::unique_ptr<ObservationCursor>> OpenObservations(
+      std::string_view session_id, std::string_view camera) const override;
   absl::Status ReadObservations(
       std::string_view session_id, std::string_view camera,
       const std::function<absl::Status(StoredBatch)>& visit) const override;
@@ -64,9 +76,20 @@ class SqliteStore : public Store {
       const CalibrationFilter& filter, const ListPage& page) const override;
   absl::Status DeleteCalibration(std::string_view id) override;
 
+  absl::Status Compact(const std::function<absl::Status(double)>& progress) override;
+
  private:
   explicit SqliteStore(const SqliteStoreOptions& options);
   absl::Status OpenDatabase();
+  // RESOURCE_EXHAUSTED: the disk has less room than its reserve.
+  absl::Status CheckRoom() const;
+  // Once for each damaged batch.
+  void NoteDamagedBatches(const std::vector<DamageNote>& damaged) const;
+  absl::StatusOr<int64_t> ReadNumber(const char* pragma) const;
+  // Inside a transaction of the writer's.
+  void NoteUnusedPages();
+  // For a database that was made before space could be given back in steps.
+  absl::Status Rewrite();
   // Changes sessions, and clears the observation writer's copies of them.
   absl::Status ChangeSessions(std::string_view what, const std::function<absl::Status()>& change);
   // Runs `erase`; where the disk is full, again with the room that is kept for it.
@@ -77,7 +100,9 @@ class SqliteStore : public Store {
   std::unique_ptr<DataDirectory> directory_;  // outlives the connections: it holds the lock
   std::unique_ptr<SqliteWriter> writer_;
   std::unique_ptr<SqliteReader> reader_;
-  std::unique_ptr<ObservationWriter> observations_;  // used in the writer's transactions only
+  std::unique_ptr<ObservationWriter> observations_;        // used in the writer's transactions only
+  std::unique_ptr<SQLite::Statement> count_unused_pages_;  // the same
+  std::atomic<uint64_t> unused_bytes_ = 0;
 };
 
 }  // namespace rigcal::server

@@ -19,7 +19,8 @@ StreamCache::StreamCache(SQLite::Database& database)
     : find_(database,
             "SELECT c.id, s.state, t.id, t.durable_seq, t.last_seq, t.report_observation_count, "
             "t.report_refused_count, "
-            "(SELECT coalesce(sum(count), 0) FROM report_count WHERE stream_id=t.id) "
+            "(SELECT coalesce(sum(count), 0) FROM report_count WHERE stream_id=t.id "
+            "AND name NOT LIKE 'spool.%') "
             "FROM session s JOIN session_camera c ON s.number=c.session_number "
             "LEFT JOIN stream t ON t.camera_id=c.id AND t.stream_epoch=?3 "
             "WHERE s.id=?1 AND c.camera=?2"),

@@ -22,8 +22,9 @@ struct StreamState {
   std::optional<uint32_t> last_seq;
   uint64_t report_observation_count = 0;
   uint64_t report_refused_count = 0;
-  uint64_t report_counted = 0;  // sum of what the report counts beside refusals
-  bool changed = false;         // must be written back before the commit
+  uint64_t report_counted = 0;            // sum of what the report counts beside refusals
+  std::optional<uint64_t> spool_counted;  // the same of its spool report; none: not read yet
+  bool changed = false;                   // must be written back before the commit
 };
 
 // Streams by key, read from the database when first asked for. May throw SQLite::Exception.

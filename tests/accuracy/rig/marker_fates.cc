@@ -93,7 +93,7 @@ FateCounts CountFates(const SimulatedWorld& world, const server::RigObservations
         const server::AlignedTrack& track = rig.tracks[static_cast<size_t>(source.track)];
         const int camera = rows.Camera(track);
         const int frame = rows.Frame(
-            camera, track.track.observations[static_cast<size_t>(source.observation)].time_ns);
+            camera, track.track.observations.time_ns(static_cast<size_t>(source.observation)));
         const RowGroundTruth& row_truth =
             truth[static_cast<size_t>(camera)][static_cast<size_t>(frame)];
         const server::BundleMarker& marker = problem.markers[m];

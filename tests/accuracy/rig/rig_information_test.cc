@@ -89,11 +89,13 @@ Eigen::VectorXd EstimateOnce(const TrueRig& given, const InformationOptions& opt
       Eigen::Matrix<double, 2, 3> d_point;
       server::BundleMarker marker;
       marker.marker = seen.marker;
+      Eigen::Vector2d centre_px;
       if (!Project(camera.intrinsics,
                    camera.cam_from_rig * (instant.wand.origin_m + s * instant.wand.direction),
-                   &marker.centre_px, &d_point)) {
+                   &centre_px, &d_point)) {
         continue;
       }
+      marker.centre_px = centre_px;
       marker.velocity_px_s =
           d_point * (camera.cam_from_rig.rotation *
                      (instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s));

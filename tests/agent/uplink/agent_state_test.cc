@@ -3,6 +3,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <set>
 #include <string>
 
 #include "tests/testing/status_matchers.h"
@@ -38,6 +39,22 @@ TEST_F(AgentStateTest, KeepsTheIdAndCountsStarts) {
   EXPECT_EQ(second.incarnation, 2u);
 }
 
+TEST_F(AgentStateTest, KeepsASecretOfItsOwnForThisUserOnly) {
+  const AgentIdentity first = OpenAndClose();
+  EXPECT_EQ(first.secret.size(), 64u);
+  EXPECT_EQ(OpenAndClose("pc-7").secret, first.secret);
+  const std::filesystem::path file = Directory() / "agent.secret";
+  EXPECT_EQ(std::filesystem::status(file).permissions(),
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+  const TemporaryDirectory other;
+  const auto state = AgentState::Open(other.path(), "");
+  ASSERT_THAT(state, IsOk());
+  EXPECT_NE(state->identity().secret, first.secret);
+  std::ofstream(file) << "short\n";
+  EXPECT_THAT(AgentState::Open(Directory(), ""),
+              StatusIs(absl::StatusCode::kDataLoss, HasSubstr("agent.secret")));
+}
+
 TEST_F(AgentStateTest, TakesAGivenIdFromThenOn) {
   const AgentIdentity first = OpenAndClose();
   EXPECT_NE(first.agent_id, "pc-7");
@@ -54,6 +71,22 @@ TEST_F(AgentStateTest, MakesDifferentIdsForDifferentFolders) {
   const auto state = AgentState::Open(other.path(), "");
   ASSERT_THAT(state, IsOk());
   EXPECT_NE(OpenAndClose().agent_id, state->identity().agent_id);
+}
+
+TEST_F(AgentStateTest, DrawsAStreamEpochForEachStart) {
+  std::set<uint32_t> epochs;
+  for (int start = 0; start < 20; ++start) epochs.insert(OpenAndClose().stream_epoch);
+  EXPECT_EQ(epochs.size(), 20u);
+  EXPECT_GE(*epochs.begin(), 1u);
+  EXPECT_LT(*epochs.rbegin(), 1u << 31);
+  // A copy of the disk in another PC goes on with others.
+  const TemporaryDirectory other;
+  std::filesystem::copy(Directory() / "agent.state", other.path() / "agent.state");
+  const auto copy = AgentState::Open(other.path(), "");
+  ASSERT_THAT(copy, IsOk());
+  const AgentIdentity original = OpenAndClose();
+  EXPECT_EQ(copy->identity().incarnation, original.incarnation);
+  EXPECT_NE(copy->identity().stream_epoch, original.stream_epoch);
 }
 
 TEST_F(AgentStateTest, KeepsASecondAgentOut) {

@@ -25,6 +25,7 @@ using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
 using std::chrono::milliseconds;
 using ::testing::_;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
@@ -126,8 +127,14 @@ TEST_F(ConversationTest, AcceptsOneHelloThatFitsItsOwn) {
   v1::ConnectResponse newer = Greeting();
   newer.mutable_hello()->mutable_protocol_version()->set_major(99);
   EXPECT_THAT(conversation.Handle(newer, now_), StatusIs(absl::StatusCode::kFailedPrecondition, _));
+  newer = Greeting();
+  newer.mutable_hello()->mutable_protocol_version()->set_minor(wire::kProtocolMinor + 2);
+  EXPECT_THAT(conversation.Handle(newer, now_),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("speaks protocol 2.2"), HasSubstr("speaks 2.0"))));
   EXPECT_FALSE(conversation.greeted());
-  EXPECT_THAT(conversation.Handle(Greeting(), now_), IsOk());
+  newer.mutable_hello()->mutable_protocol_version()->set_minor(wire::kProtocolMinor + 1);
+  EXPECT_THAT(conversation.Handle(newer, now_), IsOk());
   EXPECT_TRUE(conversation.greeted());
   EXPECT_EQ(agent_.server_id, "store-1");
   EXPECT_THAT(conversation.Handle(Greeting(), now_),

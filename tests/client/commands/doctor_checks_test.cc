@@ -50,6 +50,24 @@ TEST(CheckDisk, WarnsBeforeItFails) {
   EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
 }
 
+TEST(CheckDisk, SaysThatTheReserveIsReachedAndThatTheStoreIsBroken) {
+  v1::StoreStatus store;
+  store.set_free_bytes(uint64_t{1} << 30);
+  store.set_reserve_bytes(uint64_t{1} << 31);
+  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
+  store.set_free_bytes(uint64_t{100} << 30);
+  store.set_problem("a sync has failed");
+  EXPECT_EQ(CheckDisk(store).level, CheckLevel::kFail);
+  EXPECT_THAT(CheckDisk(store).message, HasSubstr("a sync has failed"));
+}
+
+TEST(CheckSessions, NamesADamagedRecord) {
+  v1::ListSessionsResponse sessions;
+  sessions.add_sessions()->set_damage("the record of session wave is damaged");
+  EXPECT_EQ(CheckSessions(sessions, 0).level, CheckLevel::kFail);
+  EXPECT_THAT(CheckSessions(sessions, 0).message, HasSubstr("session wave"));
+}
+
 TEST(CheckAgents, CountsAndNamesTheGone) {
   v1::ListAgentsResponse agents;
   EXPECT_EQ(CheckAgents(agents).level, CheckLevel::kWarn);

@@ -254,6 +254,46 @@ TEST_F(SessionCommand, ObservationsOfNothingFail) {
   EXPECT_THAT(outcome.out, IsEmpty());
 }
 
+TEST_F(SessionCommand, VerifyProvesASessionOrNamesWhatIsMissing) {
+  fake_.sessions["wave"].set_id("wave");
+  v1::StreamAudit& audit = fake_.audit.emplace_back();
+  audit.set_camera("left");
+  audit.set_stream_epoch(1234);
+  audit.set_durable_seq(50);
+  audit.set_last_seq(50);
+  audit.set_highest_seq(50);
+  audit.set_ended(true);
+  audit.set_stored_count(50);
+  CommandOutcome outcome = Rigcal({"session", "verify", "wave"});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("left"), HasSubstr("1234"),
+                                 HasSubstr("verified: 50 detected = 50 durable")));
+  fake_.audit[0].set_stored_count(48);
+  outcome = Rigcal({"session", "verify", "wave"});
+  EXPECT_EQ(outcome.exit_code, 5);
+  EXPECT_THAT(outcome.out, HasSubstr("not verified: camera left, stream 1234: detected 50"));
+  outcome = Rigcal({"session", "verify", "wave", "-o", "json"});
+  EXPECT_EQ(outcome.exit_code, 5);
+  EXPECT_EQ(json::parse(outcome.out).at("streams").at(0).at("missing"), 2);
+  EXPECT_EQ(Rigcal({"session", "verify", "nobody"}).exit_code, 1);
+}
+
+TEST_F(SessionCommand, AgentListShowsTheSpool) {
+  v1::Agent* agent = fake_.agents.add_agents();
+  agent->set_agent_id("pc-1");
+  EXPECT_THAT(Rigcal({"agent", "list"}).out, ::testing::ContainsRegex("pc-1 .* - *\n"));
+  agent->mutable_spool()->set_row_count(1200);
+  agent->mutable_spool()->set_bytes(150 * 1024);
+  agent->mutable_spool()->set_problem("the spool is full");
+  v1::RefusalCount* dropped = agent->mutable_spool()->add_dropped();
+  dropped->set_reason(v1::REFUSAL_REASON_SPOOL_FULL);
+  dropped->set_count(12);
+  EXPECT_THAT(Rigcal({"agent", "list"}).out,
+              AllOf(HasSubstr("1200 rows, 150 KiB, 12 dropped, has a problem"),
+                    HasSubstr("\nagent pc-1: the spool is full\n"),
+                    HasSubstr("agent pc-1: 12 observations dropped: spool_full\n")));
+}
+
 TEST_F(SessionCommand, AgentListShowsCameras) {
   EXPECT_THAT(Rigcal({"agent", "list"}).out, HasSubstr("no agents"));
   v1::Agent* agent = fake_.agents.add_agents();

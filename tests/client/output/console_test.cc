@@ -96,7 +96,7 @@ TEST(Message, GoesToStderrWithoutControlCharacters) {
   std::ostringstream out, err;
   Console console{.out = out, .err = err};
   console.Message("no session \x1b]0;x\x07 here\nsecond line");
-  EXPECT_EQ(err.str(), "rigcal: no session ?]0;x? here\nsecond line\n");
+  EXPECT_EQ(err.str(), "rigcal: no session \\x1b]0;x\\x07 here\nsecond line\n");
   EXPECT_EQ(out.str(), "");
 }
 

@@ -48,7 +48,7 @@ TEST(TextTable, CellsCannotSteerTheTerminalOrBreakTheRow) {
   TextTable table;
   table.Words({"a"});
   table.AddRow({"red\x1b[31m\ntwo"});
-  EXPECT_EQ(table.Format(), "a\nred?[31m two\n");
+  EXPECT_EQ(table.Format(), "a\nred\\x1b[31m two\n");
 }
 
 TEST(TextTable, MissingCellsAreEmptyAndFurtherOnesLeftOut) {

@@ -34,7 +34,10 @@ TEST_F(AgentConfigTest, HasADefaultForEverything) {
   EXPECT_EQ(config.agent_id, "");
   EXPECT_EQ(config.state_dir, "");
   EXPECT_EQ(config.log_level, "info");
-  EXPECT_EQ(config.spool_limit_mb, 256u);
+  EXPECT_EQ(config.spool.kind, SpoolConfig::Kind::kDisk);
+  EXPECT_EQ(config.spool.limit_mb, 2048u);
+  EXPECT_EQ(config.spool.full, SpoolConfig::Full::kBlock);
+  EXPECT_EQ(config.spool.sync_interval_ms, 200);
   EXPECT_TRUE(config.cameras.empty());
   EXPECT_THAT(config.Validate(), IsOk());
 }
@@ -46,7 +49,12 @@ rig = "hall"
 agent_id = "pc-1"
 state_dir = "/var/lib/rigcal-agent"
 log_level = "debug"
-spool_limit_mb = 64
+
+[spool]
+kind = "memory"
+limit_mb = 64
+full = "drop_oldest"
+sync_interval_ms = 0
 
 [[camera]]
 name = "left"
@@ -64,22 +72,25 @@ speed = 2
   EXPECT_EQ(config.agent_id, "pc-1");
   EXPECT_EQ(config.state_dir, "/var/lib/rigcal-agent");
   EXPECT_EQ(config.log_level, "debug");
-  EXPECT_EQ(config.spool_limit_mb, 64u);
+  EXPECT_EQ(config.spool.kind, SpoolConfig::Kind::kMemory);
+  EXPECT_EQ(config.spool.limit_mb, 64u);
+  EXPECT_EQ(config.spool.full, SpoolConfig::Full::kDropOldest);
+  EXPECT_EQ(config.spool.sync_interval_ms, 0);
   ASSERT_EQ(config.cameras.size(), 2u);
   const CameraConfig& left = config.cameras[0];
   const std::string file = Path("agent.toml");
   EXPECT_EQ(left.name, "left");
   EXPECT_EQ(left.source, "csv:data/left.csv;sigma=1");
   EXPECT_EQ(left.folder, directory_.path().string());
-  EXPECT_EQ(left.where, file + ":9");
+  EXPECT_EQ(left.where, file + ":14");
   EXPECT_THAT(left.options,
-              UnorderedElementsAre(OptionText{"calibration", "left.yaml", file + ":12"},
-                                   OptionText{"speed", "max", file + ":13"},
-                                   OptionText{"sigma", "0.25", file + ":14"}));
+              UnorderedElementsAre(OptionText{"calibration", "left.yaml", file + ":17"},
+                                   OptionText{"speed", "max", file + ":18"},
+                                   OptionText{"sigma", "0.25", file + ":19"}));
   const CameraConfig& simulated = config.cameras[1];
   EXPECT_EQ(simulated.name, "");
   EXPECT_EQ(simulated.source, "sim:camera=1;seed=2");
-  EXPECT_THAT(simulated.options, UnorderedElementsAre(OptionText{"speed", "2", file + ":18"}));
+  EXPECT_THAT(simulated.options, UnorderedElementsAre(OptionText{"speed", "2", file + ":23"}));
 }
 
 TEST_F(AgentConfigTest, PreviewsAreOffUntilTheyAreSwitchedOn) {
@@ -147,7 +158,7 @@ rig = "two words"
 agent_id = 7
 state_dirr = "x"
 log_level = "loud"
-spool_limit_mb = 0
+spool = 0
 [[camera]]
 name = "left"
 [[camera]]
@@ -157,23 +168,41 @@ exposure = 3
 sorce = "csv:a.csv"
 )");
   const std::string file = Path("agent.toml");
-  EXPECT_THAT(config,
-              StatusIs(absl::StatusCode::kInvalidArgument,
-                       AllOf(HasSubstr(file + ":1: server=nowhere must be HOST:PORT"),
-                             HasSubstr(file + ":2: rig=two words must be"),
-                             HasSubstr(file + ":3: agent_id=7 must be text in quotes"),
-                             HasSubstr(file + ":4: unknown key \"state_dirr\"; did you mean "
-                                              "\"state_dir\"?"),
-                             HasSubstr(file + ":5: log_level=loud must be trace, debug,"),
-                             HasSubstr(file + ":6: spool_limit_mb=0 must be a whole number of 1 "
-                                              "to 1048576 MiB"),
-                             HasSubstr(file + ":7: a camera without source"))));
+  EXPECT_THAT(
+      config,
+      StatusIs(absl::StatusCode::kInvalidArgument,
+               AllOf(HasSubstr(file + ":1: server=nowhere must be HOST:PORT"),
+                     HasSubstr(file + ":2: rig=two words must be"),
+                     HasSubstr(file + ":3: agent_id=7 must be text in quotes"),
+                     HasSubstr(file + ":4: unknown key \"state_dirr\"; did you mean "
+                                      "\"state_dir\"?"),
+                     HasSubstr(file + ":5: log_level=loud must be trace, debug,"),
+                     HasSubstr(file + ":6: "), HasSubstr(file + ":7: a camera without source"))));
   EXPECT_THAT(config, StatusIs(absl::StatusCode::kInvalidArgument,
                                AllOf(HasSubstr(file + ":9: camera left is there twice"),
                                      HasSubstr(file + ":12: unknown key \"exposure\"; known: name"),
                                      HasSubstr(file + ":13: unknown key \"sorce\"; did you mean "
                                                       "\"source\"?"))));
   EXPECT_THAT(config, StatusIs(absl::StatusCode::kInvalidArgument, Not(HasSubstr(":11:"))));
+}
+
+TEST_F(AgentConfigTest, RefusesASpoolThatCannotBe) {
+  const auto config = Read(R"([spool]
+kind = "tape"
+limit_mb = 0
+full = "drop"
+sync_interval_ms = -1
+syncs = 3
+)");
+  const std::string file = Path("agent.toml");
+  EXPECT_THAT(config,
+              StatusIs(absl::StatusCode::kInvalidArgument,
+                       AllOf(HasSubstr(file + ":2: kind=tape must be disk or memory"),
+                             HasSubstr(file + ":3: limit_mb=0 must be a whole number of 1 to "
+                                              "1048576 MiB"),
+                             HasSubstr(file + ":4: full=drop must be block or drop_oldest"),
+                             HasSubstr(file + ":5: sync_interval_ms=-1 must be"),
+                             HasSubstr(file + ":6: unknown key \"syncs\""))));
 }
 
 TEST_F(AgentConfigTest, RefusesServersThatAreNoAddress) {
@@ -211,11 +240,11 @@ TEST_F(AgentConfigTest, ChecksTheValuesOfFlags) {
   config.rig = "two words";
   config.agent_id = "/";
   config.log_level = "loud";
-  config.spool_limit_mb = 0;
+  config.spool.limit_mb = 0;
   EXPECT_THAT(config.Validate(),
               StatusIs(absl::StatusCode::kInvalidArgument,
                        AllOf(HasSubstr("server="), HasSubstr("rig="), HasSubstr("agent_id="),
-                             HasSubstr("log_level="), HasSubstr("spool_limit_mb="))));
+                             HasSubstr("log_level="), HasSubstr("limit_mb="))));
 }
 
 }  // namespace

@@ -31,6 +31,7 @@ TEST_F(ServerConfigTest, AnEmptyFileIsTheDefault) {
   EXPECT_EQ(config.data_dir, "");
   EXPECT_EQ(config.log_level, "info");
   EXPECT_EQ(config.limits, ServerLimits());
+  EXPECT_EQ(config.retention, RetentionConfig());
 }
 
 // deploy/server.toml shows every default; with its comment signs gone it must mean the same.
@@ -43,11 +44,14 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
     keys += line.find(" = ") != std::string::npos ? 1 : 0;
     text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
   }
-  EXPECT_EQ(keys, 13);
+  EXPECT_EQ(keys, 24);
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);
   EXPECT_EQ(config.limits, ServerLimits());
+  EXPECT_EQ(config.tls, ServerTlsConfig());
+  EXPECT_EQ(config.discovery, ServerDiscoveryConfig());
+  EXPECT_EQ(config.retention, RetentionConfig());
 }
 
 TEST_F(ServerConfigTest, TakesEveryKey) {
@@ -55,6 +59,10 @@ TEST_F(ServerConfigTest, TakesEveryKey) {
 listen = "[::1]:0"
 data_dir = "data"
 log_level = "debug"
+[tls]
+loopback = true
+[discovery]
+mdns = true
 [limits]
 max_agents = 1
 max_cameras_per_agent = 2
@@ -66,6 +74,15 @@ max_calibration_observations = 7
 ingest_queue_mb = 8
 send_window_rows = 9
 rpc_memory_mb = 10
+max_connections = 11
+max_connections_per_address = 12
+disk_reserve_mb = 13
+max_readers = 16
+calibration_memory_mb = 17
+[retention]
+max_age_days = 14
+max_size_mb = 15
+delete_calibrated = true
 )"));
   EXPECT_EQ(config.listen, "[::1]:0");
   EXPECT_EQ(config.data_dir, (directory_.path() / "data").string());
@@ -75,12 +92,21 @@ rpc_memory_mb = 10
                               .max_sessions = 3,
                               .max_cameras_per_session = 4,
                               .max_watches = 5,
+                              .max_readers = 16,
                               .max_queued_calibrations = 6,
                               .max_calibration_observations = 7,
+                              .calibration_memory_mb = 17,
                               .ingest_queue_mb = 8,
                               .send_window_rows = 9,
-                              .rpc_memory_mb = 10};
+                              .rpc_memory_mb = 10,
+                              .max_connections = 11,
+                              .max_connections_per_address = 12,
+                              .disk_reserve_mb = 13};
   EXPECT_EQ(config.limits, expected);
+  EXPECT_TRUE(config.tls.loopback);
+  EXPECT_TRUE(config.discovery.mdns);
+  const RetentionConfig retention{.max_age_days = 14, .max_size_mb = 15, .delete_calibrated = true};
+  EXPECT_EQ(config.retention, retention);
 }
 
 TEST_F(ServerConfigTest, AnAbsoluteDataDirectoryStays) {

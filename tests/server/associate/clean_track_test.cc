@@ -28,6 +28,10 @@ CameraTrack Track(const std::string& camera, std::vector<Observation> observatio
   return track;
 }
 
+std::vector<CleanTrack> Clean(std::vector<CameraTrack> tracks, RefusalCounter* refused) {
+  return CleanTracks(&tracks, 1, refused);
+}
+
 uint64_t CountOf(const RefusalCounter& refused, const std::string& camera, RefusalReason reason) {
   for (const Refusal& refusal : refused.List()) {
     if (refusal.camera == camera && refusal.reason == reason) return refusal.count;
@@ -38,9 +42,9 @@ uint64_t CountOf(const RefusalCounter& refused, const std::string& camera, Refus
 TEST(CleanTracks, SortsByEpochThenTimeWhateverTheOrder) {
   std::vector<Observation> rows = {At(30, 3), At(10, 1), At(20, 9, 1), At(20, 2)};
   RefusalCounter refused;
-  const auto forward = CleanTracks({Track("b", rows), Track("a", {At(5, 1)})}, 1, &refused);
+  const auto forward = Clean({Track("b", rows), Track("a", {At(5, 1)})}, &refused);
   std::reverse(rows.begin(), rows.end());
-  const auto backward = CleanTracks({Track("a", {At(5, 1)}), Track("b", rows)}, 1, &refused);
+  const auto backward = Clean({Track("a", {At(5, 1)}), Track("b", rows)}, &refused);
   ASSERT_EQ(forward.size(), 3u);
   EXPECT_TRUE(refused.empty());
   EXPECT_EQ(forward[0].camera.camera, "a");
@@ -59,16 +63,14 @@ TEST(CleanTracks, SortsByEpochThenTimeWhateverTheOrder) {
 
 TEST(CleanTracks, KeepsOneOfEqualDuplicates) {
   RefusalCounter refused;
-  const auto tracks =
-      CleanTracks({Track("a", {At(10, 1), At(20, 2), At(10, 1), At(10, 1)})}, 1, &refused);
+  const auto tracks = Clean({Track("a", {At(10, 1), At(20, 2), At(10, 1), At(10, 1)})}, &refused);
   ASSERT_EQ(tracks[0].observations.size(), 2u);
   EXPECT_EQ(CountOf(refused, "a", RefusalReason::kDuplicateEqual), 2u);
 }
 
 TEST(CleanTracks, LeavesOutAllOfConflictingDuplicates) {
   RefusalCounter refused;
-  const auto tracks =
-      CleanTracks({Track("a", {At(10, 1), At(20, 2), At(10, 1), At(10, 1.5)})}, 1, &refused);
+  const auto tracks = Clean({Track("a", {At(10, 1), At(20, 2), At(10, 1), At(10, 1.5)})}, &refused);
   ASSERT_EQ(tracks[0].observations.size(), 1u);
   EXPECT_EQ(tracks[0].observations[0].time_ns, 20);
   EXPECT_EQ(CountOf(refused, "a", RefusalReason::kDuplicateConflict), 3u);
@@ -78,14 +80,14 @@ TEST(CleanTracks, SameTimeInAnotherEpochOrSessionIsNoDuplicate) {
   CameraTrack other = Track("a", {At(10, 7)});
   other.session_id = "t";
   RefusalCounter refused;
-  const auto tracks = CleanTracks({Track("a", {At(10, 1), At(10, 2, 1)}), other}, 1, &refused);
+  const auto tracks = Clean({Track("a", {At(10, 1), At(10, 2, 1)}), other}, &refused);
   EXPECT_EQ(tracks.size(), 3u);
   EXPECT_TRUE(refused.empty());
 }
 
 TEST(CleanTracks, TakesPartsOfOneCameraTogether) {
   RefusalCounter refused;
-  const auto tracks = CleanTracks({Track("a", {At(20, 1)}), Track("a", {At(10, 1)})}, 1, &refused);
+  const auto tracks = Clean({Track("a", {At(20, 1)}), Track("a", {At(10, 1)})}, &refused);
   ASSERT_EQ(tracks.size(), 1u);
   EXPECT_EQ(tracks[0].observations[0].time_ns, 10);
 }
@@ -99,8 +101,7 @@ TEST(CleanTracks, CountsUnusableValuesByCause) {
   Observation empty;
   empty.time_ns = 40;
   RefusalCounter refused;
-  const auto tracks =
-      CleanTracks({Track("a", {not_finite, flat, two_markers, empty})}, 1, &refused);
+  const auto tracks = Clean({Track("a", {not_finite, flat, two_markers, empty})}, &refused);
   EXPECT_EQ(CountOf(refused, "a", RefusalReason::kValueNotFinite), 1u);
   EXPECT_EQ(CountOf(refused, "a", RefusalReason::kCovarianceNotPositive), 1u);
   EXPECT_EQ(CountOf(refused, "a", RefusalReason::kMarkerCountMismatch), 1u);

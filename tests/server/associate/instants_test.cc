@@ -7,6 +7,8 @@
 #include <set>
 #include <tuple>
 
+#include "tests/server/associate/edit_rows.h"
+
 namespace rigcal::server::instants_test {
 namespace {
 
@@ -64,7 +66,7 @@ TEST(FindInstants, ToleranceIsAQuarterOfTheSmallestPeriod) {
 
 TEST(FindInstants, EmptyObservationsTakeNoPart) {
   std::vector<AlignedTrack> tracks = {Track("s", "a", {0}), Track("s", "b", {0})};
-  tracks[1].track.observations[0].markers[0].visible = false;
+  EditRow(&tracks[1], 0, [](Observation& row) { row.markers[0].visible = false; });
   const auto list = Find(tracks);
   EXPECT_TRUE(list.instants.empty());
   EXPECT_EQ(list.alone_count, (std::vector<uint32_t>{1, 0}));

@@ -83,19 +83,27 @@ class FakeStore : public server::Store {
   absl::StatusOr<Session> CreateSession(Session) override { return None(); }
   absl::Status UpdateSession(const Session&) override { return None(); }
   absl::StatusOr<Session> GetSession(std::string_view) const override { return None(); }
-  absl::StatusOr<std::vector<server::Listed<Session>>> ListSessions(
+  absl::StatusOr<std::vector<server::Listed<SessionSummary>>> ListSessions(
       const server::SessionFilter&, const server::ListPage&) const override {
     return None();
   }
   absl::Status DeleteSession(std::string_view) override { return None(); }
+  absl::Status DeleteObservations(std::string_view, int64_t) override { return None(); }
   absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
       std::string_view) const override {
     return None();
   }
   absl::StatusOr<StreamStatus> GetStream(const StreamKey&) const override { return None(); }
+  absl::StatusOr<std::vector<StreamAudit>> AuditStreams(std::string_view) const override {
+    return None();
+  }
   absl::Status ReadObservations(
       std::string_view, std::string_view,
       const std::function<absl::Status(server::StoredBatch)>&) const override {
+    return None();
+  }
+  absl::StatusOr<std::unique_ptr<server::ObservationCursor>> OpenObservations(
+      std::string_view, std::string_view) const override {
     return None();
   }
   absl::StatusOr<Calibration> CreateCalibration(Calibration) override { return None(); }
@@ -106,6 +114,7 @@ class FakeStore : public server::Store {
     return None();
   }
   absl::Status DeleteCalibration(std::string_view) override { return None(); }
+  absl::Status Compact(const std::function<absl::Status(double)>&) override { return None(); }
 
  private:
   static absl::Status None() { return absl::UnimplementedError("the fake store has none"); }

@@ -75,6 +75,7 @@ TEST_F(OutgoingMessagesTest, MergesAcknowledgementsOfOneStream) {
   EXPECT_TRUE(outgoing_.AddAck(Ack("right", 7)));
   BatchAck complete = Ack("left", 9, 1);
   complete.complete = true;
+  complete.conflict_count = 4;
   EXPECT_TRUE(outgoing_.AddAck(complete));
   EXPECT_TRUE(outgoing_.AddAck(Ack("left", 8)));  // an older one must not make it sink
   const auto messages = Drain(&outgoing_);
@@ -85,6 +86,7 @@ TEST_F(OutgoingMessagesTest, MergesAcknowledgementsOfOneStream) {
   EXPECT_EQ(messages[0].ack().fault_count(), 3u);
   EXPECT_EQ(messages[0].ack().faults_size(), 3);
   EXPECT_TRUE(messages[0].ack().complete());
+  EXPECT_EQ(messages[0].ack().conflict_count(), 4u);
   EXPECT_EQ(messages[1].ack().camera(), "right");
   EXPECT_FALSE(messages[1].ack().complete());
 }

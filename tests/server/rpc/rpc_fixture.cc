@@ -29,7 +29,10 @@ void RpcFixture::OpenServer() {
                                            .ingest = ingest_.get(),
                                            .directory = directory_of_agents_.get(),
                                            .coordinator = coordinator_.get(),
-                                           .runner = runner_.get()});
+                                           .runner = runner_.get(),
+                                           .registry = registry_.get(),
+                                           .audit = audit_.get(),
+                                           .identities = identities_.get()});
   ASSERT_OK_AND_ASSIGN(port_, rpc_->Start());
   channel_ = rpc_->InProcessChannel();
 }

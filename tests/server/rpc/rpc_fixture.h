@@ -41,6 +41,10 @@ class RpcFixture : public RunnerFixture {
 
   server::RpcServerOptions rpc_options_;
   server::IngestOptions ingest_options_;
+  // All null unless a test sets them before the server opens.
+  std::unique_ptr<server::IdentityAuthority> identities_;
+  std::unique_ptr<server::AgentRegistry> registry_;
+  std::unique_ptr<server::AuditLog> audit_;
   std::unique_ptr<server::Ingest> ingest_;
   std::unique_ptr<server::RpcServer> rpc_;
   int port_ = 0;

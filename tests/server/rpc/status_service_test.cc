@@ -60,5 +60,28 @@ TEST_F(StatusService, SaysWhyNothingIsTaken) {
   EXPECT_EQ(Status().ingest().problem(), "disk full");
 }
 
+TEST_F(StatusService, SaysThatTheStoreIsBroken) {
+  EXPECT_EQ(Status().store().problem(), "");
+  EXPECT_GT(Status().store().reserve_bytes(), 0u);
+  EXPECT_FALSE(Status().store().has_retention());
+  faulty().Fail("Health", absl::InternalError("a sync has failed; restart the server"));
+  EXPECT_EQ(Status().store().problem(), "a sync has failed; restart the server");
+}
+
+TEST_F(StatusService, CountsConflicts) {
+  StartWave({"left"});
+  ASSERT_THAT(client().Upload(MakeBatch({"wave", "left", 1}, 1, 10)), IsOk());
+  ObservationBatch forged = MakeBatch({"wave", "left", 1}, 1, 10);
+  forged.time_ns[4] += 1;
+  ASSERT_OK_AND_ASSIGN(const v1::BatchAck ack, client().Upload(forged));
+  EXPECT_EQ(ack.conflict_count(), 1u);
+  EXPECT_EQ(ack.durable_seq(), 10u);
+  EXPECT_EQ(Status().ingest().conflict_observation_count(), 1u);
+  EXPECT_EQ(Status().ingest().duplicate_observation_count(), 9u);
+  ASSERT_OK_AND_ASSIGN(const v1::Session session, client().GetSession("wave"));
+  EXPECT_EQ(session.cameras(0).conflict_count(), 1u);
+  EXPECT_EQ(session.cameras(0).refused(0).reason(), v1::REFUSAL_REASON_CONFLICT);
+}
+
 }  // namespace
 }  // namespace rigcal::testing::status_service_test

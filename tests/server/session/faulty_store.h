@@ -35,7 +35,13 @@ class FaultyStore : public server::Store {
   }
 
   std::string server_id() const override { return store_.server_id(); }
-  server::StoreHealth Health() const override { return store_.Health(); }
+  server::StoreHealth Health() const override {
+    server::StoreHealth health = store_.Health();
+    if (absl::Status status = Enter("Health"); !status.ok()) {
+      health.problem = std::string(status.message());
+    }
+    return health;
+  }
 
   absl::StatusOr<Session> CreateSession(Session session) override {
     if (absl::Status status = Enter("CreateSession"); !status.ok()) return status;
@@ -49,7 +55,7 @@ class FaultyStore : public server::Store {
     if (absl::Status status = Enter("GetSession"); !status.ok()) return status;
     return store_.GetSession(id);
   }
-  absl::StatusOr<std::vector<server::Listed<Session>>> ListSessions(
+  absl::StatusOr<std::vector<server::Listed<SessionSummary>>> ListSessions(
       const server::SessionFilter& filter, const server::ListPage& page) const override {
     if (absl::Status status = Enter("ListSessions"); !status.ok()) return status;
     return store_.ListSessions(filter, page);
@@ -57,6 +63,10 @@ class FaultyStore : public server::Store {
   absl::Status DeleteSession(std::string_view id) override {
     if (absl::Status status = Enter("DeleteSession"); !status.ok()) return status;
     return store_.DeleteSession(id);
+  }
+  absl::Status DeleteObservations(std::string_view id, int64_t utc_ns) override {
+    if (absl::Status status = Enter("DeleteObservations"); !status.ok()) return status;
+    return store_.DeleteObservations(id, utc_ns);
   }
   absl::StatusOr<std::vector<SessionCameraCounts>> GetSessionCounts(
       std::string_view id) const override {
@@ -72,11 +82,20 @@ class FaultyStore : public server::Store {
     if (absl::Status status = Enter("GetStream"); !status.ok()) return status;
     return store_.GetStream(stream);
   }
+  absl::StatusOr<std::vector<StreamAudit>> AuditStreams(std::string_view id) const override {
+    if (absl::Status status = Enter("AuditStreams"); !status.ok()) return status;
+    return store_.AuditStreams(id);
+  }
   absl::Status ReadObservations(
       std::string_view session_id, std::string_view camera,
       const std::function<absl::Status(server::StoredBatch)>& visit) const override {
     if (absl::Status status = Enter("ReadObservations"); !status.ok()) return status;
     return store_.ReadObservations(session_id, camera, visit);
+  }
+  absl::StatusOr<std::unique_ptr<server::ObservationCursor>> OpenObservations(
+      std::string_view session_id, std::string_view camera) const override {
+    if (absl::Status status = Enter("ReadObservations"); !status.ok()) return status;
+    return store_.OpenObservations(session_id, camera);
   }
   absl::StatusOr<Calibration> CreateCalibration(Calibration calibration) override {
     if (absl::Status status = Enter("CreateCalibration"); !status.ok()) return status;
@@ -98,6 +117,12 @@ class FaultyStore : public server::Store {
   absl::Status DeleteCalibration(std::string_view id) override {
     if (absl::Status status = Enter("DeleteCalibration"); !status.ok()) return status;
     return store_.DeleteCalibration(id);
+  }
+  absl::Status Compact(const std::function<absl::Status(double)>& progress) override {
+    if (absl::Status status = Enter("Compact"); !status.ok()) return status;
+    absl::Status status = store_.Compact(progress);
+    (void)Enter(absl::IsCancelled(status) ? "CompactCancelled" : "CompactEnd");
+    return status;
   }
 
  private:

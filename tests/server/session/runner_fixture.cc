@@ -84,7 +84,7 @@ void RunnerFixture::TearDown() {
 void RunnerFixture::OpenRunner() {
   ASSERT_OK_AND_ASSIGN(
       runner_, server::CalibrationRunner::Create(runner_options_, faulty_.get(), coordinator_.get(),
-                                                 solver_.Function()));
+                                                 server::SolveInProcess(solver_.Function())));
   runner_->Start();
 }
 

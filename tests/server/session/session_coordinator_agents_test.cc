@@ -94,6 +94,88 @@ TEST_F(SessionCoordinatorAgents, ANewLifeOfTheSpoolBeginsAtItsOwnPosition) {
   EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/2=0"));
 }
 
+// The agent of left was killed and starts again, with another epoch and `pending`.
+AgentRecord RestartedLeft(bool spool_survives_restart) {
+  AgentRecord agent = MakeAgent("pc-left", {"left"}, 2, 1);
+  agent.cameras[0].stream_epoch = 2;
+  agent.spool_survives_restart = spool_survives_restart;
+  return agent;
+}
+
+TEST_F(SessionCoordinatorAgents, ACameraHasEndedOnceAllItsStreamsHave) {
+  StartWave();
+  DeliverEnd({"wave", "right", 1}, 0);
+  Deliver({"wave", "left", 1}, 1, 25);
+  coordinator().DisconnectAgent(left_.registration);
+  const auto back = Connect(RestartedLeft(true), {{"wave", "left", 1}});
+  // What was in the spool comes first, and then nothing of the new stream for a while.
+  Deliver({"wave", "left", 1}, 26, 40);
+  DeliverEnd({"wave", "left", 1}, 40);
+  coordinator().WaitIdle();
+  EXPECT_EQ(View("wave")->session.state, SessionState::kCapturing);
+  Deliver({"wave", "left", 2}, 1, 9);
+  DeliverEnd({"wave", "left", 2}, 9);
+  EXPECT_THAT(AwaitFinished("wave").missing_cameras, IsEmpty());
+}
+
+TEST_F(SessionCoordinatorAgents, ACameraIsMissingWhoseOldStreamNeverEnds) {
+  StartWave();
+  DeliverEnd({"wave", "right", 1}, 0);
+  Deliver({"wave", "left", 1}, 1, 25);
+  coordinator().DisconnectAgent(left_.registration);
+  // A spool in memory: the rest of the old stream is lost.
+  const auto back = Connect(RestartedLeft(false));
+  Deliver({"wave", "left", 2}, 1, 9);
+  DeliverEnd({"wave", "left", 2}, 9);
+  coordinator().WaitIdle();
+  EXPECT_EQ(View("wave")->session.state, SessionState::kCapturing);
+  ASSERT_THAT(coordinator().StopSession("wave", 0.01), IsOk());
+  EXPECT_THAT(AwaitFinished("wave").missing_cameras, ElementsAre("left"));
+}
+
+TEST_F(SessionCoordinatorAgents, AStreamThatWasOrderedAndNeverBegunDoesNotHoldASession) {
+  StartWave();
+  DeliverEnd({"wave", "right", 1}, 0);
+  // Killed before it got the order; its spool is on a disk and has nothing.
+  coordinator().DisconnectAgent(left_.registration);
+  const auto back = Connect(RestartedLeft(true));
+  coordinator().WaitIdle();
+  EXPECT_THAT(back.link->Lines(), ElementsAre("start wave left/2=0"));
+  EXPECT_EQ(View("wave")->session.state, SessionState::kCapturing);
+  DeliverEnd({"wave", "left", 2}, 0);
+  EXPECT_THAT(AwaitFinished("wave").missing_cameras, IsEmpty());
+}
+
+TEST_F(SessionCoordinatorAgents, RowsOfACameraThatIsNotThereAnyMoreAreStillTaken) {
+  StartWave();
+  Deliver({"wave", "left", 1}, 1, 25);
+  coordinator().DisconnectAgent(left_.registration);
+  const auto back = Connect(MakeAgent("pc-left", {"top"}, 2, 1), {{"wave", "left", 1}});
+  ASSERT_THAT(back.positions, SizeIs(1));
+  EXPECT_FALSE(back.positions[0].unknown);
+  EXPECT_EQ(back.positions[0].durable_seq, 25u);
+}
+
+TEST_F(SessionCoordinatorAgents, AreKnownToHoldAStreamOrNot) {
+  StartWave();
+  using Holder = StreamHolder;
+  const auto holder = [&](const std::string& agent_id, uint32_t stream_epoch) {
+    return directory_of_agents_->HolderOf(agent_id, {"wave", "left", stream_epoch});
+  };
+  EXPECT_EQ(holder("pc-left", 1), Holder::kConnected) << "begins with the next start";
+  EXPECT_EQ(holder("", 1), Holder::kNone);
+  EXPECT_EQ(holder("pc-nobody", 1), Holder::kAway);
+  const auto back = Connect(RestartedLeft(true), {{"wave", "left", 9}});
+  EXPECT_EQ(holder("pc-left", 2), Holder::kConnected);
+  EXPECT_EQ(holder("pc-left", 9), Holder::kConnected);
+  EXPECT_EQ(holder("pc-left", 1), Holder::kGone);
+  coordinator().RecordSpool(back.registration, {.row_count = 7, .problem = "the spool is full"});
+  coordinator().RecordSpool(left_.registration, {.row_count = 8});
+  EXPECT_EQ(directory_of_agents_->List("")[0].spool->row_count, 7u);
+  coordinator().DisconnectAgent(back.registration);
+  EXPECT_EQ(holder("pc-left", 2), Holder::kAway);
+}
+
 TEST_F(SessionCoordinatorAgents, WhileDrainingAreToldToStartAndAtOnceToStop) {
   StartWave();
   Deliver({"wave", "left", 1}, 1, 25);

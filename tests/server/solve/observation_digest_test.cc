@@ -11,6 +11,7 @@
 #include <string>
 
 #include "server/associate/clean_track.h"
+#include "tests/server/associate/edit_rows.h"
 
 namespace rigcal::server::observation_digest_test {
 namespace {
@@ -55,8 +56,12 @@ Made Example() {
   return made;
 }
 
-Observation& FirstRow(Made& made) { return made.tracks[1].track.observations[0]; }
-MarkerObservation& FirstMarker(Made& made) { return FirstRow(made).markers[1]; }
+void Row0(Made& made, const std::function<void(Observation&)>& edit) {
+  EditRow(&made.tracks[1], 0, edit);
+}
+void Marker(Made& made, const std::function<void(MarkerObservation&)>& edit) {
+  Row0(made, [&edit](Observation& row) { edit(row.markers[1]); });
+}
 CameraDescription& Camera(Made& made) { return made.tracks[1].track.camera; }
 
 TEST(ObservationDigest, Is64HexadecimalDigits) {
@@ -69,20 +74,29 @@ TEST(ObservationDigest, Is64HexadecimalDigits) {
 
 TEST(ObservationDigest, ChangesWithEveryValueThatIsUsed) {
   const std::map<std::string, std::function<void(Made&)>> changes = {
-      {"time", [](Made& m) { FirstRow(m).time_ns += 1; }},
-      {"visible", [](Made& m) { FirstMarker(m).visible = false; }},
-      {"x", [](Made& m) { FirstMarker(m).centre_px.x() += 1e-9; }},
-      {"y", [](Made& m) { FirstMarker(m).centre_px.y() += 1e-9; }},
-      {"cov_xx", [](Made& m) { FirstMarker(m).covariance_px2(0, 0) += 1e-9; }},
-      {"cov_xy", [](Made& m) { FirstMarker(m).covariance_px2(0, 1) += 1e-9; }},
-      {"cov_yy", [](Made& m) { FirstMarker(m).covariance_px2(1, 1) += 1e-9; }},
-      {"time_delta", [](Made& m) { FirstMarker(m).time_delta_ns = -1; }},
-      {"label_confidence", [](Made& m) { FirstMarker(m).label_confidence = 0.99f; }},
-      {"centre_kind", [](Made& m) { FirstMarker(m).centre_kind = CentreKind::kSphereCentre; }},
+      {"time", [](Made& m) { Row0(m, [](auto& row) { row.time_ns += 1; }); }},
+      {"visible", [](Made& m) { Marker(m, [](auto& marker) { marker.visible = false; }); }},
+      {"x", [](Made& m) { Marker(m, [](auto& marker) { marker.centre_px.x() += 1e-9; }); }},
+      {"y", [](Made& m) { Marker(m, [](auto& marker) { marker.centre_px.y() += 1e-9; }); }},
+      {"cov_xx",
+       [](Made& m) { Marker(m, [](auto& marker) { marker.covariance_px2(0, 0) += 1e-9; }); }},
+      {"cov_xy",
+       [](Made& m) { Marker(m, [](auto& marker) { marker.covariance_px2(0, 1) += 1e-9; }); }},
+      {"cov_yy",
+       [](Made& m) { Marker(m, [](auto& marker) { marker.covariance_px2(1, 1) += 1e-9; }); }},
+      {"time_delta", [](Made& m) { Marker(m, [](auto& marker) { marker.time_delta_ns = -1; }); }},
+      {"label_confidence",
+       [](Made& m) { Marker(m, [](auto& marker) { marker.label_confidence = 0.99f; }); }},
+      {"centre_kind",
+       [](Made& m) {
+         Marker(m, [](auto& marker) { marker.centre_kind = CentreKind::kSphereCentre; });
+       }},
       {"markers swapped",
        [](Made& m) {
-         FirstRow(m).markers[0].centre_px.x() += 1;
-         std::swap(FirstRow(m).markers[0], FirstRow(m).markers[1]);
+         Row0(m, [](Observation& row) {
+           row.markers[0].centre_px.x() += 1;
+           std::swap(row.markers[0], row.markers[1]);
+         });
        }},
       {"a row fewer", [](Made& m) { m.used[1][1] = false; }},
       {"a row more", [](Made& m) { m.used[1][2] = true; }},
@@ -128,7 +142,7 @@ TEST(ObservationDigest, ChangesWithEveryValueThatIsUsed) {
 
 TEST(ObservationDigest, DoesNotChangeWithRowsThatAreNotUsed) {
   Made made = Example();
-  made.tracks[0].track.observations[2].markers[0].centre_px.x() = 5;
+  EditRow(&made.tracks[0], 2, [](Observation& row) { row.markers[0].centre_px.x() = 5; });
   made.tracks[1].track.observations.push_back(Row(500'000'000));
   made.used[1].push_back(false);
   EXPECT_EQ(made.Digest(), Example().Digest());
@@ -136,9 +150,12 @@ TEST(ObservationDigest, DoesNotChangeWithRowsThatAreNotUsed) {
 
 TEST(ObservationDigest, DoesNotChangeWithWhatAnInvisibleMarkerHolds) {
   Made made = Example(), other = Example();
-  FirstMarker(made).visible = FirstMarker(other).visible = false;
-  FirstMarker(other).centre_px = {77, 88};
-  FirstMarker(other).time_delta_ns = 5;
+  Marker(made, [](MarkerObservation& marker) { marker.visible = false; });
+  Marker(other, [](MarkerObservation& marker) {
+    marker.visible = false;
+    marker.centre_px = {77, 88};
+    marker.time_delta_ns = 5;
+  });
   EXPECT_EQ(made.Digest(), other.Digest());
 }
 
@@ -154,8 +171,10 @@ TEST(ObservationDigest, DoesNotChangeWithTheSessionsId) {
 TEST(ObservationDigest, DoesNotChangeWithTheOrderOfArrival) {
   std::vector<CameraTrack> arrived;
   for (const AlignedTrack& track : Example().tracks) {
-    arrived.push_back(
-        {track.track.session_id, track.track.camera, track.track.observations, {}, {}});
+    const ObservationTable& table = track.track.observations;
+    std::vector<Observation> rows;
+    for (const Observation& row : table) rows.push_back(row);
+    arrived.push_back({track.track.session_id, track.track.camera, std::move(rows), {}, {}});
   }
   std::mt19937 random(3);
   std::set<std::string> digests;
@@ -167,7 +186,8 @@ TEST(ObservationDigest, DoesNotChangeWithTheOrderOfArrival) {
     RefusalCounter refused;
     Made made = Example();
     made.tracks.clear();
-    for (CleanTrack& track : CleanTracks(arrived, 2, &refused)) {
+    std::vector<CameraTrack> rows = arrived;
+    for (CleanTrack& track : CleanTracks(&rows, 2, &refused)) {
       made.tracks.push_back({std::move(track)});
     }
     EXPECT_TRUE(refused.empty());

@@ -45,8 +45,9 @@ RigObservations RigOf(const CalibrationInput& input, std::vector<ClockCorrection
   RefusalCounter refused;
   RigObservations rig;
   rig.target = input.target;
-  rig.tracks = AlignClocks(
-      input.tracks, CleanTracks(input.tracks, input.target.marker_count(), &refused), &refused);
+  std::vector<CameraTrack> rows = input.tracks;
+  rig.tracks = AlignClocks(input.tracks, CleanTracks(&rows, input.target.marker_count(), &refused),
+                           &refused);
   rig.index = IndexRig(rig.tracks, clocks);
   return rig;
 }

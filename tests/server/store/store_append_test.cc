@@ -165,10 +165,13 @@ TEST_F(StoreAppend, TakesDroppedNumbersAsArrived) {
   EXPECT_EQ(Append(delivery).durable_seq, 10u);
   EXPECT_EQ(Append(delivery).durable_seq, 10u);
   // Numbers an agent gave up do not come back.
-  EXPECT_EQ(Append(MakeBatch(KeyOf("a"), 7, 12)).stored_rows, 2u);
+  const AppendOutcome outcome = Append(MakeBatch(KeyOf("a"), 7, 12));
+  EXPECT_EQ(outcome.stored_rows, 2u);
+  EXPECT_EQ(outcome.conflict_rows, 4u);
   const SessionCameraCounts counts = CountsOf("a");
   EXPECT_EQ(counts.observation_count, 6u);
-  ASSERT_EQ(counts.refused.size(), 1u);
+  ASSERT_EQ(counts.refused.size(), 2u);
+  EXPECT_EQ(counts.refused[1].reason, RefusalReason::kConflict);
   EXPECT_EQ(counts.refused[0].reason, RefusalReason::kSpoolFreed);
   EXPECT_EQ(counts.refused[0].count, 6u);
   EXPECT_EQ(counts.refused[0].example, "seq 5: lost at the agent");
@@ -219,17 +222,71 @@ TEST_F(StoreAppend, EndsWhenEverythingUpToTheEndIsThere) {
   EXPECT_EQ(status.last_seq, 4u);
 }
 
-TEST_F(StoreAppend, TakesTheHighestEpochAsTheNewestStream) {
-  Append(EndDelivery(KeyOf("a", 2), 0));
-  EXPECT_TRUE(CountsOf("a").ended());
+TEST_F(StoreAppend, ACameraHasEndedWhenAllItsStreamsHave) {
+  Append(EndDelivery(KeyOf("a", 5), 3));
   Append(MakeBatch(KeyOf("a", 5), 1, 3));
-  EXPECT_FALSE(CountsOf("a").ended());
+  EXPECT_TRUE(CountsOf("a").ended());
   Append(MakeBatch(KeyOf("a", 3), 1, 3));
+  EXPECT_FALSE(CountsOf("a").ended()) << "a stream of an earlier start of the agent";
+  Append(EndDelivery(KeyOf("a", 3), 3));
+  EXPECT_TRUE(CountsOf("a").ended());
+  server::Delivery opening;
+  opening.batch.stream = KeyOf("a", 2);
+  opening.opens_stream = true;
+  Append(opening);
+  EXPECT_FALSE(CountsOf("a").ended()) << "nothing has come of it yet";
+  Append(EndDelivery(KeyOf("a", 2), 0));
+  Append(opening);
+  EXPECT_TRUE(CountsOf("a").ended());
   const SessionCameraCounts counts = CountsOf("a");
   ASSERT_EQ(counts.streams.size(), 3u);
   EXPECT_EQ(counts.streams[2].stream_epoch, 5u);
   EXPECT_EQ(counts.streams[2].durable_seq, 3u);
   EXPECT_EQ(counts.observation_count, 6u);
+}
+
+TEST_F(StoreAppend, TellsWhereTheRowsOfEachStreamAre) {
+  Append(MakeBatch(KeyOf("a", 5), 1, 30));
+  Append(MakeBatch(KeyOf("a", 5), 41, 50));
+  server::Delivery lost;
+  lost.batch.stream = KeyOf("a", 5);
+  lost.batch.dropped = {{.first_seq = 31, .count = 4, .reason = RefusalReason::kSpoolDamaged},
+                        {.first_seq = 60, .count = 1, .reason = RefusalReason::kSpoolFull}};
+  Append(lost);
+  Append(EndDelivery(KeyOf("b", 2), 0));
+  const auto report = [&](uint32_t last_seq, uint32_t acknowledged_seq, uint64_t rows) {
+    server::Delivery delivery;
+    delivery.batch.stream = KeyOf("a", 5);
+    delivery.report.emplace().stream = KeyOf("a", 5);
+    delivery.report->spool = SpoolReport{.last_seq = last_seq,
+                                         .acknowledged_seq = acknowledged_seq,
+                                         .spooled_count = rows,
+                                         .dropped = {{"", RefusalReason::kSpoolDamaged, 4, ""}}};
+    Append(delivery);
+  };
+  report(70, 30, 36);
+  report(60, 20, 40);  // came late
+  ASSERT_OK_AND_ASSIGN(const auto audits, store().AuditStreams("s-test"));
+  ASSERT_EQ(audits.size(), 2u);
+  EXPECT_EQ(audits[0].stream, KeyOf("a", 5));
+  EXPECT_EQ(audits[0].durable_seq, 34u);
+  EXPECT_EQ(audits[0].highest_seq, 60u);
+  EXPECT_EQ(audits[0].stored_count, 40u);
+  EXPECT_FALSE(audits[0].last_seq);
+  ASSERT_EQ(audits[0].dropped.size(), 2u);
+  EXPECT_EQ(audits[0].dropped[0].count, 4u);
+  ASSERT_TRUE(audits[0].reported);
+  EXPECT_EQ(audits[0].reported->last_seq, 70u);
+  EXPECT_EQ(audits[0].reported->acknowledged_seq, 30u);
+  EXPECT_EQ(audits[0].reported->spooled_count, 36u);
+  EXPECT_EQ(audits[0].reported->dropped.size(), 1u);
+  EXPECT_EQ(audits[1].last_seq, 0u);
+  EXPECT_EQ(audits[1].stored_count, 0u);
+  EXPECT_FALSE(audits[1].reported);
+  // Rows in the spool become fewer while the rest grows.
+  report(70, 60, 10);
+  EXPECT_EQ((*store().AuditStreams("s-test"))[0].reported->spooled_count, 10u);
+  EXPECT_THAT(store().AuditStreams("nowhere"), StatusIs(absl::StatusCode::kNotFound, _));
 }
 
 TEST_F(StoreAppend, KeepsTheLargestReportOfEachStream) {

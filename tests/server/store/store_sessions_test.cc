@@ -37,8 +37,9 @@ class StoreSessions : public ::rigcal::testing::StoreFixture {
     const auto sessions = store().ListSessions(filter, page);
     EXPECT_THAT(sessions, IsOk());
     std::vector<std::string> ids;
-    for (const auto& [session, position] : *sessions) {
-      ids.push_back(session.id);
+    for (const auto& [summary, position] : *sessions) {
+      EXPECT_EQ(summary.damage, "");
+      ids.push_back(summary.session.id);
       last_ = position;
     }
     return ids;
@@ -134,6 +135,47 @@ TEST_F(StoreSessions, ContinuesAPageAfterItsLastSessionWasDeleted) {
     EXPECT_THAT(Ids({.rig = prefix}, {.order = order, .limit = 9, .after = last_}),
                 ElementsAre(prefix + "x"));
   }
+}
+
+TEST_F(StoreSessions, ListsSumsWithoutTheCameras) {
+  Session session = CapturingSession({"a", "b"});
+  session.title = "wave";
+  session.finish_utc_ns = 7;
+  session.missing_cameras = {"b"};
+  session.requested_cameras = {"a", "b"};
+  ASSERT_THAT(store().CreateSession(session), IsOk());
+  Append(MakeBatch(KeyOf("a"), 1, 20));
+  Append(MakeBatch(KeyOf("b"), 1, 10));
+  ASSERT_OK_AND_ASSIGN(const auto listed, store().ListSessions({}, {.limit = 9}));
+  ASSERT_EQ(listed.size(), 1u);
+  const SessionSummary& summary = listed[0].record;
+  EXPECT_EQ(summary.session.title, "wave");
+  EXPECT_EQ(summary.session.state, SessionState::kCapturing);
+  EXPECT_EQ(summary.session.finish_utc_ns, 7);
+  EXPECT_EQ(summary.session.target, session.target);
+  EXPECT_TRUE(summary.session.cameras.empty());
+  EXPECT_TRUE(summary.session.missing_cameras.empty());
+  EXPECT_TRUE(summary.session.requested_cameras.empty());
+  EXPECT_EQ(summary.camera_count, 2u);
+  EXPECT_EQ(summary.observation_count, 30u);
+  EXPECT_EQ(summary.wand_count, 24u);
+  EXPECT_EQ(summary.late_count, 0u);
+  session.title = "another";
+  ASSERT_THAT(store().UpdateSession(session), IsOk());
+  EXPECT_EQ(store().ListSessions({}, {.limit = 9})->at(0).record.session.title, "another");
+}
+
+TEST_F(StoreSessions, DeletesObservationsAndKeepsTheCounts) {
+  ASSERT_THAT(store().CreateSession(CapturingSession({"a"})), IsOk());
+  Append(MakeBatch(KeyOf("a"), 1, 20));
+  ASSERT_THAT(store().DeleteObservations("s-test", 123), IsOk());
+  EXPECT_TRUE(::rigcal::testing::ReadRows(store()).empty());
+  EXPECT_EQ(store().GetSession("s-test")->observations_delete_utc_ns, 123);
+  EXPECT_EQ(store().GetSessionCounts("s-test")->at(0).observation_count, 20u);
+  EXPECT_EQ(store().GetStream(KeyOf("a"))->durable_seq, 20u);
+  EXPECT_EQ(store().ListSessions({}, {.limit = 9})->at(0).record.session.observations_delete_utc_ns,
+            123);
+  EXPECT_THAT(store().DeleteObservations("s-000009", 1), StatusIs(absl::StatusCode::kNotFound, _));
 }
 
 TEST_F(StoreSessions, TakesCamerasUntilTheyHaveObservations) {

@@ -78,9 +78,11 @@ TEST(LineBundleEdge, NeverStepsBehindACamera) {
       marker.velocity_px_s.setZero();
       marker.centre_px = camera.intrinsics.segment<2>(2);
       if (observation.camera == 1) continue;
+      Eigen::Vector2d centre_px;
       ASSERT_TRUE(Project(camera.model, camera.intrinsics.data(),
-                          camera.cam_from_rig * (behind + position * instant.direction),
-                          &marker.centre_px, nullptr, nullptr));
+                          camera.cam_from_rig * (behind + position * instant.direction), &centre_px,
+                          nullptr, nullptr));
+      marker.centre_px = centre_px;
     }
   }
   instant.origin_m = rig_from_cam * Eigen::Vector3d(0, 0, 0.3);

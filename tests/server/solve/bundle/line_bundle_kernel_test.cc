@@ -21,9 +21,10 @@ struct OneStep {
 };
 
 OneStep StepWith(const LineBundleKernel& kernel, const BundleOptions& options,
-                 const BundleProblem& problem) {
+                 const BundleProblem& problem, size_t max_packed_bytes = kMaxPackedBytes) {
   LineBundleLayout layout = LayOut(problem);
-  const PackedMarkers packed = Pack(problem, &layout);
+  const PackedMarkers packed = Pack(problem, &layout, max_packed_bytes);
+  EXPECT_EQ(packed.source == nullptr, max_packed_bytes > 0);
   LineBundleSystem system(options, layout, packed, kernel);
   LineBundleEstimate estimate(problem, layout, packed), moved(problem, layout, packed);
   OneStep step;
@@ -55,6 +56,11 @@ TEST(LineBundleKernel, GivesTheSameBitsWithEveryInstructionSet) {
     const OneStep plain = StepWith(*kernels.front(), options, problem);
     EXPECT_TRUE(plain.move.valid);
     EXPECT_LT(plain.move.cost, plain.cost);
+    // Data that is made group by group is the same data.
+    const OneStep unpacked = StepWith(*kernels.front(), options, problem, 0);
+    EXPECT_EQ(unpacked.cost, plain.cost);
+    EXPECT_EQ(unpacked.matrix, plain.matrix);
+    EXPECT_EQ(unpacked.move.cost, plain.move.cost);
     for (const LineBundleKernel* kernel : kernels) {
       const OneStep step = StepWith(*kernel, options, problem);
       EXPECT_EQ(step.cost, plain.cost) << kernel->name;

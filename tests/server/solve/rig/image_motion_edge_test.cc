@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "server/solve/rig/image_motion.h"
+#include "tests/server/associate/edit_rows.h"
 #include "tests/server/solve/rig/track_of_path.h"
 
 namespace rigcal::server::image_motion_edge_test {
@@ -19,8 +20,14 @@ AlignedTrack TrackOf(const Path& path, int rows, double period_s = kPeriod_s) {
   return TrackOfPath(path, rows, period_s, 0.3);
 }
 
-MarkerObservation& Marker(AlignedTrack& track, int row) {
-  return track.track.observations[static_cast<size_t>(row)].markers[0];
+void EditMarker(AlignedTrack* track, int row,
+                const std::function<void(MarkerObservation& marker)>& edit) {
+  EditRow(track, static_cast<size_t>(row),
+          [&edit](Observation& observation) { edit(observation.markers[0]); });
+}
+
+void Hide(AlignedTrack* track, int row) {
+  EditMarker(track, row, [](MarkerObservation& marker) { marker.visible = false; });
 }
 
 Eigen::Vector2d Line(double t) { return {100 + 300 * t, 200 - 100 * t}; }
@@ -35,7 +42,8 @@ TEST(ImageMotionEdge, OfATrackWithoutRowsIsNothing) {
 }
 
 TEST(ImageMotionEdge, OfOneRowStaysThere) {
-  const ImageMotion motion(TrackOf(Line, 1, 0), 1);
+  const AlignedTrack track = TrackOf(Line, 1, 0);
+  const ImageMotion motion(track, 1);
   const MarkerMotion at = motion.At(0, 0, 0.02);
   EXPECT_EQ(at.centre_px, Line(0));
   EXPECT_TRUE(at.velocity_px_s.isZero());
@@ -43,7 +51,8 @@ TEST(ImageMotionEdge, OfOneRowStaysThere) {
 }
 
 TEST(ImageMotionEdge, OfTwoRowsIsALine) {
-  const ImageMotion motion(TrackOf(Line, 2), 1);
+  const AlignedTrack track = TrackOf(Line, 2);
+  const ImageMotion motion(track, 1);
   const MarkerMotion at = motion.At(0, 0, 0.01);
   EXPECT_LT((at.centre_px - Line(0.01)).norm(), 1e-9);
   EXPECT_LT((at.velocity_px_s - Eigen::Vector2d(300, -100)).norm(), 1e-6);
@@ -54,7 +63,8 @@ TEST(ImageMotionEdge, OfTwoRowsIsALine) {
 }
 
 TEST(ImageMotionEdge, MovesAlongALineExactlyAtItsEndsToo) {
-  const ImageMotion motion(TrackOf(Line, 30), 1);
+  const AlignedTrack track = TrackOf(Line, 30);
+  const ImageMotion motion(track, 1);
   for (const int row : {0, 1, 15, 28, 29}) {
     const MarkerMotion at = motion.At(row, 0, 0.008);
     EXPECT_LT((at.centre_px - Line(row * kPeriod_s + 0.008)).norm(), 1e-6) << row;
@@ -65,7 +75,8 @@ TEST(ImageMotionEdge, MovesAlongALineExactlyAtItsEndsToo) {
 
 // Centripetal acceleration of 32 000 px/s^2: a line would be 1.6 px off after half a period.
 TEST(ImageMotionEdge, FollowsAFastTurn) {
-  const ImageMotion motion(TrackOf(Fast, 60), 1);
+  const AlignedTrack track = TrackOf(Fast, 60);
+  const ImageMotion motion(track, 1);
   for (int row = 10; row < 50; ++row) {
     const MarkerMotion at = motion.At(row, 0, 0.01);
     EXPECT_LT((at.centre_px - Fast(row * kPeriod_s + 0.01)).norm(), 0.05) << row;
@@ -73,7 +84,8 @@ TEST(ImageMotionEdge, FollowsAFastTurn) {
 }
 
 TEST(ImageMotionEdge, AtAnEndOfAFastTurnErrorAndUncertaintyGoTogether) {
-  const ImageMotion motion(TrackOf(Fast, 60), 1);
+  const AlignedTrack track = TrackOf(Fast, 60);
+  const ImageMotion motion(track, 1);
   for (const int row : {0, 59}) {
     const double shift_s = row == 0 ? -0.01 : 0.01;
     const MarkerMotion at = motion.At(row, 0, shift_s);
@@ -87,8 +99,10 @@ TEST(ImageMotionEdge, DoesNotReachOverAGap) {
   AlignedTrack track = TrackOf(Line, 40);
   // After a pause of 5 periods the marker is somewhere else and moves another way.
   for (int row = 20; row < 40; ++row) {
-    track.track.observations[static_cast<size_t>(row)].time_ns += 100'000'000;
-    Marker(track, row).centre_px = {900 - 5.0 * row, 700 + 2.0 * row};
+    EditRow(&track, static_cast<size_t>(row), [row](Observation& observation) {
+      observation.time_ns += 100'000'000;
+      observation.markers[0].centre_px = {900 - 5.0 * row, 700 + 2.0 * row};
+    });
   }
   const ImageMotion motion(track, 1);
   EXPECT_LT((motion.At(19, 0, 0.005).velocity_px_s - Eigen::Vector2d(300, -100)).norm(), 1e-3);
@@ -97,22 +111,25 @@ TEST(ImageMotionEdge, DoesNotReachOverAGap) {
 
 TEST(ImageMotionEdge, GoesOnOverASingleDropout) {
   AlignedTrack track = TrackOf(Fast, 60);
-  for (const int row : {29, 32}) Marker(track, row).visible = false;
+  for (const int row : {29, 32}) Hide(&track, row);
   const ImageMotion motion(track, 1);
   EXPECT_LT((motion.At(30, 0, 0.01).centre_px - Fast(30 * kPeriod_s + 0.01)).norm(), 0.4);
 }
 
 TEST(ImageMotionEdge, RowsWithoutMarkersTakeNoPart) {
   AlignedTrack track = TrackOf(Line, 40);
-  track.track.observations[19].markers.clear();
-  track.track.observations[22].markers.clear();
+  for (const size_t row : {19, 22}) {
+    EditRow(&track, row, [](Observation& observation) { observation.markers.clear(); });
+  }
   const ImageMotion motion(track, 1);
   EXPECT_LT((motion.At(20, 0, 0.01).centre_px - Line(20 * kPeriod_s + 0.01)).norm(), 1e-6);
 }
 
 TEST(ImageMotionEdge, AnExcludedRowLeavesItsNeighboursAlone) {
   AlignedTrack track = TrackOf(Line, 40);
-  Marker(track, 21).centre_px += Eigen::Vector2d(8, 0);  // too little to be an outlier
+  EditMarker(&track, 21, [](MarkerObservation& marker) {
+    marker.centre_px += Eigen::Vector2d(8, 0);  // too little to be an outlier
+  });
   ImageMotion motion(track, 1);
   const Eigen::Vector2d truth = Line(20 * kPeriod_s + 0.01);
   EXPECT_GT((motion.At(20, 0, 0.01).centre_px - truth).norm(), 1);
@@ -120,7 +137,7 @@ TEST(ImageMotionEdge, AnExcludedRowLeavesItsNeighboursAlone) {
   EXPECT_LT((motion.At(20, 0, 0.01).centre_px - truth).norm(), 1e-6);
   // It still moves, from where it was measured.
   EXPECT_LT((motion.At(21, 0, 0.01).centre_px - Line(21 * kPeriod_s + 0.01)).norm(), 8.001);
-  Marker(track, 5).visible = false;
+  Hide(&track, 5);
   ImageMotion with_dropout(track, 1);
   with_dropout.Exclude(5, 0);  // not visible: nothing to take out
   EXPECT_LT((with_dropout.At(4, 0, 0.01).centre_px - Line(4 * kPeriod_s + 0.01)).norm(), 1e-6);
@@ -129,8 +146,10 @@ TEST(ImageMotionEdge, AnExcludedRowLeavesItsNeighboursAlone) {
 // Markers may carry times of their own, and two rows' may meet.
 TEST(ImageMotionEdge, RowsAtOneTimeGiveFiniteValues) {
   AlignedTrack track = TrackOf(Line, 40);
-  Marker(track, 20).time_delta_ns = 20'000'000;  // as row 21
-  Marker(track, 20).centre_px = Line(21 * kPeriod_s);
+  EditMarker(&track, 20, [](MarkerObservation& marker) {
+    marker.time_delta_ns = 20'000'000;  // as row 21
+    marker.centre_px = Line(21 * kPeriod_s);
+  });
   const ImageMotion motion(track, 1);
   for (int row = 16; row < 26; ++row) {
     const MarkerMotion at = motion.At(row, 0, 0.01);
@@ -145,8 +164,10 @@ TEST(ImageMotionEdge, RowsAtOneTimeGiveFiniteValues) {
 TEST(ImageMotionEdge, OnlyRowsAtOneTimeGiveFiniteValues) {
   AlignedTrack track = TrackOf(Line, 3);
   for (int row = 0; row < 3; ++row) {
-    Marker(track, row).time_delta_ns = (2 - row) * 20'000'000;
-    Marker(track, row).centre_px = {100 + 0.1 * row, 200};
+    EditMarker(&track, row, [row](MarkerObservation& marker) {
+      marker.time_delta_ns = (2 - row) * 20'000'000;
+      marker.centre_px = {100 + 0.1 * row, 200};
+    });
   }
   const ImageMotion motion(track, 1);
   for (int row = 0; row < 3; ++row) {

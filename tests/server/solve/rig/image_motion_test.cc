@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "common/simulation/world/random_stream.h"
+#include "tests/server/associate/edit_rows.h"
 #include "tests/server/solve/rig/track_of_path.h"
 
 namespace rigcal::server::image_motion_test {
@@ -29,7 +30,8 @@ TEST(ImageMotion, FollowsASmoothPath) {
 }
 
 TEST(ImageMotion, WithoutAShiftTheRowStaysAsItIs) {
-  const ImageMotion motion(Track(10, 0.1), 1);
+  const AlignedTrack track = Track(10, 0.1);
+  const ImageMotion motion(track, 1);
   for (const int row : {0, 1, 5, 9}) {
     const MarkerMotion at = motion.At(row, 0, 0);
     EXPECT_LT((at.centre_px - PathAt(0.1 * row)).norm(), 1e-9);
@@ -39,7 +41,8 @@ TEST(ImageMotion, WithoutAShiftTheRowStaysAsItIs) {
 
 TEST(ImageMotion, AWildNeighbourDoesNotMoveIt) {
   AlignedTrack track = Track(40, 0.05);
-  track.track.observations[21].markers[0].centre_px += Eigen::Vector2d(300, -200);
+  EditRow(&track, 21,
+          [](Observation& row) { row.markers[0].centre_px += Eigen::Vector2d(300, -200); });
   const ImageMotion motion(track, 1);
   const MarkerMotion at = motion.At(20, 0, 0.02);
   EXPECT_LT((at.centre_px - PathAt(1.02)).norm(), 0.5);
@@ -52,7 +55,8 @@ TEST(ImageMotion, AWildNeighbourDoesNotMoveIt) {
 TEST(ImageMotion, ALoneRowIsOnlyAsCertainAsItsSpeedAllows) {
   AlignedTrack track = Track(30, 0.05);
   for (const int row : {17, 18, 19, 21, 22, 23, 24, 16}) {
-    track.track.observations[static_cast<size_t>(row)].markers[0].visible = false;
+    EditRow(&track, static_cast<size_t>(row),
+            [](Observation& observation) { observation.markers[0].visible = false; });
   }
   const ImageMotion motion(track, 1);
   const MarkerMotion at = motion.At(20, 0, 0.01);
@@ -63,16 +67,19 @@ TEST(ImageMotion, ALoneRowIsOnlyAsCertainAsItsSpeedAllows) {
 
 TEST(ImageMotion, MarkersWithTimesOfTheirOwnAreTakenAtThose) {
   AlignedTrack track = Track(40, 0.05);
-  for (Observation& row : track.track.observations) {
-    row.markers[0].time_delta_ns = 5'000'000;
-    row.markers[0].centre_px = PathAt(1e-9 * static_cast<double>(row.time_ns) + 0.005);
-  }
+  EditRows(&track, [](std::vector<Observation>& rows) {
+    for (Observation& row : rows) {
+      row.markers[0].time_delta_ns = 5'000'000;
+      row.markers[0].centre_px = PathAt(1e-9 * static_cast<double>(row.time_ns) + 0.005);
+    }
+  });
   const ImageMotion motion(track, 1);
   EXPECT_LT((motion.At(20, 0, 0.01).centre_px - PathAt(1.015)).norm(), 0.02);
 }
 
 TEST(ImageMotion, NeighboursUncertaintyIsAccountedFor) {
-  const ImageMotion motion(Track(40, 0.05), 1);
+  const AlignedTrack track = Track(40, 0.05);
+  const ImageMotion motion(track, 1);
   const double here = motion.At(20, 0, 0).covariance_px2(0, 0);
   const double between = motion.At(20, 0, 0.02).covariance_px2(0, 0);
   EXPECT_NE(here, between);
@@ -84,10 +91,12 @@ TEST(ImageMotion, NeighboursUncertaintyIsAccountedFor) {
 AlignedTrack Noise(int rows, double period_s, uint64_t seed) {
   AlignedTrack track = Track(rows, period_s);
   RandomStream random{seed};
-  for (Observation& row : track.track.observations) {
-    const double x = random.Gaussian(), y = random.Gaussian();
-    row.markers[0].centre_px = 0.5 * Eigen::Vector2d(x, y);
-  }
+  EditRows(&track, [&random](std::vector<Observation>& all) {
+    for (Observation& row : all) {
+      const double x = random.Gaussian(), y = random.Gaussian();
+      row.markers[0].centre_px = 0.5 * Eigen::Vector2d(x, y);
+    }
+  });
   return track;
 }
 
@@ -97,7 +106,8 @@ TEST(ImageMotion, RowsInterpolatedInARowAreWorthAsMuchAsTheRows) {
   constexpr int kRuns = 400, kRows = 30;
   double square = 0, mean_square = 0, stated = 0, share = 0;
   for (int run = 0; run < kRuns; ++run) {
-    const ImageMotion motion(Noise(kRows + 20, 0.02, static_cast<uint64_t>(run)), 1);
+    const AlignedTrack track = Noise(kRows + 20, 0.02, static_cast<uint64_t>(run));
+    const ImageMotion motion(track, 1);
     Eigen::Vector2d mean = Eigen::Vector2d::Zero();
     for (int i = 10; i < 10 + kRows; ++i) {
       const MarkerMotion at = motion.At(i, 0, 0.0099);
@@ -122,7 +132,8 @@ TEST(ImageMotion, TheVelocityHasNoneOfTheCentresNoise) {
     for (const double share : {-0.45, 0.2, 0.45}) {
       double product = 0, centre = 0, velocity = 0;
       for (int run = 0; run < 4000; ++run) {
-        const ImageMotion motion(Noise(20, period_s, static_cast<uint64_t>(run)), 1);
+        const AlignedTrack track = Noise(20, period_s, static_cast<uint64_t>(run));
+        const ImageMotion motion(track, 1);
         const MarkerMotion at = motion.At(10, 0, share * period_s);
         product += at.centre_px.dot(at.velocity_px_s);
         centre += at.centre_px.squaredNorm();

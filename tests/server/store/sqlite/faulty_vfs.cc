@@ -11,14 +11,21 @@ namespace {
 // SQLite allocates szOsFile bytes: this, and the real file behind it.
 struct FaultyFile {
   sqlite3_file base;
+  const char* path;  // SQLite keeps it as long as the file is open
   sqlite3_file* real() { return reinterpret_cast<sqlite3_file*>(this + 1); }
 };
 
 sqlite3_file* Real(sqlite3_file* file) { return reinterpret_cast<FaultyFile*>(file)->real(); }
+// The model, for files that have a name; null: nothing is noted.
+UnsyncedFiles* ModelOf(sqlite3_file* file) {
+  return reinterpret_cast<FaultyFile*>(file)->path == nullptr ? nullptr : FaultyVfs::Get().model();
+}
+std::string PathOf(sqlite3_file* file) { return reinterpret_cast<FaultyFile*>(file)->path; }
 sqlite3_vfs* RealVfs(sqlite3_vfs* vfs) { return static_cast<sqlite3_vfs*>(vfs->pAppData); }
 
 int Close(sqlite3_file* file) { return Real(file)->pMethods->xClose(Real(file)); }
 int Read(sqlite3_file* file, void* data, int size, sqlite3_int64 offset) {
+  if (FaultyVfs::Get().NextReadFault() != 0) return SQLITE_IOERR_READ;
   return Real(file)->pMethods->xRead(Real(file), data, size, offset);
 }
 int Write(sqlite3_file* file, const void* data, int size, sqlite3_int64 offset) {
@@ -27,19 +34,25 @@ int Write(sqlite3_file* file, const void* data, int size, sqlite3_int64 offset) 
   real->pMethods->xFileSize(real, &file_size);
   if (offset + size > file_size && !FaultyVfs::Get().MayGrow()) return SQLITE_FULL;
   const int fault = FaultyVfs::Get().NextFault();
-  if (fault == 0) return real->pMethods->xWrite(real, data, size, offset);
-  real->pMethods->xWrite(real, data, size / 2, offset);
-  return fault;
+  const int written = fault == 0 ? size : size / 2;
+  if (UnsyncedFiles* model = ModelOf(file)) {
+    model->NoteWrite(PathOf(file), {static_cast<const char*>(data), static_cast<size_t>(written)},
+                     offset);
+  }
+  const int result = real->pMethods->xWrite(real, data, written, offset);
+  return fault == 0 ? result : fault;
 }
 int Truncate(sqlite3_file* file, sqlite3_int64 size) {
   if (const int fault = FaultyVfs::Get().NextFault(); fault != 0) return fault;
+  if (UnsyncedFiles* model = ModelOf(file)) model->NoteTruncate(PathOf(file), size);
   return Real(file)->pMethods->xTruncate(Real(file), size);
 }
-int Sync(sqlite3_file*, int) {
+int Sync(sqlite3_file* file, int) {
   if (const int fault = FaultyVfs::Get().NextFault(); fault != 0) {
     return FaultyVfs::Get().SyncCode(fault);
   }
   FaultyVfs::Get().NoteSync();
+  if (UnsyncedFiles* model = ModelOf(file)) model->NoteSync(PathOf(file));
   return SQLITE_OK;
 }
 int FileSize(sqlite3_file* file, sqlite3_int64* size) {
@@ -93,12 +106,14 @@ const sqlite3_io_methods kMethods = {
 
 int Open(sqlite3_vfs* vfs, const char* name, sqlite3_file* file, int flags, int* out_flags) {
   file->pMethods = nullptr;
+  reinterpret_cast<FaultyFile*>(file)->path = name;
   const int result = RealVfs(vfs)->xOpen(RealVfs(vfs), name, Real(file), flags, out_flags);
   if (result == SQLITE_OK) file->pMethods = &kMethods;
   return result;
 }
-int Delete(sqlite3_vfs* vfs, const char* name, int sync_directory) {
-  return RealVfs(vfs)->xDelete(RealVfs(vfs), name, sync_directory);
+int Delete(sqlite3_vfs* vfs, const char* name, int) {
+  if (UnsyncedFiles* model = FaultyVfs::Get().model()) model->NoteDelete(name);
+  return RealVfs(vfs)->xDelete(RealVfs(vfs), name, /*syncDir=*/0);
 }
 int Access(sqlite3_vfs* vfs, const char* name, int flags, int* result) {
   return RealVfs(vfs)->xAccess(RealVfs(vfs), name, flags, result);
@@ -140,6 +155,7 @@ void FaultyVfs::Heal() {
   fail_at_ = 0;
   sync_code_ = 0;
   growth_allowed_ = nullptr;
+  reads_fail_ = false;
 }
 
 int FaultyVfs::NextFault() {

@@ -6,6 +6,8 @@
 #include <functional>
 #include <string>
 
+#include "tests/server/store/sqlite/unsynced_files.h"
+
 namespace rigcal::testing {
 
 // SQLite's own file system, with faults at will. Registered for the life of the process; faults are
@@ -24,6 +26,11 @@ class FaultyVfs {
   // A write that makes its file grow asks; false: SQLITE_FULL, without counting as a fault. Null:
   // files may grow.
   void SetGrowthAllowed(std::function<bool()> allowed) { growth_allowed_ = std::move(allowed); }
+  // Reads count as operations too, and can fail.
+  void SetReadsFail(bool fail) { reads_fail_ = fail; }
+  // Notes what is written and not synced, for power cuts. Null: does not.
+  void SetModel(UnsyncedFiles* model) { model_ = model; }
+  UnsyncedFiles* model() const { return model_; }
   // No faults any more.
   void Heal();
 
@@ -35,6 +42,7 @@ class FaultyVfs {
   // For the file functions.
   void NoteSync() { ++sync_count_; }
   int NextFault();  // 0: go on
+  int NextReadFault() { return reads_fail_ ? NextFault() : 0; }
   int SyncCode(int code) const { return sync_code_ != 0 ? sync_code_.load() : code; }
   bool MayGrow() const { return growth_allowed_ == nullptr || growth_allowed_(); }
 
@@ -49,6 +57,8 @@ class FaultyVfs {
   std::atomic<int> code_ = 0;
   std::atomic<int> sync_code_ = 0;
   std::atomic<bool> lasting_ = false;
+  std::atomic<bool> reads_fail_ = false;
+  std::atomic<UnsyncedFiles*> model_ = nullptr;
   std::function<bool()> growth_allowed_;
 };
 

@@ -60,6 +60,7 @@ void FillDeleteAndGoOn(const std::string& path) {
   SqliteStoreOptions options;
   options.data_directory = path;
   options.reserve_bytes = 1u << 20;
+  options.min_free_bytes = 0;
   options.checkpoint_bytes = 1u << 20;
   ASSERT_OK_AND_ASSIGN(auto store, SqliteStore::Open(options));
   ASSERT_THAT(store->CreateSession(CapturingSession({"a"})), IsOk());

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/enrolment/join_server.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/enrolment/https_call.h"
+#include "common/identity/certificate.h"
+#include "common/identity/certificate_request.h"
+#include "common/identity/private_key.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+using EnrolmentJson = nlohmann::ordered_json;
+
+// What the server says of a request that it refuses.
+absl::Status RefusalOf(const std::string& address, const HttpsAnswer& answer) {
+  const auto json = EnrolmentJson::parse(answer.body, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object() || !json.contains("code") || !json["code"].is_string() ||
+      !json.contains("message") || !json["message"].is_string()) {
+    return absl::UnavailableError(absl::StrCat("the server at ", address, " answered with HTTP ",
+                                               answer.status,
+                                               ": it is another program or another version"));
+  }
+  absl::StatusCode code = absl::StatusCode::kInternal;
+  const std::string name = json["code"].get<std::string>();
+  for (const absl::StatusCode known :
+       {absl::StatusCode::kInvalidArgument, absl::StatusCode::kUnauthenticated,
+        absl::StatusCode::kPermissionDenied, absl::StatusCode::kAlreadyExists,
+        absl::StatusCode::kResourceExhausted, absl::StatusCode::kUnavailable}) {
+    if (absl::StatusCodeToString(known) == name) code = known;
+  }
+  return absl::Status(code, json["message"].get<std::string>());
+}
+
+absl::Status ReadIssued(const std::string& body, PeerIdentity* identity) {
+  const auto json = EnrolmentJson::parse(body, nullptr, /*allow_exceptions=*/false);
+  if (!json.is_object() || !json.contains("certificate") || !json["certificate"].is_string()) {
+    return absl::UnavailableError("the server's answer holds no certificate");
+  }
+  identity->certificate_pem = json["certificate"].get<std::string>();
+  return ParseServers(body, identity);
+}
+
+// Sends what only the server may see; it is verified with the identity's CA.
+absl::Status AskForCertificate(const std::string& address, const std::string& path,
+                               const EnrolmentJson& body, std::chrono::milliseconds timeout,
+                               PeerIdentity* identity) {
+  RIGCAL_ASSIGN_OR_RETURN(const HttpsAnswer answer, CallHttps({.address = address,
+                                                               .method = "POST",
+                                                               .path = path,
+                                                               .body = body.dump(),
+                                                               .ca_pem = identity->ca_pem,
+                                                               .timeout = timeout}));
+  if (answer.status != 200) return RefusalOf(address, answer);
+  PeerIdentity issued = *identity;
+  RIGCAL_RETURN_IF_ERROR(ReadIssued(answer.body, &issued));
+  RIGCAL_RETURN_IF_ERROR(CheckIdentity(issued));
+  *identity = std::move(issued);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> FetchCa(const std::string& address, const JoinString& join,
+                                    std::chrono::milliseconds timeout) {
+  RIGCAL_ASSIGN_OR_RETURN(
+      const HttpsAnswer answer,
+      CallHttps({.address = address, .method = "GET", .path = "/v1/ca", .timeout = timeout}));
+  const absl::StatusOr<Certificate> ca = ParseCertificate(answer.body);
+  if (answer.status != 200 || !ca.ok()) {
+    return absl::UnavailableError(
+        absl::StrCat("at ", address, " is no rigcal server: it shows no certificate of a CA"));
+  }
+  if (ca->sha256 == join.ca_sha256) return answer.body;
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the server at ", address, " is not the one that made the join string: its CA is ",
+      absl::BytesToHexString(ca->sha256.substr(0, 8)), "..., that of the string ",
+      absl::BytesToHexString(join.ca_sha256.substr(0, 8)),
+      "... Nothing was sent to it. Either the server was set up anew since (make a new join "
+      "string), "
+      "or somebody else answers at its address"));
+}
+
+// Unreachable hosts are passed over; any other answer counts.
+template <typename Try>
+absl::Status TryInTurn(const std::vector<std::string>& addresses, const Try& attempt) {
+  std::vector<std::string> faults;
+  for (const std::string& address : addresses) {
+    const absl::Status status = attempt(address);
+    if (!absl::IsUnavailable(status)) return status;
+    faults.emplace_back(status.message());
+  }
+  return absl::UnavailableError(
+      absl::StrCat(absl::StrJoin(faults, "; "),
+                   ". Is rigcal-server running, and does the firewall of its PC let "
+                   "TCP 7420 and 7421 in?"));
+}
+
+}  // namespace
+
+absl::StatusOr<PeerIdentity> JoinServer(const JoinString& join, const std::string& name,
+                                        std::chrono::milliseconds timeout) {
+  PeerIdentity identity;
+  RIGCAL_ASSIGN_OR_RETURN(identity.key_pem, MakePrivateKey());
+  RIGCAL_ASSIGN_OR_RETURN(const std::string csr,
+                          MakeCertificateRequest(identity.key_pem, name, join.role));
+  const EnrolmentJson body = {{"secret", absl::WebSafeBase64Escape(join.secret)}, {"csr", csr}};
+  const auto join_at = [&](const std::string& address) -> absl::Status {
+    RIGCAL_ASSIGN_OR_RETURN(identity.ca_pem, FetchCa(address, join, timeout));
+    RIGCAL_RETURN_IF_ERROR(AskForCertificate(address, "/v1/enrol", body, timeout, &identity));
+    // The host that answered is the first to be asked from now on.
+    const std::string host = address.substr(0, address.rfind(':') + 1);
+    for (std::vector<std::string>* list : {&identity.grpc, &identity.https}) {
+      std::ranges::stable_partition(
+          *list, [&](const std::string& entry) { return entry.rfind(host, 0) == 0; });
+    }
+    return absl::OkStatus();
+  };
+  RIGCAL_RETURN_IF_ERROR(TryInTurn(HostPorts(join.hosts, join.https_port), join_at));
+  return identity;
+}
+
+bool IsRenewalDue(const PeerIdentity& identity, absl::Time now) {
+  const absl::StatusOr<Certificate> certificate = ParseCertificate(identity.certificate_pem);
+  if (!certificate.ok()) return false;
+  const absl::Duration life = certificate->not_after - certificate->not_before;
+  return now < certificate->not_before || now >= certificate->not_before + life * 2 / 3;
+}
+
+absl::StatusOr<std::optional<PeerIdentity>> RenewIdentity(const PeerIdentity& identity,
+                                                          std::chrono::milliseconds timeout) {
+  RIGCAL_ASSIGN_OR_RETURN(const Certificate certificate,
+                          ParseCertificate(identity.certificate_pem));
+  RIGCAL_ASSIGN_OR_RETURN(const std::string csr,
+                          MakeCertificateRequest(identity.key_pem, certificate.name,
+                                                 certificate.role.value_or(Role::kViewer)));
+  const EnrolmentJson body = {{"certificate", identity.certificate_pem}, {"csr", csr}};
+  PeerIdentity renewed = identity;
+  RIGCAL_RETURN_IF_ERROR(TryInTurn(identity.https, [&](const std::string& address) {
+    return AskForCertificate(address, "/v1/renew", body, timeout, &renewed);
+  }));
+  if (renewed.certificate_pem == identity.certificate_pem) return std::nullopt;
+  return renewed;
+}
+
+}  // namespace rigcal

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/enrolment/renewal_thread.h"
+
+#include <optional>
+#include <utility>
+
+#include "common/enrolment/join_server.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+// The server's clock counts, and that of this PC may be wrong: so the server is asked once in a
+// while even if nothing seems to be due.
+constexpr std::chrono::hours kAskEvery{24};
+constexpr std::chrono::seconds kAskAgain{10};
+
+constexpr std::chrono::milliseconds kTimeout{3000};  // the program may want to end
+
+// True: the folder has a new certificate.
+absl::StatusOr<bool> RenewWhereDue(const IdentityFolder& folder, bool ask_anyway) {
+  RIGCAL_ASSIGN_OR_RETURN(const PeerIdentity identity, folder.Load());
+  const bool is_due = IsRenewalDue(identity);
+  if (!ask_anyway && !is_due) return false;
+  const absl::StatusOr<std::optional<PeerIdentity>> answer = RenewIdentity(identity, kTimeout);
+  if (absl::IsUnavailable(answer.status()) && !is_due) return false;  // there is time
+  RIGCAL_ASSIGN_OR_RETURN(const std::optional<PeerIdentity> renewed, answer);
+  if (!renewed) return false;
+  RIGCAL_RETURN_IF_ERROR(folder.Renew(*renewed));
+  return true;
+}
+
+}  // namespace
+
+RenewalThread::RenewalThread(IdentityFolder folder, Events events,
+                             std::chrono::milliseconds interval)
+    : folder_(std::move(folder)), events_(std::move(events)), interval_(interval) {}
+
+void RenewalThread::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void RenewalThread::Shutdown() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void RenewalThread::AskSoon() {
+  const std::lock_guard lock(mutex_);
+  if (std::chrono::steady_clock::now() < asked_ + kAskAgain) return;
+  ask_ = true;
+  changed_.notify_all();
+}
+
+void RenewalThread::Run() {
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    const auto now = std::chrono::steady_clock::now();
+    const bool ask_anyway = std::exchange(ask_, false) || now >= asked_ + kAskEvery;
+    if (ask_anyway) asked_ = now;
+    lock.unlock();
+    RenewOnce(ask_anyway);
+    lock.lock();
+    changed_.wait_for(lock, interval_, [this] { return stopping_ || ask_; });
+  }
+}
+
+void RenewalThread::RenewOnce(bool ask_anyway) {
+  const absl::StatusOr<bool> renewed = RenewWhereDue(folder_, ask_anyway);
+  const std::string trouble(renewed.status().message());
+  if (renewed.ok() && *renewed) events_.renewed();
+  if (!renewed.ok() && trouble != last_trouble_) events_.trouble(trouble);
+  if (ask_anyway || !renewed.ok()) last_trouble_ = trouble;
+}
+
+}  // namespace rigcal

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/care/care_commands.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/status/status_macros.h"
+#include "server/care/running_server.h"
+#include "server/rpc/compact_client.h"
+#include "server/store/sqlite/database_backup.h"
+#include "server/store/sqlite/database_check.h"
+#include "server/store/sqlite/sqlite_store.h"
+
+namespace rigcal::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMaxPrintedFaults = 100;
+
+int Fail(const absl::Status& status) {
+  std::fprintf(stderr, "rigcal-server: %s\n", std::string(status.message()).c_str());
+  return 1;
+}
+
+// Tells on stderr how far the work is, at every tenth.
+CareProgress ProgressOf(std::string what) {
+  return [what = std::move(what), told = 0](double fraction) mutable {
+    const int tenths = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * 10);
+    if (tenths <= told) return;
+    told = tenths;
+    std::fprintf(stderr, "%s: %d %%\n", what.c_str(), 10 * tenths);
+  };
+}
+
+std::string CountsText(const DatabaseReport& report) {
+  return absl::StrCat(report.session_count, " sessions, ", report.observation_count,
+                      " observations in ", report.batch_count, " batches, ",
+                      report.calibration_count, " calibrations");
+}
+
+void PrintFaults(const DatabaseReport& report) {
+  const size_t printed = std::min(report.faults.size(), kMaxPrintedFaults);
+  for (size_t i = 0; i < printed; ++i) std::printf("  %s\n", report.faults[i].c_str());
+  if (report.fault_count > printed) {
+    std::printf("  and %s more\n", absl::StrCat(report.fault_count - printed).c_str());
+  }
+}
+
+std::string FaultsText(const DatabaseReport& report) {
+  return absl::StrCat(report.fault_count, report.fault_count == 1 ? " fault" : " faults", ", ",
+                      report.damaged_row_count, " observations lost");
+}
+
+// Without a server the database is opened here. A running server has the only connection that may
+// write, so it does the work.
+absl::Status CompactHereOrThere(const std::string& data_directory, const std::string& server,
+                                const CareProgress& progress) {
+  const auto store = SqliteStore::Open({.data_directory = data_directory});
+  if (store.ok()) {
+    return (*store)->Compact([&](double fraction) {
+      progress(fraction);
+      return absl::OkStatus();
+    });
+  }
+  absl::StatusOr<std::string> address = server;
+  if (server.empty()) address = AddressOfRunningServer(data_directory);
+  if (!absl::IsFailedPrecondition(store.status()) || !address.ok()) return store.status();
+  return CompactRunningServer(*address,
+                              [&](const CompactProgress& made) { progress(made.fraction); });
+}
+
+std::string Megabytes(uint64_t bytes) {
+  return absl::StrFormat("%.1f MB", static_cast<double>(bytes) / 1e6);
+}
+
+}  // namespace
+
+CareCommands::CareCommands(CLI::App* app) {
+  app->require_subcommand(0, 1);
+  app->fallthrough();
+  check_ = app->add_subcommand(
+      "check", "Verify all stored data, also while a server runs; exit 1 names what is damaged");
+  backup_ = app->add_subcommand(
+      "backup", "Copy all data, keys included, into one file, also while a server runs");
+  backup_->add_option("file", file_, "File to write; must not exist")
+      ->required()
+      ->type_name("FILE");
+  restore_ = app->add_subcommand(
+      "restore",
+      "Put a backup in the place of the data, which is moved aside; stop the server first");
+  restore_->add_option("file", file_, "A backup")->required()->type_name("FILE");
+  restore_->add_flag("--damaged", take_damaged_, "Also restore a backup that is damaged");
+  compact_ = app->add_subcommand("compact",
+                                 "Give unused space back to the disk, also while a server runs");
+  compact_
+      ->add_option("--server", server_,
+                   "Address of the running server (default: as noted in the data folder)")
+      ->type_name("HOST:PORT");
+}
+
+bool CareCommands::chosen() const {
+  return check_->parsed() || backup_->parsed() || restore_->parsed() || compact_->parsed();
+}
+
+int CareCommands::Run(const std::string& data_directory) const {
+  if (check_->parsed()) return Check(data_directory);
+  if (backup_->parsed()) return BackUp(data_directory);
+  if (restore_->parsed()) return Restore(data_directory);
+  return Compact(data_directory);
+}
+
+int CareCommands::Check(const std::string& data_directory) const {
+  const fs::path file = fs::path(data_directory) / "rigcal.db";
+  const auto report = CheckDatabase(file, ProgressOf("check"));
+  if (!report.ok()) return Fail(report.status());
+  std::printf("%s: %s\n", file.c_str(), CountsText(*report).c_str());
+  if (report->fault_count == 0) {
+    std::printf("no faults\n");
+    return 0;
+  }
+  PrintFaults(*report);
+  std::printf(
+      "%s; everything else can be used. Restore a backup with `rigcal-server restore` if "
+      "you need what is lost\n",
+      FaultsText(*report).c_str());
+  return 1;
+}
+
+int CareCommands::BackUp(const std::string& data_directory) const {
+  const auto report = BackUpDatabase(data_directory, file_, ProgressOf("backup"));
+  if (!report.ok()) return Fail(report.status());
+  std::error_code error;
+  std::printf("%s: %s, %s. It holds the server's keys: keep it where only you can read it\n",
+              file_.c_str(), CountsText(*report).c_str(),
+              Megabytes(fs::file_size(file_, error)).c_str());
+  if (report->fault_count > 0) {
+    std::fprintf(stderr,
+                 "rigcal-server: warning: the data was damaged before the backup (%s); "
+                 "`rigcal-server check` names it\n",
+                 FaultsText(*report).c_str());
+  }
+  return 0;
+}
+
+int CareCommands::Restore(const std::string& data_directory) const {
+  const auto report = RestoreDatabase(file_, data_directory, take_damaged_, ProgressOf("restore"));
+  if (!report.ok()) return Fail(report.status());
+  std::printf("%s: restored %s\n", data_directory.c_str(), CountsText(report->backup).c_str());
+  if (!report->kept.empty()) {
+    std::printf("the data before is in %s; remove it when you do not need it\n",
+                report->kept.c_str());
+  }
+  return 0;
+}
+
+int CareCommands::Compact(const std::string& data_directory) const {
+  std::error_code error;
+  const fs::path file = fs::path(data_directory) / "rigcal.db";
+  if (!fs::exists(file, error)) {
+    return Fail(absl::NotFoundError(absl::StrCat("there is no database in ", data_directory)));
+  }
+  const uint64_t before = fs::file_size(file, error);
+  const CareProgress progress = ProgressOf("compact");
+  const absl::Status status = CompactHereOrThere(data_directory, server_, progress);
+  if (!status.ok()) return Fail(status);
+  std::printf("%s: %s before, %s now\n", file.c_str(), Megabytes(before).c_str(),
+              Megabytes(fs::file_size(file, error)).c_str());
+  return 0;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/identity/identity_authority.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "common/identity/certificate_request.h"
+#include "common/identity/join_string.h"
+#include "common/identity/private_key.h"
+#include "common/status/status_macros.h"
+#include "common/status/validate_name.h"
+
+namespace rigcal::server {
+namespace {
+
+std::string Quoted(std::string_view text) {
+  return absl::StrCat("'", absl::CHexEscape(std::string(text.substr(0, 80))), "'");
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<IdentityAuthority>> IdentityAuthority::Open(
+    const std::filesystem::path& folder, std::function<absl::Time()> now) {
+  RIGCAL_ASSIGN_OR_RETURN(CertificateAuthority ca, CertificateAuthority::Open(folder));
+  RIGCAL_ASSIGN_OR_RETURN(TokenStore tokens, TokenStore::Open(folder / "tokens.json"));
+  RIGCAL_ASSIGN_OR_RETURN(IdentityRegistry registry,
+                          IdentityRegistry::Open(folder / "identities.json"));
+  std::unique_ptr<IdentityAuthority> authority(new IdentityAuthority(
+      folder, std::move(now), std::move(ca), std::move(tokens), std::move(registry)));
+  RIGCAL_RETURN_IF_ERROR(authority->denied_.Denies("", "").status());
+  return authority;
+}
+
+IdentityAuthority::IdentityAuthority(std::filesystem::path folder, std::function<absl::Time()> now,
+                                     CertificateAuthority ca, TokenStore tokens,
+                                     IdentityRegistry registry)
+    : now_(std::move(now)),
+      ca_(std::move(ca)),
+      denied_(folder / "denied.json"),
+      tokens_(std::move(tokens)),
+      registry_(std::move(registry)) {}
+
+void IdentityAuthority::SetAddresses(ServerAddresses addresses) {
+  const std::lock_guard lock(mutex_);
+  addresses_ = std::move(addresses);
+}
+
+absl::StatusOr<IdentityAuthority::JoinToken> IdentityAuthority::CreateToken(
+    Role role, absl::Duration ttl, const std::string& name) {
+  if (role == Role::kAdmin) {
+    return absl::InvalidArgumentError(
+        "no join string is made for the role admin: identities are managed on the server PC");
+  }
+  if (!name.empty()) RIGCAL_RETURN_IF_ERROR(ValidateName("name", name));
+  if (ttl < absl::Seconds(1) || ttl > kLongestTokenTtl) {
+    return absl::InvalidArgumentError(absl::StrCat("the life of a join string is 1 s to ",
+                                                   absl::FormatDuration(kLongestTokenTtl), ", not ",
+                                                   absl::FormatDuration(ttl)));
+  }
+  const std::lock_guard lock(mutex_);
+  if (addresses_.hosts.empty()) {
+    return absl::FailedPreconditionError(
+        "this server has no address that another PC reaches: connect it to the network");
+  }
+  RIGCAL_ASSIGN_OR_RETURN(TokenStore::Created created, tokens_.Create(role, ttl, name, now_()));
+  std::vector<std::string> hosts = addresses_.hosts;
+  if (hosts.size() > kMaxJoinHosts) hosts.resize(kMaxJoinHosts);
+  const JoinString join = {.role = role,
+                           .expiry = created.token.expires,
+                           .ca_sha256 = ca_.sha256(),
+                           .secret = std::move(created.secret),
+                           .name = name,
+                           .grpc_port = addresses_.grpc_port,
+                           .https_port = addresses_.https_port,
+                           .hosts = std::move(hosts)};
+  return JoinToken{std::move(created.token), FormatJoinString(join)};
+}
+
+std::vector<Token> IdentityAuthority::ListTokens() const {
+  const std::lock_guard lock(mutex_);
+  return tokens_.tokens();
+}
+
+absl::Status IdentityAuthority::RevokeToken(std::string_view id) {
+  const std::lock_guard lock(mutex_);
+  RIGCAL_ASSIGN_OR_RETURN(const Token token, tokens_.Revoke(id));
+  if (!token.used || registry_.Find(token.used_by) == nullptr) return absl::OkStatus();
+  // Somebody else may have joined under that name since, with another token.
+  if (registry_.Find(token.used_by)->joined != *token.used) return absl::OkStatus();
+  return RevokeLocked(token.used_by);
+}
+
+std::vector<IdentityRecord> IdentityAuthority::ListIdentities() const {
+  const std::lock_guard lock(mutex_);
+  return registry_.List();
+}
+
+absl::Status IdentityAuthority::Revoke(std::string_view uri) {
+  const std::lock_guard lock(mutex_);
+  return RevokeLocked(uri);
+}
+
+absl::Status IdentityAuthority::RevokeLocked(std::string_view uri) {
+  if (registry_.Find(uri) == nullptr) {
+    return absl::NotFoundError(absl::StrCat("nobody has joined as ", Quoted(uri)));
+  }
+  RIGCAL_RETURN_IF_ERROR(DenyBeforeLocked(std::string(uri)));
+  spdlog::info("{} is revoked", uri);
+  return registry_.MarkRevoked(uri, now_());
+}
+
+absl::Status IdentityAuthority::DenyBeforeLocked(const std::string& uri) {
+  const IdentityRecord* const record = registry_.Find(uri);
+  if (record == nullptr) return absl::OkStatus();
+  std::set<std::string> serials;
+  for (const auto& [serial, expires] : record->serials) serials.insert(serial);
+  return denied_.Deny(uri, serials, now_());
+}
+
+absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Enrol(std::string_view secret,
+                                                                   std::string_view request_pem) {
+  RIGCAL_ASSIGN_OR_RETURN(const CertificateRequest request, ParseCertificateRequest(request_pem));
+  const std::string key_sha256 = absl::BytesToHexString(Sha256(request.public_key));
+  const std::lock_guard lock(mutex_);
+  // In whole seconds, as in the files.
+  const absl::Time now = absl::FromUnixSeconds(absl::ToUnixSeconds(now_()));
+  RIGCAL_ASSIGN_OR_RETURN(const Token token, tokens_.Find(secret, key_sha256, now));
+  if (request.role != RoleName(token.role)) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("the join string is for the role ", std::string(RoleName(token.role)),
+                     ", and the request asks for ", Quoted(request.role)));
+  }
+  RIGCAL_RETURN_IF_ERROR(ValidateName("name in the certificate request", request.name));
+  if (!token.name.empty() && request.name != token.name) {
+    return absl::PermissionDeniedError(absl::StrCat("the join string is for ", token.name,
+                                                    ", and the request for ", request.name));
+  }
+  const std::string uri = PeerUri(token.role, request.name);
+  const IdentityRecord* const before = registry_.Find(uri);
+  // An answer that got lost is given again.
+  const bool again = token.used.has_value();
+  if (again && (token.used_by != uri || before == nullptr || before->revoked)) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("the join string was already used by ", token.used_by, "; make a new one"));
+  }
+  if (before != nullptr && !before->revoked && token.name.empty() && !again) {
+    return absl::AlreadyExistsError(
+        absl::StrCat(request.name,
+                     " has joined already. Choose another name; or, if this PC replaces that one, "
+                     "use a join string made for it: rigcal token create --role ",
+                     std::string(RoleName(token.role)), " --name ", request.name));
+  }
+  if (!again) {
+    RIGCAL_RETURN_IF_ERROR(tokens_.MarkUsed(token.id, uri, key_sha256, now));
+    RIGCAL_RETURN_IF_ERROR(DenyBeforeLocked(uri));
+  }
+  spdlog::info("{} joins as {} with token {}", uri, std::string(RoleName(token.role)), token.id);
+  return IssueLocked({token.role, request.name, request.public_key}, /*joins=*/!again, now);
+}
+
+absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::Renew(std::string_view certificate_pem,
+                                                                   std::string_view request_pem) {
+  RIGCAL_ASSIGN_OR_RETURN(const Certificate certificate, ParseCertificate(certificate_pem));
+  RIGCAL_RETURN_IF_ERROR(CheckIssuedBy(certificate, ca_.pem(), CertificateUse::kClient));
+  RIGCAL_ASSIGN_OR_RETURN(const CertificateRequest request, ParseCertificateRequest(request_pem));
+  if (!certificate.role || certificate.uri != PeerUri(*certificate.role, certificate.name)) {
+    return absl::UnauthenticatedError("the certificate names neither an agent nor a user");
+  }
+  const std::lock_guard lock(mutex_);
+  const absl::Time now = now_();
+  RIGCAL_ASSIGN_OR_RETURN(const bool denied, denied_.Denies(certificate.uri, certificate.serial));
+  if (denied) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("the certificate of ", certificate.uri,
+                     " was revoked; join again with a new "
+                     "join string, which rigcal token create prints on the server PC"));
+  }
+  if (request.public_key != PublicKeyOf(certificate_pem) || request.name != certificate.name ||
+      request.role != RoleName(*certificate.role)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the request is not for the name, role and key of the certificate of ", certificate.uri));
+  }
+  if (certificate.not_after + kRenewalGrace < now) {
+    return absl::UnauthenticatedError(
+        absl::StrCat("the certificate of ", certificate.uri, " ended at ",
+                     absl::FormatTime("%Y-%m-%d", certificate.not_after, absl::UTCTimeZone()),
+                     ", too long ago to be renewed; join again with a new join string"));
+  }
+  // By this server's clock alone: those of PCs may be wrong.
+  const absl::Time issued = certificate.not_before + kPeerBackdate;
+  const bool is_due = now < issued - kPeerBackdate || now >= issued + kPeerLifetime * 2 / 3;
+  if (!is_due) return AnswerLocked(std::string(certificate_pem));
+  return IssueLocked({*certificate.role, certificate.name, request.public_key}, /*joins=*/false,
+                     now);
+}
+
+absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::IssueLocked(
+    const CertificateAuthority::PeerRequest& request, bool joins, absl::Time now) {
+  RIGCAL_ASSIGN_OR_RETURN(std::string pem, ca_.IssuePeer(request, now));
+  RIGCAL_ASSIGN_OR_RETURN(const Certificate certificate, ParseCertificate(pem));
+  // On record before it is given out: else it could not be revoked.
+  RIGCAL_RETURN_IF_ERROR(registry_.Record(certificate, joins, now));
+  return AnswerLocked(std::move(pem));
+}
+
+IdentityAuthority::Issued IdentityAuthority::AnswerLocked(std::string certificate_pem) const {
+  return {.certificate_pem = std::move(certificate_pem),
+          .ca_pem = ca_.pem(),
+          .grpc = HostPorts(addresses_.hosts, addresses_.grpc_port),
+          .https = HostPorts(addresses_.hosts, addresses_.https_port)};
+}
+
+}  // namespace rigcal::server

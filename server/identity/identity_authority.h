@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "server/identity/certificate_authority.h"
+#include "server/identity/denied_certificates.h"
+#include "server/identity/identity_registry.h"
+#include "server/identity/token_store.h"
+
+namespace rigcal::server {
+
+inline constexpr absl::Duration kDefaultTokenTtl = absl::Hours(1);
+inline constexpr absl::Duration kLongestTokenTtl = absl::Hours(24 * 30);
+
+// Where this server is reached, for join strings and those who have joined.
+struct ServerAddresses {
+  std::vector<std::string> hosts;
+  uint16_t grpc_port = 0;
+  uint16_t https_port = 0;
+};
+
+// Who may talk with this server: makes join strings, gives out certificates for them, renews them,
+// revokes them. All of it is in files of one folder, and on disk before it is answered.
+// Thread-safe.
+class IdentityAuthority {
+ public:
+  // `folder` is IdentityDirectory(data_dir); what it needs is made.
+  static absl::StatusOr<std::unique_ptr<IdentityAuthority>> Open(
+      const std::filesystem::path& folder, std::function<absl::Time()> now = absl::Now);
+
+  // Before join strings are made, and whenever it changes.
+  void SetAddresses(ServerAddresses addresses);
+  const std::string& ca_pem() const { return ca_.pem(); }
+
+  struct JoinToken {
+    Token token;
+    std::string join_string;
+  };
+  // INVALID_ARGUMENT: the role is admin, the name is none, or the ttl is not within 1 s and
+  // kLongestTokenTtl. FAILED_PRECONDITION: the server has no address that others reach.
+  absl::StatusOr<JoinToken> CreateToken(Role role, absl::Duration ttl, const std::string& name);
+  std::vector<Token> ListTokens() const;
+  // A token that was used takes the identity with it that joined by it. NOT_FOUND: no such token.
+  absl::Status RevokeToken(std::string_view id);
+
+  std::vector<IdentityRecord> ListIdentities() const;
+  // From now on no certificate of this URI is accepted, unless it joins again. NOT_FOUND: nobody of
+  // that URI has joined.
+  absl::Status Revoke(std::string_view uri);
+
+  // What who has joined gets.
+  struct Issued {
+    std::string certificate_pem;
+    std::string ca_pem;
+    std::vector<std::string> grpc;   // HOST:PORT
+    std::vector<std::string> https;  // HOST:PORT
+  };
+  // For a secret out of a join string, and a certificate request.
+  //   PERMISSION_DENIED  the secret is unknown, used, expired or revoked, or is for another role or
+  //                      name than the request
+  //   INVALID_ARGUMENT   the request is damaged, or not signed with its key
+  //   ALREADY_EXISTS     somebody of that name has joined; a token made for the name replaces him
+  absl::StatusOr<Issued> Enrol(std::string_view secret, std::string_view request_pem);
+  // For the holder of a certificate: the request is for the same name, role and key. One that is
+  // not due yet gets the certificate that it has.
+  //   UNAUTHENTICATED    the certificate is not of this CA, or too long expired
+  //   PERMISSION_DENIED  it was revoked
+  //   INVALID_ARGUMENT   the request is damaged, or is not for this certificate
+  absl::StatusOr<Issued> Renew(std::string_view certificate_pem, std::string_view request_pem);
+
+ private:
+  IdentityAuthority(std::filesystem::path folder, std::function<absl::Time()> now,
+                    CertificateAuthority ca, TokenStore tokens, IdentityRegistry registry);
+
+  absl::Status RevokeLocked(std::string_view uri);
+  absl::Status DenyBeforeLocked(const std::string& uri);
+  absl::StatusOr<Issued> IssueLocked(const CertificateAuthority::PeerRequest& request, bool joins,
+                                     absl::Time now);
+  Issued AnswerLocked(std::string certificate_pem) const;
+
+  const std::function<absl::Time()> now_;
+  const CertificateAuthority ca_;
+  DeniedCertificates denied_;
+  mutable std::mutex mutex_;
+  ServerAddresses addresses_;
+  TokenStore tokens_;
+  IdentityRegistry registry_;
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <sys/socket.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <list>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/audit/audit_log.h"
+#include "server/listen/connections.h"
+
+namespace rigcal::server {
+
+struct ListenerOptions {
+  std::string address = {};                // HOST:PORT; empty: none
+  std::filesystem::path socket_file = {};  // empty: none
+  // Connections that begin with a TLS handshake are taken.
+  bool tls = false;
+  // Connections from this machine are taken without TLS. Others never are.
+  bool plain_loopback = true;
+  ConnectionLimits limits = {};
+  // Connections that have not sent a byte; of more, the oldest is closed.
+  size_t max_silent = 256;
+  std::chrono::milliseconds first_byte_timeout{5'000};
+  // How often the server connects to itself, and how long it waits for the answer.
+  std::chrono::milliseconds probe_interval{10'000};
+  std::chrono::milliseconds probe_timeout{5'000};
+};
+
+// Accepts connections and hands them over once their first byte says what they are: gRPC's own
+// accept loop never recovers from a lack of descriptors, and knows no limits. One thread accepts,
+// another one connects to the server now and then to see whether it does.
+class Listener {
+ public:
+  enum class Kind { kPlain, kTls };
+  // Takes over a connection's descriptor, which does not block. Called on the accepting thread.
+  using Take = std::function<void(Kind, int descriptor)>;
+
+  // `audit` must outlive the listener.
+  Listener(ListenerOptions options, AuditLog* audit);
+  ~Listener();
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+
+  // Listens from here on; returns the port (0 without an address). Errors as ListenOn; a socket
+  // file that cannot be made is logged and left out.
+  absl::StatusOr<int> Bind();
+  // Accepts from here on.
+  void Start(Take take);
+  // Accepts nothing more, and closes what was not handed over.
+  void Stop();
+
+  Connections& connections() { return connections_; }
+  // The last two probes found that nobody accepts.
+  bool IsDeaf() const { return failed_probes_ >= 2; }
+  // Connects to the own port. False: nobody accepted in time. True without a port.
+  bool Probe() const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct Silent {
+    int descriptor;
+    sockaddr_storage from;
+    Clock::time_point deadline;
+  };
+  using SilentList = std::list<Silent>;
+
+  void Run();
+  void AcceptAll(int listening);
+  // The connection of a client, or the error that accept4 gave.
+  absl::StatusOr<int> AcceptOne(int listening, sockaddr_storage* from);
+  void Welcome(int descriptor, const sockaddr_storage& from);
+  // False: it is one too many, and none that is silent could be closed for it.
+  bool MakeRoom(const sockaddr_storage& from);
+  void DropSilent(SilentList::iterator silent);
+  void Decide(SilentList::iterator silent);
+  void HandOver(Kind kind, int descriptor, bool is_watched);
+  void Refuse(int descriptor, const sockaddr_storage& from, const std::string& why);
+  void Watch(int descriptor, uint32_t events, int operation) const;
+  void PauseAccepting();
+  void RunProbes();
+
+  const ListenerOptions options_;
+  AuditLog& audit_;
+  Connections connections_;
+  Take take_;
+  int epoll_ = -1;
+  int wake_ = -1;
+  int reserve_ = -1;  // given up for a moment when there are no descriptors
+  int internet_ = -1;
+  int file_ = -1;
+  int port_ = 0;
+  SilentList silent_;  // oldest first
+  std::map<int, SilentList::iterator> silent_by_descriptor_;
+  std::map<int, Kind> taken_;
+  std::optional<Clock::time_point> paused_until_;
+  std::optional<Clock::time_point> last_lack_;  // of descriptors
+
+  std::mutex mutex_;
+  std::condition_variable stop_changed_;
+  std::atomic<bool> stopping_ = false;
+  std::atomic<int> failed_probes_ = 0;
+  std::thread accepting_;
+  std::thread probing_;
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/rpc/call_security.h"
+
+#include <grpc/grpc_security_constants.h>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "common/status/status_macros.h"
+#include "server/access/access_rules.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kMaxKnown = 4096;
+
+}  // namespace
+
+std::string AddressOfUri(std::string_view uri) {
+  if (!uri.starts_with("ipv4:") && !uri.starts_with("ipv6:")) return "";
+  return absl::StrReplaceAll(std::string(uri.substr(5)),
+                             {{"%5B", "["}, {"%5D", "]"}, {"%5b", "["}, {"%5d", "]"}});
+}
+
+absl::StatusOr<Peer> CallSecurity::Identify(std::string_view certificate_pem) {
+  if (identity_ == nullptr) return absl::UnauthenticatedError("this server has no certificates");
+  const std::shared_ptr<const TrustedCa> ca = identity_->ca();
+  const absl::Time now = identity_->Now();
+  Peer peer;
+  {
+    std::lock_guard lock(mutex_);
+    if (known_by_ != ca || known_.size() >= kMaxKnown) known_.clear();
+    known_by_ = ca;
+    const auto known = known_.find(certificate_pem);
+    if (known != known_.end() && absl::ToUnixSeconds(now) <= known->second.not_after_utc_s) {
+      peer = known->second;
+    }
+  }
+  if (!peer.has_certificate) {
+    RIGCAL_ASSIGN_OR_RETURN(peer, ca->Identify(certificate_pem, now));
+    std::lock_guard lock(mutex_);
+    if (known_by_ == ca) known_[std::string(certificate_pem)] = peer;
+  }
+  if (IsDenied(peer)) {
+    return absl::PermissionDeniedError(
+        absl::StrCat(Describe(peer), " was revoked; to let it in again, make a join string on the ",
+                     "server's PC, and join with it"));
+  }
+  return peer;
+}
+
+bool CallSecurity::IsDenied(const Peer& peer) {
+  if (denied_ == nullptr || !peer.has_certificate) return false;
+  return denied_->Denies(peer.uri, peer.serial).value_or(true);
+}
+
+absl::StatusOr<Peer> CallSecurity::IdentifyFrom(const grpc::AuthContext& context) {
+  const std::vector<grpc::string_ref> certificate =
+      context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
+  // Only connections from this machine come in without TLS, and with TLS not without certificate.
+  if (certificate.empty()) return Peer();
+  return Identify(std::string_view(certificate[0].data(), certificate[0].size()));
+}
+
+absl::Status CallSecurity::Authorise(const grpc::AuthContext& context, std::string_view method) {
+  const absl::StatusOr<Peer> peer = IdentifyFrom(context);
+  const absl::Status status = peer.ok() ? CheckAccess(*peer, method) : peer.status();
+  if (!status.ok()) {
+    audit_.Write("call_refused", peer.ok() ? Describe(*peer) : "",
+                 {{"method", std::string(method)}, {"reason", std::string(status.message())}});
+  }
+  return status;
+}
+
+Caller CallSecurity::CallerOf(const grpc::ServerContextBase& context) {
+  Caller caller{.peer = {}, .address = AddressOfUri(context.peer())};
+  if (identity_ == nullptr) return caller;
+  const std::shared_ptr<const grpc::AuthContext> authentication = context.auth_context();
+  if (authentication == nullptr) return caller;
+  if (absl::StatusOr<Peer> peer = IdentifyFrom(*authentication); peer.ok()) {
+    caller.peer = *std::move(peer);
+  } else {
+    // Revoked or at its end since the call was authorised a moment ago: nobody's, who may nothing.
+    caller.peer = {.has_certificate = true, .role = Role::kViewer};
+  }
+  if (connections_ != nullptr && caller.peer.has_certificate && !caller.address.empty()) {
+    connections_->SetPeer(caller.address, caller.peer);
+  }
+  return caller;
+}
+
+}  // namespace rigcal::server

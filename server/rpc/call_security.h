@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <grpcpp/security/auth_context.h>
+#include <grpcpp/server_context.h>
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/access/checked_identity.h"
+#include "server/access/peer.h"
+#include "server/audit/audit_log.h"
+#include "server/identity/denied_certificates.h"
+#include "server/listen/connections.h"
+
+namespace rigcal::server {
+
+// Who makes a call, and from where.
+struct Caller {
+  Peer peer;
+  std::string address;  // "10.0.0.5:41002"; empty: over the socket file, or in the process
+};
+
+// Tells who calls, and whether they may. Every connection and every call goes through here. Without
+// an identity there are no certificates, and all callers are on this machine. Thread-safe.
+class CallSecurity {
+ public:
+  // All must outlive this object; `identity` and `denied` may be null together.
+  CallSecurity(const CheckedIdentity* identity, DeniedCertificates* denied,
+               Connections* connections, AuditLog* audit)
+      : identity_(identity), denied_(denied), connections_(connections), audit_(*audit) {}
+
+  // UNAUTHENTICATED: the CA has not signed the certificate, it is not valid now, or of another
+  // form. PERMISSION_DENIED: it was revoked.
+  absl::StatusOr<Peer> Identify(std::string_view certificate_pem);
+  // As Identify, of the other end of a connection, and whether it may call `method`. What is
+  // refused gets a line in the audit log.
+  absl::Status Authorise(const grpc::AuthContext& context, std::string_view method);
+  // Who makes this call, which has been authorised. Also notes whose the connection is.
+  Caller CallerOf(const grpc::ServerContextBase& context);
+
+  // Also true of every peer with a certificate while it is not known whom the list denies.
+  bool IsDenied(const Peer& peer);
+  bool has_certificates() const { return identity_ != nullptr; }
+  AuditLog& audit() { return audit_; }
+
+ private:
+  absl::StatusOr<Peer> IdentifyFrom(const grpc::AuthContext& context);
+
+  const CheckedIdentity* const identity_;
+  DeniedCertificates* const denied_;
+  Connections* const connections_;
+  AuditLog& audit_;
+  // Certificates that were read and are signed by this CA.
+  std::mutex mutex_;
+  std::shared_ptr<const TrustedCa> known_by_;
+  std::map<std::string, Peer, std::less<>> known_;
+};
+
+// "ipv4:10.0.0.5:41002" or "ipv6:%5B::1%5D:41002", as gRPC writes it, as AddressText does.
+std::string AddressOfUri(std::string_view uri);
+
+}  // namespace rigcal::server

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/session/calibration_solver.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/session/calibration_input.h"
+
+namespace rigcal::server {
+
+CalibrationOutcome CannotRead(const absl::Status& status, const RefusalCounter& refused) {
+  return {absl::Status(status.code(),
+                       absl::StrCat("the observations cannot be read: ", status.message())),
+          refused.List()};
+}
+
+SolveFunction SolveInProcess(CalibrateFunction calibrate) {
+  return [calibrate = std::move(calibrate)](const SolveTask& task, const CalibrationHooks& hooks) {
+    RefusalCounter refused;
+    const absl::StatusOr<CalibrationInput> input = ReadCalibrationInput(
+        task.store, task.session_ids, task.max_observations, *hooks.cancelled, &refused);
+    if (!input.ok()) return CannotRead(input.status(), refused);
+    return calibrate(*input, task.options, hooks);
+  };
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <memory>
+#include <string>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "server/store/sqlite/data_directory.h"
+#include "server/store/sqlite/database_backup.h"
+#include "server/store/sqlite/private_files.h"
+#include "server/store/sqlite/record_checksum.h"
+#include "server/store/sqlite/sqlite_connection.h"
+
+namespace rigcal::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::Status FolderError(const std::string& what, const fs::path& folder,
+                         const std::error_code& error) {
+  return absl::FailedPreconditionError(
+      absl::StrCat(what, " ", folder.string(), ": ", error.message()));
+}
+
+// "rigcal.before-restore-20260131T235959"
+fs::path AsideName(const fs::path& folder) {
+  char text[32] = {};
+  const std::time_t now = std::time(nullptr);
+  std::tm parts = {};
+  std::strftime(text, sizeof(text), "%Y%m%dT%H%M%S", gmtime_r(&now, &parts));
+  fs::path aside = folder.string() + ".before-restore-" + text;
+  std::error_code error;
+  for (int i = 2; fs::exists(aside, error); ++i) {
+    aside = absl::StrCat(folder.string(), ".before-restore-", text, "-", i);
+  }
+  return aside;
+}
+
+// A path as it may be in a backup: never out of the data directory.
+bool IsSafe(const fs::path& path) {
+  if (path.empty() || path.is_absolute()) return false;
+  for (const fs::path& part : path) {
+    if (part == "..") return false;
+  }
+  return true;
+}
+
+// Writes the small files of a backup, and makes the backup a plain database again.
+absl::Status UnpackSmallFiles(const fs::path& folder) {
+  try {
+    SQLite::Database database((folder / "rigcal.db").string(), SQLite::OPEN_READWRITE, 10'000);
+    if (!database.tableExists("backup_file")) return absl::OkStatus();
+    SQLite::Statement row(database, "SELECT path, body, checksum FROM backup_file");
+    while (row.executeStep()) {
+      const fs::path path = row.getColumn(0).getString();
+      const std::string_view body = ColumnBytes(row, 1);
+      if (!IsSafe(path) || Checksum(body) != ColumnUint32(row, 2)) {
+        return absl::DataLossError(
+            absl::StrCat("the file ", path.string(), " in the backup is damaged"));
+      }
+      if (path.has_parent_path()) mkdir((folder / path.parent_path()).c_str(), 0700);
+      RIGCAL_RETURN_IF_ERROR(WritePrivateFile(folder / path, body));
+    }
+    row.reset();
+    database.exec("DROP TABLE backup_file");
+    return absl::OkStatus();
+  } catch (const SQLite::Exception& error) {
+    return StatusFromSqlite(error, "unpacking the backup");
+  }
+}
+
+absl::Status CopyDatabaseFile(const fs::path& file, const fs::path& folder) {
+  std::error_code error;
+  RIGCAL_RETURN_IF_ERROR(CreatePrivateFile(folder / "rigcal.db"));
+  fs::copy_file(file, folder / "rigcal.db", fs::copy_options::overwrite_existing, error);
+  if (error) {
+    if (error == std::errc::no_space_on_device) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("the disk of ", folder.string(), " has no room for the backup; free space"));
+    }
+    return FolderError("copying the backup to", folder, error);
+  }
+  chmod((folder / "rigcal.db").c_str(), 0600);
+  return absl::OkStatus();
+}
+
+// The new data directory, beside the old one.
+absl::Status FillFolder(const fs::path& file, const fs::path& old_folder, const fs::path& folder) {
+  if (mkdir(folder.c_str(), 0700) != 0) {
+    return FolderError("creating", folder, {errno, std::generic_category()});
+  }
+  RIGCAL_RETURN_IF_ERROR(CopyDatabaseFile(file, folder));
+  RIGCAL_RETURN_IF_ERROR(UnpackSmallFiles(folder));
+  std::error_code error;
+  for (const char* name : {"identity", "agents.json", "audit.jsonl"}) {
+    if (fs::exists(folder / name, error) || !fs::exists(old_folder / name, error)) continue;
+    fs::copy(old_folder / name, folder / name, fs::copy_options::recursive, error);
+    if (error) return FolderError("copying from", old_folder / name, error);
+  }
+  return SyncAndRename(folder / "rigcal.db", folder / "rigcal.db");
+}
+
+absl::Status SwapFolders(const fs::path& folder, const fs::path& aside, const fs::path& filled) {
+  std::error_code error;
+  fs::rename(folder, aside, error);
+  if (error) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "cannot move ", folder.string(), " aside to ", aside.string(), ": ", error.message(),
+        "; where it is a mount point, restore into another folder with --data-dir"));
+  }
+  fs::rename(filled, folder, error);
+  if (error) {
+    std::error_code ignored;
+    fs::rename(aside, folder, ignored);
+    return FolderError("naming the restored folder", folder, error);
+  }
+  SyncFolder(fs::absolute(folder).parent_path());
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<RestoreReport> RestoreDatabase(const fs::path& file, const fs::path& data_directory,
+                                              bool take_damaged, const CareProgress& progress) {
+  std::error_code error;
+  const fs::path whole = fs::absolute(data_directory).lexically_normal();
+  const fs::path folder = whole.has_filename() ? whole : whole.parent_path();
+  RestoreReport report;
+  RIGCAL_ASSIGN_OR_RETURN(report.backup, CheckDatabase(file, progress));
+  if (report.backup.fault_count > 0 && !take_damaged) {
+    return absl::DataLossError(
+        absl::StrCat(file.string(), " has ", report.backup.fault_count,
+                     " faults, the first: ", report.backup.faults.front(),
+                     "; take another backup, or give --damaged to restore what it has"));
+  }
+  const bool had_files = fs::is_directory(folder, error) && !fs::is_empty(folder, error);
+  // Held until the end: no server starts on a folder that is being replaced.
+  RIGCAL_ASSIGN_OR_RETURN(const auto lock, DataDirectory::Open(folder));
+  const fs::path filled = absl::StrCat(folder.string(), ".restore-", getpid());
+  const fs::path aside = AsideName(folder);
+  absl::Status status = FillFolder(file, folder, filled);
+  if (status.ok()) status = SwapFolders(folder, aside, filled);
+  if (!status.ok()) {
+    fs::remove_all(filled, error);
+    return status;
+  }
+  if (had_files) {
+    report.kept = aside;
+  } else {
+    fs::remove_all(aside, error);  // was made for the lock only
+  }
+  return report;
+}
+
+}  // namespace rigcal::server

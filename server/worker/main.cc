@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <signal.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <new>
+#include <string>
+
+#include "common/wire/protocol_version.h"
+#include "server/worker/worker.h"
+#include "server/worker/worker_limits.h"
+
+namespace rigcal::server {
+namespace {
+
+[[noreturn]] void EndOutOfMemory() { _exit(kWorkerOutOfMemory); }
+
+int RunProgram(int argc, char** argv) {
+  pid_t parent = 0;
+  uint64_t memory_bytes = 0;
+  CLI::App app(
+      "Runs one solve for rigcal-server, which starts it: reads the observations from standard\n"
+      "input and writes progress and result to standard output.");
+  app.set_version_flag("--version", std::string(wire::kSoftwareVersion));
+  app.add_option("--parent", parent, "Process to end with")->type_name("PID");
+  app.add_option("--memory", memory_bytes, "Limit of the solve's memory; 0: none")
+      ->type_name("BYTES");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  signal(SIGPIPE, SIG_IGN);
+  absl::Status status = ApplyWorkerLimits(parent, memory_bytes);
+  std::set_new_handler(EndOutOfMemory);
+  if (status.ok()) status = RunWorker(STDIN_FILENO, STDOUT_FILENO);
+  if (status.ok()) return 0;
+  if (absl::IsResourceExhausted(status)) return kWorkerOutOfMemory;
+  std::fprintf(stderr, "rigcal-worker: %s\n", std::string(status.message()).c_str());
+  return 1;
+}
+
+}  // namespace
+}  // namespace rigcal::server
+
+int main(int argc, char** argv) {
+  try {
+    return rigcal::server::RunProgram(argc, argv);
+  } catch (const std::bad_alloc&) {
+    return rigcal::server::kWorkerOutOfMemory;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "rigcal-worker: unexpected error: %s\n", error.what());
+    return 1;
+  }
+}

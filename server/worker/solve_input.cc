@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/worker/solve_input.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/status/status_macros.h"
+#include "common/wire/calibration_wire.h"
+#include "common/wire/camera_wire.h"
+#include "common/wire/observation_wire.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kReadBytes = size_t{1} << 18;
+// A header may claim any number of rows; no more are reserved than this much input could hold.
+constexpr uint64_t kMaxReservedRows = uint64_t{1} << 31;
+
+absl::Status CutOff(absl::string_view what) {
+  return absl::DataLossError(absl::StrCat("the input of the solve is damaged: ", what));
+}
+
+// Puts the parts of an input together.
+class InputBuilder {
+ public:
+  bool complete() const { return ended_; }
+
+  absl::Status Add(const worker::v1::SolveInput& message) {
+    if (ended_) return CutOff("something follows its end");
+    switch (message.part_case()) {
+      case worker::v1::SolveInput::kHeader:
+        return Begin(message.header());
+      case worker::v1::SolveInput::kRows:
+        return AddRows(message.rows());
+      case worker::v1::SolveInput::kEnd:
+        for (const auto& refusal : message.end().refused()) {
+          result_.input.refused.push_back(wire::FromProto(refusal));
+        }
+        ended_ = true;
+        return absl::OkStatus();
+      default:
+        return CutOff("a part of an unknown kind");
+    }
+  }
+
+  SolveInput Take() { return std::move(result_); }
+
+ private:
+  absl::Status Begin(const worker::v1::SolveHeader& header) {
+    RIGCAL_ASSIGN_OR_RETURN(result_.input.target, wire::FromProto(header.target()));
+    RIGCAL_ASSIGN_OR_RETURN(result_.options, wire::FromProto(header.options()));
+    for (const worker::v1::SolveTrack& proto : header.tracks()) {
+      CameraTrack track;
+      track.session_id = proto.session_id();
+      RIGCAL_ASSIGN_OR_RETURN(track.camera, wire::FromProto(proto.camera()));
+      track.observations.reserve(
+          static_cast<size_t>(std::min<uint64_t>(proto.row_limit(), kMaxReservedRows)));
+      result_.input.tracks.push_back(std::move(track));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status AddRows(const worker::v1::SolveRows& rows) {
+    if (rows.track() >= result_.input.tracks.size()) return CutOff("rows of no camera");
+    RIGCAL_ASSIGN_OR_RETURN(const ObservationBatch batch, wire::FromProto(rows.batch()));
+    server::AddRows(batch, &result_.input.tracks[rows.track()]);
+    return absl::OkStatus();
+  }
+
+  SolveInput result_;
+  bool ended_ = false;
+};
+
+}  // namespace
+
+absl::Status SolveInputWriter::Begin(const Target& target, const CalibrationOptions& options,
+                                     const std::vector<CameraTrack>& tracks,
+                                     const std::vector<uint64_t>& row_limits) {
+  worker::v1::SolveHeader* const header = message_.mutable_header();
+  *header->mutable_target() = wire::ToProto(target);
+  *header->mutable_options() = wire::ToProto(options);
+  for (size_t t = 0; t < tracks.size(); ++t) {
+    worker::v1::SolveTrack* const track = header->add_tracks();
+    track->set_session_id(tracks[t].session_id);
+    *track->mutable_camera() = wire::ToProto(tracks[t].camera);
+    track->set_row_limit(row_limits[t]);
+  }
+  return writer_.Write(message_);
+}
+
+absl::Status SolveInputWriter::AddRows(size_t track, const ObservationBatch& batch) {
+  message_.mutable_rows()->set_track(static_cast<uint32_t>(track));
+  wire::ToProto(batch, message_.mutable_rows()->mutable_batch());
+  return writer_.Write(message_);
+}
+
+absl::Status SolveInputWriter::End(const std::vector<Refusal>& refused) {
+  message_.mutable_end();
+  for (const Refusal& refusal : refused) {
+    *message_.mutable_end()->add_refused() = wire::ToProto(refusal);
+  }
+  RIGCAL_RETURN_IF_ERROR(writer_.Write(message_));
+  return writer_.Flush();
+}
+
+absl::StatusOr<SolveInput> ReadSolveInput(int descriptor) {
+  InputBuilder builder;
+  MessageCutter cutter;
+  worker::v1::SolveInput message;
+  std::string bytes(kReadBytes, '\0');
+  while (true) {
+    const ssize_t count = read(descriptor, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) {
+      return absl::UnavailableError(
+          absl::StrCat("the input of the solve cannot be read: ", strerror(errno)));
+    }
+    if (count == 0) break;
+    cutter.Add(bytes.data(), static_cast<size_t>(count));
+    while (true) {
+      RIGCAL_ASSIGN_OR_RETURN(const bool complete, cutter.Next(&message));
+      if (!complete) break;
+      RIGCAL_RETURN_IF_ERROR(builder.Add(message));
+    }
+  }
+  if (!builder.complete() || !cutter.empty()) return CutOff("it ends too early");
+  return builder.Take();
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/worker/worker.h"
+
+#include <sys/resource.h>
+
+#include <chrono>
+#include <string>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "common/calibration/calibration_record.h"
+#include "common/status/status_macros.h"
+#include "common/wire/calibration_wire.h"
+#include "server/solve/calibrate.h"
+#include "server/worker/solve_input.h"
+
+namespace rigcal::server {
+namespace {
+
+// Progress within a stage is written not more often than this.
+constexpr std::chrono::milliseconds kProgressInterval{100};
+
+uint64_t PeakMemoryBytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<uint64_t>(usage.ru_maxrss) * 1024;
+}
+
+// Writes progress; an error of the pipe shows when the outcome is written.
+class ProgressWriter {
+ public:
+  explicit ProgressWriter(MessageWriter* writer) : writer_(writer) {}
+
+  void Report(CalibrationStage stage, double fraction) {
+    const auto now = std::chrono::steady_clock::now();
+    if (stage == stage_ && now - last_ < kProgressInterval) return;
+    stage_ = stage;
+    last_ = now;
+    worker::v1::SolveOutput message;
+    message.mutable_progress()->set_stage(static_cast<v1::CalibrationStage>(stage));
+    message.mutable_progress()->set_fraction(fraction);
+    if (writer_->Write(message).ok()) (void)writer_->Flush();
+  }
+
+ private:
+  MessageWriter* const writer_;
+  CalibrationStage stage_ = CalibrationStage::kUnspecified;
+  std::chrono::steady_clock::time_point last_;
+};
+
+worker::v1::SolveOutput OutcomeMessage(CalibrationOutcome outcome) {
+  Calibration calibration;
+  worker::v1::SolveOutput message;
+  message.mutable_outcome()->set_code(static_cast<uint32_t>(outcome.result.status().code()));
+  if (outcome.result.ok()) {
+    calibration.state = CalibrationState::kSucceeded;
+    calibration.result = *std::move(outcome.result);
+  } else {
+    calibration.state = CalibrationState::kFailed;
+    calibration.error = std::string(outcome.result.status().message());
+    calibration.refused = std::move(outcome.refused);
+  }
+  message.mutable_outcome()->set_calibration(wire::SerializeCalibration(calibration));
+  message.mutable_outcome()->set_peak_memory_bytes(PeakMemoryBytes());
+  return message;
+}
+
+}  // namespace
+
+absl::Status RunWorker(int in, int out) {
+  MessageWriter writer(out);
+  RIGCAL_ASSIGN_OR_RETURN(SolveInput task, ReadSolveInput(in));
+  ProgressWriter progress(&writer);
+  CalibrationHooks hooks;
+  hooks.progress = [&progress](CalibrationStage stage, double fraction) {
+    progress.Report(stage, fraction);
+  };
+  CalibrationOutcome outcome = Calibrate(std::move(task.input), task.options, hooks);
+  if (absl::IsResourceExhausted(outcome.result.status())) return outcome.result.status();
+  RIGCAL_RETURN_IF_ERROR(writer.Write(OutcomeMessage(std::move(outcome))));
+  return writer.Flush();
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// T9 and T10: who gets in with which certificate, and who stays in.
+#include <gmock/gmock.h>
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <string>
+#include <thread>
+
+#include "common/wire/grpc_status.h"
+#include "tests/server/rpc/tls_fixture.h"
+#include "tests/testing/process.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::testing::tls_identity_test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::SizeIs;
+
+class TlsIdentity : public TlsFixture {
+ protected:
+  // Asks with a deadline of its own: a refused client tries again and again.
+  absl::Status Ask(const std::shared_ptr<grpc::Channel>& channel) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
+    v1::GetStatusResponse response;
+    return wire::FromGrpc(v1::StatusService::NewStub(channel)->GetStatus(&context, {}, &response));
+  }
+  bool AuditSays(const std::string& text) {
+    return WaitFor([&] { return Audit().find(text) != std::string::npos; });
+  }
+};
+
+TEST_F(TlsIdentity, WhoHasNoCertificateOfThisCaDoesNotGetIn) {
+  EXPECT_THAT(Ask(UserChannel("viewer")), IsOk());
+  EXPECT_THAT(Ask(Channel({})), StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("connection_without_call")) << Audit();
+  const TestCa other;
+  EXPECT_THAT(Ask(Channel(other.MakeUser("kim", "viewer"))),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("another CA")) << Audit();
+  EXPECT_THAT(Ask(Channel(ca_.Make({.common_name = "self", .self_signed = true}))),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("'self'")) << Audit();
+  EXPECT_THAT(Ask(UserChannel("viewer")), IsOk()) << "the others are still served";
+}
+
+TEST_F(TlsIdentity, OutsideItsTimeACertificateDoesNotGetIn) {
+  EXPECT_THAT(Ask(Channel(ca_.Make({.begins_in_s = -7200, .ends_in_s = -60}))),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("expired")) << Audit();
+  EXPECT_THAT(Ask(Channel(ca_.Make({.begins_in_s = 3600}))),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("not yet valid")) << Audit();
+}
+
+TEST_F(TlsIdentity, ACertificateOfAnotherUseOrFormDoesNotGetIn) {
+  EXPECT_THAT(Ask(Channel(server_certificate_)),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_THAT(Ask(Channel(ca_.Make({.role = "root"}))),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("'root'")) << Audit();
+}
+
+TEST_F(TlsIdentity, AClientDoesNotTrustAServerOfAnotherCa) {
+  const TestCa other;
+  EXPECT_THAT(Ask(Channel(ca_.MakeUser("kim", "viewer"), other.certificate_pem())),
+              StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+}
+
+TEST_F(TlsIdentity, ARevokedPeerIsCutAndStaysOut) {
+  const TestCertificate revoked = ca_.MakeAgent("pc1");
+  const auto channel = Channel(revoked);
+  TestAgent agent(channel, MakeHello("pc1", {"left"}));
+  agent.ReadHello();
+  TestAgent other(AgentChannel("pc2"), MakeHello("pc2", {"right"}));
+  other.ReadHello();
+  Deny("rigcal://agents/pc1", revoked.serial);
+  const auto before = std::chrono::steady_clock::now();
+  EXPECT_FALSE(agent.AwaitEnd().ok());
+  EXPECT_LT(std::chrono::steady_clock::now() - before, std::chrono::seconds(5));
+  EXPECT_TRUE(AuditSays("connection_cut")) << Audit();
+  TestAgent again(Channel(revoked), MakeHello("pc1", {"left"}, 1, 2));
+  EXPECT_THAT(again.AwaitEnd(), StatusIs(absl::StatusCode::kUnavailable, HasSubstr("")));
+  EXPECT_TRUE(AuditSays("was revoked; to let it in again")) << Audit();
+  TestAgent joined_again(AgentChannel("pc1"), MakeHello("pc1", {"left"}, 1, 3));
+  joined_again.ReadHello();
+  v1::ConnectRequest ping;
+  ping.mutable_time_ping()->set_host_monotonic_ns(1);
+  other.Send(ping);
+  other.ReadUntil(v1::ConnectResponse::kTimePong);
+}
+
+TEST_F(TlsIdentity, AWatchOfARevokedUserIsCut) {
+  StartWave({"left"});
+  const auto channel = UserChannel("viewer");
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+  v1::WatchSessionRequest request;
+  request.set_id("wave");
+  const auto reader = v1::SessionService::NewStub(channel)->WatchSession(&context, request);
+  v1::WatchSessionResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  Deny("rigcal://users/kim");
+  const auto before = std::chrono::steady_clock::now();
+  while (reader->Read(&response)) {
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - before, std::chrono::seconds(5));
+  EXPECT_FALSE(reader->Finish().ok());
+}
+
+TEST_F(TlsIdentity, ANewServerCertificateIsTakenUnderLoadAndABrokenOneIsNot) {
+  TestAgent agent(AgentChannel("pc1"), MakeHello("pc1", {"left"}));
+  agent.ReadHello();
+  StartWave();
+  std::atomic<bool> stop = false;
+  uint32_t last_seq = 0;
+  std::thread load([&] {
+    while (!stop) {
+      agent.SendBatch(MakeBatch({"wave", "left", 1}, last_seq + 1, last_seq + 10));
+      last_seq += 10;
+      SleepBriefly();
+    }
+  });
+  const auto served = [&] {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
+    v1::GetStatusResponse response;
+    const auto channel = UserChannel("viewer");
+    EXPECT_TRUE(v1::StatusService::NewStub(channel)->GetStatus(&context, {}, &response).ok());
+    const auto pem = context.auth_context()->FindPropertyValues("x509_pem_cert");
+    return pem.empty() ? "" : std::string(pem[0].data(), pem[0].size());
+  };
+  EXPECT_EQ(served(), server_certificate_.certificate_pem);
+  const TestCertificate fresh = ca_.MakeServer();
+  const TestCa other;
+  ReplaceTestFile(identity() / "server.crt", other.MakeServer().certificate_pem);
+  std::this_thread::sleep_for(std::chrono::milliseconds(2500));
+  EXPECT_EQ(served(), server_certificate_.certificate_pem) << "a broken one is not served";
+  ca_.WriteServerFolder(identity(), fresh);
+  EXPECT_TRUE(WaitFor([&] { return served() == fresh.certificate_pem; }, std::chrono::seconds(15)));
+  stop = true;
+  load.join();
+  EXPECT_EQ(agent.ReadAck("left", last_seq).durable_seq(), last_seq);
+  EXPECT_THAT(ReadRows(store(), "wave"), SizeIs(last_seq)) << "no batch was lost";
+}
+
+}  // namespace
+}  // namespace rigcal::testing::tls_identity_test

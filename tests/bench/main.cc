@@ -17,15 +17,15 @@ namespace {
 using ::benchmark::ConsoleReporter;
 
 std::vector<Suite> AllSuites() {
-  return {DetectSuite(), EventSuite(), IngestSuite(), RecordedSuite(),
-          SolveSuite(),  SpoolSuite(), StoreSuite()};
+  return {BesideSolveSuite(), DetectSuite(), EventSuite(), IngestSuite(),
+          RecordedSuite(),    SolveSuite(),  SpoolSuite(), StoreSuite()};
 }
 
 void PrintHelp() {
   std::printf(
       "rigcal-bench [SUITE...] [FLAGS]\n"
       "Runs the benchmarks of these suites, of all if none is named. Names begin with SUITE/.\n\n");
-  for (const Suite& suite : AllSuites()) std::printf("  %-9s %s\n", suite.name, suite.summary);
+  for (const Suite& suite : AllSuites()) std::printf("  %-12s %s\n", suite.name, suite.summary);
   std::printf("\n");
   benchmark::PrintDefaultHelp();
 }

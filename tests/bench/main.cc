@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // All benchmarks: rigcal-bench [SUITE...] [--benchmark_filter=REGEX] ... (docs/performance.md).
 #include <benchmark/benchmark.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -76,6 +77,7 @@ bool AsksForTable(int argc, char** argv) {
 }
 
 int Run(int argc, char** argv) {
+  spdlog::set_level(spdlog::level::warn);  // agents that are measured say little
   const bool table = AsksForTable(argc, argv);
   benchmark::Initialize(&argc, argv, PrintHelp);
   const std::vector<Suite> suites = SelectSuites(argc, argv);

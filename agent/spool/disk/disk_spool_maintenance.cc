@@ -16,8 +16,7 @@
 namespace rigcal::agent {
 namespace {
 
-// Positions, and segments to be deleted while there is room, are worth a checkpoint this often:
-// without one, rows are sent again. Each costs two syncs of the disk.
+// Positions alone are worth a checkpoint this often: without one, rows are sent again.
 constexpr std::chrono::seconds kCheckpointInterval{1};
 constexpr std::chrono::milliseconds kMaintenanceInterval{200};
 constexpr std::chrono::milliseconds kRoomCheckInterval{200};
@@ -169,9 +168,8 @@ absl::Status DiskSpool::WriteCheckpoint() {
   std::vector<Segment> doomed;
   {
     const std::lock_guard lock(mutex_);
-    const bool needs_room = full_ || bytes_ > options_.limit_bytes / 2;
-    const bool is_due = checkpoint_due_ || (!doomed_.empty() && needs_room) ||
-                        ((!doomed_.empty() || positions_changed_) && now >= next_checkpoint_);
+    const bool is_due =
+        checkpoint_due_ || !doomed_.empty() || (positions_changed_ && now >= next_checkpoint_);
     if (!is_due) return absl::OkStatus();
     SpoolCheckpoint checkpoint{
         .last_stream_number = last_stream_number_, .last_ordinal = last_ordinal_, .streams = {}};

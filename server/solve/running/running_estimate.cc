@@ -28,8 +28,10 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kNeededInstants = 40;      // of a pair, to be joined
-constexpr int kMinChoiceInstants = 300;  // before refined intrinsics are tried
+constexpr int kNeededInstants = 40;  // of a pair, to be joined
+constexpr int kMinRefineInstants = 100;
+constexpr int kRoundsToAgree = 4;  // each block has been held out once
+constexpr double kMemory = 0.8;    // of the rounds before
 constexpr int kMinHeldOutInstants = 30;
 constexpr double kRefinementGain = 0.02;  // as in a calibration
 constexpr double kMayExceed = 1.25;       // held-out errors those that were solved
@@ -169,7 +171,7 @@ class Estimator {
   absl::Status Solve() {
     CountInstants();
     if (StartFits()) {
-      options_.refine_intrinsics = input_.start.refine_intrinsics;
+      options_.refine_intrinsics = RefinedPays(input_.start);
       const RigInitialization initial = FromStart();
       absl::StatusOr<RigSolution> solution = SolveRig(rig_, clocks_, Thinned(), &initial);
       if (solution.ok() && OutlierShare(*solution) < kMaxOutlierShare) {
@@ -180,6 +182,12 @@ class Estimator {
       options_.refine_intrinsics = false;
     }
     return SolveFromNothing();
+  }
+
+  // Unless the given ones are seen to do as well: they may be wrong.
+  static bool RefinedPays(const EstimateStart& start) {
+    return start.given_score_px == 0 ||
+           start.refined_score_px < (1 - kRefinementGain) * start.given_score_px;
   }
 
   absl::Status SolveFromNothing() {
@@ -235,8 +243,8 @@ class Estimator {
       const EstimateStart::Camera& known = input_.start.cameras[c];
       BundleCamera camera;
       camera.cam_from_rig = known.cam_from_rig;
-      camera.intrinsics = ToVector(
-          input_.start.refine_intrinsics ? known.intrinsics : *rig_.index.cameras[c].intrinsics);
+      camera.intrinsics = ToVector(options_.refine_intrinsics ? known.intrinsics
+                                                              : *rig_.index.cameras[c].intrinsics);
       initial.cameras.push_back(std::move(camera));
     }
     initial.marker_positions_m = input_.start.marker_positions_m;
@@ -250,10 +258,32 @@ class Estimator {
     return out / static_cast<double>(std::max<size_t>(1, solution.built.problem.markers.size()));
   }
 
+  RigInitialization Begin(const RigInitialization& initial, bool refine) const {
+    RigInitialization begin = initial;
+    if (refine) return begin;
+    for (size_t c = 0; c < begin.cameras.size(); ++c) {
+      begin.cameras[c].intrinsics = ToVector(*rig_.index.cameras[c].intrinsics);
+    }
+    return begin;
+  }
+
   // One of four blocks of time is held out, another one each time: are refined intrinsics better on
   // it, and are its errors those that the solution has elsewhere?
   absl::Status ChooseAndCheck() {
-    if (solution_.built.instant_time_ns.empty()) return absl::OkStatus();
+    scores_ = input_.start;
+    const bool solved_refined = options_.refine_intrinsics;
+    const RigInitialization initial = InitializationFrom(solution_);
+    RIGCAL_RETURN_IF_ERROR(TryOnHeldOut(initial));
+    const bool refine = instant_count_ >= kMinRefineInstants && RefinedPays(scores_);
+    if (held_out_) held_out_ = checks_[refine ? 1 : 0];
+    if (refine == solved_refined) return absl::OkStatus();
+    options_.refine_intrinsics = refine;
+    const RigInitialization begin = Begin(initial, refine);
+    RIGCAL_ASSIGN_OR_RETURN(solution_, SolveRig(rig_, begin.clocks, Thinned(), &begin));
+    return absl::OkStatus();
+  }
+
+  absl::Status TryOnHeldOut(const RigInitialization& initial) {
     TimeBlocks blocks;
     blocks.origin_ns = origin_ns_;
     const int fold = input_.start.round % blocks.period;
@@ -261,21 +291,12 @@ class Estimator {
     const auto is_kept = [&](int64_t t) { return blocks.IsKept(t, fold) && IsChosen(t); };
     const auto held_out = std::ranges::count_if(solution_.built.instant_time_ns, is_held_out);
     if (held_out < kMinHeldOutInstants) return absl::OkStatus();
-    const RigInitialization initial = InitializationFrom(solution_);
-    const bool choose = instant_count_ >= kMinChoiceInstants;
     double score_px[2] = {INFINITY, INFINITY};
-    HeldOutCheck checks[2];
     for (const bool refine : {false, true}) {
-      if (!choose && refine != options_.refine_intrinsics) continue;
       RigSolveOptions options = options_;
       options.refine_intrinsics = refine;
       options.keep_instant = is_kept;
-      RigInitialization begin = initial;
-      if (!refine) {
-        for (size_t c = 0; c < begin.cameras.size(); ++c) {
-          begin.cameras[c].intrinsics = ToVector(*rig_.index.cameras[c].intrinsics);
-        }
-      }
+      const RigInitialization begin = Begin(initial, refine);
       const absl::StatusOr<RigSolution> solution = SolveRig(rig_, begin.clocks, options, &begin);
       if (absl::IsCancelled(solution.status())) return solution.status();
       if (!solution.ok()) continue;
@@ -283,26 +304,16 @@ class Estimator {
       const EvaluatedErrors seen = EvaluateSolution(rig_, *solution, options, is_kept);
       if (unseen.instant_count < kMinHeldOutInstants) continue;
       score_px[refine ? 1 : 0] = ChoiceScorePx(unseen);
-      HeldOutCheck& check = checks[refine ? 1 : 0];
+      HeldOutCheck& check = checks_[refine ? 1 : 0];
       check.rms_px = RmsPx(unseen);
       check.expected_rms_px = RmsPx(seen);
-      check.agrees = check.rms_px < kMayExceed * check.expected_rms_px;
+      check.agrees =
+          input_.start.round >= kRoundsToAgree && check.rms_px < kMayExceed * check.expected_rms_px;
     }
-    if (!std::isfinite(score_px[0]) && !std::isfinite(score_px[1])) return absl::OkStatus();
-    // A choice that has been made changes only for a clear reason.
-    const double must_gain = options_.refine_intrinsics ? 0 : kRefinementGain;
-    const bool refine =
-        choose ? score_px[1] < (1 - must_gain) * score_px[0] : options_.refine_intrinsics;
-    held_out_ = checks[refine ? 1 : 0];
-    if (refine == options_.refine_intrinsics) return absl::OkStatus();
-    options_.refine_intrinsics = refine;
-    RigInitialization begin = initial;
-    if (!refine) {
-      for (size_t c = 0; c < begin.cameras.size(); ++c) {
-        begin.cameras[c].intrinsics = ToVector(*rig_.index.cameras[c].intrinsics);
-      }
-    }
-    RIGCAL_ASSIGN_OR_RETURN(solution_, SolveRig(rig_, begin.clocks, Thinned(), &begin));
+    if (!std::isfinite(score_px[0]) || !std::isfinite(score_px[1])) return absl::OkStatus();
+    scores_.given_score_px = kMemory * scores_.given_score_px + score_px[0];
+    scores_.refined_score_px = kMemory * scores_.refined_score_px + score_px[1];
+    held_out_.emplace();
     return absl::OkStatus();
   }
 
@@ -391,7 +402,8 @@ class Estimator {
     }
     start->clocks = InitializationFrom(solution_).clocks;
     start->marker_positions_m = problem.target.marker_positions_m;
-    start->refine_intrinsics = options_.refine_intrinsics;
+    start->given_score_px = scores_.given_score_px;
+    start->refined_score_px = scores_.refined_score_px;
     start->round = input_.start.round + 1;
   }
 
@@ -400,7 +412,9 @@ class Estimator {
   std::vector<ClockCorrection> clocks_;
   RigSolveOptions options_;
   RigSolution solution_;
+  HeldOutCheck checks_[2];  // with given, and with refined intrinsics
   std::optional<HeldOutCheck> held_out_;
+  EstimateStart scores_;
   int instant_count_ = 0;
   int stride_ = 1;
   int64_t origin_ns_ = 0, slot_ns_ = 1;

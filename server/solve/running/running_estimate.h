@@ -28,7 +28,9 @@ struct EstimateStart {
   std::vector<Camera> cameras;  // ascending by name
   std::vector<ClockCorrection> clocks;
   std::vector<double> marker_positions_m;
-  bool refine_intrinsics = false;
+  // Held-out errors with given and with refined intrinsics, summed over the last rounds, in which
+  // older ones count less and less.
+  double given_score_px = 0, refined_score_px = 0;
   int round = 0;  // how many estimates there have been
 
   bool empty() const { return cameras.empty(); }
@@ -70,7 +72,7 @@ struct EstimatedCamera {
 struct HeldOutCheck {
   double rms_px = 0;           // on blocks of time that were held out
   double expected_rms_px = 0;  // on the blocks that were solved
-  bool agrees = false;
+  bool agrees = false;         // for some rounds
 };
 
 // The calibration as it would be if the session ended now, solved quickly: no search for what is

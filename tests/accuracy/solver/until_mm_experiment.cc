@@ -30,11 +30,11 @@ SimulationOptions DrawWorld(const UntilOptions& options, uint32_t seed) {
   simulation.camera_count = options.camera_count;
   simulation.duration_s = options.duration_s;
   simulation.rate_hz = 50;
-  simulation.focal_sigma_rel = 0.002;
-  simulation.centre_sigma_px = 2;
-  simulation.radial_sigma = 0.004;
-  simulation.radial_high_sigma = 0.008;
-  simulation.tangential_sigma = 0.0002;
+  simulation.focal_sigma_rel = 0.002 * options.lens_error;
+  simulation.centre_sigma_px = 2 * options.lens_error;
+  simulation.radial_sigma = 0.004 * options.lens_error;
+  simulation.radial_high_sigma = 0.008 * options.lens_error;
+  simulation.tangential_sigma = 0.0002 * options.lens_error;
   RandomStream random{seed, kPersonPurpose, 1};
   for (int c = 0; c < options.camera_count; ++c) {
     simulation.time_offset_s[c] = random.Uniform(-0.002, 0.002);
@@ -167,7 +167,9 @@ absl::Status Wave(const UntilOptions& options, uint32_t seed, UntilTrial* trial)
   std::vector<server::CameraTrack> tracks;
   std::vector<int> views(world.cameras().size(), 0);
   for (const SimulatedCamera& camera : world.cameras()) {
-    tracks.push_back({.session_id = "s", .camera = camera.description});
+    tracks.emplace_back();
+    tracks.back().session_id = "s";
+    tracks.back().camera = camera.description;
   }
   server::EstimateStart start;
   int frame = 0;

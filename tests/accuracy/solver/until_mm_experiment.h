@@ -13,6 +13,8 @@ struct UntilOptions {
   int camera_count = 6;
   double duration_s = 120;  // at most
   double until_mm = 0.5;
+  double lens_error =
+      0;  // of the described lenses: 1 is 0.2 % of the focal length, 2 px of the centre
   bool guided = false;  // the person goes where told; else anywhere
   bool stop = false;    // end the trial at the target
 };

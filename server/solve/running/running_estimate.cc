@@ -273,7 +273,7 @@ class Estimator {
     scores_ = input_.start;
     const bool solved_refined = options_.refine_intrinsics;
     const RigInitialization initial = InitializationFrom(solution_);
-    RIGCAL_RETURN_IF_ERROR(TryOnHeldOut(initial));
+    if (input_.check_held_out) RIGCAL_RETURN_IF_ERROR(TryOnHeldOut(initial));
     const bool refine = instant_count_ >= kMinRefineInstants && RefinedPays(scores_);
     if (held_out_) held_out_ = checks_[refine ? 1 : 0];
     if (refine == solved_refined) return absl::OkStatus();
@@ -289,6 +289,9 @@ class Estimator {
     const int fold = input_.start.round % blocks.period;
     const auto is_held_out = [&](int64_t t) { return blocks.IsHeldOut(t, fold) && IsChosen(t); };
     const auto is_kept = [&](int64_t t) { return blocks.IsKept(t, fold) && IsChosen(t); };
+    // As much of what is solved.
+    const int other = (fold + 2) % blocks.period;
+    const auto is_compared = [&](int64_t t) { return blocks.IsHeldOut(t, other) && IsChosen(t); };
     const auto held_out = std::ranges::count_if(solution_.built.instant_time_ns, is_held_out);
     if (held_out < kMinHeldOutInstants) return absl::OkStatus();
     double score_px[2] = {INFINITY, INFINITY};
@@ -301,7 +304,7 @@ class Estimator {
       if (absl::IsCancelled(solution.status())) return solution.status();
       if (!solution.ok()) continue;
       const EvaluatedErrors unseen = EvaluateSolution(rig_, *solution, options, is_held_out);
-      const EvaluatedErrors seen = EvaluateSolution(rig_, *solution, options, is_kept);
+      const EvaluatedErrors seen = EvaluateSolution(rig_, *solution, options, is_compared);
       if (unseen.instant_count < kMinHeldOutInstants) continue;
       score_px[refine ? 1 : 0] = ChoiceScorePx(unseen);
       HeldOutCheck& check = checks_[refine ? 1 : 0];

@@ -48,6 +48,7 @@ struct RunningInput {
   int max_instants = 600;
   size_t max_grid_points = 1000;
   bool advise = true;
+  bool check_held_out = true;  // false: the choice of intrinsics is that of `start`
   const std::atomic<bool>* cancelled = nullptr;
 };
 

@@ -152,6 +152,19 @@ double TrueErrorM(const SimulatedWorld& world, const server::RunningEstimate& es
   return UpperQuantile(&errors, 0.95);
 }
 
+// Of a calibration of everything that has been recorded, which the estimate stands for.
+double TrueErrorOfAllMm(const SimulatedWorld& world, const std::vector<server::CameraTrack>& tracks,
+                        const server::RunningEstimate& estimate) {
+  server::RunningInput input;
+  input.target = world.target();
+  input.tracks = tracks;
+  input.start = estimate.next;
+  input.max_instants = 1'000'000;
+  input.advise = input.check_held_out = false;
+  const server::RunningOutcome outcome = server::EstimateNow(std::move(input));
+  return outcome.estimate ? 1e3 * TrueErrorM(world, *outcome.estimate) : INFINITY;
+}
+
 double CpuSeconds() {
   timespec time{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
@@ -198,13 +211,12 @@ absl::Status Wave(const UntilOptions& options, uint32_t seed, UntilTrial* trial)
       start = outcome.estimate->next;
       if (outcome.estimate->cameras.size() == tracks.size()) {
         step.predicted_mm = 1e3 * outcome.estimate->error.p95_m;
-        step.true_mm = 1e3 * TrueErrorM(world, *outcome.estimate);
+        step.true_mm = TrueErrorOfAllMm(world, tracks, *outcome.estimate);
         step.agrees = outcome.estimate->held_out && outcome.estimate->held_out->agrees;
       }
       std::vector<WandPose> places;
-      if (!outcome.estimate->advice.empty()) {
-        const server::WaveAdvice& advice = outcome.estimate->advice.front();
-        const Eigen::Affine3d alignment = Alignment(world, *outcome.estimate);
+      const Eigen::Affine3d alignment = Alignment(world, *outcome.estimate);
+      for (const server::WaveAdvice& advice : outcome.estimate->advice) {
         places.push_back({alignment * advice.point_m, alignment.linear() * advice.direction});
       }
       if (options.guided) person.GoTo(std::move(places));

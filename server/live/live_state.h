@@ -143,7 +143,7 @@ struct LiveCamera {
 
 struct LiveOverlap {
   std::vector<std::string> cameras;
-  std::vector<uint32_t> counts;  // of the pairs (0,1), (0,2), ..., (1,2), ...
+  std::vector<uint32_t> counts = {};  // of the pairs (0,1), (0,2), ..., (1,2), ...
   friend bool operator==(const LiveOverlap&, const LiveOverlap&) = default;
 };
 

@@ -8,16 +8,20 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "server/ingest/ingest.h"
+#include "server/live/alert_book.h"
+#include "server/live/arrivals.h"
 #include "server/live/live_state.h"
 #include "server/session/agent_directory.h"
 #include "server/session/session_coordinator.h"
+#include "server/session/task_queue.h"
 #include "server/store/store.h"
 
 namespace rigcal::server {
@@ -57,9 +61,61 @@ class LiveTracker {
   void SetEstimate(LiveEstimate estimate);
 
   // The newest state of a rig; never null. A rig that nobody knows has an empty one.
-  std::shared_ptr<const LiveSnapshot> Get(std::string_view rig);
+  std::shared_ptr<const LiveSnapshot> Get(std::string_view rig) const;
   // Makes the states now. Called by the tracker's own thread; by tests instead of Start.
   void Update();
+  // Returns when sessions that have reached their goal have been told to stop. Between Start and
+  // Shutdown.
+  void WaitIdle() { stops_.WaitIdle(); }
+
+ private:
+  using Time = std::chrono::steady_clock::time_point;
+  struct Rig;
+
+  Time Now() const;
+  int64_t UtcNow() const;
+  void Run();
+  Rig* FindOrAddRig(std::string_view name);
+  void FollowSessions();
+  void FollowSession(Rig* rig, std::string_view id);
+  void FollowAgents();
+  void TakeArrivals(std::vector<std::pair<StreamKey, Arrivals>> arrivals);
+  void CountOverlap(Rig* rig, const std::string& camera, const std::vector<ThinnedRow>& rows);
+  void TakeEstimates();
+  void MakeState(Rig* rig);
+  void StopAtGoal(Rig* rig, const LiveGoal& goal);
+  LiveCamera CameraOf(const Rig& rig, const std::string& name) const;
+  std::vector<AlertCondition> ConditionsOf(const Rig& rig) const;
+  std::shared_ptr<const LiveSnapshot> EmptyState(std::string_view rig) const;
+  std::string IncarnationOf(std::string_view rig) const;
+
+  const LiveTrackerOptions options_;
+  Store* const store_;
+  const AgentDirectory* const directory_;
+  SessionCoordinator* const coordinator_;
+  const uint64_t incarnation_;
+  const int64_t begin_utc_ns_;
+  RowTap row_tap_;
+  ArrivalInbox inbox_;
+
+  // Held over an update.
+  std::mutex update_mutex_;
+  std::map<std::string, std::unique_ptr<Rig>, std::less<>> rigs_;
+  uint64_t last_revision_ = 0;
+  std::optional<uint64_t> change_count_;
+  std::optional<Time> agents_time_;
+  std::optional<Time> health_time_;
+  StoreHealth health_;
+
+  // Held briefly.
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<const LiveSnapshot>, std::less<>> published_;
+  std::map<std::string, std::shared_ptr<const LiveEstimate>, std::less<>> estimates_;
+  std::condition_variable wake_;
+  bool stopping_ = false;
+
+  TaskQueue stops_{"live goals"};  // its tasks use the members above
+  std::thread thread_;
 };
 
 }  // namespace rigcal::server

@@ -75,6 +75,13 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
   request.set_title(options.title);
   *request.mutable_target() = wire::ToProto(options.target);
   for (const std::string& camera : options.cameras) request.add_camera_names(camera);
+  if (options.until_mm > 0) {
+    request.mutable_goal()->set_until_mm(options.until_mm);
+    if (options.min_s >= 0) {
+      *request.mutable_goal()->mutable_min_duration() = wire::ToDuration(options.min_s);
+    }
+  }
+  request.set_continues(options.continues);
   absl::StatusOr<v1::Session> session =
       SessionOf(server.Call(&SessionStub::CreateSession, request));
   if (session.ok() && options.start) {

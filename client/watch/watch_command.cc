@@ -42,7 +42,7 @@ class Follower {
       mirror_.Merge(response->live());
       return absl::OkStatus();
     }
-    problem_ = response.status().message();
+    problem_ = std::string(response.status().message());
     const bool passes =
         absl::IsUnavailable(response.status()) || absl::IsDeadlineExceeded(response.status());
     return passes && contact_ ? absl::OkStatus() : response.status();

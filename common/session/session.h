@@ -25,6 +25,7 @@ struct SessionCamera {
 // When a session ends by itself: see SessionGoal in rigcal/v1/session.proto.
 struct SessionGoal {
   static constexpr double kDefaultMinDurationS = 20;
+  static constexpr double kMaxMinDurationS = 86400;
   static constexpr double kMaxUntilMm = 1000;
 
   double until_mm = 0;

@@ -59,9 +59,8 @@ void AddWand(const CameraFacts& facts, Conditions* conditions) {
                     milliseconds(500));
   } else if (facts.unseen_waving_s >= kNotSeenLatelyS) {
     conditions->Add("no_wand", AlertSeverity::kInfo,
-                    absl::StrCat(facts.camera, " has not seen the wand for ",
-                                 absl::StrFormat("%.0f", facts.unseen_waving_s),
-                                 " s of waving; wave in front of it again"));
+                    absl::StrCat(facts.camera,
+                                 " has not seen the wand for a while; wave in front of it again"));
   }
   if (facts.jumping_share > kTwoWandsShare || facts.ambiguous_share > kAmbiguousShare) {
     conditions->Add(
@@ -124,10 +123,9 @@ void AddDelivery(const CameraFacts& facts, Conditions* conditions) {
                                  "at its PC and the network"));
   } else if (by_agent && facts.silent_s > kSilentS) {
     conditions->Add("no_data", AlertSeverity::kError,
-                    absl::StrCat(facts.camera, " has sent nothing for ",
-                                 absl::StrFormat("%.0f", facts.silent_s),
-                                 " s though its agent is connected; look at the camera's cable and "
-                                 "trigger, and at the agent's log"),
+                    absl::StrCat(facts.camera,
+                                 " sends nothing though its agent is connected; look at the "
+                                 "camera's cable and trigger, and at the agent's log"),
                     milliseconds(500));
   } else if (facts.seconds_of_rows > kSettledS && facts.usual_rate_hz > 0 &&
              facts.rate_hz < kLowRateShare * facts.usual_rate_hz) {

@@ -293,6 +293,7 @@ void LiveTracker::Update() {
   if (const uint64_t count = coordinator_->ChangeCount(); change_count_ != count) {
     change_count_ = count;
     FollowSessions();
+    agents_time_.reset();
   }
   if (!agents_time_ || now - *agents_time_ >= kAgentInterval) {
     agents_time_ = now;

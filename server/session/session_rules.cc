@@ -2,7 +2,6 @@
 #include "server/session/session_rules.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 #include <string>
 
@@ -38,8 +37,9 @@ void CheckGoal(const SessionGoal& goal, FaultList* faults) {
     faults->Add("goal.until_mm is ", goal.until_mm, "; it must be above 0 and at most ",
                 SessionGoal::kMaxUntilMm, " mm");
   }
-  if (!(goal.min_duration_s >= 0 && std::isfinite(goal.min_duration_s))) {
-    faults->Add("goal.min_duration is ", goal.min_duration_s, " s; it must not be negative");
+  if (!(goal.min_duration_s >= 0 && goal.min_duration_s <= SessionGoal::kMaxMinDurationS)) {
+    faults->Add("goal.min_duration is ", goal.min_duration_s, " s; it must be 0 to ",
+                SessionGoal::kMaxMinDurationS, " s");
   }
 }
 

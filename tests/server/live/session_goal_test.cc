@@ -20,8 +20,12 @@ class JudgeGoal : public ::testing::Test {
  protected:
   void SetUp() override {
     for (const char* name : {"left", "right"}) {
-      session_.cameras.push_back({.description = {.camera = name}, .agent_id = ""});
-      estimate_.cameras.push_back({.camera = name});
+      SessionCamera camera;
+      camera.description.camera = name;
+      session_.cameras.push_back(camera);
+      server::LiveEstimatedCamera estimated;
+      estimated.camera = name;
+      estimate_.cameras.push_back(estimated);
     }
     estimate_.state = server::EstimateState::kReady;
     estimate_.time_utc_ns = kNow - 1'000'000'000;

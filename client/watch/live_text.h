@@ -15,10 +15,10 @@ struct LiveScreenOptions {
   size_t columns = 80;
   size_t rows = 24;
   bool colour = false;
-  std::string server;
-  double age_s = 0;     // since the server last answered
-  std::string problem;  // why it does not; empty: it does
-  std::string message;  // what the last key has done
+  std::string server = {};
+  double age_s = 0;          // since the server last answered
+  std::string problem = {};  // why it does not; empty: it does
+  std::string message = {};  // what the last key has done
 };
 
 // The whole screen: at most `rows` lines of at most `columns` columns; the first ones matter most.

@@ -32,9 +32,19 @@ void ArrivalInbox::Add(const Delivery& delivery, const AppendOutcome& outcome, A
   const size_t count = batch.rows();
   // What a stream had already comes first in a batch that has something new.
   const size_t stored = std::min<size_t>(outcome.stored_rows, count);
-  const size_t first_new = count - stored;
+  const size_t first_new = count - std::min<size_t>(stored + outcome.refused_rows, count);
+  const auto is_refused = [&](size_t row) {
+    return !delivery.refused_rows.empty() &&
+           std::ranges::find(delivery.refused_rows, row, &RefusedRow::row) !=
+               delivery.refused_rows.end();
+  };
   uint64_t wand_count = 0;
   for (size_t row = first_new; row < count; ++row) wand_count += batch.visible_mask[row] != 0;
+  for (const RefusedRow& refused : delivery.refused_rows) {
+    if (refused.row >= first_new && refused.row < count) {
+      wand_count -= batch.visible_mask[refused.row] != 0;
+    }
+  }
 
   const std::lock_guard lock(mutex_);
   auto found = by_stream_.find(batch.stream);
@@ -72,6 +82,7 @@ void ArrivalInbox::Add(const Delivery& delivery, const AppendOutcome& outcome, A
         time_ns >= entry.last_kept_ns) {
       continue;
     }
+    if (is_refused(row)) continue;  // its values may be anything
     entry.any_row = true;
     entry.last_kept_ns = time_ns;
     if (arrivals.rows.size() < kMaxArrivedRows) arrivals.rows.push_back(RowOf(batch, row));

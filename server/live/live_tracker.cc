@@ -240,7 +240,16 @@ int64_t LiveTracker::UtcNow() const { return UtcNowNs(options_.utc_now_ns); }
 void LiveTracker::RecordDelivery(const Delivery& delivery, const AppendOutcome& outcome) {
   if (outcome.late) return;
   inbox_.Add(delivery, outcome, Now());
-  if (row_tap_ && outcome.stored_rows > 0) row_tap_(delivery.stream(), delivery.batch);
+  if (!row_tap_ || outcome.stored_rows == 0) return;
+  if (delivery.refused_rows.empty()) return row_tap_(delivery.stream(), delivery.batch);
+  StoredBatch stored{.batch = delivery.batch,
+                     .refused_rows = std::vector<bool>(delivery.batch.rows())};
+  for (const RefusedRow& refused : delivery.refused_rows) {
+    if (refused.row < stored.refused_rows.size()) stored.refused_rows[refused.row] = true;
+  }
+  for (const ObservationBatch& batch : AcceptedRows(std::move(stored))) {
+    row_tap_(delivery.stream(), batch);
+  }
 }
 
 void LiveTracker::SetEstimate(LiveEstimate estimate) {

@@ -49,8 +49,8 @@ class LiveTracker {
               SessionCoordinator* coordinator);
   ~LiveTracker();  // shuts down
 
-  // `tap` gets every batch of rows that became durable, on the ingest writer's thread: it must be
-  // very cheap. Before ingest starts.
+  // `tap` gets every batch of rows that became durable, without refused ones, on the ingest
+  // writer's thread: it must be very cheap. Before ingest starts.
   void SetRowTap(RowTap tap);
   void Start();
   void Shutdown();

@@ -61,6 +61,21 @@ TEST(ArrivalInbox, IsBounded) {
   EXPECT_THAT(taken[0].second.rows, SizeIs(128));
 }
 
+TEST(ArrivalInbox, LeavesRefusedRowsOut) {
+  server::ArrivalInbox inbox;
+  server::Delivery delivery = Rows(0, 10, 50);
+  delivery.refused_rows = {{.row = 0}, {.row = 3}};
+  server::AppendOutcome outcome = Stored(8);
+  outcome.refused_rows = 2;
+  inbox.Add(delivery, outcome, {});
+  const server::Arrivals arrivals = inbox.Take()[0].second;
+  EXPECT_EQ(arrivals.stored_count, 8u);
+  EXPECT_EQ(arrivals.refused_count, 2u);
+  EXPECT_EQ(arrivals.wand_count, 4u);
+  ASSERT_THAT(arrivals.rows, SizeIs(8));
+  EXPECT_EQ(arrivals.rows.front().time_ns, 20'000'000);
+}
+
 TEST(ArrivalInbox, TakesWhatIsNewOfABatch) {
   server::ArrivalInbox inbox;
   inbox.Add(Rows(0, 50, 50), Stored(0), {});

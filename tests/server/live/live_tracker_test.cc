@@ -179,6 +179,20 @@ TEST_F(LiveTracker, DoesNotCountWhatIsDeliveredAgain) {
   EXPECT_EQ(camera("left").observation_count, 10u);
 }
 
+TEST_F(LiveTracker, GivesAcceptedRowsToTheTap) {
+  std::vector<uint32_t> seqs;
+  tracker_->SetRowTap([&](const StreamKey& stream, const ObservationBatch& batch) {
+    EXPECT_EQ(stream.camera, "left");
+    for (uint32_t seq = batch.first_seq; seq < batch.end_seq(); ++seq) seqs.push_back(seq);
+  });
+  StartWave({"left"});
+  Send("left", now_s_, 4, SeeWand);
+  Send("left", now_s_ + 1, 4, SeeWand, [](server::Delivery* delivery) {
+    delivery->refused_rows.push_back({.row = 1, .reason = RefusalReason::kNotFinite});
+  });
+  EXPECT_THAT(seqs, ElementsAre(1, 2, 3, 4, 5, 7, 8));
+}
+
 TEST_F(LiveTracker, ShowsTheEstimateOfItsSessionOnly) {
   StartWave({"left", "right"});
   LiveEstimate estimate = GoodEstimate(options_.utc_now_ns(), {"left", "right"});

@@ -43,6 +43,7 @@ constexpr size_t kMaxHistory = 300;
 constexpr size_t kMaxAdvice = 3;
 constexpr size_t kMaxVoxels = 4096;
 constexpr size_t kMaxTextBytes = 1024;
+constexpr size_t kMaxAlertBytes = 512;
 constexpr size_t kMaxHostBytes = 128;
 constexpr size_t kMaxVersionBytes = 64;
 
@@ -698,7 +699,9 @@ void LiveTracker::MakeState(Rig* rig) {
     changed = true;
   }
   rig->estimate_changed = false;
-  Revise(rig->alerts.Update(ConditionsOf(*rig), now, utc_ns), revision, &state.alerts, &changed);
+  std::vector<AlertCondition> conditions = ConditionsOf(*rig);
+  for (AlertCondition& condition : conditions) Shorten(kMaxAlertBytes, &condition.text);
+  Revise(rig->alerts.Update(std::move(conditions), now, utc_ns), revision, &state.alerts, &changed);
   std::vector<LiveAgent> agents;
   for (const AgentRecord& agent : rig->agents) {
     LiveAgent live{.agent_id = agent.agent_id,

@@ -28,6 +28,7 @@
 #include "server/jobs/solve_in_worker.h"
 #include "server/listen/descriptor_limit.h"
 #include "server/listen/listen_socket.h"
+#include "server/live/live_tracker.h"
 #include "server/rpc/rpc_server.h"
 #include "server/session/agent_registry.h"
 #include "server/store/factory/open_store.h"
@@ -210,9 +211,13 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   const auto report_progress = [&](const StreamKey& stream, const AppendOutcome& outcome) {
     coordinator->RecordProgress(stream, outcome);
   };
+  LiveTracker live({}, store.get(), &directory, coordinator.get());
+  const auto report_delivery = [&](const Delivery& delivery, const AppendOutcome& outcome) {
+    live.RecordDelivery(delivery, outcome);
+  };
   Ingest ingest({.queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20,
                  .send_window = limits.send_window_rows},
-                store.get(), find_context, report_progress);
+                store.get(), find_context, report_progress, report_delivery);
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
       CalibrationRunner::Create(
@@ -241,9 +246,11 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
                  .registry = registry.get(),
                  .audit = &audit,
                  .identities = enrolment ? enrolment->authority() : nullptr,
-                 .retention = &retention});
+                 .retention = &retention,
+                 .live = &live});
 
   coordinator->Start();
+  live.Start();
   ingest.Start();
   runner->Start();
   retention.Start();
@@ -265,6 +272,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   if (enrolment) enrolment->Shutdown();
   rpc.Shutdown(std::chrono::seconds(2));
   ingest.Shutdown();
+  live.Shutdown();
   retention.Shutdown();
   runner->Shutdown();
   coordinator->Shutdown();

@@ -95,6 +95,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
                 &audit_),
       previews_(options_.previews, parts.directory),
       readers_(options_.readers, parts.store, parts.coordinator),
+      live_answers_(parts.live),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
                       parts.store->server_id(), &security_, parts.registry) {
   services_.push_back(MakeAgentService(parts));
@@ -102,6 +103,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
   services_.push_back(MakeIdentityService(parts.identities));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_));
+  services_.push_back(MakeLiveService(&live_answers_));
   services_.push_back(MakeMaintenanceService(parts.store, &watches_));
   services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({}),
                                         &listener_, options_.listener.limits.total));

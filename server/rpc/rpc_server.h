@@ -67,6 +67,8 @@ class RpcServer {
   void Shutdown(std::chrono::milliseconds grace);
   // Only between Start and Shutdown.
   std::shared_ptr<grpc::Channel> InProcessChannel();
+  // What GetLive answers with; for others in this process that serve it.
+  LiveAnswers& live_answers() { return live_answers_; }
 
  private:
   // Again and again, until the shutdown.
@@ -87,6 +89,7 @@ class RpcServer {
   PreviewBroker previews_;
   WatchHub watches_;
   ObservationReaders readers_;
+  LiveAnswers live_answers_;
   IngestService ingest_service_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<grpc::Server> server_;

@@ -162,7 +162,8 @@ const FolderGraph& AllowedFolders() {
         "server/store"}},
       {"server/worker/main.cc", {"common/wire", "server/worker"}},
       {"server/worker",
-       {"common/calibration", "common/session", "common/status", "common/wire", "server/solve"}},
+       {"common/calibration", "common/session", "common/status", "common/wire", "server/solve",
+        "server/solve/running"}},
   };
   return *kAllowed;
 }

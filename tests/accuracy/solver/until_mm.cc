@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <vector>
 
 #include "common/statistics/robust_statistics.h"
@@ -16,7 +17,7 @@
 namespace rigcal::accuracy {
 namespace {
 
-constexpr double kUntilMm = 0.5;
+const double kUntilMm = std::getenv("UNTIL") ? std::atof(std::getenv("UNTIL")) : 0.5;
 constexpr double kFramesPerS = 50;
 
 UntilOptions OptionsOf(const SeedOptions& seeds, int index) {
@@ -24,6 +25,7 @@ UntilOptions OptionsOf(const SeedOptions& seeds, int index) {
   options.camera_count = 6 + (seeds.first + index) % 7;
   options.duration_s = seeds.duration_s;
   options.until_mm = kUntilMm;
+  if (std::getenv("LENS")) options.lens_error = std::atof(std::getenv("LENS"));
   return options;
 }
 

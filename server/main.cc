@@ -23,6 +23,7 @@
 #include "server/audit/audit_log.h"
 #include "server/care/care_commands.h"
 #include "server/care/running_server.h"
+#include "server/estimate/estimate_loop.h"
 #include "server/http/enrolment_server.h"
 #include "server/identity/server_identity.h"
 #include "server/jobs/solve_in_worker.h"
@@ -212,6 +213,11 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
     coordinator->RecordProgress(stream, outcome);
   };
   LiveTracker live({}, store.get(), &directory, coordinator.get());
+  EstimateLoop estimates({}, store.get(), EstimateInWorker({.program = worker}),
+                         [&live](LiveEstimate estimate) { live.SetEstimate(std::move(estimate)); });
+  live.SetRowTap([&estimates](const StreamKey& stream, const ObservationBatch& batch) {
+    estimates.AddRows(stream, batch);
+  });
   const auto report_delivery = [&](const Delivery& delivery, const AppendOutcome& outcome) {
     live.RecordDelivery(delivery, outcome);
   };
@@ -251,6 +257,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
 
   coordinator->Start();
   live.Start();
+  estimates.Start();
   ingest.Start();
   runner->Start();
   retention.Start();
@@ -272,6 +279,7 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   if (enrolment) enrolment->Shutdown();
   rpc.Shutdown(std::chrono::seconds(2));
   ingest.Shutdown();
+  estimates.Shutdown();
   live.Shutdown();
   retention.Shutdown();
   runner->Shutdown();

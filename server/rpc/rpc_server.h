@@ -15,6 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/access/checked_identity.h"
+#include "server/api/api_gateway.h"
 #include "server/audit/audit_log.h"
 #include "server/identity/denied_certificates.h"
 #include "server/listen/listener.h"
@@ -67,6 +68,10 @@ class RpcServer {
   void Shutdown(std::chrono::milliseconds grace);
   // Only between Start and Shutdown.
   std::shared_ptr<grpc::Channel> InProcessChannel();
+  // For the JSON API, between Start and Shutdown; it must not outlive this object.
+  std::unique_ptr<ApiGateway> MakeApiGateway();
+  // Connections to the port and the socket file.
+  ConnectionStats connections() { return listener_.connections().Stats(); }
 
  private:
   // Again and again, until the shutdown.

@@ -14,6 +14,7 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "common/wire/grpc_status.h"
 #include "rigcal/v1/live_service.pb.h"
@@ -129,6 +130,11 @@ absl::StatusOr<ApiAnswer> LiveAnswer(Shared* shared, const std::string& bytes,
 }
 
 ApiAnswer AnswerOf(Shared* shared, const OngoingCall& call, const grpc::Status& status) {
+  // gRPC says no more where it has no such service.
+  if (status.error_code() == grpc::StatusCode::UNIMPLEMENTED && status.error_message().empty()) {
+    return {.status = absl::UnimplementedError(
+                absl::StrCat("this server does not serve ", call.method->full_name()))};
+  }
   if (!status.ok()) return {.status = wire::FromGrpc(status)};
   const std::unique_ptr<Message> message = NewMessage(call.method->output_type());
   const std::string bytes = BytesOf(call.answer);

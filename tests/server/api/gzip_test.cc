@@ -28,10 +28,10 @@ TEST(Gzip, ComesBackAsItWas) {
 
 TEST(Gzip, RefusesDamageAndWhatIsTooLong) {
   const std::string bytes = Gzipped(std::string(300'000, 'x'), 9);
-  EXPECT_THAT(Gunzipped(bytes, 1000), StatusIs(absl::StatusCode::kDataLoss));
+  EXPECT_THAT(Gunzipped(bytes, 1000), StatusIs(absl::StatusCode::kDataLoss, ::testing::_));
   EXPECT_THAT(Gunzipped(bytes.substr(0, bytes.size() - 1), 1 << 20),
-              StatusIs(absl::StatusCode::kDataLoss));
-  EXPECT_THAT(Gunzipped("no gzip", 1 << 20), StatusIs(absl::StatusCode::kDataLoss));
+              StatusIs(absl::StatusCode::kDataLoss, ::testing::_));
+  EXPECT_THAT(Gunzipped("no gzip", 1 << 20), StatusIs(absl::StatusCode::kDataLoss, ::testing::_));
 }
 
 }  // namespace

@@ -81,7 +81,8 @@ TEST_F(ApiCalls, ASessionFromItsCreationToItsEnd) {
   const ApiAnswer start = Call("POST", "/v1/sessions/wave:start", "{}");
   EXPECT_THAT(start.status, StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("camera")));
   EXPECT_EQ(Good(Call("DELETE", "/v1/sessions/wave")), Json::object());
-  EXPECT_THAT(Call("GET", "/v1/sessions/wave").status, StatusIs(absl::StatusCode::kNotFound));
+  EXPECT_THAT(Call("GET", "/v1/sessions/wave").status,
+              StatusIs(absl::StatusCode::kNotFound, ::testing::_));
 }
 
 TEST_F(ApiCalls, HasTheNamesOfTheProtoFilesAndLeavesOutDefaults) {
@@ -121,9 +122,9 @@ TEST_F(ApiCalls, ARoleMayWhatItMayByGrpc) {
               StatusIs(absl::StatusCode::kPermissionDenied,
                        AllOf(HasSubstr("kim"), HasSubstr("viewer"), HasSubstr("CreateSession"))));
   EXPECT_THAT(Call("GET", "/v1/tokens", "", PeerOf(Role::kOperator)).status,
-              StatusIs(absl::StatusCode::kPermissionDenied));
+              StatusIs(absl::StatusCode::kPermissionDenied, ::testing::_));
   EXPECT_THAT(Call("GET", "/v1/status", "", PeerOf(Role::kAgent)).status,
-              StatusIs(absl::StatusCode::kPermissionDenied));
+              StatusIs(absl::StatusCode::kPermissionDenied, ::testing::_));
 }
 
 TEST_F(ApiCalls, EachRouteIsForTheRolesOfItsRule) {
@@ -138,7 +139,7 @@ TEST_F(ApiCalls, EachRouteIsForTheRolesOfItsRule) {
       EXPECT_EQ(absl::IsPermissionDenied(answer.status), !allowed)
           << path << " " << RoleName(role) << ": " << answer.status;
       // Until every service of the table is there, some say that they are not.
-      if (allowed) EXPECT_FALSE(absl::IsInternal(answer.status)) << answer.status;
+      EXPECT_FALSE(absl::IsInternal(answer.status)) << answer.status;
     }
   }
 }

@@ -28,7 +28,7 @@ struct HttpGuards {
 class HttpRouter {
  public:
   // Implicit: most tests need no guards.
-  HttpRouter(std::vector<HttpRoute> routes, HttpGuards guards = {})  // NOLINT
+  HttpRouter(std::vector<HttpRoute> routes = {}, HttpGuards guards = {})  // NOLINT
       : routes_(std::move(routes)), guards_(std::move(guards)) {}
 
   struct Admission {

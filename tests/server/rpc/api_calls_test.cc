@@ -179,6 +179,7 @@ TEST_F(ApiCalls, APreviewIsAnImageWithItsDescription) {
   message.mutable_preview()->set_status(v1::PREVIEW_STATUS_OK);
   message.mutable_preview()->set_jpeg("jpeg");
   message.mutable_preview()->mutable_info()->set_camera("left");
+  message.mutable_preview()->mutable_info()->set_outcome(v1::DETECTION_OUTCOME_WAND);
   agent.Send(message);
   const ApiAnswer answer = preview.get();
   ASSERT_THAT(answer.status, IsOk());

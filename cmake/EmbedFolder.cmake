@@ -3,7 +3,7 @@
 set(names)
 if(FOLDER)
   file(GLOB_RECURSE names RELATIVE ${FOLDER} ${FOLDER}/*)
-  list(FILTER names EXCLUDE REGEX "\\.map$")
+  list(FILTER names EXCLUDE REGEX "\\.(map|gz)$")
   list(SORT names)
   if(NOT names)
     message(FATAL_ERROR "the folder ${FOLDER} is empty: the dashboard was not built; -DRIGCAL_DASHBOARD=OFF builds a "

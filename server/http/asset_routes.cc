@@ -39,6 +39,8 @@ struct Page {
 };
 using Pages = std::map<std::string, Page, std::less<>>;  // by name
 
+bool HasHash(std::string_view name) { return name.starts_with("assets/"); }
+
 std::string TypeOf(std::string_view name) {
   static constexpr std::pair<std::string_view, const char*> kTypes[] = {
       {".html", "text/html; charset=utf-8"},
@@ -84,6 +86,7 @@ std::shared_ptr<const Pages> MakePages(absl::Span<const WebAsset> assets) {
   }
   if (index.empty()) index = kNoDashboard;
   for (const auto& [name, page] : *pages) {
+    if (HasHash(name)) continue;
     // As in src="app.js" or href="/app.css".
     index = absl::StrReplaceAll(
         index,
@@ -99,12 +102,13 @@ std::shared_ptr<const Pages> MakePages(absl::Span<const WebAsset> assets) {
 HttpRoute RouteOf(const std::shared_ptr<const Pages>& pages, const std::string& path,
                   const std::string& name) {
   const Page* page = &pages->at(name);
+  const bool has_hash = HasHash(name);
   return {.method = "GET",
           .path = path,
           .handle =
-              [pages, page](const HttpRequest& request) {
+              [pages, page, has_hash](const HttpRequest& request) {
                 HttpResponse response = page->response;
-                if (request.query == "v=" + page->hash) {
+                if (has_hash || request.query == "v=" + page->hash) {
                   response.cache_control = "public, max-age=31536000, immutable";
                 }
                 return response;

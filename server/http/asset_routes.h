@@ -18,9 +18,10 @@ struct WebAsset {
 // The files that this server was built with; empty: without the dashboard.
 absl::Span<const WebAsset> BuiltInAssets();
 
-// Serves them: index.html at "/" and "/login", the others under their names. An address with the
-// file's hash ("/app.js?v=1f2e...", as index.html names it) is kept by browsers for good, others
-// are asked for again and answered with 304. Without assets "/" is a page that says so.
+// Serves them: index.html at "/" and "/login", the others under their names. What has a hash in its
+// address is kept by browsers for good: all in assets/, where the bundler names files so, and
+// "/app.js?v=1f2e...", as index.html is made to name others. The rest is asked for again and
+// answered with 304. Without assets "/" is a page that says so.
 std::vector<HttpRoute> AssetRoutes(absl::Span<const WebAsset> assets);
 
 }  // namespace rigcal::server

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the HTTPS port reads from a client behind TLS: requests, one after the other, and their
-// routes. The first byte is the size of the pieces in which the bytes arrive.
+// What the HTTP port reads from a client, behind TLS or not: requests, one after the other, and
+// their routes, those of the JSON API too. The first byte is the size of the pieces in which the
+// bytes arrive; it also says whether they came over TLS (odd), from this machine, or from elsewhere
+// (2).
 //
 // @TOKEN@ stands for the secret of a join string, which is another one in each run.
 #include <spdlog/spdlog.h>

@@ -66,6 +66,14 @@ TEST_F(AssetRoutes, OtherAddressesOfAFileAreAskedForAgain) {
   EXPECT_EQ(Get(routes, "/app.js.map").status, 404u);
 }
 
+TEST_F(AssetRoutes, WhatTheBundlerNamedByItsHashKeepsItsName) {
+  const std::string index = server::Gzipped("<script src=\"assets/app-1A2B.js\"></script>", 9);
+  const std::vector<WebAsset> assets = {{"index.html", index}, {"assets/app-1A2B.js", script_}};
+  const std::vector<HttpRoute> routes = server::AssetRoutes(assets);
+  EXPECT_THAT(Get(routes, "/").body, HasSubstr("src=\"assets/app-1A2B.js\""));
+  EXPECT_THAT(Get(routes, "/assets/app-1A2B.js").cache_control, HasSubstr("immutable"));
+}
+
 TEST_F(AssetRoutes, WithoutTheDashboardAPageSaysSo) {
   const HttpResponse page = Get(server::AssetRoutes({}), "/");
   EXPECT_EQ(page.status, 200u);

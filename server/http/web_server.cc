@@ -38,9 +38,10 @@ std::string WebAddress(const WebServerOptions& options) {
   return JoinHostPort(HostOf(options.grpc_listen), HasAnyPort(options.grpc_listen) ? 0 : kWebPort);
 }
 
-// Others can reach one of the ports, or are meant to join.
+// Others can reach one of the ports or are meant to join, or this machine itself must sign in.
 bool NeedsTls(const WebServerOptions& options) {
-  return !options.https_listen.empty() || !IsLoopbackHost(HostOf(options.grpc_listen));
+  return !options.https_listen.empty() || !options.plain_loopback ||
+         !IsLoopbackHost(HostOf(options.grpc_listen));
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/listen/listen_socket.h"
+#include "server/rpc/api_calls.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/call_hooks.h"
 #include "server/session/utc_clock.h"
@@ -224,6 +225,10 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
 
 std::shared_ptr<grpc::Channel> RpcServer::InProcessChannel() {
   return server_->InProcessChannel(grpc::ChannelArguments());
+}
+
+std::unique_ptr<ApiGateway> RpcServer::MakeApiGateway() {
+  return server::MakeApiGateway(InProcessChannel(), &security_);
 }
 
 }  // namespace rigcal::server

@@ -15,6 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/access/checked_identity.h"
+#include "server/api/api_gateway.h"
 #include "server/audit/audit_log.h"
 #include "server/identity/denied_certificates.h"
 #include "server/listen/listener.h"
@@ -69,6 +70,10 @@ class RpcServer {
   std::shared_ptr<grpc::Channel> InProcessChannel();
   // What GetLive answers with; for others in this process that serve it.
   LiveAnswers& live_answers() { return live_answers_; }
+  // For the JSON API, between Start and Shutdown; it must not outlive this object.
+  std::unique_ptr<ApiGateway> MakeApiGateway();
+  // Connections to the port and the socket file.
+  ConnectionStats connections() { return listener_.connections().Stats(); }
 
  private:
   // Again and again, until the shutdown.

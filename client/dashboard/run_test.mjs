@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bundles a test program and runs it: node run_test.mjs unit|browser|heap|shots|mock
+// Exit code 77: skipped, with the reason on a line "[  SKIPPED ] ...".
+import { build } from 'esbuild';
+import { spawnSync } from 'node:child_process';
+import { mkdirSync, readdirSync } from 'node:fs';
+import { dirname, join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+
+const here = dirname(fileURLToPath(import.meta.url));
+const kind = process.argv[2] ?? 'unit';
+const files = {
+  unit: readdirSync(join(here, 'test')).filter((name) => name.endsWith('_test.ts')).map((name) => `test/${name}`),
+  browser: ['test/browser.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], mock: ['test/mock_main.ts'],
+}[kind];
+if (!files) throw new Error(`run_test: unit, browser, heap, shots or mock, not "${kind}"`);
+const out = join(here, 'node_modules/.cache/rigcal', kind);
+mkdirSync(out, { recursive: true });
+await build({ absWorkingDir: here, entryPoints: files, outdir: out, bundle: true, format: 'esm', platform: 'node',
+  target: 'node18', packages: 'external', external: ['*/proto_types.mjs'], outExtension: { '.js': '.mjs' },
+  sourcemap: 'inline', jsx: 'automatic', jsxImportSource: 'preact', logLevel: 'warning' });
+const programs = files.map((file) => join(out, file.replace('test/', '').replace('.ts', '.mjs')));
+const test = kind === 'unit' || kind === 'browser' ? ['--test'] : [];
+const result = spawnSync(process.execPath, ['--enable-source-maps', ...test, ...programs],
+  { cwd: here, stdio: 'inherit', env: process.env });
+process.exit(result.status ?? 1);

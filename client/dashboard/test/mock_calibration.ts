@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calibrations of the simulated rig.
 import type { Calibration, GetAccuracyResponse } from '../src/api/types';
-import { epochMs, type MockRig } from './mock_rig';
+import { epochMs, type MockRig, quaternionOf } from './mock_rig';
 
 /** A calibration that has succeeded; `seed` moves its figures a little. */
 export function mockCalibration(rig: MockRig, id: string, version: number, sessionIds: string[], seed: number):
   Calibration {
-  const parts = rig.parts();
   const cameras = rig.cameras.map((camera, i) => {
     const wobble = Math.sin(seed * 7 + i * 3);
     const t = camera.camFromRig.map((row) => -(row[0] * camera.centre[0] + row[1] * camera.centre[1] +
       row[2] * camera.centre[2])) as [number, number, number];
-    const estimated = parts.estimate.cameras?.find((one) => one.camera === camera.name);
     const rms = 0.3 + 0.05 * i + 0.03 * wobble;
     const figures = (factor: number, count: number) => ({ mean_px: rms * 0.85 * factor, rms_px: rms * factor,
       median_px: rms * 0.75 * factor, p95_px: rms * 1.9 * factor, marker_count: count });
     return {
       camera: camera.name, image_size_px: { width: 1440, height: 1080 },
-      cam_from_rig: { rotation: estimated?.cam_from_rig?.rotation ?? { w: 1 },
+      cam_from_rig: { rotation: quaternionOf(camera.camFromRig),
         translation_m: { x: t[0] + 4e-4 * wobble, y: t[1], z: t[2] - 3e-4 * wobble } },
       intrinsics: { model: 'MODEL_BROWN_CONRADY' as const, fx_px: 1100 + wobble, fy_px: 1100, cx_px: 720, cy_px: 540,
         distortion: [-0.1, 0.02, 0, 0, 0] },

@@ -31,7 +31,7 @@ interface SimCamera {
 const message = (v: Vec3): Vector3 => ({ x: v[0], y: v[1], z: v[2] });
 
 /** Quaternion of a rotation matrix, w >= 0. */
-function quaternionOf(m: Mat3): { w: number; x: number; y: number; z: number } {
+export function quaternionOf(m: Mat3): { w: number; x: number; y: number; z: number } {
   const root = (value: number) => Math.sqrt(Math.max(0, value)) / 2;
   const w = root(1 + m[0][0] + m[1][1] + m[2][2]);
   return {
@@ -169,8 +169,8 @@ export class MockRig {
     for (let i = 0; i + 1 < this.cameras.length; ++i) {
       const [a, b] = [this.cameras[i]!, this.cameras[i + 1]!];
       const common = this.pairs.get(`${a.name} ${b.name}`) ?? 0;
-      if (common < 50 && !a.blind && !b.blind) {
-        needs.push({ camera_a: a.name, camera_b: b.name, common_count: common, needed_count: 50 });
+      if (common < 200 && !a.blind && !b.blind) {
+        needs.push({ camera_a: a.name, camera_b: b.name, common_count: common, needed_count: 200 });
       }
     }
     if (t < 6) {

@@ -22,7 +22,7 @@ const shoot = async (name: string, hash: string, size: keyof typeof sizes, theme
   page.on('pageerror', (error) => console.log(`${file}: ${error.message}`));
   await page.addInitScript((chosen) => localStorage.setItem('rigcal', JSON.stringify({ theme: chosen })), theme);
   await page.goto(`${address}/#/${hash}`);
-  await page.waitForTimeout(1600);
+  await page.waitForTimeout(size === '4k' ? 6000 : 2500);
   if (name === 'join') {
     await page.getByRole('button', { name: 'Make a join string' }).click();
     await page.waitForTimeout(400);

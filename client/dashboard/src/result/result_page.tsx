@@ -111,6 +111,7 @@ function Succeeded({ calibration, others, withId, theme }: {
       <SceneView model={model} targetMm={undefined} theme={theme} label="Cameras, their uncertainty, and the expected error"
         note={model.ellipsoids.size > 0 ? 'blue: position sigmas, enlarged' : ''} />
     </Panel>
+    <div class="pair">
     <Panel name="target" title="Wand">
       <div class="scroll" tabIndex={0} role="region" aria-label="Spans of the wand"><table>
         <thead><tr><th scope="col">span, mm</th><th scope="col">mean error, mm</th><th scope="col">RMS, mm</th><th scope="col">held out RMS, mm</th><th scope="col">measured</th></tr></thead>
@@ -120,7 +121,6 @@ function Succeeded({ calibration, others, withId, theme }: {
           <td>{one.held_out_count ? fixed((one.held_out_error_rms_m ?? 0) * 1e3, 3) : missing}</td><td>{count(one.count)}</td></tr>)}</tbody>
       </table></div>
     </Panel>
-    <Compare calibration={calibration} others={others} withId={withId} />
     <Panel name="downloads" title="Downloads">
       <div class="buttons">
         <button type="button" onClick={() => saveFile(`${id}.json`, 'application/json', `${JSON.stringify({ calibration }, null, 2)}\n`)}>Calibration as JSON</button>
@@ -128,6 +128,8 @@ function Succeeded({ calibration, others, withId, theme }: {
       </div>
       <p class="hint">Other formats: <code>rigcal calibration export {id}</code></p>
     </Panel>
+    </div>
+    <Compare calibration={calibration} others={others} withId={withId} />
   </>;
 }
 

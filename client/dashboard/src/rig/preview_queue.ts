@@ -53,6 +53,8 @@ export class PreviewQueue {
     entry.turn += 1;
     try {
       await entry.load(entry.turn);
+    } catch {
+      // It is asked for again.
     } finally {
       this.inFlight -= 1;
       entry.busy = false;

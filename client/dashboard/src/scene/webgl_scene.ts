@@ -49,11 +49,14 @@ export class WebGlScene {
   private readonly wandBalls: Mesh[] = [];
   private readonly worst: Mesh;
   private readonly tips: Mesh[] = [];
+  private model: RigModel | undefined;
   private cameraKey = '';
   private placesOf: unknown;
   private wanted = 0;
   private framed = '';
   private touched = false;
+  private readonly labels: Sprite[] = [];
+  private labelHeight = 0.04;
   private asked = 0;
 
   constructor(canvas: HTMLCanvasElement) {
@@ -79,16 +82,18 @@ export class WebGlScene {
     this.places.count = 0;
     this.places.frustumCulled = false;
     this.scene.add(this.places);
-    const white = new MeshBasicMaterial({ color: new Color(colours.ink) });
+    const white = new MeshBasicMaterial({ color: new Color(colours.ink), depthTest: false, transparent: true });
     this.wandLine = new Line(new BufferGeometry().setAttribute('position', new BufferAttribute(new Float32Array(48), 3)),
-      new LineBasicMaterial({ color: new Color(colours.ink) }));
+      new LineBasicMaterial({ color: new Color(colours.ink), depthTest: false, transparent: true }));
     this.wandLine.frustumCulled = false;
+    this.wandLine.renderOrder = 2;
     this.marks.add(this.wandLine);
-    const ball = new SphereGeometry(0.035, 16, 12);
+    const ball = new SphereGeometry(0.045, 16, 12);
     for (let i = 0; i < 16; ++i) this.wandBalls.push(new Mesh(ball, white));
+    for (const one of this.wandBalls) one.renderOrder = 2;
     this.worst = new Mesh(new IcosahedronGeometry(0.11), new MeshBasicMaterial({ color: new Color(colours.ink), wireframe: true }));
     for (let i = 0; i < 3; ++i) {
-      this.tips.push(new Mesh(new SphereGeometry(i === 0 ? 0.16 : 0.1, 20, 10),
+      this.tips.push(new Mesh(new IcosahedronGeometry(i === 0 ? 0.2 : 0.13, 1),
         new MeshBasicMaterial({ color: new Color(colours.accent), wireframe: true, transparent: true, opacity: i === 0 ? 0.9 : 0.45 })));
     }
     this.marks.add(this.worst, ...this.wandBalls, ...this.tips);
@@ -100,11 +105,21 @@ export class WebGlScene {
     this.renderer.setSize(width, height, false);
     this.eye.aspect = width / height;
     this.eye.updateProjectionMatrix();
+    // Names are 15 px high, however far away.
+    this.labelHeight = (20 / height) * 2 * Math.tan((this.eye.fov * Math.PI) / 360);
+    this.labels.forEach((label) => this.sizeLabel(label));
+    if (!this.touched) this.framed = '';
+    if (this.model) this.frame(this.model);
     this.draw();
+  }
+
+  private sizeLabel(label: Sprite): void {
+    label.scale.set(this.labelHeight * (label.userData['shape'] as number), this.labelHeight, 1);
   }
 
   /** Shows a model. What did not change is not made anew. */
   show(model: RigModel, targetMm: number | undefined): void {
+    this.model = model;
     const key = JSON.stringify([model.cameras, [...model.ellipsoids]]);
     if (key !== this.cameraKey) this.showCameras(model, key);
     const wanted = wantedMm(targetMm, model.places);
@@ -152,6 +167,7 @@ export class WebGlScene {
     this.scene.remove(this.cameraGroup);
     free(this.cameraGroup);
     this.cameraGroup = new Group();
+    this.labels.length = 0;
     const colours = palette();
     const box = boxOf(model.cameras.map((camera) => camera.rigFromCam.t));
     const size = box ? Math.max(0.5, ...box.max.map((v, k) => v - box.min[k]!)) : 1;
@@ -159,7 +175,9 @@ export class WebGlScene {
     for (const camera of model.cameras) {
       this.cameraGroup.add(new LineSegments(lineGeometry(frustumPoints(camera, size * 0.07)),
         new LineBasicMaterial({ color: new Color(colours.ink) })));
-      const label = textSprite(camera.name, colours.ink, size);
+      const label = textSprite(camera.name, colours.ink);
+      this.sizeLabel(label);
+      this.labels.push(label);
       label.position.copy(place(camera.rigFromCam.t)).add(new Vector3(0, size * 0.05, 0));
       this.cameraGroup.add(label);
       const axes = model.ellipsoids.get(camera.name);
@@ -189,7 +207,7 @@ export class WebGlScene {
     if (this.touched || grows === this.framed) return;
     this.framed = grows;
     this.controls.target.copy(centre);
-    this.eye.position.copy(centre).add(new Vector3(0.28, 0.62, 0.95).multiplyScalar(size * 1.02));
+    this.eye.position.copy(centre).add(new Vector3(0.28, 0.62, 0.95).multiplyScalar(size * Math.max(0.92, 1.5 / this.eye.aspect)));
     this.controls.update();
   }
 
@@ -230,7 +248,7 @@ function free(root: Object3D): void {
   });
 }
 
-function textSprite(text: string, colour: string, rigSize: number): Sprite {
+function textSprite(text: string, colour: string): Sprite {
   const canvas = document.createElement('canvas');
   const context = canvas.getContext('2d')!;
   const font = '600 30px system-ui, sans-serif';
@@ -246,9 +264,8 @@ function textSprite(text: string, colour: string, rigSize: number): Sprite {
   context.fillStyle = colour;
   context.fillText(text, 8, 20);
   const texture = new CanvasTexture(canvas);
-  const sprite = new Sprite(new SpriteMaterial({ map: texture, depthTest: false, transparent: true }));
-  const height = rigSize * 0.045;
-  sprite.scale.set((height * canvas.width) / canvas.height, height, 1);
+  const sprite = new Sprite(new SpriteMaterial({ map: texture, depthTest: false, transparent: true, sizeAttenuation: false }));
+  sprite.userData['shape'] = canvas.width / canvas.height;
   sprite.center.set(0.5, 0);
   return sprite;
 }

@@ -6,7 +6,7 @@
 /** sRGB, 0 to 255. */
 export type Rgb = readonly [number, number, number];
 
-const stops: readonly Rgb[] = [[158, 46, 28], [206, 92, 26], [222, 150, 44], [214, 196, 92], [120, 226, 190]];
+const stops: readonly Rgb[] = [[158, 46, 28], [206, 92, 26], [222, 150, 44], [206, 182, 82], [146, 236, 208]];
 
 /** The colour of a quality from 0 (bad) to 1 (good). Values outside are taken as the nearest end. */
 export function qualityRgb(quality: number): Rgb {

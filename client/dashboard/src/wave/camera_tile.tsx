@@ -6,7 +6,7 @@ import { toCount } from '../api/json_values';
 import type { LiveAlert, LiveCamera } from '../api/types';
 import { Canvas } from '../shell/canvas';
 import { Chip, type Mark, Meter } from '../shell/parts';
-import { count, fixed, missing, percent, seconds } from '../view/format';
+import { count, fixed, missing, percent } from '../view/format';
 import { drawTile } from './draw_tile';
 
 const states: Record<string, readonly [Mark, string]> = {
@@ -53,14 +53,14 @@ export const CameraTile = memo(function CameraTile({ camera, alert, stale, theme
     </div>
     <Canvas draw={draw} label={`${camera.camera}: ${percent(share)} of the image covered`} />
     <div class="row"><span class="strong">{percent(share)}</span><span>covered</span>
-      <span class="end" title="Observations per second, and those with the wand">{rate(camera.observation_rate_hz)} / {rate(camera.wand_rate_hz)} Hz</span></div>
+      {dropped > 0 ? <span class="end lost" title="Observations that will never arrive or were refused">✕ {count(dropped)} lost</span>
+        : backlog > 0 && <span class="end" title="Observations waiting in the agent's spool">⇡ {count(backlog)} wait</span>}</div>
     {goal > 0 && <div class="row goal"><Meter share={shared / goal} label={`${camera.camera}: shared instants`} />
       <span title="Instants shared with another camera">{count(shared)}/{count(goal)}</span></div>}
     <div class="row small">
+      <span title="Observations per second, and those with the wand">{rate(camera.observation_rate_hz)}/{rate(camera.wand_rate_hz)} Hz</span>
       <span title="Reprojection error in the running estimate">{camera.reprojection_rms_px ? `${fixed(camera.reprojection_rms_px, 2)} px` : '– px'}</span>
-      <span title="Offset of its clock found so far">{offset === undefined ? '– ms' : seconds(offset)}</span>
-      {backlog > 0 && <span class="end" title="Observations waiting in the agent's spool">⇡ {count(backlog)} waiting</span>}
-      {dropped > 0 && <span class={backlog > 0 ? 'lost' : 'end lost'} title="Observations that will never arrive or were refused">✕ {count(dropped)} lost</span>}
+      <span title="Offset of its clock found so far">{offset === undefined ? '– ms' : `${fixed(offset * 1e3, 1)} ms`}</span>
     </div>
   </li>;
 });

@@ -106,12 +106,13 @@ export function DistancePage(): JSX.Element {
       <span class="hint">{awake ? 'Screen stays on' : 'Screen may turn off'}</span>
     </header>
     <h1 class="word"><span aria-hidden="true">{progress.symbol}</span> {progress.word}</h1>
-    <p class="huge"><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
+    <p class={`huge${millimetres(progress.nowMm).length > 4 ? ' long' : ''}`}><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
     <LiveFigureRegion progress={progress} />
     <p class="goal">{progress.targetMm === undefined ? '' : `target ${millimetres(progress.targetMm)} mm`}
       {started !== undefined && now !== undefined && !stale && <span> · {span((now - started) / 1000)}</span>}</p>
     <p class="do">{stale ? `${problem || 'The server does not answer.'} Last data ${span(control.ageMs() / 1000)} ago.`
-      : alert !== '' ? `✕ ${alert}` : capturing && advice !== '' ? `Wave ${advice}` : rig.session?.stop_reason ?? ''}</p>
+      : capturing && advice !== '' ? `Wave ${advice}` : rig.session?.stop_reason ?? ''}</p>
+    {!stale && alert !== '' && <p class="wrong">✕ {alert}</p>}
     <footer>{capturing
       ? <WorkButton kind="danger" work={async () => {
         await stopSession(rig.session?.id ?? '');

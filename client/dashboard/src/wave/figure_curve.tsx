@@ -15,6 +15,11 @@ function dataOf(history: readonly LiveFigure[], targetMm: number | undefined): D
     points.map(() => targetMm ?? null)];
 }
 
+/** Minutes and seconds: 1:40. */
+function clock(seconds: number): string {
+  return seconds < 60 ? `${Math.round(seconds)} s` : `${Math.floor(seconds / 60)}:${String(Math.round(seconds % 60)).padStart(2, '0')}`;
+}
+
 /** Range of a logarithmic axis around values, in half steps of 1 2 5. */
 export function figureRange(min: number | null, max: number | null, targetMm: number | undefined): [number, number] {
   const values = [min, max, targetMm].filter((value): value is number => typeof value === 'number' && value > 0);
@@ -49,8 +54,8 @@ export function FigureCurve({ history, targetMm, theme }: {
       width: Math.max(120, element.clientWidth), height: Math.max(80, element.clientHeight),
       legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false }, y: { distr: 3, range: (_, min, max) => figureRange(min, max, target.current) } },
-      axes: [{ ...axis, size: 24, values: (_, values) => values.map((value) => span(value)) },
-        { ...axis, size: 40, values: (_, values) => values.map((value) => {
+      axes: [{ ...axis, size: 24, values: (_, values) => values.map(clock) },
+        { ...axis, size: 40, filter: (_, splits) => splits, values: (_, values) => values.map((value) => {
           const digit = value / 10 ** Math.floor(Math.log10(value) + 1e-9);
           return [1, 2, 5].some((step) => Math.abs(digit - step) < 0.01) ? millimetres(value).replace(/\.?0+$/, '') : '';
         }) }],

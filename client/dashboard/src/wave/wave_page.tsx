@@ -4,7 +4,7 @@ import { useEffect, useMemo } from 'preact/hooks';
 import { timeMs } from '../api/json_values';
 import type { LiveAlert, LiveFigure } from '../api/types';
 import { useFeed, useFeedControl } from '../shell/feed_context';
-import { Chip, type Mark, Panel } from '../shell/parts';
+import { Panel } from '../shell/parts';
 import { hashOf } from '../shell/route';
 import { SceneView } from '../scene/scene_view';
 import { fixed, millimetres, missing, span } from '../view/format';
@@ -14,13 +14,10 @@ import { CameraTile } from './camera_tile';
 import { FigureCurve } from './figure_curve';
 import { LiveFigureRegion } from './figure_region';
 import { OverlapMatrix } from './overlap_matrix';
-import { isCapturing, type Progress, progressOf } from './progress';
+import { isCapturing, progressOf } from './progress';
 import { SessionControls } from './session_controls';
 
 const noHistory: readonly LiveFigure[] = [];
-
-const marks: Record<Progress['stage'], Mark> = { no_session: 'idle', waiting: 'info', failed: 'bad', waving: 'live',
-  near: 'warn', reached: 'good', ended: 'idle', stale: 'warn' };
 
 /** The page of whoever waves, or watches it. */
 export function WavePage({ theme }: { theme: string }): JSX.Element {
@@ -49,10 +46,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
     <Panel name="figure" title="Expected error" aside={<a class="button" href={hashOf('distance')}>Distance mode</a>}>
       <div class={`big stage-${progress.stage}`}>
         <p class="number"><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
-        <div class="state">
-          <Chip mark={marks[progress.stage]}>{progress.word}</Chip>
-          <p>{progress.targetMm !== undefined ? `target ${millimetres(progress.targetMm)} mm` : 'no target'}</p>
-        </div>
+        <p class="state"><span class="stageword"><span aria-hidden="true">{progress.symbol}</span> {progress.word}</span>
+          <span>{progress.targetMm !== undefined ? `target ${millimetres(progress.targetMm)} mm` : 'no target'}</span></p>
       </div>
       <LiveFigureRegion progress={progress} />
       {!stale && capturing && rig.goal?.why_not && <p class="why">Goes on: {rig.goal.why_not}.</p>}
@@ -60,8 +55,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}
       <FigureCurve history={estimate?.history ?? noHistory} targetMm={progress.targetMm} theme={theme} />
       <dl class="facts">
-        <div class="fact"><dt>median</dt><dd>{stale ? missing : `${millimetres(volume?.median_mm)} mm`}</dd></div>
-        <div class="fact"><dt>worst place</dt><dd>{stale ? missing : `${millimetres(volume?.worst_mm)} mm`}</dd></div>
+        <div class="fact"><dt>median</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
+        <div class="fact"><dt>worst place</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
         <div class="fact" title="Reprojection error on data that the estimate did not use, and what it would be if the estimate were right">
           <dt>held-out check</dt><dd>{!estimate?.held_out || stale ? missing
             : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} of ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} px`}</dd></div>
@@ -84,7 +79,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
     </Panel>
     <Panel name="space" title="Rig and expected error">
       <SceneView model={model} targetMm={progress.targetMm} theme={theme} label="Cameras, wand and expected error"
-        note="blue: wave here; white wire: worst place" />
+        note="○ blue: wave here · wire: worst place" />
     </Panel>
     <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<CoverageLegend />}>
       {rig.cameras.length === 0 ? <p class="empty">No camera is connected. <a href={hashOf('join')}>Connect a PC</a></p>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bundles the page into a folder (default: dist; RIGCAL_DASHBOARD_DIST), each file with a .gz beside
-// it. Ends with an error where the page would be larger than 350 KB compressed.
+// Bundles the page into a folder (default: dist; RIGCAL_DASHBOARD_DIST). Ends with an error where it
+// is larger than 350 KB compressed.
 import { build } from 'esbuild';
 import { copyFileSync, mkdirSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { dirname, extname, join, relative } from 'node:path';
@@ -36,9 +36,7 @@ for (const folder of [out, join(out, 'assets')]) {
   for (const item of readdirSync(folder, { withFileTypes: true })) {
     if (!item.isFile() || !compressed.has(extname(item.name))) continue;
     const name = join(folder, item.name);
-    // Level 9 and no time stamp: the same sources give the same bytes.
     const zipped = gzipSync(readFileSync(name), { level: 9 });
-    writeFileSync(`${name}.gz`, zipped);
     total += zipped.length;
     sizes.push(`${relative(out, name)} ${zipped.length}`);
   }

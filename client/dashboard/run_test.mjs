@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bundles a test program and runs it: node run_test.mjs unit|browser|heap|shots|mock
-// Exit code 77: skipped, with the reason on a line "[  SKIPPED ] ...".
+// What cannot run here says so on a line "[  SKIPPED ] ...".
 import { build } from 'esbuild';
 import { spawnSync } from 'node:child_process';
-import { mkdirSync, readdirSync } from 'node:fs';
+import { existsSync, mkdirSync, readdirSync } from 'node:fs';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
@@ -14,6 +14,14 @@ const files = {
   browser: ['test/browser.ts'], heap: ['test/heap.ts'], shots: ['test/shots.ts'], mock: ['test/mock_main.ts'],
 }[kind];
 if (!files) throw new Error(`run_test: unit, browser, heap, shots or mock, not "${kind}"`);
+const env = { ...process.env };
+if (kind !== 'unit' && kind !== 'mock') {
+  env.RIGCAL_CHROMIUM ??= ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
+  if (!env.RIGCAL_CHROMIUM) {
+    console.log('[  SKIPPED ] chromium is not installed; deploy/install-deps.sh installs it');
+    process.exit(0);
+  }
+}
 const out = join(here, 'node_modules/.cache/rigcal', kind);
 mkdirSync(out, { recursive: true });
 await build({ absWorkingDir: here, entryPoints: files, outdir: out, bundle: true, format: 'esm', platform: 'node',
@@ -22,5 +30,5 @@ await build({ absWorkingDir: here, entryPoints: files, outdir: out, bundle: true
 const programs = files.map((file) => join(out, file.replace('test/', '').replace('.ts', '.mjs')));
 const test = kind === 'unit' || kind === 'browser' ? ['--test'] : [];
 const result = spawnSync(process.execPath, ['--enable-source-maps', ...test, ...programs],
-  { cwd: here, stdio: 'inherit', env: process.env });
+  { cwd: here, stdio: 'inherit', env });
 process.exit(result.status ?? 1);

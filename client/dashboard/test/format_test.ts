@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { durationSeconds, timeMs, toBytes, toCount, toDuration } from '../src/api/json_values';
 import { bytes, count, dateTime, enumWords, fixed, inMs, millimetres, percent, seconds, span } from '../src/view/format';
-import { hashOf, parseRoute } from '../src/shell/route';
+import { hashOf, parseRoute, routeOf } from '../src/shell/route';
 import { parseTarget, targetText } from '../src/view/target_text';
 import { filterText, matches } from '../src/records/filter';
 import { optionalPositive } from '../src/wave/session_controls';
@@ -92,6 +92,14 @@ test('hashes lead to pages and back, and unknown ones to the wave', () => {
   assert.equal(parseRoute('').page, 'wave');
   assert.equal(parseRoute('#/constructor').page, 'wave');
   assert.equal(parseRoute('#/result/%E0%A4%A').id, '%E0%A4%A');
+});
+
+test('the token of a login link, in the hash or in the query', () => {
+  for (const [search, hash] of [['', '#token=rk1.a'], ['?token=rk1.a', ''], ['?token=x', '#/login?token=rk1.a']] as const) {
+    const route = routeOf({ pathname: '/login', search, hash });
+    assert.deepEqual([route.page, route.parameters.get('token')], ['login', 'rk1.a']);
+  }
+  assert.equal(routeOf({ pathname: '/', search: '', hash: '#/rig' }).page, 'rig');
 });
 
 test('filters quote what must be quoted', () => {

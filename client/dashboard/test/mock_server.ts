@@ -7,7 +7,7 @@ import { existsSync, readFileSync } from 'node:fs';
 import { createServer, type IncomingMessage, type Server, type ServerResponse } from 'node:http';
 import type { AddressInfo } from 'node:net';
 import { extname, join, normalize } from 'node:path';
-import { gunzipSync } from 'node:zlib';
+import { gzipSync } from 'node:zlib';
 import type { Calibration, CreateSessionRequest, LiveState, Session } from '../src/api/types';
 import { mockAccuracy, mockCalibration } from './mock_calibration';
 import { epochMs, MockRig } from './mock_rig';
@@ -165,18 +165,22 @@ export class MockServer {
   }
 
   private file(path: string, request: IncomingMessage, response: ServerResponse): void {
-    const wanted = normalize(path === '/' ? '/index.html' : path);
+    const wanted = normalize(path === '/' || path === '/login' ? '/index.html' : path);
     const name = join(this.options.dist, wanted);
     if (!existsSync(name)) {
       response.writeHead(404);
       response.end();
       return;
     }
-    const zipped = existsSync(`${name}.gz`) && String(request.headers['accept-encoding']).includes('gzip');
-    const content = readFileSync(zipped ? `${name}.gz` : name);
+    const zipped = String(request.headers['accept-encoding']).includes('gzip');
+    let content: Uint8Array = readFileSync(name);
+    // As the real server does: absolute addresses, as the page is at /login, too.
+    if (wanted === '/index.html') content = Buffer.from(Buffer.from(content).toString().replace(/"(assets\/|icon)/g, '"/$1'));
+    const etag = createHash('sha256').update(content).digest('hex').slice(0, 16);
+    if (zipped) content = gzipSync(content);
     response.writeHead(200, { 'Content-Type': types[extname(name)] ?? 'application/octet-stream',
       ...(zipped ? { 'Content-Encoding': 'gzip' } : {}),
-      ETag: `"${createHash('sha256').update(zipped ? gunzipSync(content) : content).digest('hex').slice(0, 16)}"` });
+      ETag: `"${etag}"` });
     response.end(content);
   }
 
@@ -196,7 +200,7 @@ export class MockServer {
     response: ServerResponse): Promise<void> {
     const path = `${request.method} ${url.pathname}`;
     if (path === 'POST /v1/login') {
-      if (body['token'] !== 'letmein') throw new Refusal(401, 'UNAUTHENTICATED', 'this token is not known, or was used');
+      if (body['token'] !== 'rk1.letmein') throw new Refusal(401, 'UNAUTHENTICATED', 'this token is not known, or was used');
       response.setHeader('Set-Cookie', 'rigcal=1; HttpOnly; SameSite=Strict; Path=/');
       return this.json(response, {});
     }

@@ -33,6 +33,8 @@ interface CallOptions {
   /** Milliseconds until the call is given up. */
   timeoutMs?: number;
   etag?: string;
+  /** The answer is a file: `json` is a Blob. */
+  binary?: boolean;
 }
 
 interface Answer {
@@ -46,7 +48,7 @@ async function call(path: string, options: CallOptions = {}): Promise<Answer> {
   const timer = setTimeout(() => controller.abort(), options.timeoutMs ?? 15000);
   const give_up = () => controller.abort();
   options.signal?.addEventListener('abort', give_up, { once: true });
-  const headers: Record<string, string> = { Accept: 'application/json' };
+  const headers: Record<string, string> = { Accept: options.binary ? 'image/*, application/json' : 'application/json' };
   const method = options.method ?? 'GET';
   if (method !== 'GET') headers['X-Rigcal'] = '1';
   if (options.body !== undefined) headers['Content-Type'] = 'application/json';
@@ -58,6 +60,7 @@ async function call(path: string, options: CallOptions = {}): Promise<Answer> {
     });
     const etag = response.headers.get('ETag') ?? undefined;
     if (response.status === 304) return { status: 304, etag: etag ?? options.etag, json: undefined };
+    if (options.binary && response.ok) return { status: response.status, etag, json: await response.blob() };
     const text = await response.text();
     let json: unknown = {};
     if (text !== '') {
@@ -198,9 +201,11 @@ export function listAgents(signal?: AbortSignal): Promise<ListAgentsResponse> {
   return ask('/v1/agents', { signal });
 }
 
-/** Address of a preview; `turn` makes it a new one for the browser. */
-export function previewAddress(rig: string, camera: string, turn: number): string {
-  return `/v1/cameras/${part(camera)}/preview.jpg${query({ rig, turn })}`;
+/** The next frame of a camera with the detection drawn into it, as an image. */
+export async function getPreview(rig: string, camera: string, signal?: AbortSignal): Promise<Blob> {
+  const answer = await call(`/v1/cameras/${part(camera)}/preview.jpg${query({ rig })}`,
+    { signal, timeoutMs: 8000, binary: true });
+  return answer.json as Blob;
 }
 
 /** Makes a join string. */

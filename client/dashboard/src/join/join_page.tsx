@@ -28,6 +28,8 @@ export function JoinPage(): JSX.Element {
   const [name, setName] = useState('');
   const [made, setMade] = useState<{ role: Role; response: CreateTokenResponse }>();
   const command = made ? joinCommand(made.role, made.response.join_string ?? '') : '';
+  // The token is in the hash, which browsers send to nobody.
+  const link = made && made.role !== 'ROLE_AGENT' ? `${location.origin}/login#token=${made.response.join_string ?? ''}` : '';
   const local = ['127.0.0.1', 'localhost', '[::1]'].includes(location.hostname);
   return <div class="join">
     <Panel name="make" title="Join this server">
@@ -47,12 +49,16 @@ export function JoinPage(): JSX.Element {
       {local && <p class="hint">This page was opened on the server's own PC, where nobody needs to join:
         agents and commands on this PC find the server by themselves.</p>}
     </Panel>
-    {made && <Panel name="made" title="Run this on the other PC">
+    {made && <Panel name="made" title={link === '' ? 'Run this on the other PC' : 'Open this page elsewhere'}>
+      {link !== '' && <Copyable text={link} label="Link" />}
+      {link !== '' && <p class="hint">Or, for the command line there:</p>}
       <Copyable text={command} label="Command" />
-      <div class="qrbox"><QrCode text={command} label="QR code of the command" />
+      <div class="qrbox"><QrCode text={link || command} label={link === '' ? 'QR code of the command' : 'QR code of the link'} />
         <ul><li>It can be used once, until {dateTime(timeMs(made.response.token?.expire_time))}.</li>
           <li>Whoever has it can join: show it to nobody else.</li>
-          <li>The QR code holds the same command, for a phone or a tablet that passes it on.</li></ul></div>
+          <li>{link === '' ? 'The QR code holds the same command, for a phone or a tablet that passes it on.'
+            : 'A phone that scans the QR code opens this page.'}</li>
+          {link !== '' && local && <li>▲ This link leads to this PC itself. Open the page under the server's name or address in the network first.</li>}</ul></div>
     </Panel>}
     <Panel name="who" title="Connected now">
       <ul class="plain">{rig.agents.map((agent) => <li key={agent.agent_id}><Chip mark={agent.connected ? 'good' : 'bad'}>{agent.connected ? 'connected' : 'away'}</Chip>

@@ -3,13 +3,12 @@
 // most once a second, and only cameras that are visible on the screen.
 
 /** Loads a preview; resolves also where there is none. */
-export type LoadPreview = (turn: number) => Promise<void>;
+export type LoadPreview = () => Promise<void>;
 
 interface Entry {
   load: LoadPreview;
   nextAt: number;
   busy: boolean;
-  turn: number;
 }
 
 /** One per page. */
@@ -23,7 +22,7 @@ export class PreviewQueue {
 
   /** A camera has become visible. */
   add(camera: string, load: LoadPreview): void {
-    this.entries.set(camera, { load, nextAt: this.now(), busy: false, turn: 0 });
+    this.entries.set(camera, { load, nextAt: this.now(), busy: false });
     this.pump();
   }
 
@@ -50,9 +49,8 @@ export class PreviewQueue {
     entry.busy = true;
     this.inFlight += 1;
     const began = this.now();
-    entry.turn += 1;
     try {
-      await entry.load(entry.turn);
+      await entry.load();
     } catch {
       // It is asked for again.
     } finally {

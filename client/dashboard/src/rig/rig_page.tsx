@@ -2,7 +2,7 @@
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import { timeMs, toCount } from '../api/json_values';
-import { listAgents, previewAddress } from '../api/server_api';
+import { ApiError, getPreview, listAgents } from '../api/server_api';
 import type { Agent, CameraDescription, LiveCamera } from '../api/types';
 import { useFeed } from '../shell/feed_context';
 import { Chip, Meter, Panel, Problem } from '../shell/parts';
@@ -22,33 +22,34 @@ function Preview({ rig, camera }: { rig: string; camera: string }): JSX.Element 
     const element = image.current;
     if (!element) return undefined;
     const key = `${rig}/${camera}`;
-    let gone = false;
-    const load = (turn: number) => new Promise<void>((done) => {
-      if (gone || document.visibilityState === 'hidden') {
-        done();
-        return;
+    const abort = new AbortController();
+    let shown = '';
+    const load = async (): Promise<void> => {
+      if (document.visibilityState === 'hidden') return;
+      try {
+        const blob = await getPreview(rig, camera, abort.signal);
+        if (abort.signal.aborted) return;
+        const before = shown;
+        shown = URL.createObjectURL(blob);
+        element.src = shown;
+        await element.decode();
+        if (before) URL.revokeObjectURL(before);
+        setProblem('');
+      } catch (error) {
+        if (!abort.signal.aborted) setProblem(error instanceof ApiError ? error.message : 'the preview is no image');
       }
-      const timer = setTimeout(() => done(), 8000);
-      const finish = (text: string) => {
-        clearTimeout(timer);
-        if (!gone) setProblem(text);
-        done();
-      };
-      element.onload = () => finish('');
-      element.onerror = () => finish('no image: previews are off, or it does not capture');
-      element.src = previewAddress(rig, camera, turn);
-    });
+    };
     const observer = new IntersectionObserver(([entry]) => {
       if (entry?.isIntersecting) queue.add(key, load);
       else queue.remove(key);
     });
     observer.observe(element);
     return () => {
-      gone = true;
+      abort.abort();
       observer.disconnect();
       queue.remove(key);
-      element.onload = element.onerror = null;
       element.removeAttribute('src');
+      if (shown) URL.revokeObjectURL(shown);
     };
   }, [rig, camera]);
   return <div class="preview">

@@ -14,7 +14,7 @@ import { WavePage } from '../wave/wave_page';
 import { Banner } from './banner';
 import { useFeed, useFeedControl } from './feed_context';
 import { Chip } from './parts';
-import { hashOf, type Page, pages, parseRoute, type Route } from './route';
+import { hashOf, type Page, pages, type Route, routeOf } from './route';
 import { changeSettings, readSettings } from './settings';
 import { useLoaded } from './use_async';
 
@@ -27,9 +27,9 @@ const titles: Record<(typeof pages)[number], readonly [string, string]> = {
 };
 
 function useRoute(): Route {
-  const [route, setRoute] = useState(() => parseRoute(location.hash));
+  const [route, setRoute] = useState(() => routeOf(location));
   useEffect(() => {
-    const change = () => setRoute(parseRoute(location.hash));
+    const change = () => setRoute(routeOf(location));
     window.addEventListener('hashchange', change);
     return () => window.removeEventListener('hashchange', change);
   }, []);

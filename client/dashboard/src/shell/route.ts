@@ -28,6 +28,15 @@ export function parseRoute(hash: string): Route {
     parameters: new URLSearchParams(parameters) };
 }
 
+/** Where an address leads: by its hash, or to the login where the server was asked for /login. The
+ * token of a link is in the hash, which browsers keep to themselves, or in the query. */
+export function routeOf(address: { pathname: string; search: string; hash: string }): Route {
+  if (address.pathname !== '/login') return parseRoute(address.hash);
+  const parameters = new URLSearchParams(address.search);
+  for (const [name, value] of new URLSearchParams(address.hash.replace(/^#(\/login\??)?/, ''))) parameters.set(name, value);
+  return { page: 'login', id: '', parameters };
+}
+
 /** The hash of a page. */
 export function hashOf(page: Page, id = '', parameters: Record<string, string> = {}): string {
   const query = new URLSearchParams(Object.entries(parameters).filter(([, value]) => value !== '')).toString();

@@ -76,6 +76,10 @@ for (const size of sizes) {
       await page.getByText(/^rigcal-agent join rk1\./).waitFor();
       await page.getByRole('img', { name: 'QR code of the command' }).waitFor();
       await checkPage(page, 'join');
+      await page.getByLabel(/A person who calibrates/).check();
+      await page.getByRole('button', { name: 'Make a join string' }).click();
+      await page.getByText(/\/login#token=rk1\./).waitFor();
+      await page.getByRole('img', { name: 'QR code of the link' }).waitFor();
 
       await page.getByRole('link', { name: 'Wave', exact: true }).click();
       await page.getByRole('heading', { name: 'Cameras (8)' }).waitFor();
@@ -206,6 +210,32 @@ test('two people: who starts second is told', async () => {
   });
 });
 
+test('a session that was stopped by its target can be gone on with, calibrated or thrown away', async () => {
+  await visit(sizes[1], {}, async ({ server, address, page }) => {
+    server.rig.create({ id: 's-000009', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] }, goal: { until_mm: 2 } });
+    server.rig.start();
+    server.rig.advance(60);
+    assert.notEqual(server.rig.session?.stop_reason, undefined);
+    await page.goto(address);
+    await page.getByRole('button', { name: 'New capture' }).click();
+    await page.getByLabel(/Go on with s-000009/).check();
+    await page.getByLabel('Not before, s').fill('x');
+    await page.getByRole('button', { name: 'Start capture' }).click();
+    await page.getByText('The shortest time is a number of seconds').waitFor();
+    await page.getByLabel('Not before, s').fill('12');
+    await page.getByRole('button', { name: 'Start capture' }).click();
+    await page.getByRole('button', { name: 'Stop capture' }).click();
+    await page.getByRole('button', { name: 'Throw away' }).waitFor();
+    assert.equal(server.rig.session?.continues, 's-000009');
+    assert.deepEqual(server.rig.session?.target?.marker_positions_m, [0, 0.2], 'the target of the session gone on with');
+    assert.equal(server.rig.session?.goal?.min_duration, '12s');
+    await page.getByRole('button', { name: 'Throw away' }).click();
+    await page.getByRole('dialog').getByRole('button', { name: 'Delete' }).click();
+    await page.getByRole('button', { name: 'Start capture' }).waitFor();
+    assert.equal(server.rig.session, undefined);
+  });
+});
+
 test('without WebGL: from above and from the side', async () => {
   await visit(sizes[0], {}, async ({ server, address, page }) => {
     server.rig.create({ id: 's-1', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] } });
@@ -232,7 +262,7 @@ test('without WebGL: from above and from the side', async () => {
 test('a login is asked for, a wrong token refused, the one of a link taken and removed from the address', async () => {
   await visit(sizes[1], { locked: true }, async ({ address, page }) => {
     await page.goto(address);
-    await page.getByLabel('Token or link').fill('wrong');
+    await page.getByLabel('Join string or link').fill('wrong');
     await page.getByRole('button', { name: 'Log in' }).click();
     await page.getByText('this token is not known').waitFor();
     await checkPage(page, 'login');

@@ -39,6 +39,7 @@ export class LiveFeed {
   private readonly control = { stopped: true, rig: '', attention: 'wave' as Attention };
   private etag: string | undefined;
   private failures = 0;
+  private anew = false;
   private timer: ReturnType<typeof setTimeout> | undefined;
   private ageTimer: ReturnType<typeof setInterval> | undefined;
   private abort: AbortController | undefined;
@@ -83,6 +84,12 @@ export class LiveFeed {
     this.schedule(0);
   }
 
+  /** Asks for everything: what is gone, such as a deleted session, no delta can say. */
+  askAnew(): void {
+    this.anew = true;
+    this.retryNow();
+  }
+
   /** How often to ask. */
   setAttention(attention: Attention): void {
     if (this.control.attention === attention) return;
@@ -124,8 +131,10 @@ export class LiveFeed {
     this.abort = abort;
     const rig = this.control.rig;
     try {
-      const answer = await getLive(rig, this.current.rig.revision, this.etag, abort.signal);
+      const anew = this.anew;
+      const answer = await getLive(rig, anew ? '' : this.current.rig.revision, anew ? undefined : this.etag, abort.signal);
       if (abort.signal.aborted) return;
+      if (anew) this.anew = false;
       this.etag = answer.etag;
       const merged = answer.live ? mergeLive(this.current.rig, answer.live) : this.current.rig;
       const returned = this.failures > 0;

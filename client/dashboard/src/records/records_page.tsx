@@ -5,6 +5,7 @@ import { useState } from 'preact/hooks';
 import { timeMs, toCount } from '../api/json_values';
 import { createCalibration, deleteCalibration, deleteSession, getSession, listCalibrations, listSessions } from '../api/server_api';
 import type { Calibration, Session } from '../api/types';
+import { useFeedControl } from '../shell/feed_context';
 import { Chip, Confirm, Panel, Problem, WorkButton } from '../shell/parts';
 import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
@@ -53,6 +54,7 @@ function SessionDetail({ id }: { id: string }): JSX.Element {
 
 /** Sessions and calibrations: find, open, calibrate, delete. */
 export function RecordsPage({ route }: { route: Route }): JSX.Element {
+  const feed = useFeedControl();
   const [text, setText] = useState('');
   const [sessionFilter, setSessionFilter] = useState('');
   const [calibrationFilter, setCalibrationFilter] = useState('');
@@ -131,8 +133,10 @@ export function RecordsPage({ route }: { route: Route }): JSX.Element {
       detail={deletion.kind === 'session' ? 'Its observations are deleted from the server and cannot be brought back. Calibrations made from it stay.'
         : 'It is deleted from the server. Its sessions stay; its number is not used again.'}
       onYes={async () => {
-        if (deletion.kind === 'session') await deleteSession(deletion.id);
-        else await deleteCalibration(deletion.id);
+        if (deletion.kind === 'session') {
+          await deleteSession(deletion.id);
+          feed.askAnew();
+        } else await deleteCalibration(deletion.id);
         if (route.id === deletion.id) location.hash = hashOf('records');
         sessions.reload();
         calibrations.reload();

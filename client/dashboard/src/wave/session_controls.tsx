@@ -78,7 +78,9 @@ function StartForm({ rig, onStarted }: { rig: RigState; onStarted: () => void })
 }
 
 /** The session of the rig: state, start, stop, and what follows. */
-export function SessionControls({ rig, stale, onChange }: { rig: RigState; stale: boolean; onChange: () => void }): JSX.Element {
+export function SessionControls({ rig, stale, onChange, onDelete }: {
+  rig: RigState; stale: boolean; onChange: () => void; onDelete: () => void;
+}): JSX.Element {
   const [asking, setAsking] = useState(false);
   const [again, setAgain] = useState(false);
   const session = rig.session;
@@ -122,7 +124,7 @@ export function SessionControls({ rig, stale, onChange }: { rig: RigState; stale
       detail="Its observations are deleted from the server and cannot be brought back. Calibrations made from it stay."
       verb="Delete" onYes={async () => {
         await deleteSession(session.id ?? '');
-        onChange();
+        onDelete();
       }} onClose={() => setAsking(false)} />}
   </div>;
 }

@@ -21,7 +21,8 @@ const result = await build({
 });
 const entry = Object.entries(result.metafile.outputs).find(([, output]) => output.entryPoint === 'src/main.tsx');
 if (!entry) throw new Error('esbuild made no page');
-const address = (path) => relative(out, join(here, path)).replaceAll('\\', '/');
+// Absolute, as the server shows the page at /login, too.
+const address = (path) => '/' + relative(out, join(here, path)).replaceAll('\\', '/');
 const page = readFileSync(join(here, 'static/index.html'), 'utf8')
   .replace('%SCRIPT%', address(entry[0])).replace('%STYLE%', address(entry[1].cssBundle));
 writeFileSync(join(out, 'index.html'), page);

@@ -174,8 +174,6 @@ export class MockServer {
     }
     const zipped = String(request.headers['accept-encoding']).includes('gzip');
     let content: Uint8Array = readFileSync(name);
-    // As the real server does: absolute addresses, as the page is at /login, too.
-    if (wanted === '/index.html') content = Buffer.from(Buffer.from(content).toString().replace(/"(assets\/|icon)/g, '"/$1'));
     const etag = createHash('sha256').update(content).digest('hex').slice(0, 16);
     if (zipped) content = gzipSync(content);
     response.writeHead(200, { 'Content-Type': types[extname(name)] ?? 'application/octet-stream',

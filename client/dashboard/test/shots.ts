@@ -40,7 +40,7 @@ server.rig.advance(4);
 await shoot('early', 'wave', 'desktop');
 await shoot('early-distance', 'distance', 'phone');
 server.rig.advance(16);
-for (const size of ['desktop', 'phone', '4k'] as const) await shoot('wave', 'wave', size, 'dark', size === 'phone');
+for (const size of ['desktop', 'phone', '4k'] as const) await shoot('wave', 'wave', size);
 await shoot('wave', 'wave', 'desktop', 'light', true);
 await shoot('distance', 'distance', 'phone');
 await shoot('distance', 'distance', 'desktop');

@@ -70,7 +70,7 @@ function CameraCard({ live, description, rig, stale }: {
   return <li class="cameracard">
     <div class="head"><h3>{live.camera}</h3><Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip></div>
     {live.has_preview && live.state !== 'STATE_OFFLINE' ? <Preview rig={rig} camera={live.camera ?? ''} />
-      : <div class="preview"><p>{live.state === 'STATE_OFFLINE' ? 'its agent is not connected' : 'this camera gives no previews'}</p></div>}
+      : <div class="preview nothing"><p>{live.state === 'STATE_OFFLINE' ? 'its agent is not connected' : 'this camera gives no previews'}</p></div>}
     <dl class="facts">
       <div class="fact"><dt>agent</dt><dd>{live.agent_id || 'given by hand'}</dd></div>
       <div class="fact"><dt>sensor</dt><dd>{sensors[description?.sensor ?? ''] ?? missing}, {live.image_size_px?.width ?? '?'}×{live.image_size_px?.height ?? '?'}</dd></div>

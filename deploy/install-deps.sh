@@ -27,6 +27,10 @@ packages=(
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime
 )
 
+# The dashboard and its tests, unless these programs are here from elsewhere.
+command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
+command -v chromium >/dev/null || packages+=(chromium)
+
 missing=()
 for package in "${packages[@]}"; do
   status=$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null || true)

@@ -23,8 +23,8 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-constexpr size_t kPipeBytes = size_t{1} << 16;
-constexpr std::chrono::milliseconds kLookInterval{20};
+constexpr size_t kEstimatePipeBytes = size_t{1} << 16;
+constexpr std::chrono::milliseconds kEstimateLookInterval{20};
 
 // A file in memory: the rows of an estimate are few.
 class MemoryFile {
@@ -47,7 +47,7 @@ class MemoryFile {
   int file_;
 };
 
-absl::StatusOr<MemoryFile> WriteInput(const EstimateTask& task) {
+absl::StatusOr<MemoryFile> WriteRows(const EstimateTask& task) {
   RIGCAL_ASSIGN_OR_RETURN(MemoryFile file, MemoryFile::Create());
   EstimateInputWriter writer(file.descriptor());
   RIGCAL_RETURN_IF_ERROR(writer.Begin(task.target, task.tracks, task.data_share, task.start));
@@ -71,7 +71,7 @@ absl::StatusOr<std::string> ReadAll(WorkerProcess& process, std::chrono::millise
   while (true) {
     bool ended = false;
     RIGCAL_ASSIGN_OR_RETURN(const std::string bytes,
-                            process.Read(kPipeBytes, kLookInterval, &ended));
+                            process.Read(kEstimatePipeBytes, kEstimateLookInterval, &ended));
     all += bytes;
     if (ended) return all;
     if (cancelled) return absl::CancelledError("the estimate was cancelled");
@@ -82,7 +82,7 @@ absl::StatusOr<std::string> ReadAll(WorkerProcess& process, std::chrono::millise
   }
 }
 
-absl::Status Describe(int ended) {
+absl::Status DescribeEnd(int ended) {
   if (WIFEXITED(ended) && WEXITSTATUS(ended) == kWorkerOutOfMemory) {
     return absl::ResourceExhaustedError("rigcal-worker ran out of its memory");
   }
@@ -119,7 +119,7 @@ EstimateFunction EstimateInWorker(EstimateWorkerOptions options) {
   return [options = std::move(options)](
              EstimateTask task,
              const std::atomic<bool>& cancelled) -> absl::StatusOr<RunningOutcome> {
-    RIGCAL_ASSIGN_OR_RETURN(const MemoryFile input, WriteInput(task));
+    RIGCAL_ASSIGN_OR_RETURN(const MemoryFile input, WriteRows(task));
     RIGCAL_ASSIGN_OR_RETURN(WorkerProcess process,
                             WorkerProcess::Start(options.program,
                                                  {"--estimate", absl::StrCat("--parent=", getpid()),
@@ -136,7 +136,7 @@ EstimateFunction EstimateInWorker(EstimateWorkerOptions options) {
     cutter.Add(bytes->data(), bytes->size());
     worker::v1::EstimateOutput message;
     const absl::StatusOr<bool> complete = cutter.Next(&message);
-    if (!complete.ok() || !*complete) return Describe(ended);
+    if (!complete.ok() || !*complete) return DescribeEnd(ended);
     return FromProto(message);
   };
 }

@@ -17,11 +17,11 @@ namespace {
 
 // The bytes themselves, which live until gRPC has sent them.
 grpc::ByteBuffer BufferOf(std::shared_ptr<const std::string> bytes) {
-  using Shared = std::shared_ptr<const std::string>;
-  auto* const held = new Shared(std::move(bytes));
+  using Held = std::shared_ptr<const std::string>;
+  auto* const held = new Held(std::move(bytes));
   const grpc::Slice slice(
       const_cast<char*>((*held)->data()), (*held)->size(),
-      [](void* user_data) { delete static_cast<Shared*>(user_data); }, held);
+      [](void* user_data) { delete static_cast<Held*>(user_data); }, held);
   return {&slice, 1};
 }
 

@@ -16,7 +16,7 @@ namespace {
 using wire::FromProto;
 using wire::ToProto;
 
-absl::Status CutOff(absl::string_view what) {
+absl::Status EstimateCutOff(absl::string_view what) {
   return absl::DataLossError(absl::StrCat("the input of the estimate is damaged: ", what));
 }
 
@@ -63,17 +63,18 @@ absl::StatusOr<EstimateStart> Parse(const worker::v1::EstimateStart& proto) {
 }
 
 // Puts the parts of an input together.
-class InputBuilder {
+class EstimateBuilder {
  public:
   bool complete() const { return ended_; }
 
   absl::Status Add(const worker::v1::EstimateInput& message) {
-    if (ended_) return CutOff("something follows its end");
+    if (ended_) return EstimateCutOff("something follows its end");
     switch (message.part_case()) {
       case worker::v1::EstimateInput::kHeader:
         return Begin(message.header());
       case worker::v1::EstimateInput::kRows: {
-        if (message.rows().track() >= input_.tracks.size()) return CutOff("rows of no camera");
+        if (message.rows().track() >= input_.tracks.size())
+          return EstimateCutOff("rows of no camera");
         RIGCAL_ASSIGN_OR_RETURN(const ObservationBatch batch, FromProto(message.rows().batch()));
         AddRows(batch, &input_.tracks[message.rows().track()]);
         return absl::OkStatus();
@@ -82,7 +83,7 @@ class InputBuilder {
         ended_ = true;
         return absl::OkStatus();
       default:
-        return CutOff("a part of an unknown kind");
+        return EstimateCutOff("a part of an unknown kind");
     }
   }
 
@@ -240,10 +241,10 @@ absl::Status EstimateInputWriter::End() {
 }
 
 absl::StatusOr<RunningInput> ReadEstimateInput(int descriptor) {
-  InputBuilder builder;
+  EstimateBuilder builder;
   worker::v1::EstimateInput message;
   RIGCAL_RETURN_IF_ERROR(ReadMessages(descriptor, &message, [&] { return builder.Add(message); }));
-  if (!builder.complete()) return CutOff("it ends too early");
+  if (!builder.complete()) return EstimateCutOff("it ends too early");
   return builder.Take();
 }
 

@@ -20,6 +20,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr std::chrono::seconds kUnseenLimit{5};
 constexpr std::chrono::milliseconds kPollInterval{250};
 constexpr std::chrono::milliseconds kLineInterval{1000};
 constexpr std::chrono::milliseconds kAnswerTimeout{3000};
@@ -40,6 +41,7 @@ class Follower {
       problem_.clear();
       contact_ = Clock::now();
       mirror_.Merge(response->live());
+      seen_ = seen_ || state().session().id() == options_.session;
       return absl::OkStatus();
     }
     problem_ = std::string(response.status().message());
@@ -56,6 +58,8 @@ class Follower {
   // The session that was asked for has finished, or is not the live one any more.
   bool IsOver() const {
     if (options_.session.empty() || !state().full()) return false;
+    // The live state shows a new session a moment after it was created.
+    if (!seen_ && Clock::now() - begin_ < kUnseenLimit) return false;
     return state().session().id() != options_.session ||
            state().session().state() == v1::Session::STATE_FINISHED;
   }
@@ -63,7 +67,9 @@ class Follower {
  private:
   ServerConnection& server_;
   const WatchOptions& options_;
+  const Clock::time_point begin_ = Clock::now();
   LiveMirror mirror_;
+  bool seen_ = false;  // the session that was asked for
   std::string problem_;
   std::optional<Clock::time_point> contact_;
 };

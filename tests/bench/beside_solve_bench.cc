@@ -2,7 +2,7 @@
 // Ingest while rigcal-worker calibrates ten million observations of six simulated cameras (as many
 // as a calibration may have by default) and is ended by its memory limit: 6 agents of 500
 // observations/s each, before the solve and beside it; quantiles are medians over pieces of two
-// seconds. The outcome of the calibration is printed as well. RIGCAL_BESIDE_SOLVE_ROWS makes it
+// seconds. The label is the outcome of the calibration. RIGCAL_BESIDE_SOLVE_ROWS makes it
 // shorter, RIGCAL_BESIDE_SOLVE_MB sets the limit.
 #include <benchmark/benchmark.h>
 #include <unistd.h>
@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -50,7 +49,7 @@ Target Wand() {
   return target;
 }
 
-// A finished session "recorded" of at most so many observations.
+// Records the session "recorded" with about `row_count` observations, and finishes it.
 absl::Status Record(ServerClient& client, uint32_t row_count) {
   SimulationOptions options;
   options.camera_count = kCameras;
@@ -72,7 +71,7 @@ absl::Status Record(ServerClient& client, uint32_t row_count) {
     batch.stream = {"recorded", camera, 1};
     batch.marker_count = 3;
     for (int frame = 0; frame < world.FrameCount(i); ++frame) {
-      if (const Observation row = world.Observe(i, frame); !row.markers.empty()) batch.Append(row);
+      batch.Append(world.Observe(i, frame));
       if (batch.rows() < kBatchRows && frame + 1 < world.FrameCount(i)) continue;
       RIGCAL_RETURN_IF_ERROR(client.Upload(batch).status());
       const uint32_t next = batch.end_seq();
@@ -164,9 +163,8 @@ absl::Status Run(benchmark::State& state) {
   state.SetIterationTime(solve_s.count());
   before.Report(state, "before");
   beside.Report(state, "beside");
-  std::printf("calibration of at most %u observations: %s: %s\n", rows,
-              v1::Calibration::State_Name(calibration->state()).c_str(),
-              calibration->error().c_str());
+  state.SetLabel(
+      absl::StrCat(v1::Calibration::State_Name(calibration->state()), ": ", calibration->error()));
   return absl::OkStatus();
 }
 

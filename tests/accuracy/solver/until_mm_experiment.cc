@@ -18,7 +18,7 @@
 namespace rigcal::accuracy {
 namespace {
 
-constexpr uint64_t kClockPurpose = 0x756e74696c;
+constexpr uint64_t kUntilPurpose = 0x756e74696c;
 constexpr double kStepS = 2;
 
 SimulationOptions DrawWorld(const UntilOptions& options, uint32_t seed) {
@@ -32,7 +32,7 @@ SimulationOptions DrawWorld(const UntilOptions& options, uint32_t seed) {
   simulation.radial_sigma = 0.004 * options.lens_error;
   simulation.radial_high_sigma = 0.008 * options.lens_error;
   simulation.tangential_sigma = 0.0002 * options.lens_error;
-  RandomStream random{seed, kClockPurpose, 1};
+  RandomStream random{seed, kUntilPurpose, 1};
   for (int c = 0; c < options.camera_count; ++c) {
     simulation.time_offset_s[c] = random.Uniform(-0.002, 0.002);
   }

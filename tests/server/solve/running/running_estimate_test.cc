@@ -128,7 +128,9 @@ TEST(RunningEstimate, SolvesWithoutACameraThatSharesNothing) {
 }
 
 TEST(RunningEstimate, NothingOrOneCameraIsNoFault) {
-  EXPECT_THAT(EstimateNow({.target = WandTarget()}).problem, IsOk());
+  RunningInput nothing;
+  nothing.target = WandTarget();
+  EXPECT_THAT(EstimateNow(std::move(nothing)).problem, IsOk());
   const SimulatedWorld world = World("cameras=3;duration=5;seed=1");
   RunningInput input = InputUntil(world, 5);
   input.tracks.resize(1);

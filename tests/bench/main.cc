@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // All benchmarks: rigcal-bench [SUITE...] [--benchmark_filter=REGEX] ... (docs/performance.md).
 #include <benchmark/benchmark.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,15 +18,15 @@ namespace {
 using ::benchmark::ConsoleReporter;
 
 std::vector<Suite> AllSuites() {
-  return {DetectSuite(), EventSuite(), IngestSuite(), RecordedSuite(),
-          SolveSuite(),  SpoolSuite(), StoreSuite()};
+  return {BesideSolveSuite(), DetectSuite(), EventSuite(), IngestSuite(),
+          RecordedSuite(),    SolveSuite(),  SpoolSuite(), StoreSuite()};
 }
 
 void PrintHelp() {
   std::printf(
       "rigcal-bench [SUITE...] [FLAGS]\n"
       "Runs the benchmarks of these suites, of all if none is named. Names begin with SUITE/.\n\n");
-  for (const Suite& suite : AllSuites()) std::printf("  %-9s %s\n", suite.name, suite.summary);
+  for (const Suite& suite : AllSuites()) std::printf("  %-12s %s\n", suite.name, suite.summary);
   std::printf("\n");
   benchmark::PrintDefaultHelp();
 }
@@ -76,6 +77,7 @@ bool AsksForTable(int argc, char** argv) {
 }
 
 int Run(int argc, char** argv) {
+  spdlog::set_level(spdlog::level::warn);  // agents that are measured say little
   const bool table = AsksForTable(argc, argv);
   benchmark::Initialize(&argc, argv, PrintHelp);
   const std::vector<Suite> suites = SelectSuites(argc, argv);

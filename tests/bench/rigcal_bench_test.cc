@@ -12,8 +12,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr const char* kSuites[] = {"detect", "event", "ingest", "recorded",
-                                   "solve",  "spool", "store"};
+constexpr const char* kSuites[] = {"beside_solve", "detect", "event", "ingest",
+                                   "recorded",     "solve",  "spool", "store"};
 
 TEST(RigcalBench, HelpAndListNameEverySuite) {
   const CommandResult help = RunCommand({"rigcal-bench", "--help"});

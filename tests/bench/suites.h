@@ -30,6 +30,7 @@ struct Suite {
   void (*print_ratios)(const MeasuredTimes& times) = nullptr;  // after all runs
 };
 
+Suite BesideSolveSuite();
 Suite DetectSuite();
 Suite EventSuite();
 Suite IngestSuite();

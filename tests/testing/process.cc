@@ -122,11 +122,16 @@ std::vector<pid_t> ProcessesWith(const std::string& text) {
 }
 
 ServerProcess::ServerProcess(const fs::path& data_dir, int port,
-                             std::map<std::string, std::string> environment)
-    : port_file_(NewFile("port")),
-      process_({{"rigcal-server", "--listen", "127.0.0.1:" + std::to_string(port), "--data-dir",
-                 data_dir.string(), "--port-file", port_file_.string()},
-                std::move(environment)}) {
+                             std::map<std::string, std::string> environment,
+                             const std::vector<std::string>& more)
+    : port_file_(NewFile("port")), process_([&] {
+        Process::Options options{
+            {"rigcal-server", "--listen", "127.0.0.1:" + std::to_string(port), "--data-dir",
+             data_dir.string(), "--port-file", port_file_.string()},
+            std::move(environment)};
+        options.arguments.insert(options.arguments.end(), more.begin(), more.end());
+        return options;
+      }()) {
   const bool serves =
       WaitFor([this] { return !ReadFile(port_file_).empty() || !process_.Running(); });
   if (!serves || !process_.Running()) {

@@ -79,9 +79,10 @@ bool WaitFor(Condition condition, std::chrono::seconds limit) {
 // A rigcal-server of this build on a free loopback port.
 class ServerProcess {
  public:
-  // `port` 0: any. Waits until it serves.
+  // `port` 0: any; `more` follows the other arguments. Waits until it serves.
   explicit ServerProcess(const std::filesystem::path& data_dir, int port = 0,
-                         std::map<std::string, std::string> environment = {});
+                         std::map<std::string, std::string> environment = {},
+                         const std::vector<std::string>& more = {});
 
   const std::string& address() const { return address_; }
   int port() const { return port_; }

@@ -117,7 +117,7 @@ absl::StatusOr<v1::Session> ServerClient::WaitUntilFinished(const std::string& i
   return response.session();
 }
 
-absl::StatusOr<v1::Calibration> ServerClient::Calibrate(const std::string& session) {
+absl::StatusOr<v1::Calibration> ServerClient::Calibrate(const std::string& session, int limit_s) {
   v1::CreateCalibrationResponse created;
   {
     grpc::ClientContext context;
@@ -128,7 +128,7 @@ absl::StatusOr<v1::Calibration> ServerClient::Calibrate(const std::string& sessi
         wire::FromGrpc(calibrations_->CreateCalibration(&context, request, &created)));
   }
   grpc::ClientContext context;
-  SetDeadline(&context, 100);
+  SetDeadline(&context, limit_s);
   v1::WatchCalibrationRequest request;
   request.set_id(created.calibration().id());
   const auto reader = calibrations_->WatchCalibration(&context, request);

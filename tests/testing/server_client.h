@@ -33,7 +33,7 @@ class ServerClient {
   // Waits until the session is FINISHED.
   absl::StatusOr<v1::Session> WaitUntilFinished(const std::string& id);
   // Creates a calibration and waits until it has succeeded or failed.
-  absl::StatusOr<v1::Calibration> Calibrate(const std::string& session);
+  absl::StatusOr<v1::Calibration> Calibrate(const std::string& session, int limit_s = 100);
   // All rows of a camera as one batch per (stream_epoch, clock_epoch) run, in the stored order.
   absl::StatusOr<std::vector<ObservationBatch>> ReadObservations(const std::string& session);
 

@@ -10,6 +10,8 @@ namespace rigcal::testing {
 class TemporaryDirectory {
  public:
   TemporaryDirectory();
+  // In this folder instead of the system's.
+  explicit TemporaryDirectory(const std::filesystem::path& parent);
   ~TemporaryDirectory();
   TemporaryDirectory(const TemporaryDirectory&) = delete;
   TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;

@@ -5,6 +5,7 @@
 #include <utility>
 
 namespace rigcal::agent {
+
 void SegmentScanner::Fill() {
   buffer_offset_ += position_;
   buffer_.erase(0, position_);

@@ -583,6 +583,7 @@ TEST(AravisFrameSource, StopEndsTheSearchForALostCamera) {
          std::chrono::steady_clock::now() < deadline) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
+  EXPECT_LT(std::chrono::steady_clock::now(), deadline) << "no search was begun: " << log.text();
   source->Stop();
   ASSERT_EQ(next.wait_for(kHangs), std::future_status::ready);
   EXPECT_FALSE(next.get()->has_value());

@@ -504,6 +504,7 @@ export interface LiveEstimate {
   held_out?: LiveHeldOut;
   advice?: LiveAdvice[];
   wand_m?: Vector3[];
+  intrinsics_refined?: boolean;
 }
 
 export type LiveEstimate_State =
@@ -526,6 +527,7 @@ export interface LiveEstimatedCamera {
   time_offset_sigma_s?: number;
   reprojection_rms_px?: number;
   focal_length_px?: number;
+  lens_disagrees?: boolean;
 }
 
 export interface LiveVolume {

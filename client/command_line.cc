@@ -3,6 +3,7 @@
 
 #include "client/commands/command_parser.h"
 #include "client/commands/doctor_command.h"
+#include "client/watch/watch_command.h"
 
 namespace rigcal::client {
 
@@ -10,6 +11,7 @@ ExitCode RunCommandLine(const std::vector<std::string>& arguments, Console& cons
   CommandParser parser(console);
   AddLocalCommand(parser);
   AddSessionCommands(parser);
+  AddWatchCommand(parser);
   AddCalibrationCommands(parser);
   AddIdentityCommands(parser);
   auto [doctor, options] = parser.AddCommand(

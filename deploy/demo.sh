@@ -16,6 +16,7 @@
 #                                 three PCs, as network namespaces of this machine: two with cameras
 #                                 join a server over TLS, and the link of one of them fails in the
 #                                 middle of the recording; skipped where namespaces are not allowed
+#   deploy/demo.sh --live         a simulated rig in real time, with the dashboard to look at
 #   deploy/demo.sh DIR [OPTIONS]  a recorded rig: DIR has, for each camera, <camera>.yaml and
 #                                 <camera>.csv (markers) or .raw, .h5, .hdf5 (events)
 # OPTIONS go to `rigcal local` (deploy/demo.sh DIR -o json). RIGCAL_TARGET names another target.
@@ -52,6 +53,10 @@ case "${1:-}" in
       cmake --build --preset release -j "$(nproc)" --target rigcal-fake-gige-camera
     ) >&2
     exec "$root/deploy/demo-gige.sh" "$@"
+    ;;
+  --live)
+    shift
+    exec "$root/deploy/demo-live.sh" "$@"
     ;;
   --network)
     shift

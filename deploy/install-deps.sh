@@ -21,11 +21,15 @@ packages=(
   # network namespaces of the demos, and their faults
   iproute2 iptables
   # store, configuration, command line, logging
-  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev libboost-dev
+  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev libboost-dev prometheus-cpp-dev
   libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev
   # tests
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime
 )
+
+# The dashboard and its tests, unless these programs are here from elsewhere.
+command -v node >/dev/null && command -v npm >/dev/null || packages+=(nodejs npm)
+command -v chromium >/dev/null || packages+=(chromium)
 
 missing=()
 for package in "${packages[@]}"; do

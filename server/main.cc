@@ -11,8 +11,11 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <sstream>
 #include <string>
+#include <vector>
 
+#include "absl/cleanup/cleanup.h"
 #include "common/config/server_config.h"
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
@@ -23,11 +26,15 @@
 #include "server/audit/audit_log.h"
 #include "server/care/care_commands.h"
 #include "server/care/running_server.h"
-#include "server/http/enrolment_server.h"
+#include "server/estimate/estimate_loop.h"
+#include "server/http/web_server.h"
 #include "server/identity/server_identity.h"
 #include "server/jobs/solve_in_worker.h"
 #include "server/listen/descriptor_limit.h"
 #include "server/listen/listen_socket.h"
+#include "server/live/live_tracker.h"
+#include "server/metrics/metrics.h"
+#include "server/rpc/api_description.h"
 #include "server/rpc/rpc_server.h"
 #include "server/session/agent_registry.h"
 #include "server/store/factory/open_store.h"
@@ -38,6 +45,7 @@ namespace {
 struct Flags {
   std::string config_file;
   std::string port_file;
+  std::string http_port_file;
   // These override the file.
   std::string listen;
   std::string data_dir;
@@ -128,32 +136,57 @@ RpcServerOptions RpcOptions(const ServerConfig& config,
 }
 
 // Once per start: what to type to use this server from elsewhere.
-void TellHowToJoin(const EnrolmentServer& enrolment) {
+void TellHowToJoin(const WebServer& web) {
   spdlog::info(
       "other PCs join at the HTTPS port {}: `rigcal token create` on this PC prints a join string "
       "for `rigcal-agent join STRING` on a PC with cameras; `rigcal token create --role operator` "
       "one for `rigcal login STRING`",
-      enrolment.https_port());
+      web.port());
+}
+
+// Names between commas, with spaces around them.
+std::vector<std::string> HostsOf(const std::string& text) {
+  std::vector<std::string> hosts;
+  std::istringstream stream(text);
+  for (std::string host; std::getline(stream, host, ',');) {
+    const size_t begin = host.find_first_not_of(' ');
+    if (begin == std::string::npos) continue;
+    hosts.push_back(host.substr(begin, host.find_last_not_of(' ') + 1 - begin));
+  }
+  return hosts;
+}
+
+PortCounts GrpcCounts(RpcServer* rpc) {
+  const ConnectionStats stats = rpc->connections();
+  return {.open = stats.open, .accepted = stats.accepted, .refused = stats.refused};
+}
+
+WebCounts HttpCounts(const WebServer& web) {
+  const HttpStats stats = web.Stats();
+  return {.connections = {.open = stats.open_connections,
+                          .accepted = stats.accepted_connections,
+                          .refused = stats.dropped_connections},
+          .requests = stats.requests,
+          .refused_requests = stats.refused_requests};
 }
 
 // Null: it is not announced; the log says why where it should be. Nothing else depends on it.
 std::unique_ptr<Discovery::Announcement> Announce(const ServerConfig& config, int grpc_port,
-                                                  const EnrolmentServer* enrolment) {
+                                                  WebServer* web) {
   if (!config.discovery.mdns) return nullptr;
   const auto trouble = [](const std::string& why) {
     spdlog::warn("the server does not announce itself in its network: {}", why);
   };
-  if (enrolment == nullptr || IsLoopbackAddress(config.listen)) {
+  if (web->authority() == nullptr || IsLoopbackAddress(config.listen)) {
     trouble("other PCs cannot reach it; start it with --listen 0.0.0.0");
     return nullptr;
   }
   std::array<char, 256> host{};
   gethostname(host.data(), host.size() - 1);
-  auto announcement =
-      MakeDiscovery()->Announce({.name = host.data(),
-                                 .grpc_port = static_cast<uint16_t>(grpc_port),
-                                 .https_port = static_cast<uint16_t>(enrolment->https_port())},
-                                trouble);
+  auto announcement = MakeDiscovery()->Announce({.name = host.data(),
+                                                 .grpc_port = static_cast<uint16_t>(grpc_port),
+                                                 .https_port = static_cast<uint16_t>(web->port())},
+                                                trouble);
   if (!announcement.ok()) trouble(std::string(announcement.status().message()));
   return announcement.ok() ? *std::move(announcement) : nullptr;
 }
@@ -180,10 +213,12 @@ std::string AddressForCommands(const ServerConfig& config, int port) {
   return LocalAddress(config.listen, port);
 }
 
-absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
+absl::Status Serve(const ServerConfig& config, const std::string& port_file,
+                   const std::string& http_port_file) {
   const sigset_t stop_signals = BlockStopSignals();
   // A file left by an earlier run must not be mistaken for this one's.
   if (!port_file.empty()) std::remove(port_file.c_str());
+  if (!http_port_file.empty()) std::remove(http_port_file.c_str());
   const ServerLimits& limits = config.limits;
   RIGCAL_RETURN_IF_ERROR(ParseHostPort(config.listen).status());
   RIGCAL_ASSIGN_OR_RETURN(const auto worker, FindWorker());
@@ -210,9 +245,19 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
   const auto report_progress = [&](const StreamKey& stream, const AppendOutcome& outcome) {
     coordinator->RecordProgress(stream, outcome);
   };
+  LiveTracker live({}, store.get(), &directory, coordinator.get());
+  EstimateLoop estimates({}, store.get(), EstimateInWorker({.program = worker}),
+                         [&live](LiveEstimate estimate) { live.SetEstimate(std::move(estimate)); });
+  live.SetRowTap([&estimates](const StreamKey& stream, const ObservationBatch& batch) {
+    estimates.AddRows(stream, batch);
+  });
+  const auto report_delivery = [&](const Delivery& delivery, const AppendOutcome& outcome) {
+    live.RecordDelivery(delivery, outcome);
+  };
   Ingest ingest({.queue_limit_bytes = size_t{limits.ingest_queue_mb} << 20,
                  .send_window = limits.send_window_rows},
-                store.get(), find_context, report_progress);
+                store.get(), find_context, report_progress, report_delivery);
+  SolveTimes solves;
   RIGCAL_ASSIGN_OR_RETURN(
       const auto runner,
       CalibrationRunner::Create(
@@ -221,16 +266,18 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
            .max_watches = limits.max_watches,
            .software_version = std::string(wire::kSoftwareVersion)},
           store.get(), coordinator.get(),
-          SolveInWorker({.program = worker,
-                         .scratch_dir = config.data_dir,
-                         .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20})));
-  RIGCAL_ASSIGN_OR_RETURN(
-      const auto enrolment,
-      EnrolmentServer::Open({.data_dir = config.data_dir,
-                             .grpc_listen = config.listen,
-                             .https_listen = config.https.listen,
-                             .audit = &audit,
-                             .ready = [&] { return Readiness(*store, ingest); }}));
+          solves.Measured(
+              SolveInWorker({.program = worker,
+                             .scratch_dir = config.data_dir,
+                             .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20}))));
+  RIGCAL_ASSIGN_OR_RETURN(const auto web,
+                          WebServer::Open({.data_dir = config.data_dir,
+                                           .grpc_listen = config.listen,
+                                           .https_listen = config.https.listen,
+                                           .hosts = HostsOf(config.https.hosts),
+                                           .plain_loopback = !config.tls.loopback,
+                                           .audit = &audit,
+                                           .ready = [&] { return Readiness(*store, ingest); }}));
   Retention retention(RetentionOf(config.retention), store.get(), coordinator.get());
   RpcServer rpc(RpcOptions(config, identity),
                 {.store = store.get(),
@@ -240,31 +287,55 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file) {
                  .runner = runner.get(),
                  .registry = registry.get(),
                  .audit = &audit,
-                 .identities = enrolment ? enrolment->authority() : nullptr,
-                 .retention = &retention});
+                 .identities = web->authority(),
+                 .retention = &retention,
+                 .live = &live});
 
   coordinator->Start();
+  live.Start();
+  estimates.Start();
   ingest.Start();
   runner->Start();
   retention.Start();
   RIGCAL_ASSIGN_OR_RETURN(const int port, rpc.Start());
-  if (enrolment) RIGCAL_RETURN_IF_ERROR(enrolment->Start(port));
+  const std::unique_ptr<ApiGateway> gateway = rpc.MakeApiGateway();
+  // It uses what is gone after a failed start.
+  const absl::Cleanup stop_web = [&] { web->Shutdown(); };
+  const auto metrics = [&] {
+    return MetricsText({.store = store.get(),
+                        .ingest = &ingest,
+                        .directory = &directory,
+                        .coordinator = coordinator.get(),
+                        .runner = runner.get(),
+                        .solves = &solves,
+                        .grpc = [&] { return GrpcCounts(&rpc); },
+                        .web = [&] { return HttpCounts(*web); },
+                        .software_version = std::string(wire::kSoftwareVersion)});
+  };
+  RIGCAL_RETURN_IF_ERROR(web->Start(
+      port, {.gateway = gateway.get(), .api_description = ApiDescription(), .metrics = metrics}));
+  if (!http_port_file.empty()) {
+    RIGCAL_RETURN_IF_ERROR(WritePortFile(http_port_file, web->port()));
+  }
   if (!port_file.empty()) RIGCAL_RETURN_IF_ERROR(WritePortFile(port_file, port));
   const RunningServerNote note(config.data_dir, AddressForCommands(config, port));
   spdlog::info("rigcal-server {} listens on {} (port {}{}), data in {}",
                std::string(wire::kSoftwareVersion), config.listen, port,
                identity.empty() ? "" : ", TLS", config.data_dir);
-  if (enrolment) TellHowToJoin(*enrolment);
-  auto announcement = Announce(config, port, enrolment.get());
+  spdlog::info("the dashboard is at {}", web->LocalUrl());
+  if (web->authority() != nullptr) TellHowToJoin(*web);
+  auto announcement = Announce(config, port, web.get());
 
   int received = 0;
   sigwait(&stop_signals, &received);
   spdlog::info("stopping on signal {}", received);
   announcement.reset();
   // In the order of the data flow: nothing more arrives, deliveries are written, then the rest.
-  if (enrolment) enrolment->Shutdown();
+  web->Shutdown();
   rpc.Shutdown(std::chrono::seconds(2));
   ingest.Shutdown();
+  estimates.Shutdown();
+  live.Shutdown();
   retention.Shutdown();
   runner->Shutdown();
   coordinator->Shutdown();
@@ -288,6 +359,9 @@ int Run(int argc, char** argv) {
   app.add_option("--port-file", flags.port_file,
                  "File for the port number, written once the server accepts calls")
       ->type_name("FILE");
+  app.add_option("--http-port-file", flags.http_port_file,
+                 "The same for the port of the dashboard and the JSON API")
+      ->type_name("FILE");
   app.add_option("--log-level", flags.log_level, "Lowest level logged on stderr (default info)")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
   CareCommands care(&app);
@@ -308,7 +382,7 @@ int Run(int argc, char** argv) {
     spdlog::set_level(
         spdlog::level::from_str(config->log_level == "warn" ? "warning" : config->log_level));
     if (care.chosen()) return care.Run(config->data_dir);
-    status = Serve(*config, flags.port_file);
+    status = Serve(*config, flags.port_file, flags.http_port_file);
   }
   if (status.ok()) return 0;
   // On stderr whatever the log level.

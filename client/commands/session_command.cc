@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/net/polling.h"
+#include "client/output/quantities.h"
 #include "client/results/session_verification.h"
 #include "client/tables/session_table.h"
 #include "common/wire/camera_wire.h"
@@ -37,6 +38,21 @@ absl::StatusOr<v1::Session> FetchSession(ServerConnection& server, const std::st
 
 absl::StatusOr<v1::Session> CallStart(ServerConnection& server, const std::string& id) {
   return SessionOf(server.CallWithId(&SessionStub::StartSession, id));
+}
+
+// Where somebody else was first, the command changes nothing; whoever typed it is told.
+void TellOfState(const absl::StatusOr<v1::Session>& before, v1::Session::State wanted,
+                 CommandContext& context) {
+  if (!before.ok() || before->state() < wanted) return;
+  const bool is_start = wanted == v1::Session::STATE_CAPTURING;
+  if (is_start && before->state() != wanted) return;  // an error, which the server explains
+  const std::string since = is_start ? FormatTime(before->has_start_time(), before->start_time())
+                                     : FormatTime(before->has_stop_time(), before->stop_time());
+  const std::string& reason = before->stop_reason();
+  context.console.Message(
+      absl::StrCat("session ", before->id(),
+                   is_start ? " had been started already, at " : " had been stopped already, at ",
+                   since, is_start || reason.empty() ? "" : ": ", is_start ? "" : reason));
 }
 
 // For the whole of a long recording over a slow link.
@@ -75,6 +91,13 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
   request.set_title(options.title);
   *request.mutable_target() = wire::ToProto(options.target);
   for (const std::string& camera : options.cameras) request.add_camera_names(camera);
+  if (options.until_mm > 0) {
+    request.mutable_goal()->set_until_mm(options.until_mm);
+    if (options.min_s >= 0) {
+      *request.mutable_goal()->mutable_min_duration() = wire::ToDuration(options.min_s);
+    }
+  }
+  request.set_continues(options.continues);
   absl::StatusOr<v1::Session> session =
       SessionOf(server.Call(&SessionStub::CreateSession, request));
   if (session.ok() && options.start) {
@@ -90,6 +113,7 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
 
 ExitCode StartSession(const std::string& id, CommandContext& context) {
   ServerConnection server(context.server);
+  TellOfState(FetchSession(server, id), v1::Session::STATE_CAPTURING, context);
   return context.Show(CallStart(server, id), FormatSession);
 }
 
@@ -98,6 +122,7 @@ ExitCode StopSession(const SessionStopOptions& options, CommandContext& context)
   v1::StopSessionRequest request;
   request.set_id(options.id);
   *request.mutable_drain_timeout() = wire::ToDuration(options.drain_timeout_s);
+  TellOfState(FetchSession(server, options.id), v1::Session::STATE_DRAINING, context);
   absl::StatusOr<v1::Session> session = SessionOf(server.Call(&SessionStub::StopSession, request));
   if (session.ok() && options.wait) {
     ProgressLine progress(context.console);

@@ -17,6 +17,9 @@ struct SessionCreateOptions {
   Target target;
   std::vector<std::string> cameras;  // empty: all that are connected at the start
   bool start = false;                // at once
+  double until_mm = 0;               // 0: it has no goal
+  double min_s = -1;                 // of the goal; below 0: the server's own (20 s)
+  std::string continues;             // id of a finished session; empty: none
 };
 
 struct SessionStopOptions {

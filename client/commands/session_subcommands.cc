@@ -8,6 +8,9 @@ namespace rigcal::client {
 namespace {
 
 constexpr double kMaxDrainTimeoutS = 600;
+constexpr double kLeastGoalMm = 0.001;
+constexpr double kMostGoalMm = 1000;
+constexpr double kMostMinSeconds = 86400;
 constexpr char kSessionHelp[] = "Id of the session";
 
 // A command whose only argument is a session.
@@ -29,6 +32,17 @@ void AddCreate(CommandParser& parser, CLI::App* group) {
             "Cameras that take part; without it all that are connected at the start")
       ->delimiter(',');
   app->add_flag("--start", options->start, "Start it at once");
+  CLI::Option* until =
+      AddOption(app, "--until-mm", "MM", &options->until_mm,
+                "End it when the expected error is below this in 95 % of the waved volume and a "
+                "held-out check agrees")
+          ->check(NumberBetween(kLeastGoalMm, kMostGoalMm));
+  AddOption(app, "--min-seconds", "SECONDS", &options->min_s,
+            "With --until-mm: not before it has captured for so long; without it 20 s")
+      ->check(NumberBetween(0, kMostMinSeconds))
+      ->needs(until);
+  AddOption(app, "--continue", "SESSION", &options->continues,
+            "A finished session that this one goes on with: a calibration takes both");
 }
 
 void AddStop(CommandParser& parser, CLI::App* group) {

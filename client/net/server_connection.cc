@@ -30,6 +30,9 @@ std::shared_ptr<grpc::Channel> MakeChannel(
   // In spite of its name: the least time given to an attempt.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, kConnectMs);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLastPauseMs);
+  // A name is looked up before each attempt; by default at most every 30 s, so that a server that
+  // is back would not be found before.
+  arguments.SetInt(GRPC_ARG_DNS_MIN_TIME_BETWEEN_RESOLUTIONS_MS, kLastPauseMs);
   const std::string target = address.starts_with("unix:") ? address : "dns:///" + address;
   return grpc::CreateCustomChannel(target, credentials, arguments);
 }

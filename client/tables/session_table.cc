@@ -6,12 +6,14 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/output/console.h"
 #include "client/output/quantities.h"
 #include "client/output/text_table.h"
 #include "common/target/target.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/time_wire.h"
 
 namespace rigcal::client {
 namespace {
@@ -92,6 +94,14 @@ std::string FormatSession(const v1::Session& session) {
                                   "): ", EnumWord(session.state()), "\n");
   if (!session.title().empty()) absl::StrAppend(&text, "title    ", session.title(), "\n");
   absl::StrAppend(&text, "target   ", TargetText(session.target()), "\n");
+  if (session.has_goal()) {
+    absl::StrAppend(&text, "goal     expected error below ",
+                    absl::StrFormat("%.3g", session.goal().until_mm()), " mm, not before ",
+                    FormatDuration(wire::SecondsOf(session.goal().min_duration())), "\n");
+  }
+  if (!session.continues().empty()) {
+    absl::StrAppend(&text, "goes on with ", session.continues(), "\n");
+  }
   absl::StrAppend(&text, "created  ", FormatTime(session.has_create_time(), session.create_time()),
                   "\n");
   const auto add_time = [&](const char* what, bool has_been, const auto& time) {
@@ -99,6 +109,9 @@ std::string FormatSession(const v1::Session& session) {
   };
   add_time("started  ", session.has_start_time(), session.start_time());
   add_time("stopped  ", session.has_stop_time(), session.stop_time());
+  if (!session.stop_reason().empty()) {
+    absl::StrAppend(&text, "stopped  because ", session.stop_reason(), "\n");
+  }
   add_time("finished ", session.has_finish_time(), session.finish_time());
   if (session.has_observations_delete_time()) {
     absl::StrAppend(&text, "deleted  observations, by the server's retention, ",

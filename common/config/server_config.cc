@@ -55,7 +55,9 @@ absl::StatusOr<ServerConfig> ReadServerConfig(const std::string& path) {
   options.AddPath("data_dir", &config.data_dir, "of the store");
   AddLogLevel(&config.log_level, &options);
   tls.Add("loopback", &config.tls.loopback, "TLS for clients on this machine too");
-  AddAddress("listen", &config.https.listen, 0, "where other PCs join", &https);
+  AddAddress("listen", &config.https.listen, 0, "where browsers and other PCs find it", &https);
+  https.Add("hosts", &config.https.hosts, "NAME,...",
+            "further names under which browsers reach it");
   discovery.Add("mdns", &config.discovery.mdns, "the server announces itself in its network");
   AddOptions(&config.limits, &limits);
   AddOptions(&config.retention, &retention);

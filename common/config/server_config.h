@@ -29,9 +29,11 @@ struct ServerLimits {
   friend bool operator==(const ServerLimits&, const ServerLimits&) = default;
 };
 
-// [https]: where other PCs join. On by itself when other PCs can reach `listen`.
+// [https]: the dashboard, the JSON API, and where other PCs join. With TLS when other PCs can reach
+// `listen` of the server, or it is set here; this PC needs none.
 struct ServerHttpsConfig {
   std::string listen;  // HOST:PORT; empty: the host of ServerConfig::listen, port 7421
+  std::string hosts;   // further names under which browsers reach it: "rig.lab.org, rig"
 
   friend bool operator==(const ServerHttpsConfig&, const ServerHttpsConfig&) = default;
 };

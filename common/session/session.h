@@ -22,6 +22,18 @@ struct SessionCamera {
   std::string agent_id;  // empty: described by hand, delivered without an agent
 };
 
+// When a session ends by itself: see SessionGoal in rigcal/v1/session.proto.
+struct SessionGoal {
+  static constexpr double kDefaultMinDurationS = 20;
+  static constexpr double kMaxMinDurationS = 86400;
+  static constexpr double kMaxUntilMm = 1000;
+
+  double until_mm = 0;
+  double min_duration_s = kDefaultMinDurationS;
+
+  friend bool operator==(const SessionGoal&, const SessionGoal&) = default;
+};
+
 // One wave: owns its target, its camera list and (in the store) its observations.
 struct Session {
   std::string id;
@@ -38,6 +50,9 @@ struct Session {
   int64_t drain_deadline_utc_ns = 0;
   std::vector<std::string> missing_cameras;  // had not ended when the session finished
   int64_t observations_delete_utc_ns = 0;    // deleted by the retention; 0: still there
+  std::optional<SessionGoal> goal = {};      // none: it ends when somebody stops it
+  std::string stop_reason = {};              // empty: a person stopped it, or nobody
+  std::string continues = {};                // id of the session it goes on with; empty: none
 
   const SessionCamera* FindCamera(std::string_view camera) const {
     for (const SessionCamera& candidate : cameras) {

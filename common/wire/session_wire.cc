@@ -45,6 +45,20 @@ void FillCounts(const SessionCameraCounts& counts, v1::SessionCamera* camera) {
   camera->set_ended(counts.ended());
 }
 
+v1::SessionGoal GoalToProto(const SessionGoal& goal) {
+  v1::SessionGoal proto;
+  proto.set_until_mm(goal.until_mm);
+  *proto.mutable_min_duration() = ToDuration(goal.min_duration_s);
+  return proto;
+}
+
+SessionGoal GoalFromProto(const v1::SessionGoal& proto) {
+  SessionGoal goal;
+  goal.until_mm = proto.until_mm();
+  if (proto.has_min_duration()) goal.min_duration_s = SecondsOf(proto.min_duration());
+  return goal;
+}
+
 // The fields that a session has of its own, without what the store counts.
 v1::Session OwnFields(const Session& session) {
   v1::Session proto;
@@ -70,6 +84,9 @@ v1::Session OwnFields(const Session& session) {
   }
   for (const std::string& camera : session.missing_cameras) proto.add_missing_cameras(camera);
   for (const std::string& camera : session.requested_cameras) proto.add_requested_cameras(camera);
+  if (session.goal) *proto.mutable_goal() = GoalToProto(*session.goal);
+  proto.set_stop_reason(session.stop_reason);
+  proto.set_continues(session.continues);
   return proto;
 }
 
@@ -115,6 +132,11 @@ absl::StatusOr<Session> FromProto(const v1::CreateSessionRequest& proto) {
     RIGCAL_ASSIGN_OR_RETURN(CameraDescription description, FromProto(camera));
     session.cameras.push_back({std::move(description), ""});
   }
+  if (proto.has_goal()) {
+    RIGCAL_RETURN_IF_ERROR(CheckDuration(proto.goal().min_duration(), "goal.min_duration"));
+    session.goal = GoalFromProto(proto.goal());
+  }
+  session.continues = proto.continues();
   return session;
 }
 
@@ -149,6 +171,9 @@ absl::StatusOr<Session> ParseSession(std::string_view bytes) {
   session.missing_cameras.assign(proto.missing_cameras().begin(), proto.missing_cameras().end());
   session.requested_cameras.assign(proto.requested_cameras().begin(),
                                    proto.requested_cameras().end());
+  if (proto.has_goal()) session.goal = GoalFromProto(proto.goal());
+  session.stop_reason = proto.stop_reason();
+  session.continues = proto.continues();
   return session;
 }
 

@@ -16,7 +16,8 @@ v1::Session ToProto(const Session& session, const std::vector<SessionCameraCount
                     const std::vector<std::string>& connected_cameras);
 v1::Session ToProto(const SessionSummary& summary);
 // What CreateSession asks for: id, rig ("rig" when empty), title, target, requested cameras and
-// cameras by hand. Names, the title and numbers of cameras are not looked at.
+// cameras by hand, goal, and what it continues. Names, the title, numbers of cameras and the values
+// of the goal are not looked at.
 absl::StatusOr<Session> FromProto(const v1::CreateSessionRequest& proto);
 
 // The store's form of a session (without counts); ParseSession(SerializeSession(s)) == s.

@@ -7,6 +7,7 @@ namespace rigcal::server {
 
 std::string Describe(const Peer& peer) {
   if (!peer.has_certificate) return "a client on this machine";
+  if (peer.serial.empty()) return absl::StrCat("user '", peer.name, "' (signed in by browser)");
   return absl::StrCat(peer.IsAgent() ? "agent '" : "user '", peer.name, "' (certificate ",
                       peer.serial, ")");
 }

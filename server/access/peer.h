@@ -11,6 +11,7 @@ namespace rigcal::server {
 // Who is at the other end of a connection. By default somebody on this machine without a
 // certificate, who may do everything.
 struct Peer {
+  // Or, without a serial: has signed in with a browser.
   bool has_certificate = false;
   // The rest is empty without a certificate.
   Role role = Role::kAdmin;

@@ -17,34 +17,10 @@ namespace {
 
 using RouteJson = nlohmann::ordered_json;
 
-unsigned HttpStatusOf(absl::StatusCode code) {
-  switch (code) {
-    case absl::StatusCode::kInvalidArgument:
-      return 400;
-    case absl::StatusCode::kUnauthenticated:
-      return 401;
-    case absl::StatusCode::kPermissionDenied:
-      return 403;
-    case absl::StatusCode::kAlreadyExists:
-      return 409;
-    case absl::StatusCode::kResourceExhausted:
-    case absl::StatusCode::kUnavailable:
-      return 503;
-    default:
-      return 500;
-  }
-}
-
 HttpResponse JsonResponse(unsigned status, const RouteJson& json) {
   return {.status = status,
           .content_type = "application/json",
           .body = json.dump(-1, ' ', false, RouteJson::error_handler_t::replace) + "\n"};
-}
-
-HttpResponse Refusal(const absl::Status& status) {
-  return JsonResponse(HttpStatusOf(status.code()),
-                      {{"code", absl::StatusCodeToString(status.code())},
-                       {"message", std::string(status.message())}});
 }
 
 // Two texts of a JSON object. INVALID_ARGUMENT: it is none, or lacks one of them.
@@ -94,7 +70,7 @@ HttpResponse Certificates(const char* event, const HttpRequest& request, const I
           absl::StrCat(event, "_refused"), request.peer,
           {{"code", absl::StatusCodeToString(issued.status().code())}, {"message", message}});
     }
-    return Refusal(issued.status());
+    return ErrorResponse(issued.status());
   }
   const absl::StatusOr<Certificate> certificate = ParseCertificate(issued->certificate_pem);
   if (audit != nullptr && certificate.ok()) {
@@ -110,29 +86,28 @@ HttpResponse Certificates(const char* event, const HttpRequest& request, const I
 
 std::vector<HttpRoute> IdentityRoutes(IdentityAuthority* authority, AuditLog* audit,
                                       std::function<absl::Status()> ready) {
-  return {
-      {"GET", "/v1/ca",
-       [authority](const HttpRequest&) {
-         return HttpResponse{.content_type = "application/x-pem-file", .body = authority->ca_pem()};
-       }},
-      {"POST", "/v1/enrol",
-       [authority, audit](const HttpRequest& request) {
-         return Certificates("enrol", request, Enrol(authority, request.body), audit);
-       }},
-      {"POST", "/v1/renew",
-       [authority, audit](const HttpRequest& request) {
-         bool is_new = false;
-         const Issued issued = Renew(authority, request.body, &is_new);
-         return Certificates("renew", request, issued, is_new || !issued.ok() ? audit : nullptr);
-       }},
+  std::vector<HttpRoute> routes = {
       {"GET", "/healthz", [](const HttpRequest&) { return HttpResponse{.body = "ok\n"}; }},
-      {"GET", "/readyz",
-       [ready = std::move(ready)](const HttpRequest&) {
+      {"GET", "/readyz", [ready = std::move(ready)](const HttpRequest&) {
          const absl::Status status = ready();
          if (status.ok()) return HttpResponse{.body = "ready\n"};
          return HttpResponse{.status = 503, .body = std::string(status.message()) + "\n"};
-       }},
-  };
+       }}};
+  if (authority == nullptr) return routes;
+  routes.push_back({"GET", "/v1/ca", [authority](const HttpRequest&) {
+                      return HttpResponse{.content_type = "application/x-pem-file",
+                                          .body = authority->ca_pem()};
+                    }});
+  routes.push_back({"POST", "/v1/enrol", [authority, audit](const HttpRequest& request) {
+                      return Certificates("enrol", request, Enrol(authority, request.body), audit);
+                    }});
+  routes.push_back({"POST", "/v1/renew", [authority, audit](const HttpRequest& request) {
+                      bool is_new = false;
+                      const Issued issued = Renew(authority, request.body, &is_new);
+                      return Certificates("renew", request, issued,
+                                          is_new || !issued.ok() ? audit : nullptr);
+                    }});
+  return routes;
 }
 
 }  // namespace rigcal::server

@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "server/audit/audit_log.h"
-#include "server/http/http_server.h"
+#include "server/http/http_request.h"
 #include "server/identity/identity_authority.h"
 
 namespace rigcal::server {
@@ -17,7 +17,8 @@ namespace rigcal::server {
 //   POST /v1/renew    a certificate for an older one and a request signed with the same key
 //   GET /healthz      200 while the server runs
 //   GET /readyz       200 while `ready` returns OK, else 503 with its message
-// `authority` and `audit` outlive them. `audit` null: nothing is written.
+// `authority` and `audit` outlive them. `authority` null: nobody can join, only the last two are
+// there. `audit` null: nothing is written.
 std::vector<HttpRoute> IdentityRoutes(IdentityAuthority* authority, AuditLog* audit,
                                       std::function<absl::Status()> ready);
 

@@ -30,20 +30,24 @@ absl::StatusOr<std::unique_ptr<IdentityAuthority>> IdentityAuthority::Open(
   RIGCAL_ASSIGN_OR_RETURN(TokenStore tokens, TokenStore::Open(folder / "tokens.json"));
   RIGCAL_ASSIGN_OR_RETURN(IdentityRegistry registry,
                           IdentityRegistry::Open(folder / "identities.json"));
-  std::unique_ptr<IdentityAuthority> authority(new IdentityAuthority(
-      folder, std::move(now), std::move(ca), std::move(tokens), std::move(registry)));
+  RIGCAL_ASSIGN_OR_RETURN(WebSessions web_sessions,
+                          WebSessions::Open(folder / "web_sessions.json"));
+  std::unique_ptr<IdentityAuthority> authority(
+      new IdentityAuthority(folder, std::move(now), std::move(ca), std::move(tokens),
+                            std::move(registry), std::move(web_sessions)));
   RIGCAL_RETURN_IF_ERROR(authority->denied_.Denies("", "").status());
   return authority;
 }
 
 IdentityAuthority::IdentityAuthority(std::filesystem::path folder, std::function<absl::Time()> now,
                                      CertificateAuthority ca, TokenStore tokens,
-                                     IdentityRegistry registry)
+                                     IdentityRegistry registry, WebSessions web_sessions)
     : now_(std::move(now)),
       ca_(std::move(ca)),
       denied_(folder / "denied.json"),
       tokens_(std::move(tokens)),
-      registry_(std::move(registry)) {}
+      registry_(std::move(registry)),
+      web_sessions_(std::move(web_sessions)) {}
 
 void IdentityAuthority::SetAddresses(ServerAddresses addresses) {
   const std::lock_guard lock(mutex_);
@@ -89,6 +93,10 @@ std::vector<Token> IdentityAuthority::ListTokens() const {
 absl::Status IdentityAuthority::RevokeToken(std::string_view id) {
   const std::lock_guard lock(mutex_);
   RIGCAL_ASSIGN_OR_RETURN(const Token token, tokens_.Revoke(id));
+  RIGCAL_RETURN_IF_ERROR(
+      web_sessions_
+          .RemoveIf([&](const WebSession& session) { return session.token_id == token.id; })
+          .status());
   if (!token.used || registry_.Find(token.used_by) == nullptr) return absl::OkStatus();
   // Somebody else may have joined under that name since, with another token.
   if (registry_.Find(token.used_by)->joined != *token.used) return absl::OkStatus();
@@ -106,6 +114,11 @@ absl::Status IdentityAuthority::Revoke(std::string_view uri) {
 }
 
 absl::Status IdentityAuthority::RevokeLocked(std::string_view uri) {
+  RIGCAL_ASSIGN_OR_RETURN(const size_t browsers,
+                          web_sessions_.RemoveIf([&](const WebSession& session) {
+                            return PeerUri(session.role, session.name) == uri;
+                          }));
+  if (registry_.Find(uri) == nullptr && browsers > 0) return absl::OkStatus();
   if (registry_.Find(uri) == nullptr) {
     return absl::NotFoundError(absl::StrCat("nobody has joined as ", Quoted(uri)));
   }
@@ -206,6 +219,56 @@ absl::StatusOr<IdentityAuthority::Issued> IdentityAuthority::IssueLocked(
   // On record before it is given out: else it could not be revoked.
   RIGCAL_RETURN_IF_ERROR(registry_.Record(certificate, joins, now));
   return AnswerLocked(std::move(pem));
+}
+
+absl::StatusOr<IdentityAuthority::WebLogin> IdentityAuthority::SignIn(
+    std::string_view join_string) {
+  RIGCAL_ASSIGN_OR_RETURN(const JoinString join, ParseJoinString(join_string));
+  if (join.ca_sha256 != ca_.sha256()) {
+    return absl::PermissionDeniedError(
+        "the join string is of another server; make one on this server's PC with rigcal token "
+        "create --role viewer");
+  }
+  if (join.role == Role::kAgent) {
+    return absl::PermissionDeniedError(
+        "the join string is for an agent; make one for a person: rigcal token create --role "
+        "operator, or --role viewer");
+  }
+  const std::lock_guard lock(mutex_);
+  const absl::Time now = absl::FromUnixSeconds(absl::ToUnixSeconds(now_()));
+  // No browser can use it again: it has no key that would prove it is the same.
+  RIGCAL_ASSIGN_OR_RETURN(const Token token, tokens_.Find(join.secret, "", now));
+  if (token.used) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("the join string was already used by ", token.used_by, "; make a new one"));
+  }
+  WebLogin login;
+  login.session = {
+      .token_id = token.id,
+      .role = token.role,
+      .name = token.name.empty() ? absl::StrCat("browser-", token.id.substr(2)) : token.name,
+      .created = now,
+      .expires = now + kWebSessionLifetime};
+  const std::string uri = PeerUri(token.role, login.session.name);
+  RIGCAL_RETURN_IF_ERROR(tokens_.MarkUsed(token.id, uri, "", now));
+  RIGCAL_ASSIGN_OR_RETURN(login.secret, web_sessions_.Create(login.session, now));
+  spdlog::info("{} signs in as {} with token {}", uri, std::string(RoleName(token.role)), token.id);
+  return login;
+}
+
+absl::StatusOr<WebSession> IdentityAuthority::FindWebSession(std::string_view secret) const {
+  const std::lock_guard lock(mutex_);
+  const std::optional<WebSession> session = web_sessions_.Find(secret, now_());
+  if (session) return *session;
+  return absl::UnauthenticatedError(
+      "this browser is not signed in here any more: the cookie is of another server, or has "
+      "expired, or was revoked; sign in with a new join string (rigcal token create --role viewer "
+      "on the server's PC)");
+}
+
+absl::Status IdentityAuthority::SignOut(std::string_view secret) {
+  const std::lock_guard lock(mutex_);
+  return web_sessions_.Remove(secret);
 }
 
 IdentityAuthority::Issued IdentityAuthority::AnswerLocked(std::string certificate_pem) const {

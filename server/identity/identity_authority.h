@@ -18,6 +18,7 @@
 #include "server/identity/denied_certificates.h"
 #include "server/identity/identity_registry.h"
 #include "server/identity/token_store.h"
+#include "server/identity/web_sessions.h"
 
 namespace rigcal::server {
 
@@ -52,7 +53,8 @@ class IdentityAuthority {
   // kLongestTokenTtl. FAILED_PRECONDITION: the server has no address that others reach.
   absl::StatusOr<JoinToken> CreateToken(Role role, absl::Duration ttl, const std::string& name);
   std::vector<Token> ListTokens() const;
-  // A token that was used takes the identity with it that joined by it. NOT_FOUND: no such token.
+  // A token that was used takes the identity or browser with it that joined by it. NOT_FOUND: no
+  // such token.
   absl::Status RevokeToken(std::string_view id);
 
   std::vector<IdentityRecord> ListIdentities() const;
@@ -80,9 +82,22 @@ class IdentityAuthority {
   //   INVALID_ARGUMENT   the request is damaged, or is not for this certificate
   absl::StatusOr<Issued> Renew(std::string_view certificate_pem, std::string_view request_pem);
 
+  // A browser that signs in with a join string, which it uses up.
+  struct WebLogin {
+    std::string secret;  // the cookie's value
+    WebSession session;
+  };
+  //   INVALID_ARGUMENT   it is no join string
+  //   PERMISSION_DENIED  it is of another server, is for an agent, or was used, expired or revoked
+  absl::StatusOr<WebLogin> SignIn(std::string_view join_string);
+  // UNAUTHENTICATED: no browser has signed in with this cookie here, or that was revoked or ended.
+  absl::StatusOr<WebSession> FindWebSession(std::string_view secret) const;
+  absl::Status SignOut(std::string_view secret);
+
  private:
   IdentityAuthority(std::filesystem::path folder, std::function<absl::Time()> now,
-                    CertificateAuthority ca, TokenStore tokens, IdentityRegistry registry);
+                    CertificateAuthority ca, TokenStore tokens, IdentityRegistry registry,
+                    WebSessions web_sessions);
 
   absl::Status RevokeLocked(std::string_view uri);
   absl::Status DenyBeforeLocked(const std::string& uri);
@@ -97,6 +112,7 @@ class IdentityAuthority {
   ServerAddresses addresses_;
   TokenStore tokens_;
   IdentityRegistry registry_;
+  WebSessions web_sessions_;
 };
 
 }  // namespace rigcal::server

@@ -61,11 +61,12 @@ void AddUp(const AppendOutcome& outcome, AppendOutcome* total) {
 }  // namespace
 
 Ingest::Ingest(const IngestOptions& options, Store* store, FindStreamContext find_context,
-               ProgressHook on_progress)
+               ProgressHook on_progress, DeliveryHook on_delivery)
     : options_(options),
       store_(store),
       find_context_(std::move(find_context)),
       on_progress_(std::move(on_progress)),
+      on_delivery_(std::move(on_delivery)),
       queue_(options.queue_limit_bytes, options.group_limit_bytes) {}
 
 Ingest::~Ingest() { Shutdown(); }
@@ -151,6 +152,7 @@ void Ingest::Write(const IngestQueue::Group& group) {
   Answer(group, *outcomes);
   Failpoint("after_ack");
   if (on_progress_) ReportProgress(group, *outcomes);
+  if (on_delivery_) ReportDeliveries(group, *outcomes);
 }
 
 absl::StatusOr<std::vector<AppendOutcome>> Ingest::Append(const IngestQueue::Group& group) {
@@ -220,6 +222,13 @@ void Ingest::ReportProgress(const IngestQueue::Group& group,
     if (!outcomes[i].unknown) AddUp(outcomes[i], &by_stream[group.deliveries[i].stream()]);
   }
   for (const auto& [stream, outcome] : by_stream) on_progress_(stream, outcome);
+}
+
+void Ingest::ReportDeliveries(const IngestQueue::Group& group,
+                              const std::vector<AppendOutcome>& outcomes) const {
+  for (size_t i = 0; i < outcomes.size(); ++i) {
+    if (!outcomes[i].unknown) on_delivery_(group.deliveries[i], outcomes[i]);
+  }
 }
 
 void Ingest::ForgetDiskFullWhenThereIsRoom() {

@@ -46,6 +46,10 @@ using FindStreamContext = std::function<absl::StatusOr<StreamContext>(const Stre
 // begins meanwhile.
 using ProgressHook = std::function<void(const StreamKey&, const AppendOutcome&)>;
 
+// Called on the writer's thread after a commit and its acknowledgements, once for each delivery in
+// it whose session exists. Every microsecond in it delays the next commit.
+using DeliveryHook = std::function<void(const Delivery&, const AppendOutcome&)>;
+
 // Checks deliveries and writes them with one thread: an acknowledgement means that the rows are on
 // disk. Everything queued during a commit goes into the next one (up to group_limit_bytes); nothing
 // waits for more to arrive.
@@ -55,9 +59,9 @@ using ProgressHook = std::function<void(const StreamKey&, const AppendOutcome&)>
 // any more. IngestStats::problem reports both.
 class Ingest {
  public:
-  // `store` must outlive the ingest; `on_progress` may be empty.
+  // `store` must outlive the ingest; `on_progress` and `on_delivery` may be empty.
   Ingest(const IngestOptions& options, Store* store, FindStreamContext find_context,
-         ProgressHook on_progress);
+         ProgressHook on_progress, DeliveryHook on_delivery = {});
   ~Ingest();  // shuts down
 
   // Starts the writer; deliveries may be submitted before, and wait. Once only.
@@ -94,12 +98,15 @@ class Ingest {
   void Answer(const IngestQueue::Group& group, const std::vector<AppendOutcome>& outcomes) const;
   void ReportProgress(const IngestQueue::Group& group,
                       const std::vector<AppendOutcome>& outcomes) const;
+  void ReportDeliveries(const IngestQueue::Group& group,
+                        const std::vector<AppendOutcome>& outcomes) const;
   void ForgetDiskFullWhenThereIsRoom();
 
   const IngestOptions options_;
   Store* const store_;
   const FindStreamContext find_context_;
   const ProgressHook on_progress_;
+  const DeliveryHook on_delivery_;
   IngestQueue queue_;
 
   mutable std::mutex mutex_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <grpcpp/client_context.h>
 #include <grpcpp/security/auth_context.h>
 #include <grpcpp/server_context.h>
 
@@ -32,8 +33,7 @@ class CallSecurity {
  public:
   // All must outlive this object; `identity` and `denied` may be null together.
   CallSecurity(const CheckedIdentity* identity, DeniedCertificates* denied,
-               Connections* connections, AuditLog* audit)
-      : identity_(identity), denied_(denied), connections_(connections), audit_(*audit) {}
+               Connections* connections, AuditLog* audit);
 
   // UNAUTHENTICATED: the CA has not signed the certificate, it is not valid now, or of another
   // form. PERMISSION_DENIED: it was revoked.
@@ -44,6 +44,12 @@ class CallSecurity {
   // Who makes this call, which has been authorised. Also notes whose the connection is.
   Caller CallerOf(const grpc::ServerContextBase& context);
 
+  // Whether a peer that was identified elsewhere may call `method`, with a line as above if not.
+  absl::Status CheckPeer(const Peer& peer, std::string_view method);
+  // Names the caller of a call that is made within this process for somebody else, so that CallerOf
+  // tells him. Only this object can do so: a key that it made goes with it.
+  void AddCaller(const Caller& caller, grpc::ClientContext* context) const;
+
   // Also true of every peer with a certificate while it is not known whom the list denies.
   bool IsDenied(const Peer& peer);
   bool has_certificates() const { return identity_ != nullptr; }
@@ -51,11 +57,14 @@ class CallSecurity {
 
  private:
   absl::StatusOr<Peer> IdentifyFrom(const grpc::AuthContext& context);
+  // True: the call was made within this process, for `caller`.
+  bool ReadCaller(const grpc::ServerContextBase& context, Caller* caller) const;
 
   const CheckedIdentity* const identity_;
   DeniedCertificates* const denied_;
   Connections* const connections_;
   AuditLog& audit_;
+  const std::string key_;  // of calls within the process; never leaves it
   // Certificates that were read and are signed by this CA.
   std::mutex mutex_;
   std::shared_ptr<const TrustedCa> known_by_;

@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/listen/listen_socket.h"
+#include "server/rpc/api_calls.h"
 #include "server/rpc/call_guard.h"
 #include "server/rpc/call_hooks.h"
 #include "server/session/utc_clock.h"
@@ -29,8 +30,8 @@ constexpr std::chrono::milliseconds kFarewell{100};
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
     "rigcal.v1.AgentService",   "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
-    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService", "rigcal.v1.MaintenanceService",
-    "rigcal.v1.StatusService"};
+    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
+    "rigcal.v1.MaintenanceService", "rigcal.v1.StatusService"};
 
 // Both plugins are global to the process and must be on before the first server is built; and so is
 // the log of gRPC, which goes to ours at level debug: what matters of it comes back as a status,
@@ -95,6 +96,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
                 &audit_),
       previews_(options_.previews, parts.directory),
       readers_(options_.readers, parts.store, parts.coordinator),
+      live_answers_(parts.live),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
                       parts.store->server_id(), &security_, parts.registry) {
   services_.push_back(MakeAgentService(parts));
@@ -102,6 +104,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
   services_.push_back(MakeIdentityService(parts.identities));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_));
+  services_.push_back(MakeLiveService(&live_answers_));
   services_.push_back(MakeMaintenanceService(parts.store, &watches_));
   services_.push_back(MakeStatusService(parts, options_.ingest_queue_limit_bytes, UtcNowNs({}),
                                         &listener_, options_.listener.limits.total));
@@ -222,6 +225,10 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
 
 std::shared_ptr<grpc::Channel> RpcServer::InProcessChannel() {
   return server_->InProcessChannel(grpc::ChannelArguments());
+}
+
+std::unique_ptr<ApiGateway> RpcServer::MakeApiGateway() {
+  return server::MakeApiGateway(InProcessChannel(), &security_);
 }
 
 }  // namespace rigcal::server

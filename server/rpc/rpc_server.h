@@ -15,6 +15,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/access/checked_identity.h"
+#include "server/api/api_gateway.h"
 #include "server/audit/audit_log.h"
 #include "server/identity/denied_certificates.h"
 #include "server/listen/listener.h"
@@ -67,6 +68,12 @@ class RpcServer {
   void Shutdown(std::chrono::milliseconds grace);
   // Only between Start and Shutdown.
   std::shared_ptr<grpc::Channel> InProcessChannel();
+  // What GetLive answers with; for others in this process that serve it.
+  LiveAnswers& live_answers() { return live_answers_; }
+  // For the JSON API, between Start and Shutdown; it must not outlive this object.
+  std::unique_ptr<ApiGateway> MakeApiGateway();
+  // Connections to the port and the socket file.
+  ConnectionStats connections() { return listener_.connections().Stats(); }
 
  private:
   // Again and again, until the shutdown.
@@ -87,6 +94,7 @@ class RpcServer {
   PreviewBroker previews_;
   WatchHub watches_;
   ObservationReaders readers_;
+  LiveAnswers live_answers_;
   IngestService ingest_service_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<grpc::Server> server_;

@@ -11,6 +11,8 @@
 #include "server/identity/identity_authority.h"
 #include "server/ingest/ingest.h"
 #include "server/listen/listener.h"
+#include "server/live/live_tracker.h"
+#include "server/rpc/live_answers.h"
 #include "server/rpc/observation_readers.h"
 #include "server/rpc/watch_hub.h"
 #include "server/session/agent_directory.h"
@@ -34,6 +36,7 @@ struct RpcServerParts {
   AuditLog* audit = nullptr;                // null: nothing is written
   IdentityAuthority* identities = nullptr;  // null: this server listens on its own PC only
   const Retention* retention = nullptr;     // null: nothing is ever deleted
+  const LiveTracker* live = nullptr;        // null: there is no live state
 };
 
 // The services of rigcal.v1 for clients; each in the file of its name.
@@ -45,6 +48,7 @@ std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, W
                                                   ObservationReaders* readers);
 std::unique_ptr<grpc::Service> MakeCalibrationService(const RpcServerParts& parts,
                                                       WatchHub* watches);
+std::unique_ptr<grpc::Service> MakeLiveService(LiveAnswers* answers);
 std::unique_ptr<grpc::Service> MakeMaintenanceService(Store* store, WatchHub* watches);
 // It has started at `start_utc_ns`. At most `max_connections` are open on `listener`.
 std::unique_ptr<grpc::Service> MakeStatusService(const RpcServerParts& parts,

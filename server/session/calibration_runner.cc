@@ -102,6 +102,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   }
 
   std::lock_guard create(create_mutex_);
+  RIGCAL_RETURN_IF_ERROR(AddContinuedSessions(&session_ids));
   RIGCAL_ASSIGN_OR_RETURN(auto hold, coordinator_->HoldSessions(session_ids));
   std::vector<Session> sessions;
   for (const std::string& id : session_ids) {
@@ -126,6 +127,20 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   }
   tasks_.Post([this] { RunNext(); });
   return calibration;
+}
+
+absl::Status CalibrationRunner::AddContinuedSessions(std::vector<std::string>* session_ids) const {
+  for (size_t i = 0; i < session_ids->size() && session_ids->size() < kMaxSessions; ++i) {
+    RIGCAL_ASSIGN_OR_RETURN(const Session session, store_->GetSession((*session_ids)[i]));
+    const std::string& earlier = session.continues;
+    if (earlier.empty() || std::ranges::find(*session_ids, earlier) != session_ids->end()) continue;
+    // One that was deleted meanwhile leaves the rest as it is.
+    const absl::Status found = store_->GetSession(earlier).status();
+    if (absl::IsNotFound(found)) continue;
+    RIGCAL_RETURN_IF_ERROR(found);
+    session_ids->push_back(earlier);
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Calibration> CalibrationRunner::GetCalibration(std::string_view id) const {

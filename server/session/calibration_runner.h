@@ -79,6 +79,8 @@ class CalibrationRunner {
   CalibrationRunner(CalibrationRunnerOptions options, Store* store, SessionCoordinator* coordinator,
                     SolveFunction solve);
   absl::Status QueueUnfinished();
+  // Sessions that those named continue, and that those continue, behind them.
+  absl::Status AddContinuedSessions(std::vector<std::string>* session_ids) const;
   // The first job of the queue; none: it was cancelled.
   void RunNext();
   void RunJob(const Job& job);

@@ -73,6 +73,7 @@ void SessionCoordinator::Activate(const Session& session) {
     std::lock_guard lock(mutex_);
     active_.insert_or_assign(session.id, session);
   }
+  ++change_count_;
   PostFinishCheck(session.id);
   if (session.state == SessionState::kDraining) {
     PostDeadline(session.id, DrainTimeLeft(session, UtcNowNs(options_.utc_now_ns)));
@@ -83,6 +84,10 @@ void SessionCoordinator::Activate(const Session& session) {
 absl::StatusOr<Session> SessionCoordinator::CreateSession(Session session) {
   RIGCAL_RETURN_IF_ERROR(ValidateNewSession(session, options_.max_cameras_per_session));
   std::lock_guard change(change_mutex_);
+  if (!session.continues.empty()) {
+    RIGCAL_ASSIGN_OR_RETURN(const Session earlier, store_->GetSession(session.continues));
+    RIGCAL_RETURN_IF_ERROR(CheckContinues(session, earlier));
+  }
   if (contexts_.size() >= options_.max_sessions) {
     return absl::ResourceExhaustedError(absl::StrCat("there are ", contexts_.size(),
                                                      " sessions, which is the limit; delete some, "
@@ -95,6 +100,7 @@ absl::StatusOr<Session> SessionCoordinator::CreateSession(Session session) {
   });
   RIGCAL_ASSIGN_OR_RETURN(session, store_->CreateSession(std::move(session)));
   contexts_.Put(session);
+  ++change_count_;
   return session;
 }
 
@@ -104,7 +110,9 @@ absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
   if (session.state == SessionState::kCapturing) return session;
   if (session.state != SessionState::kCreated) {
     return absl::FailedPreconditionError(absl::StrCat(
-        "session '", session.id, "' cannot start: it has been stopped already; create a new one"));
+        "session '", session.id, "' cannot start: it has been stopped already and is ",
+        StateSince(session), session.stop_reason.empty() ? "" : " (", session.stop_reason,
+        session.stop_reason.empty() ? "" : ")", "; create a new one"));
   }
   const auto connected = directory_->ConnectedCameras(session.rig);
   RIGCAL_ASSIGN_OR_RETURN(session.cameras,
@@ -125,8 +133,8 @@ absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
   return session;
 }
 
-absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id,
-                                                        double drain_timeout_s) {
+absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id, double drain_timeout_s,
+                                                        std::string_view reason) {
   RIGCAL_ASSIGN_OR_RETURN(const double timeout_s, DrainTimeout(drain_timeout_s));
   std::lock_guard change(change_mutex_);
   RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
@@ -135,6 +143,7 @@ absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id,
         absl::StrCat("session '", session.id, "' cannot be stopped: it has not been started"));
   }
   if (session.state != SessionState::kCapturing) return session;
+  session.stop_reason = reason;
   session.state = SessionState::kDraining;
   session.stop_utc_ns = UtcNowNs(options_.utc_now_ns);
   session.drain_deadline_utc_ns = session.stop_utc_ns + static_cast<int64_t>(timeout_s * 1e9);
@@ -148,7 +157,8 @@ absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id,
         [link = camera.link, session_id = session.id] { link->SendStopCapture(session_id); });
   }
   Activate(session);
-  spdlog::info("session {}: draining, at most {} s", session.id, timeout_s);
+  spdlog::info("session {}: draining, at most {} s{}{}", session.id, timeout_s,
+               session.stop_reason.empty() ? "" : "; ", session.stop_reason);
   return session;
 }
 
@@ -158,6 +168,7 @@ absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
   if (absl::IsDataLoss(stored.status())) {
     contexts_.Remove(id).IgnoreError();  // it is there if the damage is new
     RIGCAL_RETURN_IF_ERROR(store_->DeleteSession(id));
+    ++change_count_;
     changes_.Notify(id);
     spdlog::info("session {}: deleted; its record was damaged", id);
     return absl::OkStatus();
@@ -175,6 +186,7 @@ absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
     contexts_.Put(session);
     return status;
   }
+  ++change_count_;
   changes_.Notify(id);
   spdlog::info("session {}: deleted", session.id);
   return absl::OkStatus();
@@ -381,6 +393,7 @@ void SessionCoordinator::FinishIfEnded(const std::string& id, bool overdue) {
     std::lock_guard lock(mutex_);
     active_.erase(id);
   }
+  ++change_count_;
   changes_.Notify(id);
   if (session.missing_cameras.empty()) {
     spdlog::info("session {}: finished, every camera has ended", id);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -72,8 +73,9 @@ class SessionCoordinator {
   // --- Sessions; errors as in rigcal/v1/session.proto ---
   absl::StatusOr<Session> CreateSession(Session session);
   absl::StatusOr<Session> StartSession(std::string_view id);
-  // 0: 10 s.
-  absl::StatusOr<Session> StopSession(std::string_view id, double drain_timeout_s);
+  // `drain_timeout_s` 0: 10 s. `reason`: why, where no person stops it; see Session::stop_reason.
+  absl::StatusOr<Session> StopSession(std::string_view id, double drain_timeout_s,
+                                      std::string_view reason = {});
   absl::Status DeleteSession(std::string_view id);
   // The observations of a finished session; its counts stay. FAILED_PRECONDITION: it has not
   // finished, or somebody reads it.
@@ -87,6 +89,10 @@ class SessionCoordinator {
   absl::StatusOr<SessionHold> HoldSessions(const std::vector<std::string>& ids);
   size_t SessionCount() const { return contexts_.size(); }
   size_t CapturingCount() const;
+  // Those that capture or drain, by id.
+  std::vector<Session> ActiveSessions() const;
+  // Grows whenever a session is created, changes its state or is deleted; not with its counts.
+  uint64_t ChangeCount() const { return change_count_.load(); }
 
   // --- Agents ---
   struct AgentConnection {
@@ -116,7 +122,6 @@ class SessionCoordinator {
   SessionCoordinator(SessionCoordinatorOptions options, Store* store, AgentDirectory* directory);
   absl::Status Load();
   void Activate(const Session& session);
-  std::vector<Session> ActiveSessions() const;
   void SendOrders(const Session& session, std::vector<CaptureOrder> orders);
   // Tells the agent of a stream whose session has finished to stop, once per connection.
   void StopLateCapture(const StreamKey& stream);
@@ -127,6 +132,7 @@ class SessionCoordinator {
   void FinishIfEnded(const std::string& id, bool overdue);
 
   const SessionCoordinatorOptions options_;
+  std::atomic<uint64_t> change_count_ = 0;
   Store* const store_;
   AgentDirectory* const directory_;
   const CaptureOrders orders_;

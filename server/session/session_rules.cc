@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "absl/time/time.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
 #include "common/status/validate_name.h"
@@ -29,6 +30,17 @@ std::string QuotedList(const std::vector<std::string>& names) {
   return absl::StrJoin(names, ", ", [](std::string* out, const std::string& name) {
     absl::StrAppend(out, "'", name, "'");
   });
+}
+
+void CheckGoal(const SessionGoal& goal, FaultList* faults) {
+  if (!(goal.until_mm > 0 && goal.until_mm <= SessionGoal::kMaxUntilMm)) {
+    faults->Add("goal.until_mm is ", goal.until_mm, "; it must be above 0 and at most ",
+                SessionGoal::kMaxUntilMm, " mm");
+  }
+  if (!(goal.min_duration_s >= 0 && goal.min_duration_s <= SessionGoal::kMaxMinDurationS)) {
+    faults->Add("goal.min_duration is ", goal.min_duration_s, " s; it must be 0 to ",
+                SessionGoal::kMaxMinDurationS, " s");
+  }
 }
 
 }  // namespace
@@ -56,6 +68,10 @@ absl::Status ValidateNewSession(const Session& session, size_t max_cameras) {
     if (!names.insert(camera.description.camera).second) {
       faults.Add("camera '", camera.description.camera, "' is named or described twice");
     }
+  }
+  if (session.goal) CheckGoal(*session.goal, &faults);
+  if (!session.continues.empty()) {
+    faults.Add(ValidateName("id of the continued session", session.continues));
   }
   RIGCAL_RETURN_IF_ERROR(faults.Result());
   const size_t count = session.requested_cameras.size() + session.cameras.size();
@@ -105,12 +121,54 @@ absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session
       if (camera.agent_id.empty() || other.FindCamera(camera.description.camera) == nullptr) {
         continue;
       }
-      return absl::FailedPreconditionError(absl::StrCat(
-          "session '", starting.id, "' cannot start: camera '", starting.rig, "/",
-          camera.description.camera, "' captures for session '", other.id, "'; stop that first"));
+      return absl::FailedPreconditionError(
+          absl::StrCat("session '", starting.id, "' cannot start: camera '", starting.rig, "/",
+                       camera.description.camera, "' takes part in session '", other.id,
+                       "', which is ", StateSince(other), "; stop that first"));
     }
   }
   return absl::OkStatus();
+}
+
+absl::Status CheckContinues(const Session& session, const Session& earlier) {
+  const auto fault = [&](const std::string& why) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the new session cannot continue session '", earlier.id, "': ", why));
+  };
+  if (earlier.state != SessionState::kFinished) {
+    return fault(absl::StrCat("it is ", StateSince(earlier), "; wait until it has finished"));
+  }
+  if (earlier.rig != session.rig) {
+    return fault(absl::StrCat("that was of rig '", earlier.rig, "', not of '", session.rig, "'"));
+  }
+  if (!(earlier.target == session.target)) {
+    return fault(absl::StrCat("its target was ", FormatTarget(earlier.target), ", not ",
+                              FormatTarget(session.target)));
+  }
+  if (earlier.observations_delete_utc_ns != 0) {
+    return fault("its observations have been deleted");
+  }
+  return absl::OkStatus();
+}
+
+std::string StateSince(const Session& session) {
+  const auto since = [](const char* state, int64_t utc_ns) {
+    return absl::StrCat(
+        state, utc_ns == 0 ? ""
+                           : absl::FormatTime(" since %Y-%m-%d %H:%M:%S UTC",
+                                              absl::FromUnixNanos(utc_ns), absl::UTCTimeZone()));
+  };
+  switch (session.state) {
+    case SessionState::kCreated:
+      return since("created, not started,", session.create_utc_ns);
+    case SessionState::kCapturing:
+      return since("capturing", session.start_utc_ns);
+    case SessionState::kDraining:
+      return since("draining", session.stop_utc_ns);
+    case SessionState::kFinished:
+      return since("finished", session.finish_utc_ns);
+  }
+  return "in an unknown state";
 }
 
 absl::StatusOr<double> DrainTimeout(double asked_s) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -12,7 +13,7 @@
 
 namespace rigcal::server {
 
-// Checks a new session: names, target, cameras described by hand. INVALID_ARGUMENT
+// Checks a new session: names, target, cameras described by hand, goal. INVALID_ARGUMENT
 // lists every fault. RESOURCE_EXHAUSTED: more than `max_cameras` cameras.
 absl::Status ValidateNewSession(const Session& session, size_t max_cameras);
 
@@ -27,6 +28,13 @@ absl::StatusOr<std::vector<SessionCamera>> ChooseCameras(
 
 // FAILED_PRECONDITION when a camera of `starting` captures for one of `active` already; names both.
 absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session> active);
+
+// Checks that `session` can go on with `earlier`. FAILED_PRECONDITION: that one has not finished,
+// its observations were deleted, or it has another rig or target.
+absl::Status CheckContinues(const Session& session, const Session& earlier);
+
+// For messages: "capturing since 2026-01-02 03:04:05 UTC".
+std::string StateSince(const Session& session);
 
 // The drain time: as asked for, or the default for 0. INVALID_ARGUMENT: negative, not finite
 // or above the limit of 600 s.

@@ -20,6 +20,7 @@ namespace {
 int RunProgram(int argc, char** argv) {
   pid_t parent = 0;
   uint64_t memory_bytes = 0;
+  bool estimate = false;
   CLI::App app(
       "Runs one solve for rigcal-server, which starts it: reads the observations from standard\n"
       "input and writes progress and result to standard output.");
@@ -27,6 +28,7 @@ int RunProgram(int argc, char** argv) {
   app.add_option("--parent", parent, "Process to end with")->type_name("PID");
   app.add_option("--memory", memory_bytes, "Limit of the solve's memory; 0: none")
       ->type_name("BYTES");
+  app.add_flag("--estimate", estimate, "Make a running estimate instead of a calibration");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -35,7 +37,10 @@ int RunProgram(int argc, char** argv) {
   signal(SIGPIPE, SIG_IGN);
   absl::Status status = ApplyWorkerLimits(parent, memory_bytes);
   std::set_new_handler(EndOutOfMemory);
-  if (status.ok()) status = RunWorker(STDIN_FILENO, STDOUT_FILENO);
+  if (status.ok()) {
+    status = estimate ? RunEstimateWorker(STDIN_FILENO, STDOUT_FILENO)
+                      : RunWorker(STDIN_FILENO, STDOUT_FILENO);
+  }
   if (status.ok()) return 0;
   if (absl::IsResourceExhausted(status)) return kWorkerOutOfMemory;
   std::fprintf(stderr, "rigcal-worker: %s\n", std::string(status.message()).c_str());

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/worker/solve_input.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <string>
 #include <utility>
 
@@ -14,11 +10,11 @@
 #include "common/wire/calibration_wire.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/observation_wire.h"
+#include "server/worker/message_reader.h"
 
 namespace rigcal::server {
 namespace {
 
-constexpr size_t kReadBytes = size_t{1} << 18;
 // A header may claim any number of rows; no more are reserved than this much input could hold.
 constexpr uint64_t kMaxReservedRows = uint64_t{1} << 31;
 
@@ -111,25 +107,9 @@ absl::Status SolveInputWriter::End(const std::vector<Refusal>& refused) {
 
 absl::StatusOr<SolveInput> ReadSolveInput(int descriptor) {
   InputBuilder builder;
-  MessageCutter cutter;
   worker::v1::SolveInput message;
-  std::string bytes(kReadBytes, '\0');
-  while (true) {
-    const ssize_t count = read(descriptor, bytes.data(), bytes.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) {
-      return absl::UnavailableError(
-          absl::StrCat("the input of the solve cannot be read: ", strerror(errno)));
-    }
-    if (count == 0) break;
-    cutter.Add(bytes.data(), static_cast<size_t>(count));
-    while (true) {
-      RIGCAL_ASSIGN_OR_RETURN(const bool complete, cutter.Next(&message));
-      if (!complete) break;
-      RIGCAL_RETURN_IF_ERROR(builder.Add(message));
-    }
-  }
-  if (!builder.complete() || !cutter.empty()) return CutOff("it ends too early");
+  RIGCAL_RETURN_IF_ERROR(ReadMessages(descriptor, &message, [&] { return builder.Add(message); }));
+  if (!builder.complete()) return CutOff("it ends too early");
   return builder.Take();
 }
 

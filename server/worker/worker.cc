@@ -12,6 +12,8 @@
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_wire.h"
 #include "server/solve/calibrate.h"
+#include "server/solve/running/running_estimate.h"
+#include "server/worker/estimate_messages.h"
 #include "server/worker/solve_input.h"
 
 namespace rigcal::server {
@@ -78,6 +80,17 @@ absl::Status RunWorker(int in, int out) {
   CalibrationOutcome outcome = Calibrate(std::move(task.input), task.options, hooks);
   if (absl::IsResourceExhausted(outcome.result.status())) return outcome.result.status();
   RIGCAL_RETURN_IF_ERROR(writer.Write(OutcomeMessage(std::move(outcome))));
+  return writer.Flush();
+}
+
+absl::Status RunEstimateWorker(int in, int out) {
+  RIGCAL_ASSIGN_OR_RETURN(RunningInput input, ReadEstimateInput(in));
+  const RunningOutcome outcome = EstimateNow(std::move(input));
+  if (absl::IsResourceExhausted(outcome.problem)) return outcome.problem;
+  worker::v1::EstimateOutput message = ToProto(outcome);
+  message.set_peak_memory_bytes(PeakMemoryBytes());
+  MessageWriter writer(out);
+  RIGCAL_RETURN_IF_ERROR(writer.Write(message));
   return writer.Flush();
 }
 

@@ -13,4 +13,7 @@ inline constexpr int kWorkerOutOfMemory = 12;
 // errors are those of the two descriptors, and RESOURCE_EXHAUSTED where memory ran out.
 absl::Status RunWorker(int in, int out);
 
+// The same for one running estimate (rigcal/worker/v1/estimate.proto).
+absl::Status RunEstimateWorker(int in, int out);
+
 }  // namespace rigcal::server

@@ -60,7 +60,7 @@ TEST(IncludeRules, InnerLayersStayInside) {
   EXPECT_THAT(ForbiddenBecause("server/solve/calibrate.cc", "fstream"), HasSubstr("no files"));
   EXPECT_THAT(ForbiddenBecause("agent/capture/x.cc", "grpcpp/grpcpp.h"), HasSubstr("gRPC"));
   EXPECT_THAT(ForbiddenBecause("server/ingest/x.cc", "SQLiteCpp/SQLiteCpp.h"), HasSubstr("SQL"));
-  EXPECT_THAT(ForbiddenBecause("server/live/x.cc", "common/wire/camera_wire.h"),
+  EXPECT_THAT(ForbiddenBecause("server/elsewhere/x.cc", "common/wire/camera_wire.h"),
               HasSubstr("no rule yet"));
 }
 

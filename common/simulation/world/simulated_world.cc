@@ -87,10 +87,14 @@ double SimulatedWorld::FrameRigTime(int camera, int index) const {
 }
 
 Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is_outlier) const {
+  return ObserveWand(camera, index, WandAt(FrameRigTime(camera, index)), is_outlier);
+}
+
+Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& wand,
+                                        std::vector<bool>* is_outlier) const {
   const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
   const uint64_t frame_key[2] = {static_cast<uint64_t>(camera), static_cast<uint64_t>(index)};
   const double rig_time_s = FrameRigTime(camera, index);
-  const WandPose wand = WandAt(rig_time_s);
   const ImageSize& size = c.description.image_size_px;
   const double sigma_px = std::max(options_.noise_px, kMinSigmaPx);
   const bool in_gap = options_.InGap(rig_time_s);

@@ -64,6 +64,9 @@ class SimulatedWorld {
   // Frame `index` of a camera: noisy, with outliers, dropouts and flipped labels; empty where the
   // wand is outside the image. `is_outlier`, if given, says which markers were put anywhere.
   Observation Observe(int camera, int index, std::vector<bool>* is_outlier = nullptr) const;
+  // The same with the wand at a place of the caller's choice.
+  Observation ObserveWand(int camera, int index, const WandPose& wand,
+                          std::vector<bool>* is_outlier = nullptr) const;
   // Rig time at which frame `index` was truly taken.
   double FrameRigTime(int camera, int index) const;
   // A reading of the camera's clock beside the frame; the host's UTC is the rig time.

@@ -11,5 +11,6 @@ Experiment Consistency();
 Experiment Crb();
 Experiment Real();
 Experiment Robustness();
+Experiment UntilMm();
 
 }  // namespace rigcal::accuracy

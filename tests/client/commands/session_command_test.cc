@@ -51,6 +51,41 @@ TEST_F(SessionCommand, CreateSendsEverything) {
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("wave"), HasSubstr("created")));
 }
 
+TEST_F(SessionCommand, CreateSendsTheGoal) {
+  const auto create = [&](std::vector<std::string> more) {
+    std::vector<std::string> arguments = {"session", "create", "--target", "wand:0,1"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Rigcal(arguments);
+  };
+  ASSERT_EQ(create({"--until-mm", "0.5", "--min-seconds", "30", "--continue", "before"}).exit_code,
+            0);
+  EXPECT_EQ(fake_.created_session.goal().until_mm(), 0.5);
+  EXPECT_EQ(fake_.created_session.goal().min_duration().seconds(), 30);
+  EXPECT_EQ(fake_.created_session.continues(), "before");
+  ASSERT_EQ(create({"--until-mm", "2"}).exit_code, 0);
+  EXPECT_FALSE(fake_.created_session.goal().has_min_duration());
+  ASSERT_EQ(create({}).exit_code, 0);
+  EXPECT_FALSE(fake_.created_session.has_goal());
+  for (const char* bad : {"0", "-1", "nan", "1001", "x"}) {
+    EXPECT_EQ(create({"--until-mm", bad}).exit_code, 2) << bad;
+  }
+  EXPECT_EQ(create({"--min-seconds", "3"}).exit_code, 2);
+}
+
+TEST_F(SessionCommand, TellsWhoStopsSecond) {
+  {
+    const std::lock_guard lock(fake_.mutex);
+    v1::Session session = FullSession();
+    session.set_id("wave");
+    session.set_state(v1::Session::STATE_DRAINING);
+    session.set_stop_reason("the expected error is 0.46 mm");
+    fake_.sessions["wave"] = session;
+  }
+  EXPECT_THAT(Rigcal({"session", "stop", "wave"}).err,
+              AllOf(HasSubstr("session wave had been stopped already, at "),
+                    HasSubstr("the expected error is 0.46 mm")));
+}
+
 TEST_F(SessionCommand, CreateWithStartStarts) {
   const CommandOutcome outcome =
       Rigcal({"session", "create", "--target", "wand:0,1", "--start", "-o", "json"});

@@ -44,7 +44,7 @@ TEST_F(ServerConfigTest, TheSampleShowsTheDefaults) {
     keys += line.find(" = ") != std::string::npos ? 1 : 0;
     text += (line.substr(0, 1) == "#" ? line.substr(1) : line) + "\n";
   }
-  EXPECT_EQ(keys, 24);
+  EXPECT_EQ(keys, 25);
   ASSERT_OK_AND_ASSIGN(const ServerConfig config, Read(text));
   EXPECT_EQ(config.listen, ServerConfig().listen);
   EXPECT_EQ(config.log_level, ServerConfig().log_level);
@@ -59,6 +59,9 @@ TEST_F(ServerConfigTest, TakesEveryKey) {
 listen = "[::1]:0"
 data_dir = "data"
 log_level = "debug"
+[https]
+listen = "[::1]:7"
+hosts = "rig.lab.org, rig"
 [tls]
 loopback = true
 [discovery]
@@ -103,6 +106,8 @@ delete_calibrated = true
                               .max_connections_per_address = 12,
                               .disk_reserve_mb = 13};
   EXPECT_EQ(config.limits, expected);
+  EXPECT_EQ(config.https.listen, "[::1]:7");
+  EXPECT_EQ(config.https.hosts, "rig.lab.org, rig");
   EXPECT_TRUE(config.tls.loopback);
   EXPECT_TRUE(config.discovery.mdns);
   const RetentionConfig retention{.max_age_days = 14, .max_size_mb = 15, .delete_calibrated = true};

@@ -100,11 +100,6 @@ TEST_F(HttpServer, SurvivesGarbage) {
     SendOverTls(port(), bytes + "\r\n\r\n");
     RawSocket(port()).Send(bytes);
   }
-  bool closed = false;
-  const RawSocket plain(port());
-  plain.Send("GET /healthz HTTP/1.1\r\nHost: a\r\n\r\n");
-  EXPECT_THAT(plain.ReadToEnd(20, &closed), ::testing::Not(HasSubstr("200")));
-  EXPECT_TRUE(closed) << "HTTP without TLS is not served";
   ExpectHealthy();
 }
 
@@ -123,6 +118,71 @@ TEST_F(HttpServer, AnswersBadBodiesWithWhatIsWrong) {
     EXPECT_THAT(answer->body, HasSubstr("INVALID_ARGUMENT"));
     EXPECT_THAT(answer->body, HasSubstr("secret"));
   }
+}
+
+TEST_F(HttpServer, ServesThisMachineWithoutTlsOnTheSamePort) {
+  StartServer();
+  const RawSocket plain(port());
+  plain.Send(Plain("GET /healthz"));
+  const std::string answer = plain.ReadToEnd(20);
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 200"));
+  EXPECT_THAT(answer, HasSubstr("\r\n\r\nok\n"));
+  ExpectHealthy();
+}
+
+TEST_F(HttpServer, SendsOthersWithoutTlsToHttps) {
+  http_options_.plain_loopback = false;  // this machine is as any other
+  StartServer();
+  const RawSocket read(port());
+  read.Send(Plain("GET /v1/ca?x=1"));
+  const std::string answer = read.ReadToEnd(20);
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 308"));
+  EXPECT_THAT(answer, HasSubstr("Location: https://a/v1/ca?x=1\r\n"));
+  EXPECT_THAT(answer, ::testing::Not(HasSubstr("CERTIFICATE")));
+  const RawSocket write(port());
+  write.Send(Plain("POST /v1/enrol", "Content-Length: 2\r\n", "{}"));
+  EXPECT_THAT(write.ReadToEnd(20), StartsWith("HTTP/1.1 403"));
+  ExpectHealthy();
+}
+
+TEST_F(HttpServer, KeepsConnectionsAndTellsWhoExpectsToGoOn) {
+  StartServer();
+  const std::string get = "GET /healthz HTTP/1.1\r\nHost: a\r\n\r\n";
+  const RawSocket socket(port());
+  socket.Send(get + get + "HEAD /healthz HTTP/1.1\r\nHost: a\r\n\r\n" +
+              Plain("POST /v1/enrol", "Content-Length: 2\r\nExpect: 100-continue\r\n", "{}"));
+  const std::string answer = socket.ReadToEnd(20);
+  const auto count = [&answer](const std::string& text) {
+    int found = 0;
+    for (size_t at = answer.find(text); at != std::string::npos; at = answer.find(text, at + 1)) {
+      ++found;
+    }
+    return found;
+  };
+  EXPECT_EQ(count("HTTP/1.1 200 OK"), 3);
+  EXPECT_EQ(count("\r\n\r\nok\n"), 2) << "HEAD has no body";
+  EXPECT_EQ(count("HTTP/1.1 100 Continue"), 1);
+  EXPECT_EQ(count("HTTP/1.1 400"), 1);
+}
+
+TEST_F(HttpServer, MakesRoomAmongThoseWhoHaveAskedNothing) {
+  http_options_.max_connections_per_address = 8;
+  StartServer();
+  const RawSocket asks(port());
+  asks.Send("GET /healthz HTTP/1.1\r\nHost: a\r\n\r\n");
+  // Its first answer is on the way once another connection has got one.
+  ExpectHealthy();
+  ExpectHealthy();
+  std::vector<std::unique_ptr<RawSocket>> slow;
+  for (int i = 0; i < 100; ++i) {
+    slow.push_back(std::make_unique<RawSocket>(port()));
+    slow.back()->Send("G");
+  }
+  bool closed = false;
+  slow[0]->ReadToEnd(30, &closed);
+  EXPECT_TRUE(closed);
+  asks.Send(Plain("GET /healthz"));
+  EXPECT_THAT(asks.ReadToEnd(20), HasSubstr("ok\n")) << "it was dropped for them";
 }
 
 TEST_F(HttpServer, IsNotHeldUpBySlowSockets) {

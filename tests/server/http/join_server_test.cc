@@ -7,6 +7,7 @@
 #include <atomic>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "absl/strings/escaping.h"
 #include "common/enrolment/renewal_thread.h"
@@ -108,17 +109,18 @@ TEST_F(JoinServer, SendsNothingToAServerThatOnlyShowsTheCa) {
   TemporaryDirectory data;
   ASSERT_THAT(server::EnsureServerIdentity(data.path(), {"127.0.0.1"}), IsOk());
   std::atomic<int> enrolments = 0;
-  server::HttpServer thief({.listen_address = "127.0.0.1:0",
-                            .certificate_file = data.path() / "identity" / "server.crt",
-                            .key_file = data.path() / "identity" / "server.key"},
-                           {{"GET", "/v1/ca",
-                             [this](const server::HttpRequest&) {
-                               return server::HttpResponse{.body = authority().ca_pem()};
-                             }},
-                            {"POST", "/v1/enrol", [&](const server::HttpRequest&) {
-                               ++enrolments;
-                               return server::HttpResponse{};
-                             }}});
+  server::HttpServer thief(
+      {.listen_address = "127.0.0.1:0",
+       .certificate_file = data.path() / "identity" / "server.crt",
+       .key_file = data.path() / "identity" / "server.key"},
+      std::vector<server::HttpRoute>{{"GET", "/v1/ca",
+                                      [this](const server::HttpRequest&) {
+                                        return server::HttpResponse{.body = authority().ca_pem()};
+                                      }},
+                                     {"POST", "/v1/enrol", [&](const server::HttpRequest&) {
+                                        ++enrolments;
+                                        return server::HttpResponse{};
+                                      }}});
   ASSERT_OK_AND_ASSIGN(const int port, thief.Start());
   join.https_port = static_cast<uint16_t>(port);
   EXPECT_THAT(rigcal::JoinServer(join, "pc-1"),
@@ -136,9 +138,9 @@ TEST_F(JoinServer, SendsNothingToAnAgentThatPlaysTheServer) {
   const auto key = data.WriteFile("agent.key", agent.key_pem);
   server::HttpServer thief(
       {.listen_address = "127.0.0.1:0", .certificate_file = certificate, .key_file = key},
-      {{"GET", "/v1/ca", [this](const server::HttpRequest&) {
-          return server::HttpResponse{.body = authority().ca_pem()};
-        }}});
+      std::vector<server::HttpRoute>{{"GET", "/v1/ca", [this](const server::HttpRequest&) {
+                                        return server::HttpResponse{.body = authority().ca_pem()};
+                                      }}});
   ASSERT_OK_AND_ASSIGN(const int port, thief.Start());
   rigcal::JoinString join = MakeJoin();
   join.https_port = static_cast<uint16_t>(port);

@@ -56,9 +56,14 @@ class IngestTest : public ::testing::Test {
 
   void Create(const IngestOptions& options) {
     ingest_ = std::make_unique<Ingest>(
-        options, &store_, ContextOf, [this](const StreamKey& stream, const AppendOutcome& outcome) {
+        options, &store_, ContextOf,
+        [this](const StreamKey& stream, const AppendOutcome& outcome) {
           const std::lock_guard lock(mutex_);
           progress_.emplace_back(stream, outcome);
+        },
+        [this](const Delivery& delivery, const AppendOutcome& outcome) {
+          const std::lock_guard lock(mutex_);
+          delivered_.emplace_back(delivery.batch.rows(), outcome.stored_rows);
         });
   }
 
@@ -90,6 +95,7 @@ class IngestTest : public ::testing::Test {
   std::mutex mutex_;
   std::vector<absl::StatusOr<BatchAck>> answers_;
   std::vector<std::pair<StreamKey, AppendOutcome>> progress_;
+  std::vector<std::pair<size_t, uint32_t>> delivered_;  // rows, and those that were new
   std::atomic<int> space_calls_ = 0;
   std::unique_ptr<Ingest> ingest_;
 };
@@ -135,6 +141,11 @@ TEST_F(IngestTest, PutsWhatQueuedUpDuringACommitIntoTheNext) {
   EXPECT_EQ(progress_[1].first, KeyOf("a"));
   EXPECT_EQ(progress_[1].second.durable_seq, 40u);
   EXPECT_EQ(progress_[1].second.stored_rows, 40u);
+  // Each delivery by itself.
+  ASSERT_EQ(delivered_.size(), 11u);
+  for (size_t i = 1; i < delivered_.size(); ++i) {
+    EXPECT_EQ(delivered_[i], (std::pair<size_t, uint32_t>(4, 4)));
+  }
 }
 
 TEST_F(IngestTest, LimitsACommit) {

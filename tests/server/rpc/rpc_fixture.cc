@@ -17,11 +17,16 @@ void RpcFixture::SetUp() {
 }
 
 void RpcFixture::OpenServer() {
+  live_ = std::make_unique<server::LiveTracker>(server::LiveTrackerOptions{}, faulty_.get(),
+                                                directory_of_agents_.get(), coordinator_.get());
   ingest_ = std::make_unique<server::Ingest>(
       ingest_options_, faulty_.get(),
       [this](const StreamKey& stream) { return coordinator_->contexts().GetStreamContext(stream); },
       [this](const StreamKey& stream, const server::AppendOutcome& outcome) {
         coordinator_->RecordProgress(stream, outcome);
+      },
+      [this](const server::Delivery& delivery, const server::AppendOutcome& outcome) {
+        live_->RecordDelivery(delivery, outcome);
       });
   ingest_->Start();
   rpc_ = std::make_unique<server::RpcServer>(
@@ -32,7 +37,8 @@ void RpcFixture::OpenServer() {
                                            .runner = runner_.get(),
                                            .registry = registry_.get(),
                                            .audit = audit_.get(),
-                                           .identities = identities_.get()});
+                                           .identities = identities_.get(),
+                                           .live = live_.get()});
   ASSERT_OK_AND_ASSIGN(port_, rpc_->Start());
   channel_ = rpc_->InProcessChannel();
 }
@@ -41,6 +47,7 @@ void RpcFixture::CloseServer() {
   channel_.reset();
   rpc_.reset();
   ingest_.reset();
+  live_.reset();
 }
 
 void RpcFixture::TearDown() {

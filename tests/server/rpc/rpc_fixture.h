@@ -12,6 +12,7 @@
 #include "rigcal/v1/session_service.grpc.pb.h"
 #include "rigcal/v1/status_service.grpc.pb.h"
 #include "server/ingest/ingest.h"
+#include "server/live/live_tracker.h"
 #include "server/rpc/rpc_server.h"
 #include "tests/server/rpc/test_agent.h"
 #include "tests/server/session/runner_fixture.h"
@@ -45,6 +46,8 @@ class RpcFixture : public RunnerFixture {
   std::unique_ptr<server::IdentityAuthority> identities_;
   std::unique_ptr<server::AgentRegistry> registry_;
   std::unique_ptr<server::AuditLog> audit_;
+  // Makes the live state when a test calls Update; its own thread does not run.
+  std::unique_ptr<server::LiveTracker> live_;
   std::unique_ptr<server::Ingest> ingest_;
   std::unique_ptr<server::RpcServer> rpc_;
   int port_ = 0;

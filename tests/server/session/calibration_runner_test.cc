@@ -64,6 +64,28 @@ TEST_F(CalibrationRunner, RefusesWhatCannotBeCalibrated) {
   EXPECT_THAT(coordinator().DeleteSession("wave"), IsOk());
 }
 
+TEST_F(CalibrationRunner, TakesWhatASessionContinues) {
+  FinishByHand("one", {"left", "right"});
+  for (const auto& [id, continued] : {std::pair("two", "one"), std::pair("three", "two")}) {
+    Session session = NewSession(id);
+    for (const char* camera : {"left", "right"})
+      session.cameras.push_back({MakeCamera(camera), ""});
+    session.continues = continued;
+    ASSERT_THAT(coordinator().CreateSession(session), IsOk());
+    ASSERT_THAT(coordinator().StartSession(id), IsOk());
+    ASSERT_THAT(coordinator().StopSession(id, 0.001), IsOk());
+    AwaitFinished(id);
+  }
+  ASSERT_OK_AND_ASSIGN(Calibration calibration, runner().CreateCalibration({"three"}, {}));
+  EXPECT_THAT(calibration.session_ids, ::testing::ElementsAre("three", "two", "one"));
+  ASSERT_OK_AND_ASSIGN(calibration, runner().CreateCalibration({"one", "three"}, {}));
+  EXPECT_THAT(calibration.session_ids, ::testing::ElementsAre("one", "three", "two"));
+  Session session = NewSession("four");
+  session.continues = "nobody";
+  EXPECT_THAT(coordinator().CreateSession(session),
+              StatusIs(absl::StatusCode::kNotFound, ::testing::HasSubstr("nobody")));
+}
+
 TEST_F(CalibrationRunner, QueueIsBounded) {
   runner_options_.max_queued = 1;
   RestartAll();

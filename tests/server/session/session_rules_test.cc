@@ -44,6 +44,49 @@ TEST(ValidateNewSession, ListsEveryFaultAtOnce) {
                              HasSubstr("5000 bytes"), HasSubstr("position"))));
 }
 
+TEST(ValidateNewSession, ChecksTheGoal) {
+  Session session = NewSession("p");
+  session.goal = SessionGoal{.until_mm = 0.5};
+  EXPECT_THAT(server::ValidateNewSession(session, 10), IsOk());
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const double until_mm : {0.0, -1.0, 1001.0, kNan, kInfinity}) {
+    session.goal = SessionGoal{.until_mm = until_mm};
+    EXPECT_THAT(server::ValidateNewSession(session, 10),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("goal.until_mm is")));
+  }
+  for (const double min_s : {-1.0, 1e9, kNan}) {
+    session.goal = SessionGoal{.until_mm = 1, .min_duration_s = min_s};
+    EXPECT_THAT(server::ValidateNewSession(session, 10),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("goal.min_duration is")));
+  }
+}
+
+TEST(ContinuedSession, IsFinishedAndOfTheSameRigAndTarget) {
+  const Session session = NewSession("next");
+  Session earlier = NewSession("wave");
+  earlier.state = SessionState::kFinished;
+  EXPECT_THAT(server::CheckContinues(session, earlier), IsOk());
+  const auto refuses = [&](const Session& other, const char* why) {
+    EXPECT_THAT(server::CheckContinues(session, other),
+                StatusIs(absl::StatusCode::kFailedPrecondition,
+                         AllOf(HasSubstr("session 'wave'"), HasSubstr(why))));
+  };
+  Session other = earlier;
+  other.state = SessionState::kCapturing;
+  other.start_utc_ns = 1'800'000'000'000'000'000;
+  refuses(other, "capturing since 2027-01-15 08:00:00 UTC");
+  other = earlier;
+  other.rig = "lab";
+  refuses(other, "'lab'");
+  other = earlier;
+  other.target.marker_positions_m = {0, 1};
+  refuses(other, "target");
+  other = earlier;
+  other.observations_delete_utc_ns = 1;
+  refuses(other, "deleted");
+}
+
 TEST(ValidateNewSession, TakesAPointOfOneMarkerOnly) {
   Session session = NewSession("p");
   session.target.kind = TargetKind::kPoint;

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+import type { JSX } from 'preact';
+import { useEffect, useRef, useState } from 'preact/hooks';
+import { timeMs, toCount } from '../api/json_values';
+import { ApiError, getPreview, listAgents } from '../api/server_api';
+import type { Agent, CameraDescription, LiveCamera } from '../api/types';
+import { useFeed } from '../shell/feed_context';
+import { Chip, Meter, Panel, Problem } from '../shell/parts';
+import { hashOf } from '../shell/route';
+import { useLoaded } from '../shell/use_async';
+import { bytes, count, dateTime, fixed, missing, seconds, span } from '../view/format';
+import { cameraState } from '../wave/camera_tile';
+import { PreviewQueue } from './preview_queue';
+
+const queue = new PreviewQueue();
+
+/** A preview that renews itself while it is on the screen. */
+function Preview({ rig, camera }: { rig: string; camera: string }): JSX.Element {
+  const image = useRef<HTMLImageElement>(null);
+  const [problem, setProblem] = useState('waiting for a first image');
+  useEffect(() => {
+    const element = image.current;
+    if (!element) return undefined;
+    const key = `${rig}/${camera}`;
+    const abort = new AbortController();
+    let shown = '';
+    const load = async (): Promise<void> => {
+      if (document.visibilityState === 'hidden') return;
+      try {
+        const blob = await getPreview(rig, camera, abort.signal);
+        if (abort.signal.aborted) return;
+        const before = shown;
+        shown = URL.createObjectURL(blob);
+        element.src = shown;
+        await element.decode();
+        if (before) URL.revokeObjectURL(before);
+        setProblem('');
+      } catch (error) {
+        if (!abort.signal.aborted) setProblem(error instanceof ApiError ? error.message : 'the preview is no image');
+      }
+    };
+    const observer = new IntersectionObserver(([entry]) => {
+      if (entry?.isIntersecting) queue.add(key, load);
+      else queue.remove(key);
+    });
+    observer.observe(element);
+    return () => {
+      abort.abort();
+      observer.disconnect();
+      queue.remove(key);
+      element.removeAttribute('src');
+      if (shown) URL.revokeObjectURL(shown);
+    };
+  }, [rig, camera]);
+  return <div class="preview">
+    <img ref={image} alt={`What ${camera} sees`} class={problem === '' ? '' : 'none'} />
+    {problem !== '' && <p>{problem}</p>}
+  </div>;
+}
+
+const sensors: Record<string, string> = { SENSOR_FRAME: 'frame camera', SENSOR_EVENT: 'event camera' };
+
+function CameraCard({ live, description, rig, stale }: {
+  live: LiveCamera; description: CameraDescription | undefined; rig: string; stale: boolean;
+}): JSX.Element {
+  const [mark, word] = cameraState(live);
+  const settings = description?.settings;
+  const clock = live.clock;
+  const epochs = clock?.clock_epoch_count ?? 0;
+  return <li class="cameracard">
+    <div class="head"><h3>{live.camera}</h3><Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip></div>
+    {live.has_preview && live.state !== 'STATE_OFFLINE' ? <Preview rig={rig} camera={live.camera ?? ''} />
+      : <div class="preview nothing"><p>{live.state === 'STATE_OFFLINE' ? 'its agent is not connected' : 'this camera gives no previews'}</p></div>}
+    <dl class="facts">
+      <div class="fact"><dt>agent</dt><dd>{live.agent_id || 'given by hand'}</dd></div>
+      <div class="fact"><dt>sensor</dt><dd>{sensors[description?.sensor ?? ''] ?? missing}, {live.image_size_px?.width ?? '?'}×{live.image_size_px?.height ?? '?'}</dd></div>
+      <div class="fact"><dt>rate</dt><dd>{stale ? missing : `${fixed(live.observation_rate_hz ?? 0, 0)} Hz, ${fixed(live.wand_rate_hz ?? 0, 0)} with wand`}</dd></div>
+      <div class="fact"><dt>lens</dt><dd>{description?.intrinsics ? '✓ intrinsics given' : '▲ no intrinsics'}</dd></div>
+      <div class="fact"><dt>clock</dt><dd>{description?.clock?.clock_id ?? missing}{description?.clock?.timebase ? `, ${description.clock.timebase}` : ''}{settings?.ptp ? ', PTP' : ''}</dd></div>
+      <div class="fact"><dt>offset found</dt><dd>{clock?.time_offset_s === undefined ? missing : `${seconds(clock.time_offset_s)} ± ${seconds(clock.time_offset_sigma_s)}`}</dd></div>
+      <div class="fact"><dt>sample spread</dt><dd>{seconds(clock?.sample_spread_s)}{epochs > 1 ? ` ▲ jumped ${epochs - 1}×` : ''}</dd></div>
+      {settings && <div class="fact"><dt>settings</dt><dd>{[settings.model, settings.exposure_s ? `exposure ${seconds(settings.exposure_s)}` : '',
+        settings.gain_db ? `gain ${fixed(settings.gain_db, 1)} dB` : '', settings.frame_rate_hz ? `${fixed(settings.frame_rate_hz, 0)} Hz` : '',
+        settings.trigger ? `trigger ${settings.trigger}` : ''].filter(Boolean).join(', ')}</dd></div>}
+      <div class="fact"><dt>waiting / lost</dt><dd>{count(toCount(live.backlog_count))} / {count(toCount(live.dropped_count))}</dd></div>
+    </dl>
+  </li>;
+}
+
+function AgentRow({ agent, connected }: { agent: Agent; connected: boolean }): JSX.Element {
+  const spool = agent.spool;
+  const [used, limit] = [toCount(spool?.bytes), toCount(spool?.limit_bytes)];
+  return <tr>
+    <th scope="row">{agent.agent_id}</th>
+    <td><Chip mark={connected ? 'good' : 'bad'}>{connected ? 'connected' : 'away'}</Chip>
+      {!connected && agent.disconnect_time && <span class="hint"> since {dateTime(timeMs(agent.disconnect_time))}</span>}</td>
+    <td>{agent.host}</td><td>{agent.rig}</td><td>{agent.cameras?.length ?? 0}</td>
+    <td>{count(toCount(spool?.row_count))}</td>
+    <td>{limit > 0 ? <><Meter share={used / limit} label={`Spool of ${agent.agent_id}`} /> {bytes(used)} of {bytes(limit)}</> : missing}
+      {spool?.problem && <p class="problem">✕ {spool.problem}</p>}</td>
+    <td>{agent.software_version}</td>
+  </tr>;
+}
+
+/** PCs, cameras, clocks and the server. */
+export function RigPage(): JSX.Element {
+  const { rig, stale, status } = useFeed();
+  const agents = useLoaded('agents', (signal) => listAgents(signal), 3000);
+  const all = agents.value?.agents ?? [];
+  const connected = new Map(rig.agents.map((agent) => [agent.agent_id, agent.connected ?? false]));
+  const descriptions = new Map(all.filter((agent) => !rig.rig || !agent.rig || agent.rig === rig.rig)
+    .flatMap((agent) => agent.cameras ?? []).map((camera) => [camera.camera, camera]));
+  const started = timeMs(status?.start_time);
+  const [now, setNow] = useState(Date.now());
+  useEffect(() => {
+    const timer = setInterval(() => setNow(Date.now()), 5000);
+    return () => clearInterval(timer);
+  }, []);
+  const store = status?.store;
+  const problem = status?.ingest?.problem || store?.problem || '';
+  return <div class="rigpage">
+    <Panel name="agents" title={`Agents (${all.length})`} aside={<a class="button" href={hashOf('join')}>Connect a PC</a>}>
+      <Problem text={agents.problem} />
+      {all.length > 0 && <div class="scroll" tabIndex={0} role="region" aria-label="Agents"><table>
+        <thead><tr><th scope="col">agent</th><th scope="col">state</th><th scope="col">PC</th><th scope="col">rig</th><th scope="col">cameras</th>
+          <th scope="col">waiting</th><th scope="col">spool</th><th scope="col">version</th></tr></thead>
+        <tbody>{all.map((agent) => <AgentRow key={agent.agent_id} agent={agent}
+          connected={!stale && (connected.get(agent.agent_id) ?? agent.connected ?? false)} />)}</tbody>
+      </table></div>}
+      {all.length === 0 && !agents.loading && <p class="empty">No agent is connected. <a href={hashOf('join')}>Connect a PC</a></p>}
+    </Panel>
+    <Panel name="server" title="Server">
+      <Problem text={problem} />
+      <dl class="facts">
+        <div class="fact"><dt>state</dt><dd>{stale ? '⚠ does not answer' : problem ? '✕ see above' : '✓ healthy'}</dd></div>
+        <div class="fact"><dt>version</dt><dd>{status?.software_version ?? missing}</dd></div>
+        <div class="fact"><dt>runs for</dt><dd>{started === undefined || stale ? missing : span((now - started) / 1000)}</dd></div>
+        <div class="fact"><dt>observations stored</dt><dd>{count(toCount(status?.ingest?.stored_observation_count))}</dd></div>
+        <div class="fact"><dt>database</dt><dd>{bytes(toCount(store?.size_bytes))}</dd></div>
+        <div class="fact"><dt>free on its disk</dt><dd>{bytes(toCount(store?.free_bytes))}</dd></div>
+        <div class="fact"><dt>newest data shown after</dt><dd>{stale ? missing : seconds(rig.ageS)}</dd></div>
+      </dl>
+    </Panel>
+    <Panel name="cameras" title={`Cameras (${rig.cameras.length})`}>
+      <ul class="cameragrid">{rig.cameras.map((camera) => <CameraCard key={camera.camera} live={camera} rig={rig.rig} stale={stale}
+        description={descriptions.get(camera.camera)} />)}</ul>
+      <p class="hint">A threshold or a mask is set on the camera's PC: <code>rigcal-agent tune</code>, <code>rigcal-agent mask</code>.</p>
+    </Panel>
+  </div>;
+}

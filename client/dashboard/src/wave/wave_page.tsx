@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+import type { JSX } from 'preact';
+import { useEffect, useMemo } from 'preact/hooks';
+import { timeMs } from '../api/json_values';
+import type { LiveAlert, LiveFigure } from '../api/types';
+import { useFeed, useFeedControl } from '../shell/feed_context';
+import { Panel } from '../shell/parts';
+import { hashOf } from '../shell/route';
+import { SceneView } from '../scene/scene_view';
+import { fixed, millimetres, missing, span } from '../view/format';
+import { modelOfEstimate } from '../view/rig_model';
+import { Alerts, PairNeeds } from './alerts';
+import { CameraTile } from './camera_tile';
+import { FigureCurve } from './figure_curve';
+import { LiveFigureRegion } from './figure_region';
+import { OverlapMatrix } from './overlap_matrix';
+import { isCapturing, progressOf } from './progress';
+import { SessionControls } from './session_controls';
+
+const noHistory: readonly LiveFigure[] = [];
+
+/** The page of whoever waves, or watches it. */
+export function WavePage({ theme }: { theme: string }): JSX.Element {
+  const control = useFeedControl();
+  const { rig, stale } = useFeed();
+  useEffect(() => {
+    control.setAttention('wave');
+    return () => control.setAttention('other');
+  }, [control]);
+  const estimate = rig.estimate;
+  const progress = progressOf(rig, stale);
+  const shapes = rig.cameras.map((camera) => `${camera.camera} ${camera.image_size_px?.width} ${camera.image_size_px?.height}`).join();
+  const model = useMemo(() => modelOfEstimate(estimate, rig.cameras), [estimate, shapes]);
+  const byCamera = useMemo(() => {
+    const first = new Map<string, LiveAlert>();
+    for (const alert of rig.alerts) if (alert.camera && !first.has(alert.camera)) first.set(alert.camera, alert);
+    return first;
+  }, [rig.alerts]);
+  const volume = estimate?.volume;
+  const capturing = isCapturing(rig);
+  const advice = estimate?.advice ?? [];
+  const needs = estimate?.needs ?? [];
+  const age = timeMs(rig.time) !== undefined && timeMs(estimate?.time) !== undefined
+    ? (timeMs(rig.time)! - timeMs(estimate?.time)!) / 1000 : undefined;
+  return <div class="wave">
+    <Panel name="figure" title="Expected error" aside={<a class="button" href={hashOf('distance')}>Distance mode</a>}>
+      <div class={`big stage-${progress.stage}`}>
+        <p class="number"><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
+        <p class="state"><span class="stageword"><span aria-hidden="true">{progress.symbol}</span> {progress.word}</span>
+          <span>{progress.targetMm !== undefined ? `target ${millimetres(progress.targetMm)} mm` : 'no target'}</span></p>
+      </div>
+      <LiveFigureRegion progress={progress} />
+      {!stale && capturing && rig.goal?.why_not && <p class="why">Goes on: {rig.goal.why_not}.</p>}
+      {estimate?.state === 'STATE_FAILED' && <p class="why">✕ {estimate.problem}</p>}
+      {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}
+      <FigureCurve history={estimate?.history ?? noHistory} targetMm={progress.targetMm} theme={theme} />
+      <dl class="facts">
+        <div class="fact"><dt>median</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
+        <div class="fact"><dt>worst place</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
+        <div class="fact" title="Reprojection error on data that the estimate did not use, and what it would be if the estimate were right">
+          <dt>held-out check</dt><dd>{!estimate?.held_out || stale ? missing
+            : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} of ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} px`}</dd></div>
+        <div class="fact"><dt>solved</dt><dd>{stale || age === undefined ? missing : `${span(age)} ago`}</dd></div>
+      </dl>
+    </Panel>
+    <Panel name="control" title="Session">
+      <SessionControls rig={rig} stale={stale} onChange={control.retryNow} onDelete={() => control.askAnew()} />
+    </Panel>
+    <Panel name="advice" title="What next">
+      {stale ? <p class="empty">Not known while the server does not answer.</p>
+        : needs.length > 0 && estimate?.state === 'STATE_WAITING' ? <PairNeeds needs={needs} />
+          : capturing && advice.length > 0 ? <ol class="advice">{advice.map((one, i) => <li key={one.text} class={i === 0 ? 'first' : ''}>
+            <span class="text">Wave {one.text}</span>
+            {(one.expected_p95_mm ?? 0) > 0 && <span class="gain">5 s there: {millimetres(one.expected_p95_mm)} mm</span>}</li>)}</ol>
+            : <p class="empty">{capturing ? 'Wave the wand where two cameras see it.'
+              : rig.session?.state === 'STATE_FINISHED' ? 'Calibrate from this session, or go on with it in a new one.'
+                : 'Start a capture; advice on where to wave follows.'}</p>}
+      <Alerts alerts={rig.alerts} nowMs={timeMs(rig.time)} />
+    </Panel>
+    <Panel name="space" title="Rig and expected error">
+      <SceneView model={model} targetMm={progress.targetMm} theme={theme} label="Cameras, wand and expected error"
+        note="○ blue: wave here · wire: worst place" />
+    </Panel>
+    <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<CoverageLegend />}>
+      {rig.cameras.length === 0 ? <p class="empty">No camera is connected. <a href={hashOf('join')}>Connect a PC</a></p>
+        : <ul class="tilegrid">{rig.cameras.map((camera) => <CameraTile key={camera.camera} camera={camera}
+          alert={byCamera.get(camera.camera ?? '')} stale={stale} theme={theme} />)}</ul>}
+    </Panel>
+    <Panel name="overlap" title="Common instants of pairs">
+      <OverlapMatrix overlap={rig.overlap} />
+    </Panel>
+  </div>;
+}
+
+function CoverageLegend(): JSX.Element {
+  return <p class="legend">coverage:
+    <span><i class="cell cell0" />none</span><span><i class="cell cell1" />few</span>
+    <span><i class="cell cell2" />some</span><span><i class="cell cell3" />enough</span></p>;
+}

@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page in Debian's Chromium against the mock server: a whole wave by clicks, on a desk and on a
+// phone; no fault that axe-core calls serious; nothing that the Content-Security-Policy forbids.
+import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { after, before, test } from 'node:test';
+import type { Browser, BrowserContext, Page } from 'playwright-core';
+import { startChromium } from './chromium';
+import { MockServer, type MockOptions } from './mock_server';
+
+const dist = process.env['RIGCAL_DASHBOARD_DIST'] ?? 'dist';
+const axeSource = readFileSync(createRequire(`${process.cwd()}/package.json`).resolve('axe-core/axe.min.js'), 'utf8');
+const sizes = [{ name: 'desk', width: 1440, height: 900 }, { name: 'phone', width: 390, height: 844 }] as const;
+
+let browser: Browser;
+before(async () => { browser = await startChromium(); });
+after(async () => { await browser.close(); });
+
+interface Visit {
+  server: MockServer;
+  address: string;
+  context: BrowserContext;
+  page: Page;
+  /** What the page has complained about. */
+  faults: string[];
+}
+
+async function visit(size: { width: number; height: number }, options: Partial<MockOptions>,
+  work: (visit: Visit) => Promise<void>, init?: () => void): Promise<void> {
+  const server = new MockServer({ dist, speed: 0, ...options });
+  const address = await server.listen();
+  const context = await browser.newContext({ viewport: { width: size.width, height: size.height }, reducedMotion: 'reduce' });
+  const page = await context.newPage();
+  page.setDefaultTimeout(30000);
+  const faults: string[] = [];
+  page.on('pageerror', (error) => faults.push(error.message));
+  page.on('console', (message) => {
+    // A refused or dropped call is logged by the browser itself.
+    if (message.type() === 'error' && !message.text().includes('Failed to load resource')) faults.push(message.text());
+  });
+  page.on('request', (request) => {
+    if (!request.url().startsWith(address) && !/^(blob|data):/.test(request.url())) faults.push(`foreign request: ${request.url()}`);
+  });
+  if (init) await page.addInitScript(init);
+  try {
+    await work({ server, address, context, page, faults });
+    assert.deepEqual(faults, []);
+  } finally {
+    await context.close();
+    await server.close();
+  }
+}
+
+/** No fault of impact serious or critical; and nothing wider than the screen. */
+async function checkPage(page: Page, what: string): Promise<void> {
+  await page.evaluate(axeSource);
+  const found = await page.evaluate(async () => {
+    const axe = (globalThis as unknown as { axe: { run: (root: Document, options: object) => Promise<{ violations:
+      { id: string; impact: string; nodes: { target: string[]; failureSummary: string }[] }[]; passes: { id: string }[] }> } }).axe;
+    const result = await axe.run(document, { resultTypes: ['violations'] });
+    if (!result.passes.some((one) => one.id === 'color-contrast')) return ['axe-core looked at no text'];
+    return result.violations.filter((one) => one.impact === 'serious' || one.impact === 'critical')
+      .map((one) => `${one.id}: ${one.nodes.slice(0, 3).map((node) => `${node.target.join(' ')} ${node.failureSummary}`).join('; ')}`);
+  });
+  assert.deepEqual(found, [], what);
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+  assert.equal(wide, 0, `${what}: wider than the screen by ${wide} px`);
+}
+
+for (const size of sizes) {
+  test(`${size.name}: a whole wave, from join to the downloaded calibration`, async () => {
+    await visit(size, {}, async ({ server, address, page }) => {
+      await page.goto(`${address}/#/join`);
+      await page.getByRole('button', { name: 'Make a join string' }).click();
+      await page.getByText(/^rigcal-agent join rk1\./).waitFor();
+      await page.getByRole('img', { name: 'QR code of the command' }).waitFor();
+      await checkPage(page, 'join');
+      await page.getByLabel(/A person who calibrates/).check();
+      await page.getByRole('button', { name: 'Make a join string' }).click();
+      await page.getByText(/\/login#token=rk1\./).waitFor();
+      await page.getByRole('img', { name: 'QR code of the link' }).waitFor();
+
+      await page.getByRole('link', { name: 'Wave', exact: true }).click();
+      await page.getByRole('heading', { name: 'Cameras (8)' }).waitFor();
+      await page.getByLabel('Markers along the wand, mm').fill('130, 0');
+      await page.getByText('The first marker is at 0.').waitFor();
+      assert.ok(await page.getByRole('button', { name: 'Start capture' }).isDisabled());
+      await page.getByLabel('Markers along the wand, mm').fill('0, 130, 390');
+      await page.getByLabel('Stop below, mm').fill('0.9');
+      await checkPage(page, 'wave before the start');
+      await page.getByRole('button', { name: 'Start capture' }).click();
+      await page.getByRole('button', { name: 'Stop capture' }).waitFor();
+      assert.equal(server.rig.session?.goal?.until_mm, 0.9);
+      assert.deepEqual(server.rig.session?.target?.marker_positions_m, [0, 0.13, 0.39]);
+
+      server.rig.advance(3);
+      await page.getByText('both see it').first().waitFor();
+      server.rig.cameras[2]!.blind = true;
+      server.rig.advance(9);
+      await page.locator('.big .digits').filter({ hasText: /^\d+\.\d+$/ }).waitFor();
+      await page.getByText(/has not seen the wand for/).first().waitFor();
+      await page.locator('.tile.bad').getByText('no wand').waitFor();
+      await page.locator('.scene canvas').waitFor();
+      await checkPage(page, 'wave');
+      await page.getByRole('button', { name: 'Top and side' }).click();
+      assert.equal(await page.locator('.plans canvas').count(), 2);
+
+      await page.getByRole('link', { name: 'Distance mode' }).click();
+      await page.locator('.distance .huge').waitFor();
+      await checkPage(page, 'distance');
+      for (const word of ['Beeps on', 'Voice off']) assert.ok(await page.getByRole('button', { name: word }).isVisible());
+      await page.getByRole('button', { name: 'Beeps on' }).click();
+      await page.getByRole('button', { name: 'Beeps off' }).waitFor();
+      server.rig.advance(240);
+      await page.getByText('Good enough').first().waitFor();
+      await page.getByRole('link', { name: 'Back' }).click();
+
+      await page.getByText(/Stopped by itself: the expected error is/).waitFor();
+      await page.getByRole('button', { name: 'Calibrate', exact: true }).click();
+      await page.getByRole('heading', { name: /is being solved/ }).waitFor();
+      await page.getByRole('heading', { name: /version 3 of rig/ }).waitFor();
+      await page.getByText('usable, aware of the reasons').waitFor();
+      await page.locator('.result .scene canvas, .result .plans canvas').first().waitFor();
+      assert.equal(await page.locator('.percamera tbody tr').count(), 8);
+      await page.getByRole('button', { name: 'RMS px' }).click();
+      const rms = await page.locator('.percamera tbody td:nth-child(2)').allTextContents();
+      assert.deepEqual(rms, [...rms].sort((a, b) => Number(a) - Number(b)));
+      await page.locator('.compare select').selectOption('c-000001');
+      await page.getByText(/both as seen from/).waitFor();
+      assert.equal(await page.locator('.compare tbody tr').count(), 8);
+      await checkPage(page, 'result');
+      const waiting = page.waitForEvent('download');
+      await page.getByRole('button', { name: 'Calibration as JSON' }).click();
+      const download = await waiting;
+      assert.equal(download.suggestedFilename(), 'c-000003.json');
+      const saved = JSON.parse(readFileSync(await download.path(), 'utf8')) as { calibration: { id: string; cameras: unknown[] } };
+      assert.equal(saved.calibration.id, 'c-000003');
+      assert.equal(saved.calibration.cameras.length, 8);
+    });
+  });
+
+  test(`${size.name}: rig with previews, lists with filter, delete after a question`, async () => {
+    await visit(size, {}, async ({ server, address, page }) => {
+      await page.goto(`${address}/#/rig`);
+      await page.getByRole('heading', { name: 'Agents (3)' }).waitFor();
+      await page.locator('.preview img').first().scrollIntoViewIfNeeded();
+      await page.locator('.preview img:not(.none)').first().waitFor();
+      await checkPage(page, 'rig');
+      assert.ok(server.counts.previewsAtOnce <= 2, `${server.counts.previewsAtOnce} previews at once`);
+      assert.ok(server.counts.previews > 0);
+
+      await page.getByRole('link', { name: 'Sessions', exact: true }).click();
+      await page.getByRole('link', { name: 's-000002' }).waitFor();
+      await checkPage(page, 'records');
+      await page.getByLabel('Find').fill('first');
+      await page.getByRole('link', { name: 's-000002' }).waitFor({ state: 'detached' });
+      await page.getByLabel('Find').fill('');
+      await page.getByRole('link', { name: 's-000001' }).click();
+      await page.getByRole('heading', { name: 'Session s-000001' }).waitFor();
+      await page.getByRole('button', { name: 'Delete s-000001' }).click();
+      await page.getByRole('dialog').getByRole('button', { name: 'Keep' }).click();
+      assert.ok(server.sessions.has('s-000001'), 'kept');
+      await page.getByRole('button', { name: 'Delete s-000001' }).click();
+      await checkPage(page, 'question');
+      await page.getByRole('dialog').getByRole('button', { name: 'Delete' }).click();
+      await page.getByRole('button', { name: 'Delete s-000001' }).waitFor({ state: 'detached' });
+      assert.ok(!server.sessions.has('s-000001'), 'deleted');
+      await page.getByLabel('Select s-000002').check();
+      await page.getByRole('button', { name: 'Calibrate', exact: true }).click();
+      await page.waitForURL(/#\/result\/c-000003/);
+      assert.equal(server.counts.withoutHeader, 0);
+    });
+  });
+}
+
+test('a server that is gone: a banner with the age, no frozen numbers; back by itself, and restarted', async () => {
+  await visit(sizes[0], {}, async ({ server, address, page }) => {
+    server.rig.create({ id: 's-1', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] } });
+    server.rig.start();
+    server.rig.advance(20);
+    await page.goto(address);
+    await page.locator('.big .digits').filter({ hasText: /^\d/ }).waitFor();
+    server.failing = true;
+    await page.getByText(/Data are \d+ s old/).waitFor();
+    assert.equal(await page.locator('.big .digits').textContent(), '–');
+    assert.match((await page.locator('.tile').first().textContent()) ?? '', /not known/);
+    await checkPage(page, 'stale');
+    server.restart();
+    server.failing = false;
+    await page.getByText(/The server was restarted/).waitFor();
+    await page.locator('.big .digits').filter({ hasText: /^\d/ }).waitFor();
+    assert.equal(await page.getByText(/Data are/).count(), 0);
+    await page.getByRole('button', { name: 'Read' }).click();
+    await page.getByText(/The server was restarted/).waitFor({ state: 'detached' });
+  });
+});
+
+test('two people: who starts second is told', async () => {
+  await visit(sizes[0], {}, async ({ server, address, page }) => {
+    await page.goto(address);
+    await page.getByRole('button', { name: 'Start capture' }).waitFor();
+    // The page cannot know of the other one yet: its next look at the state is held back.
+    await page.route('**/v1/live**', (route) => new Promise((done) => setTimeout(() => done(route.continue()), 2000)));
+    server.rig.create({ id: 's-other', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] } });
+    server.rig.start();
+    await page.getByRole('button', { name: 'Start capture' }).click();
+    await page.getByText('session s-other captures').waitFor();
+    await page.unrouteAll({ behavior: 'ignoreErrors' });
+  });
+});
+
+test('a session that was stopped by its target can be gone on with, calibrated or thrown away', async () => {
+  await visit(sizes[1], {}, async ({ server, address, page }) => {
+    server.rig.create({ id: 's-000009', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] }, goal: { until_mm: 2 } });
+    server.rig.start();
+    server.rig.advance(60);
+    assert.notEqual(server.rig.session?.stop_reason, undefined);
+    await page.goto(address);
+    await page.getByRole('button', { name: 'New capture' }).click();
+    await page.getByLabel(/Go on with s-000009/).check();
+    await page.getByLabel('Not before, s').fill('x');
+    await page.getByRole('button', { name: 'Start capture' }).click();
+    await page.getByText('The shortest time is a number of seconds').waitFor();
+    await page.getByLabel('Not before, s').fill('12');
+    await page.getByRole('button', { name: 'Start capture' }).click();
+    await page.getByRole('button', { name: 'Stop capture' }).click();
+    await page.getByRole('button', { name: 'Throw away' }).waitFor();
+    assert.equal(server.rig.session?.continues, 's-000009');
+    assert.deepEqual(server.rig.session?.target?.marker_positions_m, [0, 0.2], 'the target of the session gone on with');
+    assert.equal(server.rig.session?.goal?.min_duration, '12s');
+    await page.getByRole('button', { name: 'Throw away' }).click();
+    await page.getByRole('dialog').getByRole('button', { name: 'Delete' }).click();
+    await page.getByRole('button', { name: 'Start capture' }).waitFor();
+    assert.equal(server.rig.session, undefined);
+  });
+});
+
+test('without WebGL: from above and from the side', async () => {
+  await visit(sizes[0], {}, async ({ server, address, page }) => {
+    server.rig.create({ id: 's-1', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] } });
+    server.rig.start();
+    server.rig.advance(20);
+    await page.goto(address);
+    await page.getByText('This browser has no WebGL.').waitFor();
+    await page.locator('.plans canvas').first().waitFor();
+    const drawn = await page.evaluate(() => {
+      const canvas = document.querySelector<HTMLCanvasElement>('.plans canvas')!;
+      return canvas.getContext('2d')!.getImageData(0, 0, canvas.width, canvas.height).data.some((value) => value > 100);
+    });
+    assert.ok(drawn);
+    assert.equal(await page.evaluate(() => performance.getEntriesByType('resource').some((one) => one.name.includes('webgl'))), false,
+      'what cannot be used is not loaded');
+  }, () => {
+    const real = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (this: HTMLCanvasElement, kind: string, ...rest: unknown[]) {
+      return kind.startsWith('webgl') ? null : (real as (...all: unknown[]) => unknown).call(this, kind, ...rest);
+    } as typeof real;
+  });
+});
+
+test('a login is asked for, a wrong token refused, the one of a link taken and removed from the address', async () => {
+  await visit(sizes[1], { locked: true }, async ({ address, page }) => {
+    await page.goto(address);
+    await page.getByLabel('Join string or link').fill('wrong');
+    await page.getByRole('button', { name: 'Log in' }).click();
+    await page.getByText('this token is not known').waitFor();
+    await checkPage(page, 'login');
+    await page.goto(`${address}/login#token=rk1.letmein`);
+    await page.getByRole('button', { name: 'Start capture' }).waitFor();
+    assert.equal(page.url(), `${address}/#/wave`);
+  });
+});
+
+test('by keyboard alone: skip link, pages, start', async () => {
+  await visit(sizes[0], {}, async ({ server, address, page }) => {
+    await page.goto(address);
+    await page.getByRole('button', { name: 'Start capture' }).waitFor();
+    await page.keyboard.press('Tab');
+    assert.equal(await page.evaluate(() => document.activeElement?.textContent), 'To the content');
+    await page.keyboard.press('Enter');
+    assert.equal(await page.evaluate(() => document.activeElement?.id), 'main');
+    for (let i = 0; i < 30; ++i) {
+      await page.keyboard.press('Tab');
+      if (await page.evaluate(() => document.activeElement?.textContent === 'Start capture')) break;
+    }
+    const outline = await page.evaluate(() => getComputedStyle(document.activeElement!).outlineStyle);
+    assert.equal(outline, 'solid', 'the focus is visible');
+    await page.keyboard.press('Enter');
+    await page.getByRole('button', { name: 'Stop capture' }).waitFor();
+    assert.ok(server.rig.capturing);
+  });
+});
+
+test('the light theme is as readable, and stays chosen', async () => {
+  await visit(sizes[0], {}, async ({ server, address, page }) => {
+    server.rig.create({ id: 's-1', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.2] }, goal: { until_mm: 1 } });
+    server.rig.start();
+    server.rig.advance(14);
+    await page.goto(address);
+    await page.getByRole('button', { name: /Light/ }).click();
+    for (const [hash, heading] of [['wave', 'Session'], ['result/c-000001', 'Cameras'], ['rig', 'Agents (3)'], ['records', 'Calibrations']] as const) {
+      await page.goto(`${address}/#/${hash}`);
+      await page.getByRole('heading', { name: heading, exact: true }).waitFor();
+      await checkPage(page, `light ${hash}`);
+    }
+    await page.reload();
+    assert.equal(await page.evaluate(() => document.documentElement.dataset['theme']), 'light');
+  });
+});

@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: Apache-2.0
+// A server for the page's tests: the page itself, and the JSON API over a simulated rig.
+// Simulated time goes on with real time times `speed`, or by POST /mock/advance?s=10 where speed is 0.
+// POST /mock/fail?on=1: connections are dropped. POST /mock/restart: as a server that was restarted.
+import { createHash } from 'node:crypto';
+import { existsSync, readFileSync } from 'node:fs';
+import { createServer, type IncomingMessage, type Server, type ServerResponse } from 'node:http';
+import type { AddressInfo } from 'node:net';
+import { extname, join, normalize } from 'node:path';
+import { gzipSync } from 'node:zlib';
+import type { Calibration, CreateSessionRequest, LiveState, Session } from '../src/api/types';
+import { mockAccuracy, mockCalibration } from './mock_calibration';
+import { epochMs, MockRig } from './mock_rig';
+
+/** As the real server sends it. */
+export const contentSecurityPolicy = "default-src 'none'; script-src 'self'; style-src 'self'; " +
+  "img-src 'self' data: blob:; connect-src 'self'; font-src 'self'; manifest-src 'self'; base-uri 'none'; " +
+  "form-action 'none'; frame-ancestors 'none'";
+
+const types: Record<string, string> = { '.html': 'text/html; charset=utf-8', '.js': 'text/javascript; charset=utf-8',
+  '.css': 'text/css; charset=utf-8', '.svg': 'image/svg+xml', '.json': 'application/json' };
+
+class Refusal extends Error {
+  constructor(readonly status: number, readonly code: string, text: string) {
+    super(text);
+  }
+}
+
+/** What a test may change. */
+export interface MockOptions {
+  dist: string;
+  cameras?: number;
+  /** Simulated seconds per second; 0: only by /mock/advance. */
+  speed?: number;
+  /** A cookie is wanted. */
+  locked?: boolean;
+  /** Join strings are refused, as by a server on loopback. */
+  local?: boolean;
+}
+
+export class MockServer {
+  rig: MockRig;
+  readonly sessions = new Map<string, Session>();
+  readonly calibrations = new Map<string, Calibration>();
+  failing = false;
+  startTime = new Date(epochMs).toISOString();
+  generation = 1;
+  readonly counts = { live: 0, unchanged: 0, previews: 0, previewsAtOnce: 0, previewsNow: 0, withoutHeader: 0 };
+  private revision = 0;
+  private parts = new Map<string, { json: string; value: unknown; revision: number }>();
+  private removedAt = new Map<string, number>();
+  private readonly server: Server;
+  private clock: ReturnType<typeof setInterval> | undefined;
+  private running = new Map<string, number>();
+
+  constructor(private readonly options: MockOptions) {
+    this.rig = new MockRig(options.cameras ?? 8);
+    for (const [i, state] of (['STATE_FINISHED', 'STATE_FINISHED'] as const).entries()) {
+      const id = `s-00000${i + 1}`;
+      this.sessions.set(id, { id, rig: 'rig', title: i ? 'evening' : 'first try', state, camera_count: 8,
+        target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.13, 0.39] }, observation_count: '41600',
+        wand_count: '33210', create_time: new Date(epochMs - 7200e3 + i * 3600e3).toISOString(),
+        start_time: new Date(epochMs - 7190e3 + i * 3600e3).toISOString(),
+        stop_time: new Date(epochMs - 7130e3 + i * 3600e3).toISOString(),
+        finish_time: new Date(epochMs - 7129e3 + i * 3600e3).toISOString() });
+      this.addCalibration([id]);
+    }
+    this.server = createServer((request, response) => void this.serve(request, response));
+  }
+
+  async listen(port = 0): Promise<string> {
+    await new Promise<void>((done) => this.server.listen(port, '127.0.0.1', done));
+    const speed = this.options.speed ?? 1;
+    if (speed > 0) this.clock = setInterval(() => this.rig.advance(speed * 0.1), 100);
+    return `http://127.0.0.1:${(this.server.address() as AddressInfo).port}`;
+  }
+
+  async close(): Promise<void> {
+    clearInterval(this.clock);
+    this.server.closeAllConnections();
+    await new Promise((done) => this.server.close(done));
+  }
+
+  private addCalibration(sessionIds: string[]): Calibration {
+    const version = this.calibrations.size + 1;
+    const id = `c-00000${version}`;
+    const calibration = mockCalibration(this.rig, id, version, sessionIds, version);
+    this.calibrations.set(id, calibration);
+    return calibration;
+  }
+
+  /** The live state since a revision; gives everything where it does not know it. */
+  live(since: string): LiveState {
+    const now = this.rig.parts();
+    const next = this.revision + 1;
+    const before = this.revision;
+    const note = (name: string, value: unknown) => {
+      const json = JSON.stringify(value) ?? '';
+      if (this.parts.get(name)?.json !== json) {
+        this.parts.set(name, { json, value, revision: next });
+        this.revision = next;
+      }
+    };
+    note('session', now.session);
+    for (const camera of now.cameras) note(`camera ${camera.camera}`, camera);
+    for (const name of ['overlap', 'estimate', 'alerts', 'agents', 'goal'] as const) note(name, now[name]);
+    const prefix = `g${this.generation}-`;
+    const revision = `${prefix}${this.revision}`;
+    const known = since.startsWith(prefix) ? Number(since.slice(prefix.length)) : NaN;
+    if (known === this.revision && before === this.revision) return { revision };
+    const full = !(known <= this.revision);
+    const changed = (name: string) => full || (this.parts.get(name)?.revision ?? 0) > known;
+    const part = <T>(name: string, value: T): T | undefined => (changed(name) ? value : undefined);
+    return { revision, ...(full ? { full } : {}), time: this.rig.time(), rig: 'rig',
+      session: part('session', now.session), cameras: now.cameras.filter((c) => changed(`camera ${c.camera}`)),
+      removed_cameras: [...this.removedAt].filter(([, at]) => full || at > known).map(([name]) => name),
+      overlap: part('overlap', now.overlap), estimate: part('estimate', now.estimate),
+      alerts: part('alerts', now.alerts), agents: part('agents', now.agents), goal: part('goal', now.goal),
+      age_s: 0.12 } as LiveState;
+  }
+
+  restart(): void {
+    this.generation += 1;
+    this.revision = 0;
+    this.parts.clear();
+    this.startTime = new Date(epochMs + this.generation * 1000).toISOString();
+  }
+
+  private async serve(request: IncomingMessage, response: ServerResponse): Promise<void> {
+    const url = new URL(request.url ?? '/', 'http://localhost');
+    let body = '';
+    for await (const chunk of request) body += chunk;
+    try {
+      if (url.pathname.startsWith('/mock/')) return this.control(url, response);
+      if (this.failing) {
+        request.socket.destroy();
+        return;
+      }
+      response.setHeader('Content-Security-Policy', contentSecurityPolicy);
+      response.setHeader('X-Content-Type-Options', 'nosniff');
+      if (!url.pathname.startsWith('/v1/')) return this.file(url.pathname, request, response);
+      if (request.method !== 'GET' && request.headers['x-rigcal'] !== '1') {
+        this.counts.withoutHeader += 1;
+        throw new Refusal(403, 'PERMISSION_DENIED', 'the header X-Rigcal is missing');
+      }
+      await this.route(request, url, body === '' ? {} : (JSON.parse(body) as Record<string, unknown>), response);
+    } catch (error) {
+      const refusal = error instanceof Refusal ? error : new Refusal(500, 'INTERNAL', String(error));
+      this.json(response, { code: refusal.code, message: refusal.message }, refusal.status);
+    }
+  }
+
+  private json(response: ServerResponse, value: unknown, status = 200): void {
+    response.writeHead(status, { 'Content-Type': 'application/json', 'Cache-Control': 'no-store' });
+    response.end(JSON.stringify(value));
+  }
+
+  private control(url: URL, response: ServerResponse): void {
+    const action = url.pathname.slice('/mock/'.length);
+    if (action === 'advance') this.rig.advance(Number(url.searchParams.get('s') ?? 1));
+    else if (action === 'fail') this.failing = url.searchParams.get('on') === '1';
+    else if (action === 'restart') this.restart();
+    else if (action === 'blind') this.rig.cameras[Number(url.searchParams.get('i') ?? 0)]!.blind = true;
+    this.json(response, this.counts);
+  }
+
+  private file(path: string, request: IncomingMessage, response: ServerResponse): void {
+    const wanted = normalize(path === '/' || path === '/login' ? '/index.html' : path);
+    const name = join(this.options.dist, wanted);
+    if (!existsSync(name)) {
+      response.writeHead(404);
+      response.end();
+      return;
+    }
+    const zipped = String(request.headers['accept-encoding']).includes('gzip');
+    let content: Uint8Array = readFileSync(name);
+    const etag = createHash('sha256').update(content).digest('hex').slice(0, 16);
+    if (zipped) content = gzipSync(content);
+    response.writeHead(200, { 'Content-Type': types[extname(name)] ?? 'application/octet-stream',
+      ...(zipped ? { 'Content-Encoding': 'gzip' } : {}),
+      ETag: `"${etag}"` });
+    response.end(content);
+  }
+
+  private session(id: string): Session {
+    const session = this.rig.session?.id === id ? this.rig.session : this.sessions.get(id);
+    if (!session) throw new Refusal(404, 'NOT_FOUND', `there is no session "${id}"`);
+    return session;
+  }
+
+  private allSessions(): Session[] {
+    const all = new Map(this.sessions);
+    if (this.rig.session?.id) all.set(this.rig.session.id, this.rig.parts().session!);
+    return [...all.values()].reverse();
+  }
+
+  private async route(request: IncomingMessage, url: URL, body: Record<string, unknown>,
+    response: ServerResponse): Promise<void> {
+    const path = `${request.method} ${url.pathname}`;
+    if (path === 'POST /v1/login') {
+      if (body['token'] !== 'rk1.letmein') throw new Refusal(401, 'UNAUTHENTICATED', 'this token is not known, or was used');
+      response.setHeader('Set-Cookie', 'rigcal=1; HttpOnly; SameSite=Strict; Path=/');
+      return this.json(response, {});
+    }
+    if (this.options.locked && !String(request.headers.cookie ?? '').includes('rigcal=1')) {
+      throw new Refusal(401, 'UNAUTHENTICATED', 'open the link that `rigcal token create --role operator` prints');
+    }
+    let match: RegExpExecArray | null;
+    if (path === 'GET /v1/live') {
+      this.counts.live += 1;
+      const since = url.searchParams.get('since_revision') ?? '';
+      const live = this.live(since);
+      response.setHeader('ETag', `"${live.revision}"`);
+      if (since === live.revision && request.headers['if-none-match'] === `"${live.revision}"`) {
+        this.counts.unchanged += 1;
+        response.writeHead(304);
+        response.end();
+        return;
+      }
+      return this.json(response, { live });
+    }
+    if (path === 'GET /v1/status') {
+      return this.json(response, { software_version: '0.1.0', server_id: 'b7c1', start_time: this.startTime,
+        connected_agent_count: 3, session_count: this.sessions.size, store: { kind: 'sqlite', size_bytes: '18874368',
+          free_bytes: '412316860416' }, ingest: { stored_observation_count: '83200' } });
+    }
+    if (path === 'GET /v1/agents') {
+      const parts = this.rig.parts();
+      return this.json(response, { agents: (parts.agents as { agents: { agent_id: string }[] }).agents.map((agent) => ({
+        agent_id: agent.agent_id, host: agent.agent_id, rig: 'rig', connected: true, software_version: '0.1.0',
+        connect_time: new Date(epochMs - 60e3).toISOString(),
+        cameras: this.rig.cameras.filter((camera) => camera.agent === agent.agent_id).map((camera) => ({
+          camera: camera.name, image_size_px: { width: 1440, height: 1080 }, clock: { clock_id: camera.name },
+          sensor: camera.name.startsWith('event') ? 'SENSOR_EVENT' : 'SENSOR_FRAME', source: 'simulated',
+          intrinsics: { model: 'MODEL_BROWN_CONRADY', fx_px: 1100 },
+          settings: { model: 'Simulated 1440', exposure_s: 0.0005, frame_rate_hz: 100, ptp: false } })),
+        spool: { row_count: '34', bytes: '120000', limit_bytes: '1073741824', folder: '/var/lib/rigcal' } })) });
+    }
+    if ((match = /^GET \/v1\/cameras\/([^/]+)\/preview\.jpg$/.exec(path))) {
+      this.counts.previews += 1;
+      this.counts.previewsNow += 1;
+      this.counts.previewsAtOnce = Math.max(this.counts.previewsAtOnce, this.counts.previewsNow);
+      await new Promise((done) => setTimeout(done, 60));
+      this.counts.previewsNow -= 1;
+      response.writeHead(200, { 'Content-Type': 'image/svg+xml', 'Cache-Control': 'no-store' });
+      response.end('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 144 108" width="360" height="270">' +
+        '<rect width="144" height="108" fill="#1a1c1e"/><path d="M0 90L144 70V108H0z" fill="#24282b"/>' +
+        '<g fill="#fff"><circle cx="60" cy="50" r="2"/><circle cx="68" cy="46" r="2"/><circle cx="84" cy="38" r="2"/></g>' +
+        '<path d="M60 50L84 38" stroke="#6cf" stroke-width=".6"/></svg>');
+      return;
+    }
+    if (path === 'GET /v1/sessions') {
+      const state = /state=(\w+)/.exec(url.searchParams.get('filter') ?? '')?.[1];
+      return this.json(response, { sessions: this.allSessions().filter((one) => !state || one.state === state) });
+    }
+    if (path === 'POST /v1/sessions') {
+      const wanted = body as CreateSessionRequest;
+      const positions = wanted.target?.marker_positions_m ?? [];
+      if (positions.length === 0) throw new Refusal(400, 'INVALID_ARGUMENT', 'target: has no markers');
+      if (this.rig.capturing) throw new Refusal(409, 'FAILED_PRECONDITION', `session ${this.rig.session?.id} captures`);
+      if (this.rig.session?.id) this.sessions.set(this.rig.session.id, this.rig.parts().session!);
+      const id = `s-${String(this.allSessions().length + 1).padStart(6, '0')}`;
+      const session = this.rig.create({ id, rig: wanted.rig ?? 'rig', title: wanted.title, target: wanted.target,
+        goal: wanted.goal, continues: wanted.continues });
+      return this.json(response, { session });
+    }
+    if ((match = /^(\w+) \/v1\/sessions\/([^/:]+)(?::(\w+))?$/.exec(path))) {
+      const id = decodeURIComponent(match[2]!);
+      const session = this.session(id);
+      if (match[1] === 'GET') return this.json(response, { session });
+      if (match[1] === 'DELETE') {
+        if (session.state === 'STATE_CAPTURING') throw new Refusal(409, 'FAILED_PRECONDITION', `session ${id} is capturing`);
+        this.sessions.delete(id);
+        if (this.rig.session?.id === id) this.rig.session = undefined;
+        return this.json(response, {});
+      }
+      if (match[3] === 'start') {
+        if (session.state !== 'STATE_CREATED') throw new Refusal(409, 'FAILED_PRECONDITION', `session ${id} has been stopped`);
+        this.rig.start();
+        return this.json(response, { session: this.rig.session });
+      }
+      if (match[3] === 'stop') {
+        if (this.rig.session?.id === id && this.rig.capturing) this.rig.stop();
+        return this.json(response, { session: this.session(id) });
+      }
+    }
+    if (path === 'GET /v1/calibrations') {
+      return this.json(response, { calibrations: [...this.calibrations.values()].reverse()
+        .map(({ cameras: _cameras, refused: _refused, ...rest }) => this.progress(rest)) });
+    }
+    if (path === 'POST /v1/calibrations') {
+      const ids = (body['session_ids'] as string[] | undefined) ?? [];
+      if (ids.length === 0) throw new Refusal(400, 'INVALID_ARGUMENT', 'session_ids: is empty');
+      ids.forEach((id) => this.session(id));
+      const calibration = this.addCalibration(ids);
+      this.running.set(calibration.id!, 3);
+      return this.json(response, { calibration: { ...calibration, state: 'STATE_QUEUED', cameras: [] } });
+    }
+    if ((match = /^(\w+) \/v1\/calibrations\/([^/:]+)(\/accuracy)?$/.exec(path))) {
+      const id = decodeURIComponent(match[2]!);
+      const calibration = this.calibrations.get(id);
+      if (!calibration) throw new Refusal(404, 'NOT_FOUND', `there is no calibration "${id}"`);
+      if (match[1] === 'DELETE') {
+        this.calibrations.delete(id);
+        return this.json(response, {});
+      }
+      if (match[3]) return this.json(response, mockAccuracy(id));
+      const left = this.running.get(id) ?? 0;
+      this.running.set(id, left - 1);
+      return this.json(response, { calibration: this.progress(calibration) });
+    }
+    if (path === 'POST /v1/tokens') {
+      if (this.options.local) {
+        throw new Refusal(409, 'FAILED_PRECONDITION', 'this server listens on its own PC only, where nobody needs to join');
+      }
+      return this.json(response, { token: { id: 't-5f0c91aa', role: body['role'] ?? 'ROLE_AGENT',
+        expire_time: new Date(Date.now() + 3600e3).toISOString() },
+        join_string: `rk1.${Buffer.from('127.0.0.1:7421 a secret of thirty-two octets, and the hash of a CA').toString('base64url')}` });
+    }
+    throw new Refusal(404, 'NOT_FOUND', `there is no route ${path}`);
+  }
+
+  private progress(calibration: Calibration): Calibration {
+    const left = this.running.get(calibration.id ?? '') ?? 0;
+    if (left <= 0) return calibration;
+    return { ...calibration, state: 'STATE_RUNNING', cameras: undefined, quality: undefined, findings: undefined,
+      progress: { stage: 'CALIBRATION_STAGE_ADJUSTING', fraction: 1 - left / 4 } };
+  }
+}

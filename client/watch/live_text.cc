@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/watch/live_text.h"
+
+#include <google/protobuf/util/time_util.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/output/console.h"
+#include "client/output/quantities.h"
+#include "client/output/text_table.h"
+
+namespace rigcal::client {
+namespace {
+
+using google::protobuf::util::TimeUtil;
+
+// Data that are older than this are said to be.
+constexpr double kOldS = 2;
+constexpr size_t kBarCells = 10;
+constexpr char kRed[] = "\x1b[1;31m";
+constexpr char kYellow[] = "\x1b[33m";
+constexpr char kBold[] = "\x1b[1m";
+constexpr char kPlain[] = "\x1b[0m";
+
+double ElapsedS(const v1::LiveState& live) {
+  const v1::Session& session = live.session();
+  if (!session.has_start_time()) return 0;
+  const auto end = session.has_stop_time() ? session.stop_time() : live.time();
+  const int64_t ns = TimeUtil::TimestampToNanoseconds(end) -
+                     TimeUtil::TimestampToNanoseconds(session.start_time());
+  return 1e-9 * static_cast<double>(std::max<int64_t>(ns, 0));
+}
+
+std::string SessionText(const v1::LiveState& live) {
+  if (!live.has_session()) return "no session";
+  const v1::Session& session = live.session();
+  std::string text = absl::StrCat("session ", session.id(), " ", EnumWord(session.state()));
+  if (session.has_start_time()) {
+    absl::StrAppend(&text, ", ", FormatFixed(ElapsedS(live), 0), " s");
+  }
+  if (!session.stop_reason().empty()) absl::StrAppend(&text, ": ", session.stop_reason());
+  return text;
+}
+
+bool HasFigure(const v1::LiveState& live) {
+  return live.estimate().has_volume() && live.estimate().volume().p95_mm() > 0;
+}
+
+std::string FigureText(const v1::LiveState& live) {
+  if (!HasFigure(live)) return "- mm";
+  return absl::StrCat(FormatFixed(live.estimate().volume().p95_mm(), 2), " mm",
+                      live.estimate().scale_known() ? "" : " (scale not known)");
+}
+
+// Why there is no figure, or how it stands with the goal.
+std::string GoalText(const v1::LiveState& live) {
+  std::string text;
+  if (live.has_goal()) {
+    const v1::LiveGoal& goal = live.goal();
+    text = absl::StrFormat("goal %.3g mm: %s", goal.until_mm(),
+                           goal.reached() ? "reached" : "goes on, " + goal.why_not());
+  } else if (live.estimate().state() == v1::LiveEstimate::STATE_FAILED) {
+    text = absl::StrCat("the estimate fails: ", live.estimate().problem());
+  } else if (!HasFigure(live) && !live.estimate().needs().empty()) {
+    const v1::LivePairNeed& need = live.estimate().needs(0);
+    text = absl::StrCat(need.camera_a(), " and ", need.camera_b(),
+                        " need more together: ", need.common_count(), " of ", need.needed_count(),
+                        " instants");
+  }
+  return text;
+}
+
+// Of those that capture, the one with the fewest shared instants, then with the least coverage.
+const v1::LiveCamera* WorstCamera(const v1::LiveState& live) {
+  const v1::LiveCamera* worst = nullptr;
+  const auto key = [](const v1::LiveCamera& camera) {
+    return std::pair(std::min(camera.shared_instant_count(), camera.shared_instant_goal()),
+                     camera.coverage().covered_share());
+  };
+  for (const v1::LiveCamera& camera : live.cameras()) {
+    if (camera.shared_instant_goal() == 0) continue;  // it has no part in the session
+    if (worst == nullptr || key(camera) < key(*worst)) worst = &camera;
+  }
+  return worst;
+}
+
+std::string Percent(double share) { return absl::StrCat(FormatFixed(100 * share, 0), "%"); }
+
+std::string WorstText(const v1::LiveState& live) {
+  const v1::LiveCamera* const worst = WorstCamera(live);
+  if (worst == nullptr) return "";
+  return absl::StrCat(worst->camera(), " (", worst->shared_instant_count(), " shared, ",
+                      Percent(worst->coverage().covered_share()), " covered)");
+}
+
+std::string Bar(double share) {
+  const auto cells = static_cast<size_t>(
+      std::lround(std::clamp(share, 0.0, 1.0) * static_cast<double>(kBarCells)));
+  return absl::StrCat("[", std::string(cells, '#'), std::string(kBarCells - cells, '.'), "]");
+}
+
+std::string ClockText(const v1::LiveClock& clock) {
+  if (clock.has_time_offset_s()) {
+    return absl::StrFormat("%+.1f ms", 1e3 * clock.time_offset_s());
+  }
+  if (clock.has_sample_spread_s()) {
+    return absl::StrFormat("spread %.1f ms", 1e3 * clock.sample_spread_s());
+  }
+  return "-";
+}
+
+std::string AlertKindOf(const v1::LiveState& live, const std::string& camera) {
+  for (const v1::LiveAlert& alert : live.alerts().alerts()) {
+    if (alert.camera() == camera) return alert.kind();
+  }
+  return "";
+}
+
+// At most so many columns, taking each code point for one.
+std::string Clip(std::string_view text, size_t columns) {
+  if (DisplayWidth(text) <= columns) return std::string(text);
+  size_t width = 0;
+  size_t end = 0;
+  while (end < text.size()) {
+    const bool begins = (static_cast<unsigned char>(text[end]) & 0xC0U) != 0x80U;
+    if (begins && width + 1 > columns) break;
+    width += begins ? 1 : 0;
+    ++end;
+  }
+  return std::string(text.substr(0, end));
+}
+
+class Screen {
+ public:
+  explicit Screen(const LiveScreenOptions& options) : options_(options) {}
+
+  // `style`: an escape sequence, used with colour only.
+  void Add(std::string_view text, const char* style = nullptr) {
+    if (lines_.size() >= options_.rows) return;
+    std::string line = Clip(Printable(text), options_.columns);
+    if (options_.colour && style != nullptr) line = absl::StrCat(style, line, kPlain);
+    lines_.push_back(std::move(line));
+  }
+  std::vector<std::string> Take() { return std::move(lines_); }
+
+ private:
+  const LiveScreenOptions& options_;
+  std::vector<std::string> lines_;
+};
+
+void AddTable(const v1::LiveState& live, Screen* screen) {
+  TextTable table;
+  table.Words({"camera", "state"})
+      .Numbers({"rows/s", "wand/s"})
+      .Words({"coverage"})
+      .Numbers({"shared", "error px", "waiting", "lost"})
+      .Words({"clock", "alert"});
+  for (const v1::LiveCamera& camera : live.cameras()) {
+    table.AddRow(
+        {camera.camera(), EnumWord(camera.state()), FormatFixed(camera.observation_rate_hz(), 0),
+         FormatFixed(camera.wand_rate_hz(), 0),
+         absl::StrCat(Bar(camera.coverage().covered_share()), " ",
+                      Percent(camera.coverage().covered_share())),
+         absl::StrCat(camera.shared_instant_count(), "/", camera.shared_instant_goal()),
+         camera.reprojection_rms_px() > 0 ? FormatFixed(camera.reprojection_rms_px(), 2) : "-",
+         camera.backlog_count(), camera.dropped_count(), ClockText(camera.clock()),
+         AlertKindOf(live, camera.camera())});
+  }
+  const std::string text = table.Format();
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    screen->Add(std::string_view(text).substr(begin, end - begin), begin == 0 ? kBold : nullptr);
+    begin = end + 1;
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> FormatLiveScreen(const v1::LiveState& live,
+                                          const LiveScreenOptions& options) {
+  Screen screen(options);
+  screen.Add(absl::StrCat("rig ", live.rig(), "   ", SessionText(live), "   ", options.server));
+  if (!options.problem.empty()) {
+    screen.Add(
+        absl::StrCat("OLD DATA: the server has not answered for ", FormatFixed(options.age_s, 0),
+                     " s (", options.problem, "); trying again"),
+        kRed);
+  } else if (options.age_s > kOldS) {
+    screen.Add(absl::StrCat("OLD DATA: ", FormatFixed(options.age_s, 0), " s old"), kRed);
+  }
+  screen.Add("");
+  screen.Add(
+      absl::StrCat(
+          "    expected error  ", FigureText(live),
+          HasFigure(live)
+              ? absl::StrCat("   (median ", FormatFixed(live.estimate().volume().median_mm(), 2),
+                             ", worst ", FormatFixed(live.estimate().volume().worst_mm(), 2), ")")
+              : ""),
+      kBold);
+  if (const std::string goal = GoalText(live); !goal.empty()) {
+    screen.Add(absl::StrCat("    ", goal));
+  }
+  for (const v1::LiveAdvice& advice : live.estimate().advice()) {
+    screen.Add(absl::StrCat("    wave next: ", advice.text()));
+  }
+  screen.Add("");
+  // Alerts come before the table: with many cameras the end is cut off.
+  for (const v1::LiveAlert& alert : live.alerts().alerts()) {
+    const bool error = alert.severity() == v1::LiveAlert::SEVERITY_ERROR;
+    const bool warning = alert.severity() == v1::LiveAlert::SEVERITY_WARNING;
+    screen.Add(absl::StrCat(error     ? "ERROR "
+                            : warning ? "WARNING "
+                                      : "note ",
+                            alert.text()),
+               error     ? kRed
+               : warning ? kYellow
+                         : nullptr);
+  }
+  if (const std::string worst = WorstText(live); !worst.empty()) {
+    screen.Add(absl::StrCat("worst camera: ", worst));
+  }
+  AddTable(live, &screen);
+  screen.Add("");
+  screen.Add(options.message.empty() ? "s: stop the session   q: leave" : options.message);
+  return screen.Take();
+}
+
+std::string FormatLiveLine(const v1::LiveState& live) {
+  std::string line = absl::StrCat(SessionText(live), "; ", FigureText(live));
+  if (const std::string goal = GoalText(live); !goal.empty())
+    absl::StrAppend(&line, " (", goal, ")");
+  size_t capturing = 0;
+  double rate_hz = 0;
+  double wand_hz = 0;
+  for (const v1::LiveCamera& camera : live.cameras()) {
+    capturing += camera.state() == v1::LiveCamera::STATE_CAPTURING;
+    rate_hz += camera.observation_rate_hz();
+    wand_hz += camera.wand_rate_hz();
+  }
+  absl::StrAppend(&line, "; ", capturing, " of ",
+                  FormatCount(static_cast<uint64_t>(live.cameras_size()), "camera"), ", ",
+                  FormatFixed(rate_hz, 0), " rows/s, ", FormatFixed(wand_hz, 0), " with wand");
+  if (const std::string worst = WorstText(live); !worst.empty()) {
+    absl::StrAppend(&line, "; worst ", worst);
+  }
+  if (!live.estimate().advice().empty()) {
+    absl::StrAppend(&line, "; wave next: ", live.estimate().advice(0).text());
+  }
+  for (const v1::LiveAlert& alert : live.alerts().alerts()) {
+    absl::StrAppend(&line, "; ", EnumWord(alert.severity()), " ", alert.kind(),
+                    alert.camera().empty() ? "" : " ", alert.camera());
+  }
+  return Printable(line);
+}
+
+}  // namespace rigcal::client

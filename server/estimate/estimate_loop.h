@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/session/session.h"
+#include "server/estimate/row_collection.h"
+#include "server/jobs/estimate_in_worker.h"
+#include "server/live/live_state.h"
+#include "server/store/store.h"
+
+namespace rigcal::server {
+
+struct EstimateLoopOptions {
+  // From the start of one estimate of a session to the start of its next one, at least.
+  std::chrono::milliseconds interval{2'000};
+  size_t max_history = 300;
+};
+
+// Keeps a running estimate of every session that captures: one after the other, on one thread,
+// whenever rows have arrived since the last one. What fails is shown and tried again.
+class EstimateLoop {
+ public:
+  // `store` must outlive the loop. `show` gets each estimate.
+  EstimateLoop(EstimateLoopOptions options, const Store* store, EstimateFunction estimate,
+               std::function<void(LiveEstimate)> show);
+  ~EstimateLoop();  // shuts down
+
+  // A tap of LiveTracker: rows that became durable.
+  void AddRows(const StreamKey& stream, const ObservationBatch& batch) { rows_.Add(stream, batch); }
+  void Start();
+  // Ends the estimate that is being made.
+  void Shutdown();
+
+ private:
+  using Time = std::chrono::steady_clock::time_point;
+  struct Progress {
+    EstimateStart start;
+    LiveEstimate shown;
+    uint64_t seen_count = 0;
+    Time next{};
+  };
+
+  void Run();
+  void EstimateSession(const std::string& id);
+  bool WaitUntil(Time time);
+
+  const EstimateLoopOptions options_;
+  const Store* const store_;
+  const EstimateFunction estimate_;
+  const std::function<void(LiveEstimate)> show_;
+  RowCollection rows_;
+  std::map<std::string, Progress> progress_;  // of the loop's thread
+  std::atomic<bool> stopping_ = false;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::thread thread_;
+};
+
+}  // namespace rigcal::server

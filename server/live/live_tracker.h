@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "server/ingest/ingest.h"
+#include "server/live/alert_book.h"
+#include "server/live/arrivals.h"
+#include "server/live/live_state.h"
+#include "server/session/agent_directory.h"
+#include "server/session/session_coordinator.h"
+#include "server/session/task_queue.h"
+#include "server/store/store.h"
+
+namespace rigcal::server {
+
+struct LiveTrackerOptions {
+  // The state is made at most this often.
+  std::chrono::milliseconds interval{100};
+  // Unset: the system's clocks. For tests, which call Update themselves.
+  std::function<int64_t()> utc_now_ns = {};
+  std::function<std::chrono::steady_clock::time_point()> steady_now = {};
+};
+
+// Follows what ingest stores, sessions, agents and the running estimate, and makes the live state
+// of each rig: at most ten times a second, on one thread, whoever asks for it. Memory is bounded:
+// rows are thinned to about 50 per second and camera, and cameras beyond the first 256 of a session
+// are left out. Thread-safe.
+class LiveTracker {
+ public:
+  // What is given to whoever collects rows for an estimate.
+  using RowTap = std::function<void(const StreamKey&, const ObservationBatch&)>;
+
+  // All must outlive the tracker. Reads the counts of sessions that run from `store`, so it is made
+  // before ingest starts.
+  LiveTracker(LiveTrackerOptions options, Store* store, const AgentDirectory* directory,
+              SessionCoordinator* coordinator);
+  ~LiveTracker();  // shuts down
+
+  // `tap` gets every batch of rows that became durable, without refused ones, on the ingest
+  // writer's thread: it must be very cheap. Before ingest starts.
+  void SetRowTap(RowTap tap);
+  void Start();
+  void Shutdown();
+
+  // The DeliveryHook of Ingest. On the writer's thread; takes microseconds.
+  void RecordDelivery(const Delivery& delivery, const AppendOutcome& outcome);
+  // The running estimate of `estimate.session_id`. Shown while that is the session of its rig.
+  void SetEstimate(LiveEstimate estimate);
+
+  // The newest state of a rig; never null. A rig that nobody knows has an empty one.
+  std::shared_ptr<const LiveSnapshot> Get(std::string_view rig) const;
+  // Makes the states now. Called by the tracker's own thread; by tests instead of Start.
+  void Update();
+  // Returns when sessions that have reached their goal have been told to stop. Between Start and
+  // Shutdown.
+  void WaitIdle() { stops_.WaitIdle(); }
+
+ private:
+  using Time = std::chrono::steady_clock::time_point;
+  struct Rig;
+
+  Time Now() const;
+  int64_t UtcNow() const;
+  void Run();
+  Rig* FindOrAddRig(std::string_view name);
+  void FollowSessions();
+  void FollowSession(Rig* rig, std::string_view id);
+  void FollowAgents();
+  void TakeArrivals(std::vector<std::pair<StreamKey, Arrivals>> arrivals);
+  void CountOverlap(Rig* rig, const std::string& camera, const std::vector<ThinnedRow>& rows);
+  void TakeEstimates();
+  void MakeState(Rig* rig);
+  void StopAtGoal(Rig* rig, const LiveGoal& goal);
+  LiveCamera CameraOf(const Rig& rig, const std::string& name) const;
+  std::vector<AlertCondition> ConditionsOf(const Rig& rig) const;
+  std::shared_ptr<const LiveSnapshot> EmptyState(std::string_view rig) const;
+  std::string IncarnationOf(std::string_view rig) const;
+
+  const LiveTrackerOptions options_;
+  Store* const store_;
+  const AgentDirectory* const directory_;
+  SessionCoordinator* const coordinator_;
+  const uint64_t incarnation_;
+  const int64_t begin_utc_ns_;
+  RowTap row_tap_;
+  ArrivalInbox inbox_;
+
+  // Held over an update.
+  std::mutex update_mutex_;
+  std::map<std::string, std::unique_ptr<Rig>, std::less<>> rigs_;
+  uint64_t last_revision_ = 0;
+  std::optional<uint64_t> change_count_;
+  std::optional<Time> agents_time_;
+  std::optional<Time> health_time_;
+  StoreHealth health_;
+
+  // Held briefly.
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<const LiveSnapshot>, std::less<>> published_;
+  std::map<std::string, std::shared_ptr<const LiveEstimate>, std::less<>> estimates_;
+  std::condition_variable wake_;
+  bool stopping_ = false;
+
+  TaskQueue stops_{"live goals"};  // its tasks use the members above
+  std::thread thread_;
+};
+
+}  // namespace rigcal::server

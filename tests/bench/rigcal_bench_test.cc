@@ -12,7 +12,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr const char* kSuites[] = {"beside_solve", "detect", "event", "ingest",
+constexpr const char* kSuites[] = {"beside_solve", "detect", "event", "ingest", "live",
                                    "recorded",     "solve",  "spool", "store"};
 
 TEST(RigcalBench, HelpAndListNameEverySuite) {

@@ -28,10 +28,15 @@ namespace {
 using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::SizeIs;
 
 class Live : public ::testing::Test {
  protected:
+  static constexpr double kRateHz = 50;
+  // Of waving; at most so much until an alert says what is wrong.
+  static constexpr double kAlertLimitS = 10;
+
   void SetUp() override {
     server_ = std::make_unique<ServerProcess>(directory_.path() / "store");
     OpenStub();
@@ -48,8 +53,8 @@ class Live : public ::testing::Test {
     for (int i = 0; i < 4; ++i) {
       options.arguments.insert(
           options.arguments.end(),
-          {"--source",
-           absl::StrCat("sim:camera=", i, ";cameras=4;rate=50;duration=600", i == 3 ? odd : "")});
+          {"--source", absl::StrCat("sim:camera=", i, ";cameras=4;rate=", kRateHz, ";duration=600",
+                                    i == 3 ? odd : "")});
     }
     agent_ = std::make_unique<Process>(std::move(options));
     ASSERT_TRUE(WaitFor([&] { return Get().cameras_size() == 4; })) << agent_->StandardError();
@@ -74,6 +79,24 @@ class Live : public ::testing::Test {
     stub_->GetLive(&context, request, &response);
     return response.live();
   }
+  // Waits for the alert, and says how many seconds of the other cameras' data there were until
+  // then, from the first that shows the wand on. A machine that stands still has no data either.
+  double SecondsOfWavingUntil(const std::string& alert) {
+    const auto seconds = [](const v1::LiveState& live) {
+      return static_cast<double>(live.cameras(0).observation_count()) / kRateHz;
+    };
+    v1::LiveState live;
+    EXPECT_TRUE(WaitFor([&] {
+      live = Get();
+      return live.cameras_size() == 4 && live.cameras(0).wand_count() > 0;
+    })) << live.DebugString();
+    const double begin_s = seconds(live);
+    EXPECT_TRUE(WaitFor([&] {
+      live = Get();
+      return Alerts(live).contains(alert);
+    })) << live.DebugString();
+    return seconds(live) - begin_s;
+  }
   static std::set<std::string> Alerts(const v1::LiveState& live) {
     std::set<std::string> alerts;
     for (const v1::LiveAlert& alert : live.alerts().alerts()) {
@@ -91,11 +114,8 @@ class Live : public ::testing::Test {
 TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
   StartAgent(";dropouts=1");
   StartWave();
-  v1::LiveState live;
-  ASSERT_TRUE(WaitFor([&] {
-    live = Get();
-    return Alerts(live).contains("no_wand sim_3");
-  })) << live.DebugString();
+  EXPECT_LE(SecondsOfWavingUntil("no_wand sim_3"), kAlertLimitS);
+  v1::LiveState live = Get();
   EXPECT_THAT(Alerts(live), SizeIs(1)) << live.alerts().DebugString();
   for (int i = 0; i < 3; ++i) {
     const v1::LiveCamera& camera = live.cameras(i);
@@ -111,7 +131,7 @@ TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
   EXPECT_GT(live.overlap().counts(0), 0u);  // sim_0, sim_1
   EXPECT_EQ(live.overlap().counts(2), 0u);  // sim_0, sim_3
   EXPECT_FALSE(live.goal().reached());
-  EXPECT_THAT(live.goal().why_not(), ::testing::Not(::testing::IsEmpty()));
+  EXPECT_THAT(live.goal().why_not(), Not(::testing::IsEmpty()));
 
   // Deltas add up to the whole.
   v1::LiveState delta;
@@ -138,11 +158,32 @@ TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
 TEST_F(Live, TellsOfAClockThatIsOff) {
   StartAgent(";offset.3=-3");
   StartWave();
-  v1::LiveState live;
-  EXPECT_TRUE(WaitFor([&] {
-    live = Get();
-    return Alerts(live).contains("clock_off sim_3");
-  })) << live.DebugString();
+  EXPECT_LE(SecondsOfWavingUntil("clock_off sim_3"), kAlertLimitS);
+}
+
+TEST_F(Live, TellsOfASecondWand) {
+  StartAgent(";second_wand.3=0.4");
+  StartWave();
+  EXPECT_LE(SecondsOfWavingUntil("two_wands sim_3"), kAlertLimitS);
+  EXPECT_THAT(Alerts(Get()), Not(Contains("two_wands sim_0")));
+}
+
+TEST_F(Live, WhoeverStartsOrStopsSecondIsTold) {
+  StartAgent("");
+  StartWave();
+  const auto expect_told = [](const CommandResult& result, const std::string& since) {
+    EXPECT_NE(result.exit_code, 0);
+    EXPECT_THAT(result.error, HasSubstr(since));
+  };
+  // Another session with the same cameras, by somebody who did not see that one runs.
+  expect_told(Rigcal({"session", "create", "--target", "wand:0,0.13,0.39", "--start"}),
+              "takes part in session 'wave', which is capturing since 20");
+  ASSERT_EQ(Rigcal({"session", "stop", "wave", "--wait"}).exit_code, 0);
+  expect_told(Rigcal({"session", "start", "wave"}),
+              "it has been stopped already and is finished since 20");
+  const CommandResult again = Rigcal({"session", "stop", "wave"});
+  EXPECT_EQ(again.exit_code, 0) << "it is as they wanted it";
+  EXPECT_THAT(again.error, HasSubstr("session wave had been stopped already, at 20"));
 }
 
 TEST_F(Live, WatchSurvivesARestartOfTheServer) {

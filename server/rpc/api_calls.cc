@@ -100,6 +100,7 @@ struct OngoingCall {
   const google::protobuf::MethodDescriptor* method = nullptr;
   const ApiRoute* route = nullptr;
   std::string known_etag;
+  bool unchanged = false;  // the client has the answer: it is not asked for
 };
 using Ongoing = std::shared_ptr<OngoingCall>;
 
@@ -174,13 +175,17 @@ ApiAnswer AnswerOf(Shared* shared, const OngoingCall& call, const grpc::Status& 
 
 class ApiCalls final : public ApiGateway {
  public:
-  ApiCalls(std::shared_ptr<grpc::Channel> channel, CallSecurity* security)
-      : shared_(std::make_shared<Shared>(std::move(channel))), security_(*security) {}
+  ApiCalls(std::shared_ptr<grpc::Channel> channel, CallSecurity* security, const LiveAnswers* live)
+      : shared_(std::make_shared<Shared>(std::move(channel))), security_(*security), live_(*live) {}
 
   void Call(ApiRequest request, std::function<void(Work)> done) override {
     auto call = std::make_shared<OngoingCall>();
     if (absl::Status status = Prepare(std::move(request), call.get()); !status.ok()) {
       done([status] { return ApiAnswer{.status = status}; });
+      return;
+    }
+    if (call->unchanged) {
+      done([etag = call->known_etag] { return ApiAnswer{.etag = etag, .unchanged = true}; });
       return;
     }
     shared_->stub.UnaryCall(
@@ -208,6 +213,11 @@ class ApiCalls final : public ApiGateway {
     const grpc::Slice slice(bytes);
     call->request = grpc::ByteBuffer(&slice, 1);
     call->known_etag = std::move(request.known_etag);
+    if (!call->known_etag.empty() &&
+        call->method->input_type() == v1::GetLiveRequest::descriptor()) {
+      const auto& live_request = static_cast<const v1::GetLiveRequest&>(*message);
+      call->unchanged = live_.Revision(live_request) == call->known_etag;
+    }
     call->context.set_deadline(std::chrono::system_clock::now() + kCallLimit);
     security_.AddCaller({std::move(request.peer), std::move(request.address)}, &call->context);
     return absl::OkStatus();
@@ -215,13 +225,14 @@ class ApiCalls final : public ApiGateway {
 
   const std::shared_ptr<Shared> shared_;
   CallSecurity& security_;
+  const LiveAnswers& live_;
 };
 
 }  // namespace
 
 std::unique_ptr<ApiGateway> MakeApiGateway(std::shared_ptr<grpc::Channel> channel,
-                                           CallSecurity* security) {
-  return std::make_unique<ApiCalls>(std::move(channel), security);
+                                           CallSecurity* security, const LiveAnswers* live) {
+  return std::make_unique<ApiCalls>(std::move(channel), security, live);
 }
 
 }  // namespace rigcal::server

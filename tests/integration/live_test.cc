@@ -2,7 +2,6 @@
 // The live state of real programs: simulated agents, a server, `rigcal watch`.
 #include <fcntl.h>
 #include <gmock/gmock.h>
-#include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <pty.h>
 #include <sys/wait.h>
@@ -12,110 +11,31 @@
 #include <csignal>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "rigcal/v1/live_service.grpc.pb.h"
+#include "tests/integration/live_rig.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
-#include "tests/testing/temporary_directory.h"
 
 namespace rigcal::testing::live_test {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::SizeIs;
 
-class Live : public ::testing::Test {
- protected:
-  static constexpr double kRateHz = 50;
-  // Of waving; at most so much until an alert says what is wrong.
-  static constexpr double kAlertLimitS = 10;
-
-  void SetUp() override {
-    server_ = std::make_unique<ServerProcess>(directory_.path() / "store");
-    OpenStub();
-  }
-  void OpenStub() {
-    stub_ = v1::LiveService::NewStub(
-        grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials()));
-  }
-  // Three cameras that see the wand, and one with `odd` options.
-  void StartAgent(const std::string& odd) {
-    Process::Options options{{"rigcal-agent", "--server", server_->address(), "--state-dir",
-                              (directory_.path() / "agent").string()},
-                             {}};
-    for (int i = 0; i < 4; ++i) {
-      options.arguments.insert(
-          options.arguments.end(),
-          {"--source", absl::StrCat("sim:camera=", i, ";cameras=4;rate=", kRateHz, ";duration=600",
-                                    i == 3 ? odd : "")});
-    }
-    agent_ = std::make_unique<Process>(std::move(options));
-    ASSERT_TRUE(WaitFor([&] { return Get().cameras_size() == 4; })) << agent_->StandardError();
-    EXPECT_EQ(Get().cameras(0).state(), v1::LiveCamera::STATE_IDLE);
-  }
-  CommandResult Rigcal(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "rigcal");
-    arguments.insert(arguments.end(), {"--server", server_->address()});
-    return RunCommand(arguments);
-  }
-  void StartWave() {
-    const CommandResult created = Rigcal({"session", "create", "--target", "wand:0,0.13,0.39",
-                                          "--id", "wave", "--until-mm", "0.001", "--start"});
-    ASSERT_EQ(created.exit_code, 0) << created.error;
-    EXPECT_THAT(created.output, HasSubstr("expected error below 0.001 mm, not before 20"));
-  }
-  v1::LiveState Get(const std::string& since = "") {
-    grpc::ClientContext context;
-    v1::GetLiveRequest request;
-    request.set_since_revision(since);
-    v1::GetLiveResponse response;
-    stub_->GetLive(&context, request, &response);
-    return response.live();
-  }
-  // Waits for the alert, and says how many seconds of the other cameras' data there were until
-  // then, from the first that shows the wand on. A machine that stands still has no data either.
-  double SecondsOfWavingUntil(const std::string& alert) {
-    const auto seconds = [](const v1::LiveState& live) {
-      return static_cast<double>(live.cameras(0).observation_count()) / kRateHz;
-    };
-    v1::LiveState live;
-    EXPECT_TRUE(WaitFor([&] {
-      live = Get();
-      return live.cameras_size() == 4 && live.cameras(0).wand_count() > 0;
-    })) << live.DebugString();
-    const double begin_s = seconds(live);
-    EXPECT_TRUE(WaitFor([&] {
-      live = Get();
-      return Alerts(live).contains(alert);
-    })) << live.DebugString();
-    return seconds(live) - begin_s;
-  }
-  static std::set<std::string> Alerts(const v1::LiveState& live) {
-    std::set<std::string> alerts;
-    for (const v1::LiveAlert& alert : live.alerts().alerts()) {
-      alerts.insert(absl::StrCat(alert.kind(), " ", alert.camera()));
-    }
-    return alerts;
-  }
-
-  TemporaryDirectory directory_;
-  std::unique_ptr<ServerProcess> server_;
-  std::unique_ptr<Process> agent_;
-  std::unique_ptr<v1::LiveService::Stub> stub_;
-};
+using Live = LiveRig;
 
 TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
   StartAgent(";dropouts=1");
   StartWave();
-  EXPECT_LE(SecondsOfWavingUntil("no_wand sim_3"), kAlertLimitS);
-  v1::LiveState live = Get();
+  v1::LiveState live;
+  ASSERT_TRUE(WaitFor([&] {
+    live = Get();
+    return Alerts(live).contains("no_wand sim_3");
+  })) << live.DebugString();
   EXPECT_THAT(Alerts(live), SizeIs(1)) << live.alerts().DebugString();
   for (int i = 0; i < 3; ++i) {
     const v1::LiveCamera& camera = live.cameras(i);
@@ -153,37 +73,6 @@ TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
   const auto first = nlohmann::json::parse(output.substr(0, output.find('\n')));
   EXPECT_EQ(first.at("session").at("id"), "wave");
   EXPECT_EQ(first.at("cameras").size(), 4u);
-}
-
-TEST_F(Live, TellsOfAClockThatIsOff) {
-  StartAgent(";offset.3=-3");
-  StartWave();
-  EXPECT_LE(SecondsOfWavingUntil("clock_off sim_3"), kAlertLimitS);
-}
-
-TEST_F(Live, TellsOfASecondWand) {
-  StartAgent(";second_wand.3=0.4");
-  StartWave();
-  EXPECT_LE(SecondsOfWavingUntil("two_wands sim_3"), kAlertLimitS);
-  EXPECT_THAT(Alerts(Get()), Not(Contains("two_wands sim_0")));
-}
-
-TEST_F(Live, WhoeverStartsOrStopsSecondIsTold) {
-  StartAgent("");
-  StartWave();
-  const auto expect_told = [](const CommandResult& result, const std::string& since) {
-    EXPECT_NE(result.exit_code, 0);
-    EXPECT_THAT(result.error, HasSubstr(since));
-  };
-  // Another session with the same cameras, by somebody who did not see that one runs.
-  expect_told(Rigcal({"session", "create", "--target", "wand:0,0.13,0.39", "--start"}),
-              "takes part in session 'wave', which is capturing since 20");
-  ASSERT_EQ(Rigcal({"session", "stop", "wave", "--wait"}).exit_code, 0);
-  expect_told(Rigcal({"session", "start", "wave"}),
-              "it has been stopped already and is finished since 20");
-  const CommandResult again = Rigcal({"session", "stop", "wave"});
-  EXPECT_EQ(again.exit_code, 0) << "it is as they wanted it";
-  EXPECT_THAT(again.error, HasSubstr("session wave had been stopped already, at 20"));
 }
 
 TEST_F(Live, WatchSurvivesARestartOfTheServer) {

@@ -104,7 +104,7 @@ const FolderGraph& AllowedFolders() {
        {"common/calibration", "common/camera", "common/geometry", "common/session", "common/status",
         "common/target", "common/text"}},
       {"server/access", {"common/identity", "common/status"}},
-      {"server/api", {"server/access"}},
+      {"server/api", {"common/text", "server/access"}},
       {"server/associate",
        {"common/camera", "common/session", "common/statistics", "common/status", "common/target",
         "common/time"}},

@@ -340,7 +340,7 @@ class LiveBench {
   absl::Status Idle() {
     const auto length = std::chrono::duration<double>(seconds_);
     // Until the last rates and alerts have gone.
-    std::this_thread::sleep_for(std::chrono::duration<double>(std::min(8.0, 2 * seconds_)));
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::clamp(2 * seconds_, 3.0, 8.0)));
     const pid_t pid = server_->process().pid();
     double before_s = testing::CpuSeconds(pid);
     std::this_thread::sleep_for(length);

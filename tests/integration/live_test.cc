@@ -134,6 +134,12 @@ TEST_F(Live, ASessionGoesOnWithWhatWasSeenBefore) {
     return shared(live) > before - before / 20;
   })) << before
       << " before; " << live.DebugString();
+  // From both sessions.
+  EXPECT_TRUE(WaitFor([&] {
+    live = Get();
+    return live.estimate().state() == v1::LiveEstimate::STATE_READY &&
+           live.estimate().instant_count() > live.cameras(0).observation_count() + 100;
+  })) << live.estimate().DebugString();
 }
 
 // On a terminal: shows, stops by a key, leaves the terminal as it was.

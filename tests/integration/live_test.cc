@@ -138,7 +138,7 @@ TEST_F(Live, ASessionGoesOnWithWhatWasSeenBefore) {
   EXPECT_TRUE(WaitFor([&] {
     live = Get();
     return live.estimate().state() == v1::LiveEstimate::STATE_READY &&
-           live.estimate().instant_count() > live.cameras(0).observation_count() + 100;
+           live.estimate().instant_count() > live.cameras(0).observation_count() + 50;
   })) << live.estimate().DebugString();
 }
 

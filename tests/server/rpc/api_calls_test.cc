@@ -127,7 +127,8 @@ TEST_F(ApiCalls, SaysNothingAgainOfALiveStateThatTheClientHas) {
   EXPECT_THAT(first.body->text, HasSubstr("\"full\":true"));
   ASSERT_NE(first.etag, "");
   // Whether it asks for changes or for everything.
-  for (const std::string query : {"", "?since_revision=" + first.etag, "?rig=rig"}) {
+  for (const std::string& query :
+       std::vector<std::string>{"", "?since_revision=" + first.etag, "?rig=rig"}) {
     const ApiAnswer again = get(query, first.etag);
     EXPECT_TRUE(again.unchanged) << query;
     EXPECT_EQ(again.etag, first.etag) << query;

@@ -137,14 +137,14 @@ void EstimateLoop::EstimateSession(const std::string& id) {
   progress.seen_count = snapshot->seen_count;
   EstimateTask task;
   task.target = session->target;
-  for (const SessionCamera& camera : session->cameras) {
-    const auto rows = snapshot->rows.find(camera.description.camera);
-    if (rows == snapshot->rows.end()) continue;
+  for (RowCollection::Track& rows : snapshot->tracks) {
+    const SessionCamera* const camera = session->FindCamera(rows.camera);
+    if (camera == nullptr) continue;
     CameraTrack track;
-    track.session_id = id;
-    track.camera = camera.description;
+    track.session_id = rows.session_id;
+    track.camera = rows.description.value_or(camera->description);
     task.tracks.push_back(std::move(track));
-    task.rows.push_back(std::move(rows->second));
+    task.rows.push_back(std::move(rows.rows));
   }
   task.data_share = snapshot->data_share;
   task.start = progress.start;

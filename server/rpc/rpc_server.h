@@ -92,6 +92,7 @@ class RpcServer {
   Listener listener_;
   CallSecurity security_;
   PreviewBroker previews_;
+  DetectorBroker detectors_;
   WatchHub watches_;
   ObservationReaders readers_;
   LiveAnswers live_answers_;

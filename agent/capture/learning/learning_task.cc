@@ -38,7 +38,8 @@ class MaskTask : public LearningTask {
       return absl::FailedPreconditionError(
           absl::StrCat("the wand was in view in ", wands_.size(), " of ", learner_.frame_count(),
                        " frames, and the mask would hide it; take it out of view, or keep it "
-                       "moving, and learn again"));
+                       "moving, and learn again. Lamps that stand like the wand are masked on the "
+                       "agent's PC: rigcal-agent mask"));
     }
     const int64_t pixels = mask.CountPixels();
     const double share = static_cast<double>(pixels) / (1.0 * mask.width() * mask.height());

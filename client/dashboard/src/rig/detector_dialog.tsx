@@ -12,9 +12,9 @@ type ColourField = keyof ColourRange;
 const colourFields: { field: ColourField; label: string; max: number; step: number }[] = [
   { field: 'hue_min_deg', label: 'Hue from, degrees', max: 360, step: 1 },
   { field: 'hue_max_deg', label: 'Hue to, degrees', max: 360, step: 1 },
-  { field: 'saturation_min', label: 'Least saturation, 0 to 1', max: 1, step: 0.01 },
-  { field: 'value_min', label: 'Least brightness, 1 to 255', max: 255, step: 1 },
-  { field: 'washed_out_min', label: 'White from, 1 to 256 (never)', max: 256, step: 1 },
+  { field: 'saturation_min', label: 'Saturation from, 0 to 1', max: 1, step: 0.01 },
+  { field: 'value_min', label: 'Brightness from, 1 to 255', max: 255, step: 1 },
+  { field: 'washed_out_min', label: 'White from (256: never)', max: 256, step: 1 },
 ];
 
 /** Hues from one to the other, as a band of colour. */
@@ -35,7 +35,7 @@ function Learning({ learning }: { learning: DetectorLearning }): JSX.Element {
     </div>;
   }
   const good = learning.state === 'STATE_SUCCEEDED';
-  return <p class={good ? 'result' : 'problem'}>{good ? `✓ The ${what} is in use: ` : `✕ No ${what}: `}{learning.message}</p>;
+  return <p class={good ? 'learnt' : 'problem'}>{good ? `✓ The ${what} is in use: ` : `✕ No ${what}: `}{learning.message}</p>;
 }
 
 function ColourForm({ detector, onSet, busy }: {

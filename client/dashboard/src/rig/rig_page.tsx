@@ -94,8 +94,8 @@ function CameraCard({ live, description, rig, stale, session }: {
       <div class="fact"><dt>waiting / lost</dt><dd>{count(toCount(live.backlog_count))} / {count(toCount(live.dropped_count))}</dd></div>
     </dl>
     {live.agent_id && live.state !== 'STATE_OFFLINE' && description?.sensor !== 'SENSOR_EVENT' &&
-      <div class="buttons"><button type="button" disabled={stale} aria-haspopup="dialog" aria-label={`Detector of ${name}`}
-        onClick={() => setOpen(true)}>Mask and colour…</button></div>}
+      <div class="buttons"><button type="button" disabled={stale} aria-haspopup="dialog" aria-label={`Mask and colour of ${name}`}
+        onClick={() => setOpen(true)}>Mask and colour</button></div>}
     {open && <DetectorDialog rig={rig} camera={name} onClose={() => setOpen(false)} />}
   </li>;
 }

@@ -63,7 +63,8 @@ TEST_F(DetectorBrokerTest, BringsWhatTheAgentSays) {
     asked = request;
     DetectorAnswer answer{.request_id = request.request_id, .status = {}, .state = {}};
     answer.state.ignored_pixel_count = 7;
-    broker_.TakeAnswer(registration_ + 1, {.request_id = request.request_id});
+    broker_.TakeAnswer(registration_ + 1,
+                       {.request_id = request.request_id, .status = {}, .state = {}});
     broker_.TakeAnswer(registration_, answer);
   });
   ASSERT_OK_AND_ASSIGN(const auto detector, Ask("left", DetectorCommand::kLearnMask));

@@ -56,11 +56,12 @@ void Show(const RunningOutcome& outcome, const Session& session, size_t max_hist
   live->time_utc_ns = UtcNowNs({});
   live->instant_count = static_cast<uint32_t>(estimate.instant_count);
   live->scale_known = estimate.scale_known;
+  live->intrinsics_refined = estimate.intrinsics_refined;
   live->cameras.clear();
   for (const EstimatedCamera& camera : estimate.cameras) {
     live->cameras.push_back({camera.name, camera.cam_from_rig, camera.time_offset_s,
                              camera.time_offset_sigma_s, camera.reprojection_rms_px,
-                             camera.focal_length_px});
+                             camera.focal_length_px, camera.lens_disagrees});
   }
   live->marker_positions_m = estimate.marker_positions_m;
   live->volume = VolumeOf(estimate);

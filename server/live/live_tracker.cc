@@ -603,6 +603,7 @@ std::vector<AlertCondition> LiveTracker::ConditionsOf(const Rig& rig) const {
     }
     if (const LiveEstimatedCamera* estimated = rig.Estimated(name)) {
       camera_facts.estimated_offset_s = estimated->time_offset_s;
+      camera_facts.lens_disagrees = estimated->lens_disagrees;
     }
     for (AlertCondition& condition : CameraConditions(camera_facts)) {
       conditions.push_back(std::move(condition));

@@ -94,6 +94,7 @@ void Fill(const LiveEstimate& estimate, v1::LiveEstimate* proto) {
   proto->set_instant_count(estimate.instant_count);
   proto->set_solve_duration_s(estimate.solve_duration_s);
   proto->set_scale_known(estimate.scale_known);
+  proto->set_intrinsics_refined(estimate.intrinsics_refined);
   for (const LiveEstimatedCamera& camera : estimate.cameras) {
     v1::LiveEstimatedCamera* out = proto->add_cameras();
     out->set_camera(camera.camera);
@@ -102,6 +103,7 @@ void Fill(const LiveEstimate& estimate, v1::LiveEstimate* proto) {
     out->set_time_offset_sigma_s(camera.time_offset_sigma_s);
     out->set_reprojection_rms_px(camera.reprojection_rms_px);
     out->set_focal_length_px(camera.focal_length_px);
+    out->set_lens_disagrees(camera.lens_disagrees);
   }
   proto->mutable_marker_positions_m()->Add(estimate.marker_positions_m.begin(),
                                            estimate.marker_positions_m.end());

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 
 namespace rigcal::server::row_collection_test {
@@ -20,7 +21,7 @@ ObservationBatch Rows(const StreamKey& stream, double first_s, double rate_hz, i
   batch.marker_count = 1;
   for (int i = 0; i < count; ++i) {
     Observation row;
-    row.time_ns = static_cast<int64_t>((first_s + i / rate_hz) * 1e9);
+    row.time_ns = std::llround((first_s + i / rate_hz) * 1e9);
     row.markers.resize(1);
     row.markers[0].visible = true;
     row.markers[0].centre_px = {1.0 * i, 2};

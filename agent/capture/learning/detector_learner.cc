@@ -203,7 +203,8 @@ absl::Status DetectorLearner::Begin(const DetectorRequest& request, DetectorCont
       .wanted_frame_count = request.frame_count > 0 ? request.frame_count : frames,
       .wand_count = 0,
       .message = {}};
-  learning->interval = is_mask ? options_.mask_interval : options_.colour_interval;
+  learning->interval =
+      (is_mask ? options_.mask_span : options_.colour_span) / learning->progress.wanted_frame_count;
   learning->next_frame = Clock::now();
   learning->give_up = Clock::now() + options_.time_limit;
   learning->asked = false;

@@ -25,9 +25,10 @@ struct LearningOptions {
   uint32_t mask_frames = 100;
   uint32_t colour_frames = 50;
   uint32_t max_frames = 1000;
-  // Frames are taken so far apart at least, so that they differ and the capture is not held up.
-  std::chrono::milliseconds mask_interval{30};
-  std::chrono::milliseconds colour_interval{100};
+  // The frames are spread over so long at least, however few they are, so that a moving wand is at
+  // different places in them and the capture is not held up.
+  std::chrono::milliseconds mask_span{3'000};
+  std::chrono::milliseconds colour_span{5'000};
   // For all frames; a learning that takes longer fails.
   std::chrono::milliseconds time_limit{60'000};
 };

@@ -139,8 +139,8 @@ class DetectorLearnerTest : public ::testing::Test {
 
   const TemporaryDirectory directory_;
   LearningOptions options_{.folder = directory_.path() / "detectors",
-                           .mask_interval = std::chrono::milliseconds(0),
-                           .colour_interval = std::chrono::milliseconds(0)};
+                           .mask_span = std::chrono::milliseconds(0),
+                           .colour_span = std::chrono::milliseconds(0)};
   std::unique_ptr<DetectingObservationSource> source_;
   std::mutex mutex_;
   std::condition_variable answered_;

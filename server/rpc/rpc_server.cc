@@ -95,7 +95,7 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
       security_(identity_.ok() ? identity_->get() : nullptr, &denied_, &listener_.connections(),
                 &audit_),
       previews_(options_.previews, parts.directory),
-      detectors_({}, parts.directory),
+      detectors_(options_.detectors, parts.directory),
       readers_(options_.readers, parts.store, parts.coordinator),
       live_answers_(parts.live),
       ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_, &detectors_,

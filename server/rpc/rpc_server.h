@@ -38,6 +38,7 @@ struct RpcServerOptions {
   ListenerOptions listener = {};
   AgentStreamOptions agents = {};
   PreviewBrokerOptions previews = {};
+  DetectorBrokerOptions detectors = {};
   ObservationReaderOptions readers = {};
   // Memory gRPC may hold for messages and connections, in all.
   size_t memory_limit_bytes = size_t{512} << 20;

@@ -95,12 +95,13 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
       security_(identity_.ok() ? identity_->get() : nullptr, &denied_, &listener_.connections(),
                 &audit_),
       previews_(options_.previews, parts.directory),
+      detectors_(options_.detectors, parts.directory),
       readers_(options_.readers, parts.store, parts.coordinator),
       live_answers_(parts.live),
-      ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
+      ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_, &detectors_,
                       parts.store->server_id(), &security_, parts.registry) {
   services_.push_back(MakeAgentService(parts));
-  services_.push_back(MakeCameraService(parts, &previews_));
+  services_.push_back(MakeCameraService(parts, &previews_, &detectors_));
   services_.push_back(MakeIdentityService(parts.identities));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_));
@@ -210,6 +211,7 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   if (!server_) return;
   server_->GetHealthCheckService()->SetServingStatus(false);
   previews_.Shutdown();
+  detectors_.Shutdown();
   parts_.directory->CloseAll(
       absl::UnavailableError("the server is shutting down; connect again after a moment"));
   watches_.EndStreams();

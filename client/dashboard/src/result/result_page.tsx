@@ -5,13 +5,15 @@ import { durationSeconds, timeMs } from '../api/json_values';
 import { cancelCalibration, getAccuracy, getCalibration, listCalibrations } from '../api/server_api';
 import type { CalibratedCamera, Calibration, Finding } from '../api/types';
 import { SceneView } from '../scene/scene_view';
-import { Chip, Fact, type Mark, Meter, Panel, Problem, saveFile, WorkButton } from '../shell/parts';
+import { Chip, Fact, type Mark, Meter, Panel, Problem, WorkButton } from '../shell/parts';
 import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
 import { count, dateTime, enumWords, fixed, inMs, millimetres, missing, percent, span } from '../view/format';
 import { modelOfCalibration } from '../view/rig_model';
 import { ResidualChart, TimeOffsetChart } from './charts';
 import { compareCalibrations } from './compare';
+import { Downloads } from './downloads';
+import { ResidualVectors } from './residual_panel';
 
 const grades: Record<string, readonly [Mark, string]> = {
   GRADE_GOOD: ['good', 'good: use it'], GRADE_USABLE: ['warn', 'usable, aware of the reasons'],
@@ -111,6 +113,7 @@ function Succeeded({ calibration, others, withId, theme }: {
       <SceneView model={model} targetMm={undefined} theme={theme} label="Cameras, their uncertainty, and the expected error"
         note={model.ellipsoids.size > 0 ? 'blue: position sigmas, enlarged' : ''} />
     </Panel>
+    <Panel name="vectors" title="Residuals over the image"><ResidualVectors id={id} theme={theme} /></Panel>
     <div class="pair">
     <Panel name="target" title="Wand">
       <div class="scroll" tabIndex={0} role="region" aria-label="Spans of the wand"><table>
@@ -122,11 +125,7 @@ function Succeeded({ calibration, others, withId, theme }: {
       </table></div>
     </Panel>
     <Panel name="downloads" title="Downloads">
-      <div class="buttons">
-        <button type="button" onClick={() => saveFile(`${id}.json`, 'application/json', `${JSON.stringify({ calibration }, null, 2)}\n`)}>Calibration as JSON</button>
-        {accuracy.value && <button type="button" onClick={() => saveFile(`${id}-accuracy.json`, 'application/json', `${JSON.stringify(accuracy.value, null, 2)}\n`)}>Expected errors as JSON</button>}
-      </div>
-      <p class="hint">Other formats: <code>rigcal calibration export {id}</code></p>
+      <Downloads id={id} accuracy={accuracy.value} />
     </Panel>
     </div>
     <Compare calibration={calibration} others={others} withId={withId} />

@@ -64,7 +64,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       </dl>
     </Panel>
     <Panel name="control" title="Session">
-      <SessionControls rig={rig} stale={stale} onChange={control.retryNow} onDelete={() => control.askAnew()} />
+      <SessionControls rig={rig} stale={stale} onChange={control.retryNow} />
     </Panel>
     <Panel name="advice" title="What next">
       {stale ? <p class="empty">Not known while the server does not answer.</p>

@@ -3,15 +3,13 @@
 // phone; no fault that axe-core calls serious; nothing that the Content-Security-Policy forbids.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
-import { createRequire } from 'node:module';
 import { after, before, test } from 'node:test';
 import type { Browser, BrowserContext, Page } from 'playwright-core';
 import { startChromium } from './chromium';
 import { MockServer, type MockOptions } from './mock_server';
+import { checkPage, sizes, watchFaults } from './page_checks';
 
 const dist = process.env['RIGCAL_DASHBOARD_DIST'] ?? 'dist';
-const axeSource = readFileSync(createRequire(`${process.cwd()}/package.json`).resolve('axe-core/axe.min.js'), 'utf8');
-const sizes = [{ name: 'desk', width: 1440, height: 900 }, { name: 'phone', width: 390, height: 844 }] as const;
 
 let browser: Browser;
 before(async () => { browser = await startChromium(); });
@@ -33,15 +31,7 @@ async function visit(size: { width: number; height: number }, options: Partial<M
   const context = await browser.newContext({ viewport: { width: size.width, height: size.height }, reducedMotion: 'reduce' });
   const page = await context.newPage();
   page.setDefaultTimeout(30000);
-  const faults: string[] = [];
-  page.on('pageerror', (error) => faults.push(error.message));
-  page.on('console', (message) => {
-    // A refused or dropped call is logged by the browser itself.
-    if (message.type() === 'error' && !message.text().includes('Failed to load resource')) faults.push(message.text());
-  });
-  page.on('request', (request) => {
-    if (!request.url().startsWith(address) && !/^(blob|data):/.test(request.url())) faults.push(`foreign request: ${request.url()}`);
-  });
+  const faults = watchFaults(page, [address]);
   if (init) await page.addInitScript(init);
   try {
     await work({ server, address, context, page, faults });
@@ -50,22 +40,6 @@ async function visit(size: { width: number; height: number }, options: Partial<M
     await context.close();
     await server.close();
   }
-}
-
-/** No fault of impact serious or critical; and nothing wider than the screen. */
-async function checkPage(page: Page, what: string): Promise<void> {
-  await page.evaluate(axeSource);
-  const found = await page.evaluate(async () => {
-    const axe = (globalThis as unknown as { axe: { run: (root: Document, options: object) => Promise<{ violations:
-      { id: string; impact: string; nodes: { target: string[]; failureSummary: string }[] }[]; passes: { id: string }[] }> } }).axe;
-    const result = await axe.run(document, { resultTypes: ['violations'] });
-    if (!result.passes.some((one) => one.id === 'color-contrast')) return ['axe-core looked at no text'];
-    return result.violations.filter((one) => one.impact === 'serious' || one.impact === 'critical')
-      .map((one) => `${one.id}: ${one.nodes.slice(0, 3).map((node) => `${node.target.join(' ')} ${node.failureSummary}`).join('; ')}`);
-  });
-  assert.deepEqual(found, [], what);
-  const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-  assert.equal(wide, 0, `${what}: wider than the screen by ${wide} px`);
 }
 
 for (const size of sizes) {

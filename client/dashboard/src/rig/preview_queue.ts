@@ -2,6 +2,8 @@
 // Previews cost network and, a little, the agents: at most two are under way, each camera is asked at
 // most once a second, and only cameras that are visible on the screen.
 
+import { isHidden, onVisibility } from '../shell/visible';
+
 /** Loads a preview; resolves also where there is none. */
 export type LoadPreview = () => Promise<void>;
 
@@ -18,7 +20,9 @@ export class PreviewQueue {
   private timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private readonly limit = 2, private readonly periodMs = 1000,
-    private readonly now: () => number = () => performance.now()) {}
+    private readonly now: () => number = () => performance.now()) {
+    onVisibility(this.pump);
+  }
 
   /** A camera has become visible. */
   add(camera: string, load: LoadPreview): void {
@@ -34,6 +38,7 @@ export class PreviewQueue {
 
   private readonly pump = (): void => {
     clearTimeout(this.timer);
+    if (isHidden()) return;
     const now = this.now();
     // The camera that has waited longest is next.
     const waiting = [...this.entries.values()].filter((entry) => !entry.busy).sort((a, b) => a.nextAt - b.nextAt);

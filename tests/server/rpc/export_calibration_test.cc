@@ -145,7 +145,13 @@ TEST_F(ExportCalibration, RoutesServeTheFileWithItsNameAndType) {
   const ApiMatch match = MatchApiRoute("GET", "/v1/calibrations/" + id + "/exports/opencv");
   ASSERT_NE(match.route, nullptr);
   std::promise<ApiGateway::Work> work;
-  gateway->Call({.route = match.route, .variables = match.variables, .address = "127.0.0.1"},
+  gateway->Call({.route = match.route,
+                 .variables = match.variables,
+                 .parameters = {},
+                 .body = "",
+                 .known_etag = "",
+                 .peer = {},
+                 .address = "127.0.0.1"},
                 [&](ApiGateway::Work made) { work.set_value(std::move(made)); });
   const ApiAnswer answer = work.get_future().get()();
   ASSERT_THAT(answer.status, IsOk());

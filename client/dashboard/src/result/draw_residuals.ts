@@ -44,9 +44,11 @@ export function drawResiduals(residuals: CameraResiduals, enlarged: number): Dra
     context.rect(left, top, imageWidth * scale, imageHeight * scale);
     context.clip();
     const most = mostOfWidth * imageWidth;
-    for (const outlier of [false, true]) {
+    // What counts is on top.
+    for (const outlier of [true, false]) {
       context.strokeStyle = outlier ? colours.bad : colours.accent;
-      context.lineWidth = outlier ? 1.2 : 1;
+      context.lineWidth = 1;
+      context.globalAlpha = outlier ? 0.7 : 1;
       context.beginPath();
       (residuals.x_px ?? []).forEach((x, i) => {
         if (Boolean(residuals.outlier?.[i]) !== outlier) return;

@@ -42,18 +42,23 @@ export function ResultPage({ route, theme }: { route: Route; theme: string }): J
       </select></label>
     </div>
     <Problem text={list.problem} />
-    {id !== '' ? <Result key={id} id={id} others={all} withId={route.parameters.get('with') ?? ''} theme={theme} />
+    {id !== '' ? <Result key={id} id={id} others={all} withId={route.parameters.get('with') ?? ''} theme={theme} onEnd={list.reload} />
       : !list.loading && <p class="empty">There is no calibration yet. <a href={hashOf('wave')}>Capture a session</a>, then calibrate.</p>}
   </div>;
 }
 
-function Result({ id, others, withId, theme }: { id: string; others: readonly Calibration[]; withId: string; theme: string }): JSX.Element {
+function Result({ id, others, withId, theme, onEnd }: {
+  id: string; others: readonly Calibration[]; withId: string; theme: string; onEnd: () => void;
+}): JSX.Element {
   const [ended, setEnded] = useState(false);
   const loaded = useLoaded(id, (signal) => getCalibration(id, signal), ended ? 0 : 700);
   const calibration = loaded.value;
   const state = calibration?.state;
   useEffect(() => {
-    if (state === 'STATE_SUCCEEDED' || state === 'STATE_FAILED') setEnded(true);
+    if (state !== 'STATE_SUCCEEDED' && state !== 'STATE_FAILED') return;
+    setEnded(true);
+    // The list still says that it runs.
+    if (others.some((one) => one.id === id && one.state !== state)) onEnd();
   }, [state]);
   if (!calibration) return <>{loaded.loading && <p class="empty">Loading {id} …</p>}<Problem text={loaded.problem} /></>;
   if (state === 'STATE_QUEUED' || state === 'STATE_RUNNING') {
@@ -85,7 +90,7 @@ function Succeeded({ calibration, others, withId, theme }: {
   return <>
     <Panel name="summary" title={`${id}, version ${calibration.version ?? 0} of ${calibration.rig ?? ''}`}
       aside={<span class="grade"><Chip mark={mark}>{words}</Chip></span>}>
-      {(calibration.quality?.reasons ?? []).length > 0 && <ul class="reasons">{calibration.quality?.reasons?.map((reason) => <li key={reason}>{reason}</li>)}</ul>}
+      {(calibration.quality?.reasons ?? []).length > 0 && <ul class={`reasons ${mark}`}>{calibration.quality?.reasons?.map((reason) => <li key={reason}>{reason}</li>)}</ul>}
       {!calibration.scale_known && <p class="why">The scale is not known: lengths are in units of the distance between {calibration.reference_camera} and {calibration.unit_camera}.</p>}
       <dl class="facts">
         <Fact name="expected error, 95 %" title="One sigma of a triangulated point, without the uncertainty of the scale">

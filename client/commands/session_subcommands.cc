@@ -135,16 +135,6 @@ void AddSessionCommands(CommandParser& parser) {
   auto [forget, name] = parser.AddCommand(
       agents, "forget", "Refuse an agent that has joined from another PC from now on", ForgetAgent);
   AddArgument(forget, "NAME", "Name of the agent", name);
-
-  CLI::App* cameras = parser.AddGroup("camera", "Cameras and whose they are (move)");
-  auto [move, camera] = parser.AddCommand(
-      cameras, "move",
-      "Give a camera to another agent: it belongs to the first one that announced it, and no other "
-      "may deliver it",
-      MoveCamera);
-  AddArgument(move, "CAMERA", "Name of the camera", &camera->camera);
-  AddArgument(move, "AGENT", "Id of the agent that it belongs to from now on", &camera->agent_id);
-  AddOption(move, "--rig", "RIG", &camera->rig, "Rig of the camera; without it \"rig\"");
 }
 
 }  // namespace rigcal::client

@@ -56,11 +56,12 @@ void Show(const RunningOutcome& outcome, const Session& session, size_t max_hist
   live->time_utc_ns = UtcNowNs({});
   live->instant_count = static_cast<uint32_t>(estimate.instant_count);
   live->scale_known = estimate.scale_known;
+  live->intrinsics_refined = estimate.intrinsics_refined;
   live->cameras.clear();
   for (const EstimatedCamera& camera : estimate.cameras) {
     live->cameras.push_back({camera.name, camera.cam_from_rig, camera.time_offset_s,
                              camera.time_offset_sigma_s, camera.reprojection_rms_px,
-                             camera.focal_length_px});
+                             camera.focal_length_px, camera.lens_disagrees});
   }
   live->marker_positions_m = estimate.marker_positions_m;
   live->volume = VolumeOf(estimate);
@@ -136,14 +137,14 @@ void EstimateLoop::EstimateSession(const std::string& id) {
   progress.seen_count = snapshot->seen_count;
   EstimateTask task;
   task.target = session->target;
-  for (const SessionCamera& camera : session->cameras) {
-    const auto rows = snapshot->rows.find(camera.description.camera);
-    if (rows == snapshot->rows.end()) continue;
+  for (RowCollection::Track& rows : snapshot->tracks) {
+    const SessionCamera* const camera = session->FindCamera(rows.camera);
+    if (camera == nullptr) continue;
     CameraTrack track;
-    track.session_id = id;
-    track.camera = camera.description;
+    track.session_id = rows.session_id;
+    track.camera = rows.description.value_or(camera->description);
     task.tracks.push_back(std::move(track));
-    task.rows.push_back(std::move(rows->second));
+    task.rows.push_back(std::move(rows.rows));
   }
   task.data_share = snapshot->data_share;
   task.start = progress.start;

@@ -37,6 +37,11 @@ class EstimateLoop {
 
   // A tap of LiveTracker: rows that became durable.
   void AddRows(const StreamKey& stream, const ObservationBatch& batch) { rows_.Add(stream, batch); }
+  // The same for rows from before (LiveTracker::EarlierTap).
+  void AddEarlierRows(const std::string& session_id, const SessionCamera& camera,
+                      const ObservationBatch& rows) {
+    rows_.AddEarlier(session_id, camera, rows);
+  }
   void Start();
   // Ends the estimate that is being made.
   void Shutdown();

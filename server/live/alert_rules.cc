@@ -157,6 +157,16 @@ void AddDelivery(const CameraFacts& facts, Conditions* conditions) {
   }
 }
 
+void AddLens(const CameraFacts& facts, Conditions* conditions) {
+  if (!facts.lens_disagrees) return;
+  conditions->Add("lens_wrong", AlertSeverity::kInfo,
+                  absl::StrCat("the lens of ", facts.camera,
+                               " is not as it was described (focal length, centre or distortion); "
+                               "the estimate finds it anew, which takes more waving: reach all of "
+                               "its image"),
+                  milliseconds(3000));
+}
+
 }  // namespace
 
 std::vector<AlertCondition> CameraConditions(const CameraFacts& facts) {
@@ -166,6 +176,7 @@ std::vector<AlertCondition> CameraConditions(const CameraFacts& facts) {
     AddWand(facts, &conditions);
   }
   AddClock(facts, &conditions);
+  AddLens(facts, &conditions);
   return conditions.Take();
 }
 

@@ -14,10 +14,10 @@
 namespace rigcal::server {
 
 // Every kind of alert; docs/live.md explains them.
-inline constexpr std::array<std::string_view, 14> kAlertKinds = {
-    "agent_lost",      "backlog_growing",    "clock_jumped", "clock_off", "disk_low",    "dropping",
-    "estimate_failed", "implausible_labels", "no_data",      "no_wand",   "not_storing", "rate_low",
-    "refused",         "two_wands"};
+inline constexpr std::array<std::string_view, 15> kAlertKinds = {
+    "agent_lost", "backlog_growing", "clock_jumped",       "clock_off",  "disk_low",
+    "dropping",   "estimate_failed", "implausible_labels", "lens_wrong", "no_data",
+    "no_wand",    "not_storing",     "rate_low",           "refused",    "two_wands"};
 
 // What is known of a camera that takes part in a session that captures.
 struct CameraFacts {
@@ -43,6 +43,7 @@ struct CameraFacts {
   std::string clock_jump;                    // what its samples show; empty: nothing
   std::optional<double> arrival_offset_s;    // how much later its rows come than others'
   std::optional<double> estimated_offset_s;  // by the running estimate
+  bool lens_disagrees = false;               // of the running estimate
 };
 
 // What is known of a rig and the server.

@@ -36,6 +36,7 @@ struct LiveEstimatedCamera {
   double time_offset_sigma_s = 0;
   double reprojection_rms_px = 0;
   double focal_length_px = 0;
+  bool lens_disagrees = false;
 };
 
 struct LiveVolume {
@@ -82,6 +83,7 @@ struct LiveEstimate {
   uint32_t instant_count = 0;
   double solve_duration_s = 0;
   bool scale_known = false;
+  bool intrinsics_refined = false;
   std::vector<LiveEstimatedCamera> cameras;  // by name
   std::vector<double> marker_positions_m;
   std::optional<LiveVolume> volume;  // none: not computed

@@ -94,6 +94,7 @@ void Fill(const LiveEstimate& estimate, v1::LiveEstimate* proto) {
   proto->set_instant_count(estimate.instant_count);
   proto->set_solve_duration_s(estimate.solve_duration_s);
   proto->set_scale_known(estimate.scale_known);
+  proto->set_intrinsics_refined(estimate.intrinsics_refined);
   for (const LiveEstimatedCamera& camera : estimate.cameras) {
     v1::LiveEstimatedCamera* out = proto->add_cameras();
     out->set_camera(camera.camera);
@@ -102,6 +103,7 @@ void Fill(const LiveEstimate& estimate, v1::LiveEstimate* proto) {
     out->set_time_offset_sigma_s(camera.time_offset_sigma_s);
     out->set_reprojection_rms_px(camera.reprojection_rms_px);
     out->set_focal_length_px(camera.focal_length_px);
+    out->set_lens_disagrees(camera.lens_disagrees);
   }
   proto->mutable_marker_positions_m()->Add(estimate.marker_positions_m.begin(),
                                            estimate.marker_positions_m.end());
@@ -180,6 +182,11 @@ std::optional<uint64_t> ReadRevision(const LiveSnapshot& state, std::string_view
   return revision;
 }
 
+const std::string& RigOf(const v1::GetLiveRequest& request) {
+  static const auto* const kDefault = new std::string("rig");
+  return request.rig().empty() ? *kDefault : request.rig();
+}
+
 }  // namespace
 
 std::string RevisionOf(const LiveSnapshot& state) {
@@ -216,7 +223,7 @@ v1::LiveState ToProto(const LiveSnapshot& state, const std::optional<uint64_t>& 
 
 absl::StatusOr<LiveAnswers::Answer> LiveAnswers::Get(const v1::GetLiveRequest& request) {
   if (tracker_ == nullptr) return absl::UnimplementedError("this server follows no live state");
-  const std::string& rig = request.rig().empty() ? "rig" : request.rig();
+  const std::string& rig = RigOf(request);
   RIGCAL_RETURN_IF_ERROR(ValidateName("rig name", rig));
   std::shared_ptr<const LiveSnapshot> state = tracker_->Get(rig);
   const std::lock_guard lock(mutex_);
@@ -240,6 +247,12 @@ absl::StatusOr<LiveAnswers::Answer> LiveAnswers::Get(const v1::GetLiveRequest& r
                 .bytes = std::make_shared<const std::string>(response.SerializeAsString())};
   if (cached.by_since.size() < kMaxAnswers) cached.by_since.emplace(key, answer);
   return answer;
+}
+
+std::string LiveAnswers::Revision(const v1::GetLiveRequest& request) const {
+  const std::string& rig = RigOf(request);
+  if (tracker_ == nullptr || !ValidateName("rig name", rig).ok()) return "";
+  return RevisionOf(*tracker_->Get(rig));
 }
 
 }  // namespace rigcal::server

@@ -38,8 +38,6 @@ void Fill(const EstimateStart& start, worker::v1::EstimateStart* proto) {
   }
   proto->mutable_marker_positions_m()->Assign(start.marker_positions_m.begin(),
                                               start.marker_positions_m.end());
-  proto->set_given_score_px(start.given_score_px);
-  proto->set_refined_score_px(start.refined_score_px);
   proto->set_round(static_cast<uint32_t>(start.round));
 }
 
@@ -56,8 +54,6 @@ absl::StatusOr<EstimateStart> Parse(const worker::v1::EstimateStart& proto) {
   }
   start.marker_positions_m.assign(proto.marker_positions_m().begin(),
                                   proto.marker_positions_m().end());
-  start.given_score_px = proto.given_score_px();
-  start.refined_score_px = proto.refined_score_px();
   start.round = static_cast<int>(proto.round());
   return start;
 }
@@ -109,6 +105,7 @@ class EstimateBuilder {
 
 void Fill(const RunningEstimate& estimate, worker::v1::EstimateResult* proto) {
   proto->set_instant_count(static_cast<uint32_t>(estimate.instant_count));
+  proto->set_intrinsics_refined(estimate.intrinsics_refined);
   proto->set_scale_known(estimate.scale_known);
   for (const EstimatedCamera& camera : estimate.cameras) {
     worker::v1::EstimateResultCamera* const out = proto->add_cameras();
@@ -118,6 +115,7 @@ void Fill(const RunningEstimate& estimate, worker::v1::EstimateResult* proto) {
     out->set_time_offset_sigma_s(camera.time_offset_sigma_s);
     out->set_reprojection_rms_px(camera.reprojection_rms_px);
     out->set_focal_length_px(camera.focal_length_px);
+    out->set_lens_disagrees(camera.lens_disagrees);
   }
   proto->mutable_marker_positions_m()->Assign(estimate.marker_positions_m.begin(),
                                               estimate.marker_positions_m.end());
@@ -157,12 +155,13 @@ void Fill(const RunningEstimate& estimate, worker::v1::EstimateResult* proto) {
 absl::StatusOr<RunningEstimate> Parse(const worker::v1::EstimateResult& proto) {
   RunningEstimate estimate;
   estimate.instant_count = static_cast<int>(proto.instant_count());
+  estimate.intrinsics_refined = proto.intrinsics_refined();
   estimate.scale_known = proto.scale_known();
   for (const worker::v1::EstimateResultCamera& camera : proto.cameras()) {
     RIGCAL_ASSIGN_OR_RETURN(const RigidTransform cam_from_rig, FromProto(camera.cam_from_rig()));
     estimate.cameras.push_back({camera.name(), cam_from_rig, camera.time_offset_s(),
                                 camera.time_offset_sigma_s(), camera.reprojection_rms_px(),
-                                camera.focal_length_px()});
+                                camera.focal_length_px(), camera.lens_disagrees()});
   }
   estimate.marker_positions_m.assign(proto.marker_positions_m().begin(),
                                      proto.marker_positions_m().end());

@@ -36,7 +36,8 @@ absl::Status ReadMessages(int descriptor, google::protobuf::MessageLite* message
       RIGCAL_RETURN_IF_ERROR(take());
     }
   }
-  if (!cutter.empty()) return absl::DataLossError("the worker's input ends within a message");
+  if (!cutter.empty())
+    return absl::DataLossError("the worker's input is damaged: it ends within a message");
   return absl::OkStatus();
 }
 

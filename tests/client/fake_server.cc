@@ -284,6 +284,41 @@ class FakeServer::Cameras : public v1::CameraService::Service {
     *response = fake_.preview;
     return fake_.FailureOf("GetPreview");
   }
+  grpc::Status GetDetector(grpc::ServerContext*, const v1::GetDetectorRequest*,
+                           v1::GetDetectorResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (fake_.on_get_detector) fake_.on_get_detector(*fake_.detector.mutable_detector());
+    *response = fake_.detector;
+    return fake_.FailureOf("GetDetector");
+  }
+  grpc::Status LearnMask(grpc::ServerContext*, const v1::LearnMaskRequest* request,
+                         v1::LearnMaskResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.asked_mask = *request;
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("LearnMask");
+  }
+  grpc::Status ClearMask(grpc::ServerContext*, const v1::ClearMaskRequest*,
+                         v1::ClearMaskResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.detector.mutable_detector()->set_mask_learnt(false);
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("ClearMask");
+  }
+  grpc::Status TuneDetector(grpc::ServerContext*, const v1::TuneDetectorRequest*,
+                            v1::TuneDetectorResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("TuneDetector");
+  }
+  grpc::Status SetDetectorColour(grpc::ServerContext*, const v1::SetDetectorColourRequest* request,
+                                 v1::SetDetectorColourResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.asked_colour = *request;
+    *fake_.detector.mutable_detector()->mutable_colour() = request->colour();
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("SetDetectorColour");
+  }
 
  private:
   FakeServer& fake_;

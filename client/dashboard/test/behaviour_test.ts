@@ -62,6 +62,32 @@ test('a preview that fails does not stop the others, one that is gone is not ask
   assert.deepEqual(asked, before);
 });
 
+test('a camera that gives no preview rests until something changes, on the screen or not', async () => {
+  const queue = new PreviewQueue(2, 1, () => performance.now(), 60000);
+  const asked = { none: 0, good: 0 };
+  const none = async (): Promise<'none'> => {
+    asked.none += 1;
+    return 'none';
+  };
+  queue.add('none', none);
+  queue.add('good', async () => { asked.good += 1; });
+  const goOn = async (): Promise<void> => {
+    const before = asked.good;
+    while (asked.good < before + 5) await new Promise((done) => setTimeout(done, 5));
+  };
+  await goOn();
+  assert.equal(asked.none, 1);
+  queue.remove('none');
+  queue.add('none', none);
+  await goOn();
+  assert.equal(asked.none, 1, 'scrolled away and back');
+  queue.wake('none');
+  await goOn();
+  assert.equal(asked.none, 2);
+  queue.remove('none');
+  queue.remove('good');
+});
+
 const rigWith = (change: Partial<RigState>): RigState => ({ ...emptyRigState, session: { id: 's', state: 'STATE_CAPTURING' }, ...change });
 const withError = (mm: number, until?: number): RigState => rigWith({
   estimate: { state: 'STATE_READY', scale_known: true, volume: { p95_mm: mm } }, goal: until ? { until_mm: until } : undefined });

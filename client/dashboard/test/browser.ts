@@ -161,6 +161,69 @@ for (const size of sizes) {
       assert.equal(server.counts.withoutHeader, 0);
     });
   });
+
+  test(`${size.name}: mask and colour of a detector, by keys; previews that a camera does not give`, async () => {
+    await visit(size, {}, async ({ server, address, page }) => {
+      const name = server.rig.cameras.find((camera) => !camera.name.startsWith('event'))!.name;
+      server.withoutPreviews.add(name);
+      await page.goto(`${address}/#/rig`);
+      const open = page.getByRole('button', { name: `Mask and colour of ${name}`, exact: true });
+      await open.waitFor();
+      const agentCameras = server.rig.cameras.filter((camera) => !camera.name.startsWith('event'));
+      assert.equal(await page.getByRole('button', { name: /^Mask and colour of/ }).count(), agentCameras.length, 'event cameras have none');
+      await page.locator('.preview img').first().scrollIntoViewIfNeeded();
+      await page.getByText('its source yields observations').waitFor();
+
+      await open.focus();
+      await page.keyboard.press('Enter');
+      const dialog = page.getByRole('dialog', { name: `Detector of ${name}` });
+      await dialog.getByText('0° to 50°').waitFor();
+      await dialog.getByRole('button', { name: 'Learn mask' }).focus();
+      await page.keyboard.press('Enter');
+      await dialog.getByText(/takes frames only while a session captures/).waitFor();
+      await checkPage(page, 'detector refused');
+
+      server.rig.create({ id: 's-000009', target: { kind: 'KIND_WAND', marker_positions_m: [0, 0.13, 0.39] } });
+      server.rig.start();
+      await dialog.getByRole('button', { name: 'Learn mask' }).press('Enter');
+      await dialog.getByText(/Learning the mask: \d+ of 100 frames/).waitFor();
+      assert.ok(await dialog.getByRole('button', { name: 'Tune colour' }).isDisabled());
+      await dialog.getByText('The mask is in use').waitFor();
+      await dialog.getByText(/1.?234 pixels.*mask learnt here/).waitFor();
+      server.learningFault = 'nothing like the wand in 50 of 50 frames; show all of it';
+      await dialog.getByRole('button', { name: 'Tune colour' }).press('Enter');
+      await dialog.getByText('nothing like the wand').waitFor();
+      server.learningFault = '';
+      await dialog.getByRole('button', { name: 'Tune colour' }).press('Enter');
+      await dialog.getByText('The colour is in use').waitFor();
+      await dialog.getByText('340° to 15°').waitFor();
+      await dialog.getByText('Colour by hand').press('Enter');
+      await dialog.getByLabel('Brightness from').fill('300');
+      assert.ok(await dialog.getByRole('button', { name: 'Use this colour' }).isDisabled());
+      await dialog.getByLabel('Brightness from').fill('90');
+      await checkPage(page, 'detector');
+      await dialog.getByRole('button', { name: 'Use this colour' }).press('Enter');
+      await dialog.getByText('brightness from 90').waitFor();
+      assert.deepEqual(server.detectors.get(name)?.colour,
+        { hue_min_deg: 340, hue_max_deg: 15, saturation_min: 0.35, value_min: 90, washed_out_min: 250 });
+      await dialog.getByRole('button', { name: "Back to the agent's configuration" }).press('Enter');
+      await dialog.getByText('0° to 50°').waitFor();
+      await dialog.getByRole('button', { name: 'Forget mask' }).press('Enter');
+      await dialog.getByRole('button', { name: 'Forget mask' }).waitFor({ state: 'detached' });
+      await page.keyboard.press('Escape');
+      await dialog.waitFor({ state: 'detached' });
+      assert.ok(await open.evaluate((button) => button === document.activeElement), 'the focus is back');
+      assert.equal(server.counts.withoutHeader, 0);
+
+      // Once before the session, and once when it had begun; others go on once a second.
+      while (server.counts.refusedPreviews < 2) await page.waitForTimeout(50);
+      await page.locator('.preview img').nth(1).scrollIntoViewIfNeeded();
+      await page.locator('.preview img:not(.none)').first().waitFor();
+      const before = server.counts.previews;
+      while (server.counts.previews < before + 6) await page.waitForTimeout(50);
+      assert.equal(server.counts.refusedPreviews, 2);
+    });
+  });
 }
 
 test('a server that is gone: a banner with the age, no frozen numbers; back by itself, and restarted', async () => {

@@ -2,10 +2,12 @@
 #include "server/solve/running/expected_error.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <utility>
 
 #include "common/camera/camera_model.h"
 #include "common/camera/intrinsics_vector.h"
@@ -14,11 +16,11 @@
 namespace rigcal::server {
 namespace {
 
-using Gain = Eigen::Matrix<double, 3, Eigen::Dynamic>;
-
 constexpr double kLowShare = 0.01, kHighShare = 0.99;  // of the waved volume
 constexpr double kMinStepM = 0.02;
 constexpr double kMaxRoundTrip = 1e-6;
+// Least to largest information about a point, by direction: rays 4 degrees apart.
+constexpr double kMinRaySpread = 1e-3;
 constexpr int kDraws = 64;
 constexpr double kPercentile = 0.95;
 
@@ -69,31 +71,6 @@ bool Linearise(const BundleCamera& camera, const Intrinsics& intrinsics, const I
   d_pose->leftCols<3>() = -d_cam * cross;
   d_pose->rightCols<3>() = d_cam;
   return true;
-}
-
-// Takes the best rigid motion out of the gains of these points.
-void RemoveRigidMotion(const std::vector<Eigen::Vector3d>& points_m, std::vector<Gain*> gains) {
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : points_m) centre += point;
-  centre /= static_cast<double>(points_m.size());
-  const auto motion = [&centre](const Eigen::Vector3d& point) {
-    const Eigen::Vector3d p = point - centre;
-    Eigen::Matrix<double, 3, 6> columns;
-    columns << 1, 0, 0, 0, p.z(), -p.y(), 0, 1, 0, -p.z(), 0, p.x(), 0, 0, 1, p.y(), -p.x(), 0;
-    return columns;
-  };
-  Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
-  Eigen::Matrix<double, 6, Eigen::Dynamic> projected =
-      Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, gains.front()->cols());
-  for (size_t i = 0; i < points_m.size(); ++i) {
-    const Eigen::Matrix<double, 3, 6> columns = motion(points_m[i]);
-    normal += columns.transpose() * columns;
-    projected += columns.transpose() * *gains[i];
-  }
-  const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> factor(normal);
-  const Eigen::Matrix<double, 6, Eigen::Dynamic> taken = factor.solve(projected);
-  if (!taken.allFinite()) return;  // points on one line: nothing can be taken out
-  for (size_t i = 0; i < points_m.size(); ++i) *gains[i] -= motion(points_m[i]) * taken;
 }
 
 // Square root of a covariance: cov = root * root^T. Directions without variance give zero columns.
@@ -191,19 +168,22 @@ WavedGrid MeasureWavedGrid(const BundleProblem& problem, size_t max_points) {
   return grid;
 }
 
-std::vector<PointGain> ComputeGains(const BundleProblem& problem,
-                                    const std::vector<CameraDescription>& cameras,
-                                    const std::vector<ReducedParameter>& parameters,
-                                    const WavedGrid& grid, double sigma_px) {
+PointGains ComputeGains(const BundleProblem& problem, const std::vector<CameraDescription>& cameras,
+                        const std::vector<ReducedParameter>& parameters, const WavedGrid& grid,
+                        double sigma_px) {
   const std::vector<Columns> columns = ColumnsByCamera(parameters, problem.cameras.size());
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
-  std::vector<PointGain> gains(grid.size());
+  const auto inside = static_cast<Eigen::Index>(std::ranges::count(grid.inside, true));
+  PointGains gains;
+  gains.gain.resize(3 * inside, static_cast<Eigen::Index>(parameters.size()));
+  Eigen::Index row = 0;
   for (size_t index = 0; index < grid.size(); ++index) {
     if (!grid.inside[index]) continue;
-    PointGain& result = gains[index];
     const Eigen::Vector3d point_m = grid.Point(index);
+    int camera_count = 0;
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    Gain pull = Gain::Zero(3, static_cast<Eigen::Index>(parameters.size()));
+    auto pull = gains.gain.middleRows<3>(row);
+    pull.setZero();
     for (size_t c = 0; c < problem.cameras.size(); ++c) {
       Eigen::Matrix<double, 2, 3> d_point;
       Eigen::Matrix<double, 2, 6> d_pose;
@@ -212,7 +192,7 @@ std::vector<PointGain> ComputeGains(const BundleProblem& problem,
                      &d_pose, &d_intrinsics)) {
         continue;
       }
-      ++result.camera_count;
+      ++camera_count;
       normal += d_point.transpose() * d_point;
       // The point moves so that the pixels stay: minus the pull of the parameters.
       const Columns& own = columns[c];
@@ -226,85 +206,82 @@ std::vector<PointGain> ComputeGains(const BundleProblem& problem,
         pull.col(column) = -d_point.transpose() * d_intrinsics.col(component);
       }
     }
+    if (camera_count < 2) continue;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
+    const Eigen::Vector3d& information = eigen.eigenvalues();
+    if (!(information[0] > kMinRaySpread * information[2])) continue;
     const Eigen::Matrix3d inverse = normal.inverse();
-    if (result.camera_count < 2 || !inverse.allFinite() || !(inverse.diagonal().minCoeff() > 0)) {
-      result.camera_count = 0;
-      continue;
-    }
-    result.gain = inverse * pull;
-    result.noise_m = sigma_px * std::sqrt(inverse.trace());
+    pull = (inverse * pull).eval();
+    gains.points.push_back(index);
+    gains.noise_m.push_back(sigma_px * std::sqrt(inverse.trace()));
+    row += 3;
   }
+  gains.gain.conservativeResize(row, Eigen::NoChange);
   return gains;
 }
 
-ExpectedError ComputeExpectedError(const std::vector<PointGain>& gains,
-                                   const Eigen::MatrixXd& covariance, const WavedGrid& grid) {
-  ExpectedError error;
-  std::vector<Eigen::Vector3d> points_m;
-  std::vector<Gain> own;
-  std::vector<double> noise_m;
-  for (size_t index = 0; index < gains.size(); ++index) {
-    if (gains[index].camera_count < 2) continue;
-    error.points.push_back(index);
-    points_m.push_back(grid.Point(index));
-    own.push_back(gains[index].gain);
-    noise_m.push_back(gains[index].noise_m);
+PointGains ChoosePoints(const PointGains& gains, size_t count) {
+  const size_t stride = std::max<size_t>(1, (gains.points.size() + count - 1) / count);
+  std::vector<size_t> chosen;
+  for (size_t i = stride / 2; i < gains.points.size(); i += stride) chosen.push_back(i);
+  PointGains subset;
+  subset.gain.resize(static_cast<Eigen::Index>(3 * chosen.size()), gains.gain.cols());
+  for (size_t i = 0; i < chosen.size(); ++i) {
+    subset.points.push_back(gains.points[chosen[i]]);
+    subset.noise_m.push_back(gains.noise_m[chosen[i]]);
+    subset.gain.middleRows<3>(static_cast<Eigen::Index>(3 * i)) =
+        gains.gain.middleRows<3>(static_cast<Eigen::Index>(3 * chosen[i]));
   }
-  if (own.empty()) return error;
-  std::vector<Gain*> pointers;
-  for (Gain& gain : own) pointers.push_back(&gain);
-  RemoveRigidMotion(points_m, pointers);
+  return subset;
+}
+
+void RemoveRigidMotion(const WavedGrid& grid, PointGains* gains) {
+  if (gains->points.empty()) return;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const size_t index : gains->points) centre += grid.Point(index);
+  centre /= static_cast<double>(gains->points.size());
+  // The six motions, three rows for each point.
+  Eigen::Matrix<double, Eigen::Dynamic, 6> motions(gains->gain.rows(), 6);
+  for (size_t i = 0; i < gains->points.size(); ++i) {
+    const Eigen::Vector3d p = grid.Point(gains->points[i]) - centre;
+    motions.middleRows<3>(static_cast<Eigen::Index>(3 * i)) << 1, 0, 0, 0, p.z(), -p.y(), 0, 1, 0,
+        -p.z(), 0, p.x(), 0, 0, 1, p.y(), -p.x(), 0;
+  }
+  const Eigen::Matrix<double, 6, 6> normal = motions.transpose() * motions;
+  const Eigen::Matrix<double, 6, Eigen::Dynamic> taken =
+      normal.ldlt().solve(motions.transpose() * gains->gain);
+  if (!taken.allFinite()) return;  // points on one line: nothing can be taken out
+  gains->gain.noalias() -= motions * taken;
+}
+
+ExpectedError ComputeExpectedError(PointGains gains, const Eigen::MatrixXd& covariance,
+                                   const WavedGrid& grid) {
+  ExpectedError error;
+  if (gains.points.empty()) return error;
+  RemoveRigidMotion(grid, &gains);
   const Eigen::MatrixXd root = SquareRoot(covariance);
-  const Eigen::MatrixXd draws = StandardNormal(root.cols(), kDraws);
-  std::vector<std::vector<double>> drawn(kDraws);
-  for (size_t i = 0; i < own.size(); ++i) {
-    const Eigen::Matrix<double, 3, Eigen::Dynamic> factor = own[i] * root;
-    error.sigma_m.push_back(factor.norm());
-    const Eigen::Matrix<double, 3, Eigen::Dynamic> moved = factor * draws;
-    for (int k = 0; k < kDraws; ++k) {
-      drawn[static_cast<size_t>(k)].push_back(moved.col(k).norm());
-    }
+  const Eigen::MatrixXd factor = gains.gain * root;
+  const Eigen::MatrixXd moved = factor * StandardNormal(root.cols(), kDraws);
+  const auto count = static_cast<Eigen::Index>(gains.points.size());
+  error.points = std::move(gains.points);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    error.sigma_m.push_back(factor.middleRows<3>(3 * i).norm());
     if (error.sigma_m.back() > error.worst_m) {
       error.worst_m = error.sigma_m.back();
-      error.worst_point = error.points[i];
+      error.worst_point = error.points[static_cast<size_t>(i)];
     }
   }
-  std::vector<double> percentiles;
-  for (std::vector<double>& values : drawn) {
-    percentiles.push_back(UpperQuantile(&values, kPercentile));
+  std::vector<double> percentiles, drawn(static_cast<size_t>(count));
+  for (int k = 0; k < kDraws; ++k) {
+    for (Eigen::Index i = 0; i < count; ++i) {
+      drawn[static_cast<size_t>(i)] = moved.col(k).segment<3>(3 * i).norm();
+    }
+    percentiles.push_back(UpperQuantile(&drawn, kPercentile));
   }
   error.p95_m = UpperQuantile(&percentiles, kPercentile);
   error.median_m = UpperMedian(error.sigma_m);
-  error.noise_median_m = UpperMedian(noise_m);
+  error.noise_median_m = UpperMedian(gains.noise_m);
   return error;
-}
-
-double ErrorPercentile(const std::vector<PointGain>& gains, const Eigen::MatrixXd& covariance) {
-  std::vector<double> variances;
-  for (const PointGain& gain : gains) {
-    variances.push_back((gain.gain * covariance).cwiseProduct(gain.gain).sum());
-  }
-  return variances.empty() ? 0 : std::sqrt(std::max(0.0, UpperQuantile(&variances, kPercentile)));
-}
-
-std::vector<PointGain> FreeOfDatum(const std::vector<PointGain>& gains, const WavedGrid& grid,
-                                   size_t count) {
-  std::vector<size_t> seen;
-  for (size_t index = 0; index < gains.size(); ++index) {
-    if (gains[index].camera_count >= 2) seen.push_back(index);
-  }
-  const size_t stride = std::max<size_t>(1, (seen.size() + count - 1) / count);
-  std::vector<PointGain> chosen;
-  std::vector<Eigen::Vector3d> points_m;
-  for (size_t i = stride / 2; i < seen.size(); i += stride) {
-    chosen.push_back(gains[seen[i]]);
-    points_m.push_back(grid.Point(seen[i]));
-  }
-  if (chosen.empty()) return chosen;
-  std::vector<Gain*> pointers;
-  for (PointGain& gain : chosen) pointers.push_back(&gain.gain);
-  RemoveRigidMotion(points_m, pointers);
-  return chosen;
 }
 
 }  // namespace rigcal::server

@@ -32,24 +32,30 @@ struct WavedGrid {
 // From the placed instants; at most `max_points` points. None placed: no points.
 WavedGrid MeasureWavedGrid(const BundleProblem& problem, size_t max_points);
 
-// How a triangulated point moves when the cameras are wrong, to first order.
-struct PointGain {
-  int camera_count = 0;  // that see it; with fewer than two the rest is unset
-  Eigen::Matrix<double, 3, Eigen::Dynamic> gain;  // by the parameters, metres per unit
-  double noise_m = 0;  // one sigma (3-D) from centres with `sigma_px` alone
+// How triangulated points move when the cameras are wrong, to first order.
+struct PointGains {
+  std::vector<size_t> points;  // indices into the grid: two cameras see them, from apart
+  // Three rows (x, y, z) for each point, a column for each parameter; metres per unit.
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gain;
+  std::vector<double> noise_m;  // by point: one sigma (3-D) from centres with `sigma_px` alone
 };
 
-// Of every point of the grid that is inside; others have no cameras. `parameters` are the columns.
-// Points are triangulated from all cameras that see them, with equal weights.
-std::vector<PointGain> ComputeGains(const BundleProblem& problem,
-                                    const std::vector<CameraDescription>& cameras,
-                                    const std::vector<ReducedParameter>& parameters,
-                                    const WavedGrid& grid, double sigma_px);
+// Of the points of the grid that are inside and that can be triangulated: from all cameras that see
+// them, with equal weights. Where their rays are almost parallel, as between two cameras that face
+// each other, they cannot. `parameters` are the columns.
+PointGains ComputeGains(const BundleProblem& problem, const std::vector<CameraDescription>& cameras,
+                        const std::vector<ReducedParameter>& parameters, const WavedGrid& grid,
+                        double sigma_px);
 
-// Expected errors of the calibration at the points that two cameras see: where it would triangulate
-// a point whose images are exact. Without the error of the rig as a whole: what the best rigid
-// motion of these points takes away (six degrees of freedom; which frame a rig has is a matter of
-// choice).
+// A subset of at most `count` of the points, evenly chosen.
+PointGains ChoosePoints(const PointGains& gains, size_t count);
+
+// Takes the best rigid motion of these points out of their gains: which frame a rig has is a matter
+// of choice.
+void RemoveRigidMotion(const WavedGrid& grid, PointGains* gains);
+
+// Expected errors of the calibration at these points: where it would triangulate a point whose
+// images are exact. Without the error of the rig as a whole (RemoveRigidMotion).
 struct ExpectedError {
   std::vector<size_t> points;   // indices into the grid
   std::vector<double> sigma_m;  // by point: one sigma (3-D)
@@ -58,21 +64,12 @@ struct ExpectedError {
   double p95_m = 0;
   double worst_m = 0;         // of sigma_m
   size_t worst_point = 0;     // index into the grid
-  double noise_median_m = 0;  // of PointGain::noise_m
+  double noise_median_m = 0;  // of PointGains::noise_m
 };
 
 // `covariance` of the parameters. Deterministic: the probability is that of 64 draws from it with
 // fixed random numbers. No point: zeros.
-ExpectedError ComputeExpectedError(const std::vector<PointGain>& gains,
-                                   const Eigen::MatrixXd& covariance, const WavedGrid& grid);
-
-// Only the 95th percentile of sigma over these points, for comparisons; gains are those of
-// FreeOfDatum.
-double ErrorPercentile(const std::vector<PointGain>& gains, const Eigen::MatrixXd& covariance);
-
-// A subset of at most `count` seen points, evenly chosen, with the best rigid motion of the subset
-// taken out of their gains.
-std::vector<PointGain> FreeOfDatum(const std::vector<PointGain>& gains, const WavedGrid& grid,
-                                   size_t count);
+ExpectedError ComputeExpectedError(PointGains gains, const Eigen::MatrixXd& covariance,
+                                   const WavedGrid& grid);
 
 }  // namespace rigcal::server

@@ -20,6 +20,7 @@
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/evaluated_solve.h"
+#include "server/solve/evaluate/given_intrinsics.h"
 #include "server/solve/evaluate/held_out.h"
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/evaluate/uncertainty.h"
@@ -30,10 +31,8 @@ namespace {
 
 constexpr int kNeededInstants = 40;  // of a pair, to be joined
 constexpr int kMinRefineInstants = 100;
-constexpr int kRoundsToAgree = 4;  // each block has been held out once
-constexpr double kMemory = 0.8;    // of the rounds before
 constexpr int kMinHeldOutInstants = 30;
-constexpr double kRefinementGain = 0.02;  // as in a calibration
+constexpr int kMinEvaluatedInstants = 20, kMaxHeldOutInstants = 100;
 constexpr double kMayExceed = 1.25;       // held-out errors those that were solved
 constexpr double kMaxOutlierShare = 0.3;  // of a start that still fits
 
@@ -170,24 +169,26 @@ class Estimator {
 
   absl::Status Solve() {
     CountInstants();
+    RIGCAL_RETURN_IF_ERROR(SolveOnce());
+    RIGCAL_RETURN_IF_ERROR(ChooseIntrinsics());
+    return input_.check_held_out ? CheckHeldOut() : absl::OkStatus();
+  }
+
+  bool MayRefine() const { return instant_count_ >= kMinRefineInstants; }
+
+  absl::Status SolveOnce() {
     if (StartFits()) {
-      options_.refine_intrinsics = RefinedPays(input_.start);
+      options_.refine_intrinsics = MayRefine();
       const RigInitialization initial = FromStart();
       absl::StatusOr<RigSolution> solution = SolveRig(rig_, clocks_, Thinned(), &initial);
       if (solution.ok() && OutlierShare(*solution) < kMaxOutlierShare) {
         solution_ = *std::move(solution);
-        return ChooseAndCheck();
+        return absl::OkStatus();
       }
       if (absl::IsCancelled(solution.status())) return solution.status();
       options_.refine_intrinsics = false;
     }
     return SolveFromNothing();
-  }
-
-  // Unless the given ones are seen to do as well: they may be wrong.
-  static bool RefinedPays(const EstimateStart& start) {
-    return start.given_score_px == 0 ||
-           start.refined_score_px < (1 - kRefinementGain) * start.given_score_px;
   }
 
   absl::Status SolveFromNothing() {
@@ -205,11 +206,10 @@ class Estimator {
     }
     RIGCAL_RETURN_IF_ERROR(solution.status());
     solution_ = *std::move(solution);
-    RIGCAL_RETURN_IF_ERROR(RestartIfWrong(rig_, clocks_, Thinned(), &solution_).status());
-    return ChooseAndCheck();
+    return RestartIfWrong(rig_, clocks_, Thinned(), &solution_).status();
   }
 
-  // How many instants there are, and which of them are solved: every so many of slots of time.
+  // How many instants there are, and which of them are solved: every so many slots of time.
   void CountInstants() {
     const InstantList list =
         FindInstants(rig_.tracks, RigTimes(rig_.tracks, rig_.index, clocks_), 0);
@@ -219,7 +219,10 @@ class Estimator {
     for (const Instant& instant : list.instants) {
       origin_ns_ = std::min(origin_ns_, instant.rig_time_ns);
     }
-    stride_ = std::max(1, (instant_count_ + input_.max_instants - 1) / input_.max_instants);
+    size_t views = 0;
+    for (const Instant& instant : list.instants) views += instant.members.size();
+    const auto most = static_cast<size_t>(std::max(1, input_.max_views));
+    stride_ = std::max<int64_t>(1, static_cast<int64_t>((views + most - 1) / most));
     // As wide as an instant every so often: the median step.
     std::vector<int64_t> steps;
     for (size_t i = 1; i < list.instants.size(); ++i) {
@@ -228,8 +231,10 @@ class Estimator {
     slot_ns_ = steps.empty() ? 1 : std::max<int64_t>(1, UpperMedian(&steps));
   }
 
-  bool IsChosen(int64_t rig_time_ns) const {
-    return stride_ == 1 || ((rig_time_ns - origin_ns_) / slot_ns_) % stride_ == 0;
+  // One of so many of those that are solved.
+  bool IsChosen(int64_t rig_time_ns, int64_t one_of = 1) const {
+    const int64_t stride = one_of * stride_;
+    return stride == 1 || ((rig_time_ns - origin_ns_) / slot_ns_) % stride == 0;
   }
   RigSolveOptions Thinned() const {
     RigSolveOptions options = options_;
@@ -267,65 +272,71 @@ class Estimator {
     return begin;
   }
 
-  // One of four blocks of time is held out, another one each time: are refined intrinsics better on
-  // it, and are its errors those that the solution has elsewhere?
-  absl::Status ChooseAndCheck() {
-    scores_ = input_.start;
-    const bool solved_refined = options_.refine_intrinsics;
+  // Refined ones where those given are seen to be wrong.
+  absl::Status ChooseIntrinsics() {
+    if (!MayRefine()) return absl::OkStatus();
     const RigInitialization initial = InitializationFrom(solution_);
-    if (input_.check_held_out) RIGCAL_RETURN_IF_ERROR(TryOnHeldOut(initial));
-    const bool refine = instant_count_ >= kMinRefineInstants && RefinedPays(scores_);
-    if (held_out_) held_out_ = checks_[refine ? 1 : 0];
-    if (refine == solved_refined) return absl::OkStatus();
-    options_.refine_intrinsics = refine;
-    const RigInitialization begin = Begin(initial, refine);
-    RIGCAL_ASSIGN_OR_RETURN(solution_, SolveRig(rig_, begin.clocks, Thinned(), &begin));
+    if (!options_.refine_intrinsics) {
+      options_.refine_intrinsics = true;
+      RIGCAL_ASSIGN_OR_RETURN(solution_, SolveRig(rig_, initial.clocks, Thinned(), &initial));
+    }
+    RIGCAL_ASSIGN_OR_RETURN(uncertainty_, ComputeUncertainty(solution_, Thinned()));
+    lens_test_ = TestGivenIntrinsics(solution_.built.problem, *uncertainty_);
+    if (!lens_test_.agrees) return absl::OkStatus();
+    const RigInitialization begin = Begin(InitializationFrom(solution_), false);
+    RigSolveOptions given = Thinned();
+    given.refine_intrinsics = false;
+    absl::StatusOr<RigSolution> solution = SolveRig(rig_, begin.clocks, given, &begin);
+    if (absl::IsCancelled(solution.status())) return solution.status();
+    if (!solution.ok() || OutlierShare(*solution) >= kMaxOutlierShare) return absl::OkStatus();
+    solution_ = *std::move(solution);
+    options_.refine_intrinsics = false;
+    uncertainty_.reset();
     return absl::OkStatus();
   }
 
-  absl::Status TryOnHeldOut(const RigInitialization& initial) {
+  // One of four blocks of time is held out, another one each time: are the errors on it those that
+  // the solution has elsewhere?
+  absl::Status CheckHeldOut() {
     TimeBlocks blocks;
     blocks.origin_ns = origin_ns_;
     const int fold = input_.start.round % blocks.period;
-    const auto is_held_out = [&](int64_t t) { return blocks.IsHeldOut(t, fold) && IsChosen(t); };
-    const auto is_kept = [&](int64_t t) { return blocks.IsKept(t, fold) && IsChosen(t); };
-    // As much of what is solved.
-    const int other = (fold + 2) % blocks.period;
-    const auto is_compared = [&](int64_t t) { return blocks.IsHeldOut(t, other) && IsChosen(t); };
+    const auto is_held_out = [&](int64_t t) { return blocks.IsHeldOut(t, fold); };
     const auto held_out = std::ranges::count_if(solution_.built.instant_time_ns, is_held_out);
     if (held_out < kMinHeldOutInstants) return absl::OkStatus();
-    double score_px[2] = {INFINITY, INFINITY};
-    for (const bool refine : {false, true}) {
-      RigSolveOptions options = options_;
-      options.refine_intrinsics = refine;
-      options.keep_instant = is_kept;
-      const RigInitialization begin = Begin(initial, refine);
-      const absl::StatusOr<RigSolution> solution = SolveRig(rig_, begin.clocks, options, &begin);
-      if (absl::IsCancelled(solution.status())) return solution.status();
-      if (!solution.ok()) continue;
-      const EvaluatedErrors unseen = EvaluateSolution(rig_, *solution, options, is_held_out);
-      const EvaluatedErrors seen = EvaluateSolution(rig_, *solution, options, is_compared);
-      if (unseen.instant_count < kMinHeldOutInstants) continue;
-      score_px[refine ? 1 : 0] = ChoiceScorePx(unseen);
-      HeldOutCheck& check = checks_[refine ? 1 : 0];
-      check.rms_px = RmsPx(unseen);
-      check.expected_rms_px = RmsPx(seen);
-      check.agrees =
-          input_.start.round >= kRoundsToAgree && check.rms_px < kMayExceed * check.expected_rms_px;
+    // Some of them, and as many of those that are solved.
+    const int64_t one_of = (held_out + kMaxHeldOutInstants - 1) / kMaxHeldOutInstants;
+    const int other = (fold + 2) % blocks.period;
+    RigSolveOptions options = options_;
+    options.keep_instant = [&](int64_t t) { return blocks.IsKept(t, fold) && IsChosen(t); };
+    const RigInitialization begin = InitializationFrom(solution_);
+    const absl::StatusOr<RigSolution> solution = SolveRig(rig_, begin.clocks, options, &begin);
+    if (absl::IsCancelled(solution.status())) return solution.status();
+    if (!solution.ok()) return absl::OkStatus();
+    const auto evaluate = [&](int remainder) {
+      return EvaluateSolution(rig_, *solution, options, [&, remainder](int64_t t) {
+        return blocks.IsHeldOut(t, remainder) && IsChosen(t, one_of);
+      });
+    };
+    const EvaluatedErrors unseen = evaluate(fold), seen = evaluate(other);
+    if (unseen.instant_count < kMinEvaluatedInstants ||
+        seen.instant_count < kMinEvaluatedInstants) {
+      return absl::OkStatus();
     }
-    if (!std::isfinite(score_px[0]) || !std::isfinite(score_px[1])) return absl::OkStatus();
-    scores_.given_score_px = kMemory * scores_.given_score_px + score_px[0];
-    scores_.refined_score_px = kMemory * scores_.refined_score_px + score_px[1];
-    held_out_.emplace();
+    held_out_ = HeldOutCheck{RmsPx(unseen), RmsPx(seen), false};
+    held_out_->agrees = held_out_->rms_px < kMayExceed * held_out_->expected_rms_px;
     return absl::OkStatus();
   }
 
   absl::StatusOr<RunningEstimate> Report() {
     const RigSolveOptions options = Thinned();
     const BundleProblem& problem = solution_.built.problem;
-    RIGCAL_ASSIGN_OR_RETURN(const RigUncertainty uncertainty,
-                            ComputeUncertainty(solution_, options));
+    if (!uncertainty_) {
+      RIGCAL_ASSIGN_OR_RETURN(uncertainty_, ComputeUncertainty(solution_, options));
+    }
+    const RigUncertainty& uncertainty = *uncertainty_;
     RunningEstimate estimate;
+    estimate.intrinsics_refined = options_.refine_intrinsics;
     estimate.instant_count = instant_count_;
     estimate.scale_known = IsMetric(rig_, options);
     estimate.marker_positions_m = problem.target.marker_positions_m;
@@ -335,7 +346,7 @@ class Estimator {
     estimate.scale_sigma_rel = std::sqrt(share) * uncertainty.scale_sigma_rel;
     const double noise_px = ReportCameras(uncertainty, share, &estimate);
     estimate.grid = MeasureWavedGrid(problem, input_.max_grid_points);
-    const std::vector<PointGain> gains =
+    const PointGains gains =
         ComputeGains(problem, rig_.index.cameras, uncertainty.parameters, estimate.grid, noise_px);
     estimate.error =
         ComputeExpectedError(gains, share * uncertainty.shape_covariance, estimate.grid);
@@ -388,6 +399,7 @@ class Estimator {
           std::sqrt(share) * uncertainty.ClockSigma(ReducedParameterKind::kTimeOffset, weights);
       camera.reprojection_rms_px = residuals[c].inlier.rms_px;
       camera.focal_length_px = problem.cameras[c].intrinsics[0];
+      camera.lens_disagrees = !lens_test_.disagrees.empty() && lens_test_.disagrees[c];
       estimate->cameras.push_back(std::move(camera));
       const double markers = residuals[c].inlier.marker_count;
       square += markers * residuals[c].inlier.rms_px * residuals[c].inlier.rms_px;
@@ -405,8 +417,6 @@ class Estimator {
     }
     start->clocks = InitializationFrom(solution_).clocks;
     start->marker_positions_m = problem.target.marker_positions_m;
-    start->given_score_px = scores_.given_score_px;
-    start->refined_score_px = scores_.refined_score_px;
     start->round = input_.start.round + 1;
   }
 
@@ -415,12 +425,11 @@ class Estimator {
   std::vector<ClockCorrection> clocks_;
   RigSolveOptions options_;
   RigSolution solution_;
-  HeldOutCheck checks_[2];  // with given, and with refined intrinsics
+  std::optional<RigUncertainty> uncertainty_;  // of solution_; none: not computed yet
+  GivenIntrinsicsTest lens_test_;
   std::optional<HeldOutCheck> held_out_;
-  EstimateStart scores_;
   int instant_count_ = 0;
-  int stride_ = 1;
-  int64_t origin_ns_ = 0, slot_ns_ = 1;
+  int64_t stride_ = 1, origin_ns_ = 0, slot_ns_ = 1;
 };
 
 }  // namespace

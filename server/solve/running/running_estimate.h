@@ -28,9 +28,6 @@ struct EstimateStart {
   std::vector<Camera> cameras;  // ascending by name
   std::vector<ClockCorrection> clocks;
   std::vector<double> marker_positions_m;
-  // Held-out errors with given and with refined intrinsics, summed over the last rounds, in which
-  // older ones count less and less.
-  double given_score_px = 0, refined_score_px = 0;
   int round = 0;  // how many estimates there have been
 
   bool empty() const { return cameras.empty(); }
@@ -44,11 +41,11 @@ struct RunningInput {
   // for what is expected of a calibration of all of them.
   double data_share = 1;
   EstimateStart start;  // empty: from nothing
-  // At most so many instants are solved, evenly chosen.
-  int max_instants = 600;
+  // At most about so many views (an instant in one camera) are solved, evenly chosen in time.
+  int max_views = 4'000;
   size_t max_grid_points = 1000;
   bool advise = true;
-  bool check_held_out = true;  // false: the choice of intrinsics is that of `start`
+  bool check_held_out = true;
   const std::atomic<bool>* cancelled = nullptr;
 };
 
@@ -66,20 +63,24 @@ struct EstimatedCamera {
   double time_offset_sigma_s = 0;
   double reprojection_rms_px = 0;  // of the inliers
   double focal_length_px = 0;
+  bool lens_disagrees = false;  // the intrinsics that were given are not those of this camera
 };
 
-// A solution on part of the data tried on the rest. All are root mean squares of
-// leave-one-camera-out errors, or of reprojection errors where no marker is seen by three cameras.
+// A solution on three quarters of the time tried on the rest; another quarter in each round. Both
+// are root mean squares of leave-one-camera-out errors, or of reprojection errors where no marker
+// is seen by three cameras.
 struct HeldOutCheck {
   double rms_px = 0;           // on blocks of time that were held out
-  double expected_rms_px = 0;  // on the blocks that were solved
-  bool agrees = false;         // for some rounds
+  double expected_rms_px = 0;  // on as many blocks that were solved
+  bool agrees = false;
 };
 
 // The calibration as it would be if the session ended now, solved quickly: no search for what is
-// wrong, no choice of models but that of the intrinsics.
+// wrong, no choice of models but that of the intrinsics. The given ones are kept until they are
+// seen to be wrong (given_intrinsics.h).
 struct RunningEstimate {
   int instant_count = 0;  // of all data that is there
+  bool intrinsics_refined = false;
   bool scale_known = true;
   std::vector<EstimatedCamera> cameras;    // ascending by name
   std::vector<double> marker_positions_m;  // as measured

@@ -9,18 +9,20 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/camera/camera_model.h"
+#include "common/statistics/robust_statistics.h"
 #include "server/solve/bundle/line_bundle.h"
 
 namespace rigcal::server {
 namespace {
 
-constexpr size_t kComparedPoints = 60;  // of the grid, for each candidate
-constexpr size_t kCandidates = 24;      // places
-constexpr double kMinGain = 0.05;       // of the error
-constexpr int kSampleInstants = 8;      // that stand for those of the advice
-constexpr double kNoPrior = 1e6;        // times its sigma
-constexpr double kMiddleShare = 0.33;   // of the volume's half size: "in the middle"
-constexpr double kNearDegrees = 20;     // from the direction of a camera: "towards" it
+constexpr size_t kComparedPoints = 48;   // of the grid, for each candidate
+constexpr size_t kCandidates = 16;       // places
+constexpr double kComparedShare = 0.95;  // of the points have this error or a smaller one
+constexpr double kMinGain = 0.05;        // of the error
+constexpr int kSampleInstants = 8;       // that stand for those of the advice
+constexpr double kNoPrior = 1e6;         // times its sigma
+constexpr double kMiddleShare = 0.33;    // of the volume's half size: "in the middle"
+constexpr double kNearDegrees = 20;      // from the direction of a camera: "towards" it
 
 struct Candidate {
   size_t point;  // index into the grid
@@ -136,6 +138,41 @@ std::optional<Eigen::MatrixXd> InformationOf(const BundleProblem& problem,
   return information;
 }
 
+// The error of the shape, for comparisons: 95th percentile of sigma over a few points.
+class ComparedError {
+ public:
+  // `scale_row` of the parameters is the length that gives the scale; -1: there is none.
+  ComparedError(PointGains gains, Eigen::Index scale_row) {
+    const Eigen::Index columns = gains.gain.rows();
+    rows_ = Eigen::MatrixXd::Zero(gains.gain.cols(), columns + (scale_row >= 0 ? 1 : 0));
+    rows_.leftCols(columns) = gains.gain.transpose();
+    has_scale_ = scale_row >= 0;
+    if (has_scale_) rows_(scale_row, columns) = 1;
+  }
+
+  // With this information about the parameters; infinite where it does not determine them.
+  double At(const Eigen::MatrixXd& information) const {
+    const Eigen::LLT<Eigen::MatrixXd> factor(information);
+    if (factor.info() != Eigen::Success) return INFINITY;
+    // Variances are squared lengths of these columns; what goes with the scale is not of the shape.
+    Eigen::MatrixXd halves = factor.matrixL().solve(rows_);
+    if (has_scale_) {
+      const Eigen::VectorXd scale = halves.rightCols<1>().normalized();
+      halves -= scale * (scale.transpose() * halves).eval();
+    }
+    const Eigen::VectorXd squares = halves.colwise().squaredNorm();
+    std::vector<double> variances;
+    for (Eigen::Index i = 0; i + 2 < squares.size(); i += 3) {
+      variances.push_back(squares[i] + squares[i + 1] + squares[i + 2]);
+    }
+    return std::sqrt(UpperQuantile(&variances, kComparedShare));
+  }
+
+ private:
+  Eigen::MatrixXd rows_;  // a column for each coordinate of a point, then that of the scale
+  bool has_scale_ = false;
+};
+
 // Places to try: those with the largest error, not next to each other, then evenly chosen ones.
 std::vector<size_t> CandidatePlaces(const WavedGrid& grid, const ExpectedError& error) {
   std::vector<std::pair<double, size_t>> ranked;
@@ -223,24 +260,26 @@ std::string DescribePlace(const std::vector<BundleCamera>& cameras, const WavedG
 
 std::vector<WaveAdvice> AdviseWaving(const RigSolution& solution, const RigUncertainty& uncertainty,
                                      const std::vector<CameraDescription>& cameras,
-                                     const WavedGrid& grid, const std::vector<PointGain>& gains,
+                                     const WavedGrid& grid, const PointGains& gains,
                                      const ExpectedError& error, double sigma_px, double data_share,
                                      const WaveAdviceOptions& options) {
   const BundleProblem& problem = solution.built.problem;
-  const std::vector<PointGain> compared = FreeOfDatum(gains, grid, kComparedPoints);
+  PointGains compared = ChoosePoints(gains, kComparedPoints);
   const Eigen::LLT<Eigen::MatrixXd> factor(uncertainty.covariance);
-  if (compared.empty() || error.p95_m <= 0 || factor.info() != Eigen::Success) return {};
+  if (compared.points.empty() || error.p95_m <= 0 || factor.info() != Eigen::Success) return {};
+  RemoveRigidMotion(grid, &compared);
   // All data have more information than those of the solution.
   const Eigen::MatrixXd information =
       factor.solve(
           Eigen::MatrixXd::Identity(uncertainty.covariance.rows(), uncertainty.covariance.cols())) /
       data_share;
-  const double now_m = ErrorPercentile(compared, data_share * uncertainty.shape_covariance);
+  const int last = static_cast<int>(problem.target.marker_positions_m.size()) - 1;
+  const ComparedError compare(std::move(compared),
+                              uncertainty.Row({ReducedParameterKind::kMarkerPosition, last, 0}));
+  const double now_m = compare.At(information);
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   const Eigen::Vector3d up = EstimateUp(problem.cameras);
   const Eigen::Vector3d side = up.unitOrthogonal();
-  const int last = static_cast<int>(problem.target.marker_positions_m.size()) - 1;
-  const Eigen::Index scale_row = uncertainty.Row({ReducedParameterKind::kMarkerPosition, last, 0});
   std::vector<Candidate> candidates;
   for (const size_t place : CandidatePlaces(grid, error)) {
     for (const Eigen::Vector3d& direction : {up, side, Eigen::Vector3d(up.cross(side))}) {
@@ -250,16 +289,8 @@ std::vector<WaveAdvice> AdviseWaving(const RigSolution& solution, const RigUncer
       if (added.instants.empty()) continue;
       const auto more = InformationOf(added, uncertainty.parameters);
       if (!more) continue;
-      const Eigen::LLT<Eigen::MatrixXd> sum(
+      candidate.p95_m = compare.At(
           information + *more * (options.instants / static_cast<double>(added.instants.size())));
-      if (sum.info() != Eigen::Success) continue;
-      Eigen::MatrixXd covariance =
-          sum.solve(Eigen::MatrixXd::Identity(information.rows(), information.cols()));
-      if (scale_row >= 0) {
-        const Eigen::VectorXd column = covariance.col(scale_row);
-        covariance -= column * column.transpose() / covariance(scale_row, scale_row);
-      }
-      candidate.p95_m = ErrorPercentile(compared, covariance);
       candidates.push_back(std::move(candidate));
     }
   }

@@ -32,7 +32,7 @@ struct WaveAdviceOptions {
 // named once. `data_share`: the share of all instants that the solution was made from.
 std::vector<WaveAdvice> AdviseWaving(const RigSolution& solution, const RigUncertainty& uncertainty,
                                      const std::vector<CameraDescription>& cameras,
-                                     const WavedGrid& grid, const std::vector<PointGain>& gains,
+                                     const WavedGrid& grid, const PointGains& gains,
                                      const ExpectedError& error, double sigma_px, double data_share,
                                      const WaveAdviceOptions& options);
 

@@ -1,28 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/solver/until_mm_experiment.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <ctime>
-#include <optional>
+#include <limits>
 #include <utility>
 
-#include "common/camera/camera_model.h"
 #include "common/simulation/world/random_stream.h"
 #include "common/simulation/world/simulated_rig.h"
 #include "common/simulation/world/simulated_world.h"
-#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
-#include "server/solve/geometry/triangulation.h"
 #include "server/solve/running/running_estimate.h"
+#include "tests/accuracy/solver/rig_comparison.h"
+#include "tests/accuracy/solver/waving_person.h"
 
 namespace rigcal::accuracy {
 namespace {
 
-constexpr uint64_t kPersonPurpose = 0x706572736f6e;
+constexpr uint64_t kUntilPurpose = 0x756e74696c;
 constexpr double kStepS = 2;
-constexpr double kSpeedMS = 1.0;
 
 SimulationOptions DrawWorld(const UntilOptions& options, uint32_t seed) {
   SimulationOptions simulation;
@@ -35,134 +32,12 @@ SimulationOptions DrawWorld(const UntilOptions& options, uint32_t seed) {
   simulation.radial_sigma = 0.004 * options.lens_error;
   simulation.radial_high_sigma = 0.008 * options.lens_error;
   simulation.tangential_sigma = 0.0002 * options.lens_error;
-  RandomStream random{seed, kPersonPurpose, 1};
+  RandomStream random{seed, kUntilPurpose, 1};
   for (int c = 0; c < options.camera_count; ++c) {
     simulation.time_offset_s[c] = random.Uniform(-0.002, 0.002);
   }
   simulation.time_offset_s[1] = -0.008;
   return simulation;
-}
-
-// Goes from one place to the next, turning the wand on the way, and stops for nothing.
-class Person {
- public:
-  Person(const WaveVolume& volume, uint32_t seed)
-      : volume_(volume), random_{seed, kPersonPurpose, 2}, to_(volume.centre_m) {}
-
-  // Where to go from now on; none: anywhere.
-  void GoTo(std::vector<WandPose> places) { places_ = std::move(places); }
-
-  // Ascending times only. The middle of the wand is the pose's origin here.
-  WandPose At(double time_s) {
-    while (time_s >= end_s_) Next();
-    const double share = std::clamp((time_s - begin_s_) / (end_s_ - begin_s_), 0.0, 1.0);
-    const double smooth = share * share * (3 - 2 * share);
-    return {from_ + smooth * (to_ - from_),
-            (from_direction_ + smooth * (to_direction_ - from_direction_)).normalized()};
-  }
-
- private:
-  void Next() {
-    from_ = to_;
-    from_direction_ = to_direction_;
-    begin_s_ = end_s_;
-    Eigen::Vector3d spread;
-    for (int i = 0; i < 3; ++i) spread[i] = random_.Gaussian();
-    Eigen::Vector3d turn;
-    for (int i = 0; i < 3; ++i) turn[i] = random_.Gaussian();
-    if (places_.empty()) {
-      to_ = volume_.centre_m + 0.5 * volume_.half_extent_m.cwiseProduct(spread);
-      to_direction_ = turn.normalized();
-    } else {
-      // Around one of them.
-      const WandPose& place = places_[random_.Bits() % places_.size()];
-      to_ = place.origin_m + 0.15 * spread;
-      to_direction_ = (place.direction + 0.4 * turn).normalized();
-    }
-    // A person stays within the volume.
-    to_ = to_.cwiseMin(volume_.centre_m + volume_.half_extent_m)
-              .cwiseMax(volume_.centre_m - volume_.half_extent_m);
-    if (to_direction_.dot(from_direction_) < 0) to_direction_ = -to_direction_;
-    end_s_ = begin_s_ + std::max(0.25, 1.5 * (to_ - from_).norm() / kSpeedMS);
-  }
-
-  const WaveVolume volume_;
-  RandomStream random_;
-  std::vector<WandPose> places_;
-  Eigen::Vector3d from_ = Eigen::Vector3d::Zero(), to_;
-  Eigen::Vector3d from_direction_ = Eigen::Vector3d::UnitX();
-  Eigen::Vector3d to_direction_ = Eigen::Vector3d::UnitX();
-  double begin_s_ = 0, end_s_ = 0;
-};
-
-// true_from_estimated, by the cameras' centres.
-Eigen::Affine3d Alignment(const SimulatedWorld& world, const server::RunningEstimate& estimate) {
-  const auto count = static_cast<Eigen::Index>(estimate.cameras.size());
-  Eigen::Matrix3Xd from(3, count), to(3, count);
-  for (Eigen::Index c = 0; c < count; ++c) {
-    const server::EstimatedCamera& camera = estimate.cameras[static_cast<size_t>(c)];
-    from.col(c) = camera.cam_from_rig.SourceFromTargetTranslation();
-    for (const SimulatedCamera& other : world.cameras()) {
-      if (other.description.camera != camera.name) continue;
-      to.col(c) = other.cam_from_rig.SourceFromTargetTranslation();
-    }
-  }
-  return Eigen::Affine3d(Eigen::umeyama(from, to, false));
-}
-
-// So large are the errors of triangulated points in 95 % of the grid, metres, after the best rigid
-// alignment and at the wand's true length.
-double TrueErrorM(const SimulatedWorld& world, const server::RunningEstimate& estimate) {
-  const Eigen::Affine3d true_from_estimated = Alignment(world, estimate);
-  const double stretch =
-      world.true_target().marker_positions_m.back() / estimate.marker_positions_m.back();
-  std::vector<Eigen::Vector3d> found, truth;
-  for (const size_t index : estimate.error.points) {
-    const Eigen::Vector3d point = true_from_estimated * estimate.grid.Point(index);
-    std::vector<server::CameraRay> views;
-    for (const SimulatedCamera& camera : world.cameras()) {
-      Eigen::Vector2d pixel;
-      if (!ImageOf(camera.true_intrinsics, camera.cam_from_rig * point, &pixel)) continue;
-      const ImageSize& size = camera.description.image_size_px;
-      if (!(pixel.x() >= 0) || !(pixel.y() >= 0) || !(pixel.x() < size.width) ||
-          !(pixel.y() < size.height)) {
-        continue;
-      }
-      for (const server::EstimateStart::Camera& solved : estimate.next.cameras) {
-        if (solved.name != camera.description.camera) continue;
-        const auto ray = Undistort(solved.intrinsics, pixel);
-        if (ray.ok()) views.push_back({solved.cam_from_rig, *ray});
-      }
-    }
-    const auto point_found = server::Triangulate(views);
-    if (!point_found) continue;
-    found.push_back(stretch * *point_found);
-    truth.push_back(point);
-  }
-  if (found.size() < 4) return INFINITY;
-  const auto count = static_cast<Eigen::Index>(found.size());
-  Eigen::Matrix3Xd from(3, count), to(3, count);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    from.col(i) = found[static_cast<size_t>(i)];
-    to.col(i) = truth[static_cast<size_t>(i)];
-  }
-  const Eigen::Affine3d fit(Eigen::umeyama(from, to, false));
-  std::vector<double> errors;
-  for (Eigen::Index i = 0; i < count; ++i) errors.push_back((fit * from.col(i) - to.col(i)).norm());
-  return UpperQuantile(&errors, 0.95);
-}
-
-// Of a calibration of everything that has been recorded, which the estimate stands for.
-double TrueErrorOfAllMm(const SimulatedWorld& world, const std::vector<server::CameraTrack>& tracks,
-                        const server::RunningEstimate& estimate) {
-  server::RunningInput input;
-  input.target = world.target();
-  input.tracks = tracks;
-  input.start = estimate.next;
-  input.max_instants = 1'000'000;
-  input.advise = input.check_held_out = false;
-  const server::RunningOutcome outcome = server::EstimateNow(std::move(input));
-  return outcome.estimate ? 1e3 * TrueErrorM(world, *outcome.estimate) : INFINITY;
 }
 
 double CpuSeconds() {
@@ -171,12 +46,81 @@ double CpuSeconds() {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
+// Running estimates of the same session, one after the other.
+class Estimates {
+ public:
+  explicit Estimates(bool advise) : advise_(advise) {}
+
+  std::optional<server::RunningEstimate> Next(const Target& target,
+                                              std::vector<server::CameraTrack> tracks,
+                                              UntilStep* step) {
+    const size_t camera_count = tracks.size();
+    server::RunningInput input;
+    input.target = target;
+    input.tracks = std::move(tracks);
+    input.start = start_;
+    input.advise = advise_;
+    const double begin_s = CpuSeconds();
+    server::RunningOutcome outcome = server::EstimateNow(std::move(input));
+    step->solve_s = CpuSeconds() - begin_s;
+    if (!outcome.estimate) return std::nullopt;
+    start_ = outcome.estimate->next;
+    if (outcome.estimate->cameras.size() == camera_count) {
+      step->predicted_mm = 1e3 * outcome.estimate->error.p95_m;
+      step->agrees = outcome.estimate->held_out && outcome.estimate->held_out->agrees;
+    }
+    return std::move(outcome.estimate);
+  }
+
+ private:
+  const bool advise_;
+  server::EstimateStart start_;
+};
+
+// Of everything that has been recorded, which the estimate stands for.
+double TrueErrorMm(const ComparedRig& truth, const Target& target,
+                   const std::vector<server::CameraTrack>& tracks,
+                   const server::RunningEstimate& estimate) {
+  server::RunningInput input;
+  input.target = target;
+  input.tracks = tracks;
+  input.start = estimate.next;
+  input.max_views = 1'000'000;
+  input.advise = input.check_held_out = false;
+  const server::RunningOutcome outcome = server::EstimateNow(std::move(input));
+  if (!outcome.estimate) return std::numeric_limits<double>::infinity();
+  return 1e3 * TriangulationErrorM(truth, RigOf(*outcome.estimate), PointsOf(estimate, truth));
+}
+
+double CalibratedMm(const ComparedRig& truth, const Target& target,
+                    std::vector<server::CameraTrack> tracks,
+                    const std::vector<Eigen::Vector3d>& points_m) {
+  server::CalibrationInput input;
+  input.target = target;
+  input.tracks = std::move(tracks);
+  const server::CalibrationOutcome outcome = server::Calibrate(std::move(input), {});
+  if (!outcome.result.ok()) return std::numeric_limits<double>::infinity();
+  return 1e3 * TriangulationErrorM(truth, RigOf(*outcome.result), points_m);
+}
+
+std::vector<WandPose> AdvisedPlaces(const server::RunningEstimate& estimate,
+                                    const ComparedRig& truth) {
+  const Eigen::Isometry3d truth_from_estimate = Align(RigOf(estimate), truth);
+  std::vector<WandPose> places;
+  for (const server::WaveAdvice& advice : estimate.advice) {
+    places.push_back(
+        {truth_from_estimate * advice.point_m, truth_from_estimate.linear() * advice.direction});
+  }
+  return places;
+}
+
 absl::Status Wave(const UntilOptions& options, uint32_t seed, UntilTrial* trial) {
   Target target;
   target.marker_positions_m = {0, 0.13, 0.39};
   RIGCAL_ASSIGN_OR_RETURN(const SimulatedWorld world,
                           SimulatedWorld::Create(DrawWorld(options, seed), target));
-  Person person(MakeWaveVolume(world.options()), seed);
+  const ComparedRig truth = RigOf(world);
+  WavingPerson person(MakeWaveVolume(world.options()), seed);
   std::vector<server::CameraTrack> tracks;
   std::vector<int> views(world.cameras().size(), 0);
   for (const SimulatedCamera& camera : world.cameras()) {
@@ -184,7 +128,7 @@ absl::Status Wave(const UntilOptions& options, uint32_t seed, UntilTrial* trial)
     tracks.back().session_id = "s";
     tracks.back().camera = camera.description;
   }
-  server::EstimateStart start;
+  Estimates estimates(options.guided);
   int frame = 0;
   for (double time_s = kStepS; time_s <= options.duration_s; time_s += kStepS) {
     // All cameras are exposed together.
@@ -196,33 +140,19 @@ absl::Status Wave(const UntilOptions& options, uint32_t seed, UntilTrial* trial)
         views[c] += tracks[c].observations.back().VisibleCount() > 0 ? 1 : 0;
       }
     }
-    server::RunningInput input;
-    input.target = target;
-    input.tracks = tracks;
-    input.start = start;
-    input.advise = options.guided;
-    const double begin_s = CpuSeconds();
-    const server::RunningOutcome outcome = server::EstimateNow(std::move(input));
     UntilStep step;
     step.time_s = time_s;
-    step.solve_s = CpuSeconds() - begin_s;
     step.poorest_views = *std::ranges::min_element(views);
-    if (outcome.estimate) {
-      start = outcome.estimate->next;
-      if (outcome.estimate->cameras.size() == tracks.size()) {
-        step.predicted_mm = 1e3 * outcome.estimate->error.p95_m;
-        step.true_mm = TrueErrorOfAllMm(world, tracks, *outcome.estimate);
-        step.agrees = outcome.estimate->held_out && outcome.estimate->held_out->agrees;
-      }
-      std::vector<WandPose> places;
-      const Eigen::Affine3d alignment = Alignment(world, *outcome.estimate);
-      for (const server::WaveAdvice& advice : outcome.estimate->advice) {
-        places.push_back({alignment * advice.point_m, alignment.linear() * advice.direction});
-      }
-      if (options.guided) person.GoTo(std::move(places));
-    }
+    const auto estimate = estimates.Next(target, tracks, &step);
+    if (step.predicted_mm > 0) step.true_mm = TrueErrorMm(truth, target, tracks, *estimate);
+    if (estimate && options.guided) person.GoTo(AdvisedPlaces(*estimate, truth));
+    const bool stopped_before = trial->StopAt(options.until_mm) >= 0;
     trial->steps.push_back(step);
-    if (options.stop && trial->StopAt(options.until_mm) >= 0) break;
+    const bool stopped = trial->StopAt(options.until_mm) >= 0;
+    if (stopped && !stopped_before) {
+      trial->calibrated_mm = CalibratedMm(truth, target, tracks, PointsOf(*estimate, truth));
+    }
+    if (stopped && step.poorest_views >= options.end_views) break;
   }
   return absl::OkStatus();
 }
@@ -248,6 +178,46 @@ int UntilTrial::StepWithViews(int views) const {
 UntilTrial RunUntilTrial(const UntilOptions& options, uint32_t seed) {
   UntilTrial trial;
   trial.status = Wave(options, seed, &trial);
+  return trial;
+}
+
+absl::StatusOr<UntilTrial> ReplayRecording(const server::CalibrationInput& recording,
+                                           double lowest_target_mm) {
+  const server::CalibrationOutcome whole = server::Calibrate(recording, {});
+  RIGCAL_RETURN_IF_ERROR(whole.result.status());
+  const ComparedRig truth = RigOf(*whole.result);
+  int64_t begin_ns = std::numeric_limits<int64_t>::max(), end_ns = 0;
+  for (const server::CameraTrack& track : recording.tracks) {
+    for (const Observation& row : track.observations) {
+      begin_ns = std::min(begin_ns, row.time_ns);
+      end_ns = std::max(end_ns, row.time_ns);
+    }
+  }
+  UntilTrial trial;
+  Estimates estimates(false);
+  const double duration_s = 1e-9 * static_cast<double>(end_ns - begin_ns);
+  for (double time_s = kStepS; time_s < duration_s + kStepS; time_s += kStepS) {
+    std::vector<server::CameraTrack> tracks;
+    UntilStep step;
+    step.time_s = time_s;
+    step.poorest_views = std::numeric_limits<int>::max();
+    for (const server::CameraTrack& track : recording.tracks) {
+      server::CameraTrack so_far = track;
+      std::erase_if(so_far.observations, [&](const Observation& row) {
+        return 1e-9 * static_cast<double>(row.time_ns - begin_ns) >= time_s;
+      });
+      const auto views = std::ranges::count_if(
+          so_far.observations, [](const Observation& row) { return row.VisibleCount() > 0; });
+      step.poorest_views = std::min(step.poorest_views, static_cast<int>(views));
+      tracks.push_back(std::move(so_far));
+    }
+    const auto estimate = estimates.Next(recording.target, tracks, &step);
+    if (step.predicted_mm > 0) {
+      step.true_mm = TrueErrorMm(truth, recording.target, tracks, *estimate);
+    }
+    trial.steps.push_back(step);
+    if (trial.StopAt(lowest_target_mm) >= 0) break;
+  }
   return trial;
 }
 

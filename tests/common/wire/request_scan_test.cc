@@ -18,6 +18,7 @@
 #include "rigcal/v1/camera_service.pb.h"
 #include "rigcal/v1/identity_service.pb.h"
 #include "rigcal/v1/ingest_service.pb.h"
+#include "rigcal/v1/live_service.pb.h"
 #include "rigcal/v1/maintenance_service.pb.h"
 #include "rigcal/v1/session_service.pb.h"
 #include "rigcal/v1/status_service.pb.h"
@@ -56,8 +57,9 @@ std::set<const Descriptor*> RequestTypes() {
        {v1::ListAgentsRequest::descriptor()->file(),
         v1::GetCalibrationRequest::descriptor()->file(),
         v1::GetPreviewRequest::descriptor()->file(), v1::CreateTokenRequest::descriptor()->file(),
-        v1::ConnectRequest::descriptor()->file(), v1::CompactRequest::descriptor()->file(),
-        v1::GetSessionRequest::descriptor()->file(), v1::GetStatusRequest::descriptor()->file()}) {
+        v1::ConnectRequest::descriptor()->file(), v1::GetLiveRequest::descriptor()->file(),
+        v1::CompactRequest::descriptor()->file(), v1::GetSessionRequest::descriptor()->file(),
+        v1::GetStatusRequest::descriptor()->file()}) {
     EXPECT_EQ(file->service_count(), 1) << file->name();
     for (int i = 0; i < file->service(0)->method_count(); ++i) {
       const Descriptor* const request = file->service(0)->method(i)->input_type();

@@ -20,8 +20,8 @@ using ::rigcal::testing::IsOk;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 
-EstimateTask Task() {
-  const auto options = testing::ParseSimulationOptions("cameras=3;rate=25;duration=10;seed=2");
+EstimateTask Task(const std::string& simulation = "cameras=3;rate=25;duration=10;seed=2") {
+  const auto options = testing::ParseSimulationOptions(simulation);
   const auto world = SimulatedWorld::Create(*options, WandTarget());
   EstimateTask task;
   task.target = WandTarget();
@@ -70,8 +70,10 @@ TEST(EstimateInWorker, SaysThatItsMemoryIsTooLittle) {
   EstimateWorkerOptions options = Options();
   options.memory_bytes = 1 << 20;
   const std::atomic<bool> cancelled = false;
-  EXPECT_THAT(EstimateInWorker(options)(Task(), cancelled).status(),
-              StatusIs(absl::StatusCode::kResourceExhausted, ::testing::_));
+  // Rows of more than what a worker has at hand when it starts.
+  EXPECT_THAT(
+      EstimateInWorker(options)(Task("cameras=6;rate=50;duration=40;seed=2"), cancelled).status(),
+      StatusIs(absl::StatusCode::kResourceExhausted, ::testing::_));
 }
 
 TEST(EstimateInWorker, IsCancelled) {

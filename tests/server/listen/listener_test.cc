@@ -48,9 +48,9 @@ class ListenerTest : public ::testing::Test {
   void Start() {
     listener_->Start([this](Listener::Kind kind, int descriptor) {
       const char answer = kind == Listener::Kind::kTls ? 't' : 'p';
-      send(descriptor, &answer, 1, MSG_NOSIGNAL);
       const std::lock_guard lock(mutex_);
-      taken_.push_back(descriptor);
+      taken_.push_back(descriptor);  // before the client knows
+      send(descriptor, &answer, 1, MSG_NOSIGNAL);
     });
   }
   // As gRPC does at the end of a connection.

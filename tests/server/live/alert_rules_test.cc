@@ -57,6 +57,7 @@ TEST(AlertRules, EachFaultHasItsKind) {
       {"clock_jumped", [](CameraFacts* facts) { facts->clock_epoch_count = 2; }},
       {"clock_jumped", [](CameraFacts* facts) { facts->clock_jump = "it jumped"; }},
       {"clock_off", [](CameraFacts* facts) { facts->arrival_offset_s = -1.5; }},
+      {"lens_wrong", [](CameraFacts* facts) { facts->lens_disagrees = true; }},
       {"clock_off", [](CameraFacts* facts) { facts->estimated_offset_s = 1.5; }}};
   for (const auto& [kind, add_fault] : faults) {
     CameraFacts facts = Good();

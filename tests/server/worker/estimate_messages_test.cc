@@ -61,8 +61,6 @@ class EstimateInput : public ::testing::Test {
         {"left", {Eigen::Quaterniond::Identity(), Eigen::Vector3d(1, 2, 3)}, intrinsics});
     start.clocks.push_back({"wave", "left", 1, 1234567890123, -0.008, 2e-5});
     start.marker_positions_m = {0, 0.1301, 0.3902};
-    start.given_score_px = 0.5;
-    start.refined_score_px = 0.4;
     start.round = 7;
     return start;
   }
@@ -90,7 +88,6 @@ TEST_F(EstimateInput, ComesBackAsWritten) {
   EXPECT_EQ(input.start.clocks[0].time_offset_s, -0.008);
   EXPECT_EQ(input.start.clocks[0].time_rate, 2e-5);
   EXPECT_THAT(input.start.marker_positions_m, ElementsAre(0, 0.1301, 0.3902));
-  EXPECT_EQ(input.start.refined_score_px, 0.4);
   EXPECT_EQ(input.start.round, 7);
 }
 

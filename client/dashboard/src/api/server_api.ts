@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calls of the JSON API of the page's own server.
 import type {
-  Calibration, CalibrationOptions, CreateCalibrationResponse, CreateSessionRequest,
-  CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, DiscardSessionResponse, GetAccuracyResponse,
-  GetCalibrationResponse, GetLiveResponse, GetResidualsResponse, GetSessionResponse, GetStatusResponse,
-  ListAgentsResponse, ListCalibrationsResponse, ListExportsResponse, ListSessionsResponse, LiveState, Session,
+  Calibration, CalibrationOptions, ColourRange, CreateCalibrationResponse, CreateSessionRequest,
+  CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, Detector, DiscardSessionResponse,
+  GetAccuracyResponse, GetCalibrationResponse, GetDetectorResponse, GetLiveResponse, GetResidualsResponse,
+  GetSessionResponse, GetStatusResponse, ListAgentsResponse, ListCalibrationsResponse, ListExportsResponse,
+  ListSessionsResponse, LiveState, Session,
   StartSessionResponse, StopSessionResponse,
 } from './types';
 
@@ -235,6 +236,36 @@ export async function getPreview(rig: string, camera: string, signal?: AbortSign
   const answer = await call(`/v1/cameras/${part(camera)}/preview.jpg${query({ rig })}`,
     { signal, timeoutMs: 8000, binary: true });
   return answer.json as Blob;
+}
+
+/** A camera's detector: the colour it looks for, what it ignores, what it learns. */
+export async function getDetector(rig: string, camera: string, signal?: AbortSignal): Promise<Detector> {
+  return (await ask<GetDetectorResponse>(`/v1/cameras/${part(camera)}/detector${query({ rig })}`, { signal })).detector ?? {};
+}
+
+async function changeDetector(verb: string, rig: string, camera: string, fields: object = {}): Promise<Detector> {
+  const body = { ...(rig ? { rig } : {}), ...fields };
+  return (await ask<GetDetectorResponse>(`/v1/cameras/${part(camera)}/detector:${verb}`, { method: 'POST', body })).detector ?? {};
+}
+
+/** Begins to learn which static bright spots to ignore. */
+export function learnMask(rig: string, camera: string): Promise<Detector> {
+  return changeDetector('learn_mask', rig, camera);
+}
+
+/** Forgets the learnt mask. */
+export function clearMask(rig: string, camera: string): Promise<Detector> {
+  return changeDetector('clear_mask', rig, camera);
+}
+
+/** Begins to learn the colour of the wand. */
+export function tuneDetector(rig: string, camera: string): Promise<Detector> {
+  return changeDetector('tune', rig, camera);
+}
+
+/** Sets the colour of the wand; without one, that of the agent's configuration. */
+export function setDetectorColour(rig: string, camera: string, colour?: ColourRange): Promise<Detector> {
+  return changeDetector('set_colour', rig, camera, colour ? { colour } : {});
 }
 
 /** Makes a join string. */

@@ -353,6 +353,158 @@ export type CameraDescription_Sensor =
   | 'SENSOR_FRAME'
   | 'SENSOR_EVENT';
 
+export interface GetPreviewRequest {
+  rig?: string;
+  camera?: string;
+  max_wait?: string;
+}
+
+export interface MoveCameraRequest {
+  rig?: string;
+  camera?: string;
+  agent_id?: string;
+}
+
+export interface MoveCameraResponse {
+  rig?: string;
+  camera?: string;
+  agent_id?: string;
+  previous_agent_id?: string;
+}
+
+export interface GetPreviewResponse {
+  agent_id?: string;
+  rig?: string;
+  info?: PreviewInfo;
+  jpeg?: string;
+}
+
+export interface GetDetectorRequest {
+  rig?: string;
+  camera?: string;
+}
+
+export interface GetDetectorResponse {
+  agent_id?: string;
+  rig?: string;
+  detector?: Detector;
+}
+
+export interface LearnMaskRequest {
+  rig?: string;
+  camera?: string;
+  frame_count?: number;
+}
+
+export interface LearnMaskResponse {
+  agent_id?: string;
+  rig?: string;
+  detector?: Detector;
+}
+
+export interface ClearMaskRequest {
+  rig?: string;
+  camera?: string;
+}
+
+export interface ClearMaskResponse {
+  agent_id?: string;
+  rig?: string;
+  detector?: Detector;
+}
+
+export interface TuneDetectorRequest {
+  rig?: string;
+  camera?: string;
+  frame_count?: number;
+}
+
+export interface TuneDetectorResponse {
+  agent_id?: string;
+  rig?: string;
+  detector?: Detector;
+}
+
+export interface SetDetectorColourRequest {
+  rig?: string;
+  camera?: string;
+  colour?: ColourRange;
+}
+
+export interface SetDetectorColourResponse {
+  agent_id?: string;
+  rig?: string;
+  detector?: Detector;
+}
+
+export interface ColourRange {
+  hue_min_deg?: number;
+  hue_max_deg?: number;
+  saturation_min?: number;
+  value_min?: number;
+  washed_out_min?: number;
+}
+
+export interface Detector {
+  colour?: ColourRange;
+  colour_learnt?: boolean;
+  mask_learnt?: boolean;
+  ignored_pixel_count?: number;
+  ignored_share?: number;
+  learning?: DetectorLearning;
+}
+
+export interface DetectorLearning {
+  kind?: DetectorLearning_Kind;
+  state?: DetectorLearning_State;
+  frame_count?: number;
+  wanted_frame_count?: number;
+  wand_count?: number;
+  message?: string;
+}
+
+export type DetectorLearning_Kind =
+  | 'KIND_UNSPECIFIED'
+  | 'KIND_MASK'
+  | 'KIND_COLOUR';
+
+export type DetectorLearning_State =
+  | 'STATE_UNSPECIFIED'
+  | 'STATE_RUNNING'
+  | 'STATE_SUCCEEDED'
+  | 'STATE_FAILED';
+
+export type DetectorCommand =
+  | 'DETECTOR_COMMAND_UNSPECIFIED'
+  | 'DETECTOR_COMMAND_GET'
+  | 'DETECTOR_COMMAND_LEARN_MASK'
+  | 'DETECTOR_COMMAND_CLEAR_MASK'
+  | 'DETECTOR_COMMAND_TUNE'
+  | 'DETECTOR_COMMAND_SET_COLOUR';
+
+export interface DetectorRequest {
+  request_id?: number;
+  camera?: string;
+  command?: DetectorCommand;
+  frame_count?: number;
+  colour?: ColourRange;
+}
+
+export type DetectorStatus =
+  | 'DETECTOR_STATUS_UNSPECIFIED'
+  | 'DETECTOR_STATUS_OK'
+  | 'DETECTOR_STATUS_UNKNOWN_CAMERA'
+  | 'DETECTOR_STATUS_REFUSED'
+  | 'DETECTOR_STATUS_INVALID'
+  | 'DETECTOR_STATUS_FAILED';
+
+export interface DetectorAnswer {
+  request_id?: number;
+  status?: DetectorStatus;
+  message?: string;
+  detector?: Detector;
+}
+
 export type FindingKind =
   | 'FINDING_KIND_UNSPECIFIED'
   | 'FINDING_KIND_CLOCK_OFFSET'
@@ -539,6 +691,7 @@ export interface LiveEstimate {
   held_out?: LiveHeldOut;
   advice?: LiveAdvice[];
   wand_m?: Vector3[];
+  intrinsics_refined?: boolean;
 }
 
 export type LiveEstimate_State =
@@ -561,6 +714,7 @@ export interface LiveEstimatedCamera {
   time_offset_sigma_s?: number;
   reprojection_rms_px?: number;
   focal_length_px?: number;
+  lens_disagrees?: boolean;
 }
 
 export interface LiveVolume {
@@ -761,6 +915,46 @@ export interface BatchAck {
   fault_count?: string;
   complete?: boolean;
   conflict_count?: string;
+}
+
+export interface PreviewRequest {
+  request_id?: number;
+  camera?: string;
+  max_jpeg_bytes?: number;
+  max_wait?: string;
+}
+
+export type PreviewStatus =
+  | 'PREVIEW_STATUS_UNSPECIFIED'
+  | 'PREVIEW_STATUS_OK'
+  | 'PREVIEW_STATUS_DISABLED'
+  | 'PREVIEW_STATUS_UNKNOWN_CAMERA'
+  | 'PREVIEW_STATUS_NO_FRAMES'
+  | 'PREVIEW_STATUS_NOT_CAPTURING'
+  | 'PREVIEW_STATUS_TOO_OFTEN'
+  | 'PREVIEW_STATUS_TIMED_OUT'
+  | 'PREVIEW_STATUS_FAILED';
+
+export interface Preview {
+  request_id?: number;
+  status?: PreviewStatus;
+  message?: string;
+  info?: PreviewInfo;
+  jpeg?: string;
+}
+
+export interface PreviewInfo {
+  camera?: string;
+  time_ns?: string;
+  clock_epoch?: number;
+  image_size_px?: ImageSize;
+  jpeg_size_px?: ImageSize;
+  jpeg_bytes?: number;
+  outcome?: DetectionOutcome;
+  confidence?: number;
+  visible_marker_count?: number;
+  blob_count?: number;
+  tracked?: boolean;
 }
 
 export type RefusalReason =

@@ -112,8 +112,10 @@ function Succeeded({ calibration, others, withId, theme }: {
       <ul class="findings">{calibration.findings?.map((finding, i) => <FindingRow key={i} finding={finding} />)}</ul>
     </Panel>
     <Panel name="percamera" title="Cameras"><CameraTable cameras={cameras} /></Panel>
+    <div class="pair">
     <Panel name="residuals" title="Residuals"><ResidualChart cameras={cameras} /></Panel>
     <Panel name="offsets" title="Time offsets"><TimeOffsetChart cameras={cameras} /></Panel>
+    </div>
     <Panel name="space" title="Rig">
       <SceneView model={model} targetMm={undefined} theme={theme} label="Cameras, their uncertainty, and the expected error"
         note={model.ellipsoids.size > 0 ? 'blue: position sigmas, enlarged' : ''} />

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "tests/testing/status_matchers.h"
 
@@ -53,7 +55,7 @@ TEST(WavedGrid, HoldsTheWavedVolumeAndAStepBeyond) {
   uint32_t count = 0;
   for (size_t i = 0; i < grid.size(); ++i) {
     count += grid.wand_counts[i];
-    if (grid.wand_counts[i] > 0) EXPECT_TRUE(grid.inside[i]);
+    EXPECT_TRUE(grid.wand_counts[i] == 0 || grid.inside[i]);
     EXPECT_EQ(grid.Nearest(grid.Point(i)), i);
   }
   EXPECT_GT(count, 280u);  // ends and middle of 100, but for the outermost
@@ -66,28 +68,61 @@ TEST(WavedGrid, NothingPlacedIsNoGrid) {
   EXPECT_EQ(MeasureWavedGrid(problem, 1000).size(), 0u);
 }
 
-TEST(PointGain, IsTheDerivativeOfTriangulation) {
+TEST(PointGains, IsTheDerivativeOfTriangulation) {
   // A shift of the right camera by dx moves a point at depth z by z / b * dx along z.
   const BundleProblem problem = TwoCameras();
   const WavedGrid grid = MeasureWavedGrid(problem, 500);
   std::vector<ReducedParameter> parameters;
   for (int i = 0; i < 3; ++i) parameters.push_back({ReducedParameterKind::kRotation, 1, i});
   for (int i = 0; i < 3; ++i) parameters.push_back({ReducedParameterKind::kTranslation, 1, i});
-  const std::vector<PointGain> gains = ComputeGains(problem, Descriptions(), parameters, grid, 0.3);
-  int seen = 0;
-  for (size_t i = 0; i < grid.size(); ++i) {
-    if (gains[i].camera_count == 0) continue;
-    ++seen;
-    ASSERT_EQ(gains[i].camera_count, 2);
-    const double depth_m = grid.Point(i).z();
+  const PointGains gains = ComputeGains(problem, Descriptions(), parameters, grid, 0.3);
+  ASSERT_GT(gains.points.size(), 50u);
+  ASSERT_EQ(gains.gain.rows(), static_cast<Eigen::Index>(3 * gains.points.size()));
+  for (size_t i = 0; i < gains.points.size(); ++i) {
+    const double depth_m = grid.Point(gains.points[i]).z();
     // cam_from_rig.translation is minus the centre.
-    EXPECT_NEAR(std::abs(gains[i].gain(2, 3)), depth_m, 0.02 * depth_m);
+    EXPECT_NEAR(std::abs(gains.gain(static_cast<Eigen::Index>(3 * i + 2), 3)), depth_m,
+                0.02 * depth_m);
     // In depth sqrt(2) sigma z^2 / (f b), and a little across.
     const double depth_noise_m = std::sqrt(2.0) * 0.3 * depth_m * depth_m / 1000;
-    EXPECT_GT(gains[i].noise_m, 0.99 * depth_noise_m);
-    EXPECT_LT(gains[i].noise_m, 1.2 * depth_noise_m);
+    EXPECT_GT(gains.noise_m[i], 0.99 * depth_noise_m);
+    EXPECT_LT(gains.noise_m[i], 1.2 * depth_noise_m);
   }
-  EXPECT_GT(seen, 50);
+}
+
+TEST(PointGains, BetweenCamerasThatFaceEachOtherThereAreNone) {
+  // The wand is waved around the line between the two.
+  BundleProblem problem = TwoCameras();
+  problem.cameras[0].cam_from_rig = {Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()};
+  problem.cameras[1].cam_from_rig = {Eigen::Quaterniond(0, 0, 1, 0), Eigen::Vector3d(0, 0, 4)};
+  for (BundleInstant& instant : problem.instants) instant.origin_m -= Eigen::Vector3d(0.5, 0, 0);
+  const WavedGrid grid = MeasureWavedGrid(problem, 1000);
+  const PointGains gains = ComputeGains(problem, Descriptions(), {}, grid, 0.3);
+  for (const size_t point : gains.points) {
+    EXPECT_GT(grid.Point(point).head<2>().norm(), 0.03) << grid.Point(point).transpose();
+  }
+  const std::optional<size_t> between = grid.Nearest({0, 0, 2.1});
+  ASSERT_TRUE(between);
+  EXPECT_EQ(std::ranges::count(gains.points, *between), 0);
+}
+
+TEST(PointGains, ASubsetKeepsItsRows) {
+  const BundleProblem problem = TwoCameras();
+  const WavedGrid grid = MeasureWavedGrid(problem, 500);
+  std::vector<ReducedParameter> parameters;
+  for (int i = 0; i < 3; ++i) parameters.push_back({ReducedParameterKind::kTranslation, 1, i});
+  const PointGains all = ComputeGains(problem, Descriptions(), parameters, grid, 0.3);
+  const PointGains few = ChoosePoints(all, 10);
+  ASSERT_GE(few.points.size(), 5u);
+  ASSERT_LE(few.points.size(), 10u);
+  for (size_t i = 0; i < few.points.size(); ++i) {
+    const auto at =
+        static_cast<size_t>(std::ranges::find(all.points, few.points[i]) - all.points.begin());
+    ASSERT_LT(at, all.points.size());
+    EXPECT_EQ(few.gain(static_cast<Eigen::Index>(3 * i + 2), 0),
+              all.gain(static_cast<Eigen::Index>(3 * at + 2), 0));
+    EXPECT_EQ(few.noise_m[i], all.noise_m[at]);
+  }
 }
 
 TEST(ExpectedError, ForgetsWhatARigidMotionTakesAway) {
@@ -98,7 +133,7 @@ TEST(ExpectedError, ForgetsWhatARigidMotionTakesAway) {
   for (int c = 0; c < 2; ++c) {
     for (int i = 0; i < 3; ++i) parameters.push_back({ReducedParameterKind::kTranslation, c, i});
   }
-  const std::vector<PointGain> gains = ComputeGains(problem, Descriptions(), parameters, grid, 0.3);
+  const PointGains gains = ComputeGains(problem, Descriptions(), parameters, grid, 0.3);
   Eigen::VectorXd together = Eigen::VectorXd::Zero(6);
   together << 1, 0, 0, 1, 0, 0;
   const ExpectedError none =

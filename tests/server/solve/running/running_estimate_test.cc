@@ -128,7 +128,9 @@ TEST(RunningEstimate, SolvesWithoutACameraThatSharesNothing) {
 }
 
 TEST(RunningEstimate, NothingOrOneCameraIsNoFault) {
-  EXPECT_THAT(EstimateNow({.target = WandTarget()}).problem, IsOk());
+  RunningInput nothing;
+  nothing.target = WandTarget();
+  EXPECT_THAT(EstimateNow(std::move(nothing)).problem, IsOk());
   const SimulatedWorld world = World("cameras=3;duration=5;seed=1");
   RunningInput input = InputUntil(world, 5);
   input.tracks.resize(1);
@@ -152,12 +154,38 @@ TEST(RunningEstimate, AStartThatIsWrongIsLeft) {
 TEST(RunningEstimate, ThinnedDataStandForAll) {
   const SimulatedWorld world = World("cameras=4;rate=50;duration=30;seed=7");
   RunningInput few = InputUntil(world, 30), all = InputUntil(world, 30);
-  few.max_instants = 300;
-  all.max_instants = 100'000;
+  few.max_views = 1'000;
+  all.max_views = 1'000'000;
   const RunningOutcome thinned = EstimateNow(std::move(few)), full = EstimateNow(std::move(all));
   ASSERT_TRUE(thinned.estimate && full.estimate);
   EXPECT_EQ(thinned.estimate->instant_count, full.estimate->instant_count);
   EXPECT_NEAR(thinned.estimate->error.median_m / full.estimate->error.median_m, 1, 0.25);
+}
+
+TEST(RunningEstimate, KeepsTheGivenLensesWhereTheyAreRight) {
+  const SimulatedWorld world = World("cameras=4;rate=50;duration=12;seed=9");
+  const RunningOutcome outcome = EstimateNow(InputUntil(world, 12));
+  ASSERT_TRUE(outcome.estimate) << outcome.problem;
+  EXPECT_FALSE(outcome.estimate->intrinsics_refined);
+  for (const EstimatedCamera& camera : outcome.estimate->cameras) {
+    EXPECT_FALSE(camera.lens_disagrees) << camera.name;
+  }
+  ASSERT_TRUE(outcome.estimate->held_out);
+  EXPECT_TRUE(outcome.estimate->held_out->agrees);
+}
+
+TEST(RunningEstimate, NamesTheCameraWhoseLensIsAnother) {
+  const SimulatedWorld world = World("cameras=4;rate=50;duration=16;seed=9");
+  RunningInput input = InputUntil(world, 16);
+  input.tracks[2].camera.intrinsics->fx_px *= 1.01;
+  input.tracks[2].camera.intrinsics->fy_px *= 1.01;
+  const RunningOutcome outcome = EstimateNow(std::move(input));
+  ASSERT_TRUE(outcome.estimate) << outcome.problem;
+  EXPECT_TRUE(outcome.estimate->intrinsics_refined);
+  for (size_t c = 0; c < 4; ++c) {
+    EXPECT_EQ(outcome.estimate->cameras[c].lens_disagrees, c == 2) << c;
+  }
+  EXPECT_LT(WorstBaselineErrorM(world, *outcome.estimate), 0.02);
 }
 
 TEST(RunningEstimate, AdviceWouldHelp) {

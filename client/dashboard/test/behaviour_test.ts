@@ -194,3 +194,29 @@ test('the feed says that a login is wanted', async () => {
     await server.close();
   }
 });
+
+test('a hidden page asks nothing and has no timers; shown again, it asks at once', async () => {
+  const server = new MockServer({ dist: '.', speed: 0, cameras: 4 });
+  const address = await server.listen();
+  const realFetch = globalThis.fetch;
+  globalThis.fetch = ((path: string, init: RequestInit) => realFetch(`${address}${path}`, init)) as typeof fetch;
+  const page = Object.assign(new EventTarget(), { visibilityState: 'hidden' });
+  Object.defineProperty(globalThis, 'document', { value: page, configurable: true });
+  const timers = () => (process as unknown as { getActiveResourcesInfo(): string[] }).getActiveResourcesInfo().filter((one) => one === 'Timeout').length;
+  const before = timers();
+  const feed = new LiveFeed();
+  try {
+    feed.start('');
+    assert.equal(timers(), before);
+    assert.equal(server.counts.live, 0);
+    page.visibilityState = 'visible';
+    page.dispatchEvent(new Event('visibilitychange'));
+    while (feed.state.rig.cameras.length < 4) await new Promise((done) => setTimeout(done, 20));
+    assert.ok(server.counts.live > 0);
+  } finally {
+    feed.stop();
+    globalThis.fetch = realFetch;
+    Reflect.deleteProperty(globalThis, 'document');
+    await server.close();
+  }
+});

@@ -272,6 +272,41 @@ export interface AccuracySummary {
   worst_point_m?: Vector3;
 }
 
+export interface GetResidualsRequest {
+  id?: string;
+  camera?: string;
+}
+
+export interface GetResidualsResponse {
+  id?: string;
+  cameras?: CameraResiduals[];
+}
+
+export interface ListExportsRequest {
+  id?: string;
+}
+
+export interface ListExportsResponse {
+  formats?: ExportFormat[];
+}
+
+export interface ExportFormat {
+  name?: string;
+  description?: string;
+  problem?: string;
+}
+
+export interface ExportCalibrationRequest {
+  id?: string;
+  format?: string;
+}
+
+export interface ExportCalibrationResponse {
+  file_name?: string;
+  content_type?: string;
+  content?: string;
+}
+
 export interface ImageSize {
   width?: number;
   height?: number;
@@ -989,6 +1024,19 @@ export interface RefusalCount {
   example?: string;
 }
 
+export interface CameraResiduals {
+  camera?: string;
+  image_size_px?: ImageSize;
+  x_px?: number[];
+  y_px?: number[];
+  dx_px?: number[];
+  dy_px?: number[];
+  outlier?: boolean[];
+  bin_px?: number;
+  inlier_counts?: number[];
+  outlier_counts?: number[];
+}
+
 export interface Session {
   id?: string;
   rig?: string;
@@ -1012,6 +1060,7 @@ export interface Session {
   goal?: SessionGoal;
   stop_reason?: string;
   continues?: string;
+  discard_time?: string;
 }
 
 export type Session_State =
@@ -1114,6 +1163,15 @@ export interface DeleteSessionRequest {
 }
 
 export interface DeleteSessionResponse {
+}
+
+export interface DiscardSessionRequest {
+  id?: string;
+  undo?: boolean;
+}
+
+export interface DiscardSessionResponse {
+  session?: Session;
 }
 
 export interface WatchSessionRequest {

@@ -17,6 +17,8 @@ import { OverlapMatrix } from './overlap_matrix';
 import { isCapturing, progressOf } from './progress';
 import { SessionControls } from './session_controls';
 
+/** So many have room for their matrix under the advice. */
+const fewCameras = 5;
 const noHistory: readonly LiveFigure[] = [];
 
 /** The page of whoever waves, or watches it. */
@@ -42,7 +44,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
   const needs = estimate?.needs ?? [];
   const age = timeMs(rig.time) !== undefined && timeMs(estimate?.time) !== undefined
     ? (timeMs(rig.time)! - timeMs(estimate?.time)!) / 1000 : undefined;
-  return <div class="wave">
+  return <div class={rig.cameras.length <= fewCameras ? 'wave few' : 'wave'}>
     <Panel name="figure" title="Expected error" aside={<a class="button" href={hashOf('distance')}>Distance mode</a>}>
       <div class={`big stage-${progress.stage}`}>
         <p class="number"><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
@@ -64,7 +66,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       </dl>
     </Panel>
     <Panel name="control" title="Session">
-      <SessionControls rig={rig} stale={stale} onChange={control.retryNow} onDelete={() => control.askAnew()} />
+      <SessionControls rig={rig} stale={stale} onChange={control.retryNow} />
     </Panel>
     <Panel name="advice" title="What next">
       {stale ? <p class="empty">Not known while the server does not answer.</p>
@@ -83,7 +85,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
     </Panel>
     <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<CoverageLegend />}>
       {rig.cameras.length === 0 ? <p class="empty">No camera is connected. <a href={hashOf('join')}>Connect a PC</a></p>
-        : <ul class="tilegrid">{rig.cameras.map((camera) => <CameraTile key={camera.camera} camera={camera}
+        : <ul class="tilegrid" style={{ maxWidth: `${rig.cameras.length * 24.6}rem` }}>{rig.cameras.map((camera) => <CameraTile key={camera.camera} camera={camera}
           alert={byCamera.get(camera.camera ?? '')} stale={stale} theme={theme} />)}</ul>}
     </Panel>
     <Panel name="overlap" title="Common instants of pairs">

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Backoff, previews, sounds, progress, the types of the API.
+// Backoff, previews, sounds, progress.
 import assert from 'node:assert/strict';
-import { spawnSync } from 'node:child_process';
 import { test } from 'node:test';
 import { qrPath } from '../src/join/qr_code';
 import { backoffMs } from '../src/live/backoff';
@@ -12,11 +11,6 @@ import { overlapCount } from '../src/wave/overlap_matrix';
 import { progressOf } from '../src/wave/progress';
 import { nextSounds, nothingSaid } from '../src/wave/progress_sound';
 import { MockServer } from './mock_server';
-
-test('the types are those of the proto files', () => {
-  const result = spawnSync(process.execPath, ['proto_types.mjs', '--check'], { encoding: 'utf8' });
-  assert.equal(result.status, 0, result.stderr);
-});
 
 test('waits double up to five seconds', () => {
   assert.deepEqual([1, 2, 3, 4, 5, 6, 50].map((n) => backoffMs(n, 0)), [250, 500, 1000, 2000, 4000, 5000, 5000]);

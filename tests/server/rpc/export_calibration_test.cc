@@ -27,6 +27,7 @@ Calibration TwoCameras() {
   calibration.state = CalibrationState::kSucceeded;
   CalibrationResult result;
   result.scale_known = true;
+  result.target.given.marker_positions_m = {0, 0.13, 0.39};
   for (const char* const name : {"a", "b"}) {
     CalibratedCamera camera;
     camera.camera = name;

@@ -18,7 +18,7 @@ import { isCapturing, progressOf } from './progress';
 import { SessionControls } from './session_controls';
 
 /** So many have room for their matrix under the advice. */
-const fewCameras = 5;
+const fewCameras = 4;
 const noHistory: readonly LiveFigure[] = [];
 
 /** The page of whoever waves, or watches it. */
@@ -57,8 +57,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}
       <FigureCurve history={estimate?.history ?? noHistory} targetMm={progress.targetMm} theme={theme} />
       <dl class="facts">
-        <div class="fact"><dt>median</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
-        <div class="fact"><dt>worst place</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
+        <div class="fact" title="One sigma; the large figure is a bound that holds in 95 % of the places"><dt>median, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
+        <div class="fact" title="One sigma"><dt>worst place, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
         <div class="fact" title="Reprojection error on data that the estimate did not use, and what it would be if the estimate were right">
           <dt>held-out check</dt><dd>{!estimate?.held_out || stale ? missing
             : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} of ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} px`}</dd></div>
@@ -74,7 +74,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
           : capturing && advice.length > 0 ? <ol class="advice">{advice.map((one, i) => <li key={one.text} class={i === 0 ? 'first' : ''}>
             <span class="text">Wave {one.text}</span>
             {(one.expected_p95_mm ?? 0) > 0 && <span class="gain">5 s there: {millimetres(one.expected_p95_mm)} mm</span>}</li>)}</ol>
-            : <p class="empty">{capturing ? 'Wave the wand where two cameras see it.'
+            : <p class="empty">{capturing ? (estimate?.state === 'STATE_READY' ? 'No place stands out: wave everywhere that two cameras see.'
+              : 'Wave the wand where two cameras see it.')
               : rig.session?.state === 'STATE_FINISHED' ? 'Calibrate from this session, or go on with it in a new one.'
                 : 'Start a capture; advice on where to wave follows.'}</p>}
       <Alerts alerts={rig.alerts} nowMs={timeMs(rig.time)} />

@@ -78,6 +78,9 @@ double ShareOf(const DetectionCounts& before, const DetectionCounts& after,
   return all == 0 ? 0 : static_cast<double>(with) / static_cast<double>(all);
 }
 
+// Most of a camera's JSON are the points of its trail: a tenth of a pixel is enough to draw them.
+float ToTenth(float px) { return std::round(10 * px) / 10; }
+
 }  // namespace
 
 CameraActivity::CameraActivity(CameraDescription description, Target target, Time now)
@@ -300,10 +303,10 @@ void CameraActivity::Describe(Time now, LiveCamera* camera) const {
   for (const TrailPoint& point : trail_) {
     const auto age = duration_cast<milliseconds>(std::max(now - point.time, nanoseconds(0)));
     camera->trail.push_back({.age_ms = static_cast<uint32_t>(age.count()),
-                             .x0_px = point.x0,
-                             .y0_px = point.y0,
-                             .x1_px = point.x1,
-                             .y1_px = point.y1});
+                             .x0_px = ToTenth(point.x0),
+                             .y0_px = ToTenth(point.y0),
+                             .x1_px = ToTenth(point.x1),
+                             .y1_px = ToTenth(point.y1)});
   }
 }
 

@@ -16,6 +16,7 @@
 #include "client/results/calibration_comparison.h"
 #include "client/results/calibration_export.h"
 #include "client/tables/calibration_table.h"
+#include "client/tables/residual_table.h"
 
 namespace rigcal::client {
 namespace {
@@ -122,8 +123,9 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
     context.console.out << ToJson(*calibration) << "\n" << std::flush;
     return ExitCode::kOk;
   }
-  const auto format = std::ranges::find(ExportFormats(), options.format, &ExportFormat::name);
-  const auto files = format->write(*calibration, options.output);
+  const auto format = FindCalibrationExportFormat(options.format);
+  if (!format.ok()) return context.Fail(format.status());
+  const auto files = WriteExport(**format, *calibration, options.output);
   if (!files.ok()) return context.Fail(files.status());
   PrintFiles(options, *files, context);
   return ExitCode::kOk;
@@ -189,6 +191,14 @@ ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& con
   ServerConnection server(context.server);
   return context.Show(server.Call(&CalibrationStub::GetAccuracy, request, kAccuracyTimeout),
                       FormatAccuracy);
+}
+
+ExitCode ShowResiduals(const ResidualCommandOptions& options, CommandContext& context) {
+  v1::GetResidualsRequest request;
+  request.set_id(options.id);
+  request.set_camera(options.camera);
+  ServerConnection server(context.server);
+  return context.Show(server.Call(&CalibrationStub::GetResiduals, request), FormatResiduals);
 }
 
 }  // namespace rigcal::client

@@ -205,7 +205,11 @@ bool CameraActivity::IsImplausible(const ThinnedRow& row) const {
 }
 
 void CameraActivity::Advance(Time now) {
-  ForgetBefore(now - kRateWindow, &intervals_);
+  // Each interval holds what has arrived since the one before.
+  while (!intervals_.empty() && intervals_.front().time < now - kRateWindow) {
+    rate_begin_ = intervals_.front().time;
+    intervals_.pop_front();
+  }
   ForgetBefore(now - kTrailWindow, &trail_);
   ForgetBefore(now - kCheckWindow, &checks_);
   ForgetBefore(now - kPaceWindow, &paces_);
@@ -266,8 +270,8 @@ double CameraActivity::Rate(uint64_t Interval::*count, Time now) const {
   if (!first_row_) return 0;
   uint64_t sum = 0;
   for (const Interval& interval : intervals_) sum += interval.*count;
-  const double window_s =
-      std::clamp(Seconds(now - *first_row_), kShortestRateWindowS, Seconds(kRateWindow));
+  const double window_s = std::clamp(Seconds(now - rate_begin_.value_or(*first_row_)),
+                                     kShortestRateWindowS, 1.1 * Seconds(kRateWindow));
   // A tenth is enough, and does not change with every state.
   return std::round(10 * static_cast<double>(sum) / window_s) / 10;
 }

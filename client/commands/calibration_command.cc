@@ -173,6 +173,10 @@ std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy) {
   }
   if (accuracy.shape().count() == 0) return text + "  none is seen by two cameras\n";
   absl::StrAppend(&text, FormatSummary(accuracy));
+  if (accuracy.calibration_p95_m() > 0) {
+    absl::StrAppend(&text, "calibration alone  ", Millimetres(accuracy.calibration_p95_m()),
+                    " mm or less in 95 % of the points (exact centres, after the best alignment)\n");
+  }
   absl::StrAppend(&text, "scale              ", FormatFixed(100 * accuracy.scale_sigma_rel(), 3),
                   " % (one sigma of every length)\n");
   return text;

@@ -79,6 +79,7 @@ absl::StatusOr<v1::GetAccuracyResponse> AccuracyOf(const Calibration& calibratio
   for (const PointAccuracy& point : accuracy.grid) SetPoint(point, response.add_grid());
   SetSummary(accuracy.shape, response.mutable_shape());
   SetSummary(accuracy.with_scale, response.mutable_with_scale());
+  response.set_calibration_p95_m(accuracy.calibration_p95_m);
   return response;
 }
 

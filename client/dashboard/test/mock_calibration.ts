@@ -90,5 +90,6 @@ export function mockAccuracy(id: string): GetAccuracyResponse {
   }
   return { id, sigma_px: 0.3, grid_step_m: 0.4, scale_sigma_rel: 3e-4, grid,
     shape: { count: grid.length, median_m: 3.6e-4, p95_m: 5.1e-4, worst_m: 6.2e-4, worst_point_m: { x: -1.4, y: 0, z: 1.6 } },
-    with_scale: { count: grid.length, median_m: 6.1e-4, p95_m: 8.4e-4, worst_m: 1.1e-3 } };
+    with_scale: { count: grid.length, median_m: 6.1e-4, p95_m: 8.4e-4, worst_m: 1.1e-3 },
+    calibration_p95_m: 4.4e-4 };
 }

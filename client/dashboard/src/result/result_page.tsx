@@ -93,9 +93,11 @@ function Succeeded({ calibration, others, withId, theme }: {
       {(calibration.quality?.reasons ?? []).length > 0 && <ul class={`reasons ${mark}`}>{calibration.quality?.reasons?.map((reason) => <li key={reason}>{reason}</li>)}</ul>}
       {!calibration.scale_known && <p class="why">The scale is not known: lengths are in units of the distance between {calibration.reference_camera} and {calibration.unit_camera}.</p>}
       <dl class="facts">
-        <Fact name="expected error, 95 %" title="One sigma of a triangulated point, without the uncertainty of the scale">
+        <Fact name="expected error" title="Of the calibration alone: smaller than this in 95 % of the waved volume, with a probability of 95 %; after the best alignment and at the right scale. The figure of the Wave page.">
+          {accuracy.value?.calibration_p95_m ? `${millimetres(accuracy.value.calibration_p95_m * 1e3)} mm` : missing}</Fact>
+        <Fact name="a point in the rig's frame, 1σ" title="With the noise of the centres, relative to the reference camera, without the uncertainty of the scale; in 95 % of the waved volume">
           {shape?.count ? `${millimetres((shape.p95_m ?? 0) * 1e3)} mm` : missing}</Fact>
-        <Fact name="worst place">{shape?.count ? `${millimetres((shape.worst_m ?? 0) * 1e3)} mm` : missing}</Fact>
+        <Fact name="worst place, 1σ">{shape?.count ? `${millimetres((shape.worst_m ?? 0) * 1e3)} mm` : missing}</Fact>
         <Fact name="scale, one sigma">{calibration.target?.scale_sigma_rel ? percent(calibration.target.scale_sigma_rel, 3) : missing}</Fact>
         <Fact name="length error RMS">{calibration.target?.length_error_rms_m ? `${millimetres(calibration.target.length_error_rms_m * 1e3)} ${unit}` : missing}</Fact>
         <Fact name="instants">{count(calibration.instant_count)}</Fact>

@@ -30,8 +30,8 @@
 namespace rigcal::server {
 
 struct LiveTrackerOptions {
-  // The state is made at most this often.
-  std::chrono::milliseconds interval{150};
+  // The state is made at most this often: a little more often than pages ask.
+  std::chrono::milliseconds interval{220};
   // Unset: the system's clocks. For tests, which call Update themselves.
   std::function<int64_t()> utc_now_ns = {};
   std::function<std::chrono::steady_clock::time_point()> steady_now = {};

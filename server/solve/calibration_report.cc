@@ -132,10 +132,18 @@ std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
   std::array<std::vector<double>, 3> coordinates;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
+    const auto add = [&coordinates](const Eigen::Vector3d& point_m) {
+      for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(point_m[i]);
+    };
+    if (instant.is_rigid) {
+      for (const Eigen::Vector3d& point_m : problem.rigid_target.points_m) {
+        add(instant.origin_m + instant.rotation * point_m);
+      }
+      continue;
+    }
     // The ends of the wand; the other markers are between them.
     for (const double s_m : {0.0, problem.target.marker_positions_m.back()}) {
-      const Eigen::Vector3d point_m = instant.origin_m + s_m * instant.direction;
-      for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(point_m[i]);
+      add(instant.origin_m + s_m * instant.direction);
     }
   }
   if (coordinates[0].empty()) return std::nullopt;
@@ -152,8 +160,9 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   CalibratedTarget target;
   target.given = input.rig.target;
-  if (problem.target.marker_positions_m.size() == 1) {
-    // No lengths, but perhaps a known distance.
+  if (problem.IsPoint() || problem.HasRigidTarget()) {
+    // No spans. Of a point the scale comes from a known distance, if any.
+    target.marker_positions_estimated = problem.HasRigidTarget() && !problem.rigid_target.fixed;
     if (input.evaluated.uncertainty) {
       target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
     }

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/relative_pose.h"
@@ -157,7 +157,7 @@ absl::Status SettlePoses(const InitializationOptions& options, BundleProblem* pr
   bundle.max_iterations = 30;
   bundle.function_tolerance = 1e-5;
   bundle.cancelled = options.cancelled;
-  const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, problem);
+  const absl::StatusOr<BundleSummary> summary = AdjustBundle(bundle, problem);
   for (size_t i = 0; i < was_used.size(); ++i) problem->instants[i].used = was_used[i];
   return summary.status();
 }

@@ -110,6 +110,9 @@ struct Finding {
   FindingSeverity severity = FindingSeverity::kInfo;
 };
 
+// Which solver adjusted a calibration: the kernel for lines and points, or the general one.
+enum class SolverPath : uint8_t { kUnknown = 0, kLineKernel = 1, kGeneral = 2 };
+
 enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, kBad = 3 };
 
 struct Quality {
@@ -140,6 +143,7 @@ struct CalibrationResult {
   Quality quality;
   std::string observation_digest;
   uint32_t iteration_count = 0;
+  SolverPath solver_path = SolverPath::kUnknown;
   std::optional<WandVolume> wand_volume;
   // Joint covariance of all cameras, scale excluded, lower triangle row by row. Rows, camera by
   // camera: rotation vector in the camera frame (3, applied from the left, radians) and translation

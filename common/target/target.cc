@@ -86,8 +86,8 @@ absl::Status Normalise(Target* target) {
 absl::StatusOr<std::vector<TargetPoint>> ParsePoints(std::string_view text) {
   if (!text.starts_with('{') || !text.ends_with('}')) return ReadTargetFile(std::string(text));
   std::vector<TargetPoint> points;
-  for (const auto line : absl::StrSplit(
-           absl::string_view(text.data() + 1, text.size() - 2), '|', absl::SkipWhitespace())) {
+  for (const auto line : absl::StrSplit(absl::string_view(text.data() + 1, text.size() - 2), '|',
+                                        absl::SkipWhitespace())) {
     RIGCAL_ASSIGN_OR_RETURN(TargetPoint point, ParseTargetPoint({line.data(), line.size()}));
     points.push_back(std::move(point));
   }
@@ -179,8 +179,9 @@ void CheckPoints(const Target& target, FaultList* faults) {
     }
   }
   if (all_good && AreOnOneLine(points)) {
-    faults->Add("all points are on one line: its turn about that line cannot be seen; describe it "
-                "as wand:0,0.13,0.39, with positions along the line");
+    faults->Add(
+        "all points are on one line: its turn about that line cannot be seen; describe it "
+        "as wand:0,0.13,0.39, with positions along the line");
   }
 }
 
@@ -260,6 +261,13 @@ absl::Status Target::Validate() const {
                " markers, give one for all or one for each");
   }
   return faults.Result();
+}
+
+absl::Status CheckDetectable(const Target& target) {
+  if (target.kind != TargetKind::kRigid) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "the detectors find wands and single markers, not a rigid target: detect its points with "
+      "another program and give them as a file of markers (<camera>.csv)");
 }
 
 absl::StatusOr<Target> ParseTarget(std::string_view text) {

@@ -45,6 +45,10 @@ struct Target {
   absl::Status Validate() const;
 };
 
+// FAILED_PRECONDITION: the detectors cannot find it in images and events, nor can these be
+// simulated: a rigid target, whose markers come from elsewhere.
+absl::Status CheckDetectable(const Target& target);
+
 // Reads `wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002`, `point`, or `rigid:FILE` with the
 // same options. Positions may be given in any order and from any origin: they are sorted and moved
 // to begin at 0. FILE is read here (see target_file.h); `rigid:{A 0 0 0 0.0005|B ...}` says what

@@ -20,9 +20,9 @@ namespace {
 constexpr char kExampleLine[] = "A1 0.03 0.06 0 0.0002";
 
 absl::Status PointFault(std::string_view what) {
-  return absl::InvalidArgumentError(
-      absl::StrCat(std::string(what), "; a right line is: ", kExampleLine,
-                   " (label, x, y, z and one sigma, in metres)"));
+  return absl::InvalidArgumentError(absl::StrCat(std::string(what),
+                                                 "; a right line is: ", kExampleLine,
+                                                 " (label, x, y, z and one sigma, in metres)"));
 }
 
 }  // namespace
@@ -39,8 +39,8 @@ absl::StatusOr<TargetPoint> ParseTargetPoint(std::string_view text) {
   double* const values[] = {&point.x_m, &point.y_m, &point.z_m, &point.sigma_m};
   for (size_t i = 1; i < words.size(); ++i) {
     if (absl::SimpleAtod(words[i], values[i - 1]) && std::isfinite(*values[i - 1])) continue;
-    return PointFault(absl::StrCat("\"", absl::CHexEscape(words[i].substr(0, 64)),
-                                   "\" is not a finite number"));
+    return PointFault(
+        absl::StrCat("\"", absl::CHexEscape(words[i].substr(0, 64)), "\" is not a finite number"));
   }
   return point;
 }

@@ -193,6 +193,7 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   proto->mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(result.quality.grade));
   Copy(result.quality.reasons, proto->mutable_quality()->mutable_reasons());
   proto->mutable_run()->set_iteration_count(result.iteration_count);
+  proto->set_solver_path(static_cast<v1::SolverPath>(result.solver_path));
   if (result.wand_volume) {
     *proto->mutable_wand_volume()->mutable_min_m() = wire::ToProto(result.wand_volume->min_m);
     *proto->mutable_wand_volume()->mutable_max_m() = wire::ToProto(result.wand_volume->max_m);
@@ -215,6 +216,10 @@ absl::StatusOr<Finding> FindingFromProto(const v1::Finding& proto) {
                  proto.unit(),
                  proto.advice(),
                  static_cast<FindingSeverity>(proto.severity())};
+}
+
+SolverPath FromProto(v1::SolverPath path) {
+  return v1::SolverPath_IsValid(path) ? static_cast<SolverPath>(path) : SolverPath::kUnknown;
 }
 
 absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) {
@@ -242,6 +247,7 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
   result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   Copy(proto.quality().reasons(), &result.quality.reasons);
   result.iteration_count = proto.run().iteration_count();
+  result.solver_path = FromProto(proto.solver_path());
   if (proto.has_wand_volume()) {
     result.wand_volume = {wire::FromProto(proto.wand_volume().min_m()),
                           wire::FromProto(proto.wand_volume().max_m())};

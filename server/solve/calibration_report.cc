@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/camera/intrinsics_vector.h"
 #include "common/statistics/robust_statistics.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/diagnose/findings.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/quality_gate.h"
@@ -204,6 +205,8 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   result.reference_camera =
       problem.cameras[static_cast<size_t>(input.evaluated.options.reference_camera)].name;
   result.iteration_count = static_cast<uint32_t>(input.evaluated.solution.iterations);
+  result.solver_path =
+      NeedsGeneralPath(problem) ? SolverPath::kGeneral : SolverPath::kLineKernel;
   for (const BundleInstant& instant : problem.instants) {
     result.instant_count += instant.used ? 1 : 0;
   }

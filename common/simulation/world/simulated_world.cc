@@ -59,6 +59,13 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
     longer_m += options.length_error_m + options.length_sigma_m * random.Gaussian();
     world.true_target_.marker_positions_m[i] += longer_m;
   }
+  for (size_t i = 0; i < target.points.size(); ++i) {
+    RandomStream random{options.seed, kLengthPurpose, i};
+    TargetPoint& point = world.true_target_.points[i];
+    for (double* const value : {&point.x_m, &point.y_m, &point.z_m}) {
+      *value += options.length_sigma_m * random.Gaussian();
+    }
+  }
   if (const absl::Status valid = world.true_target_.Validate(); !valid.ok()) {
     return absl::InvalidArgumentError(absl::StrCat(
         "a length_error of ", options.length_error_m, " m and a length_sigma of ",
@@ -72,8 +79,25 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
 
 WandPose SimulatedWorld::WandAt(double rig_time_s) const {
   const Eigen::Vector3d direction = trajectory_.Direction(rig_time_s);
+  if (true_target_.kind == TargetKind::kRigid) {
+    const Eigen::Quaterniond rotation = trajectory_.Rotation(rig_time_s);
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (const TargetPoint& point : true_target_.points) {
+      middle += Eigen::Vector3d(point.x_m, point.y_m, point.z_m);
+    }
+    middle /= static_cast<double>(true_target_.points.size());
+    return {trajectory_.Middle(rig_time_s) - rotation * middle, direction, rotation};
+  }
   const double length_m = true_target_.marker_positions_m.back();
   return {trajectory_.Middle(rig_time_s) - 0.5 * length_m * direction, direction};
+}
+
+Eigen::Vector3d SimulatedWorld::MarkerAt(const WandPose& wand, size_t marker) const {
+  if (true_target_.kind != TargetKind::kRigid) {
+    return wand.At(true_target_.marker_positions_m[marker]);
+  }
+  const TargetPoint& point = true_target_.points[marker];
+  return wand.origin_m + wand.rotation * Eigen::Vector3d(point.x_m, point.y_m, point.z_m);
 }
 
 int SimulatedWorld::FrameCount(int camera) const {
@@ -92,7 +116,8 @@ Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is
   if (ShowsSecondWand(camera, index)) {
     // Half a turn about the vertical through the middle of the rig.
     const Eigen::Vector3d turn(-1, -1, 1);
-    wand = {wand.origin_m.cwiseProduct(turn), wand.direction.cwiseProduct(turn)};
+    wand = {wand.origin_m.cwiseProduct(turn), wand.direction.cwiseProduct(turn),
+            Eigen::Quaterniond(0, 0, 0, 1) * Eigen::Quaterniond(wand.rotation)};
   }
   return ObserveWand(camera, index, wand, is_outlier);
 }
@@ -113,7 +138,7 @@ Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& w
   const ImageSize& size = c.description.image_size_px;
   const double sigma_px = std::max(options_.noise_px, kMinSigmaPx);
   const bool in_gap = options_.InGap(rig_time_s);
-  const size_t marker_count = true_target_.marker_positions_m.size();
+  const size_t marker_count = MarkerCount();
 
   RandomStream random{options_.seed, kObservePurpose, frame_key[0], frame_key[1]};
   const double jitter_sigmas = std::clamp(random.Gaussian(), -kMaxJitterSigmas, kMaxJitterSigmas);
@@ -135,7 +160,7 @@ Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& w
     const double noise_x = draw.Gaussian();
     const double noise_y = draw.Gaussian();
     Eigen::Vector2d pixel;
-    const Eigen::Vector3d x_in_cam = c.cam_from_rig * wand.At(true_target_.marker_positions_m[m]);
+    const Eigen::Vector3d x_in_cam = c.cam_from_rig * MarkerAt(wand, m);
     if (in_gap || dropped || !ImageOf(c.true_intrinsics, x_in_cam, &pixel)) continue;
     if (!InsideImage(size, pixel)) continue;
     pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
@@ -148,7 +173,7 @@ Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& w
     marker.centre_kind = CentreKind::kSphereCentre;
     outliers[m] = outlier;
   }
-  if (swapped) {
+  if (swapped && true_target_.kind != TargetKind::kRigid) {  // which has no other end
     std::reverse(observation.markers.begin(), observation.markers.end());
     std::reverse(outliers.begin(), outliers.end());
   }

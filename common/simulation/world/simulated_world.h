@@ -30,10 +30,12 @@ struct SimulatedCamera {
   double phase_s = 0;  // rig time of the first frame
 };
 
-// Pose of the wand: x_in_rig of a point at `s` metres along it is origin_m + s * direction.
+// Pose of the wand: x_in_rig of a point at `s` metres along it is origin_m + s * direction. Of a
+// point x of a rigid target it is origin_m + rotation * x.
 struct WandPose {
   Eigen::Vector3d origin_m;
-  Eigen::Vector3d direction;  // unit
+  Eigen::Vector3d direction;                                         // unit
+  Eigen::Quaternion<double, Eigen::DontAlign> rotation{1, 0, 0, 0};  // rig_from_target
 
   Eigen::Vector3d At(double position_m) const { return origin_m + position_m * direction; }
 };
@@ -58,6 +60,8 @@ class SimulatedWorld {
 
   // Smooth, with continuous acceleration.
   WandPose WandAt(double rig_time_s) const;
+  // x_in_rig of a marker of the true target. Every camera sees it from all sides.
+  Eigen::Vector3d MarkerAt(const WandPose& wand, size_t marker) const;
 
   // Frames of a camera, in capture order.
   int FrameCount(int camera) const;
@@ -74,6 +78,7 @@ class SimulatedWorld {
 
  private:
   SimulatedWorld() = default;
+  size_t MarkerCount() const { return static_cast<size_t>(true_target_.marker_count()); }
   bool ShowsSecondWand(int camera, int index) const;
 
   SimulationOptions options_;

@@ -27,7 +27,8 @@ void AddOptions(SimulationOptions* options, OptionTable* table) {
   table->Add("jitter", &o.jitter_s, {0, 1, "s"},
              "one sigma of each timestamp; at most a tenth of the shortest period");
   table->Add("length_error", &o.length_error_m, {-0.1, 0.1, "m"}, "added to every span");
-  table->Add("length_sigma", &o.length_sigma_m, {0, 0.02, "m"}, "of a random error of each span");
+  table->Add("length_sigma", &o.length_sigma_m, {0, 0.02, "m"},
+             "of a random error of each span, or of each coordinate of a rigid target's points");
   table->Add("focal_sigma", &o.focal_sigma_rel, {0, 0.05}, "relative error of fx and fy");
   table->Add("centre_sigma", &o.centre_sigma_px, {0, 100, "px"}, "error of cx and cy");
   table->Add("radial_sigma", &o.radial_sigma, {0, 0.2}, "error of k1 and k2");

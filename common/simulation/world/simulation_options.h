@@ -26,7 +26,8 @@ struct SimulationOptions {
   double max_speed_m_s = 1.5;   // of the wand's middle
   double jitter_s = 0;          // one sigma of each stamp; at most a tenth of the shortest period
   double length_error_m = 0;    // added to every span of the true wand, unknown to the solver
-  double length_sigma_m = 0;    // one sigma of what is drawn and added to each span besides
+  double length_sigma_m = 0;    // one sigma of what is drawn and added to each span besides,
+                                // or to each coordinate of a rigid target's points
   // One sigma of the difference between each camera's true and described intrinsics, drawn for each
   // value independently: of fx and fy, relative; of cx and cy; of k1 and k2; of k3; of p1 and p2.
   double focal_sigma_rel = 0;

@@ -17,8 +17,7 @@
 namespace rigcal::server {
 namespace {
 
-using LineManifold =
-    ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
+using LineManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
 using RigidManifold =
     ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>;
 
@@ -143,8 +142,7 @@ void AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, Paramet
           ceres_problem->AddResidualBlock(
               new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
               blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c), blocks->offset(k),
-              blocks->rate(k), blocks->position(m),
-              blocks->instant(i));
+              blocks->rate(k), blocks->position(m), blocks->instant(i));
         });
   }
 }

@@ -150,8 +150,8 @@ class InformationSum {
     DifferentiatePose(instant, marker, x_in_rig, d_rig);
     marker_.reduced.clear();
     const KernelColumns& columns =
-        layout_.columns[static_cast<size_t>(layout_.ViewIndex(observation.camera,
-                                                              observation.clock))];
+        layout_
+            .columns[static_cast<size_t>(layout_.ViewIndex(observation.camera, observation.clock))];
     if (columns.pose >= 0) {
       for (int i = 0; i < 3; ++i) {
         const Eigen::Vector3d axis = Eigen::Vector3d::Unit(i);
@@ -234,8 +234,8 @@ class InformationSum {
       if (column < 0) continue;
       const RigidTransform& cam_from_rig = pose(is_a ? distance.camera_a : distance.camera_b);
       // The centre -R^T t under exp([w]x) R and t + dt moves by -R^T (dt + t x w).
-      const Eigen::Vector3d outward = (is_a ? -1 : 1) * distance.inverse_sigma *
-                                      (cam_from_rig.rotation * direction);
+      const Eigen::Vector3d outward =
+          (is_a ? -1 : 1) * distance.inverse_sigma * (cam_from_rig.rotation * direction);
       row.segment<3>(column) += cam_from_rig.translation_m.cross(outward);
       row.segment<3>(column + 3) -= outward;
     }

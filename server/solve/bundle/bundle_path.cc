@@ -6,18 +6,16 @@
 
 namespace rigcal::server {
 
-SolverPath PathOf(const BundleProblem& problem) {
-  return problem.HasRigidTarget() ? SolverPath::kGeneral : SolverPath::kLineKernel;
-}
+bool NeedsGeneralPath(const BundleProblem& problem) { return problem.HasRigidTarget(); }
 
 absl::StatusOr<BundleSummary> AdjustBundle(const BundleOptions& options, BundleProblem* problem) {
-  return PathOf(*problem) == SolverPath::kGeneral ? SolveBundle(options, problem)
+  return NeedsGeneralPath(*problem) ? SolveBundle(options, problem)
                                                   : SolveLineBundle(options, problem);
 }
 
 absl::StatusOr<ReducedInformation> ComputeInformation(const BundleOptions& options,
                                                       const BundleProblem& problem) {
-  return PathOf(problem) == SolverPath::kGeneral ? ComputeGeneralInformation(options, problem)
+  return NeedsGeneralPath(problem) ? ComputeGeneralInformation(options, problem)
                                                  : ComputeReducedInformation(options, problem);
 }
 

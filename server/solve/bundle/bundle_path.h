@@ -7,13 +7,9 @@
 
 namespace rigcal::server {
 
-// Which solver a problem is for: the line kernel (line_bundle.h) for a line or a point, the general
-// path (bundle_adjuster.h) for everything else.
-enum class SolverPath : uint8_t {
-  kLineKernel = 1,
-  kGeneral = 2,
-};
-SolverPath PathOf(const BundleProblem& problem);
+// The line kernel (line_bundle.h) is for a line or a point; the general path (bundle_adjuster.h) for
+// everything else.
+bool NeedsGeneralPath(const BundleProblem& problem);
 
 // SolveLineBundle or SolveBundle, and ComputeReducedInformation or ComputeGeneralInformation, by
 // the problem's path. Errors as theirs.

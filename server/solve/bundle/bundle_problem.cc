@@ -49,8 +49,7 @@ absl::Status ValidateRigidTarget(const BundleRigidTarget& target) {
     if (!point.allFinite()) return Fault("a point of the rigid target is not finite");
   }
   const size_t count = target.points_m.size();
-  if (!target.fixed &&
-      (target.given_points_m.size() != count || target.sigma_m.size() != count)) {
+  if (!target.fixed && (target.given_points_m.size() != count || target.sigma_m.size() != count)) {
     return Fault("the rigid target's points are to be estimated but have no prior");
   }
   return absl::OkStatus();

@@ -22,11 +22,12 @@ namespace rigcal::server {
 //   minimise  1/2 sum over used markers of rho( |r|^2 )  +  1/2 sum of priors
 //   r = L * (p - (u - dt * u')),   p = pi(K_c, cam_from_rig_c * (origin_k + s_m * direction_k))
 //
-// or, of an instant that shows a rigid target, p = pi(K_c, cam_from_rig_c * (R_k * x_m + origin_k)),
-// with u the measured centre at the instant's time under the clock alignment the problem was built
-// with, u' its image velocity, L^T L the inverse of u's covariance, s_m the marker's position along
-// the target, and dt = time_offset_s + time_rate * clock_time_s what the camera's clock is still
-// off (same sense as in Clock: negative where rows show an earlier time than their stamps say).
+// or, of an instant that shows a rigid target, p = pi(K_c, cam_from_rig_c * (R_k * x_m +
+// origin_k)), with u the measured centre at the instant's time under the clock alignment the
+// problem was built with, u' its image velocity, L^T L the inverse of u's covariance, s_m the
+// marker's position along the target, and dt = time_offset_s + time_rate * clock_time_s what the
+// camera's clock is still off (same sense as in Clock: negative where rows show an earlier time
+// than their stamps say).
 //
 // What to solve (BundleProblem, estimates are changed in place), how (BundleOptions) and what came
 // out (BundleSummary) are three structs. Everything refers by index; instants own a contiguous run

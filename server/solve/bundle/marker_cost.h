@@ -110,12 +110,12 @@ struct MarkerFunctor {
   }
 };
 
-// The derivatives by x y z w of unit q, given that by a rotation vector applied from the left: along
-// the sphere, on which alone q moves, half a rotation vector v is the step (v, 0) * q.
+// The derivatives by x y z w of unit q, given that by a rotation vector applied from the left:
+// along the sphere, on which alone q moves, half a rotation vector v is the step (v, 0) * q.
 void StoreQuaternionDerivative(const Vec3<double>& d_rotation, const double* q, double* to);
 
-// The part of a residual's Jacobian that every kind of target has: by the blocks of the view. `rows`
-// is that by x_in_cam, see PointDerivative.
+// The part of a residual's Jacobian that every kind of target has: by the blocks of the view.
+// `rows` is that by x_in_cam, see PointDerivative.
 void StoreViewDerivatives(const MarkerFunctor& functor, const MarkerFunctor::Seen<double>& seen,
                           const ProjectedPoint<double>& projected, const Vec3<double>* rows,
                           double const* const* parameters, double** jacobians);

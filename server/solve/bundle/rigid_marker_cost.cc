@@ -39,9 +39,9 @@ bool RigidMarkerCost::Evaluate(double const* const* parameters, double* residual
   const double* const target = parameters[static_cast<size_t>(RigidMarkerBlock::kTarget)];
   const Eigen::Matrix3d rig_from_target =
       Eigen::Map<const Eigen::Quaterniond>(target).toRotationMatrix();
-  const Eigen::Vector3d arm = rig_from_target * Eigen::Map<const Eigen::Vector3d>(
-                                                    parameters[static_cast<size_t>(
-                                                        RigidMarkerBlock::kPoint)]);
+  const Eigen::Vector3d arm =
+      rig_from_target *
+      Eigen::Map<const Eigen::Vector3d>(parameters[static_cast<size_t>(RigidMarkerBlock::kPoint)]);
   for (int i = 0; i < 2; ++i) {
     const Vec3<double> in_rig = TransposedTimes(seen.view.rotation, rows[i]);
     if (double* const jacobian = block(RigidMarkerBlock::kPoint)) {

@@ -329,9 +329,8 @@ RigInitialization InitializationFrom(const RigSolution& solution) {
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     if (!problem.instants[i].used) continue;
     const InstantMember& first = solution.instants.instants[i].members.front();
-    initial.instants[{first.track, first.observation}] = {problem.instants[i].origin_m,
-                                                          problem.instants[i].direction,
-                                                          problem.instants[i].rotation};
+    initial.instants[{first.track, first.observation}] = {
+        problem.instants[i].origin_m, problem.instants[i].direction, problem.instants[i].rotation};
   }
   return initial;
 }

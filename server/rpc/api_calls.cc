@@ -9,6 +9,7 @@
 #include <grpcpp/support/slice.h>
 
 #include <chrono>
+#include <condition_variable>
 #include <list>
 #include <mutex>
 #include <optional>
@@ -104,6 +105,33 @@ struct OngoingCall {
 };
 using Ongoing = std::shared_ptr<OngoingCall>;
 
+// The calls that gRPC has not come back from. A thread of gRPC must never be the one that gives up
+// the last reference to a channel, which waits for just these threads. So whoever owns the channel
+// waits here first.
+class OpenCalls {
+ public:
+  void Add(const Ongoing& call) {
+    const std::lock_guard lock(mutex_);
+    calls_.push_back(call);
+  }
+  // The caller must have given up its own reference.
+  void Remove(const OngoingCall* call) {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(calls_, [call](const Ongoing& open) { return open.get() == call; });
+    if (calls_.empty()) ended_.notify_all();
+  }
+  void CancelAndAwaitEnd() {
+    std::unique_lock lock(mutex_);
+    for (const Ongoing& call : calls_) call->context.TryCancel();
+    ended_.wait(lock, [this] { return calls_.empty(); });
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable ended_;
+  std::list<Ongoing> calls_;
+};
+
 absl::Status UnreadableAnswer() {
   return absl::InternalError("the service's answer cannot be read");
 }
@@ -192,6 +220,8 @@ class ApiCalls final : public ApiGateway {
   ApiCalls(std::shared_ptr<grpc::Channel> channel, CallSecurity* security, const LiveAnswers* live)
       : shared_(std::make_shared<Shared>(std::move(channel))), security_(*security), live_(*live) {}
 
+  ~ApiCalls() override { open_->CancelAndAwaitEnd(); }
+
   void Call(ApiRequest request, std::function<void(Work)> done) override {
     auto call = std::make_shared<OngoingCall>();
     if (absl::Status status = Prepare(std::move(request), call.get()); !status.ok()) {
@@ -202,12 +232,17 @@ class ApiCalls final : public ApiGateway {
       done([etag = call->known_etag] { return ApiAnswer{.etag = etag, .unchanged = true}; });
       return;
     }
-    shared_->stub.UnaryCall(
-        &call->context, std::string(call->route->rpc), grpc::StubOptions(), &call->request,
-        &call->answer,
-        [shared = shared_, call, done = std::move(done)](const grpc::Status& status) {
-          done([shared, call, status] { return AnswerOf(shared.get(), *call, status); });
-        });
+    open_->Add(call);
+    shared_->stub.UnaryCall(&call->context, std::string(call->route->rpc), grpc::StubOptions(),
+                            &call->request, &call->answer,
+                            [open = open_, shared = shared_, call,
+                             done = std::move(done)](const grpc::Status& status) mutable {
+                              const OngoingCall* const ended = call.get();
+                              done([shared = std::move(shared), call = std::move(call), status] {
+                                return AnswerOf(shared.get(), *call, status);
+                              });
+                              open->Remove(ended);
+                            });
   }
 
   absl::Status Check(const Peer& peer, std::string_view rpc) override {
@@ -238,6 +273,7 @@ class ApiCalls final : public ApiGateway {
   }
 
   const std::shared_ptr<Shared> shared_;
+  const std::shared_ptr<OpenCalls> open_ = std::make_shared<OpenCalls>();
   CallSecurity& security_;
   const LiveAnswers& live_;
 };

@@ -14,6 +14,7 @@
 #include <thread>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/listen/listen_socket.h"
@@ -35,11 +36,14 @@ constexpr const char* kOtherServices[] = {
 
 // Both plugins are global to the process and must be on before the first server is built; and so is
 // the log of gRPC, which goes to ours at level debug: what matters of it comes back as a status,
-// with our words.
+// with our words. Only why gRPC ends the process does not.
 void PrepareGrpc() {
   static const bool prepared = [] {
     gpr_set_log_function([](gpr_log_func_args* entry) {
-      spdlog::debug("grpc: {}:{}: {}", entry->file, entry->line, entry->message);
+      const bool fatal = absl::StartsWith(entry->message, "assertion failed");
+      spdlog::log(fatal ? spdlog::level::critical : spdlog::level::debug, "grpc: {}:{}: {}",
+                  entry->file, entry->line, entry->message);
+      if (fatal) spdlog::default_logger_raw()->flush();
     });
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();

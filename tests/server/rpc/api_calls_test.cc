@@ -4,12 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <fstream>
 #include <future>
 #include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "server/access/access_rules.h"
 #include "server/rpc/api_messages.h"
@@ -49,7 +51,8 @@ class ApiCalls : public RpcFixture {
     const auto parameters =
         server::ParseUrlQuery(address.substr(std::min(query + 1, address.size())));
     EXPECT_THAT(parameters, IsOk());
-    std::promise<server::ApiGateway::Work> work;
+    // Shared: the callback's thread may still be inside set_value when get has returned.
+    const auto work = std::make_shared<std::promise<server::ApiGateway::Work>>();
     gateway_->Call({.route = match.route,
                     .variables = match.variables,
                     .parameters = *parameters,
@@ -57,8 +60,8 @@ class ApiCalls : public RpcFixture {
                     .known_etag = known_etag,
                     .peer = peer,
                     .address = "10.0.0.9"},
-                   [&](server::ApiGateway::Work made) { work.set_value(std::move(made)); });
-    return work.get_future().get()();
+                   [work](server::ApiGateway::Work made) { work->set_value(std::move(made)); });
+    return work->get_future().get()();
   }
   Json Good(const ApiAnswer& answer) {
     EXPECT_THAT(answer.status, IsOk());
@@ -150,6 +153,25 @@ TEST_F(ApiCalls, SaysNothingAgainOfALiveStateThatTheClientHas) {
   EXPECT_FALSE(delta.unchanged);
   EXPECT_EQ(delta.etag, changed.etag);
   EXPECT_LT(delta.body->text.size(), changed.body->text.size());
+}
+
+TEST_F(ApiCalls, MayEndWhileCallsAreOpen) {
+  const server::ApiMatch match = server::MatchApiRoute("GET", "/v1/status");
+  ASSERT_NE(match.route, nullptr);
+  for (int round = 0; round < 20; ++round) {
+    const auto answered = std::make_shared<std::atomic<int>>(0);
+    for (int call = 0; call < 8; ++call) {
+      // What is made is thrown away, as by a server that ends.
+      server::ApiRequest request;
+      request.route = match.route;
+      gateway_->Call(std::move(request),
+                     [answered](const server::ApiGateway::Work&) { ++*answered; });
+    }
+    gateway_.reset();
+    EXPECT_EQ(*answered, 8);
+    RestartServer();
+    gateway_ = rpc_->MakeApiGateway();
+  }
 }
 
 TEST_F(ApiCalls, ARoleMayWhatItMayByGrpc) {

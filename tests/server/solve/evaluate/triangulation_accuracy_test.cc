@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -160,19 +161,29 @@ TEST(TriangulationAccuracy, SaysWhereNobodySees) {
   EXPECT_TRUE(accuracy.grid.empty());
 }
 
-// The same points are asked of the rig in two frames: that of the first and of the third camera.
+// The same points are asked of the rig in two frames: that of the first camera, and that of the
+// third, which has seen little, so that its own pose is loose.
 TEST(TriangulationAccuracy, ThePartOfTheCalibrationDoesNotDependOnTheFrame) {
-  const SimulatedWorld world = World("cameras=4;duration=12;rate=20;seed=11");
+  const SimulatedWorld world = World("cameras=4;duration=20;rate=20;seed=11");
+  CalibrationInput input = InputOf(world);
+  const std::string loose = world.cameras()[2].description.camera;
+  for (CameraTrack& track : input.tracks) {
+    if (track.camera.camera == loose) {
+      int row = 0;
+      std::erase_if(track.observations, [&](const Observation&) { return row++ % 16 != 0; });
+    }
+  }
   CalibrationOptions options;
   options.intrinsics = Estimate::kFixed;
   double calibration_p95_m[2], shape_p95_m[2];
   for (const int c : {0, 1}) {
     const size_t reference = c == 0 ? 0 : 2;
     options.reference_camera = world.cameras()[reference].description.camera;
-    const CalibrationOutcome outcome = Calibrate(InputOf(world), options);
+    const CalibrationOutcome outcome = Calibrate(input, options);
     ASSERT_THAT(outcome.result, IsOk());
     AccuracyOptions asked;
-    for (double time_s = 0.5; time_s < 12; time_s += 0.1) {
+    asked.sigma_px = 1e-3;
+    for (double time_s = 0.5; time_s < 20; time_s += 0.1) {
       asked.points_m.push_back(world.cameras()[reference].cam_from_rig *
                                world.WandAt(time_s).origin_m);
     }
@@ -180,10 +191,10 @@ TEST(TriangulationAccuracy, ThePartOfTheCalibrationDoesNotDependOnTheFrame) {
     calibration_p95_m[c] = accuracy.calibration_p95_m;
     shape_p95_m[c] = accuracy.shape.p95_m;
   }
+  EXPECT_GT(shape_p95_m[1], 1.3 * shape_p95_m[0]) << "the frame made no difference";
   // The draws are others: sampling moves a percentile of 64 by a few per cent.
-  EXPECT_NEAR(calibration_p95_m[1] / calibration_p95_m[0], 1, 0.2);
+  EXPECT_NEAR(calibration_p95_m[1] / calibration_p95_m[0], 1, 0.1);
   EXPECT_GT(calibration_p95_m[0], 1e-5);
-  EXPECT_GT(std::abs(shape_p95_m[1] / shape_p95_m[0] - 1), 0.01) << "the frame made no difference";
 }
 
 TEST(TriangulationAccuracy, RefusesWhatItCannotAnswer) {

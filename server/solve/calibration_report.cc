@@ -205,8 +205,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   result.reference_camera =
       problem.cameras[static_cast<size_t>(input.evaluated.options.reference_camera)].name;
   result.iteration_count = static_cast<uint32_t>(input.evaluated.solution.iterations);
-  result.solver_path =
-      NeedsGeneralPath(problem) ? SolverPath::kGeneral : SolverPath::kLineKernel;
+  result.solver_path = NeedsGeneralPath(problem) ? SolverPath::kGeneral : SolverPath::kLineKernel;
   for (const BundleInstant& instant : problem.instants) {
     result.instant_count += instant.used ? 1 : 0;
   }
@@ -229,6 +228,10 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
     camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
+    if (!input.evaluated.line_delays.empty()) {
+      camera.line_delay_s = input.evaluated.line_delays[c].line_delay_s;
+      camera.line_delay_sigma_s = input.evaluated.line_delays[c].sigma_s;
+    }
     camera.residuals = residuals[c];
     if (input.evaluated.held_out) {
       const EvaluatedErrors& held_out = *input.evaluated.held_out;

@@ -22,6 +22,7 @@ constexpr uint64_t kLengthPurpose = 0x6c656e677468;
 constexpr uint64_t kSecondWandPurpose = 0x7365636f6e64;
 constexpr double kMinSigmaPx = 0.05;  // a covariance of zero could not be weighed
 constexpr double kMaxJitterSigmas = 4;
+constexpr int kShutterPasses = 5;
 constexpr uint32_t kClockReadingSigmaNs = 200000;
 
 bool InsideImage(const ImageSize& size, const Eigen::Vector2d& pixel) {
@@ -112,14 +113,40 @@ double SimulatedWorld::FrameRigTime(int camera, int index) const {
 }
 
 Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is_outlier) const {
-  WandPose wand = WandAt(FrameRigTime(camera, index));
-  if (ShowsSecondWand(camera, index)) {
-    // Half a turn about the vertical through the middle of the rig.
-    const Eigen::Vector3d turn(-1, -1, 1);
-    wand = {wand.origin_m.cwiseProduct(turn), wand.direction.cwiseProduct(turn),
-            Eigen::Quaterniond(0, 0, 0, 1) * Eigen::Quaterniond(wand.rotation)};
+  const bool second = ShowsSecondWand(camera, index);
+  const double frame_s = FrameRigTime(camera, index);
+  const auto wand_after = [this, second, frame_s](double delay_s) {
+    WandPose wand = WandAt(frame_s + delay_s);
+    if (second) {
+      // Half a turn about the vertical through the middle of the rig.
+      const Eigen::Vector3d turn(-1, -1, 1);
+      wand = {wand.origin_m.cwiseProduct(turn), wand.direction.cwiseProduct(turn),
+              Eigen::Quaterniond(0, 0, 0, 1) * Eigen::Quaterniond(wand.rotation)};
+    }
+    return wand;
+  };
+  return ObserveMoving(camera, index, wand_after, is_outlier);
+}
+
+Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& wand,
+                                        std::vector<bool>* is_outlier) const {
+  return ObserveMoving(
+      camera, index, [&wand](double) { return wand; }, is_outlier);
+}
+
+bool SimulatedWorld::ImageOfMarker(const SimulatedCamera& camera, const MovingWand& wand_after,
+                                   size_t marker, Eigen::Vector2d* pixel) const {
+  const double middle = 0.5 * (camera.description.image_size_px.height - 1.0);
+  double delay_s = 0;
+  // The row decides the time, and the time the row; a wand is slow beside the readout.
+  for (int pass = 0; pass < (camera.line_delay_s == 0 ? 1 : kShutterPasses); ++pass) {
+    if (!ImageOf(camera.true_intrinsics,
+                 camera.cam_from_rig * MarkerAt(wand_after(delay_s), marker), pixel)) {
+      return false;
+    }
+    delay_s = camera.line_delay_s * (pixel->y() - middle);
   }
-  return ObserveWand(camera, index, wand, is_outlier);
+  return true;
 }
 
 bool SimulatedWorld::ShowsSecondWand(int camera, int index) const {
@@ -130,8 +157,8 @@ bool SimulatedWorld::ShowsSecondWand(int camera, int index) const {
   return random.Uniform() < share->second;
 }
 
-Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& wand,
-                                        std::vector<bool>* is_outlier) const {
+Observation SimulatedWorld::ObserveMoving(int camera, int index, const MovingWand& wand_after,
+                                          std::vector<bool>* is_outlier) const {
   const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
   const uint64_t frame_key[2] = {static_cast<uint64_t>(camera), static_cast<uint64_t>(index)};
   const double rig_time_s = FrameRigTime(camera, index);
@@ -160,8 +187,7 @@ Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& w
     const double noise_x = draw.Gaussian();
     const double noise_y = draw.Gaussian();
     Eigen::Vector2d pixel;
-    const Eigen::Vector3d x_in_cam = c.cam_from_rig * MarkerAt(wand, m);
-    if (in_gap || dropped || !ImageOf(c.true_intrinsics, x_in_cam, &pixel)) continue;
+    if (in_gap || dropped || !ImageOfMarker(c, wand_after, m, &pixel)) continue;
     if (!InsideImage(size, pixel)) continue;
     pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
     if (outlier) pixel = {anywhere_x, anywhere_y};

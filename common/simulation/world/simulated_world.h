@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -25,6 +26,7 @@ struct SimulatedCamera {
   // Its clock shows clock_origin_ns more than the camera time of `Clock`; 10 s for all cameras
   // without clock_samples.
   int64_t clock_origin_ns = 0;
+  double line_delay_s = 0;  // as in CalibratedCamera
   double rate_hz = 0;
   double outlier_share = 0;
   double phase_s = 0;  // rig time of the first frame
@@ -78,6 +80,13 @@ class SimulatedWorld {
 
  private:
   SimulatedWorld() = default;
+  // The wand so long after the frame's time.
+  using MovingWand = std::function<WandPose(double delay_s)>;
+  Observation ObserveMoving(int camera, int index, const MovingWand& wand_after,
+                            std::vector<bool>* is_outlier) const;
+  // Of a marker of the true target, at the time of the row it is in. False: it has no image.
+  bool ImageOfMarker(const SimulatedCamera& camera, const MovingWand& wand_after, size_t marker,
+                     Eigen::Vector2d* pixel) const;
   size_t MarkerCount() const { return static_cast<size_t>(true_target_.marker_count()); }
   bool ShowsSecondWand(int camera, int index) const;
 

@@ -24,8 +24,8 @@ struct LineDelayEstimate {
 // What the line delays still are on top of the rows' times, together with everything that the
 // solution left free: a bundle adjustment in which the row of each marker is a time of its own
 // clock, whose rate is the line delay (the linear model of Oth et al. 2013, "Rolling shutter camera
-// calibration", section 3, with the image motion in place of a trajectory). Rates of clocks are kept
-// as the solution has them.
+// calibration", section 3, with the image motion in place of a trajectory). Rates of clocks are
+// kept as the solution has them.
 //
 // Errors as of AdjustBundle and ComputeInformation.
 absl::StatusOr<LineDelayEstimate> EstimateLineDelays(const RigObservations& rig,

@@ -16,6 +16,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr size_t kMaxObservations = 40'000;
+constexpr size_t kMaxGeneralMarkers = 20'000;  // of the general path, which is slower
 constexpr int kMaxRounds = 4;
 constexpr double kWideLoss = 20;
 constexpr double kUnseenPx = 100;
@@ -63,7 +64,8 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
   trial.problem.rigid_target = from.rigid_target;
   trial.problem.distance = from.distance;
   for (size_t c = 0; c < from.cameras.size(); ++c) trial.rig_camera.push_back(c);
-  const size_t stride = 1 + from.observations.size() / kMaxObservations;
+  size_t stride = 1 + from.observations.size() / kMaxObservations;
+  if (from.HasRigidTarget()) stride += from.markers.size() / kMaxGeneralMarkers;
   size_t placed = 0;
   for (size_t i = 0; i < from.instants.size(); ++i) {
     if (!from.instants[i].used || placed++ % stride != 0) continue;
@@ -128,8 +130,7 @@ double TrialSigmas::Of(const ReducedParameter& parameter) const {
 }
 
 absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const BundleProblem& problem) {
-  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation reduced,
-                          ComputeInformation(how, problem));
+  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation reduced, ComputeInformation(how, problem));
   const Eigen::Index size = reduced.information.rows();
   // Columns differ by many powers of ten (radians beside pixels): scaled before they are inverted.
   const Eigen::VectorXd scale =

@@ -17,6 +17,7 @@ constexpr double kStandOutSigmas = 5;
 constexpr double kMinReadoutS = 0.5e-3;  // of the whole image; less is no matter to a wand's speed
 constexpr double kMinCostShare = 0.02;   // of the robust cost that the delays must explain
 constexpr int kMaxPasses = 4;
+constexpr size_t kEnoughMarkers = 20'000;  // to see whether there is a rolling shutter at all
 constexpr double kSettledSigmas = 0.02;
 
 // Those that do not stand out become zero. Returns whether any does.
@@ -88,7 +89,7 @@ absl::StatusOr<EvaluatedSolution> ModelRollingShutters(const RigSolveOptions& ba
                                                        RigObservations* rig) {
   if (!base.estimate_time_offsets) return evaluated;
   absl::StatusOr<LineDelayEstimate> found =
-      EstimateLineDelays(*rig, evaluated.options, evaluated.solution);
+      EstimateLineDelays(*rig, evaluated.options, evaluated.solution, kEnoughMarkers);
   if (absl::IsCancelled(found.status())) return found.status();
   if (!found.ok() || !KeepThoseThatStandOut(*rig, &*found)) return evaluated;
   const RigInitialization first = InitializationFrom(evaluated.solution);

@@ -66,6 +66,15 @@ RowClockProblem MakeRowClockProblem(const RigObservations& rig, const BundleProb
   return result;
 }
 
+void ThinOutInstants(size_t max_markers, BundleProblem* problem) {
+  if (max_markers == 0) return;
+  const size_t stride = 1 + problem->markers.size() / max_markers;
+  for (size_t i = 0; i < problem->instants.size(); ++i) {
+    BundleInstant& instant = problem->instants[i];
+    instant.used = instant.used && i % stride == 0;
+  }
+}
+
 // Robust variance of the whitened residuals, never less than one.
 double ResidualVariance(const BundleProblem& problem) {
   std::vector<double> norms;
@@ -108,8 +117,10 @@ absl::StatusOr<std::vector<double>> RateSigmas(const BundleOptions& options,
 
 absl::StatusOr<LineDelayEstimate> EstimateLineDelays(const RigObservations& rig,
                                                      const RigSolveOptions& options,
-                                                     const RigSolution& solution) {
+                                                     const RigSolution& solution,
+                                                     size_t max_markers) {
   RowClockProblem rows = MakeRowClockProblem(rig, solution.built.problem);
+  ThinOutInstants(max_markers, &rows.problem);
   BundleOptions bundle;
   bundle.function_tolerance = kLineDelayTolerance;
   bundle.cancelled = options.cancelled;

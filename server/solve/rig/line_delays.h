@@ -27,10 +27,13 @@ struct LineDelayEstimate {
 // calibration", section 3, with the image motion in place of a trajectory). Rates of clocks are
 // kept as the solution has them.
 //
+// Evenly chosen instants of about `max_markers` markers are used; 0: all.
+//
 // Errors as of AdjustBundle and ComputeInformation.
 absl::StatusOr<LineDelayEstimate> EstimateLineDelays(const RigObservations& rig,
                                                      const RigSolveOptions& options,
-                                                     const RigSolution& solution);
+                                                     const RigSolution& solution,
+                                                     size_t max_markers = 0);
 
 // Adds the delays to the times of all markers (`time_delta_ns`), by camera. Solutions of the rig
 // are then to be made again.

@@ -53,6 +53,7 @@ absl::StatusOr<std::unique_ptr<DetectingObservationSource>> DetectingObservation
 }
 
 absl::Status DetectingObservationSource::Start(const Target& target) {
+  RIGCAL_RETURN_IF_ERROR(OfCamera(description().camera, CheckDetectable(target)));
   target_ = target;
   start_mask_ = {};
   RIGCAL_RETURN_IF_ERROR(MakeDetector());

@@ -11,6 +11,7 @@
 namespace rigcal::agent {
 
 absl::Status EventObservationSource::Start(const Target& target) {
+  RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
   ended_ = true;
   detector_.reset();
   past_faults_ = EventFaults();

@@ -143,6 +143,7 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint
 
 absl::Status Detect(const DetectFlags& flags, std::ostream& out) {
   RIGCAL_ASSIGN_OR_RETURN(const Target target, ParseTarget(flags.target));
+  RIGCAL_RETURN_IF_ERROR(CheckDetectable(target));
   RIGCAL_ASSIGN_OR_RETURN(const auto spec, ResolveFrameInput(flags.input));
   if (flags.no_tracking) spec->detecting.detector.tracking = false;
   RIGCAL_ASSIGN_OR_RETURN(std::unique_ptr<FrameSource> frames, spec->Make());

@@ -74,11 +74,17 @@ void WriteObservationRows(const ObservationBatch& batch, std::ostream& out) {
                      batch.first_seq + row, ",", batch.clock_epoch, ",", batch.time_ns[row]);
     for (uint32_t m = 0; m < batch.marker_count; ++m) {
       const size_t i = row * batch.marker_count + m;
-      const bool visible = (batch.visible_mask[row] >> m & 1U) != 0;
+      const bool visible = batch.IsVisible(row, m);
       line += visible ? absl::StrFormat(",%.9g,%.9g", batch.x_px[i], batch.y_px[i]) : ",,";
     }
     out << line << "\n";
   }
+}
+
+uint32_t MarkerCount(const v1::Target& target) {
+  return static_cast<uint32_t>(target.kind() == v1::Target::KIND_RIGID
+                                   ? target.points_size()
+                                   : target.marker_positions_m_size());
 }
 
 ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest& request,
@@ -243,7 +249,7 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
   const auto session = SessionOf(server.CallWithId(&SessionStub::GetSession, options.session));
   if (!session.ok()) return context.Fail(session.status());
   if (console.format == OutputFormat::kTable) {
-    WriteObservationHead(static_cast<uint32_t>(session->target().marker_positions_m_size()),
+    WriteObservationHead(MarkerCount(session->target()),
                          console.out);
   }
 

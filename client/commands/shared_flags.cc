@@ -63,7 +63,8 @@ void AddTargetOption(CLI::App* app, bool required, Target* target) {
   AddParsedOption(
       app, "--target", "TARGET", target, ParseTarget,
       "What is waved: marker positions in metres along the wand, and after ';' diameter (m), "
-      "hz, tolerance (m): \"wand:0,0.13,0.39;diameter=0.04;hz=500\"; or \"point\", one marker")
+      "hz, tolerance (m): \"wand:0,0.13,0.39;diameter=0.04;hz=500\"; \"point\", one marker; or "
+      "\"rigid:FILE\", a rigid body: a line with label, x, y, z and sigma (m) for each point")
       ->required(required);
 }
 

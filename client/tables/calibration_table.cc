@@ -47,6 +47,12 @@ std::string FormatScale(const v1::Calibration& calibration) {
 
 std::string FormatWand(const v1::CalibratedTarget& target) {
   if (target.given().kind() == v1::Target::KIND_POINT) return "";  // has no length
+  if (target.given().kind() == v1::Target::KIND_RIGID) {
+    return absl::StrCat("target             rigid, ", target.given().points_size(), " points",
+                        target.marker_positions_estimated() ? " (estimated)" : "",
+                        "; one sigma of the scale ",
+                        FormatFixed(100 * target.scale_sigma_rel(), 3), " %\n");
+  }
   uint64_t count = 0;
   for (const v1::SpanError& span : target.spans()) count += span.count();
   std::string text = "wand length error  ";
@@ -69,6 +75,13 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
                     " mm (estimated)\n");
   }
   return text;
+}
+
+// The usual one goes without saying.
+std::string FormatSolver(const v1::Calibration& calibration) {
+  return calibration.solver_path() == v1::SOLVER_PATH_GENERAL
+             ? "solver             general path (Ceres)\n"
+             : "";
 }
 
 std::string FormatFindings(const v1::Calibration& calibration) {
@@ -217,7 +230,7 @@ std::string FormatResult(const v1::Calibration& calibration) {
       "centre, and orientation as axis times angle of rig_from_cam\n",
       FormatCameraPoses(calibration), FormatCameraUncertainty(calibration),
       FormatHeldOutErrors(calibration), "\ninstants used      ", calibration.instant_count(), "\n",
-      FormatWand(calibration.target()), FormatScale(calibration));
+      FormatWand(calibration.target()), FormatScale(calibration), FormatSolver(calibration));
 }
 
 }  // namespace

@@ -70,6 +70,10 @@ struct CalibratedCamera {
   double time_rate_ppm = 0;
   double time_epoch_s = 0;
   bool time_offset_estimated = false;
+  // A marker in image row y is seen line_delay * (y - (height - 1) / 2) later than its camera's
+  // clock says; sigma 0: not modelled, the line delay is 0.
+  double line_delay_s = 0;
+  double line_delay_sigma_s = 0;
   Residuals residuals;
   std::optional<CameraUncertainty> uncertainty;
   std::optional<ErrorFigures> held_out;
@@ -110,6 +114,9 @@ struct Finding {
   FindingSeverity severity = FindingSeverity::kInfo;
 };
 
+// Which solver adjusted a calibration: the kernel for lines and points, or the general one.
+enum class SolverPath : uint8_t { kUnknown = 0, kLineKernel = 1, kGeneral = 2 };
+
 enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, kBad = 3 };
 
 struct Quality {
@@ -140,6 +147,7 @@ struct CalibrationResult {
   Quality quality;
   std::string observation_digest;
   uint32_t iteration_count = 0;
+  SolverPath solver_path = SolverPath::kUnknown;
   std::optional<WandVolume> wand_volume;
   // Joint covariance of all cameras, scale excluded, lower triangle row by row. Rows, camera by
   // camera: rotation vector in the camera frame (3, applied from the left, radians) and translation

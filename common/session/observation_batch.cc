@@ -56,14 +56,23 @@ absl::Status CheckColumns(const ObservationBatch& batch) {
 absl::Status CheckVisibleMarkers(const ObservationBatch& batch) {
   for (size_t row = 0; row < batch.rows(); ++row) {
     const uint32_t mask = batch.visible_mask[row];
-    if (mask >> batch.marker_count != 0) {
+    if (batch.marker_count > kMaskMarkers) {
+      uint32_t visible = 0;
+      for (uint32_t m = 0; m < batch.marker_count; ++m) visible += batch.IsVisible(row, m) ? 1 : 0;
+      if (mask != visible) {
+        return Fault(absl::StrCat("visible_mask[", row, "]"),
+                     absl::StrCat("is ", mask, ", but ", visible, " of the ", batch.marker_count,
+                                  " markers have a kind of centre: of more than ", kMaskMarkers,
+                                  " markers it is the number of visible ones"));
+      }
+    } else if (uint64_t{mask} >> batch.marker_count != 0) {
       return Fault(absl::StrCat("visible_mask[", row, "]"),
                    absl::StrCat("has bits beyond the ", batch.marker_count, " markers"));
     }
     for (uint32_t marker = 0; marker < batch.marker_count; ++marker) {
       const size_t i = row * batch.marker_count + marker;
       const uint8_t kind = batch.centre_kind[i];
-      if ((mask >> marker & 1u) == 0 || kind == static_cast<uint8_t>(CentreKind::kImageBlob) ||
+      if (!batch.IsVisible(row, marker) || kind == static_cast<uint8_t>(CentreKind::kImageBlob) ||
           kind == static_cast<uint8_t>(CentreKind::kSphereCentre)) {
         continue;
       }
@@ -120,7 +129,7 @@ void ObservationBatch::Append(const Observation& observation) {
   for (uint32_t m = 0; m < marker_count; ++m) {
     const bool visible = m < observation.markers.size() && observation.markers[m].visible;
     const MarkerObservation& marker = visible ? observation.markers[m] : kInvisible;
-    mask |= uint32_t{visible} << m;
+    mask = marker_count > kMaskMarkers ? mask + uint32_t{visible} : mask | uint32_t{visible} << m;
     x_px.push_back(static_cast<float>(marker.centre_px.x()));
     y_px.push_back(static_cast<float>(marker.centre_px.y()));
     cov_xx_px2.push_back(static_cast<float>(marker.covariance_px2(0, 0)));
@@ -141,7 +150,7 @@ Observation ObservationBatch::Row(size_t row) const {
   observation.clock_epoch = clock_epoch;
   observation.markers.resize(marker_count);
   for (uint32_t m = 0; m < marker_count; ++m) {
-    if ((visible_mask[row] >> m & 1u) == 0) continue;
+    if (!IsVisible(row, m)) continue;
     const size_t i = row * marker_count + m;
     MarkerObservation& marker = observation.markers[m];
     marker.visible = true;

@@ -16,6 +16,7 @@ namespace rigcal {
 // Sequence numbers are 1 to kMaxSeq, so that one past the last is still a uint32_t.
 inline constexpr uint32_t kMaxSeq = 0xfffffffe;
 inline constexpr uint32_t kMaxBatchRows = 1u << 20;
+inline constexpr uint32_t kMaskMarkers = 32;  // more do not fit a mask
 
 // Observations lost at an agent; their numbers will never come.
 struct DroppedRange {
@@ -35,7 +36,9 @@ struct ObservationBatch {
   uint32_t marker_count = 0;
 
   std::vector<int64_t> time_ns;        // per row
-  std::vector<uint32_t> visible_mask;  // per row, bit m = marker m
+  // Per row, bit m = marker m; of more than 32 markers the number of visible ones, which are then
+  // those with a kind of centre. Either way 0 says that nothing was seen.
+  std::vector<uint32_t> visible_mask;
   std::vector<float> x_px, y_px;
   std::vector<float> cov_xx_px2, cov_xy_px2, cov_yy_px2;
   std::vector<int32_t> time_delta_ns;
@@ -47,6 +50,10 @@ struct ObservationBatch {
   std::vector<DroppedRange> dropped;
 
   size_t rows() const { return time_ns.size(); }
+  bool IsVisible(size_t row, uint32_t marker) const {
+    return marker_count > kMaskMarkers ? centre_kind[row * marker_count + marker] != 0
+                                       : (visible_mask[row] >> marker & 1u) != 0;
+  }
   uint32_t end_seq() const {
     return first_seq + static_cast<uint32_t>(rows());
   }  // one past the last
@@ -65,7 +72,8 @@ struct ObservationBatch {
 // all code behind it (ingest, store, client) relies on it and checks values only.
 //   - at most kMaxBatchRows rows, and 1 to kMaxMarkers markers where there are rows
 //   - every column has one value per row, or per row and marker
-//   - a mask has no bits beyond the markers, and each visible marker has a known kind of centre
+//   - a mask has no bits beyond the markers, or is the number of visible ones; each visible marker
+//     has a known kind of centre
 //   - rows and dropped ranges lie within 1 to kMaxSeq; no dropped range is empty or overlaps the
 //     rows; its reason is a known one
 // INVALID_ARGUMENT begins with the field: "x_px: ...".

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <set>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -15,6 +16,7 @@
 #include "common/options/option_table.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
+#include "common/target/target_file.h"
 #include "common/text/shortest_text.h"
 
 namespace rigcal {
@@ -29,7 +31,12 @@ constexpr double kMinSpanM = 1e-4;  // closer markers are one marker
 constexpr double kMaxDiameterM = 1;
 constexpr double kMaxBlinkHz = 1e6;
 constexpr double kMaxToleranceM = 1;
-constexpr size_t kMaxTextLength = 4096;
+constexpr size_t kMaxTextLength = 32768;
+constexpr size_t kMaxLabelLength = 32;
+constexpr double kMaxPointSigmaM = 0.1;
+constexpr int kMinRigidPoints = 4;
+// Of the farthest point from the first: the others must be this far from the line through both.
+constexpr double kMinWidthShare = 0.02;
 
 absl::Status Refuse(std::string_view text, std::string_view why) {
   return absl::InvalidArgumentError(
@@ -75,12 +82,24 @@ absl::Status Normalise(Target* target) {
   return absl::OkStatus();
 }
 
+// From a file, or what would be in it in braces, the lines separated by |.
+absl::StatusOr<std::vector<TargetPoint>> ParsePoints(std::string_view text) {
+  if (!text.starts_with('{') || !text.ends_with('}')) return ReadTargetFile(std::string(text));
+  std::vector<TargetPoint> points;
+  for (const auto line : absl::StrSplit(absl::string_view(text.data() + 1, text.size() - 2), '|',
+                                        absl::SkipWhitespace())) {
+    RIGCAL_ASSIGN_OR_RETURN(TargetPoint point, ParseTargetPoint({line.data(), line.size()}));
+    points.push_back(std::move(point));
+  }
+  return points;
+}
+
 absl::Status ParseParts(std::string_view text, Target* target) {
   std::vector<std::string> parts;
   for (absl::string_view part : absl::StrSplit(absl::string_view(text.data(), text.size()), ';')) {
     parts.emplace_back(absl::StripAsciiWhitespace(part));
   }
-  constexpr std::string_view kWandPrefix = "wand:";
+  constexpr std::string_view kWandPrefix = "wand:", kRigidPrefix = "rigid:";
   const std::string head = parts[0];
   if (head == "point") {
     target->kind = TargetKind::kPoint;
@@ -88,11 +107,14 @@ absl::Status ParseParts(std::string_view text, Target* target) {
   } else if (head.starts_with(kWandPrefix)) {
     RIGCAL_RETURN_IF_ERROR(
         ParseNumbers(head.substr(kWandPrefix.size()), &target->marker_positions_m));
+  } else if (head.starts_with(kRigidPrefix)) {
+    target->kind = TargetKind::kRigid;
+    RIGCAL_ASSIGN_OR_RETURN(target->points, ParsePoints(head.substr(kRigidPrefix.size())));
   } else {
     return absl::InvalidArgumentError(
         absl::StrCat("\"", absl::CHexEscape(head.substr(0, 64)),
-                     "\" is not a target: it must be \"wand:\" and positions in metres, or "
-                     "\"point\""));
+                     "\" is not a target: it must be \"wand:\" and positions in metres, "
+                     "\"rigid:\" and a file of points, or \"point\""));
   }
   parts.erase(parts.begin());
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<OptionText> given, SplitOptions(parts));
@@ -101,18 +123,73 @@ absl::Status ParseParts(std::string_view text, Target* target) {
   FaultList faults;
   table.Read(given, &faults);
   RIGCAL_RETURN_IF_ERROR(faults.Result());
-  if (target->marker_count() > kMaxMarkers) {
+  if (target->kind == TargetKind::kRigid) return target->Validate();
+  if (target->marker_count() > kMaxWandMarkers) {
     return absl::InvalidArgumentError(
-        absl::StrCat(target->marker_count(), " markers, at most ", kMaxMarkers));
+        absl::StrCat(target->marker_count(), " markers, at most ", kMaxWandMarkers));
   }
   RIGCAL_RETURN_IF_ERROR(Normalise(target));
   return target->Validate();
 }
 
+double Distance(const TargetPoint& a, const TargetPoint& b) {
+  return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m, a.z_m - b.z_m);
+}
+
+// All within kMinWidthShare of the line through the first and the one farthest from it.
+bool AreOnOneLine(const std::vector<TargetPoint>& points) {
+  const TargetPoint& first = points[0];
+  const auto nearer = [&first](const TargetPoint& a, const TargetPoint& b) {
+    return Distance(first, a) < Distance(first, b);
+  };
+  const TargetPoint& farthest = *std::ranges::max_element(points, nearer);
+  const double length = Distance(first, farthest);
+  const double x = farthest.x_m - first.x_m, y = farthest.y_m - first.y_m,
+               z = farthest.z_m - first.z_m;
+  return std::ranges::all_of(points, [&](const TargetPoint& point) {
+    const double u = point.x_m - first.x_m, v = point.y_m - first.y_m, w = point.z_m - first.z_m;
+    const double area = std::hypot(y * w - z * v, z * u - x * w, x * v - y * u);
+    return area <= kMinWidthShare * length * length;
+  });
+}
+
+void CheckPoints(const Target& target, FaultList* faults) {
+  const std::vector<TargetPoint>& points = target.points;
+  if (!target.marker_positions_m.empty()) {
+    faults->Add("a rigid target has points, not positions along a wand");
+  }
+  if (points.size() < kMinRigidPoints || points.size() > kMaxMarkers) {
+    faults->Add("a rigid target has ", kMinRigidPoints, " to ", kMaxMarkers, " points, not ",
+                points.size());
+    return;
+  }
+  std::set<std::string> labels;
+  bool all_good = true;
+  for (size_t i = 0; i < points.size(); ++i) {
+    const std::string shown = absl::CHexEscape(points[i].label.substr(0, kMaxLabelLength));
+    const std::string why = TargetPointFault(points[i]);
+    all_good = all_good && why.empty();
+    if (!why.empty()) faults->Add("point ", shown, ": ", why);
+    if (!labels.insert(points[i].label).second) faults->Add("label ", shown, " is given twice");
+    for (size_t j = 0; j < i; ++j) {
+      if (Distance(points[i], points[j]) >= kMinSpanM) continue;
+      faults->Add("points ", absl::CHexEscape(points[j].label.substr(0, kMaxLabelLength)), " and ",
+                  shown, " are at the same place");
+      break;
+    }
+  }
+  if (all_good && AreOnOneLine(points)) {
+    faults->Add(
+        "all points are on one line: its turn about that line cannot be seen; describe it "
+        "as wand:0,0.13,0.39, with positions along the line");
+  }
+}
+
 void CheckPositions(const Target& target, FaultList* faults) {
   const std::vector<double>& positions = target.marker_positions_m;
-  if (positions.size() > kMaxMarkers) {
-    faults->Add(positions.size(), " markers, at most ", kMaxMarkers);
+  if (!target.points.empty()) faults->Add("only a rigid target has points");
+  if (positions.size() > kMaxWandMarkers) {
+    faults->Add(positions.size(), " markers, at most ", kMaxWandMarkers);
   }
   if (target.kind == TargetKind::kPoint && positions.size() != 1) {
     faults->Add("a point has one marker, not ", positions.size());
@@ -146,18 +223,51 @@ void AddOptions(Target* target, OptionTable* table) {
              "one sigma of each span");
 }
 
+std::string TargetPointFault(const TargetPoint& point) {
+  const auto is_plain = [](char c) {
+    return absl::ascii_isgraph(static_cast<unsigned char>(c)) &&
+           std::string_view(",;|{}#").find(c) == std::string_view::npos;
+  };
+  if (point.label.empty() || point.label.size() > kMaxLabelLength ||
+      !std::ranges::all_of(point.label, is_plain)) {
+    return absl::StrCat("a label is 1 to ", kMaxLabelLength,
+                        " printable ASCII characters without , ; | { } # and spaces");
+  }
+  for (const double value : {point.x_m, point.y_m, point.z_m}) {
+    if (!(std::abs(value) <= kMaxLengthM)) {
+      return absl::StrCat("a coordinate is ", value, " m, at most ", kMaxLengthM,
+                          ": points are in metres");
+    }
+  }
+  if (!(point.sigma_m >= 0) || point.sigma_m > kMaxPointSigmaM) {
+    return absl::StrCat("the sigma is ", point.sigma_m, " m, it must be 0 to ", kMaxPointSigmaM);
+  }
+  return "";
+}
+
 absl::Status Target::Validate() const {
   FaultList faults;
-  if (kind != TargetKind::kWand && kind != TargetKind::kPoint) {
+  if (kind != TargetKind::kWand && kind != TargetKind::kPoint && kind != TargetKind::kRigid) {
     faults.Add("target kind ", static_cast<int>(kind), " is unknown");
   }
-  CheckPositions(*this, &faults);
+  if (kind == TargetKind::kRigid) {
+    CheckPoints(*this, &faults);
+  } else {
+    CheckPositions(*this, &faults);
+  }
   CheckOptions(*this, &faults);
-  if (blink_hz.size() > 1 && blink_hz.size() != marker_positions_m.size()) {
-    faults.Add(blink_hz.size(), " blink frequencies for ", marker_positions_m.size(),
+  if (blink_hz.size() > 1 && blink_hz.size() != static_cast<size_t>(marker_count())) {
+    faults.Add(blink_hz.size(), " blink frequencies for ", marker_count(),
                " markers, give one for all or one for each");
   }
   return faults.Result();
+}
+
+absl::Status CheckDetectable(const Target& target) {
+  if (target.kind != TargetKind::kRigid) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "the detectors find wands and single markers, not a rigid target: detect its points with "
+      "another program and give them as a file of markers (<camera>.csv)");
 }
 
 absl::StatusOr<Target> ParseTarget(std::string_view text) {
@@ -174,6 +284,15 @@ std::string FormatTarget(const Target& target) {
   if (target.kind == TargetKind::kWand) {
     const auto append = [](std::string* out, double value) { out->append(ShortestText(value)); };
     text = absl::StrCat("wand:", absl::StrJoin(target.marker_positions_m, ",", append));
+  }
+  if (target.kind == TargetKind::kRigid) {
+    std::vector<std::string> points;
+    for (const TargetPoint& point : target.points) {
+      points.push_back(absl::StrCat(point.label, " ", ShortestText(point.x_m), " ",
+                                    ShortestText(point.y_m), " ", ShortestText(point.z_m), " ",
+                                    ShortestText(point.sigma_m)));
+    }
+    text = absl::StrCat("rigid:{", absl::StrJoin(points, "|"), "}");
   }
   return absl::StrCat(text, options.empty() ? "" : ";", options);
 }

@@ -11,30 +11,51 @@
 
 namespace rigcal {
 
-inline constexpr int kMaxMarkers = 16;
+inline constexpr int kMaxMarkers = 200;     // of a rigid target
+inline constexpr int kMaxWandMarkers = 16;  // of a wand
 
-enum class TargetKind : uint8_t { kWand = 1, kPoint = 2 };
+enum class TargetKind : uint8_t { kWand = 1, kPoint = 2, kRigid = 3 };
 
-// The waved target: markers on a line. Frame `wand`: origin at marker 0, x along the wand.
+// A marker of a rigid target, in a frame `target` of the target's own, metres.
+struct TargetPoint {
+  std::string label;
+  double x_m = 0, y_m = 0, z_m = 0;
+  double sigma_m = 0;  // one sigma of each coordinate as given; 0: exact, never estimated
+
+  friend bool operator==(const TargetPoint&, const TargetPoint&) = default;
+};
+
+// The waved target: markers on a line, or labelled points of a rigid body. Frame `wand`: origin at
+// marker 0, x along the wand.
 struct Target {
   TargetKind kind = TargetKind::kWand;
-  std::vector<double> marker_positions_m;  // strictly increasing, first 0
+  std::vector<double> marker_positions_m;  // strictly increasing, first 0; none of a rigid target
+  std::vector<TargetPoint> points;         // of a rigid target: marker m is points[m]
   double diameter_m = 0;                   // of the spheres; 0 = not known
   std::vector<double> blink_hz;            // none, one for all, or one per marker
   double span_tolerance_m = 0.002;         // one sigma of each span between neighbours
 
-  int marker_count() const { return static_cast<int>(marker_positions_m.size()); }
+  int marker_count() const {
+    return static_cast<int>(kind == TargetKind::kRigid ? points.size() : marker_positions_m.size());
+  }
   friend bool operator==(const Target&, const Target&) = default;
 
-  // Every fault. A wand needs at least two distinct positions, a point exactly one.
+  // Every fault. A wand needs at least two distinct positions, a point exactly one, a rigid target
+  // 4 to 200 distinct points that are not all on one line.
   absl::Status Validate() const;
 };
 
-// Reads `wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002` or `point`. Positions may be given
-// in any order and from any origin: they are sorted and moved to begin at 0. The error quotes the
-// offending part and shows a right example.
+// FAILED_PRECONDITION: the detectors cannot find it in images and events, nor can these be
+// simulated: a rigid target, whose markers come from elsewhere.
+absl::Status CheckDetectable(const Target& target);
+
+// Reads `wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002`, `point`, or `rigid:FILE` with the
+// same options. Positions may be given in any order and from any origin: they are sorted and moved
+// to begin at 0. FILE is read here (see target_file.h); `rigid:{A 0 0 0 0.0005|B ...}` says what
+// would be in it. The error quotes the offending part, or names file and line, and shows a right
+// example.
 absl::StatusOr<Target> ParseTarget(std::string_view text);
-// The same notation; ParseTarget(FormatTarget(t)) == t.
+// The same notation; ParseTarget(FormatTarget(t)) == t. A rigid target's points come in braces.
 std::string FormatTarget(const Target& target);
 
 }  // namespace rigcal

@@ -110,6 +110,8 @@ void FillCamera(const CalibratedCamera& camera, v1::CalibratedCamera* proto) {
   proto->set_time_rate_ppm(camera.time_rate_ppm);
   proto->set_time_epoch_s(camera.time_epoch_s);
   proto->set_time_offset_estimated(camera.time_offset_estimated);
+  proto->set_line_delay_s(camera.line_delay_s);
+  proto->set_line_delay_sigma_s(camera.line_delay_sigma_s);
   *proto->mutable_residuals() = ToProto(camera.residuals);
   if (camera.uncertainty) *proto->mutable_uncertainty() = ToProto(*camera.uncertainty);
   if (camera.held_out) *proto->mutable_held_out() = ToProto(*camera.held_out);
@@ -128,6 +130,8 @@ absl::StatusOr<CalibratedCamera> CameraFromProto(const v1::CalibratedCamera& pro
   camera.clock_id = proto.clock_id();
   camera.time_offset_s = proto.time_offset_s();
   camera.time_rate_ppm = proto.time_rate_ppm();
+  camera.line_delay_s = proto.line_delay_s();
+  camera.line_delay_sigma_s = proto.line_delay_sigma_s();
   camera.time_epoch_s = proto.time_epoch_s();
   camera.time_offset_estimated = proto.time_offset_estimated();
   camera.residuals = FromProto(proto.residuals());
@@ -193,6 +197,7 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   proto->mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(result.quality.grade));
   Copy(result.quality.reasons, proto->mutable_quality()->mutable_reasons());
   proto->mutable_run()->set_iteration_count(result.iteration_count);
+  proto->set_solver_path(static_cast<v1::SolverPath>(result.solver_path));
   if (result.wand_volume) {
     *proto->mutable_wand_volume()->mutable_min_m() = wire::ToProto(result.wand_volume->min_m);
     *proto->mutable_wand_volume()->mutable_max_m() = wire::ToProto(result.wand_volume->max_m);
@@ -215,6 +220,10 @@ absl::StatusOr<Finding> FindingFromProto(const v1::Finding& proto) {
                  proto.unit(),
                  proto.advice(),
                  static_cast<FindingSeverity>(proto.severity())};
+}
+
+SolverPath FromProto(v1::SolverPath path) {
+  return v1::SolverPath_IsValid(path) ? static_cast<SolverPath>(path) : SolverPath::kUnknown;
 }
 
 absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) {
@@ -242,6 +251,7 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
   result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   Copy(proto.quality().reasons(), &result.quality.reasons);
   result.iteration_count = proto.run().iteration_count();
+  result.solver_path = FromProto(proto.solver_path());
   if (proto.has_wand_volume()) {
     result.wand_volume = {wire::FromProto(proto.wand_volume().min_m()),
                           wire::FromProto(proto.wand_volume().max_m())};

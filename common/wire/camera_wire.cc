@@ -155,12 +155,21 @@ v1::Target ToProto(const Target& target) {
   proto.set_diameter_m(target.diameter_m);
   proto.mutable_blink_hz()->Assign(target.blink_hz.begin(), target.blink_hz.end());
   proto.set_span_tolerance_m(target.span_tolerance_m);
+  for (const TargetPoint& point : target.points) {
+    v1::TargetPoint& added = *proto.add_points();
+    added.set_label(point.label);
+    added.set_x_m(point.x_m);
+    added.set_y_m(point.y_m);
+    added.set_z_m(point.z_m);
+    added.set_sigma_m(point.sigma_m);
+  }
   return proto;
 }
 
 absl::StatusOr<Target> FromProto(const v1::Target& proto) {
-  if (proto.kind() != v1::Target::KIND_WAND && proto.kind() != v1::Target::KIND_POINT) {
-    return absl::InvalidArgumentError("target.kind: must be KIND_WAND or KIND_POINT");
+  if (proto.kind() != v1::Target::KIND_WAND && proto.kind() != v1::Target::KIND_POINT &&
+      proto.kind() != v1::Target::KIND_RIGID) {
+    return absl::InvalidArgumentError("target.kind: must be KIND_WAND, KIND_POINT or KIND_RIGID");
   }
   Target target;
   target.kind = static_cast<TargetKind>(proto.kind());
@@ -168,6 +177,10 @@ absl::StatusOr<Target> FromProto(const v1::Target& proto) {
                                    proto.marker_positions_m().end());
   target.diameter_m = proto.diameter_m();
   target.blink_hz.assign(proto.blink_hz().begin(), proto.blink_hz().end());
+  for (const v1::TargetPoint& point : proto.points()) {
+    target.points.push_back(
+        {point.label(), point.x_m(), point.y_m(), point.z_m(), point.sigma_m()});
+  }
   if (proto.span_tolerance_m() != 0) target.span_tolerance_m = proto.span_tolerance_m();
   RIGCAL_RETURN_IF_ERROR(In("target", target.Validate()));
   return target;

@@ -78,9 +78,8 @@ void FillOmittedColumns(ObservationBatch* batch) {
 void ClearInvisibleMarkers(ObservationBatch* batch) {
   const uint32_t markers = batch->marker_count;
   for (size_t row = 0; row < batch->rows(); ++row) {
-    const uint32_t mask = batch->visible_mask[row];
     for (uint32_t m = 0; m < markers; ++m) {
-      if ((mask >> m & 1u) != 0) continue;
+      if (batch->IsVisible(row, m)) continue;
       const size_t i = row * markers + m;
       batch->x_px[i] = batch->y_px[i] = 0;
       batch->cov_xx_px2[i] = batch->cov_xy_px2[i] = batch->cov_yy_px2[i] = 0;

@@ -315,7 +315,7 @@ InstantList FindInstants(const std::vector<AlignedTrack>& tracks,
     for (const int t : members) {
       const ObservationTable& rows = tracks[static_cast<size_t>(t)].track.observations;
       for (size_t i = 0; i < rows.size(); ++i) {
-        if (rows.visible_mask(i) == 0) continue;
+        if (!rows.AnyVisible(i)) continue;
         views.push_back({rig_time_ns[static_cast<size_t>(t)][i], t, static_cast<int>(i)});
       }
     }

@@ -17,7 +17,7 @@ void ObservationTable::reserve(size_t rows, size_t markers) {
   if (empty()) width_ = markers;
   time_ns_.reserve(rows);
   clock_epoch_.Reserve(rows);
-  visible_.reserve(rows);
+  visible_.reserve(rows * words());
   bare_.reserve(rows);
   const size_t values = rows * markers;
   for (RealColumn* column : {&x_px_, &y_px_, &xx_px2_, &xy_px2_, &yy_px2_}) column->Reserve(values);
@@ -54,10 +54,11 @@ void ObservationTable::push_back(const Observation& row) {
     for (const Observation& earlier : *this) wider.push_back(earlier);
     *this = std::move(wider);
   }
-  uint32_t visible = 0;
+  const size_t first_word = visible_.size();
+  visible_.resize(first_word + words());
   for (size_t m = 0; m < width_; ++m) {
     if (m < row.markers.size()) {
-      visible |= uint32_t{row.markers[m].visible} << m;
+      visible_[first_word + m / 32] |= uint32_t{row.markers[m].visible} << m % 32;
       AppendMarker(row.markers[m]);
     } else {
       AppendMarker({});
@@ -65,7 +66,6 @@ void ObservationTable::push_back(const Observation& row) {
   }
   clock_epoch_.Append(time_ns_.size(), row.clock_epoch);
   time_ns_.push_back(row.time_ns);
-  visible_.push_back(visible);
   bare_.push_back(row.markers.empty());
 }
 

@@ -86,10 +86,19 @@ class ObservationTable {
   Observation front() const { return (*this)[0]; }
   Observation back() const { return (*this)[size() - 1]; }
   int64_t time_ns(size_t row) const { return time_ns_[row]; }
-  // Bit m: marker m is visible.
-  uint32_t visible_mask(size_t row) const { return visible_[row]; }
-  int VisibleCount(size_t row) const { return __builtin_popcount(visible_[row]); }
-  bool IsVisible(size_t row, size_t marker) const { return (visible_[row] >> marker & 1u) != 0; }
+  // Markers of a row that has any.
+  size_t width() const { return width_; }
+  bool AnyVisible(size_t row) const { return VisibleCount(row) > 0; }
+  int VisibleCount(size_t row) const {
+    int count = 0;
+    for (size_t w = row * words(); w < (row + 1) * words(); ++w) {
+      count += __builtin_popcount(visible_[w]);
+    }
+    return count;
+  }
+  bool IsVisible(size_t row, size_t marker) const {
+    return marker < width_ && (visible_[row * words() + marker / 32] >> marker % 32 & 1u) != 0;
+  }
   // Markers of a row, visible or not: as many as the target has, or none.
   size_t MarkerCount(size_t row) const { return bare_[row] ? 0 : width_; }
 
@@ -138,6 +147,7 @@ class ObservationTable {
   Iterator end() const { return {this, size()}; }
 
  private:
+  size_t words() const { return (width_ + 31) / 32; }  // of a row in visible_
   size_t At(size_t row, size_t marker) const { return row * width_ + marker; }
   void AppendMarker(const MarkerObservation& marker);
 
@@ -145,7 +155,7 @@ class ObservationTable {
   size_t marker_count_ = 0;  // of all rows: their number times the width
   std::vector<int64_t> time_ns_;
   RepeatedColumn<uint32_t> clock_epoch_;
-  std::vector<uint32_t> visible_;
+  std::vector<uint32_t> visible_;  // by row, then word; bit m % 32 of word m / 32: marker m
   std::vector<bool> bare_;  // the row has no markers at all
   // By row, then marker.
   RealColumn x_px_, y_px_, xx_px2_, xy_px2_, yy_px2_;

@@ -112,9 +112,8 @@ RowFault CheckRow(const ObservationBatch& batch, size_t row, int64_t previous_ns
                  "the time is before that of the row ahead in the same clock epoch");
   }
   const size_t first = row * batch.marker_count;
-  const uint32_t mask = batch.visible_mask[row];
   for (uint32_t marker = 0; marker < batch.marker_count; ++marker) {
-    if ((mask >> marker & 1u) == 0) continue;
+    if (!batch.IsVisible(row, marker)) continue;
     if (RowFault fault = CheckMarker(batch, first + marker, limits)) return fault;
   }
   return std::nullopt;

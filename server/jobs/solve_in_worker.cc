@@ -62,10 +62,16 @@ class ScratchFile {
   int file_;
 };
 
+// Of the target, as many as the line kernel would solve in the same memory.
+uint64_t MarkersInMemory(const Target& target) {
+  const auto count = static_cast<uint64_t>(target.marker_count());
+  return target.kind == TargetKind::kRigid ? kGeneralPathFactor * count : count;
+}
+
 struct PreparedInput {
   ScratchFile file;
   uint64_t row_count = 0;
-  uint64_t marker_count = 0;  // of the target
+  uint64_t marker_count = 0;  // see MarkersInMemory
 };
 
 absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOptions& options,
@@ -74,7 +80,7 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationPlan plan,
                           PlanCalibration(task.store, task.session_ids, refused));
   RIGCAL_ASSIGN_OR_RETURN(ScratchFile file, ScratchFile::Create(options.scratch_dir));
-  PreparedInput input{std::move(file), 0, static_cast<uint64_t>(plan.target.marker_count())};
+  PreparedInput input{std::move(file), 0, MarkersInMemory(plan.target)};
   SolveInputWriter writer(input.file.descriptor());
   const auto note = [&options](const absl::Status& status) {
     if (status.ok()) return status;

@@ -19,11 +19,14 @@ ThinnedRow ThinnedRowOf(const ObservationBatch& batch, size_t row) {
   ThinnedRow thinned;
   thinned.time_ns = batch.time_ns[row];
   thinned.clock_epoch = batch.clock_epoch;
-  thinned.marker_count = std::min(batch.marker_count, uint32_t{kMaxMarkers});
-  thinned.visible_mask = batch.visible_mask[row];
+  thinned.marker_count = std::min(batch.marker_count, uint32_t{kMaxWandMarkers});
   const size_t first = row * batch.marker_count;
-  std::copy_n(&batch.x_px[first], thinned.marker_count, thinned.x_px.begin());
-  std::copy_n(&batch.y_px[first], thinned.marker_count, thinned.y_px.begin());
+  for (uint32_t m = 0; m < thinned.marker_count; ++m) {
+    const uint32_t from = m * batch.marker_count / thinned.marker_count;
+    thinned.visible_mask |= uint32_t{batch.IsVisible(row, from)} << m;
+    thinned.x_px[m] = batch.x_px[first + from];
+    thinned.y_px[m] = batch.y_px[first + from];
+  }
   return thinned;
 }
 

@@ -17,14 +17,14 @@
 
 namespace rigcal::server {
 
-// A row, as far as the live state needs it.
+// A row, as far as the live state needs it: of a target with many markers, evenly chosen ones.
 struct ThinnedRow {
   int64_t time_ns = 0;  // the camera's clock
   uint32_t clock_epoch = 0;
   uint32_t marker_count = 0;
   uint32_t visible_mask = 0;
-  std::array<float, kMaxMarkers> x_px;  // of visible markers
-  std::array<float, kMaxMarkers> y_px;
+  std::array<float, kMaxWandMarkers> x_px;  // of visible markers
+  std::array<float, kMaxWandMarkers> y_px;
 };
 
 ThinnedRow ThinnedRowOf(const ObservationBatch& batch, size_t row);

@@ -69,8 +69,8 @@ void LimitEstimate(LiveEstimate* estimate) {
   Shorten(kMaxTextBytes, &estimate->problem);
   Limit(kMaxNeeds, &estimate->needs);
   Limit(OverlapCounter::kMaxCameras, &estimate->cameras);
-  Limit(size_t{kMaxMarkers}, &estimate->marker_positions_m);
-  Limit(size_t{kMaxMarkers}, &estimate->wand_m);
+  Limit(size_t{kMaxWandMarkers}, &estimate->marker_positions_m);
+  Limit(size_t{kMaxWandMarkers}, &estimate->wand_m);
   Limit(kMaxAdvice, &estimate->advice);
   for (LiveAdvice& advice : estimate->advice) {
     Shorten(kMaxTextBytes, &advice.text);

@@ -19,6 +19,7 @@
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/evaluate/evaluated_solve.h"
+#include "server/solve/evaluate/rolling_shutters.h"
 
 namespace rigcal::server {
 namespace {
@@ -119,17 +120,28 @@ absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, Came
   return absl::OkStatus();
 }
 
+// The row's first visible marker, or, of a target whose marker 0 is enough, that one.
+size_t FirstVisible(const ObservationTable& rows, size_t row, bool any_marker) {
+  size_t marker = 0;
+  while (any_marker && marker + 1 < rows.MarkerCount(row) && !rows.IsVisible(row, marker)) {
+    ++marker;
+  }
+  return marker;
+}
+
 // The spread of the wand in a camera's image, in pixels: the median distance of a marker from its
 // median position.
-double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& index, int camera) {
+double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& index, int camera,
+                     bool any_marker) {
   std::vector<Eigen::Vector2d> centres_px;
   std::vector<double> x, y, distance;
   for (size_t t = 0; t < tracks.size(); ++t) {
     if (index.camera_of_track[t] != camera) continue;
     const ObservationTable& rows = tracks[t].track.observations;
     for (size_t i = 0; i < rows.size(); ++i) {
-      if (!rows.IsVisible(i, 0)) continue;
-      centres_px.push_back(rows.centre_px(i, 0));
+      const size_t marker = FirstVisible(rows, i, any_marker);
+      if (!rows.IsVisible(i, marker)) continue;
+      centres_px.push_back(rows.centre_px(i, marker));
       x.push_back(centres_px.back().x());
       y.push_back(centres_px.back().y());
     }
@@ -142,9 +154,10 @@ double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& in
   return UpperMedian(&distance);
 }
 
-absl::Status CheckMotion(const std::vector<AlignedTrack>& tracks, const RigIndex& index) {
+absl::Status CheckMotion(const std::vector<AlignedTrack>& tracks, const RigIndex& index,
+                         bool any_marker) {
   for (size_t c = 0; c < index.cameras.size(); ++c) {
-    const double spread_px = ImageSpreadPx(tracks, index, static_cast<int>(c));
+    const double spread_px = ImageSpreadPx(tracks, index, static_cast<int>(c), any_marker);
     const double needed_px = kMinSpreadShare * index.cameras[c].image_size_px.width;
     if (spread_px >= needed_px) continue;
     return absl::FailedPreconditionError(absl::StrFormat(
@@ -201,7 +214,8 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
-  RIGCAL_RETURN_IF_ERROR(CheckMotion(rig.tracks, rig.index));
+  RIGCAL_RETURN_IF_ERROR(
+      CheckMotion(rig.tracks, rig.index, input.target.kind == TargetKind::kRigid));
 
   RigSolveOptions solve;
   solve.reference_camera = CameraIndex(rig.index, options.reference_camera);
@@ -223,8 +237,9 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   for (const auto& [camera, count] : counts) {
     solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
   }
+  RIGCAL_ASSIGN_OR_RETURN(EvaluatedSolution searched, SearchAndSolve(rig, clocks, solve, options));
   RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution evaluated,
-                          SearchAndSolve(rig, clocks, solve, options));
+                          ModelRollingShutters(solve, options, std::move(searched), &rig));
   progress(CalibrationStage::kReporting, 1);
   if (hooks.solved) hooks.solved(rig, evaluated.solution);
   return ReportCalibration({rig, evaluated, options, counts}, refused);

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/camera/intrinsics_vector.h"
 #include "common/statistics/robust_statistics.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/diagnose/findings.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/quality_gate.h"
@@ -132,10 +133,18 @@ std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
   std::array<std::vector<double>, 3> coordinates;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
+    const auto add = [&coordinates](const Eigen::Vector3d& point_m) {
+      for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(point_m[i]);
+    };
+    if (instant.is_rigid) {
+      for (const Eigen::Vector3d& point_m : problem.rigid_target.points_m) {
+        add(instant.origin_m + instant.rotation * point_m);
+      }
+      continue;
+    }
     // The ends of the wand; the other markers are between them.
     for (const double s_m : {0.0, problem.target.marker_positions_m.back()}) {
-      const Eigen::Vector3d point_m = instant.origin_m + s_m * instant.direction;
-      for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(point_m[i]);
+      add(instant.origin_m + s_m * instant.direction);
     }
   }
   if (coordinates[0].empty()) return std::nullopt;
@@ -152,8 +161,9 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   CalibratedTarget target;
   target.given = input.rig.target;
-  if (problem.target.marker_positions_m.size() == 1) {
-    // No lengths, but perhaps a known distance.
+  if (problem.IsPoint() || problem.HasRigidTarget()) {
+    // No spans. Of a point the scale comes from a known distance, if any.
+    target.marker_positions_estimated = problem.HasRigidTarget() && !problem.rigid_target.fixed;
     if (input.evaluated.uncertainty) {
       target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
     }
@@ -195,6 +205,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   result.reference_camera =
       problem.cameras[static_cast<size_t>(input.evaluated.options.reference_camera)].name;
   result.iteration_count = static_cast<uint32_t>(input.evaluated.solution.iterations);
+  result.solver_path = NeedsGeneralPath(problem) ? SolverPath::kGeneral : SolverPath::kLineKernel;
   for (const BundleInstant& instant : problem.instants) {
     result.instant_count += instant.used ? 1 : 0;
   }
@@ -217,6 +228,10 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
     camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
+    if (!input.evaluated.line_delays.empty()) {
+      camera.line_delay_s = input.evaluated.line_delays[c].line_delay_s;
+      camera.line_delay_sigma_s = input.evaluated.line_delays[c].sigma_s;
+    }
     camera.residuals = residuals[c];
     if (input.evaluated.held_out) {
       const EvaluatedErrors& held_out = *input.evaluated.held_out;

@@ -90,6 +90,9 @@ std::string ObservationDigest(const CalibrationOptions& options, const Target& t
   }
   hasher.Add(target.kind, target.marker_positions_m, target.diameter_m, target.blink_hz,
              target.span_tolerance_m);
+  for (const TargetPoint& point : target.points) {
+    hasher.Add(point.label, point.x_m, point.y_m, point.z_m, point.sigma_m);
+  }
   // Sessions by their place, not their id: the same observations in another session are the same.
   uint64_t session = 0;
   for (size_t t = 0; t < tracks.size(); ++t) {

@@ -15,6 +15,10 @@ inline constexpr uint64_t kSolveBaseBytes = uint64_t{128} << 20;
 inline constexpr uint64_t kSolveBytesPerRow = 180;
 inline constexpr uint64_t kSolveBytesPerMarker = 140;
 
+// The general path's memory of a marker of a rigid target, in those of the kernel: a residual block
+// of Ceres with its Jacobian.
+inline constexpr uint64_t kGeneralPathFactor = 8;
+
 // Memory that a solve of so many rows is allowed: one and a half times what it is known to need.
 inline constexpr uint64_t SolveMemoryBytes(uint64_t rows, uint64_t markers_per_row) {
   const uint64_t per_row = kSolveBytesPerRow + kSolveBytesPerMarker * markers_per_row;

@@ -146,6 +146,8 @@ class Reference {
         return &rates_[index];
       case ReducedParameterKind::kMarkerPosition:
         return &positions_[index];
+      case ReducedParameterKind::kTargetPoint:  // it has no rigid target
+        break;
     }
     return nullptr;
   }

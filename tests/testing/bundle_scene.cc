@@ -32,6 +32,10 @@ class Builder {
     ground_truth_.target.marker_positions_m = options_.marker_positions_m;
     ground_truth_.target.given_positions_m = options_.marker_positions_m;
     ground_truth_.target.fixed = !options_.free_spacing;
+    ground_truth_.rigid_target.points_m = options_.points_m;
+    ground_truth_.rigid_target.given_points_m = options_.points_m;
+    ground_truth_.rigid_target.sigma_m.assign(options_.points_m.size(), 0.001);
+    ground_truth_.rigid_target.fixed = !options_.free_points;
     for (int i = 0; i < options_.instant_count; ++i) AddInstant(i);
     return {Perturbed(), ground_truth_};
   }
@@ -93,6 +97,11 @@ class Builder {
     BundleInstant instant;
     instant.origin_m = {Uniform(-1, 1), Uniform(-1, 1), Uniform(0.3, 1.7)};
     instant.direction = Normal3(1).normalized();
+    instant.is_rigid = options_.rigid_every > 0 && index % options_.rigid_every == 0;
+    if (instant.is_rigid) {
+      instant.rotation =
+          Eigen::Quaterniond(Normal(1), Normal(1), Normal(1), Normal(1)).normalized();
+    }
     instant.first_observation = static_cast<int>(ground_truth_.observations.size());
     const Eigen::Vector3d velocity = Normal3(kMaxSpeed_m_s / 2);
     for (int c = 0; c < options_.camera_count; ++c) {
@@ -111,10 +120,13 @@ class Builder {
     observation.clock = camera % ClockCount();
     observation.clock_time_s = time_s;
     observation.first_marker = static_cast<int>(ground_truth_.markers.size());
-    for (size_t m = 0; m < options_.marker_positions_m.size(); ++m) {
+    const size_t count =
+        instant.is_rigid ? options_.points_m.size() : options_.marker_positions_m.size();
+    for (size_t m = 0; m < count; ++m) {
       if (Uniform(0, 1) < options_.dropout_share) continue;
-      const Eigen::Vector3d x_in_rig =
-          instant.origin_m + options_.marker_positions_m[m] * instant.direction;
+      BundleMarker marker;
+      marker.marker = static_cast<int>(m);
+      const Eigen::Vector3d x_in_rig = ground_truth_.PointOf(instant, marker);
       ground_truth_.markers.push_back(
           Measure(observation, static_cast<int>(m), x_in_rig, velocity));
     }
@@ -175,9 +187,17 @@ class Builder {
       }
       initial.target.given_positions_m = initial.target.marker_positions_m;
     }
+    if (!initial.rigid_target.fixed) {
+      for (Eigen::Vector3d& point : initial.rigid_target.points_m) point += Normal3(0.001);
+      initial.rigid_target.given_points_m = initial.rigid_target.points_m;
+    }
     for (BundleInstant& instant : initial.instants) {
       instant.origin_m += Normal3(0.03 * scale);
       instant.direction = (instant.direction + Normal3(0.05 * scale)).normalized();
+      if (!instant.is_rigid) continue;
+      const Eigen::Vector3d turn = Normal3(0.05 * scale);
+      instant.rotation = Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()) *
+                         Eigen::Quaterniond(instant.rotation);
     }
     return initial;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
@@ -17,6 +18,8 @@ struct BundleSceneOptions {
   int instant_count = 40;
   std::vector<double> marker_positions_m = {0, 0.13, 0.39};
   std::vector<DistortionModel> models = {DistortionModel::kBrownConrady};  // assigned in turn
+  std::vector<Eigen::Vector3d> points_m;                                   // of a rigid target
+  int rigid_every = 0;  // instant that shows it instead of the wand; 0: none
   double noise_px = 0.3;
   double outlier_share = 0;  // of markers, moved anywhere in the image
   double hidden_share = 0;   // of observations
@@ -31,6 +34,7 @@ struct BundleSceneOptions {
   bool free_rates = false;
   bool free_intrinsics = false;
   bool free_spacing = false;
+  bool free_points = false;  // under a prior of 1 mm
 };
 
 struct BundleScene {

@@ -2,6 +2,7 @@
 #include "agent/spool/disk/segment_format.h"
 
 #include <algorithm>
+#include <array>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
@@ -67,6 +68,11 @@ std::optional<SegmentHeader> DecodeHeader(std::string_view bytes, size_t* size) 
   return header;
 }
 
+static_assert(kMaxMarkers <= 255, "their number is a byte");
+// Which markers of a record are visible: one word, and one more for every 32 markers beyond 32.
+using VisibleMasks = std::array<uint32_t, 8>;
+static size_t MaskWords(size_t marker_count) { return std::max<size_t>(1, (marker_count + 31) / 32); }
+
 void EncodeRecord(uint32_t seq, const Observation& observation,
                   const std::vector<ClockSample>& clock_samples, std::string* out) {
   const size_t begin = out->size();
@@ -74,12 +80,13 @@ void EncodeRecord(uint32_t seq, const Observation& observation,
   const size_t payload_begin = out->size();
   PutNumber(observation.clock_epoch, out);
   PutNumber(observation.time_ns, out);
-  uint32_t mask = 0;
-  for (size_t m = 0; m < observation.markers.size(); ++m) {
-    mask |= uint32_t{observation.markers[m].visible} << m;
+  VisibleMasks masks{};
+  const size_t marker_count = observation.markers.size();
+  for (size_t m = 0; m < marker_count; ++m) {
+    masks[m / 32] |= uint32_t{observation.markers[m].visible} << m % 32;
   }
-  PutNumber(static_cast<uint8_t>(observation.markers.size()), out);
-  PutNumber(mask, out);
+  PutNumber(static_cast<uint8_t>(marker_count), out);
+  for (size_t word = 0; word < MaskWords(marker_count); ++word) PutNumber(masks[word], out);
   for (const MarkerObservation& marker : observation.markers) {
     if (!marker.visible) continue;
     for (const double value :
@@ -114,14 +121,16 @@ bool DecodePayload(std::string_view payload, uint32_t marker_count, SpooledObser
   observation.clock_epoch = reader.Take<uint32_t>();
   observation.time_ns = reader.Take<int64_t>();
   const auto markers = reader.Take<uint8_t>();
-  const auto mask = reader.Take<uint32_t>();
-  if (!reader.ok() || markers != marker_count || markers == 0 || markers > kMaxMarkers ||
-      uint64_t{mask} >> markers != 0) {
+  if (!reader.ok() || markers != marker_count || markers == 0 || markers > kMaxMarkers) {
     return false;
   }
+  VisibleMasks masks{};
+  const size_t words = MaskWords(markers);
+  for (size_t word = 0; word < words; ++word) masks[word] = reader.Take<uint32_t>();
+  if (!reader.ok() || uint64_t{masks[words - 1]} >> (markers - 32 * (words - 1)) != 0) return false;
   observation.markers.assign(markers, {});
   for (uint32_t m = 0; m < markers; ++m) {
-    if ((mask >> m & 1u) == 0) continue;
+    if ((masks[m / 32] >> m % 32 & 1u) == 0) continue;
     MarkerObservation& marker = observation.markers[m];
     marker.visible = true;
     marker.centre_px.x() = reader.Take<float>();

@@ -127,6 +127,7 @@ std::vector<SimulatedCamera> MakeSimulatedCameras(const SimulationOptions& optio
     camera.description.source = absl::StrCat("sim:camera=", i);
     camera.time_offset_s = ValueOr(options.time_offset_s, i, 0);
     camera.time_rate_ppm = ValueOr(options.time_rate_ppm, i, 0);
+    camera.line_delay_s = ValueOr(options.line_delay_s, i, 0);
     camera.rate_hz = ValueOr(options.camera_rate_hz, i, options.rate_hz);
     camera.outlier_share = ValueOr(options.camera_outlier_share, i, options.outlier_share);
     const double phase_s = random.Uniform() / camera.rate_hz;

@@ -22,6 +22,7 @@ constexpr uint64_t kLengthPurpose = 0x6c656e677468;
 constexpr uint64_t kSecondWandPurpose = 0x7365636f6e64;
 constexpr double kMinSigmaPx = 0.05;  // a covariance of zero could not be weighed
 constexpr double kMaxJitterSigmas = 4;
+constexpr int kShutterPasses = 5;
 constexpr uint32_t kClockReadingSigmaNs = 200000;
 
 bool InsideImage(const ImageSize& size, const Eigen::Vector2d& pixel) {
@@ -59,6 +60,13 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
     longer_m += options.length_error_m + options.length_sigma_m * random.Gaussian();
     world.true_target_.marker_positions_m[i] += longer_m;
   }
+  for (size_t i = 0; i < target.points.size(); ++i) {
+    RandomStream random{options.seed, kLengthPurpose, i};
+    TargetPoint& point = world.true_target_.points[i];
+    for (double* const value : {&point.x_m, &point.y_m, &point.z_m}) {
+      *value += options.length_sigma_m * random.Gaussian();
+    }
+  }
   if (const absl::Status valid = world.true_target_.Validate(); !valid.ok()) {
     return absl::InvalidArgumentError(absl::StrCat(
         "a length_error of ", options.length_error_m, " m and a length_sigma of ",
@@ -72,8 +80,25 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
 
 WandPose SimulatedWorld::WandAt(double rig_time_s) const {
   const Eigen::Vector3d direction = trajectory_.Direction(rig_time_s);
+  if (true_target_.kind == TargetKind::kRigid) {
+    const Eigen::Quaterniond rotation = trajectory_.Rotation(rig_time_s);
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (const TargetPoint& point : true_target_.points) {
+      middle += Eigen::Vector3d(point.x_m, point.y_m, point.z_m);
+    }
+    middle /= static_cast<double>(true_target_.points.size());
+    return {trajectory_.Middle(rig_time_s) - rotation * middle, direction, rotation};
+  }
   const double length_m = true_target_.marker_positions_m.back();
   return {trajectory_.Middle(rig_time_s) - 0.5 * length_m * direction, direction};
+}
+
+Eigen::Vector3d SimulatedWorld::MarkerAt(const WandPose& wand, size_t marker) const {
+  if (true_target_.kind != TargetKind::kRigid) {
+    return wand.At(true_target_.marker_positions_m[marker]);
+  }
+  const TargetPoint& point = true_target_.points[marker];
+  return wand.origin_m + wand.rotation * Eigen::Vector3d(point.x_m, point.y_m, point.z_m);
 }
 
 int SimulatedWorld::FrameCount(int camera) const {
@@ -88,13 +113,40 @@ double SimulatedWorld::FrameRigTime(int camera, int index) const {
 }
 
 Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is_outlier) const {
-  WandPose wand = WandAt(FrameRigTime(camera, index));
-  if (ShowsSecondWand(camera, index)) {
-    // Half a turn about the vertical through the middle of the rig.
-    const Eigen::Vector3d turn(-1, -1, 1);
-    wand = {wand.origin_m.cwiseProduct(turn), wand.direction.cwiseProduct(turn)};
+  const bool second = ShowsSecondWand(camera, index);
+  const double frame_s = FrameRigTime(camera, index);
+  const auto wand_after = [this, second, frame_s](double delay_s) {
+    WandPose wand = WandAt(frame_s + delay_s);
+    if (second) {
+      // Half a turn about the vertical through the middle of the rig.
+      const Eigen::Vector3d turn(-1, -1, 1);
+      wand = {wand.origin_m.cwiseProduct(turn), wand.direction.cwiseProduct(turn),
+              Eigen::Quaterniond(0, 0, 0, 1) * Eigen::Quaterniond(wand.rotation)};
+    }
+    return wand;
+  };
+  return ObserveMoving(camera, index, wand_after, is_outlier);
+}
+
+Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& wand,
+                                        std::vector<bool>* is_outlier) const {
+  return ObserveMoving(
+      camera, index, [&wand](double) { return wand; }, is_outlier);
+}
+
+bool SimulatedWorld::ImageOfMarker(const SimulatedCamera& camera, const MovingWand& wand_after,
+                                   size_t marker, Eigen::Vector2d* pixel) const {
+  const double middle = 0.5 * (camera.description.image_size_px.height - 1.0);
+  double delay_s = 0;
+  // The row decides the time, and the time the row; a wand is slow beside the readout.
+  for (int pass = 0; pass < (camera.line_delay_s == 0 ? 1 : kShutterPasses); ++pass) {
+    if (!ImageOf(camera.true_intrinsics,
+                 camera.cam_from_rig * MarkerAt(wand_after(delay_s), marker), pixel)) {
+      return false;
+    }
+    delay_s = camera.line_delay_s * (pixel->y() - middle);
   }
-  return ObserveWand(camera, index, wand, is_outlier);
+  return true;
 }
 
 bool SimulatedWorld::ShowsSecondWand(int camera, int index) const {
@@ -105,15 +157,15 @@ bool SimulatedWorld::ShowsSecondWand(int camera, int index) const {
   return random.Uniform() < share->second;
 }
 
-Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& wand,
-                                        std::vector<bool>* is_outlier) const {
+Observation SimulatedWorld::ObserveMoving(int camera, int index, const MovingWand& wand_after,
+                                          std::vector<bool>* is_outlier) const {
   const SimulatedCamera& c = cameras_.at(static_cast<size_t>(camera));
   const uint64_t frame_key[2] = {static_cast<uint64_t>(camera), static_cast<uint64_t>(index)};
   const double rig_time_s = FrameRigTime(camera, index);
   const ImageSize& size = c.description.image_size_px;
   const double sigma_px = std::max(options_.noise_px, kMinSigmaPx);
   const bool in_gap = options_.InGap(rig_time_s);
-  const size_t marker_count = true_target_.marker_positions_m.size();
+  const size_t marker_count = MarkerCount();
 
   RandomStream random{options_.seed, kObservePurpose, frame_key[0], frame_key[1]};
   const double jitter_sigmas = std::clamp(random.Gaussian(), -kMaxJitterSigmas, kMaxJitterSigmas);
@@ -135,8 +187,7 @@ Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& w
     const double noise_x = draw.Gaussian();
     const double noise_y = draw.Gaussian();
     Eigen::Vector2d pixel;
-    const Eigen::Vector3d x_in_cam = c.cam_from_rig * wand.At(true_target_.marker_positions_m[m]);
-    if (in_gap || dropped || !ImageOf(c.true_intrinsics, x_in_cam, &pixel)) continue;
+    if (in_gap || dropped || !ImageOfMarker(c, wand_after, m, &pixel)) continue;
     if (!InsideImage(size, pixel)) continue;
     pixel += options_.noise_px * Eigen::Vector2d(noise_x, noise_y);
     if (outlier) pixel = {anywhere_x, anywhere_y};
@@ -148,7 +199,7 @@ Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& w
     marker.centre_kind = CentreKind::kSphereCentre;
     outliers[m] = outlier;
   }
-  if (swapped) {
+  if (swapped && true_target_.kind != TargetKind::kRigid) {  // which has no other end
     std::reverse(observation.markers.begin(), observation.markers.end());
     std::reverse(outliers.begin(), outliers.end());
   }

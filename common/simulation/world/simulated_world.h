@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -25,15 +26,18 @@ struct SimulatedCamera {
   // Its clock shows clock_origin_ns more than the camera time of `Clock`; 10 s for all cameras
   // without clock_samples.
   int64_t clock_origin_ns = 0;
+  double line_delay_s = 0;  // as in CalibratedCamera
   double rate_hz = 0;
   double outlier_share = 0;
   double phase_s = 0;  // rig time of the first frame
 };
 
-// Pose of the wand: x_in_rig of a point at `s` metres along it is origin_m + s * direction.
+// Pose of the wand: x_in_rig of a point at `s` metres along it is origin_m + s * direction. Of a
+// point x of a rigid target it is origin_m + rotation * x.
 struct WandPose {
   Eigen::Vector3d origin_m;
-  Eigen::Vector3d direction;  // unit
+  Eigen::Vector3d direction;                                         // unit
+  Eigen::Quaternion<double, Eigen::DontAlign> rotation{1, 0, 0, 0};  // rig_from_target
 
   Eigen::Vector3d At(double position_m) const { return origin_m + position_m * direction; }
 };
@@ -58,6 +62,8 @@ class SimulatedWorld {
 
   // Smooth, with continuous acceleration.
   WandPose WandAt(double rig_time_s) const;
+  // x_in_rig of a marker of the true target. Every camera sees it from all sides.
+  Eigen::Vector3d MarkerAt(const WandPose& wand, size_t marker) const;
 
   // Frames of a camera, in capture order.
   int FrameCount(int camera) const;
@@ -74,6 +80,14 @@ class SimulatedWorld {
 
  private:
   SimulatedWorld() = default;
+  // The wand so long after the frame's time.
+  using MovingWand = std::function<WandPose(double delay_s)>;
+  Observation ObserveMoving(int camera, int index, const MovingWand& wand_after,
+                            std::vector<bool>* is_outlier) const;
+  // Of a marker of the true target, at the time of the row it is in. False: it has no image.
+  bool ImageOfMarker(const SimulatedCamera& camera, const MovingWand& wand_after, size_t marker,
+                     Eigen::Vector2d* pixel) const;
+  size_t MarkerCount() const { return static_cast<size_t>(true_target_.marker_count()); }
   bool ShowsSecondWand(int camera, int index) const;
 
   SimulationOptions options_;

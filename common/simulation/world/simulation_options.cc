@@ -27,7 +27,8 @@ void AddOptions(SimulationOptions* options, OptionTable* table) {
   table->Add("jitter", &o.jitter_s, {0, 1, "s"},
              "one sigma of each timestamp; at most a tenth of the shortest period");
   table->Add("length_error", &o.length_error_m, {-0.1, 0.1, "m"}, "added to every span");
-  table->Add("length_sigma", &o.length_sigma_m, {0, 0.02, "m"}, "of a random error of each span");
+  table->Add("length_sigma", &o.length_sigma_m, {0, 0.02, "m"},
+             "of a random error of each span, or of each coordinate of a rigid target's points");
   table->Add("focal_sigma", &o.focal_sigma_rel, {0, 0.05}, "relative error of fx and fy");
   table->Add("centre_sigma", &o.centre_sigma_px, {0, 100, "px"}, "error of cx and cy");
   table->Add("radial_sigma", &o.radial_sigma, {0, 0.2}, "error of k1 and k2");
@@ -40,6 +41,8 @@ void AddOptions(SimulationOptions* options, OptionTable* table) {
              "clocks have origins of their own, aligned by clock samples only");
   table->Add("offset", &o.time_offset_s, {-3600, 3600, "s"}, "time offset of camera N");
   table->Add("rate_ppm", &o.time_rate_ppm, {-10000, 10000}, "clock rate error of camera N, ppm");
+  table->Add("line_delay", &o.line_delay_s, {-1e-3, 1e-3, "s"},
+             "time between two image rows of camera N, a rolling shutter");
   table->Add("rate", &o.camera_rate_hz, {kMinRateHz, kMaxRateHz, "Hz"}, "of camera N alone");
   table->Add("outliers", &o.camera_outlier_share, {0, 1}, "of camera N alone");
   table->Add("second_wand", &o.camera_second_wand_share, {0, 1},
@@ -49,8 +52,8 @@ void AddOptions(SimulationOptions* options, OptionTable* table) {
 absl::Status SimulationOptions::Validate() const {
   FaultList faults;
   CheckOptions(*this, &faults);
-  for (const auto& by_camera : {time_offset_s, time_rate_ppm, camera_rate_hz, camera_outlier_share,
-                                camera_second_wand_share}) {
+  for (const auto& by_camera : {time_offset_s, time_rate_ppm, line_delay_s, camera_rate_hz,
+                                camera_outlier_share, camera_second_wand_share}) {
     for (const auto& [index, value] : by_camera) {
       if (index >= 0 && index < camera_count) continue;
       faults.Add("there is no camera ", index, " of ", camera_count, ": they count from 0");

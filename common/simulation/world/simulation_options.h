@@ -26,7 +26,8 @@ struct SimulationOptions {
   double max_speed_m_s = 1.5;   // of the wand's middle
   double jitter_s = 0;          // one sigma of each stamp; at most a tenth of the shortest period
   double length_error_m = 0;    // added to every span of the true wand, unknown to the solver
-  double length_sigma_m = 0;    // one sigma of what is drawn and added to each span besides
+  double length_sigma_m = 0;    // one sigma of what is drawn and added to each span besides,
+                                // or to each coordinate of a rigid target's points
   // One sigma of the difference between each camera's true and described intrinsics, drawn for each
   // value independently: of fx and fy, relative; of cx and cy; of k1 and k2; of k3; of p1 and p2.
   double focal_sigma_rel = 0;
@@ -42,6 +43,7 @@ struct SimulationOptions {
   // By camera index; cameras not named have 0. Same sense as in Clock.
   std::map<int, double> time_offset_s;
   std::map<int, double> time_rate_ppm;
+  std::map<int, double> line_delay_s;          // rolling shutter, as in CalibratedCamera
   std::map<int, double> camera_rate_hz;        // instead of rate_hz
   std::map<int, double> camera_outlier_share;  // instead of outlier_share
   // Of observations, that show another wand on the other side of the volume.

@@ -53,6 +53,7 @@ WandTrajectory::WandTrajectory(uint32_t seed, const WaveVolume& volume, double d
   }
   azimuth_ = make_swing(0.8, 0.71);
   elevation_ = make_swing(1.5, 1.3);
+  roll_ = make_swing(2.0, 0.9);
 
   // Between two steps of the walk the speed may be a little higher than at both.
   constexpr double kMargin = 1.001;
@@ -93,6 +94,14 @@ Eigen::Vector3d WandTrajectory::Direction(double rig_time_s) const {
   const double elevation = elevation_.At(phase);
   return {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
           std::sin(elevation)};
+}
+
+Eigen::Quaterniond WandTrajectory::Rotation(double rig_time_s) const {
+  const double phase = phase_per_second_ * rig_time_s;
+  const double azimuth = kAzimuthRate * phase + azimuth_.At(phase);
+  return Eigen::AngleAxisd(azimuth, Eigen::Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(-elevation_.At(phase), Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(roll_.At(phase), Eigen::Vector3d::UnitX());
 }
 
 }  // namespace rigcal

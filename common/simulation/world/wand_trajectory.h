@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 
@@ -14,8 +15,8 @@ struct WaveVolume {
 };
 
 // The motion of a simulated wand: its middle by a sum of three sines along each axis, its direction
-// by an azimuth that turns on and an elevation that swings up and down. Every derivative is
-// continuous.
+// by an azimuth that turns on and an elevation that swings up and down, its roll by another swing.
+// Every derivative is continuous.
 class WandTrajectory {
  public:
   WandTrajectory() = default;
@@ -24,6 +25,8 @@ class WandTrajectory {
 
   Eigen::Vector3d Middle(double rig_time_s) const;     // x_in_rig, metres
   Eigen::Vector3d Direction(double rig_time_s) const;  // unit, in rig
+  // rig_from_target of a rigid target: its x axis is the direction, about which it rolls.
+  Eigen::Quaterniond Rotation(double rig_time_s) const;
 
  private:
   struct Sine {
@@ -43,6 +46,7 @@ class WandTrajectory {
   std::array<Swing, 3> axes_;
   Swing azimuth_;
   Swing elevation_;
+  Swing roll_;
   double phase_per_second_ = 1;
 };
 

@@ -12,12 +12,16 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/marker_cost.h"
+#include "server/solve/bundle/rigid_marker_cost.h"
 
 namespace rigcal::server {
 namespace {
 
-using TargetManifold =
-    ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
+using LineManifold = ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>>;
+using RigidManifold =
+    ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>;
+
+constexpr size_t kInstantStride = 8;  // 6 values of a line's pose, 7 of a rigid target's
 
 // The problem's estimates as Ceres wants them: one array per parameter block. All of them lie in
 // one allocation, in the order of the problem: Ceres orders the blocks of an elimination group by
@@ -39,10 +43,18 @@ class ParameterBlocks {
     positions_ = values_.size();
     values_.insert(values_.end(), problem.target.marker_positions_m.begin(),
                    problem.target.marker_positions_m.end());
+    points_ = values_.size();
+    for (const Eigen::Vector3d& point : problem.rigid_target.points_m) Append(point);
     instants_ = values_.size();
     for (const BundleInstant& instant : problem.instants) {
-      Append(instant.origin_m);
-      Append(instant.direction.normalized());
+      if (instant.is_rigid) {
+        Append(instant.rotation.normalized().coeffs());
+        Append(instant.origin_m);
+      } else {
+        Append(instant.origin_m);
+        Append(instant.direction.normalized());
+      }
+      values_.resize(instants_ + kInstantStride * ++instant_count_);
     }
   }
 
@@ -52,7 +64,8 @@ class ParameterBlocks {
   double* offset(size_t clock) { return &values_[clocks_ + 2 * clock]; }
   double* rate(size_t clock) { return offset(clock) + 1; }
   double* position(size_t marker) { return &values_[positions_ + marker]; }
-  double* instant(size_t instant) { return &values_[instants_ + 6 * instant]; }
+  double* point(size_t marker) { return &values_[points_ + 3 * marker]; }
+  double* instant(size_t instant) { return &values_[instants_ + kInstantStride * instant]; }
   // Instants lie behind everything else.
   bool IsInstant(const double* block) const { return block >= values_.data() + instants_; }
 
@@ -70,9 +83,18 @@ class ParameterBlocks {
     for (size_t m = 0; m < problem->target.marker_positions_m.size(); ++m) {
       problem->target.marker_positions_m[m] = *position(m);
     }
+    for (size_t m = 0; m < problem->rigid_target.points_m.size(); ++m) {
+      problem->rigid_target.points_m[m] = Eigen::Vector3d(point(m));
+    }
     for (size_t i = 0; i < problem->instants.size(); ++i) {
-      problem->instants[i].origin_m = Eigen::Vector3d(instant(i));
-      problem->instants[i].direction = Eigen::Vector3d(instant(i) + 3).normalized();
+      BundleInstant& to = problem->instants[i];
+      if (to.is_rigid) {
+        to.rotation = Eigen::Quaterniond(instant(i)).normalized();
+        to.origin_m = Eigen::Vector3d(instant(i) + 4);
+      } else {
+        to.origin_m = Eigen::Vector3d(instant(i));
+        to.direction = Eigen::Vector3d(instant(i) + 3).normalized();
+      }
     }
   }
 
@@ -84,7 +106,7 @@ class ParameterBlocks {
 
   std::vector<double> values_;
   std::vector<size_t> cameras_;  // where each camera begins
-  size_t clocks_ = 0, positions_ = 0, instants_ = 0;
+  size_t clocks_ = 0, positions_ = 0, points_ = 0, instants_ = 0, instant_count_ = 0;
 };
 
 class Callback final : public ceres::IterationCallback {
@@ -109,11 +131,18 @@ void AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, Paramet
         [&](const BundleObservation& observation, const BundleMarker& marker) {
           const auto c = static_cast<size_t>(observation.camera);
           const auto k = static_cast<size_t>(observation.clock);
+          const auto m = static_cast<size_t>(marker.marker);
+          if (problem.instants[i].is_rigid) {
+            ceres_problem->AddResidualBlock(
+                new RigidMarkerCost(problem.cameras[c].model, marker, observation.clock_time_s),
+                loss, blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c),
+                blocks->offset(k), blocks->rate(k), blocks->point(m), blocks->instant(i));
+            return;
+          }
           ceres_problem->AddResidualBlock(
               new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
               blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c), blocks->offset(k),
-              blocks->rate(k), blocks->position(static_cast<size_t>(marker.marker)),
-              blocks->instant(i));
+              blocks->rate(k), blocks->position(m), blocks->instant(i));
         });
   }
 }
@@ -189,6 +218,21 @@ void ConstrainTarget(const BundleTarget& target, ParameterBlocks* blocks,
   }
 }
 
+void ConstrainRigidTarget(const BundleRigidTarget& target, ParameterBlocks* blocks,
+                          ceres::Problem* ceres_problem) {
+  for (size_t m = 0; m < target.points_m.size(); ++m) {
+    double* const point = blocks->point(m);
+    if (!ceres_problem->HasParameterBlock(point)) continue;  // nobody sees it
+    if (target.IsFree(m)) {
+      const ceres::Matrix inverse_sigma = ceres::Matrix::Identity(3, 3) / target.sigma_m[m];
+      ceres_problem->AddResidualBlock(
+          new ceres::NormalPrior(inverse_sigma, target.given_points_m[m]), nullptr, point);
+    } else {
+      ceres_problem->SetParameterBlockConstant(point);
+    }
+  }
+}
+
 void ConstrainDistance(const BundleProblem& problem, ParameterBlocks* blocks,
                        ceres::Problem* ceres_problem) {
   if (!problem.distance) return;
@@ -232,9 +276,14 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
     return absl::FailedPreconditionError("bundle adjustment: no marker is used");
   }
   for (size_t i = 0; i < problem->instants.size(); ++i) {
-    if (ceres_problem.HasParameterBlock(blocks.instant(i))) {
-      ceres_problem.SetManifold(blocks.instant(i), new TargetManifold);
+    if (!ceres_problem.HasParameterBlock(blocks.instant(i))) continue;
+    ceres::Manifold* manifold = nullptr;
+    if (problem->instants[i].is_rigid) {
+      manifold = new RigidManifold;
+    } else {
+      manifold = new LineManifold;
     }
+    ceres_problem.SetManifold(blocks.instant(i), manifold);
   }
   ConstrainDistance(*problem, &blocks, &ceres_problem);
   ConstrainCameras(*problem, &blocks, &ceres_problem);
@@ -246,6 +295,7 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
                     &ceres_problem);
   }
   ConstrainTarget(problem->target, &blocks, &ceres_problem);
+  ConstrainRigidTarget(problem->rigid_target, &blocks, &ceres_problem);
 
   ceres::Solver::Options solver_options = SolverOptions(options, &blocks, ceres_problem);
   Callback callback(options);

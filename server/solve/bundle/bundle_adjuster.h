@@ -6,8 +6,9 @@
 
 namespace rigcal::server {
 
-// Solves the problem in place with Ceres: Levenberg-Marquardt, the instants eliminated first
-// (DENSE_SCHUR), one thread, so that equal problems give equal bits. Quaternions come back unit.
+// Solves the problem in place with Ceres, whatever its targets (line, rigid, both):
+// Levenberg-Marquardt, the instants eliminated first (DENSE_SCHUR), one thread, so that equal
+// problems give equal bits. Quaternions come back unit.
 //
 // INVALID_ARGUMENT: the problem or the options are not valid. FAILED_PRECONDITION: the initial
 // values cannot be evaluated (a used marker behind its camera) or the solver broke down. CANCELLED.

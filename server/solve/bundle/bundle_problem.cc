@@ -44,13 +44,29 @@ absl::Status ValidateCamera(const BundleCamera& camera) {
   return absl::OkStatus();
 }
 
+absl::Status ValidateRigidTarget(const BundleRigidTarget& target) {
+  for (const Eigen::Vector3d& point : target.points_m) {
+    if (!point.allFinite()) return Fault("a point of the rigid target is not finite");
+  }
+  const size_t count = target.points_m.size();
+  if (!target.fixed && (target.given_points_m.size() != count || target.sigma_m.size() != count)) {
+    return Fault("the rigid target's points are to be estimated but have no prior");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status ValidateInstant(const BundleProblem& problem, size_t index) {
   const BundleInstant& instant = problem.instants[index];
   const auto fault = [index](const char* what) { return Fault("instant ", index, " has ", what); };
   if (!instant.origin_m.allFinite() || !instant.direction.allFinite() ||
-      std::abs(instant.direction.squaredNorm() - 1) > 1e-6) {
+      !(std::abs(instant.direction.squaredNorm() - 1) <= 1e-6)) {
     return fault("no finite pose with a unit direction");
   }
+  if (!(std::abs(instant.rotation.squaredNorm() - 1) <= 1e-6)) {
+    return fault("a rotation that is not of unit length");
+  }
+  const size_t marker_count = instant.is_rigid ? problem.rigid_target.points_m.size()
+                                               : problem.target.marker_positions_m.size();
   if (!IsRun(instant.first_observation, instant.observation_count, problem.observations.size())) {
     return fault("observations out of range");
   }
@@ -62,8 +78,7 @@ absl::Status ValidateInstant(const BundleProblem& problem, size_t index) {
       return fault("an observation whose camera, clock or markers are out of range");
     }
     for (const BundleMarker& marker : problem.MarkersOf(observation)) {
-      if (marker.marker < 0 ||
-          static_cast<size_t>(marker.marker) >= problem.target.marker_positions_m.size()) {
+      if (marker.marker < 0 || static_cast<size_t>(marker.marker) >= marker_count) {
         return fault("a marker that the target does not have");
       }
       if (!marker.centre_px.allFinite() || !marker.velocity_px_s.allFinite() ||
@@ -100,6 +115,7 @@ absl::Status BundleProblem::Validate() const {
                         !(target.span_sigma_m > 0))) {
     return Fault("the target's spacing is to be estimated but has no prior");
   }
+  if (absl::Status status = ValidateRigidTarget(rigid_target); !status.ok()) return status;
   if (distance && !IsValid(*distance, cameras.size())) {
     return Fault(
         "the distance that holds the scale is not between two cameras, or it or "

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <atomic>
 #include <functional>
 #include <optional>
@@ -15,15 +17,17 @@
 
 namespace rigcal::server {
 
-// The spatio-temporal bundle adjustment of a line target seen by many cameras:
+// The spatio-temporal bundle adjustment of a target seen by many cameras; of a line target:
 //
 //   minimise  1/2 sum over used markers of rho( |r|^2 )  +  1/2 sum of priors
 //   r = L * (p - (u - dt * u')),   p = pi(K_c, cam_from_rig_c * (origin_k + s_m * direction_k))
 //
-// with u the measured centre at the instant's time under the clock alignment the problem was built
-// with, u' its image velocity, L^T L the inverse of u's covariance, s_m the marker's position along
-// the target, and dt = time_offset_s + time_rate * clock_time_s what the camera's clock is still
-// off (same sense as in Clock: negative where rows show an earlier time than their stamps say).
+// or, of an instant that shows a rigid target, p = pi(K_c, cam_from_rig_c * (R_k * x_m +
+// origin_k)), with u the measured centre at the instant's time under the clock alignment the
+// problem was built with, u' its image velocity, L^T L the inverse of u's covariance, s_m the
+// marker's position along the target, and dt = time_offset_s + time_rate * clock_time_s what the
+// camera's clock is still off (same sense as in Clock: negative where rows show an earlier time
+// than their stamps say).
 //
 // What to solve (BundleProblem, estimates are changed in place), how (BundleOptions) and what came
 // out (BundleSummary) are three structs. Everything refers by index; instants own a contiguous run
@@ -63,6 +67,19 @@ struct BundleTarget {
   double span_sigma_m = 0.002;
 };
 
+// A rigid target: labelled points in a frame `target` of their own. Only general_bundle.h solves
+// problems that have one.
+struct BundleRigidTarget {
+  std::vector<Eigen::Vector3d> points_m;
+  bool fixed = true;
+  // Prior of each coordinate of a point when estimated: normal around the given one. The priors
+  // hold the frame `target` too. sigma 0 holds that point fixed.
+  std::vector<Eigen::Vector3d> given_points_m;
+  std::vector<double> sigma_m;
+
+  bool IsFree(size_t point) const { return !fixed && sigma_m[point] > 0; }
+};
+
 // Most of a problem's memory: not aligned, so that it holds nothing but its values.
 struct BundleMarker {
   using Vector2 = Eigen::Matrix<double, 2, 1, Eigen::DontAlign>;
@@ -92,10 +109,15 @@ struct BundleDistance {
   double sigma_m = 1e-4;
 };
 
-// The target at one time: marker m is at origin_m + marker_positions_m[m] * direction.
+// The target at one time: marker m is at origin_m + marker_positions_m[m] * direction; of a rigid
+// target at origin_m + rotation * points_m[m].
 struct BundleInstant {
+  using Quaternion = Eigen::Quaternion<double, Eigen::DontAlign>;
+
   Eigen::Vector3d origin_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  // unit, 2 degrees of freedom
+  Quaternion rotation = Quaternion::Identity();          // rig_from_target, unit
+  bool is_rigid = false;                                 // the target is `rigid_target`
   int first_observation = 0;
   int observation_count = 0;
   bool used = true;  // false: no marker of it is part of the cost
@@ -105,6 +127,7 @@ struct BundleProblem {
   std::vector<BundleCamera> cameras;
   std::vector<BundleClock> clocks;
   BundleTarget target;
+  BundleRigidTarget rigid_target;  // of the instants that say so
   std::vector<BundleInstant> instants;
   std::vector<BundleObservation> observations;
   std::vector<BundleMarker> markers;
@@ -132,9 +155,20 @@ struct BundleProblem {
   }
   // Where a marker is in the rig.
   Eigen::Vector3d PointOf(const BundleInstant& instant, const BundleMarker& marker) const {
+    if (instant.is_rigid) {
+      return instant.origin_m +
+             instant.rotation * rigid_target.points_m[static_cast<size_t>(marker.marker)];
+    }
     return instant.origin_m +
            target.marker_positions_m[static_cast<size_t>(marker.marker)] * instant.direction;
   }
+  // Of the target with most.
+  size_t MarkerCount() const {
+    return std::max(target.marker_positions_m.size(), rigid_target.points_m.size());
+  }
+  // One marker alone: it has no lengths.
+  bool IsPoint() const { return MarkerCount() == 1; }
+  bool HasRigidTarget() const { return !rigid_target.points_m.empty(); }
   // Of a marker of this problem.
   size_t IndexOf(const BundleMarker& marker) const {
     return static_cast<size_t>(&marker - markers.data());
@@ -142,7 +176,7 @@ struct BundleProblem {
 
   // INVALID_ARGUMENT: an index out of range, a value that is not finite, no fixed camera, no fixed
   // clock while others are estimated, a target that is estimated without a prior, a distance that
-  // is not positive or not between two cameras.
+  // is not positive or not between two cameras, a rotation that is not unit.
   absl::Status Validate() const;
 };
 

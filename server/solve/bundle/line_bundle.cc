@@ -42,6 +42,10 @@ absl::Status CheckInput(const BundleOptions& options, const BundleProblem& probl
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   RIGCAL_RETURN_IF_ERROR(problem.Validate());
   const BundleTarget& target = problem.target;
+  if (problem.HasRigidTarget()) {
+    return absl::InvalidArgumentError(
+        "bundle adjustment: the line kernel cannot solve a rigid target");
+  }
   if (target.marker_positions_m.size() > kMaxLineMarkers) {
     return absl::InvalidArgumentError(
         absl::StrCat("bundle adjustment: the target has ", target.marker_positions_m.size(),

@@ -20,8 +20,8 @@ namespace rigcal::server {
 // A step that would put a used marker behind its camera (or onto a pole of the rational model) is
 // rejected, like one that raises the cost.
 //
-// INVALID_ARGUMENT: the problem or the options are not valid, or the target has more than 32
-// markers. FAILED_PRECONDITION: no marker is used; a used marker is not visible at the initial
+// INVALID_ARGUMENT: the problem or the options are not valid, it has a rigid target, or the target
+// has more than 32 markers. FAILED_PRECONDITION: no marker is used; a used marker is not visible at the initial
 // values (names camera, instant and marker); the linear system broke down. CANCELLED. On an
 // error the problem is left as it was. Not reaching the tolerance is no error: see `converged`.
 absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem);
@@ -35,6 +35,7 @@ enum class ReducedParameterKind : uint8_t {
   kTimeOffset,      // clocks[index].time_offset_s
   kTimeRate,        // clocks[index].time_rate
   kMarkerPosition,  // target.marker_positions_m[index], metres
+  kTargetPoint,     // rigid_target.points_m[index], component 0 to 2, metres
 };
 
 struct ReducedParameter {

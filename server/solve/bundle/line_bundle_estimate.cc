@@ -31,6 +31,7 @@ auto* LineBundleEstimate::ValueOf(Self* self, const ReducedParameter& parameter)
       return &self->clocks_[index].time_rate;
     case ReducedParameterKind::kMarkerPosition:
       return &self->positions_[index];
+    case ReducedParameterKind::kTargetPoint:  // of a rigid target, which no line bundle has
     case ReducedParameterKind::kRotation:
       break;
   }

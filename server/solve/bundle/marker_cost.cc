@@ -15,8 +15,8 @@ bool IsFinite(const double* residuals) {
 
 void StoreVec3(const Vec3<double>& v, double* to) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
 
-// The derivative by x y z w of unit q, given that by a rotation vector applied from the left: along
-// the sphere, on which alone q moves, half a rotation vector v is the step (v, 0) * q.
+}  // namespace
+
 void StoreQuaternionDerivative(const Vec3<double>& d_rotation, const double* q, double* to) {
   const Vec3<double> axis = {q[0], q[1], q[2]};
   const Vec3<double> d_axis = 2.0 * (q[3] * d_rotation + Cross(d_rotation, axis));
@@ -24,7 +24,42 @@ void StoreQuaternionDerivative(const Vec3<double>& d_rotation, const double* q, 
   to[3] = -2 * Dot(axis, d_rotation);
 }
 
-}  // namespace
+void StoreViewDerivatives(const MarkerFunctor& functor, const MarkerFunctor::Seen<double>& seen,
+                          const ProjectedPoint<double>& projected, const Vec3<double>* rows,
+                          double const* const* parameters, double** jacobians) {
+  // Rows of a block's Jacobian are as long as the block.
+  const auto block = [jacobians](MarkerBlock which) {
+    return jacobians[static_cast<size_t>(which)];
+  };
+  const auto view_derivative = [&](int unknown, double* jacobian, int column, int columns) {
+    ViewDerivative<true>(unknown, functor.measured, projected, functor.clock_time_s,
+                         jacobian + column, jacobian + columns + column);
+  };
+  for (int i = 0; i < 2; ++i) {
+    if (double* const jacobian = block(MarkerBlock::kRotation)) {
+      const double* const q = parameters[static_cast<size_t>(MarkerBlock::kRotation)];
+      const Vec3<double> rotated = {seen.x_in_cam.x - seen.view.translation[0],
+                                    seen.x_in_cam.y - seen.view.translation[1],
+                                    seen.x_in_cam.z - seen.view.translation[2]};
+      StoreQuaternionDerivative(Cross(rotated, rows[i]), q, jacobian + 4 * i);
+    }
+    if (double* const jacobian = block(MarkerBlock::kTranslation)) {
+      StoreVec3(rows[i], jacobian + 3 * i);
+    }
+  }
+  if (double* const jacobian = block(MarkerBlock::kOffset)) {
+    view_derivative(ViewUnknowns::kOffset, jacobian, 0, 1);
+  }
+  if (double* const jacobian = block(MarkerBlock::kRate)) {
+    view_derivative(ViewUnknowns::kRate, jacobian, 0, 1);
+  }
+  if (double* const jacobian = block(MarkerBlock::kIntrinsics)) {
+    const int count = IntrinsicsSize(functor.model);
+    for (int k = 0; k < count; ++k) {
+      view_derivative(ViewUnknowns::kFirstIntrinsic + k, jacobian, k, count);
+    }
+  }
+}
 
 MarkerCost::MarkerCost(DistortionModel model, const BundleMarker& marker, double clock_time_s)
     : functor_{model, ToMeasured(marker), clock_time_s} {
@@ -39,7 +74,6 @@ bool MarkerCost::Evaluate(double const* const* parameters, double* residuals,
   if (jacobians == nullptr) {
     return functor_.Evaluate<false, false>(seen, &projected, residuals) && IsFinite(residuals);
   }
-  // Rows of a block's Jacobian are as long as the block.
   const auto block = [jacobians](MarkerBlock which) {
     return jacobians[static_cast<size_t>(which)];
   };
@@ -49,40 +83,16 @@ bool MarkerCost::Evaluate(double const* const* parameters, double* residuals,
   if (!visible || !IsFinite(residuals)) return false;
   Vec3<double> rows[2];
   PointDerivative(functor_.measured, projected, &rows[0], &rows[1]);
-  const auto view_derivative = [&](int unknown, double* jacobian, int column, int columns) {
-    ViewDerivative<true>(unknown, functor_.measured, projected, functor_.clock_time_s,
-                         jacobian + column, jacobian + columns + column);
-  };
+  StoreViewDerivatives(functor_, seen, projected, rows, parameters, jacobians);
   for (int i = 0; i < 2; ++i) {
-    const Vec3<double>& row = rows[i];
-    const Vec3<double> in_rig = TransposedTimes(seen.view.rotation, row);
-    if (double* const jacobian = block(MarkerBlock::kRotation)) {
-      const double* const q = parameters[static_cast<size_t>(MarkerBlock::kRotation)];
-      const Vec3<double> rotated = {seen.x_in_cam.x - seen.view.translation[0],
-                                    seen.x_in_cam.y - seen.view.translation[1],
-                                    seen.x_in_cam.z - seen.view.translation[2]};
-      StoreQuaternionDerivative(Cross(rotated, row), q, jacobian + 4 * i);
-    }
-    if (double* const jacobian = block(MarkerBlock::kTranslation)) StoreVec3(row, jacobian + 3 * i);
     if (double* const jacobian = block(MarkerBlock::kPosition)) {
-      jacobian[i] = Dot(row, seen.line.slope);
+      jacobian[i] = Dot(rows[i], seen.line.slope);
     }
     if (double* const jacobian = block(MarkerBlock::kTarget)) {
+      const Vec3<double> in_rig = TransposedTimes(seen.view.rotation, rows[i]);
       const double position = *parameters[static_cast<size_t>(MarkerBlock::kPosition)];
       StoreVec3(in_rig, jacobian + 6 * i);
       StoreVec3(position * in_rig, jacobian + 6 * i + 3);
-    }
-  }
-  if (double* const jacobian = block(MarkerBlock::kOffset)) {
-    view_derivative(ViewUnknowns::kOffset, jacobian, 0, 1);
-  }
-  if (double* const jacobian = block(MarkerBlock::kRate)) {
-    view_derivative(ViewUnknowns::kRate, jacobian, 0, 1);
-  }
-  if (double* const jacobian = block(MarkerBlock::kIntrinsics)) {
-    const int count = IntrinsicsSize(functor_.model);
-    for (int k = 0; k < count; ++k) {
-      view_derivative(ViewUnknowns::kFirstIntrinsic + k, jacobian, k, count);
     }
   }
   return true;

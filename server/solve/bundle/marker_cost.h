@@ -60,20 +60,36 @@ struct MarkerFunctor {
   };
   template <typename T>
   Seen<T> SeenFrom(T const* const* blocks) const {
-    const auto block = [blocks](MarkerBlock which) { return blocks[static_cast<size_t>(which)]; };
+    const T* const target = blocks[static_cast<size_t>(MarkerBlock::kTarget)];
     Seen<T> seen;
-    seen.view.model = model;
-    Eigen::Map<Eigen::Matrix<T, 3, 3, Eigen::RowMajor>>(seen.view.rotation) =
-        Eigen::Map<const Eigen::Quaternion<T>>(block(MarkerBlock::kRotation)).toRotationMatrix();
-    std::copy_n(block(MarkerBlock::kTranslation), 3, seen.view.translation);
-    std::copy_n(block(MarkerBlock::kIntrinsics), 4 + CoefficientCount(model), seen.view.intrinsics);
-    seen.view.offset_s = *block(MarkerBlock::kOffset);
-    seen.view.rate = *block(MarkerBlock::kRate);
-    const T* const target = block(MarkerBlock::kTarget);
+    seen.view = ViewFrom(blocks);
     seen.line = SeeLine(seen.view, Vec3<T>{target[0], target[1], target[2]},
                         Vec3<T>{target[3], target[4], target[5]});
-    seen.x_in_cam = seen.line.start + *block(MarkerBlock::kPosition) * seen.line.slope;
+    seen.x_in_cam =
+        seen.line.start + *blocks[static_cast<size_t>(MarkerBlock::kPosition)] * seen.line.slope;
     return seen;
+  }
+  // Of a marker at this place, wherever it comes from. The line is left empty.
+  template <typename T>
+  Seen<T> SeenAt(T const* const* blocks, const Vec3<T>& x_in_rig) const {
+    Seen<T> seen{ViewFrom(blocks), {}, {}};
+    const T* const t = seen.view.translation;
+    seen.x_in_cam = Times(seen.view.rotation, x_in_rig) + Vec3<T>{t[0], t[1], t[2]};
+    return seen;
+  }
+  // Of the first five blocks.
+  template <typename T>
+  ViewEstimate<T> ViewFrom(T const* const* blocks) const {
+    const auto block = [blocks](MarkerBlock which) { return blocks[static_cast<size_t>(which)]; };
+    ViewEstimate<T> view;
+    view.model = model;
+    Eigen::Map<Eigen::Matrix<T, 3, 3, Eigen::RowMajor>>(view.rotation) =
+        Eigen::Map<const Eigen::Quaternion<T>>(block(MarkerBlock::kRotation)).toRotationMatrix();
+    std::copy_n(block(MarkerBlock::kTranslation), 3, view.translation);
+    std::copy_n(block(MarkerBlock::kIntrinsics), 4 + CoefficientCount(model), view.intrinsics);
+    view.offset_s = *block(MarkerBlock::kOffset);
+    view.rate = *block(MarkerBlock::kRate);
+    return view;
   }
 
   template <bool kPointDerivatives, bool kIntrinsicsDerivatives, typename T>
@@ -93,6 +109,16 @@ struct MarkerFunctor {
     return true;
   }
 };
+
+// The derivatives by x y z w of unit q, given that by a rotation vector applied from the left:
+// along the sphere, on which alone q moves, half a rotation vector v is the step (v, 0) * q.
+void StoreQuaternionDerivative(const Vec3<double>& d_rotation, const double* q, double* to);
+
+// The part of a residual's Jacobian that every kind of target has: by the blocks of the view.
+// `rows` is that by x_in_cam, see PointDerivative.
+void StoreViewDerivatives(const MarkerFunctor& functor, const MarkerFunctor::Seen<double>& seen,
+                          const ProjectedPoint<double>& projected, const Vec3<double>* rows,
+                          double const* const* parameters, double** jacobians);
 
 // The same with analytic derivatives.
 class MarkerCost final : public ceres::CostFunction {

@@ -10,6 +10,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kMaxGapPeriods = 3.5;
+constexpr int kMaxPaths = 16;  // of a target with many markers these, evenly chosen, are enough
 
 }  // namespace
 
@@ -20,7 +21,12 @@ TrackPaths PathsOf(const AlignedTrack& track, const std::vector<int64_t>& times_
   paths.focal_px = 0.5 * (intrinsics.fx_px + intrinsics.fy_px);
   paths.gap_s = kMaxGapPeriods * track.period_s;
   paths.period_s = track.period_s;
+  const int stride = 1 + (marker_count - 1) / kMaxPaths;
   for (int m = 0; m < marker_count; ++m) {
+    if (m % stride != 0) {
+      paths.markers.emplace_back();
+      continue;
+    }
     std::vector<int64_t> seen_ns;
     std::vector<Eigen::Vector2d> centres_px;
     const ObservationTable& rows = track.track.observations;

@@ -30,6 +30,7 @@ bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
 
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
+  if (problem.HasRigidTarget()) return {};  // it has no other end
   const std::vector<double> limits = OutlierLimits(problem);
   struct Count {
     int observations = 0, flipped = 0;

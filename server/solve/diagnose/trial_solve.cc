@@ -8,6 +8,7 @@
 
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/rig/outliers.h"
 
@@ -15,6 +16,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr size_t kMaxObservations = 40'000;
+constexpr size_t kMaxGeneralMarkers = 20'000;  // of the general path, which is slower
 constexpr int kMaxRounds = 4;
 constexpr double kWideLoss = 20;
 constexpr double kUnseenPx = 100;
@@ -59,9 +61,11 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
   trial.problem.cameras = from.cameras;
   trial.problem.clocks = from.clocks;
   trial.problem.target = from.target;
+  trial.problem.rigid_target = from.rigid_target;
   trial.problem.distance = from.distance;
   for (size_t c = 0; c < from.cameras.size(); ++c) trial.rig_camera.push_back(c);
-  const size_t stride = 1 + from.observations.size() / kMaxObservations;
+  size_t stride = 1 + from.observations.size() / kMaxObservations;
+  if (from.HasRigidTarget()) stride += from.markers.size() / kMaxGeneralMarkers;
   size_t placed = 0;
   for (size_t i = 0; i < from.instants.size(); ++i) {
     if (!from.instants[i].used || placed++ % stride != 0) continue;
@@ -81,7 +85,7 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
 
 absl::Status SolveTrial(const BundleOptions& how, BundleProblem* problem) {
   for (int round = 0; round < kMaxRounds; ++round) {
-    RIGCAL_RETURN_IF_ERROR(SolveLineBundle(how, problem).status());
+    RIGCAL_RETURN_IF_ERROR(AdjustBundle(how, problem).status());
     if (ClassifyOutliers(problem) == 0) break;
   }
   return absl::OkStatus();
@@ -126,8 +130,7 @@ double TrialSigmas::Of(const ReducedParameter& parameter) const {
 }
 
 absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const BundleProblem& problem) {
-  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation reduced,
-                          ComputeReducedInformation(how, problem));
+  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation reduced, ComputeInformation(how, problem));
   const Eigen::Index size = reduced.information.rows();
   // Columns differ by many powers of ten (radians beside pixels): scaled before they are inverted.
   const Eigen::VectorXd scale =

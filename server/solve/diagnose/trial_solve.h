@@ -27,7 +27,7 @@ struct TrialProblem {
 TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options);
 
 // Solves `problem`, finds the outliers anew, and solves again until they stay (a few times at
-// most). Errors as of SolveLineBundle; `problem` is then worth nothing.
+// most). Errors as of AdjustBundle; `problem` is then worth nothing.
 absl::Status SolveTrial(const BundleOptions& how, BundleProblem* problem);
 
 // The same, first under a loss so wide that what is far off pulls, too.

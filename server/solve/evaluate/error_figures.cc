@@ -18,7 +18,7 @@ using MarkerPoints = std::vector<std::optional<Eigen::Vector3d>>;
 MarkerPoints TriangulateMarkers(const BundleProblem& problem,
                                 const std::vector<Intrinsics>& intrinsics,
                                 const BundleInstant& instant, int min_cameras) {
-  std::vector<std::vector<CameraRay>> views(problem.target.marker_positions_m.size());
+  std::vector<std::vector<CameraRay>> views(problem.MarkerCount());
   for (const MarkerRay& seen : UsedMarkerRays(problem, intrinsics, instant)) {
     if (seen.has_ray) views[static_cast<size_t>(seen.marker)].push_back(seen.ray);
   }
@@ -76,10 +76,11 @@ std::vector<Residuals> ComputeResiduals(const BundleProblem& problem) {
 
 LengthErrors MeasureLengths(const BundleProblem& problem,
                             const std::vector<double>& expected_positions_m, int min_cameras) {
+  if (expected_positions_m.empty()) return {};  // a rigid target has no spans
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
-  LengthErrors errors(expected_positions_m.empty() ? 0 : expected_positions_m.size() - 1);
+  LengthErrors errors(expected_positions_m.size() - 1);
   for (const BundleInstant& instant : problem.instants) {
-    if (!instant.used) continue;
+    if (!instant.used || instant.is_rigid) continue;
     const MarkerPoints points = TriangulateMarkers(problem, intrinsics, instant, min_cameras);
     for (size_t m = 0; m + 1 < points.size(); ++m) {
       if (!points[m] || !points[m + 1]) continue;

@@ -37,6 +37,7 @@ BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& s
   built.problem.cameras = solution.built.problem.cameras;
   built.problem.clocks = solution.built.problem.clocks;
   built.problem.target = solution.built.problem.target;
+  built.problem.rigid_target = solution.built.problem.rigid_target;
   built.problem.distance = solution.built.problem.distance;
   for (BundleInstant& instant : built.problem.instants) instant.used = false;
   return built;

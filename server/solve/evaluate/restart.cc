@@ -36,7 +36,7 @@ std::vector<PointAndRay> SightsOf(const BundleProblem& problem,
                                   const std::vector<bool>& trusted, int camera) {
   std::vector<PointAndRay> sights;
   for (const BundleInstant& instant : problem.instants) {
-    for (size_t k = 0; k < problem.target.marker_positions_m.size(); ++k) {
+    for (size_t k = 0; k < problem.MarkerCount(); ++k) {
       std::vector<CameraRay> views;
       std::vector<double> focal_px;
       std::optional<Eigen::Vector2d> own;

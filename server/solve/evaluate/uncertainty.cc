@@ -6,13 +6,14 @@
 #include <cmath>
 
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
 
 namespace rigcal::server {
 namespace {
 
-// Freedom of a line and of a point.
-constexpr int kLineParameters = 5, kPointParameters = 3;
+// Freedom of a rigid target, a line and a point.
+constexpr int kRigidParameters = 6, kLineParameters = 5, kPointParameters = 3;
 // Two cameras that see one marker each leave no redundancy.
 constexpr double kMaxLeverage = 0.8;
 
@@ -48,6 +49,9 @@ Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
         }
         break;
       }
+      case ReducedParameterKind::kTargetPoint:
+        prior(i, i) = InverseSquare(problem.rigid_target.sigma_m[index]);
+        break;
       default:
         break;
     }
@@ -77,8 +81,9 @@ std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleIns
 double VarianceFactor(const BuiltProblem& built, double loss_scale, Eigen::Index free) {
   const BundleProblem& problem = built.problem;
   const double c2 = loss_scale * loss_scale;
-  const int own =
-      problem.target.marker_positions_m.size() == 1 ? kPointParameters : kLineParameters;
+  const int own = problem.HasRigidTarget() ? kRigidParameters
+                  : problem.IsPoint()      ? kPointParameters
+                                           : kLineParameters;
   double count = 0, instant_count = 0;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
@@ -217,7 +222,38 @@ void DescribeDistance(const BundleProblem& problem, double sigma_m, RigUncertain
   rig->scale_sigma_rel = sigma_m / problem.distance->distance_m;
 }
 
+// The scale of a set of points is its size about the centroid: with p_m from there,
+// scale - 1 = sum p_m . d_m / sum |p_m|^2 for displacements d_m of the points.
+void DescribeRigidScale(const BundleProblem& problem, RigUncertainty* rig) {
+  const BundleRigidTarget& target = problem.rigid_target;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : target.points_m) middle += point;
+  middle /= static_cast<double>(target.points_m.size());
+  double size = 0;
+  for (const Eigen::Vector3d& point : target.points_m) size += (point - middle).squaredNorm();
+  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(rig->covariance.rows());
+  double given_variance = 0;  // of points that are not estimated
+  for (size_t m = 0; m < target.points_m.size(); ++m) {
+    for (int i = 0; i < 3; ++i) {
+      const double slope = (target.points_m[m][i] - middle[i]) / size;
+      const Eigen::Index row =
+          rig->Row({ReducedParameterKind::kTargetPoint, static_cast<int>(m), i});
+      if (row >= 0) {
+        gradient[row] = slope;
+      } else if (!target.sigma_m.empty()) {
+        given_variance += std::pow(slope * target.sigma_m[m], 2);
+      }
+    }
+  }
+  const Eigen::VectorXd column = rig->covariance * gradient;
+  const double variance = gradient.dot(column);
+  rig->scale_sigma_rel = std::sqrt(variance + given_variance);
+  rig->shape_covariance = rig->covariance;
+  if (variance > 0) rig->shape_covariance -= column * column.transpose() / variance;
+}
+
 void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
+  if (problem.HasRigidTarget()) return DescribeRigidScale(problem, rig);
   const std::vector<double>& positions = problem.target.marker_positions_m;
   const int last = static_cast<int>(positions.size()) - 1;
   rig->shape_covariance = rig->covariance;
@@ -274,7 +310,7 @@ absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
   const BundleProblem& problem = solution.built.problem;
   const BundleOptions bundle;
   RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
-                          ComputeReducedInformation(bundle, problem));
+                          ComputeInformation(bundle, problem));
   RigUncertainty result;
   result.parameters = information.parameters;
   const Eigen::MatrixXd prior = PriorInformation(problem, result.parameters);

@@ -2,12 +2,14 @@
 #include "server/solve/geometry/target_pose.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "common/camera/camera_model.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/geometry/rigid_pose.h"
 #include "server/solve/geometry/triangulation.h"
 
 namespace rigcal::server {
@@ -15,6 +17,7 @@ namespace {
 
 constexpr size_t kMaxPairs = 12;
 constexpr int kRefineSteps = 8;
+constexpr int kMinRigidInliers = 4;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // A span triangulated from two cameras may be off by this share and still be a hypothesis.
@@ -46,7 +49,8 @@ ScoredFit Evaluate(const BundleProblem& problem, const std::vector<bool>& has_po
 }
 
 struct MarkerPoint {
-  double position_m;
+  int marker;
+  double position_m;  // along a line target
   Eigen::Vector3d x_in_rig;
 };
 
@@ -64,8 +68,10 @@ std::vector<MarkerPoint> CommonMarkers(const BundleProblem& problem,
       if (marker_a.marker != marker_b.marker || !marker_a.used || !marker_b.used) continue;
       if (!ray_a.allFinite() || !ray_b.allFinite()) continue;
       if (const auto point = TriangulatePair({pose_a, ray_a}, {pose_b, ray_b})) {
+        const auto m = static_cast<size_t>(marker_a.marker);
+        const bool is_line = m < problem.target.marker_positions_m.size();
         points.push_back(
-            {problem.target.marker_positions_m[static_cast<size_t>(marker_a.marker)], *point});
+            {marker_a.marker, is_line ? problem.target.marker_positions_m[m] : 0, *point});
       }
     }
   }
@@ -147,12 +153,103 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
   }
 }
 
+// Gauss-Newton on the 6 degrees of freedom of a rigid target with Cauchy weights.
+void RefineRigid(const BundleProblem& problem, const std::vector<bool>& has_pose, double scale_px,
+                 BundleInstant* instant) {
+  for (int step = 0; step < kRefineSteps; ++step) {
+    Eigen::Matrix<double, 6, 6> hessian = Eigen::Matrix<double, 6, 6>::Identity() * 1e-9;
+    Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
+    for (const BundleObservation& observation : problem.ObservationsOf(*instant)) {
+      if (!has_pose[static_cast<size_t>(observation.camera)]) continue;
+      const BundleCamera& camera = problem.CameraOf(observation);
+      const Eigen::Matrix3d rotation = camera.cam_from_rig.rotation.toRotationMatrix();
+      for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+        if (!marker.used) continue;
+        const Eigen::Vector3d x_in_rig = problem.PointOf(*instant, marker);
+        const Eigen::Vector3d arm = x_in_rig - instant->origin_m;
+        Eigen::Vector2d pixel;
+        Eigen::Matrix<double, 2, 3> d_point;
+        if (!Project(camera.model, camera.intrinsics.data(), camera.cam_from_rig * x_in_rig, &pixel,
+                     &d_point, nullptr)) {
+          continue;
+        }
+        const Eigen::Vector2d residual = pixel - CentreAtInstantPx(problem, observation, marker);
+        const double weight = 1 / (1 + residual.squaredNorm() / (scale_px * scale_px));
+        Eigen::Matrix<double, 2, 6> jacobian;
+        jacobian.leftCols<3>() = d_point * rotation;
+        for (int i = 0; i < 3; ++i) {
+          jacobian.col(3 + i) = jacobian.leftCols<3>() * Eigen::Vector3d::Unit(i).cross(arm);
+        }
+        hessian += weight * jacobian.transpose() * jacobian;
+        gradient += weight * jacobian.transpose() * residual;
+      }
+    }
+    const Eigen::Matrix<double, 6, 1> delta = hessian.ldlt().solve(gradient);
+    if (!delta.allFinite()) return;
+    instant->origin_m -= delta.head<3>();
+    const Eigen::Vector3d turn = -delta.tail<3>();
+    const double angle = turn.norm();
+    const Eigen::Vector3d axis = angle > 0 ? Eigen::Vector3d(turn / angle) : turn;
+    instant->rotation =
+        (Eigen::AngleAxisd(angle, axis) * Eigen::Quaterniond(instant->rotation)).normalized();
+    if (delta.norm() < 1e-9) return;
+  }
+}
+
+// Hypotheses from each view alone, then from what pairs of cameras triangulate.
+std::optional<TargetFit> EstimateRigidPose(const BundleProblem& problem,
+                                           const std::vector<bool>& has_pose,
+                                           const std::vector<Eigen::Vector2d>& rays,
+                                           double truncation_px, const BundleInstant& instant) {
+  ScoredFit best;
+  const auto consider = [&](const RigidTransform& rig_from_target) {
+    BundleInstant candidate = instant;
+    candidate.origin_m = rig_from_target.translation_m;
+    candidate.rotation = rig_from_target.rotation;
+    ScoredFit score =
+        Evaluate(problem, has_pose, truncation_px, candidate, std::numeric_limits<double>::max());
+    // One view says little about the depth: it needs the others.
+    RefineRigid(problem, has_pose, 2 * truncation_px, &candidate);
+    const ScoredFit refined =
+        Evaluate(problem, has_pose, truncation_px, candidate, std::numeric_limits<double>::max());
+    if (refined.cost < score.cost && candidate.origin_m.allFinite()) score = refined;
+    if (score.cost < best.cost) best = score;
+  };
+  const auto all_agree = [&best] {
+    return best.fit.markers > 0 && best.fit.inliers == best.fit.markers;
+  };
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    if (!has_pose[static_cast<size_t>(observation.camera)] || all_agree()) continue;
+    const RigidTransform rig_from_cam = problem.CameraOf(observation).cam_from_rig.Inverse();
+    for (const RigidTransform& pose : EstimateViewPoses(ViewOf(problem, rays, observation))) {
+      consider(rig_from_cam * pose);
+    }
+  }
+  std::vector<Eigen::Vector3d> points_m, points_in_rig;
+  for (const auto& [a, b] : ObservationPairs(problem, has_pose, instant)) {
+    if (all_agree()) break;
+    for (const MarkerPoint& point : CommonMarkers(problem, rays, *a, *b)) {
+      points_m.push_back(problem.rigid_target.points_m[static_cast<size_t>(point.marker)]);
+      points_in_rig.push_back(point.x_in_rig);
+    }
+  }
+  if (!all_agree()) {
+    if (const auto aligned = AlignRigidTarget(points_m, points_in_rig)) consider(*aligned);
+  }
+  if (!std::isfinite(best.cost) || best.fit.inliers < kMinRigidInliers) return std::nullopt;
+  RefineRigid(problem, has_pose, truncation_px / 3, &best.fit.instant);
+  return Evaluate(problem, has_pose, truncation_px, best.fit.instant,
+                  std::numeric_limits<double>::max())
+      .fit;
+}
+
 }  // namespace
 
 std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
                                             const std::vector<bool>& has_pose,
                                             const std::vector<Eigen::Vector2d>& rays,
                                             double truncation_px, const BundleInstant& instant) {
+  if (instant.is_rigid) return EstimateRigidPose(problem, has_pose, rays, truncation_px, instant);
   ScoredFit best;
   std::vector<MarkerPoint> points;
   const auto try_pose = [&](const BundleInstant& candidate) {

@@ -21,7 +21,9 @@ struct TargetFit {
 // error over all views, refined. Residuals beyond `truncation_px` count as that much. `has_pose[c]`
 // marks the cameras that may be used. `rays` as of UndistortMarkers; markers that are not used take
 // no part. None where no two such cameras see two markers in common that can be triangulated; of a
-// target of one marker, that one. Its direction stays as it is.
+// target of one marker, that one. Its direction stays as it is. A rigid target is found from any
+// single view of four markers (rigid_pose.h), or from markers that cameras triangulate together;
+// none where fewer than four markers agree.
 std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
                                             const std::vector<bool>& has_pose,
                                             const std::vector<Eigen::Vector2d>& rays,

@@ -5,18 +5,20 @@
 #include <optional>
 
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/relative_pose.h"
 #include "server/solve/geometry/target_pose.h"
 #include "server/solve/initialize/overlap_graph.h"
 #include "server/solve/initialize/point_chain.h"
+#include "server/solve/initialize/rigid_pairs.h"
 #include "server/solve/initialize/shared_views.h"
 
 namespace rigcal::server {
 namespace {
 
+constexpr int kMinRigidShared = 3;  // each view of a rigid target gives a pose by itself
 constexpr int kMaxInstants = 400;  // used while the cameras' poses are found
 
 using Rays = std::vector<Eigen::Vector2d>;
@@ -56,6 +58,7 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
 OverlapGraph MakeGraph(const BundleProblem& problem, const InitializationOptions& options) {
   OverlapGraph graph;
   graph.notes = options.camera_notes;
+  if (problem.HasRigidTarget()) graph.min_shared = kMinRigidShared;
   graph.avoided = options.avoided_pairs;
   graph.describe = [&problem](int a, int b) { return DescribeSharedViews(problem, a, b); };
   graph.shared_counts =
@@ -78,6 +81,11 @@ PairEstimate MakePairEstimate(const InitializationOptions& options, const Rays& 
       const double cameras = static_cast<double>(problem.cameras.size());
       options.progress(0.8 * looked_at / (looked_at + cameras));
     }
+    const int rank =
+        static_cast<int>(std::ranges::count(options.avoided_pairs, std::make_pair(a, b)));
+    if (problem.HasRigidTarget()) {
+      return EstimateRigidPairPose(problem, rays, a, b, {.threshold_px = kAgreePx, .rank = rank});
+    }
     RelativePoseOptions pair;
     pair.marker_positions_m = problem.target.marker_positions_m;
     pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
@@ -85,7 +93,7 @@ PairEstimate MakePairEstimate(const InitializationOptions& options, const Rays& 
     pair.threshold_px = kAgreePx;
     // The pair's own seed, so that looking at one pair more changes no other.
     pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
-    pair.rank = static_cast<int>(std::ranges::count(options.avoided_pairs, std::make_pair(a, b)));
+    pair.rank = rank;
     return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
   };
 }
@@ -157,7 +165,7 @@ absl::Status SettlePoses(const InitializationOptions& options, BundleProblem* pr
   bundle.max_iterations = 30;
   bundle.function_tolerance = 1e-5;
   bundle.cancelled = options.cancelled;
-  const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, problem);
+  const absl::StatusOr<BundleSummary> summary = AdjustBundle(bundle, problem);
   for (size_t i = 0; i < was_used.size(); ++i) problem->instants[i].used = was_used[i];
   return summary.status();
 }
@@ -192,7 +200,7 @@ absl::Status FindInitialization(const InitializationOptions& options, BundleProb
   const Rays rays = UndistortMarkers(*problem);
   const PairEstimate estimate = MakePairEstimate(options, rays, *problem);
   const OverlapGraph graph = MakeGraph(*problem, options);
-  if (problem->target.marker_positions_m.size() == 1) {
+  if (problem->IsPoint()) {
     RIGCAL_RETURN_IF_ERROR(ChainPointPoses(graph, rays, estimate, problem));
   } else {
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<OverlapEdge> edges,
@@ -210,7 +218,7 @@ absl::Status FindInitialization(const InitializationOptions& options, BundleProb
     if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
     if (PlaceInstants(threshold_px, problem) == 0) {
       return absl::FailedPreconditionError(
-          "no instant of the wand can be placed from two cameras: check the target's marker "
+          "no instant of the target can be placed from two cameras: check the target's marker "
           "positions and the cameras' intrinsics. " +
           DescribeLostCameras(*problem, 1));
     }

@@ -140,7 +140,7 @@ std::string DescribeNearestViews(const std::vector<AlignedTrack>& tracks,
   std::vector<std::vector<int64_t>> seen(tracks.size());
   for (size_t t = 0; t < tracks.size(); ++t) {
     for (size_t i = 0; i < rig_time_ns[t].size(); ++i) {
-      if (tracks[t].track.observations.visible_mask(i) != 0) {
+      if (tracks[t].track.observations.AnyVisible(i)) {
         seen[t].push_back(rig_time_ns[t][i]);
       }
     }

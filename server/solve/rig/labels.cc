@@ -184,6 +184,7 @@ class LabelContest {
 
 std::vector<int> FindFlippedLabels(const BundleProblem& problem,
                                    const std::vector<int64_t>& instant_time_ns) {
+  if (problem.HasRigidTarget()) return {};  // it has no other end
   return LabelContest(problem, instant_time_ns).Run();
 }
 

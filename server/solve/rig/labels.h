@@ -18,6 +18,7 @@ namespace rigcal::server {
 // does not fit nearly as well. An instant that points against its neighbours on both sides is
 // flipped as a whole where that fits as well: two ends alone look the same both ways. A single
 // marker with another's label is an outlier.
+// A rigid target has no other end: none is flipped.
 //
 // Indices of the observations to turn, ascending; `instant_time_ns` as of BuiltProblem. Does not
 // change the problem. Instants that are not used are looked at too where they have few

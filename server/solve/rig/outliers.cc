@@ -41,7 +41,7 @@ bool SaysSomething(const BundleProblem& problem, const BundleInstant& instant) {
     cameras += inliers > before ? 1 : 0;
   }
   // Of a point there are never more than one of each camera.
-  const bool is_point = problem.target.marker_positions_m.size() == 1;
+  const bool is_point = problem.IsPoint();
   const int needed = is_point ? 2 : kMinMarkers;
   return outliers == 0 || (inliers >= needed && cameras >= 2);
 }

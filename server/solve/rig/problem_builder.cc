@@ -134,9 +134,15 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
   problem.target.marker_positions_m = target.marker_positions_m;
   problem.target.given_positions_m = target.marker_positions_m;
   problem.target.span_sigma_m = target.span_tolerance_m;
+  for (const TargetPoint& point : target.points) {
+    problem.rigid_target.points_m.emplace_back(point.x_m, point.y_m, point.z_m);
+    problem.rigid_target.sigma_m.push_back(point.sigma_m);
+  }
+  problem.rigid_target.given_points_m = problem.rigid_target.points_m;
   Reserve(tracks, instants, &built);
   for (const Instant& instant : instants) {
     BundleInstant entry;
+    entry.is_rigid = problem.HasRigidTarget();
     entry.first_observation = static_cast<int>(problem.observations.size());
     entry.observation_count = static_cast<int>(instant.members.size());
     for (const InstantMember& member : instant.members) {

@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "server/solve/bundle/line_bundle.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/initialize/initialization.h"
 #include "server/solve/initialize/shared_views.h"
@@ -103,6 +103,7 @@ class RigSolver {
   void FreeParameters() {
     problem().cameras[static_cast<size_t>(options_.reference_camera)].pose_fixed = true;
     problem().target.fixed = !options_.estimate_marker_positions;
+    problem().rigid_target.fixed = !options_.estimate_marker_positions;
     problem().distance = options_.known_distance;
     if (options_.refine_intrinsics) {
       for (size_t c = 0; c < problem().cameras.size(); ++c) {
@@ -171,13 +172,17 @@ class RigSolver {
       problem().cameras[c].intrinsics = initial.cameras[c].intrinsics;
     }
     problem().target.marker_positions_m = initial.marker_positions_m;
+    if (!initial.points_m.empty()) problem().rigid_target.points_m = initial.points_m;
     problem().distance = initial.distance;
     for (size_t i = 0; i < problem().instants.size(); ++i) {
       BundleInstant& instant = problem().instants[i];
       const InstantMember& first = solution_.instants.instants[i].members.front();
       const auto known = initial.instants.find({first.track, first.observation});
       instant.used = known != initial.instants.end();
-      if (instant.used) std::tie(instant.origin_m, instant.direction) = known->second;
+      if (!instant.used) continue;
+      instant.origin_m = known->second.origin_m;
+      instant.direction = known->second.direction;
+      instant.rotation = known->second.rotation;
     }
   }
 
@@ -192,7 +197,7 @@ class RigSolver {
         options_.progress(CalibrationStage::kAdjusting, (round + within) / (round + 2.0));
       };
     }
-    const absl::StatusOr<BundleSummary> summary = SolveLineBundle(bundle, &problem());
+    const absl::StatusOr<BundleSummary> summary = AdjustBundle(bundle, &problem());
     if (absl::IsFailedPrecondition(summary.status())) {
       const std::string lost = DescribeLostCameras(problem(), 1);
       return absl::FailedPreconditionError(
@@ -314,6 +319,7 @@ RigInitialization InitializationFrom(const RigSolution& solution) {
   RigInitialization initial;
   initial.cameras = problem.cameras;
   initial.marker_positions_m = problem.target.marker_positions_m;
+  initial.points_m = problem.rigid_target.points_m;
   initial.distance = problem.distance;
   initial.clocks = solution.clocks;
   for (size_t k = 0; k < initial.clocks.size(); ++k) {
@@ -323,8 +329,8 @@ RigInitialization InitializationFrom(const RigSolution& solution) {
   for (size_t i = 0; i < problem.instants.size(); ++i) {
     if (!problem.instants[i].used) continue;
     const InstantMember& first = solution.instants.instants[i].members.front();
-    initial.instants[{first.track, first.observation}] = {problem.instants[i].origin_m,
-                                                          problem.instants[i].direction};
+    initial.instants[{first.track, first.observation}] = {
+        problem.instants[i].origin_m, problem.instants[i].direction, problem.instants[i].rotation};
   }
   return initial;
 }

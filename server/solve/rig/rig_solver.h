@@ -80,16 +80,22 @@ bool IsMetric(const RigObservations& rig, const RigSolveOptions& options);
 // The labels of this observation were given counted from the target's other end.
 bool IsFlipped(const RigSolution& solution, const BundleObservation& observation);
 
-// The target's pose at an instant, known by its first member.
-using InstantPoses = std::map<std::pair<int, int>, std::pair<Eigen::Vector3d, Eigen::Vector3d>>;
+// The target's pose, as of BundleInstant.
+struct TargetPose {
+  Eigen::Vector3d origin_m, direction;
+  BundleInstant::Quaternion rotation;
+};
+// At an instant, known by its first member.
+using InstantPoses = std::map<std::pair<int, int>, TargetPose>;
 
 // Initial values of a solve.
 struct RigInitialization {
   std::vector<BundleCamera> cameras;  // poses and intrinsics
   std::vector<double> marker_positions_m;
+  std::vector<Eigen::Vector3d> points_m;  // of a rigid target; empty: as given
   std::optional<BundleDistance> distance;
   std::vector<ClockCorrection> clocks;
-  InstantPoses instants;  // origin and direction; those not named are placed anew
+  InstantPoses instants;  // those not named are placed anew
 };
 
 RigInitialization InitializationFrom(const RigSolution& solution);

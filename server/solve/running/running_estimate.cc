@@ -113,6 +113,8 @@ class Estimator {
   explicit Estimator(RunningInput& input) : input_(input) {}
 
   absl::Status Run(RunningOutcome* outcome) {
+    // Its grid and its advice are about a wand.
+    if (input_.target.kind == TargetKind::kRigid) return absl::OkStatus();
     RefusalCounter refused;
     const int marker_count = input_.target.marker_count();
     std::erase_if(input_.tracks, [](const CameraTrack& track) { return !track.camera.intrinsics; });

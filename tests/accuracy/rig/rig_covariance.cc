@@ -133,6 +133,8 @@ ColumnMap MapColumns(const SimulatedWorld& world, const server::BundleProblem& p
       case ReducedParameterKind::kMarkerPosition:
         map.parameters.push_back({RigParameterKind::kMarkerPosition, column.index, 0});
         break;
+      case ReducedParameterKind::kTargetPoint:  // of rigs with a wand alone
+        break;
     }
   }
   // centre = -R^T t:  d centre = -R^T dt - R^T [t]x w  for R' = exp([w]x) R.

@@ -19,7 +19,9 @@
 namespace rigcal::accuracy {
 namespace {
 
-using InstantBlock = Eigen::Matrix<double, 5, 5>;
+constexpr int kPoseSize = 6;  // the last is unused with a line target
+using InstantBlock = Eigen::Matrix<double, kPoseSize, kPoseSize>;
+using PoseColumns = Eigen::Matrix<double, 2, kPoseSize>;
 
 // Sums the information of the instants, with the wand's pose eliminated.
 class InformationSum {
@@ -33,11 +35,11 @@ class InformationSum {
     for (const SeenMarker& seen : instant.markers) cameras.insert(seen.camera);
     if (cameras.size() < 2) return absl::OkStatus();
     Eigen::MatrixXd own = Eigen::MatrixXd::Zero(sum_.rows(), sum_.cols());
-    Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(sum_.rows(), 5);
+    Eigen::MatrixXd mixed = Eigen::MatrixXd::Zero(sum_.rows(), kPoseSize);
     InstantBlock wand = InstantBlock::Zero();
     for (const SeenMarker& seen : instant.markers) {
       Eigen::MatrixXd rig_columns = Eigen::MatrixXd::Zero(2, sum_.cols());
-      Eigen::Matrix<double, 2, 5> wand_columns;
+      PoseColumns wand_columns;
       RIGCAL_RETURN_IF_ERROR(Linearise(instant, seen, &rig_columns, &wand_columns));
       own += rig_columns.transpose() * rig_columns;
       mixed += rig_columns.transpose() * wand_columns;
@@ -55,8 +57,8 @@ class InformationSum {
     constexpr double kOpen = 1e-10;
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(block);
     const double largest = eigen.eigenvalues().maxCoeff();
-    Eigen::Matrix<double, 5, 1> inverse;
-    for (int i = 0; i < 5; ++i) {
+    Eigen::Matrix<double, kPoseSize, 1> inverse;
+    for (int i = 0; i < kPoseSize; ++i) {
       const double value = eigen.eigenvalues()[i];
       inverse[i] = value > kOpen * largest ? 1 / value : 0;
     }
@@ -64,13 +66,17 @@ class InformationSum {
   }
 
   // Columns of the whitened residual by the estimated parameters and by the wand's pose (origin,
-  // two of the direction).
+  // two of the direction; of a rigid target origin and rotation vector).
   absl::Status Linearise(const TrueInstant& instant, const SeenMarker& seen,
-                         Eigen::MatrixXd* rig_columns, Eigen::Matrix<double, 2, 5>* wand_columns) {
+                         Eigen::MatrixXd* rig_columns, PoseColumns* wand_columns) {
     const TrueCamera& camera = rig_.cameras[static_cast<size_t>(seen.camera)];
-    const double s = rig_.marker_positions_m[static_cast<size_t>(seen.marker)];
+    const bool is_rigid = !rig_.points_m.empty();
+    const auto m = static_cast<size_t>(seen.marker);
+    const double s = is_rigid ? 0 : rig_.marker_positions_m[m];
     const Eigen::Vector3d& direction = instant.wand.direction;
-    const Eigen::Vector3d x_in_cam = camera.cam_from_rig * (instant.wand.origin_m + s * direction);
+    const Eigen::Vector3d arm =
+        is_rigid ? instant.wand.rotation * rig_.points_m[m] : Eigen::Vector3d(s * direction);
+    const Eigen::Vector3d x_in_cam = camera.cam_from_rig * (instant.wand.origin_m + arm);
     if (!(x_in_cam.z() > 0)) {
       return absl::FailedPreconditionError(
           absl::StrCat("marker ", seen.marker, " is behind camera ", seen.camera));
@@ -89,8 +95,12 @@ class InformationSum {
     for (int i = 0; i < 2; ++i) {
       const Eigen::RowVector3d row(rows[i].x, rows[i].y, rows[i].z);
       const Eigen::RowVector3d rig_row = row * rotation;
-      wand_columns->row(i) << rig_row, s * rig_row.dot(across),
-          s * rig_row.dot(direction.cross(across));
+      if (is_rigid) {
+        wand_columns->row(i) << rig_row, arm.cross(rig_row.transpose()).transpose();
+      } else {
+        wand_columns->row(i) << rig_row, s * rig_row.dot(across),
+            s * rig_row.dot(direction.cross(across)), 0;
+      }
       if (const int pose = layout_.PoseIndex(seen.camera); pose >= 0) {
         rig_columns->row(i).segment<3>(pose) = x_in_cam.cross(row.transpose());
         rig_columns->row(i).segment<3>(pose + 3) = -rig_row;
@@ -102,6 +112,17 @@ class InformationSum {
         // With a larger offset the camera saw the wand at a later instant.
         (*rig_columns)(i, layout_.TimeOffsetIndex(seen.camera)) =
             rig_row.dot(instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s);
+      }
+    }
+    if (options_.line_delays) {
+      // As a time offset of the marker's row; later is the same as a larger offset.
+      const double row = projected.pixel[1] - camera.middle_row;
+      const Eigen::Vector3d velocity_m_s =
+          instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s;
+      for (int i = 0; i < 2; ++i) {
+        const Eigen::RowVector3d in_cam(rows[i].x, rows[i].y, rows[i].z);
+        (*rig_columns)(i, layout_.first_line_delay + seen.camera) =
+            row * (in_cam * rotation).dot(velocity_m_s);
       }
     }
     if (options_.intrinsics) {
@@ -154,14 +175,19 @@ int RigBound::TimeOffsetIndex(int camera) const {
 }
 
 absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOptions& options) {
+  if (!rig.points_m.empty() &&
+      (options.marker_positions || options.time_offsets || options.line_delays)) {
+    return absl::InvalidArgumentError("no bound of marker positions or clocks of a rigid target");
+  }
   RigBound bound;
   bound.reference_camera = rig.reference_camera;
   bound.camera_count = static_cast<int>(rig.cameras.size());
   bound.first_marker_position = 6 * (bound.camera_count - 1);
   const int spans = static_cast<int>(rig.marker_positions_m.size()) - 1;
   bound.first_time_offset = bound.first_marker_position + (options.marker_positions ? spans : 0);
-  bound.first_intrinsics =
+  bound.first_line_delay =
       bound.first_time_offset + (options.time_offsets ? bound.camera_count - 1 : 0);
+  bound.first_intrinsics = bound.first_line_delay + (options.line_delays ? bound.camera_count : 0);
   const int intrinsics = options.intrinsics ? static_cast<int>(options.intrinsics_sigma.size()) : 0;
   const Eigen::Index size = bound.first_intrinsics + bound.camera_count * intrinsics;
 
@@ -191,18 +217,23 @@ TrueRig MakeTrueRig(const SimulatedWorld& world, int reference) {
   TrueRig rig;
   rig.reference_camera = reference;
   rig.marker_positions_m = world.true_target().marker_positions_m;
+  for (const TargetPoint& point : world.true_target().points) {
+    rig.points_m.emplace_back(point.x_m, point.y_m, point.z_m);
+  }
   const RigidTransform& reference_from_world =
       world.cameras()[static_cast<size_t>(reference)].cam_from_rig;
   int frames = world.FrameCount(0);
   for (int c = 0; c < static_cast<int>(world.cameras().size()); ++c) {
     rig.cameras.push_back(
-        {TruePose(world, c, reference), world.cameras()[static_cast<size_t>(c)].true_intrinsics});
+        {TruePose(world, c, reference), world.cameras()[static_cast<size_t>(c)].true_intrinsics,
+         0.5 * (world.cameras()[static_cast<size_t>(c)].description.image_size_px.height - 1)});
     frames = std::min(frames, world.FrameCount(c));
   }
   const auto wand_at = [&](double rig_time_s) {
     const WandPose wand = world.WandAt(rig_time_s);
     return WandPose{reference_from_world * wand.origin_m,
-                    reference_from_world.rotation * wand.direction};
+                    reference_from_world.rotation * wand.direction,
+                    reference_from_world.rotation * Eigen::Quaterniond(wand.rotation)};
   };
   for (int frame = 0; frame < frames; ++frame) {
     const double rig_time_s = world.FrameRigTime(0, frame);

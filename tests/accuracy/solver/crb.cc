@@ -4,6 +4,7 @@
 // computed at the ground truth from the markers that were seen and are no outliers.
 #include <fmt/core.h>
 
+#include <string>
 #include <vector>
 
 #include "tests/accuracy/seed_options.h"
@@ -14,8 +15,9 @@
 namespace rigcal::accuracy {
 namespace {
 
-void PrintCrbTable(const SeedOptions& seeds, double outlier_share) {
+void PrintCrbTable(const SeedOptions& seeds, const std::string& target, double outlier_share) {
   CrbOptions options;
+  options.target = NamedTarget(target);
   options.camera_count = seeds.camera_count;
   options.duration_s = seeds.duration_s;
   options.outlier_share = outlier_share;
@@ -34,8 +36,8 @@ void PrintCrbTable(const SeedOptions& seeds, double outlier_share) {
   }
   const CrbSummary summary = Summarise(trials);
   const Interval efficient = summary.position_nees.ConsistentInterval(0.99);
-  fmt::print("{:7.0f} % {:8} {:9} {:11.3f} {:12.3f} {:12.3f} {:9.3f} [{:.3f}, {:.3f}]\n",
-             100 * outlier_share, seeds.count, summary.failures, summary.ratio,
+  fmt::print("{:7} {:7.0f} % {:8} {:9} {:11.3f} {:12.3f} {:12.3f} {:9.3f} [{:.3f}, {:.3f}]\n",
+             target, 100 * outlier_share, seeds.count, summary.failures, summary.ratio,
              summary.largest_trial_ratio, summary.largest_camera_ratio,
              summary.position_nees.Ratio(), efficient.low, efficient.high);
 }
@@ -44,9 +46,12 @@ int RunCrb(const SeedOptions& seeds) {
   fmt::print("{} cameras, {} s at 25 Hz, 0.3 px, only poses estimated\n", seeds.camera_count,
              seeds.duration_s);
   fmt::print(
-      "outliers    seeds  failures  RMSE/bound   worst seed worst camera  NEES/dof  99 % of "
+      "target   outliers    seeds  failures  RMSE/bound   worst seed worst camera  NEES/dof  99 % "
+      "of "
       "efficient solvers\n");
-  for (const double outlier_share : {0.0, 0.02}) PrintCrbTable(seeds, outlier_share);
+  for (const char* target : {"wand", "body", "plane"}) {
+    for (const double outlier_share : {0.0, 0.02}) PrintCrbTable(seeds, target, outlier_share);
+  }
   return 0;
 }
 

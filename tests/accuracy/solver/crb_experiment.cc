@@ -53,6 +53,36 @@ absl::Status Measure(const SimulatedWorld& world, CrbTrial* trial) {
 
 }  // namespace
 
+Target NamedTarget(const std::string& name) {
+  Target target;
+  if (name == "wand") {
+    target.marker_positions_m = {0, 0.13, 0.39};
+    return target;
+  }
+  target.kind = TargetKind::kRigid;
+  const auto add = [&target](double x_m, double y_m, double z_m) {
+    target.points.push_back({absl::StrCat("p", target.points.size()), x_m, y_m, z_m, 0});
+  };
+  if (name == "body") {
+    constexpr double kShort = 0.0657, kLong = 0.1063;  // half edges of three golden rectangles
+    for (const double a : {-kShort, kShort}) {
+      for (const double b : {-kLong, kLong}) {
+        add(0, a, b);
+        add(a, b, 0);
+        add(b, 0, a);
+      }
+    }
+    return target;
+  }
+  const int step = name == "square" ? 5 : 1;
+  for (int row = 0; row < 6; row += step) {
+    for (int column = 0; column < 9; column += name == "square" ? 8 : 1) {
+      add(0.04 * column, 0.04 * row, 0);
+    }
+  }
+  return target;
+}
+
 double CrbTrial::Ratio() const { return std::sqrt(squared_error_m2 / bound_m2); }
 
 CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed) {
@@ -63,10 +93,8 @@ CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed) {
   simulation.noise_px = options.noise_px;
   simulation.outlier_share = options.outlier_share;
   simulation.dropout_share = options.dropout_share;
-  Target target;
-  target.marker_positions_m = {0, 0.13, 0.39};
   CrbTrial trial;
-  const absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(simulation, target);
+  const absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(simulation, options.target);
   trial.status = world.ok() ? Measure(*world, &trial) : world.status();
   return trial;
 }

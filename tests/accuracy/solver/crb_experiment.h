@@ -6,9 +6,15 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "common/target/target.h"
 #include "tests/accuracy/rig/statistics.h"
 
 namespace rigcal::accuracy {
+
+// A target of the experiments, its points exact: `wand` (0, 0.13, 0.39 m), `body` (the twelve
+// corners of an icosahedron of 0.25 m), `plane` (nine by six points, 40 mm apart), `square` (its
+// four corners).
+Target NamedTarget(const std::string& name);
 
 // Camera positions against their Cramer-Rao bound when only poses are estimated: spacing exactly
 // nominal and fixed, intrinsics and clocks right and fixed.
@@ -18,6 +24,7 @@ struct CrbOptions {
   double noise_px = 0.3;
   double outlier_share = 0;
   double dropout_share = 0.05;
+  Target target = NamedTarget("wand");
 };
 
 struct CrbTrial {

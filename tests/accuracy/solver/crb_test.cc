@@ -43,5 +43,29 @@ TEST(CrbTest, PositionsReachTheBoundWithoutOutliers) { ExpectNearTheBound(RunSee
 
 TEST(CrbTest, PositionsReachTheBoundWithOutliers) { ExpectNearTheBound(RunSeeds(0.02)); }
 
+// By the general path. Few seeds and no outliers, whose cost ExpectNearTheBound allows for.
+TEST(CrbTest, PositionsReachTheBoundWithRigidTargets) {
+  const struct {
+    const char* target;
+    int seeds;
+    double duration_s;
+  } kCases[] = {{"body", 6, 6}, {"plane", 2, 3}};
+  for (const auto& entry : kCases) {
+    SCOPED_TRACE(entry.target);
+    CrbOptions options;
+    options.duration_s = entry.duration_s;
+    options.target = NamedTarget(entry.target);
+    const std::vector<CrbTrial> trials = RunAll<CrbTrial>(entry.seeds, 2, [&](int i) {
+      return RunCrbTrial(options, kFirstSeed + static_cast<uint32_t>(i));
+    });
+    for (const CrbTrial& trial : trials) EXPECT_THAT(trial.status, IsOk());
+    const CrbSummary summary = Summarise(trials);
+    const Interval efficient = summary.position_nees.ConsistentInterval(0.998);
+    EXPECT_EQ(summary.position_nees.dof(), entry.seeds * 15);
+    EXPECT_GT(summary.position_nees.Ratio(), efficient.low);
+    EXPECT_LT(summary.position_nees.Ratio(), 1.1 * efficient.high);
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::accuracy::crb_test

@@ -88,6 +88,30 @@ TEST(ObservationBatch, KeepsFullColumnsWithZerosForWhatIsNotVisible) {
   EXPECT_EQ(batch.Row(2).VisibleCount(), 0);
 }
 
+TEST(ObservationBatch, OfMoreMarkersThanAMaskHoldsSaysHowManyAreVisible) {
+  ObservationBatch batch;
+  batch.marker_count = 54;
+  Observation observation;
+  observation.markers.resize(54);
+  for (const size_t m : {size_t{0}, size_t{33}, size_t{53}}) {
+    observation.markers[m].visible = true;
+    observation.markers[m].centre_px = {3.0 + static_cast<double>(m), 4};
+  }
+  batch.Append(observation);
+  for (MarkerObservation& marker : observation.markers) marker = {};
+  batch.Append(observation);
+  EXPECT_THAT(batch.visible_mask, ElementsAre(3u, 0u));
+  EXPECT_THAT(CheckShape(batch), IsOk());
+  EXPECT_TRUE(batch.IsVisible(0, 53));
+  EXPECT_FALSE(batch.IsVisible(0, 32));
+  const Observation row = batch.Row(0);
+  EXPECT_EQ(row.VisibleCount(), 3);
+  EXPECT_EQ(row.markers[33].centre_px, Eigen::Vector2d(36, 4));
+  batch.visible_mask[0] = 4;
+  EXPECT_THAT(CheckShape(batch), StatusIs(absl::StatusCode::kInvalidArgument,
+                                          ::testing::HasSubstr("visible_mask[0]: is 4, but 3")));
+}
+
 TEST(ObservationBatch, HoldsSixteenMarkers) {
   ObservationBatch batch;
   batch.marker_count = 16;

@@ -78,6 +78,25 @@ TEST(SegmentFormat, GivesAnObservationBackAsFloats) {
   EXPECT_EQ(read.centre_kind, direct.centre_kind);
 }
 
+TEST(SegmentFormat, GivesMoreMarkersThanAWordHasBitsBack) {
+  for (const int count : {32, 33, 200}) {
+    SCOPED_TRACE(count);
+    Observation observation = MakeObservation(-5, 9, count);
+    observation.markers[31].visible = false;
+    std::string bytes;
+    EncodeRecord(12, observation, {}, &bytes);
+    const auto record = RecordAtFront(bytes);
+    ASSERT_TRUE(record);
+    SpooledObservation decoded;
+    ASSERT_TRUE(DecodePayload(record->payload, static_cast<uint32_t>(count), &decoded));
+    ASSERT_EQ(decoded.observation.markers.size(), observation.markers.size());
+    EXPECT_EQ(decoded.observation.VisibleCount(), count - 1);
+    EXPECT_FALSE(decoded.observation.markers[31].visible);
+    EXPECT_EQ(decoded.observation.markers.back().time_delta_ns,
+              observation.markers.back().time_delta_ns);
+  }
+}
+
 TEST(SegmentFormat, SeesEveryFlippedBitOfARecord) {
   std::string bytes;
   EncodeRecord(12, MakeObservation(5, 0, 2), {}, &bytes);

@@ -12,11 +12,11 @@
 namespace rigcal::server {
 namespace {
 
-constexpr double kMinOverlapS = 5;     // of each marker
-constexpr double kPeakWidthS = 0.3;    // offsets nearer to each other are of one valley
-constexpr size_t kMostValleys = 5;     // that are looked at closely
-constexpr double kWorthLooking = 3;    // times the deepest valley
-constexpr double kMarginS = 1;         // of what is cut out around an overlap
+constexpr double kMinOverlapS = 5;   // of each marker
+constexpr double kPeakWidthS = 0.3;  // offsets nearer to each other are of one valley
+constexpr size_t kMostValleys = 5;   // that are looked at closely
+constexpr double kWorthLooking = 3;  // times the deepest valley
+constexpr double kMarginS = 1;       // of what is cut out around an overlap
 constexpr double kConvincingMotionPx = 4;
 constexpr double kConvincingMotionShare = 0.3;  // of the score of wrong offsets
 // A second valley is another one only if it is worse by this factor, and this much.

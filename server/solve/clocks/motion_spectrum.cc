@@ -176,6 +176,7 @@ LagScores ScoreAllLags(const MotionSpectrum& a, const MotionSpectrum& b, int min
     }
   }
   const double focal_px = 0.5 * (a.focal_px + b.focal_px);
+  // Each lag begins where the one before has ended: their matrices are alike.
   Vector9d guess = Vector9d::Constant(1.0 / 3);
   for (int lag = first_lag; lag < a.sample_count; ++lag) {
     const auto at = static_cast<size_t>(lag < 0 ? lag + a.fft_size : lag);
@@ -187,6 +188,34 @@ LagScores ScoreAllLags(const MotionSpectrum& a, const MotionSpectrum& b, int min
     }
     const Matrix9d normal = NormalAt(sums, at) / count;
     scores.rms_px.push_back(focal_px * EpipolarRms(normal, a.scale, b.scale, &guess));
+  }
+  return scores;
+}
+
+LagScores DistanceFromItself(const MotionSpectrum& spectrum, int min_matches) {
+  LagScores scores;
+  scores.step_s = spectrum.step_s;
+  const size_t half = static_cast<size_t>(spectrum.fft_size) / 2 + 1;
+  // Of |x(t) - x(t - tau)|^2 the mixed terms, and of ones.
+  MotionSpectrum::Half squares(half), ones(half);
+  for (const auto& marker : spectrum.markers) {
+    for (size_t i = 0; i < half; ++i) {
+      const std::complex<double> seen = std::conj(marker[5][i]);
+      squares[i] += 2 * std::real((marker[0][i] + marker[2][i]) * seen) -
+                    2 * (std::norm(marker[3][i]) + std::norm(marker[4][i]));
+      ones[i] += std::norm(marker[5][i]);
+    }
+  }
+  Eigen::FFT<double> fft = HalfSpectrumFft();
+  std::vector<double> square, count;
+  fft.inv(square, squares, spectrum.fft_size);
+  fft.inv(count, ones, spectrum.fft_size);
+  for (size_t lag = 0; lag < static_cast<size_t>(spectrum.sample_count); ++lag) {
+    const double matches = std::round(count[lag]);
+    scores.matches.push_back(static_cast<int>(matches));
+    const double rms = std::sqrt(std::max(0.0, square[lag]) / std::max(1.0, matches));
+    scores.rms_px.push_back(matches < min_matches ? std::numeric_limits<double>::infinity()
+                                                  : spectrum.focal_px / spectrum.scale * rms);
   }
   return scores;
 }

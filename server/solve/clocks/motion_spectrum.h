@@ -54,4 +54,8 @@ int FftSizeFor(int samples);
 // one step and size.
 LagScores ScoreAllLags(const MotionSpectrum& a, const MotionSpectrum& b, int min_matches);
 
+// Root mean square distance between a track and itself, in pixels, by the time in between (0 and
+// later); infinite with fewer than `min_matches` samples in common.
+LagScores DistanceFromItself(const MotionSpectrum& spectrum, int min_matches);
+
 }  // namespace rigcal::server

@@ -13,9 +13,9 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kGridStepS = 0.02;
-constexpr int kMotionPartners = 2;   // of each clock, that agree
-constexpr int kMotionTries = 12;     // of each clock
-constexpr double kAgreeS = 0.03;     // two ways to one offset
+constexpr int kMotionPartners = 2;  // of each clock, that agree
+constexpr int kMotionTries = 12;    // of each clock
+constexpr double kAgreeS = 0.03;    // two ways to one offset
 
 // Two tracks and the clocks they are on.
 struct TrackPair {

@@ -11,6 +11,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/clocks/clock_groups.h"
 #include "server/solve/clocks/epipolar_score.h"
+#include "server/solve/clocks/motion_period.h"
 #include "server/solve/clocks/pair_scores.h"
 #include "server/solve/clocks/ray_paths.h"
 
@@ -119,8 +120,8 @@ double SpanShare(const std::vector<int64_t>& a_ns, const std::vector<int64_t>& b
   const auto span_s = [](int64_t from_ns, int64_t to_ns) {
     return 1e-9 * (static_cast<double>(to_ns) - static_cast<double>(from_ns));
   };
-  const double common_s = span_s(std::max(a_ns.front(), b_ns.front()),
-                                 std::min(a_ns.back(), b_ns.back()));
+  const double common_s =
+      span_s(std::max(a_ns.front(), b_ns.front()), std::min(a_ns.back(), b_ns.back()));
   const double shorter_s =
       std::min(span_s(a_ns.front(), a_ns.back()), span_s(b_ns.front(), b_ns.back()));
   return shorter_s > 0 ? common_s / shorter_s : 1;
@@ -179,6 +180,16 @@ int ClockMeasuredAgainst(const RigObservations& rig, size_t track, int reference
   return rig.index.clock_of_track[reference];
 }
 
+// The period of the motion as the camera saw it that saw most of it; 0 for none.
+double PeriodOfMotion(const std::vector<TrackPaths>& paths) {
+  const auto seen = [](const TrackPaths& track) {
+    size_t rows = 0;
+    for (const RayPath& path : track.markers) rows += path.ray.size();
+    return rows;
+  };
+  return FindMotionPeriod(*std::ranges::max_element(paths, {}, seen)).value_or(0);
+}
+
 // Clocks of one session are not all joined.
 bool AnyApart(const RigObservations& rig, const ClockGroups& groups) {
   for (size_t a = 0; a < rig.tracks.size(); ++a) {
@@ -230,16 +241,16 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
   const std::vector<ClockPair> pairs = PairsOf(rig, paths);
   std::vector<ClockPair> nearby;
   std::ranges::copy_if(pairs, std::back_inserter(nearby), [&](const ClockPair& pair) {
-    return SpanShare(times_ns[static_cast<size_t>(pair.a)], times_ns[static_cast<size_t>(pair.b)]) >=
-           kMinSpanShare;
+    return SpanShare(times_ns[static_cast<size_t>(pair.a)],
+                     times_ns[static_cast<size_t>(pair.b)]) >= kMinSpanShare;
   });
   ClockGroups groups(clocks->size());
   RIGCAL_RETURN_IF_ERROR(JoinPairs(rig, paths, nearby, Reach::kNearby, hooks, &groups));
   TimeSearchOutcome found;
   if (AnyApart(rig, groups) && !hooks.only_nearby) {
     const ClockGroups before = groups;
-    RIGCAL_ASSIGN_OR_RETURN(
-        found.ambiguous, JoinByMotion(rig, paths, {hooks.progress, hooks.cancelled}, &groups));
+    RIGCAL_ASSIGN_OR_RETURN(found.ambiguous,
+                            JoinByMotion(rig, paths, {hooks.progress, hooks.cancelled}, &groups));
     found.by_motion = FoundByMotion(rig, *clocks, before, groups);
   }
   if (AnyApart(rig, groups) && found.ambiguous.empty()) {
@@ -255,7 +266,9 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
       (*clocks)[static_cast<size_t>(to)].time_offset_s += groups.Between(from, to);
     }
   }
-  if (outcome != nullptr) *outcome = std::move(found);
+  if (outcome == nullptr) return absl::OkStatus();
+  if (!pairs.empty()) found.period_s = PeriodOfMotion(paths);
+  *outcome = std::move(found);
   return absl::OkStatus();
 }
 

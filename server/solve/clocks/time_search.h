@@ -29,6 +29,9 @@ struct ClockByMotion {
 struct TimeSearchOutcome {
   std::vector<ClockByMotion> by_motion;    // by track; of those that were far off
   std::vector<AmbiguousMotion> ambiguous;  // pairs that would have to be known, and are not
+  // The motion repeats itself after so long (FindMotionPeriod), and there are several clocks: 0 if
+  // it does not.
+  double period_s = 0;
 };
 
 // Finds offsets between clocks that are too large to be estimated (the first order in time holds

@@ -11,6 +11,7 @@ Experiment Consistency();
 Experiment Crb();
 Experiment Real();
 Experiment Robustness();
+Experiment Starts();
 Experiment UntilMm();
 
 }  // namespace rigcal::accuracy

@@ -12,7 +12,7 @@
 namespace rigcal::server {
 namespace {
 
-constexpr double kMinOverlapS = 5;   // of each marker
+constexpr double kMinOverlapS = 8;   // of each marker
 constexpr double kPeakWidthS = 0.3;  // offsets nearer to each other are of one valley
 constexpr size_t kMostValleys = 5;   // that are looked at closely
 constexpr double kWorthLooking = 3;  // times the deepest valley
@@ -54,11 +54,14 @@ std::vector<size_t> DeepestValleys(const LagScores& lags) {
   return valleys;
 }
 
-// The median score of offsets at which about as much is in common as at `lag`.
+// The median score of other offsets at which about as much is in common: any matrix fits little
+// motion well.
 double UsualPx(const LagScores& lags, size_t lag) {
   std::vector<double> others;
   for (size_t i = 0; i < lags.rms_px.size(); ++i) {
-    if (!std::isfinite(lags.rms_px[i]) || 2 * lags.matches[i] < lags.matches[lag]) continue;
+    if (!std::isfinite(lags.rms_px[i])) continue;
+    if (2 * lags.matches[i] < lags.matches[lag] || lags.matches[i] > 2 * lags.matches[lag])
+      continue;
     if (std::abs(lags.OffsetS(i) - lags.OffsetS(lag)) < kPeakWidthS) continue;
     others.push_back(lags.rms_px[i]);
   }
@@ -86,11 +89,10 @@ MotionMatch MatchMotion(const TrackPaths& a, const TrackPaths& b, const MotionSp
   const LagScores lags = ScoreAllLags(spectrum_a, spectrum_b, static_cast<int>(min_matches));
   const std::vector<size_t> valleys = DeepestValleys(lags);
   if (valleys.empty()) return match;
-  match.usual_px = UsualPx(lags, valleys.front());
   for (const size_t lag : valleys) {
     const MotionPeak peak = LookClosely(a, b, spectrum_b, lags.OffsetS(lag));
     const bool convinces = peak.score_px < kConvincingMotionPx &&
-                           peak.score_px < kConvincingMotionShare * match.usual_px;
+                           peak.score_px < kConvincingMotionShare * UsualPx(lags, lag);
     if (convinces) match.peaks.push_back(peak);
   }
   std::ranges::stable_sort(match.peaks, {}, &MotionPeak::score_px);

@@ -23,7 +23,6 @@ enum class MotionVerdict {
 struct MotionMatch {
   MotionVerdict verdict = MotionVerdict::kNone;
   std::vector<MotionPeak> peaks;  // best first; of kNone none
-  double usual_px = 0;            // root mean square score of wrong offsets
 };
 
 // Finds the offset between two tracks by the motion that both have seen, wherever it lies: all

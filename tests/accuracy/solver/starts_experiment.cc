@@ -78,6 +78,7 @@ absl::Status MeasureStarts(const SimulatedWorld& world, server::CalibrationInput
 StartsRun RunStarts(const SimulationOptions& simulation, const SimulationOptions& starts,
                     const StartsOptions& options) {
   Target target;
+  target.kind = options.is_point ? TargetKind::kPoint : TargetKind::kWand;
   target.marker_positions_m =
       options.is_point ? std::vector<double>{0} : std::vector<double>{0, 0.13, 0.39};
   StartsRun run;

@@ -76,6 +76,7 @@ INSTANTIATE_TEST_SUITE_P(CalibrateStarts, OneClockOff, ::testing::Values(1.5, -3
 
 TEST(CalibrateStarts, OfAPointTooIsFound) {
   Target point;
+  point.kind = TargetKind::kPoint;
   point.marker_positions_m = {0};
   const auto world =
       SimulatedWorld::Create(*ParseSimulationOptions("cameras=4;duration=40"), point);

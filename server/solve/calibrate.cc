@@ -172,14 +172,14 @@ absl::Status CheckDecided(const RigObservations& rig, const TimeSearchOutcome& s
   const AmbiguousMotion& pair = searched.ambiguous.front();
   std::vector<std::string> offsets;
   for (const MotionPeak& peak : pair.peaks) {
-    offsets.push_back(absl::StrFormat("%+.2f s (to %.1f px)", peak.offset_s, peak.score_px));
+    offsets.push_back(absl::StrFormat("%+.2f s", peak.offset_s));
   }
   return absl::FailedPreconditionError(absl::StrCat(
       "the clocks of cameras ", NameOfTrack(rig, pair.track_a), " and ",
       NameOfTrack(rig, pair.track_b),
       " are not known to each other, and the motion that both saw repeats itself: what ",
       NameOfTrack(rig, pair.track_b), " saw fits when its clock is moved by ",
-      absl::StrJoin(offsets, ", "),
+      absl::StrJoin(offsets, " or "),
       ". Wave the wand without a rhythm, through all of what the cameras see, or give the cameras "
       "clocks that are known to each other"));
 }

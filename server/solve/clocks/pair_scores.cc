@@ -13,6 +13,7 @@ namespace {
 constexpr double kUnmatched = std::numeric_limits<double>::infinity();
 constexpr double kCoarseStepS = 0.01;  // the solve needs about 10 ms
 constexpr double kFineStepS = 0.001;
+constexpr double kLeftAlonePeriods = 0.125;
 
 }  // namespace
 
@@ -35,6 +36,11 @@ double PairScores::Descend(double offset_s, double centre_s, double reach_s) {
     }
   }
   return offset_s;
+}
+
+double OffsetToApply(double offset_s, const TrackPaths& a, const TrackPaths& b) {
+  const double period_s = std::min(a.period_s, b.period_s);
+  return std::abs(offset_s) <= kLeftAlonePeriods * period_s ? 0 : offset_s;
 }
 
 }  // namespace rigcal::server

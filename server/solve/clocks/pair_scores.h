@@ -29,6 +29,10 @@ class PairScores {
   std::map<int64_t, double> known_;  // by microseconds
 };
 
+// The offset to apply for one that was found: clocks that agree to an eighth of a period, half the
+// width of an instant, are left exactly as they are.
+double OffsetToApply(double offset_s, const TrackPaths& a, const TrackPaths& b);
+
 // The share of the matches at one offset that others nearby must have.
 inline constexpr double kMinMatchShare = 0.6;
 

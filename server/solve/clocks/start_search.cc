@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
+#include "server/solve/clocks/pair_scores.h"
 
 namespace rigcal::server {
 namespace {
@@ -149,7 +150,9 @@ absl::StatusOr<std::vector<AmbiguousMotion>> JoinByMotion(const RigObservations&
         MatchMotion(paths[a], paths[b], spectra.Of(pair.track_a), spectra.Of(pair.track_b));
     if (match.verdict == MotionVerdict::kFound) {
       ++partners[a], ++partners[b];
-      found.push_back({pair, match.peaks.front()});
+      MotionPeak peak = match.peaks.front();
+      peak.offset_s = OffsetToApply(peak.offset_s, paths[a], paths[b]);
+      found.push_back({pair, peak});
     } else if (match.verdict == MotionVerdict::kAmbiguous) {
       ambiguous.push_back({pair.track_a, pair.track_b, match.peaks});
     }

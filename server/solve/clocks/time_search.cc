@@ -29,12 +29,13 @@ constexpr int kPartners = 3;  // of each clock, whose agreements are compared
 constexpr size_t kDescents = 8;
 constexpr double kTellingS = 0.1;  // so far off a score must be worse
 constexpr double kTellingPx = 0.1;
-// Clocks that agree to this share of a period are left as they are: half the width of an instant.
-constexpr double kLeftAlonePeriods = 0.125;
 // Recordings that overlap by less, of the shorter one, do not have clocks that agree nearly.
 constexpr double kMinSpanShare = 0.3;
 // A clock that was found by its motion is named from here on.
 constexpr double kNamedOffS = 0.05;
+// Of a motion that repeats itself, an offset by more of its period could as well be one the other
+// way.
+constexpr double kDecidedPeriods = 0.25;
 
 struct FoundOffset {
   double score_px, offset_s;
@@ -76,8 +77,7 @@ std::optional<FoundOffset> FindOffset(const TrackPaths& a, const TrackPaths& b, 
     if (!convinces) return std::nullopt;
   }
   if (best_s != 0 && !is_distinct(best_s)) return std::nullopt;
-  const bool leave = std::abs(best_s) <= kLeftAlonePeriods * std::min(a.period_s, b.period_s);
-  return FoundOffset{best, leave ? 0 : best_s};
+  return FoundOffset{best, OffsetToApply(best_s, a, b)};
 }
 
 // Two tracks on different clocks, and how much they have seen at the same time.
@@ -190,6 +190,18 @@ double PeriodOfMotion(const std::vector<TrackPaths>& paths) {
   return FindMotionPeriod(*std::ranges::max_element(paths, {}, seen)).value_or(0);
 }
 
+// What is left of the groups if offsets of more than `most_s` do not count.
+ClockGroups Within(double most_s, const ClockGroups& groups) {
+  ClockGroups kept(groups.size());
+  for (int b = 1; b < static_cast<int>(groups.size()); ++b) {
+    for (int a = 0; a < b; ++a) {
+      if (kept.Joined(a, b) || !groups.Joined(a, b)) continue;
+      if (std::abs(groups.Between(a, b)) <= most_s) kept.Join(a, b, groups.Between(a, b));
+    }
+  }
+  return kept;
+}
+
 // Clocks of one session are not all joined.
 bool AnyApart(const RigObservations& rig, const ClockGroups& groups) {
   for (size_t a = 0; a < rig.tracks.size(); ++a) {
@@ -247,13 +259,17 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
   ClockGroups groups(clocks->size());
   RIGCAL_RETURN_IF_ERROR(JoinPairs(rig, paths, nearby, Reach::kNearby, hooks, &groups));
   TimeSearchOutcome found;
-  if (AnyApart(rig, groups) && !hooks.only_nearby) {
+  if (!hooks.only_nearby) {
+    if (!pairs.empty()) found.period_s = PeriodOfMotion(paths);
+    if (found.period_s > 0) groups = Within(kDecidedPeriods * found.period_s, groups);
     const ClockGroups before = groups;
-    RIGCAL_ASSIGN_OR_RETURN(found.ambiguous,
-                            JoinByMotion(rig, paths, {hooks.progress, hooks.cancelled}, &groups));
+    if (AnyApart(rig, groups)) {
+      RIGCAL_ASSIGN_OR_RETURN(found.ambiguous,
+                              JoinByMotion(rig, paths, {hooks.progress, hooks.cancelled}, &groups));
+    }
     found.by_motion = FoundByMotion(rig, *clocks, before, groups);
   }
-  if (AnyApart(rig, groups) && found.ambiguous.empty()) {
+  if (AnyApart(rig, groups) && found.ambiguous.empty() && found.period_s == 0) {
     RIGCAL_RETURN_IF_ERROR(JoinPairs(rig, paths, pairs, Reach::kAnySecond, hooks, &groups));
   }
   for (size_t t = 0; t < rig.tracks.size(); ++t) {
@@ -266,9 +282,7 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
       (*clocks)[static_cast<size_t>(to)].time_offset_s += groups.Between(from, to);
     }
   }
-  if (outcome == nullptr) return absl::OkStatus();
-  if (!pairs.empty()) found.period_s = PeriodOfMotion(paths);
-  *outcome = std::move(found);
+  if (outcome != nullptr) *outcome = std::move(found);
   return absl::OkStatus();
 }
 

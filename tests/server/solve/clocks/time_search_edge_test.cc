@@ -71,7 +71,7 @@ TEST(SearchTimeOffsetsEdge, GoesOnFromWhatIsAlreadyKnown) {
 TEST(SearchTimeOffsetsEdge, FindsAClockThatIsSecondsOffUnlessToldToStayNearby) {
   std::vector<ClockCorrection> clocks;
   const RigObservations rig = RigOf(Input("cameras=2;duration=30;offset.1=3.5"), &clocks);
-  ASSERT_THAT(SearchTimeOffsets(rig, 0, {.only_nearby = true}, &clocks), IsOk());
+  ASSERT_THAT(SearchTimeOffsets(rig, 0, {{}, nullptr, true}, &clocks), IsOk());
   EXPECT_EQ(clocks[1].time_offset_s, 0);
   TimeSearchOutcome outcome;
   ASSERT_THAT(SearchTimeOffsets(rig, 0, {}, &clocks, &outcome), IsOk());

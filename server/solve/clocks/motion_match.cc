@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <functional>
+#include <utility>
 
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/clocks/epipolar_score.h"
@@ -12,16 +13,22 @@
 namespace rigcal::server {
 namespace {
 
-constexpr double kMinOverlapS = 8;   // of each marker
-constexpr double kPeakWidthS = 0.3;  // offsets nearer to each other are of one valley
-constexpr size_t kMostValleys = 5;   // that are looked at closely
-constexpr double kWorthLooking = 3;  // times the deepest valley
-constexpr double kMarginS = 1;       // of what is cut out around an overlap
+// Of each marker. One point alone says less at each moment than a wand.
+constexpr double kMinOverlapS = 8;
+constexpr double kMinPointOverlapS = 16;
+constexpr double kPeakWidthS = 0.3;    // offsets nearer to each other are of one valley
+constexpr size_t kMostValleys = 5;     // that are looked at closely
+constexpr double kWorthLooking = 0.5;  // share of the best evidence
+constexpr double kMarginS = 1;         // of what is cut out around an overlap
 constexpr double kConvincingMotionPx = 4;
-constexpr double kConvincingMotionShare = 0.3;  // of the score of wrong offsets
-// A second valley is another one only if it is worse by this factor, and this much.
+constexpr double kConvincingMotionShare = 0.1;  // of the score of wrong offsets
+// Another valley is as good as the best one if its evidence is this share of the best, and its
+// score is not worse by this factor, or this much.
+constexpr double kAsGoodEvidence = 0.6;
 constexpr double kDistinctFactor = 1.5;
 constexpr double kDistinctPx = 0.2;
+// Numbers of matches within this factor are compared with each other.
+constexpr double kAlikeFactor = 1.4;
 
 // The part of a track from one time to another.
 TrackPaths Between(const TrackPaths& paths, double from_s, double to_s) {
@@ -35,16 +42,46 @@ TrackPaths Between(const TrackPaths& paths, double from_s, double to_s) {
   return part;
 }
 
-// Lags of the deepest valleys, deepest first.
-std::vector<size_t> DeepestValleys(const LagScores& lags) {
+// The median score of lags with about as many matches, by lag: any matrix fits little motion well.
+std::vector<double> UsualScores(const LagScores& lags) {
+  const auto bin_of = [&lags](size_t lag) {
+    return static_cast<size_t>(std::log(lags.matches[lag]) / std::log(kAlikeFactor));
+  };
+  std::vector<std::vector<double>> bins;
+  for (size_t i = 0; i < lags.rms_px.size(); ++i) {
+    if (!std::isfinite(lags.rms_px[i])) continue;
+    if (bin_of(i) >= bins.size()) bins.resize(bin_of(i) + 1);
+    bins[bin_of(i)].push_back(lags.rms_px[i]);
+  }
+  std::vector<double> medians;
+  for (std::vector<double>& bin : bins) medians.push_back(bin.empty() ? 0 : UpperMedian(&bin));
+  std::vector<double> usual(lags.rms_px.size(), 0);
+  for (size_t i = 0; i < usual.size(); ++i) {
+    if (std::isfinite(lags.rms_px[i])) usual[i] = medians[bin_of(i)];
+  }
+  return usual;
+}
+
+// How much an offset explains: the logarithm of the likelihood that normally distributed errors
+// gain over those of wrong offsets.
+double Evidence(int matches, double usual_px, double score_px) {
+  constexpr double kLeastPx = 1e-3;
+  return matches * std::log(std::max(usual_px, kLeastPx) / std::max(score_px, kLeastPx));
+}
+
+// Lags of the valleys with most evidence, the best first.
+std::vector<size_t> BestValleys(const LagScores& lags, const std::vector<double>& usual_px) {
+  std::vector<double> evidence(lags.rms_px.size(), 0);
   std::vector<size_t> order;
   for (size_t i = 0; i < lags.rms_px.size(); ++i) {
-    if (std::isfinite(lags.rms_px[i])) order.push_back(i);
+    if (!std::isfinite(lags.rms_px[i])) continue;
+    evidence[i] = Evidence(lags.matches[i], usual_px[i], lags.rms_px[i]);
+    if (evidence[i] > 0) order.push_back(i);
   }
-  std::ranges::stable_sort(order, {}, [&lags](size_t i) { return lags.rms_px[i]; });
+  std::ranges::stable_sort(order, std::greater(), [&](size_t i) { return evidence[i]; });
   std::vector<size_t> valleys;
   for (const size_t lag : order) {
-    if (lags.rms_px[lag] > kWorthLooking * lags.rms_px[order.front()]) break;
+    if (evidence[lag] < kWorthLooking * evidence[order.front()]) break;
     const bool is_new = std::ranges::none_of(valleys, [&](size_t other) {
       return std::abs(lags.OffsetS(lag) - lags.OffsetS(other)) < kPeakWidthS;
     });
@@ -52,20 +89,6 @@ std::vector<size_t> DeepestValleys(const LagScores& lags) {
     if (valleys.size() == kMostValleys) break;
   }
   return valleys;
-}
-
-// The median score of other offsets at which about as much is in common: any matrix fits little
-// motion well.
-double UsualPx(const LagScores& lags, size_t lag) {
-  std::vector<double> others;
-  for (size_t i = 0; i < lags.rms_px.size(); ++i) {
-    if (!std::isfinite(lags.rms_px[i])) continue;
-    if (2 * lags.matches[i] < lags.matches[lag] || lags.matches[i] > 2 * lags.matches[lag])
-      continue;
-    if (std::abs(lags.OffsetS(i) - lags.OffsetS(lag)) < kPeakWidthS) continue;
-    others.push_back(lags.rms_px[i]);
-  }
-  return others.empty() ? 0 : UpperMedian(&others);
 }
 
 MotionPeak LookClosely(const TrackPaths& a, const TrackPaths& b, const MotionSpectrum& spectrum_b,
@@ -84,22 +107,34 @@ MotionPeak LookClosely(const TrackPaths& a, const TrackPaths& b, const MotionSpe
 MotionMatch MatchMotion(const TrackPaths& a, const TrackPaths& b, const MotionSpectrum& spectrum_a,
                         const MotionSpectrum& spectrum_b) {
   MotionMatch match;
-  const double min_matches =
-      kMinOverlapS / spectrum_a.step_s * static_cast<double>(a.markers.size());
-  const LagScores lags = ScoreAllLags(spectrum_a, spectrum_b, static_cast<int>(min_matches));
-  const std::vector<size_t> valleys = DeepestValleys(lags);
-  if (valleys.empty()) return match;
-  for (const size_t lag : valleys) {
+  const auto markers = static_cast<double>(a.markers.size());
+  const double overlap_s = a.markers.size() == 1 ? kMinPointOverlapS : kMinOverlapS * markers;
+  const LagScores lags =
+      ScoreAllLags(spectrum_a, spectrum_b, static_cast<int>(overlap_s / spectrum_a.step_s));
+  const std::vector<double> usual_px = UsualScores(lags);
+  std::vector<double> evidence;  // by peak
+  for (const size_t lag : BestValleys(lags, usual_px)) {
     const MotionPeak peak = LookClosely(a, b, spectrum_b, lags.OffsetS(lag));
-    const bool convinces = peak.score_px < kConvincingMotionPx &&
-                           peak.score_px < kConvincingMotionShare * UsualPx(lags, lag);
-    if (convinces) match.peaks.push_back(peak);
+    if (peak.score_px > kConvincingMotionPx ||
+        peak.score_px > kConvincingMotionShare * usual_px[lag]) {
+      continue;
+    }
+    match.peaks.push_back(peak);
+    evidence.push_back(Evidence(lags.matches[lag], usual_px[lag], peak.score_px));
   }
-  std::ranges::stable_sort(match.peaks, {}, &MotionPeak::score_px);
   if (match.peaks.empty()) return match;
-  const double distinct_px =
+  const auto best = static_cast<size_t>(std::ranges::max_element(evidence) - evidence.begin());
+  std::swap(match.peaks[0], match.peaks[best]);
+  std::swap(evidence[0], evidence[best]);
+  const double as_good_px =
       std::max(kDistinctFactor * match.peaks[0].score_px, match.peaks[0].score_px + kDistinctPx);
-  std::erase_if(match.peaks, [&](const MotionPeak& peak) { return peak.score_px > distinct_px; });
+  std::vector<MotionPeak> as_good;
+  for (size_t i = 0; i < match.peaks.size(); ++i) {
+    if (evidence[i] >= kAsGoodEvidence * evidence[0] && match.peaks[i].score_px <= as_good_px) {
+      as_good.push_back(match.peaks[i]);
+    }
+  }
+  match.peaks = std::move(as_good);
   match.verdict = match.peaks.size() > 1 ? MotionVerdict::kAmbiguous : MotionVerdict::kFound;
   return match;
 }

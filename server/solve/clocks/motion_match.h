@@ -22,12 +22,14 @@ enum class MotionVerdict {
 
 struct MotionMatch {
   MotionVerdict verdict = MotionVerdict::kNone;
-  std::vector<MotionPeak> peaks;  // best first; of kNone none
+  std::vector<MotionPeak> peaks;  // best first; none of kNone
 };
 
 // Finds the offset between two tracks by the motion that both have seen, wherever it lies: all
-// offsets with some seconds in common are scored at once (ScoreAllLags), the deepest valleys are
-// descended into with robust scores, and compared with each other.
+// offsets with some seconds in common are scored at once (ScoreAllLags). What counts is how much
+// better an offset fits than is usual with as much in common, times how much that is: a short
+// overlap often fits well. The best valleys are descended into with robust scores, and compared
+// with each other.
 MotionMatch MatchMotion(const TrackPaths& a, const TrackPaths& b, const MotionSpectrum& spectrum_a,
                         const MotionSpectrum& spectrum_b);
 

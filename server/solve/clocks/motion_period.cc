@@ -11,7 +11,7 @@
 namespace rigcal::server {
 namespace {
 
-constexpr double kPeriodStepS = 0.02;
+constexpr double kPeriodStepS = 0.01;
 // A lag tells something with so much of all that was seen in common.
 constexpr double kCommonShare = 0.5;
 // Of the median distance: so far a marker must have gone, and so near it must come again.

@@ -27,7 +27,7 @@ TEST(FftSizeFor, IsEvenAndAProductOfSmallPrimes) {
   EXPECT_EQ(FftSizeFor(7), 8);
   EXPECT_EQ(FftSizeFor(15), 16);
   EXPECT_EQ(FftSizeFor(1001), 1024);
-  EXPECT_EQ(FftSizeFor(8101), 8640);
+  EXPECT_EQ(FftSizeFor(8193), 8640);
 }
 
 // Up to half a step of the grid and the offset of the tracks' first rows are left.

@@ -23,9 +23,10 @@ constexpr double kMinMotionPx = 20;
 }  // namespace
 
 std::optional<double> FindMotionPeriod(const TrackPaths& paths) {
-  const int samples = GridSamples(paths, kPeriodStepS);
+  const std::optional<double> step_s = GridStepS(SpanS(paths), kPeriodStepS);
+  const int samples = step_s ? GridSamples(paths, *step_s) : 0;
   if (samples < 2) return std::nullopt;
-  const MotionSpectrum spectrum = SpectrumOf(paths, kPeriodStepS, FftSizeFor(2 * samples));
+  const MotionSpectrum spectrum = SpectrumOf(paths, *step_s, FftSizeFor(2 * samples));
   LagScores lags = DistanceFromItself(spectrum, 1);
   const double seen = lags.matches.front();
   std::vector<double> known;

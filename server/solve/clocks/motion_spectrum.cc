@@ -18,6 +18,8 @@ constexpr size_t kCount = MotionSpectrum::kMonomials;
 // Of the product of two homogeneous coordinates among the monomials u^2, u v, v^2, u, v, 1.
 constexpr size_t kProduct[3][3] = {{0, 1, 3}, {1, 2, 4}, {3, 4, 5}};
 constexpr int kPowerIterations = 3;
+constexpr double kMostGridSamples = 1 << 17;  // a camera's spectra of three markers have 38 MB
+constexpr double kCoarsestGridS = 0.1;
 
 struct TimeRange {
   double first_s = std::numeric_limits<double>::infinity();
@@ -104,6 +106,18 @@ double EpipolarRms(const Matrix9d& normal, double scale_a, double scale_b, Vecto
 }
 
 }  // namespace
+
+double SpanS(const TrackPaths& paths) {
+  const TimeRange range = RangeOf(paths);
+  return range.last_s >= range.first_s ? range.last_s - range.first_s : 0;
+}
+
+std::optional<double> GridStepS(double span_s, double finest_s) {
+  double step_s = finest_s;
+  while (span_s > kMostGridSamples * step_s) step_s *= 2;
+  if (step_s > kCoarsestGridS) return std::nullopt;
+  return step_s;
+}
 
 int GridSamples(const TrackPaths& paths, double step_s) {
   const TimeRange range = RangeOf(paths);

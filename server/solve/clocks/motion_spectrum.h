@@ -3,6 +3,7 @@
 
 #include <array>
 #include <complex>
+#include <optional>
 #include <vector>
 
 #include "server/solve/clocks/ray_paths.h"
@@ -34,6 +35,13 @@ struct LagScores {
 
   double OffsetS(size_t lag) const { return first_offset_s + step_s * static_cast<double>(lag); }
 };
+
+// From the first to the last row of a track; 0 without any.
+double SpanS(const TrackPaths& paths);
+
+// The step of a grid for tracks of up to this span: `finest_s`, or so many times doubled that
+// memory suffices for it. None for a span of many hours.
+std::optional<double> GridStepS(double span_s, double finest_s);
 
 // The number of samples that a grid of this step needs for a track; 0 without any.
 int GridSamples(const TrackPaths& paths, double step_s);

@@ -13,7 +13,7 @@
 namespace rigcal::server {
 namespace {
 
-constexpr double kGridStepS = 0.02;
+constexpr double kFinestGridS = 0.02;
 constexpr int kMotionPartners = 2;  // of each clock, that agree
 constexpr int kMotionTries = 12;    // of each clock
 constexpr double kAgreeS = 0.03;    // two ways to one offset
@@ -77,20 +77,24 @@ std::vector<TrackPair> PairsApart(const RigObservations& rig, const ClockGroups&
 class Spectra {
  public:
   explicit Spectra(const std::vector<TrackPaths>& paths) : paths_(paths), spectra_(paths.size()) {}
-  // `fft_size`: for the longest of all tracks that may be compared.
-  void Prepare(const std::vector<TrackPair>& pairs) {
-    int most = 0;
+  // For the longest of all tracks that may be compared. False if that is too long.
+  bool Prepare(const std::vector<TrackPair>& pairs) {
+    double longest_s = 0;
     for (const TrackPair& pair : pairs) {
       for (const int track : {pair.track_a, pair.track_b}) {
-        most = std::max(most, GridSamples(paths_[static_cast<size_t>(track)], kGridStepS));
+        longest_s = std::max(longest_s, SpanS(paths_[static_cast<size_t>(track)]));
       }
     }
-    fft_size_ = FftSizeFor(2 * most);
+    const std::optional<double> step_s = GridStepS(longest_s, kFinestGridS);
+    if (!step_s) return false;
+    step_s_ = *step_s;
+    fft_size_ = FftSizeFor(2 * (static_cast<int>(longest_s / step_s_) + 1));
+    return true;
   }
   const MotionSpectrum& Of(int track) {
     auto& spectrum = spectra_[static_cast<size_t>(track)];
     if (!spectrum) {
-      spectrum = SpectrumOf(paths_[static_cast<size_t>(track)], kGridStepS, fft_size_);
+      spectrum = SpectrumOf(paths_[static_cast<size_t>(track)], step_s_, fft_size_);
     }
     return *spectrum;
   }
@@ -98,6 +102,7 @@ class Spectra {
  private:
   const std::vector<TrackPaths>& paths_;
   std::vector<std::optional<MotionSpectrum>> spectra_;
+  double step_s_ = 0;
   int fft_size_ = 0;
 };
 
@@ -132,7 +137,7 @@ absl::StatusOr<std::vector<AmbiguousMotion>> JoinByMotion(const RigObservations&
                                                           ClockGroups* groups) {
   const std::vector<TrackPair> pairs = PairsApart(rig, *groups);
   Spectra spectra(paths);
-  spectra.Prepare(pairs);
+  if (!spectra.Prepare(pairs)) return std::vector<AmbiguousMotion>();
   std::vector<FoundPair> found;
   std::vector<AmbiguousMotion> ambiguous;
   std::vector<int> partners(rig.tracks.size(), 0), tries(rig.tracks.size(), 0);

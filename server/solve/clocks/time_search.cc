@@ -127,6 +127,17 @@ double SpanShare(const std::vector<int64_t>& a_ns, const std::vector<int64_t>& b
   return shorter_s > 0 ? common_s / shorter_s : 1;
 }
 
+// The hooks of a part of the search.
+TimeSearchHooks Part(const TimeSearchHooks& hooks, double from, double to) {
+  TimeSearchHooks part = hooks;
+  if (hooks.progress) {
+    part.progress = [progress = hooks.progress, from, to](double fraction) {
+      progress(from + (to - from) * fraction);
+    };
+  }
+  return part;
+}
+
 // First some partners of each clock, whose best agreements are joined: a wrong valley that
 // convinces one pair is never as low as the right one of another. Then whatever joins the rest.
 absl::Status JoinPairs(const RigObservations& rig, const std::vector<TrackPaths>& paths,
@@ -257,20 +268,24 @@ absl::Status SearchTimeOffsets(const RigObservations& rig, int reference_camera,
                      times_ns[static_cast<size_t>(pair.b)]) >= kMinSpanShare;
   });
   ClockGroups groups(clocks->size());
-  RIGCAL_RETURN_IF_ERROR(JoinPairs(rig, paths, nearby, Reach::kNearby, hooks, &groups));
+  RIGCAL_RETURN_IF_ERROR(
+      JoinPairs(rig, paths, nearby, Reach::kNearby, Part(hooks, 0, 0.2), &groups));
   TimeSearchOutcome found;
   if (!hooks.only_nearby) {
-    if (!pairs.empty()) found.period_s = PeriodOfMotion(paths);
+    // Clocks of one session, one of which could be another period off.
+    if (AnyApart(rig, ClockGroups(clocks->size()))) found.period_s = PeriodOfMotion(paths);
     if (found.period_s > 0) groups = Within(kDecidedPeriods * found.period_s, groups);
     const ClockGroups before = groups;
     if (AnyApart(rig, groups)) {
-      RIGCAL_ASSIGN_OR_RETURN(found.ambiguous,
-                              JoinByMotion(rig, paths, {hooks.progress, hooks.cancelled}, &groups));
+      RIGCAL_ASSIGN_OR_RETURN(
+          found.ambiguous,
+          JoinByMotion(rig, paths, {Part(hooks, 0.2, 0.8).progress, hooks.cancelled}, &groups));
     }
     found.by_motion = FoundByMotion(rig, *clocks, before, groups);
   }
   if (AnyApart(rig, groups) && found.ambiguous.empty() && found.period_s == 0) {
-    RIGCAL_RETURN_IF_ERROR(JoinPairs(rig, paths, pairs, Reach::kAnySecond, hooks, &groups));
+    RIGCAL_RETURN_IF_ERROR(
+        JoinPairs(rig, paths, pairs, Reach::kAnySecond, Part(hooks, 0.8, 1), &groups));
   }
   for (size_t t = 0; t < rig.tracks.size(); ++t) {
     const int from = ClockMeasuredAgainst(rig, t, reference_camera);

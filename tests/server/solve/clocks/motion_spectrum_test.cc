@@ -30,6 +30,14 @@ TEST(FftSizeFor, IsEvenAndAProductOfSmallPrimes) {
   EXPECT_EQ(FftSizeFor(8193), 8640);
 }
 
+// Stamps in a wrong unit may span years.
+TEST(GridStepS, BecomesCoarserForLongRecordingsUntilMemoryEnds) {
+  EXPECT_EQ(GridStepS(90, 0.02), 0.02);
+  EXPECT_EQ(GridStepS(3600, 0.02), 0.04);
+  EXPECT_EQ(GridStepS(1e9, 0.02), std::nullopt);
+  EXPECT_EQ(GridStepS(0, 0.02), 0.02);
+}
+
 // Up to half a step of the grid and the offset of the tracks' first rows are left.
 TEST(ScoreAllLags, IsLowestAtTheOffsetOfTwoViewsOfOneMotion) {
   for (const double offset_s : {0.0, 7.31, -23.4}) {

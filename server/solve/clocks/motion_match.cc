@@ -15,12 +15,12 @@ namespace {
 
 // Of each marker. One point alone says less at each moment than a wand.
 constexpr double kMinOverlapS = 8;
-constexpr double kMinPointOverlapS = 16;
+constexpr double kMinPointOverlapS = 20;
 constexpr double kPeakWidthS = 0.3;    // offsets nearer to each other are of one valley
 constexpr size_t kMostValleys = 5;     // that are looked at closely
 constexpr double kWorthLooking = 0.5;  // share of the best evidence
 constexpr double kMarginS = 1;         // of what is cut out around an overlap
-constexpr double kConvincingMotionPx = 4;
+constexpr double kConvincingMotionPx = 2.5;
 constexpr double kConvincingMotionShare = 0.1;  // of the score of wrong offsets
 // Another valley is as good as the best one if its evidence is this share of the best, and its
 // score is not worse by this factor, or this much.

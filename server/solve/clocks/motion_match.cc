@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <utility>
 
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/clocks/epipolar_score.h"
@@ -22,6 +21,10 @@ constexpr double kWorthLooking = 0.5;  // share of the best evidence
 constexpr double kMarginS = 1;         // of what is cut out around an overlap
 constexpr double kConvincingMotionPx = 2.5;
 constexpr double kConvincingMotionShare = 0.1;  // of the score of wrong offsets
+constexpr double kConvincingRmsShare = 0.25;    // likewise, of its root mean square
+// Chance makes some offsets better than others; the right one stands out from all of them.
+constexpr double kDistinctEvidence = 1.4;
+constexpr double kRivalS = 1;
 // Another valley is as good as the best one if its evidence is this share of the best, and its
 // score is not worse by this factor, or this much.
 constexpr double kAsGoodEvidence = 0.6;
@@ -69,13 +72,20 @@ double Evidence(int matches, double usual_px, double score_px) {
   return matches * std::log(std::max(usual_px, kLeastPx) / std::max(score_px, kLeastPx));
 }
 
-// Lags of the valleys with most evidence, the best first.
-std::vector<size_t> BestValleys(const LagScores& lags, const std::vector<double>& usual_px) {
+// By lag, of all matches, which no robust score leaves out: half of a motion is often fitted well.
+std::vector<double> EvidenceByLag(const LagScores& lags, const std::vector<double>& usual_px) {
   std::vector<double> evidence(lags.rms_px.size(), 0);
-  std::vector<size_t> order;
-  for (size_t i = 0; i < lags.rms_px.size(); ++i) {
+  for (size_t i = 0; i < evidence.size(); ++i) {
     if (!std::isfinite(lags.rms_px[i])) continue;
     evidence[i] = Evidence(lags.matches[i], usual_px[i], lags.rms_px[i]);
+  }
+  return evidence;
+}
+
+// Lags of the valleys with most evidence, the best first.
+std::vector<size_t> BestValleys(const LagScores& lags, const std::vector<double>& evidence) {
+  std::vector<size_t> order;
+  for (size_t i = 0; i < evidence.size(); ++i) {
     if (evidence[i] > 0) order.push_back(i);
   }
   std::ranges::stable_sort(order, std::greater(), [&](size_t i) { return evidence[i]; });
@@ -89,6 +99,15 @@ std::vector<size_t> BestValleys(const LagScores& lags, const std::vector<double>
     if (valleys.size() == kMostValleys) break;
   }
   return valleys;
+}
+
+// The most evidence for any other offset than about that of `lag`.
+double RivalEvidence(const LagScores& lags, const std::vector<double>& evidence, size_t lag) {
+  double most = 0;
+  for (size_t i = 0; i < evidence.size(); ++i) {
+    if (std::abs(lags.OffsetS(i) - lags.OffsetS(lag)) > kRivalS) most = std::max(most, evidence[i]);
+  }
+  return most;
 }
 
 MotionPeak LookClosely(const TrackPaths& a, const TrackPaths& b, const MotionSpectrum& spectrum_b,
@@ -112,30 +131,38 @@ MotionMatch MatchMotion(const TrackPaths& a, const TrackPaths& b, const MotionSp
   const LagScores lags =
       ScoreAllLags(spectrum_a, spectrum_b, static_cast<int>(overlap_s / spectrum_a.step_s));
   const std::vector<double> usual_px = UsualScores(lags);
-  std::vector<double> evidence;  // by peak
-  for (const size_t lag : BestValleys(lags, usual_px)) {
+  const std::vector<double> by_lag = EvidenceByLag(lags, usual_px);
+  struct Candidate {
+    MotionPeak peak;
+    size_t lag;
+    double evidence;
+  };
+  std::vector<Candidate> candidates;
+  for (const size_t lag : BestValleys(lags, by_lag)) {
+    if (lags.rms_px[lag] > kConvincingRmsShare * usual_px[lag]) continue;
     const MotionPeak peak = LookClosely(a, b, spectrum_b, lags.OffsetS(lag));
     if (peak.score_px > kConvincingMotionPx ||
         peak.score_px > kConvincingMotionShare * usual_px[lag]) {
       continue;
     }
-    match.peaks.push_back(peak);
-    evidence.push_back(Evidence(lags.matches[lag], usual_px[lag], peak.score_px));
+    candidates.push_back({peak, lag, Evidence(lags.matches[lag], usual_px[lag], peak.score_px)});
   }
-  if (match.peaks.empty()) return match;
-  const auto best = static_cast<size_t>(std::ranges::max_element(evidence) - evidence.begin());
-  std::swap(match.peaks[0], match.peaks[best]);
-  std::swap(evidence[0], evidence[best]);
+  if (candidates.empty()) return match;
+  std::ranges::stable_sort(candidates, std::greater(), &Candidate::evidence);
+  const Candidate& best = candidates.front();
   const double as_good_px =
-      std::max(kDistinctFactor * match.peaks[0].score_px, match.peaks[0].score_px + kDistinctPx);
-  std::vector<MotionPeak> as_good;
-  for (size_t i = 0; i < match.peaks.size(); ++i) {
-    if (evidence[i] >= kAsGoodEvidence * evidence[0] && match.peaks[i].score_px <= as_good_px) {
-      as_good.push_back(match.peaks[i]);
+      std::max(kDistinctFactor * best.peak.score_px, best.peak.score_px + kDistinctPx);
+  for (const Candidate& candidate : candidates) {
+    if (candidate.evidence >= kAsGoodEvidence * best.evidence &&
+        candidate.peak.score_px <= as_good_px) {
+      match.peaks.push_back(candidate.peak);
     }
   }
-  match.peaks = std::move(as_good);
   match.verdict = match.peaks.size() > 1 ? MotionVerdict::kAmbiguous : MotionVerdict::kFound;
+  if (match.verdict == MotionVerdict::kFound &&
+      by_lag[best.lag] < kDistinctEvidence * RivalEvidence(lags, by_lag, best.lag)) {
+    return {};
+  }
   return match;
 }
 

@@ -32,10 +32,10 @@ TEST(MatchMotion, FindsTheOffsetWhereverItIs) {
   }
 }
 
-TEST(MatchMotion, FindsItWhereTheRecordingsOverlapForAThirdOnly) {
+TEST(MatchMotion, FindsItWhereTheRecordingsOverlapForHalfOnly) {
   const MotionMatch match =
       Match(SyntheticPaths({.view = 0, .duration_s = 60}),
-            SyntheticPaths({.view = 1, .duration_s = 60, .start_s = 40, .offset_s = 100}));
+            SyntheticPaths({.view = 1, .duration_s = 60, .start_s = 30, .offset_s = 100}));
   ASSERT_EQ(match.verdict, MotionVerdict::kFound);
   EXPECT_NEAR(match.peaks.front().offset_s, 100, 0.002);
 }

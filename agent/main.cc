@@ -6,6 +6,7 @@
 #include <chrono>
 #include <csignal>
 #include <exception>
+#include <filesystem>
 #include <functional>
 #include <iostream>
 #include <memory>
@@ -198,6 +199,7 @@ absl::StatusOr<int> RunAgent(const Flags& flags, const sigset_t& signals) {
   options.previews.enabled = config.preview.enabled;
   options.previews.max_rate_hz = config.preview.max_rate_hz;
   options.previews.max_jpeg_bytes = static_cast<size_t>(config.preview.max_kb) << 10;
+  options.learning.folder = std::filesystem::path(config.state_dir) / "detectors";
   Uplink* running = nullptr;
   RenewalThread renewal(folder, RenewalEvents(&running));
   const auto make_channel = [server = config.server, files, &renewal] {

@@ -6,8 +6,10 @@
 
 #include <CLI/CLI.hpp>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -16,6 +18,7 @@
 #include <vector>
 
 #include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
 #include "common/config/server_config.h"
 #include "common/discovery/discovery.h"
 #include "common/failpoint/failpoint.h"
@@ -197,10 +200,21 @@ RetentionOptions RetentionOf(const RetentionConfig& config) {
           .delete_calibrated = config.delete_calibrated};
 }
 
-// Why the server cannot take observations, if so.
-absl::Status Readiness(const Store& store, const Ingest& ingest) {
-  std::string problem = store.Health().problem;
+// Why the server cannot take observations, if so; also while none arrive.
+absl::Status Readiness(const std::string& data_dir, const Store& store, const Ingest& ingest) {
+  const StoreHealth health = store.Health();
+  std::string problem = health.problem;
   if (problem.empty()) problem = ingest.Stats().problem;
+  if (problem.empty() && access(data_dir.c_str(), W_OK) != 0) {
+    problem = absl::StrCat("the data folder ", data_dir, " cannot be written: ", strerror(errno));
+  }
+  const bool disk_known = health.free_bytes > 0 || health.reserve_bytes > 0;
+  if (problem.empty() && disk_known && health.free_bytes < health.reserve_bytes) {
+    problem = absl::StrCat("the disk has ", health.free_bytes >> 20, " MiB left, and ",
+                           health.reserve_bytes >> 20,
+                           " MiB are its reserve; free space, or delete sessions and run "
+                           "`rigcal-server compact`");
+  }
   return problem.empty() ? absl::OkStatus() : absl::UnavailableError(problem);
 }
 
@@ -251,6 +265,10 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
   live.SetRowTap([&estimates](const StreamKey& stream, const ObservationBatch& batch) {
     estimates.AddRows(stream, batch);
   });
+  live.SetEarlierTap([&estimates](const std::string& session_id, const SessionCamera& camera,
+                                  const ObservationBatch& rows) {
+    estimates.AddEarlierRows(session_id, camera, rows);
+  });
   const auto report_delivery = [&](const Delivery& delivery, const AppendOutcome& outcome) {
     live.RecordDelivery(delivery, outcome);
   };
@@ -270,26 +288,26 @@ absl::Status Serve(const ServerConfig& config, const std::string& port_file,
               SolveInWorker({.program = worker,
                              .scratch_dir = config.data_dir,
                              .max_memory_bytes = uint64_t{limits.calibration_memory_mb} << 20}))));
-  RIGCAL_ASSIGN_OR_RETURN(const auto web,
-                          WebServer::Open({.data_dir = config.data_dir,
-                                           .grpc_listen = config.listen,
-                                           .https_listen = config.https.listen,
-                                           .hosts = HostsOf(config.https.hosts),
-                                           .plain_loopback = !config.tls.loopback,
-                                           .audit = &audit,
-                                           .ready = [&] { return Readiness(*store, ingest); }}));
+  RIGCAL_ASSIGN_OR_RETURN(
+      const auto web,
+      WebServer::Open({.data_dir = config.data_dir,
+                       .grpc_listen = config.listen,
+                       .https_listen = config.https.listen,
+                       .hosts = HostsOf(config.https.hosts),
+                       .plain_loopback = !config.tls.loopback,
+                       .audit = &audit,
+                       .ready = [&] { return Readiness(config.data_dir, *store, ingest); }}));
   Retention retention(RetentionOf(config.retention), store.get(), coordinator.get());
-  RpcServer rpc(RpcOptions(config, identity),
-                {.store = store.get(),
-                 .ingest = &ingest,
-                 .directory = &directory,
-                 .coordinator = coordinator.get(),
-                 .runner = runner.get(),
-                 .registry = registry.get(),
-                 .audit = &audit,
-                 .identities = web->authority(),
-                 .retention = &retention,
-                 .live = &live});
+  RpcServer rpc(RpcOptions(config, identity), {.store = store.get(),
+                                               .ingest = &ingest,
+                                               .directory = &directory,
+                                               .coordinator = coordinator.get(),
+                                               .runner = runner.get(),
+                                               .registry = registry.get(),
+                                               .audit = &audit,
+                                               .identities = web->authority(),
+                                               .retention = &retention,
+                                               .live = &live});
 
   coordinator->Start();
   live.Start();

@@ -53,36 +53,51 @@ absl::StatusOr<std::unique_ptr<DetectingObservationSource>> DetectingObservation
 }
 
 absl::Status DetectingObservationSource::Start(const Target& target) {
-  const CameraDescription& camera = description();
-  WandDetectorOptions options = options_.detector;
-  if (options.exposure_s <= 0 && camera.settings) options.exposure_s = camera.settings->exposure_s;
-  RIGCAL_ASSIGN_OR_RETURN(detector_, WandDetector::Create(options, target, camera));
-  detector_->SetIgnored(mask_);
+  target_ = target;
+  start_mask_ = {};
+  RIGCAL_RETURN_IF_ERROR(MakeDetector());
   learner_.reset();
   learn_until_ns_.reset();
   if (options_.learn_mask_s > 0) {
     RIGCAL_ASSIGN_OR_RETURN(
-        learner_, StaticMaskLearner::Create(options_.detector.colour, camera.image_size_px));
+        learner_, StaticMaskLearner::Create(control_.colour(), description().image_size_px));
   }
-  marker_count_ = target.marker_count();
   blink_period_s_ = BlinkPeriodS(target);
   exposure_checked_ = false;
   detection_ = {};
   detections_ = {};
   refused_ = {};
   warned_.clear();
-  return frames_->Start(target);
+  RIGCAL_RETURN_IF_ERROR(frames_->Start(target));
+  control_.SetTarget(target);
+  return absl::OkStatus();
+}
+
+absl::Status DetectingObservationSource::MakeDetector() {
+  const CameraDescription& camera = description();
+  WandDetectorOptions options = options_.detector;
+  options.colour = control_.colour();
+  if (options.exposure_s <= 0 && camera.settings) options.exposure_s = camera.settings->exposure_s;
+  RIGCAL_ASSIGN_OR_RETURN(detector_, WandDetector::Create(options, target_, camera));
+  detector_->SetIgnored(Union(start_mask_, control_.ignored()));
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::optional<Observation>> DetectingObservationSource::Next() {
-  RIGCAL_ASSIGN_OR_RETURN(const std::optional<Frame> frame, frames_->Next());
-  if (!frame) return std::nullopt;
+  const absl::StatusOr<std::optional<Frame>> next = frames_->Next();
+  if (!next.ok() || !*next) {
+    control_.SetTarget(std::nullopt);
+    if (!next.ok()) return next.status();
+    return std::nullopt;
+  }
+  const std::optional<Frame>& frame = *next;
+  if (control_.TakeChange()) RIGCAL_RETURN_IF_ERROR(MakeDetector());
   CheckExposure(*frame);
   if (LearnsMask(*frame)) {
     Observation empty;
     empty.time_ns = frame->time_ns;
     empty.clock_epoch = frame->clock_epoch;
-    empty.markers.resize(static_cast<size_t>(marker_count_));
+    empty.markers.resize(static_cast<size_t>(target_.marker_count()));
     return empty;
   }
   RIGCAL_ASSIGN_OR_RETURN(detection_,
@@ -90,6 +105,7 @@ absl::StatusOr<std::optional<Observation>> DetectingObservationSource::Next() {
   Note(*frame);
   preview_tap_.Offer(frame->image, frame->time_ns, frame->clock_epoch, detection_,
                      detector_->window(), detector_->blobs());
+  control_.frames().Offer(frame->image, frame->time_ns, frame->clock_epoch, detection_);
   return detection_.observation;
 }
 
@@ -103,14 +119,12 @@ bool DetectingObservationSource::LearnsMask(const Frame& frame) {
     learner_->Add(frame.image);
     return true;
   }
-  PixelMask learnt = learner_->Learn();
-  for (int y = 0; y < std::min(mask_.height(), learnt.height()); ++y) {
-    for (int i = 0; i < learnt.words_per_row(); ++i) learnt.MutableRow(y)[i] |= mask_.Row(y)[i];
-  }
+  start_mask_ = learner_->Learn();
+  PixelMask ignored = Union(start_mask_, control_.ignored());
   spdlog::info("camera {}: learnt from {} frames to ignore {} pixels that do not move",
-               description().camera, learner_->frame_count(), learnt.CountPixels());
+               description().camera, learner_->frame_count(), ignored.CountPixels());
   learner_.reset();
-  detector_->SetIgnored(std::move(learnt));
+  detector_->SetIgnored(std::move(ignored));
   return false;
 }
 

@@ -12,6 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "agent/capture/detector_control.h"
 #include "agent/capture/frame_source.h"
 #include "agent/capture/observation_source.h"
 #include "agent/capture/preview/preview_tap.h"
@@ -52,6 +53,7 @@ class DetectingObservationSource : public ObservationSource {
   std::optional<FrameCounts> frame_counts() const override { return frames_->counts(); }
   std::optional<DetectionCounts> detection_counts() const override { return detections_; }
   PreviewTap* preview_tap() override { return &preview_tap_; }
+  DetectorControl* detector_control() override { return &control_; }
 
   // Of the last observation.
   const Detection& last_detection() const { return detection_; }
@@ -64,7 +66,11 @@ class DetectingObservationSource : public ObservationSource {
  private:
   DetectingObservationSource(std::unique_ptr<FrameSource> frames, DetectingOptions options,
                              PixelMask mask)
-      : frames_(std::move(frames)), options_(std::move(options)), mask_(std::move(mask)) {}
+      : frames_(std::move(frames)),
+        options_(std::move(options)),
+        control_(frames_->description(), options_.detector.colour, std::move(mask)) {}
+  // A detector as the control says.
+  absl::Status MakeDetector();
   bool LearnsMask(const Frame& frame);
   void CheckExposure(const Frame& frame);
   void Note(const Frame& frame);
@@ -72,12 +78,13 @@ class DetectingObservationSource : public ObservationSource {
 
   const std::unique_ptr<FrameSource> frames_;
   const DetectingOptions options_;
-  const PixelMask mask_;  // without pixels: none
+  DetectorControl control_;
   PreviewTap preview_tap_;
   std::optional<WandDetector> detector_;
+  Target target_;
+  PixelMask start_mask_;  // learnt at the start of this capture; without pixels: none
   std::optional<StaticMaskLearner> learner_;
   std::optional<int64_t> learn_until_ns_;
-  int marker_count_ = 0;
   double blink_period_s_ = 0;  // 0: not known
   bool exposure_checked_ = false;
   Detection detection_;

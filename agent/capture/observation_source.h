@@ -14,12 +14,14 @@
 
 namespace rigcal::agent {
 
+class DetectorControl;
 class PreviewTap;
 
 // One camera's observations in capture order. Recorded and simulated cameras yield them directly; a
 // camera that yields frames or events has a detector between it and this interface.
 //
-// Start, Next, the takers and the getters are called by one thread; Stop and preview_tap by any.
+// Start, Next, the takers and the getters are called by one thread; Stop,
+// preview_tap and detector_control by any.
 class ObservationSource {
  public:
   virtual ~ObservationSource() = default;
@@ -52,6 +54,10 @@ class ObservationSource {
   // For requests of frames by any thread; lives as long as the source. Null: the source has no
   // frames.
   virtual PreviewTap* preview_tap() { return nullptr; }
+
+  // To change the detector while it runs, by any thread; lives as long as the source. Null: the
+  // source has no detector of frames.
+  virtual DetectorControl* detector_control() { return nullptr; }
 };
 
 }  // namespace rigcal::agent

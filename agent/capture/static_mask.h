@@ -7,10 +7,10 @@
 
 #include "absl/status/statusor.h"
 #include "agent/detect/blobs/colour_masker.h"
-#include "agent/detect/blobs/colour_range.h"
 #include "agent/detect/blobs/image_view.h"
 #include "agent/detect/blobs/pixel_mask.h"
 #include "common/camera/intrinsics.h"
+#include "common/target/colour_range.h"
 
 namespace rigcal::agent {
 

@@ -46,6 +46,7 @@ class CameraPipeline {
   const CameraDescription& description() const { return source_->description(); }
   // As ObservationSource::preview_tap.
   PreviewTap* preview_tap() const { return source_->preview_tap(); }
+  DetectorControl* detector_control() const { return source_->detector_control(); }
 
   // Opens `stream` in the spool, numbered from `first_seq`, and captures `target` into it.
   // ALREADY_EXISTS: the stream is in the spool, so this has been done before.

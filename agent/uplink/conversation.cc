@@ -12,6 +12,7 @@
 #include "agent/uplink/host_alignment.h"
 #include "common/status/status_macros.h"
 #include "common/wire/camera_wire.h"
+#include "common/wire/detector_wire.h"
 #include "common/wire/observation_wire.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
@@ -102,6 +103,9 @@ absl::Status Conversation::Handle(const v1::ConnectResponse& message, Clock::tim
     case v1::ConnectResponse::kPreviewRequest:
       HandlePreviewRequest(message.preview_request());
       break;
+    case v1::ConnectResponse::kDetectorRequest:
+      HandleDetectorRequest(message.detector_request());
+      break;
     case v1::ConnectResponse::MESSAGE_NOT_SET:
       // A server one minor version newer may send kinds that are not known here.
       spdlog::debug("server {}: a message of a kind that is not known here", options_.server);
@@ -148,6 +152,16 @@ void Conversation::HandlePreviewRequest(const v1::PreviewRequest& request) {
         .known = true, .capturing = !pipeline->Sessions().empty(), .tap = pipeline->preview_tap()};
   }
   agent_.previews->Request(*asked, subject);
+}
+
+void Conversation::HandleDetectorRequest(const v1::DetectorRequest& request) {
+  absl::StatusOr<DetectorRequest> asked = wire::FromProto(request);
+  if (!asked.ok()) {
+    spdlog::warn("server {}: a request about a detector is refused: {}", options_.server,
+                 std::string(asked.status().message()));
+    return;
+  }
+  agent_.detectors->Request(*std::move(asked));
 }
 
 void Conversation::HandlePosition(const StreamKey& stream, const v1::StreamPosition& position) {
@@ -279,6 +293,11 @@ std::optional<v1::ConnectRequest> Conversation::Next(Clock::time_point now) {
     to_report_ = agent_.spool->Streams();
   }
   if (auto report = NextReport()) return report;
+  // Small, rare, and somebody waits for it.
+  if (const std::optional<DetectorAnswer> answer = agent_.detectors->TakeAnswer()) {
+    *message.mutable_detector_answer() = wire::ToProto(*answer);
+    return message;
+  }
   std::optional<DeliveryPlan::Message> next = agent_.plan->Next(now);
   if (!next) {
     // Only when there is nothing else to send.

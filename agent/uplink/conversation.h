@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "agent/capture/learning/detector_learner.h"
 #include "agent/capture/preview/preview_worker.h"
 #include "agent/spool/delivery_plan.h"
 #include "agent/stamp/camera_pipeline.h"
@@ -45,6 +46,7 @@ struct UplinkOptions {
   std::chrono::milliseconds refused_wait{30'000};
 
   PreviewOptions previews;
+  LearningOptions learning;
 };
 
 // The messages of one connection: what the agent sends, in which order, and how it follows what the
@@ -61,6 +63,7 @@ class Conversation {
     ObservationSpool* spool = nullptr;
     const CameraPipelines* cameras = nullptr;
     PreviewWorker* previews = nullptr;
+    DetectorLearner* detectors = nullptr;
     DeliveryPlan* plan = nullptr;
     std::string server_id = {};  // of the server of the connection before; empty: none
   };
@@ -96,6 +99,7 @@ class Conversation {
   void HandleStartCapture(const v1::StartCapture& command);
   void HandlePong(const v1::TimePong& pong);
   void HandlePreviewRequest(const v1::PreviewRequest& request);
+  void HandleDetectorRequest(const v1::DetectorRequest& request);
   void HandlePosition(const StreamKey& stream, const v1::StreamPosition& position);
   void BeginCapture(const StreamKey& stream, const Target& target, uint32_t durable_seq);
   std::optional<v1::ConnectRequest> NextReport();

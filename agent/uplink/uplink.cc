@@ -51,9 +51,16 @@ absl::StatusOr<std::unique_ptr<Uplink>> Uplink::Create(
   const auto wake = [raw = uplink.get()] { raw->Wake(); };
   RIGCAL_ASSIGN_OR_RETURN(uplink->cameras_, MakePipelines(std::move(sources), spool, wake));
   uplink->previews_ = std::make_unique<PreviewWorker>(uplink->options_.previews, wake);
+  DetectorLearner::Detectors detectors;
+  for (const auto& [name, pipeline] : uplink->cameras_) {
+    detectors[name] = pipeline->detector_control();
+  }
+  uplink->detectors_ =
+      std::make_unique<DetectorLearner>(uplink->options_.learning, std::move(detectors), wake);
   uplink->agent_ = {.spool = spool,
                     .cameras = &uplink->cameras_,
                     .previews = uplink->previews_.get(),
+                    .detectors = uplink->detectors_.get(),
                     .plan = &uplink->plan_};
   for (const auto& [name, pipeline] : uplink->cameras_) {
     if (pipeline->description().clock.timebase.empty()) uplink->plan_.RequireAlignment(name);
@@ -82,6 +89,7 @@ LeftBehind Uplink::Shutdown(std::chrono::milliseconds patience) {
   Wake();
   if (thread_.joinable()) thread_.join();
   if (previews_) previews_->Shutdown();  // none in an uplink whose creation failed
+  if (detectors_) detectors_->Shutdown();
   spool_->Shutdown();
   for (const auto& [name, pipeline] : cameras_) pipeline->Shutdown();
   LeftBehind left;
@@ -136,8 +144,9 @@ void Uplink::Run() {
 
 absl::Status Uplink::Serve(Conversation& conversation) {
   UplinkConnection connection(make_channel_(), [this] { Wake(); });
-  // Nobody waits any more for previews asked for over an earlier connection.
+  // Nobody waits any more for what was asked for over an earlier connection.
   previews_->Forget();
+  detectors_->Forget();
   connection.Write(conversation.Hello());
   while (true) {
     for (const v1::ConnectResponse& message : connection.TakeMessages()) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "agent/capture/learning/detector_learner.h"
 #include "agent/capture/preview/preview_worker.h"
 #include "agent/spool/delivery_plan.h"
 #include "agent/stamp/camera_pipeline.h"
@@ -84,7 +85,9 @@ class Uplink {
   ObservationSpool* const spool_;
   const ChannelFactory make_channel_;
   CameraPipelines cameras_;
-  std::unique_ptr<PreviewWorker> previews_;  // uses the sources of cameras_
+  // These two use the sources of cameras_.
+  std::unique_ptr<PreviewWorker> previews_;
+  std::unique_ptr<DetectorLearner> detectors_;
   DeliveryPlan plan_;
   Backoff backoff_;
   Conversation::Agent agent_;

@@ -56,6 +56,7 @@ class CommandParser {
 
 // Each file of commands adds its own.
 void AddSessionCommands(CommandParser& parser);
+void AddCameraCommands(CommandParser& parser);
 void AddCalibrationCommands(CommandParser& parser);
 void AddIdentityCommands(CommandParser& parser);
 void AddLocalCommand(CommandParser& parser);

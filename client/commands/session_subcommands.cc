@@ -55,6 +55,27 @@ void AddStop(CommandParser& parser, CLI::App* group) {
   app->add_flag("--wait", options->wait, "Return when the session is finished");
 }
 
+void AddDiscard(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(group, "discard",
+                                          "Throw a session away: it is kept whole, but no "
+                                          "calibration takes it and none goes on with it",
+                                          DiscardSession);
+  AddArgument(app, "SESSION", kSessionHelp, &options->id);
+  app->add_flag("--undo", options->undo, "It counts again");
+}
+
+void AddResume(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(
+      group, "resume",
+      "Go on with a finished session: start a new one with its target and cameras, which a "
+      "calibration takes together with it",
+      ResumeSession);
+  AddArgument(app, "SESSION", kSessionHelp, &options->id);
+  AddOption(app, "--until-mm", "MM", &options->until_mm,
+            "End it when the expected error is below this, as with create; without it: by hand")
+      ->check(NumberBetween(kLeastGoalMm, kMostGoalMm));
+}
+
 void AddObservations(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "observations",
@@ -98,6 +119,8 @@ void AddSessionCommands(CommandParser& parser) {
                "code 5)",
                VerifySessionStreams);
   AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
+  AddDiscard(parser, group);
+  AddResume(parser, group);
   AddIdCommand(parser, group, "watch",
                "A line now and after each change, until it is finished (JSON: one object per line)",
                WatchSession);
@@ -112,16 +135,6 @@ void AddSessionCommands(CommandParser& parser) {
   auto [forget, name] = parser.AddCommand(
       agents, "forget", "Refuse an agent that has joined from another PC from now on", ForgetAgent);
   AddArgument(forget, "NAME", "Name of the agent", name);
-
-  CLI::App* cameras = parser.AddGroup("camera", "Cameras and whose they are (move)");
-  auto [move, camera] = parser.AddCommand(
-      cameras, "move",
-      "Give a camera to another agent: it belongs to the first one that announced it, and no other "
-      "may deliver it",
-      MoveCamera);
-  AddArgument(move, "CAMERA", "Name of the camera", &camera->camera);
-  AddArgument(move, "AGENT", "Id of the agent that it belongs to from now on", &camera->agent_id);
-  AddOption(move, "--rig", "RIG", &camera->rig, "Rig of the camera; without it \"rig\"");
 }
 
 }  // namespace rigcal::client

@@ -8,6 +8,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/text/utf8.h"
 
 namespace rigcal::server {
 namespace {
@@ -39,6 +40,8 @@ std::optional<std::string> DecodeUrlText(std::string_view text, bool plus_is_spa
     if (absl::ascii_iscntrl(static_cast<unsigned char>(c))) return std::nullopt;
     decoded += c;
   }
+  // It becomes a text of a message.
+  if (!IsUtf8(decoded)) return std::nullopt;
   return decoded;
 }
 

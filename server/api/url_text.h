@@ -19,7 +19,7 @@ struct UrlParameter {
 };
 
 // A percent-encoded text; `plus_is_space` within a query. None: "%" without two hexadecimal digits,
-// or a control character (encoded or not).
+// a control character (encoded or not), or what is no UTF-8.
 std::optional<std::string> DecodeUrlText(std::string_view text, bool plus_is_space);
 
 // "a=1&b=x%20y". INVALID_ARGUMENT: it cannot be decoded, has a name twice, or more than 64 names.

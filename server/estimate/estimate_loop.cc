@@ -11,7 +11,9 @@
 namespace rigcal::server {
 namespace {
 
-constexpr std::chrono::milliseconds kLookInterval{200};
+using std::chrono::milliseconds;
+
+constexpr milliseconds kLookInterval{100};
 
 float Millimetres(double metres) { return static_cast<float>(1e3 * metres); }
 
@@ -131,20 +133,20 @@ void EstimateLoop::EstimateSession(const std::string& id) {
     return;
   }
   Progress& progress = progress_[id];
-  progress.next = begin + options_.interval;
+  progress.next = begin + options_.max_age;
   std::optional<RowCollection::Snapshot> snapshot = rows_.Take(id);
   if (!snapshot || snapshot->seen_count == progress.seen_count) return;
   progress.seen_count = snapshot->seen_count;
   EstimateTask task;
   task.target = session->target;
-  for (const SessionCamera& camera : session->cameras) {
-    const auto rows = snapshot->rows.find(camera.description.camera);
-    if (rows == snapshot->rows.end()) continue;
+  for (RowCollection::Track& rows : snapshot->tracks) {
+    const SessionCamera* const camera = session->FindCamera(rows.camera);
+    if (camera == nullptr) continue;
     CameraTrack track;
-    track.session_id = id;
-    track.camera = camera.description;
+    track.session_id = rows.session_id;
+    track.camera = rows.description.value_or(camera->description);
     task.tracks.push_back(std::move(track));
-    task.rows.push_back(std::move(rows->second));
+    task.rows.push_back(std::move(rows.rows));
   }
   task.data_share = snapshot->data_share;
   task.start = progress.start;
@@ -157,6 +159,9 @@ void EstimateLoop::EstimateSession(const std::string& id) {
   }
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   progress.shown.solve_duration_s = took.count();
+  progress.next =
+      begin + std::max(options_.max_age - std::chrono::duration_cast<milliseconds>(took),
+                       options_.max_age / 2);
   Show(*outcome, *session, options_.max_history, &progress.shown);
   if (outcome->estimate) progress.start = std::move(outcome->estimate->next);
   show_(progress.shown);

@@ -18,8 +18,20 @@ bool IsKept(int64_t slot, int level) { return (slot & ((int64_t{1} << level) - 1
 
 void RowCollection::Add(const StreamKey& stream, const ObservationBatch& batch) {
   const std::lock_guard lock(mutex_);
-  Session& session = sessions_[stream.session_id];
-  Camera& camera = session.cameras[stream.camera];
+  AddTo(&sessions_[stream.session_id], batch, {stream.camera, stream.session_id, true});
+}
+
+void RowCollection::AddEarlier(const std::string& session_id, const SessionCamera& camera,
+                               const ObservationBatch& batch) {
+  const std::lock_guard lock(mutex_);
+  const Key key = {camera.description.camera, batch.stream.session_id, false};
+  SessionRows& session = sessions_[session_id];
+  session.cameras[key].description = camera.description;
+  AddTo(&session, batch, key);
+}
+
+void RowCollection::AddTo(SessionRows* session, const ObservationBatch& batch, const Key& key) {
+  Camera& camera = session->cameras[key];
   AddClocks(batch, &camera);
   const auto step_ns = static_cast<int64_t>(1e9 / options_.max_rate_hz);
   const int64_t offset_ns = camera.clock_offset_ns.value_or(0);
@@ -33,9 +45,15 @@ void RowCollection::Add(const StreamKey& stream, const ObservationBatch& batch) 
     camera.has_rows = true;
     const int64_t common_ns = time_ns + offset_ns;
     const int64_t slot = common_ns / options_.slot_ns - (common_ns < 0 ? 1 : 0);
-    if (IsKept(slot, session.level)) AddRow(batch, row, slot, &camera);
+    if (IsKept(slot, session->level)) AddRow(batch, row, slot, &camera);
   }
-  if (camera.row_count > options_.max_rows_per_camera) Thin(&session);
+  size_t row_count = 0;
+  const std::string& name = std::get<0>(key);
+  for (auto each = session->cameras.lower_bound({name, "", false});
+       each != session->cameras.end() && std::get<0>(each->first) == name; ++each) {
+    row_count += each->second.row_count;
+  }
+  if (row_count > options_.max_rows_per_camera) Thin(session);
 }
 
 void RowCollection::AddClocks(const ObservationBatch& batch, Camera* camera) const {
@@ -77,9 +95,9 @@ void RowCollection::AddRow(const ObservationBatch& batch, size_t row, int64_t sl
   camera->wand_count += batch.visible_mask[row] != 0 ? 1 : 0;
 }
 
-void RowCollection::Thin(Session* session) const {
+void RowCollection::Thin(SessionRows* session) const {
   ++session->level;
-  for (auto& [name, camera] : session->cameras) {
+  for (auto& [key, camera] : session->cameras) {
     std::erase_if(camera.slots, [&](const Slot& slot) {
       if (IsKept(slot.index, session->level)) return false;
       camera.row_count -= slot.batch.rows();
@@ -95,10 +113,17 @@ std::optional<RowCollection::Snapshot> RowCollection::Take(const std::string& se
   if (found == sessions_.end()) return std::nullopt;
   Snapshot snapshot;
   size_t kept = 0;
-  for (const auto& [name, camera] : found->second.cameras) {
-    std::vector<ObservationBatch>& rows = snapshot.rows[name];
-    rows = camera.clocks;
-    for (const Slot& slot : camera.slots) rows.push_back(slot.batch);
+  for (const auto& [key, camera] : found->second.cameras) {
+    const auto& [name, source_id, is_new] = key;
+    std::vector<Track>& tracks = snapshot.tracks;
+    // Rows of one session are one track, from before a restart or not.
+    if (tracks.empty() || tracks.back().camera != name || tracks.back().session_id != source_id) {
+      tracks.push_back({.session_id = source_id, .camera = name, .description = {}, .rows = {}});
+    }
+    Track& track = tracks.back();
+    if (source_id != session_id) track.description = camera.description;
+    track.rows.insert(track.rows.end(), camera.clocks.begin(), camera.clocks.end());
+    for (const Slot& slot : camera.slots) track.rows.push_back(slot.batch);
     kept += camera.wand_count;
     snapshot.seen_count += camera.seen_count;
   }

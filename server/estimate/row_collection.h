@@ -7,9 +7,12 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
+#include "common/camera/camera_description.h"
 #include "common/session/observation_batch.h"
+#include "common/session/session.h"
 #include "common/session/stream_key.h"
 
 namespace rigcal::server {
@@ -32,11 +35,22 @@ class RowCollection {
 
   // Takes what it needs of the rows. Cheap: for the thread that writes observations.
   void Add(const StreamKey& stream, const ObservationBatch& batch);
+  // Rows that `session_id` has from before: of a session that it continues, or its own from before
+  // a restart. `camera` is that of the rows' session.
+  void AddEarlier(const std::string& session_id, const SessionCamera& camera,
+                  const ObservationBatch& batch);
 
+  // What one camera has seen in one session.
+  struct Track {
+    std::string session_id;
+    std::string camera;
+    std::optional<CameraDescription> description;  // of a session before this one
+    std::vector<ObservationBatch> rows;
+  };
   struct Snapshot {
-    std::map<std::string, std::vector<ObservationBatch>> rows;  // by camera
-    double data_share = 1;                                      // of all rows with a marker
-    uint64_t seen_count = 0;                                    // rows with a marker, all in all
+    std::vector<Track> tracks;  // by camera
+    double data_share = 1;      // of all rows with a marker
+    uint64_t seen_count = 0;    // rows with a marker, all in all
   };
   // None: nothing has arrived for this session.
   std::optional<Snapshot> Take(const std::string& session_id) const;
@@ -57,19 +71,23 @@ class RowCollection {
     bool has_rows = false;
     size_t row_count = 0, wand_count = 0;  // kept
     uint64_t seen_count = 0;               // with a marker
+    std::optional<CameraDescription> description;
   };
-  struct Session {
-    std::map<std::string, Camera> cameras;
+  // Camera, session of the rows, and whether they are new: rows from before come in between.
+  using Key = std::tuple<std::string, std::string, bool>;
+  struct SessionRows {
+    std::map<Key, Camera> cameras;
     int level = 0;  // slots whose index is a multiple of 2^level are kept
   };
 
+  void AddTo(SessionRows* session, const ObservationBatch& batch, const Key& key);
   void AddClocks(const ObservationBatch& batch, Camera* camera) const;
   void AddRow(const ObservationBatch& batch, size_t row, int64_t slot, Camera* camera) const;
-  void Thin(Session* session) const;
+  void Thin(SessionRows* session) const;
 
   const RowCollectionOptions options_;
   mutable std::mutex mutex_;
-  std::map<std::string, Session> sessions_;
+  std::map<std::string, SessionRows> sessions_;
 };
 
 }  // namespace rigcal::server

@@ -13,7 +13,9 @@ constexpr size_t kMaxArrivedRows = 128;
 constexpr size_t kMaxSamples = 64;
 constexpr size_t kMaxNotedStreams = 4096;
 
-ThinnedRow RowOf(const ObservationBatch& batch, size_t row) {
+}  // namespace
+
+ThinnedRow ThinnedRowOf(const ObservationBatch& batch, size_t row) {
   ThinnedRow thinned;
   thinned.time_ns = batch.time_ns[row];
   thinned.clock_epoch = batch.clock_epoch;
@@ -25,7 +27,16 @@ ThinnedRow RowOf(const ObservationBatch& batch, size_t row) {
   return thinned;
 }
 
-}  // namespace
+bool RowThinner::Keep(uint32_t clock_epoch, int64_t time_ns) {
+  if (any_ && last_epoch_ == clock_epoch && time_ns >= last_kept_ns_ &&
+      time_ns - last_kept_ns_ < kSpacingNs) {
+    return false;
+  }
+  any_ = true;
+  last_epoch_ = clock_epoch;
+  last_kept_ns_ = time_ns;
+  return true;
+}
 
 void ArrivalInbox::Add(const Delivery& delivery, const AppendOutcome& outcome, Arrivals::Time now) {
   const ObservationBatch& batch = delivery.batch;
@@ -74,20 +85,11 @@ void ArrivalInbox::Add(const Delivery& delivery, const AppendOutcome& outcome, A
   }
   if (delivery.report) arrivals.report = delivery.report;
   if (stored == 0) return;
-  if (entry.any_row && entry.last_epoch != batch.clock_epoch) entry.any_row = false;
   for (size_t row = first_new; row < count; ++row) {
-    const int64_t time_ns = batch.time_ns[row];
-    // Rows of a batch that comes late are before the last one that was kept.
-    if (entry.any_row && time_ns - entry.last_kept_ns < kSpacingNs &&
-        time_ns >= entry.last_kept_ns) {
-      continue;
-    }
-    if (is_refused(row)) continue;  // its values may be anything
-    entry.any_row = true;
-    entry.last_kept_ns = time_ns;
-    if (arrivals.rows.size() < kMaxArrivedRows) arrivals.rows.push_back(RowOf(batch, row));
+    // The values of a refused one may be anything.
+    if (is_refused(row) || !entry.thinner.Keep(batch.clock_epoch, batch.time_ns[row])) continue;
+    if (arrivals.rows.size() < kMaxArrivedRows) arrivals.rows.push_back(ThinnedRowOf(batch, row));
   }
-  entry.last_epoch = batch.clock_epoch;
   if (!arrivals.has_rows || arrivals.clock_epoch != batch.clock_epoch ||
       batch.time_ns.back() > arrivals.newest_row_ns) {
     arrivals.newest_row_ns = batch.time_ns.back();

@@ -27,6 +27,20 @@ struct ThinnedRow {
   std::array<float, kMaxMarkers> y_px;
 };
 
+ThinnedRow ThinnedRowOf(const ObservationBatch& batch, size_t row);
+
+// Says which rows of a stream are kept: at most about 60 a second.
+class RowThinner {
+ public:
+  // Also keeps rows before the last one that was kept, of batches that come late.
+  bool Keep(uint32_t clock_epoch, int64_t time_ns);
+
+ private:
+  bool any_ = false;  // the next two are of a row
+  uint32_t last_epoch_ = 0;
+  int64_t last_kept_ns_ = 0;  // the camera's clock
+};
+
 // What has become durable of one stream since it was last asked for.
 struct Arrivals {
   using Time = std::chrono::steady_clock::time_point;
@@ -59,10 +73,8 @@ class ArrivalInbox {
  private:
   struct Entry {
     Arrivals arrivals;
-    bool is_new = false;       // something came since the last Take
-    bool any_row = false;      // the next two are of a row
-    int64_t last_kept_ns = 0;  // the camera's clock
-    uint32_t last_epoch = 0;
+    bool is_new = false;  // something came since the last Take
+    RowThinner thinner;
   };
   std::mutex mutex_;
   absl::flat_hash_map<StreamKey, Entry> by_stream_;

@@ -17,9 +17,6 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using std::chrono::seconds;
 
-constexpr uint32_t kColumns = 16;
-constexpr uint32_t kRows = 12;
-constexpr int kEnoughCentres = 10;  // in a cell
 constexpr seconds kRateWindow{2};
 constexpr double kShortestRateWindowS = 0.5;
 constexpr seconds kTrailWindow{2};
@@ -34,9 +31,6 @@ constexpr milliseconds kTallySpacing{250};
 constexpr seconds kPaceWindow{3};
 constexpr double kShortestPaceS = 1.0;
 constexpr size_t kMaxPaces = 64;
-constexpr size_t kSpacings = 32;
-constexpr double kThinnedSpacingS = 0.016;
-constexpr double kLongestSpacingS = 0.2;
 constexpr size_t kMaxEpochs = 64;
 constexpr size_t kMaxStreams = 64;
 constexpr seconds kSeesWand{1};
@@ -84,13 +78,13 @@ double ShareOf(const DetectionCounts& before, const DetectionCounts& after,
   return all == 0 ? 0 : static_cast<double>(with) / static_cast<double>(all);
 }
 
+// Most of a camera's JSON are the points of its trail: a tenth of a pixel is enough to draw them.
+float ToTenth(float px) { return std::round(10 * px) / 10; }
+
 }  // namespace
 
 CameraActivity::CameraActivity(CameraDescription description, Target target, Time now)
-    : description_(std::move(description)),
-      target_(std::move(target)),
-      start_(now),
-      coverage_(size_t{kColumns} * kRows) {}
+    : description_(std::move(description)), target_(std::move(target)), start_(now) {}
 
 void CameraActivity::SetStored(const SessionCameraCounts& counts) {
   observation_count_ = counts.observation_count;
@@ -130,7 +124,7 @@ void CameraActivity::Add(uint32_t stream_epoch, const Arrivals& arrivals, Time n
     }
     if (arrivals.clock_epoch != last_epoch_) {
       paces_.clear();
-      last_row_ns_.reset();
+      spacing_.Restart();
     }
     last_epoch_ = arrivals.clock_epoch;
     newest_row_ns_ = arrivals.newest_row_ns;
@@ -146,27 +140,12 @@ void CameraActivity::Add(uint32_t stream_epoch, const Arrivals& arrivals, Time n
 }
 
 void CameraActivity::AddRow(const ThinnedRow& row, Time time) {
-  if (last_row_ns_) {
-    const double spacing_s = 1e-9 * static_cast<double>(row.time_ns - *last_row_ns_);
-    if (spacing_s > 0 && spacing_s < kLongestSpacingS) {
-      spacings_s_.push_back(spacing_s);
-      ForgetBeyond(kSpacings, &spacings_s_);
-    }
-  }
-  last_row_ns_ = row.time_ns;
+  spacing_.Add(row.time_ns);
   if (row.visible_mask == 0) return;
   checks_.push_back(Check(row, time));
   ForgetBeyond(kMaxChecks, &checks_);
   last_wand_row_ = row;
-  const ImageSize& size = description_.image_size_px;
-  for (uint32_t m = 0; m < row.marker_count; ++m) {
-    if (!Visible(row, m) || size.width == 0 || size.height == 0) continue;
-    const double column = (row.x_px[m] + 0.5) / size.width * kColumns;
-    const double line = (row.y_px[m] + 0.5) / size.height * kRows;
-    if (!(column >= 0 && column < kColumns && line >= 0 && line < kRows)) continue;
-    uint8_t& cell = coverage_[static_cast<size_t>(line) * kColumns + static_cast<size_t>(column)];
-    if (cell < 255) ++cell;
-  }
+  coverage_.Add(row, description_.image_size_px);
   AddTrail(row, time);
 }
 
@@ -226,7 +205,11 @@ bool CameraActivity::IsImplausible(const ThinnedRow& row) const {
 }
 
 void CameraActivity::Advance(Time now) {
-  ForgetBefore(now - kRateWindow, &intervals_);
+  // Each interval holds what has arrived since the one before.
+  while (!intervals_.empty() && intervals_.front().time < now - kRateWindow) {
+    rate_begin_ = intervals_.front().time;
+    intervals_.pop_front();
+  }
   ForgetBefore(now - kTrailWindow, &trail_);
   ForgetBefore(now - kCheckWindow, &checks_);
   ForgetBefore(now - kPaceWindow, &paces_);
@@ -287,8 +270,8 @@ double CameraActivity::Rate(uint64_t Interval::*count, Time now) const {
   if (!first_row_) return 0;
   uint64_t sum = 0;
   for (const Interval& interval : intervals_) sum += interval.*count;
-  const double window_s =
-      std::clamp(Seconds(now - *first_row_), kShortestRateWindowS, Seconds(kRateWindow));
+  const double window_s = std::clamp(Seconds(now - rate_begin_.value_or(*first_row_)),
+                                     kShortestRateWindowS, 1.1 * Seconds(kRateWindow));
   // A tenth is enough, and does not change with every state.
   return std::round(10 * static_cast<double>(sum) / window_s) / 10;
 }
@@ -308,12 +291,6 @@ std::optional<double> CameraActivity::ArrivalDelayS() const {
   return LowerMedian(std::move(delays_s));
 }
 
-double CameraActivity::SpacingS() const {
-  if (spacings_s_.empty()) return kThinnedSpacingS;
-  return std::max(kThinnedSpacingS,
-                  LowerMedian(std::vector<double>(spacings_s_.begin(), spacings_s_.end())));
-}
-
 void CameraActivity::Describe(Time now, LiveCamera* camera) const {
   camera->observation_rate_hz = Rate(&Interval::observations, now);
   camera->wand_rate_hz = Rate(&Interval::wands, now);
@@ -322,21 +299,18 @@ void CameraActivity::Describe(Time now, LiveCamera* camera) const {
   camera->backlog_count = backlog_count();
   camera->dropped_count = dropped_count() + refused_count_;
   camera->clock.clock_epoch_count = static_cast<uint32_t>(clock_epochs_.size());
-  camera->coverage.columns = kColumns;
-  camera->coverage.rows = kRows;
-  camera->coverage.counts.assign(coverage_.begin(), coverage_.end());
-  camera->coverage.covered_share =
-      static_cast<double>(
-          std::ranges::count_if(coverage_, [](uint8_t count) { return count >= kEnoughCentres; })) /
-      static_cast<double>(coverage_.size());
+  camera->coverage.columns = CoverageGrid::kColumns;
+  camera->coverage.rows = CoverageGrid::kRows;
+  camera->coverage.counts = coverage_.Counts();
+  camera->coverage.covered_share = coverage_.CoveredShare();
   camera->trail.clear();
   for (const TrailPoint& point : trail_) {
     const auto age = duration_cast<milliseconds>(std::max(now - point.time, nanoseconds(0)));
     camera->trail.push_back({.age_ms = static_cast<uint32_t>(age.count()),
-                             .x0_px = point.x0,
-                             .y0_px = point.y0,
-                             .x1_px = point.x1,
-                             .y1_px = point.y1});
+                             .x0_px = ToTenth(point.x0),
+                             .y0_px = ToTenth(point.y0),
+                             .x1_px = ToTenth(point.x1),
+                             .y1_px = ToTenth(point.y1)});
   }
 }
 

@@ -13,7 +13,9 @@
 #include "common/session/session.h"
 #include "server/live/alert_rules.h"
 #include "server/live/arrivals.h"
+#include "server/live/coverage_grid.h"
 #include "server/live/live_state.h"
+#include "server/live/row_spacing.h"
 
 namespace rigcal::server {
 
@@ -28,6 +30,8 @@ class CameraActivity {
   // Counts of what was stored before the tracker began.
   void SetStored(const SessionCameraCounts& counts);
   void Add(uint32_t stream_epoch, const Arrivals& arrivals, Time now);
+  // What it has covered in earlier waves.
+  void AddCoverage(const CoverageGrid& earlier) { coverage_.Add(earlier); }
   // Forgets what is too old. Before the others below, once for each state that is made.
   void Advance(Time now);
   // Others see the wand now; call it once for each state that is made.
@@ -39,7 +43,7 @@ class CameraActivity {
   // their times; relative to whatever its clock counts from. None: not known, or it catches up.
   std::optional<double> ArrivalDelayS() const;
   // Time between rows that were kept, seconds; at least that of thinning.
-  double SpacingS() const;
+  double SpacingS() const { return spacing_.Seconds(); }
   size_t stream_count() const { return streams_.size(); }
   // Of the newest row; the camera's clock.
   std::optional<int64_t> newest_row_ns() const { return newest_row_ns_; }
@@ -101,16 +105,16 @@ class CameraActivity {
   std::map<uint32_t, Stream> streams_;
   std::vector<uint32_t> clock_epochs_;
   std::deque<Interval> intervals_;
+  std::optional<Time> rate_begin_;  // from here on intervals_ hold everything
   std::optional<Time> first_row_;
   std::optional<Time> last_row_;
   std::optional<Time> last_wand_;
   double usual_rate_hz_ = 0;
-  std::vector<uint8_t> coverage_;
+  CoverageGrid coverage_;
   std::deque<TrailPoint> trail_;
   std::deque<RowCheck> checks_;
   std::optional<ThinnedRow> last_wand_row_;
-  std::deque<double> spacings_s_;
-  std::optional<int64_t> last_row_ns_;
+  RowSpacing spacing_;
   std::optional<int64_t> newest_row_ns_;
   uint32_t last_epoch_ = 0;
   std::deque<Pace> paces_;

@@ -127,4 +127,13 @@ std::optional<double> ClockRelation::SpreadS() const {
   return std::sqrt(squares / (count - 2));
 }
 
+bool HaveCommonTimebase(const Session& session) {
+  return !session.cameras.empty() &&
+         std::ranges::all_of(session.cameras, [&](const SessionCamera& camera) {
+           const Clock& clock = camera.description.clock;
+           return !clock.timebase.empty() &&
+                  clock.timebase == session.cameras.front().description.clock.timebase;
+         });
+}
+
 }  // namespace rigcal::server

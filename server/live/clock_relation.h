@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "common/session/session.h"
 #include "common/time/clock.h"
 
 namespace rigcal::server {
@@ -42,5 +43,8 @@ class ClockRelation {
   std::deque<HostAlignment> alignments_;
   std::string jump_;
 };
+
+// All clocks of the session follow one, so that their times can be compared as they are.
+bool HaveCommonTimebase(const Session& session);
 
 }  // namespace rigcal::server

@@ -107,23 +107,14 @@ bool SameFields(const Session& a, const Session& b) {
   return a.id == b.id && a.state == b.state && a.title == b.title &&
          a.start_utc_ns == b.start_utc_ns && a.stop_utc_ns == b.stop_utc_ns &&
          a.finish_utc_ns == b.finish_utc_ns && a.stop_reason == b.stop_reason &&
-         a.observations_delete_utc_ns == b.observations_delete_utc_ns;
+         a.observations_delete_utc_ns == b.observations_delete_utc_ns &&
+         a.discard_utc_ns == b.discard_utc_ns;
 }
 
 bool SameCameras(const Session& a, const Session& b) {
   return std::ranges::equal(a.cameras, b.cameras, [](const auto& x, const auto& y) {
     return x.description == y.description && x.agent_id == y.agent_id;
   });
-}
-
-// Rig time minus camera time within one session, which all its clocks follow.
-bool HaveCommonTimebase(const Session& session) {
-  return !session.cameras.empty() &&
-         std::ranges::all_of(session.cameras, [&](const SessionCamera& camera) {
-           const Clock& clock = camera.description.clock;
-           return !clock.timebase.empty() &&
-                  clock.timebase == session.cameras.front().description.clock.timebase;
-         });
 }
 
 template <typename Part>
@@ -203,8 +194,11 @@ LiveTracker::~LiveTracker() { Shutdown(); }
 
 void LiveTracker::SetRowTap(RowTap tap) { row_tap_ = std::move(tap); }
 
+void LiveTracker::SetEarlierTap(EarlierTap tap) { earlier_tap_ = std::move(tap); }
+
 void LiveTracker::Start() {
   stops_.Start();
+  reading_.Start();
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -216,13 +210,14 @@ void LiveTracker::Shutdown() {
   wake_.notify_all();
   if (thread_.joinable()) thread_.join();
   stops_.Shutdown();
+  reading_.Shutdown();
 }
 
 void LiveTracker::Run() {
   while (true) {
     {
       std::unique_lock lock(mutex_);
-      if (wake_.wait_for(lock, options_.interval, [this] { return stopping_; })) return;
+      if (wake_.wait_for(lock, options_.interval, [this] { return stopping_.load(); })) return;
     }
     try {
       Update();
@@ -314,6 +309,7 @@ void LiveTracker::Update() {
     health_ = store_->Health();
   }
   TakeArrivals(std::move(arrivals));
+  TakeEarlier();
   TakeEstimates();
   for (const auto& [name, rig] : rigs_) MakeState(rig.get());
 }
@@ -386,13 +382,60 @@ void LiveTracker::FollowSession(Rig* rig, std::string_view id) {
   }
   rig->overlap = std::make_unique<OverlapCounter>(rig->order.size());
   // Since the tracker began it has counted itself.
-  if (session->state == SessionState::kCapturing && session->start_utc_ns >= begin_utc_ns_) return;
+  if (session->state == SessionState::kCapturing && session->start_utc_ns >= begin_utc_ns_) {
+    ReadEarlier(*rig, {});
+    return;
+  }
   const auto counts = store_->GetSessionCounts(id);
   if (!counts.ok()) return;
   for (const SessionCameraCounts& camera : *counts) {
     rig->late_count += camera.late_count;
     const auto found = rig->activities.find(camera.camera);
     if (found != rig->activities.end()) found->second.SetStored(camera);
+  }
+  if (session->state == SessionState::kCapturing) ReadEarlier(*rig, *counts);
+}
+
+void LiveTracker::ReadEarlier(const Rig& rig, const std::vector<SessionCameraCounts>& own_counts) {
+  EarlierWaves waves{.session = *rig.session, .now_utc_ns = UtcNow()};
+  for (const SessionCameraCounts& camera : own_counts) {
+    for (const StreamStatus& stream : camera.streams) {
+      if (stream.durable_seq == 0) continue;
+      waves.own_until[{camera.camera, stream.stream_epoch}] = stream.durable_seq;
+    }
+  }
+  if (waves.own_until.empty() && waves.session.continues.empty()) return;
+  // Whoever collects rows keeps them, also while the rig shows another session.
+  const bool tapped = !read_sessions_.insert(waves.session.id).second;
+  reading_.Post([this, waves = std::move(waves), tapped] {
+    EarlierRowTap tap;
+    if (earlier_tap_ && !tapped) {
+      tap = [&](const SessionCamera& camera, const ObservationBatch& rows) {
+        earlier_tap_(waves.session.id, camera, rows);
+      };
+    }
+    absl::StatusOr<EarlierCounts> counts = ReadEarlierWaves(*store_, waves, stopping_, tap);
+    if (!counts.ok()) return;  // the server ends
+    const std::lock_guard lock(mutex_);
+    earlier_.insert_or_assign(waves.session.id, *std::move(counts));
+  });
+}
+
+void LiveTracker::TakeEarlier() {
+  std::map<std::string, EarlierCounts, std::less<>> earlier;
+  {
+    const std::lock_guard lock(mutex_);
+    earlier.swap(earlier_);
+  }
+  for (const auto& [name, rig] : rigs_) {
+    if (!rig->session || rig->overlap == nullptr) continue;
+    const auto found = earlier.find(rig->session->id);
+    if (found == earlier.end()) continue;
+    for (const auto& [camera, coverage] : found->second.coverage) {
+      const auto activity = rig->activities.find(camera);
+      if (activity != rig->activities.end()) activity->second.AddCoverage(coverage);
+    }
+    rig->overlap->Add(found->second.overlap);
   }
 }
 

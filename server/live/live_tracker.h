@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
@@ -9,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -18,6 +20,7 @@
 #include "server/ingest/ingest.h"
 #include "server/live/alert_book.h"
 #include "server/live/arrivals.h"
+#include "server/live/earlier_waves.h"
 #include "server/live/live_state.h"
 #include "server/session/agent_directory.h"
 #include "server/session/session_coordinator.h"
@@ -28,20 +31,24 @@ namespace rigcal::server {
 
 struct LiveTrackerOptions {
   // The state is made at most this often.
-  std::chrono::milliseconds interval{100};
+  std::chrono::milliseconds interval{150};
   // Unset: the system's clocks. For tests, which call Update themselves.
   std::function<int64_t()> utc_now_ns = {};
   std::function<std::chrono::steady_clock::time_point()> steady_now = {};
 };
 
 // Follows what ingest stores, sessions, agents and the running estimate, and makes the live state
-// of each rig: at most ten times a second, on one thread, whoever asks for it. Memory is bounded:
+// of each rig: at most seven times a second, on one thread, whoever asks for it. Memory is bounded:
 // rows are thinned to about 50 per second and camera, and cameras beyond the first 256 of a session
 // are left out. Thread-safe.
 class LiveTracker {
  public:
   // What is given to whoever collects rows for an estimate.
   using RowTap = std::function<void(const StreamKey&, const ObservationBatch&)>;
+  // The same for rows from before: the session that captures, the camera as it was in the session
+  // of the rows, and rows.
+  using EarlierTap = std::function<void(const std::string& session_id, const SessionCamera& camera,
+                                        const ObservationBatch& rows)>;
 
   // All must outlive the tracker. Reads the counts of sessions that run from `store`, so it is made
   // before ingest starts.
@@ -52,6 +59,9 @@ class LiveTracker {
   // `tap` gets every batch of rows that became durable, without refused ones, on the ingest
   // writer's thread: it must be very cheap. Before ingest starts.
   void SetRowTap(RowTap tap);
+  // `tap` gets the rows of the sessions that a session continues, and after a restart its own, once
+  // when it begins to capture, on a thread for that. Before Start.
+  void SetEarlierTap(EarlierTap tap);
   void Start();
   void Shutdown();
 
@@ -64,9 +74,12 @@ class LiveTracker {
   std::shared_ptr<const LiveSnapshot> Get(std::string_view rig) const;
   // Makes the states now. Called by the tracker's own thread; by tests instead of Start.
   void Update();
-  // Returns when sessions that have reached their goal have been told to stop. Between Start and
-  // Shutdown.
-  void WaitIdle() { stops_.WaitIdle(); }
+  // Returns when sessions that have reached their goal have been told to stop, and earlier waves
+  // have been read. Between Start and Shutdown.
+  void WaitIdle() {
+    stops_.WaitIdle();
+    reading_.WaitIdle();
+  }
 
  private:
   using Time = std::chrono::steady_clock::time_point;
@@ -78,9 +91,11 @@ class LiveTracker {
   Rig* FindOrAddRig(std::string_view name);
   void FollowSessions();
   void FollowSession(Rig* rig, std::string_view id);
+  void ReadEarlier(const Rig& rig, const std::vector<SessionCameraCounts>& own_counts);
   void FollowAgents();
   void TakeArrivals(std::vector<std::pair<StreamKey, Arrivals>> arrivals);
   void CountOverlap(Rig* rig, const std::string& camera, const std::vector<ThinnedRow>& rows);
+  void TakeEarlier();
   void TakeEstimates();
   void MakeState(Rig* rig);
   void StopAtGoal(Rig* rig, const LiveGoal& goal);
@@ -96,6 +111,7 @@ class LiveTracker {
   const uint64_t incarnation_;
   const int64_t begin_utc_ns_;
   RowTap row_tap_;
+  EarlierTap earlier_tap_;
   ArrivalInbox inbox_;
 
   // Held over an update.
@@ -106,15 +122,19 @@ class LiveTracker {
   std::optional<Time> agents_time_;
   std::optional<Time> health_time_;
   StoreHealth health_;
+  std::set<std::string, std::less<>> read_sessions_;  // of which earlier waves have been tapped
 
   // Held briefly.
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<const LiveSnapshot>, std::less<>> published_;
   std::map<std::string, std::shared_ptr<const LiveEstimate>, std::less<>> estimates_;
+  std::map<std::string, EarlierCounts, std::less<>> earlier_;  // by session, not yet taken
   std::condition_variable wake_;
-  bool stopping_ = false;
+  std::atomic<bool> stopping_ = false;
 
-  TaskQueue stops_{"live goals"};  // its tasks use the members above
+  // Their tasks use the members above.
+  TaskQueue stops_{"live goals"};
+  TaskQueue reading_{"earlier waves"};
   std::thread thread_;
 };
 

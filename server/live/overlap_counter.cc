@@ -2,6 +2,7 @@
 #include "server/live/overlap_counter.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 namespace rigcal::server {
@@ -17,9 +18,9 @@ int64_t StepOf(int64_t time_ns) {
 
 }  // namespace
 
-OverlapCounter::OverlapCounter(size_t camera_count)
+OverlapCounter::OverlapCounter(size_t camera_count, size_t step_count)
     : camera_count_(std::min(camera_count, kMaxCameras)),
-      steps_(kSteps),
+      steps_(step_count),
       pairs_(camera_count_ * (camera_count_ - std::min<size_t>(camera_count_, 1)) / 2),
       shared_(camera_count_) {}
 
@@ -33,10 +34,10 @@ void OverlapCounter::Add(size_t camera, int64_t begin_ns, int64_t end_ns) {
   // The steps whose middle lies within.
   const int64_t first = StepOf(begin_ns + kStepNs / 2 - 1);
   const int64_t last = std::min(StepOf(end_ns + kStepNs / 2 - 1), first + 64);
+  const auto step_count = static_cast<int64_t>(steps_.size());
   for (int64_t number = first; number < last; ++number) {
-    const int64_t place = number % static_cast<int64_t>(kSteps);
-    Step& step =
-        steps_[static_cast<size_t>(place < 0 ? place + static_cast<int64_t>(kSteps) : place)];
+    const int64_t place = number % step_count;
+    Step& step = steps_[static_cast<size_t>(place < 0 ? place + step_count : place)];
     if (step.number != number) {
       // A later one has taken its place: too old to be counted.
       if (step.cameras.any() && step.number > number) continue;
@@ -53,6 +54,12 @@ void OverlapCounter::Add(size_t camera, int64_t begin_ns, int64_t end_ns) {
     }
     step.cameras.set(camera);
   }
+}
+
+void OverlapCounter::Add(const OverlapCounter& other) {
+  if (other.camera_count_ != camera_count_) return;
+  std::ranges::transform(pairs_, other.pairs_, pairs_.begin(), std::plus<>());
+  std::ranges::transform(shared_, other.shared_, shared_.begin(), std::plus<>());
 }
 
 double OverlapCounter::PairS(size_t a, size_t b) const {

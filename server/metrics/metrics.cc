@@ -6,6 +6,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -109,6 +110,11 @@ void AddAgents(const std::vector<AgentRecord>& agents, Families* families) {
   }
 }
 
+uint64_t DrainingCount(const SessionCoordinator& coordinator) {
+  return static_cast<uint64_t>(
+      std::ranges::count(coordinator.ActiveSessions(), SessionState::kDraining, &Session::state));
+}
+
 void AddPorts(const PortCounts& grpc, const WebCounts& web, Families* families) {
   const std::pair<const char*, PortCounts> ports[] = {{"grpc", grpc}, {"http", web.connections}};
   for (const auto& [port, counts] : ports) {
@@ -148,6 +154,11 @@ void AddProcess(Families* families) {
                     Number(resident_pages * page_bytes));
     families->Gauge("process_virtual_memory_bytes", "Address space.", Number(pages * page_bytes));
   }
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) == 0) {
+    families->Gauge("process_max_fds", "Most descriptors that may be open.",
+                    Number(limit.rlim_cur));
+  }
   std::error_code error;
   uint64_t descriptors = 0;
   for (std::filesystem::directory_iterator each("/proc/self/fd", error), end; !error && each != end;
@@ -172,6 +183,8 @@ std::string MetricsText(const MetricsSources& sources) {
                  Number(sources.coordinator->SessionCount()));
   families.Gauge("rigcal_sessions_capturing", "Sessions that capture.",
                  Number(sources.coordinator->CapturingCount()));
+  families.Gauge("rigcal_sessions_draining", "Stopped sessions that wait for observations.",
+                 Number(DrainingCount(*sources.coordinator)));
   families.Gauge("rigcal_calibrations_queued", "Calibrations that wait for the worker.",
                  Number(sources.runner->QueuedCount()));
   const SolveTimes::Counts solves = sources.solves->Get();

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/wire/agent_wire.h"
+#include "common/wire/detector_wire.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/protocol_version.h"
@@ -38,6 +39,11 @@ class StreamLink final : public AgentLink {
   void SendPreviewRequest(const PreviewRequest& request) override {
     v1::ConnectResponse message;
     *message.mutable_preview_request() = wire::ToProto(request);
+    if (const auto stream = stream_.lock()) stream->Send(std::move(message));
+  }
+  void SendDetectorRequest(const DetectorRequest& request) override {
+    v1::ConnectResponse message;
+    *message.mutable_detector_request() = wire::ToProto(request);
     if (const auto stream = stream_.lock()) stream->Send(std::move(message));
   }
   void Close(const absl::Status& reason) override {
@@ -240,6 +246,8 @@ void AgentStream::TakeMessage() {
     }
     case v1::ConnectRequest::kPreview:
       return TakePreview();
+    case v1::ConnectRequest::kDetectorAnswer:
+      return TakeDetectorAnswer();
     case v1::ConnectRequest::kHello:
       return Close(absl::InvalidArgumentError("hello: was sent already on this stream"));
     case v1::ConnectRequest::MESSAGE_NOT_SET:
@@ -257,6 +265,18 @@ void AgentStream::TakePreview() {
     ReadNext();
   }
   environment_.previews->TakeAnswer(registration, *std::move(preview));
+}
+
+void AgentStream::TakeDetectorAnswer() {
+  absl::StatusOr<DetectorAnswer> answer = wire::FromProto(request_.detector_answer());
+  if (!answer.ok()) return Refuse(answer.status());
+  AgentDirectory::Registration registration = 0;
+  {
+    std::lock_guard lock(mutex_);
+    registration = registration_;
+    ReadNext();
+  }
+  environment_.detectors->TakeAnswer(registration, *std::move(answer));
 }
 
 void AgentStream::Deliver(absl::StatusOr<Delivery> delivery) {
@@ -389,6 +409,7 @@ void AgentStream::OnDone() {
   if (registration != 0) {
     environment_.coordinator->DisconnectAgent(registration);
     environment_.previews->AgentGone(registration);
+    environment_.detectors->AgentGone(registration);
     spdlog::info("agent {} disconnected", agent_id_);
   }
   if (counted_) --environment_.open_streams;

@@ -23,6 +23,7 @@
 #include "server/rpc/outgoing_messages.h"
 #include "server/rpc/streams_without_hello.h"
 #include "server/session/agent_registry.h"
+#include "server/session/detector_broker.h"
 #include "server/session/preview_broker.h"
 #include "server/session/session_coordinator.h"
 #include "server/session/task_queue.h"
@@ -49,6 +50,7 @@ struct AgentStreamEnvironment {
   SessionCoordinator* coordinator = nullptr;
   Ingest* ingest = nullptr;
   PreviewBroker* previews = nullptr;
+  DetectorBroker* detectors = nullptr;
   std::string server_id;
   CallSecurity* security = nullptr;
   AgentRegistry* registry = nullptr;  // null: agents and cameras belong to nobody
@@ -91,6 +93,7 @@ class AgentStream final : public grpc::ServerBidiReactor<v1::ConnectRequest, v1:
   void Register(AgentHello hello);
   void TakeMessage();
   void TakePreview();
+  void TakeDetectorAnswer();
   void Deliver(absl::StatusOr<Delivery> delivery);
   void Submit();
   void Delivered(absl::StatusOr<BatchAck> ack);

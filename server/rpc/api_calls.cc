@@ -11,6 +11,7 @@
 #include <chrono>
 #include <list>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -48,22 +49,29 @@ std::string BytesOf(const grpc::ByteBuffer& buffer) {
   return bytes;
 }
 
-// The texts of the last live states: many clients ask for the same few.
+// What is known of the last live states: many clients ask for the same few, which are read and made
+// JSON once.
 class LiveTexts {
  public:
-  // Of the answer with these bytes; null: it is not known.
-  std::shared_ptr<const ApiBody> Find(const std::string& bytes) {
+  struct Text {
+    std::string etag;
+    std::shared_ptr<const ApiBody> body;  // null: nobody has needed it so far
+  };
+
+  // Of the answer with these bytes; none: it is not known.
+  std::optional<Text> Find(const std::string& bytes) {
     const std::lock_guard lock(mutex_);
     for (auto entry = entries_.begin(); entry != entries_.end(); ++entry) {
       if (entry->bytes != bytes) continue;
       entries_.splice(entries_.begin(), entries_, entry);
-      return entry->body;
+      return entry->text;
     }
-    return nullptr;
+    return std::nullopt;
   }
-  void Add(std::string bytes, std::shared_ptr<const ApiBody> body) {
+  void Set(const std::string& bytes, const Text& text) {
     const std::lock_guard lock(mutex_);
-    entries_.push_front({std::move(bytes), std::move(body)});
+    std::erase_if(entries_, [&](const Entry& entry) { return entry.bytes == bytes; });
+    entries_.push_front({bytes, text});
     if (entries_.size() > kMaxEntries) entries_.pop_back();
   }
 
@@ -71,7 +79,7 @@ class LiveTexts {
   static constexpr size_t kMaxEntries = 16;
   struct Entry {
     std::string bytes;
-    std::shared_ptr<const ApiBody> body;
+    Text text;
   };
   std::mutex mutex_;
   std::list<Entry> entries_;  // the one used last at the front
@@ -92,12 +100,26 @@ struct OngoingCall {
   const google::protobuf::MethodDescriptor* method = nullptr;
   const ApiRoute* route = nullptr;
   std::string known_etag;
+  bool unchanged = false;  // the client has the answer: it is not asked for
 };
 using Ongoing = std::shared_ptr<OngoingCall>;
+
+absl::Status UnreadableAnswer() {
+  return absl::InternalError("the service's answer cannot be read");
+}
 
 absl::StatusOr<ApiAnswer> JsonAnswer(const Message& message) {
   RIGCAL_ASSIGN_OR_RETURN(std::string json, JsonOf(message));
   return ApiAnswer{.body = std::make_shared<ApiBody>(ApiBody{std::move(json), ""})};
+}
+
+// Takes the value of a field of texts out of a message; "": it has no such field.
+std::string TakeText(const char* name, Message* message) {
+  const auto* field = message->GetDescriptor()->FindFieldByName(name);
+  if (field == nullptr) return "";
+  std::string text = message->GetReflection()->GetString(*message, field);
+  message->GetReflection()->ClearField(message, field);
+  return text;
 }
 
 // A bytes field as it is, and the rest as JSON.
@@ -107,25 +129,38 @@ absl::StatusOr<ApiAnswer> BytesAnswer(const ApiRoute& route, Message* message) {
   auto body = std::make_shared<ApiBody>();
   body->text = message->GetReflection()->GetString(*message, field);
   message->GetReflection()->ClearField(message, field);
+  std::string content_type = TakeText("content_type", message);
+  std::string file_name = TakeText("file_name", message);
   RIGCAL_ASSIGN_OR_RETURN(std::string info, JsonOf(*message));
   info.resize(info.find_last_not_of('\n') + 1);
-  return ApiAnswer{.body = std::move(body), .info = std::move(info)};
+  return ApiAnswer{.body = std::move(body),
+                   .info = info == "{}" ? "" : std::move(info),
+                   .content_type = std::move(content_type),
+                   .file_name = std::move(file_name)};
 }
 
 absl::StatusOr<ApiAnswer> LiveAnswer(Shared* shared, const std::string& bytes,
-                                     const Message& message, const std::string& known_etag) {
-  const v1::LiveState& live = static_cast<const v1::GetLiveResponse&>(message).live();
-  ApiAnswer answer{.etag = live.revision()};
+                                     const std::string& known_etag) {
+  std::optional<LiveTexts::Text> text = shared->live_texts.Find(bytes);
+  const bool is_known = text.has_value();
+  v1::GetLiveResponse message;
+  if (!is_known || (text->body == nullptr && text->etag != known_etag)) {
+    if (!message.ParseFromString(bytes)) return UnreadableAnswer();
+    text = {.etag = message.live().revision(), .body = nullptr};
+  }
+  ApiAnswer answer{.etag = text->etag};
   answer.unchanged = !answer.etag.empty() && answer.etag == known_etag;
-  if (answer.unchanged) return answer;
-  answer.body = shared->live_texts.Find(bytes);
-  if (answer.body != nullptr) return answer;
-  RIGCAL_ASSIGN_OR_RETURN(std::string json, JsonOf(message));
-  auto body = std::make_shared<ApiBody>();
-  if (json.size() >= kMinGzipBytes) body->gzipped = Gzipped(json, kFastGzip);
-  body->text = std::move(json);
-  shared->live_texts.Add(bytes, body);
-  answer.body = std::move(body);
+  if (!answer.unchanged && text->body == nullptr) {
+    RIGCAL_ASSIGN_OR_RETURN(std::string json, JsonOf(message));
+    auto body = std::make_shared<ApiBody>();
+    if (json.size() >= kMinGzipBytes) body->gzipped = Gzipped(json, kFastGzip);
+    body->text = std::move(json);
+    text->body = std::move(body);
+    shared->live_texts.Set(bytes, *text);
+  } else if (!is_known) {
+    shared->live_texts.Set(bytes, *text);
+  }
+  answer.body = text->body;
   return answer;
 }
 
@@ -136,15 +171,15 @@ ApiAnswer AnswerOf(Shared* shared, const OngoingCall& call, const grpc::Status& 
                 absl::StrCat("this server does not serve ", call.method->full_name()))};
   }
   if (!status.ok()) return {.status = wire::FromGrpc(status)};
-  const std::unique_ptr<Message> message = NewMessage(call.method->output_type());
   const std::string bytes = BytesOf(call.answer);
-  if (!message->ParseFromString(bytes)) {
-    return {.status = absl::InternalError("the service's answer cannot be read")};
-  }
   absl::StatusOr<ApiAnswer> answer;
   if (call.method->output_type() == v1::GetLiveResponse::descriptor()) {
-    answer = LiveAnswer(shared, bytes, *message, call.known_etag);
-  } else if (!call.route->bytes_field.empty()) {
+    answer = LiveAnswer(shared, bytes, call.known_etag);
+    return answer.ok() ? *std::move(answer) : ApiAnswer{.status = answer.status()};
+  }
+  const std::unique_ptr<Message> message = NewMessage(call.method->output_type());
+  if (!message->ParseFromString(bytes)) return {.status = UnreadableAnswer()};
+  if (!call.route->bytes_field.empty()) {
     answer = BytesAnswer(*call.route, message.get());
   } else {
     answer = JsonAnswer(*message);
@@ -154,13 +189,17 @@ ApiAnswer AnswerOf(Shared* shared, const OngoingCall& call, const grpc::Status& 
 
 class ApiCalls final : public ApiGateway {
  public:
-  ApiCalls(std::shared_ptr<grpc::Channel> channel, CallSecurity* security)
-      : shared_(std::make_shared<Shared>(std::move(channel))), security_(*security) {}
+  ApiCalls(std::shared_ptr<grpc::Channel> channel, CallSecurity* security, const LiveAnswers* live)
+      : shared_(std::make_shared<Shared>(std::move(channel))), security_(*security), live_(*live) {}
 
   void Call(ApiRequest request, std::function<void(Work)> done) override {
     auto call = std::make_shared<OngoingCall>();
     if (absl::Status status = Prepare(std::move(request), call.get()); !status.ok()) {
       done([status] { return ApiAnswer{.status = status}; });
+      return;
+    }
+    if (call->unchanged) {
+      done([etag = call->known_etag] { return ApiAnswer{.etag = etag, .unchanged = true}; });
       return;
     }
     shared_->stub.UnaryCall(
@@ -188,6 +227,11 @@ class ApiCalls final : public ApiGateway {
     const grpc::Slice slice(bytes);
     call->request = grpc::ByteBuffer(&slice, 1);
     call->known_etag = std::move(request.known_etag);
+    if (!call->known_etag.empty() &&
+        call->method->input_type() == v1::GetLiveRequest::descriptor()) {
+      const auto& live_request = static_cast<const v1::GetLiveRequest&>(*message);
+      call->unchanged = live_.Revision(live_request) == call->known_etag;
+    }
     call->context.set_deadline(std::chrono::system_clock::now() + kCallLimit);
     security_.AddCaller({std::move(request.peer), std::move(request.address)}, &call->context);
     return absl::OkStatus();
@@ -195,13 +239,14 @@ class ApiCalls final : public ApiGateway {
 
   const std::shared_ptr<Shared> shared_;
   CallSecurity& security_;
+  const LiveAnswers& live_;
 };
 
 }  // namespace
 
 std::unique_ptr<ApiGateway> MakeApiGateway(std::shared_ptr<grpc::Channel> channel,
-                                           CallSecurity* security) {
-  return std::make_unique<ApiCalls>(std::move(channel), security);
+                                           CallSecurity* security, const LiveAnswers* live) {
+  return std::make_unique<ApiCalls>(std::move(channel), security, live);
 }
 
 }  // namespace rigcal::server

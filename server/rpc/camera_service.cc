@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "common/wire/detector_wire.h"
 #include "common/wire/preview_wire.h"
 #include "common/wire/time_wire.h"
 #include "rigcal/v1/camera_service.grpc.pb.h"
@@ -14,10 +15,20 @@
 namespace rigcal::server {
 namespace {
 
+DetectorRequest RequestOf(DetectorCommand command, uint32_t frame_count = 0) {
+  DetectorRequest request;
+  request.command = command;
+  request.frame_count = frame_count;
+  return request;
+}
+
 class CameraService final : public v1::CameraService::Service {
  public:
-  CameraService(const RpcServerParts& parts, PreviewBroker* previews)
-      : directory_(*parts.directory), registry_(parts.registry), previews_(*previews) {}
+  CameraService(const RpcServerParts& parts, PreviewBroker* previews, DetectorBroker* detectors)
+      : directory_(*parts.directory),
+        registry_(parts.registry),
+        previews_(*previews),
+        detectors_(*detectors) {}
 
   grpc::Status GetPreview(grpc::ServerContext* context, const v1::GetPreviewRequest* request,
                           v1::GetPreviewResponse* response) override {
@@ -62,17 +73,67 @@ class CameraService final : public v1::CameraService::Service {
     });
   }
 
+  grpc::Status GetDetector(grpc::ServerContext* context, const v1::GetDetectorRequest* request,
+                           v1::GetDetectorResponse* response) override {
+    return AskDetector("GetDetector", context, *request, RequestOf(DetectorCommand::kGet),
+                       response);
+  }
+  grpc::Status LearnMask(grpc::ServerContext* context, const v1::LearnMaskRequest* request,
+                         v1::LearnMaskResponse* response) override {
+    return AskDetector("LearnMask", context, *request,
+                       RequestOf(DetectorCommand::kLearnMask, request->frame_count()), response);
+  }
+  grpc::Status ClearMask(grpc::ServerContext* context, const v1::ClearMaskRequest* request,
+                         v1::ClearMaskResponse* response) override {
+    return AskDetector("ClearMask", context, *request, RequestOf(DetectorCommand::kClearMask),
+                       response);
+  }
+  grpc::Status TuneDetector(grpc::ServerContext* context, const v1::TuneDetectorRequest* request,
+                            v1::TuneDetectorResponse* response) override {
+    return AskDetector("TuneDetector", context, *request,
+                       RequestOf(DetectorCommand::kTune, request->frame_count()), response);
+  }
+  grpc::Status SetDetectorColour(grpc::ServerContext* context,
+                                 const v1::SetDetectorColourRequest* request,
+                                 v1::SetDetectorColourResponse* response) override {
+    DetectorRequest detector = RequestOf(DetectorCommand::kSetColour);
+    if (request->has_colour()) {
+      const absl::StatusOr<ColourRange> colour = wire::FromProto(request->colour());
+      if (!colour.ok()) return wire::ToGrpc(colour.status());
+      detector.colour = *colour;
+    }
+    return AskDetector("SetDetectorColour", context, *request, std::move(detector), response);
+  }
+
  private:
+  // `request` has a rig and a camera, `response` says whose detector it has.
+  template <typename Request, typename Response>
+  grpc::Status AskDetector(const char* rpc, grpc::ServerContext* context, const Request& request,
+                           DetectorRequest detector, Response* response) {
+    return GuardedCall(rpc, [&]() -> absl::Status {
+      detector.camera = request.camera();
+      RIGCAL_ASSIGN_OR_RETURN(const DetectorBroker::CameraDetector camera,
+                              detectors_.Ask(request.rig(), std::move(detector),
+                                             [context] { return context->IsCancelled(); }));
+      response->set_agent_id(camera.agent_id);
+      response->set_rig(camera.rig);
+      *response->mutable_detector() = wire::ToProto(camera.state);
+      return absl::OkStatus();
+    });
+  }
+
   const AgentDirectory& directory_;
   AgentRegistry* const registry_;
   PreviewBroker& previews_;
+  DetectorBroker& detectors_;
 };
 
 }  // namespace
 
 std::unique_ptr<grpc::Service> MakeCameraService(const RpcServerParts& parts,
-                                                 PreviewBroker* previews) {
-  return std::make_unique<CameraService>(parts, previews);
+                                                 PreviewBroker* previews,
+                                                 DetectorBroker* detectors) {
+  return std::make_unique<CameraService>(parts, previews, detectors);
 }
 
 }  // namespace rigcal::server

@@ -13,12 +13,13 @@
 
 namespace rigcal::server {
 IngestService::IngestService(AgentStreamOptions options, SessionCoordinator* coordinator,
-                             Ingest* ingest, PreviewBroker* previews, std::string server_id,
-                             CallSecurity* security, AgentRegistry* registry)
+                             Ingest* ingest, PreviewBroker* previews, DetectorBroker* detectors,
+                             std::string server_id, CallSecurity* security, AgentRegistry* registry)
     : environment_{.options = options,
                    .coordinator = coordinator,
                    .ingest = ingest,
                    .previews = previews,
+                   .detectors = detectors,
                    .server_id = std::move(server_id),
                    .security = security,
                    .registry = registry} {

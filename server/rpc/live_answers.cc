@@ -182,6 +182,11 @@ std::optional<uint64_t> ReadRevision(const LiveSnapshot& state, std::string_view
   return revision;
 }
 
+const std::string& RigOf(const v1::GetLiveRequest& request) {
+  static const auto* const kDefault = new std::string("rig");
+  return request.rig().empty() ? *kDefault : request.rig();
+}
+
 }  // namespace
 
 std::string RevisionOf(const LiveSnapshot& state) {
@@ -218,7 +223,7 @@ v1::LiveState ToProto(const LiveSnapshot& state, const std::optional<uint64_t>& 
 
 absl::StatusOr<LiveAnswers::Answer> LiveAnswers::Get(const v1::GetLiveRequest& request) {
   if (tracker_ == nullptr) return absl::UnimplementedError("this server follows no live state");
-  const std::string& rig = request.rig().empty() ? "rig" : request.rig();
+  const std::string& rig = RigOf(request);
   RIGCAL_RETURN_IF_ERROR(ValidateName("rig name", rig));
   std::shared_ptr<const LiveSnapshot> state = tracker_->Get(rig);
   const std::lock_guard lock(mutex_);
@@ -242,6 +247,12 @@ absl::StatusOr<LiveAnswers::Answer> LiveAnswers::Get(const v1::GetLiveRequest& r
                 .bytes = std::make_shared<const std::string>(response.SerializeAsString())};
   if (cached.by_since.size() < kMaxAnswers) cached.by_since.emplace(key, answer);
   return answer;
+}
+
+std::string LiveAnswers::Revision(const v1::GetLiveRequest& request) const {
+  const std::string& rig = RigOf(request);
+  if (tracker_ == nullptr || !ValidateName("rig name", rig).ok()) return "";
+  return RevisionOf(*tracker_->Get(rig));
 }
 
 }  // namespace rigcal::server

@@ -37,6 +37,8 @@ class LiveAnswers {
   };
   // INVALID_ARGUMENT: the rig's name is not valid; UNIMPLEMENTED: there is no tracker.
   absl::StatusOr<Answer> Get(const v1::GetLiveRequest& request);
+  // The revision of its answer, which costs next to nothing; empty: Get says why.
+  std::string Revision(const v1::GetLiveRequest& request) const;
 
  private:
   struct Cached {

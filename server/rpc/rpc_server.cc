@@ -29,8 +29,8 @@ constexpr std::chrono::milliseconds kLookInterval{2};
 constexpr std::chrono::milliseconds kFarewell{100};
 constexpr char kIngestService[] = "rigcal.v1.IngestService";
 constexpr const char* kOtherServices[] = {
-    "rigcal.v1.AgentService",   "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
-    "rigcal.v1.SessionService", "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
+    "rigcal.v1.AgentService",       "rigcal.v1.CameraService",      "rigcal.v1.IdentityService",
+    "rigcal.v1.SessionService",     "rigcal.v1.CalibrationService", "rigcal.v1.LiveService",
     "rigcal.v1.MaintenanceService", "rigcal.v1.StatusService"};
 
 // Both plugins are global to the process and must be on before the first server is built; and so is
@@ -95,12 +95,13 @@ RpcServer::RpcServer(RpcServerOptions options, const RpcServerParts& parts)
       security_(identity_.ok() ? identity_->get() : nullptr, &denied_, &listener_.connections(),
                 &audit_),
       previews_(options_.previews, parts.directory),
+      detectors_(options_.detectors, parts.directory),
       readers_(options_.readers, parts.store, parts.coordinator),
       live_answers_(parts.live),
-      ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_,
+      ingest_service_(options_.agents, parts.coordinator, parts.ingest, &previews_, &detectors_,
                       parts.store->server_id(), &security_, parts.registry) {
   services_.push_back(MakeAgentService(parts));
-  services_.push_back(MakeCameraService(parts, &previews_));
+  services_.push_back(MakeCameraService(parts, &previews_, &detectors_));
   services_.push_back(MakeIdentityService(parts.identities));
   services_.push_back(MakeSessionService(parts, &watches_, &readers_));
   services_.push_back(MakeCalibrationService(parts, &watches_));
@@ -210,6 +211,7 @@ void RpcServer::Shutdown(std::chrono::milliseconds grace) {
   if (!server_) return;
   server_->GetHealthCheckService()->SetServingStatus(false);
   previews_.Shutdown();
+  detectors_.Shutdown();
   parts_.directory->CloseAll(
       absl::UnavailableError("the server is shutting down; connect again after a moment"));
   watches_.EndStreams();
@@ -228,7 +230,7 @@ std::shared_ptr<grpc::Channel> RpcServer::InProcessChannel() {
 }
 
 std::unique_ptr<ApiGateway> RpcServer::MakeApiGateway() {
-  return server::MakeApiGateway(InProcessChannel(), &security_);
+  return server::MakeApiGateway(InProcessChannel(), &security_, &live_answers_);
 }
 
 }  // namespace rigcal::server

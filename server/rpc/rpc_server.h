@@ -38,6 +38,7 @@ struct RpcServerOptions {
   ListenerOptions listener = {};
   AgentStreamOptions agents = {};
   PreviewBrokerOptions previews = {};
+  DetectorBrokerOptions detectors = {};
   ObservationReaderOptions readers = {};
   // Memory gRPC may hold for messages and connections, in all.
   size_t memory_limit_bytes = size_t{512} << 20;
@@ -92,6 +93,7 @@ class RpcServer {
   Listener listener_;
   CallSecurity security_;
   PreviewBroker previews_;
+  DetectorBroker detectors_;
   WatchHub watches_;
   ObservationReaders readers_;
   LiveAnswers live_answers_;

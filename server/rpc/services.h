@@ -18,6 +18,7 @@
 #include "server/session/agent_directory.h"
 #include "server/session/agent_registry.h"
 #include "server/session/calibration_runner.h"
+#include "server/session/detector_broker.h"
 #include "server/session/preview_broker.h"
 #include "server/session/retention.h"
 #include "server/session/session_coordinator.h"
@@ -42,7 +43,8 @@ struct RpcServerParts {
 // The services of rigcal.v1 for clients; each in the file of its name.
 std::unique_ptr<grpc::Service> MakeAgentService(const RpcServerParts& parts);
 std::unique_ptr<grpc::Service> MakeCameraService(const RpcServerParts& parts,
-                                                 PreviewBroker* previews);
+                                                 PreviewBroker* previews,
+                                                 DetectorBroker* detectors);
 std::unique_ptr<grpc::Service> MakeIdentityService(IdentityAuthority* authority);
 std::unique_ptr<grpc::Service> MakeSessionService(const RpcServerParts& parts, WatchHub* watches,
                                                   ObservationReaders* readers);

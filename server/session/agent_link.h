@@ -5,6 +5,7 @@
 
 #include "absl/status/status.h"
 #include "common/session/capture_command.h"
+#include "common/session/detector.h"
 #include "common/session/preview.h"
 
 namespace rigcal::server {
@@ -17,6 +18,7 @@ class AgentLink {
   virtual void SendStartCapture(const StartCaptureCommand& command) = 0;
   virtual void SendStopCapture(const std::string& session_id) = 0;
   virtual void SendPreviewRequest(const PreviewRequest& request) = 0;
+  virtual void SendDetectorRequest(const DetectorRequest& request) = 0;
   // Ends the stream with `reason`.
   virtual void Close(const absl::Status& reason) = 0;
 };

@@ -2,18 +2,15 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
-#include <mutex>
-#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
 #include "common/session/preview.h"
 #include "server/session/agent_directory.h"
+#include "server/session/agent_questions.h"
 
 namespace rigcal::server {
 
@@ -37,7 +34,8 @@ class PreviewBroker {
   };
 
   // The directory outlives the broker.
-  PreviewBroker(PreviewBrokerOptions options, const AgentDirectory* directory);
+  PreviewBroker(PreviewBrokerOptions options, const AgentDirectory* directory)
+      : options_(options), directory_(*directory) {}
 
   // Waits for the next frame of the camera; `wait` 0: the default. `rig` empty: the one that has
   // the camera. `is_cancelled` is asked now and then.
@@ -58,32 +56,14 @@ class PreviewBroker {
   // What an agent answers; one that nobody waits for, or from another agent than was asked, is
   // dropped.
   void TakeAnswer(AgentDirectory::Registration registration, Preview preview);
-  void AgentGone(AgentDirectory::Registration registration);
+  void AgentGone(AgentDirectory::Registration registration) { questions_.AgentGone(registration); }
   // Ends every wait.
-  void Shutdown();
+  void Shutdown() { questions_.Shutdown(); }
 
  private:
-  struct Waiting {
-    std::string rig_and_camera;
-    AgentDirectory::Registration registration = 0;
-    std::optional<absl::StatusOr<Preview>> outcome;
-  };
-
-  absl::StatusOr<AgentDirectory::ConnectedCamera> Find(const std::string& rig,
-                                                       const std::string& camera) const;
-  absl::StatusOr<uint32_t> Enter(const std::string& rig, const std::string& camera,
-                                 AgentDirectory::Registration registration);
-  absl::StatusOr<Preview> Await(uint32_t id, std::chrono::milliseconds longest,
-                                const std::function<bool()>& is_cancelled);
-
   const PreviewBrokerOptions options_;
   const AgentDirectory& directory_;
-
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::map<uint32_t, Waiting> waiting_;  // by request id
-  uint32_t last_id_ = 0;
-  bool shut_down_ = false;
+  AgentQuestions<Preview> questions_{"preview", options_.max_waiting, true};
 };
 
 }  // namespace rigcal::server

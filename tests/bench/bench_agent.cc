@@ -12,7 +12,9 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "common/wire/camera_wire.h"
 #include "common/wire/grpc_status.h"
+#include "common/wire/observation_wire.h"
 #include "common/wire/protocol_version.h"
 #include "rigcal/v1/ingest_service.grpc.pb.h"
 
@@ -23,7 +25,7 @@ using Clock = std::chrono::steady_clock;
 
 double Seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
-v1::ConnectRequest Hello(int agent) {
+v1::ConnectRequest Hello(const LoadOptions& options, int agent) {
   v1::ConnectRequest message;
   v1::AgentHello* hello = message.mutable_hello();
   *hello->mutable_protocol_version() = wire::OwnProtocolVersion();
@@ -35,11 +37,30 @@ v1::ConnectRequest Hello(int agent) {
   v1::AnnouncedCamera* camera = hello->add_cameras();
   camera->set_stream_epoch(1);
   v1::CameraDescription* description = camera->mutable_description();
+  if (options.world != nullptr) {
+    *description = wire::ToProto(options.world->cameras()[static_cast<size_t>(agent)].description);
+    return message;
+  }
   description->set_camera(BenchCameraName(agent));
   description->mutable_image_size_px()->set_width(1280);
   description->mutable_image_size_px()->set_height(1024);
   description->mutable_clock()->set_clock_id(BenchCameraName(agent));
   description->mutable_clock()->set_timebase("bench");
+  return message;
+}
+
+// Rows from number `first_seq` on of a camera of the world.
+v1::ConnectRequest WorldBatch(const LoadOptions& options, int agent, uint32_t first_seq) {
+  ObservationBatch batch;
+  const SimulatedCamera& camera = options.world->cameras()[static_cast<size_t>(agent)];
+  batch.stream = {options.session_id, camera.description.camera, 1};
+  batch.first_seq = first_seq;
+  batch.marker_count = static_cast<uint32_t>(options.world->target().marker_count());
+  for (int row = 0; row < options.rows_per_message; ++row) {
+    batch.Append(options.world->Observe(agent, static_cast<int>(first_seq) - 1 + row));
+  }
+  v1::ConnectRequest message;
+  wire::ToProto(batch, message.mutable_batch());
   return message;
 }
 
@@ -69,8 +90,8 @@ v1::ConnectRequest Batch(const LoadOptions& options, int agent) {
 // One agent: a writing and a reading thread over one stream.
 class BenchAgent {
  public:
-  BenchAgent(const LoadOptions& options, int agent)
-      : options_(options), agent_(agent), message_(Batch(options, agent)) {
+  BenchAgent(const LoadOptions& options, int agent) : options_(options), agent_(agent) {
+    if (options.world == nullptr) message_ = Batch(options, agent);
     grpc::ChannelArguments arguments;
     arguments.SetInt("grpc.use_local_subchannel_pool", 1);
     channel_ =
@@ -85,7 +106,7 @@ class BenchAgent {
   // Sends a hello and waits for the reply.
   bool Greet() {
     v1::ConnectResponse answer;
-    return stream_->Write(Hello(agent_)) && stream_->Read(&answer) && answer.has_hello();
+    return stream_->Write(Hello(options_, agent_)) && stream_->Read(&answer) && answer.has_hello();
   }
 
   void Run() {
@@ -98,17 +119,14 @@ class BenchAgent {
 
   bool complete() const { return acknowledged_ >= options_.rows_per_agent; }
   const std::vector<double>& ack_latency_s() const { return ack_latency_s_; }
+  const std::vector<Acknowledged>& acknowledged() const { return acknowledged_messages_; }
 
  private:
   void WriteAll() {
-    v1::ObservationBatch* batch = message_.mutable_batch();
     const Clock::time_point begin = Clock::now();
     for (uint32_t seq = 1; seq <= options_.rows_per_agent;
          seq += static_cast<uint32_t>(options_.rows_per_message)) {
-      batch->set_first_seq(seq);
-      for (int row = 0; row < options_.rows_per_message; ++row) {
-        batch->set_time_ns(row, (int64_t{seq} + row) * 1'000'000);
-      }
+      MakeMessage(seq);
       const uint32_t last = seq + static_cast<uint32_t>(options_.rows_per_message) - 1;
       if (options_.rows_per_s > 0) {
         std::this_thread::sleep_until(
@@ -121,20 +139,59 @@ class BenchAgent {
         if (broken_) return;
         sent_.push_back({last, Clock::now()});
       }
-      if (!stream_->Write(message_)) return;
+      if (!Write(message_)) return;
     }
+  }
+
+  void MakeMessage(uint32_t seq) {
+    if (options_.world != nullptr) {
+      message_ = WorldBatch(options_, agent_, seq);
+      return;
+    }
+    v1::ObservationBatch* batch = message_.mutable_batch();
+    batch->set_first_seq(seq);
+    for (int row = 0; row < options_.rows_per_message; ++row) {
+      batch->set_time_ns(row, (int64_t{seq} + row) * 1'000'000);
+    }
+  }
+
+  // Both threads write: rows, and previews.
+  bool Write(const v1::ConnectRequest& message) {
+    const std::lock_guard lock(write_mutex_);
+    return stream_->Write(message);
+  }
+
+  void AnswerPreview(const v1::PreviewRequest& request) {
+    v1::ConnectRequest message;
+    v1::Preview* preview = message.mutable_preview();
+    preview->set_request_id(request.request_id());
+    preview->set_status(v1::PREVIEW_STATUS_OK);
+    preview->set_jpeg(options_.preview_jpeg);
+    v1::PreviewInfo* info = preview->mutable_info();
+    info->set_camera(request.camera());
+    info->set_jpeg_bytes(static_cast<uint32_t>(options_.preview_jpeg.size()));
+    info->set_outcome(v1::DETECTION_OUTCOME_WAND);
+    for (v1::ImageSize* size : {info->mutable_image_size_px(), info->mutable_jpeg_size_px()}) {
+      size->set_width(1280);
+      size->set_height(1024);
+    }
+    Write(message);
   }
 
   void ReadAcks() {
     v1::ConnectResponse message;
     size_t next = 0;
     while (!complete() && stream_->Read(&message)) {
+      if (message.has_preview_request() && !options_.preview_jpeg.empty()) {
+        AnswerPreview(message.preview_request());
+      }
       if (!message.has_ack()) continue;
       const Clock::time_point now = Clock::now();
       std::lock_guard lock(mutex_);
       acknowledged_ = message.ack().durable_seq();
       for (; next < sent_.size() && sent_[next].last_seq <= acknowledged_; ++next) {
         ack_latency_s_.push_back(Seconds(now - sent_[next].time));
+        acknowledged_messages_.push_back({sent_[next].last_seq, now});
       }
       room_.notify_one();
     }
@@ -159,6 +216,8 @@ class BenchAgent {
   std::condition_variable room_;
   std::vector<Sent> sent_;
   std::vector<double> ack_latency_s_;
+  std::vector<Acknowledged> acknowledged_messages_;
+  std::mutex write_mutex_;
   std::atomic<uint32_t> acknowledged_ = 0;
   bool broken_ = false;
 };
@@ -185,6 +244,7 @@ absl::StatusOr<LoadResult> RunLoad(const LoadOptions& options,
   for (const auto& agent : agents) {
     if (!agent->complete()) return absl::UnavailableError("a stream broke");
     result.rows += options.rows_per_agent;
+    result.acknowledged.push_back(agent->acknowledged());
     result.ack_latency_s.insert(result.ack_latency_s.end(), agent->ack_latency_s().begin(),
                                 agent->ack_latency_s().end());
   }

@@ -3,6 +3,7 @@
 
 #include <grpcpp/security/credentials.h>
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -11,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/simulation/world/simulated_world.h"
 
 namespace rigcal::bench {
 
@@ -26,6 +28,16 @@ struct LoadOptions {
   // Of one agent; unset: none.
   std::function<std::shared_ptr<grpc::ChannelCredentials>(const std::string& agent_id)>
       credentials = {};
+  // Agent i has camera i of this world, and delivers what that sees; null: made up rows.
+  const SimulatedWorld* world = nullptr;
+  // Answers requests for previews with this image; empty: there are none.
+  std::string preview_jpeg = {};
+};
+
+// A message of observations that is on the server's disk.
+struct Acknowledged {
+  uint32_t last_seq = 0;
+  std::chrono::steady_clock::time_point time;  // when the acknowledgement arrived
 };
 
 struct LoadResult {
@@ -33,6 +45,7 @@ struct LoadResult {
   uint64_t rows = 0;
   // Per message, from its write to its acknowledgement; ascending.
   std::vector<double> ack_latency_s;
+  std::vector<std::vector<Acknowledged>> acknowledged;  // by agent, in the order of arrival
 };
 
 // Opens the streams first; `start` is called after every hello (it starts the session).

@@ -21,7 +21,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -38,6 +37,7 @@
 #include "tests/bench/bench_agent.h"
 #include "tests/bench/suites.h"
 #include "tests/testing/process.h"
+#include "tests/testing/process_figures.h"
 #include "tests/testing/server_client.h"
 #include "tests/testing/temporary_directory.h"
 #include "tests/testing/test_ca.h"
@@ -45,24 +45,11 @@
 namespace rigcal::bench::ingest_bench {
 namespace {
 
+using testing::CpuSeconds;
 using testing::Process;
 using testing::ServerClient;
 using testing::ServerProcess;
 using testing::TemporaryDirectory;
-
-double CpuSeconds(pid_t pid) {
-  std::ifstream stream("/proc/" + std::to_string(pid) + "/stat");
-  std::string text;
-  std::getline(stream, text);
-  // Fields 14 and 15 (user and system time), counted after the parenthesised name.
-  std::istringstream fields(text.substr(text.rfind(')') + 2));
-  std::string skipped;
-  for (int i = 0; i < 11; ++i) fields >> skipped;
-  double user = 0;
-  double system = 0;
-  fields >> user >> system;
-  return (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
-}
 
 using Rates = std::map<std::pair<int, int>, double>;
 

@@ -18,7 +18,7 @@ namespace {
 using ::benchmark::ConsoleReporter;
 
 std::vector<Suite> AllSuites() {
-  return {BesideSolveSuite(), DetectSuite(), EventSuite(), IngestSuite(),
+  return {BesideSolveSuite(), DetectSuite(), EventSuite(), IngestSuite(), LiveSuite(),
           RecordedSuite(),    SolveSuite(),  SpoolSuite(), StoreSuite()};
 }
 

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "tests/testing/process.h"
@@ -12,7 +13,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr const char* kSuites[] = {"beside_solve", "detect", "event", "ingest",
+constexpr const char* kSuites[] = {"beside_solve", "detect", "event", "ingest", "live",
                                    "recorded",     "solve",  "spool", "store"};
 
 TEST(RigcalBench, HelpAndListNameEverySuite) {
@@ -32,6 +33,20 @@ TEST(RigcalBench, RunsOneSuiteWithAFilter) {
   EXPECT_EQ(run.exit_code, 0) << run.error;
   EXPECT_THAT(run.output, HasSubstr("\"store/Encode\""));
   EXPECT_THAT(run.output, Not(HasSubstr("store/Append")));
+}
+
+// As short as can be: whether it runs to its end, and what is no matter of speed.
+TEST(RigcalBench, TheLiveSuiteRunsWithAServer) {
+  const CommandResult run = RunCommand(
+      {"rigcal-bench", "live", "--benchmark_format=json"},
+      {{"RIGCAL_LIVE_CAMERAS", "3"}, {"RIGCAL_LIVE_ROUNDS", "1"}, {"RIGCAL_LIVE_SECONDS", "1"}});
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const auto result = nlohmann::json::parse(run.output).at("benchmarks").at(0);
+  ASSERT_FALSE(result.contains("error_message")) << result;
+  EXPECT_GT(result.at("polls"), 0);
+  EXPECT_GT(result.at("previews"), 0);
+  EXPECT_EQ(result.at("failed_polls"), 0);
+  EXPECT_EQ(result.at("unchanged_304_share"), 1);
 }
 
 TEST(RigcalBench, RefusesAnUnknownSuite) {

@@ -34,6 +34,7 @@ Suite BesideSolveSuite();
 Suite DetectSuite();
 Suite EventSuite();
 Suite IngestSuite();
+Suite LiveSuite();
 Suite RecordedSuite();
 Suite SolveSuite();
 Suite SpoolSuite();

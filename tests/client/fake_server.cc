@@ -90,6 +90,19 @@ class FakeServer::Sessions : public v1::SessionService::Service {
     if (fake_.sessions.erase(request->id()) == 0) return NotFound("session", request->id());
     return grpc::Status::OK;
   }
+  grpc::Status DiscardSession(grpc::ServerContext*, const v1::DiscardSessionRequest* request,
+                              v1::DiscardSessionResponse* out) override {
+    const std::lock_guard lock(fake_.mutex);
+    const auto found = fake_.sessions.find(request->id());
+    if (found == fake_.sessions.end()) return NotFound("session", request->id());
+    if (request->undo()) {
+      found->second.clear_discard_time();
+    } else {
+      found->second.mutable_discard_time()->set_seconds(1'790'000'000);
+    }
+    *out->mutable_session() = found->second;
+    return grpc::Status::OK;
+  }
   grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest* request,
                             grpc::ServerWriter<v1::WatchSessionResponse>* writer) override {
     Watch watch;
@@ -215,6 +228,16 @@ class FakeServer::Calibrations : public v1::CalibrationService::Service {
     *response = fake_.accuracy;
     return grpc::Status::OK;
   }
+  grpc::Status GetResiduals(grpc::ServerContext*, const v1::GetResidualsRequest* request,
+                            v1::GetResidualsResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (!fake_.calibrations.contains(request->id())) {
+      return NotFound("calibration", request->id());
+    }
+    fake_.asked_residuals = *request;
+    *response = fake_.residuals;
+    return grpc::Status::OK;
+  }
 
  private:
   FakeServer& fake_;
@@ -260,6 +283,41 @@ class FakeServer::Cameras : public v1::CameraService::Service {
     fake_.asked_preview = *request;
     *response = fake_.preview;
     return fake_.FailureOf("GetPreview");
+  }
+  grpc::Status GetDetector(grpc::ServerContext*, const v1::GetDetectorRequest*,
+                           v1::GetDetectorResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (fake_.on_get_detector) fake_.on_get_detector(*fake_.detector.mutable_detector());
+    *response = fake_.detector;
+    return fake_.FailureOf("GetDetector");
+  }
+  grpc::Status LearnMask(grpc::ServerContext*, const v1::LearnMaskRequest* request,
+                         v1::LearnMaskResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.asked_mask = *request;
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("LearnMask");
+  }
+  grpc::Status ClearMask(grpc::ServerContext*, const v1::ClearMaskRequest*,
+                         v1::ClearMaskResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.detector.mutable_detector()->set_mask_learnt(false);
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("ClearMask");
+  }
+  grpc::Status TuneDetector(grpc::ServerContext*, const v1::TuneDetectorRequest*,
+                            v1::TuneDetectorResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("TuneDetector");
+  }
+  grpc::Status SetDetectorColour(grpc::ServerContext*, const v1::SetDetectorColourRequest* request,
+                                 v1::SetDetectorColourResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    fake_.asked_colour = *request;
+    *fake_.detector.mutable_detector()->mutable_colour() = request->colour();
+    *response->mutable_detector() = fake_.detector.detector();
+    return fake_.FailureOf("SetDetectorColour");
   }
 
  private:

@@ -38,9 +38,12 @@ class FakeServer {
   std::map<std::string, v1::Calibration> calibrations;
   std::vector<v1::StreamAudit> audit;  // of any session, where it is asked for
   v1::GetAccuracyResponse accuracy;    // of any calibration that exists
+  v1::GetResidualsResponse residuals;  // likewise
   v1::ListAgentsResponse agents;
   v1::GetStatusResponse status;
   v1::GetPreviewResponse preview;
+  // Of every call about detectors.
+  v1::GetDetectorResponse detector;
   std::vector<v1::ObservationBatch> observations;
   // Calls of these methods ("GetSession") end with this status.
   std::map<std::string, grpc::Status> failures;
@@ -61,6 +64,7 @@ class FakeServer {
   // Called with a session or calibration before it is returned by Get, to let it go on.
   std::function<void(v1::Session&)> on_get_session;
   std::function<void(v1::Calibration&)> on_get_calibration;
+  std::function<void(v1::Detector&)> on_get_detector;
 
   // What was asked last.
   v1::CreateSessionRequest created_session;
@@ -69,7 +73,10 @@ class FakeServer {
   v1::ReadObservationsRequest read_observations;
   v1::ListCalibrationsRequest listed_calibrations;
   v1::GetAccuracyRequest asked_accuracy;
+  v1::GetResidualsRequest asked_residuals;
   v1::GetPreviewRequest asked_preview;
+  v1::LearnMaskRequest asked_mask;
+  v1::SetDetectorColourRequest asked_colour;
 
  private:
   class Sessions;

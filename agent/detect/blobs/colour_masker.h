@@ -4,11 +4,11 @@
 #include <cstdint>
 
 #include "absl/status/statusor.h"
-#include "agent/detect/blobs/colour_range.h"
 #include "agent/detect/blobs/image_view.h"
 #include "agent/detect/blobs/integer_colour_range.h"
 #include "agent/detect/blobs/mask_kernel.h"
 #include "agent/detect/blobs/pixel_mask.h"
+#include "common/target/colour_range.h"
 
 namespace rigcal::agent {
 

@@ -3,9 +3,11 @@
 
 #include <cstdint>
 
-namespace rigcal::agent {
-
+namespace rigcal {
 struct ColourRange;
+}  // namespace rigcal
+
+namespace rigcal::agent {
 
 // A ColourRange as integer comparisons, without a division per pixel.
 //

@@ -8,8 +8,8 @@ import { createServer, type IncomingMessage, type Server, type ServerResponse } 
 import type { AddressInfo } from 'node:net';
 import { extname, join, normalize } from 'node:path';
 import { gzipSync } from 'node:zlib';
-import type { Calibration, CreateSessionRequest, LiveState, Session } from '../src/api/types';
-import { mockAccuracy, mockCalibration } from './mock_calibration';
+import type { Calibration, ColourRange, CreateSessionRequest, Detector, LiveState, Session } from '../src/api/types';
+import { mockAccuracy, mockCalibration, mockResiduals } from './mock_calibration';
 import { epochMs, MockRig } from './mock_rig';
 
 /** As the real server sends it. */
@@ -45,7 +45,12 @@ export class MockServer {
   failing = false;
   startTime = new Date(epochMs).toISOString();
   generation = 1;
-  readonly counts = { live: 0, unchanged: 0, previews: 0, previewsAtOnce: 0, previewsNow: 0, withoutHeader: 0 };
+  readonly counts = { live: 0, unchanged: 0, previews: 0, previewsAtOnce: 0, previewsNow: 0, refusedPreviews: 0, withoutHeader: 0 };
+  /** Cameras that give none. */
+  readonly withoutPreviews = new Set<string>();
+  readonly detectors = new Map<string, Detector>();
+  /** How the next learning ends; "": well. */
+  learningFault = '';
   private revision = 0;
   private parts = new Map<string, { json: string; value: unknown; revision: number }>();
   private removedAt = new Map<string, number>();
@@ -194,6 +199,37 @@ export class MockServer {
     return [...all.values()].reverse();
   }
 
+  /** A learning takes four questions. */
+  private detector(camera: string, verb: string | undefined, body: Record<string, unknown>): Detector {
+    const configured = { hue_max_deg: 50, saturation_min: 0.35, value_min: 60, washed_out_min: 250 };
+    const detector: Detector = this.detectors.get(camera) ?? { colour: configured };
+    this.detectors.set(camera, detector);
+    const learning = detector.learning;
+    if (learning?.state === 'STATE_RUNNING') {
+      if (verb) throw new Refusal(409, 'FAILED_PRECONDITION', `camera ${camera} learns now; try again when it has ended`);
+      learning.frame_count = (learning.frame_count ?? 0) + 25;
+      if (learning.frame_count < 100) return detector;
+      learning.state = this.learningFault ? 'STATE_FAILED' : 'STATE_SUCCEEDED';
+      learning.message = this.learningFault || 'learnt from 100 frames';
+      if (!this.learningFault && learning.kind === 'KIND_MASK') {
+        Object.assign(detector, { mask_learnt: true, ignored_pixel_count: 1234, ignored_share: 0.0008 });
+      } else if (!this.learningFault) {
+        Object.assign(detector, { colour_learnt: true, colour: { ...configured, hue_min_deg: 340, hue_max_deg: 15 } });
+      }
+    } else if (verb === 'learn_mask' || verb === 'tune') {
+      if (!this.rig.capturing) {
+        throw new Refusal(409, 'FAILED_PRECONDITION', `camera ${camera} takes frames only while a session captures; start one, then learn`);
+      }
+      detector.learning = { kind: verb === 'tune' ? 'KIND_COLOUR' : 'KIND_MASK', state: 'STATE_RUNNING', wanted_frame_count: 100 };
+    } else if (verb === 'clear_mask') {
+      Object.assign(detector, { mask_learnt: false, ignored_pixel_count: 0, ignored_share: 0 });
+    } else if (verb === 'set_colour') {
+      const colour = body['colour'] as ColourRange | undefined;
+      Object.assign(detector, { colour: colour ?? configured, colour_learnt: colour !== undefined });
+    }
+    return detector;
+  }
+
   private async route(request: IncomingMessage, url: URL, body: Record<string, unknown>,
     response: ServerResponse): Promise<void> {
     const path = `${request.method} ${url.pathname}`;
@@ -236,7 +272,14 @@ export class MockServer {
           settings: { model: 'Simulated 1440', exposure_s: 0.0005, frame_rate_hz: 100, ptp: false } })),
         spool: { row_count: '34', bytes: '120000', limit_bytes: '1073741824', folder: '/var/lib/rigcal' } })) });
     }
+    if ((match = /^(GET|POST) \/v1\/cameras\/([^/]+)\/detector(?::(\w+))?$/.exec(path))) {
+      return this.json(response, { agent_id: 'pc', rig: 'rig', detector: this.detector(decodeURIComponent(match[2]!), match[3], body) });
+    }
     if ((match = /^GET \/v1\/cameras\/([^/]+)\/preview\.jpg$/.exec(path))) {
+      if (this.withoutPreviews.has(decodeURIComponent(match[1]!))) {
+        this.counts.refusedPreviews += 1;
+        throw new Refusal(409, 'FAILED_PRECONDITION', `camera ${match[1]} has no frames: its source yields observations`);
+      }
       this.counts.previews += 1;
       this.counts.previewsNow += 1;
       this.counts.previewsAtOnce = Math.max(this.counts.previewsAtOnce, this.counts.previewsNow);
@@ -261,7 +304,7 @@ export class MockServer {
       if (this.rig.session?.id) this.sessions.set(this.rig.session.id, this.rig.parts().session!);
       const id = `s-${String(this.allSessions().length + 1).padStart(6, '0')}`;
       const session = this.rig.create({ id, rig: wanted.rig ?? 'rig', title: wanted.title, target: wanted.target,
-        goal: wanted.goal, continues: wanted.continues });
+        goal: wanted.goal, continues: wanted.continues, requested_cameras: wanted.camera_names });
       return this.json(response, { session });
     }
     if ((match = /^(\w+) \/v1\/sessions\/([^/:]+)(?::(\w+))?$/.exec(path))) {
@@ -278,6 +321,13 @@ export class MockServer {
         if (session.state !== 'STATE_CREATED') throw new Refusal(409, 'FAILED_PRECONDITION', `session ${id} has been stopped`);
         this.rig.start();
         return this.json(response, { session: this.rig.session });
+      }
+      if (match[3] === 'discard') {
+        if (this.rig.capturing && this.rig.session?.id === id) throw new Refusal(409, 'FAILED_PRECONDITION', `session ${id} is capturing`);
+        const change = { discard_time: body['undo'] ? undefined : new Date(epochMs).toISOString() };
+        if (this.rig.session?.id === id) this.rig.change(change);
+        else this.sessions.set(id, { ...session, ...change });
+        return this.json(response, { session: this.session(id) });
       }
       if (match[3] === 'stop') {
         if (this.rig.session?.id === id && this.rig.capturing) this.rig.stop();
@@ -296,7 +346,7 @@ export class MockServer {
       this.running.set(calibration.id!, 3);
       return this.json(response, { calibration: { ...calibration, state: 'STATE_QUEUED', cameras: [] } });
     }
-    if ((match = /^(\w+) \/v1\/calibrations\/([^/:]+)(\/accuracy)?$/.exec(path))) {
+    if ((match = /^(\w+) \/v1\/calibrations\/([^/:]+)(\/accuracy|\/residuals|\/exports|\/exports\/\w+)?$/.exec(path))) {
       const id = decodeURIComponent(match[2]!);
       const calibration = this.calibrations.get(id);
       if (!calibration) throw new Refusal(404, 'NOT_FOUND', `there is no calibration "${id}"`);
@@ -304,7 +354,20 @@ export class MockServer {
         this.calibrations.delete(id);
         return this.json(response, {});
       }
-      if (match[3]) return this.json(response, mockAccuracy(id));
+      if (match[3] === '/accuracy') return this.json(response, mockAccuracy(id));
+      if (match[3] === '/residuals') return this.json(response, { id, cameras: mockResiduals(calibration) });
+      if (match[3] === '/exports') {
+        return this.json(response, { formats: [{ name: 'opencv', description: 'one FileStorage YAML per camera' },
+          { name: 'json', description: 'the whole calibration' },
+          { name: 'none', description: 'a format that this one lacks something for', problem: 'it has no metric scale' }] });
+      }
+      if (match[3]) {
+        const json = match[3] === '/exports/json';
+        response.writeHead(200, { 'Content-Type': json ? 'application/json' : 'application/zip',
+          'Content-Disposition': `attachment; filename="${id}-${json ? 'json.json' : 'opencv.zip'}"` });
+        response.end(json ? JSON.stringify(calibration) : 'PK');
+        return;
+      }
       const left = this.running.get(id) ?? 0;
       this.running.set(id, left - 1);
       return this.json(response, { calibration: this.progress(calibration) });

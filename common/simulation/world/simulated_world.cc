@@ -19,6 +19,7 @@ constexpr uint64_t kObservePurpose = 0x6f6273;
 constexpr uint64_t kMarkerPurpose = 0x6d61726b;
 constexpr uint64_t kClockPurpose = 0x636c6f636b;
 constexpr uint64_t kLengthPurpose = 0x6c656e677468;
+constexpr uint64_t kSecondWandPurpose = 0x7365636f6e64;
 constexpr double kMinSigmaPx = 0.05;  // a covariance of zero could not be weighed
 constexpr double kMaxJitterSigmas = 4;
 constexpr uint32_t kClockReadingSigmaNs = 200000;
@@ -87,7 +88,21 @@ double SimulatedWorld::FrameRigTime(int camera, int index) const {
 }
 
 Observation SimulatedWorld::Observe(int camera, int index, std::vector<bool>* is_outlier) const {
-  return ObserveWand(camera, index, WandAt(FrameRigTime(camera, index)), is_outlier);
+  WandPose wand = WandAt(FrameRigTime(camera, index));
+  if (ShowsSecondWand(camera, index)) {
+    // Half a turn about the vertical through the middle of the rig.
+    const Eigen::Vector3d turn(-1, -1, 1);
+    wand = {wand.origin_m.cwiseProduct(turn), wand.direction.cwiseProduct(turn)};
+  }
+  return ObserveWand(camera, index, wand, is_outlier);
+}
+
+bool SimulatedWorld::ShowsSecondWand(int camera, int index) const {
+  const auto share = options_.camera_second_wand_share.find(camera);
+  if (share == options_.camera_second_wand_share.end()) return false;
+  RandomStream random{options_.seed, kSecondWandPurpose, static_cast<uint64_t>(camera),
+                      static_cast<uint64_t>(index)};
+  return random.Uniform() < share->second;
 }
 
 Observation SimulatedWorld::ObserveWand(int camera, int index, const WandPose& wand,

@@ -74,6 +74,8 @@ class SimulatedWorld {
 
  private:
   SimulatedWorld() = default;
+  bool ShowsSecondWand(int camera, int index) const;
+
   SimulationOptions options_;
   Target target_;
   Target true_target_;

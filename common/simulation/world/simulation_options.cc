@@ -42,13 +42,15 @@ void AddOptions(SimulationOptions* options, OptionTable* table) {
   table->Add("rate_ppm", &o.time_rate_ppm, {-10000, 10000}, "clock rate error of camera N, ppm");
   table->Add("rate", &o.camera_rate_hz, {kMinRateHz, kMaxRateHz, "Hz"}, "of camera N alone");
   table->Add("outliers", &o.camera_outlier_share, {0, 1}, "of camera N alone");
+  table->Add("second_wand", &o.camera_second_wand_share, {0, 1},
+             "share of the observations of camera N that show another wand");
 }
 
 absl::Status SimulationOptions::Validate() const {
   FaultList faults;
   CheckOptions(*this, &faults);
-  for (const auto& by_camera :
-       {time_offset_s, time_rate_ppm, camera_rate_hz, camera_outlier_share}) {
+  for (const auto& by_camera : {time_offset_s, time_rate_ppm, camera_rate_hz, camera_outlier_share,
+                                camera_second_wand_share}) {
     for (const auto& [index, value] : by_camera) {
       if (index >= 0 && index < camera_count) continue;
       faults.Add("there is no camera ", index, " of ", camera_count, ": they count from 0");

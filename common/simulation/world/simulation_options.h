@@ -44,6 +44,8 @@ struct SimulationOptions {
   std::map<int, double> time_rate_ppm;
   std::map<int, double> camera_rate_hz;        // instead of rate_hz
   std::map<int, double> camera_outlier_share;  // instead of outlier_share
+  // Of observations, that show another wand on the other side of the volume.
+  std::map<int, double> camera_second_wand_share;
 
   friend bool operator==(const SimulationOptions&, const SimulationOptions&) = default;
   bool InGap(double rig_time_s) const {

@@ -25,7 +25,7 @@ void PrintCameraSetting(const AmbientLightOptions& options) {
       "sphere; LED {} cd/m^2, black {} grey, read noise {} grey, defocus {} px; wand {} to {} m\n",
       1e3 * render.exposure_s, render.led_grey, render.led_cd_m2, render.black_grey,
       render.read_noise_grey, render.defocus_px, pose.min_distance_m, pose.max_distance_m);
-  const agent::ColourRange& colour = options.detection.detector.colour;
+  const ColourRange& colour = options.detection.detector.colour;
   fmt::print("detector: hue {} to {} degrees, saturation from {}, value from {}, white from {}\n",
              colour.hue_min_deg, colour.hue_max_deg, colour.saturation_min, colour.value_min,
              colour.washed_out_min);
@@ -67,7 +67,7 @@ struct AmbientLightArguments {
 Experiment::Run PrepareAmbientLight(OptionList* list) {
   const auto arguments = std::make_shared<AmbientLightArguments>();
   AmbientLightOptions& options = arguments->options;
-  agent::ColourRange& colour = options.detection.detector.colour;
+  ColourRange& colour = options.detection.detector.colour;
   AddFigureOptions(list, &arguments->csv, &arguments->png);
   list->Add("--pictures", &options.frames, 1, 100000,
             "frames of each case and lux with a wand; as many without one");

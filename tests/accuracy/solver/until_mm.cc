@@ -73,6 +73,7 @@ class UntilSummary {
  public:
   explicit UntilSummary(double until_mm) : until_mm_(until_mm) {}
 
+  // Trials that do not reach the target count as long as they went on.
   void Add(const UntilTrial& random, const UntilTrial& guided) {
     ++count_;
     const UntilStep* const stop = StepAt(random, random.StopAt(until_mm_));
@@ -88,10 +89,13 @@ class UntilSummary {
       ++told_stopped_;
       told_below_ += told->true_mm < until_mm_ ? 1 : 0;
     }
-    if (stop != nullptr && told != nullptr) {
-      random_s_.push_back(stop->time_s);
-      told_s_.push_back(told->time_s);
-      of_random_.push_back(told->time_s / stop->time_s);
+    if (!random.steps.empty() && !guided.steps.empty()) {
+      const auto time_s = [](const UntilStep* reached, const UntilTrial& trial) {
+        return (reached != nullptr ? *reached : trial.steps.back()).time_s;
+      };
+      random_s_.push_back(time_s(stop, random));
+      told_s_.push_back(time_s(told, guided));
+      of_random_.push_back(told_s_.back() / random_s_.back());
     }
     for (const UntilStep& step : random.steps) {
       solve_s_.push_back(step.solve_s);

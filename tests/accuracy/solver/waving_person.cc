@@ -2,6 +2,7 @@
 #include "tests/accuracy/solver/waving_person.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace rigcal::accuracy {
 namespace {
@@ -18,6 +19,13 @@ constexpr double kShortestStrokeS = 0.25;
 WavingPerson::WavingPerson(const WaveVolume& volume, uint32_t seed)
     : volume_(volume), random_{seed, kPersonPurpose, 2} {
   to_ = {volume.centre_m, Eigen::Vector3d::UnitX()};
+}
+
+void WavingPerson::GoTo(std::vector<WandPose> places) {
+  places_ = std::move(places);
+  if (!places_.empty() && (places_.front().origin_m - place_.origin_m).norm() > 2 * kReachM) {
+    leave_s_ = end_s_;
+  }
 }
 
 WandPose WavingPerson::At(double time_s) {

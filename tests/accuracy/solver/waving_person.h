@@ -12,14 +12,14 @@
 namespace rigcal::accuracy {
 
 // A person who waves around one place for a few seconds, turning the wand all the time, and then
-// goes on to the next place: one of those told, else anywhere in the volume.
+// goes on to the next place: anywhere in the volume, or where told.
 class WavingPerson {
  public:
   WavingPerson(const WaveVolume& volume, uint32_t seed);
 
-  // Where to go next, best first; none: anywhere. The middle of the wand is the pose's origin here
-  // and below.
-  void GoTo(std::vector<WandPose> places) { places_ = std::move(places); }
+  // Where to go, best first; none: anywhere. Leaves for the first at once, unless already there.
+  // The middle of the wand is the pose's origin here and below.
+  void GoTo(std::vector<WandPose> places);
   // Ascending times only.
   WandPose At(double time_s);
 

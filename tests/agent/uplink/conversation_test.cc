@@ -42,7 +42,11 @@ class ConversationTest : public ::testing::Test {
     sources.push_back(std::move(left));
     cameras_ = *MakePipelines(std::move(sources), &spool_, [] {});
     cameras_.at("left")->Start();
-    agent_ = {.spool = &spool_, .cameras = &cameras_, .previews = &previews_, .plan = &plan_};
+    agent_ = {.spool = &spool_,
+              .cameras = &cameras_,
+              .previews = &previews_,
+              .detectors = &detectors_,
+              .plan = &plan_};
   }
   ~ConversationTest() override {
     previews_.Shutdown();
@@ -92,6 +96,7 @@ class ConversationTest : public ::testing::Test {
   ScriptedSource* left_ = nullptr;
   CameraPipelines cameras_;
   PreviewWorker previews_{options_.previews, [] {}};
+  DetectorLearner detectors_{{}, {{"left", nullptr}}, [] {}};
   DeliveryPlan plan_{&spool_, options_.flush_interval};
   Conversation::Agent agent_;
   Conversation::Clock::time_point now_ = Conversation::Clock::now();

@@ -25,8 +25,8 @@ TEST(UrlText, DecodesWhatIsEncoded) {
   EXPECT_EQ(DecodeUrlText("", false), "");
 }
 
-TEST(UrlText, RefusesHalvesAndControlCharacters) {
-  for (const char* bad : {"%", "%2", "a%", "%g0", "%0a", "%00", "a\nb", "%7f"}) {
+TEST(UrlText, RefusesHalvesControlCharactersAndWhatIsNoUtf8) {
+  for (const char* bad : {"%", "%2", "a%", "%g0", "%0a", "%00", "a\nb", "%7f", "%ff", "a\xc3"}) {
     EXPECT_FALSE(DecodeUrlText(bad, true).has_value()) << bad;
   }
 }

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -30,12 +31,28 @@ ObservationBatch Rows(const StreamKey& stream, double first_s, double rate_hz, i
   return batch;
 }
 
-std::multiset<int64_t> Times(const RowCollection::Snapshot& snapshot, const std::string& camera) {
+const RowCollection::Track& TrackOf(const RowCollection::Snapshot& snapshot,
+                                    const std::string& camera, const std::string& session = "") {
+  const auto found = std::ranges::find_if(snapshot.tracks, [&](const RowCollection::Track& track) {
+    return track.camera == camera && (session.empty() || track.session_id == session);
+  });
+  EXPECT_NE(found, snapshot.tracks.end());
+  return *found;
+}
+
+std::multiset<int64_t> Times(const RowCollection::Snapshot& snapshot, const std::string& camera,
+                             const std::string& session = "") {
   std::multiset<int64_t> times;
-  for (const ObservationBatch& batch : snapshot.rows.at(camera)) {
+  for (const ObservationBatch& batch : TrackOf(snapshot, camera, session).rows) {
     times.insert(batch.time_ns.begin(), batch.time_ns.end());
   }
   return times;
+}
+
+SessionCamera CameraNamed(const std::string& name) {
+  SessionCamera camera;
+  camera.description.camera = name;
+  return camera;
 }
 
 TEST(RowCollection, KeepsEverythingOfASlowCamera) {
@@ -47,7 +64,7 @@ TEST(RowCollection, KeepsEverythingOfASlowCamera) {
   EXPECT_EQ(Times(*snapshot, "left").size(), 500u);
   EXPECT_EQ(snapshot->seen_count, 500u);
   EXPECT_DOUBLE_EQ(snapshot->data_share, 1);
-  for (const ObservationBatch& batch : snapshot->rows.at("left")) {
+  for (const ObservationBatch& batch : TrackOf(*snapshot, "left").rows) {
     EXPECT_TRUE(CheckShape(batch).ok());
   }
 }
@@ -98,7 +115,7 @@ TEST(RowCollection, ClocksOfTheirOwnOriginAreComparedBySamples) {
   }
   EXPECT_EQ(moved, Times(*snapshot, "left"));
   size_t samples = 0;
-  for (const ObservationBatch& batch : snapshot->rows.at("right")) {
+  for (const ObservationBatch& batch : TrackOf(*snapshot, "right").rows) {
     samples += batch.clock_samples.size();
   }
   EXPECT_EQ(samples, 100u);
@@ -114,6 +131,53 @@ TEST(RowCollection, SessionsAreApartAndForgotten) {
   rows.Forget("a");
   EXPECT_FALSE(rows.Take("a"));
   EXPECT_THAT(rows.Sessions(), ElementsAre("b"));
+}
+
+TEST(RowCollection, TakesWhatASessionHasFromBefore) {
+  RowCollection rows;
+  const StreamKey before{"first", "left", 7}, own{"s", "left", 1};
+  SessionCamera camera = CameraNamed("left");
+  camera.description.latency_s = 0.25;
+  // In between: rows that come now are not held up.
+  rows.Add(own, Rows(own, 100, 50, 50));
+  rows.AddEarlier("s", camera, Rows(before, 0, 50, 50));
+  rows.Add(own, Rows(own, 101, 50, 50));
+  rows.AddEarlier("s", camera, Rows(before, 1, 50, 50));
+  const auto snapshot = rows.Take("s");
+  ASSERT_TRUE(snapshot);
+  ASSERT_EQ(snapshot->tracks.size(), 2u);
+  EXPECT_EQ(Times(*snapshot, "left", "first").size(), 100u);
+  EXPECT_EQ(Times(*snapshot, "left", "s").size(), 100u);
+  EXPECT_EQ(snapshot->seen_count, 200u);
+  EXPECT_EQ(TrackOf(*snapshot, "left", "first").description, camera.description);
+  EXPECT_FALSE(TrackOf(*snapshot, "left", "s").description.has_value());
+  EXPECT_THAT(rows.Sessions(), ElementsAre("s"));
+}
+
+TEST(RowCollection, RowsFromBeforeARestartAreOfTheSameTrack) {
+  RowCollection rows;
+  const StreamKey left{"s", "left", 1};
+  rows.Add(left, Rows(left, 100, 50, 50));
+  rows.AddEarlier("s", CameraNamed("left"), Rows(left, 0, 50, 50));
+  const auto snapshot = rows.Take("s");
+  ASSERT_EQ(snapshot->tracks.size(), 1u);
+  EXPECT_EQ(Times(*snapshot, "left").size(), 100u);
+  EXPECT_EQ(snapshot->tracks[0].rows.front().time_ns.front(), 0);
+}
+
+TEST(RowCollection, MemoryIsBoundedWithRowsFromBefore) {
+  RowCollection rows({.max_rows_per_camera = 500});
+  const StreamKey before{"first", "left", 1}, own{"s", "left", 1};
+  for (int i = 0; i < 100; ++i) {
+    rows.AddEarlier("s", CameraNamed("left"), Rows(before, i, 50, 50));
+    rows.Add(own, Rows(own, 1000 + i, 50, 50));
+  }
+  const auto snapshot = rows.Take("s");
+  const size_t earlier = Times(*snapshot, "left", "first").size();
+  const size_t newer = Times(*snapshot, "left", "s").size();
+  EXPECT_LE(earlier + newer, 550u);
+  EXPECT_GT(earlier, 80u);
+  EXPECT_GT(newer, 80u);
 }
 
 }  // namespace

@@ -70,9 +70,9 @@ void LiveFixture::SeeNothing(double, Observation* row) { row->markers.resize(3);
 void LiveFixture::Send(const std::string& camera, double first_s, int rows, const MakeRow& make_row,
                        const std::function<void(server::Delivery*)>& change) {
   server::Delivery delivery;
-  uint32_t& next_seq = next_seq_[camera];
+  uint32_t& next_seq = next_seq_[{session_id_, camera}];
   if (next_seq == 0) next_seq = 1;
-  delivery.batch.stream = {.session_id = "wave", .camera = camera, .stream_epoch = 1};
+  delivery.batch.stream = {.session_id = session_id_, .camera = camera, .stream_epoch = 1};
   delivery.batch.first_seq = next_seq;
   delivery.batch.clock_epoch = clock_epoch_[camera];
   delivery.batch.marker_count = 3;

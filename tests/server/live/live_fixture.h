@@ -50,13 +50,14 @@ class LiveFixture : public SessionFixture {
   std::vector<std::string> AlertTexts();
 
   double now_s_ = 100;
+  std::string session_id_ = "wave";  // whose rows are sent
   // Added to the times of the camera's rows.
   std::map<std::string, double> clock_offset_s_;
   std::map<std::string, uint32_t> clock_epoch_;
   std::unique_ptr<server::LiveTracker> tracker_;
 
  private:
-  std::map<std::string, uint32_t> next_seq_;
+  std::map<std::pair<std::string, std::string>, uint32_t> next_seq_;  // by session and camera
   std::shared_ptr<const server::LiveSnapshot> held_;
 };
 

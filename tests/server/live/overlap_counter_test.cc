@@ -70,6 +70,23 @@ TEST(OverlapCounter, TheOrderOfArrivalMakesNoDifference) {
   }
 }
 
+TEST(OverlapCounter, AddsWhatAnotherOneHasCounted) {
+  // A long time, one camera after the other.
+  server::OverlapCounter earlier(3, 20'000);
+  See(&earlier, 0, 50, 0, 0, 300'000);
+  See(&earlier, 1, 50, 0, 100'000, 300'000);
+  server::OverlapCounter counter(3);
+  See(&counter, 0, 50, 0, 0, 2'000);
+  See(&counter, 2, 50, 0, 0, 2'000);
+  counter.Add(earlier);
+  EXPECT_NEAR(counter.PairS(0, 1), 200, 0.1);
+  EXPECT_NEAR(counter.PairS(0, 2), 2, 0.1);
+  EXPECT_NEAR(counter.SharedS(0), 202, 0.1);
+  EXPECT_EQ(counter.PairS(1, 2), 0);
+  counter.Add(server::OverlapCounter(2));  // of other cameras
+  EXPECT_NEAR(counter.SharedS(0), 202, 0.1);
+}
+
 TEST(OverlapCounter, BearsAnyTimeAndManyCameras) {
   server::OverlapCounter none(0);
   none.Add(0, 0, 20 * kMs);

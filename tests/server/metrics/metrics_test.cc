@@ -46,10 +46,11 @@ TEST_F(Metrics, ShowWhatTheServerDoes) {
   const std::string text = Text();
   for (const char* line :
        {"rigcal_sessions 1\n", "rigcal_sessions_capturing 1\n", "rigcal_calibrations_queued 0\n",
-        "rigcal_ingest_observations_total{result=\"stored\"} 0\n", "rigcal_ingest_up 1\n",
-        "rigcal_solve_seconds_bucket{le=\"2\"} 0\n", "rigcal_solve_seconds_bucket{le=\"5\"} 1\n",
-        "rigcal_solve_seconds_bucket{le=\"+Inf\"} 2\n", "rigcal_solve_seconds_sum 33\n",
-        "rigcal_solves_failed_total 1\n", "rigcal_connections_open{port=\"grpc\"} 3\n",
+        "rigcal_sessions_draining 0\n", "rigcal_ingest_observations_total{result=\"stored\"} 0\n",
+        "rigcal_ingest_up 1\n", "rigcal_solve_seconds_bucket{le=\"2\"} 0\n",
+        "rigcal_solve_seconds_bucket{le=\"5\"} 1\n", "rigcal_solve_seconds_bucket{le=\"+Inf\"} 2\n",
+        "rigcal_solve_seconds_sum 33\n", "rigcal_solves_failed_total 1\n",
+        "rigcal_connections_open{port=\"grpc\"} 3\n",
         "rigcal_connections_accepted_total{port=\"http\"} 4\n", "rigcal_http_requests_total 50\n",
         "rigcal_info{version=\"0.1.0\"} 1\n"}) {
     EXPECT_THAT(text, HasSubstr(line));

@@ -41,7 +41,8 @@ class ApiCalls : public RpcFixture {
 
   // "/v1/sessions?page_size=1"
   ApiAnswer Call(const std::string& method, const std::string& address,
-                 const std::string& body = "", const Peer& peer = {}) {
+                 const std::string& body = "", const Peer& peer = {},
+                 const std::string& known_etag = "") {
     const size_t query = std::min(address.find('?'), address.size());
     server::ApiMatch match = server::MatchApiRoute(method, address.substr(0, query));
     if (match.route == nullptr) return {.status = absl::NotFoundError("no route " + address)};
@@ -53,7 +54,7 @@ class ApiCalls : public RpcFixture {
                     .variables = match.variables,
                     .parameters = *parameters,
                     .body = body,
-                    .known_etag = "",
+                    .known_etag = known_etag,
                     .peer = peer,
                     .address = "10.0.0.9"},
                    [&](server::ApiGateway::Work made) { work.set_value(std::move(made)); });
@@ -114,6 +115,41 @@ TEST_F(ApiCalls, SaysWhatIsWrongWithARequest) {
   // The limits of requests are those of gRPC.
   expect_fault(Call("POST", "/v1/sessions", Json{{"title", std::string(5000, 'x')}}.dump()),
                "title");
+}
+
+TEST_F(ApiCalls, SaysNothingAgainOfALiveStateThatTheClientHas) {
+  StartWave({"left"});
+  live_->Update();
+  const auto get = [&](const std::string& query, const std::string& etag) {
+    return Call("GET", "/v1/live" + query, "", {}, etag);
+  };
+  const ApiAnswer first = get("", "");
+  EXPECT_THAT(first.body->text, HasSubstr("\"full\":true"));
+  ASSERT_NE(first.etag, "");
+  // Whether it asks for changes or for everything.
+  for (const std::string& query :
+       std::vector<std::string>{"", "?since_revision=" + first.etag, "?rig=rig"}) {
+    const ApiAnswer again = get(query, first.etag);
+    EXPECT_TRUE(again.unchanged) << query;
+    EXPECT_EQ(again.etag, first.etag) << query;
+  }
+  EXPECT_EQ(get("", "").body, first.body) << "made once";
+  EXPECT_FALSE(get("?rig=other", first.etag).unchanged);
+  EXPECT_THAT(get("?rig=a%20b", first.etag).status,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rig")));
+  EXPECT_THAT(get("?page=1", first.etag).status,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("page")));
+
+  ASSERT_THAT(client().Upload(MakeBatch({"wave", "left", 1}, 1, 20)), IsOk());
+  ingest_->WaitIdle();
+  live_->Update();
+  const ApiAnswer changed = get("", first.etag);
+  EXPECT_FALSE(changed.unchanged);
+  EXPECT_THAT(changed.body->text, HasSubstr("\"full\":true"));
+  const ApiAnswer delta = get("?since_revision=" + first.etag, first.etag);
+  EXPECT_FALSE(delta.unchanged);
+  EXPECT_EQ(delta.etag, changed.etag);
+  EXPECT_LT(delta.body->text.size(), changed.body->text.size());
 }
 
 TEST_F(ApiCalls, ARoleMayWhatItMayByGrpc) {

@@ -6,6 +6,7 @@
 #include <future>
 #include <string>
 
+#include "common/wire/detector_wire.h"
 #include "common/wire/grpc_status.h"
 #include "common/wire/time_wire.h"
 #include "rigcal/v1/camera_service.grpc.pb.h"
@@ -72,6 +73,47 @@ TEST_F(CameraService, AMalformedAnswerEndsTheStreamAndTheWait) {
   EXPECT_THAT(agent.AwaitEnd(),
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("preview.jpeg")));
   EXPECT_THAT(preview.get(), StatusIs(absl::StatusCode::kAborted, HasSubstr("disconnected")));
+}
+
+TEST_F(CameraService, BringsTheDetectorOfAnAgentOverItsStream) {
+  TestAgent agent(channel(), MakeHello("pc", {"left"}));
+  agent.ReadHello();
+  v1::LearnMaskRequest request;
+  request.set_camera("left");
+  request.set_frame_count(30);
+  v1::LearnMaskResponse response;
+  std::future<absl::Status> learn = std::async(std::launch::async, [&] {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+    return wire::FromGrpc(
+        v1::CameraService::NewStub(channel())->LearnMask(&context, request, &response));
+  });
+  const v1::DetectorRequest asked =
+      agent.ReadUntil(v1::ConnectResponse::kDetectorRequest).detector_request();
+  EXPECT_EQ(asked.camera(), "left");
+  EXPECT_EQ(asked.command(), v1::DETECTOR_COMMAND_LEARN_MASK);
+  EXPECT_EQ(asked.frame_count(), 30u);
+  v1::ConnectRequest message;
+  DetectorAnswer answer{.request_id = asked.request_id(), .status = {}, .state = {}};
+  answer.state.ignored_pixel_count = 5;
+  *message.mutable_detector_answer() = wire::ToProto(answer);
+  agent.Send(message);
+  ASSERT_THAT(learn.get(), IsOk());
+  EXPECT_EQ(response.agent_id(), "pc");
+  EXPECT_EQ(response.rig(), "rig");
+  EXPECT_EQ(response.detector().ignored_pixel_count(), 5u);
+  EXPECT_EQ(response.detector().colour().value_min(), 60u);
+}
+
+TEST_F(CameraService, RefusesAColourThatIsNone) {
+  grpc::ClientContext context;
+  v1::SetDetectorColourRequest request;
+  request.set_camera("left");
+  request.mutable_colour()->set_hue_min_deg(400);
+  v1::SetDetectorColourResponse response;
+  EXPECT_THAT(wire::FromGrpc(v1::CameraService::NewStub(channel())->SetDetectorColour(
+                  &context, request, &response)),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("hue_min is 400")));
 }
 
 TEST_F(CameraService, RefusesWaitsThatAreNone) {

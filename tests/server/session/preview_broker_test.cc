@@ -32,6 +32,7 @@ class AnsweringLink : public server::AgentLink {
   void SendStartCapture(const StartCaptureCommand&) override {}
   void SendStopCapture(const std::string&) override {}
   void SendPreviewRequest(const PreviewRequest& request) override { on_request_(request); }
+  void SendDetectorRequest(const DetectorRequest&) override {}
   void Close(const absl::Status&) override {}
 
  private:

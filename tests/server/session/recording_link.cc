@@ -24,6 +24,10 @@ void RecordingLink::SendPreviewRequest(const PreviewRequest& request) {
   Add(absl::StrCat("preview ", request.camera));
 }
 
+void RecordingLink::SendDetectorRequest(const DetectorRequest& request) {
+  Add(absl::StrCat("detector ", request.camera));
+}
+
 void RecordingLink::Close(const absl::Status& reason) {
   Add(absl::StrCat("close ", reason.ToString()));
   std::lock_guard lock(mutex_);

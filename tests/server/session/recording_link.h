@@ -11,12 +11,13 @@
 namespace rigcal::testing {
 
 // Records commands to an agent, one line each: "start s-1 left/1=12 right/1=0", "stop s-1",
-// "preview left", "close ABORTED: ...". Thread-safe.
+// "preview left", "detector left", "close ABORTED: ...". Thread-safe.
 class RecordingLink : public server::AgentLink {
  public:
   void SendStartCapture(const StartCaptureCommand& command) override;
   void SendStopCapture(const std::string& session_id) override;
   void SendPreviewRequest(const PreviewRequest& request) override;
+  void SendDetectorRequest(const DetectorRequest& request) override;
   void Close(const absl::Status& reason) override;
 
   std::vector<std::string> Lines() const;

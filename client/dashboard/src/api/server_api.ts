@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calls of the JSON API of the page's own server.
 import type {
-  Calibration, CalibrationOptions, CreateCalibrationResponse, CreateSessionRequest,
-  CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, GetAccuracyResponse,
-  GetCalibrationResponse, GetLiveResponse, GetSessionResponse, GetStatusResponse,
-  ListAgentsResponse, ListCalibrationsResponse, ListSessionsResponse, LiveState, Session,
+  Calibration, CalibrationOptions, ColourRange, CreateCalibrationResponse, CreateSessionRequest,
+  CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, Detector, DiscardSessionResponse,
+  GetAccuracyResponse, GetCalibrationResponse, GetDetectorResponse, GetLiveResponse, GetResidualsResponse,
+  GetSessionResponse, GetStatusResponse, ListAgentsResponse, ListCalibrationsResponse, ListExportsResponse,
+  ListSessionsResponse, LiveState, Session,
   StartSessionResponse, StopSessionResponse,
 } from './types';
 
@@ -158,6 +159,20 @@ export async function stopSession(id: string): Promise<Session> {
     .session ?? {};
 }
 
+/** Marks a session as thrown away, or takes that back; nothing is deleted. */
+export async function discardSession(id: string, undo = false): Promise<Session> {
+  return (await ask<DiscardSessionResponse>(`/v1/sessions/${part(id)}:discard`, { method: 'POST', body: { undo } }))
+    .session ?? {};
+}
+
+/** Starts a session that goes on with a finished one: same target, same cameras, until somebody stops it. */
+export async function resumeSession(id: string): Promise<Session> {
+  const before = await getSession(id);
+  const session = await createSession({ rig: before.rig, title: before.title || undefined, target: before.target,
+    camera_names: before.requested_cameras, continues: id });
+  return startSession(session.id ?? '');
+}
+
 /** Deletes a session and its observations. */
 export async function deleteSession(id: string): Promise<void> {
   await call(`/v1/sessions/${part(id)}`, { method: 'DELETE' });
@@ -196,6 +211,21 @@ export function getAccuracy(id: string, signal?: AbortSignal): Promise<GetAccura
   return ask(`/v1/calibrations/${part(id)}/accuracy`, { signal });
 }
 
+/** Residual vectors over the image and their histogram, camera by camera. */
+export function getResiduals(id: string, signal?: AbortSignal): Promise<GetResidualsResponse> {
+  return ask(`/v1/calibrations/${part(id)}/residuals`, { signal });
+}
+
+/** The formats in which a calibration can be exported. */
+export function listExports(id: string, signal?: AbortSignal): Promise<ListExportsResponse> {
+  return ask(`/v1/calibrations/${part(id)}/exports`, { signal });
+}
+
+/** Where a calibration can be downloaded in a format. */
+export function exportAddress(id: string, format: string): string {
+  return `/v1/calibrations/${part(id)}/exports/${part(format)}`;
+}
+
 /** The agents that are or were connected. */
 export function listAgents(signal?: AbortSignal): Promise<ListAgentsResponse> {
   return ask('/v1/agents', { signal });
@@ -206,6 +236,36 @@ export async function getPreview(rig: string, camera: string, signal?: AbortSign
   const answer = await call(`/v1/cameras/${part(camera)}/preview.jpg${query({ rig })}`,
     { signal, timeoutMs: 8000, binary: true });
   return answer.json as Blob;
+}
+
+/** A camera's detector: the colour it looks for, what it ignores, what it learns. */
+export async function getDetector(rig: string, camera: string, signal?: AbortSignal): Promise<Detector> {
+  return (await ask<GetDetectorResponse>(`/v1/cameras/${part(camera)}/detector${query({ rig })}`, { signal })).detector ?? {};
+}
+
+async function changeDetector(verb: string, rig: string, camera: string, fields: object = {}): Promise<Detector> {
+  const body = { ...(rig ? { rig } : {}), ...fields };
+  return (await ask<GetDetectorResponse>(`/v1/cameras/${part(camera)}/detector:${verb}`, { method: 'POST', body })).detector ?? {};
+}
+
+/** Begins to learn which static bright spots to ignore. */
+export function learnMask(rig: string, camera: string): Promise<Detector> {
+  return changeDetector('learn_mask', rig, camera);
+}
+
+/** Forgets the learnt mask. */
+export function clearMask(rig: string, camera: string): Promise<Detector> {
+  return changeDetector('clear_mask', rig, camera);
+}
+
+/** Begins to learn the colour of the wand. */
+export function tuneDetector(rig: string, camera: string): Promise<Detector> {
+  return changeDetector('tune', rig, camera);
+}
+
+/** Sets the colour of the wand; without one, that of the agent's configuration. */
+export function setDetectorColour(rig: string, camera: string, colour?: ColourRange): Promise<Detector> {
+  return changeDetector('set_colour', rig, camera, colour ? { colour } : {});
 }
 
 /** Makes a join string. */

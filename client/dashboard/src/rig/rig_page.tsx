@@ -8,14 +8,17 @@ import { useFeed } from '../shell/feed_context';
 import { Chip, Meter, Panel, Problem } from '../shell/parts';
 import { hashOf } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
+import { whileVisible } from '../shell/visible';
 import { bytes, count, dateTime, fixed, missing, seconds, span } from '../view/format';
 import { cameraState } from '../wave/camera_tile';
+import { DetectorDialog } from './detector_dialog';
 import { PreviewQueue } from './preview_queue';
 
 const queue = new PreviewQueue();
 
-/** A preview that renews itself while it is on the screen. */
-function Preview({ rig, camera }: { rig: string; camera: string }): JSX.Element {
+/** A preview that renews itself while it is on the screen. A camera that gives none is asked again when `state`
+ * changes: its session, its agent. */
+function Preview({ rig, camera, state }: { rig: string; camera: string; state: string }): JSX.Element {
   const image = useRef<HTMLImageElement>(null);
   const [problem, setProblem] = useState('waiting for a first image');
   useEffect(() => {
@@ -24,11 +27,11 @@ function Preview({ rig, camera }: { rig: string; camera: string }): JSX.Element 
     const key = `${rig}/${camera}`;
     const abort = new AbortController();
     let shown = '';
-    const load = async (): Promise<void> => {
-      if (document.visibilityState === 'hidden') return;
+    const load = async (): Promise<'none' | void> => {
+      if (document.visibilityState === 'hidden') return undefined;
       try {
         const blob = await getPreview(rig, camera, abort.signal);
-        if (abort.signal.aborted) return;
+        if (abort.signal.aborted) return undefined;
         const before = shown;
         shown = URL.createObjectURL(blob);
         element.src = shown;
@@ -36,8 +39,11 @@ function Preview({ rig, camera }: { rig: string; camera: string }): JSX.Element 
         if (before) URL.revokeObjectURL(before);
         setProblem('');
       } catch (error) {
-        if (!abort.signal.aborted) setProblem(error instanceof ApiError ? error.message : 'the preview is no image');
+        if (abort.signal.aborted) return undefined;
+        setProblem(error instanceof ApiError ? error.message : 'the preview is no image');
+        if (error instanceof ApiError && error.code === 'FAILED_PRECONDITION') return 'none';
       }
+      return undefined;
     };
     const observer = new IntersectionObserver(([entry]) => {
       if (entry?.isIntersecting) queue.add(key, load);
@@ -52,6 +58,7 @@ function Preview({ rig, camera }: { rig: string; camera: string }): JSX.Element 
       if (shown) URL.revokeObjectURL(shown);
     };
   }, [rig, camera]);
+  useEffect(() => queue.wake(`${rig}/${camera}`), [rig, camera, state]);
   return <div class="preview">
     <img ref={image} alt={`What ${camera} sees`} class={problem === '' ? '' : 'none'} />
     {problem !== '' && <p>{problem}</p>}
@@ -60,16 +67,19 @@ function Preview({ rig, camera }: { rig: string; camera: string }): JSX.Element 
 
 const sensors: Record<string, string> = { SENSOR_FRAME: 'frame camera', SENSOR_EVENT: 'event camera' };
 
-function CameraCard({ live, description, rig, stale }: {
-  live: LiveCamera; description: CameraDescription | undefined; rig: string; stale: boolean;
+function CameraCard({ live, description, rig, stale, session }: {
+  live: LiveCamera; description: CameraDescription | undefined; rig: string; stale: boolean; session: string;
 }): JSX.Element {
   const [mark, word] = cameraState(live);
   const settings = description?.settings;
   const clock = live.clock;
   const epochs = clock?.clock_epoch_count ?? 0;
+  const [open, setOpen] = useState(false);
+  const name = live.camera ?? '';
   return <li class="cameracard">
     <div class="head"><h3>{live.camera}</h3><Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip></div>
-    {live.has_preview && live.state !== 'STATE_OFFLINE' ? <Preview rig={rig} camera={live.camera ?? ''} />
+    {live.has_preview && live.state !== 'STATE_OFFLINE' ? <Preview rig={rig} camera={name}
+      state={`${live.state} ${live.agent_id} ${session}`} />
       : <div class="preview nothing"><p>{live.state === 'STATE_OFFLINE' ? 'its agent is not connected' : 'this camera gives no previews'}</p></div>}
     <dl class="facts">
       <div class="fact"><dt>agent</dt><dd>{live.agent_id || 'given by hand'}</dd></div>
@@ -84,6 +94,10 @@ function CameraCard({ live, description, rig, stale }: {
         settings.trigger ? `trigger ${settings.trigger}` : ''].filter(Boolean).join(', ')}</dd></div>}
       <div class="fact"><dt>waiting / lost</dt><dd>{count(toCount(live.backlog_count))} / {count(toCount(live.dropped_count))}</dd></div>
     </dl>
+    {live.agent_id && live.state !== 'STATE_OFFLINE' && description?.sensor !== 'SENSOR_EVENT' &&
+      <div class="buttons"><button type="button" disabled={stale} aria-haspopup="dialog" aria-label={`Mask and colour of ${name}`}
+        onClick={() => setOpen(true)}>Mask and colour</button></div>}
+    {open && <DetectorDialog rig={rig} camera={name} onClose={() => setOpen(false)} />}
   </li>;
 }
 
@@ -113,8 +127,7 @@ export function RigPage(): JSX.Element {
   const started = timeMs(status?.start_time);
   const [now, setNow] = useState(Date.now());
   useEffect(() => {
-    const timer = setInterval(() => setNow(Date.now()), 5000);
-    return () => clearInterval(timer);
+    return whileVisible(5000, () => setNow(Date.now()));
   }, []);
   const store = status?.store;
   const problem = status?.ingest?.problem || store?.problem || '';
@@ -143,8 +156,7 @@ export function RigPage(): JSX.Element {
     </Panel>
     <Panel name="cameras" title={`Cameras (${rig.cameras.length})`}>
       <ul class="cameragrid">{rig.cameras.map((camera) => <CameraCard key={camera.camera} live={camera} rig={rig.rig} stale={stale}
-        description={descriptions.get(camera.camera)} />)}</ul>
-      <p class="hint">A threshold or a mask is set on the camera's PC: <code>rigcal-agent tune</code>, <code>rigcal-agent mask</code>.</p>
+        session={rig.session?.id ?? ''} description={descriptions.get(camera.camera)} />)}</ul>
     </Panel>
   </div>;
 }

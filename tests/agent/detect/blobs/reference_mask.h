@@ -6,9 +6,9 @@
 #include <random>
 #include <vector>
 
-#include "agent/detect/blobs/colour_range.h"
 #include "agent/detect/blobs/image_view.h"
 #include "agent/detect/blobs/integer_colour_range.h"
+#include "common/target/colour_range.h"
 
 namespace rigcal::agent {
 

@@ -32,7 +32,7 @@ TEST(SimulationOptions, ReadsEveryPart) {
           "length_sigma=0.002;focal_sigma=0.005;centre_sigma=6.4;"
           "radial_sigma=0.03;radial_high_sigma=0.1;tangential_sigma=0.001;gap_start=12;gap=10;"
           "free_running=1;clock_samples=1;offset.2=0.008;rate_ppm.2=-50;"
-          "rate.3=60;outliers.4=0.3"));
+          "rate.3=60;outliers.4=0.3;second_wand.1=0.25"));
   SimulationOptions expected;
   expected.seed = 7;
   expected.camera_count = 12;
@@ -59,6 +59,7 @@ TEST(SimulationOptions, ReadsEveryPart) {
   expected.time_rate_ppm = {{2, -50}};
   expected.camera_rate_hz = {{3, 60}};
   expected.camera_outlier_share = {{4, 0.3}};
+  expected.camera_second_wand_share = {{1, 0.25}};
   EXPECT_EQ(options, expected);
   EXPECT_THAT(ParseSimulationOptions(FormatSimulationOptions(options)), IsOk());
   EXPECT_EQ(*ParseSimulationOptions(FormatSimulationOptions(options)), expected);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "agent/detect/blobs/colour_range.h"
+#include "common/target/colour_range.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,10 +8,9 @@
 
 #include "tests/testing/status_matchers.h"
 
-namespace rigcal::agent::colour_range_test {
+namespace rigcal::testing::colour_range_test {
 namespace {
 
-using ::rigcal::testing::IsOk;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
@@ -30,4 +29,4 @@ TEST(ColourRange, NamesEveryFault) {
 }
 
 }  // namespace
-}  // namespace rigcal::agent::colour_range_test
+}  // namespace rigcal::testing::colour_range_test

@@ -3,7 +3,7 @@
 
 #include "absl/status/status.h"
 
-namespace rigcal::agent {
+namespace rigcal {
 
 // The pixels that may belong to a marker. Of a pixel with channels r, g, b: its value is the
 // largest of them (0 to 255), its chroma the largest minus the smallest, its saturation chroma /
@@ -23,4 +23,4 @@ struct ColourRange {
   absl::Status Validate() const;
 };
 
-}  // namespace rigcal::agent
+}  // namespace rigcal

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/commands/agent_command.h"
+#include "client/commands/camera_command.h"
+#include "client/commands/command_parser.h"
+
+namespace rigcal::client {
+namespace {
+
+void AddCamera(CLI::App* app, CameraOptions* options) {
+  AddArgument(app, "CAMERA", "Name of the camera", &options->camera);
+  AddOption(app, "--rig", "RIG", &options->rig,
+            "Rig of the camera, if several have one of that name");
+}
+
+void AddDetectorCommands(CommandParser& parser, CLI::App* cameras) {
+  auto [show, shown] = parser.AddCommand(
+      cameras, "detector", "The colour that its detector looks for, and what it ignores",
+      ShowDetector);
+  AddCamera(show, shown);
+
+  auto [mask, masked] = parser.AddCommand(
+      cameras, "mask",
+      "Learn static bright spots to ignore, while a session captures: keep the wand out of view, "
+      "or moving",
+      LearnCameraMask);
+  AddCamera(mask, masked);
+  AddOption(mask, "--frames", "COUNT", &masked->frame_count, "Frames to learn from [100]");
+  mask->add_flag("--clear", masked->clear, "Forget the learnt mask instead");
+
+  auto [tune, tuned] = parser.AddCommand(
+      cameras, "tune",
+      "Learn the colour of the wand, while a session captures: show it, near and far", TuneCamera);
+  AddCamera(tune, tuned);
+  AddOption(tune, "--frames", "COUNT", &tuned->frame_count, "Frames to learn from [50]");
+
+  auto [set, colour] = parser.AddCommand(
+      cameras, "colour", "Set the colour of the wand; what is not given stays", SetCameraColour);
+  AddCamera(set, colour);
+  AddOption(set, "--hue-min", "DEG", &colour->hue_min_deg, "0 to 360: red 0, green 120, blue 240");
+  AddOption(set, "--hue-max", "DEG", &colour->hue_max_deg, "Below --hue-min: through 0");
+  AddOption(set, "--saturation-min", "SHARE", &colour->saturation_min, "0 to 1");
+  AddOption(set, "--value-min", "LEVEL", &colour->value_min, "Grey level, 1 to 255");
+  AddOption(set, "--washed-out-min", "LEVEL", &colour->washed_out_min,
+            "Brighter pixels count whatever their hue; 256: none");
+  set->add_flag("--reset", colour->reset, "Back to the agent's configuration");
+}
+
+}  // namespace
+
+void AddCameraCommands(CommandParser& parser) {
+  CLI::App* cameras = parser.AddGroup(
+      "camera", "Cameras: whose they are, their detectors (move, detector, mask, tune, colour)");
+  auto [move, camera] = parser.AddCommand(
+      cameras, "move",
+      "Give a camera to another agent: it belongs to the first one that announced it, and no other "
+      "may deliver it",
+      MoveCamera);
+  AddArgument(move, "CAMERA", "Name of the camera", &camera->camera);
+  AddArgument(move, "AGENT", "Id of the agent that it belongs to from now on", &camera->agent_id);
+  AddOption(move, "--rig", "RIG", &camera->rig, "Rig of the camera; without it \"rig\"");
+  AddDetectorCommands(parser, cameras);
+}
+
+}  // namespace rigcal::client

@@ -174,6 +174,52 @@ int CameraIndex(const RigIndex& index, const std::string& name) {
   return found == index.cameras.end() ? 0 : static_cast<int>(found - index.cameras.begin());
 }
 
+// The name of a track's camera.
+const std::string& NameOfTrack(const RigObservations& rig, int track) {
+  return rig.tracks[static_cast<size_t>(track)].track.camera.camera;
+}
+
+// A clock that may be one of several is none.
+absl::Status CheckDecided(const RigObservations& rig, const TimeSearchOutcome& searched) {
+  if (searched.ambiguous.empty()) return absl::OkStatus();
+  const AmbiguousMotion& pair = searched.ambiguous.front();
+  std::vector<std::string> offsets;
+  for (const MotionPeak& peak : pair.peaks) {
+    offsets.push_back(absl::StrFormat("%+.2f s", peak.offset_s));
+  }
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the clocks of cameras ", NameOfTrack(rig, pair.track_a), " and ",
+      NameOfTrack(rig, pair.track_b),
+      " are not known to each other, and the motion that both saw repeats itself: what ",
+      NameOfTrack(rig, pair.track_b), " saw fits when its clock is moved by ",
+      absl::StrJoin(offsets, " or "),
+      ". Wave the wand without a rhythm, through all of what the cameras see, or give the cameras "
+      "clocks that are known to each other"));
+}
+
+// What the search of times has to say about a solve that came of it.
+void AddSearchFindings(const RigObservations& rig, const TimeSearchOutcome& searched,
+                       std::vector<Finding>* findings) {
+  for (const ClockByMotion& clock : searched.by_motion) {
+    const std::string& camera = NameOfTrack(rig, clock.track);
+    findings->push_back(
+        {FindingKind::kClockFoundByMotion, camera, 1e3 * clock.offset_s, "ms",
+         absl::StrFormat(
+             "the clock of %s was found %.2f s %s the median clock by the motion of the "
+             "target that it and the others saw; its stamps gave no hint of that",
+             camera, std::abs(clock.offset_s), clock.offset_s > 0 ? "behind" : "ahead of")});
+  }
+  if (searched.period_s > 0) {
+    findings->push_back(
+        {FindingKind::kPeriodicMotion, "", searched.period_s, "s",
+         absl::StrFormat(
+             "the motion repeats itself every %.2f s: clocks that are off by that, or a "
+             "multiple of it, would fit as well, and the stamps alone say that they are "
+             "not. Wave without a rhythm, through all of what the cameras see",
+             searched.period_s)});
+  }
+}
+
 // From the clocks as the search leaves them; where that cannot be solved, from the clocks as given:
 // a search that went wrong must not cost a rig that was aligned.
 absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
@@ -185,9 +231,12 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
     solve.progress(CalibrationStage::kSearchingTimeOffsets, fraction);
   };
   std::vector<ClockCorrection> found = clocks;
-  RIGCAL_RETURN_IF_ERROR(
-      SearchTimeOffsets(rig, solve.reference_camera, {progress, solve.cancelled}, &found));
+  TimeSearchOutcome searched;
+  RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, {progress, solve.cancelled},
+                                           &found, &searched));
+  RIGCAL_RETURN_IF_ERROR(CheckDecided(rig, searched));
   absl::StatusOr<EvaluatedSolution> evaluated = SolveAndEvaluate(rig, found, solve, options);
+  if (evaluated.ok()) AddSearchFindings(rig, searched, &evaluated->findings);
   const bool moved = !std::equal(found.begin(), found.end(), clocks.begin(),
                                  [](const ClockCorrection& a, const ClockCorrection& b) {
                                    return a.time_offset_s == b.time_offset_s;

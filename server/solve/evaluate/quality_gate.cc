@@ -102,11 +102,16 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
           absl::StrFormat("%s: its position is known to %.0f mm only", who, finding.value));
     case FindingKind::kWeakLink:
       return warning(absl::StrCat(who, " hangs on few instants (see findings)"));
+    case FindingKind::kPeriodicMotion:
+      return warning(absl::StrFormat(
+          "the motion repeats itself every %.2f s, and clocks may be off by as much",
+          finding.value));
     case FindingKind::kFlippedLabels:
     case FindingKind::kEdgeCoverage:
     case FindingKind::kIntrinsicsKept:
     case FindingKind::kIntrinsicsRefined:
     case FindingKind::kTimeMatchCorrected:
+    case FindingKind::kClockFoundByMotion:
     case FindingKind::kRestarted:
     case FindingKind::kNotEvaluated:
     case FindingKind::kUnspecified:

@@ -197,7 +197,7 @@ class Estimator {
     for (ClockCorrection& clock : clocks_) clock.time_offset_s = clock.time_rate = 0;
     const std::vector<ClockCorrection> given = clocks_;
     RIGCAL_RETURN_IF_ERROR(
-        SearchTimeOffsets(rig_, options_.reference_camera, {{}, input_.cancelled}, &clocks_));
+        SearchTimeOffsets(rig_, options_.reference_camera, {{}, input_.cancelled, true}, &clocks_));
     CountInstants();
     const RigSolveOptions thinned = Thinned();
     absl::StatusOr<RigSolution> solution = SolveRig(rig_, clocks_, thinned);

@@ -12,6 +12,7 @@ Experiment Crb();
 Experiment LineDelays();
 Experiment Real();
 Experiment Robustness();
+Experiment Starts();
 Experiment UntilMm();
 
 }  // namespace rigcal::accuracy

@@ -71,6 +71,8 @@ TEST(CalibrateErrors, ACameraThatContradictsAllOthersIsNamedWithTheLikelyCauses)
 
 TEST(CalibrateErrors, CamerasThatRanAtOtherTimesAreNamedWithTheTimeBetween) {
   CalibrationInput input = Input("cameras=2;duration=20");
+  // Another wave: nothing that both saw.
+  input.tracks[1].observations = Input("cameras=2;duration=20;seed=9").tracks[1].observations;
   for (Observation& row : input.tracks[1].observations) row.time_ns += 100'000'000'000;
   EXPECT_THAT(Calibrate(input, {}).result,
               StatusIs(absl::StatusCode::kFailedPrecondition,

@@ -68,11 +68,18 @@ TEST(SearchTimeOffsetsEdge, GoesOnFromWhatIsAlreadyKnown) {
   EXPECT_NEAR(clocks[1].time_offset_s, 1.6, 0.01);
 }
 
-TEST(SearchTimeOffsetsEdge, LeavesAClockBeyondItsReachAsItIs) {
+TEST(SearchTimeOffsetsEdge, FindsAClockThatIsSecondsOffUnlessToldToStayNearby) {
   std::vector<ClockCorrection> clocks;
   const RigObservations rig = RigOf(Input("cameras=2;duration=30;offset.1=3.5"), &clocks);
-  ASSERT_THAT(SearchTimeOffsets(rig, 0, {}, &clocks), IsOk());
+  ASSERT_THAT(SearchTimeOffsets(rig, 0, {{}, nullptr, true}, &clocks), IsOk());
   EXPECT_EQ(clocks[1].time_offset_s, 0);
+  TimeSearchOutcome outcome;
+  ASSERT_THAT(SearchTimeOffsets(rig, 0, {}, &clocks, &outcome), IsOk());
+  EXPECT_NEAR(clocks[1].time_offset_s, 3.5, 0.004);
+  ASSERT_EQ(outcome.by_motion.size(), 1u);
+  EXPECT_EQ(outcome.by_motion[0].track, 1);
+  EXPECT_TRUE(outcome.ambiguous.empty());
+  EXPECT_EQ(outcome.period_s, 0);
 }
 
 TEST(SearchTimeOffsetsEdge, LooksAtEachSessionByItself) {

@@ -97,8 +97,9 @@ absl::StatusOr<EvaluatedSolution> ModelRollingShutters(const RigSolveOptions& ba
   std::vector<LineDelay> total(found->cameras.size());
   absl::StatusOr<RigInitialization> settled =
       SettleLineDelays(evaluated.options, first, std::move(found->cameras), rig, &total);
-  absl::StatusOr<EvaluatedSolution> modelled = settled.status();
-  if (settled.ok()) modelled = SolveAndEvaluate(*rig, settled->clocks, base, options, &*settled);
+  absl::StatusOr<EvaluatedSolution> modelled =
+      settled.ok() ? SolveAndEvaluate(*rig, settled->clocks, base, options, &*settled)
+                   : absl::StatusOr<EvaluatedSolution>(settled.status());
   if (absl::IsCancelled(modelled.status())) return modelled.status();
   if (!modelled.ok()) {
     AddLineDelays(Negative(std::move(total)), rig);

@@ -18,8 +18,8 @@ namespace {
 using ::benchmark::ConsoleReporter;
 
 std::vector<Suite> AllSuites() {
-  return {BesideSolveSuite(), DetectSuite(), EventSuite(), IngestSuite(), LiveSuite(),
-          RecordedSuite(),    SolveSuite(),  SpoolSuite(), StoreSuite()};
+  return {BesideSolveSuite(), CalibrateSuite(), DetectSuite(), EventSuite(), IngestSuite(),
+          LiveSuite(),        RecordedSuite(),  SolveSuite(),  SpoolSuite(), StoreSuite()};
 }
 
 void PrintHelp() {

@@ -13,8 +13,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr const char* kSuites[] = {"beside_solve", "detect", "event", "ingest", "live",
-                                   "recorded",     "solve",  "spool", "store"};
+constexpr const char* kSuites[] = {"beside_solve", "calibrate", "detect", "event", "ingest",
+                                   "live",         "recorded",  "solve",  "spool", "store"};
 
 TEST(RigcalBench, HelpAndListNameEverySuite) {
   const CommandResult help = RunCommand({"rigcal-bench", "--help"});

@@ -31,6 +31,7 @@ struct Suite {
 };
 
 Suite BesideSolveSuite();
+Suite CalibrateSuite();
 Suite DetectSuite();
 Suite EventSuite();
 Suite IngestSuite();

@@ -252,6 +252,7 @@ ceres::Solver::Options SolverOptions(const BundleOptions& options, ParameterBloc
   solver.max_num_iterations = options.max_iterations;
   solver.function_tolerance = options.function_tolerance;
   solver.gradient_tolerance = options.gradient_tolerance;
+  solver.initial_trust_region_radius = options.initial_radius;
   solver.parameter_tolerance = options.parameter_tolerance;
   solver.logging_type = ceres::SILENT;
   // The order in which blocks were added decides sums, so it is stated instead of found.

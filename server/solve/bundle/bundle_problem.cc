@@ -137,9 +137,9 @@ std::vector<Intrinsics> CurrentIntrinsics(const BundleProblem& problem) {
 
 absl::Status BundleOptions::Validate() const {
   for (const double value :
-       {loss_scale, function_tolerance, gradient_tolerance, parameter_tolerance}) {
+       {loss_scale, function_tolerance, gradient_tolerance, parameter_tolerance, initial_radius}) {
     if (!std::isfinite(value) || value <= 0) {
-      return Fault("loss scale and tolerances must be positive");
+      return Fault("loss scale, tolerances and the trust region's radius must be positive");
     }
   }
   if (max_iterations < 0) return Fault("max_iterations must not be negative");

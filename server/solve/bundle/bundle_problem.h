@@ -202,6 +202,9 @@ struct BundleOptions {
   double function_tolerance = 1e-10;   // relative change of the cost
   double gradient_tolerance = 1e-10;   // as in Ceres
   double parameter_tolerance = 1e-10;  // relative change of the parameters
+  // Of the trust region: the inverse of the first step's damping. From values that an adjustment
+  // has left, a larger one saves steps.
+  double initial_radius = 1e4;
   // Called after each iteration from the solving thread, with the relative decrease of the cost.
   std::function<void(int iteration, double cost)> progress;
   const std::atomic<bool>* cancelled = nullptr;

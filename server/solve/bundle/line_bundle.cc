@@ -11,6 +11,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/line_bundle_system.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/bundle/target_scale.h"
 
 namespace rigcal::server {
 namespace {
@@ -21,6 +22,7 @@ constexpr double kMinRadius = 1e-32;
 // The radius of Ceres's Levenberg-Marquardt (after Nielsen 1999): the damping is its inverse.
 class TrustRegion {
  public:
+  explicit TrustRegion(double radius) : radius_(radius) {}
   double damping() const { return 1 / radius_; }
   bool exhausted() const { return radius_ < kMinRadius; }
   void Accept(double quality) {
@@ -34,7 +36,7 @@ class TrustRegion {
   }
 
  private:
-  double radius_ = 1e4;
+  double radius_;
   double decrease_ = 2;
 };
 
@@ -82,7 +84,8 @@ class Solver {
         packed_(Pack(problem, &layout_)),
         system_(options, layout_, packed_, BestLineBundleKernel()),
         estimate_(problem, layout_, packed_),
-        moved_(problem, layout_, packed_) {}
+        moved_(problem, layout_, packed_),
+        region_(options.initial_radius) {}
 
   const LineBundleLayout& layout() const { return layout_; }
   const LineBundleEstimate& estimate() const { return estimate_; }
@@ -186,6 +189,7 @@ absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options,
     if (!std::isfinite(summary.initial_cost)) return UnseenMarker(*problem);
     RIGCAL_RETURN_IF_ERROR(solver.Run(&summary));
     solver.Store(problem);
+    summary.final_cost -= SettleScale(problem);
     return summary;
   };
   return WithSolver<BundleSummary>(options, *problem, solve);

@@ -18,6 +18,9 @@ constexpr double kMinOffsetS = 1e-3;
 constexpr double kClockSigmas = 5;
 // Farther than this a view cannot be moved along its image velocity.
 constexpr double kMaxExtrapolationS = 0.05;
+// From so many cameras on, an offset is tried on so many observations, the other cameras held.
+constexpr size_t kLargeRig = 10;
+constexpr size_t kMaxOffsetObservations = 5000;
 
 struct ClockOffset {
   double offset_s = 0;  // on top of the coarse alignment, against the session's median
@@ -62,6 +65,37 @@ std::set<std::string> CamerasOfClock(const CauseInput& input, size_t clock) {
   return cameras;
 }
 
+// Leaves of a large rig's problem what tells how a clock's cameras fit: these cameras against the
+// others, in some of the instants that they share. One camera does not move a large rig.
+void Restrict(size_t clock, BundleProblem* problem) {
+  if (problem->cameras.size() < kLargeRig) return;
+  const auto is_of_clock = [clock](const BundleObservation& observation) {
+    return observation.clock == static_cast<int>(clock);
+  };
+  std::vector<bool> own(problem->cameras.size(), false);
+  size_t observations = 0;
+  for (BundleInstant& instant : problem->instants) {
+    const auto members = problem->ObservationsOf(instant);
+    instant.used = instant.used && std::ranges::any_of(members, is_of_clock);
+    if (!instant.used) continue;
+    observations += members.size();
+    for (const BundleObservation& observation : members) {
+      if (is_of_clock(observation)) own[static_cast<size_t>(observation.camera)] = true;
+    }
+  }
+  const size_t stride = 1 + observations / kMaxOffsetObservations;
+  size_t shared = 0;
+  for (BundleInstant& instant : problem->instants) {
+    if (instant.used) instant.used = shared++ % stride == 0;
+  }
+  problem->target.fixed = true;
+  for (size_t c = 0; c < own.size(); ++c) {
+    if (own[c]) continue;
+    problem->cameras[c].pose_fixed = true;
+    problem->cameras[c].intrinsics_fixed = true;
+  }
+}
+
 // The errors if the clock ran with the median clock.
 ErrorChange WithoutOffset(const CauseInput& input, const BundleProblem& corrected, size_t clock,
                           double offset_s, const std::string& camera) {
@@ -70,6 +104,7 @@ ErrorChange WithoutOffset(const CauseInput& input, const BundleProblem& correcte
   BundleProblem without = corrected;
   for (BundleClock& entry : without.clocks) entry.offset_fixed = true;
   without.clocks[clock].time_offset_s -= offset_s;
+  Restrict(clock, &without);
   if (!SolveTrial(input.trial.bundle, &without).ok()) return change;
   const std::vector<ErrorChange> changes = CompareErrors(without, corrected);
   for (size_t c = 0; c < changes.size(); ++c) {

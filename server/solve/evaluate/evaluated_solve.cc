@@ -18,6 +18,10 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kMinHeldOutInstants = 20;
+// Of a fold: many enough for each camera's parameters to add less than a hundredth to its errors.
+constexpr size_t kFoldObservations = 20'000;
+// That a choice is evaluated on.
+constexpr size_t kChoiceObservations = 10'000;
 // A refinement must make the held-out error smaller by this share to be kept.
 constexpr double kMustGain = 0.02;
 constexpr int kMaxRateTries = 4;
@@ -33,21 +37,34 @@ std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
   };
 }
 
-// Solves on what `keep` keeps and evaluates on what `evaluate_on` selects.
-absl::StatusOr<EvaluatedErrors> SolveAndMeasure(const RigObservations& rig,
-                                                const RigInitialization& initial,
-                                                RigSolveOptions options,
-                                                const std::function<bool(int64_t)>& keep,
-                                                const std::function<bool(int64_t)>& evaluate_on) {
-  options.keep_instant = keep;
-  RIGCAL_ASSIGN_OR_RETURN(RigSolution solution, SolveRig(rig, initial.clocks, options, &initial));
-  // The evaluation builds a problem of its own.
-  PutAway(rig, options, &solution);
+using Select = std::function<bool(int64_t rig_time_ns)>;
+
+// The options of a solve that is evaluated on what `keep` leaves out.
+RigSolveOptions OptionsOfFold(RigSolveOptions options, Select keep) {
+  options.keep_instant = std::move(keep);
+  options.max_observations = kFoldObservations;
+  options.rough = true;
+  return options;
+}
+
+absl::StatusOr<EvaluatedErrors> MeasureOn(const RigObservations& rig, const RigSolution& solution,
+                                          RigSolveOptions options, size_t max_observations,
+                                          const Select& evaluate_on) {
+  options.max_observations = max_observations;
   EvaluatedErrors errors = EvaluateSolution(rig, solution, options, evaluate_on);
   if (errors.instant_count < kMinHeldOutInstants) {
     return absl::FailedPreconditionError("too few instants are held out");
   }
   return errors;
+}
+
+// Solves on what `keep` keeps.
+absl::StatusOr<RigSolution> SolveFold(const RigObservations& rig, const RigInitialization& initial,
+                                      const RigSolveOptions& options) {
+  RIGCAL_ASSIGN_OR_RETURN(RigSolution solution, SolveRig(rig, initial.clocks, options, &initial));
+  // The evaluation builds a problem of its own.
+  PutAway(rig, options, &solution);
+  return solution;
 }
 
 // Held-out errors of the two ways to treat intrinsics, summed over the folds that had both.
@@ -64,30 +81,42 @@ struct IntrinsicsScores {
   }
 };
 
-// Within what fold `outer` leaves: two solves without blocks `inner`, evaluated on those.
-absl::StatusOr<IntrinsicsScores> ScoreIntrinsics(const RigObservations& rig,
-                                                 const RigInitialization& initial,
-                                                 const TimeBlocks& blocks,
-                                                 const RigSolveOptions& base, int outer) {
-  const int inner = (outer + 2) % blocks.period;
-  const auto keep = [&blocks, outer, inner](int64_t t) {
-    return blocks.IsKept(t, outer) && blocks.IsKept(t, inner);
-  };
-  const auto evaluate_on = [&blocks, outer, inner](int64_t t) {
-    return blocks.IsHeldOut(t, inner) && blocks.IsKept(t, outer);
-  };
-  double score_px[2] = {INFINITY, INFINITY};
-  for (const bool refine : {false, true}) {
-    RigSolveOptions options = base;
-    options.refine_intrinsics = refine;
-    options.progress = AllAs(CalibrationStage::kChoosingIntrinsics, base);
-    const absl::StatusOr<EvaluatedErrors> errors =
-        SolveAndMeasure(rig, initial, options, keep, evaluate_on);
-    if (absl::IsCancelled(errors.status())) return errors.status();
-    if (errors.ok()) score_px[refine ? 1 : 0] = ChoiceScorePx(*errors);
+// For each fold, within what it leaves: two solves without the blocks of another fold, evaluated on
+// those. Of two folds that leave out each other's blocks, the solves are the same.
+absl::StatusOr<std::vector<IntrinsicsScores>> ScoreIntrinsics(const RigObservations& rig,
+                                                              const RigInitialization& initial,
+                                                              const TimeBlocks& blocks,
+                                                              const RigSolveOptions& base) {
+  std::vector<IntrinsicsScores> scores(static_cast<size_t>(blocks.period));
+  const int apart = blocks.period / 2;
+  for (int a = 0; a < apart; ++a) {
+    const int b = a + apart;
+    // By fold, by whether intrinsics are refined.
+    double score_px[2][2] = {{INFINITY, INFINITY}, {INFINITY, INFINITY}};
+    for (const bool refine : {false, true}) {
+      RigSolveOptions options = OptionsOfFold(
+          base, [&blocks, a, b](int64_t t) { return blocks.IsKept(t, a) && blocks.IsKept(t, b); });
+      options.refine_intrinsics = refine;
+      options.progress = AllAs(CalibrationStage::kChoosingIntrinsics, base);
+      const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, options);
+      if (absl::IsCancelled(solution.status())) return solution.status();
+      if (!solution.ok()) continue;
+      for (const bool second : {false, true}) {
+        const int outer = second ? b : a, inner = second ? a : b;
+        const absl::StatusOr<EvaluatedErrors> errors = MeasureOn(
+            rig, *solution, options, kChoiceObservations, [&blocks, outer, inner](int64_t t) {
+              return blocks.IsHeldOut(t, inner) && blocks.IsKept(t, outer);
+            });
+        if (errors.ok()) score_px[second][refine] = ChoiceScorePx(*errors);
+      }
+    }
+    for (const bool second : {false, true}) {
+      const auto& [given_px, refined_px] = score_px[second];
+      if (!std::isfinite(given_px) || !std::isfinite(refined_px)) continue;
+      scores[static_cast<size_t>(second ? b : a)] = {given_px, refined_px, 1};
+    }
   }
-  if (!std::isfinite(score_px[0]) || !std::isfinite(score_px[1])) return IntrinsicsScores{};
-  return IntrinsicsScores{score_px[0], score_px[1], 1};
+  return scores;
 }
 
 Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
@@ -209,6 +238,20 @@ absl::Status CheckHeld(const BundleProblem& problem) {
   return absl::FailedPreconditionError(absl::StrCat("the rig cannot be solved as one. ", lost));
 }
 
+// A rough solve of all data in which some clock's rate stands out; none if there is none.
+absl::StatusOr<std::optional<RigInitialization>> WithOwnRates(const RigObservations& rig,
+                                                              RigSolveOptions options,
+                                                              const RigInitialization& initial) {
+  options.rough = true;
+  const absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, options, &initial);
+  if (absl::IsCancelled(tried.status())) return tried.status();
+  if (!tried.ok()) return std::nullopt;
+  const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, options);
+  if (!uncertainty.ok()) return std::nullopt;
+  if (std::ranges::count(OwnRates(*tried, *uncertainty), true) == 0) return std::nullopt;
+  return InitializationFrom(*tried);
+}
+
 // Gives rates to the clocks that are seen to run differently: all are tried, then those that stood
 // out alone, until all of them still do. What could not be solved has no rates.
 // `solution` may be put away on return.
@@ -217,8 +260,12 @@ absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigS
   with_rates.estimate_time_rates = true;
   const RigInitialization initial = InitializationFrom(*solution);
   PutAway(rig, *options, solution);
+  RIGCAL_ASSIGN_OR_RETURN(const std::optional<RigInitialization> begin,
+                          WithOwnRates(rig, with_rates, initial));
+  if (!begin) return absl::OkStatus();
   for (int i = 0; i < kMaxRateTries; ++i) {
-    absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, with_rates, &initial);
+    absl::StatusOr<RigSolution> tried =
+        SolveRig(rig, (i == 0 ? *begin : initial).clocks, with_rates, i == 0 ? &*begin : &initial);
     if (absl::IsCancelled(tried.status())) return tried.status();
     if (!tried.ok()) return absl::OkStatus();
     const absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*tried, with_rates);
@@ -267,6 +314,8 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   EvaluatedSolution result;
   result.options = base;
   RigSolveOptions first = base;
+  const std::vector<ImageMotion> motions = MotionsOf(rig);
+  first.motions = &motions;
   first.refine_intrinsics = options.intrinsics == Estimate::kRefined;
   const bool choose =
       options.intrinsics == Estimate::kDefault || options.intrinsics == Estimate::kAuto;
@@ -286,20 +335,25 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
 
   IntrinsicsScores scores;
+  std::vector<IntrinsicsScores> scores_of_fold;
+  if (choose) {
+    RIGCAL_ASSIGN_OR_RETURN(scores_of_fold, ScoreIntrinsics(rig, initial, blocks, first));
+  }
+  for (const IntrinsicsScores& own : scores_of_fold) scores.Add(own);
   EvaluatedErrors held_out;
   for (int fold = 0; fold < blocks.period; ++fold) {
-    RigSolveOptions fold_options = first;
+    RigSolveOptions fold_options =
+        OptionsOfFold(first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
     fold_options.progress = AllAs(CalibrationStage::kEvaluating, base);
     if (choose) {
-      RIGCAL_ASSIGN_OR_RETURN(const IntrinsicsScores own,
-                              ScoreIntrinsics(rig, initial, blocks, result.options, fold));
-      fold_options.refine_intrinsics = own.RefinedPays();
-      scores.Add(own);
+      fold_options.refine_intrinsics = scores_of_fold[static_cast<size_t>(fold)].RefinedPays();
     }
-    const absl::StatusOr<EvaluatedErrors> errors = SolveAndMeasure(
-        rig, initial, fold_options, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); },
-        [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
-    if (absl::IsCancelled(errors.status())) return errors.status();
+    const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
+    if (absl::IsCancelled(solution.status())) return solution.status();
+    if (!solution.ok()) continue;
+    const absl::StatusOr<EvaluatedErrors> errors =
+        MeasureOn(rig, *solution, fold_options, 0,
+                  [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
     if (errors.ok()) Append(*errors, &held_out);
   }
   if (held_out.instant_count > 0) {
@@ -312,8 +366,8 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   result.options.refine_intrinsics = choose ? scores.RefinedPays() : first.refine_intrinsics;
   if (choose) result.findings.push_back(IntrinsicsFinding(scores));
   if (result.options.refine_intrinsics != first.refine_intrinsics) {
-    RIGCAL_ASSIGN_OR_RETURN(result.solution,
-                            SolveRig(rig, initial.clocks, result.options, &initial));
+    first.refine_intrinsics = result.options.refine_intrinsics;
+    RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, initial.clocks, first, &initial));
   }
   TakeBack(rig, result.options, &result.solution);
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);

@@ -13,6 +13,7 @@
 #include "server/solve/initialize/initialization.h"
 #include "server/solve/rig/outliers.h"
 #include "server/solve/rig/sphere_centres.h"
+#include "server/solve/rig/thin_out.h"
 
 namespace rigcal::server {
 namespace {
@@ -32,6 +33,7 @@ BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& s
                                   options.tolerance_s);
   std::erase_if(list.instants,
                 [&select](const Instant& instant) { return !select(instant.rig_time_ns); });
+  ThinOut(rig.index, options.max_observations, &list.instants);
   BuiltProblem built = BuildProblem(rig.target, rig.tracks, solution.motions, rig.index,
                                     solution.clocks, list.instants, options.sigma_px);
   built.problem.cameras = solution.built.problem.cameras;
@@ -46,18 +48,25 @@ BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& s
 void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& intrinsics,
                  const BundleInstant& instant, EvaluatedErrors* errors) {
   const std::vector<MarkerRay> views = UsedMarkerRays(problem, intrinsics, instant);
-  for (const MarkerRay& left_out : views) {
+  const auto compare = [&](const MarkerRay& left_out, const std::optional<Eigen::Vector3d>& point) {
     const auto camera = static_cast<size_t>(left_out.camera);
-    std::vector<CameraRay> others;
-    for (const MarkerRay& view : views) {
-      if (view.marker == left_out.marker && view.camera != left_out.camera && view.has_ray) {
-        others.push_back(view.ray);
-      }
-    }
-    const auto point = Triangulate(others);
     Eigen::Vector2d pixel;
     if (point && Project(intrinsics[camera], left_out.ray.cam_from_rig * *point, &pixel)) {
       errors->leave_one_out_px[camera].push_back((pixel - left_out.centre_px).norm());
+    }
+  };
+  for (size_t m = 0; m < problem.target.marker_positions_m.size(); ++m) {
+    std::vector<CameraRay> rays;
+    std::vector<const MarkerRay*> seen;
+    for (const MarkerRay& view : views) {
+      if (view.marker != static_cast<int>(m) || !view.has_ray) continue;
+      rays.push_back(view.ray);
+      seen.push_back(&view);
+    }
+    const auto points = TriangulateWithoutEach(rays);
+    for (size_t i = 0; i < seen.size(); ++i) compare(*seen[i], points[i]);
+    for (const MarkerRay& view : views) {
+      if (view.marker == static_cast<int>(m) && !view.has_ray) compare(view, Triangulate(rays));
     }
   }
 }

@@ -34,8 +34,9 @@ struct EvaluatedErrors {
   int instant_count = 0;
 };
 
-// Evaluates a solution: places the target in those instants for which `select` holds, by the
-// cameras, clocks and target of the solution alone, and measures errors. Outliers are classified
+// Evaluates a solution: places the target in those instants for which `select` holds (in about
+// `options.max_observations` of them, if not 0), by the cameras, clocks and target of the solution
+// alone, and measures errors. Outliers are classified
 // anew (outliers.h).
 EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& solution,
                                  const RigSolveOptions& options,

@@ -12,6 +12,10 @@ namespace {
 
 constexpr double kMinSinAngle = 1e-4;
 constexpr int kTriangulationSteps = 5;
+// One view of so many hardly moves the point: its part is taken out to second order. Where the
+// point moves by more than this share of its depth, it is triangulated anew.
+constexpr size_t kManyViews = 5;
+constexpr double kLinearShare = 1e-3;
 
 Eigen::Vector3d Bearing(const CameraRay& view) {
   return view.cam_from_rig.rotation.conjugate() *
@@ -24,28 +28,41 @@ bool AllBefore(const std::vector<CameraRay>& views, const Eigen::Vector3d& point
          });
 }
 
+// Half the squared residuals of one or more views near a point, to second order.
+struct Quadratic {
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+
+  void Add(const CameraRay& view, const Eigen::Vector3d& point) {
+    const Eigen::Matrix3d rotation = view.cam_from_rig.rotation.toRotationMatrix();
+    const Eigen::Vector3d x = rotation * point + view.cam_from_rig.translation_m;
+    const double inverse_z = 1 / x.z();
+    Eigen::Matrix<double, 2, 3> jacobian;
+    jacobian << inverse_z, 0, -x.x() * inverse_z * inverse_z,  //
+        0, inverse_z, -x.y() * inverse_z * inverse_z;
+    const Eigen::Matrix<double, 2, 3> d_rig = jacobian * rotation;
+    const Eigen::Vector2d residual = x.head<2>() * inverse_z - view.ray;
+    hessian += d_rig.transpose() * d_rig;
+    gradient += d_rig.transpose() * residual;
+  }
+  Eigen::Vector3d Step() const { return -hessian.ldlt().solve(gradient); }
+};
+
 void Refine(const std::vector<CameraRay>& views, Eigen::Vector3d* point) {
   for (int step = 0; step < kTriangulationSteps; ++step) {
-    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    for (const CameraRay& view : views) {
-      const Eigen::Vector3d x = view.cam_from_rig * *point;
-      const double inverse_z = 1 / x.z();
-      Eigen::Matrix<double, 2, 3> jacobian;
-      jacobian << inverse_z, 0, -x.x() * inverse_z * inverse_z,  //
-          0, inverse_z, -x.y() * inverse_z * inverse_z;
-      const Eigen::Matrix<double, 2, 3> d_rig =
-          jacobian * view.cam_from_rig.rotation.toRotationMatrix();
-      const Eigen::Vector2d residual = x.head<2>() * inverse_z - view.ray;
-      hessian += d_rig.transpose() * d_rig;
-      gradient += d_rig.transpose() * residual;
-    }
-    const Eigen::Vector3d delta = hessian.ldlt().solve(gradient);
-    const Eigen::Vector3d next = *point - delta;
+    Quadratic all;
+    for (const CameraRay& view : views) all.Add(view, *point);
+    const Eigen::Vector3d delta = all.Step();
+    const Eigen::Vector3d next = *point + delta;
     if (!AllBefore(views, next)) return;
     *point = next;
     if (delta.norm() < 1e-12) return;
   }
+}
+
+std::vector<CameraRay> Without(std::vector<CameraRay> views, size_t index) {
+  views.erase(views.begin() + static_cast<std::ptrdiff_t>(index));
+  return views;
 }
 
 }  // namespace
@@ -92,6 +109,33 @@ std::optional<Eigen::Vector3d> Triangulate(const std::vector<CameraRay>& views) 
   if (!AllBefore(views, point)) return std::nullopt;
   Refine(views, &point);
   return point;
+}
+
+std::vector<std::optional<Eigen::Vector3d>> TriangulateWithoutEach(
+    const std::vector<CameraRay>& views) {
+  std::vector<std::optional<Eigen::Vector3d>> points(views.size());
+  std::optional<Eigen::Vector3d> all;
+  if (views.size() >= kManyViews) all = Triangulate(views);
+  if (!all) {
+    for (size_t i = 0; i < views.size(); ++i) points[i] = Triangulate(Without(views, i));
+    return points;
+  }
+  std::vector<Quadratic> own(views.size());
+  Quadratic sum;
+  for (size_t i = 0; i < views.size(); ++i) {
+    own[i].Add(views[i], *all);
+    sum.hessian += own[i].hessian;
+    sum.gradient += own[i].gradient;
+  }
+  for (size_t i = 0; i < views.size(); ++i) {
+    const Quadratic others = {sum.hessian - own[i].hessian, sum.gradient - own[i].gradient};
+    const Eigen::Vector3d step = others.Step();
+    // So far the views are not linear.
+    const double depth_m = (views[i].cam_from_rig * *all).z();
+    points[i] = step.norm() < kLinearShare * depth_m ? std::optional<Eigen::Vector3d>(*all + step)
+                                                     : Triangulate(Without(views, i));
+  }
+  return points;
 }
 
 }  // namespace rigcal::server

@@ -19,6 +19,9 @@ constexpr double kMaxGapPeriods = 3.5;  // a longer pause ends the neighbourhood
 // Markers with times of their own can come closer than rows; points nearer than this determine no
 // further term.
 constexpr double kMinApartPeriods = 0.1;
+// Rows that miss a neighbour or two make so many patterns; to look through them costs less than a
+// tenth of an answer.
+constexpr size_t kMaxRemembered = 48;
 
 Eigen::Index CountDistinct(const PointWeights& times, double apart_s) {
   Eigen::Index count = times.size() == 0 ? 0 : 1, last = 0;
@@ -112,11 +115,16 @@ MotionWeights ComputeMotionWeights(const MotionQuery& query) {
 }  // namespace
 
 const MotionWeights& MotionWeightsMemory::Of(const MotionQuery& query) {
-  if (!query_ || !(*query_ == query)) {
-    weights_ = ComputeMotionWeights(query);
-    query_ = query;
+  for (const auto& [known, weights] : known_) {
+    if (known == query) return weights;
   }
-  return weights_;
+  if (known_.size() < kMaxRemembered) {
+    return known_.emplace_back(query, ComputeMotionWeights(query)).second;
+  }
+  auto& oldest = known_[next_];
+  next_ = (next_ + 1) % kMaxRemembered;
+  oldest = {query, ComputeMotionWeights(query)};
+  return oldest.second;
 }
 
 std::vector<bool> FindOutlierCentres(const std::vector<int64_t>& times_ns,

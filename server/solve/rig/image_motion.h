@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "server/associate/align_clocks.h"
@@ -24,8 +25,8 @@ struct MotionQuery {
   Eigen::Index own_index;  // of the own row among the points; -1: it takes no part
 
   friend bool operator==(const MotionQuery& a, const MotionQuery& b) {
-    return a.times_s.size() == b.times_s.size() && a.times_s == b.times_s && a.degree == b.degree &&
-           a.shift_s == b.shift_s && a.own_index == b.own_index;
+    return a.shift_s == b.shift_s && a.own_index == b.own_index && a.degree == b.degree &&
+           a.times_s.size() == b.times_s.size() && a.times_s == b.times_s;
   }
 };
 
@@ -38,14 +39,16 @@ struct MotionWeights {
   PointWeights velocity;  // of P'(shift), 1/s, without the centre's noise where there is room
 };
 
-// Remembers the last answer: the markers of one row have been seen at the same times.
+// Remembers the last answers: the markers of one row have been seen at the same times, and so have
+// those of most other rows. For one track.
 class MotionWeightsMemory {
  public:
+  // Valid until the next call.
   const MotionWeights& Of(const MotionQuery& query);
 
  private:
-  std::optional<MotionQuery> query_;
-  MotionWeights weights_;
+  std::vector<std::pair<MotionQuery, MotionWeights>> known_;
+  size_t next_ = 0;  // to be replaced
 };
 
 // Centre and image velocity of a marker at a time near one of its rows.

@@ -20,11 +20,11 @@ Eigen::Matrix2d SqrtInformation(const Eigen::Matrix2d& covariance) {
 
 void AddMember(const AlignedTrack& track, const ImageMotion& motion,
                const ClockCorrection& correction, const Instant& instant,
-               const InstantMember& member, double sigma_px, BuiltProblem* built) {
+               const InstantMember& member, double sigma_px, MotionWeightsMemory* memory,
+               BuiltProblem* built) {
   const ObservationTable& rows = track.track.observations;
   const auto row = static_cast<size_t>(member.observation);
   const size_t count = rows.MarkerCount(row);
-  MotionWeightsMemory memory;
   for (size_t m = 0; m < count; ++m) {
     if (!rows.IsVisible(row, m)) continue;
     const int64_t camera_time_ns = rows.time_ns(row) + rows.time_delta_ns(row, m);
@@ -32,7 +32,7 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
     const double shift_s =
         1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
     const size_t label = motion.IsFlipped(member.observation) ? count - 1 - m : m;
-    MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, &memory);
+    MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, memory);
     if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     BundleMarker marker;
     marker.marker = static_cast<int>(label);
@@ -140,6 +140,7 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
   }
   problem.rigid_target.given_points_m = problem.rigid_target.points_m;
   Reserve(tracks, instants, &built);
+  std::vector<MotionWeightsMemory> memories(tracks.size());
   for (const Instant& instant : instants) {
     BundleInstant entry;
     entry.is_rigid = problem.HasRigidTarget();
@@ -155,7 +156,7 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
       observation.clock = index.clock_of_track[t];
       observation.clock_time_s = 1e-9 * static_cast<double>(row_ns - clock.time_epoch_ns);
       observation.first_marker = static_cast<int>(problem.markers.size());
-      AddMember(tracks[t], motions[t], clock, instant, member, sigma_px, &built);
+      AddMember(tracks[t], motions[t], clock, instant, member, sigma_px, &memories[t], &built);
       observation.marker_count =
           static_cast<int>(problem.markers.size()) - observation.first_marker;
       problem.observations.push_back(observation);

@@ -19,6 +19,7 @@
 #include "server/solve/rig/labels.h"
 #include "server/solve/rig/outliers.h"
 #include "server/solve/rig/sphere_centres.h"
+#include "server/solve/rig/thin_out.h"
 
 namespace rigcal::server {
 namespace {
@@ -26,14 +27,24 @@ namespace {
 constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
 constexpr double kOutlierPx = 15;
-constexpr int kMaxRounds = 8;                // of solve, classify, interpolate again
-constexpr double kTimeToleranceS = 2e-6;     // offsets that move less have settled
+constexpr int kMaxRounds = 8;  // of solve, classify, interpolate again
+// Offsets that move less have settled, or that move their cameras' markers by less, which is a
+// small part of what hundreds of markers tell.
+constexpr double kTimeToleranceS = 2e-6;
+constexpr double kTolerancePx = 5e-4;
 constexpr double kFunctionTolerance = 1e-9;  // relative change of the cost
 // Relative change of the cost that ends an adjustment whose result is only a stage; and below how
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
-constexpr double kCoarseTolerance = 1e-7;
+constexpr double kCoarseTolerance = 1e-6;
 constexpr double kExactBelow = 10;
 constexpr int kMaxFlips = 2;  // there and back
+// Of rough solves: so far a marker is moved along its image velocity well enough; one of so many
+// markers may still change between inlier and outlier.
+constexpr double kRoughTolerancePx = 0.1;
+constexpr size_t kRoughChanges = 500;
+constexpr int kMaxRoughRounds = 4;
+// Radius of the trust region where values begin that an adjustment has left.
+constexpr double kWarmRadius = 1e9;
 
 // The steps of SolveRig with what they share.
 class RigSolver {
@@ -42,8 +53,8 @@ class RigSolver {
             const RigSolveOptions& options)
       : rig_(rig), options_(options) {
     solution_.clocks = clocks;
+    solution_.motions = options.motions != nullptr ? *options.motions : MotionsOf(rig);
     for (const AlignedTrack& track : rig_.tracks) {
-      solution_.motions.emplace_back(track, rig_.target.marker_count());
       flip_counts_.emplace_back(track.track.observations.size(), uint8_t{0});
     }
   }
@@ -54,6 +65,8 @@ class RigSolver {
     if (problem().instants.empty()) return NoInstants();
     if (initial != nullptr) {
       Adopt(*initial);
+      // So that only instants without a pose are placed.
+      if (options_.rough) ClassifyOutliers(&problem());
       PlaceInstants(kAgreePx, &problem());
     } else {
       RIGCAL_RETURN_IF_ERROR(
@@ -63,19 +76,24 @@ class RigSolver {
     bool rough_centres = CorrectCentres() > 0;
     if (FlipWrongLabels() > 0) Rebuild();
     bool exact = false;
-    for (int round = 0; round < kMaxRounds; ++round) {
-      const bool is_last = round + 1 == kMaxRounds;
-      exact = exact || is_last;
+    const int max_rounds = options_.rough ? kMaxRoughRounds : kMaxRounds;
+    const int max_changed =
+        options_.rough ? static_cast<int>(problem().markers.size() / kRoughChanges) : 0;
+    const double tolerance_px = options_.rough ? kRoughTolerancePx : kTolerancePx;
+    for (int round = 0; round < max_rounds; ++round) {
+      const bool is_last = round + 1 == max_rounds;
+      exact = !options_.rough && (exact || is_last);
       RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
       const int flipped = is_last ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(&problem());
-      const double moved_s = ClockMovement();
-      const bool settled =
-          flipped == 0 && changed == 0 && !rough_centres && moved_s < kTimeToleranceS;
-      solution_.converged = settled && exact;
+      const Movement moved = ClockMovement();
+      const bool at_rest = moved.s < kTimeToleranceS || moved.px < tolerance_px;
+      const bool settled = flipped == 0 && changed <= max_changed && !rough_centres && at_rest;
+      solution_.converged = settled && (exact || options_.rough);
       if (solution_.converged) break;
-      exact = settled || moved_s < kExactBelow * kTimeToleranceS;
-      if (!is_last && (flipped > 0 || rough_centres || moved_s >= kTimeToleranceS)) {
+      exact = settled || moved.s < kExactBelow * kTimeToleranceS ||
+              moved.px < kExactBelow * tolerance_px;
+      if (!is_last && (flipped > 0 || rough_centres || !at_rest)) {
         Rebuild();
         rough_centres = false;
       }
@@ -94,6 +112,7 @@ class RigSolver {
         return !options_.keep_instant(instant.rig_time_ns);
       });
     }
+    ThinOut(rig_.index, options_.max_observations, &solution_.instants.instants);
     solution_.built =
         BuildProblem(rig_.target, rig_.tracks, solution_.motions, rig_.index, solution_.clocks,
                      solution_.instants.instants, options_.sigma_px);
@@ -189,6 +208,7 @@ class RigSolver {
   // Not `exact`: only so far that what follows, outliers and clocks, can be seen.
   absl::Status Adjust(int round, bool exact) {
     BundleOptions bundle;
+    if (options_.rough || round > 0) bundle.initial_radius = kWarmRadius;
     bundle.function_tolerance = exact ? kFunctionTolerance : kCoarseTolerance;
     bundle.cancelled = options_.cancelled;
     if (options_.progress) {
@@ -208,20 +228,37 @@ class RigSolver {
     return absl::OkStatus();
   }
 
-  // How far the clock that moved most moved in the bundle adjustment, in seconds over its rows.
-  double ClockMovement() {
-    double moved_s = 0;
-    std::vector<double> span_s(problem().clocks.size(), 0);
+  // How far the bundle adjustment moved the clock that moved most, over its rows; and how far that
+  // moved a marker in its cameras' images.
+  struct Movement {
+    double s = 0;
+    double px = 0;
+  };
+  Movement ClockMovement() {
+    struct OfClock {
+      double span_s = 0, speed2 = 0;
+      int markers = 0;
+    };
+    std::vector<OfClock> clocks(problem().clocks.size());
     for (const BundleObservation& observation : problem().observations) {
-      double& span = span_s[static_cast<size_t>(observation.clock)];
-      span = std::max(span, std::abs(observation.clock_time_s));
+      OfClock& own = clocks[static_cast<size_t>(observation.clock)];
+      own.span_s = std::max(own.span_s, std::abs(observation.clock_time_s));
+      for (const BundleMarker& marker : problem().MarkersOf(observation)) {
+        if (!marker.used) continue;
+        own.speed2 += marker.velocity_px_s.squaredNorm();
+        ++own.markers;
+      }
     }
-    for (size_t k = 0; k < problem().clocks.size(); ++k) {
+    Movement most;
+    for (size_t k = 0; k < clocks.size(); ++k) {
       const BundleClock& clock = problem().clocks[k];
-      moved_s =
-          std::max(moved_s, std::abs(clock.time_offset_s) + std::abs(clock.time_rate) * span_s[k]);
+      const double moved_s =
+          std::abs(clock.time_offset_s) + std::abs(clock.time_rate) * clocks[k].span_s;
+      most.s = std::max(most.s, moved_s);
+      most.px =
+          std::max(most.px, moved_s * std::sqrt(clocks[k].speed2 / std::max(1, clocks[k].markers)));
     }
-    return moved_s;
+    return most;
   }
 
   // Keeps outlying centres out of their neighbours' image motion. Those that are a few pixels off
@@ -302,6 +339,14 @@ class RigSolver {
 };
 
 }  // namespace
+
+std::vector<ImageMotion> MotionsOf(const RigObservations& rig) {
+  std::vector<ImageMotion> motions;
+  for (const AlignedTrack& track : rig.tracks) {
+    motions.emplace_back(track, rig.target.marker_count());
+  }
+  return motions;
+}
 
 bool IsMetric(const RigObservations& rig, const RigSolveOptions& options) {
   return rig.target.marker_count() > 1 || options.known_distance.has_value();

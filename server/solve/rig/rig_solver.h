@@ -45,6 +45,13 @@ struct RigSolveOptions {
   std::vector<std::pair<int, int>> avoided_pairs;         // of cameras, see initialization.h
   std::vector<std::string> camera_notes;                  // for error messages
   std::function<bool(int64_t rig_time_ns)> keep_instant;  // none: all
+  // Solves on about so many observations of those that are kept; 0: on all (thin_out.h).
+  size_t max_observations = 0;
+  // For solves that are compared, not published: begins at initial values that are good enough to
+  // know outliers by, and ends where what is left to gain would not change an error in pixels.
+  bool rough = false;
+  // Of the tracks as they are observed, where several solves share them (MotionsOf); null: made.
+  const std::vector<ImageMotion>* motions = nullptr;
   std::function<void(CalibrationStage stage, double fraction)> progress;
   const std::atomic<bool>* cancelled = nullptr;
 };
@@ -66,6 +73,9 @@ struct RigSolution {
   };
   std::optional<PutAway> put_away;
 };
+
+// By track, outlying centres excluded.
+std::vector<ImageMotion> MotionsOf(const RigObservations& rig);
 
 // Most of a solution's memory are the rows moved to their instants, which the observations give at
 // any time: PutAway frees them while something else is solved, TakeBack makes them again, bit for

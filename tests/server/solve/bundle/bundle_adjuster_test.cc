@@ -334,7 +334,8 @@ TEST(BundleProblemValidate, RefusesEveryFault) {
 TEST(BundleOptionsValidate, RefusesValuesThatAreNotPositive) {
   for (double BundleOptions::*value :
        {&BundleOptions::loss_scale, &BundleOptions::function_tolerance,
-        &BundleOptions::gradient_tolerance, &BundleOptions::parameter_tolerance}) {
+        &BundleOptions::gradient_tolerance, &BundleOptions::parameter_tolerance,
+        &BundleOptions::initial_radius}) {
     for (const double bad : {0.0, -1.0, kNaN, std::numeric_limits<double>::infinity()}) {
       BundleOptions options;
       options.*value = bad;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <limits>
 
 namespace rigcal::server::triangulation_test {
@@ -107,6 +108,40 @@ TEST(Triangulate, RefusesWhatIsNotFinite) {
     EXPECT_FALSE(TriangulatePair(a, broken));
     EXPECT_FALSE(Triangulate({a, b, broken}));
   }
+}
+
+TEST(TriangulateWithoutEach, IsWhatTheOtherViewsSay) {
+  const Eigen::Vector3d truth(0.3, -0.2, 4);
+  for (const int count : {2, 3, 4, 5, 9}) {
+    std::vector<CameraRay> views;
+    for (int i = 0; i < count; ++i) {
+      views.push_back(View(Camera({0.6 * i - 2, 0.3 * (i % 3), 0.2 * (i % 2)}), truth));
+      views.back().ray += 1e-3 * Eigen::Vector2d(std::sin(3 * i), std::cos(5 * i));
+    }
+    const auto points = TriangulateWithoutEach(views);
+    ASSERT_EQ(points.size(), views.size());
+    for (size_t i = 0; i < views.size(); ++i) {
+      std::vector<CameraRay> others = views;
+      others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+      const auto expected = Triangulate(others);
+      ASSERT_EQ(points[i].has_value(), expected.has_value()) << count;
+      if (expected) {
+        EXPECT_LT((*points[i] - *expected).norm(), 2e-5) << count;
+        EXPECT_NE(RayError(views[i], *points[i]), 0);
+      }
+    }
+  }
+}
+
+// Beyond what is linear: as if it had been left out from the start.
+TEST(TriangulateWithoutEach, AViewFarOffDoesNotSpoilItsOwnPoint) {
+  const Eigen::Vector3d truth(0.3, -0.2, 4);
+  std::vector<CameraRay> views;
+  for (int i = 0; i < 6; ++i) views.push_back(View(Camera({0.6 * i - 2, 0.1 * i, 0}), truth));
+  views[2].ray += Eigen::Vector2d(0.2, -0.1);
+  const auto points = TriangulateWithoutEach(views);
+  ASSERT_TRUE(points[2]);
+  EXPECT_LT((*points[2] - truth).norm(), 1e-9);
 }
 
 }  // namespace

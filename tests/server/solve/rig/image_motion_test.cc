@@ -145,5 +145,25 @@ TEST(ImageMotion, TheVelocityHasNoneOfTheCentresNoise) {
   }
 }
 
+// More patterns of missing rows than are remembered, at several shifts.
+TEST(MotionWeightsMemory, ChangesNoBit) {
+  AlignedTrack track = Track(400, 0.02);
+  for (size_t row = 0; row < 400; ++row) {
+    if (row * row % 7 != 3 && row % 11 != 5) continue;
+    EditRow(&track, row, [](Observation& observation) { observation.markers[0].visible = false; });
+  }
+  const ImageMotion motion(track, 1);
+  MotionWeightsMemory memory;
+  for (int row = 0; row < 400; ++row) {
+    if (!track.track.observations.IsVisible(static_cast<size_t>(row), 0)) continue;
+    const double shift_s = 1e-4 * (row % 5);
+    const MarkerMotion with = motion.At(row, 0, shift_s, &memory);
+    const MarkerMotion without = motion.At(row, 0, shift_s);
+    ASSERT_EQ(with.centre_px, without.centre_px) << row;
+    ASSERT_EQ(with.velocity_px_s, without.velocity_px_s) << row;
+    ASSERT_EQ(with.covariance_px2, without.covariance_px2) << row;
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::server::image_motion_test

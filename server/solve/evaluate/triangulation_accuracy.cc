@@ -157,13 +157,13 @@ class SeenPoints {
     return accuracy;
   }
 
-  double CalibrationP95M() const {
+  CalibrationError Error() const {
     const auto rows = static_cast<Eigen::Index>(3 * gains_.size());
     PointGainMatrix all(rows, rig_.covariance().cols());
     for (size_t i = 0; i < gains_.size(); ++i) {
       all.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = gains_[i];
     }
-    return ComputeCalibrationError(points_m_, std::move(all), rig_.covariance()).p95_m;
+    return ComputeCalibrationError(points_m_, std::move(all), rig_.covariance());
   }
 
  private:
@@ -285,7 +285,9 @@ absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,
   }
   accuracy.shape = Summarise(accuracy, &PointAccuracy::shape_sigma_m);
   accuracy.with_scale = Summarise(accuracy, &PointAccuracy::sigma_m);
-  accuracy.calibration_p95_m = seen.CalibrationP95M();
+  const CalibrationError error = seen.Error();
+  accuracy.calibration_p95_m = error.p95_m;
+  accuracy.calibration_rms_m = error.rms_m;
   return accuracy;
 }
 

@@ -63,13 +63,11 @@ std::optional<BlockInformation> Inform(const BundleOptions& options, const Bundl
   if (slice.instants.empty()) return std::nullopt;
   const auto own = ComputeReducedInformation(options, slice);
   if (!own.ok() || own->gradient.size() != own->information.rows()) return std::nullopt;
-  // Both lists have one order.
   std::vector<Eigen::Index> rows;
-  size_t next = 0;
   for (const ReducedParameter& parameter : own->parameters) {
-    while (next < parameters.size() && !(parameters[next] == parameter)) ++next;
-    if (next == parameters.size()) return std::nullopt;
-    rows.push_back(static_cast<Eigen::Index>(next));
+    const auto found = std::find(parameters.begin(), parameters.end(), parameter);
+    if (found == parameters.end()) return std::nullopt;
+    rows.push_back(found - parameters.begin());
   }
   const auto size = static_cast<Eigen::Index>(parameters.size());
   BlockInformation block{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};

@@ -136,6 +136,7 @@ absl::StatusOr<Eigen::MatrixXd> Inverse(const Eigen::MatrixXd& information) {
 void AllowForCommonErrors(const BlockScatter& scatter, const Eigen::MatrixXd& prior,
                           RigUncertainty* rig) {
   rig->design_effect = scatter.design_effect;
+  rig->noise_covariance = rig->covariance;
   if (scatter.block_count() == 0 || !(scatter.design_effect > 1)) return;
   const double kept = 1 / std::sqrt(scatter.design_effect);
   const Eigen::MatrixXd by_blocks =

@@ -17,6 +17,7 @@ namespace rigcal::server {
 struct RigUncertainty {
   std::vector<ReducedParameter> parameters;  // the rows of the covariances
   Eigen::MatrixXd covariance;                // scale included
+  Eigen::MatrixXd noise_covariance;          // the same if errors were independent (C below)
   Eigen::MatrixXd shape_covariance;          // the length that gives the scale held fixed
   double scale_sigma_rel = 0;                // of that length; 0: the scale is not known
   std::vector<CameraUncertainty> cameras;    // poses and intrinsics; of the shape

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -13,6 +14,7 @@
 #include "common/camera/intrinsics_vector.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/evaluate/triangulation_accuracy.h"
 #include "server/solve/geometry/triangulation.h"
 #include "server/solve/rig/rig_solver.h"
@@ -184,6 +186,49 @@ std::vector<Eigen::Vector3d> PlacedMarkers(const server::RigSolution& solution) 
   const size_t stride = std::max<size_t>(1, (points_m.size() + kMaxPoints - 1) / kMaxPoints);
   for (size_t i = 0; i < points_m.size(); i += stride) chosen_m.push_back(points_m[i]);
   return chosen_m;
+}
+
+Straightness MeasureStraightness(const server::RigSolution& solution) {
+  const server::BundleProblem& problem = solution.built.problem;
+  Straightness result;
+  if (problem.target.marker_positions_m.size() != 3) return result;
+  const std::vector<Intrinsics> intrinsics = server::CurrentIntrinsics(problem);
+  std::vector<Eigen::Vector3d> offsets_m;
+  for (const server::BundleInstant& instant : problem.instants) {
+    std::array<std::vector<server::CameraRay>, 3> rays;
+    server::ForEachUsedMarker(
+        problem, instant,
+        [&](const server::BundleObservation& observation, const server::BundleMarker& marker) {
+          const auto ray = Undistort(intrinsics[static_cast<size_t>(observation.camera)],
+                                     server::CentreAtInstantPx(problem, observation, marker));
+          if (!ray.ok()) return;
+          rays[static_cast<size_t>(marker.marker)].push_back(
+              {problem.CameraOf(observation).cam_from_rig, *ray});
+        });
+    std::array<std::optional<Eigen::Vector3d>, 3> markers;
+    for (size_t m = 0; m < 3; ++m) {
+      if (rays[m].size() >= 3) markers[m] = server::Triangulate(rays[m]);
+    }
+    if (!markers[0] || !markers[1] || !markers[2]) continue;
+    const Eigen::Vector3d along = (*markers[2] - *markers[0]).normalized();
+    const Eigen::Vector3d middle = *markers[1] - *markers[0];
+    offsets_m.push_back(middle - middle.dot(along) * along);
+  }
+  result.count = static_cast<int>(offsets_m.size());
+  const auto correlation = [&offsets_m](size_t lag) {
+    double product = 0, square = 0;
+    for (size_t i = 0; i + lag < offsets_m.size(); ++i) {
+      product += offsets_m[i].dot(offsets_m[i + lag]);
+      square += 0.5 * (offsets_m[i].squaredNorm() + offsets_m[i + lag].squaredNorm());
+    }
+    return square > 0 ? product / square : 0;
+  };
+  double sum_m2 = 0;
+  for (const Eigen::Vector3d& offset_m : offsets_m) sum_m2 += offset_m.squaredNorm();
+  result.rms_m = std::sqrt(sum_m2 / std::max(1, result.count));
+  result.next = correlation(1);
+  result.later = correlation(20);
+  return result;
 }
 
 absl::StatusOr<PartsTrial> RunParts(const server::CalibrationInput& input,

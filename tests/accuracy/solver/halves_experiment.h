@@ -50,6 +50,17 @@ absl::StatusOr<PartsTrial> RunParts(const server::CalibrationInput& input,
                                     const PartsOptions& options, const CalibrationResult& whole,
                                     const std::vector<Eigen::Vector3d>& points_m);
 
+// How straight a wand of three markers is: the middle one against the line through the ends, each
+// triangulated by itself where three cameras see it.
+struct Straightness {
+  int count = 0;     // of instants
+  double rms_m = 0;  // of the distance from the line
+  // Correlation of the offset (as a vector of the rig) with that of the next instant, and with that
+  // 20 instants later. Noise has none.
+  double next = 0, later = 0;
+};
+Straightness MeasureStraightness(const server::RigSolution& solution);
+
 // Places of the markers of a calibration.
 std::vector<Eigen::Vector3d> PlacedMarkers(const server::RigSolution& solution);
 

@@ -159,10 +159,25 @@ absl::StatusOr<v1::Vector3> ParsePoint(const std::string& text) {
   return point;
 }
 
+// The parts of the error, the one that no choice of a frame can change first.
+std::string FormatErrorParts(const v1::GetAccuracyResponse& accuracy) {
+  if (accuracy.calibration_p95_m() <= 0) return "";
+  return absl::StrCat("calibration alone  ", Millimetres(accuracy.calibration_rms_m()),
+                      " mm (exact centres, after the best alignment, at the right scale); ",
+                      Millimetres(accuracy.calibration_p95_m()),
+                      " mm or less in 95 % of the points\n", "scale              ",
+                      FormatFixed(100 * accuracy.scale_sigma_rel(), 3), " % of every length\n",
+                      "rig frame          ", Millimetres(accuracy.frame_rms_m()),
+                      " mm (all points move together with the reference camera's own pose)\n",
+                      "centres' noise     ", Millimetres(accuracy.noise_rms_m()),
+                      " mm (centres good to ", FormatFixed(accuracy.sigma_px(), 2), " px)\n\n");
+}
+
 std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy) {
-  std::string text =
-      absl::StrCat("Expected error of triangulated points, one sigma, with centres good to ",
-                   FormatFixed(accuracy.sigma_px(), 2), " px\n");
+  std::string text = absl::StrCat("Expected error of triangulated points, one sigma\n",
+                                  FormatErrorParts(accuracy));
+  absl::StrAppend(&text, "In the frame of the reference camera, with centres good to ",
+                  FormatFixed(accuracy.sigma_px(), 2), " px\n");
   if (accuracy.points_size() > 0) absl::StrAppend(&text, FormatPoints(accuracy), "\n");
   if (accuracy.grid_step_m() > 0) {
     absl::StrAppend(&text, "Over ", FormatCount(accuracy.shape().count(), "point"),
@@ -173,12 +188,10 @@ std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy) {
   }
   if (accuracy.shape().count() == 0) return text + "  none is seen by two cameras\n";
   absl::StrAppend(&text, FormatSummary(accuracy));
-  if (accuracy.calibration_p95_m() > 0) {
-    absl::StrAppend(&text, "calibration alone  ", Millimetres(accuracy.calibration_p95_m()),
-                    " mm or less in 95 % of the points (exact centres, after the best alignment)\n");
+  if (accuracy.calibration_p95_m() <= 0) {
+    absl::StrAppend(&text, "scale              ", FormatFixed(100 * accuracy.scale_sigma_rel(), 3),
+                    " % of every length\n");
   }
-  absl::StrAppend(&text, "scale              ", FormatFixed(100 * accuracy.scale_sigma_rel(), 3),
-                  " % (one sigma of every length)\n");
   return text;
 }
 

@@ -80,6 +80,9 @@ absl::StatusOr<v1::GetAccuracyResponse> AccuracyOf(const Calibration& calibratio
   SetSummary(accuracy.shape, response.mutable_shape());
   SetSummary(accuracy.with_scale, response.mutable_with_scale());
   response.set_calibration_p95_m(accuracy.calibration_p95_m);
+  response.set_calibration_rms_m(accuracy.calibration_rms_m);
+  response.set_frame_rms_m(accuracy.frame_rms_m);
+  response.set_noise_rms_m(accuracy.noise_rms_m);
   return response;
 }
 

@@ -200,7 +200,8 @@ absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions
   const auto compute = [&problem](Solver& solver) -> absl::StatusOr<ReducedInformation> {
     if (!solver.system().Linearise(solver.estimate(), 0)) return UnseenMarker(problem);
     return ReducedInformation{solver.layout().parameters,
-                              solver.system().matrix().selfadjointView<Eigen::Lower>()};
+                              solver.system().matrix().selfadjointView<Eigen::Lower>(),
+                              solver.system().reduced_gradient()};
   };
   return WithSolver<ReducedInformation>(options, problem, compute);
 }

@@ -48,10 +48,12 @@ struct ReducedParameter {
 struct ReducedInformation {
   std::vector<ReducedParameter> parameters;  // free ones; those that no used marker touches are not
   Eigen::MatrixXd information;               // symmetric; its inverse is their covariance
+  Eigen::VectorXd gradient;                  // of the cost; zero at the optimum
 };
 
 // The information about everything but the instants at the problem's present estimates: the
-// Gauss-Newton matrix with the robust loss's weights and the priors, the instants eliminated.
+// Gauss-Newton matrix with the robust loss's weights and the priors, the instants eliminated; and
+// the gradient, likewise.
 // Errors as of SolveLineBundle.
 absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions& options,
                                                              const BundleProblem& problem);

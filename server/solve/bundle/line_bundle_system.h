@@ -58,6 +58,7 @@ class LineBundleSystem {
   double cost() const { return cost_; }                  // priors included
   double gradient_max() const { return gradient_max_; }  // over all parameters, instants included
   const Eigen::MatrixXd& matrix() const { return matrix_; }  // lower triangle, instants eliminated
+  const Eigen::VectorXd& reduced_gradient() const { return reduced_gradient_; }  // likewise
 
   struct Move {
     bool valid = false;

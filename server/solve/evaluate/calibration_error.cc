@@ -73,6 +73,7 @@ CalibrationError ComputeCalibrationError(const std::vector<Eigen::Vector3d>& poi
   for (Eigen::Index i = 0; i < count; ++i) {
     error.sigma_m.push_back(factor.middleRows<3>(3 * i).norm());
   }
+  error.rms_m = std::sqrt(factor.squaredNorm() / static_cast<double>(count));
   std::vector<double> percentiles, drawn(points_m.size());
   for (int k = 0; k < kDraws; ++k) {
     for (Eigen::Index i = 0; i < count; ++i) {

@@ -18,6 +18,7 @@ bool AreRaysApart(const Eigen::Matrix3d& normal);
 // The part of the calibration alone in the errors of triangulated points: their images are exact.
 struct CalibrationError {
   std::vector<double> sigma_m;  // by point: one sigma (3-D)
+  double rms_m = 0;             // root mean square of sigma_m
   double median_m = 0;          // of sigma_m
   // So large is the error in 95 % of the points, or smaller, with a probability of 95 %.
   double p95_m = 0;

@@ -2,6 +2,7 @@
 #include "server/solve/evaluate/given_intrinsics.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/complement.hpp>
 
@@ -20,9 +21,11 @@ struct RefinedParameter {
 
 // Does the difference of these parameters exceed what chance does in all but `significance` of the
 // cases? In units of the priors, with S the covariance of the estimate (data and priors), the
-// difference has covariance S - S^2 if the given values are true.
+// difference has covariance S - S^2 if the given values are true. Errors in common make it larger
+// by the design effect; the scatter of the blocks itself is too few numbers for so many dimensions.
 bool IsSignificant(const std::vector<RefinedParameter>& all, const std::vector<size_t>& chosen,
-                   const Eigen::MatrixXd& covariance, double significance) {
+                   const RigUncertainty& uncertainty, double significance) {
+  const Eigen::MatrixXd& covariance = uncertainty.noise_covariance;
   const auto size = static_cast<Eigen::Index>(chosen.size());
   if (size == 0) return false;
   Eigen::MatrixXd relative(size, size);
@@ -47,6 +50,7 @@ bool IsSignificant(const std::vector<RefinedParameter>& all, const std::vector<s
     ++degrees;
   }
   if (degrees == 0) return false;
+  statistic /= std::max(1.0, uncertainty.design_effect);
   const boost::math::chi_squared distribution(degrees);
   return statistic > boost::math::quantile(boost::math::complement(distribution, significance));
 }
@@ -71,13 +75,13 @@ GivenIntrinsicsTest TestGivenIntrinsics(const BundleProblem& refined,
   const double each = significance / static_cast<double>(refined.cameras.size() + 1);
   std::vector<size_t> all;
   for (size_t i = 0; i < parameters.size(); ++i) all.push_back(i);
-  test.agrees = !IsSignificant(parameters, all, uncertainty.covariance, each);
+  test.agrees = !IsSignificant(parameters, all, uncertainty, each);
   for (size_t c = 0; c < refined.cameras.size(); ++c) {
     std::vector<size_t> own;
     for (size_t i = 0; i < parameters.size(); ++i) {
       if (parameters[i].camera == c) own.push_back(i);
     }
-    test.disagrees[c] = IsSignificant(parameters, own, uncertainty.covariance, each);
+    test.disagrees[c] = IsSignificant(parameters, own, uncertainty, each);
     test.agrees = test.agrees && !test.disagrees[c];
   }
   return test;

@@ -2,7 +2,9 @@
 #include "server/solve/evaluate/triangulation_accuracy.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -151,23 +153,34 @@ class SeenPoints {
     // The largest grids have more than is needed: evenly chosen ones say as much.
     if (gain.size() > 0 && count_++ % stride_ == 0) {
       points_m_.push_back(point_m);
+      noise_m2_.push_back(accuracy.noise_sigma_m.squaredNorm());
+      in_frame_m2_.push_back((gain * rig_.covariance()).cwiseProduct(gain).sum());
       gains_.push_back(std::move(gain));
       if (points_m_.size() > kMaxSeen) Thin();
     }
     return accuracy;
   }
 
-  double CalibrationP95M() const {
+  // Free of the rig's frame.
+  CalibrationError Error() const {
     const auto rows = static_cast<Eigen::Index>(3 * gains_.size());
     PointGainMatrix all(rows, rig_.covariance().cols());
     for (size_t i = 0; i < gains_.size(); ++i) {
       all.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = gains_[i];
     }
-    return ComputeCalibrationError(points_m_, std::move(all), rig_.covariance()).p95_m;
+    return ComputeCalibrationError(points_m_, std::move(all), rig_.covariance());
   }
+  double NoiseRmsM() const { return std::sqrt(Mean(noise_m2_)); }
+  // Of the calibration in the rig's frame.
+  double InFrameRmsM() const { return std::sqrt(Mean(in_frame_m2_)); }
 
  private:
   static constexpr size_t kMaxSeen = 1000;
+
+  static double Mean(const std::vector<double>& values) {
+    const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+    return values.empty() ? 0 : sum / static_cast<double>(values.size());
+  }
 
   void Thin() {
     stride_ *= 2;
@@ -175,7 +188,11 @@ class SeenPoints {
     for (size_t i = 0; i < points_m_.size(); i += 2, ++kept) {
       points_m_[kept] = points_m_[i];
       gains_[kept] = std::move(gains_[i]);
+      noise_m2_[kept] = noise_m2_[i];
+      in_frame_m2_[kept] = in_frame_m2_[i];
     }
+    noise_m2_.resize(kept);
+    in_frame_m2_.resize(kept);
     points_m_.resize(kept);
     gains_.resize(kept);
   }
@@ -184,6 +201,7 @@ class SeenPoints {
   size_t count_ = 0, stride_ = 1;
   std::vector<Eigen::Vector3d> points_m_;
   std::vector<Eigen::Matrix3Xd> gains_;
+  std::vector<double> noise_m2_, in_frame_m2_;  // by point: variance, three axes together
 };
 
 absl::StatusOr<std::vector<Eigen::Vector3d>> GridPoints(const WandVolume& volume, double step_m) {
@@ -285,7 +303,13 @@ absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,
   }
   accuracy.shape = Summarise(accuracy, &PointAccuracy::shape_sigma_m);
   accuracy.with_scale = Summarise(accuracy, &PointAccuracy::sigma_m);
-  accuracy.calibration_p95_m = seen.CalibrationP95M();
+  const CalibrationError error = seen.Error();
+  accuracy.calibration_p95_m = error.p95_m;
+  accuracy.calibration_rms_m = error.rms_m;
+  const double in_frame_m = seen.InFrameRmsM();
+  accuracy.frame_rms_m =
+      std::sqrt(std::max(0.0, in_frame_m * in_frame_m - error.rms_m * error.rms_m));
+  accuracy.noise_rms_m = seen.NoiseRmsM();
   return accuracy;
 }
 

@@ -50,6 +50,10 @@ struct Accuracy {
   // Over points and grid: the calibration's part alone, free of the rig's frame and of the scale
   // (CalibrationError::p95_m); what a running estimate states. 0: no point.
   double calibration_p95_m = 0;
+  // One sigma (3-D), root mean square over the same points, of the parts of the error, whose squares
+  // add up: the calibration as before; the rig frame, which moves all points alike; the noise
+  // of the centres. The scale comes on top.
+  double calibration_rms_m = 0, frame_rms_m = 0, noise_rms_m = 0;
 };
 
 // To first order, with the joint covariance the calibration keeps. Points are seen where they

@@ -8,6 +8,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/evaluate/block_scatter.h"
 
 namespace rigcal::server {
 namespace {
@@ -77,8 +78,8 @@ std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleIns
   return squares;
 }
 
-// The factor of uncertainty.h, for the Cauchy loss of the solve.
-double VarianceFactor(const BuiltProblem& built, double loss_scale, Eigen::Index free) {
+// The factors of uncertainty.h, for the Cauchy loss of the solve.
+LossFactors MeasureLossFactors(const BuiltProblem& built, double loss_scale, Eigen::Index free) {
   const BundleProblem& problem = built.problem;
   const double c2 = loss_scale * loss_scale;
   const int own = problem.HasRigidTarget() ? kRigidParameters
@@ -110,11 +111,11 @@ double VarianceFactor(const BuiltProblem& built, double loss_scale, Eigen::Index
     }
   }
   if (2 * count <= own * instant_count + static_cast<double>(free) || !(slope > 0)) {
-    return 1;
+    return {};
   }
   const double spread = slope_square * count / (slope * slope) - 1;
   const double correction = 1 + taken / count * spread;
-  return correction * correction * weight * square / (slope * slope);
+  return {correction * correction * weight * square / (slope * slope), slope / weight};
 }
 
 // Symmetric inverse by Cholesky of the matrix with a unit diagonal: parameters of very different
@@ -134,6 +135,18 @@ absl::StatusOr<Eigen::MatrixXd> Inverse(const Eigen::MatrixXd& information) {
       factor.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
   if (!inverse.allFinite()) return absl::InternalError("uncertainty: not finite");
   return Eigen::MatrixXd(scale.asDiagonal() * inverse * scale.asDiagonal());
+}
+
+// Takes the scatter of the blocks for what their errors have in common; uncertainty.h says how.
+void AllowForCommonErrors(const BlockScatter& scatter, const Eigen::MatrixXd& prior,
+                          RigUncertainty* rig) {
+  rig->design_effect = scatter.design_effect;
+  rig->noise_covariance = rig->covariance;
+  if (scatter.block_count() == 0 || !(scatter.design_effect > 1)) return;
+  const double kept = 1 / std::sqrt(scatter.design_effect);
+  const Eigen::MatrixXd by_blocks =
+      scatter.changes * scatter.changes.transpose() + rig->covariance * prior * rig->covariance;
+  rig->covariance = kept * rig->covariance + (1 - kept) * by_blocks;
 }
 
 // Rows of the uncertainty, -1 for none, in the packed order.
@@ -314,10 +327,13 @@ absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
   RigUncertainty result;
   result.parameters = information.parameters;
   const Eigen::MatrixXd prior = PriorInformation(problem, result.parameters);
-  const double variance_factor =
-      VarianceFactor(solution.built, bundle.loss_scale, information.information.rows());
+  const LossFactors loss =
+      MeasureLossFactors(solution.built, bundle.loss_scale, information.information.rows());
   RIGCAL_ASSIGN_OR_RETURN(result.covariance,
-                          Inverse((information.information - prior) / variance_factor + prior));
+                          Inverse((information.information - prior) / loss.variance + prior));
+  AllowForCommonErrors(
+      MeasureBlockScatter(solution.built, bundle, result.parameters, result.covariance, loss),
+      prior, &result);
   if (problem.distance) {
     DescribeDistance(problem, options.known_distance_sigma_m, &result);
   } else {

@@ -17,10 +17,12 @@ namespace rigcal::server {
 struct RigUncertainty {
   std::vector<ReducedParameter> parameters;  // the rows of the covariances
   Eigen::MatrixXd covariance;                // scale included
+  Eigen::MatrixXd noise_covariance;          // the same if errors were independent (C below)
   Eigen::MatrixXd shape_covariance;          // the length that gives the scale held fixed
   double scale_sigma_rel = 0;                // of that length; 0: the scale is not known
   std::vector<CameraUncertainty> cameras;    // poses and intrinsics; of the shape
   std::vector<double> marker_position_sigma_m;
+  double design_effect = 1;  // BlockScatter; 1: independent errors, or too few blocks to tell
 
   // Row of a parameter, or -1 where it is held fixed.
   Eigen::Index Row(const ReducedParameter& parameter) const;
@@ -37,8 +39,15 @@ struct RigUncertainty {
 // smaller than errors: they are divided by sqrt(1 - h) first, with h of their own instant (Cook and
 // Weisberg, Residuals and Influence in Regression, section 2.1), and those of interpolated centres
 // by their noise_share (ImageMotion). For normal errors and the Cauchy loss at 2 sigmas the
-// covariance comes to 1.092 times the Cramer-Rao bound. Priors count as given. INTERNAL: a
-// parameter is not determined by the data.
+// covariance comes to 1.092 times the Cramer-Rao bound. Priors count as given.
+//
+// That is the covariance C of independent errors. Where blocks of time scatter more than that
+// (block_scatter.h, design effect D > 1), it becomes C / sqrt(D) + (1 - 1 / sqrt(D)) (S + C P C): S
+// the scatter of the blocks, P the information of the priors. There are fewer blocks than
+// parameters, so S alone is singular; the part of C keeps it regular, and where the blocks show
+// nothing it is all there is (shrinkage, Ledoit and Wolf 2004).
+//
+// INTERNAL: a parameter is not determined by the data.
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options);
 

@@ -9,6 +9,7 @@ namespace rigcal::accuracy {
 Experiment Clocks();
 Experiment Consistency();
 Experiment Crb();
+Experiment Halves();
 Experiment LineDelays();
 Experiment Real();
 Experiment Robustness();

@@ -42,6 +42,9 @@ v1::GetAccuracyResponse Answer() {
   answer.mutable_with_scale()->set_count(1);
   answer.mutable_with_scale()->set_worst_m(0.0234);
   answer.set_calibration_p95_m(0.00175);
+  answer.set_calibration_rms_m(0.00061);
+  answer.set_frame_rms_m(0.0083);
+  answer.set_noise_rms_m(0.00042);
   return answer;
 }
 
@@ -76,9 +79,20 @@ TEST_F(AccuracyCommand, SendsPointsGridAndSigma) {
 TEST_F(AccuracyCommand, TableIsInMillimetres) {
   const CommandOutcome outcome = Rigcal({"c-1", "--point", "1,2,3"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_THAT(outcome.out, AllOf(HasSubstr("23.400"), HasSubstr("(1.250, 0.000, 0.000)"),
-                                 HasSubstr("0.500 %"), HasSubstr("Over these points"),
-                                 HasSubstr("calibration alone  1.750 mm")));
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr("23.400"), HasSubstr("(1.250, 0.000, 0.000)"), HasSubstr("0.500 %"),
+                    HasSubstr("Over these points"), HasSubstr("1.750 mm or less in 95 %")));
+}
+
+TEST_F(AccuracyCommand, StatesTheErrorFreeOfTheFrameFirst) {
+  const std::string text = Rigcal({"c-1", "--point", "1,2,3"}).out;
+  const auto calibration = text.find("calibration alone  0.610 mm");
+  const auto frame = text.find("rig frame          8.300 mm");
+  ASSERT_NE(calibration, std::string::npos) << text;
+  ASSERT_NE(frame, std::string::npos) << text;
+  EXPECT_LT(calibration, frame);
+  EXPECT_LT(frame, text.find("In the frame of the reference camera"));
+  EXPECT_THAT(text, HasSubstr("centres' noise     0.420 mm (centres good to 0.30 px)"));
 }
 
 TEST_F(AccuracyCommand, SaysWhereNothingIsSeen) {

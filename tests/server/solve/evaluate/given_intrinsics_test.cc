@@ -23,7 +23,7 @@ class GivenIntrinsicsFixture : public ::testing::Test {
     mix.col(3) *= 1e-3;  // of the first camera: the data say next to nothing about it
     data_ = mix.transpose() * mix;
     prior_ = Eigen::VectorXd::Constant(n, 1 / (kPriorSigma * kPriorSigma));
-    uncertainty_.covariance =
+    uncertainty_.noise_covariance =
         Eigen::MatrixXd(data_ + Eigen::MatrixXd(prior_.asDiagonal())).inverse();
     for (int c = 0; c < kCameras; ++c) {
       BundleCamera camera;
@@ -42,7 +42,7 @@ class GivenIntrinsicsFixture : public ::testing::Test {
     for (double& value : noise) value = normal_(random_);
     // Information times estimate: of the data alone.
     const Eigen::VectorXd pull = data_ * truth + data_.llt().matrixL() * noise;
-    const Eigen::VectorXd estimate = uncertainty_.covariance * pull;
+    const Eigen::VectorXd estimate = uncertainty_.noise_covariance * pull;
     for (int c = 0; c < kCameras; ++c) {
       problem_.cameras[static_cast<size_t>(c)].intrinsics = estimate.segment(kEach * c, kEach);
     }

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/block_scatter.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+#include <string>
+
+#include "server/solve/evaluate/uncertainty.h"
+#include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::block_scatter_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
+using ::testing::ElementsAre;
+
+BuiltProblem Instants(const std::vector<double>& times_s) {
+  BuiltProblem built;
+  for (const double time_s : times_s) {
+    built.instant_time_ns.push_back(static_cast<int64_t>(1e9 * time_s));
+    built.problem.instants.emplace_back();
+  }
+  return built;
+}
+
+TEST(BlockScatter, BlocksAreCutByTimeAndAtPauses) {
+  // Little was recorded: the shortest blocks.
+  EXPECT_THAT(CutIntoBlocks(Instants({0, 0.1, 0.2, 0.6, 0.7, 30, 30.1})), ElementsAre(0, 3, 5, 7));
+  // The clock of the next session begins earlier.
+  EXPECT_THAT(CutIntoBlocks(Instants({10, 10.1, 5, 5.1})), ElementsAre(0, 2, 4));
+  EXPECT_TRUE(CutIntoBlocks(Instants({})).empty());
+  std::vector<double> minute_s;
+  for (int i = 0; i < 600; ++i) minute_s.push_back(0.1 * i);
+  EXPECT_EQ(CutIntoBlocks(Instants(minute_s)).size(), 31u);
+}
+
+// Each camera's centres are off by the same amount for half a second, then by another.
+void ShiftTogether(double sigma_px, uint32_t seed, CalibrationInput* input) {
+  for (size_t t = 0; t < input->tracks.size(); ++t) {
+    for (Observation& row : input->tracks[t].observations) {
+      const auto block = static_cast<uint32_t>(row.time_ns / 500'000'000);
+      std::mt19937 bits(seed + 1000 * static_cast<uint32_t>(t) + 77777 * block);
+      std::normal_distribution<double> normal(0, sigma_px);
+      const Eigen::Vector2d shift_px(normal(bits), normal(bits));
+      for (MarkerObservation& marker : row.markers) marker.centre_px += shift_px;
+    }
+  }
+}
+
+struct Solved {
+  double design_effect = 0;
+  double mean_square = 0;  // of position errors over their sigmas
+};
+
+Solved Solve(uint32_t seed, double common_px) {
+  const SimulatedWorld world = *SimulatedWorld::Create(
+      *ParseSimulationOptions("cameras=4;duration=40;outliers=0;seed=" + std::to_string(seed)),
+      WandTarget());
+  CalibrationInput input = InputOf(world);
+  ShiftTogether(common_px, seed, &input);
+  CalibrationOptions options;
+  options.intrinsics = options.marker_positions = Estimate::kFixed;
+  Solved solved;
+  CalibrationHooks hooks;
+  hooks.solved = [&](const RigObservations&, const RigSolution& solution) {
+    ASSERT_OK_AND_ASSIGN(const RigUncertainty stated, ComputeUncertainty(solution, {}));
+    solved.design_effect = stated.design_effect;
+  };
+  const CalibrationOutcome outcome = Calibrate(std::move(input), options, hooks);
+  EXPECT_THAT(outcome.result, IsOk());
+  if (!outcome.result.ok()) return solved;
+  const RigidTransform reference_from_world = world.cameras()[0].cam_from_rig;
+  for (size_t c = 1; c < 4; ++c) {
+    const CalibratedCamera& camera = outcome.result->cameras[c];
+    const Eigen::Vector3d error =
+        camera.cam_from_rig.SourceFromTargetTranslation() -
+        reference_from_world * world.cameras()[c].cam_from_rig.SourceFromTargetTranslation();
+    solved.mean_square +=
+        error.cwiseQuotient(camera.uncertainty->position_sigma_m).squaredNorm() / 9;
+  }
+  return solved;
+}
+
+TEST(BlockScatter, IndependentErrorsAddNothing) {
+  for (const uint32_t seed : {1u, 2u}) {
+    const Solved solved = Solve(seed, 0);
+    EXPECT_GT(solved.design_effect, 0.75);
+    EXPECT_LT(solved.design_effect, 1.25);
+  }
+}
+
+// Errors of twice the noise that last for half a second, in which the wand is seen 13 times: the
+// noise of the centres alone would state a fraction of the errors.
+TEST(BlockScatter, ErrorsInCommonAreStated) {
+  double mean_square = 0;
+  const std::vector<uint32_t> seeds = {1, 2, 3, 4};
+  for (const uint32_t seed : seeds) {
+    const Solved solved = Solve(seed, 0.6);
+    EXPECT_GT(solved.design_effect, 3) << seed;
+    mean_square += solved.mean_square / static_cast<double>(seeds.size());
+  }
+  // 36 values that share the reference camera's errors: wide limits. Without the blocks it is at
+  // least 3, the design effect.
+  EXPECT_GT(mean_square, 0.4);
+  EXPECT_LT(mean_square, 2.5);
+}
+
+}  // namespace
+}  // namespace rigcal::server::block_scatter_test

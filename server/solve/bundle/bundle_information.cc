@@ -42,7 +42,11 @@ class InformationSum {
       if (instant.used) RIGCAL_RETURN_IF_ERROR(AddInstant(instant));
     }
     AddPriors();
-    return ReducedInformation{layout_.parameters, matrix_.selfadjointView<Eigen::Lower>()};
+    return ReducedInformation{
+        .parameters = layout_.parameters,
+        .information = matrix_.selfadjointView<Eigen::Lower>(),
+        .gradient = {},  // only of straight targets: see block_scatter.cc
+    };
   }
 
  private:

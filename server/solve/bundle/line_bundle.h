@@ -48,7 +48,7 @@ struct ReducedParameter {
 struct ReducedInformation {
   std::vector<ReducedParameter> parameters;  // free ones; those that no used marker touches are not
   Eigen::MatrixXd information;               // symmetric; its inverse is their covariance
-  Eigen::VectorXd gradient;                  // of the cost; zero at the optimum
+  Eigen::VectorXd gradient;                  // of the cost; empty on the general path
 };
 
 // The information about everything but the instants at the problem's present estimates: the

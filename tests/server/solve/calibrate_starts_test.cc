@@ -160,9 +160,9 @@ TEST(CalibrateStarts, OfOneRecordedMarkerTooAreAsIfItsClocksWereOne) {
   for (CameraTrack& track : input->tracks) {
     for (Observation& row : track.observations) row.markers = {row.markers[1]};
   }
-  const CalibrationOutcome before = Calibrate(*input, KeepIntrinsics());
+  const CalibrationOutcome before = Calibrate(*input, {});
   MoveStamps(3, &input->tracks[2]);
-  const CalibrationOutcome after = Calibrate(*input, KeepIntrinsics());
+  const CalibrationOutcome after = Calibrate(*input, {});
   ASSERT_THAT(before.result, IsOk());
   ASSERT_THAT(after.result, IsOk());
   for (size_t c = 0; c < 4; ++c) {

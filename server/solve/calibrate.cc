@@ -220,6 +220,16 @@ void AddSearchFindings(const RigObservations& rig, const TimeSearchOutcome& sear
   }
 }
 
+// A rig that cannot be solved may be so because its clocks were matched a period off.
+absl::Status WithPeriod(const absl::Status& failed, double period_s) {
+  return absl::FailedPreconditionError(absl::StrCat(
+      std::string(failed.message()),
+      absl::StrFormat(". The motion repeats itself every %.2f s, so the clocks may have been "
+                      "matched a period off: wave without a rhythm, through all of what the "
+                      "cameras see",
+                      period_s)));
+}
+
 // From the clocks as the search leaves them; where that cannot be solved, from the clocks as given:
 // a search that went wrong must not cost a rig that was aligned.
 absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
@@ -241,10 +251,13 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
                                  [](const ClockCorrection& a, const ClockCorrection& b) {
                                    return a.time_offset_s == b.time_offset_s;
                                  });
-  if (!moved || !absl::IsFailedPrecondition(evaluated.status())) return evaluated;
-  absl::StatusOr<EvaluatedSolution> as_given = SolveAndEvaluate(rig, clocks, solve, options);
-  return as_given.ok() || absl::IsCancelled(as_given.status()) ? std::move(as_given)
-                                                               : std::move(evaluated);
+  if (!absl::IsFailedPrecondition(evaluated.status())) return evaluated;
+  if (moved) {
+    absl::StatusOr<EvaluatedSolution> as_given = SolveAndEvaluate(rig, clocks, solve, options);
+    if (as_given.ok() || absl::IsCancelled(as_given.status())) return as_given;
+  }
+  if (searched.period_s > 0) return WithPeriod(evaluated.status(), searched.period_s);
+  return evaluated;
 }
 
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,

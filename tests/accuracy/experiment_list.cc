@@ -6,9 +6,7 @@
 namespace rigcal::accuracy {
 
 std::vector<Experiment> AllExperiments() {
-  return {Crb(),          Consistency(),    Clocks(),        Starts(),     Robustness(),
-          Real(),         Halves(),         UntilMm(),       LineDelays(), Detection(),
-          AmbientLight(), EventDetection(), BlinkFrequency()};
+  return {Crb(), Consistency(), Clocks(), Starts(), Robustness(), Doctor(), Real(), Halves(), Flight(), UntilMm(), LineDelays(), Detection(), AmbientLight(), EventDetection(), BlinkFrequency()};
 }
 
 }  // namespace rigcal::accuracy

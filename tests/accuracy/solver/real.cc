@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The real recording `ewand`, calibrated with all defaults, and with its clocks changed by known
-// amounts. Found in ../shared/data beside the project, or in RIGCAL_TEST_DATA.
+// amounts or all of them moved, as if each camera had been started by hand. Found in ../shared/data
+// beside the project, or in RIGCAL_TEST_DATA.
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "common/simulation/world/random_stream.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/solver/recording.h"
 #include "tests/accuracy/solver/solver_experiments.h"
@@ -140,6 +144,53 @@ void PrintChanges(const server::CalibrationInput& input, const CalibrationResult
   }
 }
 
+constexpr int kMoveDraws = 8;
+constexpr double kFarthestMoveS = 30;
+constexpr uint64_t kMovesPurpose = 0x6d6f766573;
+
+struct MovedRun {
+  absl::Status status;
+  double position_m = 0, offset_s = 0;  // largest differences from the run without moves
+};
+
+MovedRun RunMoved(server::CalibrationInput input, const CalibrationResult& base, uint32_t seed) {
+  RandomStream random{seed, kMovesPurpose};
+  std::vector<double> moved_s;
+  for (server::CameraTrack& track : input.tracks) {
+    moved_s.push_back(random.Uniform(-kFarthestMoveS, kFarthestMoveS));
+    for (Observation& row : track.observations) row.time_ns += std::llround(1e9 * moved_s.back());
+  }
+  const server::CalibrationOutcome outcome = server::Calibrate(std::move(input), {});
+  MovedRun run{outcome.result.status(), 0, 0};
+  if (!run.status.ok()) return run;
+  const auto &before = base.cameras, &after = outcome.result->cameras;
+  for (size_t c = 0; c < before.size(); ++c) {
+    const Eigen::Vector3d step_m = after[c].cam_from_rig.SourceFromTargetTranslation() -
+                                   before[c].cam_from_rig.SourceFromTargetTranslation();
+    const double offset_s = after[c].time_offset_s - after[0].time_offset_s + moved_s[c] -
+                            (before[c].time_offset_s - before[0].time_offset_s + moved_s[0]);
+    run.position_m = std::max(run.position_m, step_m.norm());
+    run.offset_s = std::max(run.offset_s, std::abs(offset_s));
+  }
+  return run;
+}
+
+void PrintMoves(const server::CalibrationInput& input, const CalibrationResult& base) {
+  const auto runs = RunAll<MovedRun>(
+      kMoveDraws, 2, [&](int i) { return RunMoved(input, base, static_cast<uint32_t>(i)); });
+  int failed = 0;
+  double position_m = 0, offset_s = 0;
+  for (const MovedRun& run : runs) {
+    failed += run.status.ok() ? 0 : 1;
+    position_m = std::max(position_m, run.position_m);
+    offset_s = std::max(offset_s, run.offset_s);
+  }
+  fmt::print(
+      "\nall clocks moved by up to {} s, {} draws: {} failed, largest change of a position {:.5f} "
+      "mm, of an offset {:.5f} ms\n",
+      kFarthestMoveS, kMoveDraws, failed, 1e3 * position_m, 1e3 * offset_s);
+}
+
 int RunReal() {
   const auto data = testing::RecordedDataDirectory();
   if (!data) {
@@ -159,6 +210,7 @@ int RunReal() {
   PrintCameras(*input, *base.result);
   PrintTarget(*base.result);
   PrintChanges(*input, *base.result);
+  PrintMoves(*input, *base.result);
   return 0;
 }
 

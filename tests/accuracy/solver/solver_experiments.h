@@ -9,6 +9,7 @@ namespace rigcal::accuracy {
 Experiment Clocks();
 Experiment Consistency();
 Experiment Crb();
+Experiment Flight();
 Experiment Halves();
 Experiment LineDelays();
 Experiment Real();

@@ -137,6 +137,45 @@ TEST(CalibrateStarts, AClockThatIsAPeriodOffIsNeverGood) {
   EXPECT_NEAR(finding->value, 1, 0.03);
 }
 
+// The motion may be why, and is named with whatever else stops the solve.
+TEST(CalibrateStarts, OfAPeriodicMotionAFailedSolveSaysSo) {
+  CalibrationInput input = PeriodicInput();
+  std::vector<Observation>& rows = input.tracks[2].observations;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (i % 10 == 0 && i < 50) continue;
+    for (MarkerObservation& marker : rows[i].markers) marker.visible = false;
+  }
+  EXPECT_THAT(Calibrate(std::move(input), KeepIntrinsics()).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("sim_2"), HasSubstr("repeats itself every 1.00 s"))));
+}
+
+// Its middle marker alone, one camera 3 s off: once 3.3 m wrong.
+TEST(CalibrateStarts, OfOneRecordedMarkerTooAreAsIfItsClocksWereOne) {
+  RIGCAL_REQUIRE_RECORDED_DATA(folder);
+  auto input = RecordedInput(folder);
+  ASSERT_THAT(input, IsOk());
+  input->target.kind = TargetKind::kPoint;
+  input->target.marker_positions_m = {0};
+  for (CameraTrack& track : input->tracks) {
+    for (Observation& row : track.observations) row.markers = {row.markers[1]};
+  }
+  const CalibrationOutcome before = Calibrate(*input, {});
+  MoveStamps(3, &input->tracks[2]);
+  const CalibrationOutcome after = Calibrate(*input, {});
+  ASSERT_THAT(before.result, IsOk());
+  ASSERT_THAT(after.result, IsOk());
+  for (size_t c = 0; c < 4; ++c) {
+    const CalibratedCamera &one = before.result->cameras[c], &other = after.result->cameras[c];
+    // In the unit of a point's rig, which is about 6 m.
+    EXPECT_LT((one.cam_from_rig.SourceFromTargetTranslation() -
+               other.cam_from_rig.SourceFromTargetTranslation())
+                  .norm(),
+              1e-6)
+        << c;
+  }
+}
+
 TEST(CalibrateStarts, OfTheRecordingAreAsIfItsClocksWereOne) {
   RIGCAL_REQUIRE_RECORDED_DATA(folder);
   auto input = RecordedInput(folder);

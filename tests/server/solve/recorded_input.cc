@@ -9,10 +9,12 @@
 
 namespace rigcal::server {
 
-absl::StatusOr<CalibrationInput> RecordedInput(const std::filesystem::path& data) {
-  RIGCAL_ASSIGN_OR_RETURN(auto cameras, rigcal::testing::LoadRecordedTracks(data / "ewand"));
+namespace {
+
+absl::StatusOr<CalibrationInput> Load(const std::filesystem::path& folder, Target target) {
+  RIGCAL_ASSIGN_OR_RETURN(auto cameras, rigcal::testing::LoadRecordedTracks(folder));
   CalibrationInput input;
-  input.target = WandTarget();
+  input.target = std::move(target);
   for (auto& camera : cameras) {
     CameraTrack track;
     track.session_id = "recorded";
@@ -21,6 +23,19 @@ absl::StatusOr<CalibrationInput> RecordedInput(const std::filesystem::path& data
     input.tracks.push_back(std::move(track));
   }
   return input;
+}
+
+}  // namespace
+
+absl::StatusOr<CalibrationInput> RecordedInput(const std::filesystem::path& data) {
+  return Load(data / "ewand", WandTarget());
+}
+
+absl::StatusOr<CalibrationInput> RecordedFlight(const std::filesystem::path& data) {
+  Target point;
+  point.kind = TargetKind::kPoint;
+  point.marker_positions_m = {0};
+  return Load(data / "flight", std::move(point));
 }
 
 }  // namespace rigcal::server

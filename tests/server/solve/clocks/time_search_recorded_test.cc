@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include <utility>
 #include <vector>
 
 #include "server/solve/clocks/time_search.h"
+#include "tests/server/solve/recorded_input.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/recorded_data.h"
-#include "tests/testing/recorded_tracks.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::time_search_recorded_test {
@@ -19,21 +18,10 @@ using ::rigcal::testing::IsOk;
 // point far away. The starts were published to about 0.1 s.
 TEST(SearchTimeOffsetsRecorded, FindsTheStartsOfConsumerCameras) {
   RIGCAL_REQUIRE_RECORDED_DATA(folder);
-  auto cameras = rigcal::testing::LoadRecordedTracks(folder / "flight");
-  ASSERT_THAT(cameras, IsOk());
-  ASSERT_EQ(cameras->size(), 4u);
-  CalibrationInput input;
-  input.target.kind = TargetKind::kPoint;
-  input.target.marker_positions_m = {0};
-  for (auto& camera : *cameras) {
-    CameraTrack track;
-    track.session_id = "recorded";
-    track.camera = std::move(camera.description);
-    track.observations = std::move(camera.observations);
-    input.tracks.push_back(std::move(track));
-  }
+  const auto input = RecordedFlight(folder);
+  ASSERT_THAT(input, IsOk());
   std::vector<ClockCorrection> clocks;
-  const RigObservations rig = RigOf(input, &clocks);
+  const RigObservations rig = RigOf(*input, &clocks);
   ASSERT_EQ(clocks.size(), 4u);
   TimeSearchOutcome outcome;
   ASSERT_THAT(SearchTimeOffsets(rig, 0, {}, &clocks, &outcome), IsOk());

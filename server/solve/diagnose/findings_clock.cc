@@ -73,21 +73,15 @@ void Restrict(size_t clock, BundleProblem* problem) {
     return observation.clock == static_cast<int>(clock);
   };
   std::vector<bool> own(problem->cameras.size(), false);
-  size_t observations = 0;
   for (BundleInstant& instant : problem->instants) {
     const auto members = problem->ObservationsOf(instant);
     instant.used = instant.used && std::ranges::any_of(members, is_of_clock);
     if (!instant.used) continue;
-    observations += members.size();
     for (const BundleObservation& observation : members) {
       if (is_of_clock(observation)) own[static_cast<size_t>(observation.camera)] = true;
     }
   }
-  const size_t stride = 1 + observations / kMaxOffsetObservations;
-  size_t shared = 0;
-  for (BundleInstant& instant : problem->instants) {
-    if (instant.used) instant.used = shared++ % stride == 0;
-  }
+  UseSome(kMaxOffsetObservations, problem);
   problem->target.fixed = true;
   for (size_t c = 0; c < own.size(); ++c) {
     if (own[c]) continue;

@@ -27,6 +27,10 @@ constexpr double kMinIntrinsicsGain = 0.1;
 // Refined intrinsics further away than this many sigmas of their prior.
 constexpr double kPriorSigmas = 3;
 constexpr size_t kMaxRays = 1000;
+// All cameras' intrinsics at once are the dearest of trials: of so many observations, or so many of
+// each camera. A pixel is seen in fewer.
+constexpr size_t kSuspectObservations = 10'000;
+constexpr size_t kSuspectViews = 150;
 
 struct Rays {
   std::vector<Eigen::Vector3d> given, found;  // unit, of the same pixels
@@ -103,6 +107,7 @@ void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {
 // Cameras whose intrinsics, all of them free, go away from the given ones for a reason.
 std::vector<size_t> Suspects(const CauseInput& input) {
   BundleProblem problem = input.trial.problem;
+  UseSome(std::max(kSuspectObservations, kSuspectViews * problem.cameras.size()), &problem);
   for (size_t c = 0; c < problem.cameras.size(); ++c) Free(input, c, &problem);
   if (!SolveTrialFromAfar(input.trial.bundle, &problem).ok()) return {};
   const auto sigmas = ComputeSigmas(input.trial.bundle, problem);

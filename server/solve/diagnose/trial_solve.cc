@@ -83,6 +83,30 @@ TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions
   return trial;
 }
 
+void UseSome(size_t max_observations, BundleProblem* problem) {
+  std::vector<size_t> views(problem->cameras.size(), 0);
+  size_t all = 0;
+  for (const BundleInstant& instant : problem->instants) {
+    if (!instant.used) continue;
+    for (const BundleObservation& observation : problem->ObservationsOf(instant)) {
+      ++views[static_cast<size_t>(observation.camera)];
+      ++all;
+    }
+  }
+  const size_t share = max_observations / std::max<size_t>(1, views.size());
+  const size_t stride = 1 + all / std::max<size_t>(1, max_observations);
+  size_t placed = 0;
+  for (BundleInstant& instant : problem->instants) {
+    if (!instant.used) continue;
+    const bool is_next = placed++ % stride == 0;
+    instant.used =
+        is_next || std::ranges::any_of(
+                       problem->ObservationsOf(instant), [&](const BundleObservation& observation) {
+                         return views[static_cast<size_t>(observation.camera)] < share;
+                       });
+  }
+}
+
 absl::Status SolveTrial(const BundleOptions& how, BundleProblem* problem) {
   for (int round = 0; round < kMaxRounds; ++round) {
     RIGCAL_RETURN_IF_ERROR(AdjustBundle(how, problem).status());

@@ -26,6 +26,10 @@ struct TrialProblem {
 // About 40 000 of the solution's observations: every n-th instant.
 TrialProblem MakeTrialProblem(const RigSolution& solution, const RigSolveOptions& options);
 
+// Leaves of the placed instants every n-th, about `max_observations` in all, and those of cameras
+// that have less than their share.
+void UseSome(size_t max_observations, BundleProblem* problem);
+
 // Solves `problem`, finds the outliers anew, and solves again until they stay (a few times at
 // most). Errors as of AdjustBundle; `problem` is then worth nothing.
 absl::Status SolveTrial(const BundleOptions& how, BundleProblem* problem);

@@ -18,8 +18,10 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kMinHeldOutInstants = 20;
-// Of a fold: many enough for each camera's parameters to add less than a hundredth to its errors.
-constexpr size_t kFoldObservations = 20'000;
+// Of a fold, or so many of each camera: enough for the cameras' parameters to add less than a
+// hundredth to the errors.
+constexpr size_t kFoldObservations = 10'000;
+constexpr size_t kFoldViews = 200;
 // That a choice is evaluated on.
 constexpr size_t kChoiceObservations = 10'000;
 // A refinement must make the held-out error smaller by this share to be kept.
@@ -40,9 +42,9 @@ std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
 using Select = std::function<bool(int64_t rig_time_ns)>;
 
 // The options of a solve that is evaluated on what `keep` leaves out.
-RigSolveOptions OptionsOfFold(RigSolveOptions options, Select keep) {
+RigSolveOptions OptionsOfFold(const RigObservations& rig, RigSolveOptions options, Select keep) {
   options.keep_instant = std::move(keep);
-  options.max_observations = kFoldObservations;
+  options.max_observations = std::max(kFoldObservations, kFoldViews * rig.index.cameras.size());
   options.rough = true;
   return options;
 }
@@ -94,8 +96,9 @@ absl::StatusOr<std::vector<IntrinsicsScores>> ScoreIntrinsics(const RigObservati
     // By fold, by whether intrinsics are refined.
     double score_px[2][2] = {{INFINITY, INFINITY}, {INFINITY, INFINITY}};
     for (const bool refine : {false, true}) {
-      RigSolveOptions options = OptionsOfFold(
-          base, [&blocks, a, b](int64_t t) { return blocks.IsKept(t, a) && blocks.IsKept(t, b); });
+      RigSolveOptions options = OptionsOfFold(rig, base, [&blocks, a, b](int64_t t) {
+        return blocks.IsKept(t, a) && blocks.IsKept(t, b);
+      });
       options.refine_intrinsics = refine;
       options.progress = AllAs(CalibrationStage::kChoosingIntrinsics, base);
       const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, options);
@@ -343,7 +346,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   EvaluatedErrors held_out;
   for (int fold = 0; fold < blocks.period; ++fold) {
     RigSolveOptions fold_options =
-        OptionsOfFold(first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
+        OptionsOfFold(rig, first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
     fold_options.progress = AllAs(CalibrationStage::kEvaluating, base);
     if (choose) {
       fold_options.refine_intrinsics = scores_of_fold[static_cast<size_t>(fold)].RefinedPays();

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kBlockS = 2, kMinBlockS = 0.5;
 constexpr double kBlocksWanted = 10;
-constexpr size_t kMinBlocks = 4;
+constexpr size_t kMinScatterBlocks = 4;
 // Of what the data say about a direction, the part of one block that is believed: more is a block
 // that determines it alone, whose residuals show nothing.
 constexpr double kMaxShare = 0.95;
@@ -135,7 +135,7 @@ BlockScatter MeasureBlockScatter(const BuiltProblem& built, const BundleOptions&
                                  const Eigen::MatrixXd& covariance, const LossFactors& loss) {
   BlockScatter scatter;
   const std::vector<size_t> cuts = CutIntoBlocks(built);
-  if (cuts.size() <= kMinBlocks) return scatter;
+  if (cuts.size() <= kMinScatterBlocks) return scatter;
   // In units in which independent errors have the covariance `variance * I`: C = variance * L L^T.
   const Eigen::VectorXd units = covariance.diagonal().cwiseSqrt();
   const Eigen::VectorXd per_unit = units.cwiseInverse();
@@ -160,7 +160,7 @@ BlockScatter MeasureBlockScatter(const BuiltProblem& built, const BundleOptions&
     // trace(L^T H L) = trace(H L L^T)
     shares.push_back(block->information.cwiseProduct(whole).sum());
   }
-  if (scores.size() < kMinBlocks) return scatter;
+  if (scores.size() < kMinScatterBlocks) return scatter;
   double squares = 0, share = 0;
   scatter.changes.resize(covariance.rows(), static_cast<Eigen::Index>(scores.size()));
   for (size_t b = 0; b < scores.size(); ++b) {

@@ -86,8 +86,6 @@ class ObservationTable {
   Observation front() const { return (*this)[0]; }
   Observation back() const { return (*this)[size() - 1]; }
   int64_t time_ns(size_t row) const { return time_ns_[row]; }
-  // Markers of a row that has any.
-  size_t width() const { return width_; }
   bool AnyVisible(size_t row) const { return VisibleCount(row) > 0; }
   int VisibleCount(size_t row) const {
     int count = 0;

@@ -6,8 +6,8 @@
 namespace rigcal::accuracy {
 
 std::vector<Experiment> AllExperiments() {
-  return {Crb(),        Consistency(), Clocks(),       Robustness(),     Real(),          UntilMm(),
-          LineDelays(), Detection(),   AmbientLight(), EventDetection(), BlinkFrequency()};
+  return {Crb(),     Consistency(), Clocks(),       Robustness(),     Real(),
+          UntilMm(), Detection(),   AmbientLight(), EventDetection(), BlinkFrequency()};
 }
 
 }  // namespace rigcal::accuracy

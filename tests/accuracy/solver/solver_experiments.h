@@ -9,7 +9,6 @@ namespace rigcal::accuracy {
 Experiment Clocks();
 Experiment Consistency();
 Experiment Crb();
-Experiment LineDelays();
 Experiment Real();
 Experiment Robustness();
 Experiment UntilMm();

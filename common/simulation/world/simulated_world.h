@@ -26,8 +26,8 @@ struct SimulatedCamera {
   // Its clock shows clock_origin_ns more than the camera time of `Clock`; 10 s for all cameras
   // without clock_samples.
   int64_t clock_origin_ns = 0;
-  // Rolling shutter: a marker in image row y is seen line_delay_s * (y - (height - 1) / 2) after the
-  // frame's time.
+  // Rolling shutter: a marker in image row y is seen line_delay_s * (y - (height - 1) / 2) after
+  // the frame's time.
   double line_delay_s = 0;
   double rate_hz = 0;
   double outlier_share = 0;

@@ -213,7 +213,8 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
-  RIGCAL_RETURN_IF_ERROR(CheckMotion(rig.tracks, rig.index, input.target.kind == TargetKind::kRigid));
+  RIGCAL_RETURN_IF_ERROR(
+      CheckMotion(rig.tracks, rig.index, input.target.kind == TargetKind::kRigid));
 
   RigSolveOptions solve;
   solve.reference_camera = CameraIndex(rig.index, options.reference_camera);

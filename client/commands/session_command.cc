@@ -249,8 +249,7 @@ ExitCode WriteSessionObservations(const SessionObservationsOptions& options,
   const auto session = SessionOf(server.CallWithId(&SessionStub::GetSession, options.session));
   if (!session.ok()) return context.Fail(session.status());
   if (console.format == OutputFormat::kTable) {
-    WriteObservationHead(MarkerCount(session->target()),
-                         console.out);
+    WriteObservationHead(MarkerCount(session->target()), console.out);
   }
 
   v1::ReadObservationsRequest request;

@@ -50,8 +50,8 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
   if (target.given().kind() == v1::Target::KIND_RIGID) {
     return absl::StrCat("target             rigid, ", target.given().points_size(), " points",
                         target.marker_positions_estimated() ? " (estimated)" : "",
-                        "; one sigma of the scale ",
-                        FormatFixed(100 * target.scale_sigma_rel(), 3), " %\n");
+                        "; one sigma of the scale ", FormatFixed(100 * target.scale_sigma_rel(), 3),
+                        " %\n");
   }
   uint64_t count = 0;
   for (const v1::SpanError& span : target.spans()) count += span.count();

@@ -70,10 +70,6 @@ struct CalibratedCamera {
   double time_rate_ppm = 0;
   double time_epoch_s = 0;
   bool time_offset_estimated = false;
-  // A marker in image row y is seen line_delay * (y - (height - 1) / 2) later than its camera's
-  // clock says; sigma 0: not modelled, the line delay is 0.
-  double line_delay_s = 0;
-  double line_delay_sigma_s = 0;
   Residuals residuals;
   std::optional<CameraUncertainty> uncertainty;
   std::optional<ErrorFigures> held_out;

@@ -35,7 +35,7 @@ struct ObservationBatch {
   uint32_t clock_epoch = 0;
   uint32_t marker_count = 0;
 
-  std::vector<int64_t> time_ns;        // per row
+  std::vector<int64_t> time_ns;  // per row
   // Per row, bit m = marker m; of more than 32 markers the number of visible ones, which are then
   // those with a kind of centre. Either way 0 says that nothing was seen.
   std::vector<uint32_t> visible_mask;

@@ -24,7 +24,7 @@ class LineReader {
     bool too_long = false;  // `text` holds only the beginning
   };
 
-  static constexpr size_t kMaxLineBytes = 16384;
+  static constexpr size_t kMaxLineBytes = 8192;
 
   // NOT_FOUND, PERMISSION_DENIED or FAILED_PRECONDITION (no regular file), naming the file.
   static absl::StatusOr<LineReader> Open(const std::string& path);

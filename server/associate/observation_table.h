@@ -86,8 +86,6 @@ class ObservationTable {
   Observation front() const { return (*this)[0]; }
   Observation back() const { return (*this)[size() - 1]; }
   int64_t time_ns(size_t row) const { return time_ns_[row]; }
-  // Markers of a row that has any.
-  size_t width() const { return width_; }
   bool AnyVisible(size_t row) const { return VisibleCount(row) > 0; }
   int VisibleCount(size_t row) const {
     int count = 0;
@@ -156,7 +154,7 @@ class ObservationTable {
   std::vector<int64_t> time_ns_;
   RepeatedColumn<uint32_t> clock_epoch_;
   std::vector<uint32_t> visible_;  // by row, then word; bit m % 32 of word m / 32: marker m
-  std::vector<bool> bare_;  // the row has no markers at all
+  std::vector<bool> bare_;         // the row has no markers at all
   // By row, then marker.
   RealColumn x_px_, y_px_, xx_px2_, xy_px2_, yy_px2_;
   RepeatedColumn<int32_t> delta_ns_;

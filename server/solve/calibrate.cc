@@ -19,7 +19,6 @@
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/evaluate/evaluated_solve.h"
-#include "server/solve/evaluate/rolling_shutters.h"
 
 namespace rigcal::server {
 namespace {
@@ -299,9 +298,8 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   for (const auto& [camera, count] : counts) {
     solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
   }
-  RIGCAL_ASSIGN_OR_RETURN(EvaluatedSolution searched, SearchAndSolve(rig, clocks, solve, options));
   RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution evaluated,
-                          ModelRollingShutters(solve, options, std::move(searched), &rig));
+                          SearchAndSolve(rig, clocks, solve, options));
   progress(CalibrationStage::kReporting, 1);
   if (hooks.solved) hooks.solved(rig, evaluated.solution);
   return ReportCalibration({rig, evaluated, options, counts}, refused);

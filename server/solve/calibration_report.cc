@@ -228,10 +228,6 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
     camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
-    if (!input.evaluated.line_delays.empty()) {
-      camera.line_delay_s = input.evaluated.line_delays[c].line_delay_s;
-      camera.line_delay_sigma_s = input.evaluated.line_delays[c].sigma_s;
-    }
     camera.residuals = residuals[c];
     if (input.evaluated.held_out) {
       const EvaluatedErrors& held_out = *input.evaluated.held_out;

@@ -6,7 +6,8 @@
 namespace rigcal::accuracy {
 
 std::vector<Experiment> AllExperiments() {
-  return {Crb(), Consistency(), Clocks(), Starts(), Robustness(), Doctor(), Real(), Halves(), Flight(), UntilMm(), LineDelays(), Detection(), AmbientLight(), EventDetection(), BlinkFrequency()};
+  return {Crb(),       Consistency(), Clocks(),       Starts(), Robustness(), Doctor(),
+          Real(),      Halves(),      Flight(),       UntilMm(), Detection(), AmbientLight(), EventDetection(), BlinkFrequency()};
 }
 
 }  // namespace rigcal::accuracy

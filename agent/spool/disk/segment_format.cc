@@ -71,7 +71,9 @@ std::optional<SegmentHeader> DecodeHeader(std::string_view bytes, size_t* size) 
 static_assert(kMaxMarkers <= 255, "their number is a byte");
 // Which markers of a record are visible: one word, and one more for every 32 markers beyond 32.
 using VisibleMasks = std::array<uint32_t, 8>;
-static size_t MaskWords(size_t marker_count) { return std::max<size_t>(1, (marker_count + 31) / 32); }
+static size_t MaskWords(size_t marker_count) {
+  return std::max<size_t>(1, (marker_count + 31) / 32);
+}
 
 void EncodeRecord(uint32_t seq, const Observation& observation,
                   const std::vector<ClockSample>& clock_samples, std::string* out) {

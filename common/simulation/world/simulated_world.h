@@ -26,7 +26,9 @@ struct SimulatedCamera {
   // Its clock shows clock_origin_ns more than the camera time of `Clock`; 10 s for all cameras
   // without clock_samples.
   int64_t clock_origin_ns = 0;
-  double line_delay_s = 0;  // as in CalibratedCamera
+  // Rolling shutter: a marker in image row y is seen line_delay_s * (y - (height - 1) / 2) after
+  // the frame's time.
+  double line_delay_s = 0;
   double rate_hz = 0;
   double outlier_share = 0;
   double phase_s = 0;  // rig time of the first frame

@@ -43,7 +43,7 @@ struct SimulationOptions {
   // By camera index; cameras not named have 0. Same sense as in Clock.
   std::map<int, double> time_offset_s;
   std::map<int, double> time_rate_ppm;
-  std::map<int, double> line_delay_s;          // rolling shutter, as in CalibratedCamera
+  std::map<int, double> line_delay_s;          // see SimulatedCamera
   std::map<int, double> camera_rate_hz;        // instead of rate_hz
   std::map<int, double> camera_outlier_share;  // instead of outlier_share
   // Of observations, that show another wand on the other side of the volume.

@@ -10,13 +10,13 @@ bool NeedsGeneralPath(const BundleProblem& problem) { return problem.HasRigidTar
 
 absl::StatusOr<BundleSummary> AdjustBundle(const BundleOptions& options, BundleProblem* problem) {
   return NeedsGeneralPath(*problem) ? SolveBundle(options, problem)
-                                                  : SolveLineBundle(options, problem);
+                                    : SolveLineBundle(options, problem);
 }
 
 absl::StatusOr<ReducedInformation> ComputeInformation(const BundleOptions& options,
                                                       const BundleProblem& problem) {
   return NeedsGeneralPath(problem) ? ComputeGeneralInformation(options, problem)
-                                                 : ComputeReducedInformation(options, problem);
+                                   : ComputeReducedInformation(options, problem);
 }
 
 }  // namespace rigcal::server

@@ -7,8 +7,8 @@
 
 namespace rigcal::server {
 
-// The line kernel (line_bundle.h) is for a line or a point; the general path (bundle_adjuster.h) for
-// everything else.
+// The line kernel (line_bundle.h) is for a line or a point; the general path (bundle_adjuster.h)
+// for everything else.
 bool NeedsGeneralPath(const BundleProblem& problem);
 
 // SolveLineBundle or SolveBundle, and ComputeReducedInformation or ComputeGeneralInformation, by

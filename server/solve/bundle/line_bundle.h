@@ -21,9 +21,10 @@ namespace rigcal::server {
 // rejected, like one that raises the cost.
 //
 // INVALID_ARGUMENT: the problem or the options are not valid, it has a rigid target, or the target
-// has more than 32 markers. FAILED_PRECONDITION: no marker is used; a used marker is not visible at the initial
-// values (names camera, instant and marker); the linear system broke down. CANCELLED. On an
-// error the problem is left as it was. Not reaching the tolerance is no error: see `converged`.
+// has more than 32 markers. FAILED_PRECONDITION: no marker is used; a used marker is not visible at
+// the initial values (names camera, instant and marker); the linear system broke down. CANCELLED.
+// On an error the problem is left as it was. Not reaching the tolerance is no error: see
+// `converged`.
 absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options, BundleProblem* problem);
 
 // One column of the reduced system. Steps are added, except a rotation's, which is a rotation

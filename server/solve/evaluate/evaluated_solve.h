@@ -9,7 +9,6 @@
 #include "common/calibration/calibration_options.h"
 #include "server/solve/evaluate/held_out.h"
 #include "server/solve/evaluate/uncertainty.h"
-#include "server/solve/rig/line_delays.h"
 #include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
@@ -20,8 +19,6 @@ struct EvaluatedSolution {
   std::optional<EvaluatedErrors> held_out;    // none: too little to hold anything out
   std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
   std::vector<Finding> findings;              // about what was chosen, and why
-  // By camera, where rolling shutters were modelled (rolling_shutters.h); empty: none was found.
-  std::vector<LineDelay> line_delays;
 };
 
 // Solves the rig and cross-validates it: time is cut into blocks of 2 s with guards of 0.2 s, and

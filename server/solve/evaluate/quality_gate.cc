@@ -91,7 +91,6 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       if (!camera || camera->time_offset_estimated) return {};
       return warning(absl::StrCat("the clock of ", who, " is off, and was kept as given"));
     case FindingKind::kRollingShutter:
-      if (camera && camera->line_delay_sigma_s > 0) return {};
       return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
     case FindingKind::kWrongWandLength:
       return warning("the wand is not as it was given (see findings)");

@@ -19,7 +19,7 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kMinRigidShared = 3;  // each view of a rigid target gives a pose by itself
-constexpr int kMaxInstants = 400;  // used while the cameras' poses are found
+constexpr int kMaxInstants = 400;   // used while the cameras' poses are found
 
 using Rays = std::vector<Eigen::Vector2d>;
 

@@ -11,7 +11,6 @@ Experiment Consistency();
 Experiment Crb();
 Experiment Flight();
 Experiment Halves();
-Experiment LineDelays();
 Experiment Real();
 Experiment Robustness();
 Experiment Starts();

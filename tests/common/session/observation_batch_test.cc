@@ -192,7 +192,7 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(
         ShapeFault{"TooManyRows", [](auto& b) { b.time_ns.resize(kMaxBatchRows + 1); }, "time_ns:"},
         ShapeFault{"NoMarkers", [](auto& b) { b.marker_count = 0; }, "marker_count: 0"},
-        ShapeFault{"TooManyMarkers", [](auto& b) { b.marker_count = 17; }, "marker_count: 17"},
+        ShapeFault{"TooManyMarkers", [](auto& b) { b.marker_count = 201; }, "marker_count: 201"},
         ShapeFault{"ShortMask", [](auto& b) { b.visible_mask.pop_back(); },
                    "visible_mask: has 4 values, expected 5"},
         ShapeFault{"ShortX", [](auto& b) { b.x_px.pop_back(); },

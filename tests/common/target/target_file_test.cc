@@ -60,10 +60,14 @@ TEST_F(TargetFile, NamesFileAndLineOfAFault) {
     const char* line;
     const char* why;
   } kFaults[] = {
-      {"E 0.1 0.2", "3 values, 4 or 5"},       {"E 0.1 0.2 0.3 0.001 7", "6 values"},
-      {"E 0.1 0.2 abc", "\"abc\""},            {"E 0.1 0.2 nan", "not a finite number"},
-      {"E 100 0.2 0.1", "points are in metres"}, {"E 0.1 0.2 0.1 -0.001", "sigma"},
-      {"A 0.1 0.2 0.1", "label A is in line 2 too"}, {"E| 0.1 0.2 0.1", "a label is"},
+      {"E 0.1 0.2", "3 values, 4 or 5"},
+      {"E 0.1 0.2 0.3 0.001 7", "6 values"},
+      {"E 0.1 0.2 abc", "\"abc\""},
+      {"E 0.1 0.2 nan", "not a finite number"},
+      {"E 100 0.2 0.1", "points are in metres"},
+      {"E 0.1 0.2 0.1 -0.001", "sigma"},
+      {"A 0.1 0.2 0.1", "label A is in line 2 too"},
+      {"E| 0.1 0.2 0.1", "a label is"},
   };
   for (const auto& fault : kFaults) {
     EXPECT_THAT(Parse(absl::StrCat(kGood, fault.line, "\n")),

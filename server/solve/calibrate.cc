@@ -16,6 +16,7 @@
 #include "common/status/status_macros.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
+#include "server/associate/stamp_units.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/evaluate/evaluated_solve.h"
@@ -194,6 +195,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   progress(CalibrationStage::kAssociating, 0);
   const std::map<std::string, CameraCounts> counts = CountInput(input);
   RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
+  RIGCAL_RETURN_IF_ERROR(CheckStampUnits(input.tracks));
   RigObservations rig;
   rig.target = input.target;
   rig.tracks = AlignClocks(

@@ -19,6 +19,7 @@
 #include "server/associate/stamp_units.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/time_search.h"
+#include "server/solve/diagnose/odd_camera.h"
 #include "server/solve/evaluate/evaluated_solve.h"
 
 namespace rigcal::server {
@@ -186,6 +187,17 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
                                                                : std::move(evaluated);
 }
 
+// Why a rig cannot be solved, where it is one camera.
+absl::Status WithOddCamera(const absl::Status& status, const RigObservations& rig,
+                           const std::vector<ClockCorrection>& clocks,
+                           const RigSolveOptions& solve) {
+  if (!absl::IsFailedPrecondition(status)) return status;
+  const OddCamera odd = FindOddCamera(rig, clocks, solve);
+  if (odd.kind == FindingKind::kUnspecified) return status;
+  return absl::FailedPreconditionError(absl::StrCat("camera ", odd.camera, ": ", odd.advice, ". (",
+                                                    std::string(status.message()), ")"));
+}
+
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
@@ -225,8 +237,9 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   for (const auto& [camera, count] : counts) {
     solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
   }
-  RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution evaluated,
-                          SearchAndSolve(rig, clocks, solve, options));
+  const absl::StatusOr<EvaluatedSolution> solved = SearchAndSolve(rig, clocks, solve, options);
+  if (!solved.ok()) return WithOddCamera(solved.status(), rig, clocks, solve);
+  const EvaluatedSolution& evaluated = *solved;
   progress(CalibrationStage::kReporting, 1);
   if (hooks.solved) hooks.solved(rig, evaluated.solution);
   return ReportCalibration({rig, evaluated, options, counts}, refused);

@@ -249,9 +249,11 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     result.camera_covariance = PackCameraCovariance(
         problem, input.evaluated.options.reference_camera, *input.evaluated.uncertainty);
   }
-  result.findings = FindCauses(input.rig, input.evaluated, result);
+  const Causes causes = FindCauses(input.rig, input.evaluated, result);
+  const PredictedError& predicted = input.evaluated.predicted;
+  result.findings = FindingsOf(causes, causes.explain_all || !IsBadByFigures(result, predicted));
   for (Finding& finding : result.findings) finding.severity = SeverityOf(result, finding);
-  result.quality = GradeQuality(result);
+  result.quality = GradeQuality(result, predicted);
   result.observation_digest = Digest(input);
   return result;
 }

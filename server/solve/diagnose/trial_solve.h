@@ -21,6 +21,7 @@ struct TrialProblem {
   // By camera of the problem: its index in the rig. A camera taken apart has several.
   std::vector<size_t> rig_camera;
   BundleOptions bundle;
+  std::vector<int> uneven_clocks;  // that no one offset and rate describes
 };
 
 // About 40 000 of the solution's observations: every n-th instant.

@@ -33,14 +33,17 @@ std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
   };
 }
 
-// Solves on what `keep` keeps and evaluates on what `evaluate_on` selects.
+// Solves on what `keep` keeps and evaluates on what `evaluate_on` selects. `poses`, if given, are
+// those of the solve.
 absl::StatusOr<EvaluatedErrors> SolveAndMeasure(const RigObservations& rig,
                                                 const RigInitialization& initial,
                                                 RigSolveOptions options,
                                                 const std::function<bool(int64_t)>& keep,
-                                                const std::function<bool(int64_t)>& evaluate_on) {
+                                                const std::function<bool(int64_t)>& evaluate_on,
+                                                FoldPoses* poses = nullptr) {
   options.keep_instant = keep;
   RIGCAL_ASSIGN_OR_RETURN(RigSolution solution, SolveRig(rig, initial.clocks, options, &initial));
+  if (poses != nullptr) *poses = FoldPosesOf(solution, static_cast<int>(initial.instants.size()));
   // The evaluation builds a problem of its own.
   PutAway(rig, options, &solution);
   EvaluatedErrors errors = EvaluateSolution(rig, solution, options, evaluate_on);
@@ -287,6 +290,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
 
   IntrinsicsScores scores;
   EvaluatedErrors held_out;
+  std::vector<FoldPoses> folds;
   for (int fold = 0; fold < blocks.period; ++fold) {
     RigSolveOptions fold_options = first;
     fold_options.progress = AllAs(CalibrationStage::kEvaluating, base);
@@ -296,11 +300,14 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
       fold_options.refine_intrinsics = own.RefinedPays();
       scores.Add(own);
     }
+    FoldPoses poses;
     const absl::StatusOr<EvaluatedErrors> errors = SolveAndMeasure(
         rig, initial, fold_options, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); },
-        [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
+        [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); }, &poses);
     if (absl::IsCancelled(errors.status())) return errors.status();
-    if (errors.ok()) Append(*errors, &held_out);
+    if (!errors.ok()) continue;
+    Append(*errors, &held_out);
+    folds.push_back(std::move(poses));
   }
   if (held_out.instant_count > 0) {
     result.held_out = std::move(held_out);
@@ -315,9 +322,22 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
     RIGCAL_ASSIGN_OR_RETURN(result.solution,
                             SolveRig(rig, initial.clocks, result.options, &initial));
   }
+  // Kept intrinsics are as uncertain as the data leaves them.
+  std::optional<FoldPoses> refined;
+  if (choose && !result.options.refine_intrinsics) {
+    RigSolveOptions with_refined = result.options;
+    with_refined.refine_intrinsics = true;
+    with_refined.progress = AllAs(CalibrationStage::kEvaluating, base);
+    const absl::StatusOr<RigSolution> other = SolveRig(rig, initial.clocks, with_refined, &initial);
+    if (absl::IsCancelled(other.status())) return other.status();
+    if (other.ok()) refined = FoldPosesOf(*other, 1);
+  }
   TakeBack(rig, result.options, &result.solution);
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
+  result.predicted = PredictError(result.solution, result.options, result.uncertainty, folds,
+                                  refined ? &*refined : nullptr,
+                                  IsMetric(rig, result.options) ? options.accept_m : 0);
   return result;
 }
 

@@ -8,6 +8,7 @@
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
 #include "server/solve/evaluate/held_out.h"
+#include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
 
@@ -18,7 +19,8 @@ struct EvaluatedSolution {
   RigSolveOptions options;                    // as chosen
   std::optional<EvaluatedErrors> held_out;    // none: too little to hold anything out
   std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
-  std::vector<Finding> findings;              // about what was chosen, and why
+  PredictedError predicted;
+  std::vector<Finding> findings;  // about what was chosen, and why
 };
 
 // Solves the rig and cross-validates it: time is cut into blocks of 2 s with guards of 0.2 s, and

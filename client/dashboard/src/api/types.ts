@@ -97,6 +97,7 @@ export interface CalibrationOptions {
   association_tolerance_s?: number;
   seed?: number;
   known_distance?: KnownDistance;
+  accept_m?: number;
 }
 
 export type CalibrationOptions_Estimate =
@@ -176,6 +177,8 @@ export interface SpanError {
 export interface Quality {
   grade?: Quality_Grade;
   reasons?: string[];
+  predicted_error_m?: number;
+  accepted_error_m?: number;
 }
 
 export type Quality_Grade =
@@ -486,7 +489,14 @@ export type FindingKind =
   | 'FINDING_KIND_INTRINSICS_REFINED'
   | 'FINDING_KIND_TIME_MATCH_CORRECTED'
   | 'FINDING_KIND_RESTARTED'
-  | 'FINDING_KIND_NOT_EVALUATED';
+  | 'FINDING_KIND_NOT_EVALUATED'
+  | 'FINDING_KIND_TOO_LITTLE_DATA'
+  | 'FINDING_KIND_CLOCK_JUMP'
+  | 'FINDING_KIND_CLOCK_DRIFT'
+  | 'FINDING_KIND_OUTLIERS_IN_SPAN'
+  | 'FINDING_KIND_NOISY_CAMERA'
+  | 'FINDING_KIND_MIRRORED_IMAGE'
+  | 'FINDING_KIND_INCONSISTENT_CAMERA';
 
 export type FindingSeverity =
   | 'FINDING_SEVERITY_UNSPECIFIED'
@@ -501,6 +511,7 @@ export interface Finding {
   value?: number;
   unit?: string;
   advice?: string;
+  candidate?: boolean;
 }
 
 export interface Vector3 {

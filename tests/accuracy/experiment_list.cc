@@ -6,7 +6,7 @@
 namespace rigcal::accuracy {
 
 std::vector<Experiment> AllExperiments() {
-  return {Crb(),     Consistency(), Clocks(),       Robustness(),     Real(),
+  return {Crb(),     Consistency(), Clocks(),    Robustness(),   Doctor(),        Real(),
           UntilMm(), Detection(),   AmbientLight(), EventDetection(), BlinkFrequency()};
 }
 

@@ -251,7 +251,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   }
   const Causes causes = FindCauses(input.rig, input.evaluated, result);
   const PredictedError& predicted = input.evaluated.predicted;
-  result.findings = FindingsOf(causes, causes.explain_all || !IsBadByFigures(result, predicted));
+  result.findings = FindingsOf(causes, IsBadByFigures(result, predicted));
   for (Finding& finding : result.findings) finding.severity = SeverityOf(result, finding);
   result.quality = GradeQuality(result, predicted);
   result.observation_digest = Digest(input);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <functional>
+#include <set>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -59,23 +61,25 @@ std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolu
   return causes;
 }
 
-// Each camera's markers fit as those of a usable calibration do.
-bool FitsEverywhere(const TrialProblem& trial) {
+// The cameras whose markers fit as those of a usable calibration do.
+std::set<std::string> FittingCameras(const TrialProblem& trial) {
   const BundleProblem& problem = trial.problem;
-  std::vector<ErrorChange> errors = CompareErrors(problem, problem);
+  const std::vector<ErrorChange> errors = CompareErrors(problem, problem);
   std::vector<int> counts(problem.cameras.size(), 0);
   ForEachMarker(problem, [&](size_t, const BundleObservation& observation, size_t) {
     ++counts[static_cast<size_t>(observation.camera)];
   });
+  std::set<std::string> fitting;
+  for (const BundleCamera& camera : problem.cameras) fitting.insert(camera.name);
+  // A camera that moved has several parts, all of which must fit.
   for (size_t c = 0; c < errors.size(); ++c) {
-    const double outliers =
-        1 - static_cast<double>(errors[c].marker_count) / std::max(1, counts[c]);
-    if (!(errors[c].before_px <= kQualityLimits.inlier_mean_px.usable) ||
-        outliers > kQualityLimits.outlier_share.usable) {
-      return false;
-    }
+    const double outliers = 1 - static_cast<double>(errors[c].marker_count) /
+                                    static_cast<double>(std::max(1, counts[c]));
+    const bool fits = errors[c].before_px <= kQualityLimits.inlier_mean_px.usable &&
+                      outliers <= kQualityLimits.outlier_share.usable;
+    if (!fits) fitting.erase(problem.cameras[c].name);
   }
-  return true;
+  return fitting;
 }
 
 // What is a cause of error, and not a fact about the recording or about what was chosen.
@@ -115,10 +119,11 @@ Finding AsCandidate(const Cause& cause) {
 Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
                   const CalibrationResult& result) {
   Causes found;
+  found.camera_count = rig.index.cameras.size();
   TrialProblem trial = MakeTrialProblem(evaluated.solution, evaluated.options);
   if (SolveTrial(trial.bundle, &trial.problem).ok()) {
     found.causes = TakeOutCauses(rig, evaluated, result, &trial);
-    found.explain_all = FitsEverywhere(trial);
+    found.fitting = FittingCameras(trial);
     for (const CauseFunction find : kCauses) {
       Append(find({rig, evaluated, result, trial}), &found.causes);
     }
@@ -128,11 +133,17 @@ Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated
   return found;
 }
 
-std::vector<Finding> FindingsOf(const Causes& causes, bool figures_hold) {
+std::vector<Finding> FindingsOf(const Causes& causes, bool is_bad) {
+  const auto holds = [&causes](const std::string& camera) {
+    if (2 * causes.fitting.size() <= causes.camera_count) return false;
+    return camera.empty() ? causes.fitting.size() == causes.camera_count
+                          : causes.fitting.contains(camera);
+  };
   std::vector<Finding> findings;
   for (const Cause& cause : causes.causes) {
-    const bool holds = figures_hold || !IsCauseOfError(cause.finding.kind);
-    findings.push_back(holds ? cause.finding : AsCandidate(cause));
+    const bool doubtful =
+        is_bad && IsCauseOfError(cause.finding.kind) && !holds(cause.finding.camera);
+    findings.push_back(doubtful ? AsCandidate(cause) : cause.finding);
   }
   return findings;
 }

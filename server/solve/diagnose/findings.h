@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <set>
+#include <string>
 #include <vector>
 
 #include "common/calibration/calibration.h"
@@ -17,9 +19,11 @@ struct Cause {
 // What was found, worst first.
 struct Causes {
   std::vector<Cause> causes;
-  // With every cause taken out the rig fits: each camera's error is that of a usable calibration.
-  // Where it does not, something else is wrong, and no figure of a cause holds.
-  bool explain_all = false;
+  // With every cause taken out these fit as the cameras of a usable calibration do. What is wrong
+  // with another one is not known, and no figure about it holds; where half of the cameras do not
+  // fit, none about any.
+  std::set<std::string> fitting;
+  size_t camera_count = 0;
 };
 
 // Names what is wrong with a rig or a recording from the pattern of the residuals, with numbers and
@@ -32,8 +36,8 @@ struct Causes {
 Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
                   const CalibrationResult& result);
 
-// The findings of a result. `figures_hold` false: what is a cause of error comes as a candidate,
-// with what it would explain instead of its size.
-std::vector<Finding> FindingsOf(const Causes& causes, bool figures_hold);
+// The findings of a result. `is_bad` by its figures: what is a cause of error of a camera that does
+// not fit comes as a candidate, with what it would explain instead of its size.
+std::vector<Finding> FindingsOf(const Causes& causes, bool is_bad);
 
 }  // namespace rigcal::server

@@ -78,6 +78,19 @@ std::vector<WandSighting> WandSightingsOf(const RigObservations& rig, const RigS
   return sightings;
 }
 
+// It was found to have moved, or its clock to have run unevenly.
+bool IsExplained(const CauseInput& input, size_t camera) {
+  if (std::ranges::count(input.trial.rig_camera, camera) > 1) return true;
+  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
+    const int clock = input.rig.index.clock_of_track[t];
+    if (input.rig.index.camera_of_track[t] == static_cast<int>(camera) &&
+        std::ranges::count(input.trial.uneven_clocks, clock) > 0) {
+      return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 std::vector<Cause> FindOutliersInSpan(const CauseInput& input) {
@@ -86,6 +99,7 @@ std::vector<Cause> FindOutliersInSpan(const CauseInput& input) {
       RigTimes(input.rig.tracks, input.rig.index, InitializationFrom(solution).clocks);
   std::vector<Cause> causes;
   for (size_t c = 0; c < input.rig.index.cameras.size(); ++c) {
+    if (IsExplained(input, c)) continue;
     const std::vector<WandSighting> sightings =
         WandSightingsOf(input.rig, solution, times, static_cast<int>(c));
     // The span in which lost ones exceed their limit by most.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/solver/doctor_experiment.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -10,6 +11,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/camera/camera_model.h"
 #include "common/simulation/world/simulated_world.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
@@ -102,12 +104,16 @@ void Mirror(bool upside_down, DoctorPatient* patient) {
   });
 }
 
-// The image turns about its middle by `degrees` from `from` of the way on.
+// The camera turns about its y axis by `degrees` from `from` of the way on.
 void Turn(double degrees, double from, DoctorPatient* patient) {
   server::CameraTrack& track = TrackOf(patient);
-  const double shift_px = degrees * M_PI / 180 * track.camera.intrinsics->fx_px;
+  const Intrinsics& intrinsics = *track.camera.intrinsics;
+  const Eigen::AngleAxisd turn(degrees * M_PI / 180, Eigen::Vector3d::UnitY());
   ForEachCentre(&track, [&](double share, MarkerObservation* marker) {
-    if (share >= from) marker->centre_px.x() += shift_px;
+    const auto ray = Undistort(intrinsics, marker->centre_px);
+    if (share >= from && ray.ok()) {
+      Project(intrinsics, turn * ray->homogeneous(), &marker->centre_px);
+    }
   });
 }
 

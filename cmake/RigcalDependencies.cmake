@@ -13,6 +13,7 @@ find_package(SQLiteCpp CONFIG REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
 find_package(Boost REQUIRED) # headers only: Asio and Beast
 find_package(ZLIB REQUIRED)
+find_package(LibArchive REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED COMPONENTS core) # text format only
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)

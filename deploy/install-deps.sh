@@ -21,7 +21,7 @@ packages=(
   # network namespaces of the demos, and their faults
   iproute2 iptables
   # store, configuration, command line, logging
-  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libssl-dev libboost-dev prometheus-cpp-dev
+  libsqlitecpp-dev libsqlite3-dev zlib1g-dev libarchive-dev libssl-dev libboost-dev prometheus-cpp-dev
   libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev
   # tests
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime

@@ -16,6 +16,7 @@
 #include "client/results/calibration_comparison.h"
 #include "client/results/calibration_export.h"
 #include "client/tables/calibration_table.h"
+#include "client/tables/residual_table.h"
 
 namespace rigcal::client {
 namespace {
@@ -122,8 +123,9 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
     context.console.out << ToJson(*calibration) << "\n" << std::flush;
     return ExitCode::kOk;
   }
-  const auto format = std::ranges::find(ExportFormats(), options.format, &ExportFormat::name);
-  const auto files = format->write(*calibration, options.output);
+  const auto format = FindCalibrationExportFormat(options.format);
+  if (!format.ok()) return context.Fail(format.status());
+  const auto files = WriteExport(**format, *calibration, options.output);
   if (!files.ok()) return context.Fail(files.status());
   PrintFiles(options, *files, context);
   return ExitCode::kOk;
@@ -171,6 +173,10 @@ std::string FormatAccuracy(const v1::GetAccuracyResponse& accuracy) {
   }
   if (accuracy.shape().count() == 0) return text + "  none is seen by two cameras\n";
   absl::StrAppend(&text, FormatSummary(accuracy));
+  if (accuracy.calibration_p95_m() > 0) {
+    absl::StrAppend(&text, "calibration alone  ", Millimetres(accuracy.calibration_p95_m()),
+                    " mm or less in 95 % of the points (exact centres, after the best alignment)\n");
+  }
   absl::StrAppend(&text, "scale              ", FormatFixed(100 * accuracy.scale_sigma_rel(), 3),
                   " % (one sigma of every length)\n");
   return text;
@@ -189,6 +195,14 @@ ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& con
   ServerConnection server(context.server);
   return context.Show(server.Call(&CalibrationStub::GetAccuracy, request, kAccuracyTimeout),
                       FormatAccuracy);
+}
+
+ExitCode ShowResiduals(const ResidualCommandOptions& options, CommandContext& context) {
+  v1::GetResidualsRequest request;
+  request.set_id(options.id);
+  request.set_camera(options.camera);
+  ServerConnection server(context.server);
+  return context.Show(server.Call(&CalibrationStub::GetResiduals, request), FormatResiduals);
 }
 
 }  // namespace rigcal::client

@@ -13,7 +13,7 @@ namespace rigcal::client {
 
 struct CalibrationExportOptions {
   std::string id;
-  std::string format;  // a name of ExportFormats
+  std::string format;  // a name of CalibrationExportFormats
   std::string output;  // folder, made where missing; "-" (JSON only): standard output
 };
 
@@ -48,5 +48,13 @@ std::string FormatAccuracy(const rigcal::v1::GetAccuracyResponse& accuracy);
 
 // `rigcal calibration accuracy`: prints the expected triangulation error. Returns the exit code.
 ExitCode ShowAccuracy(const AccuracyCommandOptions& options, CommandContext& context);
+
+struct ResidualCommandOptions {
+  std::string id;
+  std::string camera;  // empty: all
+};
+
+// `rigcal calibration residuals`: prints them camera by camera. Returns the exit code.
+ExitCode ShowResiduals(const ResidualCommandOptions& options, CommandContext& context);
 
 }  // namespace rigcal::client

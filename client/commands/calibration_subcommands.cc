@@ -24,7 +24,7 @@ void AddExport(CommandParser& parser, CLI::App* group) {
       group, "export", "Write a calibration as files for other programs", ExportCalibration);
   AddArgument(app, "ID", kIdHelp, &options->id);
   std::vector<std::string> names, helps;
-  for (const ExportFormat& format : ExportFormats()) {
+  for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
     names.emplace_back(format.name);
     helps.push_back(absl::StrCat(format.name, ": ", format.help));
   }
@@ -72,6 +72,16 @@ void AddAccuracy(CommandParser& parser, CLI::App* group) {
       ->check(CLI::PositiveNumber.description(""));
 }
 
+void AddResiduals(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(
+      group, "residuals",
+      "How far projected markers are from measured ones, camera by camera; as JSON with vectors "
+      "over the image",
+      ShowResiduals);
+  AddArgument(app, "ID", kIdHelp, &options->id);
+  AddOption(app, "--camera", "NAME", &options->camera, "This camera only");
+}
+
 }  // namespace
 
 void AddCalibrationCommands(CommandParser& parser) {
@@ -93,6 +103,7 @@ void AddCalibrationCommands(CommandParser& parser) {
   AddExport(parser, group);
   AddCompare(parser, group);
   AddAccuracy(parser, group);
+  AddResiduals(parser, group);
 }
 
 }  // namespace rigcal::client

@@ -57,6 +57,17 @@ std::string OwnName() {
   return name.substr(0, 64);
 }
 
+// Where a person signs in with the string, one for each address of the server; agents nowhere.
+std::vector<std::string> LoginLinks(const std::string& text) {
+  std::vector<std::string> links;
+  const absl::StatusOr<JoinString> join = ParseJoinString(text);
+  if (!join.ok() || join->role == Role::kAgent) return links;
+  for (const std::string& address : HostPorts(join->hosts, join->https_port)) {
+    links.push_back(absl::StrCat("https://", address, "/login#token=", text));
+  }
+  return links;
+}
+
 absl::StatusOr<std::string> LoginWith(const LoginOptions& options) {
   absl::StatusOr<JoinString> join = ParseJoinString(options.join_string);
   if (!join.ok()) return join.status();
@@ -95,9 +106,13 @@ ExitCode CreateToken(const CreateTokenOptions& options, CommandContext& context)
   *request.mutable_ttl() = wire::ToDuration(options.ttl_s);
   request.set_name(options.name);
   ServerConnection server(context.server);
-  return context.Show(
-      server.Call(&v1::IdentityService::Stub::CreateToken, request),
-      [](const v1::CreateTokenResponse& made) { return made.join_string() + "\n"; });
+  return context.Show(server.Call(&v1::IdentityService::Stub::CreateToken, request),
+                      [&](const v1::CreateTokenResponse& made) {
+                        for (const std::string& link : LoginLinks(made.join_string())) {
+                          context.console.Message(absl::StrCat("in a browser: ", link));
+                        }
+                        return made.join_string() + "\n";
+                      });
 }
 
 ExitCode ListTokens(CommandContext& context) {

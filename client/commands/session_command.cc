@@ -81,6 +81,21 @@ void WriteObservationRows(const ObservationBatch& batch, std::ostream& out) {
   }
 }
 
+ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest& request,
+                        bool start, CommandContext& context) {
+  absl::StatusOr<v1::Session> session =
+      SessionOf(server.Call(&SessionStub::CreateSession, request));
+  if (session.ok() && start) {
+    const std::string id = session->id();
+    session = CallStart(server, id);
+    if (!session.ok()) {
+      context.console.Message(
+          absl::StrCat("session ", id, " was created but could not be started"));
+    }
+  }
+  return context.Show(session, FormatSession);
+}
+
 }  // namespace
 
 ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& context) {
@@ -98,17 +113,7 @@ ExitCode CreateSession(const SessionCreateOptions& options, CommandContext& cont
     }
   }
   request.set_continues(options.continues);
-  absl::StatusOr<v1::Session> session =
-      SessionOf(server.Call(&SessionStub::CreateSession, request));
-  if (session.ok() && options.start) {
-    const std::string id = session->id();
-    session = CallStart(server, id);
-    if (!session.ok()) {
-      context.console.Message(
-          absl::StrCat("session ", id, " was created but could not be started"));
-    }
-  }
-  return context.Show(session, FormatSession);
+  return CreateAndStart(server, request, options.start, context);
 }
 
 ExitCode StartSession(const std::string& id, CommandContext& context) {
@@ -170,6 +175,28 @@ ExitCode DeleteSession(const std::string& id, CommandContext& context) {
     return Printable(absl::StrCat(
         "session ", id, " and its observations are deleted; calibrations made from it stay\n"));
   });
+}
+
+ExitCode DiscardSession(const SessionDiscardOptions& options, CommandContext& context) {
+  ServerConnection server(context.server);
+  v1::DiscardSessionRequest request;
+  request.set_id(options.id);
+  request.set_undo(options.undo);
+  return context.Show(SessionOf(server.Call(&SessionStub::DiscardSession, request)), FormatSession);
+}
+
+ExitCode ResumeSession(const SessionResumeOptions& options, CommandContext& context) {
+  ServerConnection server(context.server);
+  const absl::StatusOr<v1::Session> before = FetchSession(server, options.id);
+  if (!before.ok()) return context.Fail(before.status());
+  v1::CreateSessionRequest request;
+  request.set_rig(before->rig());
+  request.set_title(before->title());
+  *request.mutable_target() = before->target();
+  *request.mutable_camera_names() = before->requested_cameras();
+  if (options.until_mm > 0) request.mutable_goal()->set_until_mm(options.until_mm);
+  request.set_continues(before->id());
+  return CreateAndStart(server, request, /*start=*/true, context);
 }
 
 ExitCode WatchSession(const std::string& id, CommandContext& context) {

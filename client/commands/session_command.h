@@ -35,6 +35,19 @@ ExitCode StopSession(const SessionStopOptions& options, CommandContext& context)
 ExitCode ListSessions(const ListOptions& options, CommandContext& context);
 ExitCode GetSession(const std::string& id, CommandContext& context);
 ExitCode DeleteSession(const std::string& id, CommandContext& context);
+
+struct SessionDiscardOptions {
+  std::string id;
+  bool undo = false;
+};
+ExitCode DiscardSession(const SessionDiscardOptions& options, CommandContext& context);
+
+struct SessionResumeOptions {
+  std::string id;
+  double until_mm = 0;  // 0: the new session has no goal
+};
+// Starts a new session that goes on with this one: same rig, target and cameras.
+ExitCode ResumeSession(const SessionResumeOptions& options, CommandContext& context);
 // A line (as JSON: one object per line) now and after each change, until the session is finished or
 // nobody reads any more.
 ExitCode WatchSession(const std::string& id, CommandContext& context);

@@ -55,6 +55,27 @@ void AddStop(CommandParser& parser, CLI::App* group) {
   app->add_flag("--wait", options->wait, "Return when the session is finished");
 }
 
+void AddDiscard(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(group, "discard",
+                                          "Throw a session away: it is kept whole, but no "
+                                          "calibration takes it and none goes on with it",
+                                          DiscardSession);
+  AddArgument(app, "SESSION", kSessionHelp, &options->id);
+  app->add_flag("--undo", options->undo, "It counts again");
+}
+
+void AddResume(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(
+      group, "resume",
+      "Go on with a finished session: start a new one with its target and cameras, which a "
+      "calibration takes together with it",
+      ResumeSession);
+  AddArgument(app, "SESSION", kSessionHelp, &options->id);
+  AddOption(app, "--until-mm", "MM", &options->until_mm,
+            "End it when the expected error is below this, as with create; without it: by hand")
+      ->check(NumberBetween(kLeastGoalMm, kMostGoalMm));
+}
+
 void AddObservations(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "observations",
@@ -98,6 +119,8 @@ void AddSessionCommands(CommandParser& parser) {
                "code 5)",
                VerifySessionStreams);
   AddIdCommand(parser, group, "delete", "Remove a session and its observations", DeleteSession);
+  AddDiscard(parser, group);
+  AddResume(parser, group);
   AddIdCommand(parser, group, "watch",
                "A line now and after each change, until it is finished (JSON: one object per line)",
                WatchSession);

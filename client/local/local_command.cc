@@ -21,9 +21,10 @@ namespace {
 
 absl::Status Export(const v1::Calibration& calibration, const GroundTruthComparison* ground_truth,
                     const RunFolder& folder) {
-  RIGCAL_RETURN_IF_ERROR(ExportJson(calibration, folder.Export(), ground_truth).status());
+  RIGCAL_RETURN_IF_ERROR(WriteJsonExport(calibration, folder.Export(), ground_truth).status());
   if (!calibration.scale_known()) return absl::OkStatus();
-  return ExportOpenCv(calibration, folder.Export()).status();
+  RIGCAL_ASSIGN_OR_RETURN(const auto* format, FindCalibrationExportFormat("opencv"));
+  return WriteExport(*format, calibration, folder.Export()).status();
 }
 
 // Everything that needs the processes.

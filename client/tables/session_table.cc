@@ -75,7 +75,8 @@ std::string FormatSessionList(const v1::ListSessionsResponse& response) {
       .Words({"created", "title"});
   for (const v1::Session& session : response.sessions()) {
     table.AddRow(
-        {session.id(), session.rig(), EnumWord(session.state()),
+        {session.id(), session.rig(),
+         session.has_discard_time() ? "thrown away" : EnumWord(session.state()),
          std::max<uint32_t>(session.camera_count(), static_cast<uint32_t>(session.cameras_size())),
          session.observation_count(), session.wand_count(),
          FormatTime(session.has_create_time(), session.create_time()), session.title()});
@@ -113,6 +114,10 @@ std::string FormatSession(const v1::Session& session) {
     absl::StrAppend(&text, "stopped  because ", session.stop_reason(), "\n");
   }
   add_time("finished ", session.has_finish_time(), session.finish_time());
+  if (session.has_discard_time()) {
+    absl::StrAppend(&text, "thrown away ", FormatTime(true, session.discard_time()),
+                    "; nothing of it is deleted\n");
+  }
   if (session.has_observations_delete_time()) {
     absl::StrAppend(&text, "deleted  observations, by the server's retention, ",
                     FormatTime(true, session.observations_delete_time()), "\n");

@@ -43,6 +43,21 @@ struct CameraUncertainty {
   std::vector<double> intrinsics_sigma;  // fx fy cx cy and the coefficients; empty when fixed
 };
 
+// Residuals of one camera, projected minus measured centres: a part of them as vectors, the lengths
+// of all of them as a histogram.
+struct CameraResiduals {
+  struct Vector {
+    float x_px = 0, y_px = 0;    // measured, at the instant's time
+    float dx_px = 0, dy_px = 0;  // projected minus measured
+    bool outlier = false;        // left out of the solution
+  };
+  std::string camera;
+  ImageSize image_size_px;
+  std::vector<Vector> vectors;
+  double bin_px = 0;  // of the histogram; the last bin also has everything beyond it
+  std::vector<uint32_t> inlier_counts, outlier_counts;  // by bin
+};
+
 struct CalibratedCamera {
   std::string camera;
   ImageSize image_size_px;
@@ -138,6 +153,7 @@ struct CalibrationResult {
   // of cam_from_rig (3, metres) unless it is the reference camera; then, if they were refined, its
   // intrinsics (fx fy cx cy and the coefficients). Empty: not computed.
   std::vector<double> camera_covariance;
+  std::vector<CameraResiduals> residuals;  // sorted by name; empty: not kept
 };
 
 }  // namespace rigcal

@@ -22,7 +22,7 @@ absl::Status ErrnoStatus(const std::string& path, const char* what, int error) {
   return absl::ErrnoToStatus(error, absl::StrCat(path, ": cannot ", what));
 }
 
-std::string CameraExportText(const CameraExport& camera) {
+std::string YamlOf(const CameraExport& camera) {
   const Intrinsics& intrinsics = camera.intrinsics;
   const cv::Mat1d matrix = (cv::Mat1d(3, 3) << intrinsics.fx_px, 0, intrinsics.cx_px, 0,
                             intrinsics.fy_px, intrinsics.cy_px, 0, 0, 1);
@@ -77,7 +77,7 @@ absl::Status ReplaceFile(const std::string& path, const std::string& text) {
 
 }  // namespace
 
-absl::Status WriteCameraExport(const std::string& path, const CameraExport& camera) {
+absl::StatusOr<std::string> CameraExportText(const CameraExport& camera) {
   FaultList faults;
   faults.Add(camera.image_size_px.Validate());
   faults.Add(camera.intrinsics.Validate(camera.image_size_px));
@@ -85,13 +85,19 @@ absl::Status WriteCameraExport(const std::string& path, const CameraExport& came
     faults.Add("pose or error is not finite");
   }
   RIGCAL_RETURN_IF_ERROR(
-      faults.Result(absl::StrCat(path, ": not written, camera \"", camera.camera, "\": ")));
+      faults.Result(absl::StrCat("not written, camera \"", camera.camera, "\": ")));
   try {
-    return ReplaceFile(path, CameraExportText(camera));
+    return YamlOf(camera);
   } catch (const std::exception& exception) {
-    return absl::InternalError(
-        absl::StrCat(path, ": OpenCV cannot write the YAML: ", exception.what()));
+    return absl::InternalError(absl::StrCat("OpenCV cannot write the YAML: ", exception.what()));
   }
+}
+
+absl::Status WriteCameraExport(const std::string& path, const CameraExport& camera) {
+  const absl::StatusOr<std::string> text = CameraExportText(camera);
+  if (text.ok()) return ReplaceFile(path, *text);
+  return absl::Status(text.status().code(),
+                      absl::StrCat(path, ": ", std::string(text.status().message())));
 }
 
 }  // namespace rigcal

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "common/camera/intrinsics.h"
 #include "common/geometry/rigid_transform.h"
 
@@ -18,9 +19,13 @@ struct CameraExport {
   double reprojection_error_px = 0;  // mean
 };
 
-// Writes an OpenCV FileStorage YAML with the fields of the eWand result: camera_name, image_width,
+// An OpenCV FileStorage YAML with the fields of the eWand result: camera_name, image_width,
 // image_height, camera_matrix, distortion_model, distortion_coefficients, extrinsics (4x4
-// cam_from_rig, metres) and reprojection_error. Replaces the file whole or not at all.
+// cam_from_rig, metres) and reprojection_error. INVALID_ARGUMENT names the camera and every value
+// that is not finite or out of range.
+absl::StatusOr<std::string> CameraExportText(const CameraExport& camera);
+
+// Writes that text. Replaces the file whole or not at all.
 absl::Status WriteCameraExport(const std::string& path, const CameraExport& camera);
 
 }  // namespace rigcal

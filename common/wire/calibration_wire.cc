@@ -4,6 +4,7 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -80,6 +81,22 @@ CameraUncertainty FromProto(const v1::CameraUncertainty& proto) {
           proto.time_offset_sigma_s(),
           proto.time_rate_sigma_ppm(),
           {proto.intrinsics_sigma().begin(), proto.intrinsics_sigma().end()}};
+}
+
+CameraResiduals FromProto(const v1::CameraResiduals& proto) {
+  CameraResiduals residuals;
+  residuals.camera = proto.camera();
+  residuals.image_size_px = wire::FromProto(proto.image_size_px());
+  const int count = std::min({proto.x_px_size(), proto.y_px_size(), proto.dx_px_size(),
+                              proto.dy_px_size(), proto.outlier_size()});
+  for (int i = 0; i < count; ++i) {
+    residuals.vectors.push_back(
+        {proto.x_px(i), proto.y_px(i), proto.dx_px(i), proto.dy_px(i), proto.outlier(i)});
+  }
+  residuals.bin_px = proto.bin_px();
+  Copy(proto.inlier_counts(), &residuals.inlier_counts);
+  Copy(proto.outlier_counts(), &residuals.outlier_counts);
+  return residuals;
 }
 
 void FillCamera(const CalibratedCamera& camera, v1::CalibratedCamera* proto) {
@@ -351,6 +368,23 @@ absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto) {
   return calibration;
 }
 
+v1::CameraResiduals ToProto(const CameraResiduals& residuals) {
+  v1::CameraResiduals proto;
+  proto.set_camera(residuals.camera);
+  *proto.mutable_image_size_px() = ToProto(residuals.image_size_px);
+  for (const CameraResiduals::Vector& vector : residuals.vectors) {
+    proto.add_x_px(vector.x_px);
+    proto.add_y_px(vector.y_px);
+    proto.add_dx_px(vector.dx_px);
+    proto.add_dy_px(vector.dy_px);
+    proto.add_outlier(vector.outlier);
+  }
+  proto.set_bin_px(residuals.bin_px);
+  Copy(residuals.inlier_counts, proto.mutable_inlier_counts());
+  Copy(residuals.outlier_counts, proto.mutable_outlier_counts());
+  return proto;
+}
+
 std::string SerializeCalibration(const Calibration& calibration) {
   std::string bytes;
   {
@@ -362,6 +396,11 @@ std::string SerializeCalibration(const Calibration& calibration) {
     if (calibration.result && !calibration.result->camera_covariance.empty()) {
       const std::vector<double>& packed = calibration.result->camera_covariance;
       Copy(packed, stored.mutable_camera_covariance()->mutable_packed());
+    }
+    if (calibration.result) {
+      for (const CameraResiduals& camera : calibration.result->residuals) {
+        *stored.add_residuals() = ToProto(camera);
+      }
     }
     stored.set_attempt_count(calibration.attempt_count);
     stored.SerializeToCodedStream(&output);
@@ -378,6 +417,9 @@ absl::StatusOr<Calibration> ParseCalibration(std::string_view bytes) {
   calibration.attempt_count = stored.attempt_count();
   if (calibration.result) {
     Copy(stored.camera_covariance().packed(), &calibration.result->camera_covariance);
+    for (const v1::CameraResiduals& camera : stored.residuals()) {
+      calibration.result->residuals.push_back(FromProto(camera));
+    }
   }
   return calibration;
 }

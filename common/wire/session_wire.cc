@@ -87,6 +87,7 @@ v1::Session OwnFields(const Session& session) {
   if (session.goal) *proto.mutable_goal() = GoalToProto(*session.goal);
   proto.set_stop_reason(session.stop_reason);
   proto.set_continues(session.continues);
+  if (session.discard_utc_ns) *proto.mutable_discard_time() = ToTimestamp(session.discard_utc_ns);
   return proto;
 }
 
@@ -174,6 +175,7 @@ absl::StatusOr<Session> ParseSession(std::string_view bytes) {
   if (proto.has_goal()) session.goal = GoalFromProto(proto.goal());
   session.stop_reason = proto.stop_reason();
   session.continues = proto.continues();
+  session.discard_utc_ns = FromTimestamp(proto.discard_time());
   return session;
 }
 

@@ -37,6 +37,8 @@ struct ApiAnswer {
   std::string etag = {};                     // names the body; empty: it has none
   bool unchanged = false;                    // the client has it: there is no body
   std::string info = {};                     // of an image: what is known of it, as JSON
+  std::string content_type = {};             // of the body; empty: as the route says
+  std::string file_name = {};                // of a download; empty: it is none
 };
 
 // Calls the services that the routes name, as gRPC does. Thread-safe.

@@ -16,7 +16,8 @@ struct ApiRoute {
   std::string_view path;    // "/v1/sessions/{id}:start"; {id} is the field `id` of the request
   std::string_view rpc;     // "/rigcal.v1.SessionService/StartSession"
   std::string_view summary;
-  // A bytes field of the answer that is served as it is, with its content type. Empty: the whole
+  // A bytes field of the answer that is served as it is, with its content type, unless the answer
+  // has one in a field `content_type`; with a field `file_name` it is a download. Empty: the whole
   // answer, as JSON.
   std::string_view bytes_field = {};
   std::string_view content_type = "application/json";

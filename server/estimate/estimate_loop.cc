@@ -11,7 +11,9 @@
 namespace rigcal::server {
 namespace {
 
-constexpr std::chrono::milliseconds kLookInterval{200};
+using std::chrono::milliseconds;
+
+constexpr milliseconds kLookInterval{100};
 
 float Millimetres(double metres) { return static_cast<float>(1e3 * metres); }
 
@@ -131,7 +133,7 @@ void EstimateLoop::EstimateSession(const std::string& id) {
     return;
   }
   Progress& progress = progress_[id];
-  progress.next = begin + options_.interval;
+  progress.next = begin + options_.max_age;
   std::optional<RowCollection::Snapshot> snapshot = rows_.Take(id);
   if (!snapshot || snapshot->seen_count == progress.seen_count) return;
   progress.seen_count = snapshot->seen_count;
@@ -157,6 +159,9 @@ void EstimateLoop::EstimateSession(const std::string& id) {
   }
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   progress.shown.solve_duration_s = took.count();
+  progress.next =
+      begin + std::max(options_.max_age - std::chrono::duration_cast<milliseconds>(took),
+                       options_.max_age / 2);
   Show(*outcome, *session, options_.max_history, &progress.shown);
   if (outcome->estimate) progress.start = std::move(outcome->estimate->next);
   show_(progress.shown);

@@ -21,8 +21,9 @@
 namespace rigcal::server {
 
 struct EstimateLoopOptions {
-  // From the start of one estimate of a session to the start of its next one, at least.
-  std::chrono::milliseconds interval{2'000};
+  // So old is an estimate of a session at most when its next one is ready, where the machine can:
+  // the next one starts as much earlier as the last one took, but not before half of this.
+  std::chrono::milliseconds max_age{2'000};
   size_t max_history = 300;
 };
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "common/identity/private_key.h"
@@ -25,6 +26,13 @@ bool IsEtagText(const std::string& text) {
   });
 }
 
+// What stands between the quotes of a Content-Disposition.
+bool IsFileName(const std::string& name) {
+  return !name.empty() && !name.starts_with('.') && std::ranges::all_of(name, [](unsigned char c) {
+    return absl::ascii_isalnum(c) || c == '-' || c == '_' || c == '.';
+  });
+}
+
 HttpResponse ResponseOf(const ApiRoute& route, const ApiAnswer& answer) {
   if (!answer.status.ok()) return ErrorResponse(answer.status);
   HttpResponse response{.content_type = std::string(route.content_type)};
@@ -37,6 +45,11 @@ HttpResponse ResponseOf(const ApiRoute& route, const ApiAnswer& answer) {
   response.gzipped = answer.body->gzipped;
   if (answer.info.size() <= kMaxInfoBytes && !answer.info.empty()) {
     response.headers.emplace_back("X-Rigcal-Info", answer.info);
+  }
+  if (!answer.content_type.empty()) response.content_type = answer.content_type;
+  if (IsFileName(answer.file_name)) {
+    response.headers.emplace_back("Content-Disposition",
+                                  absl::StrCat("attachment; filename=\"", answer.file_name, "\""));
   }
   const bool is_json = route.bytes_field.empty();
   if (response.etag.empty() && is_json && IsRead(route.method)) {

@@ -78,6 +78,9 @@ double ShareOf(const DetectionCounts& before, const DetectionCounts& after,
   return all == 0 ? 0 : static_cast<double>(with) / static_cast<double>(all);
 }
 
+// Most of a camera's JSON are the points of its trail: a tenth of a pixel is enough to draw them.
+float ToTenth(float px) { return std::round(10 * px) / 10; }
+
 }  // namespace
 
 CameraActivity::CameraActivity(CameraDescription description, Target target, Time now)
@@ -202,7 +205,11 @@ bool CameraActivity::IsImplausible(const ThinnedRow& row) const {
 }
 
 void CameraActivity::Advance(Time now) {
-  ForgetBefore(now - kRateWindow, &intervals_);
+  // Each interval holds what has arrived since the one before.
+  while (!intervals_.empty() && intervals_.front().time < now - kRateWindow) {
+    rate_begin_ = intervals_.front().time;
+    intervals_.pop_front();
+  }
   ForgetBefore(now - kTrailWindow, &trail_);
   ForgetBefore(now - kCheckWindow, &checks_);
   ForgetBefore(now - kPaceWindow, &paces_);
@@ -263,8 +270,8 @@ double CameraActivity::Rate(uint64_t Interval::*count, Time now) const {
   if (!first_row_) return 0;
   uint64_t sum = 0;
   for (const Interval& interval : intervals_) sum += interval.*count;
-  const double window_s =
-      std::clamp(Seconds(now - *first_row_), kShortestRateWindowS, Seconds(kRateWindow));
+  const double window_s = std::clamp(Seconds(now - rate_begin_.value_or(*first_row_)),
+                                     kShortestRateWindowS, 1.1 * Seconds(kRateWindow));
   // A tenth is enough, and does not change with every state.
   return std::round(10 * static_cast<double>(sum) / window_s) / 10;
 }
@@ -300,10 +307,10 @@ void CameraActivity::Describe(Time now, LiveCamera* camera) const {
   for (const TrailPoint& point : trail_) {
     const auto age = duration_cast<milliseconds>(std::max(now - point.time, nanoseconds(0)));
     camera->trail.push_back({.age_ms = static_cast<uint32_t>(age.count()),
-                             .x0_px = point.x0,
-                             .y0_px = point.y0,
-                             .x1_px = point.x1,
-                             .y1_px = point.y1});
+                             .x0_px = ToTenth(point.x0),
+                             .y0_px = ToTenth(point.y0),
+                             .x1_px = ToTenth(point.x1),
+                             .y1_px = ToTenth(point.y1)});
   }
 }
 

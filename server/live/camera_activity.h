@@ -105,6 +105,7 @@ class CameraActivity {
   std::map<uint32_t, Stream> streams_;
   std::vector<uint32_t> clock_epochs_;
   std::deque<Interval> intervals_;
+  std::optional<Time> rate_begin_;  // from here on intervals_ hold everything
   std::optional<Time> first_row_;
   std::optional<Time> last_row_;
   std::optional<Time> last_wand_;

@@ -107,7 +107,8 @@ bool SameFields(const Session& a, const Session& b) {
   return a.id == b.id && a.state == b.state && a.title == b.title &&
          a.start_utc_ns == b.start_utc_ns && a.stop_utc_ns == b.stop_utc_ns &&
          a.finish_utc_ns == b.finish_utc_ns && a.stop_reason == b.stop_reason &&
-         a.observations_delete_utc_ns == b.observations_delete_utc_ns;
+         a.observations_delete_utc_ns == b.observations_delete_utc_ns &&
+         a.discard_utc_ns == b.discard_utc_ns;
 }
 
 bool SameCameras(const Session& a, const Session& b) {

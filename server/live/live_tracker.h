@@ -31,14 +31,14 @@ namespace rigcal::server {
 
 struct LiveTrackerOptions {
   // The state is made at most this often.
-  std::chrono::milliseconds interval{100};
+  std::chrono::milliseconds interval{150};
   // Unset: the system's clocks. For tests, which call Update themselves.
   std::function<int64_t()> utc_now_ns = {};
   std::function<std::chrono::steady_clock::time_point()> steady_now = {};
 };
 
 // Follows what ingest stores, sessions, agents and the running estimate, and makes the live state
-// of each rig: at most ten times a second, on one thread, whoever asks for it. Memory is bounded:
+// of each rig: at most seven times a second, on one thread, whoever asks for it. Memory is bounded:
 // rows are thinned to about 50 per second and camera, and cameras beyond the first 256 of a session
 // are left out. Thread-safe.
 class LiveTracker {

@@ -113,6 +113,15 @@ absl::StatusOr<ApiAnswer> JsonAnswer(const Message& message) {
   return ApiAnswer{.body = std::make_shared<ApiBody>(ApiBody{std::move(json), ""})};
 }
 
+// Takes the value of a field of texts out of a message; "": it has no such field.
+std::string TakeText(const char* name, Message* message) {
+  const auto* field = message->GetDescriptor()->FindFieldByName(name);
+  if (field == nullptr) return "";
+  std::string text = message->GetReflection()->GetString(*message, field);
+  message->GetReflection()->ClearField(message, field);
+  return text;
+}
+
 // A bytes field as it is, and the rest as JSON.
 absl::StatusOr<ApiAnswer> BytesAnswer(const ApiRoute& route, Message* message) {
   const auto* field = message->GetDescriptor()->FindFieldByName(std::string(route.bytes_field));
@@ -120,9 +129,14 @@ absl::StatusOr<ApiAnswer> BytesAnswer(const ApiRoute& route, Message* message) {
   auto body = std::make_shared<ApiBody>();
   body->text = message->GetReflection()->GetString(*message, field);
   message->GetReflection()->ClearField(message, field);
+  std::string content_type = TakeText("content_type", message);
+  std::string file_name = TakeText("file_name", message);
   RIGCAL_ASSIGN_OR_RETURN(std::string info, JsonOf(*message));
   info.resize(info.find_last_not_of('\n') + 1);
-  return ApiAnswer{.body = std::move(body), .info = std::move(info)};
+  return ApiAnswer{.body = std::move(body),
+                   .info = info == "{}" ? "" : std::move(info),
+                   .content_type = std::move(content_type),
+                   .file_name = std::move(file_name)};
 }
 
 absl::StatusOr<ApiAnswer> LiveAnswer(Shared* shared, const std::string& bytes,

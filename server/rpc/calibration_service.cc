@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/export/calibration_export.h"
 #include "common/status/status_macros.h"
 #include "common/wire/calibration_wire.h"
 #include "common/wire/camera_wire.h"
@@ -20,6 +21,8 @@ namespace {
 
 constexpr FilterField kCalibrationFilterFields[] = {
     {"rig"}, {"state"}, {.name = "session_ids", .repeated = true}};
+// Clients accept 4 MiB.
+constexpr size_t kMaxExportBytes = size_t{3} << 20;
 constexpr ListFields kCalibrationFields = {.filter = kCalibrationFilterFields};
 
 absl::Status Describe(const absl::StatusOr<Calibration>& calibration, v1::Calibration* response) {
@@ -49,12 +52,16 @@ void SetSummary(const AccuracySummary& summary, v1::AccuracySummary* proto) {
   if (summary.count > 0) *proto->mutable_worst_point_m() = wire::ToProto(summary.worst_point_m);
 }
 
+absl::Status NoResult(const Calibration& calibration) {
+  return absl::FailedPreconditionError(
+      absl::StrCat("calibration ", calibration.id, " has no result",
+                   calibration.state == CalibrationState::kFailed ? ": it failed" : " yet"));
+}
+
 absl::StatusOr<v1::GetAccuracyResponse> AccuracyOf(const Calibration& calibration,
                                                    const v1::GetAccuracyRequest& request) {
   if (calibration.state != CalibrationState::kSucceeded || !calibration.result) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("calibration ", calibration.id, " has no result",
-                     calibration.state == CalibrationState::kFailed ? ": it failed" : " yet"));
+    return NoResult(calibration);
   }
   AccuracyOptions options;
   options.grid_step_m = request.grid_step_m();
@@ -72,7 +79,46 @@ absl::StatusOr<v1::GetAccuracyResponse> AccuracyOf(const Calibration& calibratio
   for (const PointAccuracy& point : accuracy.grid) SetPoint(point, response.add_grid());
   SetSummary(accuracy.shape, response.mutable_shape());
   SetSummary(accuracy.with_scale, response.mutable_with_scale());
+  response.set_calibration_p95_m(accuracy.calibration_p95_m);
   return response;
+}
+
+absl::Status FillResiduals(const Calibration& calibration, const std::string& camera,
+                           v1::GetResidualsResponse* response) {
+  if (calibration.state != CalibrationState::kSucceeded || !calibration.result) {
+    return NoResult(calibration);
+  }
+  response->set_id(calibration.id);
+  bool known = camera.empty();
+  for (const CalibratedCamera& each : calibration.result->cameras) known |= each.camera == camera;
+  if (!known) {
+    return absl::NotFoundError(
+        absl::StrCat("calibration ", calibration.id, " has no camera '", camera, "'"));
+  }
+  for (const CameraResiduals& each : calibration.result->residuals) {
+    if (camera.empty() || each.camera == camera) *response->add_cameras() = wire::ToProto(each);
+  }
+  if (!response->cameras().empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("calibration ", calibration.id,
+                   " was made before residuals were kept; calibrate its sessions again"));
+}
+
+absl::Status FillExport(const v1::Calibration& calibration, const std::string& format_name,
+                        v1::ExportCalibrationResponse* response) {
+  RIGCAL_ASSIGN_OR_RETURN(const CalibrationExportFormat* format,
+                          FindCalibrationExportFormat(format_name));
+  RIGCAL_ASSIGN_OR_RETURN(ExportDownload download, MakeDownload(*format, calibration));
+  if (download.content.size() > kMaxExportBytes) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("calibration ", calibration.id(), " has ", download.content.size(),
+                     " bytes in this format, more than fit into one answer; write it with rigcal "
+                     "calibration export"));
+  }
+  response->set_file_name(download.file_name);
+  response->set_content_type(download.content_type);
+  response->set_content(std::move(download.content));
+  return absl::OkStatus();
 }
 
 class CalibrationService final : public v1::CalibrationService::WithCallbackMethod_WatchCalibration<
@@ -166,6 +212,38 @@ class CalibrationService final : public v1::CalibrationService::WithCallbackMeth
       RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(request->id()));
       RIGCAL_ASSIGN_OR_RETURN(*response, AccuracyOf(calibration, *request));
       return absl::OkStatus();
+    });
+  }
+
+  grpc::Status GetResiduals(grpc::ServerContext*, const v1::GetResidualsRequest* request,
+                            v1::GetResidualsResponse* response) override {
+    return GuardedCall("GetResiduals", [&]() -> absl::Status {
+      RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(request->id()));
+      return FillResiduals(calibration, request->camera(), response);
+    });
+  }
+
+  grpc::Status ListExports(grpc::ServerContext*, const v1::ListExportsRequest* request,
+                           v1::ListExportsResponse* response) override {
+    return GuardedCall("ListExports", [&]() -> absl::Status {
+      RIGCAL_ASSIGN_OR_RETURN(const Calibration calibration, runner_.GetCalibration(request->id()));
+      const v1::Calibration described = wire::ToProto(calibration);
+      for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
+        v1::ExportFormat* const proto = response->add_formats();
+        proto->set_name(format.name);
+        proto->set_description(format.help);
+        proto->set_problem(std::string(format.make(described).status().message()));
+      }
+      return absl::OkStatus();
+    });
+  }
+
+  grpc::Status ExportCalibration(grpc::ServerContext*, const v1::ExportCalibrationRequest* request,
+                                 v1::ExportCalibrationResponse* response) override {
+    return GuardedCall("ExportCalibration", [&]() -> absl::Status {
+      v1::Calibration calibration;
+      RIGCAL_RETURN_IF_ERROR(Describe(runner_.GetCalibration(request->id()), &calibration));
+      return FillExport(calibration, request->format(), response);
     });
   }
 

@@ -98,6 +98,14 @@ class SessionService final
     return GuardedCall("DeleteSession", [&] { return coordinator_.DeleteSession(request->id()); });
   }
 
+  grpc::Status DiscardSession(grpc::ServerContext*, const v1::DiscardSessionRequest* request,
+                              v1::DiscardSessionResponse* response) override {
+    return GuardedCall("DiscardSession", [&] {
+      return Describe(coordinator_.DiscardSession(request->id(), request->undo()),
+                      response->mutable_session());
+    });
+  }
+
   grpc::ServerWriteReactor<v1::WatchSessionResponse>* WatchSession(
       grpc::CallbackServerContext*, const v1::WatchSessionRequest* request) override {
     if (const absl::Status fault = wire::FaultOf(*request); !fault.ok()) {

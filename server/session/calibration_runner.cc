@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
 #include "server/session/calibration_input.h"
+#include "server/session/session_rules.h"
 #include "server/session/utc_clock.h"
 
 namespace rigcal::server {
@@ -107,6 +108,7 @@ absl::StatusOr<Calibration> CalibrationRunner::CreateCalibration(
   std::vector<Session> sessions;
   for (const std::string& id : session_ids) {
     RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
+    RIGCAL_RETURN_IF_ERROR(CheckNotDiscarded(session));
     sessions.push_back(std::move(session));
   }
   RIGCAL_RETURN_IF_ERROR(CheckSessionsFit(sessions));
@@ -134,10 +136,11 @@ absl::Status CalibrationRunner::AddContinuedSessions(std::vector<std::string>* s
     RIGCAL_ASSIGN_OR_RETURN(const Session session, store_->GetSession((*session_ids)[i]));
     const std::string& earlier = session.continues;
     if (earlier.empty() || std::ranges::find(*session_ids, earlier) != session_ids->end()) continue;
-    // One that was deleted meanwhile leaves the rest as it is.
-    const absl::Status found = store_->GetSession(earlier).status();
-    if (absl::IsNotFound(found)) continue;
-    RIGCAL_RETURN_IF_ERROR(found);
+    // One that was deleted or thrown away meanwhile leaves the rest as it is.
+    const absl::StatusOr<Session> found = store_->GetSession(earlier);
+    if (absl::IsNotFound(found.status())) continue;
+    RIGCAL_RETURN_IF_ERROR(found.status());
+    if (found->discard_utc_ns != 0) continue;
     session_ids->push_back(earlier);
   }
   return absl::OkStatus();

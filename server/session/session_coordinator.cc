@@ -114,6 +114,7 @@ absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
         StateSince(session), session.stop_reason.empty() ? "" : " (", session.stop_reason,
         session.stop_reason.empty() ? "" : ")", "; create a new one"));
   }
+  RIGCAL_RETURN_IF_ERROR(CheckNotDiscarded(session));
   const auto connected = directory_->ConnectedCameras(session.rig);
   RIGCAL_ASSIGN_OR_RETURN(session.cameras,
                           ChooseCameras(session, connected, options_.max_cameras_per_session));
@@ -190,6 +191,25 @@ absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
   changes_.Notify(id);
   spdlog::info("session {}: deleted", session.id);
   return absl::OkStatus();
+}
+
+absl::StatusOr<Session> SessionCoordinator::DiscardSession(std::string_view id, bool undo) {
+  std::lock_guard change(change_mutex_);
+  RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
+  if ((session.discard_utc_ns != 0) != undo) return session;
+  if (session.state == SessionState::kCapturing || session.state == SessionState::kDraining) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("session '", session.id, "' cannot be thrown away: it is ",
+                     session.state == SessionState::kCapturing ? "capturing; stop it first"
+                                                               : "draining; wait for its end"));
+  }
+  session.discard_utc_ns = undo ? 0 : UtcNowNs(options_.utc_now_ns);
+  RIGCAL_RETURN_IF_ERROR(store_->UpdateSession(session));
+  ++change_count_;
+  changes_.Notify(session.id);
+  spdlog::info("session {}: {}", session.id,
+               undo ? "counts again" : "thrown away; nothing deleted");
+  return session;
 }
 
 absl::Status SessionCoordinator::DeleteObservations(std::string_view id) {

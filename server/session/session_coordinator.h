@@ -77,6 +77,9 @@ class SessionCoordinator {
   absl::StatusOr<Session> StopSession(std::string_view id, double drain_timeout_s,
                                       std::string_view reason = {});
   absl::Status DeleteSession(std::string_view id);
+  // Marks it as thrown away, or takes that back; nothing is deleted. FAILED_PRECONDITION: it is
+  // capturing or draining.
+  absl::StatusOr<Session> DiscardSession(std::string_view id, bool undo);
   // The observations of a finished session; its counts stay. FAILED_PRECONDITION: it has not
   // finished, or somebody reads it.
   absl::Status DeleteObservations(std::string_view id);

@@ -148,7 +148,15 @@ absl::Status CheckContinues(const Session& session, const Session& earlier) {
   if (earlier.observations_delete_utc_ns != 0) {
     return fault("its observations have been deleted");
   }
+  RIGCAL_RETURN_IF_ERROR(CheckNotDiscarded(earlier));
   return absl::OkStatus();
+}
+
+absl::Status CheckNotDiscarded(const Session& session) {
+  if (session.discard_utc_ns == 0) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("session '", session.id, "' was thrown away; nothing of it was deleted: take ",
+                   "it back with rigcal session discard ", session.id, " --undo"));
 }
 
 std::string StateSince(const Session& session) {

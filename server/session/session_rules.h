@@ -29,8 +29,11 @@ absl::StatusOr<std::vector<SessionCamera>> ChooseCameras(
 // FAILED_PRECONDITION when a camera of `starting` captures for one of `active` already; names both.
 absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session> active);
 
+// FAILED_PRECONDITION: it was thrown away; the message says how to take that back.
+absl::Status CheckNotDiscarded(const Session& session);
+
 // Checks that `session` can go on with `earlier`. FAILED_PRECONDITION: that one has not finished,
-// its observations were deleted, or it has another rig or target.
+// its observations were deleted, it was thrown away, or it has another rig or target.
 absl::Status CheckContinues(const Session& session, const Session& earlier);
 
 // For messages: "capturing since 2026-01-02 03:04:05 UTC".

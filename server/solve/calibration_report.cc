@@ -12,6 +12,7 @@
 #include "server/solve/diagnose/findings.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/quality_gate.h"
+#include "server/solve/evaluate/residual_vectors.h"
 #include "server/solve/observation_digest.h"
 
 namespace rigcal::server {
@@ -248,6 +249,10 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   if (input.evaluated.uncertainty) {
     result.camera_covariance = PackCameraCovariance(
         problem, input.evaluated.options.reference_camera, *input.evaluated.uncertainty);
+  }
+  result.residuals = CollectResiduals(problem);
+  for (size_t c = 0; c < result.residuals.size(); ++c) {
+    result.residuals[c].image_size_px = result.cameras[c].image_size_px;
   }
   const Causes causes = FindCauses(input.rig, input.evaluated, result);
   const PredictedError& predicted = input.evaluated.predicted;

@@ -90,6 +90,19 @@ class FakeServer::Sessions : public v1::SessionService::Service {
     if (fake_.sessions.erase(request->id()) == 0) return NotFound("session", request->id());
     return grpc::Status::OK;
   }
+  grpc::Status DiscardSession(grpc::ServerContext*, const v1::DiscardSessionRequest* request,
+                              v1::DiscardSessionResponse* out) override {
+    const std::lock_guard lock(fake_.mutex);
+    const auto found = fake_.sessions.find(request->id());
+    if (found == fake_.sessions.end()) return NotFound("session", request->id());
+    if (request->undo()) {
+      found->second.clear_discard_time();
+    } else {
+      found->second.mutable_discard_time()->set_seconds(1'790'000'000);
+    }
+    *out->mutable_session() = found->second;
+    return grpc::Status::OK;
+  }
   grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest* request,
                             grpc::ServerWriter<v1::WatchSessionResponse>* writer) override {
     Watch watch;
@@ -213,6 +226,16 @@ class FakeServer::Calibrations : public v1::CalibrationService::Service {
     }
     fake_.asked_accuracy = *request;
     *response = fake_.accuracy;
+    return grpc::Status::OK;
+  }
+  grpc::Status GetResiduals(grpc::ServerContext*, const v1::GetResidualsRequest* request,
+                            v1::GetResidualsResponse* response) override {
+    const std::lock_guard lock(fake_.mutex);
+    if (!fake_.calibrations.contains(request->id())) {
+      return NotFound("calibration", request->id());
+    }
+    fake_.asked_residuals = *request;
+    *response = fake_.residuals;
     return grpc::Status::OK;
   }
 

@@ -38,6 +38,7 @@ class FakeServer {
   std::map<std::string, v1::Calibration> calibrations;
   std::vector<v1::StreamAudit> audit;  // of any session, where it is asked for
   v1::GetAccuracyResponse accuracy;    // of any calibration that exists
+  v1::GetResidualsResponse residuals;  // likewise
   v1::ListAgentsResponse agents;
   v1::GetStatusResponse status;
   v1::GetPreviewResponse preview;
@@ -72,6 +73,7 @@ class FakeServer {
   v1::ReadObservationsRequest read_observations;
   v1::ListCalibrationsRequest listed_calibrations;
   v1::GetAccuracyRequest asked_accuracy;
+  v1::GetResidualsRequest asked_residuals;
   v1::GetPreviewRequest asked_preview;
   v1::LearnMaskRequest asked_mask;
   v1::SetDetectorColourRequest asked_colour;

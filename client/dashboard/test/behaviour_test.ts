@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Backoff, previews, sounds, progress, the types of the API.
+// Backoff, previews, sounds, progress.
 import assert from 'node:assert/strict';
-import { spawnSync } from 'node:child_process';
 import { test } from 'node:test';
 import { qrPath } from '../src/join/qr_code';
 import { backoffMs } from '../src/live/backoff';
@@ -12,11 +11,6 @@ import { overlapCount } from '../src/wave/overlap_matrix';
 import { progressOf } from '../src/wave/progress';
 import { nextSounds, nothingSaid } from '../src/wave/progress_sound';
 import { MockServer } from './mock_server';
-
-test('the types are those of the proto files', () => {
-  const result = spawnSync(process.execPath, ['proto_types.mjs', '--check'], { encoding: 'utf8' });
-  assert.equal(result.status, 0, result.stderr);
-});
 
 test('waits double up to five seconds', () => {
   assert.deepEqual([1, 2, 3, 4, 5, 6, 50].map((n) => backoffMs(n, 0)), [250, 500, 1000, 2000, 4000, 5000, 5000]);
@@ -191,6 +185,32 @@ test('the feed says that a login is wanted', async () => {
   } finally {
     feed.stop();
     globalThis.fetch = realFetch;
+    await server.close();
+  }
+});
+
+test('a hidden page asks nothing and has no timers; shown again, it asks at once', async () => {
+  const server = new MockServer({ dist: '.', speed: 0, cameras: 4 });
+  const address = await server.listen();
+  const realFetch = globalThis.fetch;
+  globalThis.fetch = ((path: string, init: RequestInit) => realFetch(`${address}${path}`, init)) as typeof fetch;
+  const page = Object.assign(new EventTarget(), { visibilityState: 'hidden' });
+  Object.defineProperty(globalThis, 'document', { value: page, configurable: true });
+  const timers = () => (process as unknown as { getActiveResourcesInfo(): string[] }).getActiveResourcesInfo().filter((one) => one === 'Timeout').length;
+  const before = timers();
+  const feed = new LiveFeed();
+  try {
+    feed.start('');
+    assert.equal(timers(), before);
+    assert.equal(server.counts.live, 0);
+    page.visibilityState = 'visible';
+    page.dispatchEvent(new Event('visibilitychange'));
+    while (feed.state.rig.cameras.length < 4) await new Promise((done) => setTimeout(done, 20));
+    assert.ok(server.counts.live > 0);
+  } finally {
+    feed.stop();
+    globalThis.fetch = realFetch;
+    Reflect.deleteProperty(globalThis, 'document');
     await server.close();
   }
 });

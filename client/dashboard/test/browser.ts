@@ -3,15 +3,13 @@
 // phone; no fault that axe-core calls serious; nothing that the Content-Security-Policy forbids.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
-import { createRequire } from 'node:module';
 import { after, before, test } from 'node:test';
 import type { Browser, BrowserContext, Page } from 'playwright-core';
 import { startChromium } from './chromium';
 import { MockServer, type MockOptions } from './mock_server';
+import { checkPage, sizes, watchFaults } from './page_checks';
 
 const dist = process.env['RIGCAL_DASHBOARD_DIST'] ?? 'dist';
-const axeSource = readFileSync(createRequire(`${process.cwd()}/package.json`).resolve('axe-core/axe.min.js'), 'utf8');
-const sizes = [{ name: 'desk', width: 1440, height: 900 }, { name: 'phone', width: 390, height: 844 }] as const;
 
 let browser: Browser;
 before(async () => { browser = await startChromium(); });
@@ -33,15 +31,7 @@ async function visit(size: { width: number; height: number }, options: Partial<M
   const context = await browser.newContext({ viewport: { width: size.width, height: size.height }, reducedMotion: 'reduce' });
   const page = await context.newPage();
   page.setDefaultTimeout(30000);
-  const faults: string[] = [];
-  page.on('pageerror', (error) => faults.push(error.message));
-  page.on('console', (message) => {
-    // A refused or dropped call is logged by the browser itself.
-    if (message.type() === 'error' && !message.text().includes('Failed to load resource')) faults.push(message.text());
-  });
-  page.on('request', (request) => {
-    if (!request.url().startsWith(address) && !/^(blob|data):/.test(request.url())) faults.push(`foreign request: ${request.url()}`);
-  });
+  const faults = watchFaults(page, [address]);
   if (init) await page.addInitScript(init);
   try {
     await work({ server, address, context, page, faults });
@@ -50,22 +40,6 @@ async function visit(size: { width: number; height: number }, options: Partial<M
     await context.close();
     await server.close();
   }
-}
-
-/** No fault of impact serious or critical; and nothing wider than the screen. */
-async function checkPage(page: Page, what: string): Promise<void> {
-  await page.evaluate(axeSource);
-  const found = await page.evaluate(async () => {
-    const axe = (globalThis as unknown as { axe: { run: (root: Document, options: object) => Promise<{ violations:
-      { id: string; impact: string; nodes: { target: string[]; failureSummary: string }[] }[]; passes: { id: string }[] }> } }).axe;
-    const result = await axe.run(document, { resultTypes: ['violations'] });
-    if (!result.passes.some((one) => one.id === 'color-contrast')) return ['axe-core looked at no text'];
-    return result.violations.filter((one) => one.impact === 'serious' || one.impact === 'critical')
-      .map((one) => `${one.id}: ${one.nodes.slice(0, 3).map((node) => `${node.target.join(' ')} ${node.failureSummary}`).join('; ')}`);
-  });
-  assert.deepEqual(found, [], what);
-  const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
-  assert.equal(wide, 0, `${what}: wider than the screen by ${wide} px`);
 }
 
 for (const size of sizes) {
@@ -88,10 +62,15 @@ for (const size of sizes) {
       assert.ok(await page.getByRole('button', { name: 'Start capture' }).isDisabled());
       await page.getByLabel('Markers along the wand, mm').fill('0, 130, 390');
       await page.getByLabel('Stop below, mm').fill('0.9');
+      await page.getByText('Cameras: all 8').click();
+      await page.getByLabel('frame_2', { exact: true }).uncheck();
+      await page.getByText('Cameras: 7 of 8').waitFor();
       await checkPage(page, 'wave before the start');
       await page.getByRole('button', { name: 'Start capture' }).click();
       await page.getByRole('button', { name: 'Stop capture' }).waitFor();
       assert.equal(server.rig.session?.goal?.until_mm, 0.9);
+      assert.equal(server.rig.session?.requested_cameras?.length, 7);
+      assert.ok(!server.rig.session?.requested_cameras?.includes('frame_2'));
       assert.deepEqual(server.rig.session?.target?.marker_positions_m, [0, 0.13, 0.39]);
 
       server.rig.advance(3);
@@ -129,14 +108,24 @@ for (const size of sizes) {
       await page.locator('.compare select').selectOption('c-000001');
       await page.getByText(/both as seen from/).waitFor();
       assert.equal(await page.locator('.compare tbody tr').count(), 8);
+      assert.equal(await page.locator('.plots .plot').count(), 8);
+      const drawn = await page.locator('.plots canvas').first().evaluate((canvas: HTMLCanvasElement) => {
+        const data = canvas.getContext('2d')!.getImageData(0, 0, canvas.width, canvas.height).data;
+        const colours = new Set<string>();
+        for (let i = 0; i < data.length; i += 4) colours.add(`${data[i]},${data[i + 1]},${data[i + 2]}`);
+        return colours.size;
+      });
+      assert.ok(drawn > 4, 'vectors are drawn');
       await checkPage(page, 'result');
       const waiting = page.waitForEvent('download');
-      await page.getByRole('button', { name: 'Calibration as JSON' }).click();
+      await page.getByRole('link', { name: 'JSON', exact: true }).click();
       const download = await waiting;
-      assert.equal(download.suggestedFilename(), 'c-000003.json');
-      const saved = JSON.parse(readFileSync(await download.path(), 'utf8')) as { calibration: { id: string; cameras: unknown[] } };
-      assert.equal(saved.calibration.id, 'c-000003');
-      assert.equal(saved.calibration.cameras.length, 8);
+      assert.equal(download.suggestedFilename(), 'c-000003-json.json');
+      const saved = JSON.parse(readFileSync(await download.path(), 'utf8')) as { id: string; cameras: unknown[] };
+      assert.equal(saved.id, 'c-000003');
+      assert.equal(saved.cameras.length, 8);
+      assert.equal(await page.getByRole('link', { name: 'none' }).count(), 0, 'a format that cannot be had is no link');
+      await page.getByText('it has no metric scale').waitFor();
     });
   });
 
@@ -292,10 +281,17 @@ test('a session that was stopped by its target can be gone on with, calibrated o
     assert.equal(server.rig.session?.continues, 's-000009');
     assert.deepEqual(server.rig.session?.target?.marker_positions_m, [0, 0.2], 'the target of the session gone on with');
     assert.equal(server.rig.session?.goal?.min_duration, '12s');
+    const id = server.rig.session?.id;
     await page.getByRole('button', { name: 'Throw away' }).click();
-    await page.getByRole('dialog').getByRole('button', { name: 'Delete' }).click();
+    await page.getByText('Nothing of it is deleted.').waitFor();
     await page.getByRole('button', { name: 'Start capture' }).waitFor();
-    assert.equal(server.rig.session, undefined);
+    assert.ok(server.rig.session?.discard_time);
+    await checkPage(page, 'thrown away');
+    await page.getByRole('button', { name: 'Take it back' }).click();
+    await page.getByRole('button', { name: 'Resume' }).click();
+    await page.getByRole('button', { name: 'Stop capture' }).waitFor();
+    assert.equal(server.rig.session?.continues, id);
+    assert.deepEqual(server.rig.session?.target?.marker_positions_m, [0, 0.2]);
   });
 });
 

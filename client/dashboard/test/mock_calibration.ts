@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calibrations of the simulated rig.
-import type { Calibration, GetAccuracyResponse } from '../src/api/types';
+import type { Calibration, CameraResiduals, GetAccuracyResponse } from '../src/api/types';
 import { epochMs, type MockRig, quaternionOf } from './mock_rig';
 
 /** A calibration that has succeeded; `seed` moves its figures a little. */
@@ -52,6 +52,31 @@ export function mockCalibration(rig: MockRig, id: string, version: number, sessi
   };
 }
 
+/** Its residuals: radial at the edge of the image, some left out. */
+export function mockResiduals(calibration: Calibration): CameraResiduals[] {
+  return (calibration.cameras ?? []).map((camera, c) => {
+    const one: Required<CameraResiduals> = { camera: camera.camera ?? '', image_size_px: camera.image_size_px ?? {}, x_px: [], y_px: [],
+      dx_px: [], dy_px: [], outlier: [], bin_px: 0.05, inlier_counts: new Array<number>(40).fill(0), outlier_counts: new Array<number>(40).fill(0) };
+    // As random, the same each time.
+    const noise = (i: number) => (Math.sin(i * 12.9898 + c * 78.233) * 43758.5453) % 1;
+    for (let i = 0; i < 520; ++i) {
+      const out = i >= 500 && c !== 1;
+      const [x, y] = [720 + 700 * noise(i), 540 + 520 * noise(i + 0.5)];
+      const size = out ? 4 : 0.25 + 0.05 * c;
+      const [dx, dy] = [size * noise(i + 0.25) + 0.0002 * (x - 720), size * noise(i + 0.75) + 0.0002 * (y - 540)];
+      one.x_px.push(x);
+      one.y_px.push(y);
+      one.dx_px.push(dx);
+      one.dy_px.push(dy);
+      one.outlier.push(out);
+      const bin = Math.min(39, Math.floor(Math.hypot(dx, dy) / one.bin_px));
+      if (out) one.outlier_counts[bin]! += 1;
+      else one.inlier_counts[bin]! += 8;
+    }
+    return one;
+  });
+}
+
 /** Its expected errors. */
 export function mockAccuracy(id: string): GetAccuracyResponse {
   const grid = [];
@@ -65,5 +90,6 @@ export function mockAccuracy(id: string): GetAccuracyResponse {
   }
   return { id, sigma_px: 0.3, grid_step_m: 0.4, scale_sigma_rel: 3e-4, grid,
     shape: { count: grid.length, median_m: 3.6e-4, p95_m: 5.1e-4, worst_m: 6.2e-4, worst_point_m: { x: -1.4, y: 0, z: 1.6 } },
-    with_scale: { count: grid.length, median_m: 6.1e-4, p95_m: 8.4e-4, worst_m: 1.1e-3 } };
+    with_scale: { count: grid.length, median_m: 6.1e-4, p95_m: 8.4e-4, worst_m: 1.1e-3 },
+    calibration_p95_m: 4.4e-4 };
 }

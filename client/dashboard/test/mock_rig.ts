@@ -112,6 +112,11 @@ export class MockRig {
       ...(reason ? { stop_reason: reason } : {}) };
   }
 
+  /** Changes fields of the session. */
+  change(fields: Partial<Session>): void {
+    this.session = { ...this.session, ...fields };
+  }
+
   /** Goes on by so many seconds. */
   advance(seconds: number): void {
     for (const end = this.now + seconds - 1e-9; this.now < end;) {

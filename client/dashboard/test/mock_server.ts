@@ -9,7 +9,7 @@ import type { AddressInfo } from 'node:net';
 import { extname, join, normalize } from 'node:path';
 import { gzipSync } from 'node:zlib';
 import type { Calibration, ColourRange, CreateSessionRequest, Detector, LiveState, Session } from '../src/api/types';
-import { mockAccuracy, mockCalibration } from './mock_calibration';
+import { mockAccuracy, mockCalibration, mockResiduals } from './mock_calibration';
 import { epochMs, MockRig } from './mock_rig';
 
 /** As the real server sends it. */
@@ -304,7 +304,7 @@ export class MockServer {
       if (this.rig.session?.id) this.sessions.set(this.rig.session.id, this.rig.parts().session!);
       const id = `s-${String(this.allSessions().length + 1).padStart(6, '0')}`;
       const session = this.rig.create({ id, rig: wanted.rig ?? 'rig', title: wanted.title, target: wanted.target,
-        goal: wanted.goal, continues: wanted.continues });
+        goal: wanted.goal, continues: wanted.continues, requested_cameras: wanted.camera_names });
       return this.json(response, { session });
     }
     if ((match = /^(\w+) \/v1\/sessions\/([^/:]+)(?::(\w+))?$/.exec(path))) {
@@ -321,6 +321,13 @@ export class MockServer {
         if (session.state !== 'STATE_CREATED') throw new Refusal(409, 'FAILED_PRECONDITION', `session ${id} has been stopped`);
         this.rig.start();
         return this.json(response, { session: this.rig.session });
+      }
+      if (match[3] === 'discard') {
+        if (this.rig.capturing && this.rig.session?.id === id) throw new Refusal(409, 'FAILED_PRECONDITION', `session ${id} is capturing`);
+        const change = { discard_time: body['undo'] ? undefined : new Date(epochMs).toISOString() };
+        if (this.rig.session?.id === id) this.rig.change(change);
+        else this.sessions.set(id, { ...session, ...change });
+        return this.json(response, { session: this.session(id) });
       }
       if (match[3] === 'stop') {
         if (this.rig.session?.id === id && this.rig.capturing) this.rig.stop();
@@ -339,7 +346,7 @@ export class MockServer {
       this.running.set(calibration.id!, 3);
       return this.json(response, { calibration: { ...calibration, state: 'STATE_QUEUED', cameras: [] } });
     }
-    if ((match = /^(\w+) \/v1\/calibrations\/([^/:]+)(\/accuracy)?$/.exec(path))) {
+    if ((match = /^(\w+) \/v1\/calibrations\/([^/:]+)(\/accuracy|\/residuals|\/exports|\/exports\/\w+)?$/.exec(path))) {
       const id = decodeURIComponent(match[2]!);
       const calibration = this.calibrations.get(id);
       if (!calibration) throw new Refusal(404, 'NOT_FOUND', `there is no calibration "${id}"`);
@@ -347,7 +354,20 @@ export class MockServer {
         this.calibrations.delete(id);
         return this.json(response, {});
       }
-      if (match[3]) return this.json(response, mockAccuracy(id));
+      if (match[3] === '/accuracy') return this.json(response, mockAccuracy(id));
+      if (match[3] === '/residuals') return this.json(response, { id, cameras: mockResiduals(calibration) });
+      if (match[3] === '/exports') {
+        return this.json(response, { formats: [{ name: 'opencv', description: 'one FileStorage YAML per camera' },
+          { name: 'json', description: 'the whole calibration' },
+          { name: 'none', description: 'a format that this one lacks something for', problem: 'it has no metric scale' }] });
+      }
+      if (match[3]) {
+        const json = match[3] === '/exports/json';
+        response.writeHead(200, { 'Content-Type': json ? 'application/json' : 'application/zip',
+          'Content-Disposition': `attachment; filename="${id}-${json ? 'json.json' : 'opencv.zip'}"` });
+        response.end(json ? JSON.stringify(calibration) : 'PK');
+        return;
+      }
       const left = this.running.get(id) ?? 0;
       this.running.set(id, left - 1);
       return this.json(response, { calibration: this.progress(calibration) });

@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <cmath>
+#include <utility>
 
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
@@ -10,6 +11,7 @@
 #include "common/statistics/robust_statistics.h"
 #include "common/status/fault_list.h"
 #include "common/status/status_macros.h"
+#include "server/solve/evaluate/calibration_error.h"
 
 namespace rigcal::server {
 namespace {
@@ -59,7 +61,12 @@ class Rig {
     return rig;
   }
 
-  PointAccuracy At(const Eigen::Vector3d& point_m, double sigma_px) const {
+  const Eigen::MatrixXd& covariance() const { return covariance_; }
+
+  // `gain_out` is set where the point is determined in every direction: its gain by the
+  // calibration's parameters.
+  PointAccuracy At(const Eigen::Vector3d& point_m, double sigma_px,
+                   Eigen::Matrix3Xd* gain_out) const {
     PointAccuracy accuracy;
     accuracy.point_m = point_m;
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
@@ -84,6 +91,7 @@ class Rig {
     const Eigen::Vector3d noise = sigma_px * sigma_px * inverse.diagonal();
     const Eigen::Vector3d shape = noise + (gain * covariance_ * gain.transpose()).diagonal();
     const Eigen::Vector3d scale = scale_sigma_rel_ * scale_sigma_rel_ * point_m.cwiseAbs2();
+    if (AreRaysApart(normal)) *gain_out = gain;
     accuracy.noise_sigma_m = noise.cwiseSqrt();
     accuracy.shape_sigma_m = shape.cwiseMax(0).cwiseSqrt();
     accuracy.sigma_m = (shape + scale).cwiseMax(0).cwiseSqrt();
@@ -130,6 +138,52 @@ class Rig {
   std::vector<Camera> cameras_;
   Eigen::MatrixXd covariance_;
   double scale_sigma_rel_ = 0;
+};
+
+// Points that two cameras see, and how they move with the calibration.
+class SeenPoints {
+ public:
+  explicit SeenPoints(const Rig& rig) : rig_(rig) {}
+
+  PointAccuracy Add(const Eigen::Vector3d& point_m, double sigma_px) {
+    Eigen::Matrix3Xd gain;
+    const PointAccuracy accuracy = rig_.At(point_m, sigma_px, &gain);
+    // The largest grids have more than is needed: evenly chosen ones say as much.
+    if (gain.size() > 0 && count_++ % stride_ == 0) {
+      points_m_.push_back(point_m);
+      gains_.push_back(std::move(gain));
+      if (points_m_.size() > kMaxSeen) Thin();
+    }
+    return accuracy;
+  }
+
+  double CalibrationP95M() const {
+    const auto rows = static_cast<Eigen::Index>(3 * gains_.size());
+    PointGainMatrix all(rows, rig_.covariance().cols());
+    for (size_t i = 0; i < gains_.size(); ++i) {
+      all.middleRows<3>(static_cast<Eigen::Index>(3 * i)) = gains_[i];
+    }
+    return ComputeCalibrationError(points_m_, std::move(all), rig_.covariance()).p95_m;
+  }
+
+ private:
+  static constexpr size_t kMaxSeen = 1000;
+
+  void Thin() {
+    stride_ *= 2;
+    size_t kept = 0;
+    for (size_t i = 0; i < points_m_.size(); i += 2, ++kept) {
+      points_m_[kept] = points_m_[i];
+      gains_[kept] = std::move(gains_[i]);
+    }
+    points_m_.resize(kept);
+    gains_.resize(kept);
+  }
+
+  const Rig& rig_;
+  size_t count_ = 0, stride_ = 1;
+  std::vector<Eigen::Vector3d> points_m_;
+  std::vector<Eigen::Matrix3Xd> gains_;
 };
 
 absl::StatusOr<std::vector<Eigen::Vector3d>> GridPoints(const WandVolume& volume, double step_m) {
@@ -207,8 +261,9 @@ absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,
   RIGCAL_ASSIGN_OR_RETURN(const Rig rig, Rig::Create(calibration));
   Accuracy accuracy;
   accuracy.scale_sigma_rel = calibration.target.scale_sigma_rel;
+  SeenPoints seen(rig);
   for (const Eigen::Vector3d& point_m : options.points_m) {
-    accuracy.points.push_back(rig.At(point_m, options.sigma_px));
+    accuracy.points.push_back(seen.Add(point_m, options.sigma_px));
   }
   if (options.points_m.empty() || options.grid_step_m > 0) {
     if (!calibration.wand_volume) {
@@ -224,12 +279,13 @@ absl::StatusOr<Accuracy> ComputeAccuracy(const CalibrationResult& calibration,
     RIGCAL_ASSIGN_OR_RETURN(const std::vector<Eigen::Vector3d> points,
                             GridPoints(volume, accuracy.grid_step_m));
     for (const Eigen::Vector3d& point_m : points) {
-      const PointAccuracy point = rig.At(point_m, options.sigma_px);
+      const PointAccuracy point = seen.Add(point_m, options.sigma_px);
       if (point.camera_count >= 2) accuracy.grid.push_back(point);
     }
   }
   accuracy.shape = Summarise(accuracy, &PointAccuracy::shape_sigma_m);
   accuracy.with_scale = Summarise(accuracy, &PointAccuracy::sigma_m);
+  accuracy.calibration_p95_m = seen.CalibrationP95M();
   return accuracy;
 }
 

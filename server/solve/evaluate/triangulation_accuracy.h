@@ -47,6 +47,9 @@ struct Accuracy {
   double scale_sigma_rel = 0;
   // Over points and grid.
   AccuracySummary shape, with_scale;
+  // Over points and grid: the calibration's part alone, free of the rig's frame and of the scale
+  // (CalibrationError::p95_m); what a running estimate states. 0: no point.
+  double calibration_p95_m = 0;
 };
 
 // To first order, with the joint covariance the calibration keeps. Points are seen where they

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/running/expected_error.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <utility>
 
 #include "common/camera/camera_model.h"
@@ -19,10 +16,6 @@ namespace {
 constexpr double kLowShare = 0.01, kHighShare = 0.99;  // of the waved volume
 constexpr double kMinStepM = 0.02;
 constexpr double kMaxRoundTrip = 1e-6;
-// Least to largest information about a point, by direction: rays 4 degrees apart.
-constexpr double kMinRaySpread = 1e-3;
-constexpr int kDraws = 64;
-constexpr double kPercentile = 0.95;
 
 // Of one camera. First column of each part of the pose; -1: it is fixed.
 struct Columns {
@@ -71,27 +64,6 @@ bool Linearise(const BundleCamera& camera, const Intrinsics& intrinsics, const I
   d_pose->leftCols<3>() = -d_cam * cross;
   d_pose->rightCols<3>() = d_cam;
   return true;
-}
-
-// Square root of a covariance: cov = root * root^T. Directions without variance give zero columns.
-Eigen::MatrixXd SquareRoot(const Eigen::MatrixXd& covariance) {
-  const Eigen::LDLT<Eigen::MatrixXd> factor(covariance);
-  const Eigen::VectorXd deviations = factor.vectorD().cwiseMax(0).cwiseSqrt();
-  Eigen::MatrixXd root = Eigen::MatrixXd(factor.matrixL()) * deviations.asDiagonal();
-  return factor.transpositionsP().transpose() * root;
-}
-
-// The same numbers in every process: C++'s normal distribution is not portable, these are.
-Eigen::MatrixXd StandardNormal(Eigen::Index rows, Eigen::Index columns) {
-  std::mt19937 bits(1);
-  const auto uniform = [&bits] { return (static_cast<double>(bits()) + 0.5) / 4294967296.0; };
-  Eigen::MatrixXd values(rows, columns);
-  for (Eigen::Index i = 0; i < values.size(); ++i) {
-    // Box and Muller, A Note on the Generation of Random Normal Deviates, 1958.
-    const double radius = std::sqrt(-2 * std::log(uniform()));
-    values.data()[i] = radius * std::cos(2 * M_PI * uniform());
-  }
-  return values;
 }
 
 }  // namespace
@@ -207,9 +179,7 @@ PointGains ComputeGains(const BundleProblem& problem, const std::vector<CameraDe
       }
     }
     if (camera_count < 2) continue;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
-    const Eigen::Vector3d& information = eigen.eigenvalues();
-    if (!(information[0] > kMinRaySpread * information[2])) continue;
+    if (!AreRaysApart(normal)) continue;
     const Eigen::Matrix3d inverse = normal.inverse();
     pull = (inverse * pull).eval();
     gains.points.push_back(index);
@@ -235,51 +205,25 @@ PointGains ChoosePoints(const PointGains& gains, size_t count) {
   return subset;
 }
 
-void RemoveRigidMotion(const WavedGrid& grid, PointGains* gains) {
-  if (gains->points.empty()) return;
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  for (const size_t index : gains->points) centre += grid.Point(index);
-  centre /= static_cast<double>(gains->points.size());
-  // The six motions, three rows for each point.
-  Eigen::Matrix<double, Eigen::Dynamic, 6> motions(gains->gain.rows(), 6);
-  for (size_t i = 0; i < gains->points.size(); ++i) {
-    const Eigen::Vector3d p = grid.Point(gains->points[i]) - centre;
-    motions.middleRows<3>(static_cast<Eigen::Index>(3 * i)) << 1, 0, 0, 0, p.z(), -p.y(), 0, 1, 0,
-        -p.z(), 0, p.x(), 0, 0, 1, p.y(), -p.x(), 0;
-  }
-  const Eigen::Matrix<double, 6, 6> normal = motions.transpose() * motions;
-  const Eigen::Matrix<double, 6, Eigen::Dynamic> taken =
-      normal.ldlt().solve(motions.transpose() * gains->gain);
-  if (!taken.allFinite()) return;  // points on one line: nothing can be taken out
-  gains->gain.noalias() -= motions * taken;
+std::vector<Eigen::Vector3d> PlacesOf(const PointGains& gains, const WavedGrid& grid) {
+  std::vector<Eigen::Vector3d> points_m;
+  for (const size_t index : gains.points) points_m.push_back(grid.Point(index));
+  return points_m;
 }
 
 ExpectedError ComputeExpectedError(PointGains gains, const Eigen::MatrixXd& covariance,
                                    const WavedGrid& grid) {
   ExpectedError error;
   if (gains.points.empty()) return error;
-  RemoveRigidMotion(grid, &gains);
-  const Eigen::MatrixXd root = SquareRoot(covariance);
-  const Eigen::MatrixXd factor = gains.gain * root;
-  const Eigen::MatrixXd moved = factor * StandardNormal(root.cols(), kDraws);
-  const auto count = static_cast<Eigen::Index>(gains.points.size());
+  CalibrationError figures =
+      ComputeCalibrationError(PlacesOf(gains, grid), std::move(gains.gain), covariance);
   error.points = std::move(gains.points);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    error.sigma_m.push_back(factor.middleRows<3>(3 * i).norm());
-    if (error.sigma_m.back() > error.worst_m) {
-      error.worst_m = error.sigma_m.back();
-      error.worst_point = error.points[static_cast<size_t>(i)];
-    }
-  }
-  std::vector<double> percentiles, drawn(static_cast<size_t>(count));
-  for (int k = 0; k < kDraws; ++k) {
-    for (Eigen::Index i = 0; i < count; ++i) {
-      drawn[static_cast<size_t>(i)] = moved.col(k).segment<3>(3 * i).norm();
-    }
-    percentiles.push_back(UpperQuantile(&drawn, kPercentile));
-  }
-  error.p95_m = UpperQuantile(&percentiles, kPercentile);
-  error.median_m = UpperMedian(error.sigma_m);
+  error.sigma_m = std::move(figures.sigma_m);
+  error.median_m = figures.median_m;
+  error.p95_m = figures.p95_m;
+  const auto worst = std::ranges::max_element(error.sigma_m);
+  error.worst_m = *worst;
+  error.worst_point = error.points[static_cast<size_t>(worst - error.sigma_m.begin())];
   error.noise_median_m = UpperMedian(gains.noise_m);
   return error;
 }

@@ -10,6 +10,7 @@
 #include "common/camera/camera_description.h"
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/bundle/line_bundle.h"
+#include "server/solve/evaluate/calibration_error.h"
 
 namespace rigcal::server {
 
@@ -35,8 +36,7 @@ WavedGrid MeasureWavedGrid(const BundleProblem& problem, size_t max_points);
 // How triangulated points move when the cameras are wrong, to first order.
 struct PointGains {
   std::vector<size_t> points;  // indices into the grid: two cameras see them, from apart
-  // Three rows (x, y, z) for each point, a column for each parameter; metres per unit.
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gain;
+  PointGainMatrix gain;
   std::vector<double> noise_m;  // by point: one sigma (3-D) from centres with `sigma_px` alone
 };
 
@@ -50,9 +50,8 @@ PointGains ComputeGains(const BundleProblem& problem, const std::vector<CameraDe
 // A subset of at most `count` of the points, evenly chosen.
 PointGains ChoosePoints(const PointGains& gains, size_t count);
 
-// Takes the best rigid motion of these points out of their gains: which frame a rig has is a matter
-// of choice.
-void RemoveRigidMotion(const WavedGrid& grid, PointGains* gains);
+// Where the points are, frame rig, metres.
+std::vector<Eigen::Vector3d> PlacesOf(const PointGains& gains, const WavedGrid& grid);
 
 // Expected errors of the calibration at these points: where it would triangulate a point whose
 // images are exact. Without the error of the rig as a whole (RemoveRigidMotion).
@@ -67,8 +66,7 @@ struct ExpectedError {
   double noise_median_m = 0;  // of PointGains::noise_m
 };
 
-// `covariance` of the parameters. Deterministic: the probability is that of 64 draws from it with
-// fixed random numbers. No point: zeros.
+// `covariance` of the parameters (calibration_error.h). No point: zeros.
 ExpectedError ComputeExpectedError(PointGains gains, const Eigen::MatrixXd& covariance,
                                    const WavedGrid& grid);
 

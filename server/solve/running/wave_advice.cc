@@ -267,7 +267,7 @@ std::vector<WaveAdvice> AdviseWaving(const RigSolution& solution, const RigUncer
   PointGains compared = ChoosePoints(gains, kComparedPoints);
   const Eigen::LLT<Eigen::MatrixXd> factor(uncertainty.covariance);
   if (compared.points.empty() || error.p95_m <= 0 || factor.info() != Eigen::Success) return {};
-  RemoveRigidMotion(grid, &compared);
+  RemoveRigidMotion(PlacesOf(compared, grid), &compared.gain);
   // All data have more information than those of the solution.
   const Eigen::MatrixXd information =
       factor.solve(

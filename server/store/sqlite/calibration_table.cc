@@ -48,6 +48,7 @@ Calibration WithoutLists(Calibration calibration) {
     calibration.result->cameras.clear();
     calibration.result->refused.clear();
     calibration.result->camera_covariance.clear();
+    calibration.result->residuals.clear();
   }
   return calibration;
 }

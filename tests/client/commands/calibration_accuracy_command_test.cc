@@ -41,6 +41,7 @@ v1::GetAccuracyResponse Answer() {
   answer.mutable_shape()->set_worst_m(0.002);
   answer.mutable_with_scale()->set_count(1);
   answer.mutable_with_scale()->set_worst_m(0.0234);
+  answer.set_calibration_p95_m(0.00175);
   return answer;
 }
 
@@ -76,7 +77,8 @@ TEST_F(AccuracyCommand, TableIsInMillimetres) {
   const CommandOutcome outcome = Rigcal({"c-1", "--point", "1,2,3"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("23.400"), HasSubstr("(1.250, 0.000, 0.000)"),
-                                 HasSubstr("0.500 %"), HasSubstr("Over these points")));
+                                 HasSubstr("0.500 %"), HasSubstr("Over these points"),
+                                 HasSubstr("calibration alone  1.750 mm")));
 }
 
 TEST_F(AccuracyCommand, SaysWhereNothingIsSeen) {

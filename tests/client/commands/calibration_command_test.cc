@@ -230,6 +230,28 @@ TEST_F(CalibrationCommand, CompareOfEqualOnesIsZero) {
   EXPECT_EQ(Rigcal({"calibration", "compare", "cal-1", "cal-9"}).exit_code, 1);
 }
 
+TEST_F(CalibrationCommand, ResidualsAreATableOfCameras) {
+  fake_.calibrations["c-1"] = FullCalibration("c-1");
+  v1::CameraResiduals* const left = fake_.residuals.add_cameras();
+  left->set_camera("left");
+  left->set_bin_px(0.25);
+  for (const uint32_t count : {10u, 80u, 9u, 1u}) left->add_inlier_counts(count);
+  for (const uint32_t count : {0u, 0u, 0u, 3u}) left->add_outlier_counts(count);
+  for (const bool outlier : {false, false, true}) {
+    left->add_outlier(outlier);
+    left->add_dx_px(outlier ? 90.0F : 0.2F);
+    left->add_dy_px(outlier ? 90.0F : -0.1F);
+  }
+  const CommandOutcome outcome = Rigcal({"calibration", "residuals", "c-1", "--camera", "left"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(fake_.asked_residuals.camera(), "left");
+  EXPECT_THAT(outcome.out,
+              ContainsRegex("left +100 +3 +0.500 +0.750 +0.200 +-0.100 +\\|@.\\| +1.00"));
+  const json as_json = json::parse(Rigcal({"calibration", "residuals", "c-1", "-o", "json"}).out);
+  EXPECT_EQ(as_json.at("cameras").at(0).at("inlier_counts").at(1), 80);
+  EXPECT_EQ(Rigcal({"calibration", "residuals", "c-404"}).exit_code, 1);
+}
+
 TEST_F(CalibrationCommand, DoctorOfAHealthyServerIsOk) {
   fake_.status.set_software_version(std::string(wire::kSoftwareVersion));
   *fake_.status.mutable_protocol_version() = wire::OwnProtocolVersion();

@@ -72,6 +72,37 @@ TEST_F(SessionCommand, CreateSendsTheGoal) {
   EXPECT_EQ(create({"--min-seconds", "3"}).exit_code, 2);
 }
 
+TEST_F(SessionCommand, DiscardMarksAndTakesBack) {
+  fake_.sessions["wave"] = FullSession();
+  const CommandOutcome discarded = Rigcal({"session", "discard", "wave"});
+  ASSERT_EQ(discarded.exit_code, 0) << discarded.err;
+  EXPECT_THAT(discarded.out, HasSubstr("thrown away"));
+  EXPECT_THAT(Rigcal({"session", "list"}).out, HasSubstr("thrown away"));
+  const CommandOutcome undone = Rigcal({"session", "discard", "wave", "--undo"});
+  EXPECT_THAT(undone.out, ::testing::Not(HasSubstr("thrown away")));
+  EXPECT_EQ(Rigcal({"session", "discard", "nobody"}).exit_code, 1);
+}
+
+TEST_F(SessionCommand, ResumeStartsOneThatGoesOn) {
+  v1::Session before = FullSession();
+  before.set_id("wave");
+  before.set_state(v1::Session::STATE_FINISHED);
+  before.clear_requested_cameras();
+  before.add_requested_cameras("left");
+  fake_.sessions["wave"] = before;
+  const CommandOutcome outcome =
+      Rigcal({"session", "resume", "wave", "--until-mm", "0.4", "-o", "json"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(json::parse(outcome.out).at("state"), "STATE_CAPTURING");
+  const v1::CreateSessionRequest& request = fake_.created_session;
+  EXPECT_EQ(request.continues(), "wave");
+  EXPECT_EQ(request.rig(), before.rig());
+  EXPECT_EQ(request.target().SerializeAsString(), before.target().SerializeAsString());
+  EXPECT_THAT(request.camera_names(), ElementsAre("left"));
+  EXPECT_EQ(request.goal().until_mm(), 0.4);
+  EXPECT_EQ(Rigcal({"session", "resume", "nobody"}).exit_code, 1);
+}
+
 TEST_F(SessionCommand, TellsWhoStopsSecond) {
   {
     const std::lock_guard lock(fake_.mutex);

@@ -43,12 +43,17 @@ std::vector<double> Matrix(const std::string& text, const std::string& name) {
   return {std::istream_iterator<double>(stream), {}};
 }
 
-TEST(ExportOpenCv, RoundTripsIntrinsicsPoseAndError) {
+absl::StatusOr<std::vector<std::filesystem::path>> WriteOpenCv(
+    const v1::Calibration& calibration, const std::filesystem::path& directory) {
+  return WriteExport(**FindCalibrationExportFormat("opencv"), calibration, directory);
+}
+
+TEST(WriteExport, RoundTripsIntrinsicsPoseAndError) {
   const TemporaryDirectory directory;
   const v1::Calibration calibration = FullCalibration();
   // A folder that is not there yet, with a space.
   const auto folder = directory.path() / "my rig" / "result";
-  ASSERT_OK_AND_ASSIGN(const auto files, ExportOpenCv(calibration, folder));
+  ASSERT_OK_AND_ASSIGN(const auto files, WriteOpenCv(calibration, folder));
   EXPECT_THAT(files, ElementsAre(folder / "left.yaml", folder / "right.yaml"));
 
   const v1::CalibratedCamera& right = calibration.cameras(1);
@@ -69,49 +74,50 @@ TEST(ExportOpenCv, RoundTripsIntrinsicsPoseAndError) {
   EXPECT_EQ(std::stod(text.substr(text.find(field) + field.size())), 0.5);
 }
 
-TEST(ExportOpenCv, ReplacesWhatIsThere) {
+TEST(WriteExport, ReplacesWhatIsThere) {
   const TemporaryDirectory directory;
   directory.WriteFile("left.yaml", "something older and longer than nothing");
-  ASSERT_THAT(ExportOpenCv(FullCalibration(), directory.path()), IsOk());
+  ASSERT_THAT(WriteOpenCv(FullCalibration(), directory.path()), IsOk());
   EXPECT_THAT(ReadIntrinsicsFile((directory.path() / "left.yaml").string()), IsOk());
 }
 
-TEST(ExportOpenCv, RefusesACalibrationWithoutResultOrScale) {
+TEST(WriteExport, RefusesACalibrationWithoutResultOrScale) {
   const TemporaryDirectory directory;
   v1::Calibration failed = FullCalibration("cal-7");
   failed.set_state(v1::Calibration::STATE_FAILED);
   failed.set_error("no overlap");
-  EXPECT_THAT(ExportOpenCv(failed, directory.path()),
+  EXPECT_THAT(WriteOpenCv(failed, directory.path()),
               StatusIs(absl::StatusCode::kFailedPrecondition,
                        AllOf(HasSubstr("cal-7"), HasSubstr("failed"), HasSubstr("no overlap"))));
   v1::Calibration unscaled = FullCalibration();
   unscaled.set_scale_known(false);
-  EXPECT_THAT(ExportOpenCv(unscaled, directory.path()),
+  EXPECT_THAT(WriteOpenCv(unscaled, directory.path()),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("scale")));
   EXPECT_TRUE(std::filesystem::is_empty(directory.path()));
 }
 
-TEST(ExportOpenCv, NeverWritesOutsideItsFolder) {
+TEST(WriteExport, NeverWritesOutsideItsFolder) {
   const TemporaryDirectory directory;
   v1::Calibration evil = FullCalibration();
   evil.mutable_cameras(0)->set_camera("../escaped");
-  EXPECT_THAT(ExportOpenCv(evil, directory.path() / "inside"),
+  EXPECT_THAT(WriteOpenCv(evil, directory.path() / "inside"),
               StatusIs(absl::StatusCode::kDataLoss, HasSubstr("../escaped")));
   EXPECT_FALSE(std::filesystem::exists(directory.path() / "escaped.yaml"));
 }
 
-TEST(ExportOpenCv, NamesAFolderThatCannotBeMade) {
+TEST(WriteExport, NamesAFolderThatCannotBeMade) {
   const TemporaryDirectory directory;
   const auto file = directory.WriteFile("taken", "");
-  EXPECT_THAT(ExportOpenCv(FullCalibration(), file),
+  EXPECT_THAT(WriteOpenCv(FullCalibration(), file),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr(file.string())));
-  EXPECT_THAT(ExportOpenCv(FullCalibration(), file / "below"),
+  EXPECT_THAT(WriteOpenCv(FullCalibration(), file / "below"),
               StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("below")));
 }
 
-TEST(ExportJson, HoldsTheWholeCalibration) {
+TEST(WriteJsonExport, HoldsTheWholeCalibration) {
   const TemporaryDirectory directory;
-  ASSERT_OK_AND_ASSIGN(const auto files, ExportJson(FullCalibration(), directory.path()));
+  ASSERT_OK_AND_ASSIGN(const auto files,
+                       WriteJsonExport(FullCalibration(), directory.path(), nullptr));
   EXPECT_THAT(files, ElementsAre(directory.path() / "calibration.json"));
   v1::Calibration read;
   ASSERT_TRUE(google::protobuf::util::JsonStringToMessage(ReadFile(files[0]), &read).ok());

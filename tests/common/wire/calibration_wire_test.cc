@@ -90,6 +90,24 @@ TEST(CalibrationWire, CovarianceIsForTheStoreAlone) {
   EXPECT_EQ(sent.wand_volume().max_m().z(), 5);
 }
 
+TEST(CalibrationWire, ResidualsAreStoredButNotSent) {
+  Calibration calibration = FilledCalibration();
+  CameraResiduals residuals;
+  residuals.camera = "left";
+  residuals.image_size_px = {640, 480};
+  residuals.vectors = {{1, 2, 0.5, -0.25, false}, {3, 4, 7, 8, true}};
+  residuals.bin_px = 0.1;
+  residuals.inlier_counts = {1, 0};
+  residuals.outlier_counts = {0, 1};
+  calibration.result->residuals = {residuals};
+  ASSERT_OK_AND_ASSIGN(const Calibration back, ParseCalibration(SerializeCalibration(calibration)));
+  ASSERT_EQ(back.result->residuals.size(), 1u);
+  EXPECT_EQ(ToProto(back.result->residuals[0]).SerializeAsString(),
+            ToProto(residuals).SerializeAsString());
+  EXPECT_EQ(back.result->residuals[0].vectors[1].dy_px, 8);
+  EXPECT_EQ(ToProto(back).SerializeAsString(), ToProto(FilledCalibration()).SerializeAsString());
+}
+
 TEST(CalibrationWire, FailedOneKeepsItsErrorAndRefusals) {
   Calibration calibration = FilledCalibration();
   calibration.state = CalibrationState::kFailed;

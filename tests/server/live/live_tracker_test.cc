@@ -58,7 +58,7 @@ TEST_F(LiveTracker, ShowsWhatCamerasDo) {
   EXPECT_EQ(camera("left").state, LiveCameraState::kCapturing);
   Wave(3, {{"left", SeeWand}, {"right", SeeNothing}});
   const server::LiveCamera left = camera("left");
-  EXPECT_NEAR(left.observation_rate_hz, 50, 3);
+  EXPECT_NEAR(left.observation_rate_hz, 50, 1);
   EXPECT_NEAR(left.wand_rate_hz, 50, 3);
   EXPECT_EQ(left.observation_count, 150u);
   EXPECT_EQ(left.wand_count, 150u);
@@ -71,7 +71,7 @@ TEST_F(LiveTracker, ShowsWhatCamerasDo) {
   }
   EXPECT_LE(left.trail.front().age_ms, 2000u);
   const server::LiveCamera right = camera("right");
-  EXPECT_NEAR(right.observation_rate_hz, 50, 3);
+  EXPECT_NEAR(right.observation_rate_hz, 50, 1);
   EXPECT_EQ(right.wand_rate_hz, 0);
   EXPECT_EQ(right.wand_count, 0u);
   EXPECT_THAT(right.trail, IsEmpty());

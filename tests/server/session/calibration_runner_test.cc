@@ -86,6 +86,38 @@ TEST_F(CalibrationRunner, TakesWhatASessionContinues) {
               StatusIs(absl::StatusCode::kNotFound, ::testing::HasSubstr("nobody")));
 }
 
+TEST_F(CalibrationRunner, TakesNoSessionThatWasThrownAway) {
+  FinishByHand("one", {"left", "right"});
+  Session session = NewSession("two");
+  for (const char* camera : {"left", "right"}) session.cameras.push_back({MakeCamera(camera), ""});
+  session.continues = "one";
+  ASSERT_THAT(coordinator().CreateSession(session), IsOk());
+  ASSERT_THAT(coordinator().StartSession("two"), IsOk());
+  EXPECT_THAT(coordinator().DiscardSession("two", false),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("stop it first")));
+  ASSERT_THAT(coordinator().StopSession("two", 0.001), IsOk());
+  AwaitFinished("two");
+
+  ASSERT_OK_AND_ASSIGN(Session one, coordinator().DiscardSession("one", false));
+  EXPECT_NE(one.discard_utc_ns, 0);
+  EXPECT_EQ(store().GetSession("one")->discard_utc_ns, one.discard_utc_ns);
+  EXPECT_THAT(runner().CreateCalibration({"one"}, {}),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       ::testing::AllOf(HasSubstr("'one'"), HasSubstr("--undo"))));
+  session.id = "three";
+  EXPECT_THAT(coordinator().CreateSession(session),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("thrown away")));
+  ASSERT_OK_AND_ASSIGN(Calibration calibration, runner().CreateCalibration({"two"}, {}));
+  EXPECT_THAT(calibration.session_ids, ::testing::ElementsAre("two"));
+
+  ASSERT_OK_AND_ASSIGN(one, coordinator().DiscardSession("one", true));
+  EXPECT_EQ(one.discard_utc_ns, 0);
+  ASSERT_OK_AND_ASSIGN(calibration, runner().CreateCalibration({"two"}, {}));
+  EXPECT_THAT(calibration.session_ids, ::testing::ElementsAre("two", "one"));
+  EXPECT_THAT(coordinator().DiscardSession("nobody", false),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("nobody")));
+}
+
 TEST_F(CalibrationRunner, QueueIsBounded) {
   runner_options_.max_queued = 1;
   RestartAll();

@@ -2,9 +2,10 @@
 // Calls of the JSON API of the page's own server.
 import type {
   Calibration, CalibrationOptions, ColourRange, CreateCalibrationResponse, CreateSessionRequest,
-  CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, Detector, GetAccuracyResponse,
-  GetCalibrationResponse, GetDetectorResponse, GetLiveResponse, GetSessionResponse, GetStatusResponse,
-  ListAgentsResponse, ListCalibrationsResponse, ListSessionsResponse, LiveState, Session,
+  CreateSessionResponse, CreateTokenRequest, CreateTokenResponse, Detector, DiscardSessionResponse,
+  GetAccuracyResponse, GetCalibrationResponse, GetDetectorResponse, GetLiveResponse, GetResidualsResponse,
+  GetSessionResponse, GetStatusResponse, ListAgentsResponse, ListCalibrationsResponse, ListExportsResponse,
+  ListSessionsResponse, LiveState, Session,
   StartSessionResponse, StopSessionResponse,
 } from './types';
 
@@ -158,6 +159,20 @@ export async function stopSession(id: string): Promise<Session> {
     .session ?? {};
 }
 
+/** Marks a session as thrown away, or takes that back; nothing is deleted. */
+export async function discardSession(id: string, undo = false): Promise<Session> {
+  return (await ask<DiscardSessionResponse>(`/v1/sessions/${part(id)}:discard`, { method: 'POST', body: { undo } }))
+    .session ?? {};
+}
+
+/** Starts a session that goes on with a finished one: same target, same cameras, until somebody stops it. */
+export async function resumeSession(id: string): Promise<Session> {
+  const before = await getSession(id);
+  const session = await createSession({ rig: before.rig, title: before.title || undefined, target: before.target,
+    camera_names: before.requested_cameras, continues: id });
+  return startSession(session.id ?? '');
+}
+
 /** Deletes a session and its observations. */
 export async function deleteSession(id: string): Promise<void> {
   await call(`/v1/sessions/${part(id)}`, { method: 'DELETE' });
@@ -194,6 +209,21 @@ export async function deleteCalibration(id: string): Promise<void> {
 /** Expected errors over the waved volume. */
 export function getAccuracy(id: string, signal?: AbortSignal): Promise<GetAccuracyResponse> {
   return ask(`/v1/calibrations/${part(id)}/accuracy`, { signal });
+}
+
+/** Residual vectors over the image and their histogram, camera by camera. */
+export function getResiduals(id: string, signal?: AbortSignal): Promise<GetResidualsResponse> {
+  return ask(`/v1/calibrations/${part(id)}/residuals`, { signal });
+}
+
+/** The formats in which a calibration can be exported. */
+export function listExports(id: string, signal?: AbortSignal): Promise<ListExportsResponse> {
+  return ask(`/v1/calibrations/${part(id)}/exports`, { signal });
+}
+
+/** Where a calibration can be downloaded in a format. */
+export function exportAddress(id: string, format: string): string {
+  return `/v1/calibrations/${part(id)}/exports/${part(format)}`;
 }
 
 /** The agents that are or were connected. */

@@ -7,6 +7,7 @@ import type { CreateTokenResponse, Role } from '../api/types';
 import { useFeed } from '../shell/feed_context';
 import { Chip, Copyable, Panel, WorkButton } from '../shell/parts';
 import { dateTime } from '../view/format';
+import { serverAddresses } from './join_string';
 import { QrCode } from './qr_code';
 
 const roles: readonly (readonly [Role, string, string])[] = [
@@ -14,6 +15,8 @@ const roles: readonly (readonly [Role, string, string])[] = [
   ['ROLE_OPERATOR', 'A person who calibrates', 'starts, stops, calibrates, deletes'],
   ['ROLE_VIEWER', 'A person who looks', 'reads'],
 ];
+
+const isOwnPc = (host: string): boolean => ['localhost', '[::1]'].includes(host) || host.startsWith('127.');
 
 /** The command that a join string is for. */
 export function joinCommand(role: Role, joinString: string): string {
@@ -28,9 +31,13 @@ export function JoinPage(): JSX.Element {
   const [name, setName] = useState('');
   const [made, setMade] = useState<{ role: Role; response: CreateTokenResponse }>();
   const command = made ? joinCommand(made.role, made.response.join_string ?? '') : '';
+  const local = isOwnPc(location.hostname);
+  const text = made?.response.join_string ?? '';
+  // Here the page's own address leads nowhere else: the string knows others.
+  const origin = !local ? location.origin : serverAddresses(text).find((one) => !isOwnPc(new URL(one).hostname))
+    ?? serverAddresses(text)[0] ?? location.origin;
   // The token is in the hash, which browsers send to nobody.
-  const link = made && made.role !== 'ROLE_AGENT' ? `${location.origin}/login#token=${made.response.join_string ?? ''}` : '';
-  const local = ['127.0.0.1', 'localhost', '[::1]'].includes(location.hostname);
+  const link = made && made.role !== 'ROLE_AGENT' ? `${origin}/login#token=${text}` : '';
   return <div class="join">
     <Panel name="make" title="Join this server">
       <fieldset><legend>Who joins</legend>
@@ -58,7 +65,7 @@ export function JoinPage(): JSX.Element {
           <li>Whoever has it can join: show it to nobody else.</li>
           <li>{link === '' ? 'The QR code holds the same command, for a phone or a tablet that passes it on.'
             : 'A phone that scans the QR code opens this page.'}</li>
-          {link !== '' && local && <li>▲ This link leads to this PC itself. Open the page under the server's name or address in the network first.</li>}</ul></div>
+          {link !== '' && isOwnPc(new URL(link).hostname) && <li>▲ This link leads to this PC itself: the server listens on no address of the network.</li>}</ul></div>
     </Panel>}
     <Panel name="who" title="Connected now">
       <ul class="plain">{rig.agents.map((agent) => <li key={agent.agent_id}><Chip mark={agent.connected ? 'good' : 'bad'}>{agent.connected ? 'connected' : 'away'}</Chip>

@@ -2,6 +2,7 @@
 // Polls the live state and the status of the server, and says how old they are.
 import { ApiError, errorText, getLive, getStatus } from '../api/server_api';
 import type { GetStatusResponse } from '../api/types';
+import { isHidden, onVisibility, whileVisible } from '../shell/visible';
 import { backoffMs } from './backoff';
 import { emptyRigState, mergeLive, type RigState } from './live_merge';
 
@@ -41,7 +42,8 @@ export class LiveFeed {
   private failures = 0;
   private anew = false;
   private timer: ReturnType<typeof setTimeout> | undefined;
-  private ageTimer: ReturnType<typeof setInterval> | undefined;
+  private endAgeTimer = (): void => {};
+  private forgetVisibility = (): void => {};
   private abort: AbortController | undefined;
   private statusAt = -Infinity;
   private startedAt = 0;
@@ -59,19 +61,19 @@ export class LiveFeed {
     this.control.stopped = false;
     this.control.rig = rig;
     this.startedAt = performance.now();
-    this.ageTimer = setInterval(() => this.checkAge(), 500);
+    this.endAgeTimer = whileVisible(500, () => this.checkAge());
     globalThis.addEventListener?.('online', this.retryNow);
-    globalThis.document?.addEventListener('visibilitychange', this.retryNow);
+    this.forgetVisibility = onVisibility(this.retryNow);
     this.schedule(0);
   }
 
   stop(): void {
     this.control.stopped = true;
     clearTimeout(this.timer);
-    clearInterval(this.ageTimer);
+    this.endAgeTimer();
     this.abort?.abort();
     globalThis.removeEventListener?.('online', this.retryNow);
-    globalThis.document?.removeEventListener('visibilitychange', this.retryNow);
+    this.forgetVisibility();
   }
 
   /** Another rig: everything is asked for anew. */
@@ -121,7 +123,8 @@ export class LiveFeed {
 
   private schedule(delayMs: number): void {
     clearTimeout(this.timer);
-    if (!this.control.stopped) this.timer = setTimeout(() => void this.poll(), delayMs);
+    // While the page is hidden nothing is asked; shown again, at once.
+    if (!this.control.stopped && !isHidden()) this.timer = setTimeout(() => void this.poll(), delayMs);
   }
 
   private async poll(): Promise<void> {
@@ -150,8 +153,7 @@ export class LiveFeed {
       if (!abort.signal.aborted) this.fail(error);
     } finally {
       if (this.abort === abort) this.abort = undefined;
-      const hidden = globalThis.document?.visibilityState === 'hidden';
-      const period = Math.max(periodMs[this.control.attention], hidden ? 1000 : 0);
+      const period = periodMs[this.control.attention];
       const wait = this.failures > 0 ? backoffMs(this.failures, Math.random())
         : Math.max(20, period - (performance.now() - began));
       this.schedule(rig === this.control.rig ? wait : 0);

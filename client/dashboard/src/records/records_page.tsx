@@ -3,7 +3,7 @@
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import { timeMs, toCount } from '../api/json_values';
-import { createCalibration, deleteCalibration, deleteSession, getSession, listCalibrations, listSessions } from '../api/server_api';
+import { createCalibration, deleteCalibration, deleteSession, discardSession, getSession, listCalibrations, listSessions } from '../api/server_api';
 import type { Calibration, Session } from '../api/types';
 import { useFeedControl } from '../shell/feed_context';
 import { Chip, Confirm, Panel, Problem, WorkButton } from '../shell/parts';
@@ -38,6 +38,7 @@ function SessionDetail({ id }: { id: string }): JSX.Element {
         <div class="fact"><dt>started</dt><dd>{dateTime(timeMs(session.start_time))}</dd></div>
         <div class="fact"><dt>lasted</dt><dd>{sessionSpan(session)}</dd></div>
         {session.goal?.until_mm && <div class="fact"><dt>goal</dt><dd>{fixed(session.goal.until_mm, 2)} mm</dd></div>}
+        {session.discard_time && <div class="fact"><dt>thrown away</dt><dd>{dateTime(timeMs(session.discard_time))}; nothing is deleted</dd></div>}
         {session.stop_reason && <div class="fact"><dt>stopped</dt><dd>{session.stop_reason}</dd></div>}
         {session.continues && <div class="fact"><dt>goes on with</dt><dd><a href={hashOf('records', session.continues)}>{session.continues}</a></dd></div>}
         {toCount(session.late_count) > 0 && <div class="fact"><dt>late, not used</dt><dd>{count(toCount(session.late_count))}</dd></div>}
@@ -67,7 +68,7 @@ export function RecordsPage({ route }: { route: Route }): JSX.Element {
     listCalibrations({ filter: filterText({ state: calibrationFilter }), page_size: size.calibrations }, signal), 5000);
   const shownSessions = (sessions.value?.sessions ?? []).filter((one) => matches(text, [one.id, one.title, one.rig, targetText(one.target)]));
   const shownCalibrations = (calibrations.value?.calibrations ?? []).filter((one) => matches(text, [one.id, one.rig, ...(one.session_ids ?? [])]));
-  const usable = [...chosen].filter((id) => shownSessions.some((one) => one.id === id && one.state === 'STATE_FINISHED'));
+  const usable = [...chosen].filter((id) => shownSessions.some((one) => one.id === id && one.state === 'STATE_FINISHED' && !one.discard_time));
   const choose = (id: string, on: boolean) => {
     const next = new Set(chosen);
     if (on) next.add(id);
@@ -98,13 +99,17 @@ export function RecordsPage({ route }: { route: Route }): JSX.Element {
           const [mark, word] = sessionState(session);
           const busy = session.state === 'STATE_CAPTURING' || session.state === 'STATE_DRAINING';
           return <tr key={id}>
-            <td><input type="checkbox" aria-label={`Select ${id}`} checked={chosen.has(id)} disabled={session.state !== 'STATE_FINISHED'}
+            <td><input type="checkbox" aria-label={`Select ${id}`} checked={chosen.has(id)} disabled={session.state !== 'STATE_FINISHED' || Boolean(session.discard_time)}
               onChange={(event) => choose(id, event.currentTarget.checked)} /></td>
             <th scope="row"><a href={hashOf('records', id)}>{id}</a></th><td class="words">{session.title}{session.damage && <span class="problem">✕ {session.damage}</span>}</td>
             <td><Chip mark={mark}>{word}</Chip></td><td>{session.rig}</td><td>{dateTime(timeMs(session.create_time))}</td><td>{sessionSpan(session)}</td>
             <td>{session.camera_count ?? session.cameras?.length ?? 0}</td>
             <td>{session.observations_delete_time ? 'deleted' : count(toCount(session.wand_count))}</td>
-            <td><button type="button" class="quiet" disabled={busy} aria-label={`Delete ${id}`} onClick={() => setDeletion({ kind: 'session', id })}>Delete</button></td></tr>;
+            <td><WorkButton kind="quiet" disabled={busy} label={`${session.discard_time ? 'Take back' : 'Throw away'} ${id}`} work={async () => {
+              await discardSession(id, Boolean(session.discard_time));
+              sessions.reload();
+            }}>{session.discard_time ? 'Take back' : 'Throw away'}</WorkButton>
+              <button type="button" class="quiet" disabled={busy} aria-label={`Delete ${id}`} onClick={() => setDeletion({ kind: 'session', id })}>Delete</button></td></tr>;
         })}</tbody></table></div>
       {shownSessions.length === 0 && !sessions.loading && <p class="empty">No session here.</p>}
       {sessions.value?.next_page_token && size.sessions < 1000 &&

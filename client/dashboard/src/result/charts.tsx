@@ -45,7 +45,7 @@ export function TimeOffsetChart({ cameras }: { cameras: readonly CalibratedCamer
           <line class="sigma" x1={at(offset - 3 * sigma)} x2={at(offset + 3 * sigma)} y1="9" y2="9" />
           <circle class={camera.time_offset_estimated ? 'dot' : 'dot open'} cx={at(offset)} cy="9" r="4" />
         </svg>
-        <span class="value">{inMs(offset)} ± {sigma > 0 ? inMs(sigma) : '–'} ms</span></div>;
+        <span class="value">{sigma > 0 ? `${inMs(offset)} ± ${inMs(sigma)}` : inMs(offset)} ms</span></div>;
     })}
   </figure>;
 }

@@ -5,13 +5,15 @@ import { durationSeconds, timeMs } from '../api/json_values';
 import { cancelCalibration, getAccuracy, getCalibration, listCalibrations } from '../api/server_api';
 import type { CalibratedCamera, Calibration, Finding } from '../api/types';
 import { SceneView } from '../scene/scene_view';
-import { Chip, Fact, type Mark, Meter, Panel, Problem, saveFile, WorkButton } from '../shell/parts';
+import { Chip, Fact, type Mark, Meter, Panel, Problem, WorkButton } from '../shell/parts';
 import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
 import { count, dateTime, enumWords, fixed, inMs, millimetres, missing, percent, span } from '../view/format';
 import { modelOfCalibration } from '../view/rig_model';
 import { ResidualChart, TimeOffsetChart } from './charts';
 import { compareCalibrations } from './compare';
+import { Downloads } from './downloads';
+import { ResidualVectors } from './residual_panel';
 
 const grades: Record<string, readonly [Mark, string]> = {
   GRADE_GOOD: ['good', 'good: use it'], GRADE_USABLE: ['warn', 'usable, aware of the reasons'],
@@ -40,18 +42,23 @@ export function ResultPage({ route, theme }: { route: Route; theme: string }): J
       </select></label>
     </div>
     <Problem text={list.problem} />
-    {id !== '' ? <Result key={id} id={id} others={all} withId={route.parameters.get('with') ?? ''} theme={theme} />
+    {id !== '' ? <Result key={id} id={id} others={all} withId={route.parameters.get('with') ?? ''} theme={theme} onEnd={list.reload} />
       : !list.loading && <p class="empty">There is no calibration yet. <a href={hashOf('wave')}>Capture a session</a>, then calibrate.</p>}
   </div>;
 }
 
-function Result({ id, others, withId, theme }: { id: string; others: readonly Calibration[]; withId: string; theme: string }): JSX.Element {
+function Result({ id, others, withId, theme, onEnd }: {
+  id: string; others: readonly Calibration[]; withId: string; theme: string; onEnd: () => void;
+}): JSX.Element {
   const [ended, setEnded] = useState(false);
   const loaded = useLoaded(id, (signal) => getCalibration(id, signal), ended ? 0 : 700);
   const calibration = loaded.value;
   const state = calibration?.state;
   useEffect(() => {
-    if (state === 'STATE_SUCCEEDED' || state === 'STATE_FAILED') setEnded(true);
+    if (state !== 'STATE_SUCCEEDED' && state !== 'STATE_FAILED') return;
+    setEnded(true);
+    // The list still says that it runs.
+    if (others.some((one) => one.id === id && one.state !== state)) onEnd();
   }, [state]);
   if (!calibration) return <>{loaded.loading && <p class="empty">Loading {id} …</p>}<Problem text={loaded.problem} /></>;
   if (state === 'STATE_QUEUED' || state === 'STATE_RUNNING') {
@@ -83,12 +90,14 @@ function Succeeded({ calibration, others, withId, theme }: {
   return <>
     <Panel name="summary" title={`${id}, version ${calibration.version ?? 0} of ${calibration.rig ?? ''}`}
       aside={<span class="grade"><Chip mark={mark}>{words}</Chip></span>}>
-      {(calibration.quality?.reasons ?? []).length > 0 && <ul class="reasons">{calibration.quality?.reasons?.map((reason) => <li key={reason}>{reason}</li>)}</ul>}
+      {(calibration.quality?.reasons ?? []).length > 0 && <ul class={`reasons ${mark}`}>{calibration.quality?.reasons?.map((reason) => <li key={reason}>{reason}</li>)}</ul>}
       {!calibration.scale_known && <p class="why">The scale is not known: lengths are in units of the distance between {calibration.reference_camera} and {calibration.unit_camera}.</p>}
       <dl class="facts">
-        <Fact name="expected error, 95 %" title="One sigma of a triangulated point, without the uncertainty of the scale">
+        <Fact name="expected error" title="Of the calibration alone: smaller than this in 95 % of the waved volume, with a probability of 95 %; after the best alignment and at the right scale. The figure of the Wave page.">
+          {accuracy.value?.calibration_p95_m ? `${millimetres(accuracy.value.calibration_p95_m * 1e3)} mm` : missing}</Fact>
+        <Fact name="a point in the rig's frame, 1σ" title="With the noise of the centres, relative to the reference camera, without the uncertainty of the scale; in 95 % of the waved volume">
           {shape?.count ? `${millimetres((shape.p95_m ?? 0) * 1e3)} mm` : missing}</Fact>
-        <Fact name="worst place">{shape?.count ? `${millimetres((shape.worst_m ?? 0) * 1e3)} mm` : missing}</Fact>
+        <Fact name="worst place, 1σ">{shape?.count ? `${millimetres((shape.worst_m ?? 0) * 1e3)} mm` : missing}</Fact>
         <Fact name="scale, one sigma">{calibration.target?.scale_sigma_rel ? percent(calibration.target.scale_sigma_rel, 3) : missing}</Fact>
         <Fact name="length error RMS">{calibration.target?.length_error_rms_m ? `${millimetres(calibration.target.length_error_rms_m * 1e3)} ${unit}` : missing}</Fact>
         <Fact name="instants">{count(calibration.instant_count)}</Fact>
@@ -105,12 +114,15 @@ function Succeeded({ calibration, others, withId, theme }: {
       <ul class="findings">{calibration.findings?.map((finding, i) => <FindingRow key={i} finding={finding} />)}</ul>
     </Panel>
     <Panel name="percamera" title="Cameras"><CameraTable cameras={cameras} /></Panel>
+    <div class="pair">
     <Panel name="residuals" title="Residuals"><ResidualChart cameras={cameras} /></Panel>
     <Panel name="offsets" title="Time offsets"><TimeOffsetChart cameras={cameras} /></Panel>
+    </div>
     <Panel name="space" title="Rig">
       <SceneView model={model} targetMm={undefined} theme={theme} label="Cameras, their uncertainty, and the expected error"
         note={model.ellipsoids.size > 0 ? 'blue: position sigmas, enlarged' : ''} />
     </Panel>
+    <Panel name="vectors" title="Residuals over the image"><ResidualVectors id={id} theme={theme} /></Panel>
     <div class="pair">
     <Panel name="target" title="Wand">
       <div class="scroll" tabIndex={0} role="region" aria-label="Spans of the wand"><table>
@@ -122,11 +134,7 @@ function Succeeded({ calibration, others, withId, theme }: {
       </table></div>
     </Panel>
     <Panel name="downloads" title="Downloads">
-      <div class="buttons">
-        <button type="button" onClick={() => saveFile(`${id}.json`, 'application/json', `${JSON.stringify({ calibration }, null, 2)}\n`)}>Calibration as JSON</button>
-        {accuracy.value && <button type="button" onClick={() => saveFile(`${id}-accuracy.json`, 'application/json', `${JSON.stringify(accuracy.value, null, 2)}\n`)}>Expected errors as JSON</button>}
-      </div>
-      <p class="hint">Other formats: <code>rigcal calibration export {id}</code></p>
+      <Downloads id={id} accuracy={accuracy.value} />
     </Panel>
     </div>
     <Compare calibration={calibration} others={others} withId={withId} />

@@ -2,6 +2,8 @@
 // Previews cost network and, a little, the agents: at most two are under way, each camera is asked at
 // most once a second, and only cameras that are visible on the screen. One that gives none rests for long.
 
+import { isHidden, onVisibility } from '../shell/visible';
+
 /** Loads a preview; resolves also where there is none. 'none': the camera gives none as things are. */
 export type LoadPreview = () => Promise<'none' | void>;
 
@@ -19,7 +21,9 @@ export class PreviewQueue {
   private timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private readonly limit = 2, private readonly periodMs = 1000,
-    private readonly now: () => number = () => performance.now(), private readonly restMs = 60000) {}
+    private readonly now: () => number = () => performance.now(), private readonly restMs = 60000) {
+    onVisibility(this.pump);
+  }
 
   /** A camera has become visible. One that rests goes on resting. */
   add(camera: string, load: LoadPreview): void {
@@ -43,6 +47,7 @@ export class PreviewQueue {
 
   private readonly pump = (): void => {
     clearTimeout(this.timer);
+    if (isHidden()) return;
     const now = this.now();
     // The camera that has waited longest is next.
     const waiting = [...this.entries].filter(([, entry]) => !entry.busy).sort(([, a], [, b]) => a.nextAt - b.nextAt);

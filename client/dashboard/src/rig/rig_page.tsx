@@ -8,6 +8,7 @@ import { useFeed } from '../shell/feed_context';
 import { Chip, Meter, Panel, Problem } from '../shell/parts';
 import { hashOf } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
+import { whileVisible } from '../shell/visible';
 import { bytes, count, dateTime, fixed, missing, seconds, span } from '../view/format';
 import { cameraState } from '../wave/camera_tile';
 import { DetectorDialog } from './detector_dialog';
@@ -126,8 +127,7 @@ export function RigPage(): JSX.Element {
   const started = timeMs(status?.start_time);
   const [now, setNow] = useState(Date.now());
   useEffect(() => {
-    const timer = setInterval(() => setNow(Date.now()), 5000);
-    return () => clearInterval(timer);
+    return whileVisible(5000, () => setNow(Date.now()));
   }, []);
   const store = status?.store;
   const problem = status?.ingest?.problem || store?.problem || '';

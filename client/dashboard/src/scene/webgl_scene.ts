@@ -207,7 +207,7 @@ export class WebGlScene {
     if (this.touched || grows === this.framed) return;
     this.framed = grows;
     this.controls.target.copy(centre);
-    this.eye.position.copy(centre).add(new Vector3(0.28, 0.62, 0.95).multiplyScalar(size * Math.max(0.92, 1.5 / this.eye.aspect)));
+    this.eye.position.copy(centre).add(new Vector3(0.28, 0.62, 0.95).multiplyScalar(size * Math.max(1.02, 1.6 / this.eye.aspect)));
     this.controls.update();
   }
 

@@ -8,6 +8,7 @@ export interface Palette {
   line: string;
   surface: string;
   accent: string;
+  bad: string;
 }
 
 let current: Palette | undefined;
@@ -20,7 +21,7 @@ export function palette(): Palette {
     const style = getComputedStyle(root);
     const read = (name: string) => style.getPropertyValue(name).trim();
     current = { theme, ink: read('--ink'), faint: read('--faint'), line: read('--line'), surface: read('--well'),
-      accent: read('--accent') };
+      accent: read('--accent'), bad: read('--bad') };
   }
   return current;
 }

@@ -33,7 +33,9 @@ export function parseRoute(hash: string): Route {
 export function routeOf(address: { pathname: string; search: string; hash: string }): Route {
   if (address.pathname !== '/login') return parseRoute(address.hash);
   const parameters = new URLSearchParams(address.search);
-  for (const [name, value] of new URLSearchParams(address.hash.replace(/^#(\/login\??)?/, ''))) parameters.set(name, value);
+  const hash = address.hash.replace(/^#(\/login\??)?/, '');
+  if (hash.startsWith('rk1.')) parameters.set('token', hash);
+  else for (const [name, value] of new URLSearchParams(hash)) parameters.set(name, value);
   return { page: 'login', id: '', parameters };
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import { useCallback, useEffect, useRef, useState } from 'preact/hooks';
 import { errorText } from '../api/server_api';
+import { isHidden, onVisibility } from './visible';
 
 /** What a call has given so far. */
 export interface Loaded<T> {
@@ -21,6 +22,8 @@ export function useLoaded<T>(key: string, load: (signal: AbortSignal) => Promise
   useEffect(() => {
     const abort = new AbortController();
     let timer: ReturnType<typeof setTimeout> | undefined;
+    // The page was hidden when it was time to load again.
+    let due = false;
     const run = async (): Promise<void> => {
       try {
         const value = await latest.current(abort.signal);
@@ -31,10 +34,17 @@ export function useLoaded<T>(key: string, load: (signal: AbortSignal) => Promise
             problem: errorText(error), loading: false }));
         }
       }
-      if (!abort.signal.aborted && periodMs > 0) timer = setTimeout(() => void run(), periodMs);
+      due = periodMs > 0 && isHidden();
+      if (!abort.signal.aborted && periodMs > 0 && !due) timer = setTimeout(() => void run(), periodMs);
     };
+    const forget = onVisibility(() => {
+      if (!due || isHidden()) return;
+      due = false;
+      void run();
+    });
     void run();
     return () => {
+      forget();
       abort.abort();
       clearTimeout(timer);
     };

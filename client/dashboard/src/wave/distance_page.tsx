@@ -108,8 +108,8 @@ export function DistancePage(): JSX.Element {
     <h1 class="word"><span aria-hidden="true">{progress.symbol}</span> {progress.word}</h1>
     <p class={`huge${millimetres(progress.nowMm).length > 4 ? ' long' : ''}`}><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
     <LiveFigureRegion progress={progress} />
-    <p class="goal">{progress.targetMm === undefined ? '' : `target ${millimetres(progress.targetMm)} mm`}
-      {started !== undefined && now !== undefined && !stale && <span> · {span((now - started) / 1000)}</span>}</p>
+    <p class="goal">{[progress.targetMm === undefined ? '' : `target ${millimetres(progress.targetMm)} mm`,
+      started !== undefined && now !== undefined && !stale ? span((now - started) / 1000) : ''].filter(Boolean).join(' · ')}</p>
     <p class="do">{stale ? `${problem || 'The server does not answer.'} Last data ${span(control.ageMs() / 1000)} ago.`
       : capturing && advice !== '' ? `Wave ${advice}` : rig.session?.stop_reason ?? ''}</p>
     {!stale && alert !== '' && <p class="wrong">✕ {alert}</p>}

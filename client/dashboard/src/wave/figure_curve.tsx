@@ -59,7 +59,9 @@ export function FigureCurve({ history, targetMm, theme }: {
           const digit = value / 10 ** Math.floor(Math.log10(value) + 1e-9);
           return [1, 2, 5].some((step) => Math.abs(digit - step) < 0.01) ? millimetres(value).replace(/\.?0+$/, '') : '';
         }) }],
-      series: [{}, { stroke: colours.accent, width: 2, points: { show: false } },
+      series: [{}, { stroke: colours.accent, width: 2,
+        // A line of one point cannot be seen.
+        points: { show: (chart: uPlot) => chart.data[0].length < 3, size: 7, fill: colours.accent } },
         { stroke: colours.ink, width: 1.2, dash: [5, 4], points: { show: false } }],
     }, dataOf(history, targetMm), element);
     plot.current = chart;

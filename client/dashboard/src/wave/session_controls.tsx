@@ -3,9 +3,9 @@
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
 import { timeMs, toCount, toDuration } from '../api/json_values';
-import { createCalibration, createSession, deleteSession, startSession, stopSession } from '../api/server_api';
+import { createCalibration, createSession, discardSession, resumeSession, startSession, stopSession } from '../api/server_api';
 import type { Session } from '../api/types';
-import { Chip, Confirm, type Mark, Problem, WorkButton } from '../shell/parts';
+import { Chip, type Mark, Problem, WorkButton } from '../shell/parts';
 import { hashOf } from '../shell/route';
 import { changeSettings, readSettings } from '../shell/settings';
 import type { RigState } from '../live/live_merge';
@@ -19,6 +19,7 @@ const states: Record<string, readonly [Mark, string]> = {
 
 /** Symbol and word of a session's state. */
 export function sessionState(session: Session | undefined): readonly [Mark, string] {
+  if (session?.discard_time) return ['idle', 'thrown away'];
   return states[session?.state ?? ''] ?? ['idle', 'none'];
 }
 
@@ -38,11 +39,13 @@ function StartForm({ rig, onStarted }: { rig: RigState; onStarted: () => void })
   const [minSeconds, setMinSeconds] = useState(stored.minSeconds);
   const [title, setTitle] = useState('');
   const [goOn, setGoOn] = useState(false);
+  const [without, setWithout] = useState<ReadonlySet<string>>(new Set());
   const parsed = parseTarget(target);
   const until = optionalPositive(untilMm);
   const least = optionalPositive(minSeconds);
-  const before = rig.session?.state === 'STATE_FINISHED' ? rig.session : undefined;
-  const usable = rig.cameras.filter((camera) => camera.state !== 'STATE_OFFLINE').length;
+  const before = rig.session?.state === 'STATE_FINISHED' && !rig.session.discard_time ? rig.session : undefined;
+  const usable = rig.cameras.filter((camera) => camera.state !== 'STATE_OFFLINE').map((camera) => camera.camera ?? '');
+  const chosen = usable.filter((name) => !without.has(name));
   const start = async (): Promise<void> => {
     if (!parsed.target) throw new Error(parsed.problem);
     if (Number.isNaN(until)) throw new Error('The target error is a number of millimetres, or empty.');
@@ -51,6 +54,8 @@ function StartForm({ rig, onStarted }: { rig: RigState; onStarted: () => void })
     const session = await createSession({ rig: rig.rig || undefined, title: title || undefined,
       target: goOn && before?.target ? before.target : parsed.target,
       goal: until ? { until_mm: until, ...(least ? { min_duration: toDuration(least) } : {}) } : undefined,
+      // Without a choice those that are connected at the start take part.
+      camera_names: chosen.length < usable.length ? chosen : undefined,
       continues: goOn ? before?.id : undefined });
     await startSession(session.id ?? '');
     onStarted();
@@ -71,25 +76,35 @@ function StartForm({ rig, onStarted }: { rig: RigState; onStarted: () => void })
       {before && <label class="check wide"><input type="checkbox" checked={goOn}
         onChange={(event) => setGoOn(event.currentTarget.checked)} /> Go on with {before.id}: its recording counts, too</label>}
     </div>
+    {usable.length > 0 && <details class="cameras"><summary>Cameras: {chosen.length === usable.length ? `all ${usable.length}`
+      : `${chosen.length} of ${usable.length}`}</summary>
+      <div class="choices">{usable.map((name) => <label key={name} class="check"><input type="checkbox" checked={!without.has(name)}
+        onChange={(event) => {
+          const next = new Set(without);
+          if (event.currentTarget.checked) next.delete(name);
+          else next.add(name);
+          setWithout(next);
+        }} /> {name}</label>)}</div></details>}
     <div id="target-problem"><Problem text={goOn ? '' : parsed.problem} /></div>
-    <WorkButton kind="primary" work={start} disabled={!parsed.target || usable === 0}>Start capture</WorkButton>
-    {usable === 0 && <p class="hint">No camera is connected. <a href={hashOf('join')}>Connect a PC</a></p>}
+    <WorkButton kind="primary" work={start} disabled={!parsed.target || chosen.length === 0}>Start capture</WorkButton>
+    {usable.length > 0 && chosen.length === 0 && <p class="hint">No camera is chosen.</p>}
+    {usable.length === 0 && <p class="hint">No camera is connected. <a href={hashOf('join')}>Connect a PC</a></p>}
   </div>;
 }
 
 /** The session of the rig: state, start, stop, and what follows. */
-export function SessionControls({ rig, stale, onChange, onDelete }: {
-  rig: RigState; stale: boolean; onChange: () => void; onDelete: () => void;
+export function SessionControls({ rig, stale, onChange }: {
+  rig: RigState; stale: boolean; onChange: () => void;
 }): JSX.Element {
-  const [asking, setAsking] = useState(false);
   const [again, setAgain] = useState(false);
   const session = rig.session;
   const [mark, word] = sessionState(session);
   const started = timeMs(session?.start_time);
   const ended = timeMs(session?.stop_time) ?? timeMs(rig.time);
   const running = session?.state === 'STATE_CAPTURING';
-  const finished = session?.state === 'STATE_FINISHED';
-  const settings = !session || again;
+  const discarded = Boolean(session?.discard_time);
+  const finished = session?.state === 'STATE_FINISHED' && !discarded;
+  const settings = !session || discarded || again;
   return <div class="session">
     {session && <p class="line"><Chip mark={stale ? 'idle' : mark}>{stale ? 'not known' : word}</Chip>
       <span class="strong">{session.id}</span>{session.title && <span>{session.title}</span>}
@@ -102,7 +117,7 @@ export function SessionControls({ rig, stale, onChange, onDelete }: {
       onChange();
     }}>■ Stop capture</WorkButton>}
     {session?.state === 'STATE_DRAINING' && <p class="hint">Waiting for what is still on its way from the agents.</p>}
-    {session?.state === 'STATE_CREATED' && !again && <div class="buttons"><WorkButton kind="primary" work={async () => {
+    {session?.state === 'STATE_CREATED' && !discarded && !again && <div class="buttons"><WorkButton kind="primary" work={async () => {
       await startSession(session.id ?? '');
       onChange();
     }}>Start {session.id}</WorkButton></div>}
@@ -111,20 +126,26 @@ export function SessionControls({ rig, stale, onChange, onDelete }: {
         const calibration = await createCalibration([session.id ?? '']);
         location.hash = hashOf('result', calibration.id);
       }}>Calibrate</WorkButton>
+      <WorkButton work={async () => {
+        await resumeSession(session.id ?? '');
+        onChange();
+      }}>Resume</WorkButton>
       <button type="button" onClick={() => setAgain(true)}>New capture</button>
-      <button type="button" class="quiet" onClick={() => setAsking(true)}>Throw away</button>
+      <WorkButton kind="quiet" work={async () => {
+        await discardSession(session.id ?? '');
+        onChange();
+      }}>Throw away</WorkButton>
     </div>}
-    {session?.state === 'STATE_CREATED' && !again &&
+    {discarded && <div class="buttons"><span class="hint">Nothing of it is deleted.</span>
+      <WorkButton kind="quiet" work={async () => {
+        await discardSession(session?.id ?? '', true);
+        onChange();
+      }}>Take it back</WorkButton></div>}
+    {session?.state === 'STATE_CREATED' && !discarded && !again &&
       <button type="button" class="quiet" onClick={() => setAgain(true)}>Another session</button>}
     {settings && !running && <StartForm rig={rig} onStarted={() => {
       setAgain(false);
       onChange();
     }} />}
-    {asking && session && <Confirm question={`Delete session ${session.id}?`}
-      detail="Its observations are deleted from the server and cannot be brought back. Calibrations made from it stay."
-      verb="Delete" onYes={async () => {
-        await deleteSession(session.id ?? '');
-        onDelete();
-      }} onClose={() => setAsking(false)} />}
   </div>;
 }

@@ -17,6 +17,8 @@ import { OverlapMatrix } from './overlap_matrix';
 import { isCapturing, progressOf } from './progress';
 import { SessionControls } from './session_controls';
 
+/** So many have room for their matrix under the advice. */
+const fewCameras = 4;
 const noHistory: readonly LiveFigure[] = [];
 
 /** The page of whoever waves, or watches it. */
@@ -42,7 +44,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
   const needs = estimate?.needs ?? [];
   const age = timeMs(rig.time) !== undefined && timeMs(estimate?.time) !== undefined
     ? (timeMs(rig.time)! - timeMs(estimate?.time)!) / 1000 : undefined;
-  return <div class="wave">
+  return <div class={rig.cameras.length <= fewCameras ? 'wave few' : 'wave'}>
     <Panel name="figure" title="Expected error" aside={<a class="button" href={hashOf('distance')}>Distance mode</a>}>
       <div class={`big stage-${progress.stage}`}>
         <p class="number"><span class="digits">{stale ? missing : millimetres(progress.nowMm)}</span><span class="unit">mm</span></p>
@@ -55,8 +57,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       {volume && estimate && !estimate.scale_known && <p class="why">The scale is not known: there is no error in millimetres.</p>}
       <FigureCurve history={estimate?.history ?? noHistory} targetMm={progress.targetMm} theme={theme} />
       <dl class="facts">
-        <div class="fact"><dt>median</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
-        <div class="fact"><dt>worst place</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
+        <div class="fact" title="One sigma; the large figure is a bound that holds in 95 % of the places"><dt>median, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.median_mm)} mm`}</dd></div>
+        <div class="fact" title="One sigma"><dt>worst place, 1σ</dt><dd>{stale || !volume ? missing : `${millimetres(volume.worst_mm)} mm`}</dd></div>
         <div class="fact" title="Reprojection error on data that the estimate did not use, and what it would be if the estimate were right">
           <dt>held-out check</dt><dd>{!estimate?.held_out || stale ? missing
             : `${estimate.held_out.agrees ? '✓' : '▲'} ${fixed(estimate.held_out.rms_px ?? 0, 2)} of ${fixed(estimate.held_out.expected_rms_px ?? 0, 2)} px`}</dd></div>
@@ -64,7 +66,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
       </dl>
     </Panel>
     <Panel name="control" title="Session">
-      <SessionControls rig={rig} stale={stale} onChange={control.retryNow} onDelete={() => control.askAnew()} />
+      <SessionControls rig={rig} stale={stale} onChange={control.retryNow} />
     </Panel>
     <Panel name="advice" title="What next">
       {stale ? <p class="empty">Not known while the server does not answer.</p>
@@ -72,7 +74,8 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
           : capturing && advice.length > 0 ? <ol class="advice">{advice.map((one, i) => <li key={one.text} class={i === 0 ? 'first' : ''}>
             <span class="text">Wave {one.text}</span>
             {(one.expected_p95_mm ?? 0) > 0 && <span class="gain">5 s there: {millimetres(one.expected_p95_mm)} mm</span>}</li>)}</ol>
-            : <p class="empty">{capturing ? 'Wave the wand where two cameras see it.'
+            : <p class="empty">{capturing ? (estimate?.state === 'STATE_READY' ? 'No place stands out: wave everywhere that two cameras see.'
+              : 'Wave the wand where two cameras see it.')
               : rig.session?.state === 'STATE_FINISHED' ? 'Calibrate from this session, or go on with it in a new one.'
                 : 'Start a capture; advice on where to wave follows.'}</p>}
       <Alerts alerts={rig.alerts} nowMs={timeMs(rig.time)} />
@@ -83,7 +86,7 @@ export function WavePage({ theme }: { theme: string }): JSX.Element {
     </Panel>
     <Panel name="tiles" title={`Cameras (${rig.cameras.length})`} aside={<CoverageLegend />}>
       {rig.cameras.length === 0 ? <p class="empty">No camera is connected. <a href={hashOf('join')}>Connect a PC</a></p>
-        : <ul class="tilegrid">{rig.cameras.map((camera) => <CameraTile key={camera.camera} camera={camera}
+        : <ul class="tilegrid" style={{ maxWidth: `${rig.cameras.length * 24.6}rem` }}>{rig.cameras.map((camera) => <CameraTile key={camera.camera} camera={camera}
           alert={byCamera.get(camera.camera ?? '')} stale={stale} theme={theme} />)}</ul>}
     </Panel>
     <Panel name="overlap" title="Common instants of pairs">

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+import type { JSX } from 'preact';
+import { exportAddress, listExports } from '../api/server_api';
+import type { GetAccuracyResponse } from '../api/types';
+import { Problem, saveFile } from '../shell/parts';
+import { useLoaded } from '../shell/use_async';
+
+const names: Record<string, string> = { opencv: 'OpenCV YAML', json: 'JSON' };
+
+/** Every format in which the server exports a calibration, and what only this page has. */
+export function Downloads({ id, accuracy }: { id: string; accuracy: GetAccuracyResponse | undefined }): JSX.Element {
+  const exports = useLoaded(`exports ${id}`, (signal) => listExports(id, signal));
+  return <>
+    <Problem text={exports.problem} />
+    <ul class="exports">
+      {(exports.value?.formats ?? []).map((format) => <li key={format.name}>
+        {format.problem ? <span class="button off" aria-disabled="true">{names[format.name ?? ''] ?? format.name}</span>
+          : <a class="button" href={exportAddress(id, format.name ?? '')} download>{names[format.name ?? ''] ?? format.name}</a>}
+        <span class="hint">{format.problem ? `▲ ${format.problem}` : format.description}</span></li>)}
+      {accuracy && <li><button type="button" onClick={() =>
+        saveFile(`${id}-accuracy.json`, 'application/json', `${JSON.stringify(accuracy, null, 2)}\n`)}>Expected errors</button>
+        <span class="hint">the grid of this page, as JSON</span></li>}
+    </ul>
+    <p class="hint">In a terminal: <code>rigcal calibration export {id} --format … --output DIR</code></p>
+  </>;
+}

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/export/archive.h"
+#include "rigcal/v1/calibration.pb.h"
+
+namespace rigcal {
+
+// A format of exported calibrations. A new one is a row of the table in calibration_export.cc, and
+// then known to the server, the dashboard and the command line.
+struct CalibrationExportFormat {
+  const char* name;  // "opencv"
+  const char* help;  // what it writes
+  // The type of each file, as in HTTP.
+  const char* content_type;
+  // FAILED_PRECONDITION: the calibration has no result, or lacks what the format needs. DATA_LOSS:
+  // a camera of it cannot be written; it is named.
+  absl::StatusOr<std::vector<ExportFile>> (*make)(const rigcal::v1::Calibration& calibration);
+};
+std::span<const CalibrationExportFormat> CalibrationExportFormats();
+
+// INVALID_ARGUMENT: there is none of that name; the message lists them.
+absl::StatusOr<const CalibrationExportFormat*> FindCalibrationExportFormat(std::string_view name);
+
+// A file for somebody who downloads it.
+struct ExportDownload {
+  std::string file_name;
+  std::string content_type;
+  std::string content;
+};
+
+// In one file: several are packed into a ZIP archive. The errors are those of the format.
+absl::StatusOr<ExportDownload> MakeDownload(const CalibrationExportFormat& format,
+                                            const rigcal::v1::Calibration& calibration);
+
+// FAILED_PRECONDITION unless it has succeeded.
+absl::Status CheckHasResult(const rigcal::v1::Calibration& calibration);
+
+}  // namespace rigcal

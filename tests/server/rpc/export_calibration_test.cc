@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// Residuals and exports of stored calibrations, by gRPC and as JSON routes.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <future>
+#include <string>
+
+#include "common/wire/grpc_status.h"
+#include "tests/server/rpc/rpc_fixture.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::export_calibration_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::StatusIs;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+Calibration TwoCameras() {
+  Calibration calibration;
+  calibration.rig = "default";
+  calibration.state = CalibrationState::kSucceeded;
+  CalibrationResult result;
+  result.scale_known = true;
+  result.target.given.marker_positions_m = {0, 0.13, 0.39};
+  for (const char* const name : {"a", "b"}) {
+    CalibratedCamera camera;
+    camera.camera = name;
+    camera.image_size_px = {1280, 1024};
+    camera.intrinsics = {DistortionModel::kBrownConrady, 500, 500, 640, 512, {}};
+    result.cameras.push_back(camera);
+    CameraResiduals residuals;
+    residuals.camera = name;
+    residuals.image_size_px = camera.image_size_px;
+    residuals.vectors = {{10, 20, 0.5, -0.25, false}, {30, 40, 8, 0, true}};
+    residuals.bin_px = 0.5;
+    residuals.inlier_counts = {0, 7};
+    residuals.outlier_counts = {0, 1};
+    result.residuals.push_back(residuals);
+  }
+  calibration.result = result;
+  return calibration;
+}
+
+class ExportCalibration : public rigcal::testing::RpcFixture {
+ protected:
+  template <typename Response, typename Request, typename Method>
+  absl::StatusOr<Response> Ask(Method method, const Request& request) {
+    const auto stub = v1::CalibrationService::NewStub(channel());
+    grpc::ClientContext context;
+    Response response;
+    const absl::Status status = wire::FromGrpc((stub.get()->*method)(&context, request, &response));
+    if (!status.ok()) return status;
+    return response;
+  }
+  std::string Store(const Calibration& calibration) {
+    const absl::StatusOr<Calibration> stored = store().CreateCalibration(calibration);
+    EXPECT_THAT(stored, IsOk());
+    return stored.ok() ? stored->id : "";
+  }
+  absl::StatusOr<v1::GetResidualsResponse> Residuals(const std::string& id,
+                                                     const std::string& camera = "") {
+    v1::GetResidualsRequest request;
+    request.set_id(id);
+    request.set_camera(camera);
+    return Ask<v1::GetResidualsResponse>(&v1::CalibrationService::Stub::GetResiduals, request);
+  }
+  absl::StatusOr<v1::ExportCalibrationResponse> Export(const std::string& id,
+                                                       const std::string& format) {
+    v1::ExportCalibrationRequest request;
+    request.set_id(id);
+    request.set_format(format);
+    return Ask<v1::ExportCalibrationResponse>(&v1::CalibrationService::Stub::ExportCalibration,
+                                              request);
+  }
+};
+
+TEST_F(ExportCalibration, ResidualsOfAllOrOneCamera) {
+  const std::string id = Store(TwoCameras());
+  ASSERT_OK_AND_ASSIGN(const v1::GetResidualsResponse all, Residuals(id));
+  EXPECT_EQ(all.id(), id);
+  ASSERT_EQ(all.cameras_size(), 2);
+  const v1::CameraResiduals& first = all.cameras(0);
+  EXPECT_EQ(first.camera(), "a");
+  EXPECT_EQ(first.image_size_px().width(), 1280u);
+  EXPECT_THAT(first.x_px(), ElementsAre(10, 30));
+  EXPECT_THAT(first.dy_px(), ElementsAre(-0.25, 0));
+  EXPECT_THAT(first.outlier(), ElementsAre(false, true));
+  EXPECT_THAT(first.inlier_counts(), ElementsAre(0, 7));
+  EXPECT_THAT(first.outlier_counts(), ElementsAre(0, 1));
+  ASSERT_OK_AND_ASSIGN(const v1::GetResidualsResponse one, Residuals(id, "b"));
+  ASSERT_EQ(one.cameras_size(), 1);
+  EXPECT_EQ(one.cameras(0).camera(), "b");
+}
+
+TEST_F(ExportCalibration, SaysWhyThereAreNoResiduals) {
+  EXPECT_THAT(Residuals("c-000404"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("c-000404")));
+  EXPECT_THAT(Residuals(Store(TwoCameras()), "top"),
+              StatusIs(absl::StatusCode::kNotFound, HasSubstr("'top'")));
+  Calibration calibration = TwoCameras();
+  calibration.result->residuals.clear();
+  EXPECT_THAT(Residuals(Store(calibration)),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("calibrate")));
+  calibration.state = CalibrationState::kFailed;
+  calibration.result.reset();
+  EXPECT_THAT(Residuals(Store(calibration)),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("it failed")));
+}
+
+TEST_F(ExportCalibration, ListsFormatsWithWhatTheyLack) {
+  Calibration calibration = TwoCameras();
+  calibration.result->scale_known = false;
+  calibration.result->unit_camera = "b";
+  v1::ListExportsRequest request;
+  request.set_id(Store(calibration));
+  ASSERT_OK_AND_ASSIGN(const auto listed, Ask<v1::ListExportsResponse>(
+                                              &v1::CalibrationService::Stub::ListExports, request));
+  ASSERT_EQ(listed.formats_size(), 2);
+  EXPECT_EQ(listed.formats(0).name(), "opencv");
+  EXPECT_THAT(listed.formats(0).problem(), HasSubstr("scale"));
+  EXPECT_EQ(listed.formats(1).name(), "json");
+  EXPECT_THAT(listed.formats(1).problem(), IsEmpty());
+}
+
+TEST_F(ExportCalibration, GivesEachFormatAsAFile) {
+  const std::string id = Store(TwoCameras());
+  ASSERT_OK_AND_ASSIGN(const auto zip, Export(id, "opencv"));
+  EXPECT_EQ(zip.file_name(), id + "-opencv.zip");
+  EXPECT_EQ(zip.content_type(), "application/zip");
+  EXPECT_THAT(zip.content(), StartsWith("PK"));
+  ASSERT_OK_AND_ASSIGN(const auto json, Export(id, "json"));
+  EXPECT_THAT(json.content(), HasSubstr("\"image_size_px\""));
+  EXPECT_THAT(Export(id, "nothing"),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("opencv, json")));
+  EXPECT_THAT(Export("c-000404", "json"), StatusIs(absl::StatusCode::kNotFound, HasSubstr("404")));
+}
+
+TEST_F(ExportCalibration, RoutesServeTheFileWithItsNameAndType) {
+  const std::string id = Store(TwoCameras());
+  const std::unique_ptr<ApiGateway> gateway = rpc_->MakeApiGateway();
+  const ApiMatch match = MatchApiRoute("GET", "/v1/calibrations/" + id + "/exports/opencv");
+  ASSERT_NE(match.route, nullptr);
+  std::promise<ApiGateway::Work> work;
+  gateway->Call({.route = match.route,
+                 .variables = match.variables,
+                 .parameters = {},
+                 .body = "",
+                 .known_etag = "",
+                 .peer = {},
+                 .address = "127.0.0.1"},
+                [&](ApiGateway::Work made) { work.set_value(std::move(made)); });
+  const ApiAnswer answer = work.get_future().get()();
+  ASSERT_THAT(answer.status, IsOk());
+  EXPECT_THAT(answer.body->text, StartsWith("PK"));
+  EXPECT_EQ(answer.content_type, "application/zip");
+  EXPECT_EQ(answer.file_name, id + "-opencv.zip");
+  EXPECT_THAT(answer.info, IsEmpty());
+}
+
+}  // namespace
+}  // namespace rigcal::server::export_calibration_test

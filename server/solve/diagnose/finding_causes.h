@@ -29,7 +29,7 @@ struct Repair {
 // before and after, and the other way round. The one that takes away most goes first, and the
 // others are tried on what is left.
 Repair RepairClocks(const CauseInput& input);       // where offsets were kept as given
-Repair RepairIntrinsics(const CauseInput& input);   // where they were kept as given
+Repair RepairIntrinsics(const CauseInput& input);   // kept as given, or held by their priors
 Repair RepairMovedCamera(const CauseInput& input);  // one camera at a time
 Repair RepairRollingShutters(const CauseInput& input);
 Repair RepairClockCourse(const CauseInput& input);  // of the one clock that pulls most
@@ -37,6 +37,7 @@ Repair RepairClockCourse(const CauseInput& input);  // of the one clock that pul
 // What was found and taken out by the solve itself, and what is no matter of the residuals.
 std::vector<Cause> FindClockOffsets(const CauseInput& input);
 std::vector<Cause> FindFarIntrinsics(const CauseInput& input);
+std::vector<Cause> FindPriorIntrinsics(const CauseInput& input);
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input);
 std::vector<Cause> FindWrongWandLength(const CauseInput& input);
 std::vector<Cause> FindUnseenEdges(const CauseInput& input);

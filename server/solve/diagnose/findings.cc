@@ -20,10 +20,10 @@ using RepairFunction = Repair (*)(const CauseInput&);
 constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics, RepairMovedCamera,
                                        RepairRollingShutters, RepairClockCourse};
 using CauseFunction = std::vector<Cause> (*)(const CauseInput&);
-constexpr CauseFunction kCauses[] = {FindClockOffsets,    FindFarIntrinsics, FindFlippedMarkers,
-                                     FindWrongWandLength, FindUnseenEdges,   FindWeakLinks,
-                                     FindNarrowBaselines, FindLoosePoses,    FindTooLittleData,
-                                     FindOutliersInSpan,  FindOddCameras};
+constexpr CauseFunction kCauses[] = {FindClockOffsets,   FindPriorIntrinsics, FindFarIntrinsics,
+                                     FindFlippedMarkers, FindWrongWandLength, FindUnseenEdges,
+                                     FindWeakLinks,      FindNarrowBaselines, FindLoosePoses,
+                                     FindTooLittleData,  FindOutliersInSpan,  FindOddCameras};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
@@ -89,12 +89,12 @@ bool IsCauseOfError(FindingKind kind) {
     case FindingKind::kClockJump:
     case FindingKind::kClockDrift:
     case FindingKind::kWrongIntrinsics:
+    case FindingKind::kIntrinsicsFromPrior:
     case FindingKind::kCameraMoved:
     case FindingKind::kRollingShutter:
     case FindingKind::kFlippedLabels:
     case FindingKind::kWrongWandLength:
     case FindingKind::kLoosePose:
-    case FindingKind::kNoisyCamera:
       return true;
     default:
       return false;

@@ -32,6 +32,7 @@ constexpr double kFitsPx = 3, kNoisePx = 20;
 constexpr double kMirrorGain = 0.4;
 constexpr double kResectThresholdPx = 12;
 constexpr double kMinAgreeing = 0.3;
+constexpr double kNoPosePx = 100;  // where no pose is found at all
 
 double RootErrorPx(const BundleProblem& problem, size_t camera) {
   std::vector<double> errors_px;
@@ -108,23 +109,6 @@ double BestResectionPx(const std::vector<TimedMarker>& points, const TrackPaths&
   return best_px;
 }
 
-RigObservations Without(const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
-                        size_t camera, std::vector<ClockCorrection>* remaining) {
-  RigObservations rest;
-  rest.target = rig.target;
-  for (size_t t = 0; t < rig.tracks.size(); ++t) {
-    if (rig.index.camera_of_track[t] == static_cast<int>(camera)) continue;
-    rest.tracks.push_back(rig.tracks[t]);
-  }
-  rest.index = IndexRig(rest.tracks, remaining);
-  for (size_t t = 0, own = 0; t < rig.tracks.size(); ++t) {
-    if (rig.index.camera_of_track[t] == static_cast<int>(camera)) continue;
-    (*remaining)[static_cast<size_t>(rest.index.clock_of_track[own++])] =
-        clocks[static_cast<size_t>(rig.index.clock_of_track[t])];
-  }
-  return rest;
-}
-
 // `own`: the rig with the camera; `solution`: of any rig in whose times its rows are.
 OddCamera Judge(const RigObservations& own, const std::vector<ClockCorrection>& clocks,
                 const RigSolution& solution, const std::vector<TimedMarker>& points,
@@ -148,6 +132,8 @@ OddCamera Judge(const RigObservations& own, const std::vector<ClockCorrection>& 
                         MirroredPaths(paths, *description.intrinsics, description.image_size_px),
                         origin_ns));
   }
+  odd.error_px = std::min(odd.error_px, kNoPosePx);
+  odd.mirrored_px = std::min(odd.mirrored_px, kNoPosePx);
   if (odd.error_px < kFitsPx && odd.error_px < 4 * std::max(0.3, others_px)) return odd;
   if (odd.mirrored_px < 2 * kFitsPx && odd.mirrored_px < kMirrorGain * odd.error_px) {
     odd.kind = FindingKind::kMirroredImage;
@@ -193,13 +179,31 @@ OddCamera JudgeCamera(const RigObservations& rig, const RigSolution& solution,
                MedianErrorPx(problem, camera));
 }
 
+RigObservations WithoutCamera(const RigObservations& rig,
+                              const std::vector<ClockCorrection>& clocks, size_t camera,
+                              std::vector<ClockCorrection>* remaining) {
+  RigObservations rest;
+  rest.target = rig.target;
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    if (rig.index.camera_of_track[t] == static_cast<int>(camera)) continue;
+    rest.tracks.push_back(rig.tracks[t]);
+  }
+  rest.index = IndexRig(rest.tracks, remaining);
+  for (size_t t = 0, own = 0; t < rig.tracks.size(); ++t) {
+    if (rig.index.camera_of_track[t] == static_cast<int>(camera)) continue;
+    (*remaining)[static_cast<size_t>(rest.index.clock_of_track[own++])] =
+        clocks[static_cast<size_t>(rig.index.clock_of_track[t])];
+  }
+  return rest;
+}
+
 OddCamera FindOddCamera(const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
                         const RigSolveOptions& options) {
   const size_t count = rig.index.cameras.size();
   if (count < kMinCameras) return {};
   for (size_t c = 0; c < std::min(count, kMaxCandidates); ++c) {
     std::vector<ClockCorrection> remaining;
-    const RigObservations rest = Without(rig, clocks, c, &remaining);
+    const RigObservations rest = WithoutCamera(rig, clocks, c, &remaining);
     RigSolveOptions without = options;
     const std::string& reference =
         rig.index.cameras[static_cast<size_t>(options.reference_camera)].camera;

@@ -25,6 +25,11 @@ struct OddCamera {
 OddCamera JudgeCamera(const RigObservations& rig, const RigSolution& solution,
                       const std::string& camera);
 
+// The rig without one of its cameras (by index), and the clocks of what remains.
+RigObservations WithoutCamera(const RigObservations& rig,
+                              const std::vector<ClockCorrection>& clocks, size_t camera,
+                              std::vector<ClockCorrection>* remaining);
+
 // For a rig that cannot be solved: solves it without each of its cameras in turn (of at most 10, in
 // rigs of at least four), and judges the first one without which the others agree.
 OddCamera FindOddCamera(const RigObservations& rig, const std::vector<ClockCorrection>& clocks,

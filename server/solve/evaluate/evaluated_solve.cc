@@ -262,11 +262,10 @@ void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
 
 }  // namespace
 
-absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
-                                                   const std::vector<ClockCorrection>& clocks,
-                                                   const RigSolveOptions& base,
-                                                   const CalibrationOptions& options,
-                                                   const RigInitialization* given) {
+absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
+    const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
+    const RigSolveOptions& base, const CalibrationOptions& options, const RigInitialization* given,
+    const std::function<absl::Status(const RigSolution& solution)>& check) {
   EvaluatedSolution result;
   result.options = base;
   RigSolveOptions first = base;
@@ -277,6 +276,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
   RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
   RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
+  if (check) RIGCAL_RETURN_IF_ERROR(check(result.solution));
   if (base.estimate_time_offsets) {
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
     TakeBack(rig, first, &result.solution);
@@ -322,9 +322,9 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
     RIGCAL_ASSIGN_OR_RETURN(result.solution,
                             SolveRig(rig, initial.clocks, result.options, &initial));
   }
-  // Kept intrinsics are as uncertain as the data leaves them.
+  // Kept intrinsics are as uncertain as the data leaves them, also where they are asked for.
   std::optional<FoldPoses> refined;
-  if (choose && !result.options.refine_intrinsics) {
+  if (!result.options.refine_intrinsics) {
     RigSolveOptions with_refined = result.options;
     with_refined.refine_intrinsics = true;
     with_refined.progress = AllAs(CalibrationStage::kEvaluating, base);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -32,11 +33,12 @@ struct EvaluatedSolution {
 //
 // Clock rates are estimated where at least one of them is significantly not zero.
 // The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong
-// offset (time_check.h) and for a wrong minimum (restart.h).
-absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
-                                                   const std::vector<ClockCorrection>& clocks,
-                                                   const RigSolveOptions& base,
-                                                   const CalibrationOptions& options,
-                                                   const RigInitialization* given = nullptr);
+// offset (time_check.h) and for a wrong minimum (restart.h), and then by `check`, whose error is
+// passed on: what cannot become right is not worth the rest.
+absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
+    const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
+    const RigSolveOptions& base, const CalibrationOptions& options,
+    const RigInitialization* given = nullptr,
+    const std::function<absl::Status(const RigSolution& solution)>& check = {});
 
 }  // namespace rigcal::server

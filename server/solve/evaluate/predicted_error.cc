@@ -79,6 +79,7 @@ PredictedError PredictError(const RigSolution& solution, const RigSolveOptions& 
   error.accepted_m = accept_m > 0 ? accept_m : kAcceptedShare * error.distance_m;
   error.instant_count = UsedInstants(problem);
   error.block_count = CountBlocks(solution.built);
+  error.fold_count = static_cast<int>(folds.size());
   const size_t count = problem.cameras.size();
   const auto centre_m = [&problem](size_t c) {
     return problem.cameras[c].cam_from_rig.SourceFromTargetTranslation();

@@ -33,6 +33,7 @@ struct PredictedError {
   double distance_m = 0;  // of the cameras from the middle of the waved volume, median
   int instant_count = 0;
   int block_count = 0;  // blocks of time in which the target was placed a few times
+  int fold_count = 0;   // parts of the data that could be solved by themselves
   // False: residuals over so little time say nothing about what they have in common, such as the
   // same part of each image, and neither sigma holds.
   bool holds = false;

@@ -12,6 +12,9 @@
 namespace rigcal::server {
 namespace {
 
+// Of the focal length: as wrong are the distances from the camera.
+constexpr double kHeldFocalPercent = 1;
+
 // Collects what speaks against each grade.
 class GradeBuilder {
  public:
@@ -100,11 +103,21 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kOutliersInSpan:
       return warning(
           absl::StrCat(who, " disagrees with the others during a part of the recording"));
+    case FindingKind::kIntrinsicsFromPrior:
+      return {
+          finding.value > kHeldFocalPercent ? FindingSeverity::kError : FindingSeverity::kWarning,
+          absl::StrCat(who,
+                       ": its intrinsics are what was given more than what the data say "
+                       "(see findings)")};
+    // A camera that was left out is no part of what is graded.
     case FindingKind::kNoisyCamera:
+      if (!camera) return warning("");
       return warning(absl::StrCat(who, " is much noisier than the others"));
     case FindingKind::kMirroredImage:
+      if (!camera) return warning("");
       return {FindingSeverity::kError, absl::StrCat("the image of ", who, " is mirrored")};
     case FindingKind::kInconsistentCamera:
+      if (!camera) return warning("");
       return {FindingSeverity::kError, absl::StrCat(who, " agrees with no other camera")};
     case FindingKind::kRollingShutter:
       return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
@@ -130,6 +143,23 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
   return {};
 }
 
+// Refined intrinsics that are far from the given ones in most cameras: those were guessed, and the
+// priors pull all of them in the same direction.
+void EvaluateIntrinsics(const CalibrationResult& result, GradeBuilder* grade_builder) {
+  const auto far = std::ranges::count_if(result.findings, [&result](const Finding& finding) {
+    return finding.kind == FindingKind::kWrongIntrinsics && !finding.candidate &&
+           std::ranges::any_of(result.cameras, [&finding](const CalibratedCamera& camera) {
+             return camera.camera == finding.camera && camera.intrinsics_refined;
+           });
+  });
+  if (2 * far <= static_cast<std::ptrdiff_t>(result.cameras.size())) return;
+  grade_builder->Add(
+      QualityGrade::kUsable,
+      absl::StrFormat("the refined intrinsics of %d of %d cameras are far from the given ones, "
+                      "which hold them still: if those were guessed, calibrate the lenses",
+                      far, result.cameras.size()));
+}
+
 void EvaluateTarget(const CalibratedTarget& target, GradeBuilder* grade_builder) {
   const double whole_m = target.marker_positions_m.empty() ? 0 : target.marker_positions_m.back();
   if (!(whole_m > 0)) return;
@@ -148,8 +178,10 @@ void EvaluatePrediction(const PredictedError& predicted, double unit_mm, const s
     grade_builder->Add(
         QualityGrade::kBad,
         absl::StrFormat("too little data to say how accurate it is: %d instants in %d blocks of 2 "
-                        "s, at least 60 in 4 are needed; record longer",
-                        predicted.instant_count, predicted.block_count));
+                        "s (at least 60 in 4 are needed), of which %d of 4 parts were solved%s; "
+                        "record longer, and turn the wand",
+                        predicted.instant_count, predicted.block_count, predicted.fold_count,
+                        std::isfinite(predicted.stated_m) ? "" : ", and no uncertainty is known"));
     return;
   }
   const QualityLimit limit = {kQualityLimits.predicted_error.good * predicted.accepted_m,
@@ -199,6 +231,7 @@ Quality GradeQuality(const CalibrationResult& result,
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
   GradeFigures(result, predicted, &grade_builder);
+  EvaluateIntrinsics(result, &grade_builder);
   for (const Finding& finding : result.findings) {
     if (finding.candidate) continue;
     if (predicted) EvaluateSpans(result, *predicted, finding, &grade_builder);

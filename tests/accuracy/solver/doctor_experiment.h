@@ -19,7 +19,8 @@ namespace rigcal::accuracy {
 // A recording with what a perfect calibration of it would give.
 struct DoctorPatient {
   server::CalibrationInput input;
-  std::string camera;  // the one to disturb
+  std::string camera;        // the one to disturb
+  std::string other_camera;  // the second one, where two are
   // The true poses, in the frame of the camera with the lowest name.
   std::map<std::string, RigidTransform> cam_from_rig;
   std::set<std::string> known;  // "kind:camera" of what is found without a disturbance, and true
@@ -34,6 +35,8 @@ struct Disturbance {
   bool of_one_camera = true;        // and finding or message must name it
   bool of_clock = false;            // of that camera: an offset of it is no wrong cause
   std::function<void(uint32_t seed, DoctorPatient* patient)> apply;
+  CalibrationOptions options = {};
+  bool all_causes = false;  // each of them must be named: several things are wrong
 };
 
 // The first one is the clean recording.
@@ -50,9 +53,11 @@ struct Diagnosis {
   QualityGrade grade = QualityGrade::kNotEvaluated;  // of a result
   bool named = false;                                // the right cause
   std::vector<std::string> wrong;                    // causes named that are not there
+  std::set<FindingKind> kinds;                       // of the causes named
+  double cpu_s = 0;                                  // of its thread
   double error_m = 0;    // of the camera positions, root of mean square, against the truth
   double error_rel = 0;  // by the patient's distance
-  double sigmas = 0;     // by the stated sigma, scale included
+  double sigmas = 0;     // of the shape by its stated sigma, or of the scale by its own: the larger
   // Graded good with an error above 1 % of the distance, or above three stated sigmas.
   bool falsely_good = false;
   bool falsely_usable = false;    // graded usable with more than 1 %

@@ -53,6 +53,20 @@ TEST(DoctorTest, ClockThatJumpedIsNamedAndNothingElse) {
   EXPECT_NE(diagnosis.grade, QualityGrade::kGood);
 }
 
+TEST(DoctorTest, TurnOfATenthOfADegreeIsNamedAndNothingElse) {
+  const Diagnosis diagnosis = DiagnoseSimulated("turned 0.10 degrees half-way", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_EQ(diagnosis.grade, QualityGrade::kBad);
+}
+
+TEST(DoctorTest, CameraThatSpoilsTheOthersIsLeftOut) {
+  const Diagnosis diagnosis = DiagnoseSimulated("one camera reversed", kFirstSeed);
+  EXPECT_THAT(diagnosis.status, IsOk());
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_LT(diagnosis.error_rel, 0.01);
+}
+
 TEST(DoctorTest, WrongSpacingIsNamedAndNotUsable) {
   const Diagnosis diagnosis = DiagnoseSimulated("wand's end 10 mm off", kFirstSeed);
   EXPECT_TRUE(diagnosis.named);

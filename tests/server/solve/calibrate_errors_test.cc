@@ -60,13 +60,23 @@ TEST(CalibrateErrors, AWandThatWasHardlyMovedIsNamedWithWhereItWas) {
 }
 
 TEST(CalibrateErrors, ACameraThatContradictsAllOthersIsNamedWithTheLikelyCauses) {
-  CalibrationInput input = Input("cameras=4;duration=20");
-  input.tracks[2].observations = Input("cameras=4;duration=20;seed=9").tracks[2].observations;
+  // Of three, none is left out: two are no rig to judge the third by.
+  CalibrationInput input = Input("cameras=3;duration=20");
+  input.tracks[2].observations = Input("cameras=3;duration=20;seed=9").tracks[2].observations;
   EXPECT_THAT(Calibrate(input, {}).result,
               StatusIs(absl::StatusCode::kFailedPrecondition,
                        AllOf(HasSubstr("{sim_2 (500 wand views)}"), HasSubstr("and sim_2 would"),
                              HasSubstr("clocks that are apart"), HasSubstr("intrinsics"),
                              HasSubstr("marker positions"))));
+}
+
+TEST(CalibrateErrors, ACameraThatContradictsThreeOthersIsLeftOut) {
+  CalibrationInput input = Input("cameras=4;duration=20");
+  input.tracks[2].observations = Input("cameras=4;duration=20;seed=9").tracks[2].observations;
+  const CalibrationOutcome outcome = Calibrate(input, {});
+  ASSERT_THAT(outcome.result, IsOk());
+  EXPECT_EQ(outcome.result->cameras.size(), 3);
+  EXPECT_THAT(KindsOf(*outcome.result), Contains(FindingKind::kInconsistentCamera).Times(1));
 }
 
 TEST(CalibrateErrors, CamerasThatRanAtOtherTimesAreNamedWithTheTimeBetween) {

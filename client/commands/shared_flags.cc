@@ -87,6 +87,12 @@ void AddCalibrationOptions(CLI::App* app, CalibrationOptions* options) {
          "cameras' own periods")
       ->type_name("MS")
       ->check(NumberBetween(1e-6, 1e6));
+  app->add_option_function<double>(
+         "--accept-mm", [options](double accept_mm) { options->accept_m = accept_mm / 1000; },
+         "Largest error that is acceptable, mm: a result with a larger predicted error is graded "
+         "bad; without it 1 % of the cameras' median distance from the waved volume")
+      ->type_name("MM")
+      ->check(NumberBetween(1e-3, 1e6));
   AddParsedOption(
       app, "--distance", "CAMERA,CAMERA,METRES[,SIGMA_M]", &options->known_distance, ParseDistance,
       "Measured distance between the optical centres of two cameras, metres, and its one sigma "

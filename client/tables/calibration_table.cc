@@ -90,7 +90,8 @@ std::string FormatFindings(const v1::Calibration& calibration) {
     TextTable table;
     table.Words({"finding", "severity", "camera"}).Numbers({"value"}).Words({"unit", "advice"});
     for (const v1::Finding& finding : calibration.findings()) {
-      table.AddRow({EnumWord(finding.kind()), EnumWord(finding.severity()),
+      table.AddRow({EnumWord(finding.kind()),
+                    finding.candidate() ? "candidate" : EnumWord(finding.severity()),
                     finding.camera().empty() ? "(all)" : finding.camera(),
                     absl::StrFormat("%.4g", finding.value()), finding.unit(), finding.advice()});
     }

@@ -108,6 +108,9 @@ struct Finding {
   std::string unit;
   std::string advice;
   FindingSeverity severity = FindingSeverity::kInfo;
+  // A possible cause of a result too bad for figures to hold: `value` is how much of the mean
+  // reprojection error it would explain, pixels.
+  bool candidate = false;
 };
 
 // Which solver adjusted a calibration: the kernel for lines and points, or the general one.
@@ -118,6 +121,10 @@ enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, k
 struct Quality {
   QualityGrade grade = QualityGrade::kNotEvaluated;
   std::vector<std::string> reasons;
+  // Predicted error of the camera positions, one sigma, and the largest that is acceptable
+  // (CalibrationOptions::accept_m). In units of the result; 0: not known.
+  double predicted_error_m = 0;
+  double accepted_error_m = 0;
 };
 
 // The box, along the axes of the rig frame, in which nearly all of the wand's ends were (the

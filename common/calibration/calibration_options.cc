@@ -12,6 +12,7 @@ namespace {
 constexpr double kMaxSigmaPx = 100;
 constexpr double kMaxAssociationToleranceS = 10;
 constexpr double kMaxDistanceM = 10'000;
+constexpr double kMaxAcceptM = 1'000;
 
 void CheckEstimate(const char* name, Estimate value, FaultList* faults) {
   if (static_cast<uint8_t>(value) > static_cast<uint8_t>(Estimate::kAuto)) {
@@ -59,6 +60,7 @@ absl::Status CalibrationOptions::Validate() const {
   CheckRange("sigma_px", sigma_px, kMaxSigmaPx, "as observed", &faults);
   CheckRange("association_tolerance_s", association_tolerance_s, kMaxAssociationToleranceS,
              "from the cameras' periods", &faults);
+  CheckRange("accept_m", accept_m, kMaxAcceptM, "1 % of the cameras' distance", &faults);
   if (known_distance) CheckDistance(*known_distance, &faults);
   return faults.Result("calibration options: ");
 }

@@ -39,6 +39,9 @@ struct CalibrationOptions {
   double association_tolerance_s = 0;  // of two observations of one instant; 0 = from the periods
   uint32_t seed = 0;                   // of every random choice
   std::optional<KnownDistance> known_distance;  // the scale, for a target of one marker
+  // Largest acceptable error, metres: with a larger predicted error the result is bad. 0: 1 % of
+  // the median distance of the cameras from the middle of the waved volume.
+  double accept_m = 0;
 
   friend bool operator==(const CalibrationOptions&, const CalibrationOptions&) = default;
   absl::Status Validate() const;

@@ -188,10 +188,13 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
     out->set_value(finding.value);
     out->set_unit(finding.unit);
     out->set_advice(finding.advice);
+    out->set_candidate(finding.candidate);
   }
   proto->set_observation_digest(result.observation_digest);
   proto->mutable_quality()->set_grade(static_cast<v1::Quality::Grade>(result.quality.grade));
   Copy(result.quality.reasons, proto->mutable_quality()->mutable_reasons());
+  proto->mutable_quality()->set_predicted_error_m(result.quality.predicted_error_m);
+  proto->mutable_quality()->set_accepted_error_m(result.quality.accepted_error_m);
   proto->mutable_run()->set_iteration_count(result.iteration_count);
   proto->set_solver_path(static_cast<v1::SolverPath>(result.solver_path));
   if (result.wand_volume) {
@@ -215,7 +218,8 @@ absl::StatusOr<Finding> FindingFromProto(const v1::Finding& proto) {
                  proto.value(),
                  proto.unit(),
                  proto.advice(),
-                 static_cast<FindingSeverity>(proto.severity())};
+                 static_cast<FindingSeverity>(proto.severity()),
+                 proto.candidate()};
 }
 
 SolverPath FromProto(v1::SolverPath path) {
@@ -246,6 +250,8 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
   }
   result.quality.grade = static_cast<QualityGrade>(proto.quality().grade());
   Copy(proto.quality().reasons(), &result.quality.reasons);
+  result.quality.predicted_error_m = proto.quality().predicted_error_m();
+  result.quality.accepted_error_m = proto.quality().accepted_error_m();
   result.iteration_count = proto.run().iteration_count();
   result.solver_path = FromProto(proto.solver_path());
   if (proto.has_wand_volume()) {
@@ -267,6 +273,7 @@ v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
   proto.set_sigma_px(options.sigma_px);
   proto.set_association_tolerance_s(options.association_tolerance_s);
   proto.set_seed(options.seed);
+  proto.set_accept_m(options.accept_m);
   if (options.known_distance) {
     v1::KnownDistance* known = proto.mutable_known_distance();
     known->set_camera_a(options.known_distance->camera_a);
@@ -294,6 +301,7 @@ absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto
   options.sigma_px = proto.sigma_px();
   options.association_tolerance_s = proto.association_tolerance_s();
   options.seed = proto.seed();
+  options.accept_m = proto.accept_m();
   if (proto.has_known_distance()) {
     const v1::KnownDistance& known = proto.known_distance();
     options.known_distance = {known.camera_a(), known.camera_b(), known.distance_m(),

@@ -16,9 +16,13 @@
 #include "common/status/status_macros.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
+#include "server/associate/stamp_units.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/time_search.h"
+#include "server/solve/diagnose/odd_camera.h"
 #include "server/solve/evaluate/evaluated_solve.h"
+#include "server/solve/evaluate/quality_gate.h"
+#include "server/solve/evaluate/restart.h"
 
 namespace rigcal::server {
 namespace {
@@ -229,13 +233,27 @@ absl::Status WithPeriod(const absl::Status& failed, double period_s) {
                       period_s)));
 }
 
+// A mirrored image fits with no pose: told before everything is tried on it.
+absl::Status CheckMirrored(const RigObservations& rig, const RigSolution& solution) {
+  const BundleProblem& problem = solution.built.problem;
+  const std::vector<int> doubted = MeasureAgreement(problem).doubted;
+  if (doubted.empty() || 2 * doubted.size() > problem.cameras.size()) return absl::OkStatus();
+  const OddCamera odd =
+      JudgeCamera(rig, solution, problem.cameras[static_cast<size_t>(doubted.front())].name);
+  if (odd.kind != FindingKind::kMirroredImage) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat("camera ", odd.camera, ": ", odd.advice));
+}
+
 // From the clocks as the search leaves them; where that cannot be solved, from the clocks as given:
 // a search that went wrong must not cost a rig that was aligned.
 absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
                                                  const std::vector<ClockCorrection>& clocks,
                                                  const RigSolveOptions& solve,
                                                  const CalibrationOptions& options) {
-  if (!solve.estimate_time_offsets) return SolveAndEvaluate(rig, clocks, solve, options);
+  const auto check = [&rig](const RigSolution& solution) { return CheckMirrored(rig, solution); };
+  if (!solve.estimate_time_offsets) {
+    return SolveAndEvaluate(rig, clocks, solve, options, nullptr, check);
+  }
   const auto progress = [&solve](double fraction) {
     solve.progress(CalibrationStage::kSearchingTimeOffsets, fraction);
   };
@@ -244,7 +262,8 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
   RIGCAL_RETURN_IF_ERROR(SearchTimeOffsets(rig, solve.reference_camera, {progress, solve.cancelled},
                                            &found, &searched));
   RIGCAL_RETURN_IF_ERROR(CheckDecided(rig, searched));
-  absl::StatusOr<EvaluatedSolution> evaluated = SolveAndEvaluate(rig, found, solve, options);
+  absl::StatusOr<EvaluatedSolution> evaluated =
+      SolveAndEvaluate(rig, found, solve, options, nullptr, check);
   if (evaluated.ok()) AddSearchFindings(rig, searched, &evaluated->findings);
   const bool moved = !std::equal(found.begin(), found.end(), clocks.begin(),
                                  [](const ClockCorrection& a, const ClockCorrection& b) {
@@ -252,11 +271,114 @@ absl::StatusOr<EvaluatedSolution> SearchAndSolve(const RigObservations& rig,
                                  });
   if (!absl::IsFailedPrecondition(evaluated.status())) return evaluated;
   if (moved) {
-    absl::StatusOr<EvaluatedSolution> as_given = SolveAndEvaluate(rig, clocks, solve, options);
+    absl::StatusOr<EvaluatedSolution> as_given =
+        SolveAndEvaluate(rig, clocks, solve, options, nullptr, check);
     if (as_given.ok() || absl::IsCancelled(as_given.status())) return as_given;
   }
   if (searched.period_s > 0) return WithPeriod(evaluated.status(), searched.period_s);
   return evaluated;
+}
+
+RigSolveOptions SolveOptionsOf(const RigObservations& rig, const CalibrationOptions& options,
+                               const CalibrationHooks& hooks,
+                               const std::map<std::string, CameraCounts>& counts) {
+  RigSolveOptions solve;
+  solve.reference_camera = CameraIndex(rig.index, options.reference_camera);
+  solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
+  solve.estimate_marker_positions =
+      options.marker_positions != Estimate::kFixed && rig.target.marker_count() > 1;
+  if (options.known_distance) {
+    const KnownDistance& known = *options.known_distance;
+    solve.known_distance = BundleDistance{CameraIndex(rig.index, known.camera_a),
+                                          CameraIndex(rig.index, known.camera_b), known.distance_m,
+                                          kDistanceHold * known.distance_m};
+    solve.known_distance_sigma_m = known.SigmaM();
+  }
+  solve.sigma_px = options.sigma_px;
+  solve.tolerance_s = options.association_tolerance_s;
+  solve.seed = options.seed;
+  solve.progress = [&hooks](CalibrationStage stage, double fraction) {
+    if (hooks.progress) hooks.progress(stage, fraction);
+  };
+  solve.cancelled = hooks.cancelled;
+  for (const CameraDescription& camera : rig.index.cameras) {
+    solve.camera_notes.push_back(absl::StrCat(counts.at(camera.camera).wand_count, " wand views"));
+  }
+  return solve;
+}
+
+// A calibration before it is published.
+struct Solved {
+  EvaluatedSolution evaluated;
+  CalibrationResult result;
+  RefusalCounter refused;  // what was left out by it, and before
+};
+
+absl::StatusOr<Solved> SolveAndReport(const RigObservations& rig,
+                                      const std::vector<ClockCorrection>& clocks,
+                                      const RigSolveOptions& solve,
+                                      const CalibrationOptions& options,
+                                      const std::map<std::string, CameraCounts>& counts,
+                                      const RefusalCounter& refused) {
+  Solved solved;
+  RIGCAL_ASSIGN_OR_RETURN(solved.evaluated, SearchAndSolve(rig, clocks, solve, options));
+  solve.progress(CalibrationStage::kReporting, 1);
+  solved.refused = refused;
+  RIGCAL_ASSIGN_OR_RETURN(
+      solved.result, ReportCalibration({rig, solved.evaluated, options, counts}, &solved.refused));
+  return solved;
+}
+
+// The one camera that spoils a rig: it cannot be solved with it, or agrees with no pose of it.
+OddCamera SpoilingCamera(const absl::StatusOr<Solved>& solved, const RigObservations& rig,
+                         const std::vector<ClockCorrection>& clocks, const RigSolveOptions& solve) {
+  if (absl::IsFailedPrecondition(solved.status())) return FindOddCamera(rig, clocks, solve);
+  OddCamera odd;
+  if (!solved.ok()) return odd;
+  int count = 0;
+  for (const Finding& finding : solved->result.findings) {
+    if (finding.candidate || (finding.kind != FindingKind::kInconsistentCamera &&
+                              finding.kind != FindingKind::kMirroredImage)) {
+      continue;
+    }
+    ++count;
+    odd.camera = finding.camera;
+    odd.kind = finding.kind;
+    odd.error_px = finding.value;
+    odd.advice = finding.advice;
+  }
+  return count == 1 ? odd : OddCamera{};
+}
+
+// Named by the options, it cannot be left out.
+bool IsNeeded(const std::string& camera, const CalibrationOptions& options) {
+  return camera == options.reference_camera ||
+         (options.known_distance && (camera == options.known_distance->camera_a ||
+                                     camera == options.known_distance->camera_b));
+}
+
+// The rig without the camera that spoils it. An error: that is not to be solved either.
+absl::StatusOr<Solved> SolveWithout(const OddCamera& odd, RigObservations* rig,
+                                    const std::vector<ClockCorrection>& clocks,
+                                    const CalibrationOptions& options,
+                                    const CalibrationHooks& hooks,
+                                    const std::map<std::string, CameraCounts>& counts,
+                                    RefusalCounter refused) {
+  std::vector<ClockCorrection> remaining;
+  RigObservations rest = WithoutCamera(
+      *rig, clocks, static_cast<size_t>(CameraIndex(rig->index, odd.camera)), &remaining);
+  refused.Add(odd.camera, RefusalReason::kOutlier, counts.at(odd.camera).wand_count,
+              "the whole camera was left out (see findings)");
+  RIGCAL_ASSIGN_OR_RETURN(
+      Solved solved, SolveAndReport(rest, remaining, SolveOptionsOf(rest, options, hooks, counts),
+                                    options, counts, refused));
+  Finding finding{
+      odd.kind, odd.camera, odd.error_px, "px",
+      absl::StrCat("it was left out, and the calibration is that of the others: ", odd.advice)};
+  finding.severity = SeverityOf(solved.result, finding);
+  solved.result.findings.insert(solved.result.findings.begin(), std::move(finding));
+  *rig = std::move(rest);
+  return solved;
 }
 
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,
@@ -268,6 +390,7 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   progress(CalibrationStage::kAssociating, 0);
   const std::map<std::string, CameraCounts> counts = CountInput(input);
   RIGCAL_RETURN_IF_ERROR(CheckCameras(counts, options));
+  RIGCAL_RETURN_IF_ERROR(CheckStampUnits(input.tracks));
   RigObservations rig;
   rig.target = input.target;
   rig.tracks = AlignClocks(
@@ -278,31 +401,27 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   RIGCAL_RETURN_IF_ERROR(
       CheckMotion(rig.tracks, rig.index, input.target.kind == TargetKind::kRigid));
 
-  RigSolveOptions solve;
-  solve.reference_camera = CameraIndex(rig.index, options.reference_camera);
-  solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
-  solve.estimate_marker_positions =
-      options.marker_positions != Estimate::kFixed && input.target.marker_count() > 1;
-  if (options.known_distance) {
-    const KnownDistance& known = *options.known_distance;
-    solve.known_distance = BundleDistance{CameraIndex(rig.index, known.camera_a),
-                                          CameraIndex(rig.index, known.camera_b), known.distance_m,
-                                          kDistanceHold * known.distance_m};
-    solve.known_distance_sigma_m = known.SigmaM();
+  const RigSolveOptions solve = SolveOptionsOf(rig, options, hooks, counts);
+  absl::StatusOr<Solved> solved = SolveAndReport(rig, clocks, solve, options, counts, *refused);
+  const OddCamera odd = SpoilingCamera(solved, rig, clocks, solve);
+  if (odd.kind != FindingKind::kUnspecified) {
+    absl::StatusOr<Solved> rest = absl::UnknownError("not solved");
+    if (!IsNeeded(odd.camera, options)) {
+      rest = SolveWithout(odd, &rig, clocks, options, hooks, counts, *refused);
+    }
+    if (absl::IsCancelled(rest.status())) return rest.status();
+    if (rest.ok()) {
+      solved = std::move(rest);
+    } else if (!solved.ok()) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("camera ", odd.camera, ": ", odd.advice, ". (",
+                       std::string(solved.status().message()), ")"));
+    }
   }
-  solve.sigma_px = options.sigma_px;
-  solve.tolerance_s = options.association_tolerance_s;
-  solve.seed = options.seed;
-  solve.progress = progress;
-  solve.cancelled = hooks.cancelled;
-  for (const auto& [camera, count] : counts) {
-    solve.camera_notes.push_back(absl::StrCat(count.wand_count, " wand views"));
-  }
-  RIGCAL_ASSIGN_OR_RETURN(const EvaluatedSolution evaluated,
-                          SearchAndSolve(rig, clocks, solve, options));
-  progress(CalibrationStage::kReporting, 1);
-  if (hooks.solved) hooks.solved(rig, evaluated.solution);
-  return ReportCalibration({rig, evaluated, options, counts}, refused);
+  RIGCAL_RETURN_IF_ERROR(solved.status());
+  *refused = std::move(solved->refused);
+  if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
+  return std::move(solved->result);
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ struct CalibrationHooks {
   std::function<void(CalibrationStage stage, double fraction)> progress;
   // Looked at between iterations; true ends the solve with CANCELLED.
   const std::atomic<bool>* cancelled = nullptr;
-  // Called once from the solving thread with the solve that is published, before it is reported:
+  // Called once from the solving thread with the solve that is published, before it is returned:
   // every marker with what became of it, and the problem whose information is the covariance
   // (line_bundle.h).
   std::function<void(const RigObservations& rig, const RigSolution& solution)> solved;
@@ -45,6 +45,9 @@ struct CalibrationOutcome {
 // Errors of `result`: INVALID_ARGUMENT (options, a known distance with a wand, a camera without
 // intrinsics), FAILED_PRECONDITION (not connected: names the groups and the pair that would best
 // join them; too few instants; no camera), CANCELLED. Each says what to do.
+//
+// One camera that agrees with no pose among the others, in a rig of four and more, is left out: a
+// finding names it, its rows are counted in `refused`, and the result is that of the others.
 //
 // The rows of `input` are freed as soon as they have been read.
 CalibrationOutcome Calibrate(CalibrationInput input, const CalibrationOptions& options,

@@ -265,9 +265,11 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   for (size_t c = 0; c < result.residuals.size(); ++c) {
     result.residuals[c].image_size_px = result.cameras[c].image_size_px;
   }
-  result.findings = FindCauses(input.rig, input.evaluated, result);
+  const Causes causes = FindCauses(input.rig, input.evaluated, result);
+  const PredictedError& predicted = input.evaluated.predicted;
+  result.findings = FindingsOf(causes, IsBadByFigures(result, predicted));
   for (Finding& finding : result.findings) finding.severity = SeverityOf(result, finding);
-  result.quality = GradeQuality(result);
+  result.quality = GradeQuality(result, predicted);
   result.observation_digest = Digest(input);
   return result;
 }

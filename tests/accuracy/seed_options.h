@@ -16,6 +16,7 @@ struct SeedOptions {
   int camera_count = 6;
   double duration_s = 40;
   bool verbose = false;  // a line for each seed
+  std::string only;      // cases with this in their name; empty: all
 };
 
 // An experiment with these options; `defaults` are its own.

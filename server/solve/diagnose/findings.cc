@@ -3,9 +3,13 @@
 
 #include <algorithm>
 #include <functional>
+#include <set>
+#include <string>
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/evaluate/quality_gate.h"
 
 namespace rigcal::server {
 namespace {
@@ -14,11 +18,12 @@ constexpr int kMaxRepairs = 8;
 
 using RepairFunction = Repair (*)(const CauseInput&);
 constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics, RepairMovedCamera,
-                                       RepairRollingShutters};
+                                       RepairRollingShutters, RepairClockCourse};
 using CauseFunction = std::vector<Cause> (*)(const CauseInput&);
-constexpr CauseFunction kCauses[] = {FindClockOffsets,    FindFarIntrinsics, FindFlippedMarkers,
-                                     FindWrongWandLength, FindUnseenEdges,   FindWeakLinks,
-                                     FindNarrowBaselines, FindLoosePoses};
+constexpr CauseFunction kCauses[] = {FindClockOffsets,   FindPriorIntrinsics, FindFarIntrinsics,
+                                     FindFlippedMarkers, FindWrongWandLength, FindUnseenEdges,
+                                     FindWeakLinks,      FindNarrowBaselines, FindLoosePoses,
+                                     FindTooLittleData,  FindOutliersInSpan,  FindOddCameras};
 
 void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
@@ -38,7 +43,8 @@ std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolu
       Repair repair = left[f]({rig, evaluated, result, *trial});
       if (repair.causes.empty()) continue;
       const double gain_px =
-          Overall(CompareErrors(trial->problem, repair.repaired.problem)).gain_px();
+          std::max(repair.gain_px,
+                   Overall(CompareErrors(trial->problem, repair.repaired.problem)).gain_px());
       if (gain_px <= best_gain_px) continue;
       best_gain_px = gain_px;
       best = std::move(repair);
@@ -55,20 +61,90 @@ std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolu
   return causes;
 }
 
+// The cameras whose markers fit as those of a usable calibration do.
+std::set<std::string> FittingCameras(const TrialProblem& trial) {
+  const BundleProblem& problem = trial.problem;
+  const std::vector<ErrorChange> errors = CompareErrors(problem, problem);
+  std::vector<int> counts(problem.cameras.size(), 0);
+  ForEachMarker(problem, [&](size_t, const BundleObservation& observation, size_t) {
+    ++counts[static_cast<size_t>(observation.camera)];
+  });
+  std::set<std::string> fitting;
+  for (const BundleCamera& camera : problem.cameras) fitting.insert(camera.name);
+  // A camera that moved has several parts, all of which must fit.
+  for (size_t c = 0; c < errors.size(); ++c) {
+    const double outliers = 1 - static_cast<double>(errors[c].marker_count) /
+                                    static_cast<double>(std::max(1, counts[c]));
+    const bool fits = errors[c].before_px <= kQualityLimits.inlier_mean_px.usable &&
+                      outliers <= kQualityLimits.outlier_share.usable;
+    if (!fits) fitting.erase(problem.cameras[c].name);
+  }
+  return fitting;
+}
+
+// What is a cause of error, and not a fact about the recording or about what was chosen.
+bool IsCauseOfError(FindingKind kind) {
+  switch (kind) {
+    case FindingKind::kClockOffset:
+    case FindingKind::kClockJump:
+    case FindingKind::kClockDrift:
+    case FindingKind::kWrongIntrinsics:
+    case FindingKind::kIntrinsicsFromPrior:
+    case FindingKind::kCameraMoved:
+    case FindingKind::kRollingShutter:
+    case FindingKind::kFlippedLabels:
+    case FindingKind::kWrongWandLength:
+    case FindingKind::kLoosePose:
+      return true;
+    default:
+      return false;
+  }
+}
+
+Finding AsCandidate(const Cause& cause) {
+  Finding finding = cause.finding;
+  finding.candidate = true;
+  finding.value = cause.cost_px;
+  finding.unit = "px";
+  finding.advice = absl::StrFormat(
+      "a possible cause, not a certain one: it would explain %.2f px of the mean error. The rest "
+      "of the error is so large that its size cannot be told: remove what is certain first, and "
+      "calibrate again",
+      cause.cost_px);
+  return finding;
+}
+
 }  // namespace
 
-std::vector<Finding> FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
-                                const CalibrationResult& result) {
-  std::vector<Cause> causes;
+Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
+                  const CalibrationResult& result) {
+  Causes found;
+  found.camera_count = rig.index.cameras.size();
   TrialProblem trial = MakeTrialProblem(evaluated.solution, evaluated.options);
   if (SolveTrial(trial.bundle, &trial.problem).ok()) {
-    causes = TakeOutCauses(rig, evaluated, result, &trial);
-    for (const CauseFunction find : kCauses) Append(find({rig, evaluated, result, trial}), &causes);
+    found.causes = TakeOutCauses(rig, evaluated, result, &trial);
+    found.fitting = FittingCameras(trial);
+    for (const CauseFunction find : kCauses) {
+      Append(find({rig, evaluated, result, trial}), &found.causes);
+    }
   }
-  std::ranges::stable_sort(causes, std::greater(), &Cause::cost_px);
+  std::ranges::stable_sort(found.causes, std::greater(), &Cause::cost_px);
+  for (const Finding& finding : evaluated.findings) found.causes.push_back({finding, 0});
+  return found;
+}
+
+std::vector<Finding> FindingsOf(const Causes& causes, bool is_bad) {
+  const auto holds = [&causes](const std::string& camera) {
+    if (2 * causes.fitting.size() <= causes.camera_count) return false;
+    return camera.empty() ? causes.fitting.size() == causes.camera_count
+                          : causes.fitting.contains(camera);
+  };
   std::vector<Finding> findings;
-  for (Cause& cause : causes) findings.push_back(std::move(cause.finding));
-  findings.insert(findings.end(), evaluated.findings.begin(), evaluated.findings.end());
+  for (const Cause& cause : causes.causes) {
+    const bool doubtful =
+        is_bad && IsCauseOfError(cause.finding.kind) && !holds(cause.finding.camera);
+    findings.push_back(doubtful ? AsCandidate(cause) : cause.finding);
+  }
   return findings;
 }
 

@@ -27,17 +27,22 @@ struct ClockOffset {
   double sigma_s = 0;   // of the estimate and of the alignment
 };
 
+// None where no sigma can be computed.
 std::vector<ClockOffset> Offsets(const CauseInput& input, const BundleProblem& problem) {
   const RigSolution& solution = input.evaluated.solution;
   std::vector<ClockOffset> offsets(solution.clocks.size());
+  // A clock that is held fixed is as good as the others make it; without a sigma none is known.
   std::vector<double> estimate_sigma_s(offsets.size(), 0);
+  bool known = false;
   if (const auto sigmas = ComputeSigmas(input.trial.bundle, problem); sigmas.ok()) {
+    known = true;
     for (size_t k = 0; k < offsets.size(); ++k) {
       const double sigma_s =
           sigmas->Of({ReducedParameterKind::kTimeOffset, static_cast<int>(k), 0});
       if (std::isfinite(sigma_s)) estimate_sigma_s[k] = sigma_s;
     }
   }
+  if (!known) return {};
   for (const auto& [session, clocks] : ClocksBySession(solution.clocks)) {
     std::vector<double> values, sigmas;
     for (const size_t k : clocks) {
@@ -136,8 +141,10 @@ std::string Advice(const std::set<std::string>& cameras, const ClockOffset& offs
 std::vector<Cause> CausesOf(const CauseInput& input, const BundleProblem& problem, bool corrected) {
   const std::vector<ClockOffset> offsets = Offsets(input, problem);
   std::vector<Cause> causes;
+  if (offsets.empty()) return causes;
   for (const auto& [session, clocks] : ClocksBySession(input.evaluated.solution.clocks)) {
     for (const size_t k : clocks) {
+      if (std::ranges::count(input.trial.uneven_clocks, static_cast<int>(k)) > 0) continue;
       ClockOffset offset = offsets[k];
       const bool two_clocks = clocks.size() == 2;
       if (two_clocks) {

@@ -3,6 +3,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "common/camera/camera_model.h"
 #include "common/camera/intrinsics_vector.h"
 #include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/evaluate/given_intrinsics.h"
 #include "server/solve/rig/intrinsics_prior.h"
 
 namespace rigcal::server {
@@ -26,6 +28,13 @@ constexpr double kIntrinsicsSigmas = 5;
 constexpr double kMinIntrinsicsGain = 0.1;
 // Refined intrinsics further away than this many sigmas of their prior.
 constexpr double kPriorSigmas = 3;
+// Or, where the data contradict the given ones beyond chance, this many of a focal length's.
+constexpr double kContradictedSigmas = 1.35;
+constexpr double kContradiction = 1e-6;  // significance of that
+// Of the variance of a focal length.
+constexpr double kMaxPriorShare = 0.5;
+// Of the distance to a camera's own file, that to another one's is less.
+constexpr double kSwappedShare = 0.4;
 constexpr size_t kMaxRays = 1000;
 // All cameras' intrinsics at once are the dearest of trials: of so many observations, or so many of
 // each camera. A pixel is seen in fewer.
@@ -58,12 +67,12 @@ Rays RaysOf(const BundleProblem& problem, size_t camera, const Intrinsics& given
 }
 
 // Root mean square of how far the same directions lie apart in the image under the camera's present
-// intrinsics and the given ones (its priors' mean), where it saw the wand, after the rotation that
-// brings them closest: a turn of the camera hides a moved centre.
-double DisplacementPx(const BundleProblem& problem, size_t index) {
+// intrinsics and `other` ones, where it saw the wand, after the rotation that brings them closest:
+// a turn of the camera hides a moved centre.
+double DisplacementPx(const BundleProblem& problem, size_t index, const Intrinsics& other) {
   const BundleCamera& camera = problem.cameras[index];
   const Intrinsics found = FromVector(camera.model, camera.intrinsics);
-  const Rays rays = RaysOf(problem, index, FromVector(camera.model, camera.intrinsics_mean), found);
+  const Rays rays = RaysOf(problem, index, other, found);
   if (rays.pixels.size() < 3) return 0;
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   for (size_t i = 0; i < rays.pixels.size(); ++i) sum += rays.found[i] * rays.given[i].transpose();
@@ -79,6 +88,33 @@ double DisplacementPx(const BundleProblem& problem, size_t index) {
     ++count;
   }
   return count == 0 ? 0 : std::sqrt(squares / count);
+}
+
+// From the given ones, the mean of its priors.
+double DisplacementPx(const BundleProblem& problem, size_t index) {
+  const BundleCamera& camera = problem.cameras[index];
+  return DisplacementPx(problem, index, FromVector(camera.model, camera.intrinsics_mean));
+}
+
+// Another camera whose given intrinsics are those that fit here: files that were swapped. Empty:
+// none.
+std::string SwappedWith(const CauseInput& input, const BundleProblem& problem, size_t index,
+                        double displacement_px) {
+  const std::vector<CameraDescription>& cameras = input.rig.index.cameras;
+  const size_t own = input.trial.rig_camera[index];
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    if (c == own || cameras[c].image_size_px.width != cameras[own].image_size_px.width ||
+        cameras[c].image_size_px.height != cameras[own].image_size_px.height) {
+      continue;
+    }
+    if (DisplacementPx(problem, index, *cameras[c].intrinsics) < kSwappedShare * displacement_px) {
+      return absl::StrFormat(
+          ". The intrinsics that were given to camera %s fit it better: look whether files were "
+          "swapped",
+          cameras[c].camera);
+    }
+  }
+  return "";
 }
 
 // The largest of focal lengths' and centre's changes, in sigmas.
@@ -104,7 +140,7 @@ void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {
                      &problem->cameras[camera], kWidePrior);
 }
 
-// Cameras whose intrinsics, all of them free, go away from the given ones for a reason.
+// Cameras whose intrinsics, all of them free, go away from where they are for a reason.
 std::vector<size_t> Suspects(const CauseInput& input) {
   BundleProblem problem = input.trial.problem;
   UseSome(std::max(kSuspectObservations, kSuspectViews * problem.cameras.size()), &problem);
@@ -114,21 +150,53 @@ std::vector<size_t> Suspects(const CauseInput& input) {
   if (!sigmas.ok()) return {};
   std::vector<size_t> suspects;
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
-    const BundleCamera& camera = problem.cameras[c];
-    const IntrinsicsVector change = camera.intrinsics - camera.intrinsics_mean;
+    const BundleCamera& before = input.trial.problem.cameras[c];
+    const IntrinsicsVector change = problem.cameras[c].intrinsics - before.intrinsics;
     if (Significance(*sigmas, static_cast<int>(c), change) > kIntrinsicsSigmas &&
-        DisplacementPx(problem, c) > kMinDisplacementPx) {
+        DisplacementPx(problem, c, FromVector(before.model, before.intrinsics)) >
+            kMinDisplacementPx) {
       suspects.push_back(c);
     }
   }
   return suspects;
 }
 
+// Of the given intrinsics, kept.
+Cause WrongIntrinsics(const CauseInput& input, const BundleProblem& freed, size_t c,
+                      const ErrorChange& change) {
+  const BundleCamera& camera = freed.cameras[c];
+  const double displacement_px = DisplacementPx(freed, c);
+  return {{FindingKind::kWrongIntrinsics, camera.name, displacement_px, "px",
+           absl::StrFormat(
+               "its given intrinsics put what it sees %.1f px (rms) away from where it is: %s; its "
+               "error is %.2f px, and %.2f px with intrinsics that fit. Calibrate its lens again "
+               "(zoom and focus as they are now), or calibrate with intrinsics refined%s",
+               displacement_px, Changes(camera), change.before_px, change.after_px,
+               SwappedWith(input, freed, c, displacement_px))},
+          change.gain_px()};
+}
+
+// Of intrinsics that were refined, but not as far as the data would have gone.
+Cause HeldIntrinsics(const CauseInput& input, const BundleProblem& freed, size_t c,
+                     const ErrorChange& change) {
+  const BundleCamera& camera = freed.cameras[c];
+  const IntrinsicsVector& refined = input.trial.problem.cameras[c].intrinsics;
+  const double focal_percent = 100 * std::max(std::abs(camera.intrinsics[0] / refined[0] - 1),
+                                              std::abs(camera.intrinsics[1] / refined[1] - 1));
+  return {{FindingKind::kIntrinsicsFromPrior, camera.name, focal_percent, "%",
+           absl::StrFormat(
+               "its refined intrinsics are held by the given ones, which are wrong: left free, the "
+               "data put them at %s; its error is %.2f px, and %.2f px with these. Was its file "
+               "guessed, or is it another camera's? Calibrate its lens%s",
+               Changes(camera), change.before_px, change.after_px,
+               SwappedWith(input, freed, c, DisplacementPx(freed, c)))},
+          change.gain_px()};
+}
+
 }  // namespace
 
 Repair RepairIntrinsics(const CauseInput& input) {
   Repair repair;
-  if (input.evaluated.options.refine_intrinsics) return repair;
   const std::vector<size_t> suspects = Suspects(input);
   if (suspects.empty()) return repair;
   repair.repaired = input.trial;
@@ -137,17 +205,15 @@ Repair RepairIntrinsics(const CauseInput& input) {
   if (!SolveTrialFromAfar(input.trial.bundle, &problem).ok()) return repair;
   const std::vector<ErrorChange> changes = CompareErrors(input.trial.problem, problem);
   for (const size_t c : suspects) {
-    const BundleCamera& camera = problem.cameras[c];
-    const double displacement_px = DisplacementPx(problem, c);
-    if (changes[c].gain() < kMinIntrinsicsGain || displacement_px < kMinDisplacementPx) continue;
-    repair.causes.push_back(
-        {{FindingKind::kWrongIntrinsics, camera.name, displacement_px, "px",
-          absl::StrFormat(
-              "its given intrinsics put what it sees %.1f px (rms) away from where it is: %s; its "
-              "error is %.2f px, and %.2f px with intrinsics that fit. Calibrate its lens again "
-              "(zoom and focus as they are now), or calibrate with intrinsics refined",
-              displacement_px, Changes(camera), changes[c].before_px, changes[c].after_px)},
-         changes[c].gain_px()});
+    const BundleCamera& before = input.trial.problem.cameras[c];
+    if (changes[c].gain() < kMinIntrinsicsGain ||
+        DisplacementPx(problem, c, FromVector(before.model, before.intrinsics)) <
+            kMinDisplacementPx) {
+      continue;
+    }
+    repair.causes.push_back(input.evaluated.options.refine_intrinsics
+                                ? HeldIntrinsics(input, problem, c, changes[c])
+                                : WrongIntrinsics(input, problem, c, changes[c]));
   }
   return repair;
 }
@@ -156,6 +222,11 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
   std::vector<Cause> causes;
   if (!input.evaluated.options.refine_intrinsics) return causes;
   const BundleProblem& solved = input.trial.problem;
+  GivenIntrinsicsTest test;
+  if (input.evaluated.uncertainty) {
+    test = TestGivenIntrinsics(input.evaluated.solution.built.problem, *input.evaluated.uncertainty,
+                               kContradiction);
+  }
   for (size_t c = 0; c < solved.cameras.size(); ++c) {
     const BundleCamera& camera = solved.cameras[c];
     const bool apart = input.trial.rig_camera[c] != c;
@@ -167,7 +238,13 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
       prior_sigmas = std::max(prior_sigmas, std::abs(change[i]) / camera.intrinsics_sigma[i]);
     }
     const double displacement_px = DisplacementPx(solved, c);
-    if (prior_sigmas < kPriorSigmas || displacement_px < kMinDisplacementPx) continue;
+    const double focal_sigmas =
+        change.head<2>().cwiseQuotient(camera.intrinsics_sigma.head<2>()).cwiseAbs().maxCoeff();
+    const bool contradicted =
+        c < test.disagrees.size() && test.disagrees[c] && focal_sigmas > kContradictedSigmas;
+    if (!(prior_sigmas > kPriorSigmas || contradicted) || displacement_px < kMinDisplacementPx) {
+      continue;
+    }
     BundleProblem given = solved;
     given.cameras[c].intrinsics = camera.intrinsics_mean;
     given.cameras[c].intrinsics_fixed = true;
@@ -180,9 +257,33 @@ std::vector<Cause> FindFarIntrinsics(const CauseInput& input) {
               "its refined intrinsics are far from the given ones, by %.1f px (rms) where it saw "
               "the wand: %s; its error is %.2f px with the given ones, %.2f px with the refined "
               "ones. The refined ones are used; check that it was given its own file, and "
-              "calibrate its lens again",
-              displacement_px, Changes(camera), change_px.before_px, change_px.after_px)},
+              "calibrate its lens again%s",
+              displacement_px, Changes(camera), change_px.before_px, change_px.after_px,
+              SwappedWith(input, solved, c, displacement_px))},
          change_px.gain_px()});
+  }
+  return causes;
+}
+
+std::vector<Cause> FindPriorIntrinsics(const CauseInput& input) {
+  std::vector<Cause> causes;
+  const std::optional<RigUncertainty>& uncertainty = input.evaluated.uncertainty;
+  if (!input.evaluated.options.refine_intrinsics || !uncertainty) return causes;
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
+  const std::vector<Eigen::Vector4d> shares = PriorShares(problem, *uncertainty);
+  for (size_t c = 0; c < shares.size(); ++c) {
+    const double share = shares[c].head<2>().maxCoeff();
+    if (!(share > kMaxPriorShare)) continue;
+    const double focal_percent =
+        100 * uncertainty->cameras[c].intrinsics_sigma[0] / problem.cameras[c].intrinsics[0];
+    causes.push_back(
+        {{FindingKind::kIntrinsicsFromPrior, problem.cameras[c].name, focal_percent, "%",
+          absl::StrFormat(
+              "%.0f %% of what is known of its focal length is what was given, not what the data "
+              "say (one sigma: %.2f %%): it is right only as far as its file is. Wave the wand "
+              "nearer and farther, and turn it towards the cameras, or calibrate its lens",
+              100 * share, focal_percent)},
+         0});
   }
   return causes;
 }

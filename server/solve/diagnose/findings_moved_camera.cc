@@ -4,9 +4,11 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
+#include "common/status/status_macros.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/diagnose/finding_causes.h"
 #include "server/solve/rig/outliers.h"
@@ -17,7 +19,8 @@ namespace {
 constexpr double kMinScanGain = 0.05;
 constexpr double kMinMoveGain = 0.08;
 constexpr double kMinMovePx = 0.3;
-constexpr double kMoveSigmas = 5;
+// Of six numbers together; by chance below once in ten million.
+constexpr double kMoveSigmas = 7;
 constexpr double kDegreesPerRadian = 57.29577951308232;
 // Of the scan for the time of the move.
 constexpr double kCapPx = 60;
@@ -26,6 +29,7 @@ constexpr size_t kMinMarkersOfPart = 60;
 constexpr int kCoarseSteps = 20;
 constexpr int kFineSteps = 8;
 constexpr int kReweightings = 6;
+constexpr int kLensRounds = 2;
 
 // Step of a camera's pose as in ReducedParameter: rotation vector in the camera's frame from the
 // left, then what is added to the translation.
@@ -194,6 +198,7 @@ TrialProblem TakenApart(const TrialProblem& from, const Candidate& candidate) {
     before.cam_from_rig = Moved(before.cam_from_rig, candidate.change.before);
   }
   after.pose_fixed = false;
+  after.intrinsics_fixed = true;  // the lens is that of the other part
   const auto part = static_cast<int>(problem.cameras.size());
   problem.cameras.push_back(after);
   trial.rig_camera.push_back(from.rig_camera[candidate.camera]);
@@ -206,6 +211,21 @@ TrialProblem TakenApart(const TrialProblem& from, const Candidate& candidate) {
   }
   ClassifyOutliers(&problem);
   return trial;
+}
+
+// Solves a camera taken apart: two poses of one lens. Where it is refined, in turns with the poses,
+// by the part before the move.
+absl::Status SolveParts(const BundleOptions& how, size_t camera, BundleProblem* problem) {
+  const bool refined = !problem->cameras[camera].intrinsics_fixed;
+  for (int round = 0; round < (refined ? kLensRounds : 1); ++round) {
+    problem->cameras[camera].intrinsics_fixed = true;
+    RIGCAL_RETURN_IF_ERROR(SolveTrial(how, problem));
+    if (!refined) break;
+    problem->cameras[camera].intrinsics_fixed = false;
+    RIGCAL_RETURN_IF_ERROR(SolveTrial(how, problem));
+    problem->cameras.back().intrinsics = problem->cameras[camera].intrinsics;
+  }
+  return SolveTrial(how, problem);
 }
 
 struct Move {
@@ -228,23 +248,21 @@ Move MeasureMove(const TrialProblem& trial, size_t camera) {
   as_before.cameras.back().cam_from_rig = before.cam_from_rig;
   const ErrorChange change = CompareErrors(problem, as_before).back();
   move.image_px = std::max(0.0, -change.gain_px());
-  if (const auto sigmas = ComputeSigmas(trial.bundle, problem); sigmas.ok()) {
-    const Eigen::Quaterniond turn =
-        after.cam_from_rig.rotation * before.cam_from_rig.rotation.conjugate();
-    const Eigen::AngleAxisd angle_axis(turn);
-    const Eigen::Vector3d step = angle_axis.angle() * angle_axis.axis();
-    const Eigen::Vector3d shift =
+  // Both parts with the freedom of the one lens.
+  BundleProblem shared = problem;
+  BundleCamera& copy = shared.cameras.back();
+  copy.intrinsics_fixed = before.intrinsics_fixed;
+  copy.intrinsics_mean = before.intrinsics_mean;
+  copy.intrinsics_sigma = before.intrinsics_sigma;
+  const std::pair<int, int> parts = {static_cast<int>(camera),
+                                     static_cast<int>(problem.cameras.size()) - 1};
+  if (const auto sigmas = ComputeSigmas(trial.bundle, shared, parts); sigmas.ok()) {
+    const Eigen::AngleAxisd turn(after.cam_from_rig.rotation *
+                                 before.cam_from_rig.rotation.conjugate());
+    PoseStep difference;
+    difference << turn.angle() * turn.axis(),
         after.cam_from_rig.translation_m - before.cam_from_rig.translation_m;
-    for (int i = 0; i < 3; ++i) {
-      const auto sigma = [&](ReducedParameterKind kind) {
-        const double a = sigmas->Of({kind, static_cast<int>(camera), i});
-        const double b = sigmas->Of({kind, static_cast<int>(problem.cameras.size()) - 1, i});
-        return std::hypot(std::isfinite(a) ? a : 0, b);
-      };
-      move.sigmas =
-          std::max({move.sigmas, std::abs(step[i]) / sigma(ReducedParameterKind::kRotation),
-                    std::abs(shift[i]) / sigma(ReducedParameterKind::kTranslation)});
-    }
+    move.sigmas = sigmas->PoseDistance(parts.first, parts.second, difference);
   }
   return move;
 }
@@ -256,7 +274,9 @@ Repair RepairMovedCamera(const CauseInput& input) {
   const std::optional<Candidate> candidate = BestCandidate(input);
   if (!candidate) return repair;
   repair.repaired = TakenApart(input.trial, *candidate);
-  if (!SolveTrial(input.trial.bundle, &repair.repaired.problem).ok()) return repair;
+  if (!SolveParts(input.trial.bundle, candidate->camera, &repair.repaired.problem).ok()) {
+    return repair;
+  }
   const ErrorChange change =
       CompareErrors(input.trial.problem, repair.repaired.problem)[candidate->camera];
   const Move move = MeasureMove(repair.repaired, candidate->camera);

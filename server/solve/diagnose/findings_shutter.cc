@@ -14,7 +14,9 @@ namespace {
 
 constexpr double kShutterSigmas = 5;
 constexpr double kMinReadoutS = 0.5e-3;  // of the whole image; less is no matter to a wand's speed
+// Of the camera's error; less is enough where it stands out by so much more. A slow wand hides it.
 constexpr double kMinShutterGain = 0.03;
+constexpr double kMinClearGain = 0.01, kClearSigmas = 15;
 
 double ImageHeightPx(const CauseInput& input, size_t camera) {
   return input.rig.index.cameras[input.trial.rig_camera[camera]].image_size_px.height;
@@ -126,8 +128,10 @@ Repair RepairRollingShutters(const CauseInput& input) {
     const double line_time_s = by_row.clocks[k].time_rate;
     const double sigma_s = sigmas->Of({ReducedParameterKind::kTimeRate, static_cast<int>(k), 0});
     const double rows = ImageHeightPx(input, c);
+    const double must_gain =
+        std::abs(line_time_s) > kClearSigmas * sigma_s ? kMinClearGain : kMinShutterGain;
     if (!(std::abs(line_time_s) > kShutterSigmas * sigma_s) ||
-        !(std::abs(line_time_s) * rows > kMinReadoutS) || changes[c].gain() < kMinShutterGain) {
+        !(std::abs(line_time_s) * rows > kMinReadoutS) || changes[c].gain() < must_gain) {
       continue;
     }
     apply[k] = true;

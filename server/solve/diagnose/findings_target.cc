@@ -4,13 +4,16 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/solve/diagnose/finding_causes.h"
 
 namespace rigcal::server {
 namespace {
 
-constexpr double kTargetSigmas = 3;
+// The prior pulls both spans: of 10 mm in the last marker of 0, 0.13, 0.39 m, 2.2 tolerances show
+// in the ratio.
+constexpr double kTargetSigmas = 2;
 
 std::vector<double> Spans(const std::vector<double>& positions_m) {
   std::vector<double> spans;
@@ -88,7 +91,14 @@ std::vector<Cause> FindWrongWandLength(const CauseInput& input) {
                           "; the error is %.2f px with the given spans, %.2f px with these",
                           change.before_px, change.after_px);
   }
-  advice += ". Measure the wand: every length of the rig is as wrong as the wand's";
+  // The scale by the span that would be wrong, and by the others: the solution lies between.
+  absl::StrAppendFormat(
+      &advice,
+      ". The images give the ratios of the spans only, not which of them is wrong: the scale may "
+      "be "
+      "off by %.1f %%. Measure all spans from centre to centre, give them again and calibrate "
+      "again; every length of the rig is as wrong as the wand's",
+      100 * std::abs(worst_error_m) / given_m[worst]);
   return {{{FindingKind::kWrongWandLength, "", 1e3 * worst_error_m, "mm", advice},
            std::max(0.0, change.gain_px())}};
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
@@ -42,6 +43,33 @@ double VarianceFactor(const BundleProblem& problem) {
   if (norms.empty()) return 1;
   const double scale = UpperMedian(&norms) / kMedianOfRayleigh;
   return std::max(1.0, scale * scale);
+}
+
+// The intrinsics of camera `b` become those of camera `a`.
+void ShareLens(int a, int b, ReducedInformation* reduced) {
+  std::vector<ReducedParameter> kept;
+  std::vector<Eigen::Index> column;
+  const auto row_of = [&kept](const ReducedParameter& parameter) {
+    return std::find(kept.begin(), kept.end(), parameter) - kept.begin();
+  };
+  for (const ReducedParameter& parameter : reduced->parameters) {
+    if (parameter.kind != ReducedParameterKind::kIntrinsic || parameter.index != b) {
+      kept.push_back(parameter);
+    }
+  }
+  const auto size = static_cast<Eigen::Index>(kept.size());
+  Eigen::MatrixXd of_kept =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(reduced->parameters.size()), size);
+  for (size_t i = 0; i < reduced->parameters.size(); ++i) {
+    ReducedParameter parameter = reduced->parameters[i];
+    if (parameter.kind == ReducedParameterKind::kIntrinsic && parameter.index == b) {
+      parameter.index = a;
+    }
+    const Eigen::Index own = row_of(parameter);
+    if (own < size) of_kept(static_cast<Eigen::Index>(i), own) = 1;
+  }
+  reduced->information = of_kept.transpose() * reduced->information * of_kept;
+  reduced->parameters = std::move(kept);
 }
 
 // Of sums.
@@ -147,14 +175,41 @@ ErrorChange Overall(const std::vector<ErrorChange>& changes) {
   return all;
 }
 
-double TrialSigmas::Of(const ReducedParameter& parameter) const {
+Eigen::Index TrialSigmas::Row(const ReducedParameter& parameter) const {
   const auto found = std::find(parameters.begin(), parameters.end(), parameter);
-  if (found == parameters.end()) return std::numeric_limits<double>::infinity();
-  return sigmas[static_cast<size_t>(found - parameters.begin())];
+  return found == parameters.end() ? -1 : found - parameters.begin();
 }
 
-absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const BundleProblem& problem) {
-  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation reduced, ComputeInformation(how, problem));
+double TrialSigmas::Of(const ReducedParameter& parameter) const {
+  const Eigen::Index row = Row(parameter);
+  const double variance = row < 0 ? 0 : covariance(row, row);
+  return variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::infinity();
+}
+
+double TrialSigmas::PoseDistance(int a, int b,
+                                 const Eigen::Matrix<double, 6, 1>& difference) const {
+  // The difference by parameter: +1 for those of b, -1 for those of a; a fixed pose has none.
+  Eigen::MatrixXd by_parameter = Eigen::MatrixXd::Zero(6, covariance.cols());
+  for (int i = 0; i < 6; ++i) {
+    const auto kind = i < 3 ? ReducedParameterKind::kRotation : ReducedParameterKind::kTranslation;
+    const Eigen::Index row_a = Row({kind, a, i % 3}), row_b = Row({kind, b, i % 3});
+    if (row_a >= 0) by_parameter(i, row_a) = -1;
+    if (row_b >= 0) by_parameter(i, row_b) = 1;
+  }
+  const Eigen::Matrix<double, 6, 6> spread = by_parameter * covariance * by_parameter.transpose();
+  // Radians beside metres: scaled before they are inverted.
+  const Eigen::Matrix<double, 6, 1> scale = spread.diagonal().cwiseSqrt().cwiseInverse();
+  if (!scale.allFinite()) return 0;
+  const Eigen::Matrix<double, 6, 6> scaled = scale.asDiagonal() * spread * scale.asDiagonal();
+  const Eigen::Matrix<double, 6, 1> whole = scale.cwiseProduct(difference);
+  const double squared = whole.dot(scaled.ldlt().solve(whole));
+  return squared > 0 && std::isfinite(squared) ? std::sqrt(squared) : 0;
+}
+
+absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const BundleProblem& problem,
+                                          std::optional<std::pair<int, int>> one_lens) {
+  RIGCAL_ASSIGN_OR_RETURN(ReducedInformation reduced, ComputeInformation(how, problem));
+  if (one_lens) ShareLens(one_lens->first, one_lens->second, &reduced);
   const Eigen::Index size = reduced.information.rows();
   // Columns differ by many powers of ten (radians beside pixels): scaled before they are inverted.
   const Eigen::VectorXd scale =
@@ -165,13 +220,10 @@ absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const Bundle
     return absl::FailedPreconditionError("the information is not positive definite");
   }
   const Eigen::MatrixXd covariance = factor.solve(Eigen::MatrixXd::Identity(size, size));
-  const double variance = VarianceFactor(problem);
   TrialSigmas result;
   result.parameters = reduced.parameters;
-  for (Eigen::Index i = 0; i < size; ++i) {
-    const double value = variance * covariance(i, i) * scale[i] * scale[i];
-    result.sigmas.push_back(value > 0 ? std::sqrt(value) : std::numeric_limits<double>::infinity());
-  }
+  result.covariance =
+      VarianceFactor(problem) * scale.asDiagonal() * covariance * scale.asDiagonal();
   return result;
 }
 

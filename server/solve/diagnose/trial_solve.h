@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -21,6 +24,7 @@ struct TrialProblem {
   // By camera of the problem: its index in the rig. A camera taken apart has several.
   std::vector<size_t> rig_camera;
   BundleOptions bundle;
+  std::vector<int> uneven_clocks;  // that no one offset and rate describes
 };
 
 // About 40 000 of the solution's observations: every n-th instant.
@@ -54,16 +58,25 @@ std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const Bundle
 // Of all cameras together.
 ErrorChange Overall(const std::vector<ErrorChange>& changes);
 
-// One sigma of each free parameter of a solved problem, from the information the data and priors
+// Uncertainty of the free parameters of a solved problem, from the information the data and priors
 // give and the size of the residuals (where they are larger than the observations' sigmas say).
 struct TrialSigmas {
   std::vector<ReducedParameter> parameters;
-  std::vector<double> sigmas;
+  Eigen::MatrixXd covariance;  // rows as `parameters`
 
-  // Infinite for what is not free or not determined.
+  // -1 for what is not free.
+  Eigen::Index Row(const ReducedParameter& parameter) const;
+  // One sigma; infinite for what is not free or not determined.
   double Of(const ReducedParameter& parameter) const;
+  // How many sigmas the pose of camera `b` is from that of camera `a`: the Mahalanobis distance of
+  // `difference` (rotation vector, translation) under the joint covariance of the two, which holds
+  // what they have in common, such as their lens. 0: not determined.
+  double PoseDistance(int a, int b, const Eigen::Matrix<double, 6, 1>& difference) const;
 };
-absl::StatusOr<TrialSigmas> ComputeSigmas(const BundleOptions& how, const BundleProblem& problem);
+// `one_lens`: two cameras whose intrinsics are the same numbers.
+absl::StatusOr<TrialSigmas> ComputeSigmas(
+    const BundleOptions& how, const BundleProblem& problem,
+    std::optional<std::pair<int, int>> one_lens = std::nullopt);
 
 // Runs `visit(instant index, observation, marker index)` over the markers of the placed instants.
 template <typename Visit>

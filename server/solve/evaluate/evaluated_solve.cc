@@ -60,10 +60,11 @@ absl::StatusOr<EvaluatedErrors> MeasureOn(const RigObservations& rig, const RigS
   return errors;
 }
 
-// Solves on what `keep` keeps.
+// Solves on what the options keep. `poses`, if given, are those of the solve.
 absl::StatusOr<RigSolution> SolveFold(const RigObservations& rig, const RigInitialization& initial,
-                                      const RigSolveOptions& options) {
+                                      const RigSolveOptions& options, FoldPoses* poses = nullptr) {
   RIGCAL_ASSIGN_OR_RETURN(RigSolution solution, SolveRig(rig, initial.clocks, options, &initial));
+  if (poses != nullptr) *poses = FoldPosesOf(solution, static_cast<int>(initial.instants.size()));
   // The evaluation builds a problem of its own.
   PutAway(rig, options, &solution);
   return solution;
@@ -309,11 +310,10 @@ void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
 
 }  // namespace
 
-absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
-                                                   const std::vector<ClockCorrection>& clocks,
-                                                   const RigSolveOptions& base,
-                                                   const CalibrationOptions& options,
-                                                   const RigInitialization* given) {
+absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
+    const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
+    const RigSolveOptions& base, const CalibrationOptions& options, const RigInitialization* given,
+    const std::function<absl::Status(const RigSolution& solution)>& check) {
   EvaluatedSolution result;
   result.options = base;
   RigSolveOptions first = base;
@@ -326,6 +326,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   if (base.estimate_time_offsets) RIGCAL_RETURN_IF_ERROR(RepairOffsets(rig, first, &result));
   RIGCAL_RETURN_IF_ERROR(LeaveWrongMinimum(rig, clocks, first, &result));
   RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
+  if (check) RIGCAL_RETURN_IF_ERROR(check(result.solution));
   if (base.estimate_time_offsets) {
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
     TakeBack(rig, first, &result.solution);
@@ -344,6 +345,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
   }
   for (const IntrinsicsScores& own : scores_of_fold) scores.Add(own);
   EvaluatedErrors held_out;
+  std::vector<FoldPoses> folds;
   for (int fold = 0; fold < blocks.period; ++fold) {
     RigSolveOptions fold_options =
         OptionsOfFold(rig, first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
@@ -351,13 +353,16 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
     if (choose) {
       fold_options.refine_intrinsics = scores_of_fold[static_cast<size_t>(fold)].RefinedPays();
     }
-    const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
+    FoldPoses poses;
+    const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options, &poses);
     if (absl::IsCancelled(solution.status())) return solution.status();
     if (!solution.ok()) continue;
     const absl::StatusOr<EvaluatedErrors> errors =
         MeasureOn(rig, *solution, fold_options, 0,
                   [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
-    if (errors.ok()) Append(*errors, &held_out);
+    if (!errors.ok()) continue;
+    Append(*errors, &held_out);
+    folds.push_back(std::move(poses));
   }
   if (held_out.instant_count > 0) {
     result.held_out = std::move(held_out);
@@ -372,9 +377,23 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
     first.refine_intrinsics = result.options.refine_intrinsics;
     RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, initial.clocks, first, &initial));
   }
+  // Kept intrinsics are as uncertain as the data leaves them, also where they are asked for.
+  std::optional<FoldPoses> refined;
+  if (!result.options.refine_intrinsics) {
+    RigSolveOptions with_refined = OptionsOfFold(rig, result.options, result.options.keep_instant);
+    with_refined.refine_intrinsics = true;
+    with_refined.motions = &motions;
+    with_refined.progress = AllAs(CalibrationStage::kEvaluating, base);
+    const absl::StatusOr<RigSolution> other = SolveRig(rig, initial.clocks, with_refined, &initial);
+    if (absl::IsCancelled(other.status())) return other.status();
+    if (other.ok()) refined = FoldPosesOf(*other, 1);
+  }
   TakeBack(rig, result.options, &result.solution);
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
+  result.predicted = PredictError(result.solution, result.options, result.uncertainty, folds,
+                                  refined ? &*refined : nullptr,
+                                  IsMetric(rig, result.options) ? options.accept_m : 0);
   return result;
 }
 

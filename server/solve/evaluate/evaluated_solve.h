@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
 #include "server/solve/evaluate/held_out.h"
+#include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
 
@@ -18,7 +20,8 @@ struct EvaluatedSolution {
   RigSolveOptions options;                    // as chosen
   std::optional<EvaluatedErrors> held_out;    // none: too little to hold anything out
   std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
-  std::vector<Finding> findings;              // about what was chosen, and why
+  PredictedError predicted;
+  std::vector<Finding> findings;  // about what was chosen, and why
 };
 
 // Solves the rig and cross-validates it: time is cut into blocks of 2 s with guards of 0.2 s, and
@@ -31,11 +34,12 @@ struct EvaluatedSolution {
 //
 // Clock rates are estimated where at least one of them is significantly not zero.
 // The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong
-// offset (time_check.h) and for a wrong minimum (restart.h).
-absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(const RigObservations& rig,
-                                                   const std::vector<ClockCorrection>& clocks,
-                                                   const RigSolveOptions& base,
-                                                   const CalibrationOptions& options,
-                                                   const RigInitialization* given = nullptr);
+// offset (time_check.h) and for a wrong minimum (restart.h), and then by `check`, whose error is
+// passed on: what cannot become right is not worth the rest.
+absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
+    const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
+    const RigSolveOptions& base, const CalibrationOptions& options,
+    const RigInitialization* given = nullptr,
+    const std::function<absl::Status(const RigSolution& solution)>& check = {});
 
 }  // namespace rigcal::server

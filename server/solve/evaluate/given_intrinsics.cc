@@ -87,4 +87,28 @@ GivenIntrinsicsTest TestGivenIntrinsics(const BundleProblem& refined,
   return test;
 }
 
+std::vector<Eigen::Vector4d> PriorShares(const BundleProblem& refined,
+                                         const RigUncertainty& uncertainty) {
+  std::vector<Eigen::Vector4d> shares(refined.cameras.size(), Eigen::Vector4d::Zero());
+  const Eigen::MatrixXd& covariance = uncertainty.covariance;
+  Eigen::VectorXd prior = Eigen::VectorXd::Zero(covariance.rows());
+  for (size_t i = 0; i < uncertainty.parameters.size(); ++i) {
+    const ReducedParameter& parameter = uncertainty.parameters[i];
+    if (parameter.kind != ReducedParameterKind::kIntrinsic) continue;
+    const double sigma =
+        refined.cameras[static_cast<size_t>(parameter.index)].intrinsics_sigma[parameter.component];
+    if (sigma > 0) prior[static_cast<Eigen::Index>(i)] = 1 / (sigma * sigma);
+  }
+  for (size_t c = 0; c < shares.size(); ++c) {
+    for (int k = 0; k < 4; ++k) {
+      const Eigen::Index row =
+          uncertainty.Row({ReducedParameterKind::kIntrinsic, static_cast<int>(c), k});
+      if (row < 0 || !(covariance(row, row) > 0)) continue;
+      shares[c][k] =
+          covariance.col(row).cwiseAbs2().cwiseProduct(prior).sum() / covariance(row, row);
+    }
+  }
+  return shares;
+}
+
 }  // namespace rigcal::server

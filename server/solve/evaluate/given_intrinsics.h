@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "server/solve/bundle/bundle_problem.h"
@@ -25,5 +26,13 @@ struct GivenIntrinsicsTest {
 GivenIntrinsicsTest TestGivenIntrinsics(const BundleProblem& refined,
                                         const RigUncertainty& uncertainty,
                                         double significance = 0.01);
+
+// How much of the variance of the refined focal lengths and principal point (fx fy cx cy) is that
+// of their priors, by camera: with S the covariance of everything that was estimated and P the
+// priors' information, (S P S)_ii / S_ii. 0: the data alone say it; 1: the priors do, also where
+// all of them together hold what no single one does, such as a factor common to all focal lengths.
+// Zeros where intrinsics are not refined.
+std::vector<Eigen::Vector4d> PriorShares(const BundleProblem& refined,
+                                         const RigUncertainty& uncertainty);
 
 }  // namespace rigcal::server

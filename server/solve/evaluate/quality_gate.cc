@@ -2,6 +2,7 @@
 #include "server/solve/evaluate/quality_gate.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,9 @@
 
 namespace rigcal::server {
 namespace {
+
+// Of the focal length: as wrong are the distances from the camera.
+constexpr double kHeldFocalPercent = 1;
 
 // Collects what speaks against each grade.
 class GradeBuilder {
@@ -69,7 +73,7 @@ void GradeCamera(const CalibratedCamera& camera, GradeBuilder* grade_builder) {
 // What a finding means for the grade.
 struct FindingEffect {
   FindingSeverity severity = FindingSeverity::kInfo;
-  std::string reason;  // unless kInfo
+  std::string reason;  // empty: none beside those of the figures
 };
 
 FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) {
@@ -90,6 +94,31 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kClockOffset:
       if (!camera || camera->time_offset_estimated) return {};
       return warning(absl::StrCat("the clock of ", who, " is off, and was kept as given"));
+    case FindingKind::kTooLittleData:
+      return {FindingSeverity::kError, ""};  // the predicted error is the reason
+    case FindingKind::kClockJump:
+      return warning(absl::StrCat("the clock of ", who, " jumped while it was recorded"));
+    case FindingKind::kClockDrift:
+      return warning(absl::StrCat("the clock of ", who, " ran at a rate that was not estimated"));
+    case FindingKind::kOutliersInSpan:
+      return warning(
+          absl::StrCat(who, " disagrees with the others during a part of the recording"));
+    case FindingKind::kIntrinsicsFromPrior:
+      return {
+          finding.value > kHeldFocalPercent ? FindingSeverity::kError : FindingSeverity::kWarning,
+          absl::StrCat(who,
+                       ": its intrinsics are what was given more than what the data say "
+                       "(see findings)")};
+    // A camera that was left out is no part of what is graded.
+    case FindingKind::kNoisyCamera:
+      if (!camera) return warning("");
+      return warning(absl::StrCat(who, " is much noisier than the others"));
+    case FindingKind::kMirroredImage:
+      if (!camera) return warning("");
+      return {FindingSeverity::kError, absl::StrCat("the image of ", who, " is mirrored")};
+    case FindingKind::kInconsistentCamera:
+      if (!camera) return warning("");
+      return {FindingSeverity::kError, absl::StrCat(who, " agrees with no other camera")};
     case FindingKind::kRollingShutter:
       return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
     case FindingKind::kWrongWandLength:
@@ -119,6 +148,23 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
   return {};
 }
 
+// Refined intrinsics that are far from the given ones in most cameras: those were guessed, and the
+// priors pull all of them in the same direction.
+void EvaluateIntrinsics(const CalibrationResult& result, GradeBuilder* grade_builder) {
+  const auto far = std::ranges::count_if(result.findings, [&result](const Finding& finding) {
+    return finding.kind == FindingKind::kWrongIntrinsics && !finding.candidate &&
+           std::ranges::any_of(result.cameras, [&finding](const CalibratedCamera& camera) {
+             return camera.camera == finding.camera && camera.intrinsics_refined;
+           });
+  });
+  if (2 * far <= static_cast<std::ptrdiff_t>(result.cameras.size())) return;
+  grade_builder->Add(
+      QualityGrade::kUsable,
+      absl::StrFormat("the refined intrinsics of %d of %d cameras are far from the given ones, "
+                      "which hold them still: if those were guessed, calibrate the lenses",
+                      far, result.cameras.size()));
+}
+
 void EvaluateTarget(const CalibratedTarget& target, GradeBuilder* grade_builder) {
   const double whole_m = target.marker_positions_m.empty() ? 0 : target.marker_positions_m.back();
   if (!(whole_m > 0)) return;
@@ -131,29 +177,83 @@ void EvaluateTarget(const CalibratedTarget& target, GradeBuilder* grade_builder)
   }
 }
 
+void EvaluatePrediction(const PredictedError& predicted, double unit_mm, const std::string& unit,
+                        GradeBuilder* grade_builder) {
+  if (!predicted.holds) {
+    grade_builder->Add(
+        QualityGrade::kBad,
+        absl::StrFormat("too little data to say how accurate it is: %d instants in %d blocks of 2 "
+                        "s (at least 60 in 4 are needed), of which %d of 4 parts were solved%s; "
+                        "record longer, and turn the wand",
+                        predicted.instant_count, predicted.block_count, predicted.fold_count,
+                        std::isfinite(predicted.stated_m) ? "" : ", and no uncertainty is known"));
+    return;
+  }
+  const QualityLimit limit = {kQualityLimits.predicted_error.good * predicted.accepted_m,
+                              kQualityLimits.predicted_error.usable * predicted.accepted_m};
+  grade_builder->Measure("the predicted error of the camera positions (one sigma)",
+                         predicted.sigma_m, limit, unit_mm, unit);
+}
+
+void GradeFigures(const CalibrationResult& result, const std::optional<PredictedError>& predicted,
+                  GradeBuilder* grade_builder) {
+  for (const CalibratedCamera& camera : result.cameras) GradeCamera(camera, grade_builder);
+  EvaluateTarget(result.target, grade_builder);
+  if (!predicted) return;
+  EvaluatePrediction(*predicted, result.scale_known ? 1e3 : 1,
+                     result.scale_known ? "mm" : "units of length", grade_builder);
+}
+
+// The wand's spans say different scales, and the solution took one between them.
+void EvaluateSpans(const CalibrationResult& result, const PredictedError& predicted,
+                   const Finding& finding, GradeBuilder* grade_builder) {
+  const std::vector<double>& given_m = result.target.given.marker_positions_m;
+  if (finding.kind != FindingKind::kWrongWandLength || given_m.size() < 2) return;
+  const double scale_rel = 1e-3 * std::abs(finding.value) / given_m.back();
+  grade_builder->Measure("the error of the scale that the wand's spans leave open",
+                         scale_rel * predicted.distance_m,
+                         {predicted.accepted_m, predicted.accepted_m}, 1e3, "mm");
+}
+
 }  // namespace
 
 FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& finding) {
   return EffectOf(result, finding).severity;
 }
 
-Quality GradeQuality(const CalibrationResult& result) {
+bool IsBadByFigures(const CalibrationResult& result,
+                    const std::optional<PredictedError>& predicted) {
+  GradeBuilder grade_builder;
+  GradeFigures(result, predicted, &grade_builder);
+  return std::move(grade_builder).Result("").grade == QualityGrade::kBad;
+}
+
+Quality GradeQuality(const CalibrationResult& result,
+                     const std::optional<PredictedError>& predicted) {
   GradeBuilder grade_builder;
   double worst_px = 0;
   for (const CalibratedCamera& camera : result.cameras) {
-    GradeCamera(camera, &grade_builder);
     if (camera.held_out) worst_px = std::max(worst_px, camera.held_out->mean_px);
   }
-  EvaluateTarget(result.target, &grade_builder);
+  GradeFigures(result, predicted, &grade_builder);
+  EvaluateIntrinsics(result, &grade_builder);
   for (const Finding& finding : result.findings) {
+    if (finding.candidate) continue;
+    if (predicted) EvaluateSpans(result, *predicted, finding, &grade_builder);
     FindingEffect effect = EffectOf(result, finding);
-    if (effect.severity == FindingSeverity::kInfo) continue;
+    if (effect.severity == FindingSeverity::kInfo || effect.reason.empty()) continue;
     grade_builder.Add(
         effect.severity == FindingSeverity::kError ? QualityGrade::kBad : QualityGrade::kUsable,
         std::move(effect.reason));
   }
-  return std::move(grade_builder)
-      .Result(absl::StrFormat("every camera's held-out mean error is at most %.2f px", worst_px));
+  Quality quality = std::move(grade_builder)
+                        .Result(absl::StrFormat(
+                            "every camera's held-out mean error is at most %.2f px", worst_px));
+  if (predicted && std::isfinite(predicted->sigma_m)) {
+    quality.predicted_error_m = predicted->holds ? predicted->sigma_m : 0;
+    quality.accepted_error_m = predicted->accepted_m;
+  }
+  return quality;
 }
 
 }  // namespace rigcal::server

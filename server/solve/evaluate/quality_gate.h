@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+
 #include "common/calibration/calibration.h"
+#include "server/solve/evaluate/predicted_error.h"
 
 namespace rigcal::server {
 
@@ -27,6 +30,9 @@ struct QualityLimits {
   // Held-out error of a span against the length of the whole wand. 0.3 px at 3 m and a focal length
   // of 1000 px are 1 mm, 0.3 % of a wand of 0.4 m.
   QualityLimit length_error_rel = {0.006, 0.02};
+  // Predicted error (one sigma) by what is accepted: an error of two sigmas is accepted, and of
+  // one.
+  QualityLimit predicted_error = {0.5, 1};
   // Held-out errors (markers) of a camera below which they are ignored.
   uint32_t min_held_out_count = 60;
 };
@@ -35,9 +41,11 @@ inline constexpr QualityLimits kQualityLimits;
 // How a finding limits the grade of `result`: kError makes it bad, kWarning usable at most.
 FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& finding);
 
-// Grades a reported calibration by the limits and by its findings:
-//   bad     a limit for `usable` is passed, or a camera moved while it was recorded: its pose is
-//           that of neither time
+// Grades a reported calibration by the limits, by its predicted error and by its findings:
+//   bad     a limit for `usable` is passed; the predicted error is larger than what is accepted, or
+//           there is too little data to predict it; a camera moved while it was recorded: its pose
+//           is that of neither time; the wand's spans contradict each other by more than what is
+//           accepted
 //   usable  a limit for `good` is passed, nothing could be held out or too little of a camera, or
 //           a finding names what the solve has not taken out (wrong_intrinsics and clock_offset
 //           where these were kept as given, rolling_shutter, wrong_wand_length, weak_link,
@@ -45,6 +53,14 @@ FindingSeverity SeverityOf(const CalibrationResult& result, const Finding& findi
 //   good    otherwise
 // The reasons are those for the grade, by camera, with figure and limit; for `good` they are the
 // worst figures.
-Quality GradeQuality(const CalibrationResult& result);
+//
+// `predicted`: none where it is not known, and then no reason against any grade.
+Quality GradeQuality(const CalibrationResult& result,
+                     const std::optional<PredictedError>& predicted = std::nullopt);
+
+// The limits for `usable` are passed, or the uncertainty does not hold: whatever its findings are,
+// the figures of this result are not to be believed.
+bool IsBadByFigures(const CalibrationResult& result,
+                    const std::optional<PredictedError>& predicted = std::nullopt);
 
 }  // namespace rigcal::server

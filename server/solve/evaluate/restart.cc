@@ -2,14 +2,12 @@
 #include "server/solve/evaluate/restart.h"
 
 #include <algorithm>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/core.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_format.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/evaluate/resection.h"
 #include "server/solve/geometry/marker_rays.h"
 #include "server/solve/geometry/target_pose.h"
 #include "server/solve/geometry/triangulation.h"
@@ -24,10 +22,6 @@ constexpr int kMinMarkers = 30;  // of a camera, to compute its share
 constexpr int kMaxRestarts = 3;
 constexpr double kTruncationPx = 20;    // of the errors that solutions are compared by
 constexpr double kMustGainShare = 0.2;  // of that error must go
-constexpr size_t kMaxSights = 600;
-constexpr int kMinSights = 30;
-constexpr double kMinSightShare = 0.5;  // that must agree with a pose found anew
-constexpr int kResectionSamples = 300;
 constexpr size_t kMaxPairInstants = 100;
 
 // Markers as the trusted cameras triangulate them, and as `camera` sees them.
@@ -61,36 +55,6 @@ std::vector<PointAndRay> SightsOf(const BundleProblem& problem,
     }
   }
   return sights;
-}
-
-std::optional<RigidTransform> Resect(const std::vector<PointAndRay>& sights, double threshold) {
-  if (static_cast<int>(sights.size()) < kMinSights) return std::nullopt;
-  std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> rays;
-  const size_t count = std::min(sights.size(), kMaxSights);
-  for (size_t i = 0; i < count; ++i) {
-    const PointAndRay& sight = sights[i * sights.size() / count];
-    points.emplace_back(sight.x_in_rig.x(), sight.x_in_rig.y(), sight.x_in_rig.z());
-    rays.emplace_back(sight.ray.x(), sight.ray.y());
-  }
-  cv::Mat rotation_vector, translation, inliers, rotation_matrix;
-  Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation_m;
-  try {
-    if (!cv::solvePnPRansac(points, rays, cv::Mat::eye(3, 3, CV_64F), cv::noArray(),
-                            rotation_vector, translation, false, kResectionSamples,
-                            static_cast<float>(threshold), 0.999, inliers, cv::SOLVEPNP_EPNP)) {
-      return std::nullopt;
-    }
-    cv::Rodrigues(rotation_vector, rotation_matrix);
-    cv::cv2eigen(rotation_matrix, rotation);
-    cv::cv2eigen(translation, translation_m);
-  } catch (const cv::Exception&) {
-    return std::nullopt;  // degenerate
-  }
-  if (inliers.rows < kMinSightShare * static_cast<double>(count)) return std::nullopt;
-  if (!rotation.allFinite() || !translation_m.allFinite()) return std::nullopt;
-  return RigidTransform{Eigen::Quaterniond(rotation).normalized(), translation_m};
 }
 
 // The solution with the doubted cameras' poses from the others' markers; none where there are too

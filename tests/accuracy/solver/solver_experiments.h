@@ -9,6 +9,7 @@ namespace rigcal::accuracy {
 Experiment Clocks();
 Experiment Consistency();
 Experiment Crb();
+Experiment Doctor();
 Experiment Flight();
 Experiment Halves();
 Experiment Real();

@@ -34,6 +34,10 @@ TEST(CalibrationOptions, RefusesValuesOutOfRangeAndNotFinite) {
     options.association_tolerance_s = bad;
     EXPECT_THAT(options.Validate(),
                 StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("association_tolerance_s")));
+    options = {};
+    options.accept_m = bad == 101 ? 1001 : bad;
+    EXPECT_THAT(options.Validate(),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("accept_m")));
   }
 }
 

@@ -60,13 +60,23 @@ TEST(CalibrateErrors, AWandThatWasHardlyMovedIsNamedWithWhereItWas) {
 }
 
 TEST(CalibrateErrors, ACameraThatContradictsAllOthersIsNamedWithTheLikelyCauses) {
-  CalibrationInput input = Input("cameras=4;duration=20");
-  input.tracks[2].observations = Input("cameras=4;duration=20;seed=9").tracks[2].observations;
+  // Of three, none is left out: two are no rig to judge the third by.
+  CalibrationInput input = Input("cameras=3;duration=20");
+  input.tracks[2].observations = Input("cameras=3;duration=20;seed=9").tracks[2].observations;
   EXPECT_THAT(Calibrate(input, {}).result,
               StatusIs(absl::StatusCode::kFailedPrecondition,
                        AllOf(HasSubstr("{sim_2 (500 wand views)}"), HasSubstr("and sim_2 would"),
                              HasSubstr("clocks that are apart"), HasSubstr("intrinsics"),
                              HasSubstr("marker positions"))));
+}
+
+TEST(CalibrateErrors, ACameraThatContradictsThreeOthersIsLeftOut) {
+  CalibrationInput input = Input("cameras=4;duration=20");
+  input.tracks[2].observations = Input("cameras=4;duration=20;seed=9").tracks[2].observations;
+  const CalibrationOutcome outcome = Calibrate(input, {});
+  ASSERT_THAT(outcome.result, IsOk());
+  EXPECT_EQ(outcome.result->cameras.size(), 3);
+  EXPECT_THAT(KindsOf(*outcome.result), Contains(FindingKind::kInconsistentCamera).Times(1));
 }
 
 TEST(CalibrateErrors, CamerasThatRanAtOtherTimesAreNamedWithTheTimeBetween) {
@@ -116,8 +126,9 @@ TEST(CalibrateErrors, CamerasInOnePlaceAreCalibratedAndNamed) {
   const CalibrationOutcome outcome = Calibrate(input, {});
   ASSERT_THAT(outcome.result, IsOk());
   EXPECT_THAT(KindsOf(*outcome.result), Contains(FindingKind::kNarrowBaseline).Times(1));
-  EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
-  EXPECT_THAT(outcome.result->quality.reasons, Contains(HasSubstr("the same direction")));
+  // Nothing says how far the cameras are from the wand.
+  EXPECT_EQ(outcome.result->quality.grade, QualityGrade::kBad);
+  EXPECT_THAT(outcome.result->quality.reasons, Contains(HasSubstr("how accurate it is")));
 }
 
 TEST(CalibrateErrors, ALongWaveHasNoSuchFindings) {
@@ -147,7 +158,10 @@ TEST(CalibrateErrors, APoseThatIsHeldLooselyIsNamedWithWhereToWave) {
   EXPECT_THAT(loose, ElementsAre("sim_2"));
   EXPECT_THAT(advice, Contains(AllOf(HasSubstr("of sim_2's image ("), HasSubstr("and in the "),
                                      HasSubstr("Wave the wand where it and sim_"))));
-  EXPECT_THAT(outcome.result->quality.reasons, Contains(HasSubstr("sim_2: its position is known")));
+  // 57 mm where 41 mm are accepted.
+  EXPECT_EQ(outcome.result->quality.grade, QualityGrade::kBad);
+  EXPECT_THAT(outcome.result->quality.reasons,
+              Contains(HasSubstr("predicted error of the camera positions")));
 }
 
 }  // namespace

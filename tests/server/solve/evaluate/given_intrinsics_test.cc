@@ -97,5 +97,31 @@ TEST_F(GivenIntrinsicsFixture, NothingRefinedAgrees) {
   EXPECT_TRUE(TestGivenIntrinsics(problem_, uncertainty_).agrees);
 }
 
+TEST_F(GivenIntrinsicsFixture, PriorSharesArePartsOfTheVariance) {
+  const std::vector<Eigen::Vector4d> shares = PriorShares(problem_, uncertainty_);
+  ASSERT_EQ(shares.size(), kCameras);
+  EXPECT_GT(shares[0][3], 0.99);
+  // What is not the prior's is the data's.
+  const Eigen::MatrixXd& covariance = uncertainty_.covariance;
+  const Eigen::MatrixXd of_data = covariance * data_ * covariance;
+  for (int c = 0; c < kCameras; ++c) {
+    for (int k = 0; k < kEach; ++k) {
+      const Eigen::Index i = kEach * c + k;
+      EXPECT_NEAR(shares[static_cast<size_t>(c)][k], 1 - of_data(i, i) / covariance(i, i), 1e-9);
+    }
+  }
+}
+
+// A factor that all have in common, and the data do not tell: no single sigma shows it.
+TEST_F(GivenIntrinsicsFixture, PriorSharesShowWhatTheDataDoNotTellTogether) {
+  constexpr Eigen::Index n = kCameras * kEach;
+  const Eigen::VectorXd common = Eigen::VectorXd::Constant(n, 1 / std::sqrt(n));
+  const Eigen::MatrixXd tells =
+      100 * (Eigen::MatrixXd::Identity(n, n) - common * common.transpose());
+  uncertainty_.covariance = (tells + Eigen::MatrixXd(prior_.asDiagonal())).inverse();
+  EXPECT_LT(std::sqrt(uncertainty_.covariance(0, 0)), 0.3 * kPriorSigma);
+  EXPECT_GT(PriorShares(problem_, uncertainty_)[0][0], 0.9);
+}
+
 }  // namespace
 }  // namespace rigcal::server::given_intrinsics_test

@@ -37,6 +37,55 @@ TEST(QualityGate, SoundOneIsGoodAndSaysWhy) {
   EXPECT_THAT(quality.reasons, ElementsAre(HasSubstr("0.40 px")));
 }
 
+// 10 mm are accepted.
+PredictedError Predicted(double sigma_m) {
+  PredictedError predicted;
+  predicted.sigma_m = sigma_m;
+  predicted.accepted_m = 0.01;
+  predicted.distance_m = 3;
+  predicted.instant_count = 500;
+  predicted.block_count = 20;
+  predicted.holds = true;
+  return predicted;
+}
+
+TEST(QualityGate, PredictedErrorLimitsTheGrade) {
+  CalibrationResult result = Sound();
+  result.scale_known = true;
+  EXPECT_EQ(GradeQuality(result, Predicted(0.0049)).grade, QualityGrade::kGood);
+  EXPECT_EQ(GradeQuality(result, Predicted(0.0051)).grade, QualityGrade::kUsable);
+  const Quality bad = GradeQuality(result, Predicted(0.0101));
+  EXPECT_EQ(bad.grade, QualityGrade::kBad);
+  EXPECT_THAT(bad.reasons, ElementsAre(HasSubstr("10.1 mm, more than 10 mm")));
+  EXPECT_EQ(bad.predicted_error_m, 0.0101);
+  EXPECT_EQ(bad.accepted_error_m, 0.01);
+  EXPECT_TRUE(IsBadByFigures(result, Predicted(0.0101)));
+  EXPECT_FALSE(IsBadByFigures(result, Predicted(0.0099)));
+}
+
+TEST(QualityGate, WhatCannotBePredictedIsBadWhateverItsSigma) {
+  PredictedError predicted = Predicted(0.001);
+  predicted.holds = false;
+  predicted.instant_count = 20;
+  predicted.block_count = 1;
+  const Quality quality = GradeQuality(Sound(), predicted);
+  EXPECT_EQ(quality.grade, QualityGrade::kBad);
+  EXPECT_THAT(quality.reasons, ElementsAre(HasSubstr("20 instants in 1 blocks of 2 s")));
+  EXPECT_EQ(quality.predicted_error_m, 0);
+}
+
+TEST(QualityGate, SpansThatContradictEachOtherByMoreThanIsAcceptedAreBad) {
+  CalibrationResult result = Sound();
+  result.target.given.marker_positions_m = {0, 0.13, 0.39};
+  result.findings.push_back({FindingKind::kWrongWandLength, "", 5, "mm", ""});
+  EXPECT_EQ(GradeQuality(result, Predicted(0.001)).grade, QualityGrade::kBad);
+  result.findings[0].value = 1;  // 0.26 % of 3 m
+  EXPECT_EQ(GradeQuality(result, Predicted(0.001)).grade, QualityGrade::kUsable);
+  // A candidate is no reason.
+  result.findings[0].candidate = true;
+  EXPECT_EQ(GradeQuality(result, Predicted(0.001)).grade, QualityGrade::kGood);
+}
+
 TEST(QualityGate, EachFigureHasTwoLimits) {
   const QualityLimits& limits = kQualityLimits;
   const auto grade = [](const auto& change) {

@@ -1,0 +1,405 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/diagnose/clock_course.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "common/camera/camera_model.h"
+#include "common/statistics/robust_statistics.h"
+#include "server/solve/diagnose/others_points.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr size_t kMaxPoints = 6000;
+constexpr size_t kMaxBlocks = 20, kMinBlocks = 6;
+constexpr size_t kMinSightsOfBlock = 45;
+constexpr double kReachS = 0.6, kScanStepS = 0.01;
+constexpr double kCourseCapPx = 30;
+// A block that fits this well where it is needs no search, one that fits worse is not believed.
+constexpr double kContentPx = 3;
+constexpr double kDerivativeS = 0.002;
+constexpr double kMaxStepS = 0.01;
+constexpr int kOffsetIterations = 10, kPoseIterations = 6, kRounds = 3;
+constexpr double kMinScalePx = 0.1;
+// Added to each block's sigma: what interpolation leaves.
+constexpr double kFloorS = 1e-4;
+constexpr double kMinSizeS = 1.5e-3, kCourseSigmas = 5;
+// Of the scatter about a constant must go.
+constexpr double kMustExplain = 0.7;
+
+// A point as the track's camera saw it at some time, and where it should be.
+struct Sight {
+  int marker;
+  double time_s;
+  Eigen::Vector3d x_in_rig;
+  Eigen::Vector2d predicted_px;
+  bool in_view;
+};
+
+class CourseMeter {
+ public:
+  CourseMeter(const BundleCamera& camera, const Intrinsics& given, TrackPaths paths,
+              const std::vector<TimedMarker>& points, int64_t origin_ns)
+      : camera_(camera), given_(given), paths_(std::move(paths)) {
+    for (const TimedMarker& point : points) {
+      Sight sight = {point.marker, 1e-9 * static_cast<double>(point.rig_time_ns - origin_ns),
+                     point.x_in_rig, Eigen::Vector2d::Zero(), false};
+      if (SeenPx(sight, 0)) sights_.push_back(sight);
+    }
+    Predict();
+  }
+
+  size_t size() const { return sights_.size(); }
+  double time_s(size_t i) const { return sights_[i].time_s; }
+  TrackPaths TakePaths() && { return std::move(paths_); }
+
+  // Error of a sight at an offset, at most the cap.
+  double ErrorPx(size_t i, double offset_s) const {
+    const auto residual = ResidualPx(sights_[i], offset_s);
+    return residual ? std::min(kCourseCapPx, residual->norm()) : kCourseCapPx;
+  }
+  double MeanErrorPx(size_t begin, size_t end, double offset_s) const {
+    double sum = 0;
+    for (size_t i = begin; i < end; ++i) sum += ErrorPx(i, offset_s);
+    return sum / static_cast<double>(end - begin);
+  }
+
+  // The best offset of some sights: from `near_s`, or where that does not fit from anywhere.
+  CourseBlock Fit(size_t begin, size_t end, double near_s, bool search) const {
+    CourseBlock block = Refine(begin, end, near_s);
+    if (search && !(block.error_px < kContentPx)) {
+      double best_px = MeanErrorPx(begin, end, block.offset_s), best_s = block.offset_s;
+      const int steps = static_cast<int>(kReachS / kScanStepS);
+      for (int i = -steps; i <= steps; ++i) {
+        const double error_px = MeanErrorPx(begin, end, near_s + i * kScanStepS);
+        if (error_px < best_px) {
+          best_px = error_px;
+          best_s = near_s + i * kScanStepS;
+        }
+      }
+      block = Refine(begin, end, best_s);
+    }
+    block.time_s = sights_[(begin + end) / 2].time_s;
+    return block;
+  }
+
+  // Fits the camera's pose to all sights, each at its own offset.
+  void FitPose(const std::vector<double>& offsets_s, const std::vector<bool>& use) {
+    for (int iteration = 0; iteration < kPoseIterations; ++iteration) {
+      Eigen::Matrix<double, 6, 6> normal = 1e-9 * Eigen::Matrix<double, 6, 6>::Identity();
+      Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
+      std::vector<double> norms;
+      for (size_t i = 0; i < sights_.size(); ++i) {
+        if (use[i]) norms.push_back(ErrorPx(i, offsets_s[i]));
+      }
+      if (norms.size() < kMinSightsOfBlock) return;
+      const double scale = std::max(kMinScalePx, UpperMedian(&norms) / kMedianOfRayleigh);
+      for (size_t i = 0; i < sights_.size(); ++i) {
+        const auto residual = ResidualPx(sights_[i], offsets_s[i]);
+        if (!use[i] || !residual) continue;
+        const Eigen::Vector3d rotated = camera_.cam_from_rig.rotation * sights_[i].x_in_rig;
+        Eigen::Vector2d pixel;
+        Eigen::Matrix<double, 2, 3> d_point;
+        if (!Project(camera_.model, camera_.intrinsics.data(),
+                     rotated + camera_.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
+          continue;
+        }
+        Eigen::Matrix3d cross;
+        cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(),
+            rotated.x(), 0;
+        Eigen::Matrix<double, 2, 6> jacobian;
+        jacobian << d_point * cross, -d_point;  // of seen minus predicted
+        const double weight = 1 / (1 + residual->squaredNorm() / (4 * scale * scale));
+        normal += weight * jacobian.transpose() * jacobian;
+        gradient += weight * jacobian.transpose() * *residual;
+      }
+      const Eigen::Matrix<double, 6, 1> step = -normal.ldlt().solve(gradient);
+      if (!step.allFinite()) return;
+      const double angle = step.head<3>().norm();
+      if (angle > 0) {
+        camera_.cam_from_rig.rotation =
+            (Eigen::AngleAxisd(angle, step.head<3>() / angle) * camera_.cam_from_rig.rotation)
+                .normalized();
+      }
+      camera_.cam_from_rig.translation_m += step.tail<3>();
+      Predict();
+    }
+  }
+
+ private:
+  void Predict() {
+    for (Sight& sight : sights_) {
+      sight.in_view =
+          Project(camera_.model, camera_.intrinsics.data(), camera_.cam_from_rig * sight.x_in_rig,
+                  &sight.predicted_px, nullptr, nullptr);
+    }
+  }
+
+  std::optional<Eigen::Vector2d> SeenPx(const Sight& sight, double offset_s) const {
+    const auto ray = At(paths_.markers[static_cast<size_t>(sight.marker)], sight.time_s - offset_s,
+                        paths_.gap_s);
+    Eigen::Vector2d pixel;
+    if (!ray || !Project(given_, ray->homogeneous(), &pixel)) return std::nullopt;
+    return pixel;
+  }
+
+  std::optional<Eigen::Vector2d> ResidualPx(const Sight& sight, double offset_s) const {
+    const auto seen_px = SeenPx(sight, offset_s);
+    if (!seen_px || !sight.in_view) return std::nullopt;
+    return Eigen::Vector2d(*seen_px - sight.predicted_px);
+  }
+
+  CourseBlock Refine(size_t begin, size_t end, double offset_s) const {
+    CourseBlock block;
+    block.offset_s = offset_s;
+    block.error_px = block.sigma_s = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < kOffsetIterations; ++iteration) {
+      std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>> terms;
+      std::vector<double> norms;
+      for (size_t i = begin; i < end; ++i) {
+        const auto residual = ResidualPx(sights_[i], block.offset_s);
+        const auto later = ResidualPx(sights_[i], block.offset_s + kDerivativeS);
+        const auto earlier = ResidualPx(sights_[i], block.offset_s - kDerivativeS);
+        if (!residual || !later || !earlier) continue;
+        terms.emplace_back(*residual, (*later - *earlier) / (2 * kDerivativeS));
+        norms.push_back(residual->norm());
+      }
+      if (2 * norms.size() < end - begin) return block;
+      block.error_px = UpperMedian(&norms);
+      const double scale = std::max(kMinScalePx, block.error_px / kMedianOfRayleigh);
+      double information = 0, gradient = 0;
+      for (const auto& [residual, slope] : terms) {
+        const double weight = 1 / (1 + residual.squaredNorm() / (4 * scale * scale));
+        information += weight * slope.squaredNorm();
+        gradient += weight * slope.dot(residual);
+      }
+      if (!(information > 0)) return block;
+      block.sigma_s = scale / std::sqrt(information);
+      const double step_s = std::clamp(-gradient / information, -kMaxStepS, kMaxStepS);
+      block.offset_s += step_s;
+      if (std::abs(step_s) < 1e-7) break;
+    }
+    return block;
+  }
+
+  BundleCamera camera_;
+  const Intrinsics& given_;
+  TrackPaths paths_;
+  std::vector<Sight> sights_;
+};
+
+// Blocks as a linear function of time, whose unit is half the recording.
+struct Model {
+  CourseKind kind = CourseKind::kConstant;
+  int degree = 0;
+  int parameters = 1;
+  double chi2 = 0;
+  size_t split = 0;                // of a step: first block after it
+  Eigen::VectorXd coefficients;    // of the powers of time, then of the step
+  double size_s = 0, sigma_s = 0;  // sigma by the blocks' own
+};
+
+double WeightOf(const CourseBlock& block) {
+  return 1 / (block.sigma_s * block.sigma_s + kFloorS * kFloorS);
+}
+
+// A polynomial, and where `split` is not 0 a step before that block; the block before which the
+// step is belongs to neither side where `skip` is set. None where the blocks do not determine it.
+std::optional<Model> FitModel(const std::vector<CourseBlock>& blocks, double middle_s,
+                              double half_s, int degree, size_t split, bool skip) {
+  Model model;
+  model.kind = split > 0     ? CourseKind::kStep
+               : degree == 0 ? CourseKind::kConstant
+               : degree == 1 ? CourseKind::kSlope
+                             : CourseKind::kCurve;
+  model.degree = degree;
+  model.split = split;
+  const Eigen::Index columns = degree + 1 + (split > 0 ? 1 : 0);
+  // The place of a step is chosen, too.
+  model.parameters = static_cast<int>(columns) + (split > 0 ? 1 : 0) + (skip ? 1 : 0);
+  const auto basis = [&](size_t b) {
+    Eigen::VectorXd row(columns);
+    for (int i = 0; i <= degree; ++i) row[i] = std::pow((blocks[b].time_s - middle_s) / half_s, i);
+    if (split > 0) row[columns - 1] = b >= split ? 1 : 0;
+    return row;
+  };
+  const auto counts = [&](size_t b) { return !skip || b != split; };
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(columns, columns);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(columns);
+  for (size_t b = 0; b < blocks.size(); ++b) {
+    if (!counts(b)) continue;
+    const Eigen::VectorXd row = basis(b);
+    normal += WeightOf(blocks[b]) * row * row.transpose();
+    right += WeightOf(blocks[b]) * blocks[b].offset_s * row;
+  }
+  const Eigen::LDLT<Eigen::MatrixXd> factor(normal);
+  if (!factor.isPositive()) return std::nullopt;
+  model.coefficients = factor.solve(right);
+  if (!model.coefficients.allFinite()) return std::nullopt;
+  size_t least = 0, largest = 0;
+  for (size_t b = 0; b < blocks.size(); ++b) {
+    const double offset_s = basis(b).dot(model.coefficients);
+    if (counts(b)) model.chi2 += WeightOf(blocks[b]) * std::pow(blocks[b].offset_s - offset_s, 2);
+    if (offset_s < basis(least).dot(model.coefficients)) least = b;
+    if (offset_s > basis(largest).dot(model.coefficients)) largest = b;
+  }
+  Eigen::VectorXd between = basis(largest) - basis(least);
+  if (split > 0) between = Eigen::VectorXd::Unit(columns, columns - 1);
+  model.size_s = between.dot(model.coefficients);
+  model.sigma_s = std::sqrt(std::max(0.0, between.dot(factor.solve(between))));
+  return model;
+}
+
+// By the Bayesian information criterion; the sizes' sigmas include the blocks' scatter.
+void ChooseModel(const std::vector<CourseBlock>& blocks, ClockCourse* course) {
+  const double begin_s = blocks.front().time_s, end_s = blocks.back().time_s;
+  course->middle_s = 0.5 * (begin_s + end_s);
+  const double half_s = std::max(1e-3, 0.5 * (end_s - begin_s));
+  std::vector<Model> models;
+  const size_t count = blocks.size();
+  const auto add = [&](int degree, size_t split, bool skip) {
+    const auto model = FitModel(blocks, course->middle_s, half_s, degree, split, skip);
+    if (model) models.push_back(*model);
+  };
+  for (int degree = 0; degree <= 2; ++degree) add(degree, 0, false);
+  for (int degree = 0; degree <= 1; ++degree) {
+    const auto beside = static_cast<size_t>(2 + degree);
+    for (size_t split = beside; split + beside <= count; ++split) {
+      add(degree, split, false);
+      if (split + beside < count) add(degree, split, true);
+    }
+  }
+  if (models.empty() || models.front().kind != CourseKind::kConstant) return;
+  const auto scatter = [count](const Model& model) {
+    const double freedom = std::max(1.0, static_cast<double>(count) - model.parameters);
+    return std::max(1.0, model.chi2 / freedom);
+  };
+  double least = std::numeric_limits<double>::infinity();
+  for (const Model& model : models) least = std::min(least, scatter(model));
+  const auto criterion = [&](const Model& model) {
+    return model.chi2 / least + model.parameters * std::log(static_cast<double>(count));
+  };
+  const Model& best = *std::ranges::min_element(models, {}, criterion);
+  const double sigma_s = best.sigma_s * std::sqrt(scatter(best));
+  const bool significant = best.kind != CourseKind::kConstant &&
+                           std::abs(best.size_s) > std::max(kMinSizeS, kCourseSigmas * sigma_s) &&
+                           best.chi2 < (1 - kMustExplain) * models.front().chi2;
+  if (!significant) return;
+  course->kind = best.kind;
+  course->size_s = best.size_s;
+  course->sigma_s = sigma_s;
+  course->step_time_s = best.split > 0 ? blocks[best.split].time_s : 0;
+  for (int i = 0; i <= best.degree; ++i) {
+    course->coefficients.push_back(best.coefficients[i] / std::pow(half_s, i));
+  }
+}
+
+// The time of the step to a sight, between the blocks around it.
+void RefineStepTime(const CourseMeter& meter, ClockCourse* course) {
+  size_t next = 0;
+  while (next + 1 < course->blocks.size() && course->blocks[next].time_s < course->step_time_s) {
+    ++next;
+  }
+  const double from_s = course->blocks[next >= 1 ? next - 1 : 0].time_s;
+  const double to_s = course->blocks[std::min(next + 1, course->blocks.size() - 1)].time_s;
+  // Errors as if the step came first; each sight passed goes to the other side.
+  ClockCourse without = *course;
+  without.kind = CourseKind::kCurve;
+  double cost = 0, best = 0;
+  double best_s = from_s;
+  for (size_t i = 0; i < meter.size(); ++i) {
+    const double time_s = meter.time_s(i);
+    if (time_s < from_s || time_s > to_s) continue;
+    const double before_s = without.OffsetAt(time_s);
+    cost += meter.ErrorPx(i, before_s) - meter.ErrorPx(i, before_s + course->size_s);
+    if (cost < best) {
+      best = cost;
+      best_s = i + 1 < meter.size() ? 0.5 * (time_s + meter.time_s(i + 1)) : time_s;
+    }
+  }
+  course->step_time_s = best_s;
+}
+
+// The track on a clock with the most instants; -1 for none.
+int MainTrack(const RigObservations& rig, const RigSolution& solution, int clock) {
+  int best = -1;
+  uint32_t most = 0;
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    if (rig.index.clock_of_track[t] != clock || solution.instants.instant_count[t] <= most) {
+      continue;
+    }
+    best = static_cast<int>(t);
+    most = solution.instants.instant_count[t];
+  }
+  return best;
+}
+
+}  // namespace
+
+double ClockCourse::OffsetAt(double time_s) const {
+  double offset_s = kind == CourseKind::kStep && time_s >= step_time_s ? size_s : 0;
+  for (size_t i = 0; i < coefficients.size(); ++i) {
+    offset_s += coefficients[i] * std::pow(time_s - middle_s, static_cast<double>(i));
+  }
+  return offset_s;
+}
+
+std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
+                                              const RigSolution& solution, int clock) {
+  const int track = MainTrack(rig, solution, clock);
+  if (track < 0 || solution.built.instant_time_ns.empty()) return std::nullopt;
+  const auto t = static_cast<size_t>(track);
+  const auto c = static_cast<size_t>(rig.index.camera_of_track[t]);
+  const int64_t origin_ns = solution.built.instant_time_ns.front();
+  const std::vector<TimedMarker> points = MarkersSeenBy(
+      solution, [clock](const BundleObservation& seen) { return seen.clock != clock; }, kMaxPoints);
+  const auto times = RigTimes(rig.tracks, rig.index, InitializationFrom(solution).clocks);
+  CourseMeter meter(solution.built.problem.cameras[c], *rig.index.cameras[c].intrinsics,
+                    PathsOf(rig.tracks[t], times[t], origin_ns, rig.target.marker_count()), points,
+                    origin_ns);
+  const size_t count = std::min(kMaxBlocks, meter.size() / kMinSightsOfBlock);
+  if (count < kMinBlocks) return std::nullopt;
+  const auto first = [&](size_t b) { return b * meter.size() / count; };
+  ClockCourse course;
+  course.track = track;
+  std::vector<CourseBlock> blocks(count);
+  std::vector<double> offsets_s(meter.size(), 0);
+  std::vector<bool> use(meter.size(), true);
+  for (int round = 0; round < kRounds; ++round) {
+    for (size_t b = 0; b < count; ++b) {
+      blocks[b] = meter.Fit(first(b), first(b + 1), blocks[b].offset_s, true);
+      for (size_t i = first(b); i < first(b + 1); ++i) {
+        offsets_s[i] = blocks[b].offset_s;
+        use[i] = blocks[b].error_px < 2 * kContentPx;
+      }
+    }
+    if (round + 1 < kRounds) meter.FitPose(offsets_s, use);
+  }
+  for (const CourseBlock& block : blocks) {
+    if (block.error_px < kContentPx && std::isfinite(block.sigma_s)) course.blocks.push_back(block);
+  }
+  if (course.blocks.size() < kMinBlocks || 3 * course.blocks.size() < 2 * count) {
+    return std::nullopt;
+  }
+  ChooseModel(course.blocks, &course);
+  if (course.kind == CourseKind::kStep) RefineStepTime(meter, &course);
+  if (course.kind != CourseKind::kConstant) {
+    std::vector<double> values_s;
+    for (const CourseBlock& block : course.blocks) values_s.push_back(block.offset_s);
+    const double constant_s = Median(values_s);
+    for (size_t i = 0; i < meter.size(); ++i) {
+      const double share = 1 / static_cast<double>(meter.size());
+      course.before_px += share * meter.ErrorPx(i, constant_s);
+      course.after_px += share * meter.ErrorPx(i, course.OffsetAt(meter.time_s(i)));
+    }
+  }
+  course.paths = std::move(meter).TakePaths();
+  return course;
+}
+
+}  // namespace rigcal::server

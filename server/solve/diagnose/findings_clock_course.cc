@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "absl/strings/str_format.h"
+#include "common/camera/camera_model.h"
+#include "server/solve/diagnose/clock_course.h"
+#include "server/solve/diagnose/finding_causes.h"
+
+namespace rigcal::server {
+namespace {
+
+// Of the camera's mean error, that the course takes away.
+constexpr double kMinCourseGainPx = 0.02;
+constexpr double kVelocityStepS = 0.002;
+
+// The course that takes away most of its camera's error: one clock that is off pulls at the others.
+std::optional<ClockCourse> WorstCourse(const CauseInput& input) {
+  std::optional<ClockCourse> worst;
+  const auto count = static_cast<int>(input.evaluated.solution.clocks.size());
+  for (int k = 0; k < count; ++k) {
+    std::optional<ClockCourse> course = MeasureClockCourse(input.rig, input.evaluated.solution, k);
+    if (!course || course->kind == CourseKind::kConstant) continue;
+    if (course->gain_px() < kMinCourseGainPx) continue;
+    if (!worst || course->gain_px() > worst->gain_px()) worst = std::move(course);
+  }
+  return worst;
+}
+
+// The camera's markers as it saw them at the times that the course says.
+void MoveMarkers(const CauseInput& input, const ClockCourse& course, TrialProblem* trial) {
+  const auto t = static_cast<size_t>(course.track);
+  const int clock = input.rig.index.clock_of_track[t];
+  const auto camera = static_cast<size_t>(input.rig.index.camera_of_track[t]);
+  const Intrinsics& given = *input.rig.index.cameras[camera].intrinsics;
+  const int64_t origin_ns = input.evaluated.solution.built.instant_time_ns.front();
+  BundleProblem& problem = trial->problem;
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const double time_s = 1e-9 * static_cast<double>(trial->instant_time_ns[i] - origin_ns);
+    const double seen_s = time_s - course.OffsetAt(time_s);
+    const BundleInstant& instant = problem.instants[i];
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      if (observation.clock != clock ||
+          trial->rig_camera[static_cast<size_t>(observation.camera)] != camera) {
+        continue;
+      }
+      for (BundleMarker& marker : problem.MarkersOf(observation)) {
+        const RayPath& path = course.paths.markers[static_cast<size_t>(marker.marker)];
+        const auto pixel = [&](double at_s) -> std::optional<Eigen::Vector2d> {
+          const auto ray = At(path, at_s, course.paths.gap_s);
+          Eigen::Vector2d seen_px;
+          if (!ray || !Project(given, ray->homogeneous(), &seen_px)) return std::nullopt;
+          return seen_px;
+        };
+        const auto now = pixel(seen_s);
+        const auto later = pixel(seen_s + kVelocityStepS), earlier = pixel(seen_s - kVelocityStepS);
+        if (!now || !later || !earlier) continue;
+        marker.centre_px = *now;
+        marker.velocity_px_s = (*later - *earlier) / (2 * kVelocityStepS);
+      }
+    }
+  }
+  problem.clocks[static_cast<size_t>(clock)].time_offset_s = 0;
+  problem.clocks[static_cast<size_t>(clock)].time_rate = 0;
+}
+
+// Of all markers.
+double ShareOf(const BundleProblem& problem, size_t camera) {
+  double own = 0, all = 0;
+  ForEachMarker(problem, [&](size_t, const BundleObservation& observation, size_t) {
+    own += static_cast<size_t>(observation.camera) == camera ? 1 : 0;
+    ++all;
+  });
+  return own / std::max(1.0, all);
+}
+
+std::string StepAdvice(const ClockCourse& course) {
+  return absl::StrFormat(
+      "%.1f s after the first wand view its clock jumped by %.2f ms (+-%.2f ms): its stamps are "
+      "that much %s from then on; its error is %.2f px, and %.2f px with an offset of its own "
+      "before and after. Look for lost frames, a clock that was set, or a driver that was "
+      "restarted, and record again, or calibrate from what was recorded on one side of the jump",
+      course.step_time_s, 1e3 * std::abs(course.size_s), 1e3 * course.sigma_s,
+      course.size_s < 0 ? "later" : "earlier", course.before_px, course.after_px);
+}
+
+std::string DriftAdvice(const ClockCourse& course) {
+  const double span_s = course.blocks.back().time_s - course.blocks.front().time_s;
+  const std::string how =
+      course.kind == CourseKind::kSlope
+          ? absl::StrFormat("it runs %.0f ppm %s than what the calibration assumes",
+                            1e6 * std::abs(course.coefficients[1]),
+                            course.coefficients[1] < 0 ? "faster" : "slower")
+          : "its rate changes, and one rate does not describe it";
+  return absl::StrFormat(
+      "its clock drifts by %.2f ms (+-%.2f ms) over %.0f s: %s; its error is %.2f px, and %.2f px "
+      "with this drift. Let its stamps come from a clock that is disciplined, or use a common "
+      "trigger, and check whether they are times of arrival",
+      1e3 * std::abs(course.size_s), 1e3 * course.sigma_s, span_s, how, course.before_px,
+      course.after_px);
+}
+
+}  // namespace
+
+Repair RepairClockCourse(const CauseInput& input) {
+  Repair repair;
+  const std::optional<ClockCourse> course = WorstCourse(input);
+  if (!course) return repair;
+  repair.repaired = input.trial;
+  MoveMarkers(input, *course, &repair.repaired);
+  if (!SolveTrialFromAfar(input.trial.bundle, &repair.repaired.problem).ok()) return repair;
+  const auto t = static_cast<size_t>(course->track);
+  const auto camera = static_cast<size_t>(input.rig.index.camera_of_track[t]);
+  repair.repaired.uneven_clocks.push_back(input.rig.index.clock_of_track[t]);
+  const bool step = course->kind == CourseKind::kStep;
+  repair.causes.push_back({{step ? FindingKind::kClockJump : FindingKind::kClockDrift,
+                            input.rig.index.cameras[camera].camera, 1e3 * course->size_s, "ms",
+                            step ? StepAdvice(*course) : DriftAdvice(*course)},
+                           course->gain_px()});
+  // Rows that are in no instant are missing in the trial, and what they gain with them.
+  repair.gain_px = course->gain_px() * ShareOf(input.trial.problem, camera);
+  return repair;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/diagnose/others_points.h"
+
+#include <algorithm>
+
+#include "server/solve/geometry/marker_rays.h"
+#include "server/solve/geometry/triangulation.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kOthersAgreePx = 5;
+
+}  // namespace
+
+std::vector<TimedMarker> MarkersSeenBy(
+    const RigSolution& solution,
+    const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count) {
+  const BundleProblem& problem = solution.built.problem;
+  const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
+  const size_t markers = problem.target.marker_positions_m.size();
+  std::vector<bool> allowed(problem.cameras.size());
+  std::vector<TimedMarker> points;
+  const size_t stride = 1 + problem.instants.size() * markers / std::max<size_t>(1, max_count);
+  for (size_t i = 0; i < problem.instants.size(); i += stride) {
+    const BundleInstant& instant = problem.instants[i];
+    if (!instant.used) continue;
+    allowed.assign(problem.cameras.size(), false);
+    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+      if (takes_part(observation)) allowed[static_cast<size_t>(observation.camera)] = true;
+    }
+    const std::vector<MarkerRay> rays = UsedMarkerRays(problem, intrinsics, instant);
+    for (size_t m = 0; m < markers; ++m) {
+      std::vector<CameraRay> views;
+      std::vector<double> focal_px;
+      for (const MarkerRay& ray : rays) {
+        const auto camera = static_cast<size_t>(ray.camera);
+        if (ray.marker != static_cast<int>(m) || !ray.has_ray || !allowed[camera]) continue;
+        views.push_back(ray.ray);
+        focal_px.push_back(problem.cameras[camera].intrinsics[0]);
+      }
+      const auto point = Triangulate(views);
+      if (!point) continue;
+      bool agree = true;
+      for (size_t v = 0; v < views.size(); ++v) {
+        agree = agree && RayError(views[v], *point) * focal_px[v] < kOthersAgreePx;
+      }
+      if (agree) {
+        points.push_back({static_cast<int>(m), solution.built.instant_time_ns[i], *point});
+      }
+    }
+  }
+  std::ranges::stable_sort(points, {}, &TimedMarker::rig_time_ns);
+  return points;
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "server/solve/rig/rig_solver.h"
+
+namespace rigcal::server {
+
+// A marker in the rig frame at a time.
+struct TimedMarker {
+  int marker = 0;
+  int64_t rig_time_ns = 0;
+  Eigen::Vector3d x_in_rig = Eigen::Vector3d::Zero();
+};
+
+// The markers of the placed instants as some of the cameras triangulate them (two at least, all of
+// which must agree): those observations of which `takes_part` is true. At most about `max_count`,
+// evenly chosen, ascending by time.
+std::vector<TimedMarker> MarkersSeenBy(
+    const RigSolution& solution,
+    const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count);
+
+}  // namespace rigcal::server

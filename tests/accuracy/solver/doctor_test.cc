@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+
+#include "tests/accuracy/solver/doctor_experiment.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::accuracy::doctor_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::testing::IsEmpty;
+
+constexpr uint32_t kFirstSeed = 2000;  // not those of the table
+
+Diagnosis DiagnoseSimulated(const std::string& name, uint32_t seed) {
+  for (const Disturbance& disturbance : AllDisturbances()) {
+    if (disturbance.name != name) continue;
+    const auto patient = SimulatedPatient(seed, 5, 30);
+    EXPECT_THAT(patient, IsOk());
+    return Diagnose(disturbance, *patient, seed);
+  }
+  ADD_FAILURE() << "no disturbance " << name;
+  return {};
+}
+
+TEST(DoctorTest, NamesDifferAndTheFirstOneIsClean) {
+  const auto all = AllDisturbances();
+  EXPECT_EQ(all.front().name, "clean");
+  for (size_t i = 0; i < all.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) EXPECT_NE(all[i].name, all[j].name);
+  }
+}
+
+TEST(DoctorTest, CleanRecordingsRaiseNoAlarm) {
+  for (uint32_t seed = kFirstSeed; seed < kFirstSeed + 2; ++seed) {
+    const Diagnosis diagnosis = DiagnoseSimulated("clean", seed);
+    EXPECT_THAT(diagnosis.status, IsOk());
+    EXPECT_THAT(diagnosis.wrong, IsEmpty());
+    EXPECT_NE(diagnosis.grade, QualityGrade::kBad);
+    EXPECT_FALSE(diagnosis.falsely_good);
+    EXPECT_LT(diagnosis.error_rel, 0.01);
+  }
+}
+
+TEST(DoctorTest, ClockThatJumpedIsNamedAndNothingElse) {
+  const Diagnosis diagnosis = DiagnoseSimulated("clock jumps 30 ms late", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_NE(diagnosis.grade, QualityGrade::kGood);
+}
+
+TEST(DoctorTest, TurnOfATenthOfADegreeIsNamedAndNothingElse) {
+  const Diagnosis diagnosis = DiagnoseSimulated("turned 0.10 degrees half-way", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_EQ(diagnosis.grade, QualityGrade::kBad);
+}
+
+TEST(DoctorTest, CameraThatSpoilsTheOthersIsLeftOut) {
+  const Diagnosis diagnosis = DiagnoseSimulated("one camera reversed", kFirstSeed);
+  EXPECT_THAT(diagnosis.status, IsOk());
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_LT(diagnosis.error_rel, 0.01);
+}
+
+TEST(DoctorTest, WrongSpacingIsNamedAndNotUsable) {
+  const Diagnosis diagnosis = DiagnoseSimulated("wand's end 10 mm off", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_EQ(diagnosis.grade, QualityGrade::kBad);
+  EXPECT_GT(diagnosis.error_rel, 0.01);
+}
+
+}  // namespace
+}  // namespace rigcal::accuracy::doctor_test

@@ -61,7 +61,7 @@ std::vector<WandSighting> WandSightingsOf(const RigObservations& rig, const RigS
     if (rig.index.camera_of_track[t] != camera) continue;
     const ObservationTable& rows = rig.tracks[t].track.observations;
     for (size_t row = 0; row < rows.size(); ++row) {
-      if (rows.visible_mask(row) == 0) continue;
+      if (!rows.AnyVisible(row)) continue;
       const int64_t time_ns = times[t][row];
       auto next = std::ranges::lower_bound(instants, time_ns, {}, &OthersInstant::time_ns);
       if (next == instants.end() ||

@@ -33,6 +33,12 @@ CalibrationInput Input(const std::string& options) {
   return InputOf(*world);
 }
 
+std::vector<FindingKind> KindsOf(const CalibrationResult& result) {
+  std::vector<FindingKind> kinds;
+  for (const Finding& finding : result.findings) kinds.push_back(finding.kind);
+  return kinds;
+}
+
 // The wand hangs still in the room while it sways by some pixels in every image.
 TEST(CalibrateErrors, AWandThatWasHardlyMovedIsNamedWithWhereItWas) {
   CalibrationInput input = Input("cameras=3;duration=20");
@@ -103,12 +109,6 @@ TEST(CalibrateErrors, TooFewSharedInstantsAreCountedAndPlaced) {
           AllOf(HasSubstr("sim_2 (6 wand views)"), HasSubstr("they share 6 wand views"),
                 HasSubstr("at least 8 are needed"), HasSubstr("of sim_2's image"),
                 HasSubstr("wave the wand where both of them see it"), Not(HasSubstr("disagree")))));
-}
-
-std::vector<FindingKind> KindsOf(const CalibrationResult& result) {
-  std::vector<FindingKind> kinds;
-  for (const Finding& finding : result.findings) kinds.push_back(finding.kind);
-  return kinds;
 }
 
 // The second camera stands where the first one does.

@@ -59,6 +59,12 @@ TEST(CalibrateErrors, AWandThatWasHardlyMovedIsNamedWithWhereItWas) {
                              HasSubstr("turning and moving it in depth"))));
 }
 
+std::vector<FindingKind> KindsOf(const CalibrationResult& result) {
+  std::vector<FindingKind> kinds;
+  for (const Finding& finding : result.findings) kinds.push_back(finding.kind);
+  return kinds;
+}
+
 TEST(CalibrateErrors, ACameraThatContradictsAllOthersIsNamedWithTheLikelyCauses) {
   // Of three, none is left out: two are no rig to judge the third by.
   CalibrationInput input = Input("cameras=3;duration=20");
@@ -101,12 +107,6 @@ TEST(CalibrateErrors, TooFewSharedInstantsAreCountedAndPlaced) {
           AllOf(HasSubstr("sim_2 (6 wand views)"), HasSubstr("they share 6 wand views"),
                 HasSubstr("at least 8 are needed"), HasSubstr("of sim_2's image"),
                 HasSubstr("wave the wand where both of them see it"), Not(HasSubstr("disagree")))));
-}
-
-std::vector<FindingKind> KindsOf(const CalibrationResult& result) {
-  std::vector<FindingKind> kinds;
-  for (const Finding& finding : result.findings) kinds.push_back(finding.kind);
-  return kinds;
 }
 
 // The second camera stands where the first one does.

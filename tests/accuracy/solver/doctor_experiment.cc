@@ -18,6 +18,7 @@
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
+#include "tests/accuracy/thread_cpu.h"
 #include "tests/server/solve/recorded_input.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/recorded_data.h"
@@ -520,12 +521,6 @@ void ReadFindings(const Disturbance& disturbance, const DoctorPatient& patient,
   for (const std::string& reason : result.quality.reasons) {
     diagnosis->text.push_back(absl::StrCat("quality: ", reason));
   }
-}
-
-double ThreadCpuS() {
-  timespec time = {};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 void FindDistance(const CalibrationResult& result, DoctorPatient* patient) {

@@ -13,6 +13,7 @@
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/calibration_errors.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
+#include "tests/accuracy/thread_cpu.h"
 #include "tests/server/solve/simulated_input.h"
 
 namespace rigcal::accuracy {
@@ -52,12 +53,6 @@ server::CalibrationInput Recorded(const SimulatedWorld& world, const SimulationO
     input.tracks[c].observations = std::move(rows);
   }
   return input;
-}
-
-double ThreadCpuS() {
-  timespec now = {};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 // The largest error of an offset, both sides against the median of their clocks.

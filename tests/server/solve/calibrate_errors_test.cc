@@ -65,12 +65,6 @@ TEST(CalibrateErrors, AWandThatWasHardlyMovedIsNamedWithWhereItWas) {
                              HasSubstr("turning and moving it in depth"))));
 }
 
-std::vector<FindingKind> KindsOf(const CalibrationResult& result) {
-  std::vector<FindingKind> kinds;
-  for (const Finding& finding : result.findings) kinds.push_back(finding.kind);
-  return kinds;
-}
-
 TEST(CalibrateErrors, ACameraThatContradictsAllOthersIsNamedWithTheLikelyCauses) {
   // Of three, none is left out: two are no rig to judge the third by.
   CalibrationInput input = Input("cameras=3;duration=20");

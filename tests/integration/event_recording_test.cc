@@ -32,7 +32,7 @@ using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
 constexpr char kWorld[] =
-    "cameras=4;duration=5;rate=50;noise=0.05;outliers=0;offset.2=0.004;"
+    "cameras=4;duration=9;rate=50;noise=0.05;outliers=0;offset.2=0.004;"
     "offset.3=0.004";
 constexpr char kTarget[] = "wand:0,0.13,0.39;hz=500";
 
@@ -94,7 +94,7 @@ RigidTransform Pose(const json& camera) {
 
 TEST_F(EventRecording, IsCalibratedTogetherWithMarkers) {
   const CommandResult result = Local({"--event-options", "clock=cable;rate=250"});
-  ASSERT_EQ(result.exit_code, 0) << result.error;
+  ASSERT_EQ(result.exit_code, 0) << result.error << result.output;
   const json calibration = json::parse(result.output);
   ASSERT_EQ(calibration["cameras"].size(), 4u);
   ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget(kTarget));

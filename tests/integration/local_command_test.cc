@@ -185,14 +185,17 @@ TEST_F(LocalCommandFiles, EmptyFileIsNamedWithItsCamera) {
 }
 
 TEST_F(LocalCommandFiles, CameraWithoutOverlapNamesTheGroups) {
-  // Camera 2 sees the wand only in a time in which nobody else does.
-  std::string shifted;
+  // Camera 2 sees the wand only in a time in which nobody else does, and in other places: those of
+  // its rows, last to first.
+  std::vector<std::string> times, rows;
   std::istringstream lines(ReadFile("sim_2.csv"));
   for (std::string line; std::getline(lines, line);) {
     const size_t separator = line.find(';');
-    const int64_t time_ns = std::stoll(line.substr(0, separator)) + 100'000'000'000;
-    shifted += std::to_string(time_ns) + line.substr(separator) + "\n";
+    times.push_back(std::to_string(std::stoll(line.substr(0, separator)) + 100'000'000'000));
+    rows.push_back(line.substr(separator));
   }
+  std::string shifted;
+  for (size_t i = 0; i < times.size(); ++i) shifted += times[i] + rows[rows.size() - 1 - i] + "\n";
   WriteFile("sim_2.csv", shifted);
   const CommandResult result = Local();
   EXPECT_EQ(result.exit_code, 1);

@@ -123,9 +123,16 @@ Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated
   TrialProblem trial = MakeTrialProblem(evaluated.solution, evaluated.options);
   if (SolveTrial(trial.bundle, &trial.problem).ok()) {
     found.causes = TakeOutCauses(rig, evaluated, result, &trial);
+    const bool explained = !found.causes.empty();
     found.fitting = FittingCameras(trial);
     for (const CauseFunction find : kCauses) {
       Append(find({rig, evaluated, result, trial}), &found.causes);
+    }
+    // More data would not mend what spoils those that are there.
+    if (explained && evaluated.predicted.holds) {
+      std::erase_if(found.causes, [](const Cause& cause) {
+        return cause.finding.kind == FindingKind::kTooLittleData;
+      });
     }
   }
   std::ranges::stable_sort(found.causes, std::greater(), &Cause::cost_px);

@@ -90,7 +90,7 @@ GivenIntrinsicsTest TestGivenIntrinsics(const BundleProblem& refined,
 std::vector<Eigen::Vector4d> PriorShares(const BundleProblem& refined,
                                          const RigUncertainty& uncertainty) {
   std::vector<Eigen::Vector4d> shares(refined.cameras.size(), Eigen::Vector4d::Zero());
-  const Eigen::MatrixXd& covariance = uncertainty.covariance;
+  const Eigen::MatrixXd& covariance = uncertainty.noise_covariance;
   Eigen::VectorXd prior = Eigen::VectorXd::Zero(covariance.rows());
   for (size_t i = 0; i < uncertainty.parameters.size(); ++i) {
     const ReducedParameter& parameter = uncertainty.parameters[i];

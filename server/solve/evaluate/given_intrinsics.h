@@ -28,10 +28,10 @@ GivenIntrinsicsTest TestGivenIntrinsics(const BundleProblem& refined,
                                         double significance = 0.01);
 
 // How much of the variance of the refined focal lengths and principal point (fx fy cx cy) is that
-// of their priors, by camera: with S the covariance of everything that was estimated and P the
-// priors' information, (S P S)_ii / S_ii. 0: the data alone say it; 1: the priors do, also where
-// all of them together hold what no single one does, such as a factor common to all focal lengths.
-// Zeros where intrinsics are not refined.
+// of their priors, by camera: with S the covariance by independent noise of everything that was
+// estimated and P the priors' information, (S P S)_ii / S_ii. 0: the data alone say it; 1: the
+// priors do, also where all of them together hold what no single one does, such as a factor common
+// to all focal lengths. Zeros where intrinsics are not refined.
 std::vector<Eigen::Vector4d> PriorShares(const BundleProblem& refined,
                                          const RigUncertainty& uncertainty);
 

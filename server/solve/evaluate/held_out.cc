@@ -55,7 +55,7 @@ void LeaveOneOut(const BundleProblem& problem, const std::vector<Intrinsics>& in
       errors->leave_one_out_px[camera].push_back((pixel - left_out.centre_px).norm());
     }
   };
-  for (size_t m = 0; m < problem.target.marker_positions_m.size(); ++m) {
+  for (size_t m = 0; m < problem.MarkerCount(); ++m) {
     std::vector<CameraRay> rays;
     std::vector<const MarkerRay*> seen;
     for (const MarkerRay& view : views) {

@@ -191,7 +191,8 @@ RigCovariance FromBound(const RigBound& bound, const InformationOptions& options
 }
 
 absl::StatusOr<RigCovariance> FromSolution(const SimulatedWorld& world,
-                                           const server::RigSolution& solution) {
+                                           const server::RigSolution& solution,
+                                           SolverCovariance which) {
   const server::BundleProblem& problem = solution.built.problem;
   RIGCAL_ASSIGN_OR_RETURN(const server::RigUncertainty stated,
                           server::ComputeUncertainty(solution, server::RigSolveOptions{}));
@@ -200,8 +201,10 @@ absl::StatusOr<RigCovariance> FromSolution(const SimulatedWorld& world,
     camera_of_clock.push_back(CameraIndex(world, clock.clock_id));
   }
   ColumnMap map = MapColumns(world, problem, stated.parameters, camera_of_clock);
+  const Eigen::MatrixXd& covariance =
+      which == SolverCovariance::kStated ? stated.covariance : stated.noise_covariance;
   return RigCovariance{std::move(map.parameters),
-                       map.ours_from_solver * stated.covariance * map.ours_from_solver.transpose()};
+                       map.ours_from_solver * covariance * map.ours_from_solver.transpose()};
 }
 
 RigNees NormaliseErrors(const CalibrationErrors& errors, const RigCovariance& covariance) {

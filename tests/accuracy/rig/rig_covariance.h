@@ -38,10 +38,15 @@ struct RigCovariance {
 
 RigCovariance FromBound(const RigBound& bound, const InformationOptions& options);
 
+// Which of the solver's covariances: the one that it states, which allows for errors that
+// neighbouring instants have in common, or the one of independent noise.
+enum class SolverCovariance : uint8_t { kStated, kOfNoise };
+
 // The solver's own covariance (uncertainty.h), scale included. One session, a clock for each
 // camera.
 absl::StatusOr<RigCovariance> FromSolution(const SimulatedWorld& world,
-                                           const server::RigSolution& solution);
+                                           const server::RigSolution& solution,
+                                           SolverCovariance which = SolverCovariance::kStated);
 
 // Normalised errors squared, by part. Parameters not estimated have no degrees of freedom.
 struct RigNees {

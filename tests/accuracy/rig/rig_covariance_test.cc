@@ -90,7 +90,7 @@ TEST(FromSolution, IsTheBoundUpToTheRobustLoss) {
   absl::StatusOr<RigCovariance> stated = absl::UnknownError("not called");
   server::CalibrationHooks hooks;
   hooks.solved = [&](const server::RigObservations&, const server::RigSolution& solution) {
-    stated = FromSolution(world, solution);
+    stated = FromSolution(world, solution, SolverCovariance::kOfNoise);
   };
   ASSERT_THAT(server::Calibrate(server::InputOf(world), options, hooks).result, IsOk());
   ASSERT_THAT(stated, IsOk());

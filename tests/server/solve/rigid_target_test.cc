@@ -69,7 +69,9 @@ TEST(RigidTarget, IsSolvedByTheGeneralPath) {
   EXPECT_LT(errors.worst_position_m, 0.002);
   EXPECT_LT(errors.worst_rotation_rad, 0.001);
   for (const CalibratedCamera& camera : result.cameras) {
-    ASSERT_TRUE(camera.uncertainty && camera.held_out && camera.leave_one_out);
+    ASSERT_TRUE(camera.uncertainty);
+    ASSERT_TRUE(camera.held_out);
+    ASSERT_TRUE(camera.leave_one_out);
     EXPECT_LT(camera.leave_one_out->mean_px, 0.8);
     if (camera.camera == result.reference_camera) continue;
     EXPECT_GT(camera.uncertainty->position_sigma_m.minCoeff(), 0);

@@ -102,7 +102,7 @@ TEST_F(GivenIntrinsicsFixture, PriorSharesArePartsOfTheVariance) {
   ASSERT_EQ(shares.size(), kCameras);
   EXPECT_GT(shares[0][3], 0.99);
   // What is not the prior's is the data's.
-  const Eigen::MatrixXd& covariance = uncertainty_.covariance;
+  const Eigen::MatrixXd& covariance = uncertainty_.noise_covariance;
   const Eigen::MatrixXd of_data = covariance * data_ * covariance;
   for (int c = 0; c < kCameras; ++c) {
     for (int k = 0; k < kEach; ++k) {
@@ -118,8 +118,8 @@ TEST_F(GivenIntrinsicsFixture, PriorSharesShowWhatTheDataDoNotTellTogether) {
   const Eigen::VectorXd common = Eigen::VectorXd::Constant(n, 1 / std::sqrt(n));
   const Eigen::MatrixXd tells =
       100 * (Eigen::MatrixXd::Identity(n, n) - common * common.transpose());
-  uncertainty_.covariance = (tells + Eigen::MatrixXd(prior_.asDiagonal())).inverse();
-  EXPECT_LT(std::sqrt(uncertainty_.covariance(0, 0)), 0.3 * kPriorSigma);
+  uncertainty_.noise_covariance = (tells + Eigen::MatrixXd(prior_.asDiagonal())).inverse();
+  EXPECT_LT(std::sqrt(uncertainty_.noise_covariance(0, 0)), 0.3 * kPriorSigma);
   EXPECT_GT(PriorShares(problem_, uncertainty_)[0][0], 0.9);
 }
 

@@ -168,8 +168,10 @@ double ClockSpanS(const BundleProblem& problem, int clock) {
   return last_s > first_s ? last_s - first_s : 0;
 }
 
-// The clocks whose rate is significantly not zero.
-std::vector<bool> OwnRates(const RigSolution& solution, const RigUncertainty& uncertainty) {
+// The clocks whose rate is significantly not zero. By the covariance of the noise alone: what
+// neighbouring instants have in common hardly drifts, and FindOwnRates asks for five sigmas.
+std::vector<bool> OwnRates(const RigSolution& solution, RigUncertainty uncertainty) {
+  uncertainty.covariance = uncertainty.noise_covariance;
   std::vector<RateEstimate> rates;
   for (size_t k = 0; k < solution.clocks.size(); ++k) {
     const BundleProblem& problem = solution.built.problem;

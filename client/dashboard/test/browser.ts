@@ -303,11 +303,16 @@ test('without WebGL: from above and from the side', async () => {
     await page.goto(address);
     await page.getByText('This browser has no WebGL.').waitFor();
     await page.locator('.plans canvas').first().waitFor();
-    const drawn = await page.evaluate(() => {
-      const canvas = document.querySelector<HTMLCanvasElement>('.plans canvas')!;
-      return canvas.getContext('2d')!.getImageData(0, 0, canvas.width, canvas.height).data.some((value) => value > 100);
+    // The canvas is there before it is drawn on.
+    const drawn = (): Promise<boolean> => page.evaluate(() => {
+      const canvas = document.querySelector<HTMLCanvasElement>('.plans canvas');
+      return !!canvas && canvas.width > 0 && canvas.height > 0 &&
+        canvas.getContext('2d')!.getImageData(0, 0, canvas.width, canvas.height).data.some((value) => value > 100);
     });
-    assert.ok(drawn);
+    for (let tries = 0; !await drawn(); ++tries) {
+      assert.ok(tries < 200, 'nothing is drawn in 10 s');
+      await page.waitForTimeout(50);
+    }
     assert.equal(await page.evaluate(() => performance.getEntriesByType('resource').some((one) => one.name.includes('webgl'))), false,
       'what cannot be used is not loaded');
   }, () => {

@@ -187,15 +187,11 @@ std::vector<Disturbance> ClockDisturbances() {
     list.push_back(OfClock(absl::StrFormat("quadratic drift %.0f ms", 1e3 * drift_s), drift,
                            [drift_s](double share, double) { return drift_s * share * share; }));
   }
-  for (const double offset_s : {0.02, 0.3}) {
+  for (const double offset_s : {0.02, 0.3, 1.5, 12.0}) {
     list.push_back(OfClock(absl::StrFormat("clock %.0f ms off", 1e3 * offset_s),
                            {FindingKind::kClockOffset},
                            [offset_s](double, double) { return offset_s; }));
   }
-  // Beyond what is searched without a hint: found, or the camera left out.
-  list.push_back(OfClock("clock 1500 ms off",
-                         {FindingKind::kClockOffset, FindingKind::kInconsistentCamera},
-                         [](double, double) { return 1.5; }));
   for (const double rate_ppm : {1000.0, 3228.0}) {
     // Which the solve estimates: nothing is wrong.
     list.push_back(OfClock(
@@ -436,6 +432,7 @@ void Append(std::vector<Disturbance> from, std::vector<Disturbance>* to) {
 // Facts and consequences, which name no cause.
 bool IsSymptom(const Finding& finding) {
   switch (finding.kind) {
+    case FindingKind::kClockFoundByMotion:
     case FindingKind::kEdgeCoverage:
     case FindingKind::kIntrinsicsKept:
     case FindingKind::kIntrinsicsRefined:

@@ -222,7 +222,7 @@ void ConstrainRigidTarget(const BundleRigidTarget& target, ParameterBlocks* bloc
                           ceres::Problem* ceres_problem) {
   for (size_t m = 0; m < target.points_m.size(); ++m) {
     double* const point = blocks->point(m);
-    if (!ceres_problem->HasParameterBlock(point)) continue;  // nobody sees it
+    if (!ceres_problem->HasParameterBlock(point)) continue;  // seen by no camera
     if (target.IsFree(m)) {
       const ceres::Matrix inverse_sigma = ceres::Matrix::Identity(3, 3) / target.sigma_m[m];
       ceres_problem->AddResidualBlock(

@@ -59,7 +59,7 @@ struct Solved {
 
 Solved Solve(uint32_t seed, double common_px) {
   const SimulatedWorld world = *SimulatedWorld::Create(
-      *ParseSimulationOptions("cameras=4;duration=20;rate=20;outliers=0;seed=" +
+      *ParseSimulationOptions("cameras=4;duration=40;rate=20;outliers=0;seed=" +
                               std::to_string(seed)),
       WandTarget());
   CalibrationInput input = InputOf(world);
@@ -87,12 +87,12 @@ Solved Solve(uint32_t seed, double common_px) {
   return solved;
 }
 
-// Ten blocks of 18 parameters: the design effect scatters by about a tenth.
+// Twenty blocks of 18 parameters: the design effect scatters by a fifth.
 TEST(BlockScatter, IndependentErrorsAddNothing) {
   for (const uint32_t seed : {1u, 2u}) {
     const Solved solved = Solve(seed, 0);
-    EXPECT_GT(solved.design_effect, 0.6);
-    EXPECT_LT(solved.design_effect, 1.5);
+    EXPECT_GT(solved.design_effect, 0.75);
+    EXPECT_LT(solved.design_effect, 1.25);
   }
 }
 
@@ -100,15 +100,15 @@ TEST(BlockScatter, IndependentErrorsAddNothing) {
 // noise of the centres alone would state a fraction of the errors.
 TEST(BlockScatter, ErrorsInCommonAreStated) {
   double mean_square = 0;
-  const std::vector<uint32_t> seeds = {1, 2};
+  const std::vector<uint32_t> seeds = {1, 2, 3, 4};
   for (const uint32_t seed : seeds) {
     const Solved solved = Solve(seed, 0.6);
-    EXPECT_GT(solved.design_effect, 2) << seed;
+    EXPECT_GT(solved.design_effect, 10) << seed;
     mean_square += solved.mean_square / static_cast<double>(seeds.size());
   }
-  // 18 values that share the reference camera's errors: wide limits.
-  EXPECT_GT(mean_square, 0.1);
-  EXPECT_LT(mean_square, 4);
+  // 36 values that share the reference camera's errors: wide limits.
+  EXPECT_GT(mean_square, 0.4);
+  EXPECT_LT(mean_square, 2.5);
 }
 
 }  // namespace

@@ -33,6 +33,10 @@ struct FrameRenderOptions {
   double blink_drift_ppm = 0;  // of the LED's oscillator against the rig time (world only)
   bool auto_gain = false;      // no more than 200 grey in red on an unclouded sphere
   double limb = 0.1;           // how much darker a sphere is at its rim than in its middle
+  double led_gradient = 0;     // relative change of a sphere's light from its middle along the wand
+  double led_uneven = 0;       // spheres differ in brightness by up to this share, either way
+  double rod_m = 0;   // diameter of the stick between the spheres, and of its handle; 0: none
+  bool held = false;  // by a hand in a sleeve, at the handle
 
   // Lens.
   double defocus_px = 0.6;     // one sigma of a Gaussian
@@ -45,13 +49,22 @@ struct FrameRenderOptions {
   double black_grey = 6;
   double read_noise_grey = 2.6;    // one sigma
   double electrons_per_grey = 40;  // shot noise: sigma^2 = grey / this
+  double line_delay_us = 0;        // each row is exposed so much later than the one above it
+  bool bayer = false;              // colours from a mosaic, interpolated
+  double jpeg_quality = 0;         // loss of JPEG; 0: none
 
   // Room.
   double lux = 200;
+  double overhead_lux = 0;  // light from above besides, on the spheres and the stick only
   double background_reflectance = 0.2;  // mean
   double clutter = 0;                   // 0.5 moderate, 1 much: warm patches, wood, lamps
-  double reflection = 0;                // brightness of a mirrored wand, see SceneFrame
-  double occlusion = 0;                 // share of frames with an opaque bar over one marker
+  double windows = 0;                   // how many on average; see room_furniture.h
+  double shelves = 0;
+  double screens = 0;
+  double lamps = 0;
+  double people = 0;
+  double reflection = 0;  // brightness of a mirrored wand, see SceneFrame
+  double occlusion = 0;   // share of frames with an opaque bar over one marker
 
   friend bool operator==(const FrameRenderOptions&, const FrameRenderOptions&) = default;
   // Every fault.

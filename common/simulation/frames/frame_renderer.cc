@@ -60,6 +60,7 @@ absl::StatusOr<FrameGroundTruth> FrameRenderer::Render(int index, std::span<uint
   frame.led_time_s = rig_time_s * (1 + 1e-6 * scene_.options().blink_drift_ppm);
   const RigidTransform& cam_from_rig = CamFromRig();
   const Eigen::Vector3d up = cam_from_rig.rotation * Eigen::Vector3d::UnitZ();
+  frame.up = up;
   frame.floor << up, up.dot(cam_from_rig.translation_m);
   if (!world_->options().InGap(rig_time_s)) frame.spheres = SpheresAt(rig_time_s);
   return scene_.Render(frame, bgr);

@@ -45,6 +45,7 @@ LightModel::LightModel(const FrameRenderOptions& options) {
     grey_per_cd_m2 *= (kAutoGainGrey - options.black_grey) / (brightest - options.black_grey);
   }
   shell_grey = grey_per_cd_m2 * shell_cd_m2;
+  spot_grey = grey_per_cd_m2 * kShellReflectance * options.overhead_lux / std::numbers::pi;
   led_grey = HueColour(options.led_hue_deg, options.led_saturation);
   for (double& grey : led_grey) grey *= grey_per_cd_m2 * options.led_cd_m2;
 }

@@ -25,6 +25,7 @@ struct LightModel {
   double grey_per_cd_m2 = 0;  // of white light that shines during the whole exposure
   Bgr led_grey{};             // a sphere lit during the whole exposure
   double shell_grey = 0;      // what a sphere's white shell adds under the ambient light
+  double spot_grey = 0;       // and under the overhead light, where it faces it
   double room_cd_m2 = 0;      // luminance of a surface of reflectance 1
 
   explicit LightModel(const FrameRenderOptions& options);

@@ -11,15 +11,13 @@
 
 namespace rigcal {
 
-// Share of the light that the lens passes at a pixel: 1 in the middle, 1 - vignetting in the
-// corners.
-double VignettingAt(const ImageSize& image_size, double vignetting, double x_px, double y_px);
-
 // The room without a wand, in linear light (see sensor_noise.h), three values per pixel: a wall of
 // slowly varying reflectance and, by `clutter`, about 28 things before it at 1: warm and neutral
-// patches in light of their own strength, wood, lamps, and lights of the wand's own colour. Follows
-// from the options' seed.
+// patches in light of their own strength, wood, lamps, and lights of the wand's own colour; and the
+// furniture (room_furniture.h). `photograph`, if not null, takes the place of the wall
+// (RoomPainter). Follows from the options' seed.
 std::vector<int16_t> RenderRoom(const ImageSize& image_size, const FrameRenderOptions& options,
-                                const LightModel& light, const EdgeProfile& profile);
+                                const LightModel& light, const EdgeProfile& profile,
+                                const std::vector<float>* photograph = nullptr);
 
 }  // namespace rigcal

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "common/simulation/frames/room_background.h"
+#include "common/simulation/frames/room_painter.h"
 
 namespace rigcal {
 
@@ -14,6 +14,13 @@ double OccludingBar::InsidePx(const Eigen::Vector2d& pixel) const {
   const Eigen::Vector2d along(-normal.y(), normal.x());
   return std::min(half_width_px - std::abs(away.dot(normal)),
                   half_length_px - std::abs(away.dot(along)));
+}
+
+double StickImage::InsidePx(const Eigen::Vector2d& pixel) const {
+  const Eigen::Vector2d along = end_px - begin_px, away = pixel - begin_px;
+  const double squared = along.squaredNorm();
+  const double share = squared > 0 ? std::clamp(away.dot(along) / squared, 0.0, 1.0) : 0;
+  return (1 - share) * begin_half_px + share * end_half_px - (away - share * along).norm();
 }
 
 SceneCanvas::SceneCanvas(const ImageSize& image_size, const FrameRenderOptions& options,
@@ -80,14 +87,54 @@ void SceneCanvas::AddSphere(const SphereImage& sphere, const SphereLight& light)
       if (cover <= 0 && lit <= 0) continue;
       const double passed = Passed(sphere.patch.x + column, sphere.patch.y + row);
       const double shell = black_grey_ + passed * light.shell;
+      const double spot = light.cover * static_cast<double>(sphere.spot[i]) * passed * light.spot;
       for (size_t channel = 0; channel < 3; ++channel) {
         const double behind = static_cast<double>(pixel[channel]) / kLinearPerGrey;
-        pixel[channel] =
-            ToLinear((1 - cover) * behind + cover * shell + lit * passed * light.led[channel]);
+        pixel[channel] = ToLinear((1 - cover) * behind + cover * shell + spot +
+                                  lit * passed * light.led[channel]);
       }
     }
   }
   UpdateSigma(sphere.patch);
+}
+
+void SceneCanvas::AddStick(std::span<const StickImage> places, const Bgr& bgr_grey,
+                           const EdgeProfile& profile) {
+  if (places.empty()) return;
+  const Eigen::Array2d last(image_size_.width - 1.0, image_size_.height - 1.0);
+  Eigen::Array2d low = last, high = Eigen::Array2d::Zero();
+  for (const StickImage& place : places) {
+    const double reach =
+        std::max(place.begin_half_px, place.end_half_px) + static_cast<double>(profile.reach_px());
+    low = low.min(place.begin_px.array().min(place.end_px.array()) - reach);
+    high = high.max(place.begin_px.array().max(place.end_px.array()) + reach);
+  }
+  low = low.max(0.0);
+  high = high.min(last);
+  if (!(high >= low).all()) return;
+  const Eigen::Array2i first = low.cast<int>(), end = high.cast<int>();
+  const ImagePatch patch{first.x(), first.y(), end.x() - first.x() + 1, end.y() - first.y() + 1};
+  Keep(patch);
+  for (int row = 0; row < patch.height; ++row) {
+    int16_t* pixel = Row(patch, row).data();
+    for (int column = 0; column < patch.width; ++column, pixel += 3) {
+      const int x = patch.x + column, y = patch.y + row;
+      double cover = 0;
+      for (const StickImage& place : places) {
+        cover += static_cast<double>(
+            profile.At(static_cast<float>(place.InsidePx(Eigen::Vector2d(x, y)))));
+      }
+      cover /= static_cast<double>(places.size());
+      if (cover <= 0) continue;
+      const double passed = Passed(x, y);
+      for (size_t channel = 0; channel < 3; ++channel) {
+        const double behind = static_cast<double>(pixel[channel]) / kLinearPerGrey;
+        pixel[channel] =
+            ToLinear((1 - cover) * behind + cover * (black_grey_ + passed * bgr_grey[channel]));
+      }
+    }
+  }
+  UpdateSigma(patch);
 }
 
 void SceneCanvas::AddBar(const OccludingBar& bar, const EdgeProfile& profile) {

@@ -20,6 +20,7 @@ namespace rigcal {
 struct SphereLight {
   Bgr led{};             // lit during the whole exposure
   double shell = 0;      // ambient light that it reflects
+  double spot = 0;       // directional light that it reflects where it faces it
   double cover = 1;      // how much of what is behind it goes: 0 for a mirror image
   double halo = 0;       // of `led` times `lit_share`, at the rim
   double lit_share = 0;  // of the exposure
@@ -37,6 +38,16 @@ struct OccludingBar {
   double InsidePx(const Eigen::Vector2d& pixel) const;
 };
 
+// A stick with round ends as it is at one time of the exposure, in the image.
+struct StickImage {
+  Eigen::Vector2d begin_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d end_px = Eigen::Vector2d::Zero();
+  double begin_half_px = 0, end_half_px = 0;  // half its thickness
+
+  // Distance of a pixel from its edge, positive inside.
+  double InsidePx(const Eigen::Vector2d& pixel) const;
+};
+
 // The room in linear light, onto which one frame's spheres and bars are put and from which they
 // are taken again. One thread at a time.
 class SceneCanvas {
@@ -48,6 +59,9 @@ class SceneCanvas {
   size_t size() const { return linear_.size(); }
   // Patches must be within the image.
   void AddSphere(const SphereImage& sphere, const SphereLight& light);
+  // A stick in light of its own, averaged over the places it has during the exposure.
+  void AddStick(std::span<const StickImage> places, const Bgr& bgr_grey,
+                const EdgeProfile& profile);
   void AddBar(const OccludingBar& bar, const EdgeProfile& profile);
   // Grey levels of all pixels with noise that follows from `seed`; `bgr` has size() bytes.
   void Expose(uint64_t seed, std::span<uint8_t> bgr) const;

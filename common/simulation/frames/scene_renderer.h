@@ -32,6 +32,8 @@ struct SceneFrame {
   // Time on the LEDs' oscillator at mid exposure, s; an LED is on during the first `duty` of each
   // period. None: drawn from `seed`.
   std::optional<double> led_time_s;
+  // Unit vector upwards, frame `cam`; where the overhead light comes from.
+  Eigen::Vector3d up = -Eigen::Vector3d::UnitY();
   // Reflecting floor in frame `cam`, normal . x = offset: unit normal, offset_m.
   Eigen::Vector4d floor = {0, 1, 0, 1};
 };
@@ -46,9 +48,11 @@ class SceneRenderer {
  public:
   // INVALID_ARGUMENT: intrinsics, image size, target or options not valid, or the options leave
   // nothing of the lens: no pixel has a ray. A target without diameter has spheres of 40 mm.
+  // `photograph`, if not null, takes the place of the wall (RoomPainter::PaintPhotograph).
   static absl::StatusOr<SceneRenderer> Create(const Intrinsics& intrinsics,
                                               const ImageSize& image_size, const Target& target,
-                                              const FrameRenderOptions& options);
+                                              const FrameRenderOptions& options,
+                                              const std::vector<float>* photograph = nullptr);
 
   // width * height * 3: blue, green, red, rows without padding.
   size_t buffer_size() const { return canvas_.size(); }
@@ -59,9 +63,13 @@ class SceneRenderer {
   absl::StatusOr<FrameGroundTruth> Render(const SceneFrame& frame, std::span<uint8_t> bgr);
 
  private:
-  SceneRenderer(SphereImager imager, const Target& target, const FrameRenderOptions& options);
+  SceneRenderer(SphereImager imager, const Target& target, const FrameRenderOptions& options,
+                const std::vector<float>* photograph);
+  double MiddleRow() const { return 0.5 * (imager_.image_size().height - 1.0); }
+  SphereMotion AtItsRow(const SphereMotion& sphere) const;
   void DrawSphere(const SceneFrame& frame, size_t marker, const SphereMotion& sphere,
                   const EdgeProfile& blur, SphereLight its_light);
+  void DrawStick(const SceneFrame& frame);
   std::optional<OccludingBar> BarOf(const SceneFrame& frame,
                                     std::span<const MarkerGroundTruth> markers) const;
 

@@ -122,7 +122,7 @@ void SphereImager::ReadRays(const ImagePatch& patch) {
 
 void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposurePart& part,
                            const EdgeProfile& profile, const SphereImageOptions& options,
-                           SphereImage* image) {
+                           size_t first_row, size_t last_row, SphereImage* image) {
   const Cone cone(centre_in_cam, options.radius_m);
   const auto width = static_cast<size_t>(image->patch.width);
   const auto height = static_cast<size_t>(image->patch.height);
@@ -137,7 +137,9 @@ void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposureP
   const auto share = static_cast<float>(part.share);
   const auto lit = static_cast<float>(part.lit_share);
   const auto limb = static_cast<float>(options.limb);
-  for (size_t row = 0, i = 0; row < height; ++row) {
+  const bool uneven = options.led_gradient.squaredNorm() > 0;
+  const bool spot = options.spot_direction.squaredNorm() > 0;
+  for (size_t row = first_row, i = first_row * width; row < last_row; ++row) {
     for (size_t column = 0; column < width; ++column, ++i) {
       const Eigen::Vector3d away = rays_[i] - cone.axis;
       const double squared = away.squaredNorm();
@@ -161,7 +163,20 @@ void SphereImager::AddPart(const Eigen::Vector3d& centre_in_cam, const ExposureP
       const auto height_over_rim =
           static_cast<float>(std::sqrt(std::max(0.0, 1 - squared / rim_squared)));
       image->cover[i] += share * cover;
-      image->lit[i] += lit * cover * (1 - limb * (1 - height_over_rim));
+      float led = lit * cover * (1 - limb * (1 - height_over_rim));
+      if (uneven || spot) {
+        // The surface's normal there: the sphere is small against its distance.
+        const Eigen::Vector3d normal =
+            away / cone.rim - static_cast<double>(height_over_rim) * cone.axis;
+        if (uneven) {
+          led *= static_cast<float>(std::max(0.0, 1 + options.led_gradient.dot(normal)));
+        }
+        if (spot) {
+          image->spot[i] +=
+              share * cover * static_cast<float>(std::max(0.0, options.spot_direction.dot(normal)));
+        }
+      }
+      image->lit[i] += led;
     }
   }
 }
@@ -182,21 +197,54 @@ void SphereImager::AddHalo(const Eigen::Vector3d& centre_in_cam, const SphereIma
   }
 }
 
-bool SphereImager::Draw(const SphereMotion& sphere, std::span<const ExposurePart> parts,
+bool SphereImager::Draw(const SphereMotion& sphere, const RowTiming& timing,
                         const EdgeProfile& profile, const SphereImageOptions& options,
                         SphereImage* image) {
-  image->patch = PatchOf(sphere, parts, options.radius_m,
+  const bool rolling = timing.line_delay_s != 0;
+  std::vector<ExposurePart> parts = timing.parts_after(0);
+  // Where the first and the last row could see it.
+  std::vector<ExposurePart> reach = parts;
+  if (rolling) {
+    const double half_s = std::abs(timing.line_delay_s) * 0.5 * image_size_.height;
+    reach.front().dt_s -= half_s;
+    reach.back().dt_s += half_s;
+    if (reach.size() == 1) reach.push_back(reach.front()), reach.back().dt_s += 2 * half_s;
+  }
+  image->patch = PatchOf(sphere, reach, options.radius_m,
                          std::max<double>(profile.reach_px(), kHaloReach * options.halo_radius_px));
   if (image->patch.empty()) return false;
   ReadRays(image->patch);
   image->cover.assign(rays_.size(), 0);
   image->lit.assign(rays_.size(), 0);
+  image->spot.assign(rays_.size(), 0);
   image->halo.assign(rays_.size(), 0);
-  for (const ExposurePart& part : parts) {
-    AddPart(CentreAt(sphere, part.dt_s), part, profile, options, image);
+  const auto height = static_cast<size_t>(image->patch.height);
+  if (!rolling) {
+    for (const ExposurePart& part : parts) {
+      AddPart(CentreAt(sphere, part.dt_s), part, profile, options, 0, height, image);
+    }
+  } else {
+    for (size_t row = 0; row < height; ++row) {
+      const double delay_s =
+          timing.line_delay_s * (image->patch.y + static_cast<double>(row) - timing.middle_row);
+      parts = timing.parts_after(delay_s);
+      for (const ExposurePart& part : parts) {
+        AddPart(CentreAt(sphere, delay_s + part.dt_s), part, profile, options, row, row + 1, image);
+      }
+    }
   }
   if (options.halo_radius_px > 0) AddHalo(sphere.centre_m, options, image);
   return true;
+}
+
+bool SphereImager::Draw(const SphereMotion& sphere, std::span<const ExposurePart> parts,
+                        const EdgeProfile& profile, const SphereImageOptions& options,
+                        SphereImage* image) {
+  RowTiming timing;
+  timing.parts_after = [parts](double) {
+    return std::vector<ExposurePart>(parts.begin(), parts.end());
+  };
+  return Draw(sphere, timing, profile, options, image);
 }
 
 }  // namespace rigcal

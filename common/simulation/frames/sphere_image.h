@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -40,7 +42,8 @@ struct ImagePatch {
 struct SphereImage {
   ImagePatch patch;
   std::vector<float> cover;  // share of the exposure and of the pixel that the sphere takes
-  std::vector<float> lit;    // of that, lit by the LED and weighed by the limb profile
+  std::vector<float> lit;    // of that, lit by the LED and weighed by its profile
+  std::vector<float> spot;   // of the cover, weighed by the cosine to the directional light
   std::vector<float> halo;   // exp(-distance from the rim / halo radius), 1 inside
 };
 
@@ -48,6 +51,19 @@ struct SphereImageOptions {
   double radius_m = 0.02;
   double limb = 0;            // 0 to 1: how much darker the rim is than the middle
   double halo_radius_px = 0;  // 0: no halo
+  // Relative change of the LED's light from the middle to the rim: towards this direction, by its
+  // length. In frame `cam`.
+  Eigen::Vector3d led_gradient = Eigen::Vector3d::Zero();
+  // Unit vector towards the directional light, frame `cam`; zero: none.
+  Eigen::Vector3d spot_direction = Eigen::Vector3d::Zero();
+};
+
+// When the rows of an image are exposed: row y is `line_delay_s * (y - middle_row)` later than the
+// middle of the exposure. `parts_of_row` plans a row's exposure, its dt_s from that row's middle.
+struct RowTiming {
+  double line_delay_s = 0;
+  double middle_row = 0;
+  std::function<std::vector<ExposurePart>(double delay_s)> parts_after;
 };
 
 // Images spheres through one lens. Keeps its scratch memory. One thread at a time.
@@ -61,6 +77,9 @@ class SphereImager {
   const ImageSize& image_size() const { return image_size_; }
 
   // False, with an empty patch: no part of it is in the image. `profile` is the lens' blur.
+  bool Draw(const SphereMotion& sphere, const RowTiming& timing, const EdgeProfile& profile,
+            const SphereImageOptions& options, SphereImage* image);
+  // All rows at once.
   bool Draw(const SphereMotion& sphere, std::span<const ExposurePart> parts,
             const EdgeProfile& profile, const SphereImageOptions& options, SphereImage* image);
 
@@ -69,8 +88,10 @@ class SphereImager {
   ImagePatch PatchOf(const SphereMotion& sphere, std::span<const ExposurePart> parts,
                      double radius_m, double margin_px) const;
   void ReadRays(const ImagePatch& patch);
+  // Rows [first_row, last_row) of the patch.
   void AddPart(const Eigen::Vector3d& centre_in_cam, const ExposurePart& part,
-               const EdgeProfile& profile, const SphereImageOptions& options, SphereImage* image);
+               const EdgeProfile& profile, const SphereImageOptions& options, size_t first_row,
+               size_t last_row, SphereImage* image);
   void AddHalo(const Eigen::Vector3d& centre_in_cam, const SphereImageOptions& options,
                SphereImage* image);
 

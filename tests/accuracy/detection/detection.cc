@@ -13,13 +13,14 @@
 
 #include "tests/accuracy/detection/detection_experiment.h"
 #include "tests/accuracy/detection/detection_experiments.h"
+#include "tests/accuracy/detection/photographs.h"
 #include "tests/accuracy/seed_options.h"
 
 namespace rigcal::accuracy {
 namespace {
 
 struct DetectionCase {
-  const char* name;
+  std::string name;
   std::function<void(DetectionOptions*)> change;
 };
 
@@ -37,6 +38,166 @@ std::vector<DetectionCase> DetectionCases() {
           {"100 grey", [](DetectionOptions* options) { options->render.led_grey = 100; }},
           {"no clutter", [](DetectionOptions* options) { options->render.clutter = 0; }},
           {"much clutter", [](DetectionOptions* options) { options->render.clutter = 2; }}};
+}
+
+// A wand with a stick, in a room with people in it; light of a ceiling, a camera with a mosaic.
+void MakeRoom(DetectionOptions* options) {
+  FrameRenderOptions& render = options->render;
+  options->share_without_wand = 1.0 / 3;
+  render.clutter = 0;
+  render.rod_m = 0.012;
+  render.held = true;
+  render.bayer = true;
+}
+
+void MakeOffice(DetectionOptions* options) {
+  MakeRoom(options);
+  FrameRenderOptions& render = options->render;
+  render.lux = 400;
+  render.overhead_lux = 300;
+  render.windows = 1;
+  render.shelves = 1.5;
+  render.screens = 1;
+  render.lamps = 1.5;
+  render.people = 0.3;
+}
+
+// Rooms as they are; the first ones are dark.
+std::vector<DetectionCase> RoomCases(const std::vector<std::string>& photographs) {
+  std::vector<DetectionCase> cases = {{"dark",
+                                       [](DetectionOptions* options) {
+                                         MakeRoom(options);
+                                         options->render.lux = 10;
+                                       }},
+                                      {"dark, saturated, 2 m/s",
+                                       [](DetectionOptions* options) {
+                                         MakeRoom(options);
+                                         options->render.lux = 10;
+                                         options->render.led_grey = 350;
+                                         options->pose.speed_m_s = 2;
+                                       }},
+                                      {"dark, LEDs uneven 35 %",
+                                       [](DetectionOptions* options) {
+                                         MakeRoom(options);
+                                         options->render.lux = 10;
+                                         options->render.led_gradient = 0.35;
+                                         options->render.led_uneven = 0.35;
+                                       }},
+                                      {"dark, light from above",
+                                       [](DetectionOptions* options) {
+                                         MakeRoom(options);
+                                         options->render.lux = 10;
+                                         options->render.overhead_lux = 1500;
+                                       }},
+                                      {"office", MakeOffice},
+                                      {"bright office",
+                                       [](DetectionOptions* options) {
+                                         MakeOffice(options);
+                                         options->render.lux = 900;
+                                         options->render.overhead_lux = 600;
+                                         options->render.auto_gain = true;
+                                         options->render.windows = 2;
+                                       }},
+                                      {"people in orange",
+                                       [](DetectionOptions* options) {
+                                         MakeOffice(options);
+                                         options->render.people = 4;
+                                         options->render.windows = 0.3;
+                                       }},
+                                      {"near, 0.9 to 1.5 m, dim",
+                                       [](DetectionOptions* options) {
+                                         MakeOffice(options);
+                                         options->render.lux = 80;
+                                         options->render.overhead_lux = 60;
+                                         options->pose.min_distance_m = 0.9;
+                                         options->pose.max_distance_m = 1.5;
+                                       }},
+                                      {"office, 1 ms, 1 m/s",
+                                       [](DetectionOptions* options) {
+                                         MakeOffice(options);
+                                         options->render.exposure_s = 0.001;
+                                         options->render.led_grey *= 3;  // more gain
+                                         options->pose.speed_m_s = 1;
+                                       }},
+                                      {"office, rolling, JPEG",
+                                       [](DetectionOptions* options) {
+                                         MakeOffice(options);
+                                         options->render.line_delay_us = 15;
+                                         options->render.jpeg_quality = 85;
+                                         options->pose.speed_m_s = 1;
+                                       }},
+                                      {"office, defocus 1.5 px",
+                                       [](DetectionOptions* options) {
+                                         MakeOffice(options);
+                                         options->render.defocus_px = 1.5;
+                                       }},
+                                      {"dark, cut by the border",
+                                       [](DetectionOptions* options) {
+                                         MakeRoom(options);
+                                         options->render.lux = 10;
+                                         options->cut_by_border = true;
+                                       }},
+                                      {"dark, one half hidden",
+                                       [](DetectionOptions* options) {
+                                         MakeRoom(options);
+                                         options->render.lux = 10;
+                                         options->render.occlusion = 1;
+                                       }},
+                                      {"office, one half hidden", [](DetectionOptions* options) {
+                                         MakeOffice(options);
+                                         options->render.occlusion = 1;
+                                       }}};
+  if (photographs.empty()) {
+    fmt::print(
+        "no photographs: install mate-backgrounds and opencv-doc, or set RIGCAL_PHOTOGRAPHS "
+        "to a folder of them\n");
+    return cases;
+  }
+  for (const double lux : {200.0, 500.0}) {
+    cases.push_back({lux < 300 ? "photographs, 200 lux" : "photographs, 500 lux",
+                     [photographs, lux](DetectionOptions* options) {
+                       MakeRoom(options);
+                       options->render.lux = lux;
+                       options->photographs = photographs;
+                     }});
+  }
+  return cases;
+}
+
+void PrintRoomCase(const std::string& name, const DetectionOptions& options, bool verbose) {
+  const auto results = RunDetection(options);
+  const DetectionSummary sum = Summarise(results);
+  const int with_wand = sum.frames - sum.empty_frames;
+  fmt::print(
+      "{:26} {:6} {:6.1f} {:6.1f}  {:3}/{:5}  {:3}/{:5} {:7.3f} {:7.3f} {:6.2f} {:7.2f} "
+      "{:7.1f}\n",
+      name, sum.frames, sum.shown > 0 ? 100.0 * sum.found / sum.shown : 0.0,
+      sum.visible_markers > 0 ? 100.0 * sum.found_markers / sum.visible_markers : 0.0,
+      sum.false_in_empty, sum.empty_frames, sum.false_wands - sum.false_in_empty, with_wand,
+      sum.rms_px, sum.bias_px, sum.nees, sum.median_ms, sum.worst_ms);
+  if (!verbose) return;
+  for (const ImageResult& result : results) {
+    if (!result.status.ok()) fmt::print("  {}\n", result.status.ToString());
+    if (!result.false_wand && (result.found || !result.shown)) continue;
+    fmt::print("  frame {}: {}{}, confidence {:.2f}, {:.2f} m, tilt {:.0f} deg\n", result.seed,
+               DetectionOutcomeText(result.outcome), result.false_wand ? " (false)" : "",
+               result.confidence, result.distance_m, result.tilt_deg);
+  }
+}
+
+void PrintRooms(const DetectionOptions& plain, bool verbose) {
+  fmt::print(
+      "\nrooms, a third of the frames without a wand; markers are those of wands with two or more "
+      "to be seen\n"
+      "                                   found, %      false wands in       error, px            "
+      "time, ms\n"
+      "room                       frames  wands markers   no wand   a wand     rms    bias   NEES  "
+      "median   worst\n");
+  for (const DetectionCase& entry : RoomCases(FindPhotographs())) {
+    DetectionOptions options = plain;
+    entry.change(&options);
+    PrintRoomCase(entry.name, options, verbose);
+  }
 }
 
 std::vector<ImageResult> PrintDetectionCase(const std::string& name,
@@ -98,6 +259,7 @@ int RunDetectionCases(const SeedOptions& seeds) {
     if (plain_results.empty()) plain_results = std::move(results);
   }
   PrintBins(plain_results);
+  PrintRooms(plain, seeds.verbose);
   return 0;
 }
 

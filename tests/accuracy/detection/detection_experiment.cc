@@ -13,12 +13,15 @@
 #include "common/simulation/frames/scene_renderer.h"
 #include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/detection/paper_rig.h"
+#include "tests/accuracy/detection/photographs.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/seed_runs.h"
 
 namespace rigcal::accuracy {
 namespace {
 
+constexpr uint64_t kMostTries = 64;
+constexpr double kVisibleShare = 0.98;
 constexpr std::array<double, 5> kDistancesM = {2, 3, 4, 5, 6.5};
 constexpr std::array<double, 4> kRadiiPx = {200, 400, 600, 900};
 
@@ -55,13 +58,62 @@ void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Targ
   if (!result->found) result->centres.clear();
 }
 
+// A wand of which the border cuts a sphere, if `cut`; else one fully visible.
+std::optional<WandMotion> PoseOf(const DetectionOptions& options, uint64_t seed) {
+  const Intrinsics& intrinsics = *options.camera.intrinsics;
+  const ImageSize& size = options.camera.image_size_px;
+  if (!options.cut_by_border) {
+    return RandomWandPose(intrinsics, size, options.target, options.pose, seed);
+  }
+  RandomWandPoseOptions pose = options.pose;
+  for (uint64_t attempt = 0; attempt < kMostTries; ++attempt) {
+    pose.margin_px = -12;
+    auto wand = RandomWandPose(intrinsics, size, options.target, pose, kMostTries * seed + attempt);
+    if (!wand) continue;
+    for (size_t m = 0; m < options.target.marker_positions_m.size(); ++m) {
+      const double share =
+          testing::VisibleShare(intrinsics, size, options.target, *wand, m, nullptr);
+      if (share > 0.2 && share < 0.9) return wand;
+    }
+  }
+  return std::nullopt;
+}
+
+// Which of the spheres that are to be seen were found.
+void CountMarkers(const DetectionOptions& options, const WandMotion& wand,
+                  const FrameGroundTruth& truth, const Observation& observation,
+                  ImageResult* result) {
+  std::vector<size_t> visible;
+  for (size_t m = 0; m < truth.markers.size(); ++m) {
+    const double share =
+        testing::VisibleShare(*options.camera.intrinsics, options.camera.image_size_px,
+                              options.target, wand, m, truth.bar ? &*truth.bar : nullptr);
+    if (share >= kVisibleShare) visible.push_back(m);
+  }
+  if (visible.size() < 2) return;
+  result->visible_markers = static_cast<int>(visible.size());
+  for (const size_t m : visible) {
+    const MarkerObservation& marker = observation.markers[m];
+    const bool found =
+        marker.visible && (marker.centre_px - truth.markers[m].centre_px).norm() <= 1;
+    result->found_markers += found ? 1 : 0;
+  }
+}
+
 // The frames of one room.
 std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
   std::vector<ImageResult> results(static_cast<size_t>(options.frames_per_room));
   FrameRenderOptions render = options.render;
   render.seed = options.seed * 1000 + static_cast<uint32_t>(room);
-  auto renderer = SceneRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
-                                        options.target, render);
+  std::vector<float> photograph;
+  if (!options.photographs.empty()) {
+    const size_t index = static_cast<size_t>(room) % options.photographs.size();
+    photograph =
+        LoadPhotograph(options.photographs[index], options.camera.image_size_px, render.seed);
+  }
+  auto renderer =
+      SceneRenderer::Create(*options.camera.intrinsics, options.camera.image_size_px,
+                            options.target, render, photograph.empty() ? nullptr : &photograph);
   auto detector = agent::WandDetector::Create(options.detector, options.target, options.camera);
   if (!renderer.ok() || !detector.ok()) {
     for (ImageResult& result : results) {
@@ -76,9 +128,10 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
     frame.seed = static_cast<uint64_t>(render.seed) * 100000 + i;
     result.seed = frame.seed;
     std::optional<WandMotion> wand;
-    if (options.with_wand) {
-      wand = RandomWandPose(*options.camera.intrinsics, options.camera.image_size_px,
-                            options.target, options.pose, frame.seed);
+    const bool empty = std::fmod(static_cast<double>(i + 1) * options.share_without_wand, 1.0) <
+                       options.share_without_wand - 1e-9;
+    if (options.with_wand && !empty) {
+      wand = PoseOf(options, frame.seed);
       if (wand.has_value()) {
         frame.spheres = wand->Spheres(options.target);
         const Eigen::Vector3d at = wand->origin_m.normalized();
@@ -110,9 +163,11 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
       result.false_wand = detection->outcome == DetectionOutcome::kWand;
       continue;
     }
+    result.has_wand = true;
     result.shown = testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
                                         options.target, *wand,
                                         ground_truth->bar ? &*ground_truth->bar : nullptr);
+    CountMarkers(options, *wand, *ground_truth, detection->observation, &result);
     Compare(*ground_truth, *wand, options.target, options, detection->observation, &result);
   }
   return results;
@@ -142,6 +197,7 @@ DetectionSummary Summarise(const std::vector<ImageResult>& results) {
   DetectionSummary summary;
   std::vector<double> milliseconds;
   double squares = 0, along = 0, nees = 0;
+  Eigen::Vector2d sum_px = Eigen::Vector2d::Zero();
   int centres = 0;
   for (const ImageResult& result : results) {
     ++summary.frames;
@@ -149,9 +205,14 @@ DetectionSummary Summarise(const std::vector<ImageResult>& results) {
     summary.shown += result.shown ? 1 : 0;
     summary.found += result.shown && result.found ? 1 : 0;
     summary.false_wands += result.false_wand ? 1 : 0;
+    summary.empty_frames += result.has_wand ? 0 : 1;
+    summary.false_in_empty += !result.has_wand && result.false_wand ? 1 : 0;
+    summary.visible_markers += result.visible_markers;
+    summary.found_markers += result.found_markers;
+    summary.worst_ms = std::max(summary.worst_ms, result.milliseconds);
     milliseconds.push_back(result.milliseconds);
-    if (!result.shown) continue;
     for (const CentreError& centre : result.centres) {
+      sum_px += centre.error_px;
       squares += centre.error_px.squaredNorm();
       along += centre.error_px.dot(centre.motion);
       nees += centre.nees;
@@ -162,6 +223,7 @@ DetectionSummary Summarise(const std::vector<ImageResult>& results) {
   if (centres == 0) return summary;
   summary.rms_px = std::sqrt(squares / (2 * centres));
   summary.motion_bias_px = along / centres;
+  summary.bias_px = (sum_px / centres).norm();
   summary.nees = nees / (2 * centres);
   return summary;
 }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -22,6 +23,10 @@ struct DetectionOptions {
   RandomWandPoseOptions pose;
   agent::WandDetectorOptions detector;
   bool with_wand = true;
+  double share_without_wand = 0;  // of the frames, even with with_wand
+  bool cut_by_border = false;     // one sphere at least is, and its centre is in the image
+  // Behind the wand instead of the wall, one for each room in turn; paths of image files.
+  std::vector<std::string> photographs;
   int frames = 100;
   int frames_per_room = 25;  // each room has clutter of its own
   uint32_t seed = 1;
@@ -44,10 +49,15 @@ struct CentreError {
 
 struct ImageResult {
   absl::Status status;
+  bool has_wand = false;    // the frame shows a wand, or parts of one
   bool shown = false;       // the frame shows a fully visible wand
   bool found = false;       // and it was found, all markers within 1 px
   bool false_wand = false;  // a wand where there is none, off by more than 3 px, or flipped
   DetectionOutcome outcome = DetectionOutcome::kNoBlob;
+  // Markers of which nearly all is to be seen, in a wand with two or more of them; and of those the
+  // ones that were found within 1 px and with the right label.
+  int visible_markers = 0;
+  int found_markers = 0;
   int covered_markers = 0;
   double confidence = 0;
   double milliseconds = 0;  // of Detect
@@ -60,10 +70,14 @@ std::vector<ImageResult> RunDetection(const DetectionOptions& options);
 
 struct DetectionSummary {
   int failures = 0, shown = 0, found = 0, false_wands = 0, frames = 0;
+  int empty_frames = 0, false_in_empty = 0;  // without a wand
+  int visible_markers = 0, found_markers = 0;
   double rms_px = 0;          // of each coordinate
+  double bias_px = 0;         // length of the mean error
   double motion_bias_px = 0;  // mean error along the motion
   double nees = 0;            // per degree of freedom
   double median_ms = 0;
+  double worst_ms = 0;
 };
 DetectionSummary Summarise(const std::vector<ImageResult>& results);
 

@@ -10,24 +10,24 @@
 namespace rigcal {
 namespace {
 
-constexpr int kBlock = 8;
+constexpr int kJpegBlock = 8;
 // ITU-T T.81, tables K.1 and K.2.
-constexpr int kLuminance[kBlock * kBlock] = {
+constexpr int kLuminance[kJpegBlock * kJpegBlock] = {
     16, 11, 10, 16, 24,  40,  51,  61,  12, 12, 14, 19, 26,  58,  60,  55,  //
     14, 13, 16, 24, 40,  57,  69,  56,  14, 17, 22, 29, 51,  87,  80,  62,  //
     18, 22, 37, 56, 68,  109, 103, 77,  24, 35, 55, 64, 81,  104, 113, 92,  //
     49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99};
-constexpr int kChrominance[kBlock * kBlock] = {
+constexpr int kChrominance[kJpegBlock * kJpegBlock] = {
     17, 18, 24, 47, 99, 99, 99, 99, 18, 21, 26, 66, 99, 99, 99, 99,  //
     24, 26, 56, 99, 99, 99, 99, 99, 47, 66, 99, 99, 99, 99, 99, 99,  //
     99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,  //
     99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99};
 
-cv::Mat1f Steps(const int (&table)[kBlock * kBlock], int quality) {
+cv::Mat1f Steps(const int (&table)[kJpegBlock * kJpegBlock], int quality) {
   const int percent = quality < 50 ? 5000 / quality : 200 - 2 * quality;
-  cv::Mat1f steps(kBlock, kBlock);
-  for (int i = 0; i < kBlock * kBlock; ++i) {
-    steps(i / kBlock, i % kBlock) =
+  cv::Mat1f steps(kJpegBlock, kJpegBlock);
+  for (int i = 0; i < kJpegBlock * kJpegBlock; ++i) {
+    steps(i / kJpegBlock, i % kJpegBlock) =
         static_cast<float>(std::clamp((table[i] * percent + 50) / 100, 1, 255));
   }
   return steps;
@@ -36,19 +36,19 @@ cv::Mat1f Steps(const int (&table)[kBlock * kBlock], int quality) {
 // Of one plane, in place.
 void Quantise(const cv::Mat1f& steps, cv::Mat1b* plane) {
   cv::Mat padded;
-  const int bottom = (kBlock - plane->rows % kBlock) % kBlock;
-  const int right = (kBlock - plane->cols % kBlock) % kBlock;
+  const int bottom = (kJpegBlock - plane->rows % kJpegBlock) % kJpegBlock;
+  const int right = (kJpegBlock - plane->cols % kJpegBlock) % kJpegBlock;
   cv::copyMakeBorder(*plane, padded, 0, bottom, 0, right, cv::BORDER_REPLICATE);
   cv::Mat1f values;
   padded.convertTo(values, CV_32F, 1, -128);
-  cv::Mat1f block(kBlock, kBlock);
-  for (int y = 0; y < values.rows; y += kBlock) {
-    for (int x = 0; x < values.cols; x += kBlock) {
-      cv::Mat1f part = values(cv::Rect(x, y, kBlock, kBlock));
+  cv::Mat1f block(kJpegBlock, kJpegBlock);
+  for (int y = 0; y < values.rows; y += kJpegBlock) {
+    for (int x = 0; x < values.cols; x += kJpegBlock) {
+      cv::Mat1f part = values(cv::Rect(x, y, kJpegBlock, kJpegBlock));
       cv::dct(part, block);
-      for (int i = 0; i < kBlock * kBlock; ++i) {
-        float& value = block(i / kBlock, i % kBlock);
-        const float step = steps(i / kBlock, i % kBlock);
+      for (int i = 0; i < kJpegBlock * kJpegBlock; ++i) {
+        float& value = block(i / kJpegBlock, i % kJpegBlock);
+        const float step = steps(i / kJpegBlock, i % kJpegBlock);
         value = std::round(value / step) * step;
       }
       cv::idct(block, block);

@@ -13,7 +13,7 @@ namespace rigcal {
 namespace {
 
 constexpr uint64_t kWallPurpose = 0x726f6f6d;
-constexpr double kHaloReach = 5;  // radii of the halo
+constexpr double kShapeHaloReach = 5;  // radii of the halo
 
 // Distance from its nearest edge, positive inside; of an ellipse to first order.
 double InsidePx(const RoomShape& shape, const Eigen::Vector2d& local) {
@@ -94,7 +94,7 @@ void RoomPainter::PaintPhotograph(const std::vector<float>& bgr) {
 void RoomPainter::Paint(const RoomShape& shape) {
   const bool halo = shape.glows && options_.bloom > 0;
   const double reach = shape.half_px.norm() + static_cast<double>(profile_.reach_px()) +
-                       (halo ? kHaloReach * options_.bloom_radius_px : 0);
+                       (halo ? kShapeHaloReach * options_.bloom_radius_px : 0);
   const auto first = [](double value) { return static_cast<int>(std::max(0.0, value)); };
   const auto last = [](double value, uint32_t side) {
     return static_cast<int>(std::min(value, side - 1.0));

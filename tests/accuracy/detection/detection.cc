@@ -48,6 +48,9 @@ void MakeRoom(DetectionOptions* options) {
   render.rod_m = 0.012;
   render.held = true;
   render.bayer = true;
+  // A LED of some lumens behind 40 mm of plastic is not much brighter than a lit wall.
+  render.led_cd_m2 = 300;
+  render.auto_gain = true;
 }
 
 void MakeOffice(DetectionOptions* options) {
@@ -87,7 +90,7 @@ std::vector<DetectionCase> RoomCases(const std::vector<std::string>& photographs
                                        [](DetectionOptions* options) {
                                          MakeRoom(options);
                                          options->render.lux = 10;
-                                         options->render.overhead_lux = 1500;
+                                         options->render.overhead_lux = 500;
                                        }},
                                       {"office", MakeOffice},
                                       {"bright office",
@@ -153,8 +156,8 @@ std::vector<DetectionCase> RoomCases(const std::vector<std::string>& photographs
         "to a folder of them\n");
     return cases;
   }
-  for (const double lux : {200.0, 500.0}) {
-    cases.push_back({lux < 300 ? "photographs, 200 lux" : "photographs, 500 lux",
+  for (const double lux : {300.0, 800.0}) {
+    cases.push_back({lux < 500 ? "photographs, 300 lux" : "photographs, 800 lux",
                      [photographs, lux](DetectionOptions* options) {
                        MakeRoom(options);
                        options->render.lux = lux;

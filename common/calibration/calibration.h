@@ -121,7 +121,8 @@ enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, k
 struct Quality {
   QualityGrade grade = QualityGrade::kNotEvaluated;
   std::vector<std::string> reasons;
-  // Predicted error of the camera positions, one sigma, and the largest that is acceptable
+  // Predicted error of the camera positions after the best rigid motion of the rig, one sigma, and
+  // the largest that is acceptable
   // (CalibrationOptions::accept_m). In units of the result; 0: not known.
   double predicted_error_m = 0;
   double accepted_error_m = 0;

@@ -405,9 +405,9 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   TakeBack(rig, result.options, &result.solution);
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
-  result.predicted = PredictError(result.solution, result.options, result.uncertainty, folds,
-                                  refined ? &*refined : nullptr,
-                                  IsMetric(rig, result.options) ? options.accept_m : 0);
+  result.predicted =
+      PredictError(result.solution, result.uncertainty, folds, refined ? &*refined : nullptr,
+                   IsMetric(rig, result.options) ? options.accept_m : 0);
   return result;
 }
 

@@ -8,6 +8,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/evaluate/attached_point.h"
 #include "server/solve/evaluate/block_scatter.h"
 
 namespace rigcal::server {
@@ -175,22 +176,14 @@ CameraUncertainty OfCamera(const BundleProblem& problem, int index, const RigUnc
   CameraUncertainty result;
   const Eigen::Index rotation = rig.Row({ReducedParameterKind::kRotation, index, 0});
   if (rotation >= 0) {
-    // The centre -R^T t under t + dt and exp([w]x) R moves by -R^T dt - R^T [t]x w.
-    const Eigen::Vector3d& t = camera.cam_from_rig.translation_m;
-    Eigen::Matrix3d cross;
-    cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-    const Eigen::Matrix3d rig_from_cam =
-        camera.cam_from_rig.rotation.toRotationMatrix().transpose();
-    Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(3, rig.shape_covariance.cols());
     for (int i = 0; i < 3; ++i) {
       const Eigen::Index w = rig.Row({ReducedParameterKind::kRotation, index, i});
-      const Eigen::Index d = rig.Row({ReducedParameterKind::kTranslation, index, i});
       result.rotation_sigma_rad[i] = std::sqrt(std::max(0.0, rig.shape_covariance(w, w)));
-      jacobian.col(w) = -rig_from_cam * cross.col(i);
-      jacobian.col(d) = -rig_from_cam.col(i);
     }
+    const PointGainMatrix gain =
+        AttachedPointGain(problem, rig, index, camera.cam_from_rig.SourceFromTargetTranslation());
     result.position_sigma_m =
-        (jacobian * rig.shape_covariance * jacobian.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+        (gain * rig.shape_covariance * gain.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
   }
   if (camera.intrinsics_fixed) return result;
   for (int i = 0; i < static_cast<int>(camera.intrinsics.size()); ++i) {

@@ -17,6 +17,7 @@
 #include "common/simulation/world/simulated_world.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "server/solve/evaluate/attached_point.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 #include "tests/accuracy/thread_cpu.h"
 #include "tests/server/solve/recorded_input.h"
@@ -449,14 +450,28 @@ bool IsSymptom(const Finding& finding) {
   }
 }
 
-// How far the cameras are from their true places, where they have any.
+// What is graded: how far the cameras are from their true places after the best rigid motion.
+double FrameFreeErrorM(const DoctorPatient& truth, const CalibrationResult& result) {
+  std::vector<RigidTransform> found, right;
+  for (const CalibratedCamera& camera : result.cameras) {
+    found.push_back(camera.cam_from_rig);
+    right.push_back(truth.cam_from_rig.at(camera.camera));
+  }
+  const Eigen::Vector3d middle_m =
+      result.wand_volume ? (0.5 * (result.wand_volume->min_m + result.wand_volume->max_m)).eval()
+                         : Eigen::Vector3d(0, 0, truth.distance_m);
+  return server::FrameFreeCentreDifference(found, right, middle_m);
+}
+
+// How far the cameras are from their true places, where they have any. The sigmas are those in the
+// frame of the reference camera, and so are the errors they are compared with.
 void MeasureErrors(const DoctorPatient& truth, const CalibrationResult& result,
                    Diagnosis* diagnosis) {
   const auto reference =
       std::ranges::find(result.cameras, result.reference_camera, &CalibratedCamera::camera);
   const RigidTransform true_from_rig = truth.cam_from_rig.at(reference->camera);
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> places_m;  // found, true
-  double square_m2 = 0, sigma_m2 = 0, along_m2 = 0, true_m2 = 0;
+  double sigma_m2 = 0, along_m2 = 0, true_m2 = 0;
   for (const CalibratedCamera& camera : result.cameras) {
     if (camera.camera == result.reference_camera) continue;
     const Eigen::Vector3d found_m =
@@ -464,7 +479,6 @@ void MeasureErrors(const DoctorPatient& truth, const CalibrationResult& result,
     const Eigen::Vector3d true_m = (truth.cam_from_rig.at(camera.camera) * true_from_rig.Inverse())
                                        .SourceFromTargetTranslation();
     places_m.emplace_back(found_m, true_m);
-    square_m2 += (found_m - true_m).squaredNorm();
     along_m2 += found_m.dot(true_m);
     true_m2 += true_m.squaredNorm();
     if (camera.uncertainty) sigma_m2 += camera.uncertainty->position_sigma_m.squaredNorm();
@@ -475,8 +489,7 @@ void MeasureErrors(const DoctorPatient& truth, const CalibrationResult& result,
   for (const auto& [found_m, true_m] : places_m) {
     shape_m2 += (found_m - scale * true_m).squaredNorm();
   }
-  diagnosis->error_m =
-      std::sqrt(square_m2 / static_cast<double>(std::max<size_t>(1, places_m.size())));
+  diagnosis->error_m = FrameFreeErrorM(truth, result);
   diagnosis->error_rel = diagnosis->error_m / truth.distance_m;
   diagnosis->sigmas =
       std::max(std::sqrt(shape_m2 / sigma_m2), std::abs(scale - 1) / result.target.scale_sigma_rel);

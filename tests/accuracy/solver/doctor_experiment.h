@@ -44,7 +44,7 @@ std::vector<Disturbance> AllDisturbances();
 
 // A simulated rig of seed `seed`; INTERNAL or INVALID_ARGUMENT from the simulation.
 absl::StatusOr<DoctorPatient> SimulatedPatient(uint32_t seed, int camera_count, double duration_s);
-// The real recording; its truth is its own calibration. Errors of reading it, and of that.
+// The real recording; its ground truth is its own calibration. Errors of reading it, and of that.
 absl::StatusOr<DoctorPatient> RecordedPatient();
 
 // What a calibration with all defaults said.
@@ -55,7 +55,7 @@ struct Diagnosis {
   std::vector<std::string> wrong;                    // causes named that are not there
   std::set<FindingKind> kinds;                       // of the causes named
   double cpu_s = 0;                                  // of its thread
-  double error_m = 0;    // of the camera positions, root of mean square, against the truth
+  double error_m = 0;    // of the camera positions, RMS, against ground truth
   double error_rel = 0;  // by the patient's distance
   double sigmas = 0;     // of the shape by its stated sigma, or of the scale by its own: the larger
   // Graded good with an error above 1 % of the distance, or above three stated sigmas.

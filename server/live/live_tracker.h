@@ -37,7 +37,7 @@ struct LiveTrackerOptions {
 };
 
 // Follows what ingest stores, sessions, agents and the running estimate, and makes the live state
-// of each rig: at most seven times a second, on one thread, whoever asks for it. Memory is bounded:
+// of each rig: at most once per interval, on one thread, for all clients. Memory is bounded:
 // rows are thinned to about 50 per second and camera, and cameras beyond the first 256 of a session
 // are left out. Thread-safe.
 class LiveTracker {

@@ -14,6 +14,7 @@ Experiment Flight();
 Experiment Halves();
 Experiment Real();
 Experiment Robustness();
+Experiment Sparse();
 Experiment Starts();
 Experiment UntilMm();
 

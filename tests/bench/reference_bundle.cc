@@ -146,6 +146,7 @@ class Reference {
         return &rates_[index];
       case ReducedParameterKind::kMarkerPosition:
         return &positions_[index];
+      case ReducedParameterKind::kLineDelay:    // held
       case ReducedParameterKind::kTargetPoint:  // it has no rigid target
         break;
     }

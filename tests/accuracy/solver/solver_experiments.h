@@ -12,6 +12,7 @@ Experiment Crb();
 Experiment Doctor();
 Experiment Flight();
 Experiment Halves();
+Experiment LineDelays();
 Experiment Real();
 Experiment Robustness();
 Experiment Sparse();

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/accuracy/rig/statistics.h"
+#include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/solver/solver_experiments.h"

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "tests/accuracy/rig/statistics.h"
+#include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/solver/sparse_experiment.h"
 #include "tests/server/solve/recorded_input.h"
 #include "tests/testing/recorded_data.h"

@@ -16,7 +16,6 @@ namespace {
 
 constexpr uint64_t kShutterPurpose = 0x6c696e65;
 constexpr double kUpwardsShare = 0.3;
-constexpr double kLargestOffsetS = 0.002;
 
 SimulationOptions DrawShutters(const LineDelaysOptions& options, uint32_t seed) {
   SimulationOptions simulation;
@@ -30,7 +29,8 @@ SimulationOptions DrawShutters(const LineDelaysOptions& options, uint32_t seed) 
   for (int c = 0; c < options.camera_count; ++c) {
     const double upwards = random.Uniform() < kUpwardsShare ? -1 : 1;
     simulation.line_delay_s[c] = upwards * random.Uniform(options.shortest_s, options.longest_s);
-    simulation.time_offset_s[c] = random.Uniform(-kLargestOffsetS, kLargestOffsetS);
+    simulation.time_offset_s[c] =
+        random.Uniform(-options.largest_offset_s, options.largest_offset_s);
   }
   return simulation;
 }

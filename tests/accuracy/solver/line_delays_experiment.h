@@ -11,13 +11,14 @@
 
 namespace rigcal::accuracy {
 
-// Rolling shutters in every camera of a simulated rig, some of them read upwards. Clocks are off by
-// up to 2 ms; spacing and intrinsics are right and fixed.
+// Rolling shutters in every camera of a simulated rig, some of them read upwards. Spacing and
+// intrinsics are right and fixed.
 struct LineDelaysOptions {
   int camera_count = 6;
   double duration_s = 40;
   double rate_hz = 50;
   bool free_running = true;
+  double largest_offset_s = 0.002;              // of a clock
   double shortest_s = 5e-6, longest_s = 50e-6;  // line delays
 };
 

@@ -55,7 +55,9 @@ TEST(RollingShutters, AreEstimatedInAllCameras) {
     if (std::abs(delays_us[c]) > 10) {
       ASSERT_NE(finding, nullptr);
     }
-    if (finding != nullptr) EXPECT_EQ(finding->severity, FindingSeverity::kInfo);
+    if (finding != nullptr) {
+      EXPECT_EQ(finding->severity, FindingSeverity::kInfo);
+    }
     // No clock is off.
     EXPECT_EQ(FindingOf(FindingKind::kClockOffset, result, camera.camera), nullptr);
   }

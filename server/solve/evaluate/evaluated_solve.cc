@@ -321,8 +321,7 @@ absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
   }
   std::vector<LineDelay> delays;
   const absl::StatusOr<std::vector<bool>> roll =
-      FindRollingShutters(solution->built.problem, solution->built.instant_time_ns, heights_px,
-                          options->cancelled, &delays);
+      FindRollingShutters(solution->built.problem, heights_px, options->cancelled, &delays);
   if (absl::IsCancelled(roll.status())) return roll.status();
   if (!roll.ok() || roll->empty()) return absl::OkStatus();
   RigSolveOptions with_delays = *options;

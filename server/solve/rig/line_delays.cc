@@ -21,9 +21,8 @@ constexpr double kSolvedRadius = 1e9;         // of a trust region around what i
 constexpr size_t kEnoughMarkers = 20'000;     // to see whether there is a rolling shutter at all
 constexpr double kStandOutSigmas = 8;
 constexpr double kMinReadoutS = 0.5e-3;  // of the whole image; less is no matter to a wand's speed
-constexpr int64_t kHalvesBlockNs = 2'000'000'000;
-// Of even and odd blocks: apart by so many sigmas, or by this share of the delay.
-constexpr double kSameSigmas = 5, kSameShare = 0.25;
+// Of two halves: each by itself, and apart by so many sigmas, or by this share of the delay.
+constexpr double kHalfSigmas = 3, kSameSigmas = 5, kSameShare = 0.25;
 constexpr double kKnownReadoutS = 0.1e-3;  // one sigma; a delay of less than 3 of them is none
 
 // The used instants that are wanted, thinned evenly, with line delays free.
@@ -79,6 +78,9 @@ double ResidualVariance(const BundleProblem& problem) {
 }
 
 bool IsSame(const LineDelay& a, const LineDelay& b) {
+  for (const LineDelay& half : {a, b}) {
+    if (!(std::abs(half.line_delay_s) > kHalfSigmas * half.sigma_s)) return false;
+  }
   const double apart_s = std::abs(a.line_delay_s - b.line_delay_s);
   return apart_s < kSameSigmas * std::hypot(a.sigma_s, b.sigma_s) ||
          apart_s < kSameShare * std::abs(a.line_delay_s + b.line_delay_s) / 2;
@@ -119,7 +121,6 @@ absl::StatusOr<std::vector<LineDelay>> EstimateLineDelays(
 }
 
 absl::StatusOr<std::vector<bool>> FindRollingShutters(const BundleProblem& solved,
-                                                      const std::vector<int64_t>& instant_time_ns,
                                                       const std::vector<int>& heights_px,
                                                       const std::atomic<bool>* cancelled,
                                                       std::vector<LineDelay>* delays) {
@@ -132,11 +133,11 @@ absl::StatusOr<std::vector<bool>> FindRollingShutters(const BundleProblem& solve
   for (size_t c = 0; c < roll.size(); ++c) roll[c] = stands_out(c);
   if (std::ranges::count(roll, true) == 0) return std::vector<bool>();
   std::vector<LineDelay> halves[2];
-  for (const bool odd : {false, true}) {
+  for (const bool second : {false, true}) {
     const auto use = [&](size_t instant) {
-      return (instant_time_ns[instant] / kHalvesBlockNs % 2 != 0) == odd;
+      return (2 * instant >= solved.instants.size()) == second;
     };
-    RIGCAL_ASSIGN_OR_RETURN(halves[odd],
+    RIGCAL_ASSIGN_OR_RETURN(halves[second],
                             EstimateLineDelays(solved, kEnoughMarkers / 2, use, cancelled));
   }
   bool any = false;

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -31,12 +30,12 @@ absl::StatusOr<std::vector<LineDelay>> EstimateLineDelays(
     const std::atomic<bool>* cancelled);
 
 // By camera: its line delay should be estimated. Empty: no camera has one that stands out, by 8
-// sigma and half a millisecond over the image, and is the same in even and odd blocks of time. Once
-// one has, all those are estimated that are not known to have none.
+// sigma and half a millisecond over the image, and is the same in the first and the second half of
+// the instants, each with poses of its own: what a camera that moved leaves behind is not. Once one
+// has, all those are estimated that are not known to have none.
 //
-// `instant_time_ns`: by instant of `solved`. Errors as of EstimateLineDelays.
+// Errors as of EstimateLineDelays.
 absl::StatusOr<std::vector<bool>> FindRollingShutters(const BundleProblem& solved,
-                                                      const std::vector<int64_t>& instant_time_ns,
                                                       const std::vector<int>& heights_px,
                                                       const std::atomic<bool>* cancelled,
                                                       std::vector<LineDelay>* delays);

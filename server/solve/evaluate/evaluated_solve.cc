@@ -32,7 +32,7 @@ constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
 constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
 // Of a rolling shutter that is named: sigmas of its line delay, and the time over the image.
-constexpr double kShutterSigmas = 5, kMinReadoutS = 0.5e-3;
+constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
 
 std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
                                                     const RigSolveOptions& options) {
@@ -366,6 +366,29 @@ void AddShutterFindings(const RigObservations& rig, EvaluatedSolution* result) {
   }
 }
 
+// What looked like a rolling shutter with the given intrinsics may be none with refined ones: where
+// none is left that stands out, the result has none.
+absl::Status DropLineDelays(const RigObservations& rig, RigSolveOptions options,
+                            EvaluatedSolution* result) {
+  if (result->options.estimate_line_delays.empty() || !result->uncertainty ||
+      std::ranges::find(result->findings, FindingKind::kRollingShutter, &Finding::kind) !=
+          result->findings.end()) {
+    return absl::OkStatus();
+  }
+  RigInitialization initial = InitializationFrom(result->solution);
+  initial.line_delay_s.clear();
+  options.estimate_line_delays.clear();
+  absl::StatusOr<RigSolution> without = SolveRig(rig, initial.clocks, options, &initial);
+  if (absl::IsCancelled(without.status())) return without.status();
+  if (!without.ok()) return absl::OkStatus();
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*without, options);
+  if (!uncertainty.ok()) return absl::OkStatus();
+  result->solution = *std::move(without);
+  result->uncertainty = *std::move(uncertainty);
+  result->options.estimate_line_delays.clear();
+  return absl::OkStatus();
+}
+
 void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
   const auto append = [](const std::vector<std::vector<double>>& source, auto* target) {
     target->resize(source.size());
@@ -467,6 +490,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
   AddShutterFindings(rig, &result);
+  RIGCAL_RETURN_IF_ERROR(DropLineDelays(rig, first, &result));
   result.predicted = PredictError(result.solution, result.options, result.uncertainty, folds,
                                   refined ? &*refined : nullptr,
                                   IsMetric(rig, result.options) ? options.accept_m : 0);

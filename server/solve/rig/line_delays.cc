@@ -20,7 +20,8 @@ constexpr double kLineDelayTolerance = 1e-7;  // relative change of the cost
 constexpr double kSolvedRadius = 1e9;         // of a trust region around what is solved
 constexpr size_t kEnoughMarkers = 20'000;     // to see whether there is a rolling shutter at all
 constexpr double kStandOutSigmas = 8;
-constexpr double kMinReadoutS = 0.5e-3;  // of the whole image; less is no matter to a wand's speed
+constexpr double kMinReadoutS =
+    2e-3;  // of the whole image; no sensor with a rolling shutter has less
 // Of two halves: each by itself, and apart by so many sigmas, or by this share of the delay.
 constexpr double kHalfSigmas = 3, kSameSigmas = 5, kSameShare = 0.25;
 constexpr double kKnownReadoutS = 0.1e-3;  // one sigma; a delay of less than 3 of them is none

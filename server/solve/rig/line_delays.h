@@ -30,7 +30,7 @@ absl::StatusOr<std::vector<LineDelay>> EstimateLineDelays(
     const std::atomic<bool>* cancelled);
 
 // By camera: its line delay should be estimated. Empty: no camera has one that stands out, by 8
-// sigma and half a millisecond over the image, and is the same in the first and the second half of
+// sigma and two milliseconds over the image, and is the same in the first and the second half of
 // the instants, each with poses of its own: what a camera that moved leaves behind is not. Once one
 // has, all those are estimated that are not known to have none.
 //

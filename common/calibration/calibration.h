@@ -70,6 +70,10 @@ struct CalibratedCamera {
   double time_rate_ppm = 0;
   double time_epoch_s = 0;
   bool time_offset_estimated = false;
+  // Rolling shutter: a marker in image row y is seen line_delay * (y - (height - 1) / 2) later than
+  // the clock says. Negative where rows are read upwards; 0 unless estimated.
+  double line_delay_s = 0;
+  double line_delay_sigma_s = 0;  // one sigma; 0: not estimated
   Residuals residuals;
   std::optional<CameraUncertainty> uncertainty;
   std::optional<ErrorFigures> held_out;

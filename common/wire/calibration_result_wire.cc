@@ -82,6 +82,8 @@ void FillCamera(const CalibratedCamera& camera, v1::CalibratedCamera* proto) {
   proto->set_time_rate_ppm(camera.time_rate_ppm);
   proto->set_time_epoch_s(camera.time_epoch_s);
   proto->set_time_offset_estimated(camera.time_offset_estimated);
+  proto->set_line_delay_s(camera.line_delay_s);
+  proto->set_line_delay_sigma_s(camera.line_delay_sigma_s);
   *proto->mutable_residuals() = ToProto(camera.residuals);
   if (camera.uncertainty) *proto->mutable_uncertainty() = ToProto(*camera.uncertainty);
   if (camera.held_out) *proto->mutable_held_out() = ToProto(*camera.held_out);
@@ -102,6 +104,8 @@ absl::StatusOr<CalibratedCamera> CameraFromProto(const v1::CalibratedCamera& pro
   camera.time_rate_ppm = proto.time_rate_ppm();
   camera.time_epoch_s = proto.time_epoch_s();
   camera.time_offset_estimated = proto.time_offset_estimated();
+  camera.line_delay_s = proto.line_delay_s();
+  camera.line_delay_sigma_s = proto.line_delay_sigma_s();
   camera.residuals = FromProto(proto.residuals());
   if (proto.has_uncertainty()) camera.uncertainty = FromProto(proto.uncertainty());
   if (proto.has_held_out()) camera.held_out = FromProto(proto.held_out());

@@ -228,6 +228,14 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
     camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
+    const RigSolution& solution = input.evaluated.solution;
+    camera.line_delay_s = solution.line_delay_s[c] + solved.line_delay_s;
+    if (input.evaluated.uncertainty) {
+      const RigUncertainty& known = *input.evaluated.uncertainty;
+      const Eigen::Index row =
+          known.Row({ReducedParameterKind::kLineDelay, static_cast<int>(c), 0});
+      if (row >= 0) camera.line_delay_sigma_s = std::sqrt(known.covariance(row, row));
+    }
     camera.residuals = residuals[c];
     if (input.evaluated.held_out) {
       const EvaluatedErrors& held_out = *input.evaluated.held_out;

@@ -171,6 +171,8 @@ class InformationSum {
         derivative = velocity;
       } else if (kind == ViewUnknowns::kRate) {
         derivative = observation.clock_time_s * velocity;
+      } else if (kind == ViewUnknowns::kLineDelay) {
+        derivative = (marker.centre_px.y() - camera.middle_row) * velocity;
       } else {
         derivative = root * d_intrinsics.col(kind - ViewUnknowns::kFirstIntrinsic);
       }

@@ -97,6 +97,9 @@ absl::Status BundleProblem::Validate() const {
   for (const BundleCamera& camera : cameras) {
     if (absl::Status status = ValidateCamera(camera); !status.ok()) return status;
     any_fixed = any_fixed || camera.pose_fixed;
+    if (!std::isfinite(camera.line_delay_s) || !std::isfinite(camera.middle_row)) {
+      return Fault("camera ", camera.name, " has a line delay that is not finite");
+    }
   }
   if (!any_fixed) return Fault("no camera's pose is fixed");
   bool offset_fixed = clocks.empty(), rate_fixed = clocks.empty();

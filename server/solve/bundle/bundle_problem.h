@@ -25,9 +25,10 @@ namespace rigcal::server {
 // or, of an instant that shows a rigid target, p = pi(K_c, cam_from_rig_c * (R_k * x_m +
 // origin_k)), with u the measured centre at the instant's time under the clock alignment the
 // problem was built with, u' its image velocity, L^T L the inverse of u's covariance, s_m the
-// marker's position along the target, and dt = time_offset_s + time_rate * clock_time_s what the
-// camera's clock is still off (same sense as in Clock: negative where rows show an earlier time
-// than their stamps say).
+// marker's position along the target, and
+//   dt = time_offset_s + time_rate * clock_time_s + line_delay_s * (u_y - middle_row)
+// what the camera's clock is still off at the marker's image row (same sense as in Clock: negative
+// where rows show an earlier time than their stamps say).
 //
 // What to solve (BundleProblem, estimates are changed in place), how (BundleOptions) and what came
 // out (BundleSummary) are three structs. Everything refers by index; instants own a contiguous run
@@ -44,6 +45,15 @@ struct BundleCamera {
   // Independent normal priors on refined intrinsics. sigma 0 holds that value fixed.
   IntrinsicsVector intrinsics_mean;
   IntrinsicsVector intrinsics_sigma;
+
+  // Rolling shutter: correction on top of the times that the rows of the observations have, from
+  // one image row to the next. The middle row's time is the clock's.
+  double line_delay_s = 0;
+  bool line_delay_fixed = true;
+  double middle_row = 0;
+  // Normal prior around prior_line_delay_s; sigma 0 means none.
+  double prior_line_delay_s = 0;
+  double line_delay_sigma_s = 0;
 };
 
 struct BundleClock {
@@ -133,6 +143,13 @@ struct BundleProblem {
   std::vector<BundleMarker> markers;
   std::optional<BundleDistance> distance;
 
+  // What the time of a marker is still off: dt above.
+  double TimeShiftS(const BundleObservation& observation, const BundleMarker& marker) const {
+    const BundleClock& clock = clocks[static_cast<size_t>(observation.clock)];
+    const BundleCamera& camera = CameraOf(observation);
+    return clock.time_offset_s + clock.time_rate * observation.clock_time_s +
+           camera.line_delay_s * (marker.centre_px.y() - camera.middle_row);
+  }
   // The runs that an instant and an observation own. What they refer to must be in range.
   std::span<const BundleObservation> ObservationsOf(const BundleInstant& instant) const {
     return {observations.data() + instant.first_observation,

@@ -91,7 +91,8 @@ RIGCAL_INLINE MarkerResidual EvaluateMarker(const KernelInput& input,
                           Select(before, x_in_cam.z, one)};
   ProjectPoint<kPointDerivatives, kIntrinsicsDerivatives>(view.model, view.intrinsics, point,
                                                           projected);
-  WhitenedResidual(marker.measured, *projected, dt, &marker.r0, &marker.r1);
+  const Lanes own_dt = dt + Lanes(view.line_delay_s) * RowsLate(view, marker.measured.centre[1]);
+  WhitenedResidual(marker.measured, *projected, own_dt, &marker.r0, &marker.r1);
   const Lanes square = marker.r0 * marker.r0 + marker.r1 * marker.r1;
   // A square that is not a number fails the comparison as well.
   const Mask seen = before & (projected->visible > zero) & (square < Lanes(1e300));

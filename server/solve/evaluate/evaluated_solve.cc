@@ -13,6 +13,7 @@
 #include "server/solve/clocks/time_check.h"
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/initialize/shared_views.h"
+#include "server/solve/rig/line_delays.h"
 
 namespace rigcal::server {
 namespace {
@@ -30,6 +31,8 @@ constexpr int kMaxRateTries = 4;
 constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
 constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
+// Of a rolling shutter that is named: sigmas of its line delay, and the time over the image.
+constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
 
 std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
                                                     const RigSolveOptions& options) {
@@ -308,6 +311,84 @@ absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigS
   return absl::OkStatus();
 }
 
+// Estimates line delays where a rolling shutter stands out, together with everything else. What
+// could not be solved so stays as it is. `solution` may be put away on return.
+absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
+                           RigSolution* solution) {
+  std::vector<int> heights_px;
+  for (const CameraDescription& camera : rig.index.cameras) {
+    heights_px.push_back(camera.image_size_px.height);
+  }
+  std::vector<LineDelay> delays;
+  const absl::StatusOr<std::vector<bool>> roll =
+      FindRollingShutters(solution->built.problem, heights_px, options->cancelled, &delays);
+  if (absl::IsCancelled(roll.status())) return roll.status();
+  if (!roll.ok() || roll->empty()) return absl::OkStatus();
+  RigSolveOptions with_delays = *options;
+  with_delays.estimate_line_delays = *roll;
+  RigInitialization initial = InitializationFrom(*solution);
+  for (size_t c = 0; c < roll->size(); ++c) {
+    if ((*roll)[c]) initial.line_delay_s[c] += delays[c].line_delay_s;
+  }
+  const double share = InlierShare(*solution);
+  PutAway(rig, *options, solution);
+  absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, with_delays, &initial);
+  if (tried.ok() && !tried->converged) {
+    initial = InitializationFrom(*tried);
+    absl::StatusOr<RigSolution> further = SolveRig(rig, initial.clocks, with_delays, &initial);
+    if (further.ok()) tried = std::move(further);
+  }
+  if (absl::IsCancelled(tried.status())) return tried.status();
+  if (!tried.ok() || InlierShare(*tried) < share - kMayLoseInliers) return absl::OkStatus();
+  *options = std::move(with_delays);
+  *solution = *std::move(tried);
+  return absl::OkStatus();
+}
+
+// The cameras whose line delay stands out in the result.
+void AddShutterFindings(const RigObservations& rig, EvaluatedSolution* result) {
+  const RigInitialization solved = InitializationFrom(result->solution);
+  for (size_t c = 0; c < result->options.estimate_line_delays.size(); ++c) {
+    const Eigen::Index row =
+        result->uncertainty
+            ? result->uncertainty->Row({ReducedParameterKind::kLineDelay, static_cast<int>(c), 0})
+            : -1;
+    if (row < 0) continue;
+    const double delay_s = solved.line_delay_s[c];
+    const double sigma_s = std::sqrt(result->uncertainty->covariance(row, row));
+    const double readout_s = std::abs(delay_s) * rig.index.cameras[c].image_size_px.height;
+    if (std::abs(delay_s) < kShutterSigmas * sigma_s || readout_s < kMinReadoutS) continue;
+    result->findings.push_back(
+        {FindingKind::kRollingShutter, rig.index.cameras[c].camera, 1e6 * delay_s, "us",
+         absl::StrFormat("its image rows are taken one after the other, %.2f us apart (+-%.2f us), "
+                         "%.1f ms over the image; the calibration takes this into account",
+                         1e6 * delay_s, 1e6 * sigma_s, 1e3 * readout_s)});
+  }
+}
+
+// What looked like a rolling shutter with the given intrinsics may be none with refined ones: where
+// none is left that stands out, the result has none.
+absl::Status DropLineDelays(const RigObservations& rig, RigSolveOptions options,
+                            EvaluatedSolution* result) {
+  if (result->options.estimate_line_delays.empty() || !result->uncertainty ||
+      std::ranges::find(result->findings, FindingKind::kRollingShutter, &Finding::kind) !=
+          result->findings.end()) {
+    return absl::OkStatus();
+  }
+  RigInitialization initial = InitializationFrom(result->solution);
+  initial.line_delay_s.clear();
+  options.estimate_line_delays.clear();
+  absl::StatusOr<RigSolution> without = SolveRig(rig, initial.clocks, options, &initial);
+  if (absl::IsCancelled(without.status())) return without.status();
+  if (!without.ok()) return absl::OkStatus();
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*without, options);
+  if (!uncertainty.ok()) return absl::OkStatus();
+  result->solution = *std::move(without);
+  result->uncertainty = *std::move(uncertainty);
+  result->options.estimate_line_delays.clear();
+  return absl::OkStatus();
+}
+
 void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
   const auto append = [](const std::vector<std::vector<double>>& source, auto* target) {
     target->resize(source.size());
@@ -341,9 +422,12 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
   if (check) RIGCAL_RETURN_IF_ERROR(check(result.solution));
   if (base.estimate_time_offsets) {
+    RIGCAL_RETURN_IF_ERROR(TryLineDelays(rig, &first, &result.solution));
+    TakeBack(rig, first, &result.solution);
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
     TakeBack(rig, first, &result.solution);
   }
+  result.options.estimate_line_delays = first.estimate_line_delays;
   result.options.estimate_time_rates = first.estimate_time_rates;
   result.options.own_rates = first.own_rates;
   const RigInitialization initial = InitializationFrom(result.solution);
@@ -405,6 +489,8 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   TakeBack(rig, result.options, &result.solution);
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
+  AddShutterFindings(rig, &result);
+  RIGCAL_RETURN_IF_ERROR(DropLineDelays(rig, first, &result));
   result.predicted =
       PredictError(result.solution, result.uncertainty, folds, refined ? &*refined : nullptr,
                    IsMetric(rig, result.options) ? options.accept_m : 0);

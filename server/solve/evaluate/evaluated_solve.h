@@ -29,10 +29,11 @@ struct EvaluatedSolution {
 // is evaluated once. A choice (`auto`) is made anew in each of the four folds, by two inner solves
 // that hold out blocks of the rest in the same way; it never sees the fold's own blocks. The
 // published solution uses all data, with the choice of the four folds together. The solves of the
-// folds begin at the estimates of the first solve and end, roughly, at the optimum of their own data,
-// of which they use as much as their errors need (RigSolveOptions).
+// folds begin at the estimates of the first solve and end, roughly, at the optimum of their own
+// data, of which they use as much as their errors need (RigSolveOptions).
 //
-// Clock rates are estimated where at least one of them is significantly not zero.
+// Line delays of rolling shutters are estimated where one stands out (line_delays.h), clock rates
+// where at least one of them is significantly not zero.
 // The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong
 // offset (time_check.h) and for a wrong minimum (restart.h), and then by `check`, whose error is
 // passed on: what cannot become right is not worth the rest.

@@ -29,8 +29,9 @@ int64_t BlockOf(const TimeBlocks& blocks, int64_t rig_time_ns) {
 BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& solution,
                                 const RigSolveOptions& options,
                                 const std::function<bool(int64_t)>& select) {
-  InstantList list = FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks),
-                                  options.tolerance_s);
+  InstantList list =
+      FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks, &solution.motions),
+                   options.tolerance_s);
   std::erase_if(list.instants,
                 [&select](const Instant& instant) { return !select(instant.rig_time_ns); });
   ThinOut(rig.index, options.max_observations, &list.instants);

@@ -120,6 +120,7 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       if (!camera) return warning("");
       return {FindingSeverity::kError, absl::StrCat(who, " agrees with no other camera")};
     case FindingKind::kRollingShutter:
+      if (camera && camera->line_delay_sigma_s > 0) return {};
       return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
     case FindingKind::kWrongWandLength:
       return warning("the wand is not as it was given (see findings)");

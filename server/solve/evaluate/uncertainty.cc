@@ -36,6 +36,9 @@ Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
       case ReducedParameterKind::kTimeOffset:
         prior(i, i) = InverseSquare(problem.clocks[index].offset_sigma_s);
         break;
+      case ReducedParameterKind::kLineDelay:
+        prior(i, i) = InverseSquare(problem.cameras[index].line_delay_sigma_s);
+        break;
       case ReducedParameterKind::kTimeRate:
         prior(i, i) = InverseSquare(problem.clocks[index].rate_sigma);
         break;

@@ -27,8 +27,8 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
   const size_t count = rows.MarkerCount(row);
   for (size_t m = 0; m < count; ++m) {
     if (!rows.IsVisible(row, m)) continue;
-    const int64_t camera_time_ns = rows.time_ns(row) + rows.time_delta_ns(row, m);
-    const int64_t coarse_ns = track.CoarseRigTimeNs(rows.time_ns(row)) + rows.time_delta_ns(row, m);
+    const int64_t camera_time_ns = motion.TimeNs(row, m);
+    const int64_t coarse_ns = track.CoarseRigTimeNs(camera_time_ns);
     const double shift_s =
         1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
     const size_t label = motion.IsFlipped(member.observation) ? count - 1 - m : m;
@@ -102,12 +102,14 @@ RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorr
 
 std::vector<std::vector<int64_t>> RigTimes(const std::vector<AlignedTrack>& tracks,
                                            const RigIndex& index,
-                                           const std::vector<ClockCorrection>& clocks) {
+                                           const std::vector<ClockCorrection>& clocks,
+                                           const std::vector<ImageMotion>* motions) {
   std::vector<std::vector<int64_t>> times = CoarseRigTimes(tracks);
   for (size_t t = 0; t < tracks.size(); ++t) {
     const ClockCorrection& clock = clocks[static_cast<size_t>(index.clock_of_track[t])];
     for (size_t i = 0; i < times[t].size(); ++i) {
       times[t][i] += std::llround(1e9 * clock.At(tracks[t].track.observations.time_ns(i)));
+      if (motions != nullptr) times[t][i] += (*motions)[t].MeanDelayNs(i);
     }
   }
   return times;
@@ -124,6 +126,7 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
     camera.name = description.camera;
     camera.model = description.intrinsics->model;
     camera.intrinsics = ToVector(*description.intrinsics);
+    camera.middle_row = MiddleRow(description);
     problem.cameras.push_back(std::move(camera));
   }
   for (const ClockCorrection& correction : clocks) {

@@ -26,6 +26,7 @@ namespace {
 
 constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
+constexpr double kWeakLineDelaySigmaS = 1e-4;
 constexpr double kOutlierPx = 15;
 constexpr int kMaxRounds = 8;  // of solve, classify, interpolate again
 // Offsets that move less have settled, or that move their cameras' markers by less, which is a
@@ -61,6 +62,7 @@ class RigSolver {
 
   absl::StatusOr<RigSolution> Run(const RigInitialization* initial) {
     if (initial != nullptr) solution_.clocks = initial->clocks;
+    SetLineDelays(initial != nullptr ? initial->line_delay_s : std::vector<double>());
     Build();
     if (problem().instants.empty()) return NoInstants();
     if (initial != nullptr) {
@@ -104,8 +106,18 @@ class RigSolver {
  private:
   BundleProblem& problem() { return solution_.built.problem; }
 
+  void SetLineDelays(const std::vector<double>& line_delay_s) {
+    solution_.line_delay_s = line_delay_s;
+    solution_.line_delay_s.resize(rig_.index.cameras.size(), 0);
+    for (size_t t = 0; t < rig_.tracks.size(); ++t) SetLineDelayOfTrack(t);
+  }
+  void SetLineDelayOfTrack(size_t track) {
+    const auto camera = static_cast<size_t>(rig_.index.camera_of_track[track]);
+    solution_.motions[track].SetLineDelay(solution_.line_delay_s[camera]);
+  }
+
   void Build() {
-    const auto times = RigTimes(rig_.tracks, rig_.index, solution_.clocks);
+    const auto times = RigTimes(rig_.tracks, rig_.index, solution_.clocks, &solution_.motions);
     solution_.instants = FindInstants(rig_.tracks, times, options_.tolerance_s);
     if (options_.keep_instant) {
       std::erase_if(solution_.instants.instants, [this](const Instant& instant) {
@@ -128,6 +140,12 @@ class RigSolver {
       for (size_t c = 0; c < problem().cameras.size(); ++c) {
         SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c]);
       }
+    }
+    for (size_t c = 0; c < options_.estimate_line_delays.size(); ++c) {
+      BundleCamera& camera = problem().cameras[c];
+      camera.line_delay_fixed = !options_.estimate_line_delays[c];
+      camera.prior_line_delay_s = -solution_.line_delay_s[c];
+      camera.line_delay_sigma_s = kWeakLineDelaySigmaS;
     }
     const std::map<std::string, int> fixed = FixedClocks();
     for (size_t k = 0; k < problem().clocks.size(); ++k) {
@@ -237,6 +255,7 @@ class RigSolver {
   Movement ClockMovement() {
     struct OfClock {
       double span_s = 0, speed2 = 0;
+      double rows_s = 0;  // furthest from the time of the middle row
       int markers = 0;
     };
     std::vector<OfClock> clocks(problem().clocks.size());
@@ -245,6 +264,9 @@ class RigSolver {
       own.span_s = std::max(own.span_s, std::abs(observation.clock_time_s));
       for (const BundleMarker& marker : problem().MarkersOf(observation)) {
         if (!marker.used) continue;
+        const BundleCamera& camera = problem().CameraOf(observation);
+        own.rows_s = std::max(
+            own.rows_s, std::abs(camera.line_delay_s * (marker.centre_px.y() - camera.middle_row)));
         own.speed2 += marker.velocity_px_s.squaredNorm();
         ++own.markers;
       }
@@ -252,8 +274,8 @@ class RigSolver {
     Movement most;
     for (size_t k = 0; k < clocks.size(); ++k) {
       const BundleClock& clock = problem().clocks[k];
-      const double moved_s =
-          std::abs(clock.time_offset_s) + std::abs(clock.time_rate) * clocks[k].span_s;
+      const double moved_s = std::abs(clock.time_offset_s) +
+                             std::abs(clock.time_rate) * clocks[k].span_s + clocks[k].rows_s;
       most.s = std::max(most.s, moved_s);
       most.px =
           std::max(most.px, moved_s * std::sqrt(clocks[k].speed2 / std::max(1, clocks[k].markers)));
@@ -302,6 +324,7 @@ class RigSolver {
       }
       solution_.motions[static_cast<size_t>(t)] = ImageMotion(
           rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(), std::move(flipped));
+      SetLineDelayOfTrack(static_cast<size_t>(t));
     }
     return count;
   }
@@ -320,6 +343,7 @@ class RigSolver {
     {
       const RigInitialization initial = InitializationFrom(solution_);
       solution_.clocks = initial.clocks;
+      SetLineDelays(initial.line_delay_s);
       // Before the next one is built, so that there is never room for two.
       solution_.built = BuiltProblem();
       Build();
@@ -367,6 +391,10 @@ RigInitialization InitializationFrom(const RigSolution& solution) {
   initial.points_m = problem.rigid_target.points_m;
   initial.distance = problem.distance;
   initial.clocks = solution.clocks;
+  initial.line_delay_s = solution.line_delay_s;
+  for (size_t c = 0; c < initial.line_delay_s.size(); ++c) {
+    initial.line_delay_s[c] += problem.cameras[c].line_delay_s;
+  }
   for (size_t k = 0; k < initial.clocks.size(); ++k) {
     initial.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;
     initial.clocks[k].time_rate += problem.clocks[k].time_rate;

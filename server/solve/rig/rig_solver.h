@@ -33,6 +33,8 @@ struct RigSolveOptions {
   // clock, alone: at least one of each session is not.
   bool estimate_time_rates = false;
   std::vector<bool> own_rates;
+  // By camera: its line delay (rolling shutter) is estimated. Empty: none is.
+  std::vector<bool> estimate_line_delays;
   bool refine_intrinsics = false;
   bool estimate_marker_positions = false;
   // Between two cameras of the index, in metres: the scale of a target of one marker. None: its
@@ -59,6 +61,7 @@ struct RigSolveOptions {
 struct RigSolution {
   BuiltProblem built;                   // solved; markers not used are the outliers
   std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
+  std::vector<double> line_delay_s;     // by camera, likewise
   std::vector<ImageMotion> motions;     // by track, outlying centres excluded, labels flipped
   InstantList instants;
   std::vector<std::pair<int, int>>
@@ -105,7 +108,8 @@ struct RigInitialization {
   std::vector<Eigen::Vector3d> points_m;  // of a rigid target; empty: as given
   std::optional<BundleDistance> distance;
   std::vector<ClockCorrection> clocks;
-  InstantPoses instants;  // those not named are placed anew
+  std::vector<double> line_delay_s;  // by camera; empty: none
+  InstantPoses instants;             // those not named are placed anew
 };
 
 RigInitialization InitializationFrom(const RigSolution& solution);

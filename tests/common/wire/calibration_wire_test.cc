@@ -43,6 +43,8 @@ Calibration FilledCalibration() {
   camera.intrinsics = {DistortionModel::kBrownConrady, 1250, 1251, 640, 512, {-.2, .1, 0, 0, 0}};
   camera.clock_id = "clock";
   camera.time_offset_s = -0.00815;
+  camera.line_delay_s = 1.5e-05;
+  camera.line_delay_sigma_s = 2e-07;
   camera.residuals.all = {1, 2, 3, 4, 5};
   camera.residuals.inlier = {6, 7, 8, 9, 10};
   camera.residuals.outlier_count = 11;
@@ -148,6 +150,8 @@ TEST(CalibrationWire, JsonHasTheNamesOfTheContract) {
         "\"time_offset_s\":-0.00815",
         "\"time_rate_ppm\":0",
         "\"time_epoch_s\":0",
+        "\"line_delay_s\":1.5e-05",
+        "\"line_delay_sigma_s\":2e-07",
         "\"residuals\":{\"all\":{\"mean_px\":1",
         "\"observation_count\":0",
         "\"outlier_count\":11",

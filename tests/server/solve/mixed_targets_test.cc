@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole solve of sessions with different targets.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "server/solve/calibrate.h"
+#include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::mixed_targets_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
+using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Ne;
+using ::testing::SizeIs;
+
+// Nine by six points, 40 mm apart.
+Target Plane(double sigma_m) {
+  Target target;
+  target.kind = TargetKind::kRigid;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 9; ++column) {
+      target.points.push_back(
+          {absl::StrCat("p", row, ".", column), 0.04 * column, 0.04 * row, 0, sigma_m});
+    }
+  }
+  return target;
+}
+
+// Twelve points in space within 0.3 m.
+Target Body(double sigma_m) {
+  Target target;
+  target.kind = TargetKind::kRigid;
+  for (int i = 0; i < 12; ++i) {
+    target.points.push_back({absl::StrCat("b", i), 0.15 * std::sin(2.1 * i),
+                             0.15 * std::cos(1.3 * i), 0.025 * (i - 6), sigma_m});
+  }
+  return target;
+}
+
+Target Point() {
+  Target target;
+  target.kind = TargetKind::kPoint;
+  target.marker_positions_m = {0};
+  return target;
+}
+
+struct Solved {
+  CalibrationOutcome outcome;
+  PoseErrors errors;
+};
+
+// One session for each target, of the same rig.
+Solved Solve(std::string_view simulation, const std::vector<Target>& targets,
+             const CalibrationOptions& options) {
+  std::vector<SimulatedWorld> worlds;
+  for (const Target& target : targets) {
+    worlds.push_back(*SimulatedWorld::Create(*ParseSimulationOptions(simulation), target));
+  }
+  std::vector<const SimulatedWorld*> pointers;
+  for (const SimulatedWorld& world : worlds) pointers.push_back(&world);
+  Solved solved{Calibrate(MixedInputOf(pointers), options), {}};
+  EXPECT_THAT(solved.outcome.result, IsOk());
+  if (solved.outcome.result.ok()) {
+    solved.errors = ComparePoses(*solved.outcome.result, worlds.front());
+  }
+  return solved;
+}
+
+void ExpectGoodFit(const CalibrationResult& result) {
+  EXPECT_EQ(result.solver_path, SolverPath::kGeneral);
+  EXPECT_TRUE(result.scale_known);
+  for (const CalibratedCamera& camera : result.cameras) {
+    EXPECT_LT(camera.residuals.inlier.rms_px, 0.6) << camera.camera;
+    ASSERT_TRUE(camera.held_out);
+    ASSERT_TRUE(camera.leave_one_out);
+    EXPECT_LT(camera.leave_one_out->mean_px, 0.8);
+    ASSERT_TRUE(camera.uncertainty);
+    if (camera.camera == result.reference_camera) continue;
+    EXPECT_GT(camera.uncertainty->position_sigma_m.minCoeff(), 0);
+    EXPECT_LT(camera.uncertainty->position_sigma_m.maxCoeff(), 0.01);
+  }
+}
+
+TEST(MixedTargets, WandAndBody) {
+  CalibrationOptions options;
+  options.intrinsics = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=4;duration=24;rate=10;offset.1=0.004", {WandTarget(), Body(0.0002)}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  const CalibrationResult& result = *outcome.result;
+  ExpectGoodFit(result);
+  EXPECT_THAT(result.quality.grade, Ne(QualityGrade::kBad));
+  EXPECT_LT(errors.worst_position_m, 0.004);
+  EXPECT_LT(errors.worst_rotation_rad, 0.002);
+  EXPECT_EQ(result.target.given, WandTarget());
+  EXPECT_THAT(result.target.session_ids, ElementsAre("s0"));
+  EXPECT_THAT(result.target.spans, SizeIs(2));
+  for (const SpanError& span : result.target.spans) EXPECT_GT(span.count, 20u);
+  ASSERT_THAT(result.other_targets, SizeIs(1));
+  const CalibratedTarget& body = result.other_targets.front();
+  EXPECT_EQ(body.given, Body(0.0002));
+  EXPECT_THAT(body.session_ids, ElementsAre("s1"));
+  EXPECT_THAT(body.spans, IsEmpty());
+  // The body's points are known better than the wand's spans.
+  EXPECT_EQ(body.scale_sigma_rel, result.target.scale_sigma_rel);
+  EXPECT_LT(body.scale_sigma_rel, 0.001);
+  EXPECT_GT(body.scale_sigma_rel, 0.0001);
+}
+
+}  // namespace
+}  // namespace rigcal::server::mixed_targets_test

@@ -25,6 +25,8 @@ struct CrbOptions {
   double outlier_share = 0;
   double dropout_share = 0.05;
   Target target = NamedTarget("wand");
+  // Sessions with other targets, of the same rig: each has an equal share of the duration.
+  std::vector<Target> mixed_with;
 };
 
 struct CrbTrial {

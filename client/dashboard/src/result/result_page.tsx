@@ -132,6 +132,7 @@ function Succeeded({ calibration, others, withId, theme }: {
           <td>{fixed((one.error_rms_m ?? 0) * 1e3, 3)}</td>
           <td>{one.held_out_count ? fixed((one.held_out_error_rms_m ?? 0) * 1e3, 3) : missing}</td><td>{count(one.count)}</td></tr>)}</tbody>
       </table></div>
+      {(calibration.other_targets ?? []).map((one, i) => <p class="hint" key={i}>{otherTargetText(one)}</p>)}
     </Panel>
     <Panel name="downloads" title="Downloads">
       <Downloads id={id} accuracy={accuracy.value} />

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -118,6 +120,88 @@ TEST(MixedTargets, WandAndBody) {
   EXPECT_EQ(body.scale_sigma_rel, result.target.scale_sigma_rel);
   EXPECT_LT(body.scale_sigma_rel, 0.001);
   EXPECT_GT(body.scale_sigma_rel, 0.0001);
+}
+
+TEST(MixedTargets, WandAndPlane) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=3;duration=16;rate=6;seed=3", {Plane(0), WandTarget()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ExpectGoodFit(*outcome.result);
+  EXPECT_LT(errors.worst_position_m, 0.003);
+  // The wand first, whichever session came first.
+  EXPECT_EQ(outcome.result->target.given, WandTarget());
+  EXPECT_TRUE(outcome.result->target.marker_positions_estimated);
+  ASSERT_THAT(outcome.result->other_targets, SizeIs(1));
+  EXPECT_EQ(outcome.result->other_targets.front().given, Plane(0));
+  EXPECT_EQ(outcome.result->target.scale_sigma_rel, 0);  // the plane is exact
+}
+
+TEST(MixedTargets, PointWithoutLengthsTakesTheScaleOfTheWand) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=4;duration=24;rate=10", {Point(), WandTarget()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ExpectGoodFit(*outcome.result);
+  EXPECT_LT(errors.worst_position_m, 0.02);  // the scale: 0.4 % of a few metres
+  EXPECT_GT(outcome.result->target.scale_sigma_rel, 0.001);
+}
+
+TEST(MixedTargets, TwoBodiesAndAPoint) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=3;duration=18;rate=8", {Body(0), Plane(0.0005), Point()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ExpectGoodFit(*outcome.result);
+  EXPECT_LT(errors.worst_position_m, 0.003);
+  EXPECT_THAT(outcome.result->other_targets, SizeIs(2));
+}
+
+// A camera that sees one target alone is joined by that one; labels of the wand that are counted
+// from its other end are turned.
+TEST(MixedTargets, EachTargetJoinsCamerasAndLabelsOfTheWandAreTurned) {
+  const std::string simulation = "cameras=4;duration=24;rate=10;swaps=0.05";
+  const SimulatedWorld wand =
+      *SimulatedWorld::Create(*ParseSimulationOptions(simulation), WandTarget());
+  const SimulatedWorld body = *SimulatedWorld::Create(*ParseSimulationOptions(simulation), Body(0));
+  CalibrationInput input = MixedInputOf({&wand, &body});
+  std::erase_if(input.tracks, [](const CameraTrack& track) {
+    return (track.session_id == "s0" && track.camera.camera == "sim_3") ||
+           (track.session_id == "s1" && track.camera.camera == "sim_1");
+  });
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const CalibrationOutcome outcome = Calibrate(std::move(input), options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ASSERT_THAT(outcome.result->cameras, SizeIs(4));
+  EXPECT_LT(ComparePoses(*outcome.result, wand).worst_position_m, 0.004);
+  EXPECT_TRUE(std::ranges::any_of(outcome.refused, [](const Refusal& refusal) {
+    return refusal.reason == RefusalReason::kLabelsFlipped;
+  }));
+}
+
+TEST(MixedTargets, RefusesWandsOfOtherSpacing) {
+  Target longer = WandTarget();
+  longer.marker_positions_m.back() = 0.5;
+  CalibrationInput input;
+  input.target = WandTarget();
+  input.other_targets["s1"] = longer;
+  EXPECT_THAT(Calibrate(std::move(input), {}).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("two wands"), HasSubstr("0,0.13,0.5"))));
+}
+
+TEST(MixedTargets, RefusesADistanceBesideLengths) {
+  CalibrationInput input;
+  input.target = Point();
+  input.other_targets["s1"] = WandTarget();
+  CalibrationOptions options;
+  options.known_distance = KnownDistance{"sim_0", "sim_1", 3, 0};
+  EXPECT_THAT(Calibrate(std::move(input), options).result,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("distance")));
 }
 
 }  // namespace

@@ -10,6 +10,7 @@ import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
 import { count, dateTime, enumWords, fixed, inMs, millimetres, missing, percent, span } from '../view/format';
 import { modelOfCalibration } from '../view/rig_model';
+import { otherTargetText } from '../view/target_text';
 import { ResidualChart, TimeOffsetChart } from './charts';
 import { compareCalibrations } from './compare';
 import { Downloads } from './downloads';

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "absl/strings/str_split.h"
 #include "tests/accuracy/seed_options.h"
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/solver/crb_experiment.h"
@@ -19,9 +18,7 @@ namespace {
 // `target`: a name, or several joined by + for sessions that are mixed.
 void PrintCrbTable(const SeedOptions& seeds, const std::string& target, double outlier_share) {
   CrbOptions options;
-  const std::vector<std::string> names = absl::StrSplit(target, '+');
-  options.target = NamedTarget(names.front());
-  for (size_t i = 1; i < names.size(); ++i) options.mixed_with.push_back(NamedTarget(names[i]));
+  SetTargets(target, &options);
   options.camera_count = seeds.camera_count;
   options.duration_s = seeds.duration_s;
   options.outlier_share = outlier_share;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "common/status/status_macros.h"
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/rig_information.h"
@@ -107,6 +108,13 @@ Target NamedTarget(const std::string& name) {
     }
   }
   return target;
+}
+
+void SetTargets(const std::string& names, CrbOptions* options) {
+  const std::vector<std::string> each = absl::StrSplit(names, '+');
+  options->target = NamedTarget(each.front());
+  options->mixed_with.clear();
+  for (size_t i = 1; i < each.size(); ++i) options->mixed_with.push_back(NamedTarget(each[i]));
 }
 
 double CrbTrial::Ratio() const { return std::sqrt(squared_error_m2 / bound_m2); }

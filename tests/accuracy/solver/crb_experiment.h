@@ -29,6 +29,9 @@ struct CrbOptions {
   std::vector<Target> mixed_with;
 };
 
+// The named targets, several joined by +, one session for each.
+void SetTargets(const std::string& names, CrbOptions* options);
+
 struct CrbTrial {
   absl::Status status;
   // Sums over all cameras except the reference: |error|^2 of the position, and its bound.

@@ -183,6 +183,27 @@ TEST(MixedTargets, EachTargetJoinsCamerasAndLabelsOfTheWandAreTurned) {
   }));
 }
 
+// The body is exact, so the wand is what was measured wrongly; the rig keeps the body's scale.
+TEST(MixedTargets, AWandOfAnotherScaleIsNamed) {
+  const std::string simulation = "cameras=3;duration=18;rate=8";
+  const SimulatedWorld wand =
+      *SimulatedWorld::Create(*ParseSimulationOptions(simulation), WandTarget());
+  const SimulatedWorld body = *SimulatedWorld::Create(*ParseSimulationOptions(simulation), Body(0));
+  CalibrationInput input = MixedInputOf({&body, &wand});
+  for (double& position_m : input.other_targets["s1"].marker_positions_m) position_m *= 1.04;
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const CalibrationOutcome outcome = Calibrate(std::move(input), options);
+  ASSERT_THAT(outcome.result, IsOk());
+  const auto found =
+      std::ranges::find(outcome.result->findings, FindingKind::kWrongWandLength, &Finding::kind);
+  ASSERT_NE(found, outcome.result->findings.end());
+  EXPECT_THAT(found->advice, HasSubstr("contradict each other"));
+  EXPECT_NEAR(found->value, -10.4, 1.5);  // mm, of the span of 260
+  EXPECT_NEAR(outcome.result->target.marker_positions_m.back(), 0.39, 0.002);
+  EXPECT_LT(ComparePoses(*outcome.result, wand).worst_position_m, 0.003);
+}
+
 TEST(MixedTargets, RefusesWandsOfOtherSpacing) {
   Target longer = WandTarget();
   longer.marker_positions_m.back() = 0.5;

@@ -78,6 +78,22 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
   return text;
 }
 
+// Each target, with its sessions where there are several.
+std::string FormatTargets(const v1::Calibration& calibration) {
+  std::string text = FormatWand(calibration.target());
+  if (calibration.other_targets().empty()) return text;
+  const auto waved_in = [](const v1::CalibratedTarget& target) {
+    const std::string kind = EnumWord(target.given().kind());
+    return Printable(absl::StrCat("target             ", kind, ", waved in ",
+                                  absl::StrJoin(target.session_ids(), ", "), "\n"));
+  };
+  text = waved_in(calibration.target()) + text;
+  for (const v1::CalibratedTarget& other : calibration.other_targets()) {
+    absl::StrAppend(&text, waved_in(other), FormatWand(other));
+  }
+  return text;
+}
+
 // The usual one goes without saying.
 std::string FormatSolver(const v1::Calibration& calibration) {
   return calibration.solver_path() == v1::SOLVER_PATH_GENERAL
@@ -240,7 +256,7 @@ std::string FormatResult(const v1::Calibration& calibration) {
       "centre, and orientation as axis times angle of rig_from_cam\n",
       FormatCameraPoses(calibration), FormatCameraUncertainty(calibration),
       FormatHeldOutErrors(calibration), "\ninstants used      ", calibration.instant_count(), "\n",
-      FormatWand(calibration.target()), FormatScale(calibration), FormatSolver(calibration));
+      FormatTargets(calibration), FormatScale(calibration), FormatSolver(calibration));
 }
 
 }  // namespace

@@ -100,6 +100,7 @@ struct CalibratedTarget {
   double scale_sigma_rel = 0;     // 0: not computed
   double length_error_rms_m = 0;  // over all spans
   std::vector<SpanError> spans;
+  std::vector<std::string> session_ids;  // in which it was waved; empty: all
 };
 
 // How much a finding matters: kWarning limits the quality grade to usable, kError makes it bad.
@@ -149,7 +150,8 @@ struct CalibrationResult {
   std::string reference_camera;
   uint32_t instant_count = 0;
   std::vector<CalibratedCamera> cameras;  // sorted by name
-  CalibratedTarget target;
+  CalibratedTarget target;                // of several the wand, if there is one
+  std::vector<CalibratedTarget> other_targets;
   std::vector<Refusal> refused;
   std::vector<Finding> findings;
   Quality quality;

@@ -131,6 +131,7 @@ void FillTarget(const CalibratedTarget& target, v1::CalibratedTarget* proto) {
     out->set_held_out_error_rms_m(span.held_out_error_rms_m);
     out->set_held_out_count(span.held_out_count);
   }
+  Copy(target.session_ids, proto->mutable_session_ids());
 }
 
 absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& proto) {
@@ -145,6 +146,7 @@ absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& pro
     target.spans.push_back({span.length_m(), span.mean_error_m(), span.error_rms_m(), span.count(),
                             span.held_out_error_rms_m(), span.held_out_count()});
   }
+  Copy(proto.session_ids(), &target.session_ids);
   return target;
 }
 
@@ -180,6 +182,9 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   proto->set_instant_count(result.instant_count);
   for (const CalibratedCamera& camera : result.cameras) FillCamera(camera, proto->add_cameras());
   FillTarget(result.target, proto->mutable_target());
+  for (const CalibratedTarget& other : result.other_targets) {
+    FillTarget(other, proto->add_other_targets());
+  }
   for (const Refusal& refusal : result.refused) *proto->add_refused() = wire::ToProto(refusal);
   for (const Finding& finding : result.findings) {
     v1::Finding* out = proto->add_findings();
@@ -215,6 +220,10 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
     result.cameras.push_back(std::move(parsed));
   }
   RIGCAL_ASSIGN_OR_RETURN(result.target, TargetFromProto(proto.target()));
+  for (const v1::CalibratedTarget& other : proto.other_targets()) {
+    RIGCAL_ASSIGN_OR_RETURN(CalibratedTarget parsed, TargetFromProto(other));
+    result.other_targets.push_back(std::move(parsed));
+  }
   for (const v1::RefusalCount& refusal : proto.refused()) {
     result.refused.push_back(wire::FromProto(refusal));
   }

@@ -143,7 +143,7 @@ const FolderGraph& AllowedFolders() {
       {"server/solve",
        {"common/calibration", "common/camera", "common/statistics", "common/status",
         "common/target", "server/associate", "server/solve/bundle", "server/solve/clocks",
-        "server/solve/diagnose", "server/solve/evaluate"}},
+        "server/solve/diagnose", "server/solve/evaluate", "server/solve/rig"}},
       {"server/solve/bundle", {"common/camera", "common/geometry", "common/status"}},
       {"server/solve/clocks",
        {"common/camera", "common/statistics", "common/status", "server/associate",

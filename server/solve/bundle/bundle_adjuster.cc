@@ -287,7 +287,9 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
   for (size_t i = 0; i < problem->instants.size(); ++i) {
     if (!ceres_problem.HasParameterBlock(blocks.instant(i))) continue;
     ceres::Manifold* manifold = nullptr;
-    if (problem->instants[i].is_rigid) {
+    if (problem->instants[i].is_point) {
+      manifold = new ceres::SubsetManifold(7, {0, 1, 2, 3});
+    } else if (problem->instants[i].is_rigid) {
       manifold = new RigidManifold;
     } else {
       manifold = new LineManifold;

@@ -74,7 +74,7 @@ class InformationSum {
   }
 
   absl::Status AddInstant(const BundleInstant& instant) {
-    const int pose_size = instant.is_rigid ? 6 : 5;
+    const int pose_size = instant.is_point ? 3 : instant.is_rigid ? 6 : 5;
     Eigen::Matrix<double, kMaxPoseSize, kMaxPoseSize> own;
     own.setZero();
     touched_.clear();

@@ -92,6 +92,16 @@ absl::Status ValidateInstant(const BundleProblem& problem, size_t index) {
 
 }  // namespace
 
+std::vector<std::pair<int, int>> BundleRigidTarget::Parts() const {
+  std::vector<std::pair<int, int>> parts;
+  for (const int first : first_points) {
+    if (!parts.empty()) parts.back().second = first;
+    parts.emplace_back(first, static_cast<int>(points_m.size()));
+  }
+  if (parts.empty()) parts.emplace_back(0, static_cast<int>(points_m.size()));
+  return parts;
+}
+
 absl::Status BundleProblem::Validate() const {
   bool any_fixed = false;
   for (const BundleCamera& camera : cameras) {

@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -77,10 +78,12 @@ struct BundleTarget {
   double span_sigma_m = 0.002;
 };
 
-// A rigid target: labelled points in a frame `target` of their own. Only general_bundle.h solves
-// problems that have one.
+// A rigid target: labelled points in a frame `target` of their own. Only bundle_adjuster.h solves
+// problems that have one. It may have several parts that never show together: an instant has a pose
+// for the one part that it shows, so that where the parts are to each other says nothing.
 struct BundleRigidTarget {
   std::vector<Eigen::Vector3d> points_m;
+  std::vector<int> first_points;  // of each part; empty: it is one
   bool fixed = true;
   // Prior of each coordinate of a point when estimated: normal around the given one. The priors
   // hold the frame `target` too. sigma 0 holds that point fixed.
@@ -88,6 +91,8 @@ struct BundleRigidTarget {
   std::vector<double> sigma_m;
 
   bool IsFree(size_t point) const { return !fixed && sigma_m[point] > 0; }
+  // The points of each part, from the first to behind the last.
+  std::vector<std::pair<int, int>> Parts() const;
 };
 
 // Most of a problem's memory: not aligned, so that it holds nothing but its values.
@@ -128,6 +133,7 @@ struct BundleInstant {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  // unit, 2 degrees of freedom
   Quaternion rotation = Quaternion::Identity();          // rig_from_target, unit
   bool is_rigid = false;                                 // the target is `rigid_target`
+  bool is_point = false;  // a part of it that is one point: without a rotation to estimate
   int first_observation = 0;
   int observation_count = 0;
   bool used = true;  // false: no marker of it is part of the cost
@@ -186,6 +192,12 @@ struct BundleProblem {
   // One marker alone: it has no lengths.
   bool IsPoint() const { return MarkerCount() == 1; }
   bool HasRigidTarget() const { return !rigid_target.points_m.empty(); }
+  // Any instant shows a part of the rigid target whose pose one view gives.
+  bool HasBody() const {
+    return std::ranges::any_of(instants, [](const BundleInstant& instant) {
+      return instant.is_rigid && !instant.is_point;
+    });
+  }
   // Of a marker of this problem.
   size_t IndexOf(const BundleMarker& marker) const {
     return static_cast<size_t>(&marker - markers.data());

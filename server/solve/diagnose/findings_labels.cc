@@ -30,14 +30,14 @@ bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
 
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
-  if (problem.HasRigidTarget()) return {};  // it has no other end
+  if (problem.target.marker_positions_m.size() < 2) return {};  // it has no other end
   const std::vector<double> limits = OutlierLimits(problem);
   struct Count {
     int observations = 0, flipped = 0;
   };
   std::vector<Count> counts(problem.cameras.size());
   for (const BundleInstant& instant : problem.instants) {
-    if (!instant.used) continue;
+    if (!instant.used || instant.is_rigid) continue;
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const bool flipped = IsFlipped(input.evaluated.solution, observation);
       if (observation.marker_count < 2 && !flipped) continue;

@@ -24,7 +24,7 @@ std::vector<TimedMarker> MarkersSeenBy(
   const size_t stride = 1 + problem.instants.size() * markers / std::max<size_t>(1, max_count);
   for (size_t i = 0; i < problem.instants.size(); i += stride) {
     const BundleInstant& instant = problem.instants[i];
-    if (!instant.used) continue;
+    if (!instant.used || instant.is_rigid) continue;
     allowed.assign(problem.cameras.size(), false);
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       if (takes_part(observation)) allowed[static_cast<size_t>(observation.camera)] = true;

@@ -35,7 +35,7 @@ BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& s
   std::erase_if(list.instants,
                 [&select](const Instant& instant) { return !select(instant.rig_time_ns); });
   ThinOut(rig.index, options.max_observations, &list.instants);
-  BuiltProblem built = BuildProblem(rig.target, rig.tracks, solution.motions, rig.index,
+  BuiltProblem built = BuildProblem(rig.Parts(), rig.tracks, solution.motions, rig.index,
                                     solution.clocks, list.instants, options.sigma_px);
   built.problem.cameras = solution.built.problem.cameras;
   built.problem.clocks = solution.built.problem.clocks;
@@ -108,7 +108,7 @@ EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& 
   errors.reprojection_px.resize(problem.cameras.size());
   errors.leave_one_out_px.resize(problem.cameras.size());
   errors.instant_count = PlaceInstants(kAgreePx, &problem);
-  CorrectSphereCentres(rig.target, rig.tracks, solution.motions, IsMetric(rig, options), &built);
+  CorrectSphereCentres(rig.Parts(), rig.tracks, solution.motions, IsMetric(rig, options), &built);
   ClassifyOutliers(&problem);
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   for (const BundleInstant& instant : problem.instants) {

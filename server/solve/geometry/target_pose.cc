@@ -249,7 +249,9 @@ std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
                                             const std::vector<bool>& has_pose,
                                             const std::vector<Eigen::Vector2d>& rays,
                                             double truncation_px, const BundleInstant& instant) {
-  if (instant.is_rigid) return EstimateRigidPose(problem, has_pose, rays, truncation_px, instant);
+  if (instant.is_rigid && !instant.is_point) {
+    return EstimateRigidPose(problem, has_pose, rays, truncation_px, instant);
+  }
   ScoredFit best;
   std::vector<MarkerPoint> points;
   const auto try_pose = [&](const BundleInstant& candidate) {
@@ -259,13 +261,14 @@ std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
   const auto consider = [&](const MarkerPoint& a, const MarkerPoint& b) {
     if (const auto candidate = Hypothesis(instant, a, b)) try_pose(*candidate);
   };
-  const bool is_point = problem.target.marker_positions_m.size() == 1;
+  const bool is_point = instant.is_point || problem.target.marker_positions_m.size() == 1;
   for (const auto& [a, b] : ObservationPairs(problem, has_pose, instant)) {
     const std::vector<MarkerPoint> common = CommonMarkers(problem, rays, *a, *b);
     for (size_t i = 0; i < common.size(); ++i) {
       if (is_point) {
         BundleInstant candidate = instant;
-        candidate.origin_m = common[i].x_in_rig - common[i].position_m * instant.direction;
+        const double position_m = instant.is_point ? 0 : common[i].position_m;
+        candidate.origin_m = common[i].x_in_rig - position_m * instant.direction;
         try_pose(candidate);
       }
       for (size_t j = i + 1; j < common.size(); ++j) consider(common[i], common[j]);
@@ -280,7 +283,11 @@ std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
   }
   if (!std::isfinite(best.cost)) return std::nullopt;
   BundleInstant refined = best.fit.instant;
-  Refine(problem, has_pose, truncation_px / 3, &refined);
+  if (instant.is_point) {
+    RefineRigid(problem, has_pose, truncation_px / 3, &refined);
+  } else {
+    Refine(problem, has_pose, truncation_px / 3, &refined);
+  }
   const ScoredFit score = Evaluate(problem, has_pose, truncation_px, refined, best.cost);
   if (refined.origin_m.allFinite() && refined.direction.allFinite() && score.cost <= best.cost) {
     best = score;

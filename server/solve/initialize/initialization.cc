@@ -36,6 +36,7 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
                                         int b) {
   std::vector<PairInstant> shared;
   for (const BundleInstant& instant : problem.instants) {
+    if (instant.is_rigid) continue;
     const BundleObservation* const left = ObservationBy(problem, instant, a);
     const BundleObservation* const right = ObservationBy(problem, instant, b);
     if (left == nullptr || right == nullptr) continue;
@@ -58,16 +59,47 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
 OverlapGraph MakeGraph(const BundleProblem& problem, const InitializationOptions& options) {
   OverlapGraph graph;
   graph.notes = options.camera_notes;
-  if (problem.HasRigidTarget()) graph.min_shared = kMinRigidShared;
+  if (problem.HasBody()) graph.min_shared = kMinRigidShared;
   graph.avoided = options.avoided_pairs;
   graph.describe = [&problem](int a, int b) { return DescribeSharedViews(problem, a, b); };
   graph.shared_counts =
-      CountShared(problem, [](const BundleInstant&, const BundleObservation&) { return true; });
+      CountShared(problem, [](const BundleInstant& instant, const BundleObservation&) {
+        return !instant.is_point;  // beside another target: no pose comes from it
+      });
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     graph.cameras.push_back(problem.cameras[c].name);
     graph.view_counts.push_back(graph.shared_counts[c][c]);
   }
   return graph;
+}
+
+std::optional<RelativePose> EstimateLinePairPose(const InitializationOptions& options,
+                                                 const Rays& rays, const BundleProblem& problem,
+                                                 int a, int b, int rank) {
+  RelativePoseOptions pair;
+  pair.marker_positions_m = problem.target.marker_positions_m;
+  pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
+  pair.focal_b_px = MeanFocalPx(problem.cameras[static_cast<size_t>(b)]);
+  pair.threshold_px = kAgreePx;
+  // The pair's own seed, so that looking at one pair more changes no other.
+  pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
+  pair.rank = rank;
+  return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
+}
+
+double AgreeingShare(const RelativePose& pose) {
+  return static_cast<double>(pose.inlier_count) / std::max(1, pose.instant_count);
+}
+
+// By the kind of target that says more clearly how the two cameras stand.
+std::optional<RelativePose> EstimateMixedPairPose(const InitializationOptions& options,
+                                                  const Rays& rays, const BundleProblem& problem,
+                                                  int a, int b, int rank) {
+  const auto rigid =
+      EstimateRigidPairPose(problem, rays, a, b, {.threshold_px = kAgreePx, .rank = rank});
+  const auto line = EstimateLinePairPose(options, rays, problem, a, b, rank);
+  if (!line || line->inlier_count < OverlapGraph().min_shared) return rigid;
+  return rigid && AgreeingShare(*rigid) >= AgreeingShare(*line) ? rigid : line;
 }
 
 // What is referred to must outlive it. a < b.
@@ -83,18 +115,8 @@ PairEstimate MakePairEstimate(const InitializationOptions& options, const Rays& 
     }
     const int rank =
         static_cast<int>(std::ranges::count(options.avoided_pairs, std::make_pair(a, b)));
-    if (problem.HasRigidTarget()) {
-      return EstimateRigidPairPose(problem, rays, a, b, {.threshold_px = kAgreePx, .rank = rank});
-    }
-    RelativePoseOptions pair;
-    pair.marker_positions_m = problem.target.marker_positions_m;
-    pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
-    pair.focal_b_px = MeanFocalPx(problem.cameras[static_cast<size_t>(b)]);
-    pair.threshold_px = kAgreePx;
-    // The pair's own seed, so that looking at one pair more changes no other.
-    pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
-    pair.rank = rank;
-    return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
+    if (!problem.HasBody()) return EstimateLinePairPose(options, rays, problem, a, b, rank);
+    return EstimateMixedPairPose(options, rays, problem, a, b, rank);
   };
 }
 

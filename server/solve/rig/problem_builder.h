@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "common/target/target.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/instants.h"
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/rig/image_motion.h"
+#include "server/solve/rig/target_parts.h"
 
 namespace rigcal::server {
 
@@ -68,7 +68,7 @@ struct BuiltProblem {
 // its image motion, which knows the line delays, with the label that the motion gives it. Cameras
 // have their given intrinsics and no pose; clocks are fixed, as are intrinsics and target.
 // `sigma_px` > 0 replaces the observed covariances.
-BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>& tracks,
+BuiltProblem BuildProblem(const TargetParts& targets, const std::vector<AlignedTrack>& tracks,
                           const std::vector<ImageMotion>& motions, const RigIndex& index,
                           const std::vector<ClockCorrection>& clocks,
                           const std::vector<Instant>& instants, double sigma_px);

@@ -126,7 +126,7 @@ class RigSolver {
     }
     ThinOut(rig_.index, options_.max_observations, &solution_.instants.instants);
     solution_.built =
-        BuildProblem(rig_.target, rig_.tracks, solution_.motions, rig_.index, solution_.clocks,
+        BuildProblem(rig_.Parts(), rig_.tracks, solution_.motions, rig_.index, solution_.clocks,
                      solution_.instants.instants, options_.sigma_px);
     FreeParameters();
   }
@@ -164,7 +164,7 @@ class RigSolver {
   // After each Build, whose centres are as they were observed, once its instants are placed.
   // Returns how many moved.
   int CorrectCentres() {
-    return CorrectSphereCentres(rig_.target, rig_.tracks, solution_.motions,
+    return CorrectSphereCentres(rig_.Parts(), rig_.tracks, solution_.motions,
                                 IsMetric(rig_, options_), &solution_.built);
   }
 
@@ -286,6 +286,7 @@ class RigSolver {
   // Keeps outlying centres out of their neighbours' image motion. Those that are a few pixels off
   // say more about the motion than their absence would.
   void ExcludeFromMotion() {
+    const TargetParts parts = rig_.Parts();
     for (const BundleInstant& instant : problem().instants) {
       if (!instant.used) continue;
       for (const BundleObservation& observation : problem().ObservationsOf(instant)) {
@@ -293,8 +294,9 @@ class RigSolver {
           const auto residual = MarkerResidualPx(problem(), instant, observation, marker);
           if (residual && residual->norm() < kOutlierPx) continue;
           const MarkerSource& source = solution_.built.sources[problem().IndexOf(marker)];
-          solution_.motions[static_cast<size_t>(source.track)].Exclude(source.observation,
-                                                                       marker.marker);
+          const auto t = static_cast<size_t>(source.track);
+          const TargetParts::Part& part = parts.Of(rig_.tracks[t].track.session_id);
+          solution_.motions[t].Exclude(source.observation, marker.marker - part.first_point);
         }
       }
     }
@@ -322,8 +324,9 @@ class RigSolver {
       for (const uint8_t flips : flip_counts_[static_cast<size_t>(t)]) {
         flipped.push_back(flips % 2 == 1);
       }
-      solution_.motions[static_cast<size_t>(t)] = ImageMotion(
-          rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(), std::move(flipped));
+      solution_.motions[static_cast<size_t>(t)] =
+          ImageMotion(rig_.tracks[static_cast<size_t>(t)],
+                      rig_.TargetOf(static_cast<size_t>(t)).marker_count(), std::move(flipped));
       SetLineDelayOfTrack(static_cast<size_t>(t));
     }
     return count;
@@ -366,14 +369,14 @@ class RigSolver {
 
 std::vector<ImageMotion> MotionsOf(const RigObservations& rig) {
   std::vector<ImageMotion> motions;
-  for (const AlignedTrack& track : rig.tracks) {
-    motions.emplace_back(track, rig.target.marker_count());
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    motions.emplace_back(rig.tracks[t], rig.TargetOf(t).marker_count());
   }
   return motions;
 }
 
 bool IsMetric(const RigObservations& rig, const RigSolveOptions& options) {
-  return rig.target.marker_count() > 1 || options.known_distance.has_value();
+  return rig.Parts().HasLengths() || options.known_distance.has_value();
 }
 
 bool IsFlipped(const RigSolution& solution, const BundleObservation& observation) {
@@ -414,7 +417,11 @@ void PutAway(const RigObservations& rig, const RigSolveOptions& options, RigSolu
   RigSolution::PutAway& kept = solution->put_away.emplace();
   kept.used.reserve(problem.markers.size());
   for (const BundleMarker& marker : problem.markers) kept.used.push_back(marker.used);
-  if (rig.target.diameter_m > 0 && IsMetric(rig, options)) {
+  bool has_diameter = rig.target.diameter_m > 0;
+  for (const auto& [session, target] : rig.other_targets) {
+    has_diameter = has_diameter || target.diameter_m > 0;
+  }
+  if (has_diameter && IsMetric(rig, options)) {
     kept.centres_px.reserve(problem.markers.size());
     for (const BundleMarker& marker : problem.markers) kept.centres_px.push_back(marker.centre_px);
   }
@@ -429,7 +436,7 @@ void TakeBack(const RigObservations& rig, const RigSolveOptions& options, RigSol
   BundleProblem& problem = solution->built.problem;
   const RigSolution::PutAway& kept = *solution->put_away;
   BuiltProblem again =
-      BuildProblem(rig.target, rig.tracks, solution->motions, rig.index, solution->clocks,
+      BuildProblem(rig.Parts(), rig.tracks, solution->motions, rig.index, solution->clocks,
                    solution->instants.instants, options.sigma_px);
   for (size_t m = 0; m < again.problem.markers.size(); ++m) {
     again.problem.markers[m].used = kept.used[m];

@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -16,14 +17,22 @@
 #include "server/associate/instants.h"
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/rig/problem_builder.h"
+#include "server/solve/rig/target_parts.h"
 
 namespace rigcal::server {
 
 // What is solved: cameras, clocks and their rows.
 struct RigObservations {
-  Target target;
+  Target target;                                // of the sessions that other_targets does not name
+  std::map<std::string, Target> other_targets;  // by session
   std::vector<AlignedTrack> tracks;
   RigIndex index;
+
+  const Target& TargetOf(size_t track) const {
+    const auto found = other_targets.find(tracks[track].track.session_id);
+    return found == other_targets.end() ? target : found->second;
+  }
+  TargetParts Parts() const { return {target, other_targets}; }
 };
 
 struct RigSolveOptions {

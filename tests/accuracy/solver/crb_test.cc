@@ -49,12 +49,12 @@ TEST(CrbTest, PositionsReachTheBoundWithRigidTargets) {
     const char* target;
     int seeds;
     double duration_s;
-  } kCases[] = {{"body", 6, 6}, {"plane", 2, 3}};
+  } kCases[] = {{"body", 6, 6}, {"plane", 2, 3}, {"wand+body", 4, 8}};
   for (const auto& entry : kCases) {
     SCOPED_TRACE(entry.target);
     CrbOptions options;
     options.duration_s = entry.duration_s;
-    options.target = NamedTarget(entry.target);
+    SetTargets(entry.target, &options);
     const std::vector<CrbTrial> trials = RunAll<CrbTrial>(entry.seeds, 2, [&](int i) {
       return RunCrbTrial(options, kFirstSeed + static_cast<uint32_t>(i));
     });

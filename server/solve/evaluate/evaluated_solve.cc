@@ -432,6 +432,15 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     if (other.ok()) refined = FoldPosesOf(*other, 1);
   }
   TakeBack(rig, result.options, &result.solution);
+  if (result.held_out) {
+    RigSolveOptions lens_options = result.options;
+    lens_options.motions = &motions;
+    lens_options.progress = AllAs(CalibrationStage::kChoosingIntrinsics, base);
+    RIGCAL_ASSIGN_OR_RETURN(result.lenses, FindBetterLenses(rig, result.solution, lens_options));
+    for (const BetterLens& lens : result.lenses) {
+      result.findings.push_back(FindingOf(rig, lens, false));
+    }
+  }
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
   result.predicted = PredictError(result.solution, result.options, result.uncertainty, folds,

@@ -9,6 +9,7 @@
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
 #include "server/solve/evaluate/held_out.h"
+#include "server/solve/evaluate/lens_models.h"
 #include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
@@ -21,7 +22,8 @@ struct EvaluatedSolution {
   std::optional<EvaluatedErrors> held_out;    // none: too little to hold anything out
   std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
   PredictedError predicted;
-  std::vector<Finding> findings;  // about what was chosen, and why
+  std::vector<BetterLens> lenses;  // that another model describes better than the given one
+  std::vector<Finding> findings;   // about what was chosen, and why
 };
 
 // Solves the rig and cross-validates it: time is cut into blocks of 2 s with guards of 0.2 s, and
@@ -29,8 +31,8 @@ struct EvaluatedSolution {
 // is evaluated once. A choice (`auto`) is made anew in each of the four folds, by two inner solves
 // that hold out blocks of the rest in the same way; it never sees the fold's own blocks. The
 // published solution uses all data, with the choice of the four folds together. The solves of the
-// folds begin at the estimates of the first solve and end, roughly, at the optimum of their own data,
-// of which they use as much as their errors need (RigSolveOptions).
+// folds begin at the estimates of the first solve and end, roughly, at the optimum of their own
+// data, of which they use as much as their errors need (RigSolveOptions).
 //
 // Clock rates are estimated where at least one of them is significantly not zero.
 // The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong

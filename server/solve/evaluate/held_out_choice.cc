@@ -16,6 +16,17 @@ constexpr int64_t kMinLongBlockNs = 2'000'000'000;
 constexpr int kLongBlocks = 12;
 constexpr int kMinComparedBlocks = 4;
 
+// In standard deviations.
+double SignedRanks(std::vector<double> differences) {
+  std::ranges::sort(differences, {}, [](double difference) { return std::abs(difference); });
+  const double n = static_cast<double>(differences.size());
+  double positive = 0;
+  for (size_t i = 0; i < differences.size(); ++i) {
+    if (differences[i] > 0) positive += static_cast<double>(i) + 1;
+  }
+  return (positive - n * (n + 1) / 4) / std::sqrt(n * (n + 1) * (2 * n + 1) / 24);
+}
+
 }  // namespace
 
 RigSolveOptions OptionsOfFold(const RigObservations& rig, RigSolveOptions options,
@@ -78,21 +89,24 @@ absl::StatusOr<std::vector<std::vector<EvaluatedErrors>>> EvaluateVariants(
 
 bool HeldOutGain::IsClear(double share, double sigmas) const {
   return blocks >= kMinComparedBlocks && after_px < (1 - share) * before_px &&
-         before_px - after_px > sigmas * sigma_px;
+         (before_px - after_px > sigmas * sigma_px || rank_sigmas > sigmas);
 }
 
 HeldOutGain CompareByBlock(const std::vector<double>& before_px,
                            const std::vector<double>& after_px) {
   HeldOutGain gain;
   double square = 0;
+  std::vector<double> differences;
   for (size_t b = 0; b < std::min(before_px.size(), after_px.size()); ++b) {
     if (!std::isfinite(before_px[b]) || !std::isfinite(after_px[b])) continue;
     gain.before_px += before_px[b];
     gain.after_px += after_px[b];
     square += (before_px[b] - after_px[b]) * (before_px[b] - after_px[b]);
+    differences.push_back(before_px[b] - after_px[b]);
     ++gain.blocks;
   }
   if (gain.blocks == 0) return gain;
+  gain.rank_sigmas = SignedRanks(std::move(differences));
   const double n = gain.blocks;
   gain.before_px /= n;
   gain.after_px /= n;

@@ -47,9 +47,14 @@ absl::StatusOr<std::vector<std::vector<EvaluatedErrors>>> EvaluateVariants(
 struct HeldOutGain {
   double before_px = 0, after_px = 0;  // means over the blocks that have both
   double sigma_px = 0;                 // standard error of their difference
+  // Of the signed ranks of the differences by their standard deviation if there is none (Wilcoxon,
+  // Individual Comparisons by Ranking Methods, 1945): blocks differ in size of error by far more
+  // than normal numbers do. Positive: smaller after.
+  double rank_sigmas = 0;
   int blocks = 0;
 
-  // Smaller by `share` of it and by `sigmas` standard errors, in at least four blocks.
+  // Smaller by `share` of it, and by `sigmas` standard errors or of the ranks, in at least four
+  // blocks.
   bool IsClear(double share, double sigmas) const;
 };
 HeldOutGain CompareByBlock(const std::vector<double>& before_px,

@@ -394,8 +394,10 @@ absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
   }
   std::vector<Finding> findings;
   std::vector<bool> new_lens(rig->index.cameras.size(), false);
-  for (int round = 0; round < kMaxLensRounds && !solved->evaluated.lenses.empty(); ++round) {
-    const std::vector<BetterLens> lenses = solved->evaluated.lenses;
+  for (int round = 0; round < kMaxLensRounds; ++round) {
+    std::vector<BetterLens> lenses = solved->evaluated.lenses;
+    std::erase_if(lenses, [](const BetterLens& lens) { return !lens.is_clear; });
+    if (lenses.empty()) break;
     RigObservations changed = WithLenses(*rig, lenses);
     RigSolveOptions solve = SolveOptionsOf(changed, options, hooks, counts);
     for (const BetterLens& lens : lenses) new_lens[lens.camera] = true;
@@ -407,7 +409,14 @@ absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
     *solved = *std::move(again);
     *rig = std::move(changed);
   }
-  solved->result.findings.insert(solved->result.findings.end(), findings.begin(), findings.end());
+  if (findings.empty()) return absl::OkStatus();
+  // A lens that only these data describe is at most usable.
+  CalibrationResult& result = solved->result;
+  for (Finding& finding : findings) {
+    finding.severity = SeverityOf(result, finding);
+    result.findings.push_back(std::move(finding));
+  }
+  result.quality = GradeQuality(result, solved->evaluated.predicted);
   return absl::OkStatus();
 }
 

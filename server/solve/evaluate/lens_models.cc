@@ -3,8 +3,8 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -25,11 +25,14 @@ constexpr int kRings = 10;
 constexpr size_t kMinMarkersOfRing = 30;
 constexpr int64_t kRingBlockNs = 2'000'000'000;
 constexpr int kMinRingBlocks = 4;
-// A ring's mean by its standard error over blocks, root of the mean square over the rings: 1 by
-// chance.
+// For models to be compared; clean recordings stay below in nine of ten, and rings this weak say
+// nothing by themselves.
 constexpr double kMinRingSigmas = 2;
-// And the rings' means by the scatter of the residuals.
 constexpr double kMinRingShare = 0.1;
+// For the given model to be wrong whatever the comparison says; far above what chance gives.
+constexpr double kStrongRingSigmas = 3;
+constexpr double kStrongRingShare = 0.2;
+constexpr int kLensFolds = 4;
 constexpr double kLensGain = 0.02;
 constexpr double kLensSigmas = 2.5;
 constexpr double kOwnSigmas = 1;  // of each camera, where all of them together are clear
@@ -72,8 +75,8 @@ std::vector<Radial> RadialResiduals(const RigSolution& solution, size_t camera) 
   return radial;
 }
 
-bool HasRings(std::vector<Radial> radial) {
-  if (radial.size() < kRings * kMinMarkersOfRing) return false;
+RingResiduals RingsOf(std::vector<Radial> radial) {
+  if (radial.size() < kRings * kMinMarkersOfRing) return {};
   std::ranges::sort(radial, {}, &Radial::radius_px);
   double squares = 0, mean_squares = 0, chance_squares = 0;
   int rings = 0;
@@ -101,12 +104,11 @@ bool HasRings(std::vector<Radial> radial) {
     mean_squares += mean * mean;
     chance_squares += variance;
   }
-  if (2 * rings < kRings) return false;
-  const double scatter2 = rings * squares / static_cast<double>(radial.size());
-  fprintf(stderr, "rings: %.2f sigmas, share %.3f\n", std::sqrt(mean_squares / chance_squares),
-          std::sqrt(mean_squares / scatter2));
-  return mean_squares > kMinRingSigmas * kMinRingSigmas * chance_squares &&
-         mean_squares > kMinRingShare * kMinRingShare * scatter2;
+  if (2 * rings < kRings) return {};
+  if (!(chance_squares > 0)) return {};
+  const double scatter2 = squares / static_cast<double>(radial.size());
+  return {std::sqrt(mean_squares / rings), std::sqrt(mean_squares / rings / scatter2),
+          std::sqrt(mean_squares / chance_squares)};
 }
 
 // Directions of pixels at which the camera saw the target, by its present intrinsics.
@@ -189,35 +191,67 @@ std::vector<double> ErrorsOf(const std::vector<size_t>& cameras,
   return means_px;
 }
 
+// A model for the suspects.
+struct ComparedModel {
+  size_t variant = 0;
+  int coefficients = 0;
+  bool is_clear = false;  // better than the present ones
+  HeldOutGain gain;
+};
+
+double HeldOutPx(const ComparedModel& model) { return model.gain.after_px; }
+
+// Where one is clearly better: of the models that are as good as the best of these within one
+// standard error, that with fewest coefficients (Breiman et al., Classification and Regression
+// Trees, 1984, section 3.4.3). Else the best. `models`: one at least.
+const ComparedModel& ChosenOf(const std::vector<ComparedModel>& models) {
+  std::vector<ComparedModel> clear;
+  std::ranges::copy_if(models, std::back_inserter(clear), &ComparedModel::is_clear);
+  if (clear.empty()) return *std::ranges::min_element(models, {}, HeldOutPx);
+  const HeldOutGain best = std::ranges::min_element(clear, {}, HeldOutPx)->gain;
+  const ComparedModel* simplest = nullptr;
+  for (const ComparedModel& model : models) {
+    if (HeldOutPx(model) > best.after_px + best.sigma_px) continue;
+    if (simplest == nullptr || model.coefficients < simplest->coefficients) simplest = &model;
+  }
+  return *simplest;
+}
+
 }  // namespace
 
-std::vector<size_t> CamerasWithRings(const RigSolution& solution) {
-  std::vector<size_t> cameras;
+std::vector<RingResiduals> MeasureRings(const RigSolution& solution) {
+  std::vector<RingResiduals> rings;
   for (size_t c = 0; c < solution.built.problem.cameras.size(); ++c) {
-    if (HasRings(RadialResiduals(solution, c))) cameras.push_back(c);
+    rings.push_back(RingsOf(RadialResiduals(solution, c)));
   }
-  return cameras;
+  return rings;
 }
 
 absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& rig,
                                                          const RigSolution& solution,
                                                          const RigSolveOptions& options) {
   std::vector<BetterLens> better;
-  std::vector<size_t> suspects = CamerasWithRings(solution);
-  std::erase_if(suspects, [&options](size_t c) {
-    return c < options.new_lens.size() && options.new_lens[c];
-  });
+  const std::vector<RingResiduals> rings = MeasureRings(solution);
+  std::vector<size_t> suspects;
+  for (size_t c = 0; c < rings.size(); ++c) {
+    const bool is_new = c < options.new_lens.size() && options.new_lens[c];
+    if (!is_new && rings[c].sigmas > kMinRingSigmas && rings[c].share > kMinRingShare) {
+      suspects.push_back(c);
+    }
+  }
   if (suspects.empty()) return better;
   const BundleProblem& problem = solution.built.problem;
   const auto [first, last] = std::ranges::minmax_element(solution.built.instant_time_ns);
-  const TimeBlocks blocks = LongBlocks(*first, *last);
+  TimeBlocks blocks = LongBlocks(*first, *last);
+  // The more data a solve has, the less its model has to tell beyond them.
+  blocks.period = kLensFolds;
   const int count = CountBlocks(blocks, *last);
 
   // The present models first, refined as freely as the others.
   std::vector<Candidate> candidates;
-  std::vector<std::optional<DistortionModel>> models(1);
-  models.insert(models.end(), std::begin(kModels), std::end(kModels));
-  for (const std::optional<DistortionModel> model : models) {
+  std::vector<std::optional<DistortionModel>> tried(1);
+  tried.insert(tried.end(), std::begin(kModels), std::end(kModels));
+  for (const std::optional<DistortionModel> model : tried) {
     Candidate candidate{rig, InitializationFrom(solution), options.new_lens};
     candidate.new_lens.resize(problem.cameras.size(), false);
     for (const size_t c : suspects) {
@@ -236,37 +270,29 @@ absl::StatusOr<std::vector<BetterLens>> FindBetterLenses(const RigObservations& 
   RIGCAL_ASSIGN_OR_RETURN(const auto errors, EvaluateVariants(variants, blocks, count));
   // All suspects together: cameras of a rig mostly have lenses of one kind, and one that is
   // described wrongly spoils the others' errors.
-  struct Clear {
-    size_t variant;
-    int coefficients;
-    HeldOutGain gain;
-  };
-  std::vector<Clear> clear;
+  std::vector<ComparedModel> models;
   for (size_t v = 1; v < candidates.size(); ++v) {
+    const bool is_other = std::ranges::any_of(suspects, [&](size_t c) {
+      return candidates[v].rig.index.cameras[c].intrinsics->model != problem.cameras[c].model;
+    });
     const HeldOutGain gain =
         CompareByBlock(ErrorsOf(suspects, errors[0]), ErrorsOf(suspects, errors[v]));
-    fprintf(stderr, "lens model %zu: %.4f -> %.4f +- %.4f ranks %.2f (%d)\n", v, gain.before_px,
-            gain.after_px, gain.sigma_px, gain.rank_sigmas, gain.blocks);
-    if (!gain.IsClear(kLensGain, kLensSigmas)) continue;
-    clear.push_back({v, CoefficientCount(kModels[v - 1]), gain});
+    if (!is_other || gain.blocks == 0) continue;
+    models.push_back(
+        {v, CoefficientCount(kModels[v - 1]), gain.IsClear(kLensGain, kLensSigmas), gain});
   }
-  if (clear.empty()) return better;
-  const HeldOutGain best = std::ranges::min_element(clear, {}, [](const Clear& each) {
-                             return each.gain.after_px;
-                           })->gain;
-  // Of those that are as good within one standard error, the one with fewest coefficients (Breiman
-  // et al., Classification and Regression Trees, 1984, section 3.4.3).
-  std::ranges::stable_sort(clear, {}, &Clear::coefficients);
-  const size_t v = std::ranges::find_if(clear, [&best](const Clear& each) {
-                     return each.gain.after_px <= best.after_px + best.sigma_px;
-                   })->variant;
+  if (models.empty()) return better;
+  const bool any_clear = std::ranges::any_of(models, &ComparedModel::is_clear);
+  const size_t chosen = ChosenOf(models).variant;
   for (const size_t c : suspects) {
-    const Intrinsics& intrinsics = *candidates[v].rig.index.cameras[c].intrinsics;
+    const Intrinsics& intrinsics = *candidates[chosen].rig.index.cameras[c].intrinsics;
     if (intrinsics.model == problem.cameras[c].model) continue;
-    const HeldOutGain gain = CompareByBlock(ErrorsOf({c}, errors[0]), ErrorsOf({c}, errors[v]));
-    fprintf(stderr, "   camera %zu: %.4f -> %.4f +- %.4f ranks %.2f (%d)\n", c, gain.before_px,
-            gain.after_px, gain.sigma_px, gain.rank_sigmas, gain.blocks);
-    if (gain.IsClear(0, kOwnSigmas)) better.push_back({c, intrinsics, gain});
+    const HeldOutGain gain =
+        CompareByBlock(ErrorsOf({c}, errors[0]), ErrorsOf({c}, errors[chosen]));
+    const bool is_clear = any_clear && gain.IsClear(0, kOwnSigmas);
+    const bool is_strong = rings[c].sigmas > kStrongRingSigmas && rings[c].share > kStrongRingShare;
+    if (!is_clear && !(is_strong && gain.IsClear(kLensGain, 0))) continue;
+    better.push_back({c, is_clear, intrinsics, gain, rings[c]});
   }
   return better;
 }
@@ -275,16 +301,30 @@ Finding FindingOf(const RigObservations& rig, const BetterLens& lens, bool is_us
   const CameraDescription& camera = rig.index.cameras[lens.camera];
   const std::string given(DistortionModelName(camera.intrinsics->model));
   const std::string found(DistortionModelName(lens.intrinsics.model));
-  return {
-      FindingKind::kWrongLensModel, camera.camera, lens.gain.before_px - lens.gain.after_px, "px",
-      absl::StrFormat(
-          "its lens was described as %s; %s describes it better: the error of what was held "
-          "out falls from %.2f to %.2f px (one sigma of the difference %.2f px). %s",
-          given, found, lens.gain.before_px, lens.gain.after_px, lens.gain.sigma_px,
-          is_used
-              ? absl::StrFormat("The calibration uses %s; calibrate the lens by this model", found)
-              : absl::StrFormat("Calibrate the lens by this model, or give the option "
-                                "intrinsics=auto, which uses it"))};
+  const std::string errors =
+      absl::StrFormat("%.2f instead of %.2f px (+-%.2f px)", lens.gain.after_px,
+                      lens.gain.before_px, lens.gain.sigma_px);
+  std::string advice = absl::StrFormat(
+      "its lens is not of the model %s: what it sees lies too near to the middle of the image at "
+      "some distances from it and too far at others, by %.2f px (%.1f sigmas)",
+      given, lens.rings.rms_px, lens.rings.sigmas);
+  if (is_used) {
+    advice += absl::StrFormat(
+        ". The calibration describes it by %s, whose held-out error is %s. Calibrate the lens by "
+        "that model",
+        found, errors);
+  } else if (lens.is_clear) {
+    advice += absl::StrFormat(
+        ". The model %s describes it better, with a held-out error of %s. Calibrate the lens by "
+        "it, or calibrate without the option for intrinsics, which then uses it",
+        found, errors);
+  } else {
+    advice += absl::StrFormat(
+        ". The model %s may describe it better (held-out error %s), which these data cannot "
+        "decide. Calibrate the lens by it, or wave through all of its image",
+        found, errors);
+  }
+  return {FindingKind::kWrongLensModel, camera.camera, lens.rings.rms_px, "px", advice};
 }
 
 RigObservations WithLenses(const RigObservations& rig, const std::vector<BetterLens>& lenses) {

@@ -191,6 +191,8 @@ Cause HeldIntrinsics(const CauseInput& input, const BundleProblem& freed, size_t
 
 Repair RepairIntrinsics(const CauseInput& input) {
   Repair repair;
+  // What was held out has said already that other intrinsics are no better.
+  if (input.evaluated.refined_by_chance) return repair;
   const std::vector<size_t> suspects = Suspects(input);
   if (suspects.empty()) return repair;
   repair.repaired = input.trial;

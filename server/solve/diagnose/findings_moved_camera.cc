@@ -35,6 +35,7 @@ constexpr int kLensRounds = 2;
 constexpr int kBlocksOfPart = 6;
 constexpr size_t kMinMarkersOfBlock = 5;
 constexpr double kHeldOutSigmas = 2;
+constexpr double kMaxMovePerError = 10;
 
 // Step of a camera's pose as in ReducedParameter: rotation vector in the camera's frame from the
 // left, then what is added to the translation.
@@ -198,13 +199,18 @@ bool HoldsForOtherTimes(const std::vector<Sample>& samples, int64_t change_ns) {
     }
   }
   const HeldOutGain gain = CompareByBlock(one_px, two_px);
-  if (getenv("LENS"))
-    for (size_t i = 0; i < one_px.size(); ++i)
-      fprintf(stderr, "  %.3f %.3f\n", one_px[i], two_px[i]);
-  if (getenv("LENS"))
-    fprintf(stderr, "move: %.3f -> %.3f +- %.3f ranks %.2f (%d)\n", gain.before_px, gain.after_px,
-            gain.sigma_px, gain.rank_sigmas, gain.blocks);
   return gain.IsClear(kMinScanGain, kHeldOutSigmas);
+}
+
+// Mean error with one pose, of the part before the change or after it: the larger.
+double LargestErrorPx(const std::vector<Sample>& samples, int64_t change_ns) {
+  double sums[2] = {0, 0}, counts[2] = {0, 0};
+  for (const Sample& sample : samples) {
+    const size_t part = sample.time_ns < change_ns ? 0 : 1;
+    sums[part] += sample.residual.norm();
+    ++counts[part];
+  }
+  return std::max(sums[0] / std::max(1.0, counts[0]), sums[1] / std::max(1.0, counts[1]));
 }
 
 struct Candidate {
@@ -327,10 +333,8 @@ Repair RepairMovedCamera(const CauseInput& input) {
   Repair repair;
   const std::optional<Candidate> candidate = BestCandidate(input);
   if (!candidate) return repair;
-  if (!HoldsForOtherTimes(SamplesOf(input.trial, static_cast<int>(candidate->camera)),
-                          candidate->change.rig_time_ns)) {
-    return repair;
-  }
+  const std::vector<Sample> samples = SamplesOf(input.trial, static_cast<int>(candidate->camera));
+  if (!HoldsForOtherTimes(samples, candidate->change.rig_time_ns)) return repair;
   repair.repaired = TakenApart(input.trial, *candidate);
   if (!SolveParts(input.trial.bundle, candidate->camera, &repair.repaired.problem).ok()) {
     return repair;
@@ -339,6 +343,11 @@ Repair RepairMovedCamera(const CauseInput& input) {
       CompareErrors(input.trial.problem, repair.repaired.problem)[candidate->camera];
   const Move move = MeasureMove(repair.repaired, candidate->camera);
   if (change.gain() < kMinMoveGain || move.sigmas < kMoveSigmas || move.image_px < kMinMovePx) {
+    return repair;
+  }
+  // A pose that little data hold runs away from where the camera is: an image that really moved so
+  // far would not fit so well with one pose.
+  if (move.image_px > kMaxMovePerError * LargestErrorPx(samples, candidate->change.rig_time_ns)) {
     return repair;
   }
   const double time_s =

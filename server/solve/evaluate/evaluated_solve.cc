@@ -410,6 +410,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   }
   if (choose) {
     result.options.refine_intrinsics = !by_chance && scores.RefinedPays();
+    result.refined_by_chance = by_chance.has_value();
     result.findings.push_back(by_chance ? KeptFinding(scores, *by_chance)
                                         : IntrinsicsFinding(scores));
   } else {

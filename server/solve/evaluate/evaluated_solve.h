@@ -22,6 +22,8 @@ struct EvaluatedSolution {
   std::optional<EvaluatedErrors> held_out;    // none: too little to hold anything out
   std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
   PredictedError predicted;
+  // Refined intrinsics fit better between neighbouring times only: kept for that.
+  bool refined_by_chance = false;
   std::vector<BetterLens> lenses;  // that another model describes better than the given one
   std::vector<Finding> findings;   // about what was chosen, and why
 };

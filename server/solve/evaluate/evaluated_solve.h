@@ -32,9 +32,14 @@ struct EvaluatedSolution {
 // every fourth block is held out of a solve and evaluated with it, four times, so that each block
 // is evaluated once. A choice (`auto`) is made anew in each of the four folds, by two inner solves
 // that hold out blocks of the rest in the same way; it never sees the fold's own blocks. The
-// published solution uses all data, with the choice of the four folds together. The solves of the
+// published solution uses all data, with the choice of the four folds together, which must also
+// hold over long blocks of time (held_out_choice.h): else nothing is refined, in the folds neither.
+// The solves of the
 // folds begin at the estimates of the first solve and end, roughly, at the optimum of their own
 // data, of which they use as much as their errors need (RigSolveOptions).
+//
+// Where residuals suspect the model of a lens, others are compared (lens_models.h) and named; the
+// solution is that of the given ones.
 //
 // Clock rates are estimated where at least one of them is significantly not zero.
 // The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong

@@ -457,6 +457,9 @@ std::vector<Disturbance> LensDisturbances() {
       OfTrack("focal 3 % off, kept", causes, false, focal(0.97)),
       OfTrack("lenses guessed, f 0.86", causes, true, guess(0.86)),
       OfTrack("lenses guessed, f 1.14", causes, true, guess(1.14)),
+      OfTrack(
+          "fy 9.5 % off", causes, false,
+          [](uint32_t, server::CameraTrack* track) { track->camera.intrinsics->fy_px *= 1.095; }),
       {"files swapped", causes, "", false, false,
        [](uint32_t, DoctorPatient* patient) { SwapFiles(patient); }},
   };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/camera/fit_intrinsics.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "absl/status/status.h"
@@ -11,6 +12,7 @@ namespace rigcal::fit_intrinsics_test {
 namespace {
 
 using ::rigcal::testing::StatusIs;
+using ::testing::HasSubstr;
 
 constexpr double kWidthPx = 1280, kHeightPx = 1024;
 
@@ -64,7 +66,7 @@ TEST(FitIntrinsics, BrownConradyDescribesAWideFisheyeOnlyRoughly) {
 TEST(FitIntrinsics, RefusesTooFewRays) {
   const std::vector<RayPixel> rays(3, {{0, 0, 1}, {640, 512}});
   EXPECT_THAT(FitIntrinsics(DistortionModel::kFisheye, rays, kFisheye).status(),
-              StatusIs(absl::StatusCode::kInvalidArgument));
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("too few")));
 }
 
 }  // namespace

@@ -28,6 +28,7 @@ namespace rigcal::server {
 namespace {
 
 // Of the image's width; half of all views within this of one place determine nothing.
+constexpr int kMaxLensRounds = 3;
 constexpr double kMinSpreadShare = 0.01;
 // Sigma, as a share of a known distance, with which the solver holds it.
 constexpr double kDistanceHold = 1e-4;
@@ -386,6 +387,44 @@ absl::StatusOr<Solved> SolveWithout(const OddCamera& odd, RigObservations* rig,
   return solved;
 }
 
+// With the lenses that the data prefer, where the intrinsics are for the solve to choose: in
+// rounds, because one lens that is described wrongly spoils the errors of the others. What cannot
+// be solved with them stays as it was. CANCELLED.
+absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
+                          const CalibrationOptions& options, const CalibrationHooks& hooks,
+                          const std::map<std::string, CameraCounts>& counts,
+                          const RefusalCounter& refused, RigObservations* rig, Solved* solved) {
+  if (options.intrinsics != Estimate::kDefault && options.intrinsics != Estimate::kAuto) {
+    return absl::OkStatus();
+  }
+  std::vector<Finding> findings;
+  std::vector<bool> new_lens(rig->index.cameras.size(), false);
+  for (int round = 0; round < kMaxLensRounds; ++round) {
+    std::vector<BetterLens> lenses = solved->evaluated.lenses;
+    std::erase_if(lenses, [](const BetterLens& lens) { return !lens.is_clear; });
+    if (lenses.empty()) break;
+    RigObservations changed = WithLenses(*rig, lenses);
+    RigSolveOptions solve = SolveOptionsOf(changed, options, hooks, counts);
+    for (const BetterLens& lens : lenses) new_lens[lens.camera] = true;
+    solve.new_lens = new_lens;
+    absl::StatusOr<Solved> again = SolveAndReport(changed, clocks, solve, options, counts, refused);
+    if (absl::IsCancelled(again.status())) return again.status();
+    if (!again.ok()) break;
+    for (const BetterLens& lens : lenses) findings.push_back(FindingOf(*rig, lens, true));
+    *solved = *std::move(again);
+    *rig = std::move(changed);
+  }
+  if (findings.empty()) return absl::OkStatus();
+  // A lens that only these data describe is at most usable.
+  CalibrationResult& result = solved->result;
+  for (Finding& finding : findings) {
+    finding.severity = SeverityOf(result, finding);
+    result.findings.push_back(std::move(finding));
+  }
+  result.quality = GradeQuality(result, solved->evaluated.predicted);
+  return absl::OkStatus();
+}
+
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
@@ -428,6 +467,10 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     }
   }
   RIGCAL_RETURN_IF_ERROR(solved.status());
+  // Where a camera spoils the others, nothing is said about lenses.
+  if (odd.kind == FindingKind::kUnspecified) {
+    RIGCAL_RETURN_IF_ERROR(ChooseLenses(clocks, options, hooks, counts, *refused, &rig, &*solved));
+  }
   *refused = std::move(solved->refused);
   if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
   return std::move(solved->result);

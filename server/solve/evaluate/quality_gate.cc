@@ -91,6 +91,8 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kWrongIntrinsics:
       if (camera && camera->intrinsics_refined) return {};
       return warning(absl::StrCat(who, " has wrong intrinsics (see findings)"));
+    case FindingKind::kWrongLensModel:
+      return warning(absl::StrCat(who, ": its lens is of another kind than was given"));
     case FindingKind::kClockOffset:
       if (!camera || camera->time_offset_estimated) return {};
       return warning(absl::StrCat("the clock of ", who, " is off, and was kept as given"));

@@ -136,10 +136,11 @@ class RigSolver {
     problem().target.fixed = !options_.estimate_marker_positions;
     problem().rigid_target.fixed = !options_.estimate_marker_positions;
     problem().distance = options_.known_distance;
-    if (options_.refine_intrinsics) {
-      for (size_t c = 0; c < problem().cameras.size(); ++c) {
-        SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c]);
-      }
+    for (size_t c = 0; c < problem().cameras.size(); ++c) {
+      const bool is_new = c < options_.new_lens.size() && options_.new_lens[c];
+      if (!options_.refine_intrinsics && !is_new) continue;
+      SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c],
+                         is_new ? kWideIntrinsicsPrior : IntrinsicsPrior());
     }
     for (size_t c = 0; c < options_.estimate_line_delays.size(); ++c) {
       BundleCamera& camera = problem().cameras[c];

@@ -45,6 +45,9 @@ struct RigSolveOptions {
   // By camera: its line delay (rolling shutter) is estimated. Empty: none is.
   std::vector<bool> estimate_line_delays;
   bool refine_intrinsics = false;
+  // By camera of the index, or empty: the model of its lens was found by the data, so that nothing
+  // but them says its intrinsics, which are refined in any case.
+  std::vector<bool> new_lens;
   bool estimate_marker_positions = false;
   // Between two cameras of the index, in metres: the scale of a target of one marker. None: its
   // unit is the distance from the reference camera to the camera initialized farthest from it.

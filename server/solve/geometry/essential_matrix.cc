@@ -16,7 +16,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr size_t kKeptEssentials = 4;
-constexpr int kMinSamples = 60, kMaxSamples = 800;
+constexpr int kMinSamples = 20, kMaxSamples = 800;
+constexpr double kMayMiss = 1e-3;  // probability that no sample is free of outliers
 
 struct ScoredEssential {
   Eigen::Matrix3d matrix;
@@ -109,8 +110,8 @@ std::vector<Eigen::Matrix3d> SampleEssentials(const std::vector<PairInstant>& in
         const double share = static_cast<double>(scored.inliers) / marker_count;
         const double all_good = std::min(std::pow(share, 5), 1 - 1e-9);
         if (all_good > 1e-6) {
-          needed =
-              std::min(kMaxSamples, static_cast<int>(std::log(1e-4) / std::log1p(-all_good)) + 1);
+          needed = std::min(kMaxSamples,
+                            static_cast<int>(std::log(kMayMiss) / std::log1p(-all_good)) + 1);
         }
       }
       Keep(scored, &kept);

@@ -16,7 +16,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr size_t kMaxPairs = 12;
-constexpr int kRefineSteps = 8;
+constexpr int kRefineSteps = 6;
+constexpr double kRefined = 1e-5;  // a step this small, of metres and radians, is the last
 constexpr int kMinRigidInliers = 4;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -149,7 +150,7 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
     if (!delta.allFinite()) return;
     instant->origin_m -= delta.head<3>();
     instant->direction = (direction - tangent * delta.tail<2>()).normalized();
-    if (delta.norm() < 1e-9) return;
+    if (delta.norm() < kRefined) return;
   }
 }
 
@@ -192,7 +193,7 @@ void RefineRigid(const BundleProblem& problem, const std::vector<bool>& has_pose
     const Eigen::Vector3d axis = angle > 0 ? Eigen::Vector3d(turn / angle) : turn;
     instant->rotation =
         (Eigen::AngleAxisd(angle, axis) * Eigen::Quaterniond(instant->rotation)).normalized();
-    if (delta.norm() < 1e-9) return;
+    if (delta.norm() < kRefined) return;
   }
 }
 
@@ -263,6 +264,8 @@ std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
   };
   const bool is_point = instant.is_point || problem.target.marker_positions_m.size() == 1;
   for (const auto& [a, b] : ObservationPairs(problem, has_pose, instant)) {
+    // With a pose that no marker contradicts, only the last pixels are left to be refined.
+    if (best.fit.markers > 0 && best.fit.inliers == best.fit.markers) break;
     const std::vector<MarkerPoint> common = CommonMarkers(problem, rays, *a, *b);
     for (size_t i = 0; i < common.size(); ++i) {
       if (is_point) {

@@ -36,7 +36,7 @@ constexpr double kTolerancePx = 5e-4;
 constexpr double kFunctionTolerance = 1e-9;  // relative change of the cost
 // Relative change of the cost that ends an adjustment whose result is only a stage; and below how
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
-constexpr double kCoarseTolerance = 1e-6;
+constexpr double kCoarseTolerance = 1e-5;
 constexpr double kExactBelow = 10;
 constexpr int kMaxFlips = 2;  // there and back
 // Of rough solves: so far a marker is moved along its image velocity well enough; one of so many
@@ -77,7 +77,7 @@ class RigSolver {
     // By the rough distances of the initialization.
     bool rough_centres = CorrectCentres() > 0;
     if (FlipWrongLabels() > 0) Rebuild();
-    bool exact = false;
+    bool exact = false, labels_at_rest = false;
     const int max_rounds = options_.rough ? kMaxRoughRounds : kMaxRounds;
     const int max_changed =
         options_.rough ? static_cast<int>(problem().markers.size() / kRoughChanges) : 0;
@@ -86,7 +86,7 @@ class RigSolver {
       const bool is_last = round + 1 == max_rounds;
       exact = !options_.rough && (exact || is_last);
       RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
-      const int flipped = is_last ? 0 : FlipWrongLabels();
+      const int flipped = is_last || labels_at_rest ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(&problem());
       const Movement moved = ClockMovement();
       const bool at_rest = moved.s < kTimeToleranceS || moved.px < tolerance_px;
@@ -95,6 +95,7 @@ class RigSolver {
       if (solution_.converged) break;
       exact = settled || moved.s < kExactBelow * kTimeToleranceS ||
               moved.px < kExactBelow * tolerance_px;
+      labels_at_rest = exact && flipped == 0;
       if (!is_last && (flipped > 0 || rough_centres || !at_rest)) {
         Rebuild();
         rough_centres = false;

@@ -13,7 +13,7 @@ using ::rigcal::testing::IsOk;
 
 TEST(LineDelaysTest, RollingShuttersInAllCamerasCostNothing) {
   LineDelaysOptions options;
-  options.duration_s = 15;
+  options.duration_s = 20;
   std::vector<LineDelaysTrial> trials;
   for (uint32_t seed = 1; seed <= 2; ++seed) trials.push_back(RunLineDelaysTrial(options, seed));
   for (const LineDelaysTrial& trial : trials) {

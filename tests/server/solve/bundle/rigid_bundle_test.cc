@@ -86,7 +86,7 @@ TEST(RigidMarkerCost, HasTheDerivativesOfAutomaticDifferentiation) {
   auto mine = evaluate(analytic), theirs = evaluate(automatic);
   // Quaternions are compared along the unit sphere, where they stay.
   const ceres::EigenQuaternionManifold quaternion;
-  for (const size_t block : {size_t{0}, size_t{6}}) {
+  for (const size_t block : {size_t{0}, size_t{7}}) {
     Eigen::Matrix<double, 4, 3, Eigen::RowMajor> plus;
     quaternion.PlusJacobian(parameters[block], plus.data());
     for (auto* jacobians : {&mine, &theirs}) {

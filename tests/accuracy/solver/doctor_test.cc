@@ -67,13 +67,13 @@ TEST(DoctorTest, CameraThatSpoilsTheOthersIsLeftOut) {
   EXPECT_LT(diagnosis.error_rel, 0.01);
 }
 
-// 130 degrees: the data say that it is no Brown-Conrady lens, and which one describes it.
-TEST(DoctorTest, FisheyeDescribedAsBrownConradyIsNamedAndMended) {
-  const Diagnosis diagnosis = DiagnoseSimulated("fisheye as Brown-Conrady, one", kFirstSeed);
+// 130 degrees: the data say that these are no Brown-Conrady lenses, and which ones they are.
+TEST(DoctorTest, FisheyesDescribedAsBrownConradyAreNamedAndMended) {
+  const Diagnosis diagnosis = DiagnoseSimulated("fisheye as Brown-Conrady, all", kFirstSeed);
   EXPECT_TRUE(diagnosis.named);
   EXPECT_THAT(diagnosis.wrong, IsEmpty());
   EXPECT_NE(diagnosis.grade, QualityGrade::kGood);
-  EXPECT_LT(diagnosis.error_rel, 0.001);
+  EXPECT_LT(diagnosis.error_rel, 0.005);
 }
 
 TEST(DoctorTest, FisheyesDescribedAsSuchRaiseNoAlarm) {

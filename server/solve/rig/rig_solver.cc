@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
@@ -28,7 +29,8 @@ constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
 constexpr double kWeakLineDelaySigmaS = 1e-4;
 constexpr double kOutlierPx = 15;
-constexpr int kMaxRounds = 8;  // of solve, classify, interpolate again
+constexpr int kMaxRounds = 8;         // of solve, classify, interpolate again
+constexpr int kMaxRoundsOfMany = 20;  // where there are many clocks
 // Offsets that move less have settled, or that move their cameras' markers by less, which is a
 // small part of what hundreds of markers tell.
 constexpr double kTimeToleranceS = 2e-6;
@@ -38,7 +40,8 @@ constexpr double kFunctionTolerance = 1e-9;  // relative change of the cost
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
 constexpr double kCoarseTolerance = 1e-5;
 constexpr double kExactBelow = 10;
-constexpr int kMaxFlips = 2;  // there and back
+constexpr size_t kManyClocks = 8;  // of one session
+constexpr int kMaxFlips = 2;       // there and back
 // Of rough solves: so far a marker is moved along its image velocity well enough; one of so many
 // markers may still change between inlier and outlier.
 constexpr double kRoughTolerancePx = 0.1;
@@ -77,26 +80,32 @@ class RigSolver {
     // By the rough distances of the initialization.
     bool rough_centres = CorrectCentres() > 0;
     if (FlipWrongLabels() > 0) Rebuild();
-    bool exact = false, labels_at_rest = false;
-    const int max_rounds = options_.rough ? kMaxRoughRounds : kMaxRounds;
+    bool labels_at_rest = false, done = false;
+    const int max_rounds = options_.rough  ? kMaxRoughRounds
+                           : HoldsOthers() ? kMaxRoundsOfMany
+                                           : kMaxRounds;
     const int max_changed =
         options_.rough ? static_cast<int>(problem().markers.size() / kRoughChanges) : 0;
     const double tolerance_px = options_.rough ? kRoughTolerancePx : kTolerancePx;
     for (int round = 0; round < max_rounds; ++round) {
       const bool is_last = round + 1 == max_rounds;
-      exact = !options_.rough && (exact || is_last);
-      RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
+      RIGCAL_RETURN_IF_ERROR(Adjust(round, exact_));
       const int flipped = is_last || labels_at_rest ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(&problem());
+      LetHeldFollow();
       const Movement moved = ClockMovement();
-      const bool at_rest = moved.s < kTimeToleranceS || moved.px < tolerance_px;
+      const bool at_rest = done || moved.s < kTimeToleranceS || moved.px < tolerance_px;
       const bool settled = flipped == 0 && changed <= max_changed && !rough_centres && at_rest;
-      solution_.converged = settled && (exact || options_.rough);
-      if (solution_.converged) break;
-      exact = settled || moved.s < kExactBelow * kTimeToleranceS ||
-              moved.px < kExactBelow * tolerance_px;
-      labels_at_rest = exact && flipped == 0;
-      if (!is_last && (flipped > 0 || rough_centres || !at_rest)) {
+      done = settled && (exact_ || options_.rough);
+      solution_.converged = done && held_.empty();
+      if (solution_.converged || is_last) break;
+      const bool is_next_last = round + 2 == max_rounds;
+      const bool near_rest = settled || moved.s < kExactBelow * kTimeToleranceS ||
+                             moved.px < kExactBelow * tolerance_px;
+      exact_ = !options_.rough && (exact_ || near_rest || is_next_last);
+      labels_at_rest = near_rest && flipped == 0;
+      const bool other_held = ChooseHeld(done || is_next_last);
+      if (flipped > 0 || rough_centres || !at_rest || other_held) {
         Rebuild();
         rough_centres = false;
       }
@@ -149,13 +158,16 @@ class RigSolver {
       camera.prior_line_delay_s = -solution_.line_delay_s[c];
       camera.line_delay_sigma_s = kWeakLineDelaySigmaS;
     }
-    const std::map<std::string, int> fixed = FixedClocks();
+    reference_clocks_ = ReferenceClocks();
+    const std::map<std::string, int>& held = held_.empty() ? reference_clocks_ : held_;
     for (size_t k = 0; k < problem().clocks.size(); ++k) {
       BundleClock& clock = problem().clocks[k];
-      const bool is_fixed = fixed.at(solution_.clocks[k].session_id) == static_cast<int>(k);
-      clock.offset_fixed = is_fixed || !options_.estimate_time_offsets;
+      const std::string& session = solution_.clocks[k].session_id;
+      const bool is_reference = reference_clocks_.at(session) == static_cast<int>(k);
+      clock.offset_fixed =
+          held.at(session) == static_cast<int>(k) || !options_.estimate_time_offsets;
       clock.rate_fixed = !options_.estimate_time_rates ||
-                         (options_.own_rates.empty() ? is_fixed : !options_.own_rates[k]);
+                         (options_.own_rates.empty() ? is_reference : !options_.own_rates[k]);
       clock.prior_offset_s = -solution_.clocks[k].time_offset_s;
       clock.offset_sigma_s = kWeakOffsetSigmaS;
       clock.prior_rate = -solution_.clocks[k].time_rate;
@@ -170,8 +182,9 @@ class RigSolver {
                                 IsMetric(rig_, options_), &solution_.built);
   }
 
-  // The clock of each session that keeps its correction.
-  std::map<std::string, int> FixedClocks() const {
+  // The clock of each session that keeps its correction, but for those that `held_` names until the
+  // next Rebuild.
+  std::map<std::string, int> ReferenceClocks() const {
     std::map<std::string, int> fixed;
     for (const bool any_camera : {false, true}) {
       for (size_t t = 0; t < rig_.tracks.size(); ++t) {
@@ -180,6 +193,65 @@ class RigSolver {
       }
     }
     return fixed;
+  }
+
+  // Whether another clock than the reference's is held while the clocks are on their way. Image
+  // velocities are noisy, so that a round moves a clock by less than it is off, and many clocks
+  // away from the one that is held by far less: where that one is off, they would hardly ever reach
+  // it.
+  bool HoldsOthers() const {
+    return !options_.rough && options_.estimate_time_offsets &&
+           std::ranges::any_of(ClocksBySession(solution_.clocks), [](const auto& session) {
+             return session.second.size() >= kManyClocks;
+           });
+  }
+
+  // Decides which clocks the next adjustment holds, in the end the references'; true: others than
+  // the last one.
+  bool ChooseHeld(bool in_the_end) {
+    const std::map<std::string, int> before = std::exchange(held_, {});
+    if (!in_the_end && HoldsOthers()) held_ = reference_clocks_;
+    const auto clocks = ClocksBySession(solution_.clocks);
+    for (auto& [session, held] : held_) {
+      std::vector<std::pair<double, int>> moved_s;
+      for (const size_t k : clocks.at(session)) {
+        const int clock = static_cast<int>(k);
+        if (clock != held) moved_s.emplace_back(problem().clocks[k].time_offset_s, clock);
+      }
+      std::ranges::sort(moved_s);
+      if (moved_s.size() + 1 >= kManyClocks) held = moved_s[moved_s.size() / 2].second;
+    }
+    return held_ != before;
+  }
+
+  // A held clock stays where it is among the others. What all others are moved by alike is the
+  // noise of their image velocities, which is that of their centres: it would move the held one,
+  // too.
+  void LetHeldFollow() {
+    const auto clocks = ClocksBySession(solution_.clocks);
+    for (const auto& [session, held] : held_) {
+      if (held == reference_clocks_.at(session)) continue;
+      std::vector<double> moved_s;
+      for (const size_t k : clocks.at(session)) {
+        if (static_cast<int>(k) != held) moved_s.push_back(problem().clocks[k].time_offset_s);
+      }
+      const double all_s = Median(moved_s);
+      for (const size_t k : clocks.at(session)) {
+        if (static_cast<int>(k) != held) problem().clocks[k].time_offset_s -= all_s;
+      }
+    }
+  }
+
+  // Time has no origin: what the reference's clock was moved by goes to the others.
+  void KeepReferenceClocks(std::vector<ClockCorrection>* clocks) const {
+    for (const auto& [session, reference] : reference_clocks_) {
+      const auto r = static_cast<size_t>(reference);
+      const double moved_s = (*clocks)[r].time_offset_s - solution_.clocks[r].time_offset_s;
+      for (ClockCorrection& clock : *clocks) {
+        if (clock.session_id == session) clock.time_offset_s -= moved_s;
+      }
+      (*clocks)[r].time_offset_s = solution_.clocks[r].time_offset_s;
+    }
   }
 
   absl::Status NoInstants() const {
@@ -346,7 +418,8 @@ class RigSolver {
     }
     std::ranges::sort(outliers);
     {
-      const RigInitialization initial = InitializationFrom(solution_);
+      RigInitialization initial = InitializationFrom(solution_);
+      KeepReferenceClocks(&initial.clocks);
       solution_.clocks = initial.clocks;
       SetLineDelays(initial.line_delay_s);
       // Before the next one is built, so that there is never room for two.
@@ -365,6 +438,9 @@ class RigSolver {
   const RigSolveOptions& options_;
   RigSolution solution_;
   std::vector<std::vector<uint8_t>> flip_counts_;  // by track and observation
+  bool exact_ = false;                             // the next adjustment
+  std::map<std::string, int> reference_clocks_;    // by session
+  std::map<std::string, int> held_;  // by session, instead of the reference's; empty: those
 };
 
 }  // namespace

@@ -129,7 +129,8 @@ RigInitialization InitializationFrom(const RigSolution& solution);
 // Associates, initializes unless given initial values, and alternates bundle adjustment, flipping
 // of labels, classification of outliers, and interpolation at the new clock corrections until
 // nothing moves. Flipped observations are found anew in each solve. In each session the clock of
-// the reference camera (or else the first) keeps its correction: time has no origin.
+// the reference camera (or else the first) keeps its correction: time has no origin. (Of many
+// clocks another one is held on the way, see HoldsOthers.)
 //
 // FAILED_PRECONDITION: no instants, not connected, cannot be placed. CANCELLED.
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,

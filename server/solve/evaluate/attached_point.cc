@@ -2,6 +2,7 @@
 #include "server/solve/evaluate/attached_point.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 
 namespace rigcal::server {
@@ -31,10 +32,10 @@ PointGainMatrix AttachedPointGain(const BundleProblem& problem, const RigUncerta
   return gain;
 }
 
-double FrameFreeCentreSigma(const BundleProblem& problem, const RigUncertainty& rig,
-                            const Eigen::Vector3d& middle_m) {
+std::vector<double> FrameFreeCentreSigmas(const BundleProblem& problem, const RigUncertainty& rig,
+                                          const Eigen::Vector3d& middle_m) {
   const auto count = static_cast<Eigen::Index>(problem.cameras.size());
-  if (count == 0) return 0;
+  if (count == 0) return {};
   // The centres first, then the places.
   std::vector<Eigen::Vector3d> points_m;
   for (const BundleCamera& camera : problem.cameras) {
@@ -47,17 +48,21 @@ double FrameFreeCentreSigma(const BundleProblem& problem, const RigUncertainty& 
                                                   points_m[static_cast<size_t>(i)]);
   }
   RemoveRigidMotion(points_m, &gain);
-  const PointGainMatrix centres = gain.topRows(3 * count);
-  const double square_m2 =
-      (centres * rig.shape_covariance).cwiseProduct(centres).sum() / static_cast<double>(count);
-  return std::sqrt(std::max(0.0, square_m2));
+  const PointGainMatrix spread = gain.topRows(3 * count) * rig.shape_covariance;
+  std::vector<double> sigmas_m;
+  for (Eigen::Index c = 0; c < count; ++c) {
+    const double square_m2 =
+        spread.middleRows<3>(3 * c).cwiseProduct(gain.middleRows<3>(3 * c)).sum();
+    sigmas_m.push_back(std::sqrt(std::max(0.0, square_m2)));
+  }
+  return sigmas_m;
 }
 
-double FrameFreeCentreDifference(const std::vector<RigidTransform>& cam_from_rig,
-                                 const std::vector<RigidTransform>& other_cam_from_rig,
-                                 const Eigen::Vector3d& middle_m) {
+std::vector<double> FrameFreeCentreDistances(const std::vector<RigidTransform>& cam_from_rig,
+                                             const std::vector<RigidTransform>& other_cam_from_rig,
+                                             const Eigen::Vector3d& middle_m) {
   const auto count = static_cast<Eigen::Index>(cam_from_rig.size());
-  if (count == 0) return 0;
+  if (count == 0) return {};
   Eigen::Matrix3Xd points_m(3, 2 * count), others_m(3, 2 * count);
   for (Eigen::Index i = 0; i < 2 * count; ++i) {
     const auto camera = static_cast<size_t>(i % count);
@@ -70,7 +75,9 @@ double FrameFreeCentreDifference(const std::vector<RigidTransform>& cam_from_rig
       ((aligned_from_other.topLeftCorner<3, 3>() * others_m).colwise() +
        aligned_from_other.topRightCorner<3, 1>()) -
       points_m;
-  return difference_m.leftCols(count).norm() / std::sqrt(static_cast<double>(count));
+  std::vector<double> distances_m;
+  for (Eigen::Index c = 0; c < count; ++c) distances_m.push_back(difference_m.col(c).norm());
+  return distances_m;
 }
 
 }  // namespace rigcal::server

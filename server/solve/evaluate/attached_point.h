@@ -18,17 +18,17 @@ namespace rigcal::server {
 PointGainMatrix AttachedPointGain(const BundleProblem& problem, const RigUncertainty& rig,
                                   int camera, const Eigen::Vector3d& point_m);
 
-// Root mean square over the cameras of what `sigma` says of their centres, after the best rigid
-// motion has been taken out: that which the centres have in common with the places they carry
-// along, each the middle of the waved volume. Which frame a rig has is a matter of choice; and the
-// centres alone would leave two cameras nothing but their distance.
-double FrameFreeCentreSigma(const BundleProblem& problem, const RigUncertainty& rig,
-                            const Eigen::Vector3d& middle_m);
+// By camera: one sigma (3-D) of its centre after the best rigid motion has been taken out, that
+// which the centres have in common with the places they carry along, each the middle of the waved
+// volume. Which frame a rig has is a matter of choice; and the centres alone would leave two
+// cameras nothing but their distance. metres
+std::vector<double> FrameFreeCentreSigmas(const BundleProblem& problem, const RigUncertainty& rig,
+                                          const Eigen::Vector3d& middle_m);
 
-// The same of the difference between two sets of poses of the same cameras. `middle_m` in the frame
-// of `poses`.
-double FrameFreeCentreDifference(const std::vector<RigidTransform>& cam_from_rig,
-                                 const std::vector<RigidTransform>& other_cam_from_rig,
-                                 const Eigen::Vector3d& middle_m);
+// The same of the distances between two sets of poses of the same cameras. `middle_m` in the frame
+// of `cam_from_rig`.
+std::vector<double> FrameFreeCentreDistances(const std::vector<RigidTransform>& cam_from_rig,
+                                             const std::vector<RigidTransform>& other_cam_from_rig,
+                                             const Eigen::Vector3d& middle_m);
 
 }  // namespace rigcal::server

@@ -59,6 +59,10 @@ std::vector<RigidTransform> PosesOf(const BundleProblem& problem) {
   return cam_from_rig;
 }
 
+double Largest(const std::vector<double>& values) {
+  return values.empty() ? 0 : std::ranges::max(values);
+}
+
 }  // namespace
 
 FoldPoses FoldPosesOf(const RigSolution& fold, int all_instants) {
@@ -79,20 +83,23 @@ PredictedError PredictError(const RigSolution& solution,
   error.instant_count = UsedInstants(problem);
   error.block_count = CountBlocks(solution.built);
   error.fold_count = static_cast<int>(folds.size());
-  error.stated_m = uncertainty ? FrameFreeCentreSigma(problem, *uncertainty, middle_m)
+  error.stated_m = uncertainty ? Largest(FrameFreeCentreSigmas(problem, *uncertainty, middle_m))
                                : std::numeric_limits<double>::infinity();
   if (folds.size() >= kMinFolds) {
-    double sum_m2 = 0;
+    std::vector<double> squares_m2(cam_from_rig.size());
     for (const FoldPoses& fold : folds) {
       const double left_out = std::clamp(fold.left_out, 0.05, 0.95);
-      sum_m2 += (1 - left_out) / left_out *
-                std::pow(FrameFreeCentreDifference(cam_from_rig, fold.cam_from_rig, middle_m), 2);
+      const std::vector<double> distances_m =
+          FrameFreeCentreDistances(cam_from_rig, fold.cam_from_rig, middle_m);
+      for (size_t c = 0; c < distances_m.size(); ++c) {
+        squares_m2[c] += (1 - left_out) / left_out * distances_m[c] * distances_m[c];
+      }
     }
-    error.by_folds_m = std::sqrt(sum_m2 / static_cast<double>(folds.size()));
+    error.by_folds_m = std::sqrt(Largest(squares_m2) / static_cast<double>(folds.size()));
   }
   if (refined != nullptr) {
     error.by_intrinsics_m =
-        FrameFreeCentreDifference(cam_from_rig, refined->cam_from_rig, middle_m);
+        Largest(FrameFreeCentreDistances(cam_from_rig, refined->cam_from_rig, middle_m));
   }
   error.sigma_m = std::max({error.stated_m, error.by_folds_m, error.by_intrinsics_m});
   error.holds = uncertainty && error.block_count >= kMinBlocks &&

@@ -21,8 +21,8 @@ FoldPoses FoldPosesOf(const RigSolution& fold, int all_instants);
 // How far the camera positions are expected to be off, and what would be accepted. Lengths are in
 // the unit of the solution.
 struct PredictedError {
-  // One sigma of the camera positions after the best rigid motion of the whole rig
-  // (FrameFreeCentreSigma): the frame is that of the reference camera, whose own pose may be known
+  // One sigma of the camera position known worst, after the best rigid motion of the whole rig
+  // (FrameFreeCentreSigmas): the frame is that of the reference camera, whose own pose may be known
   // ten times worse than the rig's shape. The scale apart, which is as good as the wand was
   // measured. The largest of the following; infinite where the data leave something undetermined.
   double sigma_m = 0;

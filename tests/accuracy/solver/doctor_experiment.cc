@@ -562,7 +562,7 @@ bool IsSymptom(const Finding& finding) {
   }
 }
 
-// What is graded: how far the cameras are from their true places after the best rigid motion.
+// What is graded: how far the worst camera is from its true place after the best rigid motion.
 double FrameFreeErrorM(const DoctorPatient& truth, const CalibrationResult& result) {
   std::vector<RigidTransform> found, right;
   for (const CalibratedCamera& camera : result.cameras) {
@@ -572,7 +572,7 @@ double FrameFreeErrorM(const DoctorPatient& truth, const CalibrationResult& resu
   const Eigen::Vector3d middle_m =
       result.wand_volume ? (0.5 * (result.wand_volume->min_m + result.wand_volume->max_m)).eval()
                          : Eigen::Vector3d(0, 0, truth.distance_m);
-  return server::FrameFreeCentreDifference(found, right, middle_m);
+  return std::ranges::max(server::FrameFreeCentreDistances(found, right, middle_m));
 }
 
 // How far the cameras are from their true places, where they have any. The sigmas are those in the

@@ -18,7 +18,7 @@ struct TimedMarker {
 };
 
 // The markers of the placed instants of a line target as some of the cameras triangulate them (two
-// at least, all of which must agree): those observations of which `takes_part` is true. At most
+// at least and eight at most, all of which must agree): those observations of which `takes_part` is true. At most
 // about `max_count`, evenly chosen, ascending by time.
 std::vector<TimedMarker> MarkersSeenBy(
     const RigSolution& solution,

@@ -177,7 +177,7 @@ void AddDetectCommand(CLI::App& app, Subcommands* all) {
   command.add_option("--annotate", flags.annotate,
                      "Folder for images with the detections drawn in; FILE.png for a single one");
   command.add_flag("--no-tracking", flags.no_tracking, "Search every frame completely");
-  command.add_option("--pictures", flags.frames, "At most so many [all]");
+  command.add_option("--pictures", flags.frames, "Frames to search at most [all]");
   command.add_option("-o,--output", flags.format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command.footer(

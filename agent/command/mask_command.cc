@@ -66,7 +66,7 @@ void AddMaskCommand(CLI::App& app, Subcommands* all) {
   command.add_option("--out", flags.out, "Image of the camera's size, white where to ignore")
       ->required();
   command.add_option("--target", flags.target, "Target of a simulated camera");
-  command.add_option("--pictures", flags.frames, "At most so many; 0: all [100]");
+  command.add_option("--pictures", flags.frames, "Frames to use at most; 0: all [100]");
   command.add_option("-o,--output", flags.format, "table or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command.footer(

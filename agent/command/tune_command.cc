@@ -100,7 +100,7 @@ void AddTuneCommand(CLI::App& app, Subcommands* all) {
   AddFrameInput(command, &flags.input);
   command.add_option("--target", flags.target, "wand:0,0.13,0.39;diameter=0.04;hz=500")->required();
   command.add_option("--out", flags.out, "File for the TOML to paste into a configuration");
-  command.add_option("--pictures", flags.frames, "At most so many; 0: all [50]");
+  command.add_option("--pictures", flags.frames, "Frames to use at most; 0: all [50]");
   command.add_option("-o,--output", flags.format, "table (TOML to paste) or json [table]")
       ->check(CLI::IsMember({"table", "json"}));
   command.footer(

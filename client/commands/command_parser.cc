@@ -100,7 +100,7 @@ void CommandParser::AddFormatOption(CLI::App* app) {
   app->add_option_function<std::string>(
          "-o,--output-format",
          [this](const std::string& name) { console_.format = formats.at(name); },
-         "What is printed on stdout: for people, or for programs")
+         "Output on stdout: a table for people, JSON for programs")
       ->type_name("table|json")
       ->check(CLI::IsMember({"table", "json"}).description(""));
 }

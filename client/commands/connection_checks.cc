@@ -88,7 +88,7 @@ Check ExplainConnection(const ConnectionFacts& facts) {
           "use the server's address instead of its name, or add it to /etc/hosts");
     case TlsFault::kPortClosed:
       return Failed(
-          absl::StrCat("the PC of ", address, " answers, and nothing listens on that port"),
+          absl::StrCat("the PC of ", address, " answers, but nothing listens on that port"),
           "is rigcal-server running there, with --listen 0.0.0.0:7420?");
     case TlsFault::kNoAnswer:
       return Failed(absl::StrCat("no answer from ", address, " (", facts.probe.detail, ")"),
@@ -96,14 +96,14 @@ Check ExplainConnection(const ConnectionFacts& facts) {
                     "7421 in?");
     case TlsFault::kPlaintext:
       return Failed(absl::StrCat("the server at ", address, " does not use TLS"),
-                    "it is no rigcal-server, or one that serves its own PC only: start it with "
+                    "it is not a rigcal-server, or it serves its own PC only: start it with "
                     "--listen 0.0.0.0:7420");
     case TlsFault::kOtherCa:
       return Failed(absl::StrCat("the server at ", address,
                                  " is not the one that this user has "
                                  "joined: its certificate is of another CA (",
                                  facts.probe.detail, ")"),
-                    absl::StrCat("if the server was set up anew, ", kJoinAgain,
+                    absl::StrCat("if the server was set up again, ", kJoinAgain,
                                  "; else somebody else answers at this address"));
     case TlsFault::kWrongName:
       return Failed(

@@ -36,8 +36,8 @@ void AddIdentityCommands(CommandParser& parser) {
     AddParsedOption(app, "--ttl", "TIME", &options->ttl_s, ParseTtl,
                     "How long it can be used, such as 30m, 1h or 7d; without it 1h");
     AddOption(app, "--name", "NAME", &options->name,
-              "Name of the agent or user; one who has joined under it is replaced. Without it the "
-              "one who joins chooses a new name");
+              "Name of the agent or user; replaces an earlier one of that name. Without it a "
+              "new name is chosen");
   }
   parser.AddCommand(group, "list", "List the join strings that were made, without their secrets",
                     ListTokens);

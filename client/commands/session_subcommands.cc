@@ -27,7 +27,7 @@ void AddCreate(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--id", "ID", &options->id,
             "Id of the session: letters, digits, '_', '-'; without it the server makes one");
   AddOption(app, "--rig", "RIG", &options->rig, "Rig that is captured; without it \"rig\"");
-  AddOption(app, "--title", "TEXT", &options->title, "A line for people");
+  AddOption(app, "--title", "TEXT", &options->title, "Title to show in lists");
   AddOption(app, "--camera", "NAME", &options->cameras,
             "Cameras that take part; without it all that are connected at the start")
       ->delimiter(',');
@@ -38,16 +38,16 @@ void AddCreate(CommandParser& parser, CLI::App* group) {
                 "held-out check agrees")
           ->check(NumberBetween(kLeastGoalMm, kMostGoalMm));
   AddOption(app, "--min-seconds", "SECONDS", &options->min_s,
-            "With --until-mm: not before it has captured for so long; without it 20 s")
+            "With --until-mm: capture at least this long; without it 20 s")
       ->check(NumberBetween(0, kMostMinSeconds))
       ->needs(until);
   AddOption(app, "--continue", "SESSION", &options->continues,
-            "A finished session that this one goes on with: a calibration takes both");
+            "A finished session that this one continues: a calibration uses both");
 }
 
 void AddStop(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
-      group, "stop", "End the capture; what is still on its way is waited for", StopSession);
+      group, "stop", "End the capture; the server still takes what is on its way", StopSession);
   AddArgument(app, "SESSION", kSessionHelp, &options->id);
   AddOption(app, "--drain-timeout", "SECONDS", &options->drain_timeout_s,
             "How long the server waits for the agents; without it 10 s")
@@ -57,19 +57,19 @@ void AddStop(CommandParser& parser, CLI::App* group) {
 
 void AddDiscard(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(group, "discard",
-                                          "Throw a session away: it is kept whole, but no "
-                                          "calibration takes it and none goes on with it",
+                                          "Throw a session away: nothing is deleted, but no "
+                                          "calibration uses it and no session continues it",
                                           DiscardSession);
   AddArgument(app, "SESSION", kSessionHelp, &options->id);
-  app->add_flag("--undo", options->undo, "It counts again");
+  app->add_flag("--undo", options->undo, "Take it back");
 }
 
 void AddResume(CommandParser& parser, CLI::App* group) {
-  auto [app, options] = parser.AddCommand(
-      group, "resume",
-      "Go on with a finished session: start a new one with its target and cameras, which a "
-      "calibration takes together with it",
-      ResumeSession);
+  auto [app, options] = parser.AddCommand(group, "resume",
+                                          "Continue a finished session: start a new one with the "
+                                          "same target and cameras; a calibration "
+                                          "uses both",
+                                          ResumeSession);
   AddArgument(app, "SESSION", kSessionHelp, &options->id);
   AddOption(app, "--until-mm", "MM", &options->until_mm,
             "End it when the expected error is below this, as with create; without it: by hand")
@@ -86,14 +86,15 @@ void AddObservations(CommandParser& parser, CLI::App* group) {
   AddArgument(app, "SESSION", kSessionHelp, &options->session);
   AddOption(app, "--camera", "NAME", &options->camera, "This camera only");
   app->add_flag("--include-late", options->include_late,
-                "Also what came after the session was finished");
+                "Include observations that arrived after the session had finished");
 }
 
 void AddPreview(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "preview",
-      "What a camera that captures sees now, with what its agent's detector makes of it, as a JPEG "
-      "file. Previews are off unless the agent's configuration says enabled = true under [preview]",
+      "The current frame of a camera that captures, with the detection drawn into it, as a JPEG "
+      "file. "
+      "Previews are off unless the agent's configuration says enabled = true under [preview]",
       PreviewCamera);
   app->add_option("camera", options->camera, "Name of the camera")->required()->type_name("CAMERA");
   AddOption(app, "--out", "FILE", &options->file, "File to write; without it CAMERA.jpg");

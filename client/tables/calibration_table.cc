@@ -22,6 +22,7 @@ namespace {
 
 constexpr double kMmPerM = 1000;
 constexpr double kMsPerS = 1000;
+constexpr double kUsPerS = 1e6;
 
 std::string GradeName(v1::Quality::Grade grade) {
   return grade == v1::Quality::GRADE_UNSPECIFIED ? "not graded" : EnumWord(grade);
@@ -73,6 +74,22 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
                                     absl::StrAppend(out, FormatFixed(position_m * kMmPerM, 3));
                                   }),
                     " mm (estimated)\n");
+  }
+  return text;
+}
+
+// Each target, with its sessions where there are several.
+std::string FormatTargets(const v1::Calibration& calibration) {
+  std::string text = FormatWand(calibration.target());
+  if (calibration.other_targets().empty()) return text;
+  const auto waved_in = [](const v1::CalibratedTarget& target) {
+    const std::string kind = EnumWord(target.given().kind());
+    return Printable(absl::StrCat("target             ", kind, ", waved in ",
+                                  absl::StrJoin(target.session_ids(), ", "), "\n"));
+  };
+  text = waved_in(calibration.target()) + text;
+  for (const v1::CalibratedTarget& other : calibration.other_targets()) {
+    absl::StrAppend(&text, waved_in(other), FormatWand(other));
   }
   return text;
 }
@@ -139,6 +156,9 @@ std::string FormatCameraPoses(const v1::Calibration& calibration) {
       .Numbers({"x", "y", "z"}, "rotation vector (deg)")
       .Numbers({"offset (ms)", "rate (ppm)"}, "time");
   const auto& cameras = calibration.cameras();
+  const bool any_rolls =
+      std::ranges::any_of(cameras, [](const auto& c) { return c.line_delay_sigma_s() > 0; });
+  if (any_rolls) table.Numbers({"delay (us)", "sigma"}, "image row");
   const bool all_estimated =
       std::ranges::all_of(cameras, &v1::CalibratedCamera::time_offset_estimated);
   for (const v1::CalibratedCamera& camera : cameras) {
@@ -158,6 +178,11 @@ std::string FormatCameraPoses(const v1::Calibration& calibration) {
     const char* mark = all_estimated ? "" : camera.time_offset_estimated() ? " " : "*";
     cells.push_back(FormatFixed(camera.time_offset_s() * kMsPerS, 3) + mark);
     cells.push_back(FormatFixed(camera.time_rate_ppm(), 2));
+    if (any_rolls) {
+      const bool rolls = camera.line_delay_sigma_s() > 0;
+      cells.push_back(rolls ? FormatFixed(camera.line_delay_s() * kUsPerS, 3) : "-");
+      cells.push_back(rolls ? FormatFixed(camera.line_delay_sigma_s() * kUsPerS, 3) : "-");
+    }
     table.AddRow(cells);
   }
   std::string text = table.Format(2);
@@ -231,7 +256,7 @@ std::string FormatResult(const v1::Calibration& calibration) {
       "centre, and orientation as axis times angle of rig_from_cam\n",
       FormatCameraPoses(calibration), FormatCameraUncertainty(calibration),
       FormatHeldOutErrors(calibration), "\ninstants used      ", calibration.instant_count(), "\n",
-      FormatWand(calibration.target()), FormatScale(calibration), FormatSolver(calibration));
+      FormatTargets(calibration), FormatScale(calibration), FormatSolver(calibration));
 }
 
 }  // namespace

@@ -104,7 +104,7 @@ std::string FormatSession(const v1::Session& session) {
                     FormatDuration(wire::SecondsOf(session.goal().min_duration())), "\n");
   }
   if (!session.continues().empty()) {
-    absl::StrAppend(&text, "goes on with ", session.continues(), "\n");
+    absl::StrAppend(&text, "continues ", session.continues(), "\n");
   }
   absl::StrAppend(&text, "created  ", FormatTime(session.has_create_time(), session.create_time()),
                   "\n");

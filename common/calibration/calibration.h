@@ -70,6 +70,10 @@ struct CalibratedCamera {
   double time_rate_ppm = 0;
   double time_epoch_s = 0;
   bool time_offset_estimated = false;
+  // Rolling shutter: a marker in image row y is seen line_delay * (y - (height - 1) / 2) later than
+  // the clock says. Negative where rows are read upwards; 0 unless estimated.
+  double line_delay_s = 0;
+  double line_delay_sigma_s = 0;  // one sigma; 0: not estimated
   Residuals residuals;
   std::optional<CameraUncertainty> uncertainty;
   std::optional<ErrorFigures> held_out;
@@ -96,6 +100,7 @@ struct CalibratedTarget {
   double scale_sigma_rel = 0;     // 0: not computed
   double length_error_rms_m = 0;  // over all spans
   std::vector<SpanError> spans;
+  std::vector<std::string> session_ids;  // in which it was waved; empty: all
 };
 
 // How much a finding matters: kWarning limits the quality grade to usable, kError makes it bad.
@@ -121,7 +126,8 @@ enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, k
 struct Quality {
   QualityGrade grade = QualityGrade::kNotEvaluated;
   std::vector<std::string> reasons;
-  // Predicted error of the camera positions, one sigma, and the largest that is acceptable
+  // Predicted error of the camera positions after the best rigid motion of the rig, one sigma, and
+  // the largest that is acceptable
   // (CalibrationOptions::accept_m). In units of the result; 0: not known.
   double predicted_error_m = 0;
   double accepted_error_m = 0;
@@ -144,7 +150,8 @@ struct CalibrationResult {
   std::string reference_camera;
   uint32_t instant_count = 0;
   std::vector<CalibratedCamera> cameras;  // sorted by name
-  CalibratedTarget target;
+  CalibratedTarget target;                // of several the wand, if there is one
+  std::vector<CalibratedTarget> other_targets;
   std::vector<Refusal> refused;
   std::vector<Finding> findings;
   Quality quality;

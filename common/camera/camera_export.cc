@@ -40,6 +40,7 @@ std::string YamlOf(const CameraExport& camera) {
   storage << "distortion_coefficients" << distortion;
   storage << "extrinsics" << extrinsics;
   storage << "reprojection_error" << camera.reprojection_error_px;
+  if (camera.line_delay_s != 0) storage << "line_delay" << camera.line_delay_s;
   return storage.releaseAndGetString();
 }
 
@@ -81,8 +82,9 @@ absl::StatusOr<std::string> CameraExportText(const CameraExport& camera) {
   FaultList faults;
   faults.Add(camera.image_size_px.Validate());
   faults.Add(camera.intrinsics.Validate(camera.image_size_px));
-  if (!camera.cam_from_rig.Matrix().allFinite() || !std::isfinite(camera.reprojection_error_px)) {
-    faults.Add("pose or error is not finite");
+  if (!camera.cam_from_rig.Matrix().allFinite() ||
+      !std::isfinite(camera.reprojection_error_px + camera.line_delay_s)) {
+    faults.Add("pose, error or line delay is not finite");
   }
   RIGCAL_RETURN_IF_ERROR(
       faults.Result(absl::StrCat("not written, camera \"", camera.camera, "\": ")));

@@ -17,12 +17,14 @@ struct CameraExport {
   Intrinsics intrinsics;
   RigidTransform cam_from_rig;       // metres
   double reprojection_error_px = 0;  // mean
+  double line_delay_s = 0;           // from one image row to the next; 0: none is known
 };
 
 // An OpenCV FileStorage YAML with the fields of the eWand result: camera_name, image_width,
 // image_height, camera_matrix, distortion_model, distortion_coefficients, extrinsics (4x4
-// cam_from_rig, metres) and reprojection_error. INVALID_ARGUMENT names the camera and every value
-// that is not finite or out of range.
+// cam_from_rig, metres) and reprojection_error; of a rolling shutter also line_delay, in seconds
+// from one image row to the next. INVALID_ARGUMENT names the camera and every value that is not
+// finite or out of range.
 absl::StatusOr<std::string> CameraExportText(const CameraExport& camera);
 
 // Writes that text. Replaces the file whole or not at all.

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kNoDistortion[8] = {};
 constexpr double kRoundTripTolerance = 1e-9;  // normalised coordinates
+constexpr double kExact = 1e-14;              // likewise: what rounding leaves
 constexpr int kMaxNewtonSteps = 100;
 constexpr int kMaxHalvings = 40;
 constexpr int kMonotonicitySamples = 32;
@@ -84,7 +85,7 @@ bool UndistortPolynomial(const double* k, bool rational, const Eigen::Vector2d& 
   Distorted d;
   if (!Distort(k, rational, 0, 0, &d)) return false;
   double error = distorted.norm();
-  for (int step = 0; step < kMaxNewtonSteps && error > 0; ++step) {
+  for (int step = 0; step < kMaxNewtonSteps && error > kExact; ++step) {
     const Eigen::Vector2d residual = distorted - Eigen::Vector2d(d.x, d.y);
     const double determinant = d.dx_dx * d.dy_dy - d.dx_dy * d.dx_dy;
     Eigen::Vector2d delta(d.dy_dy * residual.x() - d.dx_dy * residual.y(),

@@ -23,6 +23,7 @@ absl::StatusOr<CameraExport> ToExport(const v1::CalibratedCamera& camera) {
   RIGCAL_ASSIGN_OR_RETURN(result.intrinsics, wire::FromProto(camera.intrinsics()));
   RIGCAL_ASSIGN_OR_RETURN(result.cam_from_rig, wire::FromProto(camera.cam_from_rig()));
   result.reprojection_error_px = camera.residuals().all().mean_px();
+  if (camera.line_delay_sigma_s() > 0) result.line_delay_s = camera.line_delay_s();
   return result;
 }
 
@@ -71,7 +72,7 @@ absl::StatusOr<std::vector<ExportFile>> MakeJson(const v1::Calibration& calibrat
 constexpr CalibrationExportFormat kFormats[] = {
     {"opencv",
      "one FileStorage YAML per camera (camera_matrix, distortion_coefficients, extrinsics: "
-     "cam_from_rig 4x4 in metres, reprojection_error)",
+     "cam_from_rig 4x4 in metres, reprojection_error; line_delay of a rolling shutter)",
      "application/yaml", &MakeOpenCv},
     {"json", "the whole calibration", "application/json", &MakeJson},
 };

@@ -49,6 +49,11 @@ struct Target {
 // simulated: a rigid target, whose markers come from elsewhere.
 absl::Status CheckDetectable(const Target& target);
 
+// FAILED_PRECONDITION: two sessions with these targets cannot go into one calibration, because they
+// are wands with other positions or another tolerance. A wand, rigid targets and a point go
+// together.
+absl::Status CheckMixable(const Target& a, const Target& b);
+
 // Reads `wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002`, `point`, or `rigid:FILE` with the
 // same options. Positions may be given in any order and from any origin: they are sorted and moved
 // to begin at 0. FILE is read here (see target_file.h); `rigid:{A 0 0 0 0.0005|B ...}` says what

@@ -7,7 +7,6 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration_record.h"
 #include "rigcal/v1/calibration.pb.h"
-#include "rigcal/v1/residuals.pb.h"
 
 namespace rigcal::wire {
 
@@ -16,7 +15,6 @@ v1::Calibration ToProto(const Calibration& calibration);
 absl::StatusOr<Calibration> FromProto(const v1::Calibration& proto);
 absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto);
 v1::CalibrationOptions ToProto(const CalibrationOptions& options);
-v1::CameraResiduals ToProto(const CameraResiduals& residuals);
 
 // The store's form; bytes of equal calibrations are equal.
 std::string SerializeCalibration(const Calibration& calibration);

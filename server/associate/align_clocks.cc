@@ -131,14 +131,45 @@ std::map<ClockKey, Offset> OffsetsFromSamples(const std::vector<CameraTrack>& tr
   return offsets;
 }
 
-double MedianPeriodS(const ObservationTable& observations) {
-  if (observations.size() < 2) return 0;
-  std::vector<int64_t> steps;
-  steps.reserve(observations.size() - 1);
-  for (size_t i = 1; i < observations.size(); ++i) {
-    steps.push_back(observations.time_ns(i) - observations.time_ns(i - 1));
+// Of the steps up to kMaxSteps periods, those that are multiples of the period and those that are
+// one period.
+constexpr double kMinMultiples = 0.9, kMinSingles = 0.05;
+constexpr double kMultipleTolerance = 0.15;  // periods
+constexpr int kMaxSteps = 10;
+constexpr int kMaxPeriodsInMedian = 16;
+constexpr int kMinSteps = 20;  // fewer tell nothing
+
+// The steps between rows are those of frames of this period, some of which have no row.
+bool AreFramesOf(double period_ns, const std::vector<int64_t>& steps_ns) {
+  int singles = 0, multiples = 0, all = 0;
+  for (const int64_t step_ns : steps_ns) {
+    const double periods = static_cast<double>(step_ns) / period_ns;
+    if (periods > kMaxSteps + kMultipleTolerance) continue;
+    const double whole = std::round(periods);
+    const bool is_multiple = whole >= 1 && std::abs(periods - whole) < kMultipleTolerance;
+    ++all;
+    multiples += is_multiple ? 1 : 0;
+    singles += is_multiple && whole == 1 ? 1 : 0;
   }
-  return std::min(kMaxPeriodS, 1e-9 * static_cast<double>(LowerMedian(std::move(steps))));
+  return all >= kMinSteps && multiples >= kMinMultiples * all && singles >= kMinSingles * all;
+}
+
+// The median step, and the step of the frames that the rows are of, of which most may be lost.
+void MeasurePeriods(AlignedTrack* track) {
+  const ObservationTable& observations = track->track.observations;
+  if (observations.size() < 2) return;
+  std::vector<int64_t> steps_ns;
+  steps_ns.reserve(observations.size() - 1);
+  for (size_t i = 1; i < observations.size(); ++i) {
+    steps_ns.push_back(observations.time_ns(i) - observations.time_ns(i - 1));
+  }
+  const auto median_ns = static_cast<double>(LowerMedian(steps_ns));
+  track->period_s = std::min(kMaxPeriodS, 1e-9 * median_ns);
+  for (int count = 1; count <= kMaxPeriodsInMedian; ++count) {
+    if (!AreFramesOf(median_ns / count, steps_ns)) continue;
+    track->frame_period_s = track->period_s / count;
+    return;
+  }
 }
 
 // Index into `clean` of the epoch that stands for each (session, camera) without clock samples.
@@ -196,8 +227,8 @@ std::vector<AlignedTrack> AlignClocks(const std::vector<CameraTrack>& tracks,
     result.clock_offset_ns = offset.offset_ns;
     result.offset_sigma_s = offset.sigma_s;
     result.latency_ns = latency_ns;
-    result.period_s = MedianPeriodS(track.observations);
     result.track = std::move(track);
+    MeasurePeriods(&result);
     aligned.push_back(std::move(result));
   }
   return aligned;

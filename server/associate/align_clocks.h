@@ -17,7 +17,10 @@ struct AlignedTrack {
   int64_t latency_ns = 0;       // of the camera: rig time is camera time + offset - latency
   double offset_sigma_s = 0;    // one sigma of the coarse offset; 0 within one time base
   double period_s = 0;          // median time between rows; 0 with fewer than two
+  // Of the camera's frames: less than period_s where most frames have no row. 0: as period_s.
+  double frame_period_s = 0;
 
+  double FramePeriodS() const { return frame_period_s > 0 ? frame_period_s : period_s; }
   // Of a moment of the camera's clock.
   int64_t CoarseRigTimeNs(int64_t camera_time_ns) const {
     return camera_time_ns + clock_offset_ns - latency_ns;

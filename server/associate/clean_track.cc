@@ -89,11 +89,19 @@ void RemoveDuplicates(CleanTrack* track, RefusalCounter* refused) {
 
 std::vector<CleanTrack> CleanTracks(std::vector<CameraTrack>* tracks, int marker_count,
                                     RefusalCounter* refused) {
+  return CleanTracks(
+      tracks, [marker_count](const std::string&) { return marker_count; }, refused);
+}
+
+std::vector<CleanTrack> CleanTracks(std::vector<CameraTrack>* tracks,
+                                    const MarkerCountOfSession& marker_count_of,
+                                    RefusalCounter* refused) {
   std::map<std::tuple<std::string, std::string, uint32_t>, CleanTrack> by_key;
   // What is refused for its values is counted here and named after sorting, so that the example
   // does not depend on the order of arrival.
   std::map<std::pair<std::string, RefusalReason>, std::pair<uint32_t, std::string>> faults;
   for (CameraTrack& track : *tracks) {
+    const int marker_count = marker_count_of(track.session_id);
     std::map<uint32_t, size_t> rows_of_epoch;
     for (const Observation& observation : track.observations) {
       ++rows_of_epoch[observation.clock_epoch];

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,11 @@ struct CleanTrack {
 // `covariance_not_positive`, `marker_count_mismatch`. The rows of `tracks` are freed as soon as
 // they have been read.
 std::vector<CleanTrack> CleanTracks(std::vector<CameraTrack>* tracks, int marker_count,
+                                    RefusalCounter* refused);
+// With a target of its own for each session.
+using MarkerCountOfSession = std::function<int(const std::string& session_id)>;
+std::vector<CleanTrack> CleanTracks(std::vector<CameraTrack>* tracks,
+                                    const MarkerCountOfSession& marker_count_of,
                                     RefusalCounter* refused);
 
 }  // namespace rigcal::server

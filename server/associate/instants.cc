@@ -153,7 +153,7 @@ struct Periods {
 Periods PeriodsOf(const std::vector<AlignedTrack>& tracks, const std::vector<int>& members) {
   Periods periods;
   for (const int track : members) {
-    const double own_s = tracks[static_cast<size_t>(track)].period_s;
+    const double own_s = tracks[static_cast<size_t>(track)].FramePeriodS();
     if (own_s <= 0) continue;
     if (periods.shortest_s == 0 || own_s < periods.shortest_s) periods.shortest_s = own_s;
     periods.longest_s = std::max(periods.longest_s, own_s);
@@ -236,7 +236,7 @@ std::vector<int> FastTracks(const std::vector<AlignedTrack>& tracks,
   const double longest_s = PeriodsOf(tracks, members).longest_s;
   std::vector<int> fast;
   for (const int track : members) {
-    const double own_s = tracks[static_cast<size_t>(track)].period_s;
+    const double own_s = tracks[static_cast<size_t>(track)].FramePeriodS();
     if (own_s > 0 && own_s < kFastShare * longest_s) fast.push_back(track);
   }
   return fast;
@@ -275,7 +275,7 @@ ViewGrouping GroupByRates(const std::vector<AlignedTrack>& tracks, const std::ve
   for (const ViewGroup& group : grouping.groups) slow_times_ns.push_back(MeanTimeNs(group));
   std::vector<WandView> between;
   for (const int track : fast) {
-    const double period_s = tracks[static_cast<size_t>(track)].period_s;
+    const double period_s = tracks[static_cast<size_t>(track)].FramePeriodS();
     const std::vector<WandView> rest =
         JoinNearest(tracks, ViewsOf(views, {track}), slow_times_ns,
                     Nanoseconds(kReachPeriods * period_s), &grouping.groups);

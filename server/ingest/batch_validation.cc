@@ -109,7 +109,7 @@ RowFault CheckRow(const ObservationBatch& batch, size_t row, int64_t previous_ns
   }
   if (time_ns < previous_ns) {
     return Fault("time_ns", row, RefusalReason::kTimeNotIncreasing,
-                 "the time is before that of the row ahead in the same clock epoch");
+                 "the time is before that of the previous row in the same clock epoch");
   }
   const size_t first = row * batch.marker_count;
   for (uint32_t marker = 0; marker < batch.marker_count; ++marker) {

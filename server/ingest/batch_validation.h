@@ -19,7 +19,7 @@ struct StreamContext {
 // Checks the values of every row against its camera, and returns the rows to refuse, each with its
 // first fault; the rest of the batch is kept:
 //   implausible_time      the row's time is negative or beyond 2^62 ns
-//   time_not_increasing   the row's time is before that of the row ahead (equal is not a fault
+//   time_not_increasing   the row's time is before that of the previous row (equal is not a fault
 //                         here: association treats it)
 //   not_finite            a value of a visible marker is NaN or infinite
 //   far_outside_image     a centre lies more than one image size outside of the image

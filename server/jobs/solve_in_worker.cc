@@ -62,10 +62,16 @@ class ScratchFile {
   int file_;
 };
 
-// Of the target, as many as the line kernel would solve in the same memory.
-uint64_t MarkersInMemory(const Target& target) {
-  const auto count = static_cast<uint64_t>(target.marker_count());
-  return target.kind == TargetKind::kRigid ? kGeneralPathFactor * count : count;
+// Of the target with most, as many as the line kernel would solve in the same memory.
+uint64_t MarkersInMemory(const CalibrationPlan& plan) {
+  auto count = static_cast<uint64_t>(plan.target.marker_count());
+  bool is_general = plan.target.kind == TargetKind::kRigid;
+  for (const auto& [session_id, other] : plan.other_targets) {
+    count = std::max(count, static_cast<uint64_t>(other.marker_count()));
+    // A point beside a wand takes the general path too.
+    is_general = is_general || other.kind != plan.target.kind || other.kind == TargetKind::kRigid;
+  }
+  return is_general ? kGeneralPathFactor * count : count;
 }
 
 struct PreparedInput {
@@ -80,7 +86,7 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationPlan plan,
                           PlanCalibration(task.store, task.session_ids, refused));
   RIGCAL_ASSIGN_OR_RETURN(ScratchFile file, ScratchFile::Create(options.scratch_dir));
-  PreparedInput input{std::move(file), 0, MarkersInMemory(plan.target)};
+  PreparedInput input{std::move(file), 0, MarkersInMemory(plan)};
   SolveInputWriter writer(input.file.descriptor());
   const auto note = [&options](const absl::Status& status) {
     if (status.ok()) return status;
@@ -88,8 +94,8 @@ absl::StatusOr<PreparedInput> WriteInput(const SolveTask& task, const WorkerOpti
                         absl::StrCat("cannot write the observations for the solve to ",
                                      options.scratch_dir.string(), ": ", status.message()));
   };
-  RIGCAL_RETURN_IF_ERROR(
-      note(writer.Begin(plan.target, task.options, plan.tracks, plan.row_limits)));
+  RIGCAL_RETURN_IF_ERROR(note(
+      writer.Begin(plan.target, task.options, plan.tracks, plan.row_limits, plan.other_targets)));
   RIGCAL_RETURN_IF_ERROR(ReadCalibrationRows(task.store, plan, task.max_observations, cancelled,
                                              refused,
                                              [&](size_t track, const ObservationBatch& batch) {

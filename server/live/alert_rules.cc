@@ -161,9 +161,9 @@ void AddLens(const CameraFacts& facts, Conditions* conditions) {
   if (!facts.lens_disagrees) return;
   conditions->Add("lens_wrong", AlertSeverity::kInfo,
                   absl::StrCat("the lens of ", facts.camera,
-                               " is not as it was described (focal length, centre or distortion); "
-                               "the estimate finds it anew, which takes more waving: reach all of "
-                               "its image"),
+                               " does not match its description (focal length, centre or "
+                               "distortion); it is estimated from the wave, which takes longer: "
+                               "reach all of its image"),
                   milliseconds(3000));
 }
 

@@ -18,7 +18,6 @@
 #include <vector>
 
 #include "server/ingest/ingest.h"
-#include "server/live/alert_book.h"
 #include "server/live/arrivals.h"
 #include "server/live/earlier_waves.h"
 #include "server/live/live_state.h"
@@ -38,7 +37,7 @@ struct LiveTrackerOptions {
 };
 
 // Follows what ingest stores, sessions, agents and the running estimate, and makes the live state
-// of each rig: at most seven times a second, on one thread, whoever asks for it. Memory is bounded:
+// of each rig: at most once per interval, on one thread, for all clients. Memory is bounded:
 // rows are thinned to about 50 per second and camera, and cameras beyond the first 256 of a session
 // are left out. Thread-safe.
 class LiveTracker {
@@ -91,16 +90,13 @@ class LiveTracker {
   Rig* FindOrAddRig(std::string_view name);
   void FollowSessions();
   void FollowSession(Rig* rig, std::string_view id);
-  void ReadEarlier(const Rig& rig, const std::vector<SessionCameraCounts>& own_counts);
+  void ReadEarlier(const Session& session, const std::vector<SessionCameraCounts>& own_counts);
   void FollowAgents();
   void TakeArrivals(std::vector<std::pair<StreamKey, Arrivals>> arrivals);
-  void CountOverlap(Rig* rig, const std::string& camera, const std::vector<ThinnedRow>& rows);
   void TakeEarlier();
   void TakeEstimates();
-  void MakeState(Rig* rig);
+  void Publish(Rig* rig);
   void StopAtGoal(Rig* rig, const LiveGoal& goal);
-  LiveCamera CameraOf(const Rig& rig, const std::string& name) const;
-  std::vector<AlertCondition> ConditionsOf(const Rig& rig) const;
   std::shared_ptr<const LiveSnapshot> EmptyState(std::string_view rig) const;
   std::string IncarnationOf(std::string_view rig) const;
 

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/export/calibration_export.h"
 #include "common/status/status_macros.h"
+#include "common/wire/calibration_result_wire.h"
 #include "common/wire/calibration_wire.h"
 #include "common/wire/camera_wire.h"
 #include "common/wire/request_traits.h"

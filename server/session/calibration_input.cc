@@ -59,16 +59,20 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
   for (size_t i = 1; i < sessions.size(); ++i) {
     const Session& first = sessions.front();
     const Session& session = sessions[i];
-    const char* different = session.rig != first.rig         ? "rig"
-                            : session.target != first.target ? "target"
-                                                             : nullptr;
-    if (different != nullptr) {
+    if (session.rig != first.rig) {
       return absl::FailedPreconditionError(absl::StrCat("sessions '", first.id, "' and '",
-                                                        session.id, "' differ in their ", different,
-                                                        "; calibrate them apart"));
+                                                        session.id, "' differ in their rig; ",
+                                                        "calibrate them apart"));
     }
     // With every earlier one: a camera need not be in the first session.
-    for (size_t k = 0; k < i; ++k) RIGCAL_RETURN_IF_ERROR(CheckCamerasFit(session, sessions[k]));
+    for (size_t k = 0; k < i; ++k) {
+      RIGCAL_RETURN_IF_ERROR(CheckCamerasFit(session, sessions[k]));
+      const absl::Status mixable = CheckMixable(sessions[k].target, session.target);
+      if (mixable.ok()) continue;
+      return absl::FailedPreconditionError(
+          absl::StrCat("sessions '", sessions[k].id, "' and '", session.id,
+                       "' differ in their target: ", mixable.message()));
+    }
   }
   return absl::OkStatus();
 }
@@ -80,7 +84,8 @@ absl::StatusOr<CalibrationPlan> PlanCalibration(const Store& store,
   plan.session_ids.assign(session_ids.begin(), session_ids.end());
   for (const std::string& id : session_ids) {
     RIGCAL_ASSIGN_OR_RETURN(const Session session, store.GetSession(id));
-    plan.target = session.target;
+    if (id == session_ids.front()) plan.target = session.target;
+    if (session.target != plan.target) plan.other_targets[id] = session.target;
     std::map<std::string, CameraTrack> tracks;
     for (const SessionCamera& camera : session.cameras) {
       CameraTrack& track = tracks[camera.description.camera];
@@ -164,7 +169,7 @@ absl::StatusOr<CalibrationInput> ReadCalibrationInput(const Store& store,
                             AddRows(batch, &tracks[track]);
                             return absl::OkStatus();
                           }));
-  return CalibrationInput{plan.target, std::move(tracks), refused->List()};
+  return CalibrationInput{plan.target, std::move(tracks), refused->List(), plan.other_targets};
 }
 
 }  // namespace rigcal::server

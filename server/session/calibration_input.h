@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -20,16 +21,17 @@
 namespace rigcal::server {
 
 // Checks that these sessions may go into one calibration. FAILED_PRECONDITION names the session (or
-// the two that differ) and the camera: not finished, another rig or target, other intrinsics or
-// image size for the same camera, a camera without intrinsics.
+// the two that differ) and the camera: not finished, another rig, targets that cannot be mixed
+// (CheckMixable), other intrinsics or image size for the same camera, a camera without intrinsics.
 absl::Status CheckSessionsFit(absl::Span<const Session> sessions);
 
 // What goes into a calibration, before any row has been read.
 struct CalibrationPlan {
   std::vector<std::string> session_ids;
-  Target target;
-  std::vector<CameraTrack> tracks;   // by session, then by camera; no rows yet
-  std::vector<uint64_t> row_limits;  // by track: at most so many rows will come
+  Target target;                                // of the sessions that other_targets does not name
+  std::map<std::string, Target> other_targets;  // by session
+  std::vector<CameraTrack> tracks;              // by session, then by camera; no rows yet
+  std::vector<uint64_t> row_limits;             // by track: at most so many rows will come
 };
 
 // `refused` gets what agents and ingest refused; damaged rows are counted when they are read. The

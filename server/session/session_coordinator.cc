@@ -32,6 +32,7 @@ SessionCoordinator::SessionCoordinator(SessionCoordinatorOptions options, Store*
       store_(store),
       directory_(directory),
       orders_(store, options_.send_window),
+      sender_(directory, &contexts_, &tasks_),
       changes_(options_.max_watches) {}
 
 absl::StatusOr<std::unique_ptr<SessionCoordinator>> SessionCoordinator::Create(
@@ -108,13 +109,7 @@ absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
   std::lock_guard change(change_mutex_);
   RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
   if (session.state == SessionState::kCapturing) return session;
-  if (session.state != SessionState::kCreated) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "session '", session.id, "' cannot start: it has been stopped already and is ",
-        StateSince(session), session.stop_reason.empty() ? "" : " (", session.stop_reason,
-        session.stop_reason.empty() ? "" : ")", "; create a new one"));
-  }
-  RIGCAL_RETURN_IF_ERROR(CheckNotDiscarded(session));
+  RIGCAL_RETURN_IF_ERROR(CheckMayStart(session));
   const auto connected = directory_->ConnectedCameras(session.rig);
   RIGCAL_ASSIGN_OR_RETURN(session.cameras,
                           ChooseCameras(session, connected, options_.max_cameras_per_session));
@@ -130,7 +125,7 @@ absl::StatusOr<Session> SessionCoordinator::StartSession(std::string_view id) {
     spdlog::warn("session {}: its streams are not noted: {}", session.id,
                  std::string(status.message()));
   }
-  SendOrders(session, std::move(orders));
+  sender_.SendStart(session, std::move(orders));
   return session;
 }
 
@@ -139,24 +134,14 @@ absl::StatusOr<Session> SessionCoordinator::StopSession(std::string_view id, dou
   RIGCAL_ASSIGN_OR_RETURN(const double timeout_s, DrainTimeout(drain_timeout_s));
   std::lock_guard change(change_mutex_);
   RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
-  if (session.state == SessionState::kCreated) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("session '", session.id, "' cannot be stopped: it has not been started"));
-  }
+  RIGCAL_RETURN_IF_ERROR(CheckMayStop(session));
   if (session.state != SessionState::kCapturing) return session;
   session.stop_reason = reason;
   session.state = SessionState::kDraining;
   session.stop_utc_ns = UtcNowNs(options_.utc_now_ns);
   session.drain_deadline_utc_ns = session.stop_utc_ns + static_cast<int64_t>(timeout_s * 1e9);
   RIGCAL_RETURN_IF_ERROR(store_->UpdateSession(session));
-  std::set<std::string> told;
-  for (const auto& camera : directory_->ConnectedCameras(session.rig)) {
-    const SessionCamera* own = session.FindCamera(camera.camera.description.camera);
-    if (own == nullptr || own->agent_id != camera.agent_id) continue;
-    if (!told.insert(camera.agent_id).second) continue;
-    tasks_.Post(
-        [link = camera.link, session_id = session.id] { link->SendStopCapture(session_id); });
-  }
+  sender_.SendStop(session);
   Activate(session);
   spdlog::info("session {}: draining, at most {} s{}{}", session.id, timeout_s,
                session.stop_reason.empty() ? "" : "; ", session.stop_reason);
@@ -176,12 +161,7 @@ absl::Status SessionCoordinator::DeleteSession(std::string_view id) {
   }
   RIGCAL_RETURN_IF_ERROR(stored.status());
   const Session& session = *stored;
-  if (session.state == SessionState::kCapturing || session.state == SessionState::kDraining) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("session '", session.id, "' cannot be deleted: it is ",
-                     session.state == SessionState::kCapturing ? "capturing; stop it first"
-                                                               : "draining; wait for its end"));
-  }
+  RIGCAL_RETURN_IF_ERROR(CheckNotRunning(session, "deleted"));
   RIGCAL_RETURN_IF_ERROR(contexts_.Remove(id));
   if (absl::Status status = store_->DeleteSession(id); !status.ok()) {
     contexts_.Put(session);
@@ -197,12 +177,7 @@ absl::StatusOr<Session> SessionCoordinator::DiscardSession(std::string_view id, 
   std::lock_guard change(change_mutex_);
   RIGCAL_ASSIGN_OR_RETURN(Session session, store_->GetSession(id));
   if ((session.discard_utc_ns != 0) != undo) return session;
-  if (session.state == SessionState::kCapturing || session.state == SessionState::kDraining) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("session '", session.id, "' cannot be thrown away: it is ",
-                     session.state == SessionState::kCapturing ? "capturing; stop it first"
-                                                               : "draining; wait for its end"));
-  }
+  RIGCAL_RETURN_IF_ERROR(CheckNotRunning(session, "thrown away"));
   session.discard_utc_ns = undo ? 0 : UtcNowNs(options_.utc_now_ns);
   RIGCAL_RETURN_IF_ERROR(store_->UpdateSession(session));
   ++change_count_;
@@ -291,7 +266,7 @@ absl::StatusOr<SessionCoordinator::AgentConnection> SessionCoordinator::ConnectA
       return status;
     }
     for (StreamKey& stream : StreamsOf(*orders)) opened.push_back(std::move(stream));
-    SendOrders(session, *std::move(orders));
+    sender_.SendStart(session, *std::move(orders));
     changes_.Notify(session.id);
     PostFinishCheck(session.id);
   }
@@ -303,38 +278,8 @@ absl::StatusOr<SessionCoordinator::AgentConnection> SessionCoordinator::ConnectA
   return connection;
 }
 
-void SessionCoordinator::SendOrders(const Session& session, std::vector<CaptureOrder> orders) {
-  const bool draining = session.state == SessionState::kDraining;
-  for (CaptureOrder& order : orders) {
-    tasks_.Post([link = std::move(order.link), command = std::move(order.command), draining] {
-      link->SendStartCapture(command);
-      if (draining) link->SendStopCapture(command.session_id);
-    });
-  }
-}
-
-void SessionCoordinator::StopLateCapture(const StreamKey& stream) {
-  const std::optional<StreamContextCache::Owner> owner = contexts_.FindOwner(stream);
-  if (!owner) return;
-  for (const AgentDirectory::ConnectedCamera& camera : directory_->ConnectedCameras(owner->rig)) {
-    if (camera.camera.description.camera != stream.camera || camera.agent_id != owner->agent_id) {
-      continue;
-    }
-    {
-      std::lock_guard lock(mutex_);
-      if (!told_to_stop_.emplace(camera.registration, stream.session_id).second) return;
-    }
-    spdlog::info("session {}: agent {} still captures for it; sending it the stop command",
-                 stream.session_id, owner->agent_id);
-    camera.link->SendStopCapture(stream.session_id);
-  }
-}
-
 void SessionCoordinator::DisconnectAgent(AgentDirectory::Registration registration) {
-  {
-    std::lock_guard lock(mutex_);
-    std::erase_if(told_to_stop_, [&](const auto& told) { return told.first == registration; });
-  }
+  sender_.Forget(registration);
   if (!directory_->Unregister(registration)) return;
   for (const Session& session : ActiveSessions()) changes_.Notify(session.id);
 }
@@ -342,9 +287,7 @@ void SessionCoordinator::DisconnectAgent(AgentDirectory::Registration registrati
 void SessionCoordinator::RecordProgress(const StreamKey& stream, const AppendOutcome& outcome) {
   if (outcome.complete) PostFinishCheck(stream.session_id);
   // It was away when the session was stopped, and came back after its end.
-  if (outcome.late && !outcome.complete) {
-    tasks_.Post([this, stream] { StopLateCapture(stream); });
-  }
+  if (outcome.late && !outcome.complete) sender_.SendLateStop(stream);
   changes_.Notify(stream.session_id);
 }
 
@@ -392,16 +335,7 @@ void SessionCoordinator::FinishIfEnded(const std::string& id, bool overdue) {
   };
   const auto counts = store_->GetSessionCounts(id);
   if (!counts.ok()) return try_again_later(counts.status());
-  std::set<std::string> ended;
-  for (const SessionCameraCounts& camera : *counts) {
-    if (camera.ended()) ended.insert(camera.camera);
-  }
-  session.missing_cameras.clear();
-  for (const SessionCamera& camera : session.cameras) {
-    if (!ended.contains(camera.description.camera)) {
-      session.missing_cameras.push_back(camera.description.camera);
-    }
-  }
+  session.missing_cameras = CamerasNotEnded(session, *counts);
   if (!session.missing_cameras.empty() && !overdue) return;
   session.state = SessionState::kFinished;
   session.finish_utc_ns = UtcNowNs(options_.utc_now_ns);

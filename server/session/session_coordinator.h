@@ -12,7 +12,6 @@
 #include <set>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -22,6 +21,7 @@
 #include "server/session/agent_directory.h"
 #include "server/session/agent_link.h"
 #include "server/session/capture_orders.h"
+#include "server/session/capture_sender.h"
 #include "server/session/change_notifier.h"
 #include "server/session/stream_context_cache.h"
 #include "server/session/task_queue.h"
@@ -125,9 +125,6 @@ class SessionCoordinator {
   SessionCoordinator(SessionCoordinatorOptions options, Store* store, AgentDirectory* directory);
   absl::Status Load();
   void Activate(const Session& session);
-  void SendOrders(const Session& session, std::vector<CaptureOrder> orders);
-  // Tells the agent of a stream whose session has finished to stop, once per connection.
-  void StopLateCapture(const StreamKey& stream);
   // Looks after `delay` whether every camera has ended; nothing happens where that is planned.
   void PostFinishCheck(const std::string& id, std::chrono::milliseconds delay = {});
   // Finishes the session after `delay`, whatever is missing then.
@@ -140,6 +137,7 @@ class SessionCoordinator {
   AgentDirectory* const directory_;
   const CaptureOrders orders_;
   StreamContextCache contexts_;
+  CaptureSender sender_;
   ChangeNotifier changes_;
 
   // Held over a whole change, the store's part included. Taken before mutex_.
@@ -148,8 +146,6 @@ class SessionCoordinator {
   mutable std::mutex mutex_;
   std::map<std::string, Session, std::less<>> active_;  // capturing or draining
   std::set<std::string> finish_checks_;                 // posted, not begun
-  // Late deliveries that were answered with a stop command.
-  std::set<std::pair<AgentDirectory::Registration, std::string>> told_to_stop_;
 
   TaskQueue tasks_{"sessions"};  // its tasks use the members above
 };

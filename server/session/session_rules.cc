@@ -152,11 +152,48 @@ absl::Status CheckContinues(const Session& session, const Session& earlier) {
   return absl::OkStatus();
 }
 
+absl::Status CheckMayStart(const Session& session) {
+  if (session.state != SessionState::kCreated) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "session '", session.id, "' cannot start: it has been stopped already and is ",
+        StateSince(session), session.stop_reason.empty() ? "" : " (", session.stop_reason,
+        session.stop_reason.empty() ? "" : ")", "; create a new one"));
+  }
+  return CheckNotDiscarded(session);
+}
+
+absl::Status CheckMayStop(const Session& session) {
+  if (session.state != SessionState::kCreated) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("session '", session.id, "' cannot be stopped: it has not been started"));
+}
+
+absl::Status CheckNotRunning(const Session& session, std::string_view action) {
+  const bool capturing = session.state == SessionState::kCapturing;
+  if (!capturing && session.state != SessionState::kDraining) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("session '", session.id, "' cannot be ", std::string(action), ": it is ",
+                   capturing ? "capturing; stop it first" : "draining; wait for its end"));
+}
+
 absl::Status CheckNotDiscarded(const Session& session) {
   if (session.discard_utc_ns == 0) return absl::OkStatus();
   return absl::FailedPreconditionError(
       absl::StrCat("session '", session.id, "' was thrown away; nothing of it was deleted: take ",
                    "it back with rigcal session discard ", session.id, " --undo"));
+}
+
+std::vector<std::string> CamerasNotEnded(const Session& session,
+                                         absl::Span<const SessionCameraCounts> counts) {
+  std::set<std::string> ended;
+  for (const SessionCameraCounts& camera : counts) {
+    if (camera.ended()) ended.insert(camera.camera);
+  }
+  std::vector<std::string> missing;
+  for (const SessionCamera& camera : session.cameras) {
+    if (!ended.contains(camera.description.camera)) missing.push_back(camera.description.camera);
+  }
+  return missing;
 }
 
 std::string StateSince(const Session& session) {

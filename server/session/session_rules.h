@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -29,12 +30,25 @@ absl::StatusOr<std::vector<SessionCamera>> ChooseCameras(
 // FAILED_PRECONDITION when a camera of `starting` captures for one of `active` already; names both.
 absl::Status CheckNotCapturing(const Session& starting, absl::Span<const Session> active);
 
+// FAILED_PRECONDITION: it has been started before, or thrown away.
+absl::Status CheckMayStart(const Session& session);
+
+// FAILED_PRECONDITION: it has not been started.
+absl::Status CheckMayStop(const Session& session);
+
+// FAILED_PRECONDITION when it captures or drains. `action` is for the message: "deleted".
+absl::Status CheckNotRunning(const Session& session, std::string_view action);
+
 // FAILED_PRECONDITION: it was thrown away; the message says how to take that back.
 absl::Status CheckNotDiscarded(const Session& session);
 
 // Checks that `session` can go on with `earlier`. FAILED_PRECONDITION: that one has not finished,
 // its observations were deleted, it was thrown away, or it has another rig or target.
 absl::Status CheckContinues(const Session& session, const Session& earlier);
+
+// The session's cameras that have not delivered everything yet, in its order.
+std::vector<std::string> CamerasNotEnded(const Session& session,
+                                         absl::Span<const SessionCameraCounts> counts);
 
 // For messages: "capturing since 2026-01-02 03:04:05 UTC".
 std::string StateSince(const Session& session);

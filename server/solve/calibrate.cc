@@ -28,14 +28,20 @@ namespace rigcal::server {
 namespace {
 
 // Of the image's width; half of all views within this of one place determine nothing.
+constexpr int kMaxLensRounds = 3;
 constexpr double kMinSpreadShare = 0.01;
 // Sigma, as a share of a known distance, with which the solver holds it.
 constexpr double kDistanceHold = 1e-4;
 
 absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
-  RIGCAL_RETURN_IF_ERROR(input.target.Validate());
-  if (options.known_distance && input.target.marker_count() > 1) {
+  std::vector<const Target*> targets = {&input.target};
+  for (const auto& [session, target] : input.other_targets) targets.push_back(&target);
+  for (size_t i = 0; i < targets.size(); ++i) {
+    RIGCAL_RETURN_IF_ERROR(targets[i]->Validate());
+    for (size_t k = 0; k < i; ++k) RIGCAL_RETURN_IF_ERROR(CheckMixable(*targets[k], *targets[i]));
+  }
+  if (options.known_distance && TargetParts(input.target, input.other_targets).HasLengths()) {
     return absl::InvalidArgumentError(absl::StrCat(
         "a known distance (of cameras ", options.known_distance->camera_a, " and ",
         options.known_distance->camera_b,
@@ -134,13 +140,13 @@ size_t FirstVisible(const ObservationTable& rows, size_t row, bool any_marker) {
 
 // The spread of the wand in a camera's image, in pixels: the median distance of a marker from its
 // median position.
-double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& index, int camera,
-                     bool any_marker) {
+double ImageSpreadPx(const RigObservations& rig, int camera) {
   std::vector<Eigen::Vector2d> centres_px;
   std::vector<double> x, y, distance;
-  for (size_t t = 0; t < tracks.size(); ++t) {
-    if (index.camera_of_track[t] != camera) continue;
-    const ObservationTable& rows = tracks[t].track.observations;
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    if (rig.index.camera_of_track[t] != camera) continue;
+    const ObservationTable& rows = rig.tracks[t].track.observations;
+    const bool any_marker = rig.TargetOf(t).kind == TargetKind::kRigid;
     for (size_t i = 0; i < rows.size(); ++i) {
       const size_t marker = FirstVisible(rows, i, any_marker);
       if (!rows.IsVisible(i, marker)) continue;
@@ -157,10 +163,10 @@ double ImageSpreadPx(const std::vector<AlignedTrack>& tracks, const RigIndex& in
   return UpperMedian(&distance);
 }
 
-absl::Status CheckMotion(const std::vector<AlignedTrack>& tracks, const RigIndex& index,
-                         bool any_marker) {
+absl::Status CheckMotion(const RigObservations& rig) {
+  const RigIndex& index = rig.index;
   for (size_t c = 0; c < index.cameras.size(); ++c) {
-    const double spread_px = ImageSpreadPx(tracks, index, static_cast<int>(c), any_marker);
+    const double spread_px = ImageSpreadPx(rig, static_cast<int>(c));
     const double needed_px = kMinSpreadShare * index.cameras[c].image_size_px.width;
     if (spread_px >= needed_px) continue;
     return absl::FailedPreconditionError(absl::StrFormat(
@@ -286,7 +292,7 @@ RigSolveOptions SolveOptionsOf(const RigObservations& rig, const CalibrationOpti
   solve.reference_camera = CameraIndex(rig.index, options.reference_camera);
   solve.estimate_time_offsets = options.time_offsets != Estimate::kFixed;
   solve.estimate_marker_positions =
-      options.marker_positions != Estimate::kFixed && rig.target.marker_count() > 1;
+      options.marker_positions != Estimate::kFixed && rig.Parts().HasLengths();
   if (options.known_distance) {
     const KnownDistance& known = *options.known_distance;
     solve.known_distance = BundleDistance{CameraIndex(rig.index, known.camera_a),
@@ -381,6 +387,44 @@ absl::StatusOr<Solved> SolveWithout(const OddCamera& odd, RigObservations* rig,
   return solved;
 }
 
+// With the lenses that the data prefer, where the intrinsics are for the solve to choose: in
+// rounds, because one lens that is described wrongly spoils the errors of the others. What cannot
+// be solved with them stays as it was. CANCELLED.
+absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
+                          const CalibrationOptions& options, const CalibrationHooks& hooks,
+                          const std::map<std::string, CameraCounts>& counts,
+                          const RefusalCounter& refused, RigObservations* rig, Solved* solved) {
+  if (options.intrinsics != Estimate::kDefault && options.intrinsics != Estimate::kAuto) {
+    return absl::OkStatus();
+  }
+  std::vector<Finding> findings;
+  std::vector<bool> new_lens(rig->index.cameras.size(), false);
+  for (int round = 0; round < kMaxLensRounds; ++round) {
+    std::vector<BetterLens> lenses = solved->evaluated.lenses;
+    std::erase_if(lenses, [](const BetterLens& lens) { return !lens.is_clear; });
+    if (lenses.empty()) break;
+    RigObservations changed = WithLenses(*rig, lenses);
+    RigSolveOptions solve = SolveOptionsOf(changed, options, hooks, counts);
+    for (const BetterLens& lens : lenses) new_lens[lens.camera] = true;
+    solve.new_lens = new_lens;
+    absl::StatusOr<Solved> again = SolveAndReport(changed, clocks, solve, options, counts, refused);
+    if (absl::IsCancelled(again.status())) return again.status();
+    if (!again.ok()) break;
+    for (const BetterLens& lens : lenses) findings.push_back(FindingOf(*rig, lens, true));
+    *solved = *std::move(again);
+    *rig = std::move(changed);
+  }
+  if (findings.empty()) return absl::OkStatus();
+  // A lens that only these data describe is at most usable.
+  CalibrationResult& result = solved->result;
+  for (Finding& finding : findings) {
+    finding.severity = SeverityOf(result, finding);
+    result.findings.push_back(std::move(finding));
+  }
+  result.quality = GradeQuality(result, solved->evaluated.predicted);
+  return absl::OkStatus();
+}
+
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,
                                       const CalibrationHooks& hooks, RefusalCounter* refused) {
   RIGCAL_RETURN_IF_ERROR(ValidateInput(input, options));
@@ -393,13 +437,17 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   RIGCAL_RETURN_IF_ERROR(CheckStampUnits(input.tracks));
   RigObservations rig;
   rig.target = input.target;
-  rig.tracks = AlignClocks(
-      input.tracks, CleanTracks(&input.tracks, input.target.marker_count(), refused), refused);
+  rig.other_targets = input.other_targets;
+  const auto marker_count = [&rig](const std::string& session_id) {
+    const auto other = rig.other_targets.find(session_id);
+    return (other == rig.other_targets.end() ? rig.target : other->second).marker_count();
+  };
+  rig.tracks =
+      AlignClocks(input.tracks, CleanTracks(&input.tracks, marker_count, refused), refused);
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));
-  RIGCAL_RETURN_IF_ERROR(
-      CheckMotion(rig.tracks, rig.index, input.target.kind == TargetKind::kRigid));
+  RIGCAL_RETURN_IF_ERROR(CheckMotion(rig));
 
   const RigSolveOptions solve = SolveOptionsOf(rig, options, hooks, counts);
   absl::StatusOr<Solved> solved = SolveAndReport(rig, clocks, solve, options, counts, *refused);
@@ -419,6 +467,10 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     }
   }
   RIGCAL_RETURN_IF_ERROR(solved.status());
+  // Where a camera spoils the others, nothing is said about lenses.
+  if (odd.kind == FindingKind::kUnspecified) {
+    RIGCAL_RETURN_IF_ERROR(ChooseLenses(clocks, options, hooks, counts, *refused, &rig, &*solved));
+  }
   *refused = std::move(solved->refused);
   if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);
   return std::move(solved->result);

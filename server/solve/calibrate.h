@@ -3,6 +3,8 @@
 
 #include <atomic>
 #include <functional>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -17,9 +19,10 @@ struct RigObservations;
 struct RigSolution;
 
 struct CalibrationInput {
-  Target target;
+  Target target;                    // of the sessions that other_targets does not name
   std::vector<CameraTrack> tracks;  // in any order
   std::vector<Refusal> refused;     // by the agents and by ingest: carried over into the result
+  std::map<std::string, Target> other_targets = {};  // by session
 };
 
 struct CalibrationHooks {
@@ -44,7 +47,8 @@ struct CalibrationOutcome {
 //
 // Errors of `result`: INVALID_ARGUMENT (options, a known distance with a wand, a camera without
 // intrinsics), FAILED_PRECONDITION (not connected: names the groups and the pair that would best
-// join them; too few instants; no camera), CANCELLED. Each says what to do.
+// join them; too few instants; no camera; targets that do not go together), CANCELLED. Each says
+// what to do.
 //
 // One camera that agrees with no pose among the others, in a rig of four and more, is left out: a
 // finding names it, its rows are counted in `refused`, and the result is that of the others.

@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <numeric>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -125,7 +128,19 @@ std::string Digest(const ReportInput& input) {
       used[static_cast<size_t>(member.track)][static_cast<size_t>(member.observation)] = true;
     }
   }
-  return ObservationDigest(input.options, input.rig.target, input.rig.tracks, used);
+  return ObservationDigest(input.options, input.rig.Parts(), input.rig.tracks, used);
+}
+
+// Of the rigid target: the part that an instant shows, from its first point to behind its last.
+std::pair<int, int> PartOf(const BundleProblem& problem, const BundleInstant& instant) {
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      for (const std::pair<int, int>& part : problem.rigid_target.Parts()) {
+        if (marker.marker >= part.first && marker.marker < part.second) return part;
+      }
+    }
+  }
+  return {0, 0};
 }
 
 // The volume of the ends of the placed target; none if none was placed.
@@ -137,8 +152,10 @@ std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
       for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(point_m[i]);
     };
     if (instant.is_rigid) {
-      for (const Eigen::Vector3d& point_m : problem.rigid_target.points_m) {
-        add(instant.origin_m + instant.rotation * point_m);
+      const auto [first, last] = PartOf(problem, instant);
+      for (int m = first; m < last; ++m) {
+        add(instant.origin_m +
+            instant.rotation * problem.rigid_target.points_m[static_cast<size_t>(m)]);
       }
       continue;
     }
@@ -157,18 +174,25 @@ std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
   return volume;
 }
 
-CalibratedTarget ReportTarget(const ReportInput& input) {
+// A rigid target, or a point: without spans. Of a point alone the scale comes from a known
+// distance, if any.
+CalibratedTarget ReportRigidTarget(const ReportInput& input, const Target& given) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   CalibratedTarget target;
-  target.given = input.rig.target;
-  if (problem.IsPoint() || problem.HasRigidTarget()) {
-    // No spans. Of a point the scale comes from a known distance, if any.
-    target.marker_positions_estimated = problem.HasRigidTarget() && !problem.rigid_target.fixed;
-    if (input.evaluated.uncertainty) {
-      target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
-    }
-    return target;
+  target.given = given;
+  target.marker_positions_estimated =
+      given.kind == TargetKind::kRigid && !problem.rigid_target.fixed;
+  if (input.evaluated.uncertainty) {
+    target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
   }
+  return target;
+}
+
+CalibratedTarget ReportTarget(const ReportInput& input, const Target& given) {
+  const BundleProblem& problem = input.evaluated.solution.built.problem;
+  if (given.kind != TargetKind::kWand) return ReportRigidTarget(input, given);
+  CalibratedTarget target;
+  target.given = given;
   target.marker_positions_m = problem.target.marker_positions_m;
   target.marker_positions_estimated = !problem.target.fixed;
   const LengthErrors lengths = MeasureLengths(problem, target.marker_positions_m, 2);
@@ -187,6 +211,32 @@ CalibratedTarget ReportTarget(const ReportInput& input) {
     }
   }
   return target;
+}
+
+// One for each that was given, with the sessions it was waved in; of several a wand comes first.
+void ReportTargets(const ReportInput& input, CalibrationResult* result) {
+  std::vector<CalibratedTarget> targets;
+  std::string last_session;
+  for (const AlignedTrack& track : input.rig.tracks) {
+    const std::string& session = track.track.session_id;
+    if (!targets.empty() && session == last_session) continue;
+    last_session = session;
+    const auto found = input.rig.other_targets.find(session);
+    const Target& given = found == input.rig.other_targets.end() ? input.rig.target : found->second;
+    auto known = std::ranges::find(targets, given, &CalibratedTarget::given);
+    if (known == targets.end()) {
+      targets.push_back(ReportTarget(input, given));
+      known = std::prev(targets.end());
+    }
+    known->session_ids.push_back(session);
+  }
+  if (targets.size() == 1) targets.front().session_ids.clear();
+  std::ranges::stable_sort(targets, {}, [](const CalibratedTarget& target) {
+    return target.given.kind == TargetKind::kWand ? 0 : 1;
+  });
+  result->target = std::move(targets.front());
+  result->other_targets.assign(std::make_move_iterator(targets.begin() + 1),
+                               std::make_move_iterator(targets.end()));
 }
 
 }  // namespace
@@ -228,6 +278,14 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
     camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
+    const RigSolution& solution = input.evaluated.solution;
+    camera.line_delay_s = solution.line_delay_s[c] + solved.line_delay_s;
+    if (input.evaluated.uncertainty) {
+      const RigUncertainty& known = *input.evaluated.uncertainty;
+      const Eigen::Index row =
+          known.Row({ReducedParameterKind::kLineDelay, static_cast<int>(c), 0});
+      if (row >= 0) camera.line_delay_sigma_s = std::sqrt(known.covariance(row, row));
+    }
     camera.residuals = residuals[c];
     if (input.evaluated.held_out) {
       const EvaluatedErrors& held_out = *input.evaluated.held_out;
@@ -255,7 +313,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     }
     result.cameras.push_back(std::move(camera));
   }
-  result.target = ReportTarget(input);
+  ReportTargets(input, &result);
   if (result.scale_known) result.wand_volume = MeasureWandVolume(problem);
   if (input.evaluated.uncertainty) {
     result.camera_covariance = PackCameraCovariance(

@@ -75,9 +75,17 @@ void AddCamera(const CameraDescription& camera, Hasher* hasher) {
               given.distortion);
 }
 
+void AddTarget(const Target& target, Hasher* hasher) {
+  hasher->Add(target.kind, target.marker_positions_m, target.diameter_m, target.blink_hz,
+              target.span_tolerance_m);
+  for (const TargetPoint& point : target.points) {
+    hasher->Add(point.label, point.x_m, point.y_m, point.z_m, point.sigma_m);
+  }
+}
+
 }  // namespace
 
-std::string ObservationDigest(const CalibrationOptions& options, const Target& target,
+std::string ObservationDigest(const CalibrationOptions& options, const TargetParts& targets,
                               const std::vector<AlignedTrack>& tracks,
                               const std::vector<std::vector<bool>>& used) {
   Hasher hasher;
@@ -88,16 +96,13 @@ std::string ObservationDigest(const CalibrationOptions& options, const Target& t
     const KnownDistance& known = *options.known_distance;
     hasher.Add(known.camera_a, known.camera_b, known.distance_m, known.SigmaM());
   }
-  hasher.Add(target.kind, target.marker_positions_m, target.diameter_m, target.blink_hz,
-             target.span_tolerance_m);
-  for (const TargetPoint& point : target.points) {
-    hasher.Add(point.label, point.x_m, point.y_m, point.z_m, point.sigma_m);
-  }
+  AddTarget(targets.first(), &hasher);
   // Sessions by their place, not their id: the same observations in another session are the same.
   uint64_t session = 0;
   for (size_t t = 0; t < tracks.size(); ++t) {
     const CleanTrack& track = tracks[t].track;
     if (t > 0 && track.session_id != tracks[t - 1].track.session_id) ++session;
+    if (targets.is_mixed()) AddTarget(targets.Of(track.session_id).target, &hasher);
     hasher.Add(session);
     AddCamera(track.camera, &hasher);
     hasher.Add(track.clock_epoch, tracks[t].clock_offset_ns);

@@ -5,15 +5,16 @@
 #include <vector>
 
 #include "common/calibration/calibration_options.h"
-#include "common/target/target.h"
 #include "server/associate/align_clocks.h"
+#include "server/solve/rig/target_parts.h"
 
 namespace rigcal::server {
 
 // SHA-256, as 64 hexadecimal digits, over exactly what a calibration was made from: the options,
-// the target, each camera's given intrinsics, and every used observation with all its values, in
-// the order of (session, camera, clock epoch, time). `used[t][i]`: observation i of track t.
-std::string ObservationDigest(const CalibrationOptions& options, const Target& target,
+// the target (of each session where they are several), each camera's given intrinsics, and every
+// used observation with all its values, in the order of (session, camera, clock epoch, time).
+// `used[t][i]`: observation i of track t.
+std::string ObservationDigest(const CalibrationOptions& options, const TargetParts& targets,
                               const std::vector<AlignedTrack>& tracks,
                               const std::vector<std::vector<bool>>& used);
 

@@ -50,6 +50,9 @@ class InputBuilder {
  private:
   absl::Status Begin(const worker::v1::SolveHeader& header) {
     RIGCAL_ASSIGN_OR_RETURN(result_.input.target, wire::FromProto(header.target()));
+    for (const auto& [session_id, other] : header.other_targets()) {
+      RIGCAL_ASSIGN_OR_RETURN(result_.input.other_targets[session_id], wire::FromProto(other));
+    }
     RIGCAL_ASSIGN_OR_RETURN(result_.options, wire::FromProto(header.options()));
     for (const worker::v1::SolveTrack& proto : header.tracks()) {
       CameraTrack track;
@@ -77,9 +80,13 @@ class InputBuilder {
 
 absl::Status SolveInputWriter::Begin(const Target& target, const CalibrationOptions& options,
                                      const std::vector<CameraTrack>& tracks,
-                                     const std::vector<uint64_t>& row_limits) {
+                                     const std::vector<uint64_t>& row_limits,
+                                     const std::map<std::string, Target>& other_targets) {
   worker::v1::SolveHeader* const header = message_.mutable_header();
   *header->mutable_target() = wire::ToProto(target);
+  for (const auto& [session_id, other] : other_targets) {
+    (*header->mutable_other_targets())[session_id] = wire::ToProto(other);
+  }
   *header->mutable_options() = wire::ToProto(options);
   for (size_t t = 0; t < tracks.size(); ++t) {
     worker::v1::SolveTrack* const track = header->add_tracks();

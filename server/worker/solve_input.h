@@ -3,6 +3,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -22,10 +24,12 @@ class SolveInputWriter {
  public:
   explicit SolveInputWriter(int descriptor) : writer_(descriptor) {}
 
-  // `tracks` without rows; `row_limits` by track: at most so many will follow.
+  // `tracks` without rows; `row_limits` by track: at most so many will follow. `other_targets`: of
+  // the sessions whose target is another one.
   absl::Status Begin(const Target& target, const CalibrationOptions& options,
                      const std::vector<CameraTrack>& tracks,
-                     const std::vector<uint64_t>& row_limits);
+                     const std::vector<uint64_t>& row_limits,
+                     const std::map<std::string, Target>& other_targets = {});
   // Rows that nobody refused.
   absl::Status AddRows(size_t track, const ObservationBatch& batch);
   absl::Status End(const std::vector<Refusal>& refused);

@@ -146,6 +146,7 @@ class Reference {
         return &rates_[index];
       case ReducedParameterKind::kMarkerPosition:
         return &positions_[index];
+      case ReducedParameterKind::kLineDelay:    // held
       case ReducedParameterKind::kTargetPoint:  // it has no rigid target
         break;
     }
@@ -166,20 +167,20 @@ class Reference {
   }
 
   template <int kIntrinsics>
-  void AddFree(const server::MarkerFunctor& residual, size_t c, size_t k, double* position,
+  void AddFree(const FixedLineDelayCost& residual, size_t c, size_t k, double* position,
                double* target) {
-    auto* functor = new server::MarkerFunctor(residual);
+    auto* functor = new FixedLineDelayCost(residual);
     ceres_->AddResidualBlock(
-        new ceres::AutoDiffCostFunction<server::MarkerFunctor, 2, 4, 3, kIntrinsics, 1, 1, 1, 6>(
+        new ceres::AutoDiffCostFunction<FixedLineDelayCost, 2, 4, 3, kIntrinsics, 1, 1, 1, 6>(
             functor),
         loss_.get(), rotations_[c].coeffs().data(), translations_[c].data(), intrinsics_[c].data(),
         &offsets_[k], &rates_[k], position, target);
   }
 
-  void AddMarker(const server::MarkerFunctor& residual, size_t c, size_t k, double* position,
+  void AddMarker(const FixedLineDelayCost& residual, size_t c, size_t k, double* position,
                  double* target) {
     if (IntrinsicsFree(c)) {
-      switch (residual.model) {
+      switch (residual.marker.model) {
         case DistortionModel::kBrownConrady:
           return AddFree<9>(residual, c, k, position, target);
         case DistortionModel::kRational:
@@ -200,15 +201,17 @@ class Reference {
 
   void AddMarkers() {
     for (size_t i = 0; i < problem_.instants.size(); ++i) {
-      ForEachUsedMarker(
-          problem_, problem_.instants[i],
-          [&](const BundleObservation& observation, const BundleMarker& marker) {
-            const auto c = static_cast<size_t>(observation.camera);
-            AddMarker(
-                {problem_.cameras[c].model, server::ToMeasured(marker), observation.clock_time_s},
-                c, static_cast<size_t>(observation.clock),
-                &positions_[static_cast<size_t>(marker.marker)], targets_[i].data());
-          });
+      ForEachUsedMarker(problem_, problem_.instants[i],
+                        [&](const BundleObservation& observation, const BundleMarker& marker) {
+                          const auto c = static_cast<size_t>(observation.camera);
+                          const BundleCamera& camera = problem_.cameras[c];
+                          AddMarker({{camera.model, server::ToMeasured(marker),
+                                      observation.clock_time_s, camera.middle_row},
+                                     camera.line_delay_s},
+                                    c, static_cast<size_t>(observation.clock),
+                                    &positions_[static_cast<size_t>(marker.marker)],
+                                    targets_[i].data());
+                        });
     }
   }
 

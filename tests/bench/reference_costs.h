@@ -10,9 +10,23 @@
 
 namespace rigcal::testing {
 
-// Of a camera whose intrinsics are not estimated: constants, not parameters.
-struct FixedIntrinsicsCost {
+// Line delays are not estimated here: a constant, not a parameter.
+struct FixedLineDelayCost {
   server::MarkerFunctor marker;
+  double line_delay_s;
+
+  template <typename T>
+  bool operator()(const T* rotation, const T* translation, const T* intrinsics, const T* offset,
+                  const T* rate, const T* position, const T* target, T* residuals) const {
+    const T line_delay(line_delay_s);
+    return marker(rotation, translation, intrinsics, offset, rate, &line_delay, position, target,
+                  residuals);
+  }
+};
+
+// Of a camera whose intrinsics are not estimated either.
+struct FixedIntrinsicsCost {
+  FixedLineDelayCost marker;
   std::array<double, kMaxIntrinsics> values;
 
   template <typename T>

@@ -119,7 +119,7 @@ void Iteration(benchmark::State& state, const server::LineBundleKernel* kernel, 
   const server::LineBundleEstimate estimate(scene.initial, layout, packed);
   server::LineBundleEstimate moved(scene.initial, layout, packed);
   for (auto _ : state) {
-    if (!system.Linearise(estimate, 1e-4) || !system.Solve(estimate, &moved).valid) std::exit(1);
+    if (!system.Linearise(estimate, 1e-4, false) || !system.Solve(estimate, &moved).valid) std::exit(1);
   }
 }
 

@@ -21,7 +21,7 @@ namespace rigcal::testing {
 class LiveRig : public ::testing::Test {
  protected:
   static constexpr double kRateHz = 50;
-  // Of waving; at most so much until an alert says what is wrong.
+  // An alert must name the problem within this much waving.
   static constexpr double kAlertLimitS = 10;
 
   void SetUp() override {

@@ -90,6 +90,12 @@ class Builder {
     camera.intrinsics_sigma.setConstant(size, 0.02);
     camera.intrinsics_sigma.head<4>().setConstant(10);
     if (index % 2 == 1) camera.intrinsics_sigma[size - 1] = 0;  // held
+    camera.middle_row = 0.5 * (kHeight - 1);
+    if (options_.free_line_delays) {
+      camera.line_delay_s = Normal(2e-5);
+      camera.line_delay_fixed = false;
+      camera.line_delay_sigma_s = 1e-4;
+    }
     ground_truth_.cameras.push_back(camera);
   }
 
@@ -147,7 +153,11 @@ class Builder {
                           &pixel, &jacobian, nullptr);
     if (!marker.used) return marker;
     marker.velocity_px_s = jacobian * (camera.cam_from_rig.rotation * velocity);
-    const double offset_s = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
+    // At the row where it is then measured.
+    const double middle_s = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
+    const double rows = (pixel.y() + middle_s * marker.velocity_px_s.y() - camera.middle_row) /
+                        (1 - camera.line_delay_s * marker.velocity_px_s.y());
+    const double offset_s = middle_s + camera.line_delay_s * rows;
     const Eigen::Vector2d noise(Normal(options_.noise_px), Normal(options_.noise_px));
     marker.centre_px = pixel + offset_s * marker.velocity_px_s + noise;
     if (Uniform(0, 1) < options_.outlier_share) {
@@ -176,6 +186,9 @@ class Builder {
         camera.intrinsics[i] += Normal(0.3 * camera.intrinsics_sigma[i]);
       }
       camera.intrinsics_mean = camera.intrinsics;
+    }
+    for (BundleCamera& camera : initial.cameras) {
+      if (!camera.line_delay_fixed) camera.line_delay_s = 0;
     }
     for (BundleClock& clock : initial.clocks) {
       if (!clock.offset_fixed) clock.time_offset_s = 0;

@@ -32,6 +32,7 @@ struct BundleSceneOptions {
   bool free_poses = true;
   bool free_offsets = true;
   bool free_rates = false;
+  bool free_line_delays = false;  // each of some tens of microseconds; otherwise none has any
   bool free_intrinsics = false;
   bool free_spacing = false;
   bool free_points = false;  // under a prior of 1 mm

@@ -156,7 +156,7 @@ uint32_t ImagesFrameSource::ClockEpochOf(const TimedFrame& image) {
   if (epoch != clock_epoch_) {
     clock_epoch_ = epoch;
     spdlog::warn(
-        "camera {}: the time of {} is before that of the image ahead of it; what follows is "
+        "camera {}: the time of {} is before that of the previous image; what follows is "
         "clock epoch {}: stored, but used only if its own time offset can be found",
         options_.camera, image.path, epoch);
   }

@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { durationSeconds, timeMs, toBytes, toCount, toDuration } from '../src/api/json_values';
 import { bytes, count, dateTime, enumWords, fixed, inMs, millimetres, percent, seconds, span } from '../src/view/format';
 import { hashOf, parseRoute, routeOf } from '../src/shell/route';
-import { parseTarget, targetText } from '../src/view/target_text';
+import { otherTargetText, parseTarget, targetText } from '../src/view/target_text';
 import { filterText, matches } from '../src/records/filter';
 import { optionalPositive } from '../src/wave/session_controls';
 
@@ -107,4 +107,11 @@ test('filters quote what must be quoted', () => {
   assert.equal(filterText({ rig: 'a" OR "b' }), 'rig="a OR b"');
   assert.ok(matches(' MORN ', [undefined, 'morning']));
   assert.ok(!matches('x', [undefined, 'morning']));
+});
+
+test('a further target is said with the sessions it was waved in', () => {
+  assert.equal(otherTargetText({ given: { kind: 'KIND_RIGID', points: [{}, {}, {}, {}] }, session_ids: ['a', 'b'] }),
+    'Also a rigid target of 4 points, waved in a, b');
+  assert.equal(otherTargetText({ given: { kind: 'KIND_POINT', marker_positions_m: [0] }, session_ids: ['c'] }),
+    'Also a single point, waved in c');
 });

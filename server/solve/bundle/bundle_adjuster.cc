@@ -35,6 +35,8 @@ class ParameterBlocks {
       Append(camera.cam_from_rig.translation_m);
       Append(camera.intrinsics);
     }
+    line_delays_ = values_.size();
+    for (const BundleCamera& camera : problem.cameras) values_.push_back(camera.line_delay_s);
     clocks_ = values_.size();
     for (const BundleClock& clock : problem.clocks) {
       values_.push_back(clock.time_offset_s);
@@ -61,6 +63,7 @@ class ParameterBlocks {
   double* rotation(size_t camera) { return &values_[cameras_[camera]]; }  // x y z w
   double* translation(size_t camera) { return rotation(camera) + 4; }
   double* intrinsics(size_t camera) { return rotation(camera) + 7; }
+  double* line_delay(size_t camera) { return &values_[line_delays_ + camera]; }
   double* offset(size_t clock) { return &values_[clocks_ + 2 * clock]; }
   double* rate(size_t clock) { return offset(clock) + 1; }
   double* position(size_t marker) { return &values_[positions_ + marker]; }
@@ -75,6 +78,7 @@ class ParameterBlocks {
       const Eigen::Quaterniond rotation_read(rotation(c));
       camera.cam_from_rig = {rotation_read.normalized(), Eigen::Vector3d(translation(c))};
       std::copy_n(intrinsics(c), camera.intrinsics.size(), camera.intrinsics.data());
+      camera.line_delay_s = *line_delay(c);
     }
     for (size_t k = 0; k < problem->clocks.size(); ++k) {
       problem->clocks[k].time_offset_s = *offset(k);
@@ -106,7 +110,8 @@ class ParameterBlocks {
 
   std::vector<double> values_;
   std::vector<size_t> cameras_;  // where each camera begins
-  size_t clocks_ = 0, positions_ = 0, points_ = 0, instants_ = 0, instant_count_ = 0;
+  size_t line_delays_ = 0, clocks_ = 0, positions_ = 0, points_ = 0, instants_ = 0,
+         instant_count_ = 0;
 };
 
 class Callback final : public ceres::IterationCallback {
@@ -134,15 +139,16 @@ void AddMarkers(const BundleProblem& problem, ceres::LossFunction* loss, Paramet
           const auto m = static_cast<size_t>(marker.marker);
           if (problem.instants[i].is_rigid) {
             ceres_problem->AddResidualBlock(
-                new RigidMarkerCost(problem.cameras[c].model, marker, observation.clock_time_s),
-                loss, blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c),
-                blocks->offset(k), blocks->rate(k), blocks->point(m), blocks->instant(i));
+                new RigidMarkerCost(problem.cameras[c], marker, observation.clock_time_s), loss,
+                blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c),
+                blocks->offset(k), blocks->rate(k), blocks->line_delay(c), blocks->point(m),
+                blocks->instant(i));
             return;
           }
           ceres_problem->AddResidualBlock(
-              new MarkerCost(problem.cameras[c].model, marker, observation.clock_time_s), loss,
+              new MarkerCost(problem.cameras[c], marker, observation.clock_time_s), loss,
               blocks->rotation(c), blocks->translation(c), blocks->intrinsics(c), blocks->offset(k),
-              blocks->rate(k), blocks->position(m), blocks->instant(i));
+              blocks->rate(k), blocks->line_delay(c), blocks->position(m), blocks->instant(i));
         });
   }
 }
@@ -166,6 +172,18 @@ void HoldIntrinsics(const BundleCamera& camera, double* values, ceres::Problem* 
                                   nullptr, values);
 }
 
+void ConstrainScalar(bool fixed, double mean, double sigma, double* value,
+                     ceres::Problem* ceres_problem) {
+  if (!ceres_problem->HasParameterBlock(value)) return;
+  if (fixed) {
+    ceres_problem->SetParameterBlockConstant(value);
+  } else if (sigma > 0) {
+    ceres_problem->AddResidualBlock(new ceres::NormalPrior(ceres::Matrix::Constant(1, 1, 1 / sigma),
+                                                           ceres::Vector::Constant(1, mean)),
+                                    nullptr, value);
+  }
+}
+
 void ConstrainCameras(const BundleProblem& problem, ParameterBlocks* blocks,
                       ceres::Problem* ceres_problem) {
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
@@ -179,23 +197,13 @@ void ConstrainCameras(const BundleProblem& problem, ParameterBlocks* blocks,
     }
     // Of a camera that only a distance holds there are none.
     if (!ceres_problem->HasParameterBlock(blocks->intrinsics(c))) continue;
+    ConstrainScalar(camera.line_delay_fixed, camera.prior_line_delay_s, camera.line_delay_sigma_s,
+                    blocks->line_delay(c), ceres_problem);
     if (camera.intrinsics_fixed) {
       ceres_problem->SetParameterBlockConstant(blocks->intrinsics(c));
     } else {
       HoldIntrinsics(camera, blocks->intrinsics(c), ceres_problem);
     }
-  }
-}
-
-void ConstrainScalar(bool fixed, double mean, double sigma, double* value,
-                     ceres::Problem* ceres_problem) {
-  if (!ceres_problem->HasParameterBlock(value)) return;
-  if (fixed) {
-    ceres_problem->SetParameterBlockConstant(value);
-  } else if (sigma > 0) {
-    ceres_problem->AddResidualBlock(new ceres::NormalPrior(ceres::Matrix::Constant(1, 1, 1 / sigma),
-                                                           ceres::Vector::Constant(1, mean)),
-                                    nullptr, value);
   }
 }
 
@@ -279,7 +287,9 @@ absl::StatusOr<BundleSummary> Solve(const BundleOptions& options, BundleProblem*
   for (size_t i = 0; i < problem->instants.size(); ++i) {
     if (!ceres_problem.HasParameterBlock(blocks.instant(i))) continue;
     ceres::Manifold* manifold = nullptr;
-    if (problem->instants[i].is_rigid) {
+    if (problem->instants[i].is_point) {
+      manifold = new ceres::SubsetManifold(7, {0, 1, 2, 3});
+    } else if (problem->instants[i].is_rigid) {
       manifold = new RigidManifold;
     } else {
       manifold = new LineManifold;

@@ -74,7 +74,7 @@ class InformationSum {
   }
 
   absl::Status AddInstant(const BundleInstant& instant) {
-    const int pose_size = instant.is_rigid ? 6 : 5;
+    const int pose_size = instant.is_point ? 3 : instant.is_rigid ? 6 : 5;
     Eigen::Matrix<double, kMaxPoseSize, kMaxPoseSize> own;
     own.setZero();
     touched_.clear();
@@ -171,6 +171,8 @@ class InformationSum {
         derivative = velocity;
       } else if (kind == ViewUnknowns::kRate) {
         derivative = observation.clock_time_s * velocity;
+      } else if (kind == ViewUnknowns::kLineDelay) {
+        derivative = (marker.centre_px.y() - camera.middle_row) * velocity;
       } else {
         derivative = root * d_intrinsics.col(kind - ViewUnknowns::kFirstIntrinsic);
       }

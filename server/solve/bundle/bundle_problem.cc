@@ -92,11 +92,24 @@ absl::Status ValidateInstant(const BundleProblem& problem, size_t index) {
 
 }  // namespace
 
+std::vector<std::pair<int, int>> BundleRigidTarget::Parts() const {
+  std::vector<std::pair<int, int>> parts;
+  for (const int first : first_points) {
+    if (!parts.empty()) parts.back().second = first;
+    parts.emplace_back(first, static_cast<int>(points_m.size()));
+  }
+  if (parts.empty()) parts.emplace_back(0, static_cast<int>(points_m.size()));
+  return parts;
+}
+
 absl::Status BundleProblem::Validate() const {
   bool any_fixed = false;
   for (const BundleCamera& camera : cameras) {
     if (absl::Status status = ValidateCamera(camera); !status.ok()) return status;
     any_fixed = any_fixed || camera.pose_fixed;
+    if (!std::isfinite(camera.line_delay_s) || !std::isfinite(camera.middle_row)) {
+      return Fault("camera ", camera.name, " has a line delay that is not finite");
+    }
   }
   if (!any_fixed) return Fault("no camera's pose is fixed");
   bool offset_fixed = clocks.empty(), rate_fixed = clocks.empty();

@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -25,9 +26,10 @@ namespace rigcal::server {
 // or, of an instant that shows a rigid target, p = pi(K_c, cam_from_rig_c * (R_k * x_m +
 // origin_k)), with u the measured centre at the instant's time under the clock alignment the
 // problem was built with, u' its image velocity, L^T L the inverse of u's covariance, s_m the
-// marker's position along the target, and dt = time_offset_s + time_rate * clock_time_s what the
-// camera's clock is still off (same sense as in Clock: negative where rows show an earlier time
-// than their stamps say).
+// marker's position along the target, and
+//   dt = time_offset_s + time_rate * clock_time_s + line_delay_s * (u_y - middle_row)
+// what the camera's clock is still off at the marker's image row (same sense as in Clock: negative
+// where rows show an earlier time than their stamps say).
 //
 // What to solve (BundleProblem, estimates are changed in place), how (BundleOptions) and what came
 // out (BundleSummary) are three structs. Everything refers by index; instants own a contiguous run
@@ -44,6 +46,15 @@ struct BundleCamera {
   // Independent normal priors on refined intrinsics. sigma 0 holds that value fixed.
   IntrinsicsVector intrinsics_mean;
   IntrinsicsVector intrinsics_sigma;
+
+  // Rolling shutter: correction on top of the times that the rows of the observations have, from
+  // one image row to the next. The middle row's time is the clock's.
+  double line_delay_s = 0;
+  bool line_delay_fixed = true;
+  double middle_row = 0;
+  // Normal prior around prior_line_delay_s; sigma 0 means none.
+  double prior_line_delay_s = 0;
+  double line_delay_sigma_s = 0;
 };
 
 struct BundleClock {
@@ -67,10 +78,12 @@ struct BundleTarget {
   double span_sigma_m = 0.002;
 };
 
-// A rigid target: labelled points in a frame `target` of their own. Only general_bundle.h solves
-// problems that have one.
+// A rigid target: labelled points in a frame `target` of their own. Only bundle_adjuster.h solves
+// problems that have one. It may have several parts that never show together: an instant has a pose
+// for the one part that it shows, so that where the parts are to each other says nothing.
 struct BundleRigidTarget {
   std::vector<Eigen::Vector3d> points_m;
+  std::vector<int> first_points;  // of each part; empty: it is one
   bool fixed = true;
   // Prior of each coordinate of a point when estimated: normal around the given one. The priors
   // hold the frame `target` too. sigma 0 holds that point fixed.
@@ -78,6 +91,8 @@ struct BundleRigidTarget {
   std::vector<double> sigma_m;
 
   bool IsFree(size_t point) const { return !fixed && sigma_m[point] > 0; }
+  // The points of each part, from the first to behind the last.
+  std::vector<std::pair<int, int>> Parts() const;
 };
 
 // Most of a problem's memory: not aligned, so that it holds nothing but its values.
@@ -118,6 +133,7 @@ struct BundleInstant {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();  // unit, 2 degrees of freedom
   Quaternion rotation = Quaternion::Identity();          // rig_from_target, unit
   bool is_rigid = false;                                 // the target is `rigid_target`
+  bool is_point = false;  // a part of it that is one point: without a rotation to estimate
   int first_observation = 0;
   int observation_count = 0;
   bool used = true;  // false: no marker of it is part of the cost
@@ -133,6 +149,13 @@ struct BundleProblem {
   std::vector<BundleMarker> markers;
   std::optional<BundleDistance> distance;
 
+  // What the time of a marker is still off: dt above.
+  double TimeShiftS(const BundleObservation& observation, const BundleMarker& marker) const {
+    const BundleClock& clock = clocks[static_cast<size_t>(observation.clock)];
+    const BundleCamera& camera = CameraOf(observation);
+    return clock.time_offset_s + clock.time_rate * observation.clock_time_s +
+           camera.line_delay_s * (marker.centre_px.y() - camera.middle_row);
+  }
   // The runs that an instant and an observation own. What they refer to must be in range.
   std::span<const BundleObservation> ObservationsOf(const BundleInstant& instant) const {
     return {observations.data() + instant.first_observation,
@@ -169,6 +192,12 @@ struct BundleProblem {
   // One marker alone: it has no lengths.
   bool IsPoint() const { return MarkerCount() == 1; }
   bool HasRigidTarget() const { return !rigid_target.points_m.empty(); }
+  // Any instant shows a part of the rigid target whose pose one view gives.
+  bool HasBody() const {
+    return std::ranges::any_of(instants, [](const BundleInstant& instant) {
+      return instant.is_rigid && !instant.is_point;
+    });
+  }
   // Of a marker of this problem.
   size_t IndexOf(const BundleMarker& marker) const {
     return static_cast<size_t>(&marker - markers.data());

@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kMinRelativeDecrease = 1e-3;
 constexpr double kMinRadius = 1e-32;
+constexpr double kNear = 2e-3;  // relative change of the cost
 
 // The radius of Ceres's Levenberg-Marquardt (after Nielsen 1999): the damping is its inverse.
 class TrustRegion {
@@ -108,6 +109,7 @@ class Solver {
   LineBundleSystem system_;
   LineBundleEstimate estimate_, moved_;
   TrustRegion region_;
+  bool near_ = false;  // the minimum: the loss's second derivative is worth following
 };
 
 Solver::Outcome Solver::Accept(const LineBundleSystem::Move& move, BundleSummary* summary) {
@@ -121,14 +123,16 @@ Solver::Outcome Solver::Accept(const LineBundleSystem::Move& move, BundleSummary
     std::swap(estimate_, moved_);
     summary->final_cost = move.cost;
     region_.Accept(quality);
+    near_ = change <= kNear * cost;
   } else {
     region_.Reject();
+    near_ = false;
   }
   return small_step || small_change ? Outcome::kConverged : Outcome::kGoOn;
 }
 
 Solver::Outcome Solver::Iterate(BundleSummary* summary) {
-  system_.Linearise(estimate_, region_.damping());
+  system_.Linearise(estimate_, region_.damping(), near_);
   if (system_.gradient_max() <= options_.gradient_tolerance) return Outcome::kConverged;
   ++summary->iterations;
   const LineBundleSystem::Move move = system_.Solve(estimate_, &moved_);
@@ -198,7 +202,7 @@ absl::StatusOr<BundleSummary> SolveLineBundle(const BundleOptions& options,
 absl::StatusOr<ReducedInformation> ComputeReducedInformation(const BundleOptions& options,
                                                              const BundleProblem& problem) {
   const auto compute = [&problem](Solver& solver) -> absl::StatusOr<ReducedInformation> {
-    if (!solver.system().Linearise(solver.estimate(), 0)) return UnseenMarker(problem);
+    if (!solver.system().Linearise(solver.estimate(), 0, false)) return UnseenMarker(problem);
     return ReducedInformation{solver.layout().parameters,
                               solver.system().matrix().selfadjointView<Eigen::Lower>(),
                               solver.system().reduced_gradient()};

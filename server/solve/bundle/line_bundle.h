@@ -35,6 +35,7 @@ enum class ReducedParameterKind : uint8_t {
   kIntrinsic,       // cameras[index].intrinsics[component]
   kTimeOffset,      // clocks[index].time_offset_s
   kTimeRate,        // clocks[index].time_rate
+  kLineDelay,       // cameras[index].line_delay_s
   kMarkerPosition,  // target.marker_positions_m[index], metres
   kTargetPoint,     // rigid_target.points_m[index], component 0 to 2, metres
 };

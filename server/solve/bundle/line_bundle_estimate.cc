@@ -29,6 +29,8 @@ auto* LineBundleEstimate::ValueOf(Self* self, const ReducedParameter& parameter)
       return &self->clocks_[index].time_offset_s;
     case ReducedParameterKind::kTimeRate:
       return &self->clocks_[index].time_rate;
+    case ReducedParameterKind::kLineDelay:
+      return &self->cameras_[index].line_delay_s;
     case ReducedParameterKind::kMarkerPosition:
       return &self->positions_[index];
     case ReducedParameterKind::kTargetPoint:  // of a rigid target, which no line bundle has
@@ -75,6 +77,8 @@ void LineBundleEstimate::RefreshViews() {
     std::copy_n(camera.intrinsics.data(), camera.intrinsics.size(), view.intrinsics);
     view.offset_s = clock.time_offset_s;
     view.rate = clock.time_rate;
+    view.line_delay_s = camera.line_delay_s;
+    view.middle_row = camera.middle_row;
   }
 }
 
@@ -185,6 +189,7 @@ void LineBundleEstimate::Store(const PackedMarkers& packed, BundleProblem* probl
   for (size_t c = 0; c < cameras_.size(); ++c) {
     problem->cameras[c].cam_from_rig = cameras_[c].cam_from_rig;
     problem->cameras[c].intrinsics = cameras_[c].intrinsics;
+    problem->cameras[c].line_delay_s = cameras_[c].line_delay_s;
   }
   for (size_t k = 0; k < clocks_.size(); ++k) {
     problem->clocks[k].time_offset_s = clocks_[k].time_offset_s;

@@ -61,6 +61,7 @@ struct KernelColumns {
 struct KernelInput {
   bool robust = false;
   double loss_scale = 1;
+  bool curved = false;  // the matrix has the loss's own second derivative, not only its weights
   int marker_count = 0;
   int column_count = 0;     // n; column n of the accumulated system is the gradient
   int spacing_column = -1;  // of marker 1; -1: fixed

@@ -44,6 +44,7 @@ void AddBase(int kind, int column, KernelColumns* columns) {
 
 struct CameraColumns {
   int pose = -1;
+  int line_delay = -1;
   std::array<int, kMaxIntrinsics> intrinsics;
 };
 
@@ -61,6 +62,13 @@ CameraColumns AppendCamera(const BundleCamera& camera, int index, LineBundleLayo
     columns.intrinsics[static_cast<size_t>(i)] = column;
     layout->priors.push_back(
         {column, -1, camera.intrinsics_mean[i], 1 / camera.intrinsics_sigma[i]});
+  }
+  if (!camera.line_delay_fixed) {
+    columns.line_delay = Append({ReducedParameterKind::kLineDelay, index, 0}, layout);
+    if (camera.line_delay_sigma_s > 0) {
+      layout->priors.push_back(
+          {columns.line_delay, -1, camera.prior_line_delay_s, 1 / camera.line_delay_sigma_s});
+    }
   }
   return columns;
 }
@@ -107,6 +115,7 @@ LineBundleLayout LayOut(const BundleProblem& problem) {
     columns.pose = cameras[camera].pose;
     AddBase(ViewUnknowns::kOffset, clocks[clock].first, &columns);
     AddBase(ViewUnknowns::kRate, clocks[clock].second, &columns);
+    AddBase(ViewUnknowns::kLineDelay, cameras[camera].line_delay, &columns);
     for (int i = 0; i < kMaxIntrinsics; ++i) {
       const int column = cameras[camera].intrinsics[static_cast<size_t>(i)];
       columns.any_intrinsic = columns.any_intrinsic || column >= 0;

@@ -27,8 +27,8 @@ struct ReducedDistance {
   double inverse_sigma = 0;
 };
 
-// The free parameters besides the instants, in columns: camera by camera its pose, its intrinsics
-// and the clocks it is the first to use, then the marker positions.
+// The free parameters besides the instants, in columns: camera by camera its pose, its
+// intrinsics, its line delay and the clocks it is the first to use, then the marker positions.
 struct LineBundleLayout {
   struct View {
     int camera = 0;

@@ -75,7 +75,7 @@ void SumMarkers(const KernelInput& input, const ViewEstimate<double>& view,
     for (int i = 0; i < base; ++i) {
       index[i] = i;
       ViewDerivative<kIntrinsics>(columns.base_kind[i], marker.measured, projected, clock_time,
-                                  &e0[i], &e1[i]);
+                                  RowsLate(view, marker.measured.centre[1]), &e0[i], &e1[i]);
     }
     index[base] = base;
     e0[base] = marker.r0, e1[base] = marker.r1;

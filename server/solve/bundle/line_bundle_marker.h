@@ -77,6 +77,32 @@ struct MarkerResidual {
   Lanes weight;
 };
 
+// Of the loss's curvature along the residual, relative to the weight: not less, so that the matrix
+// stays positive definite.
+constexpr double kMinCurvature = 0.05;
+
+// Replaces root and residual by ones of the same gradient whose square is the second derivative of
+// the loss (Triggs et al., "Bundle Adjustment - A Modern Synthesis", 2000, section 4.3): along the
+// residual, Cauchy's loss bends less than the weight alone says.
+RIGCAL_INLINE void FollowCurvature(const KernelInput& input, const Lanes& square,
+                                   MarkerResidual* marker) {
+  const Lanes one(1.0), tiny(1e-300);
+  Measured& root = marker->measured;
+  const Lanes flat = Min(Lanes(2 / (input.loss_scale * input.loss_scale)) * marker->weight,
+                         Lanes(1 - kMinCurvature) / Max(square, tiny));
+  const Lanes r0 = marker->r0, r1 = marker->r1;
+  const Lanes along = root.b * r0 + root.c * r1;
+  const Lanes a = root.a * Sqrt(one - flat * r0 * r0);
+  const Lanes b = (root.a * root.b - flat * root.a * r0 * along) / Max(a, tiny);
+  const Lanes c = root.a * root.c * Sqrt(one - flat * square) / Max(a, tiny);
+  const Mask full = (root.a > tiny) & (root.c > tiny);
+  marker->r0 = Select(full, root.a * r0 / Max(a, tiny), r0);
+  marker->r1 = Select(full, (along - b * marker->r0) / Max(c, tiny), r1);
+  root.a = Select(full, a, root.a);
+  root.b = Select(full, b, root.b);
+  root.c = Select(full, c, root.c);
+}
+
 template <bool kPointDerivatives, bool kIntrinsicsDerivatives>
 RIGCAL_INLINE MarkerResidual EvaluateMarker(const KernelInput& input,
                                             const ViewEstimate<double>& view, const double* slot,
@@ -91,12 +117,16 @@ RIGCAL_INLINE MarkerResidual EvaluateMarker(const KernelInput& input,
                           Select(before, x_in_cam.z, one)};
   ProjectPoint<kPointDerivatives, kIntrinsicsDerivatives>(view.model, view.intrinsics, point,
                                                           projected);
-  WhitenedResidual(marker.measured, *projected, dt, &marker.r0, &marker.r1);
+  const Lanes own_dt = dt + Lanes(view.line_delay_s) * RowsLate(view, marker.measured.centre[1]);
+  WhitenedResidual(marker.measured, *projected, own_dt, &marker.r0, &marker.r1);
   const Lanes square = marker.r0 * marker.r0 + marker.r1 * marker.r1;
   // A square that is not a number fails the comparison as well.
   const Mask seen = before & (projected->visible > zero) & (square < Lanes(1e300));
   sum->unseen += Select(used, one, zero) - Select(seen, one, zero);
   marker.weight = AddLoss(input, square, sum);
+  if constexpr (kPointDerivatives) {
+    if (input.robust && input.curved) FollowCurvature(input, square, &marker);
+  }
   return marker;
 }
 

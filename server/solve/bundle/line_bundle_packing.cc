@@ -116,7 +116,7 @@ void MarkShared(const PackedMarkers& packed, LineBundleLayout* layout) {
     KernelColumns& columns = layout->columns[v];
     columns.pose_shared = views_of_camera[layout->views[v].camera] > 1;
     for (int i = 0; i < columns.base_count; ++i) {
-      columns.base_shared[i] = columns.base_kind[i] < ViewUnknowns::kFirstIntrinsic
+      columns.base_shared[i] = columns.base_kind[i] < ViewUnknowns::kLineDelay
                                    ? views_of_clock[layout->views[v].clock] > 1
                                    : columns.pose_shared;
     }

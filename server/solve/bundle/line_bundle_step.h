@@ -139,8 +139,8 @@ void SumAnswer(const KernelInput& input, const ViewEstimate<double>& view,
     Lanes e0 = marker.r0 + Dot(row0, moves), e1 = marker.r1 + Dot(row1, moves);
     for (int i = 0; i < columns.base_count; ++i) {
       Lanes d0, d1;
-      ViewDerivative<kIntrinsics>(columns.base_kind[i], marker.measured, projected, clock_time, &d0,
-                                  &d1);
+      ViewDerivative<kIntrinsics>(columns.base_kind[i], marker.measured, projected, clock_time,
+                                  RowsLate(view, marker.measured.centre[1]), &d0, &d1);
       e0 += Lanes(view_step.base[i]) * d0;
       e1 += Lanes(view_step.base[i]) * d1;
     }

@@ -110,7 +110,8 @@ KernelEstimate LineBundlePart::Mine(KernelEstimate whole) const {
 }
 
 void LineBundlePart::Linearise(const LineBundleKernel& kernel, const KernelEstimate& estimate,
-                               double damping, double* factors) {
+                               double damping, bool curved, double* factors) {
+  input_.curved = curved;
   const auto tiles = static_cast<size_t>(input_.tile_count());
   const KernelEstimate mine = Mine(estimate);
   double* const my_factors = factors + static_cast<size_t>(first_) * kFactorLanes * kGroupSize;
@@ -211,7 +212,7 @@ void LineBundleSystem::Assemble(const LineBundleEstimate& estimate) {
   if (n > 0) gradient_max_ = std::max(gradient_max_, gradient_.cwiseAbs().maxCoeff());
 }
 
-bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damping) {
+bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damping, bool curved) {
   damping_ = damping;
   bool valid = true;
   gradient_max_ = 0;
@@ -219,7 +220,7 @@ bool LineBundleSystem::Linearise(const LineBundleEstimate& estimate, double damp
   tiles_.Fill(0);
   view_sums_.Fill(0);
   for (LineBundlePart& part : parts_) {
-    part.Linearise(kernel_, estimate.View(), damping, factors_.data());
+    part.Linearise(kernel_, estimate.View(), damping, curved, factors_.data());
     valid = valid && part.linearisation().valid;
     gradient_max_ = std::max(gradient_max_, part.linearisation().gradient_max);
     cost_ += part.linearisation().cost;

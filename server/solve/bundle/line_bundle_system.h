@@ -20,9 +20,10 @@ class LineBundlePart {
   // Groups [first, last) of `whole`.
   LineBundlePart(const KernelInput& whole, const LineBundleLayout& layout, int first, int last);
 
-  // Sums of the last linearisation. `factors` are those of the whole system.
+  // Sums of the last linearisation. `factors` are those of the whole system. `curved` as in
+  // KernelInput; steps go by the last linearisation's.
   void Linearise(const LineBundleKernel& kernel, const KernelEstimate& estimate, double damping,
-                 double* factors);
+                 bool curved, double* factors);
   // The part's instants step; see LineBundleKernel::step. Poses and factors are those of the whole.
   void Step(const LineBundleKernel& kernel, const KernelEstimate& estimate, double damping,
             const double* reduced_step, const double* factors, const KernelEstimate& moved,
@@ -53,8 +54,10 @@ class LineBundleSystem {
   LineBundleSystem(const BundleOptions& options, const LineBundleLayout& layout,
                    const PackedMarkers& packed, const LineBundleKernel& kernel);
 
-  // False where a used marker cannot be seen. `damping` scales the diagonal that is added.
-  bool Linearise(const LineBundleEstimate& estimate, double damping);
+  // False where a used marker cannot be seen. `damping` scales the diagonal that is added. Not
+  // `curved`: the matrix is the information of the weighted residuals. Curved: nearer to the second
+  // derivative of the cost, whose minimum it finds in fewer steps.
+  bool Linearise(const LineBundleEstimate& estimate, double damping, bool curved);
   double cost() const { return cost_; }                  // priors included
   double gradient_max() const { return gradient_max_; }  // over all parameters, instants included
   const Eigen::MatrixXd& matrix() const { return matrix_; }  // lower triangle, instants eliminated

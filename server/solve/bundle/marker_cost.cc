@@ -33,7 +33,8 @@ void StoreViewDerivatives(const MarkerFunctor& functor, const MarkerFunctor::See
   };
   const auto view_derivative = [&](int unknown, double* jacobian, int column, int columns) {
     ViewDerivative<true>(unknown, functor.measured, projected, functor.clock_time_s,
-                         jacobian + column, jacobian + columns + column);
+                         RowsLate(seen.view, functor.measured.centre[1]), jacobian + column,
+                         jacobian + columns + column);
   };
   for (int i = 0; i < 2; ++i) {
     if (double* const jacobian = block(MarkerBlock::kRotation)) {
@@ -53,6 +54,9 @@ void StoreViewDerivatives(const MarkerFunctor& functor, const MarkerFunctor::See
   if (double* const jacobian = block(MarkerBlock::kRate)) {
     view_derivative(ViewUnknowns::kRate, jacobian, 0, 1);
   }
+  if (double* const jacobian = block(MarkerBlock::kLineDelay)) {
+    view_derivative(ViewUnknowns::kLineDelay, jacobian, 0, 1);
+  }
   if (double* const jacobian = block(MarkerBlock::kIntrinsics)) {
     const int count = IntrinsicsSize(functor.model);
     for (int k = 0; k < count; ++k) {
@@ -61,10 +65,10 @@ void StoreViewDerivatives(const MarkerFunctor& functor, const MarkerFunctor::See
   }
 }
 
-MarkerCost::MarkerCost(DistortionModel model, const BundleMarker& marker, double clock_time_s)
-    : functor_{model, ToMeasured(marker), clock_time_s} {
+MarkerCost::MarkerCost(const BundleCamera& camera, const BundleMarker& marker, double clock_time_s)
+    : functor_{camera.model, ToMeasured(marker), clock_time_s, camera.middle_row} {
   set_num_residuals(2);
-  *mutable_parameter_block_sizes() = {4, 3, IntrinsicsSize(model), 1, 1, 1, 6};
+  *mutable_parameter_block_sizes() = {4, 3, IntrinsicsSize(camera.model), 1, 1, 1, 1, 6};
 }
 
 bool MarkerCost::Evaluate(double const* const* parameters, double* residuals,

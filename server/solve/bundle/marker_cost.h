@@ -21,6 +21,7 @@ namespace rigcal::server {
 //   intrinsics (n)   fx fy cx cy and the coefficients of `model`
 //   offset (1)       of the clock, seconds
 //   rate (1)         of the clock, s/s
+//   line delay (1)   of the camera, seconds
 //   position (1)     of the marker along the target, metres
 //   target (6)       origin in the rig (3, metres), direction (3, unit)
 // Evaluation fails, and with it the step that led there, for a marker the camera cannot see; a
@@ -31,22 +32,25 @@ enum class MarkerBlock : uint8_t {
   kIntrinsics,
   kOffset,
   kRate,
+  kLineDelay,
   kPosition,
   kTarget
 };
-inline constexpr size_t kMarkerBlockCount = 7;
+inline constexpr size_t kMarkerBlockCount = 8;
 
 // With T = double the residual, with Ceres's Jets automatic differentiation.
 struct MarkerFunctor {
   DistortionModel model;
   MeasuredMarker<double> measured;
   double clock_time_s;
+  double middle_row;
 
   template <typename T>
   bool operator()(const T* rotation, const T* translation, const T* intrinsics, const T* offset,
-                  const T* rate, const T* position, const T* target, T* residuals) const {
+                  const T* rate, const T* line_delay, const T* position, const T* target,
+                  T* residuals) const {
     const T* const blocks[kMarkerBlockCount] = {rotation, translation, intrinsics, offset,
-                                                rate,     position,    target};
+                                                rate,     line_delay,  position,   target};
     ProjectedPoint<T> projected;
     return Evaluate<false, false>(SeenFrom(blocks), &projected, residuals);
   }
@@ -77,7 +81,7 @@ struct MarkerFunctor {
     seen.x_in_cam = Times(seen.view.rotation, x_in_rig) + Vec3<T>{t[0], t[1], t[2]};
     return seen;
   }
-  // Of the first five blocks.
+  // Of the first six blocks.
   template <typename T>
   ViewEstimate<T> ViewFrom(T const* const* blocks) const {
     const auto block = [blocks](MarkerBlock which) { return blocks[static_cast<size_t>(which)]; };
@@ -89,6 +93,8 @@ struct MarkerFunctor {
     std::copy_n(block(MarkerBlock::kIntrinsics), 4 + CoefficientCount(model), view.intrinsics);
     view.offset_s = *block(MarkerBlock::kOffset);
     view.rate = *block(MarkerBlock::kRate);
+    view.line_delay_s = *block(MarkerBlock::kLineDelay);
+    view.middle_row = T(middle_row);
     return view;
   }
 
@@ -104,8 +110,9 @@ struct MarkerFunctor {
                                  T(measured.c),
                                  {T(measured.centre[0]), T(measured.centre[1])},
                                  {T(measured.velocity[0]), T(measured.velocity[1])}};
-    WhitenedResidual(m, *projected, TimeShift(seen.view, T(clock_time_s)), &residuals[0],
-                     &residuals[1]);
+    const T dt = TimeShift(seen.view, T(clock_time_s)) +
+                 seen.view.line_delay_s * RowsLate(seen.view, m.centre[1]);
+    WhitenedResidual(m, *projected, dt, &residuals[0], &residuals[1]);
     return true;
   }
 };
@@ -123,7 +130,7 @@ void StoreViewDerivatives(const MarkerFunctor& functor, const MarkerFunctor::See
 // The same with analytic derivatives.
 class MarkerCost final : public ceres::CostFunction {
  public:
-  MarkerCost(DistortionModel model, const BundleMarker& marker, double clock_time_s);
+  MarkerCost(const BundleCamera& camera, const BundleMarker& marker, double clock_time_s);
 
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;

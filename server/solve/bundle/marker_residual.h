@@ -62,11 +62,13 @@ struct ViewEstimate {
   P intrinsics[kMaxIntrinsics] = {};
   P offset_s = P(0.0);
   P rate = P(0.0);
+  P line_delay_s = P(0.0);  // of the camera, from one image row to the next
+  P middle_row = P(0.0);    // whose time is that of the clock
 };
 
 // The unknowns of a view besides its pose, in the order in which solvers number them.
 struct ViewUnknowns {
-  static constexpr int kOffset = 0, kRate = 1, kFirstIntrinsic = 2;
+  static constexpr int kOffset = 0, kRate = 1, kLineDelay = 2, kFirstIntrinsic = 3;
   static constexpr int kMaxCount = kFirstIntrinsic + kMaxIntrinsics;
 };
 
@@ -93,6 +95,12 @@ template <typename T, typename P>
 template <typename T, typename P>
 [[gnu::always_inline]] inline T TimeShift(const ViewEstimate<P>& view, const T& clock_time) {
   return T(view.offset_s) + T(view.rate) * clock_time;
+}
+
+// The image rows by which a marker is seen later than its camera's middle row.
+template <typename T, typename P>
+[[gnu::always_inline]] inline T RowsLate(const ViewEstimate<P>& view, const T& row) {
+  return row - T(view.middle_row);
 }
 
 // The measurement of a marker: its centre u, its image velocity u', and L as [a b; 0 c].
@@ -136,10 +144,12 @@ template <typename T>
 template <bool kIntrinsics, typename T>
 [[gnu::always_inline]] inline void ViewDerivative(int unknown, const MeasuredMarker<T>& measured,
                                                   const ProjectedPoint<T>& projected,
-                                                  const T& clock_time, T* d0, T* d1) {
+                                                  const T& clock_time, const T& rows_late, T* d0,
+                                                  T* d1) {
   if (!kIntrinsics || unknown < ViewUnknowns::kFirstIntrinsic) {
     T v0 = measured.velocity[0], v1 = measured.velocity[1];
     if (unknown == ViewUnknowns::kRate) v0 = v0 * clock_time, v1 = v1 * clock_time;
+    if (unknown == ViewUnknowns::kLineDelay) v0 = v0 * rows_late, v1 = v1 * rows_late;
     measured.Whiten(v0, v1, d0, d1);
   } else {
     const int i = unknown - ViewUnknowns::kFirstIntrinsic;

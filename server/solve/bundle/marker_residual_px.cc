@@ -29,9 +29,7 @@ MeasuredMarker<double> ToMeasured(const BundleMarker& marker) {
 Eigen::Vector2d CentreAtInstantPx(const BundleProblem& problem,
                                   const BundleObservation& observation,
                                   const BundleMarker& marker) {
-  const BundleClock& clock = problem.clocks[static_cast<size_t>(observation.clock)];
-  const double dt = clock.time_offset_s + clock.time_rate * observation.clock_time_s;
-  return marker.centre_px - dt * marker.velocity_px_s;
+  return marker.centre_px - problem.TimeShiftS(observation, marker) * marker.velocity_px_s;
 }
 
 std::optional<Eigen::Vector2d> MarkerResidualPx(const BundleProblem& problem,

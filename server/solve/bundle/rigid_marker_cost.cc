@@ -8,11 +8,11 @@
 
 namespace rigcal::server {
 
-RigidMarkerCost::RigidMarkerCost(DistortionModel model, const BundleMarker& marker,
+RigidMarkerCost::RigidMarkerCost(const BundleCamera& camera, const BundleMarker& marker,
                                  double clock_time_s)
-    : functor_{{model, ToMeasured(marker), clock_time_s}} {
+    : functor_{{camera.model, ToMeasured(marker), clock_time_s, camera.middle_row}} {
   set_num_residuals(2);
-  *mutable_parameter_block_sizes() = {4, 3, IntrinsicsSize(model), 1, 1, 3, 7};
+  *mutable_parameter_block_sizes() = {4, 3, IntrinsicsSize(camera.model), 1, 1, 1, 3, 7};
 }
 
 bool RigidMarkerCost::Evaluate(double const* const* parameters, double* residuals,

@@ -19,6 +19,7 @@ namespace rigcal::server {
 //   intrinsics (n)   fx fy cx cy and the coefficients of `model`
 //   offset (1)       of the clock, seconds
 //   rate (1)         of the clock, s/s
+//   line delay (1)   of the camera, seconds
 //   point (3)        of the marker in the target, metres
 //   target (7)       R = rig_from_target, x y z w; origin in the rig (3, metres)
 // Evaluation fails for a marker the camera cannot see, as there.
@@ -28,10 +29,11 @@ enum class RigidMarkerBlock : uint8_t {
   kIntrinsics,
   kOffset,
   kRate,
+  kLineDelay,
   kPoint,
   kTarget
 };
-inline constexpr size_t kRigidMarkerBlockCount = 7;
+inline constexpr size_t kRigidMarkerBlockCount = 8;
 
 // With T = double the residual, with Ceres's Jets automatic differentiation.
 struct RigidMarkerFunctor {
@@ -39,9 +41,10 @@ struct RigidMarkerFunctor {
 
   template <typename T>
   bool operator()(const T* rotation, const T* translation, const T* intrinsics, const T* offset,
-                  const T* rate, const T* point, const T* target, T* residuals) const {
+                  const T* rate, const T* line_delay, const T* point, const T* target,
+                  T* residuals) const {
     const T* const blocks[kRigidMarkerBlockCount] = {rotation, translation, intrinsics, offset,
-                                                     rate,     point,       target};
+                                                     rate,     line_delay,  point,      target};
     ProjectedPoint<T> projected;
     return marker.Evaluate<false, false>(SeenFrom(blocks), &projected, residuals);
   }
@@ -61,7 +64,7 @@ struct RigidMarkerFunctor {
 // The same with analytic derivatives.
 class RigidMarkerCost final : public ceres::CostFunction {
  public:
-  RigidMarkerCost(DistortionModel model, const BundleMarker& marker, double clock_time_s);
+  RigidMarkerCost(const BundleCamera& camera, const BundleMarker& marker, double clock_time_s);
 
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override;

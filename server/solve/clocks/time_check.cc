@@ -76,11 +76,14 @@ std::vector<TimedPoint> PointsWithout(const RigObservations& rig, const RigSolut
   }
   std::vector<TimedPoint> points;
   const size_t samples = std::min(usable.size(), kCheckedInstants);
+  const TargetParts parts = rig.Parts();
+  const TargetParts::Part& part = parts.Of(session);
   for (size_t k = 0; k < samples; ++k) {
     const size_t i = usable[k * usable.size() / samples];
     const auto time_ns = static_cast<double>(solution.built.instant_time_ns[i] - origin_ns);
-    for (int m = 0; m < rig.target.marker_count(); ++m) {
-      const auto point = PointWithout(problem, intrinsics, problem.instants[i], m, clock);
+    for (int m = 0; m < part.target.marker_count(); ++m) {
+      const auto point =
+          PointWithout(problem, intrinsics, problem.instants[i], part.first_point + m, clock);
       if (point) points.push_back({m, 1e-9 * time_ns, *point});
     }
   }
@@ -206,7 +209,8 @@ std::optional<OffsetDoubt> FindBetterOffset(const RigObservations& rig,
     if (track < 0) continue;
     const auto t = static_cast<size_t>(track);
     const std::vector<TimedPoint> points = PointsWithout(rig, solution, k, origin_ns);
-    const TrackPaths paths = PathsOf(rig.tracks[t], times[t], origin_ns, rig.target.marker_count());
+    const TrackPaths paths =
+        PathsOf(rig.tracks[t], times[t], origin_ns, rig.TargetOf(t).marker_count());
     const TrackScores scores(points, paths);
     const double here_px = scores.At(0);
     if (!std::isfinite(here_px) || here_px < kContentPx) continue;

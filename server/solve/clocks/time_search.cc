@@ -109,8 +109,8 @@ std::vector<TrackPaths> AllPaths(const RigObservations& rig,
     // Of tracks of one session only differences matter; an origin keeps the digits of UTC.
     size_t first = 0;
     while (rig.tracks[first].track.session_id != rig.tracks[t].track.session_id) ++first;
-    paths.push_back(
-        PathsOf(rig.tracks[t], times_ns[t], times_ns[first].front(), rig.target.marker_count()));
+    paths.push_back(PathsOf(rig.tracks[t], times_ns[t], times_ns[first].front(),
+                            rig.TargetOf(t).marker_count()));
   }
   return paths;
 }

@@ -356,12 +356,19 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
   const auto t = static_cast<size_t>(track);
   const auto c = static_cast<size_t>(rig.index.camera_of_track[t]);
   const int64_t origin_ns = solution.built.instant_time_ns.front();
+  const auto session_of = [&solution](int k) -> const std::string& {
+    return solution.clocks[static_cast<size_t>(k)].session_id;
+  };
   const std::vector<TimedMarker> points = MarkersSeenBy(
-      solution, [clock](const BundleObservation& seen) { return seen.clock != clock; }, kMaxPoints);
+      solution,
+      [&](const BundleObservation& seen) {
+        return seen.clock != clock && session_of(seen.clock) == session_of(clock);
+      },
+      kMaxPoints);
   const auto times = RigTimes(rig.tracks, rig.index, InitializationFrom(solution).clocks);
   CourseMeter meter(solution.built.problem.cameras[c], *rig.index.cameras[c].intrinsics,
-                    PathsOf(rig.tracks[t], times[t], origin_ns, rig.target.marker_count()), points,
-                    origin_ns);
+                    PathsOf(rig.tracks[t], times[t], origin_ns, rig.TargetOf(t).marker_count()),
+                    points, origin_ns);
   const size_t count = std::min(kMaxBlocks, meter.size() / kMinSightsOfBlock);
   if (count < kMinBlocks) return std::nullopt;
   const auto first = [&](size_t b) { return b * meter.size() / count; };

@@ -17,12 +17,6 @@
 namespace rigcal::server {
 namespace {
 
-// How far a trial may go from what was given, one sigma: a wrong file, a lens that was changed.
-constexpr IntrinsicsPrior kWidePrior = {.focal_share = 0.2,
-                                        .centre_share = 0.05,
-                                        .radial = 0.2,
-                                        .radial_high = 0.3,
-                                        .tangential = 0.01};
 constexpr double kMinDisplacementPx = 1;
 constexpr double kIntrinsicsSigmas = 5;
 constexpr double kMinIntrinsicsGain = 0.1;
@@ -137,7 +131,7 @@ std::string Changes(const BundleCamera& camera) {
 
 void Free(const CauseInput& input, size_t camera, BundleProblem* problem) {
   SetIntrinsicsPrior(input.rig.index.cameras[input.trial.rig_camera[camera]],
-                     &problem->cameras[camera], kWidePrior);
+                     &problem->cameras[camera], kWideIntrinsicsPrior);
 }
 
 // Cameras whose intrinsics, all of them free, go away from where they are for a reason.
@@ -197,6 +191,8 @@ Cause HeldIntrinsics(const CauseInput& input, const BundleProblem& freed, size_t
 
 Repair RepairIntrinsics(const CauseInput& input) {
   Repair repair;
+  // What was held out has said already that other intrinsics are no better.
+  if (input.evaluated.refined_by_chance) return repair;
   const std::vector<size_t> suspects = Suspects(input);
   if (suspects.empty()) return repair;
   repair.repaired = input.trial;

@@ -12,6 +12,13 @@ namespace {
 
 constexpr int kMinFlipped = 3;
 constexpr double kMinShare = 0.002;
+// Of the views that do not fit as they are: of those of a camera that has moved, say, a few fit the
+// other way round by chance.
+constexpr double kMinShareOfUnfit = 0.1;
+
+bool IsFit(const BundleProblem& problem, const BundleObservation& observation) {
+  return std::ranges::all_of(problem.MarkersOf(observation), &BundleMarker::used);
+}
 
 // The observation's markers fit with flipped labels, and do not as they are.
 bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
@@ -22,22 +29,21 @@ bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
     const auto residual = MarkerResidualPx(problem, instant, observation, marker);
     return residual && (marker.sqrt_information * *residual).norm() <= limit;
   };
-  const auto markers = problem.MarkersOf(observation);
-  return std::ranges::all_of(markers, fits) && !std::ranges::all_of(markers, &BundleMarker::used);
+  return std::ranges::all_of(problem.MarkersOf(observation), fits) && !IsFit(problem, observation);
 }
 
 }  // namespace
 
 std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
-  if (problem.HasRigidTarget()) return {};  // it has no other end
+  if (problem.target.marker_positions_m.size() < 2) return {};  // it has no other end
   const std::vector<double> limits = OutlierLimits(problem);
   struct Count {
-    int observations = 0, flipped = 0;
+    int observations = 0, flipped = 0, unfit = 0;
   };
   std::vector<Count> counts(problem.cameras.size());
   for (const BundleInstant& instant : problem.instants) {
-    if (!instant.used) continue;
+    if (!instant.used || instant.is_rigid) continue;
     for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
       const bool flipped = IsFlipped(input.evaluated.solution, observation);
       if (observation.marker_count < 2 && !flipped) continue;
@@ -45,13 +51,17 @@ std::vector<Cause> FindFlippedMarkers(const CauseInput& input) {
       ++counts[c].observations;
       const bool fits_flipped = flipped || FitsFlipped(problem, instant, observation, limits[c]);
       counts[c].flipped += fits_flipped ? 1 : 0;
+      counts[c].unfit += flipped || !IsFit(problem, observation) ? 1 : 0;
     }
   }
   std::vector<Cause> causes;
   for (size_t c = 0; c < counts.size(); ++c) {
     const double share =
         static_cast<double>(counts[c].flipped) / std::max(1, counts[c].observations);
-    if (counts[c].flipped < kMinFlipped || share < kMinShare) continue;
+    if (counts[c].flipped < kMinFlipped || share < kMinShare ||
+        counts[c].flipped < kMinShareOfUnfit * counts[c].unfit) {
+      continue;
+    }
     causes.push_back(
         {{FindingKind::kFlippedLabels, problem.cameras[c].name, 100 * share, "%",
           absl::StrFormat(

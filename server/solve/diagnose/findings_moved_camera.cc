@@ -2,6 +2,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/diagnose/finding_causes.h"
+#include "server/solve/evaluate/held_out_choice.h"
 #include "server/solve/rig/outliers.h"
 
 namespace rigcal::server {
@@ -30,6 +32,10 @@ constexpr int kCoarseSteps = 20;
 constexpr int kFineSteps = 8;
 constexpr int kReweightings = 6;
 constexpr int kLensRounds = 2;
+constexpr int kBlocksOfPart = 6;
+constexpr size_t kMinMarkersOfBlock = 5;
+constexpr double kHeldOutSigmas = 2;
+constexpr double kMaxMovePerError = 10;
 
 // Step of a camera's pose as in ReducedParameter: rotation vector in the camera's frame from the
 // left, then what is added to the translation.
@@ -153,6 +159,60 @@ std::optional<ChangePoint> ScanForMove(const TrialProblem& trial, int camera) {
   return best;
 }
 
+// Do two poses also fit what they were not fitted to? Each part is cut into blocks of time, every
+// other one is held out of the fits, in turns. Errors that neighbouring times have in common can be
+// fitted by a pose that a few seconds say little about: it does not fit the next few.
+bool HoldsForOtherTimes(const std::vector<Sample>& samples, int64_t change_ns) {
+  if (samples.empty()) return false;
+  const int64_t begins_ns[] = {samples.front().time_ns, change_ns};
+  const int64_t ends_ns[] = {change_ns, samples.back().time_ns + 1};
+  const auto block_of = [&](const Sample& sample) {
+    const int part = sample.time_ns < change_ns ? 0 : 1;
+    const double share = static_cast<double>(sample.time_ns - begins_ns[part]) /
+                         static_cast<double>(ends_ns[part] - begins_ns[part]);
+    return part * kBlocksOfPart +
+           std::min(kBlocksOfPart - 1, static_cast<int>(share * kBlocksOfPart));
+  };
+  std::vector<double> one_px(2 * kBlocksOfPart), two_px(2 * kBlocksOfPart);
+  for (const int held_out : {0, 1}) {
+    std::vector<Sample> all, of_part[2];
+    for (const Sample& sample : samples) {
+      const int block = block_of(sample);
+      if (block % 2 == held_out) continue;
+      all.push_back(sample);
+      of_part[block / kBlocksOfPart].push_back(sample);
+    }
+    const Fit one = FitStep(all, 0, all.size());
+    for (const int part : {0, 1}) {
+      const Fit two = FitStep(of_part[part], 0, of_part[part].size());
+      for (int block = part * kBlocksOfPart; block < (part + 1) * kBlocksOfPart; ++block) {
+        if (block % 2 != held_out) continue;
+        std::vector<Sample> own;
+        std::ranges::copy_if(samples, std::back_inserter(own),
+                             [&](const Sample& sample) { return block_of(sample) == block; });
+        const bool enough = own.size() >= kMinMarkersOfBlock;
+        const double count = static_cast<double>(own.size());
+        const auto b = static_cast<size_t>(block);
+        one_px[b] = enough ? CostOf(own, 0, own.size(), one.step) / count : INFINITY;
+        two_px[b] = enough ? CostOf(own, 0, own.size(), two.step) / count : INFINITY;
+      }
+    }
+  }
+  const HeldOutGain gain = CompareByBlock(one_px, two_px);
+  return gain.IsClear(kMinScanGain, kHeldOutSigmas);
+}
+
+// Mean error with one pose, of the part before the change or after it: the larger.
+double LargestErrorPx(const std::vector<Sample>& samples, int64_t change_ns) {
+  double sums[2] = {0, 0}, counts[2] = {0, 0};
+  for (const Sample& sample : samples) {
+    const size_t part = sample.time_ns < change_ns ? 0 : 1;
+    sums[part] += sample.residual.norm();
+    ++counts[part];
+  }
+  return std::max(sums[0] / std::max(1.0, counts[0]), sums[1] / std::max(1.0, counts[1]));
+}
+
 struct Candidate {
   size_t camera = 0;  // of the trial
   ChangePoint change;
@@ -273,6 +333,8 @@ Repair RepairMovedCamera(const CauseInput& input) {
   Repair repair;
   const std::optional<Candidate> candidate = BestCandidate(input);
   if (!candidate) return repair;
+  const std::vector<Sample> samples = SamplesOf(input.trial, static_cast<int>(candidate->camera));
+  if (!HoldsForOtherTimes(samples, candidate->change.rig_time_ns)) return repair;
   repair.repaired = TakenApart(input.trial, *candidate);
   if (!SolveParts(input.trial.bundle, candidate->camera, &repair.repaired.problem).ok()) {
     return repair;
@@ -281,6 +343,11 @@ Repair RepairMovedCamera(const CauseInput& input) {
       CompareErrors(input.trial.problem, repair.repaired.problem)[candidate->camera];
   const Move move = MeasureMove(repair.repaired, candidate->camera);
   if (change.gain() < kMinMoveGain || move.sigmas < kMoveSigmas || move.image_px < kMinMovePx) {
+    return repair;
+  }
+  // A pose that little data hold runs away from where the camera is: an image that really moved so
+  // far would not fit so well with one pose.
+  if (move.image_px > kMaxMovePerError * LargestErrorPx(samples, candidate->change.rig_time_ns)) {
     return repair;
   }
   const double time_s =

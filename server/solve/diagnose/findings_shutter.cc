@@ -108,6 +108,8 @@ std::string Advice(double line_time_s, double sigma_s, double rows, const ErrorC
 
 Repair RepairRollingShutters(const CauseInput& input) {
   Repair repair;
+  // Where line delays are estimated they are taken out.
+  if (!input.evaluated.options.estimate_line_delays.empty()) return repair;
   std::vector<int> camera_of_clock;
   BundleProblem by_row = WithRowClocks(input, true, &camera_of_clock);
   if (!SolveTrialFromAfar(input.trial.bundle, &by_row).ok()) return repair;

@@ -35,14 +35,37 @@ double LengthByTheOthers(const std::vector<double>& given_m, const std::vector<d
   return found_m[span] * product / square;
 }
 
+// Beside a rigid target, which has a scale of its own, every span is measured by itself; that the
+// two do not go together is all that the images say.
+std::vector<Cause> WandAgainstBody(const BundleTarget& target, const std::vector<double>& given_m,
+                                   const std::vector<double>& found_m) {
+  double chi2 = 0;
+  size_t worst = 0;
+  const auto error_m = [&](size_t s) { return found_m[s] - given_m[s]; };
+  for (size_t s = 0; s < given_m.size(); ++s) {
+    chi2 += std::pow(error_m(s) / target.span_sigma_m, 2);
+    if (std::abs(error_m(s)) > std::abs(error_m(worst))) worst = s;
+  }
+  if (!(std::sqrt(chi2) > kTargetSigmas)) return {};
+  return {{{FindingKind::kWrongWandLength, "", 1e3 * error_m(worst), "mm",
+            absl::StrFormat(
+                "the wand and the rigid target contradict each other: beside it span %d of the "
+                "wand is %.1f mm long, not %.1f mm (tolerance %.1f mm). The images do not say "
+                "which of them is wrong. Measure the wand's spans from centre to centre and the "
+                "rigid target's points again, give them again and calibrate again",
+                static_cast<int>(worst) + 1, 1e3 * found_m[worst], 1e3 * given_m[worst],
+                1e3 * target.span_sigma_m)},
+           0}};
+}
+
 }  // namespace
 
 std::vector<Cause> FindWrongWandLength(const CauseInput& input) {
   const TrialProblem& trial = input.trial;
   BundleProblem problem = trial.problem;
   const std::vector<double> given_m = Spans(problem.target.given_positions_m);
-  // One span is the scale itself: nothing tells it from what it should be.
-  if (given_m.size() < 2) return {};
+  // One span is the scale itself: nothing else tells it from what it should be.
+  if (given_m.empty() || (given_m.size() < 2 && !problem.HasBody())) return {};
   ErrorChange change;
   if (problem.target.fixed) {
     problem.target.fixed = false;
@@ -56,6 +79,7 @@ std::vector<Cause> FindWrongWandLength(const CauseInput& input) {
       change = Overall(CompareErrors(as_given, problem));
   }
   const std::vector<double> found_m = Spans(problem.target.marker_positions_m);
+  if (problem.HasBody()) return WandAgainstBody(problem.target, given_m, found_m);
   const double tolerance_m = problem.target.span_sigma_m;
   double chi2 = 0;
   size_t worst = 0;

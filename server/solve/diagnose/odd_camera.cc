@@ -119,11 +119,16 @@ OddCamera Judge(const RigObservations& own, const std::vector<ClockCorrection>& 
   const auto times = RigTimes(own.tracks, own.index, clocks);
   const int64_t origin_ns = solution.built.instant_time_ns.front();
   odd.error_px = odd.mirrored_px = std::numeric_limits<double>::infinity();
+  const TargetParts parts = own.Parts();
+  bool judged = false;
   for (size_t t = 0; t < own.tracks.size(); ++t) {
     const CameraDescription& description =
         own.index.cameras[static_cast<size_t>(own.index.camera_of_track[t])];
-    if (description.camera != camera) continue;
-    const TrackPaths paths = PathsOf(own.tracks[t], times[t], origin_ns, own.target.marker_count());
+    // The points are of a line target alone.
+    if (description.camera != camera || parts.Of(own.tracks[t].track.session_id).is_rigid) continue;
+    judged = true;
+    const TrackPaths paths =
+        PathsOf(own.tracks[t], times[t], origin_ns, own.TargetOf(t).marker_count());
     odd.error_px = std::min(odd.error_px, BestResectionPx(points, paths, origin_ns));
     if (odd.error_px < kFitsPx) continue;
     odd.mirrored_px = std::min(
@@ -131,6 +136,10 @@ OddCamera Judge(const RigObservations& own, const std::vector<ClockCorrection>& 
         BestResectionPx(points,
                         MirroredPaths(paths, *description.intrinsics, description.image_size_px),
                         origin_ns));
+  }
+  if (!judged) {
+    odd.error_px = odd.mirrored_px = 0;
+    return odd;
   }
   odd.error_px = std::min(odd.error_px, kNoPosePx);
   odd.mirrored_px = std::min(odd.mirrored_px, kNoPosePx);
@@ -184,6 +193,7 @@ RigObservations WithoutCamera(const RigObservations& rig,
                               std::vector<ClockCorrection>* remaining) {
   RigObservations rest;
   rest.target = rig.target;
+  rest.other_targets = rig.other_targets;
   for (size_t t = 0; t < rig.tracks.size(); ++t) {
     if (rig.index.camera_of_track[t] == static_cast<int>(camera)) continue;
     rest.tracks.push_back(rig.tracks[t]);

@@ -10,6 +10,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr double kOthersAgreePx = 5;
+// More cameras make a point hardly better, and every camera asks for the others' points.
+constexpr size_t kMostViews = 8;
 
 }  // namespace
 
@@ -24,18 +26,24 @@ std::vector<TimedMarker> MarkersSeenBy(
   const size_t stride = 1 + problem.instants.size() * markers / std::max<size_t>(1, max_count);
   for (size_t i = 0; i < problem.instants.size(); i += stride) {
     const BundleInstant& instant = problem.instants[i];
-    if (!instant.used) continue;
+    if (!instant.used || instant.is_rigid) continue;
     allowed.assign(problem.cameras.size(), false);
-    for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
-      if (takes_part(observation)) allowed[static_cast<size_t>(observation.camera)] = true;
+    // Each instant begins with another camera.
+    const auto observations = problem.ObservationsOf(instant);
+    size_t views_left = kMostViews;
+    for (size_t k = 0; k < observations.size() && views_left > 0; ++k) {
+      const BundleObservation& observation = observations[(i + k) % observations.size()];
+      if (!takes_part(observation)) continue;
+      allowed[static_cast<size_t>(observation.camera)] = true;
+      --views_left;
     }
-    const std::vector<MarkerRay> rays = UsedMarkerRays(problem, intrinsics, instant);
+    const std::vector<MarkerRay> rays = UsedMarkerRays(problem, intrinsics, instant, &allowed);
     for (size_t m = 0; m < markers; ++m) {
       std::vector<CameraRay> views;
       std::vector<double> focal_px;
       for (const MarkerRay& ray : rays) {
         const auto camera = static_cast<size_t>(ray.camera);
-        if (ray.marker != static_cast<int>(m) || !ray.has_ray || !allowed[camera]) continue;
+        if (ray.marker != static_cast<int>(m) || !ray.has_ray) continue;
         views.push_back(ray.ray);
         focal_px.push_back(problem.cameras[camera].intrinsics[0]);
       }

@@ -17,9 +17,9 @@ struct TimedMarker {
   Eigen::Vector3d x_in_rig = Eigen::Vector3d::Zero();
 };
 
-// The markers of the placed instants as some of the cameras triangulate them (two at least, all of
-// which must agree): those observations of which `takes_part` is true. At most about `max_count`,
-// evenly chosen, ascending by time.
+// The markers of the placed instants of a line target as some of the cameras triangulate them (two
+// at least and eight at most, all of which must agree): those observations of which `takes_part` is true. At most
+// about `max_count`, evenly chosen, ascending by time.
 std::vector<TimedMarker> MarkersSeenBy(
     const RigSolution& solution,
     const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count);

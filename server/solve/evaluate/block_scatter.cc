@@ -135,7 +135,8 @@ BlockScatter MeasureBlockScatter(const BuiltProblem& built, const BundleOptions&
                                  const Eigen::MatrixXd& covariance, const LossFactors& loss) {
   BlockScatter scatter;
   const std::vector<size_t> cuts = CutIntoBlocks(built);
-  if (cuts.size() <= kMinScatterBlocks) return scatter;
+  // The line kernel's scores are of a line target alone.
+  if (cuts.size() <= kMinScatterBlocks || built.problem.HasRigidTarget()) return scatter;
   // In units in which independent errors have the covariance `variance * I`: C = variance * L L^T.
   const Eigen::VectorXd units = covariance.diagonal().cwiseSqrt();
   const Eigen::VectorXd per_unit = units.cwiseInverse();

@@ -82,7 +82,7 @@ LengthErrors MeasureLengths(const BundleProblem& problem,
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used || instant.is_rigid) continue;
     const MarkerPoints points = TriangulateMarkers(problem, intrinsics, instant, min_cameras);
-    for (size_t m = 0; m + 1 < points.size(); ++m) {
+    for (size_t m = 0; m < errors.size(); ++m) {
       if (!points[m] || !points[m + 1]) continue;
       const double expected_m = expected_positions_m[m + 1] - expected_positions_m[m];
       errors[m].push_back((*points[m + 1] - *points[m]).norm() - expected_m);

@@ -11,25 +11,28 @@
 #include "common/status/status_macros.h"
 #include "server/solve/clocks/clock_rates.h"
 #include "server/solve/clocks/time_check.h"
+#include "server/solve/evaluate/held_out_choice.h"
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/initialize/shared_views.h"
+#include "server/solve/rig/line_delays.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr int kMinHeldOutInstants = 20;
-// Of a fold, or so many of each camera: enough for the cameras' parameters to add less than a
-// hundredth to the errors.
-constexpr size_t kFoldObservations = 10'000;
-constexpr size_t kFoldViews = 200;
 // That a choice is evaluated on.
 constexpr size_t kChoiceObservations = 10'000;
 // A refinement must make the held-out error smaller by this share to be kept.
 constexpr double kMustGain = 0.02;
+// And by so many standard errors over long blocks of time.
+constexpr double kChoiceSigmas = 2;
 constexpr int kMaxRateTries = 4;
 constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
+constexpr int kMinLongBlocks = 4;
 constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
+// Of a rolling shutter that is named: sigmas of its line delay, and the time over the image.
+constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
 
 std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
                                                     const RigSolveOptions& options) {
@@ -40,14 +43,6 @@ std::function<void(CalibrationStage, double)> AllAs(CalibrationStage stage,
 }
 
 using Select = std::function<bool(int64_t rig_time_ns)>;
-
-// The options of a solve that is evaluated on what `keep` leaves out.
-RigSolveOptions OptionsOfFold(const RigObservations& rig, RigSolveOptions options, Select keep) {
-  options.keep_instant = std::move(keep);
-  options.max_observations = std::max(kFoldObservations, kFoldViews * rig.index.cameras.size());
-  options.rough = true;
-  return options;
-}
 
 absl::StatusOr<EvaluatedErrors> MeasureOn(const RigObservations& rig, const RigSolution& solution,
                                           RigSolveOptions options, size_t max_observations,
@@ -70,15 +65,6 @@ double LeftOutOf(const RigSolution& solution, const TimeBlocks& blocks, int fold
     kept += blocks.IsKept(solution.built.instant_time_ns[i], fold) ? 1 : 0;
   }
   return all > 0 ? 1 - kept / all : 0;
-}
-
-// Solves on what the options keep.
-absl::StatusOr<RigSolution> SolveFold(const RigObservations& rig, const RigInitialization& initial,
-                                      const RigSolveOptions& options) {
-  RIGCAL_ASSIGN_OR_RETURN(RigSolution solution, SolveRig(rig, initial.clocks, options, &initial));
-  // The evaluation builds a problem of its own.
-  PutAway(rig, options, &solution);
-  return solution;
 }
 
 // Held-out errors of the two ways to treat intrinsics, summed over the folds that had both.
@@ -132,6 +118,40 @@ absl::StatusOr<std::vector<IntrinsicsScores>> ScoreIntrinsics(const RigObservati
     }
   }
   return scores;
+}
+
+// Refined intrinsics that pay between neighbouring times, over long blocks: given ones before,
+// refined ones after. None where there are too few blocks, or a variant could not be solved.
+absl::StatusOr<std::optional<HeldOutGain>> CompareOverLongBlocks(const RigObservations& rig,
+                                                                 const RigInitialization& initial,
+                                                                 const RigSolution& solution,
+                                                                 const RigSolveOptions& base) {
+  const auto& times_ns = solution.built.instant_time_ns;
+  const auto [first, last] = std::ranges::minmax_element(times_ns);
+  const TimeBlocks blocks = LongBlocks(*first, *last);
+  const int count = CountBlocks(blocks, *last);
+  if (count < kMinLongBlocks) return std::nullopt;
+  std::vector<SolveVariant> variants(2, {&rig, &initial, base});
+  for (const bool refine : {false, true}) {
+    RigSolveOptions& options = variants[refine ? 1 : 0].options;
+    options.refine_intrinsics = refine;
+    options.progress = AllAs(CalibrationStage::kChoosingIntrinsics, base);
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const auto errors, EvaluateVariants(variants, blocks, count));
+  if (errors[0].empty() || errors[1].empty()) return std::nullopt;
+  const HeldOutGain gain = CompareVariants(errors[0], errors[1]);
+  if (gain.blocks < kMinLongBlocks) return std::nullopt;
+  return gain;
+}
+
+Finding KeptFinding(const IntrinsicsScores& scores, const HeldOutGain& gain) {
+  return {FindingKind::kIntrinsicsKept, "", gain.before_px, "px",
+          absl::StrFormat(
+              "held-out error over %d long blocks of time %.3f px with the given intrinsics, %.3f "
+              "px with refined ones, which differ by no more than chance (one sigma %.3f px); "
+              "between neighbouring times %.3f and %.3f px. The given ones are used",
+              gain.blocks, gain.before_px, gain.after_px, gain.sigma_px,
+              scores.given_px / scores.folds, scores.refined_px / scores.folds)};
 }
 
 Finding IntrinsicsFinding(const IntrinsicsScores& scores) {
@@ -308,6 +328,84 @@ absl::Status TryRates(const RigObservations& rig, RigSolveOptions* options, RigS
   return absl::OkStatus();
 }
 
+// Estimates line delays where a rolling shutter stands out, together with everything else. What
+// could not be solved so stays as it is. `solution` may be put away on return.
+absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
+                           RigSolution* solution) {
+  std::vector<int> heights_px;
+  for (const CameraDescription& camera : rig.index.cameras) {
+    heights_px.push_back(camera.image_size_px.height);
+  }
+  std::vector<LineDelay> delays;
+  const absl::StatusOr<std::vector<bool>> roll =
+      FindRollingShutters(solution->built.problem, heights_px, options->cancelled, &delays);
+  if (absl::IsCancelled(roll.status())) return roll.status();
+  if (!roll.ok() || roll->empty()) return absl::OkStatus();
+  RigSolveOptions with_delays = *options;
+  with_delays.estimate_line_delays = *roll;
+  RigInitialization initial = InitializationFrom(*solution);
+  for (size_t c = 0; c < roll->size(); ++c) {
+    if ((*roll)[c]) initial.line_delay_s[c] += delays[c].line_delay_s;
+  }
+  const double share = InlierShare(*solution);
+  PutAway(rig, *options, solution);
+  absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, with_delays, &initial);
+  if (tried.ok() && !tried->converged) {
+    initial = InitializationFrom(*tried);
+    absl::StatusOr<RigSolution> further = SolveRig(rig, initial.clocks, with_delays, &initial);
+    if (further.ok()) tried = std::move(further);
+  }
+  if (absl::IsCancelled(tried.status())) return tried.status();
+  if (!tried.ok() || InlierShare(*tried) < share - kMayLoseInliers) return absl::OkStatus();
+  *options = std::move(with_delays);
+  *solution = *std::move(tried);
+  return absl::OkStatus();
+}
+
+// The cameras whose line delay stands out in the result.
+void AddShutterFindings(const RigObservations& rig, EvaluatedSolution* result) {
+  const RigInitialization solved = InitializationFrom(result->solution);
+  for (size_t c = 0; c < result->options.estimate_line_delays.size(); ++c) {
+    const Eigen::Index row =
+        result->uncertainty
+            ? result->uncertainty->Row({ReducedParameterKind::kLineDelay, static_cast<int>(c), 0})
+            : -1;
+    if (row < 0) continue;
+    const double delay_s = solved.line_delay_s[c];
+    const double sigma_s = std::sqrt(result->uncertainty->covariance(row, row));
+    const double readout_s = std::abs(delay_s) * rig.index.cameras[c].image_size_px.height;
+    if (std::abs(delay_s) < kShutterSigmas * sigma_s || readout_s < kMinReadoutS) continue;
+    result->findings.push_back(
+        {FindingKind::kRollingShutter, rig.index.cameras[c].camera, 1e6 * delay_s, "us",
+         absl::StrFormat("its image rows are taken one after the other, %.2f us apart (+-%.2f us), "
+                         "%.1f ms over the image; the calibration takes this into account",
+                         1e6 * delay_s, 1e6 * sigma_s, 1e3 * readout_s)});
+  }
+}
+
+// What looked like a rolling shutter with the given intrinsics may be none with refined ones: where
+// none is left that stands out, the result has none.
+absl::Status DropLineDelays(const RigObservations& rig, RigSolveOptions options,
+                            EvaluatedSolution* result) {
+  if (result->options.estimate_line_delays.empty() || !result->uncertainty ||
+      std::ranges::find(result->findings, FindingKind::kRollingShutter, &Finding::kind) !=
+          result->findings.end()) {
+    return absl::OkStatus();
+  }
+  RigInitialization initial = InitializationFrom(result->solution);
+  initial.line_delay_s.clear();
+  options.estimate_line_delays.clear();
+  absl::StatusOr<RigSolution> without = SolveRig(rig, initial.clocks, options, &initial);
+  if (absl::IsCancelled(without.status())) return without.status();
+  if (!without.ok()) return absl::OkStatus();
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*without, options);
+  if (!uncertainty.ok()) return absl::OkStatus();
+  result->solution = *std::move(without);
+  result->uncertainty = *std::move(uncertainty);
+  result->options.estimate_line_delays.clear();
+  return absl::OkStatus();
+}
+
 void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
   const auto append = [](const std::vector<std::vector<double>>& source, auto* target) {
     target->resize(source.size());
@@ -341,9 +439,12 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   RIGCAL_RETURN_IF_ERROR(CheckHeld(result.solution.built.problem));
   if (check) RIGCAL_RETURN_IF_ERROR(check(result.solution));
   if (base.estimate_time_offsets) {
+    RIGCAL_RETURN_IF_ERROR(TryLineDelays(rig, &first, &result.solution));
+    TakeBack(rig, first, &result.solution);
     RIGCAL_RETURN_IF_ERROR(TryRates(rig, &first, &result.solution));
     TakeBack(rig, first, &result.solution);
   }
+  result.options.estimate_line_delays = first.estimate_line_delays;
   result.options.estimate_time_rates = first.estimate_time_rates;
   result.options.own_rates = first.own_rates;
   const RigInitialization initial = InitializationFrom(result.solution);
@@ -357,6 +458,12 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     RIGCAL_ASSIGN_OR_RETURN(scores_of_fold, ScoreIntrinsics(rig, initial, blocks, first));
   }
   for (const IntrinsicsScores& own : scores_of_fold) scores.Add(own);
+  // What does not hold over long blocks is refined in no fold.
+  std::optional<HeldOutGain> by_chance;
+  if (scores.RefinedPays()) {
+    RIGCAL_ASSIGN_OR_RETURN(by_chance, CompareOverLongBlocks(rig, initial, result.solution, first));
+    if (by_chance && by_chance->IsClear(kMustGain, kChoiceSigmas)) by_chance.reset();
+  }
   EvaluatedErrors held_out;
   std::vector<FoldPoses> folds;
   for (int fold = 0; fold < blocks.period; ++fold) {
@@ -364,7 +471,8 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
         OptionsOfFold(rig, first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
     fold_options.progress = AllAs(CalibrationStage::kEvaluating, base);
     if (choose) {
-      fold_options.refine_intrinsics = scores_of_fold[static_cast<size_t>(fold)].RefinedPays();
+      fold_options.refine_intrinsics =
+          !by_chance && scores_of_fold[static_cast<size_t>(fold)].RefinedPays();
     }
     const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
     if (absl::IsCancelled(solution.status())) return solution.status();
@@ -384,8 +492,14 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
                                "too little data to hold any out: the errors are those of the data "
                                "that was solved. Record a minute or more"});
   }
-  result.options.refine_intrinsics = choose ? scores.RefinedPays() : first.refine_intrinsics;
-  if (choose) result.findings.push_back(IntrinsicsFinding(scores));
+  if (choose) {
+    result.options.refine_intrinsics = !by_chance && scores.RefinedPays();
+    result.refined_by_chance = by_chance.has_value();
+    result.findings.push_back(by_chance ? KeptFinding(scores, *by_chance)
+                                        : IntrinsicsFinding(scores));
+  } else {
+    result.options.refine_intrinsics = first.refine_intrinsics;
+  }
   if (result.options.refine_intrinsics != first.refine_intrinsics) {
     first.refine_intrinsics = result.options.refine_intrinsics;
     RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveRig(rig, initial.clocks, first, &initial));
@@ -403,11 +517,22 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     if (other.ok()) refined = FoldPosesOf(*other, 1);
   }
   TakeBack(rig, result.options, &result.solution);
+  if (result.held_out) {
+    RigSolveOptions lens_options = result.options;
+    lens_options.motions = &motions;
+    lens_options.progress = AllAs(CalibrationStage::kChoosingIntrinsics, base);
+    RIGCAL_ASSIGN_OR_RETURN(result.lenses, FindBetterLenses(rig, result.solution, lens_options));
+    for (const BetterLens& lens : result.lenses) {
+      result.findings.push_back(FindingOf(rig, lens, false));
+    }
+  }
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
-  result.predicted = PredictError(result.solution, result.options, result.uncertainty, folds,
-                                  refined ? &*refined : nullptr,
-                                  IsMetric(rig, result.options) ? options.accept_m : 0);
+  AddShutterFindings(rig, &result);
+  RIGCAL_RETURN_IF_ERROR(DropLineDelays(rig, first, &result));
+  result.predicted =
+      PredictError(result.solution, result.uncertainty, folds, refined ? &*refined : nullptr,
+                   IsMetric(rig, result.options) ? options.accept_m : 0);
   return result;
 }
 

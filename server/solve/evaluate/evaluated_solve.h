@@ -9,6 +9,7 @@
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
 #include "server/solve/evaluate/held_out.h"
+#include "server/solve/evaluate/lens_models.h"
 #include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
@@ -21,18 +22,26 @@ struct EvaluatedSolution {
   std::optional<EvaluatedErrors> held_out;    // none: too little to hold anything out
   std::optional<RigUncertainty> uncertainty;  // none: the data leave something undetermined
   PredictedError predicted;
-  std::vector<Finding> findings;  // about what was chosen, and why
+  // Refined intrinsics fit better between neighbouring times only: kept for that.
+  bool refined_by_chance = false;
+  std::vector<BetterLens> lenses;  // that another model describes better than the given one
+  std::vector<Finding> findings;   // about what was chosen, and why
 };
 
 // Solves the rig and cross-validates it: time is cut into blocks of 2 s with guards of 0.2 s, and
 // every fourth block is held out of a solve and evaluated with it, four times, so that each block
 // is evaluated once. A choice (`auto`) is made anew in each of the four folds, by two inner solves
 // that hold out blocks of the rest in the same way; it never sees the fold's own blocks. The
-// published solution uses all data, with the choice of the four folds together. The solves of the
-// folds begin at the estimates of the first solve and end, roughly, at the optimum of their own data,
-// of which they use as much as their errors need (RigSolveOptions).
+// published solution uses all data, with the choice of the four folds together, which must also
+// hold over long blocks of time (held_out_choice.h): else nothing is refined, in the folds neither.
+// The solves of the folds begin at the estimates of the first solve and end, roughly, at the optimum
+// of their own data, of which they use as much as their errors need (RigSolveOptions).
 //
-// Clock rates are estimated where at least one of them is significantly not zero.
+// Where residuals suspect the model of a lens, others are compared (lens_models.h) and named; the
+// solution is that of the given ones.
+//
+// Line delays of rolling shutters are estimated where one stands out (line_delays.h), clock rates
+// where at least one of them is significantly not zero.
 // The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong
 // offset (time_check.h) and for a wrong minimum (restart.h), and then by `check`, whose error is
 // passed on: what cannot become right is not worth the rest.

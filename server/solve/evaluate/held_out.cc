@@ -20,21 +20,17 @@ namespace {
 
 constexpr size_t kMinErrorsToChoose = 30;
 
-int64_t BlockOf(const TimeBlocks& blocks, int64_t rig_time_ns) {
-  const int64_t since = rig_time_ns - blocks.origin_ns;
-  return since >= 0 ? since / blocks.block_ns : -1 - (-since - 1) / blocks.block_ns;
-}
-
 // The instants of the problem, with the estimates of the solution, none of them placed yet.
 BuiltProblem BuildForEvaluation(const RigObservations& rig, const RigSolution& solution,
                                 const RigSolveOptions& options,
                                 const std::function<bool(int64_t)>& select) {
-  InstantList list = FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks),
-                                  options.tolerance_s);
+  InstantList list =
+      FindInstants(rig.tracks, RigTimes(rig.tracks, rig.index, solution.clocks, &solution.motions),
+                   options.tolerance_s);
   std::erase_if(list.instants,
                 [&select](const Instant& instant) { return !select(instant.rig_time_ns); });
   ThinOut(rig.index, options.max_observations, &list.instants);
-  BuiltProblem built = BuildProblem(rig.target, rig.tracks, solution.motions, rig.index,
+  BuiltProblem built = BuildProblem(rig.Parts(), rig.tracks, solution.motions, rig.index,
                                     solution.clocks, list.instants, options.sigma_px);
   built.problem.cameras = solution.built.problem.cameras;
   built.problem.clocks = solution.built.problem.clocks;
@@ -88,8 +84,13 @@ double MeanOfMeans(const std::vector<std::vector<double>>& errors) {
 
 }  // namespace
 
+int64_t TimeBlocks::Block(int64_t rig_time_ns) const {
+  const int64_t since = rig_time_ns - origin_ns;
+  return since >= 0 ? since / block_ns : -1 - (-since - 1) / block_ns;
+}
+
 bool TimeBlocks::IsHeldOut(int64_t rig_time_ns, int remainder) const {
-  const int64_t block = BlockOf(*this, rig_time_ns);
+  const int64_t block = Block(rig_time_ns);
   return ((block % period) + period) % period == remainder;
 }
 
@@ -98,31 +99,48 @@ bool TimeBlocks::IsKept(int64_t rig_time_ns, int remainder) const {
          !IsHeldOut(rig_time_ns + guard_ns, remainder);
 }
 
-EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& solution,
-                                 const RigSolveOptions& options,
-                                 const std::function<bool(int64_t rig_time_ns)>& select) {
-  BuiltProblem built = BuildForEvaluation(rig, solution, options, select);
+std::vector<EvaluatedErrors> EvaluateParts(const RigObservations& rig, const RigSolution& solution,
+                                           const RigSolveOptions& options, int parts,
+                                           const std::function<int(int64_t rig_time_ns)>& part_of) {
+  const auto is_part = [&](int64_t t) { return part_of(t) >= 0 && part_of(t) < parts; };
+  BuiltProblem built = BuildForEvaluation(rig, solution, options, is_part);
   BundleProblem& problem = built.problem;
-  EvaluatedErrors errors;
-  errors.reprojection_px.resize(problem.cameras.size());
-  errors.leave_one_out_px.resize(problem.cameras.size());
-  errors.instant_count = PlaceInstants(kAgreePx, &problem);
-  CorrectSphereCentres(rig.target, rig.tracks, solution.motions, IsMetric(rig, options), &built);
+  std::vector<EvaluatedErrors> errors(static_cast<size_t>(parts));
+  for (EvaluatedErrors& part : errors) {
+    part.reprojection_px.resize(problem.cameras.size());
+    part.leave_one_out_px.resize(problem.cameras.size());
+  }
+  PlaceInstants(kAgreePx, &problem);
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    if (!problem.instants[i].used) continue;
+    ++errors[static_cast<size_t>(part_of(built.instant_time_ns[i]))].instant_count;
+  }
+  CorrectSphereCentres(rig.Parts(), rig.tracks, solution.motions, IsMetric(rig, options), &built);
   ClassifyOutliers(&problem);
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
-  for (const BundleInstant& instant : problem.instants) {
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const BundleInstant& instant = problem.instants[i];
     if (!instant.used) continue;
+    EvaluatedErrors& part = errors[static_cast<size_t>(part_of(built.instant_time_ns[i]))];
     ForEachUsedMarker(
         problem, instant, [&](const BundleObservation& observation, const BundleMarker& marker) {
           const auto residual = MarkerResidualPx(problem, instant, observation, marker);
           if (!residual) return;
-          errors.reprojection_px[static_cast<size_t>(observation.camera)].push_back(
-              residual->norm());
+          part.reprojection_px[static_cast<size_t>(observation.camera)].push_back(residual->norm());
         });
-    LeaveOneOut(problem, intrinsics, instant, &errors);
+    LeaveOneOut(problem, intrinsics, instant, &part);
   }
-  errors.lengths = MeasureLengths(problem, problem.target.marker_positions_m, 3);
+  if (parts == 1) {
+    errors[0].lengths = MeasureLengths(problem, problem.target.marker_positions_m, 3);
+  }
   return errors;
+}
+
+EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& solution,
+                                 const RigSolveOptions& options,
+                                 const std::function<bool(int64_t rig_time_ns)>& select) {
+  return EvaluateParts(rig, solution, options, 1,
+                       [&select](int64_t t) { return select(t) ? 0 : -1; })[0];
 }
 
 double ChoiceScorePx(const EvaluatedErrors& errors) {

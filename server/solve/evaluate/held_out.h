@@ -17,6 +17,8 @@ struct TimeBlocks {
   int64_t guard_ns = 200'000'000;  // around a block that is held out, no part of either side
   int period = 4;
 
+  // The number of the block; negative before the origin.
+  int64_t Block(int64_t rig_time_ns) const;
   // In a block whose number leaves `remainder` when divided by the period.
   bool IsHeldOut(int64_t rig_time_ns, int remainder) const;
   // Neither in such a block nor within the guard of one.
@@ -41,6 +43,13 @@ struct EvaluatedErrors {
 EvaluatedErrors EvaluateSolution(const RigObservations& rig, const RigSolution& solution,
                                  const RigSolveOptions& options,
                                  const std::function<bool(int64_t rig_time_ns)>& select);
+
+// The same, by part: `part_of` gives the part that an instant belongs to, 0 to `parts` - 1;
+// anything else: none. One part's errors are those that EvaluateSolution has of it, but for the
+// outliers, which are classified over all parts together. Lengths are measured of one part only.
+std::vector<EvaluatedErrors> EvaluateParts(const RigObservations& rig, const RigSolution& solution,
+                                           const RigSolveOptions& options, int parts,
+                                           const std::function<int(int64_t rig_time_ns)>& part_of);
 
 // One figure to choose by: the mean over the cameras of the leave-one-camera-out error, or where
 // there is too little of it of the reprojection error. Infinite where there is nothing to evaluate.

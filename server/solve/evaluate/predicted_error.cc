@@ -7,6 +7,7 @@
 #include <map>
 
 #include "common/statistics/robust_statistics.h"
+#include "server/solve/evaluate/attached_point.h"
 
 namespace rigcal::server {
 namespace {
@@ -31,15 +32,20 @@ int CountBlocks(const BuiltProblem& built) {
       counts, [](const auto& entry) { return entry.second >= kMinInstantsOfBlock; }));
 }
 
-double MedianDistanceM(const BundleProblem& problem) {
+// Of the waved volume.
+Eigen::Vector3d MiddleM(const BundleProblem& problem) {
   std::vector<double> coordinates[3];
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
     for (int i = 0; i < 3; ++i) coordinates[i].push_back(instant.origin_m[i]);
   }
-  if (coordinates[0].empty()) return 0;
-  Eigen::Vector3d middle_m;
+  Eigen::Vector3d middle_m = Eigen::Vector3d::Zero();
+  if (coordinates[0].empty()) return middle_m;
   for (int i = 0; i < 3; ++i) middle_m[i] = UpperMedian(&coordinates[i]);
+  return middle_m;
+}
+
+double MedianDistanceM(const BundleProblem& problem, const Eigen::Vector3d& middle_m) {
   std::vector<double> distances_m;
   for (const BundleCamera& camera : problem.cameras) {
     distances_m.push_back((camera.cam_from_rig.SourceFromTargetTranslation() - middle_m).norm());
@@ -47,63 +53,53 @@ double MedianDistanceM(const BundleProblem& problem) {
   return Median(distances_m);
 }
 
-// Root of the mean over the cameras but the reference of what `square_m2(camera)` gives.
-template <typename Square>
-double RootMean(size_t cameras, int reference, Square square_m2) {
-  double sum_m2 = 0;
-  for (size_t c = 0; c < cameras; ++c) {
-    if (static_cast<int>(c) != reference) sum_m2 += square_m2(c);
-  }
-  return std::sqrt(sum_m2 / static_cast<double>(std::max<size_t>(1, cameras - 1)));
+std::vector<RigidTransform> PosesOf(const BundleProblem& problem) {
+  std::vector<RigidTransform> cam_from_rig;
+  for (const BundleCamera& camera : problem.cameras) cam_from_rig.push_back(camera.cam_from_rig);
+  return cam_from_rig;
+}
+
+double Largest(const std::vector<double>& values) {
+  return values.empty() ? 0 : std::ranges::max(values);
 }
 
 }  // namespace
 
 FoldPoses FoldPosesOf(const RigSolution& fold, int all_instants) {
-  FoldPoses poses;
-  for (const BundleCamera& camera : fold.built.problem.cameras) {
-    poses.centres_m.push_back(camera.cam_from_rig.SourceFromTargetTranslation());
-  }
-  poses.left_out =
-      1 - static_cast<double>(UsedInstants(fold.built.problem)) / std::max(1, all_instants);
-  return poses;
+  return {PosesOf(fold.built.problem),
+          1 - static_cast<double>(UsedInstants(fold.built.problem)) / std::max(1, all_instants)};
 }
 
-PredictedError PredictError(const RigSolution& solution, const RigSolveOptions& options,
+PredictedError PredictError(const RigSolution& solution,
                             const std::optional<RigUncertainty>& uncertainty,
                             const std::vector<FoldPoses>& folds, const FoldPoses* refined,
                             double accept_m) {
   const BundleProblem& problem = solution.built.problem;
+  const Eigen::Vector3d middle_m = MiddleM(problem);
+  const std::vector<RigidTransform> cam_from_rig = PosesOf(problem);
   PredictedError error;
-  error.distance_m = MedianDistanceM(problem);
+  error.distance_m = MedianDistanceM(problem, middle_m);
   error.accepted_m = accept_m > 0 ? accept_m : kAcceptedShare * error.distance_m;
   error.instant_count = UsedInstants(problem);
   error.block_count = CountBlocks(solution.built);
   error.fold_count = static_cast<int>(folds.size());
-  const size_t count = problem.cameras.size();
-  const auto centre_m = [&problem](size_t c) {
-    return problem.cameras[c].cam_from_rig.SourceFromTargetTranslation();
-  };
-  error.stated_m = std::numeric_limits<double>::infinity();
-  if (uncertainty) {
-    error.stated_m = RootMean(count, options.reference_camera, [&](size_t c) {
-      return uncertainty->cameras[c].position_sigma_m.squaredNorm();
-    });
-  }
+  error.stated_m = uncertainty ? Largest(FrameFreeCentreSigmas(problem, *uncertainty, middle_m))
+                               : std::numeric_limits<double>::infinity();
   if (folds.size() >= kMinFolds) {
-    error.by_folds_m = RootMean(count, options.reference_camera, [&](size_t c) {
-      double sum_m2 = 0;
-      for (const FoldPoses& fold : folds) {
-        const double left_out = std::clamp(fold.left_out, 0.05, 0.95);
-        sum_m2 += (1 - left_out) / left_out * (fold.centres_m[c] - centre_m(c)).squaredNorm();
+    std::vector<double> squares_m2(cam_from_rig.size());
+    for (const FoldPoses& fold : folds) {
+      const double left_out = std::clamp(fold.left_out, 0.05, 0.95);
+      const std::vector<double> distances_m =
+          FrameFreeCentreDistances(cam_from_rig, fold.cam_from_rig, middle_m);
+      for (size_t c = 0; c < distances_m.size(); ++c) {
+        squares_m2[c] += (1 - left_out) / left_out * distances_m[c] * distances_m[c];
       }
-      return sum_m2 / static_cast<double>(folds.size());
-    });
+    }
+    error.by_folds_m = std::sqrt(Largest(squares_m2) / static_cast<double>(folds.size()));
   }
   if (refined != nullptr) {
-    error.by_intrinsics_m = RootMean(count, options.reference_camera, [&](size_t c) {
-      return (refined->centres_m[c] - centre_m(c)).squaredNorm();
-    });
+    error.by_intrinsics_m =
+        Largest(FrameFreeCentreDistances(cam_from_rig, refined->cam_from_rig, middle_m));
   }
   error.sigma_m = std::max({error.stated_m, error.by_folds_m, error.by_intrinsics_m});
   error.holds = uncertainty && error.block_count >= kMinBlocks &&

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <optional>
 #include <vector>
 
+#include "common/geometry/rigid_transform.h"
 #include "server/solve/evaluate/uncertainty.h"
 #include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
 
-// Where a solve that left out some of the data put the cameras' centres, by camera, in the frame of
-// the reference camera.
+// Where a solve that left out some of the data put the cameras.
 struct FoldPoses {
-  std::vector<Eigen::Vector3d> centres_m;
+  std::vector<RigidTransform> cam_from_rig;
   double left_out = 0;  // share of the instants
 };
 
@@ -22,9 +21,10 @@ FoldPoses FoldPosesOf(const RigSolution& fold, int all_instants);
 // How far the camera positions are expected to be off, and what would be accepted. Lengths are in
 // the unit of the solution.
 struct PredictedError {
-  // One sigma of the camera positions in the frame of the reference camera: the root of their mean
-  // square. The scale apart, which is as good as the wand was measured. The largest of the
-  // following; infinite where the data leave something undetermined.
+  // One sigma of the camera position known worst, after the best rigid motion of the whole rig
+  // (FrameFreeCentreSigmas): the frame is that of the reference camera, whose own pose may be known
+  // ten times worse than the rig's shape. The scale apart, which is as good as the wand was
+  // measured. The largest of the following; infinite where the data leave something undetermined.
   double sigma_m = 0;
   double stated_m = 0;         // by the covariance
   double by_folds_m = 0;       // by the folds; 0: too few of them
@@ -43,7 +43,7 @@ struct PredictedError {
 // common to neighbouring instants included, which the covariance counts as independent.
 // `accept_m`: CalibrationOptions::accept_m. `refined`: the same data solved with refined
 // intrinsics, where they were kept for want of a better reason; else null.
-PredictedError PredictError(const RigSolution& solution, const RigSolveOptions& options,
+PredictedError PredictError(const RigSolution& solution,
                             const std::optional<RigUncertainty>& uncertainty,
                             const std::vector<FoldPoses>& folds, const FoldPoses* refined,
                             double accept_m);

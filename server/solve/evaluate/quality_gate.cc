@@ -91,6 +91,8 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kWrongIntrinsics:
       if (camera && camera->intrinsics_refined) return {};
       return warning(absl::StrCat(who, " has wrong intrinsics (see findings)"));
+    case FindingKind::kWrongLensModel:
+      return warning(absl::StrCat(who, ": its lens is of another kind than was given"));
     case FindingKind::kClockOffset:
       if (!camera || camera->time_offset_estimated) return {};
       return warning(absl::StrCat("the clock of ", who, " is off, and was kept as given"));
@@ -120,6 +122,7 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
       if (!camera) return warning("");
       return {FindingSeverity::kError, absl::StrCat(who, " agrees with no other camera")};
     case FindingKind::kRollingShutter:
+      if (camera && camera->line_delay_sigma_s > 0) return {};
       return warning(absl::StrCat(who, " has a rolling shutter (see findings)"));
     case FindingKind::kWrongWandLength:
       return warning("the wand is not as it was given (see findings)");

@@ -4,10 +4,12 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
+#include "server/solve/evaluate/attached_point.h"
 #include "server/solve/evaluate/block_scatter.h"
 
 namespace rigcal::server {
@@ -34,6 +36,9 @@ Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
         break;
       case ReducedParameterKind::kTimeOffset:
         prior(i, i) = InverseSquare(problem.clocks[index].offset_sigma_s);
+        break;
+      case ReducedParameterKind::kLineDelay:
+        prior(i, i) = InverseSquare(problem.cameras[index].line_delay_sigma_s);
         break;
       case ReducedParameterKind::kTimeRate:
         prior(i, i) = InverseSquare(problem.clocks[index].rate_sigma);
@@ -82,13 +87,15 @@ std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleIns
 LossFactors MeasureLossFactors(const BuiltProblem& built, double loss_scale, Eigen::Index free) {
   const BundleProblem& problem = built.problem;
   const double c2 = loss_scale * loss_scale;
-  const int own = problem.HasRigidTarget() ? kRigidParameters
-                  : problem.IsPoint()      ? kPointParameters
-                                           : kLineParameters;
-  double count = 0, instant_count = 0;
+  const auto freedom_of = [&problem](const BundleInstant& instant) {
+    return instant.is_point || problem.IsPoint() ? kPointParameters
+           : instant.is_rigid                    ? kRigidParameters
+                                                 : kLineParameters;
+  };
+  double count = 0, freedom = 0;
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
-    ++instant_count;
+    freedom += freedom_of(instant);
     count += static_cast<double>(SquaredNorms(built, instant).size());
   }
   const double shared = count > 0 ? static_cast<double>(free) / (2 * count) : 1;
@@ -96,9 +103,9 @@ LossFactors MeasureLossFactors(const BuiltProblem& built, double loss_scale, Eig
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
     const std::vector<SquaredNorm> squares = SquaredNorms(built, instant);
-    const double leverage =
-        std::min(kMaxLeverage,
-                 shared + 0.5 * own / static_cast<double>(std::max<size_t>(1, squares.size())));
+    const double leverage = std::min(
+        kMaxLeverage, shared + 0.5 * freedom_of(instant) /
+                                   static_cast<double>(std::max<size_t>(1, squares.size())));
     for (const auto& [raw, noise_share] : squares) {
       weight += 1 / (1 + raw / c2);
       const double s = raw / (noise_share * (1 - leverage));
@@ -110,7 +117,7 @@ LossFactors MeasureLossFactors(const BuiltProblem& built, double loss_scale, Eig
       square += 0.5 * w * w * s;
     }
   }
-  if (2 * count <= own * instant_count + static_cast<double>(free) || !(slope > 0)) {
+  if (2 * count <= freedom + static_cast<double>(free) || !(slope > 0)) {
     return {};
   }
   const double spread = slope_square * count / (slope * slope) - 1;
@@ -175,22 +182,14 @@ CameraUncertainty OfCamera(const BundleProblem& problem, int index, const RigUnc
   CameraUncertainty result;
   const Eigen::Index rotation = rig.Row({ReducedParameterKind::kRotation, index, 0});
   if (rotation >= 0) {
-    // The centre -R^T t under t + dt and exp([w]x) R moves by -R^T dt - R^T [t]x w.
-    const Eigen::Vector3d& t = camera.cam_from_rig.translation_m;
-    Eigen::Matrix3d cross;
-    cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-    const Eigen::Matrix3d rig_from_cam =
-        camera.cam_from_rig.rotation.toRotationMatrix().transpose();
-    Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(3, rig.shape_covariance.cols());
     for (int i = 0; i < 3; ++i) {
       const Eigen::Index w = rig.Row({ReducedParameterKind::kRotation, index, i});
-      const Eigen::Index d = rig.Row({ReducedParameterKind::kTranslation, index, i});
       result.rotation_sigma_rad[i] = std::sqrt(std::max(0.0, rig.shape_covariance(w, w)));
-      jacobian.col(w) = -rig_from_cam * cross.col(i);
-      jacobian.col(d) = -rig_from_cam.col(i);
     }
+    const PointGainMatrix gain =
+        AttachedPointGain(problem, rig, index, camera.cam_from_rig.SourceFromTargetTranslation());
     result.position_sigma_m =
-        (jacobian * rig.shape_covariance * jacobian.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+        (gain * rig.shape_covariance * gain.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
   }
   if (camera.intrinsics_fixed) return result;
   for (int i = 0; i < static_cast<int>(camera.intrinsics.size()); ++i) {
@@ -235,56 +234,86 @@ void DescribeDistance(const BundleProblem& problem, double sigma_m, RigUncertain
   rig->scale_sigma_rel = sigma_m / problem.distance->distance_m;
 }
 
+// A scale as the target's own lengths have it: its error is `gradient` times the parameters'
+// errors, and that of lengths that were not estimated.
+struct TargetScale {
+  Eigen::VectorXd gradient;
+  double given_variance = 0;
+
+  double Variance(const RigUncertainty& rig) const {
+    return gradient.dot(rig.covariance * gradient) + given_variance;
+  }
+};
+
 // The scale of a set of points is its size about the centroid: with p_m from there,
-// scale - 1 = sum p_m . d_m / sum |p_m|^2 for displacements d_m of the points.
-void DescribeRigidScale(const BundleProblem& problem, RigUncertainty* rig) {
+// scale - 1 = sum p_m . d_m / sum |p_m|^2 for displacements d_m of the points; of several parts,
+// each about its own. None: every part is one point.
+std::optional<TargetScale> RigidScale(const BundleProblem& problem, const RigUncertainty& rig) {
   const BundleRigidTarget& target = problem.rigid_target;
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : target.points_m) middle += point;
-  middle /= static_cast<double>(target.points_m.size());
+  std::vector<Eigen::Vector3d> from_middle;
   double size = 0;
-  for (const Eigen::Vector3d& point : target.points_m) size += (point - middle).squaredNorm();
-  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(rig->covariance.rows());
-  double given_variance = 0;  // of points that are not estimated
-  for (size_t m = 0; m < target.points_m.size(); ++m) {
+  for (const auto& [first, last] : target.Parts()) {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    const auto begin = target.points_m.begin() + first, end = target.points_m.begin() + last;
+    for (auto point = begin; point != end; ++point) middle += *point / (last - first);
+    for (auto point = begin; point != end; ++point) {
+      from_middle.push_back(*point - middle);
+      size += from_middle.back().squaredNorm();
+    }
+  }
+  if (!(size > 0)) return std::nullopt;
+  TargetScale scale{Eigen::VectorXd::Zero(rig.covariance.rows())};
+  for (size_t m = 0; m < from_middle.size(); ++m) {
     for (int i = 0; i < 3; ++i) {
-      const double slope = (target.points_m[m][i] - middle[i]) / size;
+      const double slope = from_middle[m][i] / size;
       const Eigen::Index row =
-          rig->Row({ReducedParameterKind::kTargetPoint, static_cast<int>(m), i});
+          rig.Row({ReducedParameterKind::kTargetPoint, static_cast<int>(m), i});
       if (row >= 0) {
-        gradient[row] = slope;
+        scale.gradient[row] = slope;
       } else if (!target.sigma_m.empty()) {
-        given_variance += std::pow(slope * target.sigma_m[m], 2);
+        scale.given_variance += std::pow(slope * target.sigma_m[m], 2);
       }
     }
   }
-  const Eigen::VectorXd column = rig->covariance * gradient;
-  const double variance = gradient.dot(column);
-  rig->scale_sigma_rel = std::sqrt(variance + given_variance);
-  rig->shape_covariance = rig->covariance;
-  if (variance > 0) rig->shape_covariance -= column * column.transpose() / variance;
+  return scale;
 }
 
-void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
-  if (problem.HasRigidTarget()) return DescribeRigidScale(problem, rig);
+// None: there is no wand.
+std::optional<TargetScale> LineScale(const BundleProblem& problem, const RigUncertainty& rig) {
   const std::vector<double>& positions = problem.target.marker_positions_m;
+  if (positions.size() < 2) return std::nullopt;
   const int last = static_cast<int>(positions.size()) - 1;
-  rig->shape_covariance = rig->covariance;
-  const Eigen::Index row = rig->Row({ReducedParameterKind::kMarkerPosition, last, 0});
-  if (row < 0) {
+  TargetScale scale{Eigen::VectorXd::Zero(rig.covariance.rows())};
+  const Eigen::Index row = rig.Row({ReducedParameterKind::kMarkerPosition, last, 0});
+  if (row >= 0) {
+    scale.gradient[row] = 1 / positions.back();
+  } else {
     // Not estimated: the tolerance of the spans is all that is known.
-    rig->scale_sigma_rel = std::sqrt(last) * problem.target.span_sigma_m / positions.back();
-    rig->marker_position_sigma_m.assign(positions.size(), 0);
-    return;
+    scale.given_variance = last * std::pow(problem.target.span_sigma_m / positions.back(), 2);
   }
-  const double variance = rig->covariance(row, row);
-  rig->scale_sigma_rel = std::sqrt(variance) / positions.back();
-  const Eigen::VectorXd column = rig->covariance.col(row);
-  rig->shape_covariance -= column * column.transpose() / variance;
-  for (int m = 0; m <= last; ++m) {
+  return scale;
+}
+
+void DescribeMarkerPositions(const BundleProblem& problem, RigUncertainty* rig) {
+  const int count = static_cast<int>(problem.target.marker_positions_m.size());
+  for (int m = 0; m < count; ++m) {
     const Eigen::Index own = rig->Row({ReducedParameterKind::kMarkerPosition, m, 0});
     rig->marker_position_sigma_m.push_back(own < 0 ? 0 : std::sqrt(rig->covariance(own, own)));
   }
+}
+
+void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
+  rig->shape_covariance = rig->covariance;
+  DescribeMarkerPositions(problem, rig);
+  // Where both are estimated they agree; else the one that is known better.
+  std::optional<TargetScale> scale = RigidScale(problem, *rig);
+  const std::optional<TargetScale> line = LineScale(problem, *rig);
+  if (!scale || (line && line->Variance(*rig) < scale->Variance(*rig))) scale = line;
+  if (!scale) return;
+  rig->scale_sigma_rel = std::sqrt(scale->Variance(*rig));
+  const Eigen::VectorXd column = rig->covariance * scale->gradient;
+  const double variance = scale->gradient.dot(column);
+  if (variance > 0) rig->shape_covariance -= column * column.transpose() / variance;
 }
 
 }  // namespace

@@ -7,16 +7,16 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/core.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <random>
+
+#include "server/solve/geometry/five_point.h"
 
 namespace rigcal::server {
 namespace {
 
 constexpr size_t kKeptEssentials = 4;
-constexpr int kMinSamples = 60, kMaxSamples = 800;
+constexpr int kMinSamples = 20, kMaxSamples = 800;
+constexpr double kMayMiss = 1e-3;  // probability that no sample is free of outliers
 
 struct ScoredEssential {
   Eigen::Matrix3d matrix;
@@ -51,30 +51,6 @@ ScoredEssential ScoreEssential(const std::vector<PairInstant>& instants,
   return scored;
 }
 
-std::vector<Eigen::Matrix3d> EssentialsOfFive(const std::vector<PairMarker>& five) {
-  std::vector<cv::Point2d> a, b;
-  for (const PairMarker& marker : five) {
-    a.emplace_back(marker.ray_a.x(), marker.ray_a.y());
-    b.emplace_back(marker.ray_b.x(), marker.ray_b.y());
-  }
-  std::vector<Eigen::Matrix3d> essentials;
-  cv::Mat stacked;
-  try {
-    // With just five points OpenCV gives every solution, one below the other.
-    stacked = cv::findEssentialMat(a, b, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.999, 1.0);
-  } catch (const cv::Exception&) {
-    return essentials;  // a degenerate sample
-  }
-  for (int first = 0; first + 3 <= stacked.rows; first += 3) {
-    Eigen::Matrix3d essential;
-    cv::cv2eigen(stacked.rowRange(first, first + 3), essential);
-    if (essential.allFinite() && essential.norm() > 0) {
-      essentials.push_back(essential / essential.norm());
-    }
-  }
-  return essentials;
-}
-
 void Keep(const ScoredEssential& candidate, std::vector<ScoredEssential>* kept) {
   kept->insert(std::ranges::upper_bound(*kept, candidate.cost, {}, &ScoredEssential::cost),
                candidate);
@@ -97,11 +73,12 @@ std::vector<Eigen::Matrix3d> SampleEssentials(const std::vector<PairInstant>& in
       const size_t index = random() % instants.size();
       if (std::find(chosen.begin(), chosen.end(), index) == chosen.end()) chosen.push_back(index);
     }
-    std::vector<PairMarker> five;
+    std::vector<RayPair> five;
     for (const size_t index : chosen) {
-      five.push_back(instants[index][random() % instants[index].size()]);
+      const PairMarker& marker = instants[index][random() % instants[index].size()];
+      five.push_back({marker.ray_a, marker.ray_b});
     }
-    for (const Eigen::Matrix3d& essential : EssentialsOfFive(five)) {
+    for (const Eigen::Matrix3d& essential : EssentialsOfFivePoints(five)) {
       const double most = kept.size() < kKeptEssentials ? std::numeric_limits<double>::infinity()
                                                         : kept.back().cost;
       const ScoredEssential scored = ScoreEssential(instants, essential, threshold, most);
@@ -109,8 +86,8 @@ std::vector<Eigen::Matrix3d> SampleEssentials(const std::vector<PairInstant>& in
         const double share = static_cast<double>(scored.inliers) / marker_count;
         const double all_good = std::min(std::pow(share, 5), 1 - 1e-9);
         if (all_good > 1e-6) {
-          needed =
-              std::min(kMaxSamples, static_cast<int>(std::log(1e-4) / std::log1p(-all_good)) + 1);
+          needed = std::min(kMaxSamples,
+                            static_cast<int>(std::log(kMayMiss) / std::log1p(-all_good)) + 1);
         }
       }
       Keep(scored, &kept);

@@ -31,10 +31,12 @@ std::vector<Eigen::Vector2d> UndistortMarkers(const BundleProblem& problem) {
 
 std::vector<MarkerRay> UsedMarkerRays(const BundleProblem& problem,
                                       const std::vector<Intrinsics>& intrinsics,
-                                      const BundleInstant& instant) {
+                                      const BundleInstant& instant,
+                                      const std::vector<bool>* cameras) {
   std::vector<MarkerRay> views;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     const auto camera = static_cast<size_t>(observation.camera);
+    if (cameras != nullptr && !(*cameras)[camera]) continue;
     for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       if (!marker.used) continue;
       const Eigen::Vector2d centre_px = CentreAtInstantPx(problem, observation, marker);

@@ -29,9 +29,10 @@ struct MarkerRay {
 };
 
 // Of one instant, whether it is used or not, in the order of its observations. `intrinsics` by
-// camera, see CurrentIntrinsics.
+// camera, see CurrentIntrinsics. `cameras`: only of these, by camera; null: of all.
 std::vector<MarkerRay> UsedMarkerRays(const BundleProblem& problem,
                                       const std::vector<Intrinsics>& intrinsics,
-                                      const BundleInstant& instant);
+                                      const BundleInstant& instant,
+                                      const std::vector<bool>* cameras = nullptr);
 
 }  // namespace rigcal::server

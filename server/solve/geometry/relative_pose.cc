@@ -147,6 +147,10 @@ std::optional<RelativePose> RefineWithTarget(const std::vector<PairInstant>& ins
   for (int round = 0; round < 2; ++round) {
     int used = 0;
     for (BundleInstant& instant : problem.instants) {
+      if (round > 0 && instant.used) {  // the adjustment has placed it
+        ++used;
+        continue;
+      }
       const auto fit =
           EstimateTargetPose(problem, has_pose, rays, 2 * options.threshold_px, instant);
       if (fit) instant = fit->instant;

@@ -16,7 +16,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr size_t kMaxPairs = 12;
-constexpr int kRefineSteps = 8;
+constexpr int kRefineSteps = 6;
+constexpr double kRefined = 1e-5;  // a step this small, of metres and radians, is the last
 constexpr int kMinRigidInliers = 4;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -149,7 +150,7 @@ void Refine(const BundleProblem& problem, const std::vector<bool>& has_pose, dou
     if (!delta.allFinite()) return;
     instant->origin_m -= delta.head<3>();
     instant->direction = (direction - tangent * delta.tail<2>()).normalized();
-    if (delta.norm() < 1e-9) return;
+    if (delta.norm() < kRefined) return;
   }
 }
 
@@ -192,7 +193,7 @@ void RefineRigid(const BundleProblem& problem, const std::vector<bool>& has_pose
     const Eigen::Vector3d axis = angle > 0 ? Eigen::Vector3d(turn / angle) : turn;
     instant->rotation =
         (Eigen::AngleAxisd(angle, axis) * Eigen::Quaterniond(instant->rotation)).normalized();
-    if (delta.norm() < 1e-9) return;
+    if (delta.norm() < kRefined) return;
   }
 }
 
@@ -249,7 +250,9 @@ std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
                                             const std::vector<bool>& has_pose,
                                             const std::vector<Eigen::Vector2d>& rays,
                                             double truncation_px, const BundleInstant& instant) {
-  if (instant.is_rigid) return EstimateRigidPose(problem, has_pose, rays, truncation_px, instant);
+  if (instant.is_rigid && !instant.is_point) {
+    return EstimateRigidPose(problem, has_pose, rays, truncation_px, instant);
+  }
   ScoredFit best;
   std::vector<MarkerPoint> points;
   const auto try_pose = [&](const BundleInstant& candidate) {
@@ -259,13 +262,16 @@ std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
   const auto consider = [&](const MarkerPoint& a, const MarkerPoint& b) {
     if (const auto candidate = Hypothesis(instant, a, b)) try_pose(*candidate);
   };
-  const bool is_point = problem.target.marker_positions_m.size() == 1;
+  const bool is_point = instant.is_point || problem.target.marker_positions_m.size() == 1;
   for (const auto& [a, b] : ObservationPairs(problem, has_pose, instant)) {
+    // With a pose that no marker contradicts, only the last pixels are left to be refined.
+    if (best.fit.markers > 0 && best.fit.inliers == best.fit.markers) break;
     const std::vector<MarkerPoint> common = CommonMarkers(problem, rays, *a, *b);
     for (size_t i = 0; i < common.size(); ++i) {
       if (is_point) {
         BundleInstant candidate = instant;
-        candidate.origin_m = common[i].x_in_rig - common[i].position_m * instant.direction;
+        const double position_m = instant.is_point ? 0 : common[i].position_m;
+        candidate.origin_m = common[i].x_in_rig - position_m * instant.direction;
         try_pose(candidate);
       }
       for (size_t j = i + 1; j < common.size(); ++j) consider(common[i], common[j]);
@@ -280,7 +286,11 @@ std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
   }
   if (!std::isfinite(best.cost)) return std::nullopt;
   BundleInstant refined = best.fit.instant;
-  Refine(problem, has_pose, truncation_px / 3, &refined);
+  if (instant.is_point) {
+    RefineRigid(problem, has_pose, truncation_px / 3, &refined);
+  } else {
+    Refine(problem, has_pose, truncation_px / 3, &refined);
+  }
   const ScoredFit score = Evaluate(problem, has_pose, truncation_px, refined, best.cost);
   if (refined.origin_m.allFinite() && refined.direction.allFinite() && score.cost <= best.cost) {
     best = score;

@@ -23,7 +23,8 @@ struct TargetFit {
 // no part. None where no two such cameras see two markers in common that can be triangulated; of a
 // target of one marker, that one. Its direction stays as it is. A rigid target is found from any
 // single view of four markers (rigid_pose.h), or from markers that cameras triangulate together;
-// none where fewer than four markers agree.
+// none where fewer than four markers agree; a part of it that is one point like a target of one
+// marker.
 std::optional<TargetFit> EstimateTargetPose(const BundleProblem& problem,
                                             const std::vector<bool>& has_pose,
                                             const std::vector<Eigen::Vector2d>& rays,

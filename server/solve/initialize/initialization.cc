@@ -2,6 +2,7 @@
 #include "server/solve/initialize/initialization.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "common/status/status_macros.h"
@@ -18,8 +19,8 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kMinRigidShared = 3;  // each view of a rigid target gives a pose by itself
-constexpr int kMaxInstants = 400;   // used while the cameras' poses are found
+constexpr int kMinRigidShared = 3;    // each view of a rigid target gives a pose by itself
+constexpr size_t kMaxInstants = 400;  // used while the cameras' poses are found
 
 using Rays = std::vector<Eigen::Vector2d>;
 
@@ -36,6 +37,7 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
                                         int b) {
   std::vector<PairInstant> shared;
   for (const BundleInstant& instant : problem.instants) {
+    if (instant.is_rigid) continue;
     const BundleObservation* const left = ObservationBy(problem, instant, a);
     const BundleObservation* const right = ObservationBy(problem, instant, b);
     if (left == nullptr || right == nullptr) continue;
@@ -58,16 +60,47 @@ std::vector<PairInstant> SharedInstants(const BundleProblem& problem, const Rays
 OverlapGraph MakeGraph(const BundleProblem& problem, const InitializationOptions& options) {
   OverlapGraph graph;
   graph.notes = options.camera_notes;
-  if (problem.HasRigidTarget()) graph.min_shared = kMinRigidShared;
+  if (problem.HasBody()) graph.min_shared = kMinRigidShared;
   graph.avoided = options.avoided_pairs;
   graph.describe = [&problem](int a, int b) { return DescribeSharedViews(problem, a, b); };
   graph.shared_counts =
-      CountShared(problem, [](const BundleInstant&, const BundleObservation&) { return true; });
+      CountShared(problem, [](const BundleInstant& instant, const BundleObservation&) {
+        return !instant.is_point;  // beside another target: no pose comes from it
+      });
   for (size_t c = 0; c < problem.cameras.size(); ++c) {
     graph.cameras.push_back(problem.cameras[c].name);
     graph.view_counts.push_back(graph.shared_counts[c][c]);
   }
   return graph;
+}
+
+std::optional<RelativePose> EstimateLinePairPose(const InitializationOptions& options,
+                                                 const Rays& rays, const BundleProblem& problem,
+                                                 int a, int b, int rank) {
+  RelativePoseOptions pair;
+  pair.marker_positions_m = problem.target.marker_positions_m;
+  pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
+  pair.focal_b_px = MeanFocalPx(problem.cameras[static_cast<size_t>(b)]);
+  pair.threshold_px = kAgreePx;
+  // The pair's own seed, so that looking at one pair more changes no other.
+  pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
+  pair.rank = rank;
+  return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
+}
+
+double AgreeingShare(const RelativePose& pose) {
+  return static_cast<double>(pose.inlier_count) / std::max(1, pose.instant_count);
+}
+
+// By the kind of target that says more clearly how the two cameras stand.
+std::optional<RelativePose> EstimateMixedPairPose(const InitializationOptions& options,
+                                                  const Rays& rays, const BundleProblem& problem,
+                                                  int a, int b, int rank) {
+  const auto rigid =
+      EstimateRigidPairPose(problem, rays, a, b, {.threshold_px = kAgreePx, .rank = rank});
+  const auto line = EstimateLinePairPose(options, rays, problem, a, b, rank);
+  if (!line || line->inlier_count < OverlapGraph().min_shared) return rigid;
+  return rigid && AgreeingShare(*rigid) >= AgreeingShare(*line) ? rigid : line;
 }
 
 // What is referred to must outlive it. a < b.
@@ -83,18 +116,8 @@ PairEstimate MakePairEstimate(const InitializationOptions& options, const Rays& 
     }
     const int rank =
         static_cast<int>(std::ranges::count(options.avoided_pairs, std::make_pair(a, b)));
-    if (problem.HasRigidTarget()) {
-      return EstimateRigidPairPose(problem, rays, a, b, {.threshold_px = kAgreePx, .rank = rank});
-    }
-    RelativePoseOptions pair;
-    pair.marker_positions_m = problem.target.marker_positions_m;
-    pair.focal_a_px = MeanFocalPx(problem.cameras[static_cast<size_t>(a)]);
-    pair.focal_b_px = MeanFocalPx(problem.cameras[static_cast<size_t>(b)]);
-    pair.threshold_px = kAgreePx;
-    // The pair's own seed, so that looking at one pair more changes no other.
-    pair.seed = options.seed + static_cast<uint32_t>(a) * 65537u + static_cast<uint32_t>(b);
-    pair.rank = rank;
-    return EstimateRelativePose(SharedInstants(problem, rays, a, b), pair);
+    if (!problem.HasBody()) return EstimateLinePairPose(options, rays, problem, a, b, rank);
+    return EstimateMixedPairPose(options, rays, problem, a, b, rank);
   };
 }
 
@@ -120,13 +143,13 @@ void ChainPoses(const std::vector<OverlapEdge>& edges, BundleProblem* problem) {
 
 // How an instant's used markers fit its pose.
 struct InstantFit {
-  double cost = 0;     // squared residuals, each at most that of twice the threshold
+  double cost = 0;     // the one that an adjustment lowers, else the two would undo each other
   bool seen = true;    // by their cameras: one that is not would stop the bundle adjustment
   bool agrees = true;  // all are within the threshold
 };
 
 InstantFit FitOf(const BundleProblem& problem, const BundleInstant& instant, double threshold_px) {
-  const double limit = 4 * threshold_px * threshold_px;
+  const double scale = BundleOptions().loss_scale;
   InstantFit fit;
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     for (const BundleMarker& marker : problem.MarkersOf(observation)) {
@@ -134,55 +157,30 @@ InstantFit FitOf(const BundleProblem& problem, const BundleInstant& instant, dou
       const auto residual = MarkerResidualPx(problem, instant, observation, marker);
       fit.seen = fit.seen && residual;
       fit.agrees = fit.agrees && residual && residual->norm() < threshold_px;
-      fit.cost += residual ? std::min(residual->squaredNorm(), limit) : limit;
+      if (!residual) continue;
+      fit.cost += std::log1p((marker.sqrt_information * *residual).squaredNorm() / (scale * scale));
     }
   }
   return fit;
 }
 
-// Evenly chosen instants of a problem whose others are put aside.
-std::vector<bool> ThinOut(BundleProblem* problem) {
-  std::vector<bool> was_used;
-  int used = 0;
-  for (const BundleInstant& instant : problem->instants) {
-    was_used.push_back(instant.used);
-    used += instant.used ? 1 : 0;
-  }
-  if (used <= kMaxInstants) return was_used;
-  int64_t index = 0;
-  for (BundleInstant& instant : problem->instants) {
-    if (!instant.used) continue;
-    const int64_t before = index * kMaxInstants / used;
-    instant.used = ++index * kMaxInstants / used > before;
-  }
-  return was_used;
-}
-
-absl::Status SettlePoses(const InitializationOptions& options, BundleProblem* problem) {
-  const std::vector<bool> was_used = ThinOut(problem);
-  BundleOptions bundle;
-  bundle.loss_scale = kAgreePx;
-  bundle.max_iterations = 30;
-  bundle.function_tolerance = 1e-5;
-  bundle.cancelled = options.cancelled;
-  const absl::StatusOr<BundleSummary> summary = AdjustBundle(bundle, problem);
-  for (size_t i = 0; i < was_used.size(); ++i) problem->instants[i].used = was_used[i];
-  return summary.status();
-}
-
-}  // namespace
-
-int PlaceInstants(double threshold_px, BundleProblem* problem) {
-  Rays rays(problem->markers.size());
+// Looks at so many instants, evenly chosen. `known_rays`: of all markers; null: of those that are
+// needed, made here.
+int PlaceSome(double threshold_px, size_t count, const Rays* known_rays, BundleProblem* problem) {
+  Rays own_rays(known_rays == nullptr ? problem->markers.size() : 0);
+  const Rays& rays = known_rays == nullptr ? own_rays : *known_rays;
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(*problem);
   const std::vector<bool> has_pose(problem->cameras.size(), true);
   int placed = 0;
-  for (BundleInstant& instant : problem->instants) {
+  const size_t all = problem->instants.size();
+  count = std::min(count, all);
+  for (size_t i = 0; i < count; ++i) {
+    BundleInstant& instant = problem->instants[i * all / count];
     const InstantFit old = FitOf(*problem, instant, threshold_px);
     const bool agrees = instant.used && old.agrees;
     instant.used = instant.used && old.seen;
     if (!agrees) {
-      UndistortInstant(*problem, intrinsics, instant, &rays);
+      if (known_rays == nullptr) UndistortInstant(*problem, intrinsics, instant, &own_rays);
       const auto found = EstimateTargetPose(*problem, has_pose, rays, 2 * threshold_px, instant);
       const InstantFit fit = found ? FitOf(*problem, found->instant, threshold_px) : InstantFit{};
       if (found && fit.seen && (!instant.used || fit.cost < old.cost)) {
@@ -193,6 +191,21 @@ int PlaceInstants(double threshold_px, BundleProblem* problem) {
     placed += instant.used ? 1 : 0;
   }
   return placed;
+}
+
+absl::Status SettlePoses(const InitializationOptions& options, BundleProblem* problem) {
+  BundleOptions bundle;
+  bundle.loss_scale = kAgreePx;
+  bundle.max_iterations = 30;
+  bundle.function_tolerance = 1e-5;
+  bundle.cancelled = options.cancelled;
+  return AdjustBundle(bundle, problem).status();
+}
+
+}  // namespace
+
+int PlaceInstants(double threshold_px, BundleProblem* problem) {
+  return PlaceSome(threshold_px, problem->instants.size(), nullptr, problem);
 }
 
 absl::Status FindInitialization(const InitializationOptions& options, BundleProblem* problem,
@@ -216,7 +229,7 @@ absl::Status FindInitialization(const InitializationOptions& options, BundleProb
     // Poses that were chained over several pairs are coarse: the first round is generous.
     const double threshold_px = round == 0 ? 4 * kAgreePx : kAgreePx;
     if (IsCancelled(options)) return absl::CancelledError("the calibration was cancelled");
-    if (PlaceInstants(threshold_px, problem) == 0) {
+    if (PlaceSome(threshold_px, kMaxInstants, &rays, problem) == 0) {
       return absl::FailedPreconditionError(
           "no instant of the target can be placed from two cameras: check the target's marker "
           "positions and the cameras' intrinsics. " +
@@ -225,7 +238,7 @@ absl::Status FindInitialization(const InitializationOptions& options, BundleProb
     RIGCAL_RETURN_IF_ERROR(SettlePoses(options, problem));
     if (options.progress) options.progress(0.8 + 0.1 * (round + 1));
   }
-  PlaceInstants(kAgreePx, problem);
+  PlaceSome(kAgreePx, problem->instants.size(), &rays, problem);
   return absl::OkStatus();
 }
 

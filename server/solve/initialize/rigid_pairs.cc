@@ -39,7 +39,7 @@ std::vector<PairView> PairViews(const BundleProblem& problem,
                                 const std::vector<Eigen::Vector2d>& rays, int a, int b) {
   std::vector<PairView> all;
   for (const BundleInstant& instant : problem.instants) {
-    if (!instant.is_rigid) continue;
+    if (!instant.is_rigid || instant.is_point) continue;
     const BundleObservation* const in_a = ObservationBy(problem, instant, a);
     const BundleObservation* const in_b = ObservationBy(problem, instant, b);
     if (in_a != nullptr && in_b != nullptr) all.push_back({in_a, in_b, {}, {}});

@@ -167,6 +167,7 @@ ImageMotion::ImageMotion(const AlignedTrack& track, int marker_count, std::vecto
     : rows_(&track.track.observations),
       marker_count_(static_cast<size_t>(marker_count)),
       period_s_(track.period_s),
+      middle_row_(MiddleRow(track.track.camera)),
       flipped_(std::move(flipped)),
       excluded_(rows_->size() * marker_count_, false) {
   std::vector<double> speeds;
@@ -198,7 +199,26 @@ std::optional<ImageMotion::Sample> ImageMotion::SampleAt(size_t row, size_t labe
   if (label >= count) return std::nullopt;
   const size_t column = IsFlipped(static_cast<int>(row)) ? count - 1 - label : label;
   if (!rows_->IsVisible(row, column)) return std::nullopt;
-  return Sample{row, column, rows_->time_ns(row) + rows_->time_delta_ns(row, column)};
+  return Sample{row, column, TimeNs(row, column)};
+}
+
+int64_t ImageMotion::TimeNs(size_t row, size_t column) const {
+  const int64_t time_ns = rows_->time_ns(row) + rows_->time_delta_ns(row, column);
+  if (line_delay_s_ == 0) return time_ns;
+  return time_ns +
+         std::llround(1e9 * line_delay_s_ * (rows_->centre_px(row, column).y() - middle_row_));
+}
+
+int64_t ImageMotion::MeanDelayNs(size_t row) const {
+  if (line_delay_s_ == 0) return 0;
+  double rows_late = 0;
+  int count = 0;
+  for (size_t column = 0; column < rows_->MarkerCount(row); ++column) {
+    if (!rows_->IsVisible(row, column)) continue;
+    rows_late += rows_->centre_px(row, column).y() - middle_row_;
+    ++count;
+  }
+  return count == 0 ? 0 : std::llround(1e9 * line_delay_s_ * rows_late / count);
 }
 
 std::optional<ImageMotion::Sample> ImageMotion::Next(size_t row, size_t label, int step) const {

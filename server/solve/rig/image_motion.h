@@ -8,11 +8,17 @@
 #include <utility>
 #include <vector>
 
+#include "common/camera/camera_description.h"
 #include "server/associate/align_clocks.h"
 
 namespace rigcal::server {
 
 inline constexpr Eigen::Index kMaxMotionPoints = 15;
+
+// The image row whose time is that of the camera's clock where rows have times of their own.
+inline double MiddleRow(const CameraDescription& camera) {
+  return 0.5 * (camera.image_size_px.height - 1.0);
+}
 
 // A number for each point of a fit.
 using PointWeights = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxMotionPoints, 1>;
@@ -95,6 +101,15 @@ class ImageMotion {
   ImageMotion(const AlignedTrack& track, int marker_count, std::vector<bool> flipped = {});
   ImageMotion(const AlignedTrack&& track, int marker_count, std::vector<bool> = {}) = delete;
 
+  // Rolling shutter: a marker in image row y is seen this times (y - middle row) after the time of
+  // its row of observations. Until it is set there is none.
+  void SetLineDelay(double line_delay_s) { line_delay_s_ = line_delay_s; }
+  double line_delay_s() const { return line_delay_s_; }
+  // Camera time of a visible marker of a row, which is where the row has it, whatever its label.
+  int64_t TimeNs(size_t row, size_t column) const;
+  // The mean of its visible markers' delays by their image rows; 0 without any.
+  int64_t MeanDelayNs(size_t row) const;
+
   bool IsFlipped(int observation) const {
     return !flipped_.empty() && flipped_[static_cast<size_t>(observation)];
   }
@@ -132,6 +147,8 @@ class ImageMotion {
   const ObservationTable* rows_;
   size_t marker_count_;
   double period_s_;
+  double middle_row_;
+  double line_delay_s_ = 0;
   std::vector<bool> flipped_;   // by observation
   std::vector<bool> excluded_;  // by observation, then marker
   double typical_speed_px_s_ = 0;

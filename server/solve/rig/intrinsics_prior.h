@@ -16,6 +16,13 @@ struct IntrinsicsPrior {
   double tangential = 0.002;   // p1, p2
 };
 
+// Of intrinsics that nothing is known of: a wrong file, a lens that was changed.
+inline constexpr IntrinsicsPrior kWideIntrinsicsPrior = {.focal_share = 0.2,
+                                                         .centre_share = 0.05,
+                                                         .radial = 0.2,
+                                                         .radial_high = 0.3,
+                                                         .tangential = 0.01};
+
 // Frees the intrinsics of a camera under this prior around the given ones.
 void SetIntrinsicsPrior(const CameraDescription& description, BundleCamera* camera,
                         const IntrinsicsPrior& prior = {});

@@ -37,6 +37,7 @@ class LabelContest {
     if (last_label_ < 1) return flipped;  // one marker has one order
     for (size_t i = 0; i < problem_.instants.size(); ++i) {
       const BundleInstant& instant = problem_.instants[i];
+      if (instant.is_rigid) continue;  // it has no other end
       std::vector<int> found;
       if (instant.used) found = AgainstTheOthers(instant);
       if (found.empty() && IsAgainstItsNeighbours(i)) found = AllIfMirrored(instant);
@@ -93,7 +94,8 @@ class LabelContest {
       const double away_s =
           1e-9 * std::abs(static_cast<double>(instant_time_ns_[j] - instant_time_ns_[i]));
       const double cosine = problem_.instants[j].direction.dot(problem_.instants[i].direction);
-      if (!problem_.instants[j].used || away_s > kNeighbourS || cosine > -kMinOppositeCosine) {
+      if (!problem_.instants[j].used || problem_.instants[j].is_rigid || away_s > kNeighbourS ||
+          cosine > -kMinOppositeCosine) {
         return false;
       }
     }
@@ -184,7 +186,6 @@ class LabelContest {
 
 std::vector<int> FindFlippedLabels(const BundleProblem& problem,
                                    const std::vector<int64_t>& instant_time_ns) {
-  if (problem.HasRigidTarget()) return {};  // it has no other end
   return LabelContest(problem, instant_time_ns).Run();
 }
 

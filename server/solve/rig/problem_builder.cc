@@ -20,22 +20,22 @@ Eigen::Matrix2d SqrtInformation(const Eigen::Matrix2d& covariance) {
 
 void AddMember(const AlignedTrack& track, const ImageMotion& motion,
                const ClockCorrection& correction, const Instant& instant,
-               const InstantMember& member, double sigma_px, MotionWeightsMemory* memory,
-               BuiltProblem* built) {
+               const InstantMember& member, int first_point, double sigma_px,
+               MotionWeightsMemory* memory, BuiltProblem* built) {
   const ObservationTable& rows = track.track.observations;
   const auto row = static_cast<size_t>(member.observation);
   const size_t count = rows.MarkerCount(row);
   for (size_t m = 0; m < count; ++m) {
     if (!rows.IsVisible(row, m)) continue;
-    const int64_t camera_time_ns = rows.time_ns(row) + rows.time_delta_ns(row, m);
-    const int64_t coarse_ns = track.CoarseRigTimeNs(rows.time_ns(row)) + rows.time_delta_ns(row, m);
+    const int64_t camera_time_ns = motion.TimeNs(row, m);
+    const int64_t coarse_ns = track.CoarseRigTimeNs(camera_time_ns);
     const double shift_s =
         1e-9 * static_cast<double>(instant.rig_time_ns - coarse_ns) - correction.At(camera_time_ns);
     const size_t label = motion.IsFlipped(member.observation) ? count - 1 - m : m;
     MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, memory);
     if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     BundleMarker marker;
-    marker.marker = static_cast<int>(label);
+    marker.marker = first_point + static_cast<int>(label);
     marker.centre_px = moved.centre_px;
     marker.velocity_px_s = moved.velocity_px_s;
     marker.sqrt_information = SqrtInformation(moved.covariance_px2);
@@ -102,18 +102,20 @@ RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorr
 
 std::vector<std::vector<int64_t>> RigTimes(const std::vector<AlignedTrack>& tracks,
                                            const RigIndex& index,
-                                           const std::vector<ClockCorrection>& clocks) {
+                                           const std::vector<ClockCorrection>& clocks,
+                                           const std::vector<ImageMotion>* motions) {
   std::vector<std::vector<int64_t>> times = CoarseRigTimes(tracks);
   for (size_t t = 0; t < tracks.size(); ++t) {
     const ClockCorrection& clock = clocks[static_cast<size_t>(index.clock_of_track[t])];
     for (size_t i = 0; i < times[t].size(); ++i) {
       times[t][i] += std::llround(1e9 * clock.At(tracks[t].track.observations.time_ns(i)));
+      if (motions != nullptr) times[t][i] += (*motions)[t].MeanDelayNs(i);
     }
   }
   return times;
 }
 
-BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>& tracks,
+BuiltProblem BuildProblem(const TargetParts& targets, const std::vector<AlignedTrack>& tracks,
                           const std::vector<ImageMotion>& motions, const RigIndex& index,
                           const std::vector<ClockCorrection>& clocks,
                           const std::vector<Instant>& instants, double sigma_px) {
@@ -124,6 +126,7 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
     camera.name = description.camera;
     camera.model = description.intrinsics->model;
     camera.intrinsics = ToVector(*description.intrinsics);
+    camera.middle_row = MiddleRow(description);
     problem.cameras.push_back(std::move(camera));
   }
   for (const ClockCorrection& correction : clocks) {
@@ -131,10 +134,13 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
     clock.clock_id = correction.clock_id;
     problem.clocks.push_back(std::move(clock));
   }
-  problem.target.marker_positions_m = target.marker_positions_m;
-  problem.target.given_positions_m = target.marker_positions_m;
-  problem.target.span_sigma_m = target.span_tolerance_m;
-  for (const TargetPoint& point : target.points) {
+  if (const Target* const line = targets.line()) {
+    problem.target.marker_positions_m = line->marker_positions_m;
+    problem.target.given_positions_m = line->marker_positions_m;
+    problem.target.span_sigma_m = line->span_tolerance_m;
+  }
+  problem.rigid_target.first_points = targets.first_points();
+  for (const TargetPoint& point : targets.points()) {
     problem.rigid_target.points_m.emplace_back(point.x_m, point.y_m, point.z_m);
     problem.rigid_target.sigma_m.push_back(point.sigma_m);
   }
@@ -143,7 +149,11 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
   std::vector<MotionWeightsMemory> memories(tracks.size());
   for (const Instant& instant : instants) {
     BundleInstant entry;
-    entry.is_rigid = problem.HasRigidTarget();
+    // An instant is of one session.
+    const TargetParts::Part& part =
+        targets.Of(tracks[static_cast<size_t>(instant.members.front().track)].track.session_id);
+    entry.is_rigid = part.is_rigid;
+    entry.is_point = part.is_point;
     entry.first_observation = static_cast<int>(problem.observations.size());
     entry.observation_count = static_cast<int>(instant.members.size());
     for (const InstantMember& member : instant.members) {
@@ -156,7 +166,8 @@ BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>&
       observation.clock = index.clock_of_track[t];
       observation.clock_time_s = 1e-9 * static_cast<double>(row_ns - clock.time_epoch_ns);
       observation.first_marker = static_cast<int>(problem.markers.size());
-      AddMember(tracks[t], motions[t], clock, instant, member, sigma_px, &memories[t], &built);
+      AddMember(tracks[t], motions[t], clock, instant, member, part.first_point, sigma_px,
+                &memories[t], &built);
       observation.marker_count =
           static_cast<int>(problem.markers.size()) - observation.first_marker;
       problem.observations.push_back(observation);

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "common/target/target.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/instants.h"
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/rig/image_motion.h"
+#include "server/solve/rig/target_parts.h"
 
 namespace rigcal::server {
 
@@ -43,10 +43,12 @@ struct RigIndex {
 // Cameras come ascending by name, clocks in the order of the tracks; corrections are zero.
 RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorrection>* clocks);
 
-// Rig times of every row under the corrections.
+// Rig times of every row under the corrections; with `motions`, by track, those at which its
+// markers were seen in the mean, by their line delays.
 std::vector<std::vector<int64_t>> RigTimes(const std::vector<AlignedTrack>& tracks,
                                            const RigIndex& index,
-                                           const std::vector<ClockCorrection>& clocks);
+                                           const std::vector<ClockCorrection>& clocks,
+                                           const std::vector<ImageMotion>* motions = nullptr);
 
 // Origin of a marker of the problem.
 struct MarkerSource {
@@ -63,10 +65,10 @@ struct BuiltProblem {
 };
 
 // The bundle adjustment of these instants: every visible marker moved to its instant's time along
-// its image motion, with the label that the motion gives it. Cameras have their given intrinsics
-// and no pose; clocks are fixed, as are intrinsics and target. `sigma_px` > 0 replaces the observed
-// covariances.
-BuiltProblem BuildProblem(const Target& target, const std::vector<AlignedTrack>& tracks,
+// its image motion, which knows the line delays, with the label that the motion gives it. Cameras
+// have their given intrinsics and no pose; clocks are fixed, as are intrinsics and target.
+// `sigma_px` > 0 replaces the observed covariances.
+BuiltProblem BuildProblem(const TargetParts& targets, const std::vector<AlignedTrack>& tracks,
                           const std::vector<ImageMotion>& motions, const RigIndex& index,
                           const std::vector<ClockCorrection>& clocks,
                           const std::vector<Instant>& instants, double sigma_px);

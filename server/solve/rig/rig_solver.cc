@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
@@ -26,8 +27,10 @@ namespace {
 
 constexpr double kWeakOffsetSigmaS = 1;
 constexpr double kWeakRateSigma = 2e-4;  // quartz is within 100 ppm
+constexpr double kWeakLineDelaySigmaS = 1e-4;
 constexpr double kOutlierPx = 15;
-constexpr int kMaxRounds = 8;  // of solve, classify, interpolate again
+constexpr int kMaxRounds = 8;         // of solve, classify, interpolate again
+constexpr int kMaxRoundsOfMany = 20;  // where there are many clocks
 // Offsets that move less have settled, or that move their cameras' markers by less, which is a
 // small part of what hundreds of markers tell.
 constexpr double kTimeToleranceS = 2e-6;
@@ -35,9 +38,10 @@ constexpr double kTolerancePx = 5e-4;
 constexpr double kFunctionTolerance = 1e-9;  // relative change of the cost
 // Relative change of the cost that ends an adjustment whose result is only a stage; and below how
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
-constexpr double kCoarseTolerance = 1e-6;
+constexpr double kCoarseTolerance = 1e-5;
 constexpr double kExactBelow = 10;
-constexpr int kMaxFlips = 2;  // there and back
+constexpr size_t kManyClocks = 8;  // of one session
+constexpr int kMaxFlips = 2;       // there and back
 // Of rough solves: so far a marker is moved along its image velocity well enough; one of so many
 // markers may still change between inlier and outlier.
 constexpr double kRoughTolerancePx = 0.1;
@@ -61,6 +65,7 @@ class RigSolver {
 
   absl::StatusOr<RigSolution> Run(const RigInitialization* initial) {
     if (initial != nullptr) solution_.clocks = initial->clocks;
+    SetLineDelays(initial != nullptr ? initial->line_delay_s : std::vector<double>());
     Build();
     if (problem().instants.empty()) return NoInstants();
     if (initial != nullptr) {
@@ -75,25 +80,32 @@ class RigSolver {
     // By the rough distances of the initialization.
     bool rough_centres = CorrectCentres() > 0;
     if (FlipWrongLabels() > 0) Rebuild();
-    bool exact = false;
-    const int max_rounds = options_.rough ? kMaxRoughRounds : kMaxRounds;
+    bool labels_at_rest = false, done = false;
+    const int max_rounds = options_.rough  ? kMaxRoughRounds
+                           : HoldsOthers() ? kMaxRoundsOfMany
+                                           : kMaxRounds;
     const int max_changed =
         options_.rough ? static_cast<int>(problem().markers.size() / kRoughChanges) : 0;
     const double tolerance_px = options_.rough ? kRoughTolerancePx : kTolerancePx;
     for (int round = 0; round < max_rounds; ++round) {
       const bool is_last = round + 1 == max_rounds;
-      exact = !options_.rough && (exact || is_last);
-      RIGCAL_RETURN_IF_ERROR(Adjust(round, exact));
-      const int flipped = is_last ? 0 : FlipWrongLabels();
+      RIGCAL_RETURN_IF_ERROR(Adjust(round, exact_));
+      const int flipped = is_last || labels_at_rest ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(&problem());
+      LetHeldFollow();
       const Movement moved = ClockMovement();
-      const bool at_rest = moved.s < kTimeToleranceS || moved.px < tolerance_px;
+      const bool at_rest = done || moved.s < kTimeToleranceS || moved.px < tolerance_px;
       const bool settled = flipped == 0 && changed <= max_changed && !rough_centres && at_rest;
-      solution_.converged = settled && (exact || options_.rough);
-      if (solution_.converged) break;
-      exact = settled || moved.s < kExactBelow * kTimeToleranceS ||
-              moved.px < kExactBelow * tolerance_px;
-      if (!is_last && (flipped > 0 || rough_centres || !at_rest)) {
+      done = settled && (exact_ || options_.rough);
+      solution_.converged = done && held_.empty();
+      if (solution_.converged || is_last) break;
+      const bool is_next_last = round + 2 == max_rounds;
+      const bool near_rest = settled || moved.s < kExactBelow * kTimeToleranceS ||
+                             moved.px < kExactBelow * tolerance_px;
+      exact_ = !options_.rough && (exact_ || near_rest || is_next_last);
+      labels_at_rest = near_rest && flipped == 0;
+      const bool other_held = ChooseHeld(done || is_next_last);
+      if (flipped > 0 || rough_centres || !at_rest || other_held) {
         Rebuild();
         rough_centres = false;
       }
@@ -104,8 +116,18 @@ class RigSolver {
  private:
   BundleProblem& problem() { return solution_.built.problem; }
 
+  void SetLineDelays(const std::vector<double>& line_delay_s) {
+    solution_.line_delay_s = line_delay_s;
+    solution_.line_delay_s.resize(rig_.index.cameras.size(), 0);
+    for (size_t t = 0; t < rig_.tracks.size(); ++t) SetLineDelayOfTrack(t);
+  }
+  void SetLineDelayOfTrack(size_t track) {
+    const auto camera = static_cast<size_t>(rig_.index.camera_of_track[track]);
+    solution_.motions[track].SetLineDelay(solution_.line_delay_s[camera]);
+  }
+
   void Build() {
-    const auto times = RigTimes(rig_.tracks, rig_.index, solution_.clocks);
+    const auto times = RigTimes(rig_.tracks, rig_.index, solution_.clocks, &solution_.motions);
     solution_.instants = FindInstants(rig_.tracks, times, options_.tolerance_s);
     if (options_.keep_instant) {
       std::erase_if(solution_.instants.instants, [this](const Instant& instant) {
@@ -114,7 +136,7 @@ class RigSolver {
     }
     ThinOut(rig_.index, options_.max_observations, &solution_.instants.instants);
     solution_.built =
-        BuildProblem(rig_.target, rig_.tracks, solution_.motions, rig_.index, solution_.clocks,
+        BuildProblem(rig_.Parts(), rig_.tracks, solution_.motions, rig_.index, solution_.clocks,
                      solution_.instants.instants, options_.sigma_px);
     FreeParameters();
   }
@@ -124,18 +146,28 @@ class RigSolver {
     problem().target.fixed = !options_.estimate_marker_positions;
     problem().rigid_target.fixed = !options_.estimate_marker_positions;
     problem().distance = options_.known_distance;
-    if (options_.refine_intrinsics) {
-      for (size_t c = 0; c < problem().cameras.size(); ++c) {
-        SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c]);
-      }
+    for (size_t c = 0; c < problem().cameras.size(); ++c) {
+      const bool is_new = c < options_.new_lens.size() && options_.new_lens[c];
+      if (!options_.refine_intrinsics && !is_new) continue;
+      SetIntrinsicsPrior(rig_.index.cameras[c], &problem().cameras[c],
+                         is_new ? kWideIntrinsicsPrior : IntrinsicsPrior());
     }
-    const std::map<std::string, int> fixed = FixedClocks();
+    for (size_t c = 0; c < options_.estimate_line_delays.size(); ++c) {
+      BundleCamera& camera = problem().cameras[c];
+      camera.line_delay_fixed = !options_.estimate_line_delays[c];
+      camera.prior_line_delay_s = -solution_.line_delay_s[c];
+      camera.line_delay_sigma_s = kWeakLineDelaySigmaS;
+    }
+    reference_clocks_ = ReferenceClocks();
+    const std::map<std::string, int>& held = held_.empty() ? reference_clocks_ : held_;
     for (size_t k = 0; k < problem().clocks.size(); ++k) {
       BundleClock& clock = problem().clocks[k];
-      const bool is_fixed = fixed.at(solution_.clocks[k].session_id) == static_cast<int>(k);
-      clock.offset_fixed = is_fixed || !options_.estimate_time_offsets;
+      const std::string& session = solution_.clocks[k].session_id;
+      const bool is_reference = reference_clocks_.at(session) == static_cast<int>(k);
+      clock.offset_fixed =
+          held.at(session) == static_cast<int>(k) || !options_.estimate_time_offsets;
       clock.rate_fixed = !options_.estimate_time_rates ||
-                         (options_.own_rates.empty() ? is_fixed : !options_.own_rates[k]);
+                         (options_.own_rates.empty() ? is_reference : !options_.own_rates[k]);
       clock.prior_offset_s = -solution_.clocks[k].time_offset_s;
       clock.offset_sigma_s = kWeakOffsetSigmaS;
       clock.prior_rate = -solution_.clocks[k].time_rate;
@@ -146,12 +178,13 @@ class RigSolver {
   // After each Build, whose centres are as they were observed, once its instants are placed.
   // Returns how many moved.
   int CorrectCentres() {
-    return CorrectSphereCentres(rig_.target, rig_.tracks, solution_.motions,
+    return CorrectSphereCentres(rig_.Parts(), rig_.tracks, solution_.motions,
                                 IsMetric(rig_, options_), &solution_.built);
   }
 
-  // The clock of each session that keeps its correction.
-  std::map<std::string, int> FixedClocks() const {
+  // The clock of each session that keeps its correction, but for those that `held_` names until the
+  // next Rebuild.
+  std::map<std::string, int> ReferenceClocks() const {
     std::map<std::string, int> fixed;
     for (const bool any_camera : {false, true}) {
       for (size_t t = 0; t < rig_.tracks.size(); ++t) {
@@ -160,6 +193,65 @@ class RigSolver {
       }
     }
     return fixed;
+  }
+
+  // Whether another clock than the reference's is held while the clocks are on their way. Image
+  // velocities are noisy, so that a round moves a clock by less than it is off, and many clocks
+  // away from the one that is held by far less: where that one is off, they would hardly ever reach
+  // it.
+  bool HoldsOthers() const {
+    return !options_.rough && options_.estimate_time_offsets &&
+           std::ranges::any_of(ClocksBySession(solution_.clocks), [](const auto& session) {
+             return session.second.size() >= kManyClocks;
+           });
+  }
+
+  // Decides which clocks the next adjustment holds, in the end the references'; true: others than
+  // the last one.
+  bool ChooseHeld(bool in_the_end) {
+    const std::map<std::string, int> before = std::exchange(held_, {});
+    if (!in_the_end && HoldsOthers()) held_ = reference_clocks_;
+    const auto clocks = ClocksBySession(solution_.clocks);
+    for (auto& [session, held] : held_) {
+      std::vector<std::pair<double, int>> moved_s;
+      for (const size_t k : clocks.at(session)) {
+        const int clock = static_cast<int>(k);
+        if (clock != held) moved_s.emplace_back(problem().clocks[k].time_offset_s, clock);
+      }
+      std::ranges::sort(moved_s);
+      if (moved_s.size() + 1 >= kManyClocks) held = moved_s[moved_s.size() / 2].second;
+    }
+    return held_ != before;
+  }
+
+  // A held clock stays where it is among the others. What all others are moved by alike is the
+  // noise of their image velocities, which is that of their centres: it would move the held one,
+  // too.
+  void LetHeldFollow() {
+    const auto clocks = ClocksBySession(solution_.clocks);
+    for (const auto& [session, held] : held_) {
+      if (held == reference_clocks_.at(session)) continue;
+      std::vector<double> moved_s;
+      for (const size_t k : clocks.at(session)) {
+        if (static_cast<int>(k) != held) moved_s.push_back(problem().clocks[k].time_offset_s);
+      }
+      const double all_s = Median(moved_s);
+      for (const size_t k : clocks.at(session)) {
+        if (static_cast<int>(k) != held) problem().clocks[k].time_offset_s -= all_s;
+      }
+    }
+  }
+
+  // Time has no origin: what the reference's clock was moved by goes to the others.
+  void KeepReferenceClocks(std::vector<ClockCorrection>* clocks) const {
+    for (const auto& [session, reference] : reference_clocks_) {
+      const auto r = static_cast<size_t>(reference);
+      const double moved_s = (*clocks)[r].time_offset_s - solution_.clocks[r].time_offset_s;
+      for (ClockCorrection& clock : *clocks) {
+        if (clock.session_id == session) clock.time_offset_s -= moved_s;
+      }
+      (*clocks)[r].time_offset_s = solution_.clocks[r].time_offset_s;
+    }
   }
 
   absl::Status NoInstants() const {
@@ -237,6 +329,7 @@ class RigSolver {
   Movement ClockMovement() {
     struct OfClock {
       double span_s = 0, speed2 = 0;
+      double rows_s = 0;  // furthest from the time of the middle row
       int markers = 0;
     };
     std::vector<OfClock> clocks(problem().clocks.size());
@@ -245,6 +338,9 @@ class RigSolver {
       own.span_s = std::max(own.span_s, std::abs(observation.clock_time_s));
       for (const BundleMarker& marker : problem().MarkersOf(observation)) {
         if (!marker.used) continue;
+        const BundleCamera& camera = problem().CameraOf(observation);
+        own.rows_s = std::max(
+            own.rows_s, std::abs(camera.line_delay_s * (marker.centre_px.y() - camera.middle_row)));
         own.speed2 += marker.velocity_px_s.squaredNorm();
         ++own.markers;
       }
@@ -252,8 +348,8 @@ class RigSolver {
     Movement most;
     for (size_t k = 0; k < clocks.size(); ++k) {
       const BundleClock& clock = problem().clocks[k];
-      const double moved_s =
-          std::abs(clock.time_offset_s) + std::abs(clock.time_rate) * clocks[k].span_s;
+      const double moved_s = std::abs(clock.time_offset_s) +
+                             std::abs(clock.time_rate) * clocks[k].span_s + clocks[k].rows_s;
       most.s = std::max(most.s, moved_s);
       most.px =
           std::max(most.px, moved_s * std::sqrt(clocks[k].speed2 / std::max(1, clocks[k].markers)));
@@ -264,6 +360,7 @@ class RigSolver {
   // Keeps outlying centres out of their neighbours' image motion. Those that are a few pixels off
   // say more about the motion than their absence would.
   void ExcludeFromMotion() {
+    const TargetParts parts = rig_.Parts();
     for (const BundleInstant& instant : problem().instants) {
       if (!instant.used) continue;
       for (const BundleObservation& observation : problem().ObservationsOf(instant)) {
@@ -271,8 +368,9 @@ class RigSolver {
           const auto residual = MarkerResidualPx(problem(), instant, observation, marker);
           if (residual && residual->norm() < kOutlierPx) continue;
           const MarkerSource& source = solution_.built.sources[problem().IndexOf(marker)];
-          solution_.motions[static_cast<size_t>(source.track)].Exclude(source.observation,
-                                                                       marker.marker);
+          const auto t = static_cast<size_t>(source.track);
+          const TargetParts::Part& part = parts.Of(rig_.tracks[t].track.session_id);
+          solution_.motions[t].Exclude(source.observation, marker.marker - part.first_point);
         }
       }
     }
@@ -300,8 +398,10 @@ class RigSolver {
       for (const uint8_t flips : flip_counts_[static_cast<size_t>(t)]) {
         flipped.push_back(flips % 2 == 1);
       }
-      solution_.motions[static_cast<size_t>(t)] = ImageMotion(
-          rig_.tracks[static_cast<size_t>(t)], rig_.target.marker_count(), std::move(flipped));
+      solution_.motions[static_cast<size_t>(t)] =
+          ImageMotion(rig_.tracks[static_cast<size_t>(t)],
+                      rig_.TargetOf(static_cast<size_t>(t)).marker_count(), std::move(flipped));
+      SetLineDelayOfTrack(static_cast<size_t>(t));
     }
     return count;
   }
@@ -318,8 +418,10 @@ class RigSolver {
     }
     std::ranges::sort(outliers);
     {
-      const RigInitialization initial = InitializationFrom(solution_);
+      RigInitialization initial = InitializationFrom(solution_);
+      KeepReferenceClocks(&initial.clocks);
       solution_.clocks = initial.clocks;
+      SetLineDelays(initial.line_delay_s);
       // Before the next one is built, so that there is never room for two.
       solution_.built = BuiltProblem();
       Build();
@@ -336,20 +438,23 @@ class RigSolver {
   const RigSolveOptions& options_;
   RigSolution solution_;
   std::vector<std::vector<uint8_t>> flip_counts_;  // by track and observation
+  bool exact_ = false;                             // the next adjustment
+  std::map<std::string, int> reference_clocks_;    // by session
+  std::map<std::string, int> held_;  // by session, instead of the reference's; empty: those
 };
 
 }  // namespace
 
 std::vector<ImageMotion> MotionsOf(const RigObservations& rig) {
   std::vector<ImageMotion> motions;
-  for (const AlignedTrack& track : rig.tracks) {
-    motions.emplace_back(track, rig.target.marker_count());
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    motions.emplace_back(rig.tracks[t], rig.TargetOf(t).marker_count());
   }
   return motions;
 }
 
 bool IsMetric(const RigObservations& rig, const RigSolveOptions& options) {
-  return rig.target.marker_count() > 1 || options.known_distance.has_value();
+  return rig.Parts().HasLengths() || options.known_distance.has_value();
 }
 
 bool IsFlipped(const RigSolution& solution, const BundleObservation& observation) {
@@ -367,6 +472,10 @@ RigInitialization InitializationFrom(const RigSolution& solution) {
   initial.points_m = problem.rigid_target.points_m;
   initial.distance = problem.distance;
   initial.clocks = solution.clocks;
+  initial.line_delay_s = solution.line_delay_s;
+  for (size_t c = 0; c < initial.line_delay_s.size(); ++c) {
+    initial.line_delay_s[c] += problem.cameras[c].line_delay_s;
+  }
   for (size_t k = 0; k < initial.clocks.size(); ++k) {
     initial.clocks[k].time_offset_s += problem.clocks[k].time_offset_s;
     initial.clocks[k].time_rate += problem.clocks[k].time_rate;
@@ -386,7 +495,11 @@ void PutAway(const RigObservations& rig, const RigSolveOptions& options, RigSolu
   RigSolution::PutAway& kept = solution->put_away.emplace();
   kept.used.reserve(problem.markers.size());
   for (const BundleMarker& marker : problem.markers) kept.used.push_back(marker.used);
-  if (rig.target.diameter_m > 0 && IsMetric(rig, options)) {
+  bool has_diameter = rig.target.diameter_m > 0;
+  for (const auto& [session, target] : rig.other_targets) {
+    has_diameter = has_diameter || target.diameter_m > 0;
+  }
+  if (has_diameter && IsMetric(rig, options)) {
     kept.centres_px.reserve(problem.markers.size());
     for (const BundleMarker& marker : problem.markers) kept.centres_px.push_back(marker.centre_px);
   }
@@ -401,7 +514,7 @@ void TakeBack(const RigObservations& rig, const RigSolveOptions& options, RigSol
   BundleProblem& problem = solution->built.problem;
   const RigSolution::PutAway& kept = *solution->put_away;
   BuiltProblem again =
-      BuildProblem(rig.target, rig.tracks, solution->motions, rig.index, solution->clocks,
+      BuildProblem(rig.Parts(), rig.tracks, solution->motions, rig.index, solution->clocks,
                    solution->instants.instants, options.sigma_px);
   for (size_t m = 0; m < again.problem.markers.size(); ++m) {
     again.problem.markers[m].used = kept.used[m];

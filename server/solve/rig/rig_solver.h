@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -16,14 +17,22 @@
 #include "server/associate/instants.h"
 #include "server/solve/bundle/bundle_problem.h"
 #include "server/solve/rig/problem_builder.h"
+#include "server/solve/rig/target_parts.h"
 
 namespace rigcal::server {
 
 // What is solved: cameras, clocks and their rows.
 struct RigObservations {
-  Target target;
+  Target target;                                // of the sessions that other_targets does not name
+  std::map<std::string, Target> other_targets;  // by session
   std::vector<AlignedTrack> tracks;
   RigIndex index;
+
+  const Target& TargetOf(size_t track) const {
+    const auto found = other_targets.find(tracks[track].track.session_id);
+    return found == other_targets.end() ? target : found->second;
+  }
+  TargetParts Parts() const { return {target, other_targets}; }
 };
 
 struct RigSolveOptions {
@@ -33,7 +42,12 @@ struct RigSolveOptions {
   // clock, alone: at least one of each session is not.
   bool estimate_time_rates = false;
   std::vector<bool> own_rates;
+  // By camera: its line delay (rolling shutter) is estimated. Empty: none is.
+  std::vector<bool> estimate_line_delays;
   bool refine_intrinsics = false;
+  // By camera of the index, or empty: the model of its lens was found by the data, so that nothing
+  // but them says its intrinsics, which are refined in any case.
+  std::vector<bool> new_lens;
   bool estimate_marker_positions = false;
   // Between two cameras of the index, in metres: the scale of a target of one marker. None: its
   // unit is the distance from the reference camera to the camera initialized farthest from it.
@@ -59,6 +73,7 @@ struct RigSolveOptions {
 struct RigSolution {
   BuiltProblem built;                   // solved; markers not used are the outliers
   std::vector<ClockCorrection> clocks;  // what `built` was interpolated with
+  std::vector<double> line_delay_s;     // by camera, likewise
   std::vector<ImageMotion> motions;     // by track, outlying centres excluded, labels flipped
   InstantList instants;
   std::vector<std::pair<int, int>>
@@ -105,7 +120,8 @@ struct RigInitialization {
   std::vector<Eigen::Vector3d> points_m;  // of a rigid target; empty: as given
   std::optional<BundleDistance> distance;
   std::vector<ClockCorrection> clocks;
-  InstantPoses instants;  // those not named are placed anew
+  std::vector<double> line_delay_s;  // by camera; empty: none
+  InstantPoses instants;             // those not named are placed anew
 };
 
 RigInitialization InitializationFrom(const RigSolution& solution);
@@ -113,7 +129,8 @@ RigInitialization InitializationFrom(const RigSolution& solution);
 // Associates, initializes unless given initial values, and alternates bundle adjustment, flipping
 // of labels, classification of outliers, and interpolation at the new clock corrections until
 // nothing moves. Flipped observations are found anew in each solve. In each session the clock of
-// the reference camera (or else the first) keeps its correction: time has no origin.
+// the reference camera (or else the first) keeps its correction: time has no origin. (Of many
+// clocks another one is held on the way, see HoldsOthers.)
 //
 // FAILED_PRECONDITION: no instants, not connected, cannot be placed. CANCELLED.
 absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,

@@ -15,7 +15,7 @@ namespace rigcal::server {
 // Once for a problem as BuildProblem made it and whose instants have been placed; those that are
 // not used stay as they are. Nothing is moved where the target has no diameter, or where the
 // problem's unit of length is not the metre (`is_metric`). Returns the number of centres moved.
-int CorrectSphereCentres(const Target& target, const std::vector<AlignedTrack>& tracks,
+int CorrectSphereCentres(const TargetParts& targets, const std::vector<AlignedTrack>& tracks,
                          const std::vector<ImageMotion>& motions, bool is_metric,
                          BuiltProblem* built);
 

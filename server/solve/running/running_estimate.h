@@ -13,6 +13,7 @@
 #include "common/target/target.h"
 #include "server/associate/camera_track.h"
 #include "server/solve/rig/problem_builder.h"
+#include "server/solve/running/camera_groups.h"
 #include "server/solve/running/expected_error.h"
 #include "server/solve/running/wave_advice.h"
 
@@ -47,13 +48,6 @@ struct RunningInput {
   bool advise = true;
   bool check_held_out = true;
   const std::atomic<bool>* cancelled = nullptr;
-};
-
-// Two cameras that have seen too little together.
-struct PairNeed {
-  std::string camera_a, camera_b;
-  int common_count = 0;
-  int needed_count = 0;
 };
 
 struct EstimatedCamera {

@@ -45,6 +45,9 @@ void SubtractTrueClocks(const SimulatedWorld& world, const CalibrationResult& re
   for (size_t i = 0; i < offset.size(); ++i) {
     errors->cameras[i].time_offset_s =
         (offset[i] - Median(offset)) - (true_offset[i] - Median(true_offset));
+    errors->cameras[i].line_delay_s =
+        result.cameras[i].line_delay_s -
+        world.cameras()[static_cast<size_t>(errors->cameras[i].index)].line_delay_s;
     errors->cameras[i].time_rate_ppm =
         (rate[i] - Median(rate)) - (true_rate[i] - Median(true_rate));
   }

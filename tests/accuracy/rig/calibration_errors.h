@@ -24,6 +24,7 @@ struct CameraError {
   // At the calibration's own time epoch, both sides against the median of their clocks.
   double time_offset_s = 0;
   double time_rate_ppm = 0;
+  double line_delay_s = 0;
   std::vector<double> intrinsics;  // fx fy cx cy and the coefficients; empty when not refined
   std::optional<CameraUncertainty> sigma;  // as the calibration states it
 };

@@ -36,6 +36,8 @@ double ErrorOf(const CalibrationErrors& errors, const RigParameter& parameter) {
       return camera.time_offset_s - reference.time_offset_s;
     case RigParameterKind::kTimeRate:
       return 1e-6 * (camera.time_rate_ppm - reference.time_rate_ppm);
+    case RigParameterKind::kLineDelay:
+      return camera.line_delay_s;
     default:
       // Not refined: the error of the given ones is not known here.
       return camera.intrinsics.empty()
@@ -130,6 +132,9 @@ ColumnMap MapColumns(const SimulatedWorld& world, const server::BundleProblem& p
       case ReducedParameterKind::kTimeRate:
         map.parameters.push_back({RigParameterKind::kTimeRate, camera_of_clock[index], 0});
         break;
+      case ReducedParameterKind::kLineDelay:
+        map.parameters.push_back({RigParameterKind::kLineDelay, camera(), 0});
+        break;
       case ReducedParameterKind::kMarkerPosition:
         map.parameters.push_back({RigParameterKind::kMarkerPosition, column.index, 0});
         break;
@@ -179,6 +184,9 @@ RigCovariance FromBound(const RigBound& bound, const InformationOptions& options
         put(bound.TimeOffsetIndex(c), {RigParameterKind::kTimeOffset, c, 0});
       }
     }
+    if (options.line_delays) {
+      put(bound.first_line_delay + c, {RigParameterKind::kLineDelay, c, 0});
+    }
     const int values = options.intrinsics ? static_cast<int>(options.intrinsics_sigma.size()) : 0;
     for (int i = 0; i < values; ++i) {
       put(bound.first_intrinsics + values * c + i, {RigParameterKind::kIntrinsic, c, i});
@@ -217,6 +225,7 @@ RigNees NormaliseErrors(const CalibrationErrors& errors, const RigCovariance& co
   nees.marker_positions = part(RigParameterKind::kMarkerPosition);
   nees.time_offsets = part(RigParameterKind::kTimeOffset);
   nees.time_rates = part(RigParameterKind::kTimeRate);
+  nees.line_delays = part(RigParameterKind::kLineDelay);
   nees.intrinsics = part(RigParameterKind::kIntrinsic);
   return nees;
 }

@@ -20,6 +20,7 @@ enum class RigParameterKind : uint8_t {
   kMarkerPosition,  // `camera` is the marker
   kTimeOffset,      // against the reference camera's clock, seconds
   kTimeRate,        // against the reference camera's clock, s/s
+  kLineDelay,       // seconds
   kIntrinsic,
 };
 
@@ -55,6 +56,7 @@ struct RigNees {
   Nees marker_positions;
   Nees time_offsets;
   Nees time_rates;
+  Nees line_delays;
   Nees intrinsics;
 };
 RigNees NormaliseErrors(const CalibrationErrors& errors, const RigCovariance& covariance);

@@ -114,12 +114,24 @@ class InformationSum {
             rig_row.dot(instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s);
       }
     }
+    if (options_.line_delays) {
+      // As a time offset of the marker's row; later is the same as a larger offset.
+      const double row = projected.pixel[1] - camera.middle_row;
+      const Eigen::Vector3d velocity_m_s =
+          instant.origin_velocity_m_s + s * instant.direction_velocity_rad_s;
+      for (int i = 0; i < 2; ++i) {
+        const Eigen::RowVector3d in_cam(rows[i].x, rows[i].y, rows[i].z);
+        (*rig_columns)(i, layout_.first_line_delay + seen.camera) =
+            row * (in_cam * rotation).dot(velocity_m_s);
+      }
+    }
     if (options_.intrinsics) {
       const int count = static_cast<int>(options_.intrinsics_sigma.size());
       for (int k = 0; k < count; ++k) {
         const int column = layout_.first_intrinsics + count * seen.camera + k;
         server::ViewDerivative<true>(server::ViewUnknowns::kFirstIntrinsic + k, measured, projected,
-                                     0.0, &(*rig_columns)(0, column), &(*rig_columns)(1, column));
+                                     0.0, 0.0, &(*rig_columns)(0, column),
+                                     &(*rig_columns)(1, column));
       }
     }
     return absl::OkStatus();
@@ -164,7 +176,8 @@ int RigBound::TimeOffsetIndex(int camera) const {
 }
 
 absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOptions& options) {
-  if (!rig.points_m.empty() && (options.marker_positions || options.time_offsets)) {
+  if (!rig.points_m.empty() &&
+      (options.marker_positions || options.time_offsets || options.line_delays)) {
     return absl::InvalidArgumentError("no bound of marker positions or clocks of a rigid target");
   }
   RigBound bound;
@@ -173,8 +186,9 @@ absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOp
   bound.first_marker_position = 6 * (bound.camera_count - 1);
   const int spans = static_cast<int>(rig.marker_positions_m.size()) - 1;
   bound.first_time_offset = bound.first_marker_position + (options.marker_positions ? spans : 0);
-  bound.first_intrinsics =
+  bound.first_line_delay =
       bound.first_time_offset + (options.time_offsets ? bound.camera_count - 1 : 0);
+  bound.first_intrinsics = bound.first_line_delay + (options.line_delays ? bound.camera_count : 0);
   const int intrinsics = options.intrinsics ? static_cast<int>(options.intrinsics_sigma.size()) : 0;
   const Eigen::Index size = bound.first_intrinsics + bound.camera_count * intrinsics;
 
@@ -212,7 +226,8 @@ TrueRig MakeTrueRig(const SimulatedWorld& world, int reference) {
   int frames = world.FrameCount(0);
   for (int c = 0; c < static_cast<int>(world.cameras().size()); ++c) {
     rig.cameras.push_back(
-        {TruePose(world, c, reference), world.cameras()[static_cast<size_t>(c)].true_intrinsics});
+        {TruePose(world, c, reference), world.cameras()[static_cast<size_t>(c)].true_intrinsics,
+         0.5 * (world.cameras()[static_cast<size_t>(c)].description.image_size_px.height - 1)});
     frames = std::min(frames, world.FrameCount(c));
   }
   const auto wand_at = [&](double rig_time_s) {

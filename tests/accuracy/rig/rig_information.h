@@ -16,6 +16,7 @@ namespace rigcal::accuracy {
 struct TrueCamera {
   RigidTransform cam_from_rig;
   Intrinsics intrinsics;
+  double middle_row = 0;  // whose time the camera's clock shows
 };
 struct SeenMarker {
   int camera = 0;
@@ -44,6 +45,7 @@ struct InformationOptions {
   bool marker_positions = false;
   double span_sigma_m = 0.002;
   bool time_offsets = false;         // of every camera but the reference, no prior
+  bool line_delays = false;          // of every camera, no prior
   bool intrinsics = false;           // of every camera
   Eigen::VectorXd intrinsics_sigma;  // fx fy cx cy and the coefficients
 };
@@ -55,12 +57,14 @@ struct InformationOptions {
 struct RigBound {
   // Of the parameters in this order: per camera but the reference three of its rotation (vector in
   // the camera frame) and three of its centre (rig frame, metres); the positions of markers 1, 2,
-  // ...; per camera but the reference its time offset; per camera its intrinsics.
+  // ...; per camera but the reference its time offset; per camera its line delay; per camera its
+  // intrinsics.
   Eigen::MatrixXd covariance;
   int reference_camera = 0;
   int camera_count = 0;
   int first_marker_position = 0;  // index of the first of each group, valid if it is estimated
   int first_time_offset = 0;
+  int first_line_delay = 0;
   int first_intrinsics = 0;
 
   // Index of the first of a camera's values; -1 for the reference.

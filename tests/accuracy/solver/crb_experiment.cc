@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/solver/crb_experiment.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "common/status/status_macros.h"
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/rig_information.h"
@@ -14,13 +18,36 @@
 namespace rigcal::accuracy {
 namespace {
 
-absl::Status Measure(const SimulatedWorld& world, CrbTrial* trial) {
+// The bound of sessions whose noise is independent: their information adds up, as the cameras'
+// poses are all that they share. Of each world its share of the frames (MixedInputOf).
+absl::StatusOr<RigBound> ComputeMixedBound(const std::vector<const SimulatedWorld*>& worlds,
+                                           int reference) {
+  RigBound bound;
+  Eigen::MatrixXd information;
+  for (size_t w = 0; w < worlds.size(); ++w) {
+    TrueRig rig = MakeTrueRig(*worlds[w], reference);
+    const auto count = rig.instants.size();
+    const auto at = [&](size_t share) {
+      return rig.instants.begin() + static_cast<std::ptrdiff_t>(share * count / worlds.size());
+    };
+    rig.instants = std::vector<TrueInstant>(at(w), at(w + 1));
+    RIGCAL_ASSIGN_OR_RETURN(bound, ComputeRigBound(rig, {}));
+    const Eigen::MatrixXd own = bound.covariance.inverse();
+    information = w == 0 ? own : Eigen::MatrixXd(information + own);
+  }
+  if (worlds.size() > 1) bound.covariance = information.inverse();
+  return bound;
+}
+
+absl::Status Measure(const std::vector<const SimulatedWorld*>& worlds, CrbTrial* trial) {
+  const SimulatedWorld& world = *worlds.front();
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = options.marker_positions = Estimate::kFixed;
-  const server::CalibrationOutcome outcome = server::Calibrate(server::InputOf(world), options);
+  const server::CalibrationOutcome outcome =
+      server::Calibrate(server::MixedInputOf(worlds), options);
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
   const int reference = CameraIndex(world, outcome.result->reference_camera);
-  RIGCAL_ASSIGN_OR_RETURN(const RigBound bound, ComputeRigBound(MakeTrueRig(world, reference), {}));
+  RIGCAL_ASSIGN_OR_RETURN(const RigBound bound, ComputeMixedBound(worlds, reference));
 
   const auto count = static_cast<Eigen::Index>(3 * (world.cameras().size() - 1));
   Eigen::VectorXd errors(count);
@@ -83,6 +110,13 @@ Target NamedTarget(const std::string& name) {
   return target;
 }
 
+void SetTargets(const std::string& names, CrbOptions* options) {
+  const std::vector<std::string> each = absl::StrSplit(names, '+');
+  options->target = NamedTarget(each.front());
+  options->mixed_with.clear();
+  for (size_t i = 1; i < each.size(); ++i) options->mixed_with.push_back(NamedTarget(each[i]));
+}
+
 double CrbTrial::Ratio() const { return std::sqrt(squared_error_m2 / bound_m2); }
 
 CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed) {
@@ -94,8 +128,18 @@ CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed) {
   simulation.outlier_share = options.outlier_share;
   simulation.dropout_share = options.dropout_share;
   CrbTrial trial;
-  const absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(simulation, options.target);
-  trial.status = world.ok() ? Measure(*world, &trial) : world.status();
+  std::vector<Target> targets = options.mixed_with;
+  targets.insert(targets.begin(), options.target);
+  std::vector<SimulatedWorld> worlds;
+  std::vector<const SimulatedWorld*> pointers;
+  for (const Target& target : targets) {
+    absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(simulation, target);
+    trial.status = world.status();
+    if (!world.ok()) return trial;
+    worlds.push_back(*std::move(world));
+  }
+  for (const SimulatedWorld& world : worlds) pointers.push_back(&world);
+  trial.status = Measure(pointers, &trial);
   return trial;
 }
 

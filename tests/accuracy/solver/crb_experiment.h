@@ -25,7 +25,12 @@ struct CrbOptions {
   double outlier_share = 0;
   double dropout_share = 0.05;
   Target target = NamedTarget("wand");
+  // Sessions with other targets, of the same rig: each has an equal share of the duration.
+  std::vector<Target> mixed_with;
 };
+
+// The named targets, several joined by +, one session for each.
+void SetTargets(const std::string& names, CrbOptions* options);
 
 struct CrbTrial {
   absl::Status status;

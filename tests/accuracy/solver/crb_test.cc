@@ -54,7 +54,7 @@ TEST(CrbTest, PositionsReachTheBoundWithRigidTargets) {
     SCOPED_TRACE(entry.target);
     CrbOptions options;
     options.duration_s = entry.duration_s;
-    options.target = NamedTarget(entry.target);
+    SetTargets(entry.target, &options);
     const std::vector<CrbTrial> trials = RunAll<CrbTrial>(entry.seeds, 2, [&](int i) {
       return RunCrbTrial(options, kFirstSeed + static_cast<uint32_t>(i));
     });

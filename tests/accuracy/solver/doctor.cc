@@ -153,7 +153,7 @@ int RunDoctor(const SeedOptions& seeds) {
         PrintText(fmt::format("seed {}", seeds.first + static_cast<int>(i)), trials[i]);
       }
     }
-    if (!recorded.ok()) continue;
+    if (!recorded.ok() || disturbance.of_simulation) continue;
     const Diagnosis real = Diagnose(disturbance, *recorded, 1);
     Counts of_real;
     Count(real, &of_real);

@@ -14,9 +14,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
+#include "common/camera/fit_intrinsics.h"
 #include "common/simulation/world/simulated_world.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "server/solve/evaluate/attached_point.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 #include "tests/accuracy/thread_cpu.h"
 #include "tests/server/solve/recorded_input.h"
@@ -322,6 +324,95 @@ void SwapFiles(DoctorPatient* patient) {
   other.camera.intrinsics = narrow;
 }
 
+constexpr double kNearer = 0.6;           // of the distance from the middle
+constexpr double kHalfFieldRad = 1.1345;  // 65 degrees
+constexpr double kDescribedShare = 0.9;   // of half the image's width, that a board reached
+constexpr double kWideNoisePx = 0.3;
+constexpr double kWideDropoutShare = 0.05;
+constexpr double kMiddleHeightM = 1.5;
+
+// A lens of 130 degrees across the image.
+Intrinsics WideLens(const ImageSize& size) {
+  const double focal_px = 0.5 * size.width / kHalfFieldRad;
+  return {
+      DistortionModel::kFisheye, focal_px, focal_px, 0.5 * size.width - 4, 0.5 * size.height + 3,
+      {-0.02, 0.004, 0, 0}};
+}
+
+// What a calibration of `lens` by another model gives, by a board in most of the image.
+Intrinsics DescribedBy(DistortionModel model, const Intrinsics& lens, const ImageSize& size) {
+  std::vector<RayPixel> rays;
+  constexpr int kSteps = 24;
+  for (int x = 0; x <= kSteps; ++x) {
+    for (int y = 0; y <= kSteps; ++y) {
+      const Eigen::Vector2d pixel((size.width - 1.0) * x / kSteps,
+                                  (size.height - 1.0) * y / kSteps);
+      const Eigen::Vector2d from_centre = pixel - Eigen::Vector2d(lens.cx_px, lens.cy_px);
+      if (from_centre.norm() > kDescribedShare * 0.5 * size.width) continue;
+      const auto ray = Undistort(lens, pixel);
+      if (ray.ok()) rays.push_back({ray->homogeneous(), pixel});
+    }
+  }
+  const auto fit = FitIntrinsics(model, rays, lens);
+  return fit.ok() ? fit->intrinsics : lens;
+}
+
+RigidTransform Nearer(RigidTransform cam_from_world) {
+  const Eigen::Vector3d middle_m(0, 0, kMiddleHeightM);
+  const Eigen::Vector3d centre_m =
+      middle_m + kNearer * (cam_from_world.SourceFromTargetTranslation() - middle_m);
+  cam_from_world.translation_m = -(cam_from_world.rotation * centre_m);
+  return cam_from_world;
+}
+
+void Photograph(uint32_t seed, const SimulatedWorld& world, int camera, const Intrinsics& lens,
+                const RigidTransform& cam_from_world, server::CameraTrack* track) {
+  const ImageSize size = track->camera.image_size_px;
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, kWideNoisePx);
+  std::bernoulli_distribution dropped(kWideDropoutShare);
+  for (size_t i = 0; i < track->observations.size(); ++i) {
+    Observation& row = track->observations[i];
+    const WandPose wand = world.WandAt(world.FrameRigTime(camera, static_cast<int>(i)));
+    row.markers.assign(static_cast<size_t>(world.target().marker_count()), {});
+    for (size_t m = 0; m < row.markers.size(); ++m) {
+      Eigen::Vector2d pixel;
+      if (dropped(random) || !ImageOf(lens, cam_from_world * world.MarkerAt(wand, m), &pixel)) {
+        continue;
+      }
+      pixel += Eigen::Vector2d(noise(random), noise(random));
+      const bool inside = pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= size.width - 1 &&
+                          pixel.y() <= size.height - 1;
+      row.markers[m].visible = inside;
+      if (inside) row.markers[m].centre_px = pixel;
+    }
+  }
+}
+
+// One camera, or all of them, stand nearer and have wide lenses, which `model` describes.
+void PhotographWide(uint32_t seed, DistortionModel model, bool all, DoctorPatient* patient) {
+  const SimulatedWorld& world = *patient->world;
+  std::map<std::string, RigidTransform> cam_from_world;
+  for (size_t c = 0; c < world.cameras().size(); ++c) {
+    const SimulatedCamera& camera = world.cameras()[c];
+    const std::string& name = camera.description.camera;
+    cam_from_world[name] = camera.cam_from_rig;
+    if (!all && name != patient->camera) continue;
+    server::CameraTrack& track =
+        *std::ranges::find(patient->input.tracks, name,
+                           [](const server::CameraTrack& each) { return each.camera.camera; });
+    const Intrinsics lens = WideLens(track.camera.image_size_px);
+    cam_from_world[name] = Nearer(camera.cam_from_rig);
+    Photograph(seed++, world, static_cast<int>(c), lens, cam_from_world[name], &track);
+    track.camera.intrinsics = DescribedBy(model, lens, track.camera.image_size_px);
+  }
+  if (all) patient->distance_m *= kNearer;
+  const RigidTransform world_from_first = cam_from_world.begin()->second.Inverse();
+  for (const auto& [name, pose] : cam_from_world) {
+    patient->cam_from_rig[name] = pose * world_from_first;
+  }
+}
+
 void FlipLabels(uint32_t seed, double share, server::CameraTrack* track) {
   std::mt19937 random(seed);
   std::bernoulli_distribution flipped(share);
@@ -367,10 +458,32 @@ std::vector<Disturbance> LensDisturbances() {
       OfTrack("focal 3 % off, kept", causes, false, focal(0.97)),
       OfTrack("lenses guessed, f 0.86", causes, true, guess(0.86)),
       OfTrack("lenses guessed, f 1.14", causes, true, guess(1.14)),
+      OfTrack(
+          "fy 9.5 % off", causes, false,
+          [](uint32_t, server::CameraTrack* track) { track->camera.intrinsics->fy_px *= 1.095; }),
       {"files swapped", causes, "", false, false,
        [](uint32_t, DoctorPatient* patient) { SwapFiles(patient); }},
   };
   list[2].options.intrinsics = Estimate::kFixed;
+  const auto wide = [](const std::string& name, std::vector<FindingKind> kinds,
+                       DistortionModel model, bool all) {
+    Disturbance disturbance{name,
+                            std::move(kinds),
+                            "",
+                            !all,
+                            false,
+                            [model, all](uint32_t seed, DoctorPatient* patient) {
+                              PhotographWide(seed, model, all, patient);
+                            }};
+    disturbance.of_simulation = true;
+    return disturbance;
+  };
+  const std::vector<FindingKind> model = {FindingKind::kWrongLensModel};
+  list.push_back(
+      wide("fisheye as Brown-Conrady, one", model, DistortionModel::kBrownConrady, false));
+  list.push_back(
+      wide("fisheye as Brown-Conrady, all", model, DistortionModel::kBrownConrady, true));
+  list.push_back(wide("clean with fisheyes", {}, DistortionModel::kFisheye, true));
   return list;
 }
 
@@ -449,14 +562,28 @@ bool IsSymptom(const Finding& finding) {
   }
 }
 
-// How far the cameras are from their true places, where they have any.
+// What is graded: how far the worst camera is from its true place after the best rigid motion.
+double FrameFreeErrorM(const DoctorPatient& truth, const CalibrationResult& result) {
+  std::vector<RigidTransform> found, right;
+  for (const CalibratedCamera& camera : result.cameras) {
+    found.push_back(camera.cam_from_rig);
+    right.push_back(truth.cam_from_rig.at(camera.camera));
+  }
+  const Eigen::Vector3d middle_m =
+      result.wand_volume ? (0.5 * (result.wand_volume->min_m + result.wand_volume->max_m)).eval()
+                         : Eigen::Vector3d(0, 0, truth.distance_m);
+  return std::ranges::max(server::FrameFreeCentreDistances(found, right, middle_m));
+}
+
+// How far the cameras are from their true places, where they have any. The sigmas are those in the
+// frame of the reference camera, and so are the errors they are compared with.
 void MeasureErrors(const DoctorPatient& truth, const CalibrationResult& result,
                    Diagnosis* diagnosis) {
   const auto reference =
       std::ranges::find(result.cameras, result.reference_camera, &CalibratedCamera::camera);
   const RigidTransform true_from_rig = truth.cam_from_rig.at(reference->camera);
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> places_m;  // found, true
-  double square_m2 = 0, sigma_m2 = 0, along_m2 = 0, true_m2 = 0;
+  double sigma_m2 = 0, along_m2 = 0, true_m2 = 0;
   for (const CalibratedCamera& camera : result.cameras) {
     if (camera.camera == result.reference_camera) continue;
     const Eigen::Vector3d found_m =
@@ -464,7 +591,6 @@ void MeasureErrors(const DoctorPatient& truth, const CalibrationResult& result,
     const Eigen::Vector3d true_m = (truth.cam_from_rig.at(camera.camera) * true_from_rig.Inverse())
                                        .SourceFromTargetTranslation();
     places_m.emplace_back(found_m, true_m);
-    square_m2 += (found_m - true_m).squaredNorm();
     along_m2 += found_m.dot(true_m);
     true_m2 += true_m.squaredNorm();
     if (camera.uncertainty) sigma_m2 += camera.uncertainty->position_sigma_m.squaredNorm();
@@ -475,8 +601,7 @@ void MeasureErrors(const DoctorPatient& truth, const CalibrationResult& result,
   for (const auto& [found_m, true_m] : places_m) {
     shape_m2 += (found_m - scale * true_m).squaredNorm();
   }
-  diagnosis->error_m =
-      std::sqrt(square_m2 / static_cast<double>(std::max<size_t>(1, places_m.size())));
+  diagnosis->error_m = FrameFreeErrorM(truth, result);
   diagnosis->error_rel = diagnosis->error_m / truth.distance_m;
   diagnosis->sigmas =
       std::max(std::sqrt(shape_m2 / sigma_m2), std::abs(scale - 1) / result.target.scale_sigma_rel);
@@ -563,6 +688,7 @@ absl::StatusOr<DoctorPatient> SimulatedPatient(uint32_t seed, int camera_count, 
   RIGCAL_ASSIGN_OR_RETURN(const SimulatedWorld world,
                           SimulatedWorld::Create(options, server::WandTarget()));
   DoctorPatient patient;
+  patient.world = std::make_shared<const SimulatedWorld>(world);
   patient.input = server::InputOf(world);
   patient.camera = world.cameras()[2 % world.cameras().size()].description.camera;
   patient.other_camera = world.cameras()[1].description.camera;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "common/geometry/rigid_transform.h"
+#include "common/simulation/world/simulated_world.h"
 #include "server/solve/calibrate.h"
 
 namespace rigcal::accuracy {
@@ -24,7 +26,9 @@ struct DoctorPatient {
   // The true poses, in the frame of the camera with the lowest name.
   std::map<std::string, RigidTransform> cam_from_rig;
   std::set<std::string> known;  // "kind:camera" of what is found without a disturbance, and true
-  double distance_m = 0;        // of the cameras from the middle of the waved volume, median
+  // What was simulated; null: a recording.
+  std::shared_ptr<const SimulatedWorld> world;
+  double distance_m = 0;  // of the cameras from the middle of the waved volume, median
 };
 
 // One kind of disturbance, and which findings would name it.
@@ -36,7 +40,8 @@ struct Disturbance {
   bool of_clock = false;            // of that camera: an offset of it is no wrong cause
   std::function<void(uint32_t seed, DoctorPatient* patient)> apply;
   CalibrationOptions options = {};
-  bool all_causes = false;  // each of them must be named: several things are wrong
+  bool of_simulation = false;  // cannot be put into a recording
+  bool all_causes = false;     // each of them must be named: several things are wrong
 };
 
 // The first one is the clean recording.
@@ -44,7 +49,7 @@ std::vector<Disturbance> AllDisturbances();
 
 // A simulated rig of seed `seed`; INTERNAL or INVALID_ARGUMENT from the simulation.
 absl::StatusOr<DoctorPatient> SimulatedPatient(uint32_t seed, int camera_count, double duration_s);
-// The real recording; its truth is its own calibration. Errors of reading it, and of that.
+// The real recording; its ground truth is its own calibration. Errors of reading it, and of that.
 absl::StatusOr<DoctorPatient> RecordedPatient();
 
 // What a calibration with all defaults said.
@@ -55,7 +60,7 @@ struct Diagnosis {
   std::vector<std::string> wrong;                    // causes named that are not there
   std::set<FindingKind> kinds;                       // of the causes named
   double cpu_s = 0;                                  // of its thread
-  double error_m = 0;    // of the camera positions, root of mean square, against the truth
+  double error_m = 0;    // of the camera positions, RMS, against ground truth
   double error_rel = 0;  // by the patient's distance
   double sigmas = 0;     // of the shape by its stated sigma, or of the scale by its own: the larger
   // Graded good with an error above 1 % of the distance, or above three stated sigmas.

@@ -67,6 +67,22 @@ TEST(DoctorTest, CameraThatSpoilsTheOthersIsLeftOut) {
   EXPECT_LT(diagnosis.error_rel, 0.01);
 }
 
+// 130 degrees: the data say that these are no Brown-Conrady lenses, and which ones they are.
+TEST(DoctorTest, FisheyesDescribedAsBrownConradyAreNamedAndMended) {
+  const Diagnosis diagnosis = DiagnoseSimulated("fisheye as Brown-Conrady, all", kFirstSeed);
+  EXPECT_TRUE(diagnosis.named);
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_NE(diagnosis.grade, QualityGrade::kGood);
+  EXPECT_LT(diagnosis.error_rel, 0.005);
+}
+
+TEST(DoctorTest, FisheyesDescribedAsSuchRaiseNoAlarm) {
+  const Diagnosis diagnosis = DiagnoseSimulated("clean with fisheyes", kFirstSeed);
+  EXPECT_THAT(diagnosis.status, IsOk());
+  EXPECT_THAT(diagnosis.wrong, IsEmpty());
+  EXPECT_FALSE(diagnosis.falsely_good);
+}
+
 TEST(DoctorTest, WrongSpacingIsNamedAndNotUsable) {
   const Diagnosis diagnosis = DiagnoseSimulated("wand's end 10 mm off", kFirstSeed);
   EXPECT_TRUE(diagnosis.named);

@@ -32,6 +32,10 @@ void PrintFlight(const char* intrinsics, const FlightRun& run) {
   static const char* const kGrades[] = {"not evaluated", "good", "usable", "bad"};
   fmt::print("quality: {}\n", kGrades[static_cast<size_t>(run.result.quality.grade)]);
   for (const std::string& reason : run.result.quality.reasons) fmt::print("  {}\n", reason);
+  for (const Finding& finding : run.result.findings) {
+    fmt::print("  {} {} {:.3g} {}: {}\n", NameOf(finding.kind), finding.camera, finding.value,
+               finding.unit, finding.advice);
+  }
 }
 
 int RunFlights() {
@@ -40,15 +44,16 @@ int RunFlights() {
     fmt::print(stderr, "no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA\n");
     return 1;
   }
-  for (const bool keep : {false, true}) {
+  for (const Estimate intrinsics : {Estimate::kDefault, Estimate::kFixed, Estimate::kRefined}) {
     CalibrationOptions options;
-    if (keep) options.intrinsics = Estimate::kFixed;
+    options.intrinsics = intrinsics;
     const absl::StatusOr<FlightRun> run = RunFlight(*data, options);
     if (!run.ok()) {
       fmt::print(stderr, "{}\n", run.status().ToString());
       return 1;
     }
-    PrintFlight(keep ? "kept" : "chosen", *run);
+    const bool asked = intrinsics != Estimate::kDefault;
+    PrintFlight(asked ? (intrinsics == Estimate::kFixed ? "kept" : "refined") : "chosen", *run);
   }
   return 0;
 }

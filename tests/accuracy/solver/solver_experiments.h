@@ -12,8 +12,10 @@ Experiment Crb();
 Experiment Doctor();
 Experiment Flight();
 Experiment Halves();
+Experiment LineDelays();
 Experiment Real();
 Experiment Robustness();
+Experiment Sparse();
 Experiment Starts();
 Experiment UntilMm();
 

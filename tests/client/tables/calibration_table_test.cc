@@ -49,6 +49,18 @@ TEST(FormatCalibration, ShowsInstantsWandTimeAndRefusals) {
   EXPECT_THAT(text, HasSubstr("Quality: usable\n  left is late\n"));
 }
 
+TEST(FormatCalibration, ShowsEveryTargetWithItsSessions) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_target()->add_session_ids("wave");
+  v1::CalibratedTarget* board = calibration.add_other_targets();
+  board->mutable_given()->set_kind(v1::Target::KIND_RIGID);
+  for (int i = 0; i < 4; ++i) board->mutable_given()->add_points();
+  board->add_session_ids("board");
+  const std::string text = FormatCalibration(calibration);
+  EXPECT_THAT(text, ContainsRegex("target +wand, waved in wave\nwand length error +0.580 mm rms"));
+  EXPECT_THAT(text, ContainsRegex("target +rigid, waved in board\ntarget +rigid, 4 points"));
+}
+
 TEST(FormatCalibration, ShowsTheEvaluationWhereThereIsOne) {
   v1::Calibration calibration = FullCalibration();
   EXPECT_THAT(

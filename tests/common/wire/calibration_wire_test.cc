@@ -7,7 +7,7 @@
 
 #include <string>
 
-#include "common/wire/session_wire.h"
+#include "common/wire/calibration_result_wire.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::wire::calibration_wire_test {
@@ -43,6 +43,8 @@ Calibration FilledCalibration() {
   camera.intrinsics = {DistortionModel::kBrownConrady, 1250, 1251, 640, 512, {-.2, .1, 0, 0, 0}};
   camera.clock_id = "clock";
   camera.time_offset_s = -0.00815;
+  camera.line_delay_s = 1.5e-05;
+  camera.line_delay_sigma_s = 2e-07;
   camera.residuals.all = {1, 2, 3, 4, 5};
   camera.residuals.inlier = {6, 7, 8, 9, 10};
   camera.residuals.outlier_count = 11;
@@ -148,6 +150,8 @@ TEST(CalibrationWire, JsonHasTheNamesOfTheContract) {
         "\"time_offset_s\":-0.00815",
         "\"time_rate_ppm\":0",
         "\"time_epoch_s\":0",
+        "\"line_delay_s\":1.5e-05",
+        "\"line_delay_sigma_s\":2e-07",
         "\"residuals\":{\"all\":{\"mean_px\":1",
         "\"observation_count\":0",
         "\"outlier_count\":11",
@@ -192,42 +196,6 @@ TEST(CalibrationWire, UnknownFindingsAndGradesAreRefused) {
   bad = good;
   bad.clear_state();
   EXPECT_THAT(FromProto(bad), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("state")));
-}
-
-TEST(SessionWire, StoredFormReadsBackEqual) {
-  Session session;
-  session.id = "s-1";
-  session.rig = "rig";
-  session.title = "evening";
-  session.state = SessionState::kDraining;
-  session.target.marker_positions_m = {0, 0.13, 0.39};
-  session.requested_cameras = {"a"};
-  CameraDescription camera;
-  camera.camera = "a";
-  camera.image_size_px = {1280, 1024};
-  camera.clock = {"a", "recording"};
-  session.cameras.push_back({camera, "agent-1"});
-  session.start_utc_ns = 1'700'000'000'000'000'001;
-  session.missing_cameras = {"a"};
-  ASSERT_OK_AND_ASSIGN(const Session back, ParseSession(SerializeSession(session)));
-  EXPECT_EQ(back.cameras.at(0).description, camera);
-  EXPECT_EQ(back.cameras.at(0).agent_id, "agent-1");
-  EXPECT_EQ(back.start_utc_ns, session.start_utc_ns);
-  EXPECT_EQ(back.stop_utc_ns, 0);
-  EXPECT_EQ(back.state, SessionState::kDraining);
-  EXPECT_EQ(back.requested_cameras, session.requested_cameras);
-  EXPECT_EQ(SerializeSession(back), SerializeSession(session));
-}
-
-TEST(SessionWire, RefusesWhatCannotBeASession) {
-  v1::CreateSessionRequest request;
-  EXPECT_THAT(FromProto(request),
-              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("target")));
-  request.mutable_target()->set_kind(v1::Target::KIND_WAND);
-  request.mutable_target()->add_marker_positions_m(0);
-  EXPECT_THAT(FromProto(request), StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("two")));
-  request.mutable_target()->add_marker_positions_m(0.13);
-  EXPECT_THAT(FromProto(request), IsOk());
 }
 
 }  // namespace

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <random>
+#include <utility>
+#include <vector>
 
 #include "server/associate/instants.h"
 
@@ -119,6 +122,29 @@ TEST(AlignClocks, PeriodIsTheMedianStep) {
 }
 
 // With -fsanitize=undefined an overflow ends the test.
+TEST(AlignClocks, FramesHaveAPeriodWhereMostRowsAreLost) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  std::vector<std::pair<int64_t, uint32_t>> rows;
+  for (int64_t frame = 0; frame < 600; ++frame) {
+    const int64_t jitter_ns = static_cast<int64_t>(1e5 * uniform(random));
+    if (uniform(random) < 0.3) rows.push_back({100'000'000 * frame + jitter_ns, 0});
+  }
+  RefusalCounter refused;
+  const auto aligned = Align({Track("a", "ptp", rows)}, &refused);
+  EXPECT_GT(aligned[0].period_s, 0.15);
+  EXPECT_NEAR(aligned[0].FramePeriodS(), 0.1, 1e-3);
+}
+
+// Alternately 4 and 6 ms: both are multiples of 2 ms, at which nothing ever comes.
+TEST(AlignClocks, UnevenStepsHaveNoPeriodBelowTheirOwn) {
+  std::vector<std::pair<int64_t, uint32_t>> rows;
+  for (int64_t i = 0; i < 200; ++i) rows.push_back({10'000'000 * (i / 2) + 4'000'000 * (i % 2), 0});
+  RefusalCounter refused;
+  const auto aligned = Align({Track("a", "ptp", rows)}, &refused);
+  EXPECT_EQ(aligned[0].FramePeriodS(), aligned[0].period_s);
+}
+
 TEST(AlignClocks, ClocksThatSayTheExtremeDoNotOverflow) {
   constexpr int64_t kMin = std::numeric_limits<int64_t>::min();
   constexpr int64_t kMax = std::numeric_limits<int64_t>::max();

@@ -37,6 +37,13 @@ TEST(CheckSessionsFit, TakesSessionsOfOneRigAndTarget) {
               IsOk());
 }
 
+TEST(CheckSessionsFit, TakesAWandWithARigidTargetAndAPoint) {
+  Session board = Finished("two", {"left"}), point = Finished("three", {"left"});
+  board.target = *ParseTarget("rigid:{a 0 0 0|b 1 0 0|c 0 1 0|d 1 1 0}");
+  point.target = *ParseTarget("point");
+  EXPECT_THAT(server::CheckSessionsFit({{Finished("one", {"left"}), board, point}}), IsOk());
+}
+
 TEST(CheckSessionsFit, NamesBothThatDiffer) {
   const Session first = Finished("one", {"left"});
   const std::vector<std::pair<std::function<void(Session*)>, std::string>> cases = {

@@ -87,6 +87,50 @@ TEST(ContinuedSession, IsFinishedAndOfTheSameRigAndTarget) {
   refuses(other, "deleted");
 }
 
+TEST(SessionRules, ARunningSessionIsNeitherDeletedNorThrownAway) {
+  Session session = NewSession("wave");
+  EXPECT_THAT(server::CheckNotRunning(session, "deleted"), IsOk());
+  session.state = SessionState::kCapturing;
+  EXPECT_THAT(server::CheckNotRunning(session, "deleted"),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       HasSubstr("'wave' cannot be deleted: it is capturing; stop it first")));
+  session.state = SessionState::kDraining;
+  EXPECT_THAT(server::CheckNotRunning(session, "thrown away"),
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       HasSubstr("cannot be thrown away: it is draining; wait for its end")));
+  session.state = SessionState::kFinished;
+  EXPECT_THAT(server::CheckNotRunning(session, "deleted"), IsOk());
+}
+
+TEST(SessionRules, StartsOnlyWhatHasNotBeenStarted) {
+  Session session = NewSession("wave");
+  EXPECT_THAT(server::CheckMayStart(session), IsOk());
+  EXPECT_THAT(server::CheckMayStop(session),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("not been started")));
+  session.discard_utc_ns = 1;
+  EXPECT_THAT(server::CheckMayStart(session),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("--undo")));
+  session.discard_utc_ns = 0;
+  session.state = SessionState::kFinished;
+  session.stop_reason = "the wand broke";
+  EXPECT_THAT(server::CheckMayStart(session),
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("(the wand broke)")));
+  EXPECT_THAT(server::CheckMayStop(session), IsOk());
+}
+
+TEST(SessionRules, ACameraHasEndedWhenAllOfItsStreamsHave) {
+  Session session = NewSession("wave");
+  std::vector<SessionCameraCounts> counts;
+  for (const char* name : {"left", "right", "top"}) {
+    session.cameras.push_back({MakeCamera(name), "pc"});
+    counts.emplace_back().camera = name;
+  }
+  counts[0].streams = {{.stream_epoch = 1, .durable_seq = 9, .last_seq = 9}};
+  counts[1].streams = {{.stream_epoch = 1, .durable_seq = 9, .last_seq = 9},
+                       {.stream_epoch = 2, .durable_seq = 4, .last_seq = 5}};
+  EXPECT_THAT(server::CamerasNotEnded(session, counts), ElementsAre("right", "top"));
+}
+
 TEST(ValidateNewSession, TakesAPointOfOneMarkerOnly) {
   Session session = NewSession("p");
   session.target.kind = TargetKind::kPoint;

@@ -150,6 +150,21 @@ TEST(CalibrateStarts, OfAPeriodicMotionAFailedSolveSaysSo) {
                        AllOf(HasSubstr("sim_2"), HasSubstr("repeats itself every 1.00 s"))));
 }
 
+// The four cameras of the recording, whose positions may differ by `tolerance` in the unit of the
+// results.
+void ExpectSamePositions(const CalibrationResult& before, const CalibrationResult& after,
+                         double tolerance) {
+  ASSERT_EQ(before.cameras.size(), 4u);
+  ASSERT_EQ(after.cameras.size(), 4u);
+  for (size_t c = 0; c < 4; ++c) {
+    EXPECT_LT((before.cameras[c].cam_from_rig.SourceFromTargetTranslation() -
+               after.cameras[c].cam_from_rig.SourceFromTargetTranslation())
+                  .norm(),
+              tolerance)
+        << c;
+  }
+}
+
 // Its middle marker alone, one camera 3 s off: once 3.3 m wrong.
 TEST(CalibrateStarts, OfOneRecordedMarkerTooAreAsIfItsClocksWereOne) {
   RIGCAL_REQUIRE_RECORDED_DATA(folder);
@@ -165,15 +180,8 @@ TEST(CalibrateStarts, OfOneRecordedMarkerTooAreAsIfItsClocksWereOne) {
   const CalibrationOutcome after = Calibrate(*input, {});
   ASSERT_THAT(before.result, IsOk());
   ASSERT_THAT(after.result, IsOk());
-  for (size_t c = 0; c < 4; ++c) {
-    const CalibratedCamera &one = before.result->cameras[c], &other = after.result->cameras[c];
-    // In the unit of a point's rig, which is about 6 m.
-    EXPECT_LT((one.cam_from_rig.SourceFromTargetTranslation() -
-               other.cam_from_rig.SourceFromTargetTranslation())
-                  .norm(),
-              1e-6)
-        << c;
-  }
+  // The unit of a point's rig is about 6 m here.
+  ExpectSamePositions(*before.result, *after.result, 1e-6);
 }
 
 TEST(CalibrateStarts, OfTheRecordingAreAsIfItsClocksWereOne) {
@@ -186,16 +194,14 @@ TEST(CalibrateStarts, OfTheRecordingAreAsIfItsClocksWereOne) {
   const CalibrationOutcome after = Calibrate(*input, {});
   ASSERT_THAT(before.result, IsOk());
   ASSERT_THAT(after.result, IsOk());
+  ExpectSamePositions(*before.result, *after.result, 1e-5);
+  const auto offset_from_first_s = [](const CalibrationResult& result, size_t c) {
+    return result.cameras[c].time_offset_s - result.cameras[0].time_offset_s;
+  };
   for (size_t c = 0; c < 4; ++c) {
-    const CalibratedCamera &one = before.result->cameras[c], &other = after.result->cameras[c];
-    EXPECT_LT((one.cam_from_rig.SourceFromTargetTranslation() -
-               other.cam_from_rig.SourceFromTargetTranslation())
-                  .norm(),
-              1e-5)
+    EXPECT_NEAR(offset_from_first_s(*after.result, c) - offset_from_first_s(*before.result, c),
+                moved_s[0] - moved_s[c], 1e-5)
         << c;
-    const double against_first_s = (other.time_offset_s - after.result->cameras[0].time_offset_s) -
-                                   (one.time_offset_s - before.result->cameras[0].time_offset_s);
-    EXPECT_NEAR(against_first_s, moved_s[0] - moved_s[c], 1e-5) << c;
   }
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "server/associate/align_clocks.h"
 #include "server/associate/clean_track.h"
 
@@ -41,13 +42,38 @@ CalibrationInput InputOf(const SimulatedWorld& world,
   return input;
 }
 
+CalibrationInput MixedInputOf(const std::vector<const SimulatedWorld*>& worlds) {
+  CalibrationInput mixed;
+  for (size_t w = 0; w < worlds.size(); ++w) {
+    CalibrationInput input = InputOf(*worlds[w]);
+    const std::string session = absl::StrCat("s", w);
+    if (w == 0) mixed.target = input.target;
+    if (w > 0) mixed.other_targets[session] = input.target;
+    for (CameraTrack& track : input.tracks) {
+      const size_t count = track.observations.size();
+      std::vector<Observation> own(
+          track.observations.begin() + static_cast<std::ptrdiff_t>(w * count / worlds.size()),
+          track.observations.begin() +
+              static_cast<std::ptrdiff_t>((w + 1) * count / worlds.size()));
+      track.observations = std::move(own);
+      track.session_id = session;
+      mixed.tracks.push_back(std::move(track));
+    }
+  }
+  return mixed;
+}
+
 RigObservations RigOf(const CalibrationInput& input, std::vector<ClockCorrection>* clocks) {
   RefusalCounter refused;
   RigObservations rig;
   rig.target = input.target;
+  rig.other_targets = input.other_targets;
   std::vector<CameraTrack> rows = input.tracks;
-  rig.tracks = AlignClocks(input.tracks, CleanTracks(&rows, input.target.marker_count(), &refused),
-                           &refused);
+  const auto marker_count = [&input](const std::string& session_id) {
+    const auto other = input.other_targets.find(session_id);
+    return (other == input.other_targets.end() ? input.target : other->second).marker_count();
+  };
+  rig.tracks = AlignClocks(input.tracks, CleanTracks(&rows, marker_count, &refused), &refused);
   rig.index = IndexRig(rig.tracks, clocks);
   return rig;
 }

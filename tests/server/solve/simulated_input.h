@@ -17,6 +17,10 @@ Target WandTarget();
 CalibrationInput InputOf(const SimulatedWorld& world,
                          std::vector<std::vector<std::vector<bool>>>* outliers = nullptr);
 
+// Sessions `s0`, `s1`, ... of one rig that was simulated with several targets: of each world an
+// equal share of the frames, one after the other, so that no frame's noise is in two sessions.
+CalibrationInput MixedInputOf(const std::vector<const SimulatedWorld*>& worlds);
+
 // The input as the solver sees it: cleaned, clocks aligned, indexed. `clocks`: without corrections.
 RigObservations RigOf(const CalibrationInput& input, std::vector<ClockCorrection>* clocks);
 

@@ -42,7 +42,9 @@ class SolveInputFile : public ::testing::Test {
     }
     CalibrationOptions options;
     options.seed = 77;
-    ASSERT_THAT(writer.Begin(target, options, tracks, {20, 100}), IsOk());
+    ASSERT_THAT(
+        writer.Begin(target, options, tracks, {20, 100}, {{"other", *ParseTarget("point")}}),
+        IsOk());
     ObservationBatch left = MakeBatch({"wave", "left", 1}, 1, 20, /*clock_epoch=*/3);
     left.clock_samples = {{.device_ns = 1, .host_utc_ns = 2}};
     left.host_alignments = {{.server_minus_host_ns = -5}};
@@ -60,6 +62,8 @@ TEST_F(SolveInputFile, ComesBackAsItWas) {
   ASSERT_OK_AND_ASSIGN(const SolveInput read, ReadSolveInput(descriptor()));
   EXPECT_EQ(read.options.seed, 77u);
   EXPECT_THAT(read.input.target.marker_positions_m, SizeIs(3));
+  ASSERT_THAT(read.input.other_targets, SizeIs(1));
+  EXPECT_EQ(read.input.other_targets.at("other"), *ParseTarget("point"));
   ASSERT_THAT(read.input.tracks, SizeIs(2));
   const CameraTrack& left = read.input.tracks[0];
   EXPECT_EQ(left.session_id, "wave");

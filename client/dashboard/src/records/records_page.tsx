@@ -40,7 +40,7 @@ function SessionDetail({ id }: { id: string }): JSX.Element {
         {session.goal?.until_mm && <div class="fact"><dt>goal</dt><dd>{fixed(session.goal.until_mm, 2)} mm</dd></div>}
         {session.discard_time && <div class="fact"><dt>thrown away</dt><dd>{dateTime(timeMs(session.discard_time))}; nothing is deleted</dd></div>}
         {session.stop_reason && <div class="fact"><dt>stopped</dt><dd>{session.stop_reason}</dd></div>}
-        {session.continues && <div class="fact"><dt>goes on with</dt><dd><a href={hashOf('records', session.continues)}>{session.continues}</a></dd></div>}
+        {session.continues && <div class="fact"><dt>continues</dt><dd><a href={hashOf('records', session.continues)}>{session.continues}</a></dd></div>}
         {toCount(session.late_count) > 0 && <div class="fact"><dt>late, not used</dt><dd>{count(toCount(session.late_count))}</dd></div>}
       </dl>
       {!!session.missing_cameras?.length && <p class="problem">✕ Had not ended: {session.missing_cameras.join(', ')}</p>}

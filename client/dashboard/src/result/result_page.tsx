@@ -10,6 +10,7 @@ import { hashOf, type Route } from '../shell/route';
 import { useLoaded } from '../shell/use_async';
 import { count, dateTime, enumWords, fixed, inMs, millimetres, missing, percent, span } from '../view/format';
 import { modelOfCalibration } from '../view/rig_model';
+import { otherTargetText } from '../view/target_text';
 import { ResidualChart, TimeOffsetChart } from './charts';
 import { compareCalibrations } from './compare';
 import { Downloads } from './downloads';
@@ -132,6 +133,7 @@ function Succeeded({ calibration, others, withId, theme }: {
           <td>{fixed((one.error_rms_m ?? 0) * 1e3, 3)}</td>
           <td>{one.held_out_count ? fixed((one.held_out_error_rms_m ?? 0) * 1e3, 3) : missing}</td><td>{count(one.count)}</td></tr>)}</tbody>
       </table></div>
+      {(calibration.other_targets ?? []).map((one, i) => <p class="hint" key={i}>{otherTargetText(one)}</p>)}
     </Panel>
     <Panel name="downloads" title="Downloads">
       <Downloads id={id} accuracy={accuracy.value} />

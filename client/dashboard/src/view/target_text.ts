@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The target as people type it.
-import type { Target } from '../api/types';
+import type { CalibratedTarget, Target } from '../api/types';
 
 /** A target, or why the text is none. */
 export type ParsedTarget = { target: Target; problem: '' } | { target: undefined; problem: string };
@@ -63,4 +63,12 @@ export function targetText(target: Target | undefined): string {
   if (target.kind === 'KIND_POINT') return `point${options}`;
   if (options === '') return positions.map((m) => shortNumber(m * 1000)).join(', ');
   return `wand:${positions.map(shortNumber).join(',')}${options}`;
+}
+
+/** A further target of a calibration, and where it was waved. */
+export function otherTargetText(other: CalibratedTarget): string {
+  const kind = other.given?.kind;
+  const what = kind === 'KIND_RIGID' ? `a rigid target of ${other.given?.points?.length ?? 0} points`
+    : kind === 'KIND_POINT' ? 'a single point' : 'a wand';
+  return `Also ${what}, waved in ${(other.session_ids ?? []).join(', ')}`;
 }

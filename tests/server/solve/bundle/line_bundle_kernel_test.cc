@@ -21,14 +21,15 @@ struct OneStep {
 };
 
 OneStep StepWith(const LineBundleKernel& kernel, const BundleOptions& options,
-                 const BundleProblem& problem, size_t max_packed_bytes = kMaxPackedBytes) {
+                 const BundleProblem& problem, bool curved = false,
+                 size_t max_packed_bytes = kMaxPackedBytes) {
   LineBundleLayout layout = LayOut(problem);
   const PackedMarkers packed = Pack(problem, &layout, max_packed_bytes);
   EXPECT_EQ(packed.source == nullptr, max_packed_bytes > 0);
   LineBundleSystem system(options, layout, packed, kernel);
   LineBundleEstimate estimate(problem, layout, packed), moved(problem, layout, packed);
   OneStep step;
-  EXPECT_TRUE(system.Linearise(estimate, 1e-4));
+  EXPECT_TRUE(system.Linearise(estimate, 1e-4, curved));
   step.cost = system.cost();
   step.matrix = system.matrix().triangularView<Eigen::Lower>();
   step.move = system.Solve(estimate, &moved);
@@ -57,16 +58,20 @@ TEST(LineBundleKernel, GivesTheSameBitsWithEveryInstructionSet) {
     EXPECT_TRUE(plain.move.valid);
     EXPECT_LT(plain.move.cost, plain.cost);
     // Data that is made group by group is the same data.
-    const OneStep unpacked = StepWith(*kernels.front(), options, problem, 0);
+    const OneStep unpacked = StepWith(*kernels.front(), options, problem, false, 0);
     EXPECT_EQ(unpacked.cost, plain.cost);
     EXPECT_EQ(unpacked.matrix, plain.matrix);
     EXPECT_EQ(unpacked.move.cost, plain.move.cost);
-    for (const LineBundleKernel* kernel : kernels) {
-      const OneStep step = StepWith(*kernel, options, problem);
-      EXPECT_EQ(step.cost, plain.cost) << kernel->name;
-      EXPECT_EQ(step.matrix, plain.matrix) << kernel->name;
-      EXPECT_EQ(step.move.cost, plain.move.cost) << kernel->name;
-      EXPECT_EQ(step.move.model_decrease, plain.move.model_decrease) << kernel->name;
+    for (const bool curved : {false, true}) {
+      const OneStep first = StepWith(*kernels.front(), options, problem, curved);
+      EXPECT_EQ(first.matrix == plain.matrix, !curved || !robust);
+      for (const LineBundleKernel* kernel : kernels) {
+        const OneStep step = StepWith(*kernel, options, problem, curved);
+        EXPECT_EQ(step.cost, first.cost) << kernel->name;
+        EXPECT_EQ(step.matrix, first.matrix) << kernel->name;
+        EXPECT_EQ(step.move.cost, first.move.cost) << kernel->name;
+        EXPECT_EQ(step.move.model_decrease, first.move.model_decrease) << kernel->name;
+      }
     }
   }
 }

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "server/solve/bundle/bundle_adjuster.h"
+#include "server/solve/bundle/bundle_information.h"
 #include "tests/bench/reference_bundle.h"
 #include "tests/testing/bundle_scene.h"
 #include "tests/testing/status_matchers.h"
@@ -45,6 +46,39 @@ void ExpectSameEstimates(const BundleProblem& a, const BundleProblem& b) {
     EXPECT_LT((a.instants[i].origin_m - b.instants[i].origin_m).norm(), 1e-4) << "instant " << i;
     EXPECT_NEAR(a.instants[i].direction.norm(), 1, 1e-12);
   }
+}
+
+// Both paths know rolling shutters; the noise-free scene says that they are right, too.
+TEST(LineBundleLineDelays, AreThoseOfTheGeneralPathAndTheTrueOnes) {
+  BundleSceneOptions scene_options = SmallBundleScene();
+  scene_options.free_line_delays = true;
+  scene_options.noise_px = 0;
+  scene_options.outlier_share = 0;
+  const BundleScene scene = MakeBundleScene(scene_options);
+  BundleProblem by_kernel = scene.initial, by_ceres = scene.initial;
+  ASSERT_THAT(SolveLineBundle(TightTolerances(), &by_kernel), IsOk());
+  ASSERT_THAT(SolveBundle(TightTolerances(), &by_ceres), IsOk());
+  for (size_t c = 0; c < by_kernel.cameras.size(); ++c) {
+    EXPECT_NEAR(by_kernel.cameras[c].line_delay_s, by_ceres.cameras[c].line_delay_s, 1e-9);
+    EXPECT_NEAR(by_kernel.cameras[c].line_delay_s, scene.ground_truth.cameras[c].line_delay_s,
+                1e-7);
+  }
+}
+
+TEST(LineBundleLineDelays, HaveTheInformationOfTheGeneralPath) {
+  BundleSceneOptions scene_options = SmallBundleScene();
+  scene_options.free_line_delays = true;
+  const BundleProblem problem = MakeBundleScene(scene_options).ground_truth;
+  ASSERT_OK_AND_ASSIGN(const ReducedInformation kernel,
+                       ComputeReducedInformation(BundleOptions(), problem));
+  ASSERT_OK_AND_ASSIGN(const ReducedInformation general,
+                       ComputeGeneralInformation(BundleOptions(), problem));
+  ASSERT_EQ(kernel.parameters, general.parameters);
+  const Eigen::VectorXd scale = general.information.diagonal().cwiseSqrt().cwiseInverse();
+  EXPECT_LT((scale.asDiagonal() * (kernel.information - general.information) * scale.asDiagonal())
+                .cwiseAbs()
+                .maxCoeff(),
+            1e-9);
 }
 
 // Solves with both; costs at the start and at the end must agree.

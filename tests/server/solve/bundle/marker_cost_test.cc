@@ -15,6 +15,8 @@
 namespace rigcal::server::marker_cost_test {
 namespace {
 
+constexpr double kMiddleRow = 511.5;
+
 // The residual written down a second time, from the formulas of OpenCV's documentation.
 struct DocumentedMarkerCost {
   DistortionModel model;
@@ -23,7 +25,8 @@ struct DocumentedMarkerCost {
 
   template <typename T>
   bool operator()(const T* rotation, const T* translation, const T* k, const T* offset,
-                  const T* rate, const T* position, const T* target, T* residuals) const {
+                  const T* rate, const T* line_delay, const T* position, const T* target,
+                  T* residuals) const {
     const T wxyz[4] = {rotation[3], rotation[0], rotation[1], rotation[2]};
     T in_rig[3], x[3];
     for (int i = 0; i < 3; ++i) in_rig[i] = target[i] + position[0] * target[3 + i];
@@ -45,7 +48,8 @@ struct DocumentedMarkerCost {
       u = a * radial + 2.0 * k[6] * a * b + k[7] * (r2 + 2.0 * a * a);
       v = b * radial + k[6] * (r2 + 2.0 * b * b) + 2.0 * k[7] * a * b;
     }
-    const T dt = offset[0] + rate[0] * clock_time_s;
+    const T dt =
+        offset[0] + rate[0] * clock_time_s + line_delay[0] * (marker.centre_px.y() - kMiddleRow);
     const T ex = k[0] * u + k[2] - (marker.centre_px.x() - dt * marker.velocity_px_s.x());
     const T ey = k[1] * v + k[3] - (marker.centre_px.y() - dt * marker.velocity_px_s.y());
     const Eigen::Matrix2d& root = marker.sqrt_information;
@@ -59,7 +63,7 @@ struct Point {
   DistortionModel model = DistortionModel::kBrownConrady;
   BundleMarker marker;
   std::vector<double> rotation = {0.1, -0.2, 0.3, 0.0}, translation = {0.1, 0.2, 3}, intrinsics,
-                      offset = {0.003}, rate = {2e-5}, position = {0.26},
+                      offset = {0.003}, rate = {2e-5}, line_delay = {1.5e-5}, position = {0.26},
                       target = {0.2, -0.1, 0.4, 0.48, 0.6, 0.64};
 
   explicit Point(DistortionModel which) : model(which) {
@@ -71,15 +75,22 @@ struct Point {
     marker.velocity_px_s = {300, -120};
     marker.sqrt_information << 2, 0.3, 0, 1.7;
   }
+  BundleCamera Camera() const {
+    BundleCamera camera;
+    camera.model = model;
+    camera.middle_row = kMiddleRow;
+    return camera;
+  }
   std::vector<const double*> Parameters() const {
     return {rotation.data(), translation.data(), intrinsics.data(), offset.data(),
-            rate.data(),     position.data(),    target.data()};
+            rate.data(),     line_delay.data(),  position.data(),   target.data()};
   }
 };
 
 template <int kIntrinsics, typename Functor>
 std::unique_ptr<ceres::CostFunction> AutomaticOfSize(const Functor& functor) {
-  return std::make_unique<ceres::AutoDiffCostFunction<Functor, 2, 4, 3, kIntrinsics, 1, 1, 1, 6>>(
+  return std::make_unique<
+      ceres::AutoDiffCostFunction<Functor, 2, 4, 3, kIntrinsics, 1, 1, 1, 1, 6>>(
       new Functor(functor));
 }
 
@@ -128,7 +139,7 @@ void ExpectEqual(const Evaluation& analytic, const Evaluation& automatic, const 
 
 TEST_P(MarkerCostEveryModel, AgreesWithTheDocumentedFormulas) {
   const Point point(GetParam());
-  const Evaluation analytic = Evaluate(MarkerCost(point.model, point.marker, 12.5), point);
+  const Evaluation analytic = Evaluate(MarkerCost(point.Camera(), point.marker, 12.5), point);
   const Evaluation documented =
       Evaluate(*Automatic(point, DocumentedMarkerCost{point.model, point.marker, 12.5}), point);
   ExpectEqual(analytic, documented, point);
@@ -137,18 +148,19 @@ TEST_P(MarkerCostEveryModel, AgreesWithTheDocumentedFormulas) {
 // The derivatives written down against dual numbers through the same residual.
 TEST_P(MarkerCostEveryModel, AgreesWithItsFunctorThroughAutomaticDifferentiation) {
   const Point point(GetParam());
-  const Evaluation analytic = Evaluate(MarkerCost(point.model, point.marker, 12.5), point);
+  const Evaluation analytic = Evaluate(MarkerCost(point.Camera(), point.marker, 12.5), point);
   const Evaluation automatic = Evaluate(
-      *Automatic(point, MarkerFunctor{point.model, ToMeasured(point.marker), 12.5}), point);
+      *Automatic(point, MarkerFunctor{point.model, ToMeasured(point.marker), 12.5, kMiddleRow}),
+      point);
   ExpectEqual(analytic, automatic, point);
 }
 
 TEST_P(MarkerCostEveryModel, AgreesWithDifferences) {
   const Point point(GetParam());
-  const MarkerCost cost(point.model, point.marker, 12.5);
+  const MarkerCost cost(point.Camera(), point.marker, 12.5);
   const ceres::EigenQuaternionManifold quaternion;
   const std::vector<const ceres::Manifold*> manifolds = {&quaternion, nullptr, nullptr, nullptr,
-                                                         nullptr,     nullptr, nullptr};
+                                                         nullptr,     nullptr, nullptr, nullptr};
   ceres::NumericDiffOptions numeric;
   numeric.relative_step_size = 1e-6;
   ceres::GradientChecker checker(&cost, &manifolds, numeric);
@@ -165,20 +177,20 @@ TEST(MarkerCost, NegativeOffsetMeansRowsShowAnEarlierInstant) {
   // of motion further along.
   Point point(DistortionModel::kBrownConrady);
   point.marker.sqrt_information.setIdentity();
-  point.rate = {0};
+  point.rate = point.line_delay = {0};
   point.offset = {0};
-  const MarkerCost still(point.model, point.marker, 0);
+  const MarkerCost still(point.Camera(), point.marker, 0);
   const Eigen::Vector2d projected = Evaluate(still, point).residual + point.marker.centre_px;
   point.marker.centre_px = projected - 0.001 * point.marker.velocity_px_s;
   point.offset = {-0.001};
-  const MarkerCost late(point.model, point.marker, 0);
+  const MarkerCost late(point.Camera(), point.marker, 0);
   EXPECT_LT(Evaluate(late, point).residual.norm(), 1e-9);
 }
 
 TEST(MarkerCost, FailsBehindTheCamera) {
   Point point(DistortionModel::kBrownConrady);
   point.translation[2] = -3;
-  const MarkerCost cost(point.model, point.marker, 0);
+  const MarkerCost cost(point.Camera(), point.marker, 0);
   double residuals[2];
   EXPECT_FALSE(cost.Evaluate(point.Parameters().data(), residuals, nullptr));
 }

@@ -60,16 +60,19 @@ double WorstTurn(const BundleProblem& a, const BundleProblem& b) {
 TEST(RigidMarkerCost, HasTheDerivativesOfAutomaticDifferentiation) {
   const double turn[4] = {0.1, -0.2, 0.3, std::sqrt(1 - 0.14)}, translation[3] = {0.1, 0.2, 3};
   const double intrinsics[9] = {1250, 1240, 640, 500, -0.22, 0.14, 0.0011, -0.0007, -0.05};
-  const double offset = 0.003, rate = 2e-5, point[3] = {0.11, -0.07, 0.03};
+  const double offset = 0.003, rate = 2e-5, line_delay = 1.5e-5, point[3] = {0.11, -0.07, 0.03};
   const double target[7] = {0.5, 0.5, -0.5, 0.5, 0.2, -0.1, 0.4};
-  const double* const parameters[] = {turn, translation, intrinsics, &offset, &rate, point, target};
+  const double* const parameters[] = {turn,  translation, intrinsics, &offset,
+                                      &rate, &line_delay, point,      target};
   BundleMarker marker;
   marker.centre_px = {650, 420};
   marker.velocity_px_s = {300, -120};
   marker.sqrt_information << 2, 0.3, 0, 1.7;
-  const RigidMarkerCost analytic(DistortionModel::kBrownConrady, marker, 12.5);
-  const ceres::AutoDiffCostFunction<RigidMarkerFunctor, 2, 4, 3, 9, 1, 1, 3, 7> automatic(
-      new RigidMarkerFunctor{{DistortionModel::kBrownConrady, ToMeasured(marker), 12.5}});
+  BundleCamera camera;
+  camera.middle_row = 511.5;
+  const RigidMarkerCost analytic(camera, marker, 12.5);
+  const ceres::AutoDiffCostFunction<RigidMarkerFunctor, 2, 4, 3, 9, 1, 1, 1, 3, 7> automatic(
+      new RigidMarkerFunctor{{DistortionModel::kBrownConrady, ToMeasured(marker), 12.5, 511.5}});
   const auto evaluate = [&](const ceres::CostFunction& cost) {
     std::vector<Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>> jacobians;
     std::vector<double*> pointers;
@@ -83,7 +86,7 @@ TEST(RigidMarkerCost, HasTheDerivativesOfAutomaticDifferentiation) {
   auto mine = evaluate(analytic), theirs = evaluate(automatic);
   // Quaternions are compared along the unit sphere, where they stay.
   const ceres::EigenQuaternionManifold quaternion;
-  for (const size_t block : {size_t{0}, size_t{6}}) {
+  for (const size_t block : {size_t{0}, size_t{7}}) {
     Eigen::Matrix<double, 4, 3, Eigen::RowMajor> plus;
     quaternion.PlusJacobian(parameters[block], plus.data());
     for (auto* jacobians : {&mine, &theirs}) {

@@ -59,6 +59,20 @@ TEST(SolveRig, TheScaleOfALargeRigHasConverged) {
   EXPECT_NEAR(BaselineM(*again) / BaselineM(*solved), 1, 1e-5);
 }
 
+// Everything but the reference's clock agrees: the others have to follow it together.
+TEST(SolveRig, ManyClocksFollowTheReferences) {
+  const Simulated simulated = Simulate("cameras=30;duration=6;offset.0=0.02");
+  RigSolveOptions options;
+  const auto solved = SolveRig(simulated.rig, simulated.clocks, options);
+  ASSERT_THAT(solved, IsOk());
+  EXPECT_TRUE(solved->converged);
+  const std::vector<ClockCorrection> clocks = InitializationFrom(*solved).clocks;
+  EXPECT_EQ(clocks[0].time_offset_s, simulated.clocks[0].time_offset_s);
+  for (size_t k = 1; k < clocks.size(); ++k) {
+    EXPECT_NEAR(std::abs(clocks[k].time_offset_s), 0.02, 1e-3) << k;
+  }
+}
+
 TEST(SolveRig, ARoughSolveOfAPartIsNearTheWhole) {
   const Simulated simulated = Simulate("cameras=6;duration=60;offset.2=0.006");
   const auto whole = SolveRig(simulated.rig, simulated.clocks, Everything());

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/rig/target_parts.h"
+
+#include <algorithm>
+
+namespace rigcal::server {
+
+template <typename Function>
+void TargetParts::ForEach(const Function& function) {
+  function(&first_);
+  for (auto& [session, part] : others_) function(&part);
+}
+
+TargetParts::TargetParts(const Target& target, const std::map<std::string, Target>& others) {
+  first_.target = target;
+  bool points_only = target.kind == TargetKind::kPoint;
+  for (const auto& [session, other] : others) {
+    others_[session].target = other;
+    points_only = points_only && other.kind == TargetKind::kPoint;
+  }
+  ForEach([&](Part* part) { Place(points_only, part); });
+}
+
+void TargetParts::Place(bool points_only, Part* part) {
+  const TargetKind kind = part->target.kind;
+  part->is_point = kind == TargetKind::kPoint && !points_only;
+  part->is_rigid = part->is_point || kind == TargetKind::kRigid;
+  if (!part->is_rigid) return;
+  std::vector<TargetPoint> points = part->target.points;
+  if (part->is_point) points = {{"point", 0, 0, 0, 0}};
+  for (size_t i = 0; i < first_points_.size(); ++i) {
+    const auto first = points_.begin() + first_points_[i];
+    const auto last =
+        i + 1 < first_points_.size() ? points_.begin() + first_points_[i + 1] : points_.end();
+    if (!std::equal(first, last, points.begin(), points.end())) continue;
+    part->first_point = first_points_[i];
+    return;
+  }
+  part->first_point = static_cast<int>(points_.size());
+  first_points_.push_back(part->first_point);
+  points_.insert(points_.end(), points.begin(), points.end());
+}
+
+const TargetParts::Part& TargetParts::Of(const std::string& session_id) const {
+  const auto found = others_.find(session_id);
+  return found == others_.end() ? first_ : found->second;
+}
+
+const Target* TargetParts::line() const {
+  if (!first_.is_rigid) return &first_.target;
+  for (const auto& [session, part] : others_) {
+    if (!part.is_rigid) return &part.target;
+  }
+  return nullptr;
+}
+
+bool TargetParts::HasLengths() const {
+  return first_.target.marker_count() > 1 || std::ranges::any_of(others_, [](const auto& other) {
+           return other.second.target.marker_count() > 1;
+         });
+}
+
+}  // namespace rigcal::server

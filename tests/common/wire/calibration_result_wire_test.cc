@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/calibration_result_wire.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::wire::calibration_result_wire_test {
+namespace {
+
+using ::testing::SizeIs;
+
+TEST(CalibrationResultWire, ResidualsOfListsThatDifferInLength) {
+  v1::CameraResiduals proto;
+  for (const float x_px : {0.0F, 1.0F, 2.0F}) {
+    proto.add_x_px(x_px);
+    proto.add_y_px(10 + x_px);
+    proto.add_dx_px(0.25);
+    proto.add_dy_px(0.5);
+  }
+  proto.add_outlier(false);
+  proto.add_outlier(true);
+  const CameraResiduals residuals = FromProto(proto);
+  ASSERT_THAT(residuals.vectors, SizeIs(2));
+  EXPECT_EQ(residuals.vectors[1].x_px, 1);
+  EXPECT_EQ(residuals.vectors[1].y_px, 11);
+  EXPECT_TRUE(residuals.vectors[1].outlier);
+}
+
+TEST(CalibrationResultWire, ASolverPathOfANewerServerIsUnknown) {
+  CalibrationResult result;
+  result.target.given.marker_positions_m = {0, 0.13, 0.39};
+  result.quality.grade = QualityGrade::kGood;
+  result.solver_path = SolverPath::kGeneral;
+  v1::Calibration proto;
+  FillResult(result, &proto);
+  ASSERT_OK_AND_ASSIGN(CalibrationResult back, ResultFromProto(proto));
+  EXPECT_EQ(back.solver_path, SolverPath::kGeneral);
+  proto.set_solver_path(static_cast<v1::SolverPath>(99));
+  ASSERT_OK_AND_ASSIGN(back, ResultFromProto(proto));
+  EXPECT_EQ(back.solver_path, SolverPath::kUnknown);
+}
+
+}  // namespace
+}  // namespace rigcal::wire::calibration_result_wire_test

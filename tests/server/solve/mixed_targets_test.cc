@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole solve of sessions with different targets.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "server/solve/calibrate.h"
+#include "tests/server/solve/simulated_input.h"
+#include "tests/testing/simulation_text.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::mixed_targets_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+using ::rigcal::testing::ParseSimulationOptions;
+using ::rigcal::testing::StatusIs;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Ne;
+using ::testing::SizeIs;
+
+// Nine by six points, 40 mm apart.
+Target Plane(double sigma_m) {
+  Target target;
+  target.kind = TargetKind::kRigid;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 9; ++column) {
+      target.points.push_back(
+          {absl::StrCat("p", row, ".", column), 0.04 * column, 0.04 * row, 0, sigma_m});
+    }
+  }
+  return target;
+}
+
+// Twelve points in space within 0.3 m.
+Target Body(double sigma_m) {
+  Target target;
+  target.kind = TargetKind::kRigid;
+  for (int i = 0; i < 12; ++i) {
+    target.points.push_back({absl::StrCat("b", i), 0.15 * std::sin(2.1 * i),
+                             0.15 * std::cos(1.3 * i), 0.025 * (i - 6), sigma_m});
+  }
+  return target;
+}
+
+Target Point() {
+  Target target;
+  target.kind = TargetKind::kPoint;
+  target.marker_positions_m = {0};
+  return target;
+}
+
+struct Solved {
+  CalibrationOutcome outcome;
+  PoseErrors errors;
+};
+
+// One session for each target, of the same rig.
+Solved Solve(std::string_view simulation, const std::vector<Target>& targets,
+             const CalibrationOptions& options) {
+  std::vector<SimulatedWorld> worlds;
+  for (const Target& target : targets) {
+    worlds.push_back(*SimulatedWorld::Create(*ParseSimulationOptions(simulation), target));
+  }
+  std::vector<const SimulatedWorld*> pointers;
+  for (const SimulatedWorld& world : worlds) pointers.push_back(&world);
+  Solved solved{Calibrate(MixedInputOf(pointers), options), {}};
+  EXPECT_THAT(solved.outcome.result, IsOk());
+  if (solved.outcome.result.ok()) {
+    solved.errors = ComparePoses(*solved.outcome.result, worlds.front());
+  }
+  return solved;
+}
+
+void ExpectGoodFit(const CalibrationResult& result) {
+  EXPECT_EQ(result.solver_path, SolverPath::kGeneral);
+  EXPECT_TRUE(result.scale_known);
+  for (const CalibratedCamera& camera : result.cameras) {
+    EXPECT_LT(camera.residuals.inlier.rms_px, 0.6) << camera.camera;
+    ASSERT_TRUE(camera.held_out);
+    ASSERT_TRUE(camera.leave_one_out);
+    EXPECT_LT(camera.leave_one_out->mean_px, 0.8);
+    ASSERT_TRUE(camera.uncertainty);
+    if (camera.camera == result.reference_camera) continue;
+    EXPECT_GT(camera.uncertainty->position_sigma_m.minCoeff(), 0);
+    EXPECT_LT(camera.uncertainty->position_sigma_m.maxCoeff(), 0.01);
+  }
+}
+
+TEST(MixedTargets, WandAndBody) {
+  CalibrationOptions options;
+  options.intrinsics = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=4;duration=24;rate=10;offset.1=0.004", {WandTarget(), Body(0.0002)}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  const CalibrationResult& result = *outcome.result;
+  ExpectGoodFit(result);
+  EXPECT_THAT(result.quality.grade, Ne(QualityGrade::kBad));
+  EXPECT_LT(errors.worst_position_m, 0.004);
+  EXPECT_LT(errors.worst_rotation_rad, 0.002);
+  EXPECT_EQ(result.target.given, WandTarget());
+  EXPECT_THAT(result.target.session_ids, ElementsAre("s0"));
+  EXPECT_THAT(result.target.spans, SizeIs(2));
+  for (const SpanError& span : result.target.spans) EXPECT_GT(span.count, 20u);
+  ASSERT_THAT(result.other_targets, SizeIs(1));
+  const CalibratedTarget& body = result.other_targets.front();
+  EXPECT_EQ(body.given, Body(0.0002));
+  EXPECT_THAT(body.session_ids, ElementsAre("s1"));
+  EXPECT_THAT(body.spans, IsEmpty());
+  // The body's points are known better than the wand's spans.
+  EXPECT_EQ(body.scale_sigma_rel, result.target.scale_sigma_rel);
+  EXPECT_LT(body.scale_sigma_rel, 0.001);
+  EXPECT_GT(body.scale_sigma_rel, 0.0001);
+}
+
+TEST(MixedTargets, WandAndPlane) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=3;duration=16;rate=6;seed=3", {Plane(0), WandTarget()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ExpectGoodFit(*outcome.result);
+  EXPECT_LT(errors.worst_position_m, 0.003);
+  // The wand first, whichever session came first.
+  EXPECT_EQ(outcome.result->target.given, WandTarget());
+  EXPECT_TRUE(outcome.result->target.marker_positions_estimated);
+  ASSERT_THAT(outcome.result->other_targets, SizeIs(1));
+  EXPECT_EQ(outcome.result->other_targets.front().given, Plane(0));
+  EXPECT_EQ(outcome.result->target.scale_sigma_rel, 0);  // the plane is exact
+}
+
+TEST(MixedTargets, PointWithoutLengthsTakesTheScaleOfTheWand) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=4;duration=24;rate=10", {Point(), WandTarget()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ExpectGoodFit(*outcome.result);
+  EXPECT_LT(errors.worst_position_m, 0.02);  // the scale: 0.4 % of a few metres
+  EXPECT_GT(outcome.result->target.scale_sigma_rel, 0.001);
+}
+
+TEST(MixedTargets, TwoBodiesAndAPoint) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=3;duration=18;rate=8", {Body(0), Plane(0.0005), Point()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ExpectGoodFit(*outcome.result);
+  EXPECT_LT(errors.worst_position_m, 0.003);
+  EXPECT_THAT(outcome.result->other_targets, SizeIs(2));
+}
+
+// A camera that sees one target alone is joined by that one; labels of the wand that are counted
+// from its other end are turned.
+TEST(MixedTargets, EachTargetJoinsCamerasAndLabelsOfTheWandAreTurned) {
+  const std::string simulation = "cameras=4;duration=24;rate=10;swaps=0.05";
+  const SimulatedWorld wand =
+      *SimulatedWorld::Create(*ParseSimulationOptions(simulation), WandTarget());
+  const SimulatedWorld body = *SimulatedWorld::Create(*ParseSimulationOptions(simulation), Body(0));
+  CalibrationInput input = MixedInputOf({&wand, &body});
+  std::erase_if(input.tracks, [](const CameraTrack& track) {
+    return (track.session_id == "s0" && track.camera.camera == "sim_3") ||
+           (track.session_id == "s1" && track.camera.camera == "sim_1");
+  });
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const CalibrationOutcome outcome = Calibrate(std::move(input), options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ASSERT_THAT(outcome.result->cameras, SizeIs(4));
+  EXPECT_LT(ComparePoses(*outcome.result, wand).worst_position_m, 0.004);
+  EXPECT_TRUE(std::ranges::any_of(outcome.refused, [](const Refusal& refusal) {
+    return refusal.reason == RefusalReason::kLabelsFlipped;
+  }));
+}
+
+// The body is exact, so the wand is what was measured wrongly; the rig keeps the body's scale.
+TEST(MixedTargets, AWandOfAnotherScaleIsNamed) {
+  const std::string simulation = "cameras=3;duration=18;rate=8";
+  const SimulatedWorld wand =
+      *SimulatedWorld::Create(*ParseSimulationOptions(simulation), WandTarget());
+  const SimulatedWorld body = *SimulatedWorld::Create(*ParseSimulationOptions(simulation), Body(0));
+  CalibrationInput input = MixedInputOf({&body, &wand});
+  for (double& position_m : input.other_targets["s1"].marker_positions_m) position_m *= 1.04;
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const CalibrationOutcome outcome = Calibrate(std::move(input), options);
+  ASSERT_THAT(outcome.result, IsOk());
+  const auto found =
+      std::ranges::find(outcome.result->findings, FindingKind::kWrongWandLength, &Finding::kind);
+  ASSERT_NE(found, outcome.result->findings.end());
+  EXPECT_THAT(found->advice, HasSubstr("contradict each other"));
+  EXPECT_NEAR(found->value, -10.4, 1.5);  // mm, of the span of 260
+  EXPECT_NEAR(outcome.result->target.marker_positions_m.back(), 0.39, 0.002);
+  EXPECT_LT(ComparePoses(*outcome.result, wand).worst_position_m, 0.003);
+}
+
+TEST(MixedTargets, RefusesWandsOfOtherSpacing) {
+  Target longer = WandTarget();
+  longer.marker_positions_m.back() = 0.5;
+  CalibrationInput input;
+  input.target = WandTarget();
+  input.other_targets["s1"] = longer;
+  EXPECT_THAT(Calibrate(std::move(input), {}).result,
+              StatusIs(absl::StatusCode::kFailedPrecondition,
+                       AllOf(HasSubstr("two wands"), HasSubstr("0,0.13,0.5"))));
+}
+
+TEST(MixedTargets, RefusesADistanceBesideLengths) {
+  CalibrationInput input;
+  input.target = Point();
+  input.other_targets["s1"] = WandTarget();
+  CalibrationOptions options;
+  options.known_distance = KnownDistance{"sim_0", "sim_1", 3, 0};
+  EXPECT_THAT(Calibrate(std::move(input), options).result,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("distance")));
+}
+
+}  // namespace
+}  // namespace rigcal::server::mixed_targets_test

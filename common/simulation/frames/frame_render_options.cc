@@ -42,7 +42,7 @@ void AddOptions(FrameRenderOptions* options, OptionTable* table) {
   table->Add("windows", &o.windows, {0, 20}, "bright windows in the room, on average");
   table->Add("shelves", &o.shelves, {0, 20}, "shelves with books, on average");
   table->Add("screens", &o.screens, {0, 20}, "screens, on average");
-  table->Add("lamps", &o.lamps, {0, 20}, "ceiling lights, warm lamps and indicators, on average");
+  table->Add("lights", &o.lights, {0, 20}, "ceiling lights, warm lamps and indicators, on average");
   table->Add("people", &o.people, {0, 20}, "people, half of them in orange, on average");
   table->Add("reflection", &o.reflection, {0, 1}, "brightness of a mirrored wand");
   table->Add("occlusion", &o.occlusion, {0, 1}, "share of frames with a bar over one marker");

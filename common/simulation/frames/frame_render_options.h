@@ -61,7 +61,7 @@ struct FrameRenderOptions {
   double windows = 0;                   // how many on average; see room_furniture.h
   double shelves = 0;
   double screens = 0;
-  double lamps = 0;
+  double lights = 0;
   double people = 0;
   double reflection = 0;  // brightness of a mirrored wand, see SceneFrame
   double occlusion = 0;   // share of frames with an opaque bar over one marker

@@ -279,7 +279,7 @@ void PaintFurniture(const FrameRenderOptions& options, RoomPainter* painter) {
   PaintSome(options, 1, options.windows, painter, PaintWindow);
   PaintSome(options, 2, options.shelves, painter, PaintShelf);
   PaintSome(options, 3, options.screens, painter, PaintScreen);
-  PaintSome(options, 4, options.lamps, painter, PaintLamp);
+  PaintSome(options, 4, options.lights, painter, PaintLamp);
   PaintSome(options, 5, options.people, painter, PaintPerson);
 }
 

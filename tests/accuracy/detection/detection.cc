@@ -61,7 +61,7 @@ void MakeOffice(DetectionOptions* options) {
   render.windows = 1;
   render.shelves = 1.5;
   render.screens = 1;
-  render.lamps = 1.5;
+  render.lights = 1.5;
   render.people = 0.3;
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "common/simulation/frames/room_painter.h"
 #include "common/simulation/frames/sensor_noise.h"
 
 namespace rigcal::room_background_test {
@@ -87,6 +88,57 @@ TEST(LightModel, AutoGainKeepsSpheresBelowSaturation) {
     options.lux = lux;
     const LightModel light(options);
     EXPECT_LE(options.black_grey + 0.5 * light.led_grey[2] + light.shell_grey, 200.001);
+  }
+}
+
+double BrightShare(const std::vector<int16_t>& room) {
+  size_t bright = 0;
+  for (size_t i = 0; i < room.size(); i += 3) bright += room[i + 1] > 255 * kLinearPerGrey ? 1 : 0;
+  return 3.0 * static_cast<double>(bright) / static_cast<double>(room.size());
+}
+
+TEST(RoomBackground, WindowsAreOverexposedAndFollowFromTheSeed) {
+  FrameRenderOptions options;
+  options.lux = 400;
+  options.led_cd_m2 = 300;
+  EXPECT_EQ(BrightShare(Room(options)), 0);
+  options.windows = 2;
+  double share = 0;
+  for (uint32_t seed = 1; seed <= 6; ++seed) {
+    options.seed = seed;
+    share += BrightShare(Room(options)) / 6;
+    EXPECT_EQ(Room(options), Room(options));
+  }
+  EXPECT_GT(share, 0.03);
+  EXPECT_LT(share, 0.6);
+}
+
+TEST(RoomBackground, ShelvesAndPeopleAreWarmAndNotBright) {
+  for (double FrameRenderOptions::*kind :
+       {&FrameRenderOptions::shelves, &FrameRenderOptions::people}) {
+    FrameRenderOptions options;
+    options.lux = 1000;
+    options.led_cd_m2 = 300;
+    options.*kind = 3;
+    int warm = 0;
+    for (uint32_t seed = 1; seed <= 6; ++seed) {
+      options.seed = seed;
+      warm += WarmBrightPixels(Room(options));
+      EXPECT_LT(BrightShare(Room(options)), 0.2);
+    }
+    EXPECT_GT(warm, 500);
+  }
+}
+
+TEST(RoomBackground, PhotographTakesThePlaceOfTheWall) {
+  FrameRenderOptions options;
+  options.lux = 1000;
+  options.vignetting = 0;
+  const std::vector<float> half(size_t{3} * kSize.width * kSize.height, 0.5f);
+  const auto room = RenderRoom(kSize, options, LightModel(options), EdgeProfile(0.6, 0), &half);
+  // 1000 / pi / 2 cd/m^2, where 400 make 180 grey.
+  for (const int16_t value : room) {
+    ASSERT_NEAR(static_cast<double>(value) / kLinearPerGrey, 6 + 71.6, 0.1);
   }
 }
 

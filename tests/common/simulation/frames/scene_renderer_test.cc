@@ -71,7 +71,10 @@ std::array<int, 3> PixelAt(const Image& image, const Eigen::Vector2d& pixel) {
 constexpr char kNoNoise[] = "read_noise=0;electrons_per_grey=1e9;vignetting=0;limb=0;";
 
 TEST(SceneRenderer, EqualArgumentsGiveEqualFrames) {
-  constexpr char kAll[] = "clutter=1;lux=500;reflection=0.3;bloom=0.2;occlusion=0.5";
+  constexpr char kAll[] =
+      "clutter=1;lux=500;reflection=0.3;bloom=0.2;occlusion=0.5;rod=0.012;held=1;windows=1;"
+      "shelves=1;people=1;screens=1;lights=2;line_delay=15;bayer=1;jpeg=80;led_gradient=0.3;"
+      "led_uneven=0.3;overhead_lux=300";
   SceneRenderer a = Make(kAll), b = Make(kAll);
   const Image first = Draw(a, WandFrame(3));
   Draw(a, WandFrame(4));
@@ -82,7 +85,8 @@ TEST(SceneRenderer, EqualArgumentsGiveEqualFrames) {
 }
 
 TEST(SceneRenderer, TakesTheWandOutOfTheRoomAgain) {
-  constexpr char kAll[] = "clutter=1;lux=500;reflection=0.5;bloom=0.5;occlusion=1";
+  constexpr char kAll[] =
+      "clutter=1;lux=500;reflection=0.5;bloom=0.5;occlusion=1;rod=0.012;held=1;line_delay=15";
   SceneRenderer used = Make(kAll), fresh = Make(kAll);
   for (uint64_t seed = 0; seed < 20; ++seed) Draw(used, WandFrame(seed));
   EXPECT_EQ(Draw(used, SceneFrame{}), Draw(fresh, SceneFrame{}));
@@ -105,6 +109,41 @@ TEST(SceneRenderer, SpheresShineWhereTheTruthSays) {
     const Eigen::Vector2d beside = marker.centre_px + Eigen::Vector2d(0, 12);
     EXPECT_EQ(PixelAt(image, beside)[2], 0);
   }
+}
+
+TEST(SceneRenderer, LightFromAboveIsOnTheUpperHalfOfASphere) {
+  SceneRenderer renderer = Make(std::string(kNoNoise) + "lux=0;black=0;overhead_lux=1500");
+  FrameGroundTruth truth;
+  const Image image = Draw(renderer, WandFrame(), &truth);
+  for (const MarkerGroundTruth& marker : truth.markers) {
+    const Eigen::Vector2d half(0, 0.5 * marker.radius_px);
+    const auto above = PixelAt(image, marker.centre_px - half);
+    const auto below = PixelAt(image, marker.centre_px + half);
+    EXPECT_GT(above[0], below[0] + 20);
+    EXPECT_GT(above[2], below[2] + 20);
+  }
+}
+
+TEST(SceneRenderer, UnevenLightRisesAlongTheWand) {
+  SceneRenderer renderer = Make(std::string(kNoNoise) + "lux=0;black=0;led_gradient=0.4");
+  FrameGroundTruth truth;
+  const Image image = Draw(renderer, WandFrame(), &truth);
+  const Eigen::Vector2d along =
+      (truth.markers.back().centre_px - truth.markers.front().centre_px).normalized();
+  for (const MarkerGroundTruth& marker : truth.markers) {
+    const Eigen::Vector2d half = 0.5 * marker.radius_px * along;
+    EXPECT_GT(PixelAt(image, marker.centre_px + half)[2],
+              1.2 * PixelAt(image, marker.centre_px - half)[2]);
+  }
+}
+
+TEST(SceneRenderer, AStickJoinsTheSpheres) {
+  SceneRenderer with = Make(std::string(kNoNoise) + "lux=1000;reflectance=0;rod=0.015");
+  FrameGroundTruth truth;
+  const Image image = Draw(with, WandFrame(), &truth);
+  const Eigen::Vector2d between = 0.5 * (truth.markers[1].centre_px + truth.markers[2].centre_px);
+  EXPECT_GT(PixelAt(image, between)[2], 8);
+  EXPECT_LE(PixelAt(image, between + Eigen::Vector2d(0, 40))[2], 6);
 }
 
 TEST(SceneRenderer, TheLightIsThatOfTheTimeLit) {

@@ -31,7 +31,7 @@ struct CalibrationPlan {
   Target target;                                // of the sessions that other_targets does not name
   std::map<std::string, Target> other_targets;  // by session
   std::vector<CameraTrack> tracks;              // by session, then by camera; no rows yet
-  std::vector<uint64_t> row_limits;             // by track: at most so many rows will come
+  std::vector<uint64_t> row_limits;             // by track: upper limit of the rows to come
 };
 
 // `refused` gets what agents and ingest refused; damaged rows are counted when they are read. The

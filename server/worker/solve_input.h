@@ -24,8 +24,8 @@ class SolveInputWriter {
  public:
   explicit SolveInputWriter(int descriptor) : writer_(descriptor) {}
 
-  // `tracks` without rows; `row_limits` by track: at most so many will follow. `other_targets`: of
-  // the sessions whose target is another one.
+  // `tracks` without rows; `row_limits` by track: upper limits of the rows to follow.
+  // `other_targets`: of the sessions whose target is another one.
   absl::Status Begin(const Target& target, const CalibrationOptions& options,
                      const std::vector<CameraTrack>& tracks,
                      const std::vector<uint64_t>& row_limits,

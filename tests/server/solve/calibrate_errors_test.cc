@@ -158,7 +158,7 @@ TEST(CalibrateErrors, APoseThatIsHeldLooselyIsNamedWithWhereToWave) {
   EXPECT_THAT(loose, ElementsAre("sim_2"));
   EXPECT_THAT(advice, Contains(AllOf(HasSubstr("of sim_2's image ("), HasSubstr("and in the "),
                                      HasSubstr("Wave the wand where it and sim_"))));
-  // 57 mm where 41 mm are accepted.
+  // The camera known worst decides, however well the others are known.
   EXPECT_EQ(outcome.result->quality.grade, QualityGrade::kBad);
   EXPECT_THAT(outcome.result->quality.reasons,
               Contains(HasSubstr("predicted error of the camera positions")));

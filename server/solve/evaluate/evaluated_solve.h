@@ -34,8 +34,8 @@ struct EvaluatedSolution {
 // that hold out blocks of the rest in the same way; it never sees the fold's own blocks. The
 // published solution uses all data, with the choice of the four folds together, which must also
 // hold over long blocks of time (held_out_choice.h): else nothing is refined, in the folds neither.
-// The solves of the folds begin at the estimates of the first solve and end, roughly, at the optimum
-// of their own data, of which they use as much as their errors need (RigSolveOptions).
+// The solves of the folds begin at the estimates of the first solve and end, roughly, at the
+// optimum of their own data, of which they use as much as their errors need (RigSolveOptions).
 //
 // Where residuals suspect the model of a lens, others are compared (lens_models.h) and named; the
 // solution is that of the given ones.

@@ -15,6 +15,7 @@ constexpr size_t kFoldViews = 200;
 constexpr int64_t kMinLongBlockNs = 2'000'000'000;
 constexpr int kLongBlocks = 12;
 constexpr int kMinComparedBlocks = 4;
+constexpr int kMinHeldOutInstants = 20;
 
 // In standard deviations.
 double SignedRanks(std::vector<double> differences) {
@@ -43,6 +44,26 @@ absl::StatusOr<RigSolution> SolveFold(const RigObservations& rig, const RigIniti
   // The evaluation builds a problem of its own.
   if (solution.ok()) PutAway(rig, options, &*solution);
   return solution;
+}
+
+std::function<void(CalibrationStage, double)> ProgressAs(CalibrationStage stage,
+                                                         const RigSolveOptions& options) {
+  if (!options.progress) return {};
+  return [progress = options.progress, stage](CalibrationStage, double fraction) {
+    progress(stage, fraction);
+  };
+}
+
+absl::StatusOr<EvaluatedErrors> EvaluateHeldOut(const RigObservations& rig,
+                                                const RigSolution& solution,
+                                                RigSolveOptions options, size_t max_observations,
+                                                const std::function<bool(int64_t)>& select) {
+  options.max_observations = max_observations;
+  EvaluatedErrors errors = EvaluateSolution(rig, solution, options, select);
+  if (errors.instant_count < kMinHeldOutInstants) {
+    return absl::FailedPreconditionError("too few instants are held out");
+  }
+  return errors;
 }
 
 TimeBlocks LongBlocks(int64_t first_ns, int64_t last_ns) {

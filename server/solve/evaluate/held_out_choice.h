@@ -21,6 +21,16 @@ RigSolveOptions OptionsOfFold(const RigObservations& rig, RigSolveOptions option
 absl::StatusOr<RigSolution> SolveFold(const RigObservations& rig, const RigInitialization& initial,
                                       const RigSolveOptions& options);
 
+// Reports the progress of all stages of a solve as that of one. None if there is none to report to.
+std::function<void(CalibrationStage, double)> ProgressAs(CalibrationStage stage,
+                                                         const RigSolveOptions& options);
+
+// As EvaluateSolution, in about `max_observations` (0: all). FAILED_PRECONDITION where these are
+// fewer than 20 instants.
+absl::StatusOr<EvaluatedErrors> EvaluateHeldOut(
+    const RigObservations& rig, const RigSolution& solution, RigSolveOptions options,
+    size_t max_observations, const std::function<bool(int64_t rig_time_ns)>& select);
+
 // One of several ways to solve a rig.
 struct SolveVariant {
   const RigObservations* rig = nullptr;

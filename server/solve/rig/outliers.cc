@@ -95,4 +95,10 @@ int ClassifyOutliers(BundleProblem* problem) {
   return changed;
 }
 
+double InlierShare(const BundleProblem& problem) {
+  double used = 0;
+  for (const BundleMarker& marker : problem.markers) used += marker.used ? 1 : 0;
+  return used / static_cast<double>(std::max<size_t>(1, problem.markers.size()));
+}
+
 }  // namespace rigcal::server

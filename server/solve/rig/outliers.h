@@ -24,4 +24,7 @@ std::vector<double> OutlierLimits(const BundleProblem& problem);
 // used nothing. Returns how many changed.
 int ClassifyOutliers(BundleProblem* problem);
 
+// Of all markers, those that take part.
+double InlierShare(const BundleProblem& problem);
+
 }  // namespace rigcal::server

@@ -103,7 +103,8 @@ SparseRun RunSparse(const server::CalibrationInput& input, const CalibrationResu
   run.grade = outcome.result->quality.grade;
   run.reasons = outcome.result->quality.reasons;
   for (const Finding& finding : outcome.result->findings) {
-    run.reasons.push_back(std::string(NameOf(finding.kind)) + " " + finding.camera);
+    run.reasons.push_back(std::string(NameOf(finding.kind)) + " " + finding.camera + ": " +
+                          finding.advice);
   }
   run.instant_count = outcome.result->instant_count;
   const auto expected = CameraDistances(whole), found = CameraDistances(*outcome.result);

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/evaluate/line_delay_choice.h"
+
+#include <cmath>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/str_format.h"
+#include "common/status/status_macros.h"
+#include "server/solve/rig/line_delays.h"
+#include "server/solve/rig/outliers.h"
+
+namespace rigcal::server {
+namespace {
+
+constexpr double kMayLoseMarkers = 0.05;  // of all markers
+// Of a rolling shutter that is named: sigmas of its line delay, and the time over the image.
+constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
+
+}  // namespace
+
+absl::Status TryLineDelays(const RigObservations& rig, RigSolveOptions* options,
+                           RigSolution* solution) {
+  std::vector<int> heights_px;
+  for (const CameraDescription& camera : rig.index.cameras) {
+    heights_px.push_back(camera.image_size_px.height);
+  }
+  std::vector<LineDelay> delays;
+  const absl::StatusOr<std::vector<bool>> roll =
+      FindRollingShutters(solution->built.problem, heights_px, options->cancelled, &delays);
+  if (absl::IsCancelled(roll.status())) return roll.status();
+  if (!roll.ok() || roll->empty()) return absl::OkStatus();
+  RigSolveOptions with_delays = *options;
+  with_delays.estimate_line_delays = *roll;
+  RigInitialization initial = InitializationFrom(*solution);
+  for (size_t c = 0; c < roll->size(); ++c) {
+    if ((*roll)[c]) initial.line_delay_s[c] += delays[c].line_delay_s;
+  }
+  const double share = InlierShare(solution->built.problem);
+  PutAway(rig, *options, solution);
+  absl::StatusOr<RigSolution> tried = SolveRig(rig, initial.clocks, with_delays, &initial);
+  if (tried.ok() && !tried->converged) {
+    initial = InitializationFrom(*tried);
+    absl::StatusOr<RigSolution> further = SolveRig(rig, initial.clocks, with_delays, &initial);
+    if (further.ok()) tried = std::move(further);
+  }
+  if (absl::IsCancelled(tried.status())) return tried.status();
+  if (!tried.ok() || InlierShare(tried->built.problem) < share - kMayLoseMarkers)
+    return absl::OkStatus();
+  *options = std::move(with_delays);
+  *solution = *std::move(tried);
+  return absl::OkStatus();
+}
+
+std::vector<Finding> RollingShutterFindings(const RigObservations& rig,
+                                            const RigSolveOptions& options,
+                                            const RigSolution& solution,
+                                            const RigUncertainty& uncertainty) {
+  std::vector<Finding> findings;
+  const RigInitialization solved = InitializationFrom(solution);
+  for (size_t c = 0; c < options.estimate_line_delays.size(); ++c) {
+    const Eigen::Index row =
+        uncertainty.Row({ReducedParameterKind::kLineDelay, static_cast<int>(c), 0});
+    if (row < 0) continue;
+    const double delay_s = solved.line_delay_s[c];
+    const double sigma_s = std::sqrt(uncertainty.covariance(row, row));
+    const double readout_s = std::abs(delay_s) * rig.index.cameras[c].image_size_px.height;
+    if (std::abs(delay_s) < kShutterSigmas * sigma_s || readout_s < kMinReadoutS) continue;
+    findings.push_back(
+        {FindingKind::kRollingShutter, rig.index.cameras[c].camera, 1e6 * delay_s, "us",
+         absl::StrFormat("its image rows are taken one after the other, %.2f us apart (+-%.2f us), "
+                         "%.1f ms over the image; the calibration takes this into account",
+                         1e6 * delay_s, 1e6 * sigma_s, 1e3 * readout_s)});
+  }
+  return findings;
+}
+
+absl::Status DropLineDelays(const RigObservations& rig, RigSolveOptions* options,
+                            RigSolution* solution, RigUncertainty* uncertainty) {
+  RigInitialization initial = InitializationFrom(*solution);
+  initial.line_delay_s.clear();
+  RigSolveOptions without = *options;
+  without.estimate_line_delays.clear();
+  absl::StatusOr<RigSolution> solved = SolveRig(rig, initial.clocks, without, &initial);
+  if (absl::IsCancelled(solved.status())) return solved.status();
+  if (!solved.ok()) return absl::OkStatus();
+  absl::StatusOr<RigUncertainty> found = ComputeUncertainty(*solved, without);
+  if (!found.ok()) return absl::OkStatus();
+  *solution = *std::move(solved);
+  *uncertainty = *std::move(found);
+  *options = std::move(without);
+  return absl::OkStatus();
+}
+
+}  // namespace rigcal::server

@@ -37,6 +37,7 @@ std::vector<MarkerRay> UsedMarkerRays(const BundleProblem& problem,
   for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
     const auto camera = static_cast<size_t>(observation.camera);
     if (cameras != nullptr && !(*cameras)[camera]) continue;
+    const double fx_fy = intrinsics[camera].fx_px * intrinsics[camera].fy_px;
     for (const BundleMarker& marker : problem.MarkersOf(observation)) {
       if (!marker.used) continue;
       const Eigen::Vector2d centre_px = CentreAtInstantPx(problem, observation, marker);
@@ -45,7 +46,8 @@ std::vector<MarkerRay> UsedMarkerRays(const BundleProblem& problem,
       views.push_back({observation.camera,
                        marker.marker,
                        centre_px,
-                       {problem.cameras[camera].cam_from_rig, plane},
+                       {problem.cameras[camera].cam_from_rig, plane,
+                        fx_fy * 0.5 * marker.sqrt_information.squaredNorm()},
                        ray.ok()});
     }
   }

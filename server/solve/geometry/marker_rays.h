@@ -24,7 +24,7 @@ struct MarkerRay {
   int camera;
   int marker;                 // of the target
   Eigen::Vector2d centre_px;  // distorted
-  CameraRay ray;              // undistorted
+  CameraRay ray;              // undistorted, weighted by its stated covariance
   bool has_ray;               // false: the camera's model has no inverse there, the ray is zero
 };
 

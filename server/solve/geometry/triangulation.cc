@@ -28,7 +28,7 @@ bool AllBefore(const std::vector<CameraRay>& views, const Eigen::Vector3d& point
          });
 }
 
-// Half the squared residuals of one or more views near a point, to second order.
+// Half the weighted squared residuals of one or more views near a point, to second order.
 struct Quadratic {
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
@@ -42,8 +42,8 @@ struct Quadratic {
         0, inverse_z, -x.y() * inverse_z * inverse_z;
     const Eigen::Matrix<double, 2, 3> d_rig = jacobian * rotation;
     const Eigen::Vector2d residual = x.head<2>() * inverse_z - view.ray;
-    hessian += d_rig.transpose() * d_rig;
-    gradient += d_rig.transpose() * residual;
+    hessian += view.weight * d_rig.transpose() * d_rig;
+    gradient += view.weight * d_rig.transpose() * residual;
   }
   Eigen::Vector3d Step() const { return -hessian.ldlt().solve(gradient); }
 };

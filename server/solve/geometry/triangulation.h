@@ -13,6 +13,7 @@ namespace rigcal::server {
 struct CameraRay {
   RigidTransform cam_from_rig;
   Eigen::Vector2d ray;
+  double weight = 1;  // of its squared error against those of the other rays: inverse variance
 };
 
 // A known point and its ray in a camera whose pose is looked for.
@@ -22,7 +23,7 @@ struct PointAndRay {
 };
 
 // The point that two or more views see, by the linear method (Hartley and Zisserman, Multiple View
-// Geometry, section 12.2) followed by Gauss-Newton on the normalised residuals. None with fewer
+// Geometry, section 12.2) followed by Gauss-Newton on the weighted normalised residuals. None with fewer
 // than two views, where it is not before every camera, or where the rays are too parallel to meet.
 std::optional<Eigen::Vector3d> Triangulate(const std::vector<CameraRay>& views);
 

@@ -59,6 +59,17 @@ TEST(Triangulate, MinimisesTheErrorsInTheImagesOfAllViews) {
   }
 }
 
+TEST(Triangulate, WeighsRaysByTheirVariance) {
+  const Eigen::Vector3d truth(0.3, -0.2, 4);
+  std::vector<CameraRay> views = {View(Camera({0, 0, 0}), truth),
+                                  View(Camera({2, 0, 0}, 0.4), truth),
+                                  View(Camera({-2, 1, 1}, -0.3), truth)};
+  views[1].ray += Eigen::Vector2d(0.002, -0.001);
+  const double alike_m = (*Triangulate(views) - truth).norm();
+  views[1].weight = 0.01;
+  EXPECT_LT((*Triangulate(views) - truth).norm(), 0.05 * alike_m);
+}
+
 TEST(Triangulate, NeedsTwoViews) {
   EXPECT_FALSE(Triangulate({}));
   EXPECT_FALSE(Triangulate({View(Camera({0, 0, 0}), {0, 0, 4})}));

@@ -20,7 +20,7 @@ constexpr double kTwoWandsShare = 0.15;
 constexpr double kAmbiguousShare = 0.2;
 constexpr double kImplausibleShare = 0.35;
 constexpr double kDarkShare = 0.5;
-// Offsets are searched up to this (server/solve/clocks/time_search.cc).
+// While waving, offsets are searched up to this (server/solve/clocks/time_search.cc).
 constexpr double kSearchedOffsetS = 1.0;
 constexpr uint64_t kLowDiskBytes = uint64_t{2} << 30;
 
@@ -105,10 +105,11 @@ void AddClock(const CameraFacts& facts, Conditions* conditions) {
     const double offset_s =
         beyond(facts.estimated_offset_s) ? *facts.estimated_offset_s : *facts.arrival_offset_s;
     conditions->Add(
-        "clock_off", AlertSeverity::kError,
+        "clock_off", AlertSeverity::kWarning,
         absl::StrFormat(
-            "the clock of %s is %+.1f s off from the others; up to %.0f s are searched: "
-            "set the clocks of the PCs (NTP, PTP), and start the agent again",
+            "the clock of %s is %+.1f s off from the others: the estimate while you wave searches "
+            "%.0f s only and leaves the camera out; the calibration finds any offset. To see its "
+            "figures now, set the clocks of the PCs (NTP, PTP) and start the agent again",
             facts.camera, offset_s, kSearchedOffsetS),
         milliseconds(1500));
   }

@@ -57,7 +57,7 @@ TEST_F(LiveAlerts, AClockOffByMoreThanIsSearched) {
   clock_offset_s_["top"] = -3;
   StartWave({"left", "right", "top"});
   Wave(9.5, {{"left", SeeWand}, {"right", SeeWand}, {"top", SeeWand}});
-  EXPECT_THAT(AlertTexts(), ElementsAre("error clock_off top"));
+  EXPECT_THAT(AlertTexts(), ElementsAre("warning clock_off top"));
 }
 
 TEST_F(LiveAlerts, AClockThatIsFoundBySearchingIsNone) {

@@ -9,12 +9,12 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
 #include "server/solve/bundle/bundle_path.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/initialize/initialization.h"
 #include "server/solve/initialize/shared_views.h"
+#include "server/solve/rig/held_clocks.h"
 #include "server/solve/rig/image_motion.h"
 #include "server/solve/rig/intrinsics_prior.h"
 #include "server/solve/rig/labels.h"
@@ -40,8 +40,7 @@ constexpr double kFunctionTolerance = 1e-9;  // relative change of the cost
 // many times the tolerance in time the clocks must have moved for the next one to be exact.
 constexpr double kCoarseTolerance = 1e-5;
 constexpr double kExactBelow = 10;
-constexpr size_t kManyClocks = 8;  // of one session
-constexpr int kMaxFlips = 2;       // there and back
+constexpr int kMaxFlips = 2;  // there and back
 // Of rough solves: so far a marker is moved along its image velocity well enough; one of so many
 // markers may still change between inlier and outlier.
 constexpr double kRoughTolerancePx = 0.1;
@@ -55,7 +54,9 @@ class RigSolver {
  public:
   RigSolver(const RigObservations& rig, const std::vector<ClockCorrection>& clocks,
             const RigSolveOptions& options)
-      : rig_(rig), options_(options) {
+      : rig_(rig),
+        options_(options),
+        held_clocks_(rig.tracks, rig.index, clocks, options.reference_camera) {
     solution_.clocks = clocks;
     solution_.motions = options.motions != nullptr ? *options.motions : MotionsOf(rig);
     for (const AlignedTrack& track : rig_.tracks) {
@@ -81,9 +82,11 @@ class RigSolver {
     bool rough_centres = CorrectCentres() > 0;
     if (FlipWrongLabels() > 0) Rebuild();
     bool labels_at_rest = false, done = false;
-    const int max_rounds = options_.rough  ? kMaxRoughRounds
-                           : HoldsOthers() ? kMaxRoundsOfMany
-                                           : kMaxRounds;
+    const bool may_hold_others =
+        !options_.rough && options_.estimate_time_offsets && HasManyClocks(solution_.clocks);
+    const int max_rounds = options_.rough    ? kMaxRoughRounds
+                           : may_hold_others ? kMaxRoundsOfMany
+                                             : kMaxRounds;
     const int max_changed =
         options_.rough ? static_cast<int>(problem().markers.size() / kRoughChanges) : 0;
     const double tolerance_px = options_.rough ? kRoughTolerancePx : kTolerancePx;
@@ -92,19 +95,20 @@ class RigSolver {
       RIGCAL_RETURN_IF_ERROR(Adjust(round, exact_));
       const int flipped = is_last || labels_at_rest ? 0 : FlipWrongLabels();
       const int changed = ClassifyOutliers(&problem());
-      LetHeldFollow();
-      const Movement moved = ClockMovement();
+      if (held_clocks_.HoldsOthers()) held_clocks_.LetFollow(&problem());
+      const ClockMovement moved = FindClockMovement(problem());
       const bool at_rest = done || moved.s < kTimeToleranceS || moved.px < tolerance_px;
       const bool settled = flipped == 0 && changed <= max_changed && !rough_centres && at_rest;
       done = settled && (exact_ || options_.rough);
-      solution_.converged = done && held_.empty();
+      solution_.converged = done && !held_clocks_.HoldsOthers();
       if (solution_.converged || is_last) break;
       const bool is_next_last = round + 2 == max_rounds;
       const bool near_rest = settled || moved.s < kExactBelow * kTimeToleranceS ||
                              moved.px < kExactBelow * tolerance_px;
       exact_ = !options_.rough && (exact_ || near_rest || is_next_last);
       labels_at_rest = near_rest && flipped == 0;
-      const bool other_held = ChooseHeld(done || is_next_last);
+      const bool other_held =
+          held_clocks_.Choose(problem(), may_hold_others && !done && !is_next_last);
       if (flipped > 0 || rough_centres || !at_rest || other_held) {
         Rebuild();
         rough_centres = false;
@@ -158,14 +162,10 @@ class RigSolver {
       camera.prior_line_delay_s = -solution_.line_delay_s[c];
       camera.line_delay_sigma_s = kWeakLineDelaySigmaS;
     }
-    reference_clocks_ = ReferenceClocks();
-    const std::map<std::string, int>& held = held_.empty() ? reference_clocks_ : held_;
     for (size_t k = 0; k < problem().clocks.size(); ++k) {
       BundleClock& clock = problem().clocks[k];
-      const std::string& session = solution_.clocks[k].session_id;
-      const bool is_reference = reference_clocks_.at(session) == static_cast<int>(k);
-      clock.offset_fixed =
-          held.at(session) == static_cast<int>(k) || !options_.estimate_time_offsets;
+      const bool is_reference = held_clocks_.IsReference(k);
+      clock.offset_fixed = held_clocks_.IsHeld(k) || !options_.estimate_time_offsets;
       clock.rate_fixed = !options_.estimate_time_rates ||
                          (options_.own_rates.empty() ? is_reference : !options_.own_rates[k]);
       clock.prior_offset_s = -solution_.clocks[k].time_offset_s;
@@ -180,78 +180,6 @@ class RigSolver {
   int CorrectCentres() {
     return CorrectSphereCentres(rig_.Parts(), rig_.tracks, solution_.motions,
                                 IsMetric(rig_, options_), &solution_.built);
-  }
-
-  // The clock of each session that keeps its correction, but for those that `held_` names until the
-  // next Rebuild.
-  std::map<std::string, int> ReferenceClocks() const {
-    std::map<std::string, int> fixed;
-    for (const bool any_camera : {false, true}) {
-      for (size_t t = 0; t < rig_.tracks.size(); ++t) {
-        if (!any_camera && rig_.index.camera_of_track[t] != options_.reference_camera) continue;
-        fixed.try_emplace(rig_.tracks[t].track.session_id, rig_.index.clock_of_track[t]);
-      }
-    }
-    return fixed;
-  }
-
-  // Whether another clock than the reference's is held while the clocks are on their way. Image
-  // velocities are noisy, so that a round moves a clock by less than it is off, and many clocks
-  // away from the one that is held by far less: where that one is off, they would hardly ever reach
-  // it.
-  bool HoldsOthers() const {
-    return !options_.rough && options_.estimate_time_offsets &&
-           std::ranges::any_of(ClocksBySession(solution_.clocks), [](const auto& session) {
-             return session.second.size() >= kManyClocks;
-           });
-  }
-
-  // Decides which clocks the next adjustment holds, in the end the references'; true: others than
-  // the last one.
-  bool ChooseHeld(bool in_the_end) {
-    const std::map<std::string, int> before = std::exchange(held_, {});
-    if (!in_the_end && HoldsOthers()) held_ = reference_clocks_;
-    const auto clocks = ClocksBySession(solution_.clocks);
-    for (auto& [session, held] : held_) {
-      std::vector<std::pair<double, int>> moved_s;
-      for (const size_t k : clocks.at(session)) {
-        const int clock = static_cast<int>(k);
-        if (clock != held) moved_s.emplace_back(problem().clocks[k].time_offset_s, clock);
-      }
-      std::ranges::sort(moved_s);
-      if (moved_s.size() + 1 >= kManyClocks) held = moved_s[moved_s.size() / 2].second;
-    }
-    return held_ != before;
-  }
-
-  // A held clock stays where it is among the others. What all others are moved by alike is the
-  // noise of their image velocities, which is that of their centres: it would move the held one,
-  // too.
-  void LetHeldFollow() {
-    const auto clocks = ClocksBySession(solution_.clocks);
-    for (const auto& [session, held] : held_) {
-      if (held == reference_clocks_.at(session)) continue;
-      std::vector<double> moved_s;
-      for (const size_t k : clocks.at(session)) {
-        if (static_cast<int>(k) != held) moved_s.push_back(problem().clocks[k].time_offset_s);
-      }
-      const double all_s = Median(moved_s);
-      for (const size_t k : clocks.at(session)) {
-        if (static_cast<int>(k) != held) problem().clocks[k].time_offset_s -= all_s;
-      }
-    }
-  }
-
-  // Time has no origin: what the reference's clock was moved by goes to the others.
-  void KeepReferenceClocks(std::vector<ClockCorrection>* clocks) const {
-    for (const auto& [session, reference] : reference_clocks_) {
-      const auto r = static_cast<size_t>(reference);
-      const double moved_s = (*clocks)[r].time_offset_s - solution_.clocks[r].time_offset_s;
-      for (ClockCorrection& clock : *clocks) {
-        if (clock.session_id == session) clock.time_offset_s -= moved_s;
-      }
-      (*clocks)[r].time_offset_s = solution_.clocks[r].time_offset_s;
-    }
   }
 
   absl::Status NoInstants() const {
@@ -320,43 +248,6 @@ class RigSolver {
     return absl::OkStatus();
   }
 
-  // How far the bundle adjustment moved the clock that moved most, over its rows; and how far that
-  // moved a marker in its cameras' images.
-  struct Movement {
-    double s = 0;
-    double px = 0;
-  };
-  Movement ClockMovement() {
-    struct OfClock {
-      double span_s = 0, speed2 = 0;
-      double rows_s = 0;  // furthest from the time of the middle row
-      int markers = 0;
-    };
-    std::vector<OfClock> clocks(problem().clocks.size());
-    for (const BundleObservation& observation : problem().observations) {
-      OfClock& own = clocks[static_cast<size_t>(observation.clock)];
-      own.span_s = std::max(own.span_s, std::abs(observation.clock_time_s));
-      for (const BundleMarker& marker : problem().MarkersOf(observation)) {
-        if (!marker.used) continue;
-        const BundleCamera& camera = problem().CameraOf(observation);
-        own.rows_s = std::max(
-            own.rows_s, std::abs(camera.line_delay_s * (marker.centre_px.y() - camera.middle_row)));
-        own.speed2 += marker.velocity_px_s.squaredNorm();
-        ++own.markers;
-      }
-    }
-    Movement most;
-    for (size_t k = 0; k < clocks.size(); ++k) {
-      const BundleClock& clock = problem().clocks[k];
-      const double moved_s = std::abs(clock.time_offset_s) +
-                             std::abs(clock.time_rate) * clocks[k].span_s + clocks[k].rows_s;
-      most.s = std::max(most.s, moved_s);
-      most.px =
-          std::max(most.px, moved_s * std::sqrt(clocks[k].speed2 / std::max(1, clocks[k].markers)));
-    }
-    return most;
-  }
-
   // Keeps outlying centres out of their neighbours' image motion. Those that are a few pixels off
   // say more about the motion than their absence would.
   void ExcludeFromMotion() {
@@ -419,7 +310,7 @@ class RigSolver {
     std::ranges::sort(outliers);
     {
       RigInitialization initial = InitializationFrom(solution_);
-      KeepReferenceClocks(&initial.clocks);
+      held_clocks_.KeepReferences(solution_.clocks, &initial.clocks);
       solution_.clocks = initial.clocks;
       SetLineDelays(initial.line_delay_s);
       // Before the next one is built, so that there is never room for two.
@@ -439,8 +330,7 @@ class RigSolver {
   RigSolution solution_;
   std::vector<std::vector<uint8_t>> flip_counts_;  // by track and observation
   bool exact_ = false;                             // the next adjustment
-  std::map<std::string, int> reference_clocks_;    // by session
-  std::map<std::string, int> held_;  // by session, instead of the reference's; empty: those
+  HeldClocks held_clocks_;
 };
 
 }  // namespace

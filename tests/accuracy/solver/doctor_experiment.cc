@@ -20,10 +20,9 @@
 #include "common/status/status_macros.h"
 #include "server/solve/evaluate/attached_point.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
+#include "tests/accuracy/solver/recording.h"
 #include "tests/accuracy/thread_cpu.h"
-#include "tests/server/solve/recorded_input.h"
 #include "tests/server/solve/simulated_input.h"
-#include "tests/testing/recorded_data.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -708,13 +707,8 @@ absl::StatusOr<DoctorPatient> SimulatedPatient(uint32_t seed, int camera_count, 
 }
 
 absl::StatusOr<DoctorPatient> RecordedPatient() {
-  const auto data = testing::RecordedDataDirectory();
-  if (!data) {
-    return absl::NotFoundError(
-        "no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA");
-  }
   DoctorPatient patient;
-  RIGCAL_ASSIGN_OR_RETURN(patient.input, server::RecordedInput(*data));
+  RIGCAL_ASSIGN_OR_RETURN(patient.input, WandRecording());
   patient.camera = "frame_1";
   patient.other_camera = "frame_2";
   const server::CalibrationOutcome outcome = server::Calibrate(patient.input, {});

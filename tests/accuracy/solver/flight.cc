@@ -4,10 +4,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "tests/accuracy/solver/flight_experiment.h"
+#include "tests/accuracy/solver/recording.h"
 #include "tests/accuracy/solver/solver_experiments.h"
-#include "tests/testing/recorded_data.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -39,9 +40,9 @@ void PrintFlight(const char* intrinsics, const FlightRun& run) {
 }
 
 int RunFlights() {
-  const auto data = testing::RecordedDataDirectory();
-  if (!data) {
-    fmt::print(stderr, "no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA\n");
+  const absl::StatusOr<std::filesystem::path> data = RecordingsFolder();
+  if (!data.ok()) {
+    fmt::print(stderr, "{}\n", data.status().ToString());
     return 1;
   }
   for (const Estimate intrinsics : {Estimate::kDefault, Estimate::kFixed, Estimate::kRefined}) {

@@ -12,9 +12,8 @@
 #include "server/solve/evaluate/uncertainty.h"
 #include "tests/accuracy/rig/statistics.h"
 #include "tests/accuracy/solver/halves_experiment.h"
+#include "tests/accuracy/solver/recording.h"
 #include "tests/accuracy/solver/solver_experiments.h"
-#include "tests/server/solve/recorded_input.h"
-#include "tests/testing/recorded_data.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -37,12 +36,7 @@ void PrintPart(const std::string& name, const PartsTrial& trial) {
 }
 
 int RunHalves(const HalvesSettings& settings) {
-  const auto data = testing::RecordedDataDirectory();
-  if (!data) {
-    fmt::print(stderr, "no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA\n");
-    return 1;
-  }
-  const absl::StatusOr<server::CalibrationInput> input = server::RecordedInput(*data);
+  const absl::StatusOr<server::CalibrationInput> input = WandRecording();
   if (!input.ok()) {
     fmt::print(stderr, "{}\n", input.status().ToString());
     return 1;

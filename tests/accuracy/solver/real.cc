@@ -15,8 +15,6 @@
 #include "tests/accuracy/seed_runs.h"
 #include "tests/accuracy/solver/recording.h"
 #include "tests/accuracy/solver/solver_experiments.h"
-#include "tests/server/solve/recorded_input.h"
-#include "tests/testing/recorded_data.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -192,12 +190,7 @@ void PrintMoves(const server::CalibrationInput& input, const CalibrationResult& 
 }
 
 int RunReal() {
-  const auto data = testing::RecordedDataDirectory();
-  if (!data) {
-    fmt::print(stderr, "no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA\n");
-    return 1;
-  }
-  const absl::StatusOr<server::CalibrationInput> input = server::RecordedInput(*data);
+  const absl::StatusOr<server::CalibrationInput> input = WandRecording();
   if (!input.ok()) {
     fmt::print(stderr, "{}\n", input.status().ToString());
     return 1;

@@ -10,7 +10,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/statistics/robust_statistics.h"
+#include "common/status/status_macros.h"
 #include "tests/accuracy/rig/statistics.h"
+#include "tests/server/solve/recorded_input.h"
+#include "tests/testing/recorded_data.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -32,6 +35,17 @@ double AgainstOthers(const CalibrationResult& result, const std::string& name,
 }
 
 }  // namespace
+
+absl::StatusOr<std::filesystem::path> RecordingsFolder() {
+  const auto data = testing::RecordedDataDirectory();
+  if (data) return *data;
+  return absl::NotFoundError("no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA");
+}
+
+absl::StatusOr<server::CalibrationInput> WandRecording() {
+  RIGCAL_ASSIGN_OR_RETURN(const std::filesystem::path folder, RecordingsFolder());
+  return server::RecordedInput(folder);
+}
 
 absl::StatusOr<server::CalibrationInput> Change(const server::CalibrationInput& input,
                                                 const ClockChange& change) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -8,6 +9,13 @@
 #include "server/solve/calibrate.h"
 
 namespace rigcal::accuracy {
+
+// The folder of the real recordings (tests/testing/recorded_data.h). NOT_FOUND: says where to put
+// it.
+absl::StatusOr<std::filesystem::path> RecordingsFolder();
+
+// The real recording of the wand. Errors of reading it.
+absl::StatusOr<server::CalibrationInput> WandRecording();
 
 // A change of one camera's rows.
 struct ClockChange {

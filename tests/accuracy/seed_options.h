@@ -16,6 +16,7 @@ struct SeedOptions {
   int camera_count = 6;
   double duration_s = 40;
   bool verbose = false;  // a line for each seed
+  bool spline = false;   // follow the target through time (TrajectoryChoice::kSpline)
   std::string only;      // cases with this in their name; empty: all
 };
 

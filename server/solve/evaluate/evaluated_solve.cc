@@ -15,6 +15,7 @@
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/line_delays.h"
+#include "server/solve/rig/trajectory_fit.h"
 
 namespace rigcal::server {
 namespace {
@@ -30,7 +31,7 @@ constexpr int kMaxRateTries = 4;
 constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
 constexpr int kMinLongBlocks = 4;
-constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
+constexpr int kMinAgreeingViews = 8;  // of a camera; fewer hold no pose
 // Of a rolling shutter that is named: sigmas of its line delay, and the time over the image.
 constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
 
@@ -406,6 +407,55 @@ absl::Status DropLineDelays(const RigObservations& rig, RigSolveOptions options,
   return absl::OkStatus();
 }
 
+// The target's path through time is worth a trial.
+bool TriesPath(const RigSolution&, const CalibrationOptions& options) {
+  return options.trajectory == TrajectoryChoice::kSpline;
+}
+
+// Whether it is kept.
+bool KeepsPath(const HeldOutGain& gain, const CalibrationOptions& options) {
+  if (options.trajectory == TrajectoryChoice::kSpline) return true;
+  return gain.blocks > 0 && gain.after_px <= gain.before_px;
+}
+
+// A fold solved by instants and by a path, evaluated on what it leaves out.
+struct PathFold {
+  RigSolution solution;
+  std::vector<EvaluatedErrors> before, after;  // by held-out block
+};
+
+absl::StatusOr<PathFold> FollowInFold(const RigObservations& rig, const RigSolveOptions& options,
+                                      const TimeBlocks& blocks, int fold, int block_count,
+                                      RigSolution* by_instants) {
+  TakeBack(rig, options, by_instants);
+  PathFold result;
+  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveOnTrajectory(rig, options, *by_instants));
+  RigSolveOptions evaluate = options;
+  evaluate.max_observations = 0;
+  const auto part_of = [&blocks, fold](int64_t t) {
+    return blocks.IsHeldOut(t, fold) ? static_cast<int>(blocks.Block(t)) : -1;
+  };
+  result.before = EvaluateParts(rig, *by_instants, evaluate, block_count, part_of);
+  result.after = EvaluateParts(rig, result.solution, evaluate, block_count, part_of);
+  return result;
+}
+
+// Follows the target through time in the end; what cannot be followed stays as it is.
+absl::Status FollowTarget(const RigObservations& rig, EvaluatedSolution* result) {
+  absl::StatusOr<RigSolution> followed = SolveOnTrajectory(rig, result->options, result->solution);
+  if (absl::IsCancelled(followed.status())) return followed.status();
+  if (!followed.ok()) return absl::OkStatus();
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*followed, result->options);
+  if (!uncertainty.ok()) return absl::OkStatus();
+  result->solution = *std::move(followed);
+  result->uncertainty = *std::move(uncertainty);
+  std::erase_if(result->findings, [](const Finding& finding) {
+    return finding.kind == FindingKind::kRollingShutter;
+  });
+  AddShutterFindings(rig, result);
+  return absl::OkStatus();
+}
+
 void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
   const auto append = [](const std::vector<std::vector<double>>& source, auto* target) {
     target->resize(source.size());
@@ -464,8 +514,13 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     RIGCAL_ASSIGN_OR_RETURN(by_chance, CompareOverLongBlocks(rig, initial, result.solution, first));
     if (by_chance && by_chance->IsClear(kMustGain, kChoiceSigmas)) by_chance.reset();
   }
-  EvaluatedErrors held_out;
-  std::vector<FoldPoses> folds;
+  const bool tries_path = TriesPath(result.solution, options);
+  const int block_count = static_cast<int>(blocks.Block(
+                              *std::ranges::max_element(result.solution.built.instant_time_ns))) +
+                          1;
+  std::vector<EvaluatedErrors> by_instants, by_path;  // by held-out block
+  EvaluatedErrors held_out, held_out_by_path;
+  std::vector<FoldPoses> folds, path_folds;
   for (int fold = 0; fold < blocks.period; ++fold) {
     RigSolveOptions fold_options =
         OptionsOfFold(rig, first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
@@ -474,16 +529,36 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
       fold_options.refine_intrinsics =
           !by_chance && scores_of_fold[static_cast<size_t>(fold)].RefinedPays();
     }
-    const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
+    if (tries_path) fold_options.max_observations = 0;
+    absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
     if (absl::IsCancelled(solution.status())) return solution.status();
     if (!solution.ok()) continue;
+    const Select is_held_out = [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); };
     const absl::StatusOr<EvaluatedErrors> errors =
-        MeasureOn(rig, *solution, fold_options, 0,
-                  [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
+        MeasureOn(rig, *solution, fold_options, 0, is_held_out);
     if (!errors.ok()) continue;
     Append(*errors, &held_out);
     folds.push_back(FoldPosesOf(*solution, 1));
     folds.back().left_out = LeftOutOf(result.solution, blocks, fold);
+    if (!tries_path) continue;
+    absl::StatusOr<PathFold> path =
+        FollowInFold(rig, fold_options, blocks, fold, block_count, &*solution);
+    if (absl::IsCancelled(path.status())) return path.status();
+    if (!path.ok()) continue;
+    const absl::StatusOr<EvaluatedErrors> path_errors =
+        MeasureOn(rig, path->solution, fold_options, 0, is_held_out);
+    if (!path_errors.ok()) continue;
+    Append(*path_errors, &held_out_by_path);
+    path_folds.push_back(FoldPosesOf(path->solution, 1));
+    path_folds.back().left_out = folds.back().left_out;
+    by_instants.insert(by_instants.end(), path->before.begin(), path->before.end());
+    by_path.insert(by_path.end(), path->after.begin(), path->after.end());
+  }
+  if (tries_path) result.path_gain = CompareVariants(by_instants, by_path);
+  const bool follows = tries_path && KeepsPath(*result.path_gain, options);
+  if (follows && held_out_by_path.instant_count > 0) {
+    held_out = std::move(held_out_by_path);
+    folds = std::move(path_folds);
   }
   if (held_out.instant_count > 0) {
     result.held_out = std::move(held_out);
@@ -530,6 +605,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
   AddShutterFindings(rig, &result);
   RIGCAL_RETURN_IF_ERROR(DropLineDelays(rig, first, &result));
+  if (follows) RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, &result));
   result.predicted =
       PredictError(result.solution, result.uncertainty, folds, refined ? &*refined : nullptr,
                    IsMetric(rig, result.options) ? options.accept_m : 0);

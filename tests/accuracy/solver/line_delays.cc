@@ -43,6 +43,7 @@ void RunShutterCase(const ShutterCase& what, const SeedOptions& seeds) {
   options.rate_hz = what.rate_hz;
   options.free_running = what.free_running;
   options.largest_offset_s = what.largest_offset_s;
+  if (seeds.spline) options.trajectory = TrajectoryChoice::kSpline;
   const auto trials = RunAll<LineDelaysTrial>(seeds.count, seeds.threads, [&](int i) {
     return RunLineDelaysTrial(options, static_cast<uint32_t>(seeds.first + i));
   });

@@ -35,8 +35,10 @@ SimulationOptions DrawShutters(const LineDelaysOptions& options, uint32_t seed) 
   return simulation;
 }
 
-absl::Status MeasureShutters(const SimulatedWorld& world, LineDelaysTrial* trial) {
+absl::Status MeasureShutters(const SimulatedWorld& world, TrajectoryChoice trajectory,
+                             LineDelaysTrial* trial) {
   CalibrationOptions options;
+  options.trajectory = trajectory;
   options.intrinsics = options.marker_positions = Estimate::kFixed;
   absl::StatusOr<RigCovariance> stated = absl::UnavailableError("the solve did not call its hook");
   server::CalibrationHooks hooks;
@@ -83,7 +85,7 @@ absl::Status MeasureShutters(const SimulatedWorld& world, LineDelaysTrial* trial
 LineDelaysTrial RunLineDelaysTrial(const LineDelaysOptions& options, uint32_t seed) {
   LineDelaysTrial trial;
   const auto world = SimulatedWorld::Create(DrawShutters(options, seed), NamedTarget("wand"));
-  trial.status = world.ok() ? MeasureShutters(*world, &trial) : world.status();
+  trial.status = world.ok() ? MeasureShutters(*world, options.trajectory, &trial) : world.status();
   return trial;
 }
 

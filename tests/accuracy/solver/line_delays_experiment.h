@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "common/calibration/calibration.h"
+#include "common/calibration/calibration_options.h"
 #include "tests/accuracy/rig/rig_covariance.h"
 
 namespace rigcal::accuracy {
@@ -18,7 +19,8 @@ struct LineDelaysOptions {
   double duration_s = 40;
   double rate_hz = 50;
   bool free_running = true;
-  double largest_offset_s = 0.002;              // of a clock
+  double largest_offset_s = 0.002;  // of a clock
+  TrajectoryChoice trajectory = TrajectoryChoice::kAuto;
   double shortest_s = 5e-6, longest_s = 50e-6;  // line delays
 };
 

@@ -63,6 +63,7 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
           "path");
     }
     if (summary.iterations == 0) summary.initial_cost = system.cost();
+    if (getenv("TRAJ_DEBUG")) fprintf(stderr, "it %d cost %.12g sigmas %g %g settled %d\n", summary.iterations, system.cost(), problem->origin_sigma, problem->direction_sigma, (int)sigmas_settled);
     if (getenv("TRAJ_DEBUG"))
       fprintf(stderr, "it %d cost %.12g sigmas %g %g settled %d\n", summary.iterations,
               system.cost(), problem->origin_sigma, problem->direction_sigma, (int)sigmas_settled);

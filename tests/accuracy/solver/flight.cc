@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <memory>
 
 #include "tests/accuracy/solver/flight_experiment.h"
 #include "tests/accuracy/solver/solver_experiments.h"
@@ -38,7 +39,7 @@ void PrintFlight(const char* intrinsics, const FlightRun& run) {
   }
 }
 
-int RunFlights() {
+int RunFlights(bool spline) {
   const auto data = testing::RecordedDataDirectory();
   if (!data) {
     fmt::print(stderr, "no recordings: put them into ../shared/data or set RIGCAL_TEST_DATA\n");
@@ -47,6 +48,7 @@ int RunFlights() {
   for (const Estimate intrinsics : {Estimate::kDefault, Estimate::kFixed, Estimate::kRefined}) {
     CalibrationOptions options;
     options.intrinsics = intrinsics;
+    if (spline) options.trajectory = TrajectoryChoice::kSpline;
     const absl::StatusOr<FlightRun> run = RunFlight(*data, options);
     if (!run.ok()) {
       fmt::print(stderr, "{}\n", run.status().ToString());
@@ -62,7 +64,11 @@ int RunFlights() {
 
 Experiment Flight() {
   return {"flight", "consumer cameras that nothing synchronised; needs test data",
-          [](OptionList*) { return RunFlights; }};
+          [](OptionList* options) -> Experiment::Run {
+            const auto spline = std::make_shared<bool>(false);
+            options->AddFlag("--spline", spline.get(), "follow the target through time");
+            return [spline] { return RunFlights(*spline); };
+          }};
 }
 
 }  // namespace rigcal::accuracy

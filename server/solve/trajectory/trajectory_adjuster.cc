@@ -63,10 +63,6 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
           "path");
     }
     if (summary.iterations == 0) summary.initial_cost = system.cost();
-    if (getenv("TRAJ_DEBUG")) fprintf(stderr, "it %d cost %.12g sigmas %g %g settled %d\n", summary.iterations, system.cost(), problem->origin_sigma, problem->direction_sigma, (int)sigmas_settled);
-    if (getenv("TRAJ_DEBUG"))
-      fprintf(stderr, "it %d cost %.12g sigmas %g %g settled %d\n", summary.iterations,
-              system.cost(), problem->origin_sigma, problem->direction_sigma, (int)sigmas_settled);
     if (options.progress) options.progress(summary.iterations, system.cost());
     const double gain = (last_cost - system.cost()) / std::max(system.cost(), 1e-300);
     if (!sigmas_settled && gain < kSettledCost) {
@@ -84,6 +80,7 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
       const double direction = UpdateSigma(freedom.direction_square, freedom.direction_by_data,
                                            variance, &problem->direction_sigma);
       sigmas_settled = std::max(origin, direction) < kSettled;
+      system.CountPaths(variance);
       last_cost = std::numeric_limits<double>::infinity();
       if (!system.Linearise()) return absl::InternalError("trajectory: the path broke down");
     } else if (sigmas_settled && gain < options.function_tolerance) {

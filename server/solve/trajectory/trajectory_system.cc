@@ -22,6 +22,20 @@ double InverseSigma(const TrajectoryProblem& problem, Eigen::Index component) {
   return 1 / (component < 3 ? problem.origin_sigma : problem.direction_sigma);
 }
 
+// Of numeric derivatives.
+constexpr double kKnotStep = 1e-6, kTimeStepS = 1e-6;
+
+// Rows and columns from `first` on.
+Eigen::MatrixXd LocalInverse(const BandedMatrix& inverse, Eigen::Index first, Eigen::Index count) {
+  Eigen::MatrixXd local(count, count);
+  for (Eigen::Index j = 0; j < count; ++j) {
+    for (Eigen::Index i = j; i < count; ++i) {
+      local(i, j) = local(j, i) = inverse(first + i, first + j);
+    }
+  }
+  return local;
+}
+
 BundleProblem RowsInSpans(const TrajectoryProblem& problem) {
   BundleProblem rows = problem.rows;
   for (size_t i = 0; i < rows.instants.size(); ++i) {
@@ -217,9 +231,11 @@ bool TrajectorySystem::Linearise() {
   if (!visible) return false;
   const LineBundleEstimate estimate(problem_.rows, layout_, packed_);
   estimate.AddPriors(&matrix_, &gradient_);
+  if (count_gradient_.size() > 0) gradient_ += count_gradient_;
   for (size_t s = 0; s < systems_.size(); ++s) {
     SpanSystem& system = systems_[s];
     AddPathPrior(s, &system);
+    if (!count_gradient_of_knots_.empty()) system.gradient += count_gradient_of_knots_[s];
     if (!system.matrix.Factor()) return false;
     system.matrix.SolveLower(system.border);
     system.matrix.SolveLower(system.gradient);
@@ -250,6 +266,13 @@ bool TrajectorySystem::Step() {
   const LineBundleEstimate before(problem_.rows, layout_, packed_);
   LineBundleEstimate moved(problem_.rows, layout_, packed_);
   const std::vector<TrajectorySpan> spans = problem_.spans;
+  double counted = 0;
+  if (count_gradient_.size() > 0) {
+    counted = count_gradient_.dot(reduced);
+    for (size_t s = 0; s < spans.size(); ++s) {
+      counted += count_gradient_of_knots_[s].dot(knot_steps[s]);
+    }
+  }
   for (int i = 0; i < kMaxHalvings; ++i) {
     const double length = std::pow(0.5, i);
     moved.MoveReduced(before, length * reduced);
@@ -258,7 +281,9 @@ bool TrajectorySystem::Step() {
       problem_.spans[s].knots = spans[s].knots + length * knot_steps[s];
     }
     double data = 0;
-    if (DataCost(&data) && data + PathCost() + moved.PriorCost() < cost_) return true;
+    if (DataCost(&data) && data + PathCost() + moved.PriorCost() + length * counted < cost_) {
+      return true;
+    }
   }
   before.Store(packed_, &problem_.rows);
   problem_.spans = spans;
@@ -304,6 +329,90 @@ TrajectorySystem::Freedom TrajectorySystem::MeasureFreedom() const {
   return freedom;
 }
 
+void TrajectorySystem::CountPaths(double variance) {
+  PreparePathCovariance();
+  count_gradient_ = Eigen::VectorXd::Zero(layout_.column_count());
+  count_gradient_of_knots_.clear();
+  for (const TrajectorySpan& span : problem_.spans) {
+    count_gradient_of_knots_.push_back(Eigen::VectorXd::Zero(span.knots.size()));
+  }
+  MarkerSlopes slopes, moved;
+  Eigen::MatrixXd weighted;
+  ForEachUsedMarkerOfRows(problem_, [&](size_t row, const BundleObservation& observation,
+                                        const BundleMarker& marker) {
+    if (!Differentiate(row, observation, marker, &slopes)) return;
+    const auto s = static_cast<size_t>(problem_.span_of_row[row]);
+    const TrajectorySpan& span = problem_.spans[s];
+    const Eigen::Index first = slopes.weights.first_knot * span.size, count = slopes.knots.cols();
+    weighted = variance * Weight(slopes.residual) * slopes.knots *
+               LocalInverse(systems_[s].inverse, first, count);
+    // d (1/2 log det A) = sum of weight * tr(J A^-1 dJ^T) over the markers.
+    ForEachUnknownOf(observation, marker, [&](int column, double step) {
+      if (!Differentiate(row, observation, marker, &moved)) return;
+      const double change = weighted.cwiseProduct(moved.knots - slopes.knots).sum() / step;
+      if (moved.weights.first_knot != slopes.weights.first_knot) return;  // as good as none
+      count_gradient_[column] += change;
+    });
+    Eigen::VectorXd& knots = problem_.spans[s].knots;
+    for (Eigen::Index c = 0; c < span.size; ++c) {
+      // A knot moves the path as the other three do, each by its weight.
+      for (Eigen::Index k = 0; k < 4; ++k) knots[first + k * span.size + c] += kKnotStep;
+      if (Differentiate(row, observation, marker, &moved)) {
+        const double change = weighted.cwiseProduct(moved.knots - slopes.knots).sum() / kKnotStep;
+        for (Eigen::Index k = 0; k < 4; ++k) {
+          count_gradient_of_knots_[s][first + k * span.size + c] +=
+              slopes.weights.value[k] * change;
+        }
+      }
+      for (Eigen::Index k = 0; k < 4; ++k) knots[first + k * span.size + c] -= kKnotStep;
+    }
+  });
+}
+
+template <typename Function>
+void TrajectorySystem::ForEachUnknownOf(const BundleObservation& observation,
+                                        const BundleMarker& marker, const Function& function) {
+  BundleCamera& camera = problem_.rows.cameras[static_cast<size_t>(observation.camera)];
+  BundleClock& clock = problem_.rows.clocks[static_cast<size_t>(observation.clock)];
+  const KernelColumns& columns =
+      layout_
+          .columns[static_cast<size_t>(layout_.ViewIndex(observation.camera, observation.clock))];
+  const auto move = [&function](int column, double step, double* value) {
+    const double before = *value;
+    *value += step;
+    function(column, step);
+    *value = before;
+  };
+  if (columns.pose >= 0) {
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Quaterniond before = camera.cam_from_rig.rotation;
+      camera.cam_from_rig.rotation =
+          Eigen::Quaterniond(Eigen::AngleAxisd(kKnotStep, Eigen::Vector3d::Unit(i))) * before;
+      function(columns.pose + i, kKnotStep);
+      camera.cam_from_rig.rotation = before;
+      move(columns.pose + 3 + i, kKnotStep, &camera.cam_from_rig.translation_m[i]);
+    }
+  }
+  for (int b = 0; b < columns.base_count; ++b) {
+    const int kind = columns.base_kind[b], column = columns.base_column[b];
+    if (kind == ViewUnknowns::kOffset) {
+      move(column, kTimeStepS, &clock.time_offset_s);
+    } else if (kind == ViewUnknowns::kRate) {
+      move(column, kTimeStepS / std::max(1.0, std::abs(observation.clock_time_s)),
+           &clock.time_rate);
+    } else if (kind == ViewUnknowns::kLineDelay) {
+      move(column, kTimeStepS / camera.middle_row, &camera.line_delay_s);
+    } else {
+      double* const value = &camera.intrinsics[kind - ViewUnknowns::kFirstIntrinsic];
+      move(column, kKnotStep * std::max(1.0, std::abs(*value)), value);
+    }
+  }
+  if (layout_.spacing_column >= 0 && marker.marker > 0) {
+    move(layout_.spacing_column + marker.marker - 1, kKnotStep,
+         &problem_.rows.target.marker_positions_m[static_cast<size_t>(marker.marker)]);
+  }
+}
+
 void TrajectorySystem::ForEachReduced(const MarkerVisitor& visit) const {
   // The knots' answer to the reduced parameters: minus A^-1 B.
   std::vector<Eigen::MatrixXd> answers;
@@ -332,21 +441,14 @@ void TrajectorySystem::PreparePathCovariance() {
 Eigen::Matrix2d TrajectorySystem::PathCovariance(size_t row, const BundleObservation& observation,
                                                  const BundleMarker& marker) const {
   MarkerSlopes slopes;
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   if (layout_.ViewIndex(observation.camera, observation.clock) < 0 ||
       !Differentiate(row, observation, marker, &slopes)) {
-    return covariance;
+    return Eigen::Matrix2d::Zero();
   }
   const auto s = static_cast<size_t>(problem_.span_of_row[row]);
   const Eigen::Index first = slopes.weights.first_knot * problem_.spans[s].size;
-  const BandedMatrix& inverse = systems_[s].inverse;
-  for (Eigen::Index i = 0; i < slopes.knots.cols(); ++i) {
-    for (Eigen::Index j = 0; j < slopes.knots.cols(); ++j) {
-      covariance += inverse(first + std::max(i, j), first + std::min(i, j)) * slopes.knots.col(i) *
-                    slopes.knots.col(j).transpose();
-    }
-  }
-  return covariance;
+  return slopes.knots * LocalInverse(systems_[s].inverse, first, slopes.knots.cols()) *
+         slopes.knots.transpose();
 }
 
 }  // namespace rigcal::server

@@ -41,6 +41,15 @@ class TrajectorySystem {
   };
   Freedom MeasureFreedom() const;
 
+  // Of the last linearisation: from now on the gradient has that of variance / 2 * log det A, with
+  // A the matrix of the knots, as it is here, and the variance of the whitened residuals. The cost
+  // has its minimum over paths and cameras together where the path is smooth for want of room: a
+  // rig at half the size, or flatter, has a path of half the third differences. Where there is more
+  // room, more paths fit; what is minimised is the cost of all of them (Laplace's approximation of
+  // the marginal likelihood; MacKay 1999, Comparison of approximate methods for handling
+  // hyperparameters).
+  void CountPaths(double variance);
+
   // Of the last linearisation, by row in the order of the problem: weight, whitened residual, and
   // its derivative by the reduced parameters where the knots give way to them.
   using MarkerVisitor =
@@ -73,6 +82,11 @@ class TrajectorySystem {
   double Weight(const Eigen::Vector2d& residual) const;
   bool DataCost(double* cost) const;
   double PathCost() const;
+  // Moves each unknown but the knots that a marker depends on by a small step, calls
+  // function(column, step), and moves it back.
+  template <typename Function>
+  void ForEachUnknownOf(const BundleObservation& observation, const BundleMarker& marker,
+                        const Function& function);
   void AddPathPrior(size_t span, SpanSystem* system) const;
 
   const BundleOptions& options_;
@@ -83,6 +97,9 @@ class TrajectorySystem {
   Eigen::MatrixXd matrix_;
   Eigen::VectorXd gradient_;
   double cost_ = 0;
+  // Of CountPaths; empty until then.
+  Eigen::VectorXd count_gradient_;
+  std::vector<Eigen::VectorXd> count_gradient_of_knots_;
 };
 
 }  // namespace rigcal::server

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -426,10 +427,10 @@ struct PathFold {
 
 absl::StatusOr<PathFold> FollowInFold(const RigObservations& rig, const RigSolveOptions& options,
                                       const TimeBlocks& blocks, int fold, int block_count,
-                                      RigSolution* by_instants) {
+                                      const TrajectoryFit* like, RigSolution* by_instants) {
   TakeBack(rig, options, by_instants);
   PathFold result;
-  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveOnTrajectory(rig, options, *by_instants));
+  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveOnTrajectory(rig, options, *by_instants, like));
   RigSolveOptions evaluate = options;
   evaluate.max_observations = 0;
   const auto part_of = [&blocks, fold](int64_t t) {
@@ -441,8 +442,10 @@ absl::StatusOr<PathFold> FollowInFold(const RigObservations& rig, const RigSolve
 }
 
 // Follows the target through time in the end; what cannot be followed stays as it is.
-absl::Status FollowTarget(const RigObservations& rig, EvaluatedSolution* result) {
-  absl::StatusOr<RigSolution> followed = SolveOnTrajectory(rig, result->options, result->solution);
+absl::Status FollowTarget(const RigObservations& rig, const TrajectoryFit* like,
+                          EvaluatedSolution* result) {
+  absl::StatusOr<RigSolution> followed =
+      SolveOnTrajectory(rig, result->options, result->solution, like);
   if (absl::IsCancelled(followed.status())) return followed.status();
   if (!followed.ok()) return absl::OkStatus();
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*followed, result->options);
@@ -521,6 +524,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   std::vector<EvaluatedErrors> by_instants, by_path;  // by held-out block
   EvaluatedErrors held_out, held_out_by_path;
   std::vector<FoldPoses> folds, path_folds;
+  std::shared_ptr<const TrajectoryFit> like;
   for (int fold = 0; fold < blocks.period; ++fold) {
     RigSolveOptions fold_options =
         OptionsOfFold(rig, first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
@@ -542,12 +546,13 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     folds.back().left_out = LeftOutOf(result.solution, blocks, fold);
     if (!tries_path) continue;
     absl::StatusOr<PathFold> path =
-        FollowInFold(rig, fold_options, blocks, fold, block_count, &*solution);
+        FollowInFold(rig, fold_options, blocks, fold, block_count, like.get(), &*solution);
     if (absl::IsCancelled(path.status())) return path.status();
     if (!path.ok()) continue;
     const absl::StatusOr<EvaluatedErrors> path_errors =
         MeasureOn(rig, path->solution, fold_options, 0, is_held_out);
     if (!path_errors.ok()) continue;
+    like = path->solution.trajectory;
     Append(*path_errors, &held_out_by_path);
     path_folds.push_back(FoldPosesOf(path->solution, 1));
     path_folds.back().left_out = folds.back().left_out;
@@ -605,7 +610,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   if (uncertainty.ok()) result.uncertainty = *std::move(uncertainty);
   AddShutterFindings(rig, &result);
   RIGCAL_RETURN_IF_ERROR(DropLineDelays(rig, first, &result));
-  if (follows) RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, &result));
+  if (follows) RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, like.get(), &result));
   result.predicted =
       PredictError(result.solution, result.uncertainty, folds, refined ? &*refined : nullptr,
                    IsMetric(rig, result.options) ? options.accept_m : 0);

@@ -364,6 +364,7 @@ absl::Status DescribeByPath(const TrajectoryFit& fit, RigUncertainty* result) {
   result->parameters = system.layout().parameters;
   const Eigen::MatrixXd information = system.matrix().selfadjointView<Eigen::Lower>();
   const Eigen::MatrixXd prior = PriorInformation(problem.rows, result->parameters);
+  system.PreparePathCovariance();
   const double free = system.MeasureFreedom().values + static_cast<double>(information.rows());
   LossSum counted(bundle.loss_scale);
   ForEachUsedMarkerOfRows(

@@ -20,13 +20,13 @@ constexpr size_t kMinPathInstants = 5;
 // Two knots for each moment at which somebody saw the target: what is left out by so fine a grid is
 // less than a tenth of a pixel of anything that a hand moves.
 constexpr double kKnotsPerMoment = 2;
-constexpr double kMinStepS = 0.008, kMaxStepS = 0.025;
+constexpr double kMinStepS = 0.02, kMaxStepS = 0.04;
 constexpr double kSameMomentS = 0.002;
 // For initial values: sigmas of a placed instant, and what a hand does in a second cubed.
 constexpr double kInstantSigmaM = 0.003, kInstantSigmaRad = 0.02;
 constexpr double kJerkMS3 = 100, kJerkRadS3 = 500;
 constexpr int kMaxPathRounds = 4;  // of solve and classify
-constexpr double kPathCoarseTolerance = 1e-5, kPathTolerance = 1e-8;
+constexpr double kPathCoarseTolerance = 1e-5, kPathTolerance = 1e-7;
 constexpr int kMaxPathIterations = 60;
 
 // An instant of the discrete solution.
@@ -294,7 +294,8 @@ double TrajectoryFit::JerkDensity() const {
 
 absl::StatusOr<RigSolution> SolveOnTrajectory(const RigObservations& rig,
                                               const RigSolveOptions& options,
-                                              const RigSolution& solution) {
+                                              const RigSolution& solution,
+                                              const TrajectoryFit* like) {
   if (solution.built.problem.HasRigidTarget()) {
     return absl::FailedPreconditionError("trajectory: rigid targets have none yet");
   }
@@ -302,6 +303,11 @@ absl::StatusOr<RigSolution> SolveOnTrajectory(const RigObservations& rig,
     return absl::FailedPreconditionError("trajectory: nothing is placed");
   }
   RIGCAL_ASSIGN_OR_RETURN(TrajectoryFit fit, PathBuilder(rig, options, solution).Build());
+  if (like != nullptr) {
+    const double longer = std::pow(fit.KnotStepS() / like->KnotStepS(), 2.5);
+    fit.problem.origin_sigma = longer * like->problem.origin_sigma;
+    fit.problem.direction_sigma = longer * like->problem.direction_sigma;
+  }
   BundleOptions bundle;
   bundle.cancelled = options.cancelled;
   bundle.max_iterations = kMaxPathIterations;

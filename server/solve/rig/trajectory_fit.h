@@ -31,12 +31,15 @@ struct TrajectoryFit {
 // set, from which ComputeUncertainty takes the covariance. Of the rows those that `keep_instant`
 // keeps; the options that thin out and end early are not looked at.
 //
+// `like`: another path of the same motion, whose unsteadiness this one begins with.
+//
 // The path is cut where no instant is placed for a second. Rows beyond its ends have no part.
 //
 // FAILED_PRECONDITION: a rigid target, too few instants in a row, or the rows determine no path.
 // CANCELLED.
 absl::StatusOr<RigSolution> SolveOnTrajectory(const RigObservations& rig,
                                               const RigSolveOptions& options,
-                                              const RigSolution& solution);
+                                              const RigSolution& solution,
+                                              const TrajectoryFit* like = nullptr);
 
 }  // namespace rigcal::server

@@ -13,9 +13,9 @@
 namespace rigcal::server {
 namespace {
 
-constexpr double kSettled = 0.02;      // relative change of a sigma
+constexpr double kSettled = 0.04;      // relative change of a sigma
 constexpr double kMaxSigmaStep = 10;   // by which factor a sigma may change at once
-constexpr double kSettledCost = 1e-4;  // of a stage before the sigmas have settled, relative
+constexpr double kSettledCost = 1e-3;  // of a stage before the sigmas have settled, relative
 constexpr double kOutlierSigmas = 8, kMinScale = 1;
 // Centres are not better than stated by more than this: exact ones would need a path without prior.
 constexpr double kMinResidualSigma = 0.01;
@@ -66,6 +66,7 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
     if (options.progress) options.progress(summary.iterations, system.cost());
     const double gain = (last_cost - system.cost()) / std::max(system.cost(), 1e-300);
     if (!sigmas_settled && gain < kSettledCost) {
+      system.PreparePathCovariance();
       const TrajectorySystem::Freedom freedom = system.MeasureFreedom();
       std::vector<double> norms = UsedNorms(*problem);
       const double numbers = 2 * static_cast<double>(norms.size());

@@ -300,7 +300,8 @@ TrajectorySystem::Freedom TrajectorySystem::MeasureFreedom() const {
     AddPathPrior(s, &prior);
     const BandedMatrix before = prior.matrix;
     if (!prior.matrix.Factor()) continue;
-    const BandedMatrix without = prior.matrix.Inverse(), with = systems_[s].matrix.Inverse();
+    const BandedMatrix without = prior.matrix.Inverse();
+    const BandedMatrix& with = systems_[s].inverse;
     // tr(A^-1 P): what the prior decides.
     for (Eigen::Index i = 0; i < span.knots.size(); ++i) {
       freedom.values += 1;
@@ -330,7 +331,6 @@ TrajectorySystem::Freedom TrajectorySystem::MeasureFreedom() const {
 }
 
 void TrajectorySystem::CountPaths(double variance) {
-  PreparePathCovariance();
   count_gradient_ = Eigen::VectorXd::Zero(layout_.column_count());
   count_gradient_of_knots_.clear();
   for (const TrajectorySpan& span : problem_.spans) {

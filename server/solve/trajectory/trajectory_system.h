@@ -39,15 +39,16 @@ class TrajectorySystem {
     double origin_by_data = 0, origin_square = 0;
     double direction_by_data = 0, direction_square = 0;
   };
+  // Before it is asked: PreparePathCovariance.
   Freedom MeasureFreedom() const;
 
-  // Of the last linearisation: from now on the gradient has that of variance / 2 * log det A, with
-  // A the matrix of the knots, as it is here, and the variance of the whitened residuals. The cost
-  // has its minimum over paths and cameras together where the path is smooth for want of room: a
-  // rig at half the size, or flatter, has a path of half the third differences. Where there is more
-  // room, more paths fit; what is minimised is the cost of all of them (Laplace's approximation of
-  // the marginal likelihood; MacKay 1999, Comparison of approximate methods for handling
-  // hyperparameters).
+  // Of the last linearisation, prepared as well: from now on the gradient has that of variance / 2
+  // * log det A, with A the matrix of the knots, as it is here, and the variance of the whitened
+  // residuals. The cost has its minimum over paths and cameras together where the path is smooth
+  // for want of room: a rig at half the size, or flatter, has a path of half the third differences.
+  // Where there is more room, more paths fit; what is minimised is the cost of all of them
+  // (Laplace's approximation of the marginal likelihood; MacKay 1999, Comparison of approximate
+  // methods for handling hyperparameters).
   void CountPaths(double variance);
 
   // Of the last linearisation, by row in the order of the problem: weight, whitened residual, and

@@ -18,7 +18,7 @@
 namespace rigcal::accuracy {
 namespace {
 
-constexpr double kShares[] = {0.5, 0.7, 0.8, 0.9};
+constexpr double kShares[] = {0.0, 0.5, 0.7, 0.8, 0.9};
 
 void PrintShare(const server::CalibrationInput& input, const CalibrationResult& whole, double share,
                 const SeedOptions& seeds) {

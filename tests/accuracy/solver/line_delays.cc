@@ -28,6 +28,7 @@ constexpr ShutterCase kShutterCases[] = {
     {"25 Hz, exposed together", 25, false, 0.002},
     {"25 Hz, free-running", 25, true, 0.002},
     {"12 Hz, free-running", 12, true, 0.002},
+    {"6 Hz, free-running", 6, true, 0.002},
 };
 
 void PrintNees(const char* name, const NeesSum& sum) {

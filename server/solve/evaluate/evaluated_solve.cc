@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/solve/evaluate/evaluated_solve.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -14,6 +13,7 @@
 #include "server/solve/clocks/clock_rates.h"
 #include "server/solve/clocks/time_check.h"
 #include "server/solve/evaluate/held_out_choice.h"
+#include "server/solve/evaluate/path_choice.h"
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/line_delays.h"
@@ -33,11 +33,7 @@ constexpr int kMaxRateTries = 4;
 constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
 constexpr int kMinLongBlocks = 4;
-// Of the target's path through time: what instants leave of the rows' information that it is tried
-// below, and the share of rows without a counterpart up to which it is known between the others.
-constexpr double kWorthATrial = 0.8, kMaxAlone = 1.0 / 3;
-constexpr size_t kMaxPathCameras = 32;  // its matrix grows with their number times its length
-constexpr int kMinAgreeingViews = 8;    // of a camera; fewer hold no pose
+constexpr int kMinAgreeingViews = 8;  // of a camera; fewer hold no pose
 // Of a rolling shutter that is named: sigmas of its line delay, and the time over the image.
 constexpr double kShutterSigmas = 8, kMinReadoutS = 2e-3;
 
@@ -413,75 +409,6 @@ absl::Status DropLineDelays(const RigObservations& rig, RigSolveOptions options,
   return absl::OkStatus();
 }
 
-// Whether the target's path through time is worth a trial: interpolation and rows without a
-// counterpart cost a fifth of what the rows say, and most rows have one, between which the path is
-// known. Outliers count as neither.
-bool TriesPath(const RigObservations& rig, const RigSolveOptions& solve,
-               const RigSolution& solution, const CalibrationOptions& options) {
-  if (options.trajectory != TrajectoryChoice::kAuto) {
-    return options.trajectory == TrajectoryChoice::kSpline;
-  }
-  const BundleProblem& problem = solution.built.problem;
-  if (problem.HasRigidTarget() || problem.cameras.size() > kMaxPathCameras) return false;
-  const auto information = [&](int track, int row, size_t column) {
-    if (solve.sigma_px > 0) return 2 / (solve.sigma_px * solve.sigma_px);
-    return rig.tracks[static_cast<size_t>(track)]
-        .track.observations.covariance_px2(static_cast<size_t>(row), column)
-        .inverse()
-        .trace();
-  };
-  double interpolated = 0, measured = 0, shared = 0, alone = 0, skipped = 0;
-  for (const BundleInstant& instant : problem.instants) {
-    ForEachUsedMarker(problem, instant, [&](const BundleObservation&, const BundleMarker& marker) {
-      const MarkerSource& source = solution.built.sources[problem.IndexOf(marker)];
-      const ImageMotion& motion = solution.motions[static_cast<size_t>(source.track)];
-      const size_t count =
-          rig.tracks[static_cast<size_t>(source.track)].track.observations.MarkerCount(
-              static_cast<size_t>(source.observation));
-      const auto label = static_cast<size_t>(marker.marker);
-      interpolated += marker.sqrt_information.squaredNorm();
-      measured += information(source.track, source.observation,
-                              motion.IsFlipped(source.observation) ? count - 1 - label : label);
-    });
-    shared += instant.used ? static_cast<double>(instant.observation_count) : 0;
-  }
-  for (const uint32_t count : solution.instants.alone_count) alone += count;
-  for (const uint32_t count : solution.instants.skipped_count) skipped += count;
-  const double rows = shared + alone + skipped;
-  if (!(rows > 0) || !(measured > 0)) return false;
-  return interpolated / measured * shared / rows < kWorthATrial && alone / rows < kMaxAlone;
-}
-
-// Whether it is kept: held-out errors are those of instants, which it can hardly make smaller where
-// they are of the centres' noise. It must not make them larger by more than chance.
-bool KeepsPath(const HeldOutGain& gain, const CalibrationOptions& options) {
-  if (options.trajectory == TrajectoryChoice::kSpline) return true;
-  return gain.blocks >= kMinLongBlocks && gain.after_px < gain.before_px + gain.sigma_px &&
-         gain.rank_sigmas > -1;
-}
-
-// A fold solved by instants and by a path, evaluated on what it leaves out.
-struct PathFold {
-  RigSolution solution;
-  std::vector<EvaluatedErrors> before, after;  // by held-out block
-};
-
-absl::StatusOr<PathFold> FollowInFold(const RigObservations& rig, const RigSolveOptions& options,
-                                      const TimeBlocks& blocks, int fold, int block_count,
-                                      const TrajectoryFit* like, RigSolution* by_instants) {
-  TakeBack(rig, options, by_instants);
-  PathFold result;
-  RIGCAL_ASSIGN_OR_RETURN(result.solution, SolveOnTrajectory(rig, options, *by_instants, like));
-  RigSolveOptions evaluate = options;
-  evaluate.max_observations = 0;
-  const auto part_of = [&blocks, fold](int64_t t) {
-    return blocks.IsHeldOut(t, fold) ? static_cast<int>(blocks.Block(t)) : -1;
-  };
-  result.before = EvaluateParts(rig, *by_instants, evaluate, block_count, part_of);
-  result.after = EvaluateParts(rig, result.solution, evaluate, block_count, part_of);
-  return result;
-}
-
 // Follows the target through time in the end; what cannot be followed stays as it is.
 absl::Status FollowTarget(const RigObservations& rig, const TrajectoryFit* like,
                           EvaluatedSolution* result) {
@@ -542,7 +469,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   result.options.estimate_time_rates = first.estimate_time_rates;
   result.options.own_rates = first.own_rates;
   const RigInitialization initial = InitializationFrom(result.solution);
-  const bool tries_path = TriesPath(rig, first, result.solution, options);
+  const bool tries_path = TriesPath(rig, first, result.solution, options.trajectory);
   PutAway(rig, first, &result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
@@ -601,7 +528,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     by_path.insert(by_path.end(), path->after.begin(), path->after.end());
   }
   if (tries_path) result.path_gain = CompareVariants(by_instants, by_path);
-  const bool follows = tries_path && KeepsPath(*result.path_gain, options);
+  const bool follows = tries_path && KeepsPath(*result.path_gain, options.trajectory);
   if (follows && held_out_by_path.instant_count > 0) {
     held_out = std::move(held_out_by_path);
     folds = std::move(path_folds);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
@@ -76,12 +77,15 @@ absl::StatusOr<TrajectorySummary> AdjustTrajectory(const BundleOptions& options,
                                        scale * scale / std::max(kMinFreedom, 1 - taken / numbers));
       summary.residual_sigma = std::sqrt(variance);
       summary.path_freedom = freedom.values;
+      // As the path is now: with another sigma it has yet to settle.
+      const double by_prior =
+          freedom.origin_square / (problem->origin_sigma * problem->origin_sigma);
       const double origin = UpdateSigma(freedom.origin_square, freedom.origin_by_data, variance,
                                         &problem->origin_sigma);
       const double direction = UpdateSigma(freedom.direction_square, freedom.direction_by_data,
                                            variance, &problem->direction_sigma);
       sigmas_settled = std::max(origin, direction) < kSettled;
-      system.CountPaths(variance);
+      system.CountPaths(variance, sigmas_settled ? std::optional<double>() : by_prior);
       last_cost = std::numeric_limits<double>::infinity();
       if (!system.Linearise()) return absl::InternalError("trajectory: the path broke down");
     } else if (sigmas_settled && gain < options.function_tolerance) {

@@ -2,6 +2,7 @@
 #include "server/solve/trajectory/trajectory_system.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -16,6 +17,8 @@ constexpr double kKnotHold = 1e-4;  // 1/m^2
 // differences over this: a path whose length is free is smooth where the directions are not.
 constexpr double kLengthWeight = 4;
 constexpr int kMaxHalvings = 8;
+constexpr double kSameCentreM = 1e-9;
+constexpr double kFreedShare = 0.999;  // so that what is left stays positive definite
 
 // By component of a knot.
 double InverseSigma(const TrajectoryProblem& problem, Eigen::Index component) {
@@ -190,6 +193,52 @@ bool TrajectorySystem::DataCost(double* cost) const {
   return visible && std::isfinite(*cost);
 }
 
+void TrajectorySystem::FreeScale() {
+  const BundleProblem& rows = problem_.rows;
+  scale_gradient_ = scale_root_ = Eigen::VectorXd::Zero(layout_.column_count());
+  if (layout_.spacing_column < 0) return;
+  // All lengths grow about the centre of the camera that is held.
+  const auto held = std::ranges::find(rows.cameras, true, &BundleCamera::pose_fixed);
+  if (held == rows.cameras.end() || held->cam_from_rig.translation_m.norm() > kSameCentreM) return;
+  double path = 0, counted = 0, square = 0;
+  for (size_t s = 0; s < problem_.spans.size(); ++s) {
+    const TrajectorySpan& span = problem_.spans[s];
+    for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+      const Eigen::Index first = k * span.size;
+      if (!count_gradient_of_knots_.empty()) {
+        counted += count_gradient_of_knots_[s].segment<3>(first).dot(span.knots.segment<3>(first));
+      }
+      if (k + 4 > span.knot_count()) continue;
+      Eigen::Vector3d difference = Eigen::Vector3d::Zero();
+      for (Eigen::Index a = 0; a < 4; ++a) {
+        difference += kThirdDifference[a] * span.knots.segment<3>(first + a * span.size);
+      }
+      path += difference.squaredNorm() / (problem_.origin_sigma * problem_.origin_sigma);
+    }
+  }
+  for (int i = 0; i < layout_.column_count(); ++i) {
+    const ReducedParameter& parameter = layout_.parameters[static_cast<size_t>(i)];
+    const auto index = static_cast<size_t>(parameter.index);
+    double length_m = 0;
+    if (parameter.kind == ReducedParameterKind::kTranslation) {
+      length_m = rows.cameras[index].cam_from_rig.translation_m[parameter.component];
+    } else if (parameter.kind == ReducedParameterKind::kMarkerPosition) {
+      length_m = rows.target.marker_positions_m[index];
+      scale_root_[i] = length_m;
+      square += length_m * length_m;
+    }
+    if (count_gradient_.size() > 0) counted += count_gradient_[i] * length_m;
+  }
+  if (!(square > 0)) return;
+  // Before paths are counted the path is a rough one, which pulls far too much.
+  if (count_gradient_.size() > 0) {
+    scale_gradient_ = -(scale_pull_.value_or(path) + counted) / square * scale_root_;
+  }
+  scale_root_ *= std::sqrt(kFreedShare * path) / square;
+  gradient_ += scale_gradient_;
+  matrix_.selfadjointView<Eigen::Lower>().rankUpdate(scale_root_, -1);
+}
+
 bool TrajectorySystem::Linearise() {
   const int columns = layout_.column_count();
   matrix_ = Eigen::MatrixXd::Zero(columns, columns);
@@ -232,6 +281,7 @@ bool TrajectorySystem::Linearise() {
   const LineBundleEstimate estimate(problem_.rows, layout_, packed_);
   estimate.AddPriors(&matrix_, &gradient_);
   if (count_gradient_.size() > 0) gradient_ += count_gradient_;
+  FreeScale();
   for (size_t s = 0; s < systems_.size(); ++s) {
     SpanSystem& system = systems_[s];
     AddPathPrior(s, &system);
@@ -273,6 +323,8 @@ bool TrajectorySystem::Step() {
       counted += count_gradient_of_knots_[s].dot(knot_steps[s]);
     }
   }
+  counted += scale_gradient_.dot(reduced);
+  const double bent = 0.5 * std::pow(scale_root_.dot(reduced), 2);
   for (int i = 0; i < kMaxHalvings; ++i) {
     const double length = std::pow(0.5, i);
     moved.MoveReduced(before, length * reduced);
@@ -281,7 +333,8 @@ bool TrajectorySystem::Step() {
       problem_.spans[s].knots = spans[s].knots + length * knot_steps[s];
     }
     double data = 0;
-    if (DataCost(&data) && data + PathCost() + moved.PriorCost() + length * counted < cost_) {
+    if (DataCost(&data) &&
+        data + PathCost() + moved.PriorCost() + length * (counted - length * bent) < cost_) {
       return true;
     }
   }
@@ -330,7 +383,8 @@ TrajectorySystem::Freedom TrajectorySystem::MeasureFreedom() const {
   return freedom;
 }
 
-void TrajectorySystem::CountPaths(double variance) {
+void TrajectorySystem::CountPaths(double variance, std::optional<double> scale_pull) {
+  scale_pull_ = scale_pull;
   count_gradient_ = Eigen::VectorXd::Zero(layout_.column_count());
   count_gradient_of_knots_.clear();
   for (const TrajectorySpan& span : problem_.spans) {

@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "server/solve/bundle/line_bundle_estimate.h"
@@ -49,7 +51,10 @@ class TrajectorySystem {
   // Where there is more room, more paths fit; what is minimised is the cost of all of them
   // (Laplace's approximation of the marginal likelihood; MacKay 1999, Comparison of approximate
   // methods for handling hyperparameters).
-  void CountPaths(double variance);
+  //
+  // `scale_pull`: how much the path pulls at the scale, by its prior; none: as it does at each
+  // linearisation, which holds once the path has settled.
+  void CountPaths(double variance, std::optional<double> scale_pull);
 
   // Of the last linearisation, by row in the order of the problem: weight, whitened residual, and
   // its derivative by the reduced parameters where the knots give way to them.
@@ -88,6 +93,10 @@ class TrajectorySystem {
   template <typename Function>
   void ForEachUnknownOf(const BundleObservation& observation, const BundleMarker& marker,
                         const Function& function);
+  // The unit of length is the spacing's business. Rows say nothing of it, and a path of half the
+  // size is no more likely: what the path's prior and the count of paths say about the scale is
+  // taken out again, by way of the spacing where it is estimated.
+  void FreeScale();
   void AddPathPrior(size_t span, SpanSystem* system) const;
 
   const BundleOptions& options_;
@@ -98,6 +107,9 @@ class TrajectorySystem {
   Eigen::MatrixXd matrix_;
   Eigen::VectorXd gradient_;
   double cost_ = 0;
+  // Of FreeScale: what it added to the gradient and took from the matrix, as a square of this.
+  Eigen::VectorXd scale_gradient_, scale_root_;
+  std::optional<double> scale_pull_;
   // Of CountPaths; empty until then.
   Eigen::VectorXd count_gradient_;
   std::vector<Eigen::VectorXd> count_gradient_of_knots_;

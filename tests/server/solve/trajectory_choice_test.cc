@@ -5,7 +5,9 @@
 
 #include <cmath>
 #include <string_view>
+#include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "server/solve/calibrate.h"
 #include "tests/server/solve/simulated_input.h"
 #include "tests/testing/simulation_text.h"
@@ -16,6 +18,8 @@ namespace {
 
 using ::rigcal::testing::IsOk;
 using ::rigcal::testing::ParseSimulationOptions;
+using ::rigcal::testing::StatusIs;
+using ::testing::HasSubstr;
 
 SimulatedWorld WorldOf(std::string_view text, const Target& target) {
   absl::StatusOr<SimulationOptions> options = ParseSimulationOptions(text);
@@ -67,6 +71,18 @@ TEST(TrajectoryChoice, CamerasThatRunTogetherAreInterpolated) {
   ASSERT_THAT(outcome.result, IsOk());
   EXPECT_EQ(outcome.result->trajectory.kind, CalibratedTrajectory::Kind::kInterpolated);
   EXPECT_EQ(outcome.result->trajectory.held_out_spline_px, 0);
+}
+
+TEST(TrajectoryChoice, ARigidTargetHasNone) {
+  Target body;
+  body.kind = TargetKind::kRigid;
+  for (int i = 0; i < 6; ++i) {
+    body.points.push_back(
+        {absl::StrCat("p", i), 0.1 * std::sin(2.1 * i), 0.1 * std::cos(1.3 * i), 0.03 * i, 0.001});
+  }
+  CalibrationInput input = InputOf(WorldOf("cameras=3;duration=5;seed=1", body));
+  EXPECT_THAT(Calibrate(std::move(input), With(TrajectoryChoice::kSpline)).result,
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("rigid target")));
 }
 
 TEST(TrajectoryChoice, EqualInputGivesEqualBits) {

@@ -23,6 +23,20 @@ void AddEstimateOption(CLI::App* app, const std::string& name, const std::string
       ->check(CLI::IsMember({"fixed", "refined", "auto"}).description(""));
 }
 
+void AddTrajectoryOption(CLI::App* app, TrajectoryChoice* trajectory) {
+  static const std::map<std::string, TrajectoryChoice> words = {
+      {"auto", TrajectoryChoice::kAuto},
+      {"interpolated", TrajectoryChoice::kInterpolated},
+      {"spline", TrajectoryChoice::kSpline}};
+  app->add_option_function<std::string>(
+         "--trajectory", [trajectory](const std::string& word) { *trajectory = words.at(word); },
+         "Motion of the target between rows: rows are moved to common instants, or a spline of its "
+         "path is solved with the rig; without it a spline where that may help, and held-out data "
+         "agree")
+      ->type_name("auto|interpolated|spline")
+      ->check(CLI::IsMember({"auto", "interpolated", "spline"}).description(""));
+}
+
 // "A,B,METRES" or "A,B,METRES,SIGMA_M".
 absl::StatusOr<KnownDistance> ParseDistance(const std::string& text) {
   const std::vector<std::string> parts = absl::StrSplit(text, ',');
@@ -77,6 +91,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationOptions* options) {
   AddEstimateOption(app, "--time-offsets", "Time offsets of the clocks", &options->time_offsets);
   AddEstimateOption(app, "--marker-positions", "Spacing of the wand's markers",
                     &options->marker_positions);
+  AddTrajectoryOption(app, &options->trajectory);
   AddOption(app, "--sigma-px", "PX", &options->sigma_px,
             "One sigma of each marker's centre, pixels; without it as observed")
       ->check(NumberBetween(1e-3, 100));

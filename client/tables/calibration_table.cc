@@ -101,6 +101,24 @@ std::string FormatSolver(const v1::Calibration& calibration) {
              : "";
 }
 
+// So does interpolation.
+std::string FormatTrajectory(const v1::Calibration& calibration) {
+  const v1::CalibratedTrajectory& trajectory = calibration.trajectory();
+  std::string text;
+  if (trajectory.kind() == v1::CalibratedTrajectory::KIND_SPLINE) {
+    text = absl::StrFormat(
+        "trajectory         spline, knots every %.1f ms, jerk density %.3g m/s^2.5, %d rows that "
+        "no "
+        "other camera shares\n",
+        1e3 * trajectory.knot_spacing_s(), trajectory.jerk_density(), trajectory.added_row_count());
+  }
+  if (trajectory.held_out_spline_px() > 0) {
+    absl::StrAppendFormat(&text, "held out           %.3f px interpolated, %.3f px with a spline\n",
+                          trajectory.held_out_interpolated_px(), trajectory.held_out_spline_px());
+  }
+  return text;
+}
+
 std::string FormatFindings(const v1::Calibration& calibration) {
   std::string text;
   if (!calibration.findings().empty()) {
@@ -256,7 +274,8 @@ std::string FormatResult(const v1::Calibration& calibration) {
       "centre, and orientation as axis times angle of rig_from_cam\n",
       FormatCameraPoses(calibration), FormatCameraUncertainty(calibration),
       FormatHeldOutErrors(calibration), "\ninstants used      ", calibration.instant_count(), "\n",
-      FormatTargets(calibration), FormatScale(calibration), FormatSolver(calibration));
+      FormatTargets(calibration), FormatScale(calibration), FormatSolver(calibration),
+      FormatTrajectory(calibration));
 }
 
 }  // namespace

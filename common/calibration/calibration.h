@@ -121,6 +121,20 @@ struct Finding {
 // Which solver adjusted a calibration: the kernel for lines and points, or the general one.
 enum class SolverPath : uint8_t { kUnknown = 0, kLineKernel = 1, kGeneral = 2 };
 
+// What was taken for the motion of the target between rows.
+struct CalibratedTrajectory {
+  enum class Kind : uint8_t { kUnknown = 0, kInterpolated = 1, kSpline = 2 };
+  Kind kind = Kind::kUnknown;
+  // Of a spline of its path: time from one knot to the next; root of the spectral density of its
+  // jerk (m/s^2.5, in units of the result); rows that are part of it and of no instant.
+  double knot_spacing_s = 0;
+  double jerk_density = 0;
+  uint32_t added_row_count = 0;
+  // Mean held-out error with instants and with a spline; 0: not compared.
+  double held_out_interpolated_px = 0;
+  double held_out_spline_px = 0;
+};
+
 enum class QualityGrade : uint8_t { kNotEvaluated = 0, kGood = 1, kUsable = 2, kBad = 3 };
 
 struct Quality {
@@ -158,6 +172,7 @@ struct CalibrationResult {
   std::string observation_digest;
   uint32_t iteration_count = 0;
   SolverPath solver_path = SolverPath::kUnknown;
+  CalibratedTrajectory trajectory;
   std::optional<WandVolume> wand_volume;
   // Joint covariance of all cameras, scale excluded, lower triangle row by row. Rows, camera by
   // camera: rotation vector in the camera frame (3, applied from the left, radians) and translation

@@ -57,6 +57,9 @@ absl::Status CalibrationOptions::Validate() const {
   CheckEstimate("intrinsics", intrinsics, &faults);
   CheckEstimate("time_offsets", time_offsets, &faults);
   CheckEstimate("marker_positions", marker_positions, &faults);
+  if (static_cast<uint8_t>(trajectory) > static_cast<uint8_t>(TrajectoryChoice::kSpline)) {
+    faults.Add("trajectory is not known");
+  }
   CheckRange("sigma_px", sigma_px, kMaxSigmaPx, "as observed", &faults);
   CheckRange("association_tolerance_s", association_tolerance_s, kMaxAssociationToleranceS,
              "from the cameras' periods", &faults);

@@ -17,6 +17,13 @@ enum class Estimate : uint8_t {
   kAuto = 3,     // estimate where held-out data says that it pays
 };
 
+// How the target's motion between rows is treated.
+enum class TrajectoryChoice : uint8_t {
+  kAuto = 0,          // a spline where interpolation leaves much out, and held-out data agree
+  kInterpolated = 1,  // rows are moved to common instants along their image motion
+  kSpline = 2,        // one path through time, of which every row is a part
+};
+
 // The measured distance between the optical centres of two cameras.
 struct KnownDistance {
   static constexpr double kDefaultSigmaM = 0.002;
@@ -35,6 +42,7 @@ struct CalibrationOptions {
   Estimate intrinsics = Estimate::kDefault;
   Estimate time_offsets = Estimate::kDefault;
   Estimate marker_positions = Estimate::kDefault;
+  TrajectoryChoice trajectory = TrajectoryChoice::kAuto;
   double sigma_px = 0;                 // one sigma of every centre, pixels; 0 = as observed
   double association_tolerance_s = 0;  // of two observations of one instant; 0 = from the periods
   uint32_t seed = 0;                   // of every random choice

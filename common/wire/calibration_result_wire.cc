@@ -173,6 +173,28 @@ SolverPath FromProto(v1::SolverPath path) {
   return v1::SolverPath_IsValid(path) ? static_cast<SolverPath>(path) : SolverPath::kUnknown;
 }
 
+void FillTrajectory(const CalibratedTrajectory& trajectory, v1::CalibratedTrajectory* proto) {
+  proto->set_kind(static_cast<v1::CalibratedTrajectory::Kind>(trajectory.kind));
+  proto->set_knot_spacing_s(trajectory.knot_spacing_s);
+  proto->set_jerk_density(trajectory.jerk_density);
+  proto->set_added_row_count(trajectory.added_row_count);
+  proto->set_held_out_interpolated_px(trajectory.held_out_interpolated_px);
+  proto->set_held_out_spline_px(trajectory.held_out_spline_px);
+}
+
+CalibratedTrajectory FromProto(const v1::CalibratedTrajectory& proto) {
+  CalibratedTrajectory trajectory;
+  if (v1::CalibratedTrajectory::Kind_IsValid(proto.kind())) {
+    trajectory.kind = static_cast<CalibratedTrajectory::Kind>(proto.kind());
+  }
+  trajectory.knot_spacing_s = proto.knot_spacing_s();
+  trajectory.jerk_density = proto.jerk_density();
+  trajectory.added_row_count = proto.added_row_count();
+  trajectory.held_out_interpolated_px = proto.held_out_interpolated_px();
+  trajectory.held_out_spline_px = proto.held_out_spline_px();
+  return trajectory;
+}
+
 }  // namespace
 
 void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
@@ -203,6 +225,9 @@ void FillResult(const CalibrationResult& result, v1::Calibration* proto) {
   proto->mutable_quality()->set_accepted_error_m(result.quality.accepted_error_m);
   proto->mutable_run()->set_iteration_count(result.iteration_count);
   proto->set_solver_path(static_cast<v1::SolverPath>(result.solver_path));
+  if (result.trajectory.kind != CalibratedTrajectory::Kind::kUnknown) {
+    FillTrajectory(result.trajectory, proto->mutable_trajectory());
+  }
   if (result.wand_volume) {
     *proto->mutable_wand_volume()->mutable_min_m() = wire::ToProto(result.wand_volume->min_m);
     *proto->mutable_wand_volume()->mutable_max_m() = wire::ToProto(result.wand_volume->max_m);
@@ -241,6 +266,7 @@ absl::StatusOr<CalibrationResult> ResultFromProto(const v1::Calibration& proto) 
   result.quality.accepted_error_m = proto.quality().accepted_error_m();
   result.iteration_count = proto.run().iteration_count();
   result.solver_path = FromProto(proto.solver_path());
+  result.trajectory = FromProto(proto.trajectory());
   if (proto.has_wand_volume()) {
     result.wand_volume = {wire::FromProto(proto.wand_volume().min_m()),
                           wire::FromProto(proto.wand_volume().max_m())};

@@ -23,6 +23,8 @@ static_assert(static_cast<int>(CalibrationState::kFailed) == v1::Calibration::ST
 static_assert(static_cast<int>(Estimate::kFixed) == v1::CalibrationOptions::ESTIMATE_FIXED);
 static_assert(static_cast<int>(Estimate::kRefined) == v1::CalibrationOptions::ESTIMATE_REFINED);
 static_assert(static_cast<int>(Estimate::kAuto) == v1::CalibrationOptions::ESTIMATE_AUTO);
+static_assert(static_cast<int>(TrajectoryChoice::kSpline) ==
+              v1::CalibrationOptions::TRAJECTORY_SPLINE);
 
 }  // namespace
 
@@ -37,6 +39,7 @@ v1::CalibrationOptions ToProto(const CalibrationOptions& options) {
   proto.set_association_tolerance_s(options.association_tolerance_s);
   proto.set_seed(options.seed);
   proto.set_accept_m(options.accept_m);
+  proto.set_trajectory(static_cast<v1::CalibrationOptions::Trajectory>(options.trajectory));
   if (options.known_distance) {
     v1::KnownDistance* known = proto.mutable_known_distance();
     known->set_camera_a(options.known_distance->camera_a);
@@ -56,7 +59,12 @@ absl::StatusOr<CalibrationOptions> FromProto(const v1::CalibrationOptions& proto
           absl::StrCat("options.", field, ": ", static_cast<int>(value), " is not known"));
     }
   }
+  if (!v1::CalibrationOptions::Trajectory_IsValid(proto.trajectory())) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "options.trajectory: ", static_cast<int>(proto.trajectory()), " is not known"));
+  }
   CalibrationOptions options;
+  options.trajectory = static_cast<TrajectoryChoice>(proto.trajectory());
   options.reference_camera = proto.reference_camera();
   options.intrinsics = static_cast<Estimate>(proto.intrinsics());
   options.time_offsets = static_cast<Estimate>(proto.time_offsets());

@@ -41,6 +41,13 @@ absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptio
     RIGCAL_RETURN_IF_ERROR(targets[i]->Validate());
     for (size_t k = 0; k < i; ++k) RIGCAL_RETURN_IF_ERROR(CheckMixable(*targets[k], *targets[i]));
   }
+  for (const Target* target : targets) {
+    if (options.trajectory != TrajectoryChoice::kSpline || target->kind != TargetKind::kRigid) {
+      continue;
+    }
+    return absl::InvalidArgumentError(
+        "trajectory: a spline is for wands and single markers; of a rigid target leave it out");
+  }
   if (options.known_distance && TargetParts(input.target, input.other_targets).HasLengths()) {
     return absl::InvalidArgumentError(absl::StrCat(
         "a known distance (of cameras ", options.known_distance->camera_a, " and ",

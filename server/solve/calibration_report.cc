@@ -18,6 +18,7 @@
 #include "server/solve/evaluate/quality_gate.h"
 #include "server/solve/evaluate/residual_vectors.h"
 #include "server/solve/observation_digest.h"
+#include "server/solve/rig/trajectory_fit.h"
 
 namespace rigcal::server {
 namespace {
@@ -88,14 +89,54 @@ ClockReport ReportClocks(const ReportInput& input) {
   return report;
 }
 
+// By track, the rows that a path has and no instant; those that it has are marked in `used`.
+std::vector<uint32_t> RowsOfPathAlone(const ReportInput& input,
+                                      std::vector<std::vector<bool>>* used) {
+  std::vector<uint32_t> counts(used->size(), 0);
+  const RigSolution& solution = input.evaluated.solution;
+  if (solution.trajectory == nullptr) return counts;
+  const TrajectoryFit& fit = *solution.trajectory;
+  ForEachUsedMarkerOfRows(
+      fit.problem, [&](size_t, const BundleObservation&, const BundleMarker& marker) {
+        const MarkerSource& source = fit.sources[fit.problem.rows.IndexOf(marker)];
+        const auto t = static_cast<size_t>(source.track);
+        auto&& is_used = (*used)[t][static_cast<size_t>(source.observation)];
+        counts[t] += is_used ? 0 : 1;
+        is_used = true;
+      });
+  return counts;
+}
+
+// By track and row: it is a member of an instant; only of those that are used, or of any.
+std::vector<std::vector<bool>> RowsOfInstants(const ReportInput& input, bool any) {
+  std::vector<std::vector<bool>> used;
+  for (const AlignedTrack& track : input.rig.tracks) {
+    used.emplace_back(track.track.observations.size(), false);
+  }
+  const std::vector<Instant>& instants = input.evaluated.solution.instants.instants;
+  for (size_t i = 0; i < instants.size(); ++i) {
+    if (!any && !input.evaluated.solution.built.problem.instants[i].used) continue;
+    for (const InstantMember& member : instants[i].members) {
+      used[static_cast<size_t>(member.track)][static_cast<size_t>(member.observation)] = true;
+    }
+  }
+  return used;
+}
+
 void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
   const RigSolution& solution = input.evaluated.solution;
   const BundleProblem& problem = solution.built.problem;
+  std::vector<std::vector<bool>> used = RowsOfInstants(input, true);
+  const std::vector<uint32_t> by_path = RowsOfPathAlone(input, &used);
   for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
     const std::string& camera = input.rig.tracks[t].track.camera.camera;
-    refused->Add(camera, RefusalReason::kAloneInInstant, solution.instants.alone_count[t],
+    // Of which of the two they are is all the same.
+    const uint32_t alone = std::min(by_path[t], solution.instants.alone_count[t]);
+    const uint32_t skipped = std::min(by_path[t] - alone, solution.instants.skipped_count[t]);
+    refused->Add(camera, RefusalReason::kAloneInInstant, solution.instants.alone_count[t] - alone,
                  "no other camera saw the wand at that time");
-    refused->Add(camera, RefusalReason::kNotNearestInInstant, solution.instants.skipped_count[t],
+    refused->Add(camera, RefusalReason::kNotNearestInInstant,
+                 solution.instants.skipped_count[t] - skipped,
                  "it saw the wand again nearer the instant that it shares with other cameras");
   }
   for (const BundleInstant& instant : problem.instants) {
@@ -117,18 +158,26 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
 }
 
 std::string Digest(const ReportInput& input) {
-  std::vector<std::vector<bool>> used;
-  for (const AlignedTrack& track : input.rig.tracks) {
-    used.emplace_back(track.track.observations.size(), false);
-  }
-  const std::vector<Instant>& instants = input.evaluated.solution.instants.instants;
-  for (size_t i = 0; i < instants.size(); ++i) {
-    if (!input.evaluated.solution.built.problem.instants[i].used) continue;
-    for (const InstantMember& member : instants[i].members) {
-      used[static_cast<size_t>(member.track)][static_cast<size_t>(member.observation)] = true;
-    }
-  }
+  std::vector<std::vector<bool>> used = RowsOfInstants(input, false);
+  RowsOfPathAlone(input, &used);
   return ObservationDigest(input.options, input.rig.Parts(), input.rig.tracks, used);
+}
+
+CalibratedTrajectory ReportTrajectory(const ReportInput& input) {
+  CalibratedTrajectory trajectory;
+  trajectory.kind = CalibratedTrajectory::Kind::kInterpolated;
+  if (input.evaluated.path_gain && input.evaluated.path_gain->blocks > 0) {
+    trajectory.held_out_interpolated_px = input.evaluated.path_gain->before_px;
+    trajectory.held_out_spline_px = input.evaluated.path_gain->after_px;
+  }
+  if (const TrajectoryFit* const fit = input.evaluated.solution.trajectory.get()) {
+    trajectory.kind = CalibratedTrajectory::Kind::kSpline;
+    trajectory.knot_spacing_s = fit->KnotStepS();
+    trajectory.jerk_density = fit->JerkDensity();
+    std::vector<std::vector<bool>> used = RowsOfInstants(input, true);
+    for (const uint32_t count : RowsOfPathAlone(input, &used)) trajectory.added_row_count += count;
+  }
+  return trajectory;
 }
 
 // Of the rigid target: the part that an instant shows, from its first point to behind its last.
@@ -255,6 +304,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   result.reference_camera =
       problem.cameras[static_cast<size_t>(input.evaluated.options.reference_camera)].name;
   result.iteration_count = static_cast<uint32_t>(input.evaluated.solution.iterations);
+  result.trajectory = ReportTrajectory(input);
   result.solver_path = NeedsGeneralPath(problem) ? SolverPath::kGeneral : SolverPath::kLineKernel;
   for (const BundleInstant& instant : problem.instants) {
     result.instant_count += instant.used ? 1 : 0;

@@ -92,6 +92,7 @@ std::string ObservationDigest(const CalibrationOptions& options, const TargetPar
   hasher.Add(options.reference_camera, options.intrinsics, options.time_offsets,
              options.marker_positions, options.sigma_px, options.association_tolerance_s,
              options.seed);
+  if (options.trajectory != TrajectoryChoice::kAuto) hasher.Add(options.trajectory);
   if (options.known_distance) {
     const KnownDistance& known = *options.known_distance;
     hasher.Add(known.camera_a, known.camera_b, known.distance_m, known.SigmaM());

@@ -18,6 +18,10 @@ Experiment SeedExperiment(const std::string& name, const std::string& summary,
             options->Add("--duration", &seeds->duration_s, 1, 3600,
                          "seconds of waving (solver experiments)");
             options->AddFlag("--verbose", &seeds->verbose, "print a line for each seed");
+            options->AddFlag("--spline", &seeds->spline,
+                             "follow the target through time (line_delays, sparse)");
+            options->AddFlag("--instants", &seeds->instants,
+                             "do not follow it (line_delays, sparse)");
             options->Add("--only", &seeds->only, "cases with this in their name (doctor)");
             return [seeds, run] { return run(*seeds); };
           }};

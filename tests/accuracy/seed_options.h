@@ -15,8 +15,10 @@ struct SeedOptions {
   int threads = 2;
   int camera_count = 6;
   double duration_s = 40;
-  bool verbose = false;  // a line for each seed
-  std::string only;      // cases with this in their name; empty: all
+  bool verbose = false;   // a line for each seed
+  bool spline = false;    // follow the target through time (TrajectoryChoice::kSpline)
+  bool instants = false;  // do not (TrajectoryChoice::kInterpolated)
+  std::string only;       // cases with this in their name; empty: all
 };
 
 // An experiment with these options; `defaults` are its own.

@@ -23,6 +23,7 @@ bool IsBlank(std::string_view text) { return text.find_first_not_of(" \t\r") == 
 absl::Status CsvSourceOptions::Validate() const {
   FaultList faults;
   if (calibration_path.empty()) faults.Add("the path of the calibration is empty");
+  CheckStamps(stamps, exposure_s, &faults);
   return ValidateRecording(*this, std::move(faults));
 }
 
@@ -99,6 +100,8 @@ absl::StatusOr<std::optional<Observation>> CsvObservationSource::Next() {
     for (MarkerObservation& marker : observation.markers) {
       marker.centre_kind = options_.centre_kind;
     }
+    observation.time_ns =
+        MiddleOfExposureNs(observation.time_ns, options_.stamps, options_.exposure_s);
     AssignClockEpoch(line->number, &observation);
     if (!pacer_.Wait(observation.time_ns)) break;
     return observation;

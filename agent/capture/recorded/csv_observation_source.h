@@ -23,6 +23,8 @@ struct CsvSourceOptions : RecordingOptions {
   // The kind of the centres; `rigcal-agent detect` writes sphere centres if it has the camera's
   // intrinsics and the spheres' diameter.
   CentreKind centre_kind = CentreKind::kImageBlob;
+  double exposure_s = 0;  // of every frame; 0: not known
+  StampMoment stamps = StampMoment::kMiddle;
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const;

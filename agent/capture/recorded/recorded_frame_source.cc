@@ -11,6 +11,12 @@
 
 namespace rigcal::agent {
 
+absl::Status RecordedFramesOptions::Validate() const {
+  FaultList faults;
+  CheckStamps(stamps, exposure_s, &faults);
+  return ValidateRecording(*this, std::move(faults));
+}
+
 absl::StatusOr<CameraDescription> DescribeRecordedFrames(const std::string& kind,
                                                          const RecordedFramesOptions& options,
                                                          cv::Size image_size,
@@ -56,7 +62,7 @@ bool RecordedFrameSource::HasRightSize(const cv::Mat& image, const std::string& 
 Frame RecordedFrameSource::MakeFrame(int64_t time_ns, uint32_t clock_epoch) {
   ++counts_.received;
   return {.image = ViewOf(image_),
-          .time_ns = time_ns,
+          .time_ns = MiddleOfExposureNs(time_ns, options_.stamps, options_.exposure_s),
           .clock_epoch = clock_epoch,
           .exposure_s = options_.exposure_s};
 }

@@ -23,9 +23,10 @@ struct RecordedFramesOptions : RecordingOptions {
   std::string timestamps_path;  // times of the frames, see the source; empty: where it looks
   double fps = 0;               // frame i is at i / fps; 0: the recording has times
   double exposure_s = 0;        // of every frame; 0: not known
+  StampMoment stamps = StampMoment::kMiddle;
 
   // INVALID_ARGUMENT with every fault.
-  absl::Status Validate() const { return ValidateRecording(*this); }
+  absl::Status Validate() const;
 };
 
 // As DescribeRecording, for frames of `image_size`. INVALID_ARGUMENT: the calibration is for

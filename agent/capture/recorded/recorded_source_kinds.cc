@@ -20,6 +20,8 @@ void AddOptions(CsvSourceOptions* options, OptionTable* table) {
                    std::vector<std::pair<std::string, CentreKind>>{
                        {"blob", CentreKind::kImageBlob}, {"sphere", CentreKind::kSphereCentre}},
                    "what the centres are: of the image blob, or of the projected sphere");
+  table->Add("exposure", &options->exposure_s, {0, 10, "s"}, "of every frame; 0: not known");
+  AddStamps(&options->stamps, table);
 }
 
 void AddOptions(RecordedFramesOptions* options, OptionTable* table) {
@@ -29,6 +31,7 @@ void AddOptions(RecordedFramesOptions* options, OptionTable* table) {
   table->Add("fps", &options->fps, {kAboveZero, 1e6, "Hz"},
              "frame rate, if the recording has no times");
   table->Add("exposure", &options->exposure_s, {0, 10, "s"}, "of every frame; 0: not known");
+  AddStamps(&options->stamps, table);
 }
 
 void AddOptions(RawSourceOptions* options, OptionTable* table) {

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "agent/capture/recorded/recording_options.h"
 
+#include <cmath>
 #include <filesystem>
+#include <limits>
 #include <utility>
+#include <vector>
 
 #include "agent/capture/camera_status.h"
 #include "agent/capture/source_kind.h"
@@ -10,6 +13,34 @@
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
+
+int64_t MiddleOfExposureNs(int64_t stamp_ns, StampMoment stamps, double exposure_s) {
+  if (stamps == StampMoment::kMiddle) return stamp_ns;
+  const int64_t half_ns = std::llround(0.5e9 * exposure_s);
+  int64_t middle_ns = 0;
+  if (stamps == StampMoment::kStart) {
+    return __builtin_add_overflow(stamp_ns, half_ns, &middle_ns)
+               ? std::numeric_limits<int64_t>::max()
+               : middle_ns;
+  }
+  return __builtin_sub_overflow(stamp_ns, half_ns, &middle_ns) ? std::numeric_limits<int64_t>::min()
+                                                               : middle_ns;
+}
+
+void AddStamps(StampMoment* stamps, OptionTable* table) {
+  table->AddChoice(
+      "stamps", stamps,
+      std::vector<std::pair<std::string, StampMoment>>{{"middle", StampMoment::kMiddle},
+                                                       {"start", StampMoment::kStart},
+                                                       {"end", StampMoment::kEnd}},
+      "what of an exposure the times are; start and end need exposure");
+}
+
+void CheckStamps(StampMoment stamps, double exposure_s, FaultList* faults) {
+  if (stamps == StampMoment::kMiddle || exposure_s > 0) return;
+  faults->Add(absl::StrCat("stamps=", stamps == StampMoment::kStart ? "start" : "end",
+                           " needs the exposure: say exposure=SECONDS"));
+}
 
 void AddOptions(RecordingOptions* options, OptionTable* table) {
   AddSpeed(&options->speed, table);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -9,6 +10,15 @@
 #include "common/options/option_table.h"
 
 namespace rigcal::agent {
+
+// What of an exposure the stamps of a recording are. Times are those of its middle.
+enum class StampMoment : uint8_t { kMiddle, kStart, kEnd };
+
+// The middle of an exposure, by its stamp; held at the ends of what 64 bits can say.
+int64_t MiddleOfExposureNs(int64_t stamp_ns, StampMoment stamps, double exposure_s);
+void AddStamps(StampMoment* stamps, OptionTable* table);
+// Stamps of the start or the end say nothing of the middle without the exposure.
+void CheckStamps(StampMoment stamps, double exposure_s, FaultList* faults);
 
 // One camera of a recording, whatever was recorded.
 struct RecordingOptions {

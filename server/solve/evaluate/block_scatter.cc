@@ -53,11 +53,7 @@ BundleProblem Slice(const BundleProblem& problem, size_t first, size_t last) {
   return slice;
 }
 
-// A block's information and score, for the columns of `parameters`; none where it says nothing.
-struct BlockInformation {
-  Eigen::MatrixXd information;
-  Eigen::VectorXd score;
-};
+// For the columns of `parameters`; none where the block says nothing.
 std::optional<BlockInformation> Inform(const BundleOptions& options, const BundleProblem& slice,
                                        const std::vector<ReducedParameter>& parameters) {
   if (slice.instants.empty()) return std::nullopt;
@@ -130,48 +126,57 @@ std::vector<size_t> CutIntoBlocks(const BuiltProblem& built) {
   return cuts;
 }
 
+BlockScatterSum::BlockScatterSum(const Eigen::MatrixXd& covariance, const LossFactors& loss)
+    : loss_(loss), units_(covariance.diagonal().cwiseSqrt()) {
+  // In units in which independent errors have the covariance `variance * I`: C = variance * L L^T.
+  const Eigen::VectorXd per_unit = units_.cwiseInverse();
+  if (!per_unit.allFinite()) return;
+  whole_ = per_unit.asDiagonal() * covariance * per_unit.asDiagonal() / loss.variance;
+  const Eigen::LLT<Eigen::MatrixXd> factor(whole_);
+  if (factor.info() == Eigen::Success) lower_ = factor.matrixL();
+}
+
+void BlockScatterSum::Add(const BlockInformation& block) {
+  if (lower_.size() == 0) return;
+  const auto lower = lower_.triangularView<Eigen::Lower>();
+  const auto upper = lower_.transpose().triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd information = units_.asDiagonal() * block.information * units_.asDiagonal();
+  const Eigen::VectorXd score = upper * units_.cwiseProduct(block.score) /
+                                (loss_.slope * std::sqrt(loss_.variance));
+  const auto product = [&](const Eigen::VectorXd& v) -> Eigen::VectorXd {
+    return upper * (information * (lower * v).eval()).eval();
+  };
+  scores_.push_back(InverseRootTimes(product, score));
+  squares_ += scores_.back().squaredNorm();
+  // trace(L^T H L) = trace(H L L^T)
+  share_ += information.cwiseProduct(whole_).sum();
+}
+
+BlockScatter BlockScatterSum::Finish() const {
+  BlockScatter scatter;
+  if (scores_.size() < kMinScatterBlocks) return scatter;
+  const auto lower = lower_.triangularView<Eigen::Lower>();
+  scatter.changes.resize(units_.size(), static_cast<Eigen::Index>(scores_.size()));
+  for (size_t b = 0; b < scores_.size(); ++b) {
+    scatter.changes.col(static_cast<Eigen::Index>(b)) =
+        units_.cwiseProduct(std::sqrt(loss_.variance) * (lower * scores_[b]).eval());
+  }
+  scatter.design_effect = share_ > 0 ? squares_ / share_ : 1;
+  return scatter;
+}
+
 BlockScatter MeasureBlockScatter(const BuiltProblem& built, const BundleOptions& options,
                                  const std::vector<ReducedParameter>& parameters,
                                  const Eigen::MatrixXd& covariance, const LossFactors& loss) {
-  BlockScatter scatter;
   const std::vector<size_t> cuts = CutIntoBlocks(built);
   // The line kernel's scores are of a line target alone.
-  if (cuts.size() <= kMinScatterBlocks || built.problem.HasRigidTarget()) return scatter;
-  // In units in which independent errors have the covariance `variance * I`: C = variance * L L^T.
-  const Eigen::VectorXd units = covariance.diagonal().cwiseSqrt();
-  const Eigen::VectorXd per_unit = units.cwiseInverse();
-  if (!per_unit.allFinite()) return scatter;
-  const Eigen::MatrixXd whole =
-      per_unit.asDiagonal() * covariance * per_unit.asDiagonal() / loss.variance;
-  const Eigen::LLT<Eigen::MatrixXd> factor(whole);
-  if (factor.info() != Eigen::Success) return scatter;
-  const auto lower = factor.matrixL();
-  std::vector<Eigen::VectorXd> scores;
-  std::vector<double> shares;
+  if (cuts.size() <= kMinScatterBlocks || built.problem.HasRigidTarget()) return {};
+  BlockScatterSum sum(covariance, loss);
   for (size_t b = 0; b + 1 < cuts.size(); ++b) {
-    auto block = Inform(options, Slice(built.problem, cuts[b], cuts[b + 1]), parameters);
-    if (!block) continue;
-    block->information = units.asDiagonal() * block->information * units.asDiagonal();
-    const Eigen::VectorXd score = lower.transpose() * units.cwiseProduct(block->score) /
-                                  (loss.slope * std::sqrt(loss.variance));
-    const auto product = [&](const Eigen::VectorXd& v) -> Eigen::VectorXd {
-      return lower.transpose() * (block->information * (lower * v).eval()).eval();
-    };
-    scores.push_back(InverseRootTimes(product, score));
-    // trace(L^T H L) = trace(H L L^T)
-    shares.push_back(block->information.cwiseProduct(whole).sum());
+    const auto block = Inform(options, Slice(built.problem, cuts[b], cuts[b + 1]), parameters);
+    if (block) sum.Add(*block);
   }
-  if (scores.size() < kMinScatterBlocks) return scatter;
-  double squares = 0, share = 0;
-  scatter.changes.resize(covariance.rows(), static_cast<Eigen::Index>(scores.size()));
-  for (size_t b = 0; b < scores.size(); ++b) {
-    squares += scores[b].squaredNorm();
-    share += shares[b];
-    scatter.changes.col(static_cast<Eigen::Index>(b)) =
-        units.cwiseProduct(std::sqrt(loss.variance) * (lower * scores[b]).eval());
-  }
-  scatter.design_effect = share > 0 ? squares / share : 1;
-  return scatter;
+  return sum.Finish();
 }
 
 }  // namespace rigcal::server

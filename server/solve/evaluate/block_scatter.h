@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "server/solve/bundle/bundle_problem.h"
@@ -36,6 +37,29 @@ std::vector<size_t> CutIntoBlocks(const BuiltProblem& built);
 struct LossFactors {
   double variance = 1;
   double slope = 1;
+};
+
+// A block's information about the parameters, and its score.
+struct BlockInformation {
+  Eigen::MatrixXd information;
+  Eigen::VectorXd score;
+};
+
+// Takes the blocks one after the other. `covariance` as by independent errors, priors included.
+class BlockScatterSum {
+ public:
+  BlockScatterSum(const Eigen::MatrixXd& covariance, const LossFactors& loss);
+
+  void Add(const BlockInformation& block);
+  // Fewer than 4 blocks: no columns.
+  BlockScatter Finish() const;
+
+ private:
+  LossFactors loss_;
+  Eigen::VectorXd units_;
+  Eigen::MatrixXd whole_, lower_;  // empty: the covariance is not one
+  std::vector<Eigen::VectorXd> scores_;
+  double squares_ = 0, share_ = 0;
 };
 
 // `covariance` of `parameters` as by independent errors, priors included. Fewer than 4 blocks, or

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -14,9 +15,11 @@
 #include "server/solve/evaluate/held_out_choice.h"
 #include "server/solve/evaluate/intrinsics_choice.h"
 #include "server/solve/evaluate/line_delay_choice.h"
+#include "server/solve/evaluate/path_choice.h"
 #include "server/solve/evaluate/restart.h"
 #include "server/solve/initialize/shared_views.h"
 #include "server/solve/rig/outliers.h"
+#include "server/solve/rig/trajectory_fit.h"
 
 namespace rigcal::server {
 namespace {
@@ -104,6 +107,31 @@ absl::Status CheckHeld(const BundleProblem& problem) {
   return absl::FailedPreconditionError(absl::StrCat("the rig cannot be solved as one. ", lost));
 }
 
+// Names the rolling shutters of the solution, instead of those named before.
+void NameRollingShutters(const RigObservations& rig, EvaluatedSolution* result) {
+  std::erase_if(result->findings, [](const Finding& finding) {
+    return finding.kind == FindingKind::kRollingShutter;
+  });
+  std::ranges::move(
+      RollingShutterFindings(rig, result->options, result->solution, *result->uncertainty),
+      std::back_inserter(result->findings));
+}
+
+// Follows the target through time in the end; what cannot be followed stays as it is.
+absl::Status FollowTarget(const RigObservations& rig, const TrajectoryFit* like,
+                          EvaluatedSolution* result) {
+  absl::StatusOr<RigSolution> followed =
+      SolveOnTrajectory(rig, result->options, result->solution, like);
+  if (absl::IsCancelled(followed.status())) return followed.status();
+  if (!followed.ok()) return absl::OkStatus();
+  absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*followed, result->options);
+  if (!uncertainty.ok()) return absl::OkStatus();
+  result->solution = *std::move(followed);
+  result->uncertainty = *std::move(uncertainty);
+  NameRollingShutters(rig, result);
+  return absl::OkStatus();
+}
+
 void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
   const auto append = [](const std::vector<std::vector<double>>& source, auto* target) {
     target->resize(source.size());
@@ -146,6 +174,7 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   result.options.estimate_time_rates = first.estimate_time_rates;
   result.options.own_rates = first.own_rates;
   const RigInitialization initial = InitializationFrom(result.solution);
+  const bool tries_path = TriesPath(rig, first, result.solution, options.trajectory);
   PutAway(rig, first, &result.solution);
   TimeBlocks blocks;
   blocks.origin_ns = result.solution.built.instant_time_ns.front();
@@ -155,8 +184,12 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     RIGCAL_ASSIGN_OR_RETURN(intrinsics,
                             ChooseIntrinsics(rig, initial, result.solution, blocks, first));
   }
-  EvaluatedErrors held_out;
-  std::vector<FoldPoses> folds;
+  const int block_count =
+      CountBlocks(blocks, *std::ranges::max_element(result.solution.built.instant_time_ns));
+  std::vector<EvaluatedErrors> by_instants, by_path;  // by held-out block
+  EvaluatedErrors held_out, held_out_by_path;
+  std::vector<FoldPoses> folds, path_folds;
+  std::shared_ptr<const TrajectoryFit> like;
   for (int fold = 0; fold < blocks.period; ++fold) {
     RigSolveOptions fold_options =
         OptionsOfFold(rig, first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
@@ -164,16 +197,37 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     if (choose) {
       fold_options.refine_intrinsics = intrinsics.refine_in_fold[static_cast<size_t>(fold)];
     }
-    const absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
+    if (tries_path) fold_options.max_observations = 0;
+    absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
     if (absl::IsCancelled(solution.status())) return solution.status();
     if (!solution.ok()) continue;
+    const auto is_held_out = [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); };
     const absl::StatusOr<EvaluatedErrors> errors =
-        EvaluateHeldOut(rig, *solution, fold_options, 0,
-                        [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); });
+        EvaluateHeldOut(rig, *solution, fold_options, 0, is_held_out);
     if (!errors.ok()) continue;
     Append(*errors, &held_out);
     folds.push_back(FoldPosesOf(*solution, 1));
     folds.back().left_out = LeftOutOf(result.solution, blocks, fold);
+    if (!tries_path) continue;
+    absl::StatusOr<PathFold> path =
+        FollowInFold(rig, fold_options, blocks, fold, block_count, like.get(), &*solution);
+    if (absl::IsCancelled(path.status())) return path.status();
+    if (!path.ok()) continue;
+    const absl::StatusOr<EvaluatedErrors> path_errors =
+        EvaluateHeldOut(rig, path->solution, fold_options, 0, is_held_out);
+    if (!path_errors.ok()) continue;
+    like = path->solution.trajectory;
+    Append(*path_errors, &held_out_by_path);
+    path_folds.push_back(FoldPosesOf(path->solution, 1));
+    path_folds.back().left_out = folds.back().left_out;
+    by_instants.insert(by_instants.end(), path->before.begin(), path->before.end());
+    by_path.insert(by_path.end(), path->after.begin(), path->after.end());
+  }
+  if (tries_path) result.path_gain = CompareVariants(by_instants, by_path);
+  const bool follows = tries_path && KeepsPath(*result.path_gain, options.trajectory);
+  if (follows && held_out_by_path.instant_count > 0) {
+    held_out = std::move(held_out_by_path);
+    folds = std::move(path_folds);
   }
   if (held_out.instant_count > 0) {
     result.held_out = std::move(held_out);
@@ -218,14 +272,15 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(result.solution, result.options);
   if (uncertainty.ok()) {
     result.uncertainty = *std::move(uncertainty);
-    std::vector<Finding> shutters =
-        RollingShutterFindings(rig, result.options, result.solution, *result.uncertainty);
-    if (shutters.empty() && !result.options.estimate_line_delays.empty()) {
+    NameRollingShutters(rig, &result);
+    const bool any = std::ranges::find(result.findings, FindingKind::kRollingShutter,
+                                       &Finding::kind) != result.findings.end();
+    if (!any && !result.options.estimate_line_delays.empty()) {
       RIGCAL_RETURN_IF_ERROR(
           DropLineDelays(rig, &result.options, &result.solution, &*result.uncertainty));
     }
-    std::ranges::move(shutters, std::back_inserter(result.findings));
   }
+  if (follows) RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, like.get(), &result));
   result.predicted =
       PredictError(result.solution, result.uncertainty, folds, refined ? &*refined : nullptr,
                    IsMetric(rig, result.options) ? options.accept_m : 0);

@@ -9,6 +9,7 @@
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
 #include "server/solve/evaluate/held_out.h"
+#include "server/solve/evaluate/held_out_choice.h"
 #include "server/solve/evaluate/lens_models.h"
 #include "server/solve/evaluate/predicted_error.h"
 #include "server/solve/evaluate/uncertainty.h"
@@ -24,6 +25,9 @@ struct EvaluatedSolution {
   PredictedError predicted;
   // Refined intrinsics fit better between neighbouring times only: kept for that.
   bool refined_by_chance = false;
+  // Of a path through time (trajectory_fit.h) over instants, on held-out blocks, where one was
+  // tried.
+  std::optional<HeldOutGain> path_gain;
   std::vector<BetterLens> lenses;  // that another model describes better than the given one
   std::vector<Finding> findings;   // about what was chosen, and why
 };
@@ -42,6 +46,9 @@ struct EvaluatedSolution {
 //
 // Line delays of rolling shutters are estimated where one stands out (line_delays.h), clock rates
 // where at least one of them is significantly not zero.
+// Where rows that no other camera shares are many, or as asked for, the target is followed through
+// time (trajectory_fit.h) in the folds and in the end; kept, unless asked for, only where the
+// held-out errors are not larger.
 // The first solve begins at `given`, if not null. It is checked for clocks matched at a wrong
 // offset (time_check.h) and for a wrong minimum (restart.h), and then by `check`, whose error is
 // passed on: what cannot become right is not worth the rest.

@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 
 #include "common/status/status_macros.h"
@@ -11,6 +12,8 @@
 #include "server/solve/bundle/marker_residual_px.h"
 #include "server/solve/evaluate/attached_point.h"
 #include "server/solve/evaluate/block_scatter.h"
+#include "server/solve/rig/trajectory_fit.h"
+#include "server/solve/trajectory/trajectory_system.h"
 
 namespace rigcal::server {
 namespace {
@@ -19,6 +22,8 @@ namespace {
 constexpr int kRigidParameters = 6, kLineParameters = 5, kPointParameters = 3;
 // Two cameras that see one marker each leave no redundancy.
 constexpr double kMaxLeverage = 0.8;
+// Of rows whose errors may have something in common, as in block_scatter.h.
+constexpr int64_t kPathBlockNs = 2'000'000'000;
 
 double InverseSquare(double sigma) { return sigma > 0 ? 1 / (sigma * sigma) : 0; }
 
@@ -84,9 +89,39 @@ std::vector<SquaredNorm> SquaredNorms(const BuiltProblem& built, const BundleIns
 }
 
 // The factors of uncertainty.h, for the Cauchy loss of the solve.
+class LossSum {
+ public:
+  explicit LossSum(double loss_scale) : c2_(loss_scale * loss_scale) {}
+
+  // Of a whitened residual: its squared norm, the share of its own variance that it has, and its
+  // leverage.
+  void Add(double raw, double noise_share, double leverage) {
+    weight_ += 1 / (1 + raw / c2_);
+    const double s = raw / (noise_share * (1 - leverage));
+    const double w = 1 / (1 + s / c2_);
+    // The derivative of psi has the eigenvalues w, across the residual, and 2 w^2 - w along it.
+    slope_ += w * w;
+    slope_square_ += w * w * (1 + 2 * w * (w - 1));
+    taken_ += leverage;
+    square_ += 0.5 * w * w * s;
+    count_ += 1;
+  }
+  double count() const { return count_; }
+  // `free`: numbers that have been estimated, of twice as many as there are residuals.
+  LossFactors Factors(double free) const {
+    if (2 * count_ <= free || !(slope_ > 0)) return {};
+    const double spread = slope_square_ * count_ / (slope_ * slope_) - 1;
+    const double correction = 1 + taken_ / count_ * spread;
+    return {correction * correction * weight_ * square_ / (slope_ * slope_), slope_ / weight_};
+  }
+
+ private:
+  double c2_;
+  double weight_ = 0, slope_ = 0, slope_square_ = 0, square_ = 0, taken_ = 0, count_ = 0;
+};
+
 LossFactors MeasureLossFactors(const BuiltProblem& built, double loss_scale, Eigen::Index free) {
   const BundleProblem& problem = built.problem;
-  const double c2 = loss_scale * loss_scale;
   const auto freedom_of = [&problem](const BundleInstant& instant) {
     return instant.is_point || problem.IsPoint() ? kPointParameters
            : instant.is_rigid                    ? kRigidParameters
@@ -99,30 +134,16 @@ LossFactors MeasureLossFactors(const BuiltProblem& built, double loss_scale, Eig
     count += static_cast<double>(SquaredNorms(built, instant).size());
   }
   const double shared = count > 0 ? static_cast<double>(free) / (2 * count) : 1;
-  double weight = 0, slope = 0, slope_square = 0, square = 0, taken = 0;
+  LossSum sum(loss_scale);
   for (const BundleInstant& instant : problem.instants) {
     if (!instant.used) continue;
     const std::vector<SquaredNorm> squares = SquaredNorms(built, instant);
     const double leverage = std::min(
         kMaxLeverage, shared + 0.5 * freedom_of(instant) /
                                    static_cast<double>(std::max<size_t>(1, squares.size())));
-    for (const auto& [raw, noise_share] : squares) {
-      weight += 1 / (1 + raw / c2);
-      const double s = raw / (noise_share * (1 - leverage));
-      const double w = 1 / (1 + s / c2);
-      // The derivative of psi has the eigenvalues w, across the residual, and 2 w^2 - w along it.
-      slope += w * w;
-      slope_square += w * w * (1 + 2 * w * (w - 1));
-      taken += leverage;
-      square += 0.5 * w * w * s;
-    }
+    for (const auto& [raw, noise_share] : squares) sum.Add(raw, noise_share, leverage);
   }
-  if (2 * count <= freedom + static_cast<double>(free) || !(slope > 0)) {
-    return {};
-  }
-  const double spread = slope_square * count / (slope * slope) - 1;
-  const double correction = 1 + taken / count * spread;
-  return {correction * correction * weight * square / (slope * slope), slope / weight};
+  return sum.Factors(freedom + static_cast<double>(free));
 }
 
 // Symmetric inverse by Cholesky of the matrix with a unit diagonal: parameters of very different
@@ -316,6 +337,63 @@ void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
   if (variance > 0) rig->shape_covariance -= column * column.transpose() / variance;
 }
 
+absl::Status DescribeByInstants(const RigSolution& solution, RigUncertainty* result) {
+  const BundleProblem& problem = solution.built.problem;
+  const BundleOptions bundle;
+  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
+                          ComputeInformation(bundle, problem));
+  result->parameters = information.parameters;
+  const Eigen::MatrixXd prior = PriorInformation(problem, result->parameters);
+  const LossFactors loss =
+      MeasureLossFactors(solution.built, bundle.loss_scale, information.information.rows());
+  RIGCAL_ASSIGN_OR_RETURN(result->covariance,
+                          Inverse((information.information - prior) / loss.variance + prior));
+  AllowForCommonErrors(
+      MeasureBlockScatter(solution.built, bundle, result->parameters, result->covariance, loss),
+      prior, result);
+  return absl::OkStatus();
+}
+
+// Every residual's leverage is the mean one: some are of rows that nobody else shares, which the
+// path follows, but they say little.
+absl::Status DescribeByPath(const TrajectoryFit& fit, RigUncertainty* result) {
+  TrajectoryProblem problem = fit.problem;
+  const BundleOptions bundle;
+  TrajectorySystem system(bundle, &problem);
+  if (!system.Linearise()) return absl::InternalError("uncertainty: the path is not determined");
+  result->parameters = system.layout().parameters;
+  const Eigen::MatrixXd information = system.matrix().selfadjointView<Eigen::Lower>();
+  const Eigen::MatrixXd prior = PriorInformation(problem.rows, result->parameters);
+  system.PreparePathCovariance();
+  const double free = system.MeasureFreedom().values + static_cast<double>(information.rows());
+  LossSum counted(bundle.loss_scale);
+  ForEachUsedMarkerOfRows(
+      problem, [&](size_t row, const BundleObservation& observation, const BundleMarker& marker) {
+        if (problem.WhitenedResidual(row, observation, marker)) counted.Add(0, 1, 0);
+      });
+  const double leverage = std::min(kMaxLeverage, free / std::max(1.0, 2 * counted.count()));
+  LossSum sum(bundle.loss_scale);
+  std::map<int64_t, BlockInformation> blocks;
+  system.ForEachReduced([&](size_t row, double weight, const Eigen::Vector2d& residual,
+                            const Eigen::Matrix<double, 2, Eigen::Dynamic>& slope) {
+    sum.Add(residual.squaredNorm(), 1, leverage);
+    BlockInformation& block = blocks[fit.row_time_ns[row] / kPathBlockNs];
+    if (block.score.size() == 0) {
+      block.information = Eigen::MatrixXd::Zero(slope.cols(), slope.cols());
+      block.score = Eigen::VectorXd::Zero(slope.cols());
+    }
+    block.information.noalias() += weight * slope.transpose() * slope;
+    block.score.noalias() -= weight * slope.transpose() * residual;
+  });
+  const LossFactors loss = sum.Factors(free);
+  RIGCAL_ASSIGN_OR_RETURN(result->covariance,
+                          Inverse((information - prior) / loss.variance + prior));
+  BlockScatterSum scatter(result->covariance, loss);
+  for (const auto& [number, block] : blocks) scatter.Add(block);
+  AllowForCommonErrors(scatter.Finish(), prior, result);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 Eigen::Index RigUncertainty::Row(const ReducedParameter& parameter) const {
@@ -350,19 +428,12 @@ std::vector<double> PackCameraCovariance(const BundleProblem& problem, int refer
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options) {
   const BundleProblem& problem = solution.built.problem;
-  const BundleOptions bundle;
-  RIGCAL_ASSIGN_OR_RETURN(const ReducedInformation information,
-                          ComputeInformation(bundle, problem));
   RigUncertainty result;
-  result.parameters = information.parameters;
-  const Eigen::MatrixXd prior = PriorInformation(problem, result.parameters);
-  const LossFactors loss =
-      MeasureLossFactors(solution.built, bundle.loss_scale, information.information.rows());
-  RIGCAL_ASSIGN_OR_RETURN(result.covariance,
-                          Inverse((information.information - prior) / loss.variance + prior));
-  AllowForCommonErrors(
-      MeasureBlockScatter(solution.built, bundle, result.parameters, result.covariance, loss),
-      prior, &result);
+  if (solution.trajectory != nullptr) {
+    RIGCAL_RETURN_IF_ERROR(DescribeByPath(*solution.trajectory, &result));
+  } else {
+    RIGCAL_RETURN_IF_ERROR(DescribeByInstants(solution, &result));
+  }
   if (problem.distance) {
     DescribeDistance(problem, options.known_distance_sigma_m, &result);
   } else {

@@ -47,6 +47,9 @@ struct RigUncertainty {
 // parameters, so S alone is singular; the part of C keeps it regular, and where the blocks show
 // nothing it is all there is (shrinkage, Ledoit and Wolf 2004).
 //
+// Where the target was followed through time, all this is of the rows and their path: information
+// with the path eliminated, and every row's score with what the path gives way.
+//
 // INTERNAL: a parameter is not determined by the data.
 absl::StatusOr<RigUncertainty> ComputeUncertainty(const RigSolution& solution,
                                                   const RigSolveOptions& options);

@@ -12,12 +12,6 @@
 namespace rigcal::server {
 namespace {
 
-// L with L^T L = S^-1.
-Eigen::Matrix2d SqrtInformation(const Eigen::Matrix2d& covariance) {
-  const Eigen::Matrix2d information = covariance.inverse();
-  return information.llt().matrixU();
-}
-
 void AddMember(const AlignedTrack& track, const ImageMotion& motion,
                const ClockCorrection& correction, const Instant& instant,
                const InstantMember& member, int first_point, double sigma_px,
@@ -64,6 +58,11 @@ void Reserve(const std::vector<AlignedTrack>& tracks, const std::vector<Instant>
 }
 
 }  // namespace
+
+Eigen::Matrix2d SqrtInformation(const Eigen::Matrix2d& covariance) {
+  const Eigen::Matrix2d information = covariance.inverse();
+  return information.llt().matrixU();
+}
 
 std::map<std::string, std::vector<size_t>> ClocksBySession(
     const std::vector<ClockCorrection>& clocks) {

@@ -64,6 +64,9 @@ struct BuiltProblem {
   std::vector<int64_t> instant_time_ns;  // rig time, by instant
 };
 
+// L with L^T L = S^-1.
+Eigen::Matrix2d SqrtInformation(const Eigen::Matrix2d& covariance);
+
 // The bundle adjustment of these instants: every visible marker moved to its instant's time along
 // its image motion, which knows the line delays, with the label that the motion gives it. Cameras
 // have their given intrinsics and no pose; clocks are fixed, as are intrinsics and target.

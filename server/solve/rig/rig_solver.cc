@@ -117,6 +117,32 @@ class RigSolver {
     return std::move(solution_);
   }
 
+  absl::StatusOr<RigSolution> Place(const RigInitialization& initial) {
+    solution_.clocks = initial.clocks;
+    SetLineDelays(initial.line_delay_s);
+    Build();
+    if (problem().instants.empty()) return NoInstants();
+    Adopt(initial);
+    PlaceInstants(kAgreePx, &problem());
+    CorrectCentres();
+    ClassifyOutliers(&problem());
+    const std::vector<BundleCamera> cameras = problem().cameras;
+    const std::vector<BundleClock> clocks = problem().clocks;
+    const bool target_fixed = problem().target.fixed;
+    for (BundleCamera& camera : problem().cameras) {
+      camera.pose_fixed = camera.intrinsics_fixed = camera.line_delay_fixed = true;
+    }
+    for (BundleClock& clock : problem().clocks) clock.offset_fixed = clock.rate_fixed = true;
+    problem().target.fixed = true;
+    RIGCAL_RETURN_IF_ERROR(Adjust(0, true));
+    problem().cameras = cameras;
+    problem().clocks = clocks;
+    problem().target.fixed = target_fixed;
+    ClassifyOutliers(&problem());
+    solution_.converged = true;
+    return std::move(solution_);
+  }
+
  private:
   BundleProblem& problem() { return solution_.built.problem; }
 
@@ -421,6 +447,14 @@ absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
                                      const RigSolveOptions& options,
                                      const RigInitialization* initial) {
   return RigSolver(rig, clocks, options).Run(initial);
+}
+
+absl::StatusOr<RigSolution> PlaceRig(const RigObservations& rig, const RigSolveOptions& options,
+                                     const RigInitialization& initial,
+                                     const RigSolution& solution) {
+  RigSolveOptions place = options;
+  place.motions = &solution.motions;
+  return RigSolver(rig, initial.clocks, place).Place(initial);
 }
 
 }  // namespace rigcal::server

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -20,6 +21,8 @@
 #include "server/solve/rig/target_parts.h"
 
 namespace rigcal::server {
+
+struct TrajectoryFit;
 
 // What is solved: cameras, clocks and their rows.
 struct RigObservations {
@@ -80,6 +83,9 @@ struct RigSolution {
       spanning_tree;  // of cameras; empty where an initialization was given
   int iterations = 0;
   bool converged = false;
+  // Where the target was followed through time (trajectory_fit.h): cameras, clocks and target are
+  // those of its optimum, and `built` is only placed by them. Null: `built` was solved.
+  std::shared_ptr<const TrajectoryFit> trajectory;
 
   // What `built` cannot be made again from, while it is put away.
   struct PutAway {
@@ -137,5 +143,10 @@ absl::StatusOr<RigSolution> SolveRig(const RigObservations& rig,
                                      const std::vector<ClockCorrection>& clocks,
                                      const RigSolveOptions& options,
                                      const RigInitialization* initial = nullptr);
+
+// Associates by the clocks of `initial` and places the target in the instants with cameras, clocks
+// and target held as they are there; labels are flipped as in `solution`. Errors as of SolveRig.
+absl::StatusOr<RigSolution> PlaceRig(const RigObservations& rig, const RigSolveOptions& options,
+                                     const RigInitialization& initial, const RigSolution& solution);
 
 }  // namespace rigcal::server

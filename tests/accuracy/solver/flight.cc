@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <memory>
 
 #include "tests/accuracy/solver/flight_experiment.h"
 #include "tests/accuracy/solver/recording.h"
@@ -39,7 +40,7 @@ void PrintFlight(const char* intrinsics, const FlightRun& run) {
   }
 }
 
-int RunFlights() {
+int RunFlights(bool spline) {
   const absl::StatusOr<std::filesystem::path> data = RecordingsFolder();
   if (!data.ok()) {
     fmt::print(stderr, "{}\n", data.status().ToString());
@@ -48,6 +49,7 @@ int RunFlights() {
   for (const Estimate intrinsics : {Estimate::kDefault, Estimate::kFixed, Estimate::kRefined}) {
     CalibrationOptions options;
     options.intrinsics = intrinsics;
+    if (spline) options.trajectory = TrajectoryChoice::kSpline;
     const absl::StatusOr<FlightRun> run = RunFlight(*data, options);
     if (!run.ok()) {
       fmt::print(stderr, "{}\n", run.status().ToString());
@@ -63,7 +65,11 @@ int RunFlights() {
 
 Experiment Flight() {
   return {"flight", "consumer cameras that nothing synchronised; needs test data",
-          [](OptionList*) { return RunFlights; }};
+          [](OptionList* options) -> Experiment::Run {
+            const auto spline = std::make_shared<bool>(false);
+            options->AddFlag("--spline", spline.get(), "follow the target through time");
+            return [spline] { return RunFlights(*spline); };
+          }};
 }
 
 }  // namespace rigcal::accuracy

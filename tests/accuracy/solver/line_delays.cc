@@ -20,6 +20,7 @@ struct ShutterCase {
   double rate_hz;
   bool free_running;
   double largest_offset_s;
+  double speed_m_s = 1.5;  // of the wand, at most
 };
 constexpr ShutterCase kShutterCases[] = {
     {"50 Hz, exposed together", 50, false, 0.002},
@@ -28,6 +29,8 @@ constexpr ShutterCase kShutterCases[] = {
     {"25 Hz, exposed together", 25, false, 0.002},
     {"25 Hz, free-running", 25, true, 0.002},
     {"12 Hz, free-running", 12, true, 0.002},
+    {"12 Hz, free-running, wand at 4 m/s", 12, true, 0.002, 4},
+    {"8 Hz, free-running, wand at 4 m/s", 8, true, 0.002, 4},
 };
 
 void PrintNees(const char* name, const NeesSum& sum) {
@@ -43,6 +46,9 @@ void RunShutterCase(const ShutterCase& what, const SeedOptions& seeds) {
   options.rate_hz = what.rate_hz;
   options.free_running = what.free_running;
   options.largest_offset_s = what.largest_offset_s;
+  options.speed_m_s = what.speed_m_s;
+  if (seeds.spline) options.trajectory = TrajectoryChoice::kSpline;
+  if (seeds.instants) options.trajectory = TrajectoryChoice::kInterpolated;
   const auto trials = RunAll<LineDelaysTrial>(seeds.count, seeds.threads, [&](int i) {
     return RunLineDelaysTrial(options, static_cast<uint32_t>(seeds.first + i));
   });
@@ -54,17 +60,18 @@ void RunShutterCase(const ShutterCase& what, const SeedOptions& seeds) {
       fmt::print("  seed {:4}: FAILED: {}\n", seed, trial.status.ToString());
     } else if (seeds.verbose) {
       fmt::print(
-          "  seed {:4}: RMSE/bound {:.3f}, line delays {:.3f}, offsets {:.3f}, {} missed, {}, "
+          "  seed {:4}: RMSE/bound {:.3f}, line delays {:.3f}, offsets {:.3f}, {} missed, {}, {}, "
           "{:.1f} CPU s\n",
           seed, std::sqrt(trial.squared_error_m2 / trial.bound_m2),
           std::sqrt(trial.delay_error_s2 / trial.delay_bound_s2),
           std::sqrt(trial.offset_error_s2 / trial.offset_bound_s2), trial.missed,
-          kGrades[static_cast<size_t>(trial.grade)], trial.cpu_s);
+          kGrades[static_cast<size_t>(trial.grade)], trial.spline ? "spline" : "instants",
+          trial.cpu_s);
     }
   }
   const LineDelaysSummary summary = Summarise(trials);
-  fmt::print("{}: {} failed, {} cameras without a line delay, {} good\n", what.name, summary.failed,
-             summary.missed, summary.good);
+  fmt::print("{}: {} failed, {} cameras without a line delay, {} good, {} splines\n", what.name,
+             summary.failed, summary.missed, summary.good, summary.splines);
   fmt::print("  RMSE/bound {:.3f}, of line delays {:.3f} ({:.3f} us RMS), of offsets {:.3f}\n",
              summary.rmse_by_bound, summary.delay_by_bound, 1e6 * summary.delay_rms_s,
              summary.offset_by_bound);

@@ -25,6 +25,7 @@ SimulationOptions DrawShutters(const LineDelaysOptions& options, uint32_t seed) 
   simulation.rate_hz = options.rate_hz;
   simulation.free_running = options.free_running;
   simulation.outlier_share = 0;
+  simulation.max_speed_m_s = options.speed_m_s;
   RandomStream random{seed, kShutterPurpose};
   for (int c = 0; c < options.camera_count; ++c) {
     const double upwards = random.Uniform() < kUpwardsShare ? -1 : 1;
@@ -35,8 +36,10 @@ SimulationOptions DrawShutters(const LineDelaysOptions& options, uint32_t seed) 
   return simulation;
 }
 
-absl::Status MeasureShutters(const SimulatedWorld& world, LineDelaysTrial* trial) {
+absl::Status MeasureShutters(const SimulatedWorld& world, TrajectoryChoice trajectory,
+                             LineDelaysTrial* trial) {
   CalibrationOptions options;
+  options.trajectory = trajectory;
   options.intrinsics = options.marker_positions = Estimate::kFixed;
   absl::StatusOr<RigCovariance> stated = absl::UnavailableError("the solve did not call its hook");
   server::CalibrationHooks hooks;
@@ -49,6 +52,7 @@ absl::Status MeasureShutters(const SimulatedWorld& world, LineDelaysTrial* trial
   trial->cpu_s = ThreadCpuS() - begin_s;
   RIGCAL_RETURN_IF_ERROR(outcome.result.status());
   RIGCAL_RETURN_IF_ERROR(stated.status());
+  trial->spline = outcome.result->trajectory.kind == CalibratedTrajectory::Kind::kSpline;
   trial->grade = outcome.result->quality.grade;
   RIGCAL_ASSIGN_OR_RETURN(const CalibrationErrors errors,
                           CompareWithGroundTruth(world, *outcome.result));
@@ -83,7 +87,7 @@ absl::Status MeasureShutters(const SimulatedWorld& world, LineDelaysTrial* trial
 LineDelaysTrial RunLineDelaysTrial(const LineDelaysOptions& options, uint32_t seed) {
   LineDelaysTrial trial;
   const auto world = SimulatedWorld::Create(DrawShutters(options, seed), NamedTarget("wand"));
-  trial.status = world.ok() ? MeasureShutters(*world, &trial) : world.status();
+  trial.status = world.ok() ? MeasureShutters(*world, options.trajectory, &trial) : world.status();
   return trial;
 }
 
@@ -98,6 +102,7 @@ LineDelaysSummary Summarise(const std::vector<LineDelaysTrial>& trials) {
     }
     cameras += trial.camera_count;
     summary.missed += trial.missed;
+    summary.splines += trial.spline ? 1 : 0;
     summary.good += trial.grade == QualityGrade::kGood ? 1 : 0;
     sum.squared_error_m2 += trial.squared_error_m2;
     sum.bound_m2 += trial.bound_m2;

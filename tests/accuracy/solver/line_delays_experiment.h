@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "common/calibration/calibration.h"
+#include "common/calibration/calibration_options.h"
 #include "tests/accuracy/rig/rig_covariance.h"
 
 namespace rigcal::accuracy {
@@ -18,7 +19,9 @@ struct LineDelaysOptions {
   double duration_s = 40;
   double rate_hz = 50;
   bool free_running = true;
-  double largest_offset_s = 0.002;              // of a clock
+  double largest_offset_s = 0.002;  // of a clock
+  double speed_m_s = 1.5;           // of the wand, at most
+  TrajectoryChoice trajectory = TrajectoryChoice::kAuto;
   double shortest_s = 5e-6, longest_s = 50e-6;  // line delays
 };
 
@@ -30,7 +33,8 @@ struct LineDelaysTrial {
   double offset_error_s2 = 0, offset_bound_s2 = 0;  // of the offsets against the reference camera's
   std::optional<RigNees> stated;                    // against the solver's covariance
   int camera_count = 0;
-  int missed = 0;  // cameras without an estimated line delay
+  int missed = 0;       // cameras without an estimated line delay
+  bool spline = false;  // the target was followed through time
   double cpu_s = 0;
 };
 
@@ -40,7 +44,7 @@ LineDelaysTrial RunLineDelaysTrial(const LineDelaysOptions& options, uint32_t se
 
 // Over the trials that did not fail.
 struct LineDelaysSummary {
-  int failed = 0, missed = 0, good = 0;
+  int failed = 0, missed = 0, good = 0, splines = 0;
   double rmse_by_bound = 0, delay_by_bound = 0, offset_by_bound = 0;
   double delay_rms_s = 0;
   NeesSum shape, scale, offsets, delays;

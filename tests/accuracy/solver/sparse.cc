@@ -21,8 +21,11 @@ constexpr double kShares[] = {0.5, 0.7, 0.8, 0.9};
 
 void PrintShare(const server::CalibrationInput& input, const CalibrationResult& whole, double share,
                 const SeedOptions& seeds) {
+  CalibrationOptions options;
+  if (seeds.spline) options.trajectory = TrajectoryChoice::kSpline;
+  if (seeds.instants) options.trajectory = TrajectoryChoice::kInterpolated;
   const auto runs = RunAll<SparseRun>(seeds.count, seeds.threads, [&](int i) {
-    return RunSparse(input, whole, share, static_cast<uint32_t>(seeds.first + i));
+    return RunSparse(input, whole, share, static_cast<uint32_t>(seeds.first + i), options);
   });
   static const char* const kGrades[] = {"not evaluated", "good", "usable", "bad"};
   std::vector<double> worst_mm, instants;

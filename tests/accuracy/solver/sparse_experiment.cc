@@ -93,10 +93,10 @@ std::vector<CameraDistance> CameraDistances(const CalibrationResult& result) {
 }
 
 SparseRun RunSparse(const server::CalibrationInput& input, const CalibrationResult& whole,
-                    double share, uint32_t seed) {
+                    double share, uint32_t seed, const CalibrationOptions& options) {
   server::CalibrationInput sparse = input;
   DropRowsOfAll(seed, share, &sparse);
-  const server::CalibrationOutcome outcome = server::Calibrate(std::move(sparse), {});
+  const server::CalibrationOutcome outcome = server::Calibrate(std::move(sparse), options);
   SparseRun run;
   run.status = outcome.result.status();
   if (!run.status.ok()) return run;

@@ -32,6 +32,6 @@ struct SparseRun {
   std::vector<std::string> reasons;
 };
 SparseRun RunSparse(const server::CalibrationInput& input, const CalibrationResult& whole,
-                    double share, uint32_t seed);
+                    double share, uint32_t seed, const CalibrationOptions& options = {});
 
 }  // namespace rigcal::accuracy

@@ -38,10 +38,17 @@ class CalibrationCommand : public ::testing::Test {
 };
 
 TEST_F(CalibrationCommand, CalibrateSendsEveryOption) {
-  const CommandOutcome outcome =
-      Rigcal({"calibrate", "a", "b", "--reference-camera", "left", "--intrinsics", "fixed",
-              "--time-offsets", "refined", "--marker-positions", "auto", "--sigma-px", "0.5",
-              "--association-tolerance-ms", "2.5", "--seed", "7", "-o", "json"});
+  const CommandOutcome outcome = Rigcal({"calibrate", "a",
+                                         "b",         "--reference-camera",
+                                         "left",      "--intrinsics",
+                                         "fixed",     "--time-offsets",
+                                         "refined",   "--marker-positions",
+                                         "auto",      "--sigma-px",
+                                         "0.5",       "--association-tolerance-ms",
+                                         "2.5",       "--seed",
+                                         "7",         "--trajectory",
+                                         "spline",    "-o",
+                                         "json"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const v1::CreateCalibrationRequest& request = fake_.created_calibration;
   EXPECT_THAT(request.session_ids(), ElementsAre("a", "b"));
@@ -53,6 +60,7 @@ TEST_F(CalibrationCommand, CalibrateSendsEveryOption) {
   EXPECT_EQ(options.sigma_px(), 0.5);
   EXPECT_EQ(options.association_tolerance_s(), 0.0025);
   EXPECT_EQ(options.seed(), 7u);
+  EXPECT_EQ(options.trajectory(), v1::CalibrationOptions::TRAJECTORY_SPLINE);
   // Without --wait it is only queued.
   EXPECT_EQ(json::parse(outcome.out).at("state"), "STATE_QUEUED");
 }

@@ -42,5 +42,24 @@ TEST(CalibrationResultWire, ASolverPathOfANewerServerIsUnknown) {
   EXPECT_EQ(back.solver_path, SolverPath::kUnknown);
 }
 
+TEST(CalibrationResultWire, CarriesTheTrajectory) {
+  CalibrationResult result;
+  result.target.given.marker_positions_m = {0, 0.13, 0.39};
+  result.quality.grade = QualityGrade::kGood;
+  result.trajectory = {CalibratedTrajectory::Kind::kSpline, 0.025, 3.5, 17, 0.42, 0.41};
+  v1::Calibration proto;
+  FillResult(result, &proto);
+  ASSERT_OK_AND_ASSIGN(CalibrationResult back, ResultFromProto(proto));
+  EXPECT_EQ(back.trajectory.kind, CalibratedTrajectory::Kind::kSpline);
+  EXPECT_EQ(back.trajectory.knot_spacing_s, 0.025);
+  EXPECT_EQ(back.trajectory.jerk_density, 3.5);
+  EXPECT_EQ(back.trajectory.added_row_count, 17u);
+  EXPECT_EQ(back.trajectory.held_out_interpolated_px, 0.42);
+  EXPECT_EQ(back.trajectory.held_out_spline_px, 0.41);
+  proto.mutable_trajectory()->set_kind(static_cast<v1::CalibratedTrajectory::Kind>(99));
+  ASSERT_OK_AND_ASSIGN(back, ResultFromProto(proto));
+  EXPECT_EQ(back.trajectory.kind, CalibratedTrajectory::Kind::kUnknown);
+}
+
 }  // namespace
 }  // namespace rigcal::wire::calibration_result_wire_test

@@ -61,6 +61,26 @@ class CsvObservationSourceTest : public ::testing::Test {
   TemporaryDirectory directory_;
 };
 
+TEST_F(CsvObservationSourceTest, TimesAreThoseOfTheMiddleOfTheExposure) {
+  for (const auto& [stamps, time_ns] :
+       {std::pair(StampMoment::kMiddle, 50'000'000), std::pair(StampMoment::kStart, 52'000'000),
+        std::pair(StampMoment::kEnd, 48'000'000)}) {
+    CsvSourceOptions options = Options("50000000;2;3\n");
+    options.stamps = stamps;
+    options.exposure_s = 0.004;
+    ASSERT_OK_AND_ASSIGN(const auto source, CsvObservationSource::Create(options));
+    ASSERT_THAT(source->Start(WandOf(1)), IsOk());
+    EXPECT_EQ(Drain(*source).at(0).time_ns, time_ns);
+  }
+}
+
+TEST_F(CsvObservationSourceTest, StampsOfTheStartNeedTheExposure) {
+  CsvSourceOptions options = Options("1;2;3\n");
+  options.stamps = StampMoment::kStart;
+  EXPECT_THAT(CsvObservationSource::Create(options),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("exposure=SECONDS")));
+}
+
 TEST_F(CsvObservationSourceTest, SaysWhatItWasToldThatTheCentresAre) {
   for (const CentreKind kind : {CentreKind::kImageBlob, CentreKind::kSphereCentre}) {
     CsvSourceOptions options = Options("1;2;3\n");

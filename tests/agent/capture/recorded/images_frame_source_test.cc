@@ -109,6 +109,16 @@ TEST_F(ImagesFrameSourceTest, CountsOutATimePerFrame) {
   EXPECT_EQ((*source->Next())->exposure_s, 0.004);
 }
 
+TEST_F(ImagesFrameSourceTest, StampsOfTheStartBecomeThoseOfTheMiddle) {
+  for (const int number : {0, 1}) Write("p" + std::to_string(number) + ".png", number);
+  RecordedFramesOptions options = Options();
+  options.fps = 25;
+  options.exposure_s = 0.004;
+  options.stamps = StampMoment::kStart;
+  ASSERT_OK_AND_ASSIGN(const auto source, ImagesFrameSource::Create(options));
+  EXPECT_EQ(Drain(*source), (std::vector<Seen>{{0, 2000000, 0}, {1, 42000000, 0}}));
+}
+
 TEST_F(ImagesFrameSourceTest, PassesOverWhatIsDamaged) {
   Write("0000000000000000.png", 0);
   Write("0000000040000000.png", 1);

@@ -1,0 +1,508 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/trajectory/trajectory_system.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/camera/camera_model.h"
+
+namespace rigcal::server {
+namespace {
+
+// Keeps knots where they are that nothing reaches; nothing beside what one marker says.
+constexpr double kKnotHold = 1e-4;  // 1/m^2
+// The direction's length means nothing. Each knot's is held near one, by the sigma of the third
+// differences over this: a path whose length is free is smooth where the directions are not.
+constexpr double kLengthWeight = 4;
+constexpr int kMaxHalvings = 8;
+constexpr double kSameCentreM = 1e-9;
+constexpr double kFreedShare = 0.999;  // so that what is left stays positive definite
+
+// By component of a knot.
+double InverseSigma(const TrajectoryProblem& problem, Eigen::Index component) {
+  return 1 / (component < 3 ? problem.origin_sigma : problem.direction_sigma);
+}
+
+// Of numeric derivatives.
+constexpr double kKnotStep = 1e-6, kTimeStepS = 1e-6;
+
+// Rows and columns from `first` on.
+Eigen::MatrixXd LocalInverse(const BandedMatrix& inverse, Eigen::Index first, Eigen::Index count) {
+  Eigen::MatrixXd local(count, count);
+  for (Eigen::Index j = 0; j < count; ++j) {
+    for (Eigen::Index i = j; i < count; ++i) {
+      local(i, j) = local(j, i) = inverse(first + i, first + j);
+    }
+  }
+  return local;
+}
+
+BundleProblem RowsInSpans(const TrajectoryProblem& problem) {
+  BundleProblem rows = problem.rows;
+  for (size_t i = 0; i < rows.instants.size(); ++i) {
+    rows.instants[i].used = rows.instants[i].used && problem.span_of_row[i] >= 0;
+  }
+  return rows;
+}
+
+}  // namespace
+
+TrajectorySystem::TrajectorySystem(const BundleOptions& options, TrajectoryProblem* problem)
+    : options_(options), problem_(*problem), layout_(LayOut(RowsInSpans(*problem))) {
+  packed_.first_entry = {0};
+}
+
+double TrajectorySystem::Weight(const Eigen::Vector2d& residual) const {
+  if (!options_.robust) return 1;
+  return 1 / (1 + residual.squaredNorm() / (options_.loss_scale * options_.loss_scale));
+}
+
+bool TrajectorySystem::Differentiate(size_t row, const BundleObservation& observation,
+                                     const BundleMarker& marker, MarkerSlopes* slopes) const {
+  const BundleProblem& rows = problem_.rows;
+  const TrajectorySpan& span = problem_.spans[static_cast<size_t>(problem_.span_of_row[row])];
+  slopes->weights = WeightsAt(span, problem_.TimeOf(observation, marker));
+  const TrajectoryPose pose = PoseAt(span, slopes->weights);
+  const double position_m = rows.target.marker_positions_m[static_cast<size_t>(marker.marker)];
+  const BundleCamera& camera = rows.CameraOf(observation);
+  const Eigen::Vector3d rotated =
+      camera.cam_from_rig.rotation * (pose.origin_m + position_m * pose.direction);
+  Eigen::Vector2d pixel;
+  Eigen::Matrix<double, 2, 3> d_point;
+  IntrinsicsJacobian d_intrinsics;
+  if (!Project(camera.model, camera.intrinsics.data(), rotated + camera.cam_from_rig.translation_m,
+               &pixel, &d_point, &d_intrinsics)) {
+    return false;
+  }
+  const Eigen::Matrix2d root = marker.sqrt_information;
+  slopes->residual = root * (pixel - Eigen::Vector2d(marker.centre_px));
+  d_point = root * d_point;
+  const Eigen::Matrix<double, 2, 3> d_rig =
+      d_point * camera.cam_from_rig.rotation.toRotationMatrix();
+  const Eigen::Matrix<double, 2, 3> d_direction = position_m * d_rig * pose.direction_by_spline;
+  slopes->knots.resize(2, 4 * span.size);
+  for (Eigen::Index k = 0; k < 4; ++k) {
+    slopes->knots.middleCols<3>(k * span.size) = slopes->weights.value[k] * d_rig;
+    if (span.has_direction()) {
+      slopes->knots.middleCols<3>(k * span.size + 3) = slopes->weights.value[k] * d_direction;
+    }
+  }
+  const Eigen::Vector2d d_time = d_rig * (pose.origin_m_s + position_m * pose.direction_s);
+  slopes->reduced.clear();
+  const KernelColumns& columns =
+      layout_
+          .columns[static_cast<size_t>(layout_.ViewIndex(observation.camera, observation.clock))];
+  if (columns.pose >= 0) {
+    for (int i = 0; i < 3; ++i) {
+      slopes->reduced.emplace_back(columns.pose + i,
+                                   d_point * Eigen::Vector3d::Unit(i).cross(rotated));
+      slopes->reduced.emplace_back(columns.pose + 3 + i, d_point.col(i));
+    }
+  }
+  for (int b = 0; b < columns.base_count; ++b) {
+    const int kind = columns.base_kind[b];
+    Eigen::Vector2d derivative;
+    if (kind == ViewUnknowns::kOffset) {
+      derivative = d_time;
+    } else if (kind == ViewUnknowns::kRate) {
+      derivative = observation.clock_time_s * d_time;
+    } else if (kind == ViewUnknowns::kLineDelay) {
+      derivative = (marker.centre_px.y() - camera.middle_row) * d_time;
+    } else {
+      derivative = root * d_intrinsics.col(kind - ViewUnknowns::kFirstIntrinsic);
+    }
+    slopes->reduced.emplace_back(columns.base_column[b], derivative);
+  }
+  if (layout_.spacing_column >= 0 && marker.marker > 0) {
+    slopes->reduced.emplace_back(layout_.spacing_column + marker.marker - 1,
+                                 d_rig * pose.direction);
+  }
+  return true;
+}
+
+void TrajectorySystem::AddPathPrior(size_t span_index, SpanSystem* system) const {
+  const TrajectorySpan& span = problem_.spans[span_index];
+  for (Eigen::Index i = 0; i < span.knots.size(); ++i) system->matrix(i, i) += kKnotHold;
+  for (Eigen::Index k = 0; k + 4 <= span.knot_count(); ++k) {
+    for (Eigen::Index c = 0; c < span.size; ++c) {
+      const double information = std::pow(InverseSigma(problem_, c), 2);
+      double difference = 0;
+      for (Eigen::Index a = 0; a < 4; ++a) {
+        difference += kThirdDifference[a] * span.knots[(k + a) * span.size + c];
+      }
+      for (Eigen::Index a = 0; a < 4; ++a) {
+        const Eigen::Index row = (k + a) * span.size + c;
+        system->gradient[row] += information * kThirdDifference[a] * difference;
+        for (Eigen::Index b = 0; b <= a; ++b) {
+          system->matrix(row, (k + b) * span.size + c) +=
+              information * kThirdDifference[a] * kThirdDifference[b];
+        }
+      }
+    }
+  }
+  if (!span.has_direction()) return;
+  const double weight = kLengthWeight / problem_.direction_sigma;
+  for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+    const Eigen::Index first = k * span.size + 3;
+    const Eigen::Vector3d direction = span.knots.segment<3>(first);
+    const double residual = 0.5 * weight * (direction.squaredNorm() - 1);
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      system->gradient[first + i] += weight * residual * direction[i];
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        system->matrix(first + i, first + j) += weight * weight * direction[i] * direction[j];
+      }
+    }
+  }
+}
+
+double TrajectorySystem::PathCost() const {
+  double cost = 0;
+  for (const TrajectorySpan& span : problem_.spans) {
+    for (Eigen::Index k = 0; k + 4 <= span.knot_count(); ++k) {
+      for (Eigen::Index c = 0; c < span.size; ++c) {
+        double difference = 0;
+        for (Eigen::Index a = 0; a < 4; ++a) {
+          difference += kThirdDifference[a] * span.knots[(k + a) * span.size + c];
+        }
+        cost += 0.5 * std::pow(InverseSigma(problem_, c) * difference, 2);
+      }
+    }
+    if (!span.has_direction()) continue;
+    for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+      const double square = span.knots.segment<3>(k * span.size + 3).squaredNorm();
+      cost += 0.5 * std::pow(0.5 * kLengthWeight / problem_.direction_sigma * (square - 1), 2);
+    }
+  }
+  return cost;
+}
+
+bool TrajectorySystem::DataCost(double* cost) const {
+  *cost = 0;
+  bool visible = true;
+  const double c2 = options_.loss_scale * options_.loss_scale;
+  ForEachUsedMarkerOfRows(
+      problem_, [&](size_t row, const BundleObservation& observation, const BundleMarker& marker) {
+        const auto residual = problem_.WhitenedResidual(row, observation, marker);
+        visible = visible && residual.has_value();
+        if (!residual) return;
+        const double square = residual->squaredNorm();
+        *cost += 0.5 * (options_.robust ? c2 * std::log1p(square / c2) : square);
+      });
+  return visible && std::isfinite(*cost);
+}
+
+void TrajectorySystem::FreeScale() {
+  const BundleProblem& rows = problem_.rows;
+  scale_gradient_ = scale_root_ = Eigen::VectorXd::Zero(layout_.column_count());
+  if (layout_.spacing_column < 0) return;
+  // All lengths grow about the centre of the camera that is held.
+  const auto held = std::ranges::find(rows.cameras, true, &BundleCamera::pose_fixed);
+  if (held == rows.cameras.end() || held->cam_from_rig.translation_m.norm() > kSameCentreM) return;
+  double path = 0, counted = 0, square = 0;
+  for (size_t s = 0; s < problem_.spans.size(); ++s) {
+    const TrajectorySpan& span = problem_.spans[s];
+    for (Eigen::Index k = 0; k < span.knot_count(); ++k) {
+      const Eigen::Index first = k * span.size;
+      if (!count_gradient_of_knots_.empty()) {
+        counted += count_gradient_of_knots_[s].segment<3>(first).dot(span.knots.segment<3>(first));
+      }
+      if (k + 4 > span.knot_count()) continue;
+      Eigen::Vector3d difference = Eigen::Vector3d::Zero();
+      for (Eigen::Index a = 0; a < 4; ++a) {
+        difference += kThirdDifference[a] * span.knots.segment<3>(first + a * span.size);
+      }
+      path += difference.squaredNorm() / (problem_.origin_sigma * problem_.origin_sigma);
+    }
+  }
+  for (int i = 0; i < layout_.column_count(); ++i) {
+    const ReducedParameter& parameter = layout_.parameters[static_cast<size_t>(i)];
+    const auto index = static_cast<size_t>(parameter.index);
+    double length_m = 0;
+    if (parameter.kind == ReducedParameterKind::kTranslation) {
+      length_m = rows.cameras[index].cam_from_rig.translation_m[parameter.component];
+    } else if (parameter.kind == ReducedParameterKind::kMarkerPosition) {
+      length_m = rows.target.marker_positions_m[index];
+      scale_root_[i] = length_m;
+      square += length_m * length_m;
+    }
+    if (count_gradient_.size() > 0) counted += count_gradient_[i] * length_m;
+  }
+  if (!(square > 0)) return;
+  // Before paths are counted the path is a rough one, which pulls far too much.
+  if (count_gradient_.size() > 0) {
+    scale_gradient_ = -(scale_pull_.value_or(path) + counted) / square * scale_root_;
+  }
+  scale_root_ *= std::sqrt(kFreedShare * path) / square;
+  gradient_ += scale_gradient_;
+  matrix_.selfadjointView<Eigen::Lower>().rankUpdate(scale_root_, -1);
+}
+
+bool TrajectorySystem::Linearise() {
+  const int columns = layout_.column_count();
+  matrix_ = Eigen::MatrixXd::Zero(columns, columns);
+  gradient_ = Eigen::VectorXd::Zero(columns);
+  systems_.clear();
+  for (const TrajectorySpan& span : problem_.spans) {
+    SpanSystem& system = systems_.emplace_back();
+    system.matrix = BandedMatrix(span.knots.size(), 4 * span.size - 1);
+    system.border = Eigen::MatrixXd::Zero(span.knots.size(), columns);
+    system.gradient = Eigen::VectorXd::Zero(span.knots.size());
+  }
+  bool visible = true;
+  MarkerSlopes slopes;
+  ForEachUsedMarkerOfRows(problem_, [&](size_t row, const BundleObservation& observation,
+                                        const BundleMarker& marker) {
+    visible = visible && Differentiate(row, observation, marker, &slopes);
+    if (!visible) return;
+    const double weight = Weight(slopes.residual);
+    const auto s = static_cast<size_t>(problem_.span_of_row[row]);
+    SpanSystem& system = systems_[s];
+    const Eigen::Index first = slopes.weights.first_knot * problem_.spans[s].size;
+    const Eigen::Index count = slopes.knots.cols();
+    system.gradient.segment(first, count) += weight * slopes.knots.transpose() * slopes.residual;
+    for (Eigen::Index j = 0; j < count; ++j) {
+      const Eigen::Vector2d column = weight * slopes.knots.col(j);
+      for (Eigen::Index i = j; i < count; ++i) {
+        system.matrix(first + i, first + j) += slopes.knots.col(i).dot(column);
+      }
+    }
+    for (const auto& [i, d_i] : slopes.reduced) {
+      const Eigen::Vector2d weighted = weight * d_i;
+      system.border.col(i).segment(first, count) += slopes.knots.transpose() * weighted;
+      gradient_[i] += weighted.dot(slopes.residual);
+      for (const auto& [j, d_j] : slopes.reduced) {
+        if (j <= i) matrix_(i, j) += weighted.dot(d_j);
+      }
+    }
+  });
+  if (!visible) return false;
+  const LineBundleEstimate estimate(problem_.rows, layout_, packed_);
+  estimate.AddPriors(&matrix_, &gradient_);
+  if (count_gradient_.size() > 0) gradient_ += count_gradient_;
+  FreeScale();
+  for (size_t s = 0; s < systems_.size(); ++s) {
+    SpanSystem& system = systems_[s];
+    AddPathPrior(s, &system);
+    if (!count_gradient_of_knots_.empty()) system.gradient += count_gradient_of_knots_[s];
+    if (!system.matrix.Factor()) return false;
+    system.matrix.SolveLower(system.border);
+    system.matrix.SolveLower(system.gradient);
+    matrix_.selfadjointView<Eigen::Lower>().rankUpdate(system.border.transpose(), -1);
+    gradient_ -= system.border.transpose() * system.gradient;
+  }
+  double data = 0;
+  if (!DataCost(&data)) return false;
+  cost_ = data + PathCost() + estimate.PriorCost();
+  return true;
+}
+
+bool TrajectorySystem::Step() {
+  Eigen::VectorXd reduced = Eigen::VectorXd::Zero(gradient_.size());
+  if (gradient_.size() > 0) {
+    const Eigen::VectorXd scale = matrix_.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd whole = matrix_.selfadjointView<Eigen::Lower>();
+    const Eigen::LLT<Eigen::MatrixXd> factor(scale.asDiagonal() * whole * scale.asDiagonal());
+    if (factor.info() != Eigen::Success) return false;
+    reduced = -scale.cwiseProduct(factor.solve(scale.cwiseProduct(gradient_)));
+  }
+  std::vector<Eigen::VectorXd> knot_steps;
+  for (const SpanSystem& system : systems_) {
+    Eigen::VectorXd step = -(system.gradient + system.border * reduced);
+    system.matrix.SolveUpper(step);
+    knot_steps.push_back(std::move(step));
+  }
+  const LineBundleEstimate before(problem_.rows, layout_, packed_);
+  LineBundleEstimate moved(problem_.rows, layout_, packed_);
+  const std::vector<TrajectorySpan> spans = problem_.spans;
+  double counted = 0;
+  if (count_gradient_.size() > 0) {
+    counted = count_gradient_.dot(reduced);
+    for (size_t s = 0; s < spans.size(); ++s) {
+      counted += count_gradient_of_knots_[s].dot(knot_steps[s]);
+    }
+  }
+  counted += scale_gradient_.dot(reduced);
+  const double bent = 0.5 * std::pow(scale_root_.dot(reduced), 2);
+  for (int i = 0; i < kMaxHalvings; ++i) {
+    const double length = std::pow(0.5, i);
+    moved.MoveReduced(before, length * reduced);
+    moved.Store(packed_, &problem_.rows);
+    for (size_t s = 0; s < spans.size(); ++s) {
+      problem_.spans[s].knots = spans[s].knots + length * knot_steps[s];
+    }
+    double data = 0;
+    if (DataCost(&data) &&
+        data + PathCost() + moved.PriorCost() + length * (counted - length * bent) < cost_) {
+      return true;
+    }
+  }
+  before.Store(packed_, &problem_.rows);
+  problem_.spans = spans;
+  return false;
+}
+
+TrajectorySystem::Freedom TrajectorySystem::MeasureFreedom() const {
+  Freedom freedom;
+  for (size_t s = 0; s < systems_.size(); ++s) {
+    const TrajectorySpan& span = problem_.spans[s];
+    SpanSystem prior;
+    prior.matrix = BandedMatrix(span.knots.size(), 4 * span.size - 1);
+    prior.gradient = Eigen::VectorXd::Zero(span.knots.size());
+    AddPathPrior(s, &prior);
+    const BandedMatrix before = prior.matrix;
+    if (!prior.matrix.Factor()) continue;
+    const BandedMatrix without = prior.matrix.Inverse();
+    const BandedMatrix& with = systems_[s].inverse;
+    // tr(A^-1 P): what the prior decides.
+    for (Eigen::Index i = 0; i < span.knots.size(); ++i) {
+      freedom.values += 1;
+      for (Eigen::Index j = std::max<Eigen::Index>(0, i - before.bandwidth()); j <= i; ++j) {
+        freedom.values -= (i == j ? 1 : 2) * before(i, j) * with(i, j);
+      }
+    }
+    for (Eigen::Index k = 0; k + 4 <= span.knot_count(); ++k) {
+      for (Eigen::Index c = 0; c < span.size; ++c) {
+        double difference = 0, variance = 0;
+        for (Eigen::Index a = 0; a < 4; ++a) {
+          const Eigen::Index i = (k + a) * span.size + c;
+          difference += kThirdDifference[a] * span.knots[i];
+          for (Eigen::Index b = 0; b <= a; ++b) {
+            const Eigen::Index j = (k + b) * span.size + c;
+            variance += (a == b ? 1 : 2) * kThirdDifference[a] * kThirdDifference[b] *
+                        (without(i, j) - with(i, j));
+          }
+        }
+        const double by_data = variance * std::pow(InverseSigma(problem_, c), 2);
+        (c < 3 ? freedom.origin_by_data : freedom.direction_by_data) += by_data;
+        (c < 3 ? freedom.origin_square : freedom.direction_square) += difference * difference;
+      }
+    }
+  }
+  return freedom;
+}
+
+void TrajectorySystem::CountPaths(double variance, std::optional<double> scale_pull) {
+  scale_pull_ = scale_pull;
+  count_gradient_ = Eigen::VectorXd::Zero(layout_.column_count());
+  count_gradient_of_knots_.clear();
+  for (const TrajectorySpan& span : problem_.spans) {
+    count_gradient_of_knots_.push_back(Eigen::VectorXd::Zero(span.knots.size()));
+  }
+  MarkerSlopes slopes, moved;
+  Eigen::MatrixXd weighted;
+  ForEachUsedMarkerOfRows(problem_, [&](size_t row, const BundleObservation& observation,
+                                        const BundleMarker& marker) {
+    if (!Differentiate(row, observation, marker, &slopes)) return;
+    const auto s = static_cast<size_t>(problem_.span_of_row[row]);
+    const TrajectorySpan& span = problem_.spans[s];
+    const Eigen::Index first = slopes.weights.first_knot * span.size, count = slopes.knots.cols();
+    weighted = variance * Weight(slopes.residual) * slopes.knots *
+               LocalInverse(systems_[s].inverse, first, count);
+    // d (1/2 log det A) = sum of weight * tr(J A^-1 dJ^T) over the markers.
+    ForEachUnknownOf(observation, marker, [&](int column, double step) {
+      if (!Differentiate(row, observation, marker, &moved)) return;
+      const double change = weighted.cwiseProduct(moved.knots - slopes.knots).sum() / step;
+      if (moved.weights.first_knot != slopes.weights.first_knot) return;  // as good as none
+      count_gradient_[column] += change;
+    });
+    Eigen::VectorXd& knots = problem_.spans[s].knots;
+    for (Eigen::Index c = 0; c < span.size; ++c) {
+      // A knot moves the path as the other three do, each by its weight.
+      for (Eigen::Index k = 0; k < 4; ++k) knots[first + k * span.size + c] += kKnotStep;
+      if (Differentiate(row, observation, marker, &moved)) {
+        const double change = weighted.cwiseProduct(moved.knots - slopes.knots).sum() / kKnotStep;
+        for (Eigen::Index k = 0; k < 4; ++k) {
+          count_gradient_of_knots_[s][first + k * span.size + c] +=
+              slopes.weights.value[k] * change;
+        }
+      }
+      for (Eigen::Index k = 0; k < 4; ++k) knots[first + k * span.size + c] -= kKnotStep;
+    }
+  });
+}
+
+template <typename Function>
+void TrajectorySystem::ForEachUnknownOf(const BundleObservation& observation,
+                                        const BundleMarker& marker, const Function& function) {
+  BundleCamera& camera = problem_.rows.cameras[static_cast<size_t>(observation.camera)];
+  BundleClock& clock = problem_.rows.clocks[static_cast<size_t>(observation.clock)];
+  const KernelColumns& columns =
+      layout_
+          .columns[static_cast<size_t>(layout_.ViewIndex(observation.camera, observation.clock))];
+  const auto move = [&function](int column, double step, double* value) {
+    const double before = *value;
+    *value += step;
+    function(column, step);
+    *value = before;
+  };
+  if (columns.pose >= 0) {
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Quaterniond before = camera.cam_from_rig.rotation;
+      camera.cam_from_rig.rotation =
+          Eigen::Quaterniond(Eigen::AngleAxisd(kKnotStep, Eigen::Vector3d::Unit(i))) * before;
+      function(columns.pose + i, kKnotStep);
+      camera.cam_from_rig.rotation = before;
+      move(columns.pose + 3 + i, kKnotStep, &camera.cam_from_rig.translation_m[i]);
+    }
+  }
+  for (int b = 0; b < columns.base_count; ++b) {
+    const int kind = columns.base_kind[b], column = columns.base_column[b];
+    if (kind == ViewUnknowns::kOffset) {
+      move(column, kTimeStepS, &clock.time_offset_s);
+    } else if (kind == ViewUnknowns::kRate) {
+      move(column, kTimeStepS / std::max(1.0, std::abs(observation.clock_time_s)),
+           &clock.time_rate);
+    } else if (kind == ViewUnknowns::kLineDelay) {
+      move(column, kTimeStepS / camera.middle_row, &camera.line_delay_s);
+    } else {
+      double* const value = &camera.intrinsics[kind - ViewUnknowns::kFirstIntrinsic];
+      move(column, kKnotStep * std::max(1.0, std::abs(*value)), value);
+    }
+  }
+  if (layout_.spacing_column >= 0 && marker.marker > 0) {
+    move(layout_.spacing_column + marker.marker - 1, kKnotStep,
+         &problem_.rows.target.marker_positions_m[static_cast<size_t>(marker.marker)]);
+  }
+}
+
+void TrajectorySystem::ForEachReduced(const MarkerVisitor& visit) const {
+  // The knots' answer to the reduced parameters: minus A^-1 B.
+  std::vector<Eigen::MatrixXd> answers;
+  for (const SpanSystem& system : systems_) {
+    Eigen::MatrixXd answer = system.border;
+    for (Eigen::Index c = 0; c < answer.cols(); ++c) system.matrix.SolveUpper(answer.col(c));
+    answers.push_back(std::move(answer));
+  }
+  MarkerSlopes slopes;
+  Eigen::Matrix<double, 2, Eigen::Dynamic> slope(2, layout_.column_count());
+  ForEachUsedMarkerOfRows(
+      problem_, [&](size_t row, const BundleObservation& observation, const BundleMarker& marker) {
+        if (!Differentiate(row, observation, marker, &slopes)) return;
+        const auto s = static_cast<size_t>(problem_.span_of_row[row]);
+        const Eigen::Index first = slopes.weights.first_knot * problem_.spans[s].size;
+        slope.noalias() = -slopes.knots * answers[s].middleRows(first, slopes.knots.cols());
+        for (const auto& [i, d_i] : slopes.reduced) slope.col(i) += d_i;
+        visit(row, Weight(slopes.residual), slopes.residual, slope);
+      });
+}
+
+void TrajectorySystem::PreparePathCovariance() {
+  for (SpanSystem& system : systems_) system.inverse = system.matrix.Inverse();
+}
+
+Eigen::Matrix2d TrajectorySystem::PathCovariance(size_t row, const BundleObservation& observation,
+                                                 const BundleMarker& marker) const {
+  MarkerSlopes slopes;
+  if (layout_.ViewIndex(observation.camera, observation.clock) < 0 ||
+      !Differentiate(row, observation, marker, &slopes)) {
+    return Eigen::Matrix2d::Zero();
+  }
+  const auto s = static_cast<size_t>(problem_.span_of_row[row]);
+  const Eigen::Index first = slopes.weights.first_knot * problem_.spans[s].size;
+  return slopes.knots * LocalInverse(systems_[s].inverse, first, slopes.knots.cols()) *
+         slopes.knots.transpose();
+}
+
+}  // namespace rigcal::server

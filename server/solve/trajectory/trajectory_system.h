@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "server/solve/bundle/line_bundle_estimate.h"
+#include "server/solve/bundle/line_bundle_layout.h"
+#include "server/solve/trajectory/banded_matrix.h"
+#include "server/solve/trajectory/trajectory_problem.h"
+
+namespace rigcal::server {
+
+// The normal equations of a trajectory problem: banded in the knots of each span, which are
+// eliminated, with a border of the cameras, clocks and target. Works on the problem in place.
+class TrajectorySystem {
+ public:
+  // Of the markers that are used now; `problem` must be valid and outlive it.
+  TrajectorySystem(const BundleOptions& options, TrajectoryProblem* problem);
+
+  // At the problem's present values. False where a used marker cannot be seen, or the knots are not
+  // determined.
+  bool Linearise();
+  double cost() const { return cost_; }  // of the last linearisation, priors included
+  // Lower triangle, the knots eliminated; and the gradient, likewise.
+  const Eigen::MatrixXd& matrix() const { return matrix_; }
+  const Eigen::VectorXd& gradient() const { return gradient_; }
+  const LineBundleLayout& layout() const { return layout_; }
+
+  // One Gauss-Newton step from the last linearisation, halved until the cost is lower. False: no
+  // such step was found, and the problem is as it was.
+  bool Step();
+
+  // Of the last linearisation, with the cameras held: what the paths still are free in.
+  struct Freedom {
+    double values = 0;  // numbers of the data that the paths take up
+    // Of the third differences: how many the data decide, and their sum of squares.
+    double origin_by_data = 0, origin_square = 0;
+    double direction_by_data = 0, direction_square = 0;
+  };
+  // Before it is asked: PreparePathCovariance.
+  Freedom MeasureFreedom() const;
+
+  // Of the last linearisation, prepared as well: from now on the gradient has that of variance / 2
+  // * log det A, with A the matrix of the knots, as it is here, and the variance of the whitened
+  // residuals. The cost has its minimum over paths and cameras together where the path is smooth
+  // for want of room: a rig at half the size, or flatter, has a path of half the third differences.
+  // Where there is more room, more paths fit; what is minimised is the cost of all of them
+  // (Laplace's approximation of the marginal likelihood; MacKay 1999, Comparison of approximate
+  // methods for handling hyperparameters).
+  //
+  // `scale_pull`: how much the path pulls at the scale, by its prior; none: as it does at each
+  // linearisation, which holds once the path has settled.
+  void CountPaths(double variance, std::optional<double> scale_pull);
+
+  // Of the last linearisation, by row in the order of the problem: weight, whitened residual, and
+  // its derivative by the reduced parameters where the knots give way to them.
+  using MarkerVisitor =
+      std::function<void(size_t row, double weight, const Eigen::Vector2d& residual,
+                         const Eigen::Matrix<double, 2, Eigen::Dynamic>& slope)>;
+  void ForEachReduced(const MarkerVisitor& visit) const;
+
+  // Of the last linearisation, with the cameras held: the covariance of where the path puts a
+  // marker, whitened, used or not. `row` must have a span, and its camera see the marker.
+  Eigen::Matrix2d PathCovariance(size_t row, const BundleObservation& observation,
+                                 const BundleMarker& marker) const;
+  // Before PathCovariance is asked.
+  void PreparePathCovariance();
+
+ private:
+  struct SpanSystem {
+    BandedMatrix matrix;       // factored
+    Eigen::MatrixXd border;    // L^-1 of the coupling to the reduced parameters
+    Eigen::VectorXd gradient;  // L^-1 of it
+    BandedMatrix inverse;
+  };
+  struct MarkerSlopes {
+    SplineWeights weights;
+    Eigen::Vector2d residual;
+    Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, 4 * TrajectorySpan::kLineSize> knots;
+    std::vector<std::pair<int, Eigen::Vector2d>> reduced;
+  };
+  bool Differentiate(size_t row, const BundleObservation& observation, const BundleMarker& marker,
+                     MarkerSlopes* slopes) const;
+  double Weight(const Eigen::Vector2d& residual) const;
+  bool DataCost(double* cost) const;
+  double PathCost() const;
+  // Moves each unknown but the knots that a marker depends on by a small step, calls
+  // function(column, step), and moves it back.
+  template <typename Function>
+  void ForEachUnknownOf(const BundleObservation& observation, const BundleMarker& marker,
+                        const Function& function);
+  // The unit of length is the spacing's business. Rows say nothing of it, and a path of half the
+  // size is no more likely: what the path's prior and the count of paths say about the scale is
+  // taken out again, by way of the spacing where it is estimated.
+  void FreeScale();
+  void AddPathPrior(size_t span, SpanSystem* system) const;
+
+  const BundleOptions& options_;
+  TrajectoryProblem& problem_;
+  LineBundleLayout layout_;
+  PackedMarkers packed_;  // of nothing
+  std::vector<SpanSystem> systems_;
+  Eigen::MatrixXd matrix_;
+  Eigen::VectorXd gradient_;
+  double cost_ = 0;
+  // Of FreeScale: what it added to the gradient and took from the matrix, as a square of this.
+  Eigen::VectorXd scale_gradient_, scale_root_;
+  std::optional<double> scale_pull_;
+  // Of CountPaths; empty until then.
+  Eigen::VectorXd count_gradient_;
+  std::vector<Eigen::VectorXd> count_gradient_of_knots_;
+};
+
+}  // namespace rigcal::server

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/trajectory/trajectory_adjuster.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/server/solve/trajectory/trajectory_scene.h"
+#include "tests/testing/status_matchers.h"
+
+namespace rigcal::server::trajectory_adjuster_test {
+namespace {
+
+using ::rigcal::testing::IsOk;
+
+double WorstCentreM(const TrajectoryProblem& solved, const TrajectoryProblem& truth) {
+  double worst_m = 0;
+  for (size_t c = 0; c < truth.rows.cameras.size(); ++c) {
+    worst_m = std::max(worst_m, (solved.rows.cameras[c].cam_from_rig.SourceFromTargetTranslation() -
+                                 truth.rows.cameras[c].cam_from_rig.SourceFromTargetTranslation())
+                                    .norm());
+  }
+  return worst_m;
+}
+
+TEST(TrajectoryAdjusterTest, ExactRowsGiveExactParameters) {
+  for (const bool is_point : {false, true}) {
+    TrajectorySceneOptions options;
+    options.is_point = is_point;
+    options.stated_px = 1e-4;
+    TrajectoryScene scene = MakeTrajectoryScene(options);
+    BundleOptions bundle;
+    bundle.robust = false;
+    ASSERT_OK_AND_ASSIGN(const TrajectorySummary summary, AdjustTrajectory(bundle, &scene.initial));
+    EXPECT_TRUE(summary.converged);
+    EXPECT_LT(WorstCentreM(scene.initial, scene.ground_truth), 1e-6);
+    for (size_t c = 0; c < scene.initial.rows.cameras.size(); ++c) {
+      EXPECT_NEAR(scene.initial.rows.cameras[c].line_delay_s,
+                  scene.ground_truth.rows.cameras[c].line_delay_s, 1e-9);
+      EXPECT_NEAR(scene.initial.rows.clocks[c].time_offset_s,
+                  scene.ground_truth.rows.clocks[c].time_offset_s, 1e-6);
+    }
+  }
+}
+
+TEST(TrajectoryAdjusterTest, NoiseGivesItsSigma) {
+  TrajectorySceneOptions options;
+  options.noise_px = 0.2;
+  options.stated_px = 0.2;
+  options.duration_s = 20;
+  TrajectoryScene scene = MakeTrajectoryScene(options);
+  BundleOptions bundle;
+  ASSERT_OK_AND_ASSIGN(const TrajectorySummary summary, AdjustTrajectory(bundle, &scene.initial));
+  EXPECT_TRUE(summary.converged);
+  EXPECT_NEAR(summary.residual_sigma, 1, 0.1);
+  EXPECT_LT(WorstCentreM(scene.initial, scene.ground_truth), 2e-3);
+}
+
+// Rows of which every camera keeps a third, each its own.
+TEST(TrajectoryAdjusterTest, OutliersAreFoundAmongSparseRows) {
+  TrajectorySceneOptions options;
+  options.noise_px = options.stated_px = 0.2;
+  options.duration_s = 20;
+  options.kept_share = 0.33;
+  TrajectoryScene scene = MakeTrajectoryScene(options);
+  BundleProblem& rows = scene.initial.rows;
+  std::vector<size_t> moved;
+  for (size_t m = 20; m < rows.markers.size(); m += 40) {
+    rows.markers[m].centre_px += Eigen::Vector2d(40, -30);
+    rows.markers[m].used = false;
+    moved.push_back(m);
+  }
+  // One that nobody has used yet, but that is right.
+  rows.markers[5].used = false;
+  BundleOptions bundle;
+  ASSERT_OK_AND_ASSIGN(const TrajectorySummary summary, AdjustTrajectory(bundle, &scene.initial));
+  EXPECT_TRUE(summary.converged);
+  EXPECT_EQ(ClassifyOutliersOfPath(bundle, &scene.initial), 1);
+  EXPECT_TRUE(rows.markers[5].used);
+  for (const size_t m : moved) EXPECT_FALSE(rows.markers[m].used);
+}
+
+TEST(TrajectoryAdjusterTest, EqualProblemsGiveEqualBits) {
+  TrajectorySceneOptions options;
+  options.noise_px = 0.2;
+  TrajectoryScene a = MakeTrajectoryScene(options), b = MakeTrajectoryScene(options);
+  ASSERT_THAT(AdjustTrajectory({}, &a.initial), IsOk());
+  ASSERT_THAT(AdjustTrajectory({}, &b.initial), IsOk());
+  EXPECT_EQ(a.initial.spans[0].knots, b.initial.spans[0].knots);
+  EXPECT_EQ(WorstCentreM(a.initial, b.initial), 0);
+}
+
+TEST(TrajectoryAdjusterTest, RefusesWhatIsNoTrajectory) {
+  TrajectoryScene scene = MakeTrajectoryScene({});
+  TrajectoryProblem short_span = scene.initial;
+  short_span.spans[0].knots.conservativeResize(3 * short_span.spans[0].size);
+  EXPECT_EQ(AdjustTrajectory({}, &short_span).status().code(), absl::StatusCode::kInvalidArgument);
+  TrajectoryProblem unused = scene.initial;
+  for (BundleMarker& marker : unused.rows.markers) marker.used = false;
+  EXPECT_EQ(AdjustTrajectory({}, &unused).status().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+}  // namespace
+}  // namespace rigcal::server::trajectory_adjuster_test

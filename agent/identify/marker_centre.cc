@@ -225,4 +225,39 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
          std::isfinite(centre->skewness) && std::isfinite(centre->spread);
 }
 
+void MarkerMeter::CollectPixels(const ImageView& image, const MarkerAperture& aperture,
+                                const MarkerCentre& centre) {
+  pixels_.clear();
+  const std::vector<RingBackground::Arc>& arcs = background_.arcs();
+  const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
+  const auto least = static_cast<float>(0.3 * centre.contrast_grey);
+  const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
+  ForPixels(window_, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+    if (d.dot(reach * d) > 1 || arcs[arc_of_[i]].blocked) return;
+    size_t arc = 0;
+    const Eigen::Vector3f background = background_.At(d, &arc);
+    const Eigen::Vector3f range = plateau - background;
+    const float squared = std::max(range.squaredNorm(), least * least);
+    const float share = (GreyAt(image, x, y) - background).dot(range) / squared;
+    pixels_.push_back({Eigen::Vector2d(x, y), static_cast<double>(share)});
+  });
+}
+
+std::optional<SphereOutline> MarkerMeter::FitOutline(const ImageView& image, const Blob& blob,
+                                                     bool shaded) {
+  MarkerCentre centre;
+  if (!Measure(image, blob, &centre)) return std::nullopt;
+  // Measure leaves background, window and blocked arcs of its aperture behind.
+  Blob outlined = blob;
+  outlined.centre_px = centre.centre_px;
+  outlined.second_moment_px2 = centre.second_moment_px2;
+  CollectPixels(image, MarkerAperture(outlined), centre);
+  SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
+  const double noise = centre.noise_grey / std::max(1.0, centre.contrast_grey);
+  if (!FitSphereOutline(pixels_, centre.second_moment_px2, noise, shaded, &outline)) {
+    return std::nullopt;
+  }
+  return outline;
+}
+
 }  // namespace rigcal::agent

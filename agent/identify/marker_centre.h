@@ -3,12 +3,14 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/blobs/image_view.h"
 #include "agent/identify/marker_aperture.h"
 #include "agent/identify/ring_background.h"
+#include "agent/identify/sphere_outline_fit.h"
 
 namespace rigcal::agent {
 
@@ -49,11 +51,16 @@ class MarkerMeter {
   // False where there is nothing to measure: no contrast, or a window without background.
   bool Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre);
 
+  // The outline of a blob (FitSphereOutline); none where it cannot be fitted.
+  std::optional<SphereOutline> FitOutline(const ImageView& image, const Blob& blob, bool shaded);
+
  private:
   bool PlaceWindow(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   bool ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
                    MarkerCentre* centre) const;
   bool Cover(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
+  void CollectPixels(const ImageView& image, const MarkerAperture& aperture,
+                     const MarkerCentre& centre);
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob) const;
   void Block(const MarkerAperture& aperture);
@@ -66,6 +73,7 @@ class MarkerMeter {
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
   std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
   std::vector<uint16_t> arc_of_;  // of the window
+  std::vector<CoveragePixel> pixels_;
 };
 
 }  // namespace rigcal::agent

@@ -20,6 +20,7 @@ constexpr double kOccludedCost = 9;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
+constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
 
@@ -153,6 +154,30 @@ Verdict WandVerifier::Choose() {
   return verdict;
 }
 
+void WandVerifier::FitOutlines(const ImageView& image, absl::Span<const Blob> blobs,
+                               VerifiedWand* wand) {
+  for (const bool shaded : {true, false}) {
+    double chi_squared = 0;
+    int count = 0;
+    absl::InlinedVector<std::optional<SphereOutline>, 3> outlines;
+    for (size_t k = 0; k < wand->blobs.size(); ++k) {
+      auto& outline = outlines.emplace_back();
+      if (!wand->whole[k]) continue;
+      outline = meter_.FitOutline(image, blobs[static_cast<size_t>(wand->blobs[k])], shaded);
+      if (!outline) continue;
+      chi_squared += outline->slope_chi_squared;
+      ++count;
+    }
+    if (shaded && chi_squared < kShaded * count) continue;
+    for (size_t k = 0; k < outlines.size(); ++k) {
+      if (!outlines[k]) continue;
+      wand->centres[k].centre_px = outlines[k]->centre_px;
+      wand->centres[k].covariance_px2 = outlines[k]->covariance_px2;
+    }
+    return;
+  }
+}
+
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
                              const WandFinder& finder, absl::Span<const WandCandidate> candidates) {
   measured_.clear();
@@ -161,7 +186,9 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
     auto wand = EvaluateOne(image, blobs, finder, candidate);
     if (wand.has_value()) evaluated_.push_back(*std::move(wand));
   }
-  return Choose();
+  Verdict verdict = Choose();
+  if (verdict.wand) FitOutlines(image, blobs, &*verdict.wand);
+  return verdict;
 }
 
 }  // namespace rigcal::agent

@@ -48,6 +48,8 @@ class WandVerifier {
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   Verdict Choose();
+  // Centres of the outlines where those can be fitted.
+  void FitOutlines(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
 
   double min_confidence_;
   MarkerMeter meter_;

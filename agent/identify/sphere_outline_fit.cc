@@ -35,7 +35,9 @@ constexpr double kSlopeSigma = 0.5, kNoSlopeSigma = 1e-4, kBendSigma = 0.3;
 constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
 constexpr double kModelNoise = 0.015;  // of the model itself
 constexpr double kCauchy = 2.4;        // sigmas
-constexpr int kMaxRounds = 12;
+constexpr size_t kFewest = kCount + 8;
+constexpr int kMaxRounds = 30;
+constexpr double kSettledPx = 0.003, kSettledCost = 0.05;
 constexpr double kFarEdge = 4.5;  // sigmas from the outline, where nothing depends on it
 constexpr double kMostResidual = 0.12;
 
@@ -111,11 +113,46 @@ void Evaluate(const Vector& q, const Eigen::Vector2d& at, Model* model) {
   s[kEdgeSin] = by_sigma * 0.5 * q[kEdge] * sin2 / sigma;
 }
 
+// Normal equations of the robust cost.
+struct System {
+  Matrix information = Matrix::Zero();  // lower triangle
+  Vector gradient = Vector::Zero();     // downhill
+  double cost = 0;
+  // Sums over the pixels: weight and squared weight times squared residual; weight; its square.
+  double squares = 0, weights = 0, slopes = 0;
+};
+
+System Linearise(std::span<const CoveragePixel> pixels, double sigma, const Vector& q) {
+  System system;
+  Model model;
+  constexpr double kCauchy2 = kCauchy * kCauchy;
+  for (const CoveragePixel& pixel : pixels) {
+    Evaluate(q, pixel.at_px, &model);
+    const double residual = (pixel.coverage - model.value) / sigma;
+    const double squared = residual * residual / kCauchy2;
+    const double weight = 1 / (1 + squared);
+    system.cost += 0.5 * kCauchy2 * std::log1p(squared);
+    system.squares += weight * weight * residual * residual;
+    system.weights += weight;
+    system.slopes += weight * weight;
+    const Vector scaled = model.slope / sigma;
+    system.information.selfadjointView<Eigen::Lower>().rankUpdate(scaled, weight);
+    system.gradient += weight * residual * scaled;
+  }
+  return system;
+}
+
+void AddPrior(const Vector& prior, const Vector& missing, System* system) {
+  system->information.diagonal() += prior;
+  system->gradient += prior.cwiseProduct(missing);
+  system->cost += 0.5 * missing.dot(prior.cwiseProduct(missing));
+}
+
 }  // namespace
 
 bool FitSphereOutline(std::span<const CoveragePixel> pixels, const Eigen::Matrix2d& shape,
                       double noise, bool shaded, SphereOutline* start) {
-  if (pixels.size() < kCount + 8) return false;
+  if (pixels.size() < kFewest) return false;
   const double sigma = std::hypot(noise, kModelNoise);
   Vector q = Vector::Zero();
   q.head<2>() = start->centre_px;
@@ -139,47 +176,47 @@ bool FitSphereOutline(std::span<const CoveragePixel> pixels, const Eigen::Matrix
   for (const Parameter p : {kEdgeCos, kEdgeSin}) expect(p, kEdgeShapeSigma);
   for (const Parameter p : {kSlopeX, kSlopeY}) expect(p, shaded ? kSlopeSigma : kNoSlopeSigma);
   for (const Parameter p : {kBendAlong, kBendDiagonal, kBendRound}) expect(p, kBendSigma);
-  Matrix information;
-  double squares = 0, weights = 0, slopes = 0;
-  Model model;
+  System system = Linearise(pixels, sigma, q);
+  AddPrior(prior, expected - q, &system);
+  double damping = 1e-3;
   bool settled = false;
   for (int round = 0; round < kMaxRounds && !settled; ++round) {
-    information.setZero();
-    Vector gradient = Vector::Zero();
-    squares = weights = slopes = 0;
-    for (const CoveragePixel& pixel : pixels) {
-      Evaluate(q, pixel.at_px, &model);
-      const double residual = (pixel.coverage - model.value) / sigma;
-      const double weight = 1 / (1 + residual * residual / (kCauchy * kCauchy));
-      squares += weight * weight * residual * residual;
-      weights += weight;
-      slopes += weight * weight;
-      const Vector scaled = model.slope / sigma;
-      information.selfadjointView<Eigen::Lower>().rankUpdate(scaled, weight);
-      gradient += weight * residual * scaled;
-    }
-    information.diagonal() += prior;
-    gradient += prior.cwiseProduct(expected - q);
-    Vector step = information.selfadjointView<Eigen::Lower>().ldlt().solve(gradient);
+    Matrix damped = system.information.selfadjointView<Eigen::Lower>();
+    damped.diagonal() *= 1 + damping;
+    const Vector step = damped.ldlt().solve(system.gradient);
     if (!step.allFinite()) return false;
-    const double far = step.head<2>().norm() / (0.3 * start->radius_px + 0.3);
-    if (far > 1) step /= far;
-    q += step;
-    q[kRadius] = std::clamp(q[kRadius], 0.5 * start->radius_px, 1.6 * start->radius_px);
-    q[kEdge] = std::clamp(q[kEdge], 0.08, 0.25 * start->radius_px * start->radius_px + 2);
-    settled = step.head<2>().norm() < 0.002 && round > 1;
+    Vector next = q + step;
+    next[kRadius] = std::clamp(next[kRadius], 0.5 * start->radius_px, 1.6 * start->radius_px);
+    next[kEdge] = std::clamp(next[kEdge], 0.08, 0.25 * start->radius_px * start->radius_px + 2);
+    System there = Linearise(pixels, sigma, next);
+    AddPrior(prior, expected - next, &there);
+    const double gained = system.cost - there.cost;
+    if (gained < -1e-9) {
+      damping *= 8;
+      // Where no step gains anything it has arrived.
+      settled = damping > 1e6;
+      continue;
+    }
+    damping = std::max(1e-6, 0.2 * damping);
+    settled = (next - q).head<2>().norm() < kSettledPx && gained < kSettledCost;
+    q = next;
+    system = std::move(there);
   }
   if (!settled) return false;
   if (!((q.head<2>() - start->centre_px).norm() < 0.45 * start->radius_px + 0.3)) return false;
-  const double free = std::max(1.0, weights - static_cast<double>(kCount));
-  start->residual = std::sqrt(squares / free) * sigma;
+  const double free = std::max(1.0, system.weights - static_cast<double>(kCount));
+  start->residual = std::sqrt(system.squares / free) * sigma;
   if (!(start->residual < kMostResidual)) return false;
-  const Matrix full = information.selfadjointView<Eigen::Lower>();
+  const Matrix full = system.information.selfadjointView<Eigen::Lower>();
   const Matrix covariance = full.inverse();
-  const double factor = std::max(1.0, squares * weights / (free * std::max(1e-9, slopes)));
+  const double factor =
+      std::max(1.0, system.squares * system.weights / (free * std::max(1e-9, system.slopes)));
   start->covariance_px2 = factor * covariance.topLeftCorner<2, 2>();
   start->slope_chi_squared = q.segment<2>(kSlopeX).dot(
       (factor * covariance.block<2, 2>(kSlopeX, kSlopeX)).ldlt().solve(q.segment<2>(kSlopeX)));
+  start->stretch = -q.segment<2>(kStretch);
+  start->edge_px = std::sqrt(q[kEdge]);
+  start->brightness = q[kBrightness];
   start->centre_px = q.head<2>();
   start->radius_px =
       q[kRadius] / std::sqrt(std::max(0.1, 1 - q[kStretch] * q[kStretch] - q[kShear] * q[kShear]));

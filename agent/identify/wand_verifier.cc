@@ -20,9 +20,17 @@ constexpr double kOccludedCost = 9;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
+// Of outlines.
+constexpr double kWorthALook = 0.1;  // confidence
+constexpr size_t kMaxOutlined = 8;
+constexpr double kNoOutlineCost = 9;
+constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
+constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
+
+double ConfidenceOf(double cost) { return 1 / (1 + std::exp((cost - kHalfCost) / kCostScale)); }
 
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
 bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
@@ -118,7 +126,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (!wand.whole[k]) wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
   }
-  wand.confidence = 1 / (1 + std::exp((wand.cost - kHalfCost) / kCostScale));
+  wand.confidence = ConfidenceOf(wand.cost);
   return wand;
 }
 
@@ -154,37 +162,86 @@ Verdict WandVerifier::Choose() {
   return verdict;
 }
 
+const WandVerifier::Outlined& WandVerifier::OutlineOf(const ImageView& image,
+                                                      absl::Span<const Blob> blobs, int blob,
+                                                      bool shaded) {
+  for (const Outlined& outlined : outlined_) {
+    if (outlined.blob == blob && outlined.shaded == shaded) return outlined;
+  }
+  Outlined& outlined = outlined_.emplace_back();
+  outlined.blob = blob;
+  outlined.shaded = shaded;
+  outlined.outline = meter_.FitOutline(image, blobs[static_cast<size_t>(blob)], shaded);
+  return outlined;
+}
+
+// The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
+// differ within the wand. Motion stretches all spheres alike.
+double WandVerifier::ShapeCost(const ImageView& image, absl::Span<const Blob> blobs,
+                               const VerifiedWand& wand) {
+  double cost = 0, weights = 0;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  absl::InlinedVector<std::pair<Eigen::Vector2d, double>, 3> stretches;
+  for (size_t k = 0; k < wand.blobs.size(); ++k) {
+    if (!wand.whole[k]) continue;
+    const MarkerCentre& centre = wand.centres[k];
+    const auto& outline = OutlineOf(image, blobs, wand.blobs[k], true).outline;
+    if (!outline) {
+      cost += kNoOutlineCost;
+      continue;
+    }
+    const double noise = std::hypot(centre.noise_grey / centre.contrast_grey, kOutlineNoise);
+    cost += Squared(std::max(0.0, outline->residual / noise - 1) / kResidualSigma);
+    const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
+    const double weight = 1 / Squared(sigma);
+    stretches.emplace_back(outline->stretch, weight);
+    mean += weight * outline->stretch;
+    weights += weight;
+  }
+  if (weights > 0) mean /= weights;
+  for (const auto& [stretch, weight] : stretches) cost += weight * (stretch - mean).squaredNorm();
+  return cost;
+}
+
 void WandVerifier::FitOutlines(const ImageView& image, absl::Span<const Blob> blobs,
                                VerifiedWand* wand) {
-  for (const bool shaded : {true, false}) {
-    double chi_squared = 0;
-    int count = 0;
-    absl::InlinedVector<std::optional<SphereOutline>, 3> outlines;
-    for (size_t k = 0; k < wand->blobs.size(); ++k) {
-      auto& outline = outlines.emplace_back();
-      if (!wand->whole[k]) continue;
-      outline = meter_.FitOutline(image, blobs[static_cast<size_t>(wand->blobs[k])], shaded);
-      if (!outline) continue;
-      chi_squared += outline->slope_chi_squared;
-      ++count;
-    }
-    if (shaded && chi_squared < kShaded * count) continue;
-    for (size_t k = 0; k < outlines.size(); ++k) {
-      if (!outlines[k]) continue;
-      wand->centres[k].centre_px = outlines[k]->centre_px;
-      wand->centres[k].covariance_px2 = outlines[k]->covariance_px2;
-    }
-    return;
+  double chi_squared = 0;
+  int count = 0;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    if (!wand->whole[k]) continue;
+    const auto& outline = OutlineOf(image, blobs, wand->blobs[k], true).outline;
+    if (!outline) continue;
+    chi_squared += outline->slope_chi_squared;
+    ++count;
+  }
+  const bool shaded = chi_squared >= kShaded * count;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    if (!wand->whole[k]) continue;
+    const auto& outline = OutlineOf(image, blobs, wand->blobs[k], shaded).outline;
+    if (!outline) continue;
+    wand->centres[k].centre_px = outline->centre_px;
+    wand->centres[k].covariance_px2 = outline->covariance_px2;
   }
 }
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
                              const WandFinder& finder, absl::Span<const WandCandidate> candidates) {
   measured_.clear();
+  outlined_.clear();
   evaluated_.clear();
   for (const WandCandidate& candidate : candidates) {
     auto wand = EvaluateOne(image, blobs, finder, candidate);
     if (wand.has_value()) evaluated_.push_back(*std::move(wand));
+  }
+  std::stable_sort(evaluated_.begin(), evaluated_.end(),
+                   [](const VerifiedWand& a, const VerifiedWand& b) { return a.cost < b.cost; });
+  std::erase_if(evaluated_, [this](const VerifiedWand& wand) {
+    return wand.confidence < std::min(kWorthALook, min_confidence_);
+  });
+  if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
+  for (VerifiedWand& wand : evaluated_) {
+    wand.cost += ShapeCost(image, blobs, wand);
+    wand.confidence = ConfidenceOf(wand.cost);
   }
   Verdict verdict = Choose();
   if (verdict.wand) FitOutlines(image, blobs, &*verdict.wand);

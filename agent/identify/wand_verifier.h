@@ -48,12 +48,21 @@ class WandVerifier {
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   Verdict Choose();
+  struct Outlined {
+    int blob = 0;
+    bool shaded = false;
+    std::optional<SphereOutline> outline;
+  };
+  const Outlined& OutlineOf(const ImageView& image, absl::Span<const Blob> blobs, int blob,
+                            bool shaded);
+  double ShapeCost(const ImageView& image, absl::Span<const Blob> blobs, const VerifiedWand& wand);
   // Centres of the outlines where those can be fitted.
   void FitOutlines(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
 
   double min_confidence_;
   MarkerMeter meter_;
   std::vector<Measured> measured_;
+  std::vector<Outlined> outlined_;
   std::vector<VerifiedWand> evaluated_;
 };
 

@@ -23,6 +23,8 @@ double CentralMoment(int64_t n, int64_t sum_ab, int64_t sum_a, int64_t sum_b) {
   return static_cast<double>(scaled) / count / count;
 }
 
+}  // namespace
+
 Blob ToBlob(const ComponentSums& sums, const ImageView& image) {
   Blob blob;
   const auto n = static_cast<double>(sums.area);
@@ -37,8 +39,6 @@ Blob ToBlob(const ComponentSums& sums, const ImageView& image) {
                         sums.max_y == image.height - 1;
   return blob;
 }
-
-}  // namespace
 
 absl::Status BlobFinderOptions::Validate() const {
   FaultList faults;

@@ -20,6 +20,9 @@ struct Blob {
   bool touches_border = false;  // of the image, not of the window
 };
 
+// Of a component of an image's pixels.
+Blob ToBlob(const ComponentSums& sums, const ImageView& image);
+
 struct BlobFinderOptions {
   ColourRange colour;
   int min_area_px = 6;

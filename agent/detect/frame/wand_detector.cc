@@ -19,6 +19,7 @@ namespace {
 
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
+constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 
@@ -43,11 +44,13 @@ absl::Status WandDetectorOptions::Validate() const {
 }
 
 WandDetector::WandDetector(const WandDetectorOptions& options, const Target& target,
-                           const CameraDescription& camera, BlobFinder blob_finder)
+                           const CameraDescription& camera, BlobFinder blob_finder,
+                           BlobFinder coloured_finder)
     : options_(options),
       target_(target),
       camera_(camera),
       blob_finder_(std::move(blob_finder)),
+      coloured_finder_(std::move(coloured_finder)),
       wand_finder_({.limits = options}, target, camera),
       verifier_(options.min_confidence),
       light_sigma_s_(LightTimeSigma(options.exposure_s, target)) {}
@@ -81,6 +84,10 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part) {
     if (round) keep(blob, is_cut);
     // Of a large round one a marker may be a part: a sphere in front of a warm lampshade.
     if (round && blob.area_px < kLargeAreaPx) continue;
+    // A sphere in front of a window or a lamp has merged with its white.
+    for (const Blob& coloured : coloured_finder_.Find(image, blob.box).blobs) {
+      if (coloured.area_px < blob.area_px && IsRound(coloured)) keep(coloured, is_cut);
+    }
     for (const Blob& piece : splitter_.Split(image, blob, options_.min_area_px)) {
       keep(piece, is_cut);
     }
@@ -146,12 +153,16 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
   absl::Status status = options.Validate();
   status.Update(CheckTargetAndCamera(target, camera));
   auto blob_finder = BlobFinder::Create(options);
+  WandDetectorOptions coloured = options;
+  coloured.colour.washed_out_min = kNeverWashedOut;
+  auto coloured_finder = BlobFinder::Create(coloured);
   status.Update(blob_finder.status());
   if (!status.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  return WandDetector(options, target, camera, *std::move(blob_finder));
+  return WandDetector(options, target, camera, *std::move(blob_finder),
+                      *std::move(coloured_finder));
 }
 
 absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t time_ns,

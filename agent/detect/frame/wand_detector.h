@@ -34,7 +34,10 @@ class WandDetector {
                                              const Target& target, const CameraDescription& camera);
 
   // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
-  void SetIgnored(PixelMask ignored) { blob_finder_.SetIgnored(std::move(ignored)); }
+  void SetIgnored(const PixelMask& ignored) {
+    blob_finder_.SetIgnored(ignored);
+    coloured_finder_.SetIgnored(ignored);
+  }
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image
@@ -47,7 +50,7 @@ class WandDetector {
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,
-               const CameraDescription& camera, BlobFinder blob_finder);
+               const CameraDescription& camera, BlobFinder blob_finder, BlobFinder coloured_finder);
   Verdict Search(const ImageView& image, const PixelRect& part);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
                                             uint32_t clock_epoch);
@@ -59,6 +62,7 @@ class WandDetector {
   Target target_;
   CameraDescription camera_;
   BlobFinder blob_finder_;
+  BlobFinder coloured_finder_;  // leaves out what the sensor has lost the colour of
   WandFinder wand_finder_;
   WandVerifier verifier_;
   double light_sigma_s_;

@@ -61,6 +61,7 @@ absl::StatusOr<BlobFinder> BlobFinder::Create(BlobFinderOptions options, const M
 const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.blobs.clear();
   result_.over_limit = 0;
+  result_.passed_px = 0;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
   LabelRows(image, inside);
@@ -94,6 +95,7 @@ void BlobFinder::KeepBlobs(const ImageView& image, const std::vector<ComponentSu
   kept_.clear();
   for (size_t i = 0; i < components.size(); ++i) {
     const int64_t area = components[i].area;
+    result_.passed_px += area;
     if (area < options_.min_area_px || area > options_.max_area_px) continue;
     kept_.push_back(static_cast<int>(i));
   }

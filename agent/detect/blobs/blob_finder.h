@@ -36,6 +36,7 @@ struct BlobFinderOptions {
 struct BlobResult {
   std::vector<Blob> blobs;  // from top to bottom, left to right by their first pixel
   int over_limit = 0;       // in area range, but beyond max_blobs
+  int64_t passed_px = 0;    // pixels of the colour, of blobs of any size
 };
 
 // Finds the connected pixels of a colour in one pass over an image: pixels to mask bits, bits to

@@ -13,13 +13,16 @@
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/wand_verifier.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
-constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
+constexpr int kNeverWashedOut = 256;              // ColourRange::washed_out_min
+constexpr double kLevels[] = {0, 0.2, 0.4, 0.6};  // from value_min to the brightest
+constexpr double kCrowded = 0.06;                 // of the image
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 
@@ -44,20 +47,34 @@ absl::Status WandDetectorOptions::Validate() const {
 }
 
 WandDetector::WandDetector(const WandDetectorOptions& options, const Target& target,
-                           const CameraDescription& camera, BlobFinder blob_finder,
-                           BlobFinder coloured_finder)
+                           const CameraDescription& camera)
     : options_(options),
       target_(target),
       camera_(camera),
-      blob_finder_(std::move(blob_finder)),
-      coloured_finder_(std::move(coloured_finder)),
       wand_finder_({.limits = options}, target, camera),
       verifier_(options.min_confidence),
       light_sigma_s_(LightTimeSigma(options.exposure_s, target)) {}
 
-Verdict WandDetector::Search(const ImageView& image, const PixelRect& part) {
+// More passes than a wand and some things of its colour.
+bool WandDetector::IsCrowded() const {
+  const double pixels = static_cast<double>(camera_.image_size_px.width) *
+                        static_cast<double>(camera_.image_size_px.height);
+  return result().over_limit > 0 || static_cast<double>(result().passed_px) > kCrowded * pixels;
+}
+
+Verdict WandDetector::SearchAll(const ImageView& image) {
+  Verdict verdict;
+  for (size_t level = 0; level < levels_.size(); ++level) {
+    verdict = Search(image, image.Bounds(), level);
+    if (verdict.wand || !IsCrowded()) break;
+  }
+  return verdict;
+}
+
+Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size_t level) {
   window_ = part;
-  const BlobResult& found = blob_finder_.Find(image, part);
+  level_ = level;
+  const BlobResult& found = levels_[level].blobs.Find(image, part);
   standing_out_.clear();
   cut_.clear();
   const auto keep = [&](const Blob& blob, bool is_cut) {
@@ -85,7 +102,7 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part) {
     // Of a large round one a marker may be a part: a sphere in front of a warm lampshade.
     if (round && blob.area_px < kLargeAreaPx) continue;
     // A sphere in front of a window or a lamp has merged with its white.
-    for (const Blob& coloured : coloured_finder_.Find(image, blob.box).blobs) {
+    for (const Blob& coloured : levels_[level].coloured.Find(image, blob.box).blobs) {
       if (coloured.area_px < blob.area_px && IsRound(coloured)) keep(coloured, is_cut);
     }
     for (const Blob& piece : splitter_.Split(image, blob, options_.min_area_px)) {
@@ -99,7 +116,7 @@ std::optional<VerifiedWand> WandDetector::SearchTracked(const ImageView& image, 
                                                         uint32_t clock_epoch) {
   const auto part = track_.Window(time_ns, clock_epoch, image.Bounds());
   if (!part.has_value()) return std::nullopt;
-  const Verdict verdict = Search(image, *part);
+  const Verdict verdict = Search(image, *part, level_);
   if (!verdict.wand.has_value() || verdict.wand->OccludedCount() > 0) return std::nullopt;
   for (const int blob : verdict.wand->blobs) {
     if (cut_[static_cast<size_t>(blob)]) return std::nullopt;
@@ -142,8 +159,8 @@ DetectionOutcome WandDetector::WhyNone(const ImageView& image, const Verdict& ve
   const ImageExposure exposure = LookAtExposure(image);
   if (exposure == ImageExposure::kSaturated) return DetectionOutcome::kSaturated;
   if (verdict.ambiguous) return DetectionOutcome::kAmbiguous;
-  if (blob_finder_.result().over_limit > 0) return DetectionOutcome::kTooManyBlobs;
-  if (!blob_finder_.result().blobs.empty()) return DetectionOutcome::kNoWand;
+  if (result().over_limit > 0) return DetectionOutcome::kTooManyBlobs;
+  if (!result().blobs.empty()) return DetectionOutcome::kNoWand;
   return exposure == ImageExposure::kBlack ? DetectionOutcome::kBlack : DetectionOutcome::kNoBlob;
 }
 
@@ -152,17 +169,20 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
                                                   const CameraDescription& camera) {
   absl::Status status = options.Validate();
   status.Update(CheckTargetAndCamera(target, camera));
-  auto blob_finder = BlobFinder::Create(options);
-  WandDetectorOptions coloured = options;
-  coloured.colour.washed_out_min = kNeverWashedOut;
-  auto coloured_finder = BlobFinder::Create(coloured);
-  status.Update(blob_finder.status());
   if (!status.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  return WandDetector(options, target, camera, *std::move(blob_finder),
-                      *std::move(coloured_finder));
+  WandDetector detector(options, target, camera);
+  for (const double share : kLevels) {
+    BlobFinderOptions its = options;
+    its.colour.value_min += static_cast<int>(share * (255 - its.colour.value_min));
+    RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
+    its.colour.washed_out_min = kNeverWashedOut;
+    RIGCAL_ASSIGN_OR_RETURN(BlobFinder coloured, BlobFinder::Create(its));
+    detector.levels_.push_back({std::move(blobs), std::move(coloured)});
+  }
+  return detector;
 }
 
 absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t time_ns,
@@ -185,11 +205,11 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.tracked = wand.has_value();
   detection.outcome = DetectionOutcome::kWand;
   if (!wand.has_value()) {
-    const Verdict verdict = Search(image, image.Bounds());
+    const Verdict verdict = SearchAll(image);
     wand = verdict.wand;
     if (!wand.has_value()) detection.outcome = WhyNone(image, verdict);
   }
-  detection.blob_count = static_cast<int>(blob_finder_.result().blobs.size());
+  detection.blob_count = static_cast<int>(result().blobs.size());
   if (wand.has_value()) {
     Follow(*wand, &detection);
   } else {

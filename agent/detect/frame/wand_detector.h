@@ -35,8 +35,10 @@ class WandDetector {
 
   // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
   void SetIgnored(const PixelMask& ignored) {
-    blob_finder_.SetIgnored(ignored);
-    coloured_finder_.SetIgnored(ignored);
+    for (Level& level : levels_) {
+      level.blobs.SetIgnored(ignored);
+      level.coloured.SetIgnored(ignored);
+    }
   }
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
@@ -46,12 +48,15 @@ class WandDetector {
 
   // Window and blobs of the last Detect; valid until the next call.
   PixelRect window() const { return window_; }
-  absl::Span<const Blob> blobs() const { return blob_finder_.result().blobs; }
+  absl::Span<const Blob> blobs() const { return result().blobs; }
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,
-               const CameraDescription& camera, BlobFinder blob_finder, BlobFinder coloured_finder);
-  Verdict Search(const ImageView& image, const PixelRect& part);
+               const CameraDescription& camera);
+  const BlobResult& result() const { return levels_[level_].blobs.result(); }
+  bool IsCrowded() const;
+  Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
+  Verdict SearchAll(const ImageView& image);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
                                             uint32_t clock_epoch);
   MarkerObservation Observe(const VerifiedWand& wand, size_t marker) const;
@@ -61,8 +66,14 @@ class WandDetector {
   WandDetectorOptions options_;
   Target target_;
   CameraDescription camera_;
-  BlobFinder blob_finder_;
-  BlobFinder coloured_finder_;  // leaves out what the sensor has lost the colour of
+  // The colour's range from some brightness on. In a room of the wand's own colour the spheres are
+  // among its brighter things.
+  struct Level {
+    BlobFinder blobs;
+    BlobFinder coloured;  // leaves out what the sensor has lost the colour of
+  };
+  std::vector<Level> levels_;
+  size_t level_ = 0;  // of the last Search
   WandFinder wand_finder_;
   WandVerifier verifier_;
   double light_sigma_s_;

@@ -15,7 +15,10 @@ struct Detection {
   double confidence = 0;  // 0 to 1, of the whole wand
   int blob_count = 0;
   int occluded_markers = 0;
-  bool tracked = false;  // found in the predicted window, without a full search
+  // Candidates were left out to bound the time; without a wand the outcome is kTooManyBlobs.
+  bool cut_short = false;
+  int dismissed_patches = 0;  // of the wand's colour, too large to look for markers in front
+  bool tracked = false;       // found in the predicted window, without a full search
 };
 
 }  // namespace rigcal::agent

@@ -9,8 +9,8 @@
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/blobs/image_view.h"
 #include "agent/identify/marker_aperture.h"
+#include "agent/identify/outline_rows.h"
 #include "agent/identify/ring_background.h"
-#include "agent/identify/sphere_outline_fit.h"
 
 namespace rigcal::agent {
 
@@ -48,32 +48,38 @@ struct MarkerCentre {
 // follows the centroid until it converges.
 class MarkerMeter {
  public:
-  // False where there is nothing to measure: no contrast, or a window without background.
+  // False where there is nothing to measure: no contrast, or a window without background. Of a
+  // large image every second or third pixel and row is read: they say the same.
   bool Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre);
 
-  // The outline of a blob (FitSphereOutline); none where it cannot be fitted.
-  std::optional<SphereOutline> FitOutline(const ImageView& image, const Blob& blob, bool shaded);
+  // The pixels of what was measured last and of its surroundings, for the fit of its outline; none
+  // after a Measure that failed.
+  void CollectPixels(const MarkerCentre& centre, OutlinePixels* pixels) const;
+
+  // Pixels that a Measure of the blob reads, about.
+  static double WorkOf(const Blob& blob);
 
  private:
   bool PlaceWindow(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
   bool ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
                    MarkerCentre* centre) const;
   bool Cover(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
-  void CollectPixels(const ImageView& image, const MarkerAperture& aperture,
-                     const MarkerCentre& centre);
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob) const;
   void Block(const MarkerAperture& aperture);
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 
-  PixelRect window_;
+  PixelGrid window_;
   RingBackground background_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
   std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
   std::vector<uint16_t> arc_of_;  // of the window
-  std::vector<CoveragePixel> pixels_;
+  std::vector<float> share_;      // of the window: coverage, not clipped
+  Eigen::Matrix2d reach_ = Eigen::Matrix2d::Identity();  // what of the window is filled
+  bool has_measured_ = false;
+  std::optional<MarkerAperture> outlined_;  // of the last Measure
 };
 
 }  // namespace rigcal::agent

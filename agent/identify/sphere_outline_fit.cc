@@ -3,223 +3,179 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace rigcal::agent {
 namespace {
-
-enum Parameter : int {
-  kX,
-  kY,
-  kRadius,
-  kStretch,     // p
-  kShear,       // q
-  kEdge,        // s, px^2
-  kEdgeCos,     // b
-  kEdgeSin,     // c
-  kBrightness,  // a
-  kSlopeX,      // g
-  kSlopeY,
-  kBendAlong,     // h1
-  kBendDiagonal,  // h2
-  kBendRound,     // h3
-  kCount
-};
-using Vector = Eigen::Matrix<double, kCount, 1>;
-using Matrix = Eigen::Matrix<double, kCount, kCount>;
 
 // What is expected of the parameters, one sigma. Not of the place.
 constexpr double kShapeSigma = 0.04, kEdgeSigma = 0.5, kEdgeShapeSigma = 0.5;
 constexpr double kSlopeSigma = 0.5, kNoSlopeSigma = 1e-4, kBendSigma = 0.3;
 constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
-constexpr double kModelNoise = 0.015;  // of the model itself
-constexpr double kCauchy = 2.4;        // sigmas
-constexpr size_t kFewest = kCount + 8;
-constexpr int kMaxRounds = 30;
-constexpr double kSettledPx = 0.003, kSettledCost = 0.05;
-constexpr double kFarEdge = 4.5;  // sigmas from the outline, where nothing depends on it
-constexpr double kMostResidual = 0.12;
-
-struct Model {
-  double value = 0;
-  Vector slope = Vector::Zero();
-};
-
-double NormalShare(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
-
-// Value and derivatives at one pixel.
-void Evaluate(const Vector& q, const Eigen::Vector2d& at, Model* model) {
-  const double radius = q[kRadius];
-  Eigen::Matrix2d w;
-  w << 1 + q[kStretch], q[kShear], q[kShear], 1 - q[kStretch];
-  w /= radius;
-  const Eigen::Vector2d d = at - q.head<2>(), u = w * d;
-  const double n = std::max(u.norm(), 1e-9);
-  const Eigen::Vector2d gradient = w * u / n;  // of n; w is symmetric
-  const double steep = std::max(gradient.norm(), 1e-9);
-  const Eigen::Vector2d normal = gradient / steep;
-  const double rho = (1 - n) / steep;
-  const double cos2 = normal.x() * normal.x() - normal.y() * normal.y();
-  const double sin2 = 2 * normal.x() * normal.y();
-  const double shape = std::max(0.05, 1 + q[kEdgeCos] * cos2 + q[kEdgeSin] * sin2);
-  const double sigma = std::sqrt(q[kEdge] * shape);
-  const double z = rho / sigma;
-  model->slope.setZero();
-  if (z < -kFarEdge) {
-    model->value = 0;
-    return;
-  }
-  const double cover = z > kFarEdge ? 1 : NormalShare(z);
-  // Shading does not go on beyond the outline.
-  const double clip = n > 1 ? 1 / n : 1;
-  const Eigen::Vector2d v = clip * u;
-  const double along = v.x() * v.x() - v.y() * v.y(), diagonal = 2 * v.x() * v.y();
-  const double round = v.squaredNorm() - 0.5;
-  const double light = q[kBrightness] + q[kSlopeX] * v.x() + q[kSlopeY] * v.y() +
-                       q[kBendAlong] * along + q[kBendDiagonal] * diagonal + q[kBendRound] * round;
-  model->value = cover * light;
-  Vector& s = model->slope;
-  s[kBrightness] = cover;
-  s[kSlopeX] = cover * v.x();
-  s[kSlopeY] = cover * v.y();
-  s[kBendAlong] = cover * along;
-  s[kBendDiagonal] = cover * diagonal;
-  s[kBendRound] = cover * round;
-  if (n <= 1) {
-    const Eigen::Vector2d of_light(q[kSlopeX] + 2 * q[kBendAlong] * v.x() +
-                                       2 * q[kBendDiagonal] * v.y() + 2 * q[kBendRound] * v.x(),
-                                   q[kSlopeY] - 2 * q[kBendAlong] * v.y() +
-                                       2 * q[kBendDiagonal] * v.x() + 2 * q[kBendRound] * v.y());
-    const Eigen::Vector2d by_place = -cover * (w * of_light);
-    s[kX] = by_place.x();
-    s[kY] = by_place.y();
-    s[kRadius] = -cover * of_light.dot(u) / radius;
-  }
-  if (z > kFarEdge) return;
-  const double density =
-      std::exp(-0.5 * z * z) / (sigma * std::sqrt(2 * std::numbers::pi));  // d cover / d rho
-  const double edge = light * density;
-  s[kX] += edge * normal.x();
-  s[kY] += edge * normal.y();
-  s[kRadius] += edge * n / (radius * steep);
-  const Eigen::Vector2d by_stretch(d.x() / radius, -d.y() / radius);
-  const Eigen::Vector2d by_shear(d.y() / radius, d.x() / radius);
-  s[kStretch] = -edge * u.dot(by_stretch) / (n * steep);
-  s[kShear] = -edge * u.dot(by_shear) / (n * steep);
-  const double by_sigma = -edge * z;
-  s[kEdge] = by_sigma * 0.5 * sigma / q[kEdge];
-  s[kEdgeCos] = by_sigma * 0.5 * q[kEdge] * cos2 / sigma;
-  s[kEdgeSin] = by_sigma * 0.5 * q[kEdge] * sin2 / sigma;
-}
-
-// Normal equations of the robust cost.
-struct System {
-  Matrix information = Matrix::Zero();  // lower triangle
-  Vector gradient = Vector::Zero();     // downhill
-  double cost = 0;
-  // Sums over the pixels: weight and squared weight times squared residual; weight; its square.
-  double squares = 0, weights = 0, slopes = 0;
-};
-
-System Linearise(std::span<const CoveragePixel> pixels, double sigma, const Vector& q) {
-  System system;
-  Model model;
-  constexpr double kCauchy2 = kCauchy * kCauchy;
-  for (const CoveragePixel& pixel : pixels) {
-    Evaluate(q, pixel.at_px, &model);
-    const double residual = (pixel.coverage - model.value) / sigma;
-    const double squared = residual * residual / kCauchy2;
-    const double weight = 1 / (1 + squared);
-    system.cost += 0.5 * kCauchy2 * std::log1p(squared);
-    system.squares += weight * weight * residual * residual;
-    system.weights += weight;
-    system.slopes += weight * weight;
-    const Vector scaled = model.slope / sigma;
-    system.information.selfadjointView<Eigen::Lower>().rankUpdate(scaled, weight);
-    system.gradient += weight * residual * scaled;
-  }
-  return system;
-}
-
-void AddPrior(const Vector& prior, const Vector& missing, System* system) {
-  system->information.diagonal() += prior;
-  system->gradient += prior.cwiseProduct(missing);
-  system->cost += 0.5 * missing.dot(prior.cwiseProduct(missing));
-}
+constexpr float kCauchy = 2.4f;        // sigmas
+constexpr size_t kFewest = kOutlineCount + 8;
+constexpr int kMaxRounds = 20;
+constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
+constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
+constexpr double kSameCost = 1e-3;                   // single precision
+constexpr int kSectors = 16;
+constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
 
 }  // namespace
 
-bool FitSphereOutline(std::span<const CoveragePixel> pixels, const Eigen::Matrix2d& shape,
-                      double noise, bool shaded, SphereOutline* start) {
+SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
+                                                           const Vector& parameters) {
+  const size_t count = pixels.size();
+  const Eigen::Matrix<float, kOutlineCount, 1> single = parameters.cast<float>();
+  rows_.Model(pixels, single.data());
+  residual_.resize(count);
+  weight_.resize(count);
+  System system;
+  constexpr float kPerCauchy2 = 1 / (kCauchy * kCauchy);
+  double product = 1;
+  for (size_t i = 0; i < count; ++i) {
+    const float precision = pixels.precision[i];
+    residual_[i] = pixels.coverage[i] - rows_.value(i);
+    const float residual = residual_[i] * precision;
+    const float spread = 1 + residual * residual * kPerCauchy2;
+    const float weight = precision > 0 ? 1 / spread : 0;
+    weight_[i] = weight * precision * precision;
+    // The sum of logarithms, a few pixels at a time.
+    product *= static_cast<double>(spread);
+    if (product > 1e200) {
+      system.cost += std::log(product);
+      product = 1;
+    }
+    const auto w = static_cast<double>(weight), r = static_cast<double>(residual);
+    system.squares += w * w * r * r;
+    system.weights += w;
+    system.slopes += w * w;
+  }
+  system.cost = 0.5 / static_cast<double>(kPerCauchy2) * (system.cost + std::log(product));
+  Eigen::Matrix<float, kOutlineCount, kOutlineCount, Eigen::RowMajor> products;
+  products.setZero();
+  Eigen::Matrix<float, kOutlineCount, 1> gradient;
+  rows_.Sum(weight_, residual_, products.data(), gradient.data());
+  system.information = products.cast<double>();
+  system.gradient = gradient.cast<double>();
+  return system;
+}
+
+void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) const {
+  std::array<double, kSectors> scores{}, informations{};
+  double all = 0;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const Eigen::Vector2d d(static_cast<double>(pixels.x[i]) - outline->centre_px.x(),
+                            static_cast<double>(pixels.y[i]) - outline->centre_px.y());
+    const double turn = (std::atan2(d.y(), d.x()) / (2 * std::numbers::pi) + 0.5) * kSectors;
+    const auto sector = std::min(static_cast<size_t>(turn), size_t{kSectors - 1});
+    const auto slope = static_cast<double>(rows_.slope(kOutlineRadius, i));
+    const auto weight = static_cast<double>(weight_[i]);
+    scores[sector] += weight * slope * static_cast<double>(residual_[i]);
+    informations[sector] += weight * slope * slope;
+    all += weight * slope * slope;
+  }
+  outline->edge_chi_squared = 0;
+  outline->edge_freedom = -kOutlineFreedom;
+  for (size_t k = 0; k < kSectors; ++k) {
+    // A sector that is blocked tells nothing.
+    if (informations[k] < 0.2 * all / kSectors) continue;
+    outline->edge_chi_squared += scores[k] * scores[k] / informations[k];
+    outline->edge_freedom += 1;
+  }
+}
+
+bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape,
+                              bool shaded, SphereOutline* start) {
   if (pixels.size() < kFewest) return false;
-  const double sigma = std::hypot(noise, kModelNoise);
   Vector q = Vector::Zero();
   q.head<2>() = start->centre_px;
-  q[kRadius] = start->radius_px;
-  q[kBrightness] = 1;
-  q[kEdge] = kUsualEdgePx2;
+  q[kOutlineRadius] = start->radius_px;
+  q[kOutlineBrightness] = 1;
+  q[kOutlineEdge] = kUsualEdgePx2;
   // The ellipse of the second moment: W is the inverse of its root, up to scale.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(shape);
   if (!(eigen.eigenvalues()[0] > 0)) return false;
   const Eigen::Matrix2d root = eigen.operatorInverseSqrt();
   const double half = 0.5 * root.trace();
-  q[kStretch] = 0.5 * (root(0, 0) - root(1, 1)) / half;
-  q[kShear] = root(0, 1) / half;
+  q[kOutlineStretch] = 0.5 * (root(0, 0) - root(1, 1)) / half;
+  q[kOutlineShear] = root(0, 1) / half;
   const Vector expected = q;
+  if (start->parameters[kOutlineRadius] > 0) q = start->parameters;
+  if (!shaded) q[kOutlineSlopeX] = q[kOutlineSlopeY] = 0;
   Vector prior = Vector::Zero();  // information
-  const auto expect = [&](Parameter parameter, double its_sigma) {
+  const auto expect = [&](OutlineParameter parameter, double its_sigma) {
     prior[parameter] = 1 / (its_sigma * its_sigma);
   };
-  for (const Parameter p : {kStretch, kShear}) expect(p, kShapeSigma);
-  expect(kEdge, kEdgeSigma);
-  for (const Parameter p : {kEdgeCos, kEdgeSin}) expect(p, kEdgeShapeSigma);
-  for (const Parameter p : {kSlopeX, kSlopeY}) expect(p, shaded ? kSlopeSigma : kNoSlopeSigma);
-  for (const Parameter p : {kBendAlong, kBendDiagonal, kBendRound}) expect(p, kBendSigma);
-  System system = Linearise(pixels, sigma, q);
-  AddPrior(prior, expected - q, &system);
+  for (const auto p : {kOutlineStretch, kOutlineShear}) expect(p, kShapeSigma);
+  expect(kOutlineEdge, kEdgeSigma);
+  for (const auto p : {kOutlineEdgeCos, kOutlineEdgeSin}) expect(p, kEdgeShapeSigma);
+  for (const auto p : {kOutlineSlopeX, kOutlineSlopeY}) {
+    expect(p, shaded ? kSlopeSigma : kNoSlopeSigma);
+  }
+  for (const auto p : {kOutlineBendAlong, kOutlineBendDiagonal, kOutlineBendRound}) {
+    expect(p, kBendSigma);
+  }
+  const auto linearise = [&](const Vector& at) {
+    System system = Linearise(pixels, at);
+    const Vector missing = expected - at;
+    system.information.diagonal() += prior;
+    system.gradient += prior.cwiseProduct(missing);
+    system.cost += 0.5 * missing.dot(prior.cwiseProduct(missing));
+    return system;
+  };
+  System system = linearise(q);
   double damping = 1e-3;
-  bool settled = false;
+  bool settled = false, nearly = false, current = true;  // rows_ are those of q
   for (int round = 0; round < kMaxRounds && !settled; ++round) {
     Matrix damped = system.information.selfadjointView<Eigen::Lower>();
     damped.diagonal() *= 1 + damping;
     const Vector step = damped.ldlt().solve(system.gradient);
     if (!step.allFinite()) return false;
     Vector next = q + step;
-    next[kRadius] = std::clamp(next[kRadius], 0.5 * start->radius_px, 1.6 * start->radius_px);
-    next[kEdge] = std::clamp(next[kEdge], 0.08, 0.25 * start->radius_px * start->radius_px + 2);
-    System there = Linearise(pixels, sigma, next);
-    AddPrior(prior, expected - next, &there);
+    next[kOutlineRadius] =
+        std::clamp(next[kOutlineRadius], 0.5 * start->radius_px, 1.6 * start->radius_px);
+    next[kOutlineEdge] =
+        std::clamp(next[kOutlineEdge], 0.08, 0.25 * start->radius_px * start->radius_px + 2);
+    System there = linearise(next);
     const double gained = system.cost - there.cost;
-    if (gained < -1e-9) {
+    if (gained < -kSameCost) {
       damping *= 8;
+      current = false;
       // Where no step gains anything it has arrived.
       settled = damping > 1e6;
       continue;
     }
     damping = std::max(1e-6, 0.2 * damping);
-    settled = (next - q).head<2>().norm() < kSettledPx && gained < kSettledCost;
+    const double moved_px = (next - q).head<2>().norm();
+    settled = moved_px < kSettledPx && gained < kSettledCost;
+    nearly = moved_px < kNearlyPx && gained < kNearlyCost;
     q = next;
+    current = true;
     system = std::move(there);
   }
-  if (!settled) return false;
+  if (!settled && !nearly) return false;
   if (!((q.head<2>() - start->centre_px).norm() < 0.45 * start->radius_px + 0.3)) return false;
-  const double free = std::max(1.0, system.weights - static_cast<double>(kCount));
-  start->residual = std::sqrt(system.squares / free) * sigma;
-  if (!(start->residual < kMostResidual)) return false;
+  if (!current) system = linearise(q);
+  const double free = std::max(1.0, system.weights - static_cast<double>(kOutlineCount));
+  start->residual = std::sqrt(system.squares / free);
   const Matrix full = system.information.selfadjointView<Eigen::Lower>();
   const Matrix covariance = full.inverse();
-  const double factor =
-      std::max(1.0, system.squares * system.weights / (free * std::max(1e-9, system.slopes)));
-  start->covariance_px2 = factor * covariance.topLeftCorner<2, 2>();
-  start->slope_chi_squared = q.segment<2>(kSlopeX).dot(
-      (factor * covariance.block<2, 2>(kSlopeX, kSlopeX)).ldlt().solve(q.segment<2>(kSlopeX)));
-  start->stretch = -q.segment<2>(kStretch);
-  start->edge_px = std::sqrt(q[kEdge]);
-  start->brightness = q[kBrightness];
+  start->covariance_px2 = covariance.topLeftCorner<2, 2>();
+  start->slope_chi_squared = q.segment<2>(kOutlineSlopeX)
+                                 .dot(covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX)
+                                          .ldlt()
+                                          .solve(q.segment<2>(kOutlineSlopeX)));
+  start->parameters = q;
+  start->stretch = -q.segment<2>(kOutlineStretch);
+  start->edge_px = std::sqrt(q[kOutlineEdge]);
+  start->brightness = q[kOutlineBrightness];
   start->centre_px = q.head<2>();
-  start->radius_px =
-      q[kRadius] / std::sqrt(std::max(0.1, 1 - q[kStretch] * q[kStretch] - q[kShear] * q[kShear]));
+  start->radius_px = q[kOutlineRadius] / std::sqrt(std::max(0.1, 1 - start->stretch.squaredNorm()));
+  MeasureEdge(pixels, start);
   return start->covariance_px2.allFinite();
 }
 

@@ -22,10 +22,12 @@ constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
 // Of outlines.
 constexpr double kWorthALook = 0.1;  // confidence
-constexpr size_t kMaxOutlined = 8;
+constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9;
+constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
+constexpr double kLeastScatter = 0.3;
 constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
@@ -80,16 +82,27 @@ int VerifiedWand::OccludedCount() const {
   return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
 
-const WandVerifier::Measured& WandVerifier::Measure(const ImageView& image,
+// None where the time for it is up.
+const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
                                                     absl::Span<const Blob> blobs, int blob) {
-  for (const Measured& measured : measured_) {
-    if (measured.blob == blob) return measured;
+  for (size_t i = 0; i < measured_count_; ++i) {
+    if (measured_[i].blob == blob) return &measured_[i];
   }
-  Measured& measured = measured_.emplace_back();
+  const double work = MarkerMeter::WorkOf(blobs[static_cast<size_t>(blob)]);
+  if (work > work_) {
+    out_of_work_ = true;
+    return nullptr;
+  }
+  work_ -= work;
+  if (measured_count_ == measured_.size()) measured_.emplace_back();
+  Measured& measured = measured_[measured_count_++];
   measured.blob = blob;
+  measured.tried = false;
+  measured.outline.reset();
   measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre) &&
                   measured.centre.contrast_grey >= kMinContrastGrey;
-  return measured;
+  if (measured.good) meter_.CollectPixels(measured.centre, &measured.pixels);
+  return &measured;
 }
 
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
@@ -100,9 +113,9 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   wand.blobs = candidate.blobs;
   absl::InlinedVector<MarkerSight, 4> sights;
   for (const int index : candidate.blobs) {
-    const Measured& measured = Measure(image, blobs, index);
-    if (!measured.good) return std::nullopt;
-    const MarkerCentre& centre = measured.centre;
+    const Measured* const measured = Measure(image, blobs, index);
+    if (measured == nullptr || !measured->good) return std::nullopt;
+    const MarkerCentre& centre = measured->centre;
     wand.centres.push_back(centre);
     wand.whole.push_back(IsWhole(blobs[static_cast<size_t>(index)], centre));
     MarkerSight& sight = sights.emplace_back();
@@ -162,36 +175,39 @@ Verdict WandVerifier::Choose() {
   return verdict;
 }
 
-const WandVerifier::Outlined& WandVerifier::OutlineOf(const ImageView& image,
-                                                      absl::Span<const Blob> blobs, int blob,
-                                                      bool shaded) {
-  for (const Outlined& outlined : outlined_) {
-    if (outlined.blob == blob && outlined.shaded == shaded) return outlined;
+const std::optional<SphereOutline>& WandVerifier::OutlineOf(int blob) {
+  const auto end = measured_.begin() + static_cast<ptrdiff_t>(measured_count_);
+  Measured& measured =
+      *std::find_if(measured_.begin(), end, [&](const Measured& m) { return m.blob == blob; });
+  if (!measured.tried) {
+    measured.tried = true;
+    SphereOutline outline{.centre_px = measured.centre.centre_px,
+                          .radius_px = measured.centre.radius_px};
+    if (fitter_.Fit(measured.pixels, measured.centre.second_moment_px2, true, &outline)) {
+      measured.outline = outline;
+    }
   }
-  Outlined& outlined = outlined_.emplace_back();
-  outlined.blob = blob;
-  outlined.shaded = shaded;
-  outlined.outline = meter_.FitOutline(image, blobs[static_cast<size_t>(blob)], shaded);
-  return outlined;
+  return measured.outline;
 }
 
 // The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
 // differ within the wand. Motion stretches all spheres alike.
-double WandVerifier::ShapeCost(const ImageView& image, absl::Span<const Blob> blobs,
-                               const VerifiedWand& wand) {
+double WandVerifier::ShapeCost(const VerifiedWand& wand) {
   double cost = 0, weights = 0;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   absl::InlinedVector<std::pair<Eigen::Vector2d, double>, 3> stretches;
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k]) continue;
     const MarkerCentre& centre = wand.centres[k];
-    const auto& outline = OutlineOf(image, blobs, wand.blobs[k], true).outline;
+    const auto& outline = OutlineOf(wand.blobs[k]);
     if (!outline) {
       cost += kNoOutlineCost;
       continue;
     }
-    const double noise = std::hypot(centre.noise_grey / centre.contrast_grey, kOutlineNoise);
-    cost += Squared(std::max(0.0, outline->residual / noise - 1) / kResidualSigma);
+    const double noise = centre.noise_grey / centre.contrast_grey;
+    const double residual = outline->residual * std::hypot(noise, kMeterNoise);
+    cost +=
+        Squared(std::max(0.0, residual / std::hypot(noise, kOutlineNoise) - 1) / kResidualSigma);
     const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
     const double weight = 1 / Squared(sigma);
     stretches.emplace_back(outline->stretch, weight);
@@ -203,34 +219,53 @@ double WandVerifier::ShapeCost(const ImageView& image, absl::Span<const Blob> bl
   return cost;
 }
 
-void WandVerifier::FitOutlines(const ImageView& image, absl::Span<const Blob> blobs,
-                               VerifiedWand* wand) {
+void WandVerifier::FitOutlines(VerifiedWand* wand) {
   double chi_squared = 0;
   int count = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k]) continue;
-    const auto& outline = OutlineOf(image, blobs, wand->blobs[k], true).outline;
+    const auto& outline = OutlineOf(wand->blobs[k]);
     if (!outline) continue;
-    chi_squared += outline->slope_chi_squared;
+    const double scatter = std::max(1.0, Squared(outline->residual));
+    chi_squared += outline->slope_chi_squared / scatter;
     ++count;
   }
   const bool shaded = chi_squared >= kShaded * count;
+  absl::InlinedVector<std::optional<SphereOutline>, 3> outlines(wand->blobs.size());
+  // All spheres of a wand have the same mosaic, compression and blur.
+  double scatter = 0, freedom = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!wand->whole[k]) continue;
-    const auto& outline = OutlineOf(image, blobs, wand->blobs[k], shaded).outline;
-    if (!outline) continue;
-    wand->centres[k].centre_px = outline->centre_px;
-    wand->centres[k].covariance_px2 = outline->covariance_px2;
+    if (!wand->whole[k] || !OutlineOf(wand->blobs[k])) continue;
+    SphereOutline outline = *OutlineOf(wand->blobs[k]);
+    const auto measured = std::find_if(measured_.begin(), measured_.end(),
+                                       [&](const Measured& m) { return m.blob == wand->blobs[k]; });
+    if (!shaded &&
+        !fitter_.Fit(measured->pixels, measured->centre.second_moment_px2, false, &outline)) {
+      continue;
+    }
+    outlines[k] = outline;
+    scatter += outline.edge_chi_squared;
+    freedom += outline.edge_freedom;
+  }
+  const double factor = std::max(kLeastScatter, freedom > 0 ? scatter / freedom : 1);
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    if (!outlines[k]) continue;
+    wand->centres[k].centre_px = outlines[k]->centre_px;
+    wand->centres[k].covariance_px2 = factor * outlines[k]->covariance_px2;
   }
 }
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
-                             const WandFinder& finder, absl::Span<const WandCandidate> candidates) {
-  measured_.clear();
-  outlined_.clear();
+                             const WandFinder& finder, absl::Span<const WandCandidate> candidates,
+                             double* work) {
+  work_ = *work;
+  out_of_work_ = false;
+  size_t count = 0;
+  measured_count_ = 0;
   evaluated_.clear();
   for (const WandCandidate& candidate : candidates) {
     auto wand = EvaluateOne(image, blobs, finder, candidate);
+    if (!out_of_work_) ++count;
     if (wand.has_value()) evaluated_.push_back(*std::move(wand));
   }
   std::stable_sort(evaluated_.begin(), evaluated_.end(),
@@ -240,11 +275,13 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   });
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
-    wand.cost += ShapeCost(image, blobs, wand);
+    wand.cost += ShapeCost(wand);
     wand.confidence = ConfidenceOf(wand.cost);
   }
   Verdict verdict = Choose();
-  if (verdict.wand) FitOutlines(image, blobs, &*verdict.wand);
+  verdict.measured = count;
+  *work = work_;
+  if (verdict.wand) FitOutlines(&*verdict.wand);
   return verdict;
 }
 

@@ -47,6 +47,7 @@ absl::Status BlobFinderOptions::Validate() const {
   if (max_area_px < min_area_px) {
     faults.Add("max_area is ", max_area_px, " px, but must be at least min_area, ", min_area_px);
   }
+  if (max_runs < 1) faults.Add("max_runs is ", max_runs, ", but must be at least 1");
   if (max_blobs < 1) faults.Add("max_blobs is ", max_blobs, ", but must be at least 1");
   return faults.Result("blob finder: ");
 }
@@ -62,6 +63,8 @@ const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.blobs.clear();
   result_.over_limit = 0;
   result_.passed_px = 0;
+  result_.run_count = 0;
+  result_.cut_short = false;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
   LabelRows(image, inside);
@@ -88,6 +91,9 @@ void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window) {
       for (int i = 0; i < ignored_words; ++i) words[i] &= ~ignored[i];
     }
     labeller_.AddRow(y, first_word * kMaskWordBits, words, word_count);
+    result_.run_count = labeller_.run_count();
+    result_.cut_short = result_.run_count > options_.max_runs;
+    if (result_.cut_short) return;
   }
 }
 

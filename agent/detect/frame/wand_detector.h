@@ -27,6 +27,10 @@ struct WandDetectorOptions : BlobFinderOptions, WandLimits {
 // target's markers seen in perspective, sub-pixel centres of the best set. With intrinsics and the
 // spheres' diameter a centre is the projection of the sphere's centre (CentreKind::kSphereCentre),
 // else the centre of its image. Movable; one thread at a time.
+//
+// The time of a search is bounded: of an image with too many things of the wand's colour the search
+// leaves out large patches and the less likely candidates, always the same ones
+// (Detection::cut_short, dismissed_patches).
 class WandDetector {
  public:
   // INVALID_ARGUMENT: options, target or camera not valid; names the camera.
@@ -52,9 +56,14 @@ class WandDetector {
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,
-               const CameraDescription& camera);
+               const CameraDescription& camera, const ColourMasker& masker);
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
   bool IsCrowded() const;
+  bool HasColour(const Eigen::Vector3f& core) const;
+  void Keep(const ImageView& image, const Blob& blob, bool is_cut);
+  void FindSpots(const ImageView& image, const PixelRect& part);
+  double EstimatedMs() const;
+  double Unlikeness(const WandCandidate& candidate) const;
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
   Verdict SearchAll(const ImageView& image);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
@@ -74,14 +83,30 @@ class WandDetector {
   };
   std::vector<Level> levels_;
   size_t level_ = 0;  // of the last Search
+  ColourMasker masker_;
   WandFinder wand_finder_;
   WandVerifier verifier_;
   double light_sigma_s_;
   WandTrack track_;
   PixelRect window_;
   BlobSplitter splitter_;
-  std::vector<Blob> standing_out_;  // of the blobs or their pieces
-  std::vector<bool> cut_;           // of these: the window may have cut it
+  // A blob or a piece of one that differs from what is around it.
+  struct Spot {
+    Blob blob;
+    Eigen::Vector3f core;  // mean of its middle, by channel
+    bool is_cut;           // the window may have cut it
+  };
+  std::vector<Spot> spots_;
+  std::vector<Blob> standing_out_;  // the spots' blobs
+  std::vector<WandCandidate> candidates_;
+  bool grey_ = false;  // the image has one channel
+  // Of this image: what its search may still cost, and whether anything was left out for that.
+  int64_t masked_px_left_ = 0, split_px_left_ = 0;
+  int64_t runs_ = 0;  // of pixels, in all levels
+  int fits_left_ = 0;
+  double work_left_ = 0;
+  bool cut_short_ = false;
+  int dismissed_ = 0;
 };
 
 }  // namespace rigcal::agent

@@ -24,6 +24,9 @@ constexpr double kShiftPerSkewness = 4;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
 // For the outline.
 constexpr double kModelNoise = 0.015;  // of its model, in units of coverage
+constexpr int kMosaicTries = 3;        // of an image
+constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
+constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
 constexpr double kRimPx = 5;           // further inside every fifth pixel is enough
 constexpr double kInsideStep = 5.3;    // not in step with a mosaic
 constexpr double kEnoughPixels = 700;
@@ -255,13 +258,22 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
   return has_measured_;
 }
 
-void MarkerMeter::CollectPixels(const MarkerCentre& centre, OutlinePixels* pixels) const {
+void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& centre,
+                                OutlinePixels* pixels) {
   pixels->Clear();
   if (!has_measured_) return;
   const MarkerAperture& aperture = *outlined_;
   const std::vector<RingBackground::Arc>& arcs = background_.arcs();
   const double noise = centre.noise_grey / std::max(1.0, centre.contrast_grey);
   const auto precision = static_cast<float>(1 / std::hypot(noise, kModelNoise));
+  const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
+  const auto model_noise = static_cast<float>(kModelNoise);
+  const auto least = static_cast<float>(kLeastChannel * centre.contrast_grey);
+  const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
+  if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
+    mosaic_ = FindMosaic(image, window_.rect);
+    ++mosaic_tries_;
+  }
   const Eigen::Matrix2d outside =
       aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
   const bool large = aperture.b > 2 * kRimPx;
@@ -276,7 +288,18 @@ void MarkerMeter::CollectPixels(const MarkerCentre& centre, OutlinePixels* pixel
     turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
     if (turn < step) return;
     turn -= step;
-    pixels->Add(static_cast<float>(x), static_cast<float>(y), share_[i], precision);
+    const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
+    if (!mosaic_) {
+      pixels->Add(at_x, at_y, share_[i], precision);
+      return;
+    }
+    const int channel = mosaic_->Channel(x, y);
+    size_t arc = 0;
+    const float background = background_.At(d, &arc)[channel];
+    const float range = plateau[channel] - background;
+    if (range < least) return;
+    pixels->Add(at_x, at_y, (GreyAt(image, x, y)[channel] - background) / range,
+                1 / std::hypot(single_noise / range, model_noise));
   });
   pixels->FillUp();
 }

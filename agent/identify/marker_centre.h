@@ -8,6 +8,7 @@
 
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/blobs/image_view.h"
+#include "agent/identify/colour_mosaic.h"
 #include "agent/identify/marker_aperture.h"
 #include "agent/identify/outline_rows.h"
 #include "agent/identify/ring_background.h"
@@ -48,13 +49,20 @@ struct MarkerCentre {
 // follows the centroid until it converges.
 class MarkerMeter {
  public:
+  // Another image: whether it has a mosaic is found again.
+  void StartImage() {
+    mosaic_.reset();
+    mosaic_tries_ = 0;
+  }
+
   // False where there is nothing to measure: no contrast, or a window without background. Of a
   // large image every second or third pixel and row is read: they say the same.
   bool Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre);
 
   // The pixels of what was measured last and of its surroundings, for the fit of its outline; none
-  // after a Measure that failed.
-  void CollectPixels(const MarkerCentre& centre, OutlinePixels* pixels) const;
+  // after a Measure that failed. Behind a mosaic of filters each with the one channel that was
+  // measured there, else all channels together.
+  void CollectPixels(const ImageView& image, const MarkerCentre& centre, OutlinePixels* pixels);
 
   // Pixels that a Measure of the blob reads, about.
   static double WorkOf(const Blob& blob);
@@ -79,6 +87,8 @@ class MarkerMeter {
   std::vector<float> share_;      // of the window: coverage, not clipped
   Eigen::Matrix2d reach_ = Eigen::Matrix2d::Identity();  // what of the window is filled
   bool has_measured_ = false;
+  std::optional<ColourMosaic> mosaic_;  // of the image
+  int mosaic_tries_ = 0;
   std::optional<MarkerAperture> outlined_;  // of the last Measure
 };
 

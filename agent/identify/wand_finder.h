@@ -73,7 +73,7 @@ class WandFinder {
   absl::Span<const double> shares() const { return shares_; }  // along the wand, 0 to 1
   double length_m() const { return length_m_; }
   void LimitFits(int max_fits) { options_.max_fits = max_fits; }
-  int fits() const { return fits_; }  // of the last Find
+  int fits() const { return fits_; }                             // of the last Find
   bool cut_short() const { return fits_ >= options_.max_fits; }  // the last Find, by max_fits
   // Moves the centre of a marker's image to the projection of the sphere's centre, where lens and
   // diameter are known.

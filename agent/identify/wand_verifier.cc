@@ -101,7 +101,7 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
   measured.outline.reset();
   measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre) &&
                   measured.centre.contrast_grey >= kMinContrastGrey;
-  if (measured.good) meter_.CollectPixels(measured.centre, &measured.pixels);
+  if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
   return &measured;
 }
 
@@ -262,6 +262,7 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   out_of_work_ = false;
   size_t count = 0;
   measured_count_ = 0;
+  meter_.StartImage();
   evaluated_.clear();
   for (const WandCandidate& candidate : candidates) {
     auto wand = EvaluateOne(image, blobs, finder, candidate);

@@ -249,6 +249,8 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
       continue;
     }
     Block(aperture);
+    centre->has_neighbour =
+        std::ranges::any_of(background_.arcs(), [](const auto& arc) { return arc.blocked; });
     if (!FindCentroid(&aperture, centre)) return false;
     MeasureShape(aperture, centre);
     outlined_ = aperture;

@@ -31,9 +31,10 @@ struct MarkerCentre {
   // with blur and for anything else.
   double spread = 1;
   Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
-  double contrast_grey = 0;  // of the plateau against the background, over all channels
-  double noise_grey = 0;     // one sigma of one pixel and channel
-  bool cut = false;          // the image's border cuts the aperture
+  double contrast_grey = 0;    // of the plateau against the background, over all channels
+  double noise_grey = 0;       // one sigma of one pixel and channel
+  bool cut = false;            // the image's border cuts the aperture
+  bool has_neighbour = false;  // something else is near; its side and the opposite are left out
 };
 
 // Measures the blob's centre. Buffers are kept; one thread at a time.

@@ -12,7 +12,7 @@ namespace rigcal::agent {
 namespace {
 
 // What is expected of the parameters, one sigma. Not of the place.
-constexpr double kShapeSigma = 0.04, kEdgeSigma = 0.5, kEdgeShapeSigma = 0.5;
+constexpr double kShapeSigma = 0.04, kEdgeSigma = 1.5, kEdgeShapeSigma = 0.5;
 constexpr double kSlopeSigma = 0.5, kNoSlopeSigma = 1e-4, kBendSigma = 0.3;
 constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
 constexpr float kCauchy = 2.4f;        // sigmas

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "agent/detect/blobs/blob_contrast.h"
+#include "agent/identify/partial_wands.h"
 
 namespace rigcal::agent {
 namespace {
@@ -17,6 +18,7 @@ constexpr double kHalfCost = 13;          // confidence 0.5
 constexpr double kCostScale = 2.5;
 constexpr double kSkewness = 0.012;
 constexpr double kOccludedCost = 9;
+constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
@@ -28,6 +30,7 @@ constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kLeastScatter = 0.3;
+constexpr double kLeastGapPx = 1;
 constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
@@ -47,7 +50,12 @@ double Lopsidedness(const MarkerCentre& centre) {
   return std::min(Squared(excess / kSkewness), kOccludedCost);
 }
 
-double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
+// Of the markers that were measured.
+double Likeness(const absl::InlinedVector<MarkerCentre, 3>& all) {
+  absl::InlinedVector<MarkerCentre, 3> centres;
+  for (const MarkerCentre& centre : all) {
+    if (centre.contrast_grey > 0) centres.push_back(centre);
+  }
   double mean = 0;
   Eigen::Vector3d colour = Eigen::Vector3d::Zero();
   for (const MarkerCentre& centre : centres) {
@@ -70,10 +78,34 @@ bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
   });
 }
 
+// The same markers are seen whole, of another part of the hidden one.
+bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {
+  for (size_t k = 0; k < a.blobs.size(); ++k) {
+    if (a.whole[k] != b.whole[k] || (a.whole[k] && a.blobs[k] != b.blobs[k])) return false;
+  }
+  return true;
+}
+
+// Another marker of the wand is so near that blur joins them.
+bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
+  const MarkerCentre& own = wand.centres[marker];
+  for (size_t k = 0; k < wand.centres.size(); ++k) {
+    const MarkerCentre& other = wand.centres[k];
+    const double gap_px =
+        (own.centre_px - other.centre_px).norm() - own.radius_px - other.radius_px;
+    if (k != marker && gap_px < kLeastGapPx + 4 * edge_px) return true;
+  }
+  return false;
+}
+
 double MeanBrightness(const VerifiedWand& wand) {
   double sum = 0;
-  for (const MarkerCentre& centre : wand.centres) sum += centre.plateau_grey.norm();
-  return sum / static_cast<double>(wand.centres.size());
+  int count = 0;
+  for (const MarkerCentre& centre : wand.centres) {
+    sum += centre.plateau_grey.norm();
+    count += centre.contrast_grey > 0 ? 1 : 0;
+  }
+  return sum / std::max(1, count);
 }
 
 }  // namespace
@@ -112,7 +144,14 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   VerifiedWand wand;
   wand.blobs = candidate.blobs;
   absl::InlinedVector<MarkerSight, 4> sights;
-  for (const int index : candidate.blobs) {
+  for (size_t k = 0; k < candidate.blobs.size(); ++k) {
+    const int index = candidate.blobs[k];
+    if (static_cast<int>(k) == candidate.partial) {
+      wand.centres.emplace_back().centre_px = blobs[static_cast<size_t>(index)].centre_px;
+      wand.whole.push_back(false);
+      sights.emplace_back();
+      continue;
+    }
     const Measured* const measured = Measure(image, blobs, index);
     if (measured == nullptr || !measured->good) return std::nullopt;
     const MarkerCentre& centre = measured->centre;
@@ -128,6 +167,16 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       sight.radius_sigma_px += 0.3 * centre.radius_px;
     }
   }
+  if (candidate.partial >= 0) {
+    double radius = 0;
+    for (const MarkerCentre& centre : wand.centres) radius += 0.5 * centre.radius_px;
+    const auto part = static_cast<size_t>(candidate.partial);
+    if (wand.OccludedCount() > 1 || !finder.Sight(wand.centres[part].centre_px, &sights[part])) {
+      return std::nullopt;
+    }
+    wand.centres[part].radius_px = radius;
+    LoosenSight(radius, &sights[part]);
+  }
   const int count = static_cast<int>(wand.blobs.size());
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
@@ -137,7 +186,11 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   wand.cost = wand.fit.cost + Likeness(wand.centres);
   for (size_t k = 0; k < wand.whole.size(); ++k) {
-    if (!wand.whole[k]) wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
+    if (static_cast<int>(k) == candidate.partial) {
+      wand.cost += kPartialCost;
+    } else if (!wand.whole[k]) {
+      wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
+    }
   }
   wand.confidence = ConfidenceOf(wand.cost);
   return wand;
@@ -152,6 +205,7 @@ Verdict WandVerifier::Choose() {
   for (size_t i = 1; i < evaluated_.size(); ++i) {
     const VerifiedWand &now = evaluated_[best], &other = evaluated_[i];
     if (other.confidence < min_confidence_ || SameBlobs(now.blobs, other.blobs)) continue;
+    if (SameWholes(now, other)) continue;
     if (Disjoint(now, other)) {
       const double ratio = MeanBrightness(other) / MeanBrightness(now);
       if (ratio > kBrighter) best = i;
@@ -236,6 +290,10 @@ void WandVerifier::FitOutlines(VerifiedWand* wand) {
   double scatter = 0, freedom = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k] || !OutlineOf(wand->blobs[k])) continue;
+    // Its light reaches the outline, but not the centroid, of which both sides are cut.
+    if (IsCrowded(*wand, k, OutlineOf(wand->blobs[k])->edge_px) ||
+        (!shaded && wand->centres[k].has_neighbour))
+      continue;
     SphereOutline outline = *OutlineOf(wand->blobs[k]);
     const auto measured = std::find_if(measured_.begin(), measured_.end(),
                                        [&](const Measured& m) { return m.blob == wand->blobs[k]; });

@@ -13,6 +13,7 @@
 #include "agent/detect/blobs/blob_splitter.h"
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/detect/frame/wand_track.h"
+#include "agent/identify/partial_wands.h"
 #include "agent/identify/wand_verifier.h"
 #include "common/status/status_macros.h"
 
@@ -26,6 +27,12 @@ constexpr double kLevels[] = {0, 0.2, 0.4, 0.6};  // from value_min to the brigh
 constexpr double kCrowded = 0.06;                 // of the image
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
+
+// Of wands of which a marker is hidden.
+constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
+constexpr double kPartialConfidence = 0.8;
+constexpr int kColouredOfNine = 3;
+constexpr int kClipped = 250;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxRuns = 12000;            // of each level, some 30 ns each
@@ -42,6 +49,13 @@ constexpr double kNoFurtherMs = 3;  // by the times above: no other level is beg
 // Of a marker's middle against the others, before it is measured.
 constexpr double kClearlyWorse = 8;  // in chi-squared
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
+
+// The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
+int MainChannel(const ColourRange& colour) {
+  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
+  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
+}
 
 // A blob that a window inside the image may have cut.
 bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
@@ -69,6 +83,7 @@ WandDetector::WandDetector(const WandDetectorOptions& options, const Target& tar
       target_(target),
       camera_(camera),
       masker_(masker),
+      main_channel_(MainChannel(options.colour)),
       wand_finder_({.limits = options, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(options.min_confidence),
       light_sigma_s_(LightTimeSigma(options.exposure_s, target)) {}
@@ -102,21 +117,31 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
   return verdict;
 }
 
-bool WandDetector::HasColour(const Eigen::Vector3f& core) const {
-  const int bytes = grey_ ? 1 : 3;
-  uint8_t pixel[3] = {};
-  for (int k = 0; k < bytes; ++k) {
-    pixel[k] = static_cast<uint8_t>(std::clamp(std::lround(core[k]), 0l, 255l));
+// A part of its middle. Where the sensor is saturated in the wand's main channel its colour is
+// lost.
+bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
+  const double reach = 0.5 * std::sqrt(blob.area_px / std::numbers::pi);
+  int passed = 0;
+  for (int v = -1; v <= 1; ++v) {
+    for (int u = -1; u <= 1; ++u) {
+      const auto x = static_cast<int>(std::lround(blob.centre_px.x() + reach * u));
+      const auto y = static_cast<int>(std::lround(blob.centre_px.y() + reach * v));
+      if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
+      uint64_t word = 0;
+      masker_.MaskRow(image, y, x / kMaskWordBits, 1, &word);
+      const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
+      const bool clipped =
+          pixel[image.format == PixelFormat::kBgr8 ? main_channel_ : 0] >= kClipped;
+      passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
+    }
   }
-  const ImageView one{pixel, 1, 1, bytes, grey_ ? PixelFormat::kMono8 : PixelFormat::kBgr8};
-  uint64_t word = 0;
-  return masker_.MaskRow(one, 0, 0, 1, &word) != 0;
+  return passed >= kColouredOfNine;
 }
 
 void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
   Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
   // A piece of a patch is held to the wand's colour too.
-  if (!StandsOut(image, blob, &spot.core) || !HasColour(spot.core)) return;
+  if (!StandsOut(image, blob, &spot.core) || !HasColour(image, blob)) return;
   // The box of one blob may hold a part of another's pieces.
   for (Spot& known : spots_) {
     const int larger = std::max(known.blob.area_px, blob.area_px);
@@ -225,6 +250,7 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   work_left_ += work;
   const bool all = verdict.measured == order.size();
   cut_short_ |= !all;
+  if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) return SearchPartial(image);
   if (!verdict.wand || (all && !wand_finder_.cut_short())) return verdict;
   // What was left out may be as good.
   const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
@@ -234,6 +260,35 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   verdict.ambiguous =
       wand_finder_.cut_short() || order[verdict.measured].first < its_cost + kClearlyWorse;
   if (verdict.ambiguous) verdict.wand.reset();
+  return verdict;
+}
+
+// A wand of which one marker is mostly hidden.
+Verdict WandDetector::SearchPartial(const ImageView& image) {
+  // The rounder things first: whole markers.
+  standing_out_.clear();
+  for (const Spot& spot : spots_) {
+    if (IsRound(spot.blob) && !spot.blob.touches_border) standing_out_.push_back(spot.blob);
+  }
+  const size_t whole = standing_out_.size();
+  for (const Spot& spot : spots_) {
+    if (!IsRound(spot.blob) || spot.blob.touches_border) standing_out_.push_back(spot.blob);
+  }
+  for (const Blob& blob : result().blobs) {
+    if (!IsRound(blob)) standing_out_.push_back(blob);
+  }
+  // Two things and a part of a third are found by chance among many.
+  if (whole < 2 || standing_out_.size() > kMaxWithHidden) return Verdict();
+  candidates_ = FindPartialWands(wand_finder_, standing_out_, whole, kMaxPartial);
+  double work = std::min(work_left_, kWorkOfLevel);
+  work_left_ -= work;
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, &work);
+  work_left_ += work;
+  if (verdict.measured < candidates_.size()) verdict.wand.reset();
+  if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||
+                       verdict.wand->label_confidence < kPartialConfidence)) {
+    verdict.wand.reset();
+  }
   return verdict;
 }
 
@@ -327,7 +382,6 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.observation.clock_epoch = clock_epoch;
   detection.observation.markers.resize(static_cast<size_t>(target_.marker_count()));
 
-  grey_ = image.format == PixelFormat::kMono8;
   cut_short_ = false;
   dismissed_ = 0;
   masked_px_left_ = kMaxMaskedPx;

@@ -59,12 +59,13 @@ class WandDetector {
                const CameraDescription& camera, const ColourMasker& masker);
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
   bool IsCrowded() const;
-  bool HasColour(const Eigen::Vector3f& core) const;
+  bool HasColour(const ImageView& image, const Blob& blob) const;
   void Keep(const ImageView& image, const Blob& blob, bool is_cut);
   void FindSpots(const ImageView& image, const PixelRect& part);
   double EstimatedMs() const;
   double Unlikeness(const WandCandidate& candidate) const;
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
+  Verdict SearchPartial(const ImageView& image);
   Verdict SearchAll(const ImageView& image);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
                                             uint32_t clock_epoch);
@@ -84,6 +85,7 @@ class WandDetector {
   std::vector<Level> levels_;
   size_t level_ = 0;  // of the last Search
   ColourMasker masker_;
+  int main_channel_;  // of the wand's colour, in an image's pixel
   WandFinder wand_finder_;
   WandVerifier verifier_;
   double light_sigma_s_;
@@ -99,7 +101,6 @@ class WandDetector {
   std::vector<Spot> spots_;
   std::vector<Blob> standing_out_;  // the spots' blobs
   std::vector<WandCandidate> candidates_;
-  bool grey_ = false;  // the image has one channel
   // Of this image: what its search may still cost, and whether anything was left out for that.
   int64_t masked_px_left_ = 0, split_px_left_ = 0;
   int64_t runs_ = 0;  // of pixels, in all levels

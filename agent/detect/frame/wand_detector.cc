@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "agent/detect/blobs/blob_contrast.h"
 #include "agent/detect/blobs/blob_splitter.h"
+#include "agent/detect/frame/colour_share.h"
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/partial_wands.h"
@@ -24,7 +25,6 @@ namespace {
 constexpr double kModelSigmaPx = 0.006;
 constexpr int kNeverWashedOut = 256;              // ColourRange::washed_out_min
 constexpr double kLevels[] = {0, 0.2, 0.4, 0.6};  // from value_min to the brightest
-constexpr double kCrowded = 0.06;                 // of the image
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 
@@ -88,12 +88,15 @@ WandDetector::WandDetector(const WandDetectorOptions& options, const Target& tar
       verifier_(options.min_confidence),
       light_sigma_s_(LightTimeSigma(options.exposure_s, target)) {}
 
+double WandDetector::ShareOf(int64_t count_px) const {
+  return static_cast<double>(count_px) / (static_cast<double>(camera_.image_size_px.width) *
+                                          static_cast<double>(camera_.image_size_px.height));
+}
+
 // More passes than a wand and some things of its colour.
 bool WandDetector::IsCrowded() const {
-  const double pixels = static_cast<double>(camera_.image_size_px.width) *
-                        static_cast<double>(camera_.image_size_px.height);
   return result().over_limit > 0 || result().cut_short ||
-         static_cast<double>(result().passed_px) > kCrowded * pixels;
+         ShareOf(result().passed_px) > kCrowdedShare;
 }
 
 // By what was done, so that it is the same on every computer.
@@ -108,6 +111,7 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
   Verdict verdict;
   for (size_t level = 0; level < levels_.size(); ++level) {
     verdict = Search(image, image.Bounds(), level);
+    if (level == 0) passed_share_ = ShareOf(result().passed_px);
     if (verdict.wand || !IsCrowded()) break;
     if (EstimatedMs() > kNoFurtherMs) {
       cut_short_ = true;
@@ -384,6 +388,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
 
   cut_short_ = false;
   dismissed_ = 0;
+  passed_share_ = 0;
   masked_px_left_ = kMaxMaskedPx;
   split_px_left_ = kMaxSplitPx;
   runs_ = 0;
@@ -399,6 +404,10 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
     if (!wand.has_value()) detection.outcome = WhyNone(image, verdict);
   }
   detection.cut_short = cut_short_;
+  detection.passed_share = passed_share_;
+  if (passed_share_ > kCrowdedShare) {
+    detection.white_share = WhiteShare(image, options_.colour.washed_out_min);
+  }
   detection.dismissed_patches = dismissed_;
   detection.blob_count = static_cast<int>(result().blobs.size());
   if (wand.has_value()) {

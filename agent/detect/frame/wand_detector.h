@@ -58,6 +58,7 @@ class WandDetector {
   WandDetector(const WandDetectorOptions& options, const Target& target,
                const CameraDescription& camera, const ColourMasker& masker);
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
+  double ShareOf(int64_t count_px) const;
   bool IsCrowded() const;
   bool HasColour(const ImageView& image, const Blob& blob) const;
   void Keep(const ImageView& image, const Blob& blob, bool is_cut);
@@ -108,6 +109,7 @@ class WandDetector {
   double work_left_ = 0;
   bool cut_short_ = false;
   int dismissed_ = 0;
+  double passed_share_ = 0;
 };
 
 }  // namespace rigcal::agent

@@ -275,6 +275,11 @@ TEST(WandDetector, SaysWhatItLeftOutOfPicturesOfTheWandsColour) {
   }));
   EXPECT_EQ(noise.outcome, DetectionOutcome::kTooManyBlobs);
   EXPECT_TRUE(noise.cut_short);
+  EXPECT_DOUBLE_EQ(orange.passed_share, 1);
+  EXPECT_EQ(orange.white_share, 0);
+  const Detection white = detect(Picture([](int, int) { return Bgr{255, 255, 255}; }));
+  EXPECT_EQ(white.outcome, DetectionOutcome::kSaturated);
+  EXPECT_DOUBLE_EQ(white.white_share, 1);
   // Discs in rows and columns hold hundreds of wands.
   for (const int step : {15, 30, 60}) {
     const Detection discs = detect(Picture([&](int x, int y) {

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "agent/capture/camera_status.h"
+#include "agent/detect/frame/colour_share.h"
 #include "common/status/status_macros.h"
 
 namespace rigcal::agent {
@@ -145,8 +146,11 @@ void DetectingObservationSource::Note(const Frame& frame) {
   };
   for (const Advice& advice : kAdvice) {
     if (detection_.outcome != advice.outcome) continue;
-    refused_.Add("", advice.reason, 1, example(advice.what));
-    Warn(advice.reason, example(advice.what));
+    const std::string crowded = CrowdedText(detection_.passed_share, detection_.white_share);
+    const bool says_more = advice.outcome == DetectionOutcome::kTooManyBlobs && !crowded.empty();
+    const std::string what = example(says_more ? std::string_view(crowded) : advice.what);
+    refused_.Add("", advice.reason, 1, what);
+    Warn(advice.reason, what);
   }
   if (detection_.occluded_markers > 0) {
     refused_.Add("", RefusalReason::kMarkerOccluded,

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -112,6 +113,7 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint
                                             DetectingObservationSource* source, OutputFile* csv,
                                             Annotations* annotations) {
   DetectionReport report;
+  uint64_t searched = 0;  // whole
   const auto begin = std::chrono::steady_clock::now();
   RIGCAL_RETURN_IF_ERROR(source->Start(target));
   for (uint64_t i = 0; limit == 0 || i < limit; ++i) {
@@ -132,8 +134,18 @@ absl::StatusOr<DetectionReport> RunDetector(const TimedFrameSource& frames, uint
       continue;
     }
     report.detecting.Add((both - frames.read_time()).count());
-    if (source->last_detection().tracked) ++report.tracked;
+    const Detection& last = source->last_detection();
+    if (last.tracked) ++report.tracked;
+    if (last.cut_short) ++report.cut_short;
+    if (!last.tracked) {
+      report.passed_share += last.passed_share;
+      report.white_share += last.white_share;
+      ++searched;
+    }
     RIGCAL_RETURN_IF_ERROR(annotations->Add(*frames.last(), *source));
+  }
+  for (double* share : {&report.passed_share, &report.white_share}) {
+    *share /= static_cast<double>(std::max<uint64_t>(1, searched));
   }
   report.frames = frames.counts();
   report.refused = source->Refused();

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
+#include "agent/detect/frame/colour_share.h"
 #include "common/statistics/robust_statistics.h"
 
 namespace rigcal::agent {
@@ -68,6 +69,7 @@ std::string FormatReport(const DetectionReport& report) {
     AppendCount(&text, DetectionOutcomeText(outcome), count, looked_at);
   }
   AppendCount(&text, "found by tracking", report.tracked, looked_at);
+  if (report.cut_short > 0) AppendCount(&text, "search cut short", report.cut_short, looked_at);
   if (!report.centres.empty()) {
     absl::StrAppendFormat(&text, "%-30s %8s\n", "centres (csv:PATH;centres=...)", report.centres);
   }
@@ -82,6 +84,8 @@ std::string FormatReport(const DetectionReport& report) {
   AppendTimes(&text, "reading", report.reading);
   AppendTimes(&text, "detecting", report.detecting);
   absl::StrAppendFormat(&text, "%-30s %8.1f\n", "frames/s, in total", report.frames_per_s());
+  const std::string crowded = CrowdedText(report.passed_share, report.white_share);
+  if (!crowded.empty()) absl::StrAppend(&text, crowded, "\n");
   for (const Refusal& refusal : report.refused) {
     absl::StrAppend(&text, std::string(NameOf(refusal.reason)), " x ", refusal.count,
                     ", first: ", refusal.example, "\n");
@@ -113,6 +117,9 @@ std::string ReportJson(const DetectionReport& report) {
   json["reading_ms"] = TimesJson(report.reading);
   json["detecting_ms"] = TimesJson(report.detecting);
   json["pictures_per_s"] = report.frames_per_s();
+  json["cut_short"] = report.cut_short;
+  json["passed_share"] = report.passed_share;
+  json["white_share"] = report.white_share;
   return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

@@ -26,8 +26,11 @@ class Durations {
 struct DetectionReport {
   FrameCounts frames;
   DetectionCounts detections;
-  uint64_t learning = 0;  // frames that went into the mask only
-  uint64_t tracked = 0;   // wands found in the predicted window
+  uint64_t learning = 0;   // frames that went into the mask only
+  uint64_t tracked = 0;    // wands found in the predicted window
+  uint64_t cut_short = 0;  // searches that left candidates out, to bound their time
+  // Of the frames that were searched whole: means of Detection::passed_share and white_share.
+  double passed_share = 0, white_share = 0;
   // "sphere" or "blob", as csv: is to be told with ;centres=; empty: no marker was seen.
   std::string centres;
   std::vector<Refusal> refused;
@@ -44,7 +47,7 @@ struct DetectionReport {
 std::string FormatReport(const DetectionReport& report);
 // The same as one JSON object, a contract: pictures, damaged, lost, learning, outcomes{word:
 // count}, detection_rate, tracked, centres, refused[{reason, count, example}], reading_ms and
-// detecting_ms{mean, median, p95}, pictures_per_s.
+// detecting_ms{mean, median, p95}, pictures_per_s, cut_short, passed_share, white_share.
 std::string ReportJson(const DetectionReport& report);
 
 }  // namespace rigcal::agent

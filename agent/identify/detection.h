@@ -15,7 +15,13 @@ struct Detection {
   double confidence = 0;  // 0 to 1, of the whole wand
   int blob_count = 0;
   int occluded_markers = 0;
-  bool tracked = false;  // found in the predicted window, without a full search
+  // Candidates were left out to bound the time; without a wand the outcome is kTooManyBlobs.
+  bool cut_short = false;
+  // Of the pixels, 0 to 1: those that pass the colour test, and those of them that are white, in
+  // which no colour is left. Of images that were searched whole.
+  double passed_share = 0, white_share = 0;
+  int dismissed_patches = 0;  // of the wand's colour, too large to look for markers in front
+  bool tracked = false;       // found in the predicted window, without a full search
 };
 
 }  // namespace rigcal::agent

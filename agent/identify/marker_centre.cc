@@ -22,8 +22,27 @@ constexpr int kMaxIterations = 12;
 // Radii of the centroid per skewness, found on rendered images.
 constexpr double kShiftPerSkewness = 4;
 constexpr double kMedianVariance = 1.57;  // of a Gaussian's median against its mean
+// For the outline.
+constexpr double kModelNoise = 0.015;  // of its model, in units of coverage
+constexpr int kMosaicTries = 3;        // of an image
+constexpr double kMosaicNoise = 1.3;   // of a measured channel against the mean of all pixels
+constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
+constexpr double kRimPx = 5;           // further inside every fifth pixel is enough
+constexpr double kInsideStep = 5.3;    // not in step with a mosaic
+constexpr double kEnoughPixels = 700;
+constexpr double kFullRadiusPx = 16;  // larger ones are read more coarsely
+
+int StepOf(const MarkerAperture& aperture) {
+  return std::clamp(static_cast<int>(aperture.b / kFullRadiusPx), 1, 3);
+}
 
 }  // namespace
+
+double MarkerMeter::WorkOf(const Blob& blob) {
+  const MarkerAperture aperture(blob);
+  const double side = 2 * aperture.Reach() / StepOf(aperture);
+  return side * side;
+}
 
 bool MarkerMeter::PlaceWindow(const ImageView& image, const MarkerAperture& aperture,
                               MarkerCentre* centre) {
@@ -33,13 +52,13 @@ bool MarkerMeter::PlaceWindow(const ImageView& image, const MarkerAperture& aper
   const double need = aperture.a + 1;
   centre->cut = at.x() - need < 0 || at.y() - need < 0 || at.x() + need > image.width - 1 ||
                 at.y() + need > image.height - 1;
-  window_.x = std::max(static_cast<int>(std::floor(at.x() - reach)), 0);
-  window_.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
-  window_.width =
-      std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - window_.x;
-  window_.height =
-      std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - window_.y;
-  return !window_.empty();
+  window_.step = StepOf(aperture);
+  PixelRect& rect = window_.rect;
+  rect.x = std::max(static_cast<int>(std::floor(at.x() - reach)), 0);
+  rect.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
+  rect.width = std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - rect.x;
+  rect.height = std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - rect.y;
+  return !rect.empty();
 }
 
 bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aperture,
@@ -59,8 +78,9 @@ bool MarkerMeter::ReadPlateau(const ImageView& image, const MarkerAperture& aper
 bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
                         MarkerCentre* centre) {
   const std::vector<RingBackground::Arc>& arcs = background_.arcs();
-  const auto size = static_cast<size_t>(window_.width) * static_cast<size_t>(window_.height);
+  const size_t size = window_.size();
   coverage_.resize(size);
+  share_.resize(size);
   gain_.resize(size);
   arc_of_.resize(size);
   foreign_.resize(size);
@@ -73,7 +93,15 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
   if (!(centre->contrast_grey > kMinContrast)) return false;
   const auto least = static_cast<float>(0.3 * centre->contrast_grey);
   const auto strange = static_cast<float>(kStrange * centre->contrast_grey);
+  // A little beyond what is summed: the aperture follows the centroid.
+  reach_ = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx + 1);
   ForPixels(window_, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+    if (d.dot(reach_ * d) > 1) {
+      coverage_[i] = gain_[i] = 0;
+      foreign_[i] = 0;
+      arc_of_[i] = 0;
+      return;
+    }
     size_t arc = 0;
     const Eigen::Vector3f background = background_.At(d, &arc);
     const Eigen::Vector3f range = plateau - background;
@@ -81,6 +109,7 @@ bool MarkerMeter::Cover(const ImageView& image, const MarkerAperture& aperture,
     const Eigen::Vector3f above = GreyAt(image, x, y) - background;
     const float share = above.dot(range) / squared;
     const float counted = (share - kFree) / (kCovered - kFree);
+    share_[i] = share;
     coverage_[i] = std::clamp(counted, 0.0f, 1.0f);
     gain_[i] = counted > 0 && counted < 1 ? 1 / (std::sqrt(squared) * (kCovered - kFree)) : 0;
     foreign_[i] = std::abs(share) > kForeign ? kBright : 0;
@@ -108,7 +137,7 @@ bool MarkerMeter::Outline(const MarkerAperture& aperture, Blob* blob) const {
   first /= count;
   blob->centre_px = aperture.centre_px + first;
   blob->second_moment_px2 = second / count - first * first.transpose();
-  blob->area_px = static_cast<int>(count);
+  blob->area_px = static_cast<int>(count) * window_.step * window_.step;
   return true;
 }
 
@@ -188,7 +217,8 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
   const double variance = centre->noise_grey * centre->noise_grey;
   centre->covariance_px2 = variance / (sum * sum) * noise;
   centre->second_moment_px2 = second / sum;
-  centre->radius_px = std::sqrt(sum / std::numbers::pi);
+  const double area = sum * window_.step * window_.step;
+  centre->radius_px = std::sqrt(area / std::numbers::pi);
   const double scale = 1 / (sum * std::pow(centre->radius_px, 3));
   // Each mixed moment stands for three equal ones of the tensor.
   centre->skewness = scale * std::sqrt(third.dot(third.cwiseProduct(Eigen::Vector4d(1, 3, 3, 1))));
@@ -199,17 +229,18 @@ void MarkerMeter::MeasureShape(const MarkerAperture& aperture, MarkerCentre* cen
                               std::max(0.0, centre->skewness - 2.5 * centre->skewness_sigma);
   centre->covariance_px2 += disturbed_px * disturbed_px * Eigen::Matrix2d::Identity();
   centre->spread = 4 * std::numbers::pi *
-                   std::sqrt(std::max(0.0, centre->second_moment_px2.determinant())) / sum;
+                   std::sqrt(std::max(0.0, centre->second_moment_px2.determinant())) / area;
 }
 
 bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre) {
   *centre = MarkerCentre();
   Blob outlined = blob;
+  has_measured_ = false;
   for (const bool last : {false, true}) {
     MarkerAperture aperture(outlined);
     if (!PlaceWindow(image, aperture, centre) || !ReadPlateau(image, aperture, centre) ||
         !background_.Read(image, aperture, window_, centre->plateau_grey.cast<float>(),
-                          &centre->noise_grey) ||
+                          last ? &centre->noise_grey : nullptr) ||
         !Cover(image, aperture, centre)) {
       return false;
     }
@@ -218,11 +249,61 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
       continue;
     }
     Block(aperture);
+    centre->has_neighbour =
+        std::ranges::any_of(background_.arcs(), [](const auto& arc) { return arc.blocked; });
     if (!FindCentroid(&aperture, centre)) return false;
     MeasureShape(aperture, centre);
+    outlined_ = aperture;
   }
-  return centre->centre_px.allFinite() && centre->covariance_px2.allFinite() &&
-         std::isfinite(centre->skewness) && std::isfinite(centre->spread);
+  has_measured_ = centre->centre_px.allFinite() && centre->covariance_px2.allFinite() &&
+                  std::isfinite(centre->skewness) && std::isfinite(centre->spread);
+  return has_measured_;
+}
+
+void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& centre,
+                                OutlinePixels* pixels) {
+  pixels->Clear();
+  if (!has_measured_) return;
+  const MarkerAperture& aperture = *outlined_;
+  const std::vector<RingBackground::Arc>& arcs = background_.arcs();
+  const double noise = centre.noise_grey / std::max(1.0, centre.contrast_grey);
+  const auto precision = static_cast<float>(1 / std::hypot(noise, kModelNoise));
+  const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
+  const auto model_noise = static_cast<float>(kModelNoise);
+  const auto least = static_cast<float>(kLeastChannel * centre.contrast_grey);
+  const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
+  if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
+    mosaic_ = FindMosaic(image, window_.rect);
+    ++mosaic_tries_;
+  }
+  const Eigen::Matrix2d outside =
+      aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
+  const bool large = aperture.b > 2 * kRimPx;
+  const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
+  // Pixels are many where the sphere is near, and say the same.
+  const double rim = 2 * std::numbers::pi * aperture.a *
+                     (std::min(kRimPx, aperture.b) + MarkerAperture::kMarginPx + 1);
+  const double step = std::max(1.0, rim / kEnoughPixels / (window_.step * window_.step));
+  double turn = 0;
+  ForPixels(window_, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+    if (d.dot(outside * d) > 1 || arcs[arc_of_[i]].blocked) return;
+    turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
+    if (turn < step) return;
+    turn -= step;
+    const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
+    if (!mosaic_) {
+      pixels->Add(at_x, at_y, share_[i], precision);
+      return;
+    }
+    const int channel = mosaic_->Channel(x, y);
+    size_t arc = 0;
+    const float background = background_.At(d, &arc)[channel];
+    const float range = plateau[channel] - background;
+    if (range < least) return;
+    pixels->Add(at_x, at_y, (GreyAt(image, x, y)[channel] - background) / range,
+                1 / std::hypot(single_noise / range, model_noise));
+  });
+  pixels->FillUp();
 }
 
 }  // namespace rigcal::agent

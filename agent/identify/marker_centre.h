@@ -3,11 +3,14 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "agent/detect/blobs/blob_finder.h"
 #include "agent/detect/blobs/image_view.h"
+#include "agent/identify/colour_mosaic.h"
 #include "agent/identify/marker_aperture.h"
+#include "agent/identify/outline_rows.h"
 #include "agent/identify/ring_background.h"
 
 namespace rigcal::agent {
@@ -28,9 +31,10 @@ struct MarkerCentre {
   // with blur and for anything else.
   double spread = 1;
   Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
-  double contrast_grey = 0;  // of the plateau against the background, over all channels
-  double noise_grey = 0;     // one sigma of one pixel and channel
-  bool cut = false;          // the image's border cuts the aperture
+  double contrast_grey = 0;    // of the plateau against the background, over all channels
+  double noise_grey = 0;       // one sigma of one pixel and channel
+  bool cut = false;            // the image's border cuts the aperture
+  bool has_neighbour = false;  // something else is near; its side and the opposite are left out
 };
 
 // Measures the blob's centre. Buffers are kept; one thread at a time.
@@ -46,8 +50,23 @@ struct MarkerCentre {
 // follows the centroid until it converges.
 class MarkerMeter {
  public:
-  // False where there is nothing to measure: no contrast, or a window without background.
+  // Another image: whether it has a mosaic is found again.
+  void StartImage() {
+    mosaic_.reset();
+    mosaic_tries_ = 0;
+  }
+
+  // False where there is nothing to measure: no contrast, or a window without background. Of a
+  // large image every second or third pixel and row is read: they say the same.
   bool Measure(const ImageView& image, const Blob& blob, MarkerCentre* centre);
+
+  // The pixels of what was measured last and of its surroundings, for the fit of its outline; none
+  // after a Measure that failed. Behind a mosaic of filters each with the one channel that was
+  // measured there, else all channels together.
+  void CollectPixels(const ImageView& image, const MarkerCentre& centre, OutlinePixels* pixels);
+
+  // Pixels that a Measure of the blob reads, about.
+  static double WorkOf(const Blob& blob);
 
  private:
   bool PlaceWindow(const ImageView& image, const MarkerAperture& aperture, MarkerCentre* centre);
@@ -60,12 +79,18 @@ class MarkerMeter {
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 
-  PixelRect window_;
+  PixelGrid window_;
   RingBackground background_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
   std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it
   std::vector<uint16_t> arc_of_;  // of the window
+  std::vector<float> share_;      // of the window: coverage, not clipped
+  Eigen::Matrix2d reach_ = Eigen::Matrix2d::Identity();  // what of the window is filled
+  bool has_measured_ = false;
+  std::optional<ColourMosaic> mosaic_;  // of the image
+  int mosaic_tries_ = 0;
+  std::optional<MarkerAperture> outlined_;  // of the last Measure
 };
 
 }  // namespace rigcal::agent

@@ -14,6 +14,25 @@ constexpr double kArcPx = 3;  // length of an arc of the ring
 constexpr int kMinArcs = 16, kMaxArcs = 64;
 constexpr float kAlike = 0.4f;  // of the contrast: as near as this is the marker's colour
 constexpr int kMinRingPixels = 24;
+constexpr float kOverlap = 0.3f;  // of an arc, into each neighbour
+
+// Direction of `d`, 0 to `turns`.
+float TurnOf(const Eigen::Vector2d& d, float turns) {
+  // atan to 1e-4 rad: arcs are a hundred times as long.
+  const auto x = static_cast<float>(d.x()), y = static_cast<float>(d.y());
+  const float ax = std::abs(x), ay = std::abs(y);
+  const float low = std::min(ax, ay), high = std::max(ax, ay);
+  const float t = high > 0 ? low / high : 0, t2 = t * t;
+  float angle =
+      t * (0.99997726f +
+           t2 * (-0.33262347f +
+                 t2 * (0.19354346f + t2 * (-0.11643287f + t2 * (0.05265332f - t2 * 0.01172120f)))));
+  constexpr auto kPi = std::numbers::pi_v<float>;
+  if (ay > ax) angle = 0.5f * kPi - angle;
+  if (x < 0) angle = kPi - angle;
+  if (y < 0) angle = -angle;
+  return std::clamp((angle / (2 * kPi) + 0.5f) * turns, 0.0f, turns);
+}
 
 // One sigma of values around medians of some ten of them, without what does not belong to them.
 double NoiseSigma(std::vector<float>* residuals) {
@@ -32,7 +51,7 @@ double NoiseSigma(std::vector<float>* residuals) {
 }  // namespace
 
 bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture,
-                          const PixelRect& window, const Eigen::Vector3f& plateau_grey,
+                          const PixelGrid& window, const Eigen::Vector3f& plateau_grey,
                           double* noise_grey) {
   const Eigen::Matrix2d ring = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
   const Eigen::Matrix2d edge =
@@ -44,45 +63,52 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
                                kArcPx),
               kMinArcs / 2, kMaxArcs / 2);
   arcs_.assign(static_cast<size_t>(count), Arc());
-  struct RingPixel {
-    float turn;  // 0 to count
-    Eigen::Vector3f grey;
-  };
-  std::vector<RingPixel> pixels;
+  const auto turns = static_cast<float>(count);
+  pixels_.clear();
   ForPixels(window, aperture.centre_px, [&](size_t, int x, int y, const Eigen::Vector2d& d) {
     if (d.dot(ring * d) <= 1 || d.dot(edge * d) >= 1) return;
-    const double turn = (std::atan2(d.y(), d.x()) / (2 * std::numbers::pi) + 0.5) * count;
-    pixels.push_back({static_cast<float>(turn), GreyAt(image, x, y)});
+    pixels_.push_back({TurnOf(d, turns), GreyAt(image, x, y)});
   });
-  if (pixels.size() < kMinRingPixels) return false;
+  if (pixels_.size() < kMinRingPixels) return false;
   const int channels = image.format == PixelFormat::kMono8 ? 1 : 3;
   // Pixels of the ring that look like the marker belong to the next one.
   Eigen::Vector3f middle = Eigen::Vector3f::Zero();
   for (int c = 0; c < channels; ++c) {
     residuals_.clear();
-    for (const RingPixel& pixel : pixels) residuals_.push_back(pixel.grey[c]);
+    for (const RingPixel& pixel : pixels_) residuals_.push_back(pixel.grey[c]);
     middle[c] = UpperMedian(&residuals_);
   }
   const float alike = kAlike * (plateau_grey - middle).norm();
-  std::erase_if(pixels, [&](const RingPixel& p) { return (p.grey - plateau_grey).norm() < alike; });
-  if (pixels.size() < kMinRingPixels / 2) return false;
+  std::erase_if(pixels_, [&](const RingPixel& p) {
+    return (p.grey - plateau_grey).squaredNorm() < alike * alike;
+  });
+  if (pixels_.size() < kMinRingPixels / 2) return false;
+  // Arcs overlap: a pixel near an end also counts for the neighbour.
+  by_arc_.resize(static_cast<size_t>(count));
+  for (auto& members : by_arc_) members.clear();
+  for (size_t i = 0; i < pixels_.size(); ++i) {
+    const int arc = std::min(static_cast<int>(pixels_[i].turn), count - 1);
+    const float share = pixels_[i].turn - static_cast<float>(arc);
+    by_arc_[static_cast<size_t>(arc)].push_back(static_cast<int>(i));
+    if (share <= kOverlap) {
+      by_arc_[static_cast<size_t>((arc + count - 1) % count)].push_back(static_cast<int>(i));
+    }
+    if (share >= 1 - kOverlap) {
+      by_arc_[static_cast<size_t>((arc + 1) % count)].push_back(static_cast<int>(i));
+    }
+  }
   residuals_.clear();
   for (int k = 0; k < count; ++k) {
-    for (auto& values : values_) values.clear();
-    for (const RingPixel& pixel : pixels) {
-      const float away =
-          std::remainder(pixel.turn - static_cast<float>(k) - 0.5f, static_cast<float>(count));
-      if (std::abs(away) > 0.8f) continue;
-      for (int c = 0; c < channels; ++c) values_[c].push_back(pixel.grey[c]);
-    }
+    const std::vector<int>& members = by_arc_[static_cast<size_t>(k)];
     Arc& arc = arcs_[static_cast<size_t>(k)];
-    arc.pixels = static_cast<int>(values_[0].size());
+    arc.pixels = static_cast<int>(members.size());
     if (arc.pixels == 0) continue;
     for (int c = 0; c < channels; ++c) {
-      arc.background[c] = UpperMedian(&values_[c]);
-      for (const float value : values_[c]) {
-        residuals_.push_back(std::abs(value - arc.background[c]));
-      }
+      values_.clear();
+      for (const int i : members) values_.push_back(pixels_[static_cast<size_t>(i)].grey[c]);
+      arc.background[c] = UpperMedian(&values_);
+      if (noise_grey == nullptr) continue;
+      for (const float value : values_) residuals_.push_back(std::abs(value - arc.background[c]));
     }
   }
   // Arcs without a pixel, outside of the image or hidden by a neighbour, are like the nearest
@@ -95,17 +121,16 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
       arcs_[static_cast<size_t>(k)] = before.pixels >= after.pixels ? before : after;
     }
   }
-  *noise_grey = NoiseSigma(&residuals_);
+  if (noise_grey != nullptr) *noise_grey = NoiseSigma(&residuals_);
   return true;
 }
 
 Eigen::Vector3f RingBackground::At(const Eigen::Vector2d& offset, size_t* arc) const {
-  const auto count = static_cast<double>(arcs_.size());
-  const double turn =
-      (std::atan2(offset.y(), offset.x()) / (2 * std::numbers::pi) + 0.5) * count - 0.5;
-  const double low = std::floor(turn);
-  const auto share = static_cast<float>(turn - low);
-  const auto first = static_cast<size_t>(low + count) % arcs_.size();
+  const auto count = static_cast<float>(arcs_.size());
+  const float turn = TurnOf(offset, count) - 0.5f;
+  const float low = std::floor(turn);
+  const float share = turn - low;
+  const size_t first = static_cast<size_t>(low + count) % arcs_.size();
   const size_t second = (first + 1) % arcs_.size();
   *arc = share < 0.5f ? first : second;
   return (1 - share) * arcs_[first].background + share * arcs_[second].background;

@@ -18,12 +18,26 @@ inline Eigen::Vector3f GreyAt(const ImageView& image, int x, int y) {
   return {static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2])};
 }
 
-// Calls visit(number, x, y, offset from `centre_px`) for every pixel of the window, row by row.
+// A window, of which every `step`-th pixel of every `step`-th row is looked at.
+struct PixelGrid {
+  PixelRect rect;
+  int step = 1;
+
+  size_t size() const {
+    const auto count = [this](int extent) {
+      return static_cast<size_t>((extent + step - 1) / step);
+    };
+    return count(rect.width) * count(rect.height);
+  }
+};
+
+// Calls visit(number, x, y, offset from `centre_px`) for every pixel of the grid, row by row.
 template <typename Visit>
-void ForPixels(const PixelRect& window, const Eigen::Vector2d& centre_px, Visit visit) {
+void ForPixels(const PixelGrid& grid, const Eigen::Vector2d& centre_px, Visit visit) {
+  const PixelRect& window = grid.rect;
   size_t i = 0;
-  for (int y = window.y; y < window.y + window.height; ++y) {
-    for (int x = window.x; x < window.x + window.width; ++x, ++i) {
+  for (int y = window.y; y < window.y + window.height; y += grid.step) {
+    for (int x = window.x; x < window.x + window.width; x += grid.step, ++i) {
       visit(i, x, y, Eigen::Vector2d(x - centre_px.x(), y - centre_px.y()));
     }
   }
@@ -40,8 +54,8 @@ class RingBackground {
   };
 
   // Reads the part of the ring that lies in `window`, without what looks like the marker.
-  // `noise_grey`: one sigma of one pixel and channel. False: too few pixels.
-  bool Read(const ImageView& image, const MarkerAperture& aperture, const PixelRect& window,
+  // `noise_grey`: one sigma of one pixel and channel; may be null. False: too few pixels.
+  bool Read(const ImageView& image, const MarkerAperture& aperture, const PixelGrid& window,
             const Eigen::Vector3f& plateau_grey, double* noise_grey);
 
   // The background behind a pixel, between the two arcs next to its direction, and the nearer of
@@ -53,8 +67,14 @@ class RingBackground {
   const std::vector<Arc>& arcs() const { return arcs_; }
 
  private:
+  struct RingPixel {
+    float turn;  // its direction, 0 to the number of arcs
+    Eigen::Vector3f grey;
+  };
   std::vector<Arc> arcs_;
-  std::vector<float> values_[3];  // of one arc
+  std::vector<RingPixel> pixels_;
+  std::vector<std::vector<int>> by_arc_;  // pixels of each arc
+  std::vector<float> values_;             // of one arc and channel
   std::vector<float> residuals_;
 };
 

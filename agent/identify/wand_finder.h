@@ -41,6 +41,7 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
+  int partial = -1;  // the marker of which only a part is seen (FindPartialWands)
 };
 
 // In whatever order.
@@ -72,6 +73,9 @@ class WandFinder {
   const WandImageFitOptions& fit_options() const { return fit_options_; }
   absl::Span<const double> shares() const { return shares_; }  // along the wand, 0 to 1
   double length_m() const { return length_m_; }
+  void LimitFits(int max_fits) { options_.max_fits = max_fits; }
+  int fits() const { return fits_; }                             // of the last Find
+  bool cut_short() const { return fits_ >= options_.max_fits; }  // the last Find, by max_fits
   // Moves the centre of a marker's image to the projection of the sphere's centre, where lens and
   // diameter are known.
   void ToSphereCentre(const WandImageFit& fit, size_t marker, MarkerObservation* observed) const;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "agent/detect/blobs/blob_contrast.h"
+#include "agent/identify/partial_wands.h"
 
 namespace rigcal::agent {
 namespace {
@@ -17,11 +18,24 @@ constexpr double kHalfCost = 13;          // confidence 0.5
 constexpr double kCostScale = 2.5;
 constexpr double kSkewness = 0.012;
 constexpr double kOccludedCost = 9;
+constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
+// Of outlines.
+constexpr double kWorthALook = 0.1;  // confidence
+constexpr size_t kMaxOutlined = 6;
+constexpr double kNoOutlineCost = 9;
+constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
+constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
+constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
+constexpr double kLeastScatter = 0.3;
+constexpr double kLeastGapPx = 1;
+constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
+
+double ConfidenceOf(double cost) { return 1 / (1 + std::exp((cost - kHalfCost) / kCostScale)); }
 
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
 bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
@@ -36,7 +50,12 @@ double Lopsidedness(const MarkerCentre& centre) {
   return std::min(Squared(excess / kSkewness), kOccludedCost);
 }
 
-double Likeness(const absl::InlinedVector<MarkerCentre, 3>& centres) {
+// Of the markers that were measured.
+double Likeness(const absl::InlinedVector<MarkerCentre, 3>& all) {
+  absl::InlinedVector<MarkerCentre, 3> centres;
+  for (const MarkerCentre& centre : all) {
+    if (centre.contrast_grey > 0) centres.push_back(centre);
+  }
   double mean = 0;
   Eigen::Vector3d colour = Eigen::Vector3d::Zero();
   for (const MarkerCentre& centre : centres) {
@@ -59,10 +78,34 @@ bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
   });
 }
 
+// The same markers are seen whole, of another part of the hidden one.
+bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {
+  for (size_t k = 0; k < a.blobs.size(); ++k) {
+    if (a.whole[k] != b.whole[k] || (a.whole[k] && a.blobs[k] != b.blobs[k])) return false;
+  }
+  return true;
+}
+
+// Another marker of the wand is so near that blur joins them.
+bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
+  const MarkerCentre& own = wand.centres[marker];
+  for (size_t k = 0; k < wand.centres.size(); ++k) {
+    const MarkerCentre& other = wand.centres[k];
+    const double gap_px =
+        (own.centre_px - other.centre_px).norm() - own.radius_px - other.radius_px;
+    if (k != marker && gap_px < kLeastGapPx + 4 * edge_px) return true;
+  }
+  return false;
+}
+
 double MeanBrightness(const VerifiedWand& wand) {
   double sum = 0;
-  for (const MarkerCentre& centre : wand.centres) sum += centre.plateau_grey.norm();
-  return sum / static_cast<double>(wand.centres.size());
+  int count = 0;
+  for (const MarkerCentre& centre : wand.centres) {
+    sum += centre.plateau_grey.norm();
+    count += centre.contrast_grey > 0 ? 1 : 0;
+  }
+  return sum / std::max(1, count);
 }
 
 }  // namespace
@@ -71,16 +114,27 @@ int VerifiedWand::OccludedCount() const {
   return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
 
-const WandVerifier::Measured& WandVerifier::Measure(const ImageView& image,
+// None where the time for it is up.
+const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
                                                     absl::Span<const Blob> blobs, int blob) {
-  for (const Measured& measured : measured_) {
-    if (measured.blob == blob) return measured;
+  for (size_t i = 0; i < measured_count_; ++i) {
+    if (measured_[i].blob == blob) return &measured_[i];
   }
-  Measured& measured = measured_.emplace_back();
+  const double work = MarkerMeter::WorkOf(blobs[static_cast<size_t>(blob)]);
+  if (work > work_) {
+    out_of_work_ = true;
+    return nullptr;
+  }
+  work_ -= work;
+  if (measured_count_ == measured_.size()) measured_.emplace_back();
+  Measured& measured = measured_[measured_count_++];
   measured.blob = blob;
+  measured.tried = false;
+  measured.outline.reset();
   measured.good = meter_.Measure(image, blobs[static_cast<size_t>(blob)], &measured.centre) &&
                   measured.centre.contrast_grey >= kMinContrastGrey;
-  return measured;
+  if (measured.good) meter_.CollectPixels(image, measured.centre, &measured.pixels);
+  return &measured;
 }
 
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
@@ -90,10 +144,17 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   VerifiedWand wand;
   wand.blobs = candidate.blobs;
   absl::InlinedVector<MarkerSight, 4> sights;
-  for (const int index : candidate.blobs) {
-    const Measured& measured = Measure(image, blobs, index);
-    if (!measured.good) return std::nullopt;
-    const MarkerCentre& centre = measured.centre;
+  for (size_t k = 0; k < candidate.blobs.size(); ++k) {
+    const int index = candidate.blobs[k];
+    if (static_cast<int>(k) == candidate.partial) {
+      wand.centres.emplace_back().centre_px = blobs[static_cast<size_t>(index)].centre_px;
+      wand.whole.push_back(false);
+      sights.emplace_back();
+      continue;
+    }
+    const Measured* const measured = Measure(image, blobs, index);
+    if (measured == nullptr || !measured->good) return std::nullopt;
+    const MarkerCentre& centre = measured->centre;
     wand.centres.push_back(centre);
     wand.whole.push_back(IsWhole(blobs[static_cast<size_t>(index)], centre));
     MarkerSight& sight = sights.emplace_back();
@@ -106,6 +167,16 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       sight.radius_sigma_px += 0.3 * centre.radius_px;
     }
   }
+  if (candidate.partial >= 0) {
+    double radius = 0;
+    for (const MarkerCentre& centre : wand.centres) radius += 0.5 * centre.radius_px;
+    const auto part = static_cast<size_t>(candidate.partial);
+    if (wand.OccludedCount() > 1 || !finder.Sight(wand.centres[part].centre_px, &sights[part])) {
+      return std::nullopt;
+    }
+    wand.centres[part].radius_px = radius;
+    LoosenSight(radius, &sights[part]);
+  }
   const int count = static_cast<int>(wand.blobs.size());
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
@@ -115,9 +186,13 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   wand.cost = wand.fit.cost + Likeness(wand.centres);
   for (size_t k = 0; k < wand.whole.size(); ++k) {
-    if (!wand.whole[k]) wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
+    if (static_cast<int>(k) == candidate.partial) {
+      wand.cost += kPartialCost;
+    } else if (!wand.whole[k]) {
+      wand.cost += kOccludedCost - Lopsidedness(wand.centres[k]);
+    }
   }
-  wand.confidence = 1 / (1 + std::exp((wand.cost - kHalfCost) / kCostScale));
+  wand.confidence = ConfidenceOf(wand.cost);
   return wand;
 }
 
@@ -130,6 +205,7 @@ Verdict WandVerifier::Choose() {
   for (size_t i = 1; i < evaluated_.size(); ++i) {
     const VerifiedWand &now = evaluated_[best], &other = evaluated_[i];
     if (other.confidence < min_confidence_ || SameBlobs(now.blobs, other.blobs)) continue;
+    if (SameWholes(now, other)) continue;
     if (Disjoint(now, other)) {
       const double ratio = MeanBrightness(other) / MeanBrightness(now);
       if (ratio > kBrighter) best = i;
@@ -153,15 +229,119 @@ Verdict WandVerifier::Choose() {
   return verdict;
 }
 
+const std::optional<SphereOutline>& WandVerifier::OutlineOf(int blob) {
+  const auto end = measured_.begin() + static_cast<ptrdiff_t>(measured_count_);
+  Measured& measured =
+      *std::find_if(measured_.begin(), end, [&](const Measured& m) { return m.blob == blob; });
+  if (!measured.tried) {
+    measured.tried = true;
+    SphereOutline outline{.centre_px = measured.centre.centre_px,
+                          .radius_px = measured.centre.radius_px};
+    if (fitter_.Fit(measured.pixels, measured.centre.second_moment_px2, true, &outline)) {
+      measured.outline = outline;
+    }
+  }
+  return measured.outline;
+}
+
+// The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
+// differ within the wand. Motion stretches all spheres alike.
+double WandVerifier::ShapeCost(const VerifiedWand& wand) {
+  double cost = 0, weights = 0;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  absl::InlinedVector<std::pair<Eigen::Vector2d, double>, 3> stretches;
+  for (size_t k = 0; k < wand.blobs.size(); ++k) {
+    if (!wand.whole[k]) continue;
+    const MarkerCentre& centre = wand.centres[k];
+    const auto& outline = OutlineOf(wand.blobs[k]);
+    if (!outline) {
+      cost += kNoOutlineCost;
+      continue;
+    }
+    const double noise = centre.noise_grey / centre.contrast_grey;
+    const double residual = outline->residual * std::hypot(noise, kMeterNoise);
+    cost +=
+        Squared(std::max(0.0, residual / std::hypot(noise, kOutlineNoise) - 1) / kResidualSigma);
+    const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
+    const double weight = 1 / Squared(sigma);
+    stretches.emplace_back(outline->stretch, weight);
+    mean += weight * outline->stretch;
+    weights += weight;
+  }
+  if (weights > 0) mean /= weights;
+  for (const auto& [stretch, weight] : stretches) cost += weight * (stretch - mean).squaredNorm();
+  return cost;
+}
+
+void WandVerifier::FitOutlines(VerifiedWand* wand) {
+  double chi_squared = 0;
+  int count = 0;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    if (!wand->whole[k]) continue;
+    const auto& outline = OutlineOf(wand->blobs[k]);
+    if (!outline) continue;
+    const double scatter = std::max(1.0, Squared(outline->residual));
+    chi_squared += outline->slope_chi_squared / scatter;
+    ++count;
+  }
+  const bool shaded = chi_squared >= kShaded * count;
+  absl::InlinedVector<std::optional<SphereOutline>, 3> outlines(wand->blobs.size());
+  // All spheres of a wand have the same mosaic, compression and blur.
+  double scatter = 0, freedom = 0;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    if (!wand->whole[k] || !OutlineOf(wand->blobs[k])) continue;
+    // Its light reaches the outline, but not the centroid, of which both sides are cut.
+    if (IsCrowded(*wand, k, OutlineOf(wand->blobs[k])->edge_px) ||
+        (!shaded && wand->centres[k].has_neighbour))
+      continue;
+    SphereOutline outline = *OutlineOf(wand->blobs[k]);
+    const auto measured = std::find_if(measured_.begin(), measured_.end(),
+                                       [&](const Measured& m) { return m.blob == wand->blobs[k]; });
+    if (!shaded &&
+        !fitter_.Fit(measured->pixels, measured->centre.second_moment_px2, false, &outline)) {
+      continue;
+    }
+    outlines[k] = outline;
+    scatter += outline.edge_chi_squared;
+    freedom += outline.edge_freedom;
+  }
+  const double factor = std::max(kLeastScatter, freedom > 0 ? scatter / freedom : 1);
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    if (!outlines[k]) continue;
+    wand->centres[k].centre_px = outlines[k]->centre_px;
+    wand->centres[k].covariance_px2 = factor * outlines[k]->covariance_px2;
+  }
+}
+
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
-                             const WandFinder& finder, absl::Span<const WandCandidate> candidates) {
-  measured_.clear();
+                             const WandFinder& finder, absl::Span<const WandCandidate> candidates,
+                             double* work) {
+  work_ = *work;
+  out_of_work_ = false;
+  size_t count = 0;
+  measured_count_ = 0;
+  meter_.StartImage();
   evaluated_.clear();
   for (const WandCandidate& candidate : candidates) {
     auto wand = EvaluateOne(image, blobs, finder, candidate);
+    if (!out_of_work_) ++count;
     if (wand.has_value()) evaluated_.push_back(*std::move(wand));
   }
-  return Choose();
+  std::stable_sort(evaluated_.begin(), evaluated_.end(),
+                   [](const VerifiedWand& a, const VerifiedWand& b) { return a.cost < b.cost; });
+  std::erase_if(evaluated_, [this](const VerifiedWand& wand) {
+    return wand.confidence < std::min(kWorthALook, min_confidence_);
+  });
+  if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
+  for (VerifiedWand& wand : evaluated_) {
+    wand.cost += ShapeCost(wand);
+    wand.confidence = ConfidenceOf(wand.cost);
+  }
+  Verdict verdict = Choose();
+  verdict.measured = count;
+  *work = work_;
+  if (verdict.wand) FitOutlines(&*verdict.wand);
+  return verdict;
 }
 
 }  // namespace rigcal::agent

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "agent/identify/marker_centre.h"
+#include "agent/identify/sphere_outline_fit.h"
 #include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
@@ -25,6 +26,7 @@ struct VerifiedWand {
 struct Verdict {
   std::optional<VerifiedWand> wand;
   bool ambiguous = false;  // another one is as good; then `wand` is none
+  size_t measured = 0;     // of the candidates from the first one on; the rest was too much work
 };
 
 // Chooses among candidates by the brightness of their pixels: sub-pixel centres and radii against
@@ -35,23 +37,36 @@ class WandVerifier {
  public:
   explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
+  // Candidates first that are to be measured first. `work`: pixels that may be read
+  // (MarkerMeter::WorkOf), less those that were; what would take more is left out.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
-                 absl::Span<const WandCandidate> candidates);
+                 absl::Span<const WandCandidate> candidates, double* work);
 
  private:
   struct Measured {
     int blob = 0;
     bool good = false;
     MarkerCentre centre;
+    OutlinePixels pixels;
+    bool tried = false;                    // to fit
+    std::optional<SphereOutline> outline;  // shaded
   };
-  const Measured& Measure(const ImageView& image, absl::Span<const Blob> blobs, int blob);
+  const Measured* Measure(const ImageView& image, absl::Span<const Blob> blobs, int blob);
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   Verdict Choose();
+  const std::optional<SphereOutline>& OutlineOf(int blob);
+  double ShapeCost(const VerifiedWand& wand);
+  // Centres of the outlines where those can be fitted.
+  void FitOutlines(VerifiedWand* wand);
 
   double min_confidence_;
   MarkerMeter meter_;
-  std::vector<Measured> measured_;
+  SphereOutlineFitter fitter_;
+  std::vector<Measured> measured_;  // the first measured_count_ are of this image
+  size_t measured_count_ = 0;
+  double work_ = 0;  // left
+  bool out_of_work_ = false;
   std::vector<VerifiedWand> evaluated_;
 };
 

@@ -23,6 +23,8 @@ double CentralMoment(int64_t n, int64_t sum_ab, int64_t sum_a, int64_t sum_b) {
   return static_cast<double>(scaled) / count / count;
 }
 
+}  // namespace
+
 Blob ToBlob(const ComponentSums& sums, const ImageView& image) {
   Blob blob;
   const auto n = static_cast<double>(sums.area);
@@ -38,8 +40,6 @@ Blob ToBlob(const ComponentSums& sums, const ImageView& image) {
   return blob;
 }
 
-}  // namespace
-
 absl::Status BlobFinderOptions::Validate() const {
   FaultList faults;
   faults.Add(colour.Validate());
@@ -47,6 +47,7 @@ absl::Status BlobFinderOptions::Validate() const {
   if (max_area_px < min_area_px) {
     faults.Add("max_area is ", max_area_px, " px, but must be at least min_area, ", min_area_px);
   }
+  if (max_runs < 1) faults.Add("max_runs is ", max_runs, ", but must be at least 1");
   if (max_blobs < 1) faults.Add("max_blobs is ", max_blobs, ", but must be at least 1");
   return faults.Result("blob finder: ");
 }
@@ -61,6 +62,9 @@ absl::StatusOr<BlobFinder> BlobFinder::Create(BlobFinderOptions options, const M
 const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   result_.blobs.clear();
   result_.over_limit = 0;
+  result_.passed_px = 0;
+  result_.run_count = 0;
+  result_.cut_short = false;
   const PixelRect inside = Clip(window, image);
   if (image.data == nullptr || inside.empty()) return result_;
   LabelRows(image, inside);
@@ -87,6 +91,9 @@ void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window) {
       for (int i = 0; i < ignored_words; ++i) words[i] &= ~ignored[i];
     }
     labeller_.AddRow(y, first_word * kMaskWordBits, words, word_count);
+    result_.run_count = labeller_.run_count();
+    result_.cut_short = result_.run_count > options_.max_runs;
+    if (result_.cut_short) return;
   }
 }
 
@@ -94,6 +101,7 @@ void BlobFinder::KeepBlobs(const ImageView& image, const std::vector<ComponentSu
   kept_.clear();
   for (size_t i = 0; i < components.size(); ++i) {
     const int64_t area = components[i].area;
+    result_.passed_px += area;
     if (area < options_.min_area_px || area > options_.max_area_px) continue;
     kept_.push_back(static_cast<int>(i));
   }

@@ -20,11 +20,16 @@ struct Blob {
   bool touches_border = false;  // of the image, not of the window
 };
 
+// Of a component of an image's pixels.
+Blob ToBlob(const ComponentSums& sums, const ImageView& image);
+
 struct BlobFinderOptions {
   ColourRange colour;
   int min_area_px = 6;
   int max_area_px = 600000;  // markers are looked for in large blobs too
   int max_blobs = 512;       // more are counted, not kept: the largest ones stay
+  // Runs of pixels in a row; an image of noise has a million. What is below is not looked at.
+  int max_runs = 10000000;
 
   // Every fault.
   absl::Status Validate() const;
@@ -33,6 +38,9 @@ struct BlobFinderOptions {
 struct BlobResult {
   std::vector<Blob> blobs;  // from top to bottom, left to right by their first pixel
   int over_limit = 0;       // in area range, but beyond max_blobs
+  int64_t passed_px = 0;    // pixels of the colour, of blobs of any size
+  int64_t run_count = 0;    // of pixels in a row
+  bool cut_short = false;   // by max_runs
 };
 
 // Finds the connected pixels of a colour in one pass over an image: pixels to mask bits, bits to

@@ -16,22 +16,6 @@ constexpr double kLowLevel = 0.6, kHighLevel = 0.82;  // of the brightest pixels
 constexpr int kBrightest = 6;  // that many pixels are at least as bright: one may be noise
 constexpr size_t kMaxParts = 32;
 
-uint8_t Value(const ImageView& image, int x, int y) {
-  const uint8_t* pixel = image.Row(y) + x * BytesPerPixel(image.format);
-  if (image.format == PixelFormat::kMono8) return pixel[0];
-  return std::max({pixel[0], pixel[1], pixel[2]});
-}
-
-int BrightValue(const ImageView& image, const PixelRect& box) {
-  std::array<int, 256> histogram{};
-  for (int y = box.y; y < box.y + box.height; ++y) {
-    for (int x = box.x; x < box.x + box.width; ++x) ++histogram[Value(image, x, y)];
-  }
-  int count = 0, value = 255;
-  while (value > 0 && (count += histogram[static_cast<size_t>(value)]) < kBrightest) --value;
-  return value;
-}
-
 }  // namespace
 
 bool IsRound(const Blob& blob) {
@@ -42,53 +26,55 @@ bool IsRound(const Blob& blob) {
          blob.area_px > 0.9 * 4 * std::numbers::pi * std::sqrt(determinant);
 }
 
-Blob BlobSplitter::Flood(int start, int level) {
-  Blob blob;
-  Eigen::Vector2d first = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
-  int x0 = box_.width, y0 = box_.height, x1 = -1, y1 = -1;
-  pending_ = {start};
-  value_[static_cast<size_t>(start)] = 0;
-  while (!pending_.empty()) {
-    const int at = pending_.back();
-    pending_.pop_back();
-    const int x = at % box_.width, y = at / box_.width;
-    const Eigen::Vector2d p(x, y);
-    first += p;
-    second += p * p.transpose();
-    ++blob.area_px;
-    x0 = std::min(x0, x), x1 = std::max(x1, x), y0 = std::min(y0, y), y1 = std::max(y1, y);
-    for (int v = std::max(0, y - 1); v <= std::min(box_.height - 1, y + 1); ++v) {
-      for (int u = std::max(0, x - 1); u <= std::min(box_.width - 1, x + 1); ++u) {
-        uint8_t& value = value_[static_cast<size_t>(v * box_.width + u)];
-        if (value < level) continue;
-        value = 0;
-        pending_.push_back(v * box_.width + u);
-      }
+// The largest channels of the box, row by row.
+void BlobSplitter::ReadValues(const ImageView& image, const PixelRect& box) {
+  box_ = box;
+  const auto width = static_cast<size_t>(box.width);
+  value_.resize(width * static_cast<size_t>(box.height));
+  uint8_t* out = value_.data();
+  for (int y = box.y; y < box.y + box.height; ++y, out += width) {
+    const uint8_t* pixel = image.Row(y) + box.x * BytesPerPixel(image.format);
+    if (image.format == PixelFormat::kMono8) {
+      std::copy_n(pixel, width, out);
+      continue;
+    }
+    for (size_t x = 0; x < width; ++x, pixel += 3) {
+      out[x] = std::max(std::max(pixel[0], pixel[1]), pixel[2]);
     }
   }
-  first /= blob.area_px;
-  blob.centre_px = first + Eigen::Vector2d(box_.x, box_.y);
-  blob.second_moment_px2 = second / blob.area_px - first * first.transpose();
-  blob.box = {box_.x + x0, box_.y + y0, x1 - x0 + 1, y1 - y0 + 1};
-  return blob;
 }
 
-void BlobSplitter::AddBright(const ImageView& image, const Blob& blob, int level, int min_area_px,
-                             std::vector<Blob>* parts) {
-  box_ = blob.box;
-  value_.clear();
-  for (int y = box_.y; y < box_.y + box_.height; ++y) {
-    for (int x = box_.x; x < box_.x + box_.width; ++x) value_.push_back(Value(image, x, y));
+int BlobSplitter::BrightValue() const {
+  std::array<int, 256> histogram{};
+  for (const uint8_t value : value_) ++histogram[value];
+  int count = 0, value = 255;
+  while (value > 0 && (count += histogram[static_cast<size_t>(value)]) < kBrightest) --value;
+  return value;
+}
+
+// The connected pixels of `part`, inside the box, that are at least as bright as `level`.
+void BlobSplitter::AddBright(const ImageView& image, const PixelRect& part, int level,
+                             int min_area_px, std::vector<Blob>* parts) {
+  const int word_count = (part.width + kMaskWordBits - 1) / kMaskWordBits;
+  words_.resize(static_cast<size_t>(word_count));
+  labeller_.Start(word_count);
+  for (int y = part.y; y < part.y + part.height; ++y) {
+    const uint8_t* value = value_.data() +
+                           static_cast<size_t>(y - box_.y) * static_cast<size_t>(box_.width) +
+                           static_cast<size_t>(part.x - box_.x);
+    for (int i = 0; i < word_count; ++i) {
+      const int begin = i * kMaskWordBits, end = std::min(part.width, begin + kMaskWordBits);
+      uint64_t word = 0;
+      for (int x = begin; x < end; ++x) {
+        word |= static_cast<uint64_t>(value[x] >= level) << (x - begin);
+      }
+      words_[static_cast<size_t>(i)] = word;
+    }
+    labeller_.AddRow(y, part.x, words_.data(), word_count);
   }
-  for (size_t i = 0; i < value_.size() && parts->size() < kMaxParts; ++i) {
-    if (value_[i] < level) continue;
-    Blob part = Flood(static_cast<int>(i), level);
-    if (part.area_px < min_area_px) continue;
-    part.touches_border = part.box.x == 0 || part.box.y == 0 ||
-                          part.box.x + part.box.width == image.width ||
-                          part.box.y + part.box.height == image.height;
-    parts->push_back(part);
+  for (const ComponentSums& sums : labeller_.Finish()) {
+    if (parts->size() >= kMaxParts) return;
+    if (sums.area >= min_area_px) parts->push_back(ToBlob(sums, image));
   }
 }
 
@@ -100,12 +86,14 @@ const std::vector<Blob>& BlobSplitter::Split(const ImageView& image, const Blob&
     parts_.push_back(blob);
     return parts_;
   }
-  const int bright = BrightValue(image, blob.box);
-  AddBright(image, blob, std::max(1, static_cast<int>(kLowLevel * bright)), min_area_px, &first_);
+  ReadValues(image, blob.box);
+  const int bright = BrightValue();
+  AddBright(image, blob.box, std::max(1, static_cast<int>(kLowLevel * bright)), min_area_px,
+            &first_);
   for (const Blob& part : first_) {
     const size_t before = parts_.size();
     if (!IsRound(part)) {
-      AddBright(image, part, std::max(1, static_cast<int>(kHighLevel * bright)), min_area_px,
+      AddBright(image, part.box, std::max(1, static_cast<int>(kHighLevel * bright)), min_area_px,
                 &parts_);
     }
     // A part that the higher level only shrinks is better known as it was.

@@ -18,13 +18,15 @@ class BlobSplitter {
   const std::vector<Blob>& Split(const ImageView& image, const Blob& blob, int min_area_px);
 
  private:
-  void AddBright(const ImageView& image, const Blob& blob, int level, int min_area_px,
+  void ReadValues(const ImageView& image, const PixelRect& box);
+  int BrightValue() const;
+  void AddBright(const ImageView& image, const PixelRect& part, int level, int min_area_px,
                  std::vector<Blob>* parts);
-  Blob Flood(int start, int level);
 
   PixelRect box_;
-  std::vector<uint8_t> value_;  // of the box: the largest channel, 0 once it has been visited
-  std::vector<int> pending_;
+  std::vector<uint8_t> value_;  // of the box: the largest channel
+  std::vector<uint64_t> words_;
+  RunLabeller labeller_;
   std::vector<Blob> first_, parts_;
 };
 

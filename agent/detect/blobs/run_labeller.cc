@@ -53,6 +53,7 @@ void RunLabeller::Start(int max_words) {
     }
   }
   above_y_ = kNoRow;
+  run_count_ = 0;
   parent_.clear();
   sums_.clear();
 }
@@ -115,6 +116,7 @@ void RunLabeller::Link(int y, int run_count) {
 void RunLabeller::AddRow(int y, int first_column, const uint64_t* words, int word_count) {
   const int run_count = FindRuns(first_column, words, word_count);
   if (run_count == 0) return;
+  run_count_ += run_count;
   if (above_y_ != y - 1) above_.edges[0] = above_.edges[1] = kNowhere;
   Link(y, run_count);
   std::swap(row_, above_);

@@ -32,6 +32,9 @@ class RunLabeller {
   // first_column + 64 * i + k.
   void AddRow(int y, int first_column, const uint64_t* words, int word_count);
 
+  // Runs of all rows since Start; the time goes with it.
+  int64_t run_count() const { return run_count_; }
+
   // Sums of each component, in the order of their first pixels from top to bottom, left to right.
   // Valid until the next call.
   const std::vector<ComponentSums>& Finish();
@@ -53,6 +56,7 @@ class RunLabeller {
   Row above_;  // row above_y_
   Row row_;
   int above_y_ = 0;
+  int64_t run_count_ = 0;
   std::vector<int32_t> parent_;      // by label, never larger than the label
   std::vector<ComponentSums> sums_;  // by label
 };

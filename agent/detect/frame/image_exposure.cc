@@ -34,6 +34,20 @@ ImageExposure LookAtExposure(const ImageView& image) {
   return 1000 * lit <= looked_at ? ImageExposure::kBlack : ImageExposure::kUsable;
 }
 
+double WhiteShare(const ImageView& image, int least_grey) {
+  const int bytes = BytesPerPixel(image.format);
+  int64_t looked_at = 0, white = 0;
+  for (int y = 0; y < image.height; y += kStep) {
+    const uint8_t* const row = image.Row(y);
+    for (int x = 0; x < image.width; x += kStep) {
+      const uint8_t* const pixel = row + x * bytes;
+      ++looked_at;
+      white += *std::min_element(pixel, pixel + bytes) >= least_grey ? 1 : 0;
+    }
+  }
+  return looked_at > 0 ? static_cast<double>(white) / static_cast<double>(looked_at) : 0;
+}
+
 double LightTimeSigma(double exposure_s, const Target& target) {
   const double hz = target.blink_hz.empty() ? 0 : target.blink_hz.front();
   if (!(exposure_s > 0) || !(hz > 0)) return 0;

@@ -2,6 +2,7 @@
 #include "agent/detect/frame/wand_detector.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -10,17 +11,51 @@
 #include "absl/strings/str_cat.h"
 #include "agent/detect/blobs/blob_contrast.h"
 #include "agent/detect/blobs/blob_splitter.h"
+#include "agent/detect/frame/colour_share.h"
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/detect/frame/wand_track.h"
+#include "agent/identify/partial_wands.h"
 #include "agent/identify/wand_verifier.h"
+#include "common/status/status_macros.h"
 
 namespace rigcal::agent {
 namespace {
 
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
+constexpr int kNeverWashedOut = 256;              // ColourRange::washed_out_min
+constexpr double kLevels[] = {0, 0.2, 0.4, 0.6};  // from value_min to the brightest
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
+
+// Of wands of which a marker is hidden.
+constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
+constexpr double kPartialConfidence = 0.8;
+constexpr int kColouredOfNine = 3;
+constexpr int kClipped = 250;
+
+// What a search may cost; a wand in a room takes a twentieth of it.
+constexpr int kMaxRuns = 12000;            // of each level, some 30 ns each
+constexpr int64_t kMaxMaskedPx = 3000000;  // of boxes of patches, 0.3 ns each
+constexpr int64_t kMaxSplitPx = 250000;    // of the same, 4 ns each
+constexpr size_t kMaxSpots = 160;          // pairs of them, 5 ns each
+constexpr int kMaxFits = 500;              // of wands to spots, 4 us each
+constexpr int kFitsOfLevel = 300;
+constexpr int kMaxCandidates = 200;  // that are compared by their colour
+constexpr size_t kMaxMeasured = 40;  // of them
+constexpr double kMaxWork = 35000;   // of MarkerMeter::WorkOf, 50 ns each
+constexpr double kWorkOfLevel = 25000;
+constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
+// Of a marker's middle against the others, before it is measured.
+constexpr double kClearlyWorse = 8;  // in chi-squared
+constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
+
+// The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
+int MainChannel(const ColourRange& colour) {
+  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
+  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
+}
 
 // A blob that a window inside the image may have cut.
 bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
@@ -43,59 +78,232 @@ absl::Status WandDetectorOptions::Validate() const {
 }
 
 WandDetector::WandDetector(const WandDetectorOptions& options, const Target& target,
-                           const CameraDescription& camera, BlobFinder blob_finder)
+                           const CameraDescription& camera, const ColourMasker& masker)
     : options_(options),
       target_(target),
       camera_(camera),
-      blob_finder_(std::move(blob_finder)),
-      wand_finder_({.limits = options}, target, camera),
+      masker_(masker),
+      main_channel_(MainChannel(options.colour)),
+      wand_finder_({.limits = options, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(options.min_confidence),
       light_sigma_s_(LightTimeSigma(options.exposure_s, target)) {}
 
-Verdict WandDetector::Search(const ImageView& image, const PixelRect& part) {
-  window_ = part;
-  const BlobResult& found = blob_finder_.Find(image, part);
-  standing_out_.clear();
-  cut_.clear();
-  const auto keep = [&](const Blob& blob, bool is_cut) {
-    if (!StandsOut(image, blob)) return;
-    // The box of one blob may hold a part of another's pieces.
-    for (size_t i = 0; i < standing_out_.size(); ++i) {
-      Blob& known = standing_out_[i];
-      const double squared_px2 = (known.centre_px - blob.centre_px).squaredNorm();
-      if (squared_px2 * std::numbers::pi >= std::max(known.area_px, blob.area_px)) continue;
-      if (kPart * std::min(known.area_px, blob.area_px) < std::max(known.area_px, blob.area_px)) {
-        continue;  // not the same thing
-      }
-      if (blob.area_px <= known.area_px) return;
-      known = blob;
-      cut_[i] = is_cut;
-      return;
-    }
-    standing_out_.push_back(blob);
-    cut_.push_back(is_cut);
-  };
-  for (const Blob& blob : found.blobs) {
-    const bool is_cut = TouchesEdge(blob.box, part, image.Bounds());
-    const bool round = IsRound(blob);
-    if (round) keep(blob, is_cut);
-    // Of a large round one a marker may be a part: a sphere in front of a warm lampshade.
-    if (round && blob.area_px < kLargeAreaPx) continue;
-    for (const Blob& piece : splitter_.Split(image, blob, options_.min_area_px)) {
-      keep(piece, is_cut);
+double WandDetector::ShareOf(int64_t count_px) const {
+  return static_cast<double>(count_px) / (static_cast<double>(camera_.image_size_px.width) *
+                                          static_cast<double>(camera_.image_size_px.height));
+}
+
+// More passes than a wand and some things of its colour.
+bool WandDetector::IsCrowded() const {
+  return result().over_limit > 0 || result().cut_short ||
+         ShareOf(result().passed_px) > kCrowdedShare;
+}
+
+// By what was done, so that it is the same on every computer.
+double WandDetector::EstimatedMs() const {
+  return 1e-6 * (30.0 * static_cast<double>(runs_) + 4000.0 * (kMaxFits - fits_left_) +
+                 50.0 * (kMaxWork - work_left_) +
+                 0.3 * static_cast<double>(kMaxMaskedPx - masked_px_left_) +
+                 4.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
+}
+
+Verdict WandDetector::SearchAll(const ImageView& image) {
+  Verdict verdict;
+  for (size_t level = 0; level < levels_.size(); ++level) {
+    verdict = Search(image, image.Bounds(), level);
+    if (level == 0) passed_share_ = ShareOf(result().passed_px);
+    if (verdict.wand || !IsCrowded()) break;
+    if (EstimatedMs() > kNoFurtherMs) {
+      cut_short_ = true;
+      break;
     }
   }
-  return verifier_.Verify(image, standing_out_, wand_finder_, wand_finder_.Find(standing_out_));
+  return verdict;
+}
+
+// A part of its middle. Where the sensor is saturated in the wand's main channel its colour is
+// lost.
+bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
+  const double reach = 0.5 * std::sqrt(blob.area_px / std::numbers::pi);
+  int passed = 0;
+  for (int v = -1; v <= 1; ++v) {
+    for (int u = -1; u <= 1; ++u) {
+      const auto x = static_cast<int>(std::lround(blob.centre_px.x() + reach * u));
+      const auto y = static_cast<int>(std::lround(blob.centre_px.y() + reach * v));
+      if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
+      uint64_t word = 0;
+      masker_.MaskRow(image, y, x / kMaskWordBits, 1, &word);
+      const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
+      const bool clipped =
+          pixel[image.format == PixelFormat::kBgr8 ? main_channel_ : 0] >= kClipped;
+      passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
+    }
+  }
+  return passed >= kColouredOfNine;
+}
+
+void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
+  Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
+  // A piece of a patch is held to the wand's colour too.
+  if (!StandsOut(image, blob, &spot.core) || !HasColour(image, blob)) return;
+  // The box of one blob may hold a part of another's pieces.
+  for (Spot& known : spots_) {
+    const int larger = std::max(known.blob.area_px, blob.area_px);
+    const int smaller = std::min(known.blob.area_px, blob.area_px);
+    const double squared_px2 = (known.blob.centre_px - blob.centre_px).squaredNorm();
+    if (squared_px2 * std::numbers::pi >= larger) continue;
+    if (kPart * smaller < larger) continue;  // not the same thing
+    if (blob.area_px > known.blob.area_px) known = spot;
+    return;
+  }
+  spots_.push_back(spot);
+}
+
+// Things that may be a marker.
+void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
+  spots_.clear();
+  const BlobResult& found = levels_[level_].blobs.Find(image, part);
+  runs_ += found.run_count;
+  const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
+  // Those that a marker may be a part of, the smallest first.
+  std::vector<const Blob*> patches;
+  for (const Blob& blob : found.blobs) {
+    const bool round = IsRound(blob);
+    if (round) Keep(image, blob, is_cut(blob));
+    // Of a large round one too: a sphere in front of a warm lampshade.
+    if (!round || blob.area_px >= kLargeAreaPx) patches.push_back(&blob);
+  }
+  const auto box_px = [](const Blob& blob) { return int64_t{blob.box.width} * blob.box.height; };
+  std::stable_sort(patches.begin(), patches.end(),
+                   [&](const Blob* a, const Blob* b) { return box_px(*a) < box_px(*b); });
+  for (const Blob* const blob : patches) {
+    // A sphere in front of a window or a lamp has merged with its white.
+    if (masked_px_left_ < box_px(*blob)) {
+      ++dismissed_;
+      continue;
+    }
+    masked_px_left_ -= box_px(*blob);
+    for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
+      if (coloured.area_px < blob->area_px && IsRound(coloured)) {
+        Keep(image, coloured, is_cut(*blob));
+      }
+    }
+    if (split_px_left_ < box_px(*blob)) {
+      ++dismissed_;
+      continue;
+    }
+    split_px_left_ -= box_px(*blob);
+    for (const Blob& piece : splitter_.Split(image, *blob, options_.min_area_px)) {
+      Keep(image, piece, is_cut(*blob));
+    }
+  }
+  if (spots_.size() <= kMaxSpots) return;
+  cut_short_ = true;
+  std::stable_sort(spots_.begin(), spots_.end(), [](const Spot& a, const Spot& b) {
+    const bool round_a = IsRound(a.blob), round_b = IsRound(b.blob);
+    return round_a != round_b ? round_a : a.core.squaredNorm() > b.core.squaredNorm();
+  });
+  spots_.resize(kMaxSpots);
+}
+
+// How unlike the middles of a candidate's markers are, as a chi-squared.
+double WandDetector::Unlikeness(const WandCandidate& candidate) const {
+  float mean = 0;
+  Eigen::Vector3f colour = Eigen::Vector3f::Zero();
+  const auto count = static_cast<float>(candidate.blobs.size());
+  const auto core_of = [this](int blob) { return spots_[static_cast<size_t>(blob)].core; };
+  for (const int blob : candidate.blobs) {
+    const float brightness = core_of(blob).norm();
+    mean += std::log(brightness) / count;
+    colour += core_of(blob) / brightness;
+  }
+  colour.normalize();
+  double cost = 0;
+  for (const int blob : candidate.blobs) {
+    const float brightness = core_of(blob).norm();
+    const float away = (std::log(brightness) - mean) / kBrightnessSigma;
+    cost += static_cast<double>(away * away + (core_of(blob) / brightness - colour).squaredNorm() /
+                                                  (kColourSigma * kColourSigma));
+  }
+  return cost;
+}
+
+Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size_t level) {
+  window_ = part;
+  level_ = level;
+  FindSpots(image, part);
+  standing_out_.clear();
+  for (const Spot& spot : spots_) standing_out_.push_back(spot.blob);
+  wand_finder_.LimitFits(std::min(fits_left_, kFitsOfLevel));
+  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_);
+  fits_left_ -= wand_finder_.fits();
+  cut_short_ |= wand_finder_.cut_short() || result().cut_short;
+  // The most likely are measured first.
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < found.size(); ++i) {
+    order.emplace_back(found[i].fit.cost + Unlikeness(found[i]), i);
+  }
+  std::sort(order.begin(), order.end());
+  candidates_.clear();
+  for (size_t i = 0; i < std::min(order.size(), kMaxMeasured); ++i) {
+    candidates_.push_back(found[order[i].second]);
+  }
+  double work = std::min(work_left_, kWorkOfLevel);
+  work_left_ -= work;
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, &work);
+  work_left_ += work;
+  const bool all = verdict.measured == order.size();
+  cut_short_ |= !all;
+  if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) return SearchPartial(image);
+  if (!verdict.wand || (all && !wand_finder_.cut_short())) return verdict;
+  // What was left out may be as good.
+  const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
+    return one.blobs == verdict.wand->blobs;
+  });
+  const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
+  verdict.ambiguous =
+      wand_finder_.cut_short() || order[verdict.measured].first < its_cost + kClearlyWorse;
+  if (verdict.ambiguous) verdict.wand.reset();
+  return verdict;
+}
+
+// A wand of which one marker is mostly hidden.
+Verdict WandDetector::SearchPartial(const ImageView& image) {
+  // The rounder things first: whole markers.
+  standing_out_.clear();
+  for (const Spot& spot : spots_) {
+    if (IsRound(spot.blob) && !spot.blob.touches_border) standing_out_.push_back(spot.blob);
+  }
+  const size_t whole = standing_out_.size();
+  for (const Spot& spot : spots_) {
+    if (!IsRound(spot.blob) || spot.blob.touches_border) standing_out_.push_back(spot.blob);
+  }
+  for (const Blob& blob : result().blobs) {
+    if (!IsRound(blob)) standing_out_.push_back(blob);
+  }
+  // Two things and a part of a third are found by chance among many.
+  if (whole < 2 || standing_out_.size() > kMaxWithHidden) return Verdict();
+  candidates_ = FindPartialWands(wand_finder_, standing_out_, whole, kMaxPartial);
+  double work = std::min(work_left_, kWorkOfLevel);
+  work_left_ -= work;
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, &work);
+  work_left_ += work;
+  if (verdict.measured < candidates_.size()) verdict.wand.reset();
+  if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||
+                       verdict.wand->label_confidence < kPartialConfidence)) {
+    verdict.wand.reset();
+  }
+  return verdict;
 }
 
 std::optional<VerifiedWand> WandDetector::SearchTracked(const ImageView& image, int64_t time_ns,
                                                         uint32_t clock_epoch) {
   const auto part = track_.Window(time_ns, clock_epoch, image.Bounds());
   if (!part.has_value()) return std::nullopt;
-  const Verdict verdict = Search(image, *part);
+  const Verdict verdict = Search(image, *part, level_);
   if (!verdict.wand.has_value() || verdict.wand->OccludedCount() > 0) return std::nullopt;
   for (const int blob : verdict.wand->blobs) {
-    if (cut_[static_cast<size_t>(blob)]) return std::nullopt;
+    if (spots_[static_cast<size_t>(blob)].is_cut) return std::nullopt;
   }
   return verdict.wand;
 }
@@ -135,8 +343,8 @@ DetectionOutcome WandDetector::WhyNone(const ImageView& image, const Verdict& ve
   const ImageExposure exposure = LookAtExposure(image);
   if (exposure == ImageExposure::kSaturated) return DetectionOutcome::kSaturated;
   if (verdict.ambiguous) return DetectionOutcome::kAmbiguous;
-  if (blob_finder_.result().over_limit > 0) return DetectionOutcome::kTooManyBlobs;
-  if (!blob_finder_.result().blobs.empty()) return DetectionOutcome::kNoWand;
+  if (result().over_limit > 0 || cut_short_) return DetectionOutcome::kTooManyBlobs;
+  if (!result().blobs.empty()) return DetectionOutcome::kNoWand;
   return exposure == ImageExposure::kBlack ? DetectionOutcome::kBlack : DetectionOutcome::kNoBlob;
 }
 
@@ -145,13 +353,22 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
                                                   const CameraDescription& camera) {
   absl::Status status = options.Validate();
   status.Update(CheckTargetAndCamera(target, camera));
-  auto blob_finder = BlobFinder::Create(options);
-  status.Update(blob_finder.status());
   if (!status.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  return WandDetector(options, target, camera, *std::move(blob_finder));
+  RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(options.colour));
+  WandDetector detector(options, target, camera, masker);
+  for (const double share : kLevels) {
+    BlobFinderOptions its = options;
+    its.max_runs = std::min(its.max_runs, kMaxRuns);
+    its.colour.value_min += static_cast<int>(share * (255 - its.colour.value_min));
+    RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
+    its.colour.washed_out_min = kNeverWashedOut;
+    RIGCAL_ASSIGN_OR_RETURN(BlobFinder coloured, BlobFinder::Create(its));
+    detector.levels_.push_back({std::move(blobs), std::move(coloured)});
+  }
+  return detector;
 }
 
 absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t time_ns,
@@ -169,16 +386,30 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.observation.clock_epoch = clock_epoch;
   detection.observation.markers.resize(static_cast<size_t>(target_.marker_count()));
 
+  cut_short_ = false;
+  dismissed_ = 0;
+  passed_share_ = 0;
+  masked_px_left_ = kMaxMaskedPx;
+  split_px_left_ = kMaxSplitPx;
+  runs_ = 0;
+  fits_left_ = kMaxFits;
+  work_left_ = kMaxWork;
   std::optional<VerifiedWand> wand;
   if (options_.tracking) wand = SearchTracked(image, time_ns, clock_epoch);
   detection.tracked = wand.has_value();
   detection.outcome = DetectionOutcome::kWand;
   if (!wand.has_value()) {
-    const Verdict verdict = Search(image, image.Bounds());
+    const Verdict verdict = SearchAll(image);
     wand = verdict.wand;
     if (!wand.has_value()) detection.outcome = WhyNone(image, verdict);
   }
-  detection.blob_count = static_cast<int>(blob_finder_.result().blobs.size());
+  detection.cut_short = cut_short_;
+  detection.passed_share = passed_share_;
+  if (passed_share_ > kCrowdedShare) {
+    detection.white_share = WhiteShare(image, options_.colour.washed_out_min);
+  }
+  detection.dismissed_patches = dismissed_;
+  detection.blob_count = static_cast<int>(result().blobs.size());
   if (wand.has_value()) {
     Follow(*wand, &detection);
   } else {

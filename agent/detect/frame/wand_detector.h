@@ -27,6 +27,10 @@ struct WandDetectorOptions : BlobFinderOptions, WandLimits {
 // target's markers seen in perspective, sub-pixel centres of the best set. With intrinsics and the
 // spheres' diameter a centre is the projection of the sphere's centre (CentreKind::kSphereCentre),
 // else the centre of its image. Movable; one thread at a time.
+//
+// The time of a search is bounded: of an image with too many things of the wand's colour the search
+// leaves out large patches and the less likely candidates, always the same ones
+// (Detection::cut_short, dismissed_patches).
 class WandDetector {
  public:
   // INVALID_ARGUMENT: options, target or camera not valid; names the camera.
@@ -34,7 +38,12 @@ class WandDetector {
                                              const Target& target, const CameraDescription& camera);
 
   // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
-  void SetIgnored(PixelMask ignored) { blob_finder_.SetIgnored(std::move(ignored)); }
+  void SetIgnored(const PixelMask& ignored) {
+    for (Level& level : levels_) {
+      level.blobs.SetIgnored(ignored);
+      level.coloured.SetIgnored(ignored);
+    }
+  }
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image
@@ -43,12 +52,22 @@ class WandDetector {
 
   // Window and blobs of the last Detect; valid until the next call.
   PixelRect window() const { return window_; }
-  absl::Span<const Blob> blobs() const { return blob_finder_.result().blobs; }
+  absl::Span<const Blob> blobs() const { return result().blobs; }
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,
-               const CameraDescription& camera, BlobFinder blob_finder);
-  Verdict Search(const ImageView& image, const PixelRect& part);
+               const CameraDescription& camera, const ColourMasker& masker);
+  const BlobResult& result() const { return levels_[level_].blobs.result(); }
+  double ShareOf(int64_t count_px) const;
+  bool IsCrowded() const;
+  bool HasColour(const ImageView& image, const Blob& blob) const;
+  void Keep(const ImageView& image, const Blob& blob, bool is_cut);
+  void FindSpots(const ImageView& image, const PixelRect& part);
+  double EstimatedMs() const;
+  double Unlikeness(const WandCandidate& candidate) const;
+  Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
+  Verdict SearchPartial(const ImageView& image);
+  Verdict SearchAll(const ImageView& image);
   std::optional<VerifiedWand> SearchTracked(const ImageView& image, int64_t time_ns,
                                             uint32_t clock_epoch);
   MarkerObservation Observe(const VerifiedWand& wand, size_t marker) const;
@@ -58,15 +77,39 @@ class WandDetector {
   WandDetectorOptions options_;
   Target target_;
   CameraDescription camera_;
-  BlobFinder blob_finder_;
+  // The colour's range from some brightness on. In a room of the wand's own colour the spheres are
+  // among its brighter things.
+  struct Level {
+    BlobFinder blobs;
+    BlobFinder coloured;  // leaves out what the sensor has lost the colour of
+  };
+  std::vector<Level> levels_;
+  size_t level_ = 0;  // of the last Search
+  ColourMasker masker_;
+  int main_channel_;  // of the wand's colour, in an image's pixel
   WandFinder wand_finder_;
   WandVerifier verifier_;
   double light_sigma_s_;
   WandTrack track_;
   PixelRect window_;
   BlobSplitter splitter_;
-  std::vector<Blob> standing_out_;  // of the blobs or their pieces
-  std::vector<bool> cut_;           // of these: the window may have cut it
+  // A blob or a piece of one that differs from what is around it.
+  struct Spot {
+    Blob blob;
+    Eigen::Vector3f core;  // mean of its middle, by channel
+    bool is_cut;           // the window may have cut it
+  };
+  std::vector<Spot> spots_;
+  std::vector<Blob> standing_out_;  // the spots' blobs
+  std::vector<WandCandidate> candidates_;
+  // Of this image: what its search may still cost, and whether anything was left out for that.
+  int64_t masked_px_left_ = 0, split_px_left_ = 0;
+  int64_t runs_ = 0;  // of pixels, in all levels
+  int fits_left_ = 0;
+  double work_left_ = 0;
+  bool cut_short_ = false;
+  int dismissed_ = 0;
+  double passed_share_ = 0;
 };
 
 }  // namespace rigcal::agent

@@ -47,6 +47,49 @@ TEST(Detection, CovarianceIsConsistentWithoutClutter) {
   EXPECT_LT(summary.nees, 2);
 }
 
+TEST(Detection, AMosaicOfFiltersCostsLittle) {
+  DetectionOptions options = Some(6);
+  options.render.clutter = 0;
+  options.render.bayer = true;
+  const DetectionSummary summary = Summarise(RunDetection(options));
+  EXPECT_EQ(summary.found, summary.shown);
+  // Interpolated channels alone: 0.04 px.
+  EXPECT_LE(summary.rms_px, 0.025);
+  EXPECT_GT(summary.nees, 0.5);
+  EXPECT_LT(summary.nees, 2);
+}
+
+TEST(Detection, LightFromAboveAndUnevenLedsMoveCentresLittle) {
+  DetectionOptions options = Some(6);
+  options.render.clutter = 0;
+  options.render.lux = 10;
+  options.render.overhead_lux = 500;
+  options.render.led_cd_m2 = 300;
+  options.render.auto_gain = true;
+  options.render.bayer = true;
+  DetectionSummary summary = Summarise(RunDetection(options));
+  EXPECT_GE(summary.found, summary.shown - 1);
+  EXPECT_LE(summary.bias_px, 0.05);  // of the centroid: 0.38
+  EXPECT_LE(summary.rms_px, 0.15);
+  options.render.overhead_lux = 0;
+  options.render.led_gradient = options.render.led_uneven = 0.35;
+  summary = Summarise(RunDetection(options));
+  EXPECT_GE(summary.found, summary.shown - 1);
+  EXPECT_LE(summary.rms_px, 0.1);  // of the centroid: 0.27
+}
+
+TEST(Detection, DeliversTheOtherTwoWhereOneSphereIsHidden) {
+  DetectionOptions options = Some(6);
+  options.render.clutter = 0;
+  options.render.lux = 10;
+  options.render.occlusion = 1;
+  const DetectionSummary summary = Summarise(RunDetection(options));
+  EXPECT_GE(summary.visible_markers, 80);
+  // The rest: nothing at all is seen of the third, so nobody knows which two they are.
+  EXPECT_GE(summary.found_markers, 0.85 * summary.visible_markers);
+  EXPECT_EQ(summary.false_wands, 0);
+}
+
 TEST(Detection, MotionGivesNoBias) {
   DetectionOptions options = Some(10);
   options.render.clutter = 0;

@@ -54,6 +54,20 @@ TEST(FormatReport, NamesWhatThereIs) {
                     HasSubstr("mask only"), Not(HasSubstr("saturated"))));
 }
 
+TEST(FormatReport, SaysWhatFillsThePictureAndWhatToDo) {
+  DetectionReport report = SomeReport();
+  EXPECT_THAT(FormatReport(report), Not(HasSubstr("colour test")));
+  report.passed_share = 0.38;
+  report.white_share = 0.3;
+  EXPECT_THAT(FormatReport(report),
+              AllOf(HasSubstr("38 % of the picture passes the colour test, 30 % are white"),
+                    HasSubstr("windows"), HasSubstr("rigcal-agent mask"), HasSubstr("exposure")));
+  report.white_share = 0;
+  report.cut_short = 2;
+  EXPECT_THAT(FormatReport(report), AllOf(HasSubstr("of the wand's colour"), HasSubstr("tune"),
+                                          HasSubstr("search cut short")));
+}
+
 TEST(ReportJson, IsAContract) {
   const nlohmann::json json = nlohmann::json::parse(ReportJson(SomeReport()));
   EXPECT_EQ(json["pictures"], 8);
@@ -67,6 +81,9 @@ TEST(ReportJson, IsAContract) {
   EXPECT_EQ(json["refused"][0]["reason"], "frame_unreadable");
   EXPECT_NEAR(json["detecting_ms"]["mean"].get<double>(), 4, 1e-9);
   EXPECT_EQ(json["pictures_per_s"], 6);
+  EXPECT_EQ(json["cut_short"], 0);
+  EXPECT_EQ(json["passed_share"], 0);
+  EXPECT_EQ(json["white_share"], 0);
 }
 
 }  // namespace

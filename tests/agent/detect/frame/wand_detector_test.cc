@@ -2,7 +2,10 @@
 #include "agent/detect/frame/wand_detector.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <random>
+#include <vector>
 
 #include "tests/agent/detect/frame/rendered_wand.h"
 #include "tests/testing/status_matchers.h"
@@ -238,6 +241,75 @@ TEST(WandDetector, IgnoredPixelsHoldNoMarker) {
   }
   detector.SetIgnored(std::move(all));
   EXPECT_NE(MustDetect(detector, scene.View()).outcome, DetectionOutcome::kWand);
+}
+
+// Every pixel by its place; channels blue, green, red.
+template <typename Colour>
+std::vector<uint8_t> Picture(Colour colour) {
+  std::vector<uint8_t> pixels(640 * 480 * 3);
+  for (int y = 0; y < 480; ++y) {
+    for (int x = 0; x < 640; ++x) {
+      const std::array<int, 3> bgr = colour(x, y);
+      for (size_t k = 0; k < 3; ++k) {
+        pixels[static_cast<size_t>(y * 640 + x) * 3 + k] = static_cast<uint8_t>(bgr[k]);
+      }
+    }
+  }
+  return pixels;
+}
+
+TEST(WandDetector, SaysWhatItLeftOutOfPicturesOfTheWandsColour) {
+  RenderedWand scene;
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  using Bgr = std::array<int, 3>;
+  const auto detect = [&](const std::vector<uint8_t>& pixels) {
+    return MustDetect(detector, {pixels.data(), 640, 480, 640 * 3, PixelFormat::kBgr8});
+  };
+  const Detection orange = detect(Picture([](int, int) { return Bgr{30, 120, 230}; }));
+  EXPECT_EQ(orange.outcome, DetectionOutcome::kNoWand);
+  EXPECT_FALSE(orange.cut_short);
+  std::mt19937 random(1);
+  std::uniform_int_distribution<int> any(0, 255), low(0, 80);
+  const Detection noise = detect(Picture([&](int, int) {
+    return Bgr{low(random), low(random), any(random)};
+  }));
+  EXPECT_EQ(noise.outcome, DetectionOutcome::kTooManyBlobs);
+  EXPECT_TRUE(noise.cut_short);
+  EXPECT_DOUBLE_EQ(orange.passed_share, 1);
+  EXPECT_EQ(orange.white_share, 0);
+  const Detection white = detect(Picture([](int, int) { return Bgr{255, 255, 255}; }));
+  EXPECT_EQ(white.outcome, DetectionOutcome::kSaturated);
+  EXPECT_DOUBLE_EQ(white.white_share, 1);
+  // Discs in rows and columns hold hundreds of wands.
+  for (const int step : {15, 30, 60}) {
+    const Detection discs = detect(Picture([&](int x, int y) {
+      const double radius = std::hypot(x % step - step / 2, y % step - step / 2);
+      return radius < 0.28 * step ? Bgr{20, 120, 230} : Bgr{20, 30, 30};
+    }));
+    EXPECT_NE(discs.outcome, DetectionOutcome::kWand) << step;
+    EXPECT_EQ(discs.observation.VisibleCount(), 0) << step;
+  }
+}
+
+TEST(WandDetector, APieceOfAPatchIsHeldToTheWandsColour) {
+  RenderedWand scene;
+  scene.Render(std::nullopt);
+  ASSERT_OK_AND_ASSIGN(auto detector, WandDetector::Create({}, scene.target, scene.camera));
+  // Discs that are brighter than the brown they lie on, spaced as on a wand.
+  const auto draw = [&scene](uint8_t blue, uint8_t green, uint8_t red) {
+    scene.Fill(150, 100, 300, 200, 40, 70, 110);
+    for (const int x0 : {220, 259, 337}) {
+      for (int y = -8; y <= 8; ++y) {
+        for (int x = -8; x <= 8; ++x) {
+          if (x * x + y * y < 60) scene.Fill(x0 + x, 200 + y, 1, 1, blue, green, red);
+        }
+      }
+    }
+  };
+  draw(40, 130, 230);
+  EXPECT_EQ(MustDetect(detector, scene.View(), 1).outcome, DetectionOutcome::kWand);
+  draw(230, 120, 40);
+  EXPECT_NE(MustDetect(detector, scene.View(), kPeriodNs).outcome, DetectionOutcome::kWand);
 }
 
 TEST(WandDetectorOptions, NamesEveryFault) {

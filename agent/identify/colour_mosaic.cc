@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/colour_mosaic.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kLeastPixels = 200;
+constexpr double kInterpolated = 0.5;  // at most so much of the deviations elsewhere
+constexpr double kLeastGrey = 0.6;     // of these; rounding alone makes 0.25
+
+}  // namespace
+
+std::optional<ColourMosaic> FindMosaic(const ImageView& image, const PixelRect& part) {
+  if (image.format == PixelFormat::kMono8) return std::nullopt;
+  const int left = std::max(part.x, 1), right = std::min(part.x + part.width, image.width - 1);
+  const int top = std::max(part.y, 1), bottom = std::min(part.y + part.height, image.height - 1);
+  if (right <= left || (right - left) * (bottom - top) < kLeastPixels) return std::nullopt;
+  // Sums of twice the deviation from the mean of two neighbours: blue and red, beside and above,
+  // by place in a square of two by two pixels.
+  int64_t beside[2][2][2] = {}, above[2][2][2] = {}, count[2][2] = {};
+  for (int y = top; y < bottom; ++y) {
+    const uint8_t* const row = image.Row(y);
+    const uint8_t* const before = image.Row(y - 1);
+    const uint8_t* const after = image.Row(y + 1);
+    for (int x = left; x < right; ++x) {
+      ++count[y & 1][x & 1];
+      for (int c = 0; c < 2; ++c) {
+        const int k = 3 * x + 2 * c, twice = 2 * row[k];
+        beside[c][y & 1][x & 1] += std::abs(twice - row[k - 3] - row[k + 3]);
+        above[c][y & 1][x & 1] += std::abs(twice - before[k] - after[k]);
+      }
+    }
+  }
+  // Where red is measured, its neighbours in the row have red between two measured ones, and so
+  // have its neighbours in the column; the same for blue, diagonally.
+  double all = 0, best = 0;
+  std::optional<ColourMosaic> found;
+  for (int i = 0; i < 4; ++i) {
+    const int x = i & 1, y = i >> 1;
+    double deviation = 0;
+    for (int c = 0; c < 2; ++c) {
+      const int cx = c == 1 ? x : 1 - x, cy = c == 1 ? y : 1 - y;
+      deviation += static_cast<double>(beside[c][cy][1 - cx]) /
+                   static_cast<double>(std::max<int64_t>(1, count[cy][1 - cx]));
+      deviation += static_cast<double>(above[c][1 - cy][cx]) /
+                   static_cast<double>(std::max<int64_t>(1, count[1 - cy][cx]));
+    }
+    deviation /= 8;  // two channels and directions, of twice the deviation
+    all += deviation;
+    if (found && deviation >= best) continue;
+    best = deviation;
+    found = ColourMosaic{x, y};
+  }
+  const double elsewhere = (all - best) / 3;
+  if (elsewhere < kLeastGrey || best > kInterpolated * elsewhere) return std::nullopt;
+  return found;
+}
+
+}  // namespace rigcal::agent

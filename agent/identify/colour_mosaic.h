@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "agent/detect/blobs/image_view.h"
+
+namespace rigcal::agent {
+
+// Which channel of a pixel the sensor has measured, where a mosaic of filters lies over it. The
+// others were interpolated from their neighbours, which smears edges by up to a tenth of a pixel.
+struct ColourMosaic {
+  // Of the red filters; the blue ones are diagonal to them, the others green.
+  int red_x = 0, red_y = 0;  // 0 or 1
+
+  // The measured channel: 0 blue, 1 green, 2 red.
+  int Channel(int x, int y) const {
+    const bool red_column = (x & 1) == red_x, red_row = (y & 1) == red_y;
+    return red_column == red_row ? (red_column ? 2 : 0) : 1;
+  }
+};
+
+// The mosaic of a part of an image, told by this: an interpolated value lies between its
+// neighbours, a measured one has noise of its own. None for an image without one, one that was
+// compressed or scaled, and where `part` shows too little.
+std::optional<ColourMosaic> FindMosaic(const ImageView& image, const PixelRect& part);
+
+}  // namespace rigcal::agent

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace rigcal::agent {
+
+// Parameters of a sphere's outline, see FitSphereOutline.
+enum OutlineParameter : int {
+  kOutlineX,
+  kOutlineY,
+  kOutlineRadius,
+  kOutlineStretch,     // p
+  kOutlineShear,       // q
+  kOutlineEdge,        // s, px^2
+  kOutlineEdgeCos,     // b
+  kOutlineEdgeSin,     // c
+  kOutlineBrightness,  // a
+  kOutlineSlopeX,      // g
+  kOutlineSlopeY,
+  kOutlineBendAlong,     // h1
+  kOutlineBendDiagonal,  // h2
+  kOutlineBendRound,     // h3
+  kOutlineCount
+};
+
+// Pixels side by side, filled up to whole groups with some that count nothing.
+struct OutlinePixels {
+  static constexpr size_t kGroup = 16;
+
+  std::vector<float> x, y;       // px
+  std::vector<float> coverage;   // see CoveragePixel
+  std::vector<float> precision;  // 1 / sigma of the coverage; 0: counts nothing
+
+  void Clear();
+  void Add(float at_x, float at_y, float its_coverage, float its_precision);
+  void FillUp();
+  size_t size() const { return x.size(); }
+};
+
+// Model and its derivatives: for each group of pixels kOutlineCount derivatives, then the value,
+// each of kGroup pixels.
+class OutlineRows {
+ public:
+  // Fills it with the model of `parameters` (kOutlineCount of them).
+  void Model(const OutlinePixels& pixels, const float* parameters);
+
+  float value(size_t pixel) const { return Of(kOutlineCount, pixel); }
+  float slope(OutlineParameter parameter, size_t pixel) const { return Of(parameter, pixel); }
+
+  // Sums of weight * slope_i * slope_j into the lower triangle of `products` (kOutlineCount^2, row
+  // by row) and of weight * slope_i * residual into `gradient`. `weight` and `residual`: of each
+  // pixel.
+  void Sum(const std::vector<float>& weight, const std::vector<float>& residual, float* products,
+           float* gradient);
+
+ private:
+  static constexpr size_t kStride = (kOutlineCount + 1) * OutlinePixels::kGroup;
+
+  float Of(int row, size_t pixel) const {
+    return rows_[pixel / OutlinePixels::kGroup * kStride +
+                 static_cast<size_t>(row) * OutlinePixels::kGroup + pixel % OutlinePixels::kGroup];
+  }
+
+  std::vector<float> rows_;
+  std::vector<float> weighted_;  // one parameter's
+};
+
+}  // namespace rigcal::agent

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/sphere_outline_fit.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace rigcal::agent {
+namespace {
+
+// What is expected of the parameters, one sigma. Not of the place.
+constexpr double kShapeSigma = 0.04, kEdgeSigma = 1.5, kEdgeShapeSigma = 0.5;
+constexpr double kSlopeSigma = 0.5, kNoSlopeSigma = 1e-4, kBendSigma = 0.3;
+constexpr double kUsualEdgePx2 = 0.5;  // a pixel's own width and a little blur
+constexpr float kCauchy = 2.4f;        // sigmas
+constexpr size_t kFewest = kOutlineCount + 8;
+constexpr int kMaxRounds = 20;
+constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
+constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
+constexpr double kSameCost = 1e-3;                   // single precision
+constexpr int kSectors = 16;
+constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
+
+}  // namespace
+
+SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
+                                                           const Vector& parameters) {
+  const size_t count = pixels.size();
+  const Eigen::Matrix<float, kOutlineCount, 1> single = parameters.cast<float>();
+  rows_.Model(pixels, single.data());
+  residual_.resize(count);
+  weight_.resize(count);
+  System system;
+  constexpr float kPerCauchy2 = 1 / (kCauchy * kCauchy);
+  double product = 1;
+  for (size_t i = 0; i < count; ++i) {
+    const float precision = pixels.precision[i];
+    residual_[i] = pixels.coverage[i] - rows_.value(i);
+    const float residual = residual_[i] * precision;
+    const float spread = 1 + residual * residual * kPerCauchy2;
+    const float weight = precision > 0 ? 1 / spread : 0;
+    weight_[i] = weight * precision * precision;
+    // The sum of logarithms, a few pixels at a time.
+    product *= static_cast<double>(spread);
+    if (product > 1e200) {
+      system.cost += std::log(product);
+      product = 1;
+    }
+    const auto w = static_cast<double>(weight), r = static_cast<double>(residual);
+    system.squares += w * w * r * r;
+    system.weights += w;
+    system.slopes += w * w;
+  }
+  system.cost = 0.5 / static_cast<double>(kPerCauchy2) * (system.cost + std::log(product));
+  Eigen::Matrix<float, kOutlineCount, kOutlineCount, Eigen::RowMajor> products;
+  products.setZero();
+  Eigen::Matrix<float, kOutlineCount, 1> gradient;
+  rows_.Sum(weight_, residual_, products.data(), gradient.data());
+  system.information = products.cast<double>();
+  system.gradient = gradient.cast<double>();
+  return system;
+}
+
+void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) const {
+  std::array<double, kSectors> scores{}, informations{};
+  double all = 0;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const Eigen::Vector2d d(static_cast<double>(pixels.x[i]) - outline->centre_px.x(),
+                            static_cast<double>(pixels.y[i]) - outline->centre_px.y());
+    const double turn = (std::atan2(d.y(), d.x()) / (2 * std::numbers::pi) + 0.5) * kSectors;
+    const auto sector = std::min(static_cast<size_t>(turn), size_t{kSectors - 1});
+    const auto slope = static_cast<double>(rows_.slope(kOutlineRadius, i));
+    const auto weight = static_cast<double>(weight_[i]);
+    scores[sector] += weight * slope * static_cast<double>(residual_[i]);
+    informations[sector] += weight * slope * slope;
+    all += weight * slope * slope;
+  }
+  outline->edge_chi_squared = 0;
+  outline->edge_freedom = -kOutlineFreedom;
+  for (size_t k = 0; k < kSectors; ++k) {
+    // A sector that is blocked tells nothing.
+    if (informations[k] < 0.2 * all / kSectors) continue;
+    outline->edge_chi_squared += scores[k] * scores[k] / informations[k];
+    outline->edge_freedom += 1;
+  }
+}
+
+bool SphereOutlineFitter::Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape,
+                              bool shaded, SphereOutline* start) {
+  if (pixels.size() < kFewest) return false;
+  Vector q = Vector::Zero();
+  q.head<2>() = start->centre_px;
+  q[kOutlineRadius] = start->radius_px;
+  q[kOutlineBrightness] = 1;
+  q[kOutlineEdge] = kUsualEdgePx2;
+  // The ellipse of the second moment: W is the inverse of its root, up to scale.
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(shape);
+  if (!(eigen.eigenvalues()[0] > 0)) return false;
+  const Eigen::Matrix2d root = eigen.operatorInverseSqrt();
+  const double half = 0.5 * root.trace();
+  q[kOutlineStretch] = 0.5 * (root(0, 0) - root(1, 1)) / half;
+  q[kOutlineShear] = root(0, 1) / half;
+  const Vector expected = q;
+  if (start->parameters[kOutlineRadius] > 0) q = start->parameters;
+  if (!shaded) q[kOutlineSlopeX] = q[kOutlineSlopeY] = 0;
+  Vector prior = Vector::Zero();  // information
+  const auto expect = [&](OutlineParameter parameter, double its_sigma) {
+    prior[parameter] = 1 / (its_sigma * its_sigma);
+  };
+  for (const auto p : {kOutlineStretch, kOutlineShear}) expect(p, kShapeSigma);
+  expect(kOutlineEdge, kEdgeSigma);
+  for (const auto p : {kOutlineEdgeCos, kOutlineEdgeSin}) expect(p, kEdgeShapeSigma);
+  for (const auto p : {kOutlineSlopeX, kOutlineSlopeY}) {
+    expect(p, shaded ? kSlopeSigma : kNoSlopeSigma);
+  }
+  for (const auto p : {kOutlineBendAlong, kOutlineBendDiagonal, kOutlineBendRound}) {
+    expect(p, kBendSigma);
+  }
+  const auto linearise = [&](const Vector& at) {
+    System system = Linearise(pixels, at);
+    const Vector missing = expected - at;
+    system.information.diagonal() += prior;
+    system.gradient += prior.cwiseProduct(missing);
+    system.cost += 0.5 * missing.dot(prior.cwiseProduct(missing));
+    return system;
+  };
+  System system = linearise(q);
+  double damping = 1e-3;
+  bool settled = false, nearly = false, current = true;  // rows_ are those of q
+  for (int round = 0; round < kMaxRounds && !settled; ++round) {
+    Matrix damped = system.information.selfadjointView<Eigen::Lower>();
+    damped.diagonal() *= 1 + damping;
+    const Vector step = damped.ldlt().solve(system.gradient);
+    if (!step.allFinite()) return false;
+    Vector next = q + step;
+    next[kOutlineRadius] =
+        std::clamp(next[kOutlineRadius], 0.5 * start->radius_px, 1.6 * start->radius_px);
+    next[kOutlineEdge] =
+        std::clamp(next[kOutlineEdge], 0.08, 0.25 * start->radius_px * start->radius_px + 2);
+    System there = linearise(next);
+    const double gained = system.cost - there.cost;
+    if (gained < -kSameCost) {
+      damping *= 8;
+      current = false;
+      // Where no step gains anything it has arrived.
+      settled = damping > 1e6;
+      continue;
+    }
+    damping = std::max(1e-6, 0.2 * damping);
+    const double moved_px = (next - q).head<2>().norm();
+    settled = moved_px < kSettledPx && gained < kSettledCost;
+    nearly = moved_px < kNearlyPx && gained < kNearlyCost;
+    q = next;
+    current = true;
+    system = std::move(there);
+  }
+  if (!settled && !nearly) return false;
+  if (!((q.head<2>() - start->centre_px).norm() < 0.45 * start->radius_px + 0.3)) return false;
+  if (!current) system = linearise(q);
+  const double free = std::max(1.0, system.weights - static_cast<double>(kOutlineCount));
+  start->residual = std::sqrt(system.squares / free);
+  const Matrix full = system.information.selfadjointView<Eigen::Lower>();
+  const Matrix covariance = full.inverse();
+  start->covariance_px2 = covariance.topLeftCorner<2, 2>();
+  start->slope_chi_squared = q.segment<2>(kOutlineSlopeX)
+                                 .dot(covariance.block<2, 2>(kOutlineSlopeX, kOutlineSlopeX)
+                                          .ldlt()
+                                          .solve(q.segment<2>(kOutlineSlopeX)));
+  start->parameters = q;
+  start->stretch = -q.segment<2>(kOutlineStretch);
+  start->edge_px = std::sqrt(q[kOutlineEdge]);
+  start->brightness = q[kOutlineBrightness];
+  start->centre_px = q.head<2>();
+  start->radius_px = q[kOutlineRadius] / std::sqrt(std::max(0.1, 1 - start->stretch.squaredNorm()));
+  MeasureEdge(pixels, start);
+  return start->covariance_px2.allFinite();
+}
+
+}  // namespace rigcal::agent

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "agent/identify/outline_rows.h"
+
+namespace rigcal::agent {
+
+struct SphereOutline {
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();  // of the ellipse
+  // By the noise that the pixels are said to have.
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
+  double radius_px = 0;  // geometric mean of the semi-axes
+  // The ellipse is longer along (cos t, sin t) by a factor e^(2 |stretch|), with stretch =
+  // |stretch| (cos 2t, sin 2t).
+  Eigen::Vector2d stretch = Eigen::Vector2d::Zero();
+  double edge_px = 0;     // one sigma of the edge's softness
+  double brightness = 1;  // in its middle, in units of coverage
+  double residual = 0;    // root mean square, over one sigma of noise
+  // Sum of squares of how far the edge is from the outline, sector by sector, each over its
+  // variance by the pixels' noise, and its degrees of freedom. Noise that neighbouring pixels share
+  // and a model that does not fit make it larger.
+  double edge_chi_squared = 0, edge_freedom = 0;
+  // Of the slopes of brightness (two degrees of freedom): normal noise alone gives 2 in the mean.
+  double slope_chi_squared = 0;
+  Eigen::Matrix<double, kOutlineCount, 1> parameters =
+      Eigen::Matrix<double, kOutlineCount, 1>::Zero();
+};
+
+// Where the outline of a sphere is, whatever the light on it: an ellipse with a soft edge whose
+// brightness inside is a polynomial of second degree. Light from above, a LED that is nearer to
+// one side, and a dark rim move the centroid of the brightness by a quarter of the radius times
+// their relative change; they do not move the outline.
+//
+// The model of a pixel at x is
+//   m = F(rho / sigma) (a + g . u + h1 (ux^2 - uy^2) + 2 h2 ux uy + h3 (|u|^2 - 1/2)),
+//   u = W (x - centre),   W = [1 + p, q; q, 1 - p] / radius,
+// with rho the distance to the outline |u| = 1 to first order, positive inside; F the distribution
+// of density (1 - t^2)^2, nearly normal and of finite extent; and sigma^2 = s (1 + b cos 2t + c sin
+// 2t) by the direction t of the outline's normal, so that motion blurs some sides more than others.
+// Levenberg-Marquardt with weights of the Cauchy distribution, weak priors for what a small image
+// does not determine. Without `shaded` the slopes g are 0: in a small image that is evenly lit they
+// cost precision and give nothing. Buffers are kept; one thread at a time.
+class SphereOutlineFitter {
+ public:
+  // `pixels`: filled up to whole groups. `start`: centre and radius, or all parameters of an
+  // earlier fit. `shape`: second moment of the coverage, whose axes give the ellipse's prior shape.
+  // False: it did not converge, or to something else than a sphere where `start` is.
+  bool Fit(const OutlinePixels& pixels, const Eigen::Matrix2d& shape, bool shaded,
+           SphereOutline* start);
+
+ private:
+  using Vector = Eigen::Matrix<double, kOutlineCount, 1>;
+  using Matrix = Eigen::Matrix<double, kOutlineCount, kOutlineCount>;
+  // Normal equations of the robust cost.
+  struct System {
+    Matrix information = Matrix::Zero();  // lower triangle
+    Vector gradient = Vector::Zero();     // downhill
+    double cost = 0;
+    // Sums over the pixels: squared weight times squared residual; weight; its square.
+    double squares = 0, weights = 0, slopes = 0;
+  };
+  System Linearise(const OutlinePixels& pixels, const Vector& parameters);
+  void MeasureEdge(const OutlinePixels& pixels, SphereOutline* outline) const;
+
+  OutlineRows rows_;
+  std::vector<float> residual_, weight_;
+};
+
+}  // namespace rigcal::agent

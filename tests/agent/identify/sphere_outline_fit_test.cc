@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/sphere_outline_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <random>
+
+namespace rigcal::agent::sphere_outline_fit_test {
+namespace {
+
+constexpr double kNoise = 0.02;
+
+// A disc whose light grows by `slope` from its middle to its right edge, blurred.
+OutlinePixels Disc(const Eigen::Vector2d& centre, double radius, double slope, uint32_t seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, kNoise);
+  OutlinePixels pixels;
+  const int reach = static_cast<int>(radius) + 4;
+  for (int y = -reach; y <= reach; ++y) {
+    for (int x = -reach; x <= reach; ++x) {
+      const Eigen::Vector2d d = Eigen::Vector2d(x, y) - centre;
+      const double cover = 0.5 * std::erfc((d.norm() - radius) / (0.7 * std::sqrt(2.0)));
+      const double light = 1 + slope * d.x() / std::max(radius, d.norm());
+      pixels.Add(static_cast<float>(x), static_cast<float>(y),
+                 static_cast<float>(cover * light + noise(random)), static_cast<float>(1 / kNoise));
+    }
+  }
+  pixels.FillUp();
+  return pixels;
+}
+
+Eigen::Vector2d Centroid(const OutlinePixels& pixels) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  double all = 0;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (!(pixels.precision[i] > 0)) continue;
+    const auto c = static_cast<double>(pixels.coverage[i]);
+    sum += c * Eigen::Vector2d(static_cast<double>(pixels.x[i]), static_cast<double>(pixels.y[i]));
+    all += c;
+  }
+  return sum / all;
+}
+
+TEST(SphereOutlineFitter, LightFromOneSideDoesNotMoveTheCentre) {
+  SphereOutlineFitter fitter;
+  for (const double radius : {4.0, 9.0, 14.0}) {
+    const Eigen::Vector2d centre(0.31, -0.22);
+    const OutlinePixels pixels = Disc(centre, radius, 0.4, 5);
+    EXPECT_GT((Centroid(pixels) - centre).norm(), 0.05 * radius);
+    SphereOutline outline{.centre_px = Centroid(pixels), .radius_px = 1.05 * radius};
+    ASSERT_TRUE(
+        fitter.Fit(pixels, 0.25 * radius * radius * Eigen::Matrix2d::Identity(), true, &outline));
+    // Four sigmas of the noise, and what the model of the edge leaves.
+    EXPECT_LT((outline.centre_px - centre).norm(),
+              4 * std::sqrt(outline.covariance_px2.trace()) + 0.02)
+        << radius;
+    EXPECT_LT((outline.centre_px - centre).norm(), 0.12) << radius;
+    EXPECT_NEAR(outline.radius_px, radius, 0.15);
+    EXPECT_GT(outline.slope_chi_squared, 50);
+  }
+}
+
+TEST(SphereOutlineFitter, CovarianceIsThatOfTheErrors) {
+  SphereOutlineFitter fitter;
+  double nees = 0;
+  constexpr int kRuns = 200;
+  for (uint32_t seed = 1; seed <= kRuns; ++seed) {
+    const Eigen::Vector2d centre(0.001 * seed, 0.4 - 0.003 * seed);
+    const OutlinePixels pixels = Disc(centre, 8, 0, seed);
+    SphereOutline outline{.centre_px = Eigen::Vector2d(0.1, 0.1), .radius_px = 8.3};
+    ASSERT_TRUE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), false, &outline)) << seed;
+    const Eigen::Vector2d error = outline.centre_px - centre;
+    nees += error.dot(outline.covariance_px2.inverse() * error) / (2 * kRuns);
+  }
+  // 400 degrees of freedom: 0.8 to 1.2 in all but 1 of 200 cases.
+  EXPECT_GT(nees, 0.75);
+  EXPECT_LT(nees, 1.3);
+}
+
+TEST(SphereOutlineFitter, RefusesNothingAndHalfADisc) {
+  SphereOutlineFitter fitter;
+  OutlinePixels pixels;
+  SphereOutline outline{.radius_px = 8};
+  EXPECT_FALSE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), true, &outline));
+  pixels = Disc({0, 0}, 8, 0, 1);
+  const double whole = [&] {
+    SphereOutline fit{.radius_px = 8};
+    EXPECT_TRUE(fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), true, &fit));
+    return fit.residual;
+  }();
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (pixels.x[i] > 1) pixels.coverage[i] = 0;
+  }
+  outline = {.radius_px = 8};
+  // Either it does not converge, or it says that it does not fit.
+  if (fitter.Fit(pixels, 16 * Eigen::Matrix2d::Identity(), true, &outline)) {
+    EXPECT_GT(outline.residual, 2 * whole);
+  }
+}
+
+TEST(OutlineRows, SlopesAreThoseOfTheModel) {
+  const OutlinePixels pixels = Disc({0, 0}, 5, 0, 1);
+  std::array<float, kOutlineCount> parameters = {0.2f,  -0.3f, 4.3f, 0.01f, -0.01f, 0.6f,  0.1f,
+                                                 -0.1f, 1.0f,  0.2f, -0.1f, 0.1f,   0.05f, -0.2f};
+  OutlineRows rows, above, below;
+  rows.Model(pixels, parameters.data());
+  for (int p = 0; p < kOutlineCount; ++p) {
+    constexpr float kStep = 0.01f;
+    const float value = parameters[static_cast<size_t>(p)];
+    parameters[static_cast<size_t>(p)] = value + kStep;
+    above.Model(pixels, parameters.data());
+    parameters[static_cast<size_t>(p)] = value - kStep;
+    below.Model(pixels, parameters.data());
+    parameters[static_cast<size_t>(p)] = value;
+    double error = 0, all = 0;
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const float slope = (above.value(i) - below.value(i)) / (2 * kStep);
+      error +=
+          std::pow(static_cast<double>(slope - rows.slope(static_cast<OutlineParameter>(p), i)), 2);
+      all += std::pow(static_cast<double>(slope), 2);
+    }
+    // How the outline's normal turns is left out of the slopes.
+    EXPECT_LT(std::sqrt(error / all), 0.05) << p;
+  }
+}
+
+}  // namespace
+}  // namespace rigcal::agent::sphere_outline_fit_test

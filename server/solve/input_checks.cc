@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/solve/input_checks.h"
+
+#include <algorithm>
+#include <set>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "common/statistics/robust_statistics.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::server {
+namespace {
+
+// Of the image's width; half of all views within this of one place determine nothing.
+constexpr double kMinSpreadShare = 0.01;
+
+// The row's first visible marker, or, of a target whose marker 0 is enough, that one.
+size_t FirstVisible(const ObservationTable& rows, size_t row, bool any_marker) {
+  size_t marker = 0;
+  while (any_marker && marker + 1 < rows.MarkerCount(row) && !rows.IsVisible(row, marker)) {
+    ++marker;
+  }
+  return marker;
+}
+
+// The spread of the wand in a camera's image, in pixels: the median distance of a marker from its
+// median position.
+double ImageSpreadPx(const RigObservations& rig, int camera) {
+  std::vector<Eigen::Vector2d> centres_px;
+  std::vector<double> x, y, distance;
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    if (rig.index.camera_of_track[t] != camera) continue;
+    const ObservationTable& rows = rig.tracks[t].track.observations;
+    const bool any_marker = rig.TargetOf(t).kind == TargetKind::kRigid;
+    for (size_t i = 0; i < rows.size(); ++i) {
+      const size_t marker = FirstVisible(rows, i, any_marker);
+      if (!rows.IsVisible(i, marker)) continue;
+      centres_px.push_back(rows.centre_px(i, marker));
+      x.push_back(centres_px.back().x());
+      y.push_back(centres_px.back().y());
+    }
+  }
+  if (x.empty()) return 0;
+  const Eigen::Vector2d middle(UpperMedian(&x), UpperMedian(&y));
+  for (const Eigen::Vector2d& centre_px : centres_px) {
+    distance.push_back((centre_px - middle).norm());
+  }
+  return UpperMedian(&distance);
+}
+
+}  // namespace
+
+absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
+  RIGCAL_RETURN_IF_ERROR(options.Validate());
+  std::vector<const Target*> targets = {&input.target};
+  for (const auto& [session, target] : input.other_targets) targets.push_back(&target);
+  for (size_t i = 0; i < targets.size(); ++i) {
+    RIGCAL_RETURN_IF_ERROR(targets[i]->Validate());
+    for (size_t k = 0; k < i; ++k) RIGCAL_RETURN_IF_ERROR(CheckMixable(*targets[k], *targets[i]));
+  }
+  for (const Target* target : targets) {
+    if (options.trajectory != TrajectoryChoice::kSpline || target->kind != TargetKind::kRigid) {
+      continue;
+    }
+    return absl::InvalidArgumentError(
+        "trajectory: a spline is for wands and single markers; of a rigid target leave it out");
+  }
+  if (options.known_distance && TargetParts(input.target, input.other_targets).HasLengths()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "a known distance (of cameras ", options.known_distance->camera_a, " and ",
+        options.known_distance->camera_b,
+        ") is for a target of one marker; this wand has lengths of its own, and two scales would "
+        "contradict each other: leave the distance out, and compare it with the result"));
+  }
+  std::set<std::string> without;
+  for (const CameraTrack& track : input.tracks) {
+    if (!track.camera.intrinsics) {
+      without.insert(track.camera.camera);
+      continue;
+    }
+    const absl::Status status = track.camera.intrinsics->Validate(track.camera.image_size_px);
+    if (!status.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("camera ", track.camera.camera, ": ", std::string(status.message())));
+    }
+  }
+  if (!without.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("no intrinsics of camera ", absl::StrJoin(without, ", "),
+                     ": calibrate its lens first and give its YAML file to the agent"));
+  }
+  return absl::OkStatus();
+}
+
+std::map<std::string, CameraCounts> CountInput(const CalibrationInput& input) {
+  std::map<std::string, CameraCounts> counts;
+  for (const CameraTrack& track : input.tracks) {
+    CameraCounts& count = counts[track.camera.camera];
+    count.observation_count += static_cast<uint32_t>(track.observations.size());
+    for (const Observation& observation : track.observations) {
+      count.wand_count += observation.VisibleCount() > 0 ? 1 : 0;
+    }
+  }
+  return counts;
+}
+
+absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
+                          const CalibrationOptions& options) {
+  if (counts.size() < 2) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("a rig needs at least two cameras, this one has ", counts.size(),
+                     counts.empty() ? "" : absl::StrCat(" (", counts.begin()->first, ")"),
+                     ": record with every camera of the rig in one session"));
+  }
+  for (const auto& [camera, count] : counts) {
+    if (count.wand_count > 0) continue;
+    return absl::FailedPreconditionError(absl::StrCat(
+        "camera ", camera, " never saw the wand (", count.observation_count,
+        " observations, 0 with a visible marker): wave the wand where it can see it, check its "
+        "detector, or calibrate without it"));
+  }
+  if (options.known_distance) {
+    for (const std::string* camera :
+         {&options.known_distance->camera_a, &options.known_distance->camera_b}) {
+      if (counts.contains(*camera)) continue;
+      std::vector<std::string> names;
+      for (const auto& [name, count] : counts) names.push_back(name);
+      return absl::InvalidArgumentError(absl::StrCat("known distance: camera ", *camera,
+                                                     " is none of the cameras of these sessions (",
+                                                     absl::StrJoin(names, ", "), ")"));
+    }
+  }
+  if (!options.reference_camera.empty() && !counts.contains(options.reference_camera)) {
+    return absl::InvalidArgumentError(absl::StrCat("reference camera ", options.reference_camera,
+                                                   " is none of the cameras of these sessions"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts) {
+  for (const auto& [camera, count] : counts) {
+    if (std::ranges::find(index.cameras, camera, &CameraDescription::camera) !=
+        index.cameras.end()) {
+      continue;
+    }
+    return absl::FailedPreconditionError(absl::StrCat(
+        "camera ", camera, ": none of its ", count.observation_count,
+        " observations can be used (see what was left out); if its clock cannot be put beside the "
+        "others, let its agent send clock samples or name a common time base"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckMotion(const RigObservations& rig) {
+  const RigIndex& index = rig.index;
+  for (size_t c = 0; c < index.cameras.size(); ++c) {
+    const double spread_px = ImageSpreadPx(rig, static_cast<int>(c));
+    const double needed_px = kMinSpreadShare * index.cameras[c].image_size_px.width;
+    if (spread_px >= needed_px) continue;
+    return absl::FailedPreconditionError(absl::StrFormat(
+        "camera %s saw the wand in nearly one place (it moved by %.1f px, at least %.0f px are "
+        "needed): wave the wand through all of what the cameras see, near and far, and turn it",
+        index.cameras[c].camera, spread_px, needed_px));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace rigcal::server

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "absl/status/status.h"
+#include "common/calibration/calibration_options.h"
+#include "server/solve/calibrate.h"
+#include "server/solve/calibration_report.h"
+#include "server/solve/rig/rig_solver.h"
+
+namespace rigcal::server {
+
+// What a calibration refuses before it solves anything. Every message names the camera, the reason
+// and what to do.
+
+// INVALID_ARGUMENT: options, targets or cameras that contradict each other or themselves.
+absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options);
+
+// By camera, before anything is rejected.
+std::map<std::string, CameraCounts> CountInput(const CalibrationInput& input);
+
+// FAILED_PRECONDITION: fewer than two cameras, or one that never saw the wand. INVALID_ARGUMENT:
+// the options name a camera that there is not.
+absl::Status CheckCameras(const std::map<std::string, CameraCounts>& counts,
+                          const CalibrationOptions& options);
+
+// FAILED_PRECONDITION: a camera of which nothing is left after cleaning and aligning.
+absl::Status CheckTracks(const RigIndex& index, const std::map<std::string, CameraCounts>& counts);
+
+// FAILED_PRECONDITION: a camera in whose image the wand stayed at one place.
+absl::Status CheckMotion(const RigObservations& rig);
+
+}  // namespace rigcal::server

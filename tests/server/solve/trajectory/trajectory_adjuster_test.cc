@@ -65,8 +65,8 @@ TEST(TrajectoryAdjusterTest, ThePathDoesNotChangeTheScale) {
   TrajectoryScene scene = MakeTrajectoryScene(options);
   ASSERT_THAT(AdjustTrajectory({}, &scene.initial), IsOk());
   // Known to 2 mm, and nothing but that is known of it.
-  EXPECT_NEAR(scene.initial.rows.target.marker_positions_m.back(), 0.39, 0.0003);
-  EXPECT_NEAR(scene.initial.rows.target.marker_positions_m[1], 0.13, 0.0002);
+  EXPECT_NEAR(scene.initial.rows.target.marker_positions_m.back(), 0.39, 0.0001);
+  EXPECT_NEAR(scene.initial.rows.target.marker_positions_m[1], 0.13, 0.0001);
 }
 
 // Rows of which every camera keeps a third, each its own.

@@ -28,6 +28,8 @@ constexpr double kJerkMS3 = 100, kJerkRadS3 = 500;
 constexpr int kMaxPathRounds = 4;  // of solve and classify
 constexpr double kPathCoarseTolerance = 1e-5, kPathTolerance = 1e-7;
 constexpr int kMaxPathIterations = 60;
+constexpr double kMaxPathBytes = 500e6;      // of its matrices
+constexpr double kMaxColumnsPerCamera = 18;  // pose, intrinsics, clock, line delay
 
 // An instant of the discrete solution.
 struct PlacedInstant {
@@ -66,6 +68,15 @@ class PathBuilder {
     if (fit_.problem.spans.empty()) {
       return absl::FailedPreconditionError(
           "trajectory: the target is placed too rarely to follow its path");
+    }
+    double knots = 0;
+    for (const TrajectorySpan& span : fit_.problem.spans) {
+      knots += static_cast<double>(span.knots.size());
+    }
+    const double columns = kMaxColumnsPerCamera * static_cast<double>(discrete_.cameras.size());
+    if (knots * columns * sizeof(double) > kMaxPathBytes) {
+      return absl::FailedPreconditionError(
+          "trajectory: the recording is too long for a path with so many cameras");
     }
     CorrectCentres();
     return std::move(fit_);

@@ -35,7 +35,8 @@ struct TrajectoryFit {
 //
 // The path is cut where no instant is placed for a second. Rows beyond its ends have no part.
 //
-// FAILED_PRECONDITION: a rigid target, too few instants in a row, or the rows determine no path.
+// FAILED_PRECONDITION: a rigid target, too few instants in a row, the rows determine no path, or
+// there are too many of them for memory.
 // CANCELLED.
 absl::StatusOr<RigSolution> SolveOnTrajectory(const RigObservations& rig,
                                               const RigSolveOptions& options,

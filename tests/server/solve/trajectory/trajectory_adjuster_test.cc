@@ -56,6 +56,19 @@ TEST(TrajectoryAdjusterTest, NoiseGivesItsSigma) {
   EXPECT_LT(WorstCentreM(scene.initial, scene.ground_truth), 2e-3);
 }
 
+// A smaller rig would have a smoother path.
+TEST(TrajectoryAdjusterTest, ThePathDoesNotChangeTheScale) {
+  TrajectorySceneOptions options;
+  options.noise_px = options.stated_px = 0.3;
+  options.duration_s = 20;
+  options.free_spacing = true;
+  TrajectoryScene scene = MakeTrajectoryScene(options);
+  ASSERT_THAT(AdjustTrajectory({}, &scene.initial), IsOk());
+  // Known to 2 mm, and nothing but that is known of it.
+  EXPECT_NEAR(scene.initial.rows.target.marker_positions_m.back(), 0.39, 0.0001);
+  EXPECT_NEAR(scene.initial.rows.target.marker_positions_m[1], 0.13, 0.0001);
+}
+
 // Rows of which every camera keeps a third, each its own.
 TEST(TrajectoryAdjusterTest, OutliersAreFoundAmongSparseRows) {
   TrajectorySceneOptions options;

@@ -58,6 +58,17 @@ BundleCamera CameraOfRing(int index, int count) {
   return camera;
 }
 
+// The path in the frame of a camera.
+void Move(const RigidTransform& cam_from_rig, TrajectorySpan* span) {
+  for (Eigen::Index k = 0; k < span->knot_count(); ++k) {
+    auto origin = span->knots.segment<3>(k * span->size);
+    origin = (cam_from_rig * Eigen::Vector3d(origin)).eval();
+    if (!span->has_direction()) continue;
+    auto direction = span->knots.segment<3>(k * span->size + 3);
+    direction = (cam_from_rig.rotation * Eigen::Vector3d(direction)).eval();
+  }
+}
+
 // Where a marker is seen, whose image row decides when: by iteration.
 Eigen::Vector2d SeenAt(const TrajectorySpan& span, const BundleCamera& camera, double position_m,
                        double row_time_s) {
@@ -81,11 +92,16 @@ TrajectoryScene MakeTrajectoryScene(const TrajectorySceneOptions& options) {
   TrajectoryScene scene;
   TrajectoryProblem& truth = scene.ground_truth;
   truth.spans.push_back(RandomPath(options, &random));
+  const RigidTransform first_from_room = CameraOfRing(0, options.camera_count).cam_from_rig;
+  Move(first_from_room, &truth.spans[0]);
+  truth.rows.target.fixed = !options.free_spacing;
   truth.rows.target.marker_positions_m =
       options.is_point ? std::vector<double>{0} : std::vector<double>{0, 0.13, 0.39};
   truth.rows.target.given_positions_m = truth.rows.target.marker_positions_m;
   for (int c = 0; c < options.camera_count; ++c) {
     BundleCamera camera = CameraOfRing(c, options.camera_count);
+    camera.cam_from_rig = camera.cam_from_rig * first_from_room.Inverse();
+    if (c == 0) camera.cam_from_rig = RigidTransform();
     camera.line_delay_s = options.line_delay_s * (c % 2 == 0 ? 1 : -0.5);
     BundleClock clock;
     clock.clock_id = camera.name;

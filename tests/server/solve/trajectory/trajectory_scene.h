@@ -18,11 +18,13 @@ struct TrajectorySceneOptions {
   double kept_share = 1;   // of the rows, at random
   double line_delay_s = 20e-6;
   bool is_point = false;
-  double initial_error = 1;  // 1: cameras 5 mm and 5 mrad off, clocks 1 ms, the path 2 cm
+  bool free_spacing = false;  // under a prior of 2 mm
+  double initial_error = 1;   // 1: cameras 5 mm and 5 mrad off, clocks 1 ms, the path 2 cm
 };
 
 // Free-running cameras with rolling shutters in a ring around a target whose path is a spline.
-// Estimated are poses, offsets and line delays; of a point, with the distance of two cameras given.
+// The rig frame is the first camera's. Estimated are poses, offsets and line delays; of a point,
+// with the distance of two cameras given.
 struct TrajectoryScene {
   TrajectoryProblem initial, ground_truth;
 };

@@ -30,6 +30,7 @@ constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kLeastScatter = 0.3;
+constexpr double kShadingError = 0.03;  // radii, per relative slope of the light
 constexpr double kLeastGapPx = 1;
 constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
 
@@ -310,6 +311,13 @@ void WandVerifier::FitOutlines(VerifiedWand* wand) {
     if (!outlines[k]) continue;
     wand->centres[k].centre_px = outlines[k]->centre_px;
     wand->centres[k].covariance_px2 = factor * outlines[k]->covariance_px2;
+    if (!shaded) continue;
+    // Light from one side is not quite a polynomial.
+    const auto& parameters = outlines[k]->parameters;
+    const double slope = std::hypot(parameters[kOutlineSlopeX], parameters[kOutlineSlopeY]) /
+                         std::max(0.1, parameters[kOutlineBrightness]);
+    const double wrong_px = kShadingError * slope * outlines[k]->radius_px;
+    wand->centres[k].covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
   }
 }
 

@@ -107,9 +107,8 @@ std::string FormatTrajectory(const v1::Calibration& calibration) {
   std::string text;
   if (trajectory.kind() == v1::CalibratedTrajectory::KIND_SPLINE) {
     text = absl::StrFormat(
-        "trajectory         spline, knots every %.1f ms, jerk density %.3g m/s^2.5, %d rows that "
-        "no "
-        "other camera shares\n",
+        "trajectory         spline, knots every %.1f ms, jerk density %.3g m/s^2.5, "
+        "%d rows that no other camera shares\n",
         1e3 * trajectory.knot_spacing_s(), trajectory.jerk_density(), trajectory.added_row_count());
   }
   if (trajectory.held_out_spline_px() > 0) {

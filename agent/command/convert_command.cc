@@ -14,6 +14,7 @@ namespace {
 struct ConvertFlags {
   std::string in, out;
   std::string layout = "prophesee";
+  std::string raw = "evt3";
   bool force = false;
   EventFileFlags file;
 };
@@ -44,12 +45,14 @@ std::string FormatSummary(const ConvertFlags& flags, const ConversionSummary& su
 
 absl::Status Convert(const ConvertFlags& flags, std::ostream& out) {
   RIGCAL_RETURN_IF_ERROR(CheckEventFileEnding(flags.out));
-  const auto summary = ConvertEventFile({.in = flags.in,
-                                         .out = flags.out,
-                                         .geometry = flags.file.geometry,
-                                         .plain = flags.file.plain,
-                                         .layout = flags.layout,
-                                         .force = flags.force});
+  const auto summary =
+      ConvertEventFile({.in = flags.in,
+                        .out = flags.out,
+                        .geometry = flags.file.geometry,
+                        .plain = flags.file.plain,
+                        .layout = flags.layout,
+                        .raw = flags.raw == "evt2" ? EventFormat::kEvt2 : EventFormat::kEvt3,
+                        .force = flags.force});
   if (!summary.ok()) {
     // A fault of the file, not of the command line.
     return absl::FailedPreconditionError(std::string(summary.status().message()));
@@ -69,7 +72,7 @@ void AddConvertCommand(CLI::App& app, Subcommands* all) {
       ->required();
   command
       .add_option("out", flags.out,
-                  "New file; its ending names the format: .raw (EVT 3.0), .csv, .h5 or .hdf5")
+                  "New file; its ending names the format: .raw, .csv, .h5 or .hdf5")
       ->required();
   flags.file.AddTo(command);
   command
@@ -77,6 +80,8 @@ void AddConvertCommand(CLI::App& app, Subcommands* all) {
                   "Of HDF5: prophesee (/CD/events, with triggers) or events (/events/x, y, p, t, "
                   "without) [prophesee]")
       ->check(CLI::IsMember({"prophesee", "events"}));
+  command.add_option("--raw", flags.raw, "Of .raw: evt3 (EVT 3.0) or evt2 (EVT 2.0) [evt3]")
+      ->check(CLI::IsMember({"evt2", "evt3"}));
   command.add_flag("--force", flags.force, "Replace a file that is there");
   command.footer(
       "Examples:\n"

@@ -11,7 +11,7 @@
 namespace rigcal::agent {
 
 // How a file of events is to be read where it does not say so itself: --geometry, --time,
-// --columns.
+// --columns, --endianness.
 class EventFileFlags {
  public:
   EventFileFlags();
@@ -20,7 +20,7 @@ class EventFileFlags {
   void AddTo(CLI::App& command);
 
   std::optional<SensorGeometry> geometry;
-  PlainFileOptions plain;
+  EventFileOptions plain;
 
  private:
   OptionTable table_;

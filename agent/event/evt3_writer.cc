@@ -6,9 +6,9 @@
 namespace rigcal::agent {
 namespace {
 
-// Of neighbours within so many columns of the first, a base and its vectors are shorter.
+// Of neighbours within so many columns of the first, a base and its three vectors are shorter.
 constexpr uint32_t kVectorSpan = 32;
-constexpr size_t kMinVectorEvents = 4;
+constexpr size_t kMinVectorEvents = 5;
 
 void Append(uint32_t type, uint32_t value, std::vector<uint8_t>* bytes) {
   const uint32_t word = type << 12 | value;
@@ -54,9 +54,10 @@ void Evt3Writer::WriteRun(std::span<const CdEvent> run, std::vector<uint8_t>* by
       continue;
     }
     Append(0x3, polarity | base, bytes);
+    // Always all three: there are decoders that read vectors by threes alone.
     Append(0x4, mask & 0xfff, bytes);
-    if (mask >> 12 != 0) Append(0x4, mask >> 12 & 0xfff, bytes);
-    if (mask >> 24 != 0) Append(0x5, mask >> 24, bytes);
+    Append(0x4, mask >> 12 & 0xfff, bytes);
+    Append(0x5, mask >> 24, bytes);
     run = run.subspan(count);
   }
 }

@@ -26,7 +26,8 @@ struct CdEvent {
 std::string Evt3Header(SensorGeometry geometry, const std::string& serial_number);
 
 // Encodes events as EVT 3.0. Time must not step backwards; events of one time, row and polarity
-// that stand side by side in rising columns become vectors, as a sensor's readout makes them.
+// that stand side by side in rising columns become vectors of 12, 12 and 8 columns, always all
+// three, as a sensor's readout makes them.
 class Evt3Writer {
  public:
   // Appends words to `bytes`. Columns and rows are below 2048.

@@ -38,7 +38,7 @@ class CsvEventReader : public PlainEventReader {
       : path_(std::move(path)), lines_(std::move(lines)) {}
 
   // Looks at the first lines of the file.
-  absl::Status Look(const PlainFileOptions& options);
+  absl::Status Look(const EventFileOptions& options);
 
   absl::Status Read(size_t max_count, std::vector<PlainEvent>* events) override;
   std::string PlaceInBlock(size_t index) const override {
@@ -85,7 +85,7 @@ absl::StatusOr<bool> CsvEventReader::TakeFront(const LineReader::Line& line) {
   return false;
 }
 
-absl::Status CsvEventReader::Look(const PlainFileOptions& options) {
+absl::Status CsvEventReader::Look(const EventFileOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(columns_, ParseCsvEventOrder(options.columns));
   RIGCAL_ASSIGN_OR_RETURN(LineReader reader, LineReader::Open(path_));
   int events = 0, looked_at = 0;
@@ -168,7 +168,7 @@ absl::Status CsvEventReader::Read(size_t max_count, std::vector<PlainEvent>* eve
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenCsvEvents(const std::string& path,
-                                                                const PlainFileOptions& options) {
+                                                                const EventFileOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(LineReader lines, LineReader::Open(path));
   auto reader = std::make_unique<CsvEventReader>(path, std::move(lines));
   RIGCAL_RETURN_IF_ERROR(reader->Look(options));

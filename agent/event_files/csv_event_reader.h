@@ -16,6 +16,6 @@ namespace rigcal::agent {
 // NOT_FOUND, PERMISSION_DENIED, FAILED_PRECONDITION: no file that can be opened. INVALID_ARGUMENT:
 // its first lines are not events; names the file, the line and what a line looks like.
 absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenCsvEvents(const std::string& path,
-                                                                const PlainFileOptions& options);
+                                                                const EventFileOptions& options);
 
 }  // namespace rigcal::agent

@@ -103,7 +103,7 @@ absl::StatusOr<ConversionSummary> ConvertEventFile(const ConversionOptions& opti
   RIGCAL_ASSIGN_OR_RETURN(
       const auto writer,
       CreateEventFileWriter(part, ending, {.geometry = geometry, .fields = Fields(header)},
-                            options.layout));
+                            options.layout, options.raw));
   ConversionSummary summary;
   RIGCAL_RETURN_IF_ERROR(std::visit(
       [&](const auto& decoder) { return CopyAll(decoder, file.get(), writer.get(), &summary); },

@@ -14,8 +14,9 @@ struct ConversionOptions {
   std::string in;
   std::string out;                         // its ending names the format
   std::optional<SensorGeometry> geometry;  // if the file has none
-  PlainFileOptions plain;                  // how an HDF5 or CSV file is to be read
+  EventFileOptions plain;                  // how the file is to be read
   std::string layout = "prophesee";        // of HDF5: prophesee or events
+  EventFormat raw = EventFormat::kEvt3;    // of RAW: kEvt3 or kEvt2
   bool force = false;                      // replace a file that is there
 };
 

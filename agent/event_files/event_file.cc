@@ -73,7 +73,7 @@ const char* TimeUnitName(TimeUnit unit) {
   return kNames[static_cast<size_t>(unit)];
 }
 
-void AddOptions(PlainFileOptions* options, OptionTable* table) {
+void AddOptions(EventFileOptions* options, OptionTable* table) {
   table->AddChoice("time", &options->time_unit,
                    std::vector<std::pair<std::string, TimeUnit>>{{"auto", TimeUnit::kAuto},
                                                                  {"s", TimeUnit::kSeconds},
@@ -90,16 +90,23 @@ void AddOptions(PlainFileOptions* options, OptionTable* table) {
   };
   table->Add("columns", "ORDER", "of CSV without a header line", read,
              [columns = &options->columns] { return *columns; });
+  table->AddChoice("endianness", &options->evt21_order,
+                   std::vector<std::pair<std::string, Evt21Order>>{{"auto", Evt21Order::kAuto},
+                                                                   {"little", Evt21Order::kLittle},
+                                                                   {"legacy", Evt21Order::kLegacy}},
+                   "of EVT 2.1; auto: as its header says, legacy where it says nothing");
 }
 
 absl::StatusOr<std::unique_ptr<EventFile>> OpenEventFile(const std::string& path,
-                                                         const PlainFileOptions& options) {
+                                                         const EventFileOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(const std::string front, ReadFront(path));
   if (front.empty()) {
     return InvalidFile(path, " is empty; ", kKnownFiles);
   }
   if (IsHdf5(front)) return OpenHdf5Events(path, options);
-  if (front.starts_with('%') && !front.starts_with(kCsvComment)) return OpenRawEvents(path);
+  if (front.starts_with('%') && !front.starts_with(kCsvComment)) {
+    return OpenRawEvents(path, options);
+  }
   if (const size_t at = FindBinary(front); at != std::string::npos) {
     return InvalidFile(path, ", byte ", at, ": this is no file of events (", kKnownFiles, ")");
   }

@@ -26,19 +26,25 @@ enum class TimeUnit : uint8_t { kAuto, kSeconds, kMicroseconds, kNanoseconds };
 // "seconds" and so on.
 const char* TimeUnitName(TimeUnit unit);
 
-// How a file for interchange is read, if it does not say so itself.
-struct PlainFileOptions {
+// Of the words of EVT 2.1. kAuto: as the header says; headers that do not say it are of the time
+// when only one order was written, the legacy one.
+enum class Evt21Order : uint8_t { kAuto, kLittle, kLegacy };
+
+// How a file is read, if it does not say so itself.
+struct EventFileOptions {
   TimeUnit time_unit = TimeUnit::kAuto;
-  std::string columns = "xypt";  // of a CSV file without a header line
+  std::string columns = "xypt";                // of a CSV file without a header line
+  Evt21Order evt21_order = Evt21Order::kAuto;  // instead of what the header says
 };
 
-// "time" and "columns"
-void AddOptions(PlainFileOptions* options, OptionTable* table);
+// "time", "columns" and "endianness"
+void AddOptions(EventFileOptions* options, OptionTable* table);
 
 // Facts that a file of events states itself.
 struct EventFileHeader {
   EventFormat format = EventFormat::kPlain;
-  bool halves_swapped = false;                // EVT 2.1 as an IMX636 sends it
+  bool halves_swapped = false;                // EVT 2.1 as an IMX636 sends it ("legacy")
+  bool states_endianness = false;             // of EVT 2.1
   std::string format_name;                    // "EVT3", "HDF5", "CSV"
   std::string layout;                         // of HDF5 and CSV: dataset or columns
   TimeUnit time_unit = TimeUnit::kAuto;       // of HDF5 and CSV, never kAuto there
@@ -81,7 +87,7 @@ class EventFile {
 // INVALID_ARGUMENT: another format, or damaged at its beginning (ParseRawHeader, OpenHdf5Events,
 // OpenCsvEvents). Each names the file.
 absl::StatusOr<std::unique_ptr<EventFile>> OpenEventFile(const std::string& path,
-                                                         const PlainFileOptions& options = {});
+                                                         const EventFileOptions& options = {});
 
 // The geometry of the file or, if it has none, `given`. INVALID_ARGUMENT: they differ.
 absl::StatusOr<std::optional<SensorGeometry>> GeometryOf(

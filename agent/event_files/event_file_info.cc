@@ -128,7 +128,7 @@ absl::Status FindExtent(Decoder decoder, EventFile* file, EventFileInfo* info) {
 
 absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
                                                 std::optional<SensorGeometry> geometry,
-                                                const PlainFileOptions& plain) {
+                                                const EventFileOptions& plain) {
   RIGCAL_ASSIGN_OR_RETURN(const auto file, OpenEventFile(path, plain));
   EventFileInfo info;
   info.path = path;

@@ -51,7 +51,7 @@ struct EventFileInfo {
 // the format can name is taken. Errors as OpenEventFile's.
 absl::StatusOr<EventFileInfo> ReadEventFileInfo(const std::string& path,
                                                 std::optional<SensorGeometry> geometry,
-                                                const PlainFileOptions& plain = {});
+                                                const EventFileOptions& plain = {});
 
 // For people.
 std::string FormatInfo(const EventFileInfo& info);

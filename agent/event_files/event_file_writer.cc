@@ -11,6 +11,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "agent/event/evt2_writer.h"
 #include "agent/event/evt3_writer.h"
 #include "agent/event_files/hdf5_event_writer.h"
 #include "common/status/status_macros.h"
@@ -20,7 +21,8 @@ namespace {
 
 constexpr size_t kBufferBytes = size_t{1} << 20;
 constexpr size_t kMaxRunEvents = 4096;
-constexpr uint8_t kChannels = 16;  // four bits
+constexpr uint8_t kChannels = 16;      // four bits
+constexpr uint8_t kEvt2Channels = 32;  // five bits
 // TIME_HIGH words, as TimeHigh weighs them: it believes steps of up to kStep at once, longer ones
 // of up to half a period once the next word confirms them, and takes a jump from below kTop to
 // kStep or less for a restart.
@@ -106,10 +108,13 @@ class RawEventWriter : public PlainEventWriter {
   std::vector<uint8_t> words_;
 };
 
-absl::Status RawEventWriter::Begin(const PlainFileFront& front) {
+std::string SerialNumber(const PlainFileFront& front) {
   const auto serial = front.fields.find("serial_number");
-  return file_.Write(
-      Evt3Header(*front.geometry, serial == front.fields.end() ? "unknown" : serial->second));
+  return serial == front.fields.end() ? "unknown" : serial->second;
+}
+
+absl::Status RawEventWriter::Begin(const PlainFileFront& front) {
+  return file_.Write(Evt3Header(*front.geometry, SerialNumber(front)));
 }
 
 void RawEventWriter::WriteHigh(int64_t high) {
@@ -215,6 +220,63 @@ absl::Status RawEventWriter::Finish() {
   return file_.Finish();
 }
 
+// RAW in EVT 2.0, whose words hold all times of a recording.
+class Evt2FileWriter : public PlainEventWriter {
+ public:
+  explicit Evt2FileWriter(OutputFile file) : file_(std::move(file)) {}
+  absl::Status Begin(const PlainFileFront& front) {
+    return file_.Write(Evt2Header(*front.geometry, SerialNumber(front)));
+  }
+  absl::Status Write(std::span<const PlainEvent> events) override;
+  absl::Status Finish() override {
+    RIGCAL_RETURN_IF_ERROR(file_.Write(words_));
+    return file_.Finish();
+  }
+
+ private:
+  OutputFile file_;
+  Evt2Writer writer_;
+  int64_t last_us_ = 0;
+  std::vector<uint8_t> words_;
+};
+
+absl::Status Evt2FileWriter::Write(std::span<const PlainEvent> events) {
+  for (const PlainEvent& event : events) {
+    if (event.kind >= PlainEvent::kUnreadable) continue;
+    const bool is_trigger = event.kind >= PlainEvent::kTriggerFalling;
+    if (is_trigger && event.channel >= kEvt2Channels) {
+      ++losses_.triggers;
+      continue;
+    }
+    int64_t time_us = event.time_us;
+    if (time_us < last_us_ && last_us_ - time_us <= PlainClock::kJitterUs) {
+      ++losses_.moved_events;
+      time_us = last_us_;
+    }
+    if (time_us < last_us_ || time_us > Evt2Writer::kMaxTimeUs) {
+      return absl::FailedPreconditionError(
+          absl::StrCat(file_.path(), ": EVT 2.0 holds times of 0 to ", Evt2Writer::kMaxTimeUs,
+                       " us that do not step back; ", time_us, " us after ", last_us_,
+                       " us is none: write EVT 3.0, HDF5 or CSV"));
+    }
+    last_us_ = time_us;
+    if (is_trigger) {
+      writer_.Write(TriggerEvent{.time_us = time_us,
+                                 .channel = event.channel,
+                                 .rising = event.kind == PlainEvent::kTriggerRising},
+                    &words_);
+    } else {
+      const CdEvent change = {
+          .time_us = time_us, .x = event.x, .y = event.y, .on = event.kind == PlainEvent::kOn};
+      writer_.Write({&change, 1}, &words_);
+    }
+    if (words_.size() < kBufferBytes) continue;
+    RIGCAL_RETURN_IF_ERROR(file_.Write(words_));
+    words_.clear();
+  }
+  return absl::OkStatus();
+}
+
 absl::Status UnknownEnding(std::string_view ending) {
   return InvalidFile("\"", std::string(ending),
                      "\" is no ending of a file of events: .raw (EVT 3.0), .csv, .h5 or .hdf5");
@@ -265,10 +327,14 @@ absl::Status CheckEventFileEnding(const std::string& path) {
 absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateEventFileWriter(const std::string& path,
                                                                         std::string_view ending,
                                                                         const PlainFileFront& front,
-                                                                        const std::string& layout) {
+                                                                        const std::string& layout,
+                                                                        EventFormat raw) {
   if (ending == ".csv" || ending == ".txt") return CreateWriter<CsvEventWriter>(path, front);
   if (ending == ".raw") {
-    if (front.geometry) return CreateWriter<RawEventWriter>(path, front);
+    if (front.geometry) {
+      return raw == EventFormat::kEvt2 ? CreateWriter<Evt2FileWriter>(path, front)
+                                       : CreateWriter<RawEventWriter>(path, front);
+    }
     return absl::InvalidArgumentError(
         "a RAW file needs the size of the sensor, and nothing tells it: add --geometry "
         "WIDTHxHEIGHT");

@@ -76,11 +76,15 @@ absl::Status CheckEventFileEnding(const std::string& path);
 // of RAW files read back the whole time. A step back of a millisecond or more begins a new clock
 // epoch there as well; smaller ones across a TIME_HIGH border are taken out.
 //
+// With `raw` kEvt2 the same in EVT 2.0, which more programs read. It holds times
+// of up to 4 hours and 46 minutes that do not step back by a millisecond: FAILED_PRECONDITION.
+//
 // INVALID_ARGUMENT: another ending, or what the format needs is missing (RAW: the geometry).
 // FAILED_PRECONDITION: the file cannot be made.
 absl::StatusOr<std::unique_ptr<PlainEventWriter>> CreateEventFileWriter(const std::string& path,
                                                                         std::string_view ending,
                                                                         const PlainFileFront& front,
-                                                                        const std::string& layout);
+                                                                        const std::string& layout,
+                                                                        EventFormat raw);
 
 }  // namespace rigcal::agent

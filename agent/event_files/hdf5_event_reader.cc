@@ -151,7 +151,7 @@ class Hdf5EventReader : public PlainEventReader {
     file_.Reset();
   }
 
-  absl::Status Open(const PlainFileOptions& options);
+  absl::Status Open(const EventFileOptions& options);
   absl::Status Read(size_t max_count, std::vector<PlainEvent>* events) override;
   std::string PlaceInBlock(size_t index) const override;
 
@@ -207,7 +207,7 @@ absl::Status Hdf5EventReader::ChooseTimeUnit(const Hdf5Column& t, TimeUnit asked
                      ", too large for microseconds; say what it is: time=ns");
 }
 
-absl::Status Hdf5EventReader::Open(const PlainFileOptions& options) {
+absl::Status Hdf5EventReader::Open(const EventFileOptions& options) {
   RIGCAL_ASSIGN_OR_RETURN(Hdf5Layout layout, Hdf5Layout::Open(path_, file_.get()));
   header_ = layout.header;
   RIGCAL_RETURN_IF_ERROR(ChooseTimeUnit(layout.events.t, options.time_unit));
@@ -291,7 +291,7 @@ std::string Hdf5EventReader::PlaceInBlock(size_t index) const {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenHdf5Events(const std::string& path,
-                                                                 const PlainFileOptions& options) {
+                                                                 const EventFileOptions& options) {
   struct stat status = {};
   if (::stat(path.c_str(), &status) != 0 || ::access(path.c_str(), R_OK) != 0) {
     return absl::ErrnoToStatus(errno, absl::StrCat("cannot open ", path));

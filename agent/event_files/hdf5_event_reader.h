@@ -21,6 +21,6 @@ namespace rigcal::agent {
 // damaged, none of these layouts, wrong types, lengths that differ, a filter that is not installed
 // here, chunks too large to hold. Each names the file, the dataset, why and what to do.
 absl::StatusOr<std::unique_ptr<PlainEventReader>> OpenHdf5Events(const std::string& path,
-                                                                 const PlainFileOptions& options);
+                                                                 const EventFileOptions& options);
 
 }  // namespace rigcal::agent

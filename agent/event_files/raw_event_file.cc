@@ -26,7 +26,7 @@ class RawEventFile : public EventFile {
   RawEventFile(const RawEventFile&) = delete;
   RawEventFile& operator=(const RawEventFile&) = delete;
 
-  absl::Status ReadHeader();
+  absl::Status ReadHeader(Evt21Order order);
   uint64_t byte_offset() const override { return block_offset_ + next_; }
   absl::StatusOr<std::span<const uint8_t>> Next(size_t max_bytes) override;
   std::string PlaceOf(uint64_t byte_offset) const override {
@@ -44,13 +44,17 @@ class RawEventFile : public EventFile {
   size_t next_ = 0;            // in the block
 };
 
-absl::Status RawEventFile::ReadHeader() {
+absl::Status RawEventFile::ReadHeader(Evt21Order order) {
   RIGCAL_RETURN_IF_ERROR(Fill());
   auto header = ParseRawHeader(block_);
   if (!header.ok()) {
     return InvalidFile(path_, ": ", std::string(header.status().message()));
   }
   header_ = *std::move(header);
+  if (header_.format == EventFormat::kEvt21) {
+    if (!header_.states_endianness) header_.halves_swapped = true;
+    if (order != Evt21Order::kAuto) header_.halves_swapped = order == Evt21Order::kLegacy;
+  }
   next_ = header_.byte_count;
   return absl::OkStatus();
 }
@@ -91,11 +95,12 @@ absl::StatusOr<std::span<const uint8_t>> RawEventFile::Next(size_t max_bytes) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<EventFile>> OpenRawEvents(const std::string& path) {
+absl::StatusOr<std::unique_ptr<EventFile>> OpenRawEvents(const std::string& path,
+                                                         const EventFileOptions& options) {
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor < 0) return absl::ErrnoToStatus(errno, absl::StrCat("cannot open ", path));
   auto file = std::make_unique<RawEventFile>(path, descriptor);
-  RIGCAL_RETURN_IF_ERROR(file->ReadHeader());
+  RIGCAL_RETURN_IF_ERROR(file->ReadHeader(options.evt21_order));
   return file;
 }
 

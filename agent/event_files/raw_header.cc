@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "agent/event_files/sensor_geometry.h"
@@ -36,6 +37,23 @@ struct Encoding {
 constexpr Encoding kEncodings[] = {{"EVT3", "3.0", EventFormat::kEvt3},
                                    {"EVT2", "2.0", EventFormat::kEvt2},
                                    {"EVT21", "2.1", EventFormat::kEvt21}};
+
+// Cameras whose files did not always state their geometry, by Prophesee's number of the system
+// (OpenEB, hal_psee_plugins, device_system_id.h).
+constexpr int kSystemsOf640x480[] = {0x19, 0x1D, 0x21, 0x22, 0x23, 0x28, 0x29};
+constexpr int kSystemsOf1280x720[] = {0x1E, 0x1F, 0x20, 0x27, 0x2E, 0x30, 0x31, 0x32, 0x35, 0x3A};
+
+std::optional<SensorGeometry> GeometryOfSystem(const std::string& number) {
+  int system = 0;
+  if (!absl::SimpleAtoi(number, &system)) return std::nullopt;
+  if (std::ranges::find(kSystemsOf640x480, system) != std::end(kSystemsOf640x480)) {
+    return SensorGeometry{640, 480};
+  }
+  if (std::ranges::find(kSystemsOf1280x720, system) != std::end(kSystemsOf1280x720)) {
+    return SensorGeometry{1280, 720};
+  }
+  return std::nullopt;
+}
 
 class Parser {
  public:
@@ -107,7 +125,10 @@ class Parser {
       const std::pair<std::string, std::string> part = absl::StrSplit(parts[i], '=');
       if (part.first == "width") width = part.second;
       if (part.first == "height") height = part.second;
-      if (part.first == "endianness") header_.halves_swapped = part.second == "legacy";
+      if (part.first == "endianness") {
+        header_.states_endianness = true;
+        header_.halves_swapped = part.second == "legacy";
+      }
     }
     if (width.empty() && height.empty()) return false;
     return TakeGeometry(width, height, offset);
@@ -139,6 +160,10 @@ class Parser {
         !header_.geometry && plugin != header_.fields.end() &&
         plugin->second.find("gen3") != std::string::npos) {
       header_.geometry = SensorGeometry{640, 480};
+    }
+    if (const auto system = header_.fields.find("system_ID");
+        !header_.geometry && system != header_.fields.end()) {
+      header_.geometry = GeometryOfSystem(system->second);
     }
     return std::move(header_);
   }

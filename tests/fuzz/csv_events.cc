@@ -12,7 +12,7 @@
 
 using ::rigcal::agent::OpenCsvEvents;
 using ::rigcal::agent::PlainEvent;
-using ::rigcal::agent::PlainFileOptions;
+using ::rigcal::agent::EventFileOptions;
 using ::rigcal::agent::TimeUnit;
 
 namespace {
@@ -39,7 +39,7 @@ struct WholeFile {
   uint64_t refused = 0;
 };
 
-WholeFile ReadAll(const std::string& path, const PlainFileOptions& options, size_t block) {
+WholeFile ReadAll(const std::string& path, const EventFileOptions& options, size_t block) {
   WholeFile whole;
   auto reader = OpenCsvEvents(path, options);
   whole.status = reader.status();
@@ -66,7 +66,7 @@ WholeFile ReadAll(const std::string& path, const PlainFileOptions& options, size
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size == 0) return 0;
   static const char* const orders[] = {"xypt", "txyp", "ptyx", "xyt"};
-  const PlainFileOptions options{.time_unit = static_cast<TimeUnit>(data[0] % 4),
+  const EventFileOptions options{.time_unit = static_cast<TimeUnit>(data[0] % 4),
                                  .columns = orders[data[0] / 4 % 4]};
   const MemoryFile file(data + 1, size - 1);
   const WholeFile whole = ReadAll(file.path(), options, 100'000);

@@ -23,7 +23,7 @@ void AddOptions(RawSourceOptions* options, OptionTable* table);
 struct RawSourceOptions : RecordingOptions {
   std::optional<SensorGeometry> geometry;  // if the file has none; 1 to 2048 each way
   std::string clock_id;    // of the sensor; sensors on one sync cable share one; empty: the camera
-  PlainFileOptions plain;  // how an HDF5 or CSV file is read
+  EventFileOptions plain;  // how an HDF5 or CSV file is read
 
   // INVALID_ARGUMENT with every fault.
   absl::Status Validate() const { return ValidateRecording(*this); }

@@ -68,6 +68,72 @@ TEST(Evt3Writer, WritesVectorsWhereTheyAreShorter) {
   EXPECT_EQ(bytes.size(), 2 * (2 + 1 + 4u));  // time, row, base and three vectors
 }
 
+// A decoder of its own, that knows vectors only as 12, 12 and 8 columns behind their base.
+std::vector<CdEvent> DecodeByThrees(const std::vector<uint8_t>& bytes) {
+  std::vector<CdEvent> events;
+  uint32_t low = 0, high = 0, y = 0, base = 0;
+  bool on = false;
+  const auto word = [&bytes](size_t i) {
+    return static_cast<uint32_t>(bytes[2 * i] | bytes[2 * i + 1] << 8);
+  };
+  const auto add = [&](uint32_t x) {
+    events.push_back({static_cast<int64_t>(high << 12 | low), static_cast<uint16_t>(x),
+                      static_cast<uint16_t>(y), on});
+  };
+  for (size_t i = 0; i < bytes.size() / 2; ++i) {
+    const uint32_t value = word(i) & 0xfff;
+    switch (word(i) >> 12) {
+      case 0x0:
+        y = value & 0x7ff;
+        break;
+      case 0x2:
+        on = (value & 0x800) != 0;
+        add(value & 0x7ff);
+        break;
+      case 0x3:
+        on = (value & 0x800) != 0;
+        base = value & 0x7ff;
+        break;
+      case 0x4: {
+        EXPECT_EQ(word(i + 1) >> 12, 0x4u);
+        EXPECT_EQ(word(i + 2) >> 12, 0x5u);
+        const uint32_t mask = value | (word(i + 1) & 0xfff) << 12 | (word(i + 2) & 0xff) << 24;
+        for (uint32_t k = 0; k < 32; ++k) {
+          if ((mask >> k & 1) != 0) add(base + k);
+        }
+        base += 32;
+        i += 2;
+        break;
+      }
+      case 0x6:
+        low = value;
+        break;
+      case 0x8:
+        high = value;
+        break;
+      default:
+        ADD_FAILURE() << "word " << word(i);
+    }
+  }
+  return events;
+}
+
+TEST(Evt3Writer, IsReadByDecodersThatKnowVectorsByThreesAlone) {
+  std::mt19937 random(4);
+  std::vector<CdEvent> events;
+  for (int row = 0; row < 300; ++row) {
+    std::bernoulli_distribution fires(0.01 * (row % 100));
+    for (uint16_t x = 0; x < 1280; ++x) {
+      if (fires(random)) {
+        events.push_back({1000 + 50 * row, x, static_cast<uint16_t>(row), row % 3 == 0});
+      }
+    }
+  }
+  std::vector<uint8_t> bytes;
+  Evt3Writer().Write(events, &bytes);
+  EXPECT_EQ(DecodeByThrees(bytes), events);
+}
+
 TEST(Evt3Writer, KeepsTimeOverOverflowsAndSilence) {
   std::vector<uint8_t> bytes;
   Evt3Writer writer;

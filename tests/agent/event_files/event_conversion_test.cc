@@ -127,9 +127,10 @@ class EventConversionTest : public ::testing::Test {
     if (summary.ok()) losses_ = summary->losses;
     return Path(name);
   }
-  std::string WriteRaw(const std::string& name, const std::vector<PlainEvent>& events) {
-    auto writer = CreateEventFileWriter(Path(name), ".raw",
-                                        {.geometry = SensorGeometry{640, 480}, .fields = {}}, "");
+  std::string WriteRaw(const std::string& name, const std::vector<PlainEvent>& events,
+                       EventFormat format = EventFormat::kEvt3) {
+    auto writer = CreateEventFileWriter(
+        Path(name), ".raw", {.geometry = SensorGeometry{640, 480}, .fields = {}}, "", format);
     EXPECT_THAT(writer, IsOk());
     EXPECT_THAT((*writer)->Write(events), IsOk());
     EXPECT_THAT((*writer)->Finish(), IsOk());
@@ -156,6 +157,10 @@ void CheckRoundTrips(const std::string& recording, const std::string& folder) {
   const std::string raw = convert(h5, "b.raw", "");
   EXPECT_TRUE(ReadContent(raw).events == original.events);
   EXPECT_EQ(ReadContent(raw).faults, original.faults);
+  ConversionOptions to_evt2 = Options(h5, absl::StrCat(folder, "/d.raw"));
+  to_evt2.raw = EventFormat::kEvt2;
+  ASSERT_THAT(ConvertEventFile(to_evt2), IsOk());
+  EXPECT_TRUE(ReadContent(to_evt2.out).events == original.events);
   const std::string csv = convert(raw, "c.csv", "");
   EXPECT_TRUE(ReadContent(csv).events == original.Kinds(false));
   const std::string columns = convert(csv, "d.hdf5", "events");

@@ -35,7 +35,7 @@ class EventFileTest : public ::testing::Test {
   }
   // All events of a CSV or HDF5 file.
   absl::StatusOr<std::vector<PlainEvent>> ReadAll(const std::string& path,
-                                                  const PlainFileOptions& options = {}) {
+                                                  const EventFileOptions& options = {}) {
     auto file = OpenEventFile(path, options);
     if (!file.ok()) return file.status();
     header_ = (*file)->header();
@@ -60,6 +60,24 @@ class EventFileTest : public ::testing::Test {
 
 PlainEvent On(int64_t time_us, uint16_t x, uint16_t y) {
   return {.time_us = time_us, .x = x, .y = y, .kind = PlainEvent::kOn};
+}
+
+// Headers of old files do not say in which order the halves of a word are; there was one order then.
+TEST_F(EventFileTest, WordsOfEvt21AreInTheOrderOfTheirTimeOrAsAskedFor) {
+  const auto swapped = [this](const std::string& endianness, Evt21Order order) {
+    const std::string path = Write(
+        absl::StrCat("% format EVT21", endianness, ";height=720;width=1280\n% end\n"), "a.raw");
+    EventFileOptions options;
+    options.evt21_order = order;
+    const auto file = OpenEventFile(path, options);
+    EXPECT_THAT(file, IsOk());
+    return file.ok() && (*file)->header().halves_swapped;
+  };
+  EXPECT_TRUE(swapped("", Evt21Order::kAuto));
+  EXPECT_FALSE(swapped("", Evt21Order::kLittle));
+  EXPECT_TRUE(swapped(";endianness=legacy", Evt21Order::kAuto));
+  EXPECT_FALSE(swapped(";endianness=little", Evt21Order::kAuto));
+  EXPECT_TRUE(swapped(";endianness=little", Evt21Order::kLegacy));
 }
 
 TEST_F(EventFileTest, IsToldByWhatItIsAndNotByItsName) {

@@ -86,7 +86,7 @@ class Hdf5File {
 
 class Hdf5EventReaderTest : public ::testing::Test {
  protected:
-  absl::StatusOr<std::vector<PlainEvent>> ReadAll(const PlainFileOptions& options = {}) {
+  absl::StatusOr<std::vector<PlainEvent>> ReadAll(const EventFileOptions& options = {}) {
     auto reader = OpenHdf5Events(path_, options);
     if (!reader.ok()) return reader.status();
     facts_ = (*reader)->header();

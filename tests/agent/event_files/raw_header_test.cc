@@ -37,6 +37,20 @@ TEST(RawHeader, ReadsTheEndiannessOfEvt21) {
   EXPECT_FALSE(little.halves_swapped);
 }
 
+TEST(RawHeader, OldCamerasTellTheirGeometryByTheirSystem) {
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader large, Parse("% evt 3.0\n% system_ID 49\n% end\n"));
+  EXPECT_EQ(large.geometry, (SensorGeometry{1280, 720}));
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader small, Parse("% evt 2.0\n% system_ID 41\n% end\n"));
+  EXPECT_EQ(small.geometry, (SensorGeometry{640, 480}));
+  ASSERT_OK_AND_ASSIGN(const EventFileHeader unknown,
+                       Parse("% evt 2.0\n% system_ID 4711\n% end\n"));
+  EXPECT_FALSE(unknown.geometry);
+  ASSERT_OK_AND_ASSIGN(
+      const EventFileHeader stated,
+      Parse("% evt 3.0\n% system_ID 49\n% format EVT3;height=320;width=640\n% end\n"));
+  EXPECT_EQ(stated.geometry, (SensorGeometry{640, 320}));
+}
+
 TEST(RawHeader, OldHeadersHaveNoEnd) {
   const std::string text = std::string("% Date 2020\n% evt 2.0\n") + '\x01' + "\x02\x03\x04\n";
   ASSERT_OK_AND_ASSIGN(const EventFileHeader header, Parse(text));

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <memory>
 #include <string>
 #include <utility>
 
@@ -12,6 +11,7 @@
 #include "common/status/status_macros.h"
 #include "server/solve/clocks/time_check.h"
 #include "server/solve/evaluate/clock_rate_choice.h"
+#include "server/solve/evaluate/fold_evaluation.h"
 #include "server/solve/evaluate/held_out_choice.h"
 #include "server/solve/evaluate/intrinsics_choice.h"
 #include "server/solve/evaluate/line_delay_choice.h"
@@ -27,18 +27,6 @@ namespace {
 constexpr int kMaxTimeRepairs = 3;
 constexpr double kMayLoseInliers = 0.05;  // of all markers
 constexpr int kMinAgreeingViews = 8;      // of a camera; fewer hold no pose
-
-// Share of the placed instants that a fold leaves out before it is thinned: the scatter of thinned
-// folds is that of a recording as short, which errs on the safe side.
-double LeftOutOf(const RigSolution& solution, const TimeBlocks& blocks, int fold) {
-  double all = 0, kept = 0;
-  for (size_t i = 0; i < solution.built.problem.instants.size(); ++i) {
-    if (!solution.built.problem.instants[i].used) continue;
-    ++all;
-    kept += blocks.IsKept(solution.built.instant_time_ns[i], fold) ? 1 : 0;
-  }
-  return all > 0 ? 1 - kept / all : 0;
-}
 
 // Restarts a solve from another offset of a clock that fits the other clocks' cameras much better
 // there.
@@ -117,32 +105,24 @@ void NameRollingShutters(const RigObservations& rig, EvaluatedSolution* result) 
       std::back_inserter(result->findings));
 }
 
-// Follows the target through time in the end; what cannot be followed stays as it is.
-absl::Status FollowTarget(const RigObservations& rig, const TrajectoryFit* like,
+// Follows the target through time in the end, and takes over what the folds say of that; what
+// cannot be followed stays as it is.
+absl::Status FollowTarget(const RigObservations& rig, FoldResults* folds,
                           EvaluatedSolution* result) {
   absl::StatusOr<RigSolution> followed =
-      SolveOnTrajectory(rig, result->options, result->solution, like);
+      SolveOnTrajectory(rig, result->options, result->solution, folds->path.get());
   if (absl::IsCancelled(followed.status())) return followed.status();
   if (!followed.ok()) return absl::OkStatus();
   absl::StatusOr<RigUncertainty> uncertainty = ComputeUncertainty(*followed, result->options);
   if (!uncertainty.ok()) return absl::OkStatus();
   result->solution = *std::move(followed);
   result->uncertainty = *std::move(uncertainty);
+  if (folds->by_path.held_out.instant_count > 0) {
+    result->held_out = std::move(folds->by_path.held_out);
+    folds->by_instants.poses = std::move(folds->by_path.poses);
+  }
   NameRollingShutters(rig, result);
   return absl::OkStatus();
-}
-
-void Append(const EvaluatedErrors& from, EvaluatedErrors* to) {
-  const auto append = [](const std::vector<std::vector<double>>& source, auto* target) {
-    target->resize(source.size());
-    for (size_t i = 0; i < source.size(); ++i) {
-      (*target)[i].insert((*target)[i].end(), source[i].begin(), source[i].end());
-    }
-  };
-  append(from.reprojection_px, &to->reprojection_px);
-  append(from.leave_one_out_px, &to->leave_one_out_px);
-  append(from.lengths, &to->lengths);
-  to->instant_count += from.instant_count;
 }
 
 }  // namespace
@@ -184,53 +164,12 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
     RIGCAL_ASSIGN_OR_RETURN(intrinsics,
                             ChooseIntrinsics(rig, initial, result.solution, blocks, first));
   }
-  const int block_count =
-      CountBlocks(blocks, *std::ranges::max_element(result.solution.built.instant_time_ns));
-  std::vector<EvaluatedErrors> by_instants, by_path;  // by held-out block
-  EvaluatedErrors held_out, held_out_by_path;
-  std::vector<FoldPoses> folds, path_folds;
-  std::shared_ptr<const TrajectoryFit> like;
-  for (int fold = 0; fold < blocks.period; ++fold) {
-    RigSolveOptions fold_options =
-        OptionsOfFold(rig, first, [&blocks, fold](int64_t t) { return blocks.IsKept(t, fold); });
-    fold_options.progress = ProgressAs(CalibrationStage::kEvaluating, base);
-    if (choose) {
-      fold_options.refine_intrinsics = intrinsics.refine_in_fold[static_cast<size_t>(fold)];
-    }
-    if (tries_path) fold_options.max_observations = 0;
-    absl::StatusOr<RigSolution> solution = SolveFold(rig, initial, fold_options);
-    if (absl::IsCancelled(solution.status())) return solution.status();
-    if (!solution.ok()) continue;
-    const auto is_held_out = [&blocks, fold](int64_t t) { return blocks.IsHeldOut(t, fold); };
-    const absl::StatusOr<EvaluatedErrors> errors =
-        EvaluateHeldOut(rig, *solution, fold_options, 0, is_held_out);
-    if (!errors.ok()) continue;
-    Append(*errors, &held_out);
-    folds.push_back(FoldPosesOf(*solution, 1));
-    folds.back().left_out = LeftOutOf(result.solution, blocks, fold);
-    if (!tries_path) continue;
-    absl::StatusOr<PathFold> path =
-        FollowInFold(rig, fold_options, blocks, fold, block_count, like.get(), &*solution);
-    if (absl::IsCancelled(path.status())) return path.status();
-    if (!path.ok()) continue;
-    const absl::StatusOr<EvaluatedErrors> path_errors =
-        EvaluateHeldOut(rig, path->solution, fold_options, 0, is_held_out);
-    if (!path_errors.ok()) continue;
-    like = path->solution.trajectory;
-    Append(*path_errors, &held_out_by_path);
-    path_folds.push_back(FoldPosesOf(path->solution, 1));
-    path_folds.back().left_out = folds.back().left_out;
-    by_instants.insert(by_instants.end(), path->before.begin(), path->before.end());
-    by_path.insert(by_path.end(), path->after.begin(), path->after.end());
-  }
-  if (tries_path) result.path_gain = CompareVariants(by_instants, by_path);
-  const bool follows = tries_path && KeepsPath(*result.path_gain, options.trajectory);
-  if (follows && held_out_by_path.instant_count > 0) {
-    held_out = std::move(held_out_by_path);
-    folds = std::move(path_folds);
-  }
-  if (held_out.instant_count > 0) {
-    result.held_out = std::move(held_out);
+  RIGCAL_ASSIGN_OR_RETURN(FoldResults folds,
+                          EvaluateFolds(rig, initial, result.solution, blocks, first,
+                                        intrinsics.refine_in_fold, tries_path));
+  if (tries_path) result.path_gain = folds.path_gain;
+  if (folds.by_instants.held_out.instant_count > 0) {
+    result.held_out = std::move(folds.by_instants.held_out);
   } else {
     result.findings.push_back({FindingKind::kNotEvaluated, "", 0, "",
                                "too little data to hold any out: the errors are those of the data "
@@ -280,10 +219,12 @@ absl::StatusOr<EvaluatedSolution> SolveAndEvaluate(
           DropLineDelays(rig, &result.options, &result.solution, &*result.uncertainty));
     }
   }
-  if (follows) RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, like.get(), &result));
-  result.predicted =
-      PredictError(result.solution, result.uncertainty, folds, refined ? &*refined : nullptr,
-                   IsMetric(rig, result.options) ? options.accept_m : 0);
+  if (tries_path && KeepsPath(folds.path_gain, options.trajectory)) {
+    RIGCAL_RETURN_IF_ERROR(FollowTarget(rig, &folds, &result));
+  }
+  result.predicted = PredictError(result.solution, result.uncertainty, folds.by_instants.poses,
+                                  refined ? &*refined : nullptr,
+                                  IsMetric(rig, result.options) ? options.accept_m : 0);
   return result;
 }
 

@@ -8,8 +8,10 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kLeastPixels = 200;
-constexpr double kInterpolated = 0.5;  // at most so much of the deviations elsewhere
-constexpr double kLeastGrey = 0.6;     // of these; rounding alone makes 0.25
+// A channel is interpolated at a place of the mosaic where its pixels deviate from the mean of
+// their neighbours by at most this share of what they do at the other places.
+constexpr double kInterpolated = 0.5;
+constexpr double kLeastGrey = 0.6;  // of these; rounding alone makes 0.25
 
 }  // namespace
 

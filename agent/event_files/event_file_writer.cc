@@ -35,6 +35,16 @@ constexpr int64_t kMaxClimb = int64_t{1} << 28;
 
 int64_t High(int64_t time_us) { return time_us >> 12; }
 
+CdEvent ChangeAt(int64_t time_us, const PlainEvent& event) {
+  return {.time_us = time_us, .x = event.x, .y = event.y, .on = event.kind == PlainEvent::kOn};
+}
+
+TriggerEvent TriggerAt(int64_t time_us, const PlainEvent& event) {
+  return {.time_us = time_us,
+          .channel = event.channel,
+          .rising = event.kind == PlainEvent::kTriggerRising};
+}
+
 class CsvEventWriter : public PlainEventWriter {
  public:
   explicit CsvEventWriter(OutputFile file) : file_(std::move(file)) {}
@@ -199,13 +209,9 @@ absl::Status RawEventWriter::Write(std::span<const PlainEvent> events) {
       RIGCAL_RETURN_IF_ERROR(GoTo(&time_us));
     }
     if (is_trigger) {
-      writer_.Write(TriggerEvent{.time_us = time_us,
-                                 .channel = event.channel,
-                                 .rising = event.kind == PlainEvent::kTriggerRising},
-                    &words_);
+      writer_.Write(TriggerAt(time_us, event), &words_);
     } else {
-      run_.push_back(
-          {.time_us = time_us, .x = event.x, .y = event.y, .on = event.kind == PlainEvent::kOn});
+      run_.push_back(ChangeAt(time_us, event));
     }
     if (words_.size() < kBufferBytes) continue;
     RIGCAL_RETURN_IF_ERROR(file_.Write(words_));
@@ -261,13 +267,9 @@ absl::Status Evt2FileWriter::Write(std::span<const PlainEvent> events) {
     }
     last_us_ = time_us;
     if (is_trigger) {
-      writer_.Write(TriggerEvent{.time_us = time_us,
-                                 .channel = event.channel,
-                                 .rising = event.kind == PlainEvent::kTriggerRising},
-                    &words_);
+      writer_.Write(TriggerAt(time_us, event), &words_);
     } else {
-      const CdEvent change = {
-          .time_us = time_us, .x = event.x, .y = event.y, .on = event.kind == PlainEvent::kOn};
+      const CdEvent change = ChangeAt(time_us, event);
       writer_.Write({&change, 1}, &words_);
     }
     if (words_.size() < kBufferBytes) continue;

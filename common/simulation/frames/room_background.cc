@@ -17,10 +17,6 @@ namespace {
 constexpr uint64_t kRoomPurpose = 0x726f6f6d;
 constexpr double kThingsAtOne = 28;
 
-double LogUniform(RandomStream* random, double low, double high) {
-  return low * std::pow(high / low, random->Uniform());
-}
-
 Bgr Scaled(Bgr colour, double factor) {
   for (double& channel : colour) channel *= factor;
   return colour;
@@ -33,14 +29,14 @@ RoomShape DrawThing(const ImageSize& image_size, const LightModel& light, Random
   thing.axis = {std::cos(angle), std::sin(angle)};
   thing.centre_px = {random.Uniform() * image_size.width, random.Uniform() * image_size.height};
   const double side_px = 0.5 * (image_size.width + image_size.height);
-  const double size_px = side_px * LogUniform(&random, 0.006, 0.12);
+  const double size_px = side_px * random.LogUniform(0.006, 0.12);
   thing.half_px = {size_px, size_px * random.Uniform(0.3, 1)};
   thing.round = random.Uniform() < 0.4;
   const double warm_hue_deg = random.Uniform(8, 48), saturation = random.Uniform(0.3, 0.9);
   // Some things stand in the sun or under a lamp, others in the shade.
   const double surface_grey = light.grey_per_cd_m2 * light.room_cd_m2 * random.Uniform(0.2, 0.8) *
-                              LogUniform(&random, 0.4, 5);
-  const double lamp_cd_m2 = LogUniform(&random, 60, 4000);
+                              random.LogUniform(0.4, 5);
+  const double lamp_cd_m2 = random.LogUniform(60, 4000);
   if (kind < 0.4) {
     thing.bgr_grey = Scaled(HueColour(warm_hue_deg, saturation), surface_grey);
   } else if (kind < 0.65) {
@@ -56,7 +52,7 @@ RoomShape DrawThing(const ImageSize& image_size, const LightModel& light, Random
     const bool small = kind > 0.95;
     thing.bgr_grey = Scaled(HueColour(random.Uniform(15, 45), small ? 0.8 : 0.3),
                             light.grey_per_cd_m2 * lamp_cd_m2);
-    const double radius_px = LogUniform(&random, 2.5, small ? 8 : 25);
+    const double radius_px = random.LogUniform(2.5, small ? 8 : 25);
     thing.half_px = {radius_px, radius_px * random.Uniform(0.7, 1)};
     thing.round = thing.glows = true;
   }

@@ -14,10 +14,6 @@ namespace {
 constexpr uint64_t kFurniturePurpose = 0x66726e74;
 constexpr double kFocalWidths = 0.8;
 
-double LogBetween(RandomStream* random, double low, double high) {
-  return low * std::pow(high / low, random->Uniform());
-}
-
 Bgr Times(Bgr colour, double factor) {
   for (double& channel : colour) channel *= factor;
   return colour;
@@ -31,7 +27,7 @@ class Piece {
     const ImageSize& size = painter->image_size();
     px_per_m_ = kFocalWidths * size.width / random->Uniform(2.5, 6);
     middle_px_ = {random->Uniform() * size.width, random->Uniform() * size.height};
-    light_ = LogBetween(random, 0.5, 2.5);
+    light_ = random->LogUniform(0.5, 2.5);
   }
 
   RandomStream& random() { return *random_; }
@@ -82,7 +78,7 @@ void PaintShelf(Piece piece) {
       const double hue_deg = orange ? random.Uniform(10, 40) : random.Uniform(0, 360);
       RoomShape book = piece.Shape(
           {x_m + 0.5 * width_m, floor_m - 0.5 * height_m}, {0.5 * width_m, 0.5 * height_m},
-          piece.Surface(hue_deg, random.Uniform(0.1, 0.9), LogBetween(&random, 0.05, 0.75)));
+          piece.Surface(hue_deg, random.Uniform(0.1, 0.9), random.LogUniform(0.05, 0.75)));
       book.shade = {0, random.Uniform(-0.3, 0)};
       piece.Paint(book);
       if (random.Uniform() < 0.4) {
@@ -102,7 +98,7 @@ void PaintShelf(Piece piece) {
 void PaintWindow(Piece piece) {
   RandomStream& random = piece.random();
   const Eigen::Vector2d half_m(random.Uniform(0.4, 1.0), random.Uniform(0.5, 0.9));
-  const double sky_cd_m2 = LogBetween(&random, 800, 12000);
+  const double sky_cd_m2 = random.LogUniform(800, 12000);
   RoomShape sky = piece.Shape(
       {0, 0}, half_m, piece.Lamp(random.Uniform(190, 230), random.Uniform(0, 0.25), sky_cd_m2));
   sky.glows = true;
@@ -116,10 +112,10 @@ void PaintWindow(Piece piece) {
     const Eigen::Vector2d size_m(random.Uniform(0.1, 0.28) * half_m.x(),
                                  random.Uniform(0.1, 0.28) * half_m.y());
     const bool tree = random.Uniform() < 0.5;
-    RoomShape thing = piece.Shape(
-        at_m, size_m,
-        piece.Lamp(tree ? random.Uniform(60, 120) : random.Uniform(10, 50),
-                   random.Uniform(0.2, 0.6), sky_cd_m2 * LogBetween(&random, 0.02, 0.3)));
+    RoomShape thing =
+        piece.Shape(at_m, size_m,
+                    piece.Lamp(tree ? random.Uniform(60, 120) : random.Uniform(10, 50),
+                               random.Uniform(0.2, 0.6), sky_cd_m2 * random.LogUniform(0.02, 0.3)));
     thing.round = tree;
     thing.cloth = tree ? 0.4 : 0;
     piece.Paint(thing);
@@ -148,7 +144,7 @@ void PaintScreen(Piece piece) {
   RandomStream& random = piece.random();
   const Eigen::Vector2d half_m(random.Uniform(0.2, 0.4), random.Uniform(0.14, 0.22));
   piece.Box({0, 0}, half_m + Eigen::Vector2d(0.012, 0.012), piece.Surface(0, 0, 0.04));
-  const double cd_m2 = LogBetween(&random, 60, 400);
+  const double cd_m2 = random.LogUniform(60, 400);
   const bool dark = random.Uniform() < 0.4;
   piece.Box({0, 0}, half_m, piece.Lamp(random.Uniform(0, 360), 0.1, dark ? 0.03 * cd_m2 : cd_m2));
   const int parts = 6 + static_cast<int>(random.Uniform() * 30);
@@ -170,9 +166,9 @@ void PaintLamp(Piece piece) {
   const double kind = random.Uniform();
   if (kind < 0.4) {
     // A panel or tube at the ceiling.
-    RoomShape panel = piece.Shape({0, 0}, {random.Uniform(0.15, 0.6), random.Uniform(0.03, 0.12)},
-                                  piece.Lamp(random.Uniform(30, 60), random.Uniform(0, 0.15),
-                                             LogBetween(&random, 1500, 8000)));
+    RoomShape panel = piece.Shape(
+        {0, 0}, {random.Uniform(0.15, 0.6), random.Uniform(0.03, 0.12)},
+        piece.Lamp(random.Uniform(30, 60), random.Uniform(0, 0.15), random.LogUniform(1500, 8000)));
     panel.glows = true;
     const double turn_rad = random.Uniform(-0.4, 0.4);
     panel.axis = {std::cos(turn_rad), std::sin(turn_rad)};
@@ -181,9 +177,9 @@ void PaintLamp(Piece piece) {
     piece.Paint(panel);
   } else if (kind < 0.7) {
     // A warm lamp with its shade.
-    RoomShape shade = piece.Shape({0, 0}, {random.Uniform(0.06, 0.16), random.Uniform(0.05, 0.12)},
-                                  piece.Lamp(random.Uniform(22, 42), random.Uniform(0.3, 0.7),
-                                             LogBetween(&random, 200, 3000)));
+    RoomShape shade = piece.Shape(
+        {0, 0}, {random.Uniform(0.06, 0.16), random.Uniform(0.05, 0.12)},
+        piece.Lamp(random.Uniform(22, 42), random.Uniform(0.3, 0.7), random.LogUniform(200, 3000)));
     shade.round = random.Uniform() < 0.5;
     shade.glows = true;
     shade.shade = {0, random.Uniform(-0.4, 0.4)};
@@ -200,7 +196,7 @@ void PaintLamp(Piece piece) {
               Eigen::Vector2d(std::cos(turn_rad), 0.3 * std::sin(turn_rad)),
           Eigen::Vector2d::Constant(random.Uniform(0.004, 0.012)),
           piece.Lamp(random.Uniform() < 0.5 ? random.Uniform(15, 40) : random.Uniform(0, 360), 0.85,
-                     LogBetween(&random, 100, 2000)));
+                     random.LogUniform(100, 2000)));
       light.round = light.glows = true;
       piece.Paint(light);
     }
@@ -210,12 +206,12 @@ void PaintLamp(Piece piece) {
 void PaintPerson(Piece piece) {
   RandomStream& random = piece.random();
   const double skin_hue_deg = random.Uniform(14, 28), skin_saturation = random.Uniform(0.3, 0.6);
-  const Bgr skin = piece.Surface(skin_hue_deg, skin_saturation, LogBetween(&random, 0.15, 0.6));
+  const Bgr skin = piece.Surface(skin_hue_deg, skin_saturation, random.LogUniform(0.15, 0.6));
   const bool orange = random.Uniform() < 0.5;
   const Bgr shirt = piece.Surface(orange ? random.Uniform(10, 38) : random.Uniform(0, 360),
-                                  random.Uniform(0.3, 0.95), LogBetween(&random, 0.08, 0.7));
+                                  random.Uniform(0.3, 0.95), random.LogUniform(0.08, 0.7));
   const Bgr trousers =
-      piece.Surface(random.Uniform(0, 360), random.Uniform(0, 0.5), LogBetween(&random, 0.04, 0.4));
+      piece.Surface(random.Uniform(0, 360), random.Uniform(0, 0.5), random.LogUniform(0.04, 0.4));
   const double lean_rad = random.Uniform(-0.15, 0.15);
   for (const double side : {-1.0, 1.0}) {
     RoomShape leg = piece.Shape({0.1 * side, 0.7}, {0.42, 0.085}, trousers);
@@ -256,7 +252,7 @@ void PaintPerson(Piece piece) {
   head.shade = {random.Uniform(-0.4, 0.4), -0.15};
   RoomShape hair = piece.Shape({0, -0.58}, {0.095, 0.075},
                                piece.Surface(random.Uniform(10, 40), random.Uniform(0.1, 0.7),
-                                             LogBetween(&random, 0.03, 0.35)));
+                                             random.LogUniform(0.03, 0.35)));
   hair.round = true;
   for (const RoomShape& part : {neck, hair, head}) piece.Paint(part);
 }

@@ -20,6 +20,8 @@ class RandomStream {
   // In [0, 1), 53 bits.
   double Uniform() { return static_cast<double>(Bits() >> 11) * 0x1p-53; }
   double Uniform(double low, double high) { return low + (high - low) * Uniform(); }
+  // Of a number whose logarithm is uniform; both above 0.
+  double LogUniform(double low, double high) { return low * std::pow(high / low, Uniform()); }
   // Mean 0, sigma 1, by Box and Muller; two draws of Bits each time, whatever the values.
   double Gaussian() {
     const double radius = std::sqrt(-2 * std::log(1 - Uniform()));

@@ -37,18 +37,27 @@ struct Sight {
   int marker;
   double time_s;
   Eigen::Vector3d x_in_rig;
+  size_t part;  // of the camera
   Eigen::Vector2d predicted_px;
   bool in_view;
 };
 
+// A camera as it stood from some time on; a trial that took it apart has several, by time.
+struct CameraPart {
+  double begin_s;
+  BundleCamera camera;
+};
+
 class CourseMeter {
  public:
-  CourseMeter(const BundleCamera& camera, const Intrinsics& given, TrackPaths paths,
+  CourseMeter(std::vector<CameraPart> parts, const Intrinsics& given, TrackPaths paths,
               const std::vector<TimedMarker>& points, int64_t origin_ns)
-      : camera_(camera), given_(given), paths_(std::move(paths)) {
+      : parts_(std::move(parts)), given_(given), paths_(std::move(paths)) {
+    size_t part = 0;  // points ascend by time
     for (const TimedMarker& point : points) {
-      Sight sight = {point.marker, 1e-9 * static_cast<double>(point.rig_time_ns - origin_ns),
-                     point.x_in_rig, Eigen::Vector2d::Zero(), false};
+      const double time_s = 1e-9 * static_cast<double>(point.rig_time_ns - origin_ns);
+      while (part + 1 < parts_.size() && parts_[part + 1].begin_s <= time_s) ++part;
+      Sight sight = {point.marker, time_s, point.x_in_rig, part, Eigen::Vector2d::Zero(), false};
       if (SeenPx(sight, 0)) sights_.push_back(sight);
     }
     Predict();
@@ -88,25 +97,32 @@ class CourseMeter {
     return block;
   }
 
-  // Fits the camera's pose to all sights, each at its own offset.
-  void FitPose(const std::vector<double>& offsets_s, const std::vector<bool>& use) {
+  // Fits each part's pose to its sights, each at its own offset.
+  void FitPoses(const std::vector<double>& offsets_s, const std::vector<bool>& use) {
+    for (size_t part = 0; part < parts_.size(); ++part) FitPose(part, offsets_s, use);
+  }
+
+ private:
+  void FitPose(size_t part, const std::vector<double>& offsets_s, const std::vector<bool>& use) {
+    BundleCamera& camera = parts_[part].camera;
     for (int iteration = 0; iteration < kPoseIterations; ++iteration) {
       Eigen::Matrix<double, 6, 6> normal = 1e-9 * Eigen::Matrix<double, 6, 6>::Identity();
       Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
       std::vector<double> norms;
       for (size_t i = 0; i < sights_.size(); ++i) {
-        if (use[i]) norms.push_back(ErrorPx(i, offsets_s[i]));
+        if (use[i] && sights_[i].part == part) norms.push_back(ErrorPx(i, offsets_s[i]));
       }
       if (norms.size() < kMinSightsOfBlock) return;
       const double scale = std::max(kMinScalePx, UpperMedian(&norms) / kMedianOfRayleigh);
       for (size_t i = 0; i < sights_.size(); ++i) {
+        if (!use[i] || sights_[i].part != part) continue;
         const auto residual = ResidualPx(sights_[i], offsets_s[i]);
-        if (!use[i] || !residual) continue;
-        const Eigen::Vector3d rotated = camera_.cam_from_rig.rotation * sights_[i].x_in_rig;
+        if (!residual) continue;
+        const Eigen::Vector3d rotated = camera.cam_from_rig.rotation * sights_[i].x_in_rig;
         Eigen::Vector2d pixel;
         Eigen::Matrix<double, 2, 3> d_point;
-        if (!Project(camera_.model, camera_.intrinsics.data(),
-                     rotated + camera_.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
+        if (!Project(camera.model, camera.intrinsics.data(),
+                     rotated + camera.cam_from_rig.translation_m, &pixel, &d_point, nullptr)) {
           continue;
         }
         Eigen::Matrix3d cross;
@@ -122,20 +138,20 @@ class CourseMeter {
       if (!step.allFinite()) return;
       const double angle = step.head<3>().norm();
       if (angle > 0) {
-        camera_.cam_from_rig.rotation =
-            (Eigen::AngleAxisd(angle, step.head<3>() / angle) * camera_.cam_from_rig.rotation)
+        camera.cam_from_rig.rotation =
+            (Eigen::AngleAxisd(angle, step.head<3>() / angle) * camera.cam_from_rig.rotation)
                 .normalized();
       }
-      camera_.cam_from_rig.translation_m += step.tail<3>();
+      camera.cam_from_rig.translation_m += step.tail<3>();
       Predict();
     }
   }
 
- private:
   void Predict() {
     for (Sight& sight : sights_) {
+      const BundleCamera& camera = parts_[sight.part].camera;
       sight.in_view =
-          Project(camera_.model, camera_.intrinsics.data(), camera_.cam_from_rig * sight.x_in_rig,
+          Project(camera.model, camera.intrinsics.data(), camera.cam_from_rig * sight.x_in_rig,
                   &sight.predicted_px, nullptr, nullptr);
     }
   }
@@ -187,7 +203,7 @@ class CourseMeter {
     return block;
   }
 
-  BundleCamera camera_;
+  std::vector<CameraPart> parts_;
   const Intrinsics& given_;
   TrackPaths paths_;
   std::vector<Sight> sights_;
@@ -339,6 +355,29 @@ int MainTrack(const RigObservations& rig, const RigSolution& solution, int clock
   return best;
 }
 
+// By time; those that saw anything on the clock, or where none did the first.
+std::vector<CameraPart> PartsOf(const TrialProblem& trial, size_t rig_camera, int clock,
+                                int64_t origin_ns) {
+  const BundleProblem& problem = trial.problem;
+  std::vector<bool> has_begun(problem.cameras.size(), false);
+  std::vector<CameraPart> parts;
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    for (const BundleObservation& observation : problem.ObservationsOf(problem.instants[i])) {
+      const auto camera = static_cast<size_t>(observation.camera);
+      if (trial.rig_camera[camera] != rig_camera || observation.clock != clock) continue;
+      if (has_begun[camera]) continue;
+      has_begun[camera] = true;
+      parts.push_back({1e-9 * static_cast<double>(trial.instant_time_ns[i] - origin_ns),
+                       problem.cameras[camera]});
+    }
+  }
+  if (parts.empty()) {
+    const auto first = std::ranges::find(trial.rig_camera, rig_camera) - trial.rig_camera.begin();
+    parts.push_back({0, problem.cameras[static_cast<size_t>(first)]});
+  }
+  return parts;
+}
+
 }  // namespace
 
 double ClockCourse::OffsetAt(double time_s) const {
@@ -350,7 +389,8 @@ double ClockCourse::OffsetAt(double time_s) const {
 }
 
 std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
-                                              const RigSolution& solution, int clock) {
+                                              const RigSolution& solution,
+                                              const TrialProblem& trial, int clock) {
   const int track = MainTrack(rig, solution, clock);
   if (track < 0 || solution.built.instant_time_ns.empty()) return std::nullopt;
   const auto t = static_cast<size_t>(track);
@@ -360,13 +400,13 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
     return solution.clocks[static_cast<size_t>(k)].session_id;
   };
   const std::vector<TimedMarker> points = MarkersSeenBy(
-      solution,
+      trial.problem, trial.instant_time_ns,
       [&](const BundleObservation& seen) {
         return seen.clock != clock && session_of(seen.clock) == session_of(clock);
       },
       kMaxPoints);
   const auto times = RigTimes(rig.tracks, rig.index, InitializationFrom(solution).clocks);
-  CourseMeter meter(solution.built.problem.cameras[c], *rig.index.cameras[c].intrinsics,
+  CourseMeter meter(PartsOf(trial, c, clock, origin_ns), *rig.index.cameras[c].intrinsics,
                     PathsOf(rig.tracks[t], times[t], origin_ns, rig.TargetOf(t).marker_count()),
                     points, origin_ns);
   const size_t count = std::min(kMaxBlocks, meter.size() / kMinSightsOfBlock);
@@ -385,7 +425,7 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
         use[i] = blocks[b].error_px < 2 * kContentPx;
       }
     }
-    if (round + 1 < kRounds) meter.FitPose(offsets_s, use);
+    if (round + 1 < kRounds) meter.FitPoses(offsets_s, use);
   }
   for (const CourseBlock& block : blocks) {
     if (block.error_px < kContentPx && std::isfinite(block.sigma_s)) course.blocks.push_back(block);

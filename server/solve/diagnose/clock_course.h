@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/solve/clocks/ray_paths.h"
+#include "server/solve/diagnose/trial_solve.h"
 #include "server/solve/rig/rig_solver.h"
 
 namespace rigcal::server {
@@ -54,6 +55,7 @@ struct ClockCourse {
 // other clocks. kConstant where nothing else is significant (5 sigma, 1.5 ms, and most of the
 // scatter).
 std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
-                                              const RigSolution& solution, int clock);
+                                              const RigSolution& solution,
+                                              const TrialProblem& trial, int clock);
 
 }  // namespace rigcal::server

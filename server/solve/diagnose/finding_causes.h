@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <vector>
 
 #include "common/calibration/calibration.h"
@@ -21,8 +23,10 @@ struct CauseInput {
 struct Repair {
   std::vector<Cause> causes;  // none: it explains nothing
   TrialProblem repaired;      // solved with these causes taken out
-  // Of the mean error of all markers, where the trial does not show all that is gained.
-  double gain_px = 0;
+  // Of the mean error of all markers, where the trial does not show what is gained.
+  std::optional<double> gain_px;
+  // The same explanation put into effect on another trial, whether or not it would be found there.
+  std::function<Repair(const CauseInput&)> on_other;
 };
 
 // Explanations compete: wrong intrinsics look like a camera that moved where the wand was elsewhere

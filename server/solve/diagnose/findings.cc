@@ -15,6 +15,8 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kMaxRepairs = 8;
+// By which one cause alone may fit worse than several with it.
+constexpr double kFewerCausesWorth = 0.02;
 
 using RepairFunction = Repair (*)(const CauseInput&);
 constexpr RepairFunction kRepairs[] = {RepairClocks, RepairIntrinsics, RepairMovedCamera,
@@ -29,11 +31,24 @@ void Append(std::vector<Cause> from, std::vector<Cause>* to) {
   to->insert(to->end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
 }
 
+// Where the last of several causes explains as much alone, the others were found because it had not
+// been taken out yet. None where it does not. Not behind a clock's course, whose paths leave out
+// outliers: errors with them and without do not compare.
+std::optional<Repair> ExplainedAlone(const CauseInput& start, const Repair& last) {
+  if (!last.on_other || !last.repaired.uneven_clocks.empty()) return std::nullopt;
+  Repair alone = last.on_other(start);
+  if (alone.causes.empty()) return std::nullopt;
+  const ErrorChange change = Overall(CompareErrors(last.repaired.problem, alone.repaired.problem));
+  if (change.gain() < -kFewerCausesWorth) return std::nullopt;
+  return alone;
+}
+
 // Takes out one cause after the other, the one that explains most first, until nothing is left that
 // explains anything. `trial` is then solved without them.
 std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
                                  const CalibrationResult& result, TrialProblem* trial) {
   std::vector<Cause> causes;
+  const TrialProblem start = *trial;
   std::vector<RepairFunction> left(std::begin(kRepairs), std::end(kRepairs));
   for (int round = 0; round < kMaxRepairs; ++round) {
     Repair best;
@@ -42,21 +57,26 @@ std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolu
     for (size_t f = 0; f < left.size(); ++f) {
       Repair repair = left[f]({rig, evaluated, result, *trial});
       if (repair.causes.empty()) continue;
-      const double gain_px =
-          std::max(repair.gain_px,
-                   Overall(CompareErrors(trial->problem, repair.repaired.problem)).gain_px());
+      const double gain_px = repair.gain_px.value_or(
+          Overall(CompareErrors(trial->problem, repair.repaired.problem)).gain_px());
       if (gain_px <= best_gain_px) continue;
       best_gain_px = gain_px;
       best = std::move(repair);
       best_function = f;
     }
     if (best.causes.empty()) break;
+    const RepairFunction function = left[best_function];
+    if (!causes.empty()) {
+      if (auto alone = ExplainedAlone({rig, evaluated, result, start}, best)) {
+        best = *std::move(alone);
+        causes.clear();
+        left.assign(std::begin(kRepairs), std::end(kRepairs));
+      }
+    }
     Append(std::move(best.causes), &causes);
     *trial = std::move(best.repaired);
     // Only cameras that moved are found one by one.
-    if (left[best_function] != RepairMovedCamera) {
-      left.erase(left.begin() + static_cast<std::ptrdiff_t>(best_function));
-    }
+    if (function != RepairMovedCamera) std::erase(left, function);
   }
   return causes;
 }

@@ -21,7 +21,8 @@ std::optional<ClockCourse> WorstCourse(const CauseInput& input) {
   std::optional<ClockCourse> worst;
   const auto count = static_cast<int>(input.evaluated.solution.clocks.size());
   for (int k = 0; k < count; ++k) {
-    std::optional<ClockCourse> course = MeasureClockCourse(input.rig, input.evaluated.solution, k);
+    std::optional<ClockCourse> course =
+        MeasureClockCourse(input.rig, input.evaluated.solution, input.trial, k);
     if (!course || course->kind == CourseKind::kConstant) continue;
     if (course->gain_px() < kMinCourseGainPx) continue;
     if (!worst || course->gain_px() > worst->gain_px()) worst = std::move(course);
@@ -119,7 +120,8 @@ Repair RepairClockCourse(const CauseInput& input) {
                             input.rig.index.cameras[camera].camera, 1e3 * course->size_s, "ms",
                             step ? StepAdvice(*course) : DriftAdvice(*course)},
                            course->gain_px()});
-  // Rows that are in no instant are missing in the trial, and what they gain with them.
+  // Rows that are in no instant are missing in the trial, and what they gain with them. Outliers
+  // that the path leaves out are no gain of the course.
   repair.gain_px = course->gain_px() * ShareOf(input.trial.problem, camera);
   return repair;
 }

@@ -327,31 +327,26 @@ Move MeasureMove(const TrialProblem& trial, size_t camera) {
   return move;
 }
 
-}  // namespace
-
-Repair RepairMovedCamera(const CauseInput& input) {
+Repair TakeApart(const CauseInput& input, const Candidate& candidate) {
   Repair repair;
-  const std::optional<Candidate> candidate = BestCandidate(input);
-  if (!candidate) return repair;
-  const std::vector<Sample> samples = SamplesOf(input.trial, static_cast<int>(candidate->camera));
-  if (!HoldsForOtherTimes(samples, candidate->change.rig_time_ns)) return repair;
-  repair.repaired = TakenApart(input.trial, *candidate);
-  if (!SolveParts(input.trial.bundle, candidate->camera, &repair.repaired.problem).ok()) {
+  repair.repaired = TakenApart(input.trial, candidate);
+  if (!SolveParts(input.trial.bundle, candidate.camera, &repair.repaired.problem).ok()) {
     return repair;
   }
+  const std::vector<Sample> samples = SamplesOf(input.trial, static_cast<int>(candidate.camera));
   const ErrorChange change =
-      CompareErrors(input.trial.problem, repair.repaired.problem)[candidate->camera];
-  const Move move = MeasureMove(repair.repaired, candidate->camera);
+      CompareErrors(input.trial.problem, repair.repaired.problem)[candidate.camera];
+  const Move move = MeasureMove(repair.repaired, candidate.camera);
   if (change.gain() < kMinMoveGain || move.sigmas < kMoveSigmas || move.image_px < kMinMovePx) {
     return repair;
   }
   // A pose that little data hold runs away from where the camera is: an image that really moved so
   // far would not fit so well with one pose.
-  if (move.image_px > kMaxMovePerError * LargestErrorPx(samples, candidate->change.rig_time_ns)) {
+  if (move.image_px > kMaxMovePerError * LargestErrorPx(samples, candidate.change.rig_time_ns)) {
     return repair;
   }
   const double time_s =
-      1e-9 * static_cast<double>(candidate->change.rig_time_ns -
+      1e-9 * static_cast<double>(candidate.change.rig_time_ns -
                                  input.evaluated.solution.built.instant_time_ns.front());
   const bool metric =
       !input.trial.problem.distance || input.evaluated.options.known_distance.has_value();
@@ -359,7 +354,7 @@ Repair RepairMovedCamera(const CauseInput& input) {
       metric ? absl::StrFormat("%.1f mm and ", 1e3 * move.centre_m) : std::string();
   const double angle_deg = kDegreesPerRadian * move.rotation_rad;
   repair.causes.push_back(
-      {{FindingKind::kCameraMoved, input.trial.problem.cameras[candidate->camera].name,
+      {{FindingKind::kCameraMoved, input.trial.problem.cameras[candidate.camera].name,
         move.image_px, "px",
         absl::StrFormat(
             "it moved %.1f s after the first wand view by %s%.3f deg, which moved its "
@@ -367,7 +362,18 @@ Repair RepairMovedCamera(const CauseInput& input) {
             "on. Fix its mount and record again, or calibrate what was recorded after it moved",
             time_s, distance, angle_deg, move.image_px, change.before_px, change.after_px)},
        change.gain_px()});
+  repair.on_other = [candidate](const CauseInput& other) { return TakeApart(other, candidate); };
   return repair;
+}
+
+}  // namespace
+
+Repair RepairMovedCamera(const CauseInput& input) {
+  const std::optional<Candidate> candidate = BestCandidate(input);
+  if (!candidate) return {};
+  const std::vector<Sample> samples = SamplesOf(input.trial, static_cast<int>(candidate->camera));
+  if (!HoldsForOtherTimes(samples, candidate->change.rig_time_ns)) return {};
+  return TakeApart(input, *candidate);
 }
 
 }  // namespace rigcal::server

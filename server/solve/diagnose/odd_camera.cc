@@ -181,7 +181,7 @@ OddCamera JudgeCamera(const RigObservations& rig, const RigSolution& solution,
                       const std::string& camera) {
   const BundleProblem& problem = solution.built.problem;
   const std::vector<TimedMarker> points = MarkersSeenBy(
-      solution,
+      problem, solution.built.instant_time_ns,
       [&](const BundleObservation& seen) { return problem.CameraOf(seen).name != camera; },
       kJudgedPoints);
   return Judge(rig, InitializationFrom(solution).clocks, solution, points, camera,
@@ -230,7 +230,8 @@ OddCamera FindOddCamera(const RigObservations& rig, const std::vector<ClockCorre
     if (absl::IsCancelled(solution.status())) return {};
     if (!solution.ok() || !IsSound(solution->built.problem)) continue;
     const std::vector<TimedMarker> points = MarkersSeenBy(
-        *solution, [](const BundleObservation&) { return true; }, kJudgedPoints);
+        solution->built.problem, solution->built.instant_time_ns,
+        [](const BundleObservation&) { return true; }, kJudgedPoints);
     const OddCamera odd = Judge(rig, clocks, *solution, points, rig.index.cameras[c].camera,
                                 MedianErrorPx(solution->built.problem, ""));
     if (odd.kind != FindingKind::kUnspecified) return odd;

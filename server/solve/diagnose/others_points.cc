@@ -16,9 +16,8 @@ constexpr size_t kMostViews = 8;
 }  // namespace
 
 std::vector<TimedMarker> MarkersSeenBy(
-    const RigSolution& solution,
+    const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns,
     const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count) {
-  const BundleProblem& problem = solution.built.problem;
   const std::vector<Intrinsics> intrinsics = CurrentIntrinsics(problem);
   const size_t markers = problem.target.marker_positions_m.size();
   std::vector<bool> allowed(problem.cameras.size());
@@ -54,7 +53,7 @@ std::vector<TimedMarker> MarkersSeenBy(
         agree = agree && RayError(views[v], *point) * focal_px[v] < kOthersAgreePx;
       }
       if (agree) {
-        points.push_back({static_cast<int>(m), solution.built.instant_time_ns[i], *point});
+        points.push_back({static_cast<int>(m), instant_time_ns[i], *point});
       }
     }
   }

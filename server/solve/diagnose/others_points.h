@@ -6,7 +6,7 @@
 #include <functional>
 #include <vector>
 
-#include "server/solve/rig/rig_solver.h"
+#include "server/solve/bundle/bundle_problem.h"
 
 namespace rigcal::server {
 
@@ -18,10 +18,11 @@ struct TimedMarker {
 };
 
 // The markers of the placed instants of a line target as some of the cameras triangulate them (two
-// at least and eight at most, all of which must agree): those observations of which `takes_part` is true. At most
-// about `max_count`, evenly chosen, ascending by time.
+// at least and eight at most, all of which must agree): those observations of which `takes_part` is
+// true. At most about `max_count`, evenly chosen, ascending by time. `instant_time_ns`: rig time,
+// by instant of `problem`.
 std::vector<TimedMarker> MarkersSeenBy(
-    const RigSolution& solution,
+    const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns,
     const std::function<bool(const BundleObservation& observation)>& takes_part, size_t max_count);
 
 }  // namespace rigcal::server

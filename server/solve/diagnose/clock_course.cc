@@ -405,7 +405,13 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
         return seen.clock != clock && session_of(seen.clock) == session_of(clock);
       },
       kMaxPoints);
-  const auto times = RigTimes(rig.tracks, rig.index, InitializationFrom(solution).clocks);
+  // As the trial corrects them: what a cause had spoilt that is taken out is no course.
+  std::vector<ClockCorrection> clocks = solution.clocks;
+  for (size_t k = 0; k < clocks.size(); ++k) {
+    clocks[k].time_offset_s += trial.problem.clocks[k].time_offset_s;
+    clocks[k].time_rate += trial.problem.clocks[k].time_rate;
+  }
+  const auto times = RigTimes(rig.tracks, rig.index, clocks);
   CourseMeter meter(PartsOf(trial, c, clock, origin_ns), *rig.index.cameras[c].intrinsics,
                     PathsOf(rig.tracks[t], times[t], origin_ns, rig.TargetOf(t).marker_count()),
                     points, origin_ns);

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
@@ -15,19 +19,23 @@ namespace {
 // Of the camera's mean error, that the course takes away.
 constexpr double kMinCourseGainPx = 0.02;
 constexpr double kVelocityStepS = 0.002;
+constexpr size_t kMaxCourses = 3;
+// Outliers, of which a course's path leaves some out, count no more.
+constexpr double kErrorCapPx = 3;
 
-// The course that takes away most of its camera's error: one clock that is off pulls at the others.
-std::optional<ClockCourse> WorstCourse(const CauseInput& input) {
-  std::optional<ClockCourse> worst;
+// Those that take away most of their cameras' errors, the largest first.
+std::vector<ClockCourse> WorstCourses(const CauseInput& input) {
+  std::vector<ClockCourse> courses;
   const auto count = static_cast<int>(input.evaluated.solution.clocks.size());
   for (int k = 0; k < count; ++k) {
     std::optional<ClockCourse> course =
         MeasureClockCourse(input.rig, input.evaluated.solution, input.trial, k);
     if (!course || course->kind == CourseKind::kConstant) continue;
-    if (course->gain_px() < kMinCourseGainPx) continue;
-    if (!worst || course->gain_px() > worst->gain_px()) worst = std::move(course);
+    if (course->gain_px() >= kMinCourseGainPx) courses.push_back(*std::move(course));
   }
-  return worst;
+  std::ranges::stable_sort(courses, std::greater(), &ClockCourse::gain_px);
+  if (courses.size() > kMaxCourses) courses.resize(kMaxCourses);
+  return courses;
 }
 
 // The camera's markers as it saw them at the times that the course says.
@@ -107,11 +115,21 @@ std::string DriftAdvice(const ClockCourse& course) {
 
 Repair RepairClockCourse(const CauseInput& input) {
   Repair repair;
-  const std::optional<ClockCourse> course = WorstCourse(input);
+  // One clock that is off pulls at the others, which then seem to have a course, too: the one with
+  // which all cameras fit best.
+  std::optional<ClockCourse> course;
+  double least_px = std::numeric_limits<double>::infinity();
+  for (ClockCourse& candidate : WorstCourses(input)) {
+    TrialProblem repaired = input.trial;
+    MoveMarkers(input, candidate, &repaired);
+    if (!SolveTrialFromAfar(input.trial.bundle, &repaired.problem).ok()) continue;
+    const double error_px = CappedErrorPx(repaired.problem, kErrorCapPx);
+    if (error_px >= least_px) continue;
+    least_px = error_px;
+    course = std::move(candidate);
+    repair.repaired = std::move(repaired);
+  }
   if (!course) return repair;
-  repair.repaired = input.trial;
-  MoveMarkers(input, *course, &repair.repaired);
-  if (!SolveTrialFromAfar(input.trial.bundle, &repair.repaired.problem).ok()) return repair;
   const auto t = static_cast<size_t>(course->track);
   const auto camera = static_cast<size_t>(input.rig.index.camera_of_track[t]);
   repair.repaired.uneven_clocks.push_back(input.rig.index.clock_of_track[t]);

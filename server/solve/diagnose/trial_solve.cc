@@ -164,6 +164,13 @@ std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const Bundle
   return changes;
 }
 
+double CappedErrorPx(const BundleProblem& problem, double cap_px) {
+  double sum_px = 0;
+  const std::vector<double> errors_px = ErrorsPx(problem);
+  for (const double error_px : errors_px) sum_px += std::min(error_px, cap_px);
+  return sum_px / std::max(1.0, static_cast<double>(errors_px.size()));
+}
+
 ErrorChange Overall(const std::vector<ErrorChange>& changes) {
   ErrorChange all;
   for (const ErrorChange& change : changes) {

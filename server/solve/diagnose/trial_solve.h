@@ -55,6 +55,8 @@ struct ErrorChange {
 // By camera of `before`. Both hold the same markers in the same order; a marker that its camera
 // cannot see counts as 100 px off.
 std::vector<ErrorChange> CompareErrors(const BundleProblem& before, const BundleProblem& after);
+// Mean reprojection error of all markers, each at most `cap_px`.
+double CappedErrorPx(const BundleProblem& problem, double cap_px);
 // Of all cameras together.
 ErrorChange Overall(const std::vector<ErrorChange>& changes);
 

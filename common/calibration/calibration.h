@@ -13,6 +13,7 @@
 #include "common/geometry/rigid_transform.h"
 #include "common/status/refusal.h"
 #include "common/target/target.h"
+#include "common/time/clock_course.h"
 
 namespace rigcal {
 
@@ -70,6 +71,7 @@ struct CalibratedCamera {
   double time_rate_ppm = 0;
   double time_epoch_s = 0;
   bool time_offset_estimated = false;
+  ClockCourseLine clock_course;  // to be added; not empty where the clock jumped or drifted
   // Rolling shutter: a marker in image row y is seen line_delay * (y - (height - 1) / 2) later than
   // the clock says. Negative where rows are read upwards; 0 unless estimated.
   double line_delay_s = 0;

@@ -9,7 +9,8 @@ namespace rigcal {
 // The clock that stamps a camera's observations. Several cameras may share one. For a clock and
 // epoch
 //   rig_time = camera_time + time_offset + time_rate * (camera_time - time_epoch)
-// so a camera whose rows show an earlier instant than their stamps say has a negative offset.
+// so a camera whose rows show an earlier instant than their stamps say has a negative offset. Where
+// it jumped or drifted, its course is added (clock_course.h).
 struct Clock {
   std::string clock_id;
   // Name of a time base this clock already follows to within a second ("recording", "ptp"). Empty:

@@ -84,6 +84,11 @@ void FillCamera(const CalibratedCamera& camera, v1::CalibratedCamera* proto) {
   proto->set_time_offset_estimated(camera.time_offset_estimated);
   proto->set_line_delay_s(camera.line_delay_s);
   proto->set_line_delay_sigma_s(camera.line_delay_sigma_s);
+  for (const ClockCoursePoint& point : camera.clock_course) {
+    v1::ClockCoursePoint* added = proto->add_clock_course();
+    added->set_camera_time_ns(point.camera_time_ns);
+    added->set_offset_s(point.offset_s);
+  }
   *proto->mutable_residuals() = ToProto(camera.residuals);
   if (camera.uncertainty) *proto->mutable_uncertainty() = ToProto(*camera.uncertainty);
   if (camera.held_out) *proto->mutable_held_out() = ToProto(*camera.held_out);
@@ -106,6 +111,9 @@ absl::StatusOr<CalibratedCamera> CameraFromProto(const v1::CalibratedCamera& pro
   camera.time_offset_estimated = proto.time_offset_estimated();
   camera.line_delay_s = proto.line_delay_s();
   camera.line_delay_sigma_s = proto.line_delay_sigma_s();
+  for (const v1::ClockCoursePoint& point : proto.clock_course()) {
+    camera.clock_course.push_back({point.camera_time_ns(), point.offset_s()});
+  }
   camera.residuals = FromProto(proto.residuals());
   if (proto.has_uncertainty()) camera.uncertainty = FromProto(proto.uncertainty());
   if (proto.has_held_out()) camera.held_out = FromProto(proto.held_out());

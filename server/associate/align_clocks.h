@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 #include "common/status/refusal.h"
+#include "common/time/clock_course.h"
 #include "server/associate/camera_track.h"
 #include "server/associate/clean_track.h"
 
@@ -21,9 +23,13 @@ struct AlignedTrack {
   double frame_period_s = 0;
 
   double FramePeriodS() const { return frame_period_s > 0 ? frame_period_s : period_s; }
+  ClockCourseLine clock_course;  // where the clock jumped or drifted, as found by a solve
+
   // Of a moment of the camera's clock.
   int64_t CoarseRigTimeNs(int64_t camera_time_ns) const {
-    return camera_time_ns + clock_offset_ns - latency_ns;
+    const auto course_ns =
+        static_cast<int64_t>(std::llround(1e9 * ClockCourseOffsetS(clock_course, camera_time_ns)));
+    return camera_time_ns + clock_offset_ns - latency_ns + course_ns;
   }
 };
 

@@ -25,14 +25,41 @@
 namespace rigcal::server {
 namespace {
 
-constexpr int kMaxLensRounds = 3;
+constexpr int kMaxLensRounds = 3, kMaxCourseRounds = 3;
 // Sigma, as a share of a known distance, with which the solver holds it.
 constexpr double kDistanceHold = 1e-4;
+// Of a clock that is followed: what its camera's error must lose, and another one's may gain.
+constexpr double kMinCourseGain = 0.05, kMayLose = 0.05;
+constexpr double kOutlierPx = 10;
 
 // 0 for none.
 int CameraIndex(const RigIndex& index, const std::string& name) {
   const auto found = std::ranges::find(index.cameras, name, &CameraDescription::camera);
   return found == index.cameras.end() ? 0 : static_cast<int>(found - index.cameras.begin());
+}
+
+// Mean held-out error of a camera, an outlier as the 10 px beyond which it says nothing.
+double ErrorWithOutliersPx(const CalibratedCamera& camera) {
+  const double outliers = camera.residuals.outlier_count;
+  const double count = outliers + camera.residuals.inlier.marker_count;
+  const double share = outliers / std::max(1.0, count);
+  const double mean_px =
+      camera.held_out ? camera.held_out->mean_px : camera.residuals.inlier.mean_px;
+  return (1 - share) * mean_px + share * kOutlierPx;
+}
+
+// One camera clearly, and no other one worse. Both results have the same cameras.
+bool FitsBetter(const CalibrationResult& before, const CalibrationResult& after,
+                const std::string& camera) {
+  if (before.cameras.size() != after.cameras.size()) return false;
+  for (size_t c = 0; c < before.cameras.size(); ++c) {
+    const double before_px = ErrorWithOutliersPx(before.cameras[c]);
+    const double after_px = ErrorWithOutliersPx(after.cameras[c]);
+    const double most_px = before.cameras[c].camera == camera ? (1 - kMinCourseGain) * before_px
+                                                              : (1 + kMayLose) * before_px;
+    if (!(after_px <= most_px)) return false;
+  }
+  return true;
 }
 
 // A mirrored image fits with no pose: told before everything is tried on it.
@@ -113,7 +140,8 @@ RigSolveOptions SolveOptionsOf(const RigObservations& rig, const CalibrationOpti
 struct Solved {
   EvaluatedSolution evaluated;
   CalibrationResult result;
-  RefusalCounter refused;  // what was left out by it, and before
+  RefusalCounter refused;            // what was left out by it, and before
+  std::vector<FoundCourse> courses;  // of clocks, that it does not follow
 };
 
 absl::StatusOr<Solved> SolveAndReport(const RigObservations& rig,
@@ -126,8 +154,8 @@ absl::StatusOr<Solved> SolveAndReport(const RigObservations& rig,
   RIGCAL_ASSIGN_OR_RETURN(solved.evaluated, SearchAndSolve(rig, clocks, solve, options));
   solve.progress(CalibrationStage::kReporting, 1);
   solved.refused = refused;
-  RIGCAL_ASSIGN_OR_RETURN(
-      solved.result, ReportCalibration({rig, solved.evaluated, options, counts}, &solved.refused));
+  RIGCAL_ASSIGN_OR_RETURN(solved.result, ReportCalibration({rig, solved.evaluated, options, counts},
+                                                           &solved.refused, &solved.courses));
   return solved;
 }
 
@@ -183,17 +211,52 @@ absl::StatusOr<Solved> SolveWithout(const OddCamera& odd, RigObservations* rig,
   return solved;
 }
 
+// The same rows, their times moved along the course of their clock.
+RigObservations WithCourse(RigObservations rig, const FoundCourse& course) {
+  for (size_t t = 0; t < rig.tracks.size(); ++t) {
+    if (rig.index.clock_of_track[t] != course.clock) continue;
+    rig.tracks[t].clock_course = Sum(rig.tracks[t].clock_course, course.line);
+  }
+  return rig;
+}
+
+// Follows clocks that jumped or drifted, one after the other, where they are for the solve to
+// find, as long as held-out data say that they fit better so. What was followed is appended to
+// `followed`. CANCELLED.
+absl::Status FollowClocks(const std::vector<ClockCorrection>& clocks,
+                          const CalibrationOptions& options, const CalibrationHooks& hooks,
+                          const std::map<std::string, CameraCounts>& counts,
+                          const RefusalCounter& refused, RigObservations* rig, Solved* solved,
+                          std::vector<Finding>* followed) {
+  if (options.time_offsets == Estimate::kFixed) return absl::OkStatus();
+  for (int round = 0; round < kMaxCourseRounds && !solved->courses.empty(); ++round) {
+    const FoundCourse course = solved->courses.front();
+    RigObservations changed = WithCourse(*rig, course);
+    absl::StatusOr<Solved> again = SolveAndReport(
+        changed, clocks, SolveOptionsOf(changed, options, hooks, counts), options, counts, refused);
+    if (absl::IsCancelled(again.status())) return again.status();
+    if (!again.ok() || !FitsBetter(solved->result, again->result, course.finding.camera)) break;
+    followed->push_back(course.finding);
+    absl::StrAppend(&followed->back().advice,
+                    "; the calibration follows it (the camera's `clock_course`). Another recording "
+                    "has another course: look for what makes the clock do so");
+    *solved = *std::move(again);
+    *rig = std::move(changed);
+  }
+  return absl::OkStatus();
+}
+
 // With the lenses that the data prefer, where the intrinsics are for the solve to choose: in
 // rounds, because one lens that is described wrongly spoils the errors of the others. What cannot
 // be solved with them stays as it was. CANCELLED.
 absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
                           const CalibrationOptions& options, const CalibrationHooks& hooks,
                           const std::map<std::string, CameraCounts>& counts,
-                          const RefusalCounter& refused, RigObservations* rig, Solved* solved) {
+                          const RefusalCounter& refused, RigObservations* rig, Solved* solved,
+                          std::vector<Finding>* chosen) {
   if (options.intrinsics != Estimate::kDefault && options.intrinsics != Estimate::kAuto) {
     return absl::OkStatus();
   }
-  std::vector<Finding> findings;
   std::vector<bool> new_lens(rig->index.cameras.size(), false);
   for (int round = 0; round < kMaxLensRounds; ++round) {
     std::vector<BetterLens> lenses = solved->evaluated.lenses;
@@ -206,19 +269,22 @@ absl::Status ChooseLenses(const std::vector<ClockCorrection>& clocks,
     absl::StatusOr<Solved> again = SolveAndReport(changed, clocks, solve, options, counts, refused);
     if (absl::IsCancelled(again.status())) return again.status();
     if (!again.ok()) break;
-    for (const BetterLens& lens : lenses) findings.push_back(FindingOf(*rig, lens, true));
+    for (const BetterLens& lens : lenses) chosen->push_back(FindingOf(*rig, lens, true));
     *solved = *std::move(again);
     *rig = std::move(changed);
   }
-  if (findings.empty()) return absl::OkStatus();
-  // A lens that only these data describe is at most usable.
+  return absl::OkStatus();
+}
+
+// What was chosen may cap the grade: a lens that only these data describe is at most usable.
+void AddFindings(std::vector<Finding> findings, Solved* solved) {
+  if (findings.empty()) return;
   CalibrationResult& result = solved->result;
   for (Finding& finding : findings) {
     finding.severity = SeverityOf(result, finding);
     result.findings.push_back(std::move(finding));
   }
   result.quality = GradeQuality(result, solved->evaluated.predicted);
-  return absl::OkStatus();
 }
 
 absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const CalibrationOptions& options,
@@ -263,9 +329,14 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
     }
   }
   RIGCAL_RETURN_IF_ERROR(solved.status());
-  // Where a camera spoils the others, nothing is said about lenses.
+  // Where a camera spoils the others, nothing is said about clocks and lenses.
   if (odd.kind == FindingKind::kUnspecified) {
-    RIGCAL_RETURN_IF_ERROR(ChooseLenses(clocks, options, hooks, counts, *refused, &rig, &*solved));
+    std::vector<Finding> chosen;
+    RIGCAL_RETURN_IF_ERROR(
+        FollowClocks(clocks, options, hooks, counts, *refused, &rig, &*solved, &chosen));
+    RIGCAL_RETURN_IF_ERROR(
+        ChooseLenses(clocks, options, hooks, counts, *refused, &rig, &*solved, &chosen));
+    AddFindings(std::move(chosen), &*solved);
   }
   *refused = std::move(solved->refused);
   if (hooks.solved) hooks.solved(rig, solved->evaluated.solution);

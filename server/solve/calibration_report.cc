@@ -291,7 +291,8 @@ void ReportTargets(const ReportInput& input, CalibrationResult* result) {
 }  // namespace
 
 absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
-                                                    RefusalCounter* refused) {
+                                                    RefusalCounter* refused,
+                                                    std::vector<FoundCourse>* courses) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   CountWhatWasLeftOut(input, refused);
   const std::vector<Residuals> residuals = ComputeResiduals(problem);
@@ -328,6 +329,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
     camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
+    camera.clock_course = input.rig.tracks[track].clock_course;
     const RigSolution& solution = input.evaluated.solution;
     camera.line_delay_s = solution.line_delay_s[c] + solved.line_delay_s;
     if (input.evaluated.uncertainty) {
@@ -373,12 +375,13 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   for (size_t c = 0; c < result.residuals.size(); ++c) {
     result.residuals[c].image_size_px = result.cameras[c].image_size_px;
   }
-  const Causes causes = FindCauses(input.rig, input.evaluated, result);
+  Causes causes = FindCauses(input.rig, input.evaluated, result);
   const PredictedError& predicted = input.evaluated.predicted;
   result.findings = FindingsOf(causes, IsBadByFigures(result, predicted));
   for (Finding& finding : result.findings) finding.severity = SeverityOf(result, finding);
   result.quality = GradeQuality(result, predicted);
   result.observation_digest = Digest(input);
+  *courses = std::move(causes.courses);
   return result;
 }
 

@@ -3,10 +3,12 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "common/calibration/calibration.h"
 #include "common/calibration/calibration_options.h"
+#include "server/solve/diagnose/findings.h"
 #include "server/solve/evaluate/evaluated_solve.h"
 
 namespace rigcal::server {
@@ -29,8 +31,9 @@ struct ReportInput {
 // lowest id. Adds to `refused` what the solve left out: `alone_in_instant` (wand views nobody else
 // shares), `not_nearest_in_instant` (freely running cameras), `instant_without_pose`,
 // `labels_flipped`, `outlier` (markers). FAILED_PRECONDITION where a camera has no pose that
-// can be vouched for.
+// can be vouched for. `courses`: clocks that jumped or drifted, not followed by the solution.
 absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
-                                                    RefusalCounter* refused);
+                                                    RefusalCounter* refused,
+                                                    std::vector<FoundCourse>* courses);
 
 }  // namespace rigcal::server

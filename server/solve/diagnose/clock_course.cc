@@ -31,6 +31,7 @@ constexpr double kFloorS = 1e-4;
 constexpr double kMinSizeS = 1.5e-3, kCourseSigmas = 5;
 // Of the scatter about a constant must go.
 constexpr double kMustExplain = 0.7;
+constexpr size_t kCurvePieces = 16;  // a parabola, by straight lines to a 1000th of its height
 
 // A point as the track's camera saw it at some time, and where it should be.
 struct Sight {
@@ -341,6 +342,31 @@ void RefineStepTime(const CourseMeter& meter, ClockCourse* course) {
   course->step_time_s = best_s;
 }
 
+// The course at some of the track's rows, whose rig times are `times_ns`.
+ClockCourseLine LineOf(const ClockCourse& course, const ObservationTable& rows,
+                       const std::vector<int64_t>& times_ns, int64_t origin_ns) {
+  const auto seconds = [&](size_t row) {
+    return 1e-9 * static_cast<double>(times_ns[row] - origin_ns);
+  };
+  std::vector<size_t> corners;
+  if (course.kind == CourseKind::kStep) {
+    size_t after = 0;
+    while (after < rows.size() && seconds(after) < course.step_time_s) ++after;
+    corners = {0, after - 1, after, rows.size() - 1};
+    if (after == 0 || after == rows.size()) return {};
+  } else {
+    const size_t pieces = course.kind == CourseKind::kSlope ? 1 : kCurvePieces;
+    for (size_t i = 0; i <= pieces; ++i) corners.push_back(i * (rows.size() - 1) / pieces);
+  }
+  ClockCourseLine line;
+  for (const size_t row : corners) {
+    const ClockCoursePoint point = {rows.time_ns(row),
+                                    course.OffsetAt(seconds(row)) - course.OffsetAt(seconds(0))};
+    if (line.empty() || point.camera_time_ns > line.back().camera_time_ns) line.push_back(point);
+  }
+  return line;
+}
+
 // The track on a clock with the most instants; -1 for none.
 int MainTrack(const RigObservations& rig, const RigSolution& solution, int clock) {
   int best = -1;
@@ -452,6 +478,9 @@ std::optional<ClockCourse> MeasureClockCourse(const RigObservations& rig,
     }
   }
   course.paths = std::move(meter).TakePaths();
+  if (course.kind != CourseKind::kConstant) {
+    course.line = LineOf(course, rig.tracks[t].track.observations, times[t], origin_ns);
+  }
   return course;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "common/time/clock_course.h"
 #include "server/solve/clocks/ray_paths.h"
 #include "server/solve/diagnose/trial_solve.h"
 #include "server/solve/rig/rig_solver.h"
@@ -38,7 +39,8 @@ struct ClockCourse {
   // Mean error over the camera's markers (at most 30 px each) with one offset, and with this
   // course.
   double before_px = 0, after_px = 0;
-  TrackPaths paths;  // of the track, at the solution's rig times
+  TrackPaths paths;      // of the track, at the rig times of the trial
+  ClockCourseLine line;  // the same by the camera's clock; 0 at the first row
 
   double gain_px() const { return before_px - after_px; }
   double OffsetAt(double time_s) const;

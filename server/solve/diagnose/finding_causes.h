@@ -25,6 +25,7 @@ struct Repair {
   TrialProblem repaired;      // solved with these causes taken out
   // Of the mean error of all markers, where the trial does not show what is gained.
   std::optional<double> gain_px;
+  std::optional<FoundCourse> course;  // of a clock
   // The same explanation put into effect on another trial, whether or not it would be found there.
   std::function<Repair(const CauseInput&)> on_other;
 };

@@ -45,9 +45,9 @@ std::optional<Repair> ExplainedAlone(const CauseInput& start, const Repair& last
 
 // Takes out one cause after the other, the one that explains most first, until nothing is left that
 // explains anything. `trial` is then solved without them.
-std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
-                                 const CalibrationResult& result, TrialProblem* trial) {
-  std::vector<Cause> causes;
+Causes TakeOutCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
+                     const CalibrationResult& result, TrialProblem* trial) {
+  Causes found;
   const TrialProblem start = *trial;
   std::vector<RepairFunction> left(std::begin(kRepairs), std::end(kRepairs));
   for (int round = 0; round < kMaxRepairs; ++round) {
@@ -66,19 +66,20 @@ std::vector<Cause> TakeOutCauses(const RigObservations& rig, const EvaluatedSolu
     }
     if (best.causes.empty()) break;
     const RepairFunction function = left[best_function];
-    if (!causes.empty()) {
+    if (!found.causes.empty()) {
       if (auto alone = ExplainedAlone({rig, evaluated, result, start}, best)) {
         best = *std::move(alone);
-        causes.clear();
+        found = {};
         left.assign(std::begin(kRepairs), std::end(kRepairs));
       }
     }
-    Append(std::move(best.causes), &causes);
+    Append(std::move(best.causes), &found.causes);
+    if (best.course) found.courses.push_back(*std::move(best.course));
     *trial = std::move(best.repaired);
     // Only cameras that moved are found one by one.
     if (function != RepairMovedCamera) std::erase(left, function);
   }
-  return causes;
+  return found;
 }
 
 // The cameras whose markers fit as those of a usable calibration do.
@@ -139,10 +140,9 @@ Finding AsCandidate(const Cause& cause) {
 Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated,
                   const CalibrationResult& result) {
   Causes found;
-  found.camera_count = rig.index.cameras.size();
   TrialProblem trial = MakeTrialProblem(evaluated.solution, evaluated.options);
   if (SolveTrial(trial.bundle, &trial.problem).ok()) {
-    found.causes = TakeOutCauses(rig, evaluated, result, &trial);
+    found = TakeOutCauses(rig, evaluated, result, &trial);
     const bool explained = !found.causes.empty();
     found.fitting = FittingCameras(trial);
     for (const CauseFunction find : kCauses) {
@@ -155,6 +155,7 @@ Causes FindCauses(const RigObservations& rig, const EvaluatedSolution& evaluated
       });
     }
   }
+  found.camera_count = rig.index.cameras.size();
   std::ranges::stable_sort(found.causes, std::greater(), &Cause::cost_px);
   for (const Finding& finding : evaluated.findings) found.causes.push_back({finding, 0});
   return found;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/calibration/calibration.h"
+#include "common/time/clock_course.h"
 #include "server/solve/evaluate/evaluated_solve.h"
 
 namespace rigcal::server {
@@ -16,9 +17,18 @@ struct Cause {
   double cost_px = 0;  // mean error of the camera (or of all) that goes away when it is removed
 };
 
+// A clock that jumped or drifted, and what its course is.
+struct FoundCourse {
+  int clock = 0;         // of the index
+  ClockCourseLine line;  // on top of what its rows have already
+  // As the cause, its advice without what to do.
+  Finding finding;
+};
+
 // What was found, worst first.
 struct Causes {
   std::vector<Cause> causes;
+  std::vector<FoundCourse> courses;
   // With every cause taken out these fit as the cameras of a usable calibration do. What is wrong
   // with another one is not known, and no figure about it holds; where half of the cameras do not
   // fit, none about any.

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/camera/camera_model.h"
 #include "server/solve/diagnose/clock_course.h"
@@ -85,17 +86,16 @@ double ShareOf(const BundleProblem& problem, size_t camera) {
   return own / std::max(1.0, all);
 }
 
-std::string StepAdvice(const ClockCourse& course) {
+std::string DescribeStep(const ClockCourse& course) {
   return absl::StrFormat(
       "%.1f s after the first wand view its clock jumped by %.2f ms (+-%.2f ms): its stamps are "
       "that much %s from then on; its error is %.2f px, and %.2f px with an offset of its own "
-      "before and after. Look for lost frames, a clock that was set, or a driver that was "
-      "restarted, and record again, or calibrate from what was recorded on one side of the jump",
+      "before and after",
       course.step_time_s, 1e3 * std::abs(course.size_s), 1e3 * course.sigma_s,
       course.size_s < 0 ? "later" : "earlier", course.before_px, course.after_px);
 }
 
-std::string DriftAdvice(const ClockCourse& course) {
+std::string DescribeDrift(const ClockCourse& course) {
   const double span_s = course.blocks.back().time_s - course.blocks.front().time_s;
   const std::string how =
       course.kind == CourseKind::kSlope
@@ -105,11 +105,17 @@ std::string DriftAdvice(const ClockCourse& course) {
           : "its rate changes, and one rate does not describe it";
   return absl::StrFormat(
       "its clock drifts by %.2f ms (+-%.2f ms) over %.0f s: %s; its error is %.2f px, and %.2f px "
-      "with this drift. Let its stamps come from a clock that is disciplined, or use a common "
-      "trigger, and check whether they are times of arrival",
+      "with this drift",
       1e3 * std::abs(course.size_s), 1e3 * course.sigma_s, span_s, how, course.before_px,
       course.after_px);
 }
+
+constexpr char kStepAdvice[] =
+    ". Look for lost frames, a clock that was set, or a driver that was restarted, and record "
+    "again, or calibrate from what was recorded on one side of the jump";
+constexpr char kDriftAdvice[] =
+    ". Let its stamps come from a clock that is disciplined, or use a common trigger, and check "
+    "whether they are times of arrival";
 
 }  // namespace
 
@@ -134,9 +140,16 @@ Repair RepairClockCourse(const CauseInput& input) {
   const auto camera = static_cast<size_t>(input.rig.index.camera_of_track[t]);
   repair.repaired.uneven_clocks.push_back(input.rig.index.clock_of_track[t]);
   const bool step = course->kind == CourseKind::kStep;
-  repair.causes.push_back({{step ? FindingKind::kClockJump : FindingKind::kClockDrift,
-                            input.rig.index.cameras[camera].camera, 1e3 * course->size_s, "ms",
-                            step ? StepAdvice(*course) : DriftAdvice(*course)},
+  const FindingKind kind = step ? FindingKind::kClockJump : FindingKind::kClockDrift;
+  const std::string& name = input.rig.index.cameras[camera].camera;
+  const std::string what = step ? DescribeStep(*course) : DescribeDrift(*course);
+  if (!course->line.empty()) {
+    repair.course = {input.rig.index.clock_of_track[t],
+                     std::move(course->line),
+                     {kind, name, 1e3 * course->size_s, "ms", what}};
+  }
+  repair.causes.push_back({{kind, name, 1e3 * course->size_s, "ms",
+                            absl::StrCat(what, step ? kStepAdvice : kDriftAdvice)},
                            course->gain_px()});
   // Rows that are in no instant are missing in the trial, and what they gain with them. Outliers
   // that the path leaves out are no gain of the course.

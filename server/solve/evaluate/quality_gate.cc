@@ -99,8 +99,10 @@ FindingEffect EffectOf(const CalibrationResult& result, const Finding& finding) 
     case FindingKind::kTooLittleData:
       return {FindingSeverity::kError, ""};  // the predicted error is the reason
     case FindingKind::kClockJump:
+      if (camera && !camera->clock_course.empty()) return {};
       return warning(absl::StrCat("the clock of ", who, " jumped while it was recorded"));
     case FindingKind::kClockDrift:
+      if (camera && !camera->clock_course.empty()) return {};
       return warning(absl::StrCat("the clock of ", who, " ran at a rate that was not estimated"));
     case FindingKind::kOutliersInSpan:
       return warning(

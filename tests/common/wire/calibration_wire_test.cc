@@ -45,6 +45,7 @@ Calibration FilledCalibration() {
   camera.time_offset_s = -0.00815;
   camera.line_delay_s = 1.5e-05;
   camera.line_delay_sigma_s = 2e-07;
+  camera.clock_course = {{5'000'000'001, 0}, {9'000'000'000, -0.03}};
   camera.residuals.all = {1, 2, 3, 4, 5};
   camera.residuals.inlier = {6, 7, 8, 9, 10};
   camera.residuals.outlier_count = 11;

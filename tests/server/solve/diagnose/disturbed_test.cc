@@ -65,8 +65,26 @@ void ForEachCentre(CameraTrack* track, const std::function<void(Eigen::Vector2d*
   }
 }
 
-TEST(DisturbedRecording, ClockThatJumpedIsNamedWithTimeAndSize) {
+// The largest difference of a distance between two cameras.
+double WorstDistanceM(const CalibrationResult& a, const CalibrationResult& b) {
+  double worst_m = 0;
+  const auto distance_m = [](const CalibrationResult& result, size_t c, size_t d) {
+    return (result.cameras[c].cam_from_rig.SourceFromTargetTranslation() -
+            result.cameras[d].cam_from_rig.SourceFromTargetTranslation())
+        .norm();
+  };
+  for (size_t c = 0; c < a.cameras.size(); ++c) {
+    for (size_t d = 0; d < c; ++d) {
+      worst_m = std::max(worst_m, std::abs(distance_m(a, c, d) - distance_m(b, c, d)));
+    }
+  }
+  return worst_m;
+}
+
+TEST(DisturbedRecording, ClockThatJumpedIsNamedAndFollowed) {
   CalibrationInput input = Simulated("cameras=5;duration=40;seed=31");
+  const CalibrationOutcome undisturbed = Calibrate(input, {});
+  ASSERT_THAT(undisturbed.result, IsOk());
   MoveStamps([](double share) { return share < 0.5 ? 0 : 0.03; }, &input.tracks[1]);
   const CalibrationOutcome outcome = Calibrate(std::move(input), {});
   ASSERT_THAT(outcome.result, IsOk());
@@ -76,19 +94,30 @@ TEST(DisturbedRecording, ClockThatJumpedIsNamedWithTimeAndSize) {
   // Later stamps: a more negative offset.
   EXPECT_NEAR(jump->value, -30, 1);
   EXPECT_THAT(jump->advice, HasSubstr("s after the first wand view its clock jumped by"));
-  EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
+  EXPECT_THAT(jump->advice, HasSubstr("the calibration follows it"));
+  EXPECT_EQ(outcome.result->quality.grade, QualityGrade::kGood);
+  const ClockCourseLine& course = outcome.result->cameras[1].clock_course;
+  ASSERT_THAT(course, SizeIs(4));
+  EXPECT_EQ(course[0].offset_s, 0);
+  EXPECT_EQ(course[1].offset_s, 0);
+  EXPECT_NEAR(course[2].offset_s, -0.03, 2e-4);
+  EXPECT_EQ(course[3].offset_s, course[2].offset_s);
+  EXPECT_LT(WorstDistanceM(*undisturbed.result, *outcome.result), 5e-4);
   EXPECT_EQ(Get(*outcome.result, FindingKind::kCameraMoved), nullptr);
 }
 
-TEST(DisturbedRecording, ClockWhoseRateChangesIsNamed) {
+TEST(DisturbedRecording, ClockWhoseRateChangesIsNamedAndFollowed) {
   CalibrationInput input = Simulated("cameras=5;duration=40;seed=32");
+  const CalibrationOutcome undisturbed = Calibrate(input, {});
+  ASSERT_THAT(undisturbed.result, IsOk());
   MoveStamps([](double share) { return 0.05 * share * share; }, &input.tracks[2]);
   const CalibrationOutcome outcome = Calibrate(std::move(input), {});
   ASSERT_THAT(outcome.result, IsOk());
   const Finding* const drift = Get(*outcome.result, FindingKind::kClockDrift);
   ASSERT_NE(drift, nullptr);
   EXPECT_EQ(drift->camera, "sim_2");
-  EXPECT_NE(outcome.result->quality.grade, QualityGrade::kGood);
+  EXPECT_FALSE(outcome.result->cameras[2].clock_course.empty());
+  EXPECT_LT(WorstDistanceM(*undisturbed.result, *outcome.result), 5e-4);
   EXPECT_EQ(Get(*outcome.result, FindingKind::kClockJump), nullptr);
 }
 

@@ -38,14 +38,18 @@ int CameraIndex(const RigIndex& index, const std::string& name) {
   return found == index.cameras.end() ? 0 : static_cast<int>(found - index.cameras.begin());
 }
 
-// Mean held-out error of a camera, an outlier as the 10 px beyond which it says nothing.
-double ErrorWithOutliersPx(const CalibratedCamera& camera) {
-  const double outliers = camera.residuals.outlier_count;
-  const double count = outliers + camera.residuals.inlier.marker_count;
-  const double share = outliers / std::max(1.0, count);
+// Markers of a camera that took part in the solve.
+double MarkerCount(const CalibratedCamera& camera) {
+  return camera.residuals.outlier_count + camera.residuals.inlier.marker_count;
+}
+
+// Mean held-out error of a camera with so many markers; what is no inlier, an outlier or a part of
+// no instant, as the 10 px beyond which it says nothing.
+double ErrorOfAllPx(const CalibratedCamera& camera, double marker_count) {
+  const double share = camera.residuals.inlier.marker_count / std::max(1.0, marker_count);
   const double mean_px =
       camera.held_out ? camera.held_out->mean_px : camera.residuals.inlier.mean_px;
-  return (1 - share) * mean_px + share * kOutlierPx;
+  return share * mean_px + (1 - share) * kOutlierPx;
 }
 
 // One camera clearly, and no other one worse. Both results have the same cameras.
@@ -53,8 +57,9 @@ bool FitsBetter(const CalibrationResult& before, const CalibrationResult& after,
                 const std::string& camera) {
   if (before.cameras.size() != after.cameras.size()) return false;
   for (size_t c = 0; c < before.cameras.size(); ++c) {
-    const double before_px = ErrorWithOutliersPx(before.cameras[c]);
-    const double after_px = ErrorWithOutliersPx(after.cameras[c]);
+    const double count = std::max(MarkerCount(before.cameras[c]), MarkerCount(after.cameras[c]));
+    const double before_px = ErrorOfAllPx(before.cameras[c], count);
+    const double after_px = ErrorOfAllPx(after.cameras[c], count);
     const double most_px = before.cameras[c].camera == camera ? (1 - kMinCourseGain) * before_px
                                                               : (1 + kMayLose) * before_px;
     if (!(after_px <= most_px)) return false;

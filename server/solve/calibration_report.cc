@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
+#include <map>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -134,7 +135,8 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
     const uint32_t alone = std::min(by_path[t], solution.instants.alone_count[t]);
     const uint32_t skipped = std::min(by_path[t] - alone, solution.instants.skipped_count[t]);
     refused->Add(camera, RefusalReason::kAloneInInstant, solution.instants.alone_count[t] - alone,
-                 "no other camera saw the wand at that time");
+                 input.rig.tracks[t].is_static ? "no other camera saw that static point"
+                                               : "no other camera saw the wand at that time");
     refused->Add(camera, RefusalReason::kNotNearestInInstant,
                  solution.instants.skipped_count[t] - skipped,
                  "it saw the wand again nearer the instant that it shares with other cameras");
@@ -262,6 +264,32 @@ CalibratedTarget ReportTarget(const ReportInput& input, const Target& given) {
   return target;
 }
 
+// Where the points of a session were found.
+void AddStaticPoints(const ReportInput& input, const std::string& session,
+                     CalibratedTarget* target) {
+  const RigSolution& solution = input.evaluated.solution;
+  const BundleProblem& problem = solution.built.problem;
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const InstantMember& first = solution.instants.instants[i].members.front();
+    const AlignedTrack& track = input.rig.tracks[static_cast<size_t>(first.track)];
+    if (track.track.session_id != session) continue;
+    std::map<int, CalibratedPoint> points;  // by label
+    ForEachUsedMarker(
+        problem, problem.instants[i], [&](const BundleObservation&, const BundleMarker& marker) {
+          const int part = input.rig.Parts().Of(session).first_point;
+          const int label = track.static_points.empty()
+                                ? marker.marker - part
+                                : track.static_points[static_cast<size_t>(first.observation)];
+          CalibratedPoint& point = points[label];
+          point.label = target->given.points[static_cast<size_t>(label)].label;
+          point.session_id = session;
+          point.position_m = problem.PointOf(problem.instants[i], marker);
+          ++point.camera_count;
+        });
+    for (auto& [label, point] : points) target->static_points.push_back(std::move(point));
+  }
+}
+
 // One for each that was given, with the sessions it was waved in; of several a wand comes first.
 void ReportTargets(const ReportInput& input, CalibrationResult* result) {
   std::vector<CalibratedTarget> targets;
@@ -270,14 +298,14 @@ void ReportTargets(const ReportInput& input, CalibrationResult* result) {
     const std::string& session = track.track.session_id;
     if (!targets.empty() && session == last_session) continue;
     last_session = session;
-    const auto found = input.rig.other_targets.find(session);
-    const Target& given = found == input.rig.other_targets.end() ? input.rig.target : found->second;
+    const Target& given = input.rig.TargetOf(session);
     auto known = std::ranges::find(targets, given, &CalibratedTarget::given);
     if (known == targets.end()) {
       targets.push_back(ReportTarget(input, given));
       known = std::prev(targets.end());
     }
     known->session_ids.push_back(session);
+    if (given.IsStatic()) AddStaticPoints(input, session, &*known);
   }
   if (targets.size() == 1) targets.front().session_ids.clear();
   std::ranges::stable_sort(targets, {}, [](const CalibratedTarget& target) {
@@ -327,7 +355,9 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_rate_ppm = 1e6 * clocks.rate[k];
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
-    camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
+    // What does not move says nothing of a clock.
+    camera.time_offset_estimated =
+        input.evaluated.options.estimate_time_offsets && !input.rig.tracks[track].is_static;
     const RigSolution& solution = input.evaluated.solution;
     camera.line_delay_s = solution.line_delay_s[c] + solved.line_delay_s;
     if (input.evaluated.uncertainty) {

@@ -34,7 +34,7 @@ double ImageSpreadPx(const RigObservations& rig, int camera) {
   for (size_t t = 0; t < rig.tracks.size(); ++t) {
     if (rig.index.camera_of_track[t] != camera) continue;
     const ObservationTable& rows = rig.tracks[t].track.observations;
-    const bool any_marker = rig.TargetOf(t).kind == TargetKind::kRigid;
+    const bool any_marker = !rig.TargetOf(t).IsLine();
     for (size_t i = 0; i < rows.size(); ++i) {
       const size_t marker = FirstVisible(rows, i, any_marker);
       if (!rows.IsVisible(i, marker)) continue;
@@ -62,11 +62,19 @@ absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptio
     for (size_t k = 0; k < i; ++k) RIGCAL_RETURN_IF_ERROR(CheckMixable(*targets[k], *targets[i]));
   }
   for (const Target* target : targets) {
-    if (options.trajectory != TrajectoryChoice::kSpline || target->kind != TargetKind::kRigid) {
-      continue;
-    }
+    if (options.trajectory != TrajectoryChoice::kSpline || target->IsLine()) continue;
     return absl::InvalidArgumentError(
-        "trajectory: a spline is for wands and single markers; of a rigid target leave it out");
+        "trajectory: a spline is for wands and single markers; with a rigid target or static "
+        "points leave it out");
+  }
+  const auto is_survey = [](const Target* target) { return target->is_surveyed; };
+  const auto joins_cameras = [](const Target* target) {
+    return target->HasLengths() && !target->IsStatic();
+  };
+  if (std::ranges::any_of(targets, is_survey) && std::ranges::none_of(targets, joins_cameras)) {
+    return absl::FailedPreconditionError(
+        "surveyed static points place cameras only beside a wand or a rigid target: wave one for a "
+        "few seconds and calibrate both sessions as one, or give the points' labels alone");
   }
   if (options.known_distance && TargetParts(input.target, input.other_targets).HasLengths()) {
     return absl::InvalidArgumentError(absl::StrCat(

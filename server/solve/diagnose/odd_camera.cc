@@ -124,8 +124,11 @@ OddCamera Judge(const RigObservations& own, const std::vector<ClockCorrection>& 
   for (size_t t = 0; t < own.tracks.size(); ++t) {
     const CameraDescription& description =
         own.index.cameras[static_cast<size_t>(own.index.camera_of_track[t])];
-    // The points are of a line target alone.
-    if (description.camera != camera || parts.Of(own.tracks[t].track.session_id).is_rigid) continue;
+    // The points are of a line target alone, and followed through time.
+    if (description.camera != camera || own.tracks[t].is_static ||
+        parts.Of(own.tracks[t].track.session_id).is_rigid) {
+      continue;
+    }
     judged = true;
     const TrackPaths paths =
         PathsOf(own.tracks[t], times[t], origin_ns, own.TargetOf(t).marker_count());

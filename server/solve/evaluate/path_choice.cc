@@ -2,6 +2,7 @@
 #include "server/solve/evaluate/path_choice.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 
 #include "common/status/status_macros.h"
 
@@ -21,6 +22,7 @@ bool TriesPath(const RigObservations& rig, const RigSolveOptions& options,
                const RigSolution& solution, TrajectoryChoice choice) {
   if (choice != TrajectoryChoice::kAuto) return choice == TrajectoryChoice::kSpline;
   const BundleProblem& problem = solution.built.problem;
+  if (std::ranges::any_of(rig.tracks, &AlignedTrack::is_static)) return false;
   if (problem.HasRigidTarget() || problem.cameras.size() > kMaxPathCameras ||
       problem.markers.size() > (problem.IsPoint() ? kMaxPathPoints : kMaxPathMarkers)) {
     return false;

@@ -82,15 +82,16 @@ RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorr
   for (const AlignedTrack& track : tracks) {
     const CleanTrack& clean = track.track;
     const int camera = camera_index[clean.camera.camera];
-    index.cameras[static_cast<size_t>(camera)] = clean.camera;
+    // A session of static points says nothing of the camera's clock.
+    CameraDescription& description = index.cameras[static_cast<size_t>(camera)];
+    if (!track.is_static || description.camera.empty()) description = clean.camera;
     index.camera_of_track.push_back(camera);
-    const auto [entry, inserted] =
-        clock_index.try_emplace({clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch},
-                                static_cast<int>(clocks->size()));
+    const std::string clock_id = track.is_static ? "" : clean.camera.clock.clock_id;
+    const auto [entry, inserted] = clock_index.try_emplace(
+        {clean.session_id, clock_id, clean.clock_epoch}, static_cast<int>(clocks->size()));
     const int64_t first_ns = clean.observations.time_ns(0);
     if (inserted) {
-      clocks->push_back(
-          {clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch, first_ns, 0, 0});
+      clocks->push_back({clean.session_id, clock_id, clean.clock_epoch, first_ns, 0, 0});
     }
     ClockCorrection& clock = (*clocks)[static_cast<size_t>(entry->second)];
     clock.time_epoch_ns = std::min(clock.time_epoch_ns, first_ns);

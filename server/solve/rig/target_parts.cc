@@ -5,6 +5,12 @@
 
 namespace rigcal::server {
 
+namespace {
+
+bool IsPoints(const Target& target) { return !target.HasLengths(); }
+
+}  // namespace
+
 template <typename Function>
 void TargetParts::ForEach(const Function& function) {
   function(&first_);
@@ -13,18 +19,20 @@ void TargetParts::ForEach(const Function& function) {
 
 TargetParts::TargetParts(const Target& target, const std::map<std::string, Target>& others) {
   first_.target = target;
-  bool points_only = target.kind == TargetKind::kPoint;
+  bool points_only = IsPoints(target);
   for (const auto& [session, other] : others) {
     others_[session].target = other;
-    points_only = points_only && other.kind == TargetKind::kPoint;
+    points_only = points_only && IsPoints(other);
   }
   ForEach([&](Part* part) { Place(points_only, part); });
 }
 
 void TargetParts::Place(bool points_only, Part* part) {
-  const TargetKind kind = part->target.kind;
-  part->is_point = kind == TargetKind::kPoint && !points_only;
-  part->is_rigid = part->is_point || kind == TargetKind::kRigid;
+  const bool is_point = IsPoints(part->target);
+  if (is_point) part->target.marker_positions_m = {0};
+  part->is_point = is_point && !points_only;
+  part->is_rigid = part->is_point || part->target.kind == TargetKind::kRigid ||
+                   (part->target.IsStatic() && !is_point);
   if (!part->is_rigid) return;
   std::vector<TargetPoint> points = part->target.points;
   if (part->is_point) points = {{"point", 0, 0, 0, 0}};
@@ -55,8 +63,8 @@ const Target* TargetParts::line() const {
 }
 
 bool TargetParts::HasLengths() const {
-  return first_.target.marker_count() > 1 || std::ranges::any_of(others_, [](const auto& other) {
-           return other.second.target.marker_count() > 1;
+  return first_.target.HasLengths() || std::ranges::any_of(others_, [](const auto& other) {
+           return other.second.target.HasLengths();
          });
 }
 

@@ -11,8 +11,9 @@ namespace rigcal::server {
 
 // The targets of several sessions in one bundle problem. A wand is its line target, and so is a
 // point where no session has anything else; every rigid target, and a point beside another target,
-// is a part of its rigid target (BundleRigidTarget). Sessions with the same marker positions or
-// points share a part, and with it what is estimated of them.
+// is a part of its rigid target (BundleRigidTarget). Static points are points, each at its own
+// instant; surveyed ones are a rigid target at one instant. Sessions with the same marker positions
+// or points share a part, and with it what is estimated of them.
 class TargetParts {
  public:
   // A session's target and where it is in the problem.

@@ -13,7 +13,8 @@ namespace rigcal::accuracy {
 
 // A target of the experiments, its points exact: `wand` (0, 0.13, 0.39 m), `body` (the twelve
 // corners of an icosahedron of 0.25 m), `plane` (nine by six points, 40 mm apart), `square` (its
-// four corners).
+// four corners); `room` (40 static points of unknown position), `survey` (twelve static points of
+// known position).
 Target NamedTarget(const std::string& name);
 
 // Camera positions against their Cramer-Rao bound when only poses are estimated: spacing exactly

@@ -54,5 +54,29 @@ TEST(TargetParts, RigidTargetsFollowEachOtherAndEqualOnesAreOne) {
   EXPECT_EQ(parts.line()->marker_positions_m.back(), 0.2);
 }
 
+TEST(TargetParts, StaticPointsArePointsBesideAWand) {
+  const TargetParts parts(Parsed("wand:0,0.13,0.39"), {{"room", Parsed("static:{a|b|c}")}});
+  EXPECT_FALSE(parts.Of("").is_rigid);
+  EXPECT_TRUE(parts.Of("room").is_point);
+  EXPECT_EQ(parts.points().size(), 1u);
+  EXPECT_TRUE(parts.HasLengths());
+}
+
+TEST(TargetParts, AndASingleMarkerBesideAPoint) {
+  const TargetParts parts(Parsed("static:{a|b|c}"), {{"s", Parsed("point")}});
+  EXPECT_FALSE(parts.Of("").is_rigid);
+  EXPECT_FALSE(parts.HasLengths());
+  ASSERT_NE(parts.line(), nullptr);
+  EXPECT_THAT(parts.line()->marker_positions_m, ElementsAre(0));
+}
+
+TEST(TargetParts, ASurveyIsARigidTarget) {
+  const TargetParts parts(Parsed("wand:0,0.13,0.39"),
+                          {{"room", Parsed("static:{a 0 0 0|b 1 0 0|c 0 1 0|d 0 0 1}")}});
+  EXPECT_TRUE(parts.Of("room").is_rigid);
+  EXPECT_FALSE(parts.Of("room").is_point);
+  EXPECT_EQ(parts.points().size(), 4u);
+}
+
 }  // namespace
 }  // namespace rigcal::server::target_parts_test

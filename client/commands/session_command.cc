@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/session_command.h"
 
+#include <algorithm>
 #include <thread>
 
 #include "absl/strings/str_cat.h"

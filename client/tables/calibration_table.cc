@@ -145,6 +145,11 @@ std::string FormatTrajectory(const v1::Calibration& calibration) {
         "trajectory         spline, knots every %.1f ms, jerk density %.3g m/s^2.5, "
         "%d rows that no other camera shares\n",
         1e3 * trajectory.knot_spacing_s(), trajectory.jerk_density(), trajectory.added_row_count());
+  } else if (calibration.options().trajectory() == v1::CalibrationOptions::TRAJECTORY_SPLINE &&
+             trajectory.kind() == v1::CalibratedTrajectory::KIND_INTERPOLATED) {
+    text =
+        "trajectory         interpolated, NOT the spline that was asked for: the target was placed\n"
+        "                   too rarely, the recording is too long, or it has several wands\n";
   }
   if (trajectory.held_out_spline_px() > 0) {
     absl::StrAppendFormat(&text, "held out           %.3f px interpolated, %.3f px with a spline\n",

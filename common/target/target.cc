@@ -303,19 +303,6 @@ absl::Status CheckDetectable(const Target& target) {
       "another program and give them as a file of markers (<camera>.csv)");
 }
 
-absl::Status CheckMixable(const Target& a, const Target& b) {
-  if (a.kind != TargetKind::kWand || b.kind != TargetKind::kWand ||
-      (a.marker_positions_m == b.marker_positions_m && a.span_tolerance_m == b.span_tolerance_m)) {
-    return absl::OkStatus();
-  }
-  return absl::FailedPreconditionError(
-      absl::StrCat("two wands go into one calibration only if their positions and tolerances are "
-                   "equal, not ",
-                   FormatTarget(a), " and ", FormatTarget(b),
-                   ": calibrate the sessions apart, or record one again with the other's wand. A "
-                   "wand does go together with rigid targets, a point and static points"));
-}
-
 absl::StatusOr<Target> ParseTarget(std::string_view text) {
   if (text.size() > kMaxTextLength) return Refuse(text, "too long");
   Target target;

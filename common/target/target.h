@@ -58,11 +58,6 @@ struct Target {
 // simulated: a rigid target or static points, whose markers come from elsewhere.
 absl::Status CheckDetectable(const Target& target);
 
-// FAILED_PRECONDITION: two sessions with these targets cannot go into one calibration, because they
-// are wands with other positions or another tolerance. A wand, rigid targets, a point and static
-// points go together.
-absl::Status CheckMixable(const Target& a, const Target& b);
-
 // Reads `wand:0,0.13,0.39;diameter=0.04;hz=500;tolerance=0.002`, `point`, `rigid:FILE` or
 // `static:FILE` with the same options. Positions may be given in any order and from any origin:
 // they are sorted and moved to begin at 0. FILE is read here (see target_file.h); `rigid:{A 0 0 0

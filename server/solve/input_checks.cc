@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/line_bundle_kernel.h"
 
 namespace rigcal::server {
 namespace {
@@ -51,16 +52,24 @@ double ImageSpreadPx(const RigObservations& rig, int camera) {
   return UpperMedian(&distance);
 }
 
+// Two cameras are joined by all wands as one line target.
+absl::Status CheckWands(const TargetParts& parts) {
+  size_t markers = 0;
+  for (const Target& wand : parts.lines()) markers += wand.marker_positions_m.size();
+  if (markers <= kMaxLineMarkers) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the ", parts.lines().size(), " different wands of these sessions have ", markers,
+      " markers together, at most ", kMaxLineMarkers, ": calibrate fewer sessions at once"));
+}
+
 }  // namespace
 
 absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   std::vector<const Target*> targets = {&input.target};
   for (const auto& [session, target] : input.other_targets) targets.push_back(&target);
-  for (size_t i = 0; i < targets.size(); ++i) {
-    RIGCAL_RETURN_IF_ERROR(targets[i]->Validate());
-    for (size_t k = 0; k < i; ++k) RIGCAL_RETURN_IF_ERROR(CheckMixable(*targets[k], *targets[i]));
-  }
+  for (const Target* target : targets) RIGCAL_RETURN_IF_ERROR(target->Validate());
+  RIGCAL_RETURN_IF_ERROR(CheckWands(TargetParts(input.target, input.other_targets)));
   for (const Target* target : targets) {
     if (options.trajectory != TrajectoryChoice::kSpline || target->IsLine()) continue;
     return absl::InvalidArgumentError(

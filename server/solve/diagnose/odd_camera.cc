@@ -92,6 +92,8 @@ double BestResectionPx(const std::vector<TimedMarker>& points, const TrackPaths&
   for (int i = -steps; i <= steps; ++i) {
     std::vector<PointAndRay> sights;
     for (const TimedMarker& point : points) {
+      // Of another session's wand.
+      if (static_cast<size_t>(point.marker) >= paths.markers.size()) continue;
       const double time_s = 1e-9 * static_cast<double>(point.rig_time_ns - origin_ns);
       const auto ray =
           At(paths.markers[static_cast<size_t>(point.marker)], time_s - i * kOddStepS, paths.gap_s);

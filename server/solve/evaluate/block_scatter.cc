@@ -38,6 +38,7 @@ BundleProblem Slice(const BundleProblem& problem, size_t first, size_t last) {
   for (BundleClock& clock : slice.clocks) clock.offset_sigma_s = clock.rate_sigma = 0;
   slice.target = problem.target;
   slice.target.span_sigma_m = kNoPrior;
+  for (BundleWand& wand : slice.target.wands) wand.span_sigma_m = kNoPrior;
   for (size_t i = first; i < last; ++i) {
     BundleInstant instant = problem.instants[i];
     if (!instant.used) continue;
@@ -141,8 +142,8 @@ void BlockScatterSum::Add(const BlockInformation& block) {
   const auto lower = lower_.triangularView<Eigen::Lower>();
   const auto upper = lower_.transpose().triangularView<Eigen::Upper>();
   const Eigen::MatrixXd information = units_.asDiagonal() * block.information * units_.asDiagonal();
-  const Eigen::VectorXd score = upper * units_.cwiseProduct(block.score) /
-                                (loss_.slope * std::sqrt(loss_.variance));
+  const Eigen::VectorXd score =
+      upper * units_.cwiseProduct(block.score) / (loss_.slope * std::sqrt(loss_.variance));
   const auto product = [&](const Eigen::VectorXd& v) -> Eigen::VectorXd {
     return upper * (information * (lower * v).eval()).eval();
   };

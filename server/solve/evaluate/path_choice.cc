@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_path.h"
 
 namespace rigcal::server {
 namespace {
@@ -23,7 +24,7 @@ bool TriesPath(const RigObservations& rig, const RigSolveOptions& options,
   if (choice != TrajectoryChoice::kAuto) return choice == TrajectoryChoice::kSpline;
   const BundleProblem& problem = solution.built.problem;
   if (std::ranges::any_of(rig.tracks, &AlignedTrack::is_static)) return false;
-  if (problem.HasRigidTarget() || problem.cameras.size() > kMaxPathCameras ||
+  if (NeedsGeneralPath(problem) || problem.cameras.size() > kMaxPathCameras ||
       problem.markers.size() > (problem.IsPoint() ? kMaxPathPoints : kMaxPathMarkers)) {
     return false;
   }

@@ -288,7 +288,7 @@ class RigSolver {
           const MarkerSource& source = solution_.built.sources[problem().IndexOf(marker)];
           const auto t = static_cast<size_t>(source.track);
           const TargetParts::Part& part = parts.Of(rig_.tracks[t].track.session_id);
-          solution_.motions[t].Exclude(source.observation, marker.marker - part.first_point);
+          solution_.motions[t].Exclude(source.observation, marker.marker - part.first_marker);
         }
       }
     }

@@ -33,7 +33,7 @@ void TargetParts::Place(bool points_only, Part* part) {
   part->is_point = is_point && !points_only;
   part->is_rigid = part->is_point || part->target.kind == TargetKind::kRigid ||
                    (part->target.IsStatic() && !is_point);
-  if (!part->is_rigid) return;
+  if (!part->is_rigid) return PlaceLine(part);
   std::vector<TargetPoint> points = part->target.points;
   if (part->is_point) points = {{"point", 0, 0, 0, 0}};
   for (size_t i = 0; i < first_points_.size(); ++i) {
@@ -41,11 +41,11 @@ void TargetParts::Place(bool points_only, Part* part) {
     const auto last =
         i + 1 < first_points_.size() ? points_.begin() + first_points_[i + 1] : points_.end();
     if (!std::equal(first, last, points.begin(), points.end())) continue;
-    part->first_point = first_points_[i];
+    part->first_marker = first_points_[i];
     return;
   }
-  part->first_point = static_cast<int>(points_.size());
-  first_points_.push_back(part->first_point);
+  part->first_marker = static_cast<int>(points_.size());
+  first_points_.push_back(part->first_marker);
   points_.insert(points_.end(), points.begin(), points.end());
 }
 
@@ -54,12 +54,19 @@ const TargetParts::Part& TargetParts::Of(const std::string& session_id) const {
   return found == others_.end() ? first_ : found->second;
 }
 
-const Target* TargetParts::line() const {
-  if (!first_.is_rigid) return &first_.target;
-  for (const auto& [session, part] : others_) {
-    if (!part.is_rigid) return &part.target;
+void TargetParts::PlaceLine(Part* part) {
+  const Target& target = part->target;
+  int first = 0;
+  for (const Target& line : lines_) {
+    part->first_marker = first;
+    // A single marker has no spans.
+    const bool same_tolerance =
+        target.marker_positions_m.size() == 1 || line.span_tolerance_m == target.span_tolerance_m;
+    if (line.marker_positions_m == target.marker_positions_m && same_tolerance) return;
+    first += static_cast<int>(line.marker_positions_m.size());
   }
-  return nullptr;
+  part->first_marker = first;
+  lines_.push_back(target);
 }
 
 bool TargetParts::HasLengths() const {

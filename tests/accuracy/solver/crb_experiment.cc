@@ -87,6 +87,10 @@ Target NamedTarget(const std::string& name) {
     target.marker_positions_m = {0, 0.13, 0.39};
     return target;
   }
+  if (name == "long") {
+    target.marker_positions_m = {0, 0.21, 0.33, 0.6};
+    return target;
+  }
   target.kind = TargetKind::kRigid;
   const auto add = [&target](double x_m, double y_m, double z_m) {
     target.points.push_back({absl::StrCat("p", target.points.size()), x_m, y_m, z_m, 0});

@@ -49,7 +49,11 @@ TEST(CrbTest, PositionsReachTheBoundWithRigidTargetsAndStaticPoints) {
     const char* target;
     int seeds;
     double duration_s;
-  } kCases[] = {{"body", 6, 6}, {"plane", 2, 3}, {"wand+room", 4, 6}, {"wand+survey", 4, 6}};
+  } kCases[] = {{"body", 6, 6},
+                {"plane", 2, 3},
+                {"wand+long", 4, 6},
+                {"wand+room", 4, 6},
+                {"wand+survey", 4, 6}};
   for (const auto& entry : kCases) {
     SCOPED_TRACE(entry.target);
     CrbOptions options;

@@ -82,6 +82,16 @@ TEST(FormatCalibration, ShowsWhereStaticPointsAreAndThatTheySayNothingOfClocks) 
   EXPECT_THAT(text, ContainsRegex("corner +1.2500 +-0.5000 +3.0000 +2\n"));
 }
 
+TEST(FormatCalibration, SaysThatASplineThatWasAskedForWasNotUsed) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_trajectory()->set_kind(v1::CalibratedTrajectory::KIND_INTERPOLATED);
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("NOT the spline")));
+  calibration.mutable_options()->set_trajectory(v1::CalibrationOptions::TRAJECTORY_SPLINE);
+  EXPECT_THAT(FormatCalibration(calibration), HasSubstr("NOT the spline that was asked for"));
+  calibration.mutable_trajectory()->set_kind(v1::CalibratedTrajectory::KIND_SPLINE);
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("NOT the spline")));
+}
+
 TEST(FormatCalibration, ShowsTheEvaluationWhereThereIsOne) {
   v1::Calibration calibration = FullCalibration();
   EXPECT_THAT(

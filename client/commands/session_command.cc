@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/commands/session_command.h"
 
+#include <algorithm>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -82,9 +83,7 @@ void WriteObservationRows(const ObservationBatch& batch, std::ostream& out) {
 }
 
 uint32_t MarkerCount(const v1::Target& target) {
-  return static_cast<uint32_t>(target.kind() == v1::Target::KIND_RIGID
-                                   ? target.points_size()
-                                   : target.marker_positions_m_size());
+  return static_cast<uint32_t>(std::max(target.points_size(), target.marker_positions_m_size()));
 }
 
 ExitCode CreateAndStart(ServerConnection& server, const v1::CreateSessionRequest& request,

@@ -76,9 +76,11 @@ CLI::Validator NumberBetween(double low, double high) {
 void AddTargetOption(CLI::App* app, bool required, Target* target) {
   AddParsedOption(
       app, "--target", "TARGET", target, ParseTarget,
-      "What is waved: marker positions in metres along the wand, and after ';' diameter (m), "
-      "hz, tolerance (m): \"wand:0,0.13,0.39;diameter=0.04;hz=500\"; \"point\", one marker; or "
-      "\"rigid:FILE\", a rigid body: a line with label, x, y, z and sigma (m) for each point")
+      "What the cameras see: marker positions in metres along the wand, and after ';' diameter "
+      "(m), "
+      "hz, tolerance (m): \"wand:0,0.13,0.39;diameter=0.04;hz=500\"; \"point\", one marker; "
+      "\"rigid:FILE\", a rigid body: a line with label, x, y, z and sigma (m) for each point; or "
+      "\"static:FILE\", points that do not move: a line with the label of each, or as for rigid")
       ->required(required);
 }
 

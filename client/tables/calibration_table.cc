@@ -47,13 +47,6 @@ std::string FormatScale(const v1::Calibration& calibration) {
 }
 
 std::string FormatWand(const v1::CalibratedTarget& target) {
-  if (target.given().kind() == v1::Target::KIND_POINT) return "";  // has no length
-  if (target.given().kind() == v1::Target::KIND_RIGID) {
-    return absl::StrCat("target             rigid, ", target.given().points_size(), " points",
-                        target.marker_positions_estimated() ? " (estimated)" : "",
-                        "; one sigma of the scale ", FormatFixed(100 * target.scale_sigma_rel(), 3),
-                        " %\n");
-  }
   uint64_t count = 0;
   for (const v1::SpanError& span : target.spans()) count += span.count();
   std::string text = "wand length error  ";
@@ -78,18 +71,60 @@ std::string FormatWand(const v1::CalibratedTarget& target) {
   return text;
 }
 
-// Each target, with its sessions where there are several.
+// Where static points were found.
+std::string FormatStaticPoints(const v1::CalibratedTarget& target, bool metric) {
+  TextTable table;
+  table.Words({"static point"})
+      .Numbers({"x", "y", "z"}, metric ? "position (m)" : "position (unknown scale)")
+      .Numbers({"cameras"});
+  for (const v1::CalibratedPoint& point : target.static_points()) {
+    std::vector<TextTable::Cell> cells = {point.label()};
+    for (const double x : wire::FromProto(point.position_m())) {
+      cells.push_back(FormatFixed(x, metric ? 4 : 5));
+    }
+    cells.push_back(point.camera_count());
+    table.AddRow(cells);
+  }
+  return table.empty() ? "" : table.Format(2);
+}
+
+// What it is, where it was seen, if that is not all sessions, and what was found of it.
+std::string FormatTarget(const v1::CalibratedTarget& target, bool metric) {
+  const v1::Target::Kind kind = target.given().kind();
+  const bool all_sessions = target.session_ids().empty();
+  // The usual ones go without saying.
+  if (all_sessions && kind == v1::Target::KIND_POINT) return "";
+  if (all_sessions && kind == v1::Target::KIND_WAND) return FormatWand(target);
+  const bool is_static = kind == v1::Target::KIND_STATIC;
+  std::string text = absl::StrCat("target             ", EnumWord(kind));
+  if (target.given().points_size() > 0) {
+    absl::StrAppend(&text, ", ", FormatCount(target.given().points_size(), "point"));
+  }
+  if (is_static) absl::StrAppend(&text, ", ", target.static_points_size(), " placed");
+  if (target.marker_positions_estimated() && kind == v1::Target::KIND_RIGID) {
+    text += " (estimated)";
+  }
+  if (!all_sessions) {
+    absl::StrAppend(&text, is_static ? ", seen in " : ", waved in ",
+                    absl::StrJoin(target.session_ids(), ", "));
+  }
+  const bool has_lengths = kind == v1::Target::KIND_RIGID || target.given().surveyed();
+  if (has_lengths) {
+    absl::StrAppend(&text, "; one sigma of the scale ",
+                    FormatFixed(100 * target.scale_sigma_rel(), 3), " %");
+  }
+  text = Printable(text + "\n");
+  if (is_static) {
+    text += "                   (what does not move says nothing of the cameras' clocks)\n";
+    text += FormatStaticPoints(target, metric);
+  }
+  return kind == v1::Target::KIND_WAND ? text + FormatWand(target) : text;
+}
+
 std::string FormatTargets(const v1::Calibration& calibration) {
-  std::string text = FormatWand(calibration.target());
-  if (calibration.other_targets().empty()) return text;
-  const auto waved_in = [](const v1::CalibratedTarget& target) {
-    const std::string kind = EnumWord(target.given().kind());
-    return Printable(absl::StrCat("target             ", kind, ", waved in ",
-                                  absl::StrJoin(target.session_ids(), ", "), "\n"));
-  };
-  text = waved_in(calibration.target()) + text;
+  std::string text = FormatTarget(calibration.target(), calibration.scale_known());
   for (const v1::CalibratedTarget& other : calibration.other_targets()) {
-    absl::StrAppend(&text, waved_in(other), FormatWand(other));
+    text += FormatTarget(other, calibration.scale_known());
   }
   return text;
 }
@@ -110,6 +145,11 @@ std::string FormatTrajectory(const v1::Calibration& calibration) {
         "trajectory         spline, knots every %.1f ms, jerk density %.3g m/s^2.5, "
         "%d rows that no other camera shares\n",
         1e3 * trajectory.knot_spacing_s(), trajectory.jerk_density(), trajectory.added_row_count());
+  } else if (calibration.options().trajectory() == v1::CalibrationOptions::TRAJECTORY_SPLINE &&
+             trajectory.kind() == v1::CalibratedTrajectory::KIND_INTERPOLATED) {
+    text =
+        "trajectory         interpolated, NOT the spline that was asked for: the target was placed\n"
+        "                   too rarely, the recording is too long, or it has several wands\n";
   }
   if (trajectory.held_out_spline_px() > 0) {
     absl::StrAppendFormat(&text, "held out           %.3f px interpolated, %.3f px with a spline\n",

@@ -20,8 +20,9 @@ namespace {
 
 std::string TargetText(const v1::Target& proto) {
   const absl::StatusOr<Target> target = wire::FromProto(proto);
-  if (target.ok() && target->kind == TargetKind::kRigid) {
-    return absl::StrCat("rigid, ", target->marker_count(), " points");
+  if (target.ok() && !target->IsLine()) {
+    return absl::StrCat(target->IsStatic() ? "static, " : "rigid, ", target->marker_count(),
+                        " points");
   }
   return target.ok() ? FormatTarget(*target) : "-";
 }

@@ -94,6 +94,14 @@ struct SpanError {
   uint32_t held_out_count = 0;
 };
 
+// Where a static point was found, in the rig frame.
+struct CalibratedPoint {
+  std::string label;
+  std::string session_id;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  uint32_t camera_count = 0;  // whose centres agree with it
+};
+
 struct CalibratedTarget {
   Target given;
   std::vector<double> marker_positions_m;
@@ -102,7 +110,8 @@ struct CalibratedTarget {
   double scale_sigma_rel = 0;     // 0: not computed
   double length_error_rms_m = 0;  // over all spans
   std::vector<SpanError> spans;
-  std::vector<std::string> session_ids;  // in which it was waved; empty: all
+  std::vector<std::string> session_ids;  // in which it was seen; empty: all
+  std::vector<CalibratedPoint> static_points;
 };
 
 // How much a finding matters: kWarning limits the quality grade to usable, kError makes it bad.

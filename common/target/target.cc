@@ -34,7 +34,7 @@ constexpr double kMaxToleranceM = 1;
 constexpr size_t kMaxTextLength = 32768;
 constexpr size_t kMaxLabelLength = 32;
 constexpr double kMaxPointSigmaM = 0.1;
-constexpr int kMinRigidPoints = 4;
+constexpr int kMinLabelledPoints = 4;  // with positions
 // Of the farthest point from the first: the others must be this far from the line through both.
 constexpr double kMinWidthShare = 0.02;
 
@@ -83,15 +83,33 @@ absl::Status Normalise(Target* target) {
 }
 
 // From a file, or what would be in it in braces, the lines separated by |.
-absl::StatusOr<std::vector<TargetPoint>> ParsePoints(std::string_view text) {
-  if (!text.starts_with('{') || !text.ends_with('}')) return ReadTargetFile(std::string(text));
-  std::vector<TargetPoint> points;
+absl::StatusOr<std::vector<GivenPoint>> ParsePoints(std::string_view text, PointLines lines) {
+  if (!text.starts_with('{') || !text.ends_with('}')) {
+    return ReadTargetFile(std::string(text), lines);
+  }
+  std::vector<GivenPoint> points;
   for (const auto line : absl::StrSplit(absl::string_view(text.data() + 1, text.size() - 2), '|',
                                         absl::SkipWhitespace())) {
-    RIGCAL_ASSIGN_OR_RETURN(TargetPoint point, ParseTargetPoint({line.data(), line.size()}));
+    RIGCAL_ASSIGN_OR_RETURN(GivenPoint point, ParseTargetPoint({line.data(), line.size()}, lines));
     points.push_back(std::move(point));
   }
   return points;
+}
+
+absl::Status ParseLabelledPoints(std::string_view text, Target* target) {
+  const PointLines lines =
+      target->IsStatic() ? PointLines::kMayBeLabels : PointLines::kWithPosition;
+  RIGCAL_ASSIGN_OR_RETURN(std::vector<GivenPoint> given, ParsePoints(text, lines));
+  const auto surveyed =
+      static_cast<size_t>(std::ranges::count(given, true, &GivenPoint::has_position));
+  if (surveyed != 0 && surveyed != given.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(surveyed, " of ", given.size(),
+                     " static points have a position: give all positions, or only labels"));
+  }
+  target->is_surveyed = target->IsStatic() && surveyed > 0;
+  for (GivenPoint& point : given) target->points.push_back(std::move(point.point));
+  return absl::OkStatus();
 }
 
 absl::Status ParseParts(std::string_view text, Target* target) {
@@ -99,7 +117,8 @@ absl::Status ParseParts(std::string_view text, Target* target) {
   for (absl::string_view part : absl::StrSplit(absl::string_view(text.data(), text.size()), ';')) {
     parts.emplace_back(absl::StripAsciiWhitespace(part));
   }
-  constexpr std::string_view kWandPrefix = "wand:", kRigidPrefix = "rigid:";
+  constexpr std::string_view kWandPrefix = "wand:", kRigidPrefix = "rigid:",
+                             kStaticPrefix = "static:";
   const std::string head = parts[0];
   if (head == "point") {
     target->kind = TargetKind::kPoint;
@@ -109,12 +128,15 @@ absl::Status ParseParts(std::string_view text, Target* target) {
         ParseNumbers(head.substr(kWandPrefix.size()), &target->marker_positions_m));
   } else if (head.starts_with(kRigidPrefix)) {
     target->kind = TargetKind::kRigid;
-    RIGCAL_ASSIGN_OR_RETURN(target->points, ParsePoints(head.substr(kRigidPrefix.size())));
+    RIGCAL_RETURN_IF_ERROR(ParseLabelledPoints(head.substr(kRigidPrefix.size()), target));
+  } else if (head.starts_with(kStaticPrefix)) {
+    target->kind = TargetKind::kStatic;
+    RIGCAL_RETURN_IF_ERROR(ParseLabelledPoints(head.substr(kStaticPrefix.size()), target));
   } else {
     return absl::InvalidArgumentError(
         absl::StrCat("\"", absl::CHexEscape(head.substr(0, 64)),
                      "\" is not a target: it must be \"wand:\" and positions in metres, "
-                     "\"rigid:\" and a file of points, or \"point\""));
+                     "\"rigid:\" or \"static:\" and a file of points, or \"point\""));
   }
   parts.erase(parts.begin());
   RIGCAL_ASSIGN_OR_RETURN(const std::vector<OptionText> given, SplitOptions(parts));
@@ -123,7 +145,7 @@ absl::Status ParseParts(std::string_view text, Target* target) {
   FaultList faults;
   table.Read(given, &faults);
   RIGCAL_RETURN_IF_ERROR(faults.Result());
-  if (target->kind == TargetKind::kRigid) return target->Validate();
+  if (!target->IsLine()) return target->Validate();
   if (target->marker_count() > kMaxWandMarkers) {
     return absl::InvalidArgumentError(
         absl::StrCat(target->marker_count(), " markers, at most ", kMaxWandMarkers));
@@ -155,12 +177,16 @@ bool AreOnOneLine(const std::vector<TargetPoint>& points) {
 
 void CheckPoints(const Target& target, FaultList* faults) {
   const std::vector<TargetPoint>& points = target.points;
+  const bool is_static = target.IsStatic(), have_positions = !is_static || target.is_surveyed;
+  const char* const what = !is_static           ? "a rigid target has "
+                           : target.is_surveyed ? "a survey of static points has "
+                                                : "static points are ";
   if (!target.marker_positions_m.empty()) {
-    faults->Add("a rigid target has points, not positions along a wand");
+    faults->Add(what, "points, not positions along a wand");
   }
-  if (points.size() < kMinRigidPoints || points.size() > kMaxMarkers) {
-    faults->Add("a rigid target has ", kMinRigidPoints, " to ", kMaxMarkers, " points, not ",
-                points.size());
+  const int fewest = have_positions ? kMinLabelledPoints : 1;
+  if (points.size() < static_cast<size_t>(fewest) || points.size() > kMaxMarkers) {
+    faults->Add(what, fewest, " to ", kMaxMarkers, " points, not ", points.size());
     return;
   }
   std::set<std::string> labels;
@@ -171,6 +197,7 @@ void CheckPoints(const Target& target, FaultList* faults) {
     all_good = all_good && why.empty();
     if (!why.empty()) faults->Add("point ", shown, ": ", why);
     if (!labels.insert(points[i].label).second) faults->Add("label ", shown, " is given twice");
+    if (!have_positions) continue;
     for (size_t j = 0; j < i; ++j) {
       if (Distance(points[i], points[j]) >= kMinSpanM) continue;
       faults->Add("points ", absl::CHexEscape(points[j].label.substr(0, kMaxLabelLength)), " and ",
@@ -178,7 +205,12 @@ void CheckPoints(const Target& target, FaultList* faults) {
       break;
     }
   }
-  if (all_good && AreOnOneLine(points)) {
+  if (!all_good || !have_positions || !AreOnOneLine(points)) return;
+  if (is_static) {
+    faults->Add(
+        "all surveyed points are on one line, which does not fix the rig: survey one beside it, or "
+        "give labels alone");
+  } else {
     faults->Add(
         "all points are on one line: its turn about that line cannot be seen; describe it "
         "as wand:0,0.13,0.39, with positions along the line");
@@ -187,7 +219,7 @@ void CheckPoints(const Target& target, FaultList* faults) {
 
 void CheckPositions(const Target& target, FaultList* faults) {
   const std::vector<double>& positions = target.marker_positions_m;
-  if (!target.points.empty()) faults->Add("only a rigid target has points");
+  if (!target.points.empty()) faults->Add("only a rigid target and static points have points");
   if (positions.size() > kMaxWandMarkers) {
     faults->Add(positions.size(), " markers, at most ", kMaxWandMarkers);
   }
@@ -247,10 +279,11 @@ std::string TargetPointFault(const TargetPoint& point) {
 
 absl::Status Target::Validate() const {
   FaultList faults;
-  if (kind != TargetKind::kWand && kind != TargetKind::kPoint && kind != TargetKind::kRigid) {
+  if (!IsLine() && kind != TargetKind::kRigid && !IsStatic()) {
     faults.Add("target kind ", static_cast<int>(kind), " is unknown");
   }
-  if (kind == TargetKind::kRigid) {
+  if (is_surveyed && !IsStatic()) faults.Add("only static points are surveyed");
+  if (kind == TargetKind::kRigid || IsStatic()) {
     CheckPoints(*this, &faults);
   } else {
     CheckPositions(*this, &faults);
@@ -264,23 +297,10 @@ absl::Status Target::Validate() const {
 }
 
 absl::Status CheckDetectable(const Target& target) {
-  if (target.kind != TargetKind::kRigid) return absl::OkStatus();
+  if (target.IsLine()) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      "the detectors find wands and single markers, not a rigid target: detect its points with "
+      "the detectors find wands and single markers, not labelled points: detect its points with "
       "another program and give them as a file of markers (<camera>.csv)");
-}
-
-absl::Status CheckMixable(const Target& a, const Target& b) {
-  if (a.kind != TargetKind::kWand || b.kind != TargetKind::kWand ||
-      (a.marker_positions_m == b.marker_positions_m && a.span_tolerance_m == b.span_tolerance_m)) {
-    return absl::OkStatus();
-  }
-  return absl::FailedPreconditionError(
-      absl::StrCat("two wands go into one calibration only if their positions and tolerances are "
-                   "equal, not ",
-                   FormatTarget(a), " and ", FormatTarget(b),
-                   ": calibrate the sessions apart, or record one again with the other's wand. A "
-                   "wand does go together with rigid targets and with a point"));
 }
 
 absl::StatusOr<Target> ParseTarget(std::string_view text) {
@@ -298,14 +318,19 @@ std::string FormatTarget(const Target& target) {
     const auto append = [](std::string* out, double value) { out->append(ShortestText(value)); };
     text = absl::StrCat("wand:", absl::StrJoin(target.marker_positions_m, ",", append));
   }
-  if (target.kind == TargetKind::kRigid) {
+  if (!target.IsLine()) {
     std::vector<std::string> points;
     for (const TargetPoint& point : target.points) {
+      if (target.IsStatic() && !target.is_surveyed) {
+        points.push_back(point.label);
+        continue;
+      }
       points.push_back(absl::StrCat(point.label, " ", ShortestText(point.x_m), " ",
                                     ShortestText(point.y_m), " ", ShortestText(point.z_m), " ",
                                     ShortestText(point.sigma_m)));
     }
-    text = absl::StrCat("rigid:{", absl::StrJoin(points, "|"), "}");
+    text =
+        absl::StrCat(target.IsStatic() ? "static:{" : "rigid:{", absl::StrJoin(points, "|"), "}");
   }
   return absl::StrCat(text, options.empty() ? "" : ";", options);
 }

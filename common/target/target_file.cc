@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <utility>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
@@ -27,14 +28,17 @@ absl::Status PointFault(std::string_view what) {
 
 }  // namespace
 
-absl::StatusOr<TargetPoint> ParseTargetPoint(std::string_view text) {
+absl::StatusOr<GivenPoint> ParseTargetPoint(std::string_view text, PointLines lines) {
   const std::vector<std::string> words =
       absl::StrSplit(std::string(text), absl::ByAnyChar(", \t"), absl::SkipEmpty());
-  if (words.size() != 4 && words.size() != 5) {
-    return PointFault(absl::StrCat("has ", words.size(), " values, 4 or 5 are needed"));
+  const bool is_label = lines == PointLines::kMayBeLabels && words.size() == 1;
+  if (!is_label && words.size() != 4 && words.size() != 5) {
+    return PointFault(absl::StrCat("has ", words.size(), " values, 4 or 5 are needed",
+                                   lines == PointLines::kMayBeLabels ? ", or a label alone" : ""));
   }
   TargetPoint point;
   point.label = words[0];
+  if (is_label) return GivenPoint{std::move(point), false};
   point.sigma_m = kDefaultPointSigmaM;
   double* const values[] = {&point.x_m, &point.y_m, &point.z_m, &point.sigma_m};
   for (size_t i = 1; i < words.size(); ++i) {
@@ -42,12 +46,12 @@ absl::StatusOr<TargetPoint> ParseTargetPoint(std::string_view text) {
     return PointFault(
         absl::StrCat("\"", absl::CHexEscape(words[i].substr(0, 64)), "\" is not a finite number"));
   }
-  return point;
+  return GivenPoint{std::move(point), true};
 }
 
-absl::StatusOr<std::vector<TargetPoint>> ReadTargetFile(const std::string& path) {
+absl::StatusOr<std::vector<GivenPoint>> ReadTargetFile(const std::string& path, PointLines lines) {
   RIGCAL_ASSIGN_OR_RETURN(agent::LineReader reader, agent::LineReader::Open(path));
-  std::vector<TargetPoint> points;
+  std::vector<GivenPoint> points;
   std::map<std::string, uint64_t> line_of_label;
   while (true) {
     RIGCAL_ASSIGN_OR_RETURN(const std::optional<agent::LineReader::Line> line, reader.Next());
@@ -61,15 +65,16 @@ absl::StatusOr<std::vector<TargetPoint>> ReadTargetFile(const std::string& path)
     if (points.size() == kMaxMarkers) {
       return fault(absl::StrCat("a target has at most ", kMaxMarkers, " points"));
     }
-    absl::StatusOr<TargetPoint> point = ParseTargetPoint(text);
-    if (!point.ok()) return fault(std::string(point.status().message()));
-    const auto [known, is_new] = line_of_label.try_emplace(point->label, line->number);
+    absl::StatusOr<GivenPoint> given = ParseTargetPoint(text, lines);
+    if (!given.ok()) return fault(std::string(given.status().message()));
+    const TargetPoint& point = given->point;
+    const auto [known, is_new] = line_of_label.try_emplace(point.label, line->number);
     if (!is_new) {
-      return fault(absl::StrCat("label ", absl::CHexEscape(point->label.substr(0, 64)),
+      return fault(absl::StrCat("label ", absl::CHexEscape(point.label.substr(0, 64)),
                                 " is in line ", known->second, " too: give each point its own"));
     }
-    if (const std::string why = TargetPointFault(*point); !why.empty()) return fault(why);
-    points.push_back(*std::move(point));
+    if (const std::string why = TargetPointFault(point); !why.empty()) return fault(why);
+    points.push_back(*std::move(given));
   }
   return points;
 }

@@ -140,6 +140,13 @@ void FillTarget(const CalibratedTarget& target, v1::CalibratedTarget* proto) {
     out->set_held_out_count(span.held_out_count);
   }
   Copy(target.session_ids, proto->mutable_session_ids());
+  for (const CalibratedPoint& point : target.static_points) {
+    v1::CalibratedPoint* out = proto->add_static_points();
+    out->set_label(point.label);
+    out->set_session_id(point.session_id);
+    *out->mutable_position_m() = wire::ToProto(point.position_m);
+    out->set_camera_count(point.camera_count);
+  }
 }
 
 absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& proto) {
@@ -155,6 +162,10 @@ absl::StatusOr<CalibratedTarget> TargetFromProto(const v1::CalibratedTarget& pro
                             span.held_out_error_rms_m(), span.held_out_count()});
   }
   Copy(proto.session_ids(), &target.session_ids);
+  for (const v1::CalibratedPoint& point : proto.static_points()) {
+    target.static_points.push_back({point.label(), point.session_id(),
+                                    wire::FromProto(point.position_m()), point.camera_count()});
+  }
   return target;
 }
 

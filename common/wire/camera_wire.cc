@@ -163,13 +163,15 @@ v1::Target ToProto(const Target& target) {
     added.set_z_m(point.z_m);
     added.set_sigma_m(point.sigma_m);
   }
+  proto.set_surveyed(target.is_surveyed);
   return proto;
 }
 
 absl::StatusOr<Target> FromProto(const v1::Target& proto) {
   if (proto.kind() != v1::Target::KIND_WAND && proto.kind() != v1::Target::KIND_POINT &&
-      proto.kind() != v1::Target::KIND_RIGID) {
-    return absl::InvalidArgumentError("target.kind: must be KIND_WAND, KIND_POINT or KIND_RIGID");
+      proto.kind() != v1::Target::KIND_RIGID && proto.kind() != v1::Target::KIND_STATIC) {
+    return absl::InvalidArgumentError(
+        "target.kind: must be KIND_WAND, KIND_POINT, KIND_RIGID or KIND_STATIC");
   }
   Target target;
   target.kind = static_cast<TargetKind>(proto.kind());
@@ -181,6 +183,7 @@ absl::StatusOr<Target> FromProto(const v1::Target& proto) {
     target.points.push_back(
         {point.label(), point.x_m(), point.y_m(), point.z_m(), point.sigma_m()});
   }
+  target.is_surveyed = proto.surveyed();
   if (proto.span_tolerance_m() != 0) target.span_tolerance_m = proto.span_tolerance_m();
   RIGCAL_RETURN_IF_ERROR(In("target", target.Validate()));
   return target;

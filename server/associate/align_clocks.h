@@ -21,6 +21,9 @@ struct AlignedTrack {
   double period_s = 0;          // median time between rows; 0 with fewer than two
   // Of the camera's frames: less than period_s where most frames have no row. 0: as period_s.
   double frame_period_s = 0;
+  // Of static points (static_points.h): times are made up, and no clock has to do with them.
+  bool is_static = false;
+  std::vector<int> static_points;  // by row, the point that it shows; empty: each row shows all
 
   double FramePeriodS() const { return frame_period_s > 0 ? frame_period_s : period_s; }
   ClockCourseLine clock_course;  // where the clock jumped or drifted, as found by a solve

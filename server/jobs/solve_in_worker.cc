@@ -65,11 +65,11 @@ class ScratchFile {
 // Of the target with most, as many as the line kernel would solve in the same memory.
 uint64_t MarkersInMemory(const CalibrationPlan& plan) {
   auto count = static_cast<uint64_t>(plan.target.marker_count());
-  bool is_general = plan.target.kind == TargetKind::kRigid;
+  bool is_general = !plan.target.IsLine();
   for (const auto& [session_id, other] : plan.other_targets) {
     count = std::max(count, static_cast<uint64_t>(other.marker_count()));
     // A point beside a wand takes the general path too.
-    is_general = is_general || other.kind != plan.target.kind || other.kind == TargetKind::kRigid;
+    is_general = is_general || other.kind != plan.target.kind || !other.IsLine();
   }
   return is_general ? kGeneralPathFactor * count : count;
 }

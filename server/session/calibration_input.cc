@@ -67,11 +67,6 @@ absl::Status CheckSessionsFit(absl::Span<const Session> sessions) {
     // With every earlier one: a camera need not be in the first session.
     for (size_t k = 0; k < i; ++k) {
       RIGCAL_RETURN_IF_ERROR(CheckCamerasFit(session, sessions[k]));
-      const absl::Status mixable = CheckMixable(sessions[k].target, session.target);
-      if (mixable.ok()) continue;
-      return absl::FailedPreconditionError(
-          absl::StrCat("sessions '", sessions[k].id, "' and '", session.id,
-                       "' differ in their target: ", mixable.message()));
     }
   }
   return absl::OkStatus();

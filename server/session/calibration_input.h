@@ -21,8 +21,8 @@
 namespace rigcal::server {
 
 // Checks that these sessions may go into one calibration. FAILED_PRECONDITION names the session (or
-// the two that differ) and the camera: not finished, another rig, targets that cannot be mixed
-// (CheckMixable), other intrinsics or image size for the same camera, a camera without intrinsics.
+// the two that differ) and the camera: not finished, another rig, other intrinsics or image size
+// for the same camera, a camera without intrinsics.
 absl::Status CheckSessionsFit(absl::Span<const Session> sessions);
 
 // What goes into a calibration, before any row has been read.

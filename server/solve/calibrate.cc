@@ -10,9 +10,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
-#include "server/associate/align_clocks.h"
-#include "server/associate/clean_track.h"
 #include "server/associate/stamp_units.h"
+#include "server/associate/static_points.h"
 #include "server/solve/calibration_report.h"
 #include "server/solve/clocks/time_search.h"
 #include "server/solve/diagnose/odd_camera.h"
@@ -305,12 +304,10 @@ absl::StatusOr<CalibrationResult> Run(CalibrationInput& input, const Calibration
   RigObservations rig;
   rig.target = input.target;
   rig.other_targets = input.other_targets;
-  const auto marker_count = [&rig](const std::string& session_id) {
-    const auto other = rig.other_targets.find(session_id);
-    return (other == rig.other_targets.end() ? rig.target : other->second).marker_count();
+  const auto target_of = [&rig](const std::string& session_id) -> const Target& {
+    return rig.TargetOf(session_id);
   };
-  rig.tracks =
-      AlignClocks(input.tracks, CleanTracks(&input.tracks, marker_count, refused), refused);
+  rig.tracks = AlignTracks(&input.tracks, target_of, refused);
   std::vector<ClockCorrection> clocks;
   rig.index = IndexRig(rig.tracks, &clocks);
   RIGCAL_RETURN_IF_ERROR(CheckTracks(rig.index, counts));

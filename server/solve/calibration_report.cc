@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
+#include <map>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -134,7 +135,8 @@ void CountWhatWasLeftOut(const ReportInput& input, RefusalCounter* refused) {
     const uint32_t alone = std::min(by_path[t], solution.instants.alone_count[t]);
     const uint32_t skipped = std::min(by_path[t] - alone, solution.instants.skipped_count[t]);
     refused->Add(camera, RefusalReason::kAloneInInstant, solution.instants.alone_count[t] - alone,
-                 "no other camera saw the wand at that time");
+                 input.rig.tracks[t].is_static ? "no other camera saw that static point"
+                                               : "no other camera saw the wand at that time");
     refused->Add(camera, RefusalReason::kNotNearestInInstant,
                  solution.instants.skipped_count[t] - skipped,
                  "it saw the wand again nearer the instant that it shares with other cameras");
@@ -192,6 +194,17 @@ std::pair<int, int> PartOf(const BundleProblem& problem, const BundleInstant& in
   return {0, 0};
 }
 
+// Of the wand that an instant shows.
+double LengthOf(const BundleProblem& problem, const BundleInstant& instant) {
+  for (const BundleObservation& observation : problem.ObservationsOf(instant)) {
+    for (const BundleMarker& marker : problem.MarkersOf(observation)) {
+      const auto end = static_cast<size_t>(problem.target.WandOf(marker.marker).end);
+      return problem.target.marker_positions_m[end - 1];
+    }
+  }
+  return 0;
+}
+
 // The volume of the ends of the placed target; none if none was placed.
 std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
   std::array<std::vector<double>, 3> coordinates;
@@ -209,7 +222,7 @@ std::optional<WandVolume> MeasureWandVolume(const BundleProblem& problem) {
       continue;
     }
     // The ends of the wand; the other markers are between them.
-    for (const double s_m : {0.0, problem.target.marker_positions_m.back()}) {
+    for (const double s_m : {0.0, LengthOf(problem, instant)}) {
       add(instant.origin_m + s_m * instant.direction);
     }
   }
@@ -237,23 +250,35 @@ CalibratedTarget ReportRigidTarget(const ReportInput& input, const Target& given
   return target;
 }
 
-CalibratedTarget ReportTarget(const ReportInput& input, const Target& given) {
+template <typename T>
+std::vector<T> Slice(const std::vector<T>& values, int first, size_t count) {
+  const auto begin = values.begin() + first;
+  return {begin, begin + static_cast<std::ptrdiff_t>(count)};
+}
+
+CalibratedTarget ReportTarget(const ReportInput& input, const TargetParts::Part& part,
+                              const Target& given) {
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   if (given.kind != TargetKind::kWand) return ReportRigidTarget(input, given);
+  const size_t count = given.marker_positions_m.size();
+  const std::vector<double>& positions_m = problem.target.marker_positions_m;
   CalibratedTarget target;
   target.given = given;
-  target.marker_positions_m = problem.target.marker_positions_m;
+  target.marker_positions_m = Slice(positions_m, part.first_marker, count);
   target.marker_positions_estimated = !problem.target.fixed;
-  const LengthErrors lengths = MeasureLengths(problem, target.marker_positions_m, 2);
+  const LengthErrors lengths =
+      Slice(MeasureLengths(problem, positions_m, 2), part.first_marker, count - 1);
   target.spans = SummariseSpans(lengths, target.marker_positions_m);
   target.length_error_rms_m = OverallRms(lengths);
   if (input.evaluated.uncertainty) {
-    target.marker_position_sigma_m = input.evaluated.uncertainty->marker_position_sigma_m;
+    target.marker_position_sigma_m =
+        Slice(input.evaluated.uncertainty->marker_position_sigma_m, part.first_marker, count);
     target.scale_sigma_rel = input.evaluated.uncertainty->scale_sigma_rel;
   }
   if (input.evaluated.held_out) {
     const std::vector<SpanError> held_out =
-        SummariseSpans(input.evaluated.held_out->lengths, target.marker_positions_m);
+        SummariseSpans(Slice(input.evaluated.held_out->lengths, part.first_marker, count - 1),
+                       target.marker_positions_m);
     for (size_t s = 0; s < target.spans.size(); ++s) {
       target.spans[s].held_out_error_rms_m = held_out[s].error_rms_m;
       target.spans[s].held_out_count = held_out[s].count;
@@ -262,22 +287,49 @@ CalibratedTarget ReportTarget(const ReportInput& input, const Target& given) {
   return target;
 }
 
+// Where the points of a session were found.
+void AddStaticPoints(const ReportInput& input, const std::string& session,
+                     CalibratedTarget* target) {
+  const RigSolution& solution = input.evaluated.solution;
+  const BundleProblem& problem = solution.built.problem;
+  for (size_t i = 0; i < problem.instants.size(); ++i) {
+    const InstantMember& first = solution.instants.instants[i].members.front();
+    const AlignedTrack& track = input.rig.tracks[static_cast<size_t>(first.track)];
+    if (track.track.session_id != session) continue;
+    std::map<int, CalibratedPoint> points;  // by label
+    ForEachUsedMarker(
+        problem, problem.instants[i], [&](const BundleObservation&, const BundleMarker& marker) {
+          const int part = input.rig.Parts().Of(session).first_marker;
+          const int label = track.static_points.empty()
+                                ? marker.marker - part
+                                : track.static_points[static_cast<size_t>(first.observation)];
+          CalibratedPoint& point = points[label];
+          point.label = target->given.points[static_cast<size_t>(label)].label;
+          point.session_id = session;
+          point.position_m = problem.PointOf(problem.instants[i], marker);
+          ++point.camera_count;
+        });
+    for (auto& [label, point] : points) target->static_points.push_back(std::move(point));
+  }
+}
+
 // One for each that was given, with the sessions it was waved in; of several a wand comes first.
 void ReportTargets(const ReportInput& input, CalibrationResult* result) {
+  const TargetParts parts = input.rig.Parts();
   std::vector<CalibratedTarget> targets;
   std::string last_session;
   for (const AlignedTrack& track : input.rig.tracks) {
     const std::string& session = track.track.session_id;
     if (!targets.empty() && session == last_session) continue;
     last_session = session;
-    const auto found = input.rig.other_targets.find(session);
-    const Target& given = found == input.rig.other_targets.end() ? input.rig.target : found->second;
+    const Target& given = input.rig.TargetOf(session);
     auto known = std::ranges::find(targets, given, &CalibratedTarget::given);
     if (known == targets.end()) {
-      targets.push_back(ReportTarget(input, given));
+      targets.push_back(ReportTarget(input, parts.Of(session), given));
       known = std::prev(targets.end());
     }
     known->session_ids.push_back(session);
+    if (given.IsStatic()) AddStaticPoints(input, session, &*known);
   }
   if (targets.size() == 1) targets.front().session_ids.clear();
   std::ranges::stable_sort(targets, {}, [](const CalibratedTarget& target) {
@@ -328,7 +380,9 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
     camera.time_rate_ppm = 1e6 * clocks.rate[k];
     camera.time_epoch_s =
         1e-9 * static_cast<double>(input.evaluated.solution.clocks[k].time_epoch_ns);
-    camera.time_offset_estimated = input.evaluated.options.estimate_time_offsets;
+    // What does not move says nothing of a clock.
+    camera.time_offset_estimated =
+        input.evaluated.options.estimate_time_offsets && !input.rig.tracks[track].is_static;
     camera.clock_course = input.rig.tracks[track].clock_course;
     const RigSolution& solution = input.evaluated.solution;
     camera.line_delay_s = solution.line_delay_s[c] + solved.line_delay_s;

@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "common/statistics/robust_statistics.h"
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/line_bundle_kernel.h"
 
 namespace rigcal::server {
 namespace {
@@ -34,7 +35,7 @@ double ImageSpreadPx(const RigObservations& rig, int camera) {
   for (size_t t = 0; t < rig.tracks.size(); ++t) {
     if (rig.index.camera_of_track[t] != camera) continue;
     const ObservationTable& rows = rig.tracks[t].track.observations;
-    const bool any_marker = rig.TargetOf(t).kind == TargetKind::kRigid;
+    const bool any_marker = !rig.TargetOf(t).IsLine();
     for (size_t i = 0; i < rows.size(); ++i) {
       const size_t marker = FirstVisible(rows, i, any_marker);
       if (!rows.IsVisible(i, marker)) continue;
@@ -51,22 +52,38 @@ double ImageSpreadPx(const RigObservations& rig, int camera) {
   return UpperMedian(&distance);
 }
 
+// Two cameras are joined by all wands as one line target.
+absl::Status CheckWands(const TargetParts& parts) {
+  size_t markers = 0;
+  for (const Target& wand : parts.lines()) markers += wand.marker_positions_m.size();
+  if (markers <= kMaxLineMarkers) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the ", parts.lines().size(), " different wands of these sessions have ", markers,
+      " markers together, at most ", kMaxLineMarkers, ": calibrate fewer sessions at once"));
+}
+
 }  // namespace
 
 absl::Status ValidateInput(const CalibrationInput& input, const CalibrationOptions& options) {
   RIGCAL_RETURN_IF_ERROR(options.Validate());
   std::vector<const Target*> targets = {&input.target};
   for (const auto& [session, target] : input.other_targets) targets.push_back(&target);
-  for (size_t i = 0; i < targets.size(); ++i) {
-    RIGCAL_RETURN_IF_ERROR(targets[i]->Validate());
-    for (size_t k = 0; k < i; ++k) RIGCAL_RETURN_IF_ERROR(CheckMixable(*targets[k], *targets[i]));
-  }
+  for (const Target* target : targets) RIGCAL_RETURN_IF_ERROR(target->Validate());
+  RIGCAL_RETURN_IF_ERROR(CheckWands(TargetParts(input.target, input.other_targets)));
   for (const Target* target : targets) {
-    if (options.trajectory != TrajectoryChoice::kSpline || target->kind != TargetKind::kRigid) {
-      continue;
-    }
+    if (options.trajectory != TrajectoryChoice::kSpline || target->IsLine()) continue;
     return absl::InvalidArgumentError(
-        "trajectory: a spline is for wands and single markers; of a rigid target leave it out");
+        "trajectory: a spline is for wands and single markers; with a rigid target or static "
+        "points leave it out");
+  }
+  const auto is_survey = [](const Target* target) { return target->is_surveyed; };
+  const auto joins_cameras = [](const Target* target) {
+    return target->HasLengths() && !target->IsStatic();
+  };
+  if (std::ranges::any_of(targets, is_survey) && std::ranges::none_of(targets, joins_cameras)) {
+    return absl::FailedPreconditionError(
+        "surveyed static points place cameras only beside a wand or a rigid target: wave one for a "
+        "few seconds and calibrate both sessions as one, or give the points' labels alone");
   }
   if (options.known_distance && TargetParts(input.target, input.other_targets).HasLengths()) {
     return absl::InvalidArgumentError(absl::StrCat(

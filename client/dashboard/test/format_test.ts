@@ -114,4 +114,6 @@ test('a further target is said with the sessions it was waved in', () => {
     'Also a rigid target of 4 points, waved in a, b');
   assert.equal(otherTargetText({ given: { kind: 'KIND_POINT', marker_positions_m: [0] }, session_ids: ['c'] }),
     'Also a single point, waved in c');
+  assert.equal(otherTargetText({ given: { kind: 'KIND_STATIC', points: [{}, {}] }, session_ids: ['d'] }),
+    'Also 2 static points, seen in d');
 });

@@ -20,6 +20,7 @@ constexpr uint64_t kMarkerPurpose = 0x6d61726b;
 constexpr uint64_t kClockPurpose = 0x636c6f636b;
 constexpr uint64_t kLengthPurpose = 0x6c656e677468;
 constexpr uint64_t kSecondWandPurpose = 0x7365636f6e64;
+constexpr uint64_t kStaticPurpose = 0x737461746963;
 constexpr double kMinSigmaPx = 0.05;  // a covariance of zero could not be weighed
 constexpr double kMaxJitterSigmas = 4;
 constexpr int kShutterPasses = 5;
@@ -36,6 +37,30 @@ double CameraTime(const SimulatedCamera& camera, double rig_time_s) {
 }
 
 int64_t Nanoseconds(double seconds) { return std::llround(seconds * 1e9); }
+
+Eigen::Vector3d PositionOf(const TargetPoint& point) { return {point.x_m, point.y_m, point.z_m}; }
+
+Eigen::Vector3d MiddleOf(const std::vector<TargetPoint>& points) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const TargetPoint& point : points) middle += PositionOf(point);
+  return middle / static_cast<double>(points.size());
+}
+
+// Puts static points into the volume: as they were surveyed, around its middle, or anywhere.
+void PlaceStaticPoints(uint32_t seed, const WaveVolume& volume, Target* target) {
+  const Eigen::Vector3d middle = MiddleOf(target->points);
+  for (size_t i = 0; i < target->points.size(); ++i) {
+    TargetPoint& point = target->points[i];
+    RandomStream random{seed, kStaticPurpose, i};
+    Eigen::Vector3d place = volume.centre_m + PositionOf(point) - middle;
+    if (!target->is_surveyed) {
+      for (int axis = 0; axis < 3; ++axis) {
+        place[axis] = volume.centre_m[axis] + volume.half_extent_m[axis] * random.Uniform(-1, 1);
+      }
+    }
+    point.x_m = place.x(), point.y_m = place.y(), point.z_m = place.z();
+  }
+}
 
 }  // namespace
 
@@ -67,6 +92,9 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
       *value += options.length_sigma_m * random.Gaussian();
     }
   }
+  if (target.IsStatic()) {
+    PlaceStaticPoints(options.seed, MakeWaveVolume(options), &world.true_target_);
+  }
   if (const absl::Status valid = world.true_target_.Validate(); !valid.ok()) {
     return absl::InvalidArgumentError(absl::StrCat(
         "a length_error of ", options.length_error_m, " m and a length_sigma of ",
@@ -79,26 +107,20 @@ absl::StatusOr<SimulatedWorld> SimulatedWorld::Create(const SimulationOptions& o
 }
 
 WandPose SimulatedWorld::WandAt(double rig_time_s) const {
+  if (true_target_.IsStatic()) return {Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitX()};
   const Eigen::Vector3d direction = trajectory_.Direction(rig_time_s);
   if (true_target_.kind == TargetKind::kRigid) {
     const Eigen::Quaterniond rotation = trajectory_.Rotation(rig_time_s);
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-    for (const TargetPoint& point : true_target_.points) {
-      middle += Eigen::Vector3d(point.x_m, point.y_m, point.z_m);
-    }
-    middle /= static_cast<double>(true_target_.points.size());
-    return {trajectory_.Middle(rig_time_s) - rotation * middle, direction, rotation};
+    return {trajectory_.Middle(rig_time_s) - rotation * MiddleOf(true_target_.points), direction,
+            rotation};
   }
   const double length_m = true_target_.marker_positions_m.back();
   return {trajectory_.Middle(rig_time_s) - 0.5 * length_m * direction, direction};
 }
 
 Eigen::Vector3d SimulatedWorld::MarkerAt(const WandPose& wand, size_t marker) const {
-  if (true_target_.kind != TargetKind::kRigid) {
-    return wand.At(true_target_.marker_positions_m[marker]);
-  }
-  const TargetPoint& point = true_target_.points[marker];
-  return wand.origin_m + wand.rotation * Eigen::Vector3d(point.x_m, point.y_m, point.z_m);
+  if (true_target_.IsLine()) return wand.At(true_target_.marker_positions_m[marker]);
+  return wand.origin_m + wand.rotation * PositionOf(true_target_.points[marker]);
 }
 
 int SimulatedWorld::FrameCount(int camera) const {
@@ -199,7 +221,7 @@ Observation SimulatedWorld::ObserveMoving(int camera, int index, const MovingWan
     marker.centre_kind = CentreKind::kSphereCentre;
     outliers[m] = outlier;
   }
-  if (swapped && true_target_.kind != TargetKind::kRigid) {  // which has no other end
+  if (swapped && true_target_.IsLine()) {  // others have no other end
     std::reverse(observation.markers.begin(), observation.markers.end());
     std::reverse(outliers.begin(), outliers.end());
   }

@@ -58,8 +58,9 @@ class SimulatedWorld {
                                                const Target& target);
 
   const SimulationOptions& options() const { return options_; }
-  const Target& target() const { return target_; }            // as given to the solver
-  const Target& true_target() const { return true_target_; }  // with its errors of length
+  const Target& target() const { return target_; }  // as given to the solver
+  // With its errors of length; static points where they are in the world.
+  const Target& true_target() const { return true_target_; }
   const std::vector<SimulatedCamera>& cameras() const { return cameras_; }
 
   // Smooth, with continuous acceleration.

@@ -217,12 +217,15 @@ void ConstrainTarget(const BundleTarget& target, ParameterBlocks* blocks,
     if (target.fixed) ceres_problem->SetParameterBlockConstant(blocks->position(m));
   }
   if (target.fixed || count == 0) return;
-  ceres_problem->SetParameterBlockConstant(blocks->position(0));
-  for (size_t m = 1; m < count; ++m) {
-    const double span_m = target.given_positions_m[m] - target.given_positions_m[m - 1];
-    ceres_problem->AddResidualBlock(new ceres::AutoDiffCostFunction<SpanPrior, 1, 1, 1>(
-                                        new SpanPrior{span_m, target.span_sigma_m}),
-                                    nullptr, blocks->position(m - 1), blocks->position(m));
+  for (const BundleWand& wand : target.Wands()) {
+    const auto first = static_cast<size_t>(wand.first), end = static_cast<size_t>(wand.end);
+    ceres_problem->SetParameterBlockConstant(blocks->position(first));
+    for (size_t m = first + 1; m < end; ++m) {
+      const double span_m = target.given_positions_m[m] - target.given_positions_m[m - 1];
+      ceres_problem->AddResidualBlock(new ceres::AutoDiffCostFunction<SpanPrior, 1, 1, 1>(
+                                          new SpanPrior{span_m, wand.span_sigma_m}),
+                                      nullptr, blocks->position(m - 1), blocks->position(m));
+    }
   }
 }
 

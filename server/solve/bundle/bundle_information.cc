@@ -17,11 +17,14 @@ namespace rigcal::server {
 namespace {
 
 constexpr int kMaxPoseSize = 6;
+using PoseBlock = Eigen::Matrix<double, kMaxPoseSize, kMaxPoseSize>;
+using PoseVector = Eigen::Matrix<double, kMaxPoseSize, 1>;
 
 // Derivatives of a whitened residual: by columns of the reduced system, and by the instant's pose.
 struct MarkerDerivatives {
   std::vector<std::pair<int, Eigen::Vector2d>> reduced;
   Eigen::Matrix<double, 2, kMaxPoseSize> pose;
+  Eigen::Vector2d residual;
 };
 
 class InformationSum {
@@ -32,6 +35,7 @@ class InformationSum {
     const int size = layout_.column_count();
     matrix_ = Eigen::MatrixXd::Zero(size, size);
     coupling_ = Eigen::MatrixXd::Zero(size, kMaxPoseSize);
+    gradient_ = Eigen::VectorXd::Zero(size);
   }
 
   absl::StatusOr<ReducedInformation> Compute() {
@@ -45,7 +49,7 @@ class InformationSum {
     return ReducedInformation{
         .parameters = layout_.parameters,
         .information = matrix_.selfadjointView<Eigen::Lower>(),
-        .gradient = {},  // only of straight targets: see block_scatter.cc
+        .gradient = gradient_,
     };
   }
 
@@ -75,8 +79,9 @@ class InformationSum {
 
   absl::Status AddInstant(const BundleInstant& instant) {
     const int pose_size = instant.is_point ? 3 : instant.is_rigid ? 6 : 5;
-    Eigen::Matrix<double, kMaxPoseSize, kMaxPoseSize> own;
+    PoseBlock own;
     own.setZero();
+    PoseVector own_gradient = PoseVector::Zero();
     touched_.clear();
     absl::Status status;
     ForEachUsedMarker(
@@ -90,8 +95,10 @@ class InformationSum {
             return;
           }
           own += weight * marker_.pose.transpose() * marker_.pose;
+          own_gradient += weight * marker_.pose.transpose() * marker_.residual;
           for (const auto& [i, d_i] : marker_.reduced) {
             coupling_.row(i) += weight * d_i.transpose() * marker_.pose;
+            gradient_[i] += weight * d_i.dot(marker_.residual);
             touched_.push_back(i);
             for (const auto& [j, d_j] : marker_.reduced) {
               if (j <= i) matrix_(i, j) += weight * d_i.dot(d_j);
@@ -101,11 +108,10 @@ class InformationSum {
     RIGCAL_RETURN_IF_ERROR(status);
     std::ranges::sort(touched_);
     touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
-    return Eliminate(own, pose_size);
+    return Eliminate(own, own_gradient, pose_size);
   }
 
-  absl::Status Eliminate(const Eigen::Matrix<double, kMaxPoseSize, kMaxPoseSize>& own,
-                         int pose_size) {
+  absl::Status Eliminate(const PoseBlock& own, const PoseVector& own_gradient, int pose_size) {
     if (touched_.empty()) return absl::OkStatus();
     const Eigen::LLT<Eigen::MatrixXd> factor(own.topLeftCorner(pose_size, pose_size));
     if (factor.info() != Eigen::Success) {
@@ -120,7 +126,9 @@ class InformationSum {
       coupling_.row(column).setZero();
     }
     factor.matrixL().solveInPlace(rows);
+    const Eigen::VectorXd pose_gradient = factor.matrixL().solve(own_gradient.head(pose_size));
     for (Eigen::Index j = 0; j < count; ++j) {
+      gradient_[touched_[static_cast<size_t>(j)]] -= rows.col(j).dot(pose_gradient);
       for (Eigen::Index i = j; i < count; ++i) {
         matrix_(touched_[static_cast<size_t>(i)], touched_[static_cast<size_t>(j)]) -=
             rows.col(i).dot(rows.col(j));
@@ -143,10 +151,10 @@ class InformationSum {
       return false;
     }
     const Eigen::Matrix2d root = marker.sqrt_information;
-    const Eigen::Vector2d residual =
-        root * (pixel - CentreAtInstantPx(problem_, observation, marker));
+    marker_.residual = root * (pixel - CentreAtInstantPx(problem_, observation, marker));
     if (options_.robust) {
-      *weight = 1 / (1 + residual.squaredNorm() / (options_.loss_scale * options_.loss_scale));
+      *weight =
+          1 / (1 + marker_.residual.squaredNorm() / (options_.loss_scale * options_.loss_scale));
     }
     d_point = root * d_point;
     const Eigen::Matrix<double, 2, 3> d_rig =
@@ -253,6 +261,7 @@ class InformationSum {
   LineBundleLayout layout_;
   std::vector<int> point_column_;  // by point of the rigid target, -1: none
   Eigen::MatrixXd matrix_;         // lower triangle
+  Eigen::VectorXd gradient_;       // without that of the priors
   Eigen::MatrixXd coupling_;       // of an instant's pose, by column; zero in between
   std::vector<int> touched_;       // columns of an instant
   MarkerDerivatives marker_;

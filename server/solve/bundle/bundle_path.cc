@@ -6,7 +6,9 @@
 
 namespace rigcal::server {
 
-bool NeedsGeneralPath(const BundleProblem& problem) { return problem.HasRigidTarget(); }
+bool NeedsGeneralPath(const BundleProblem& problem) {
+  return problem.HasRigidTarget() || problem.HasSeveralWands();
+}
 
 absl::StatusOr<BundleSummary> AdjustBundle(const BundleOptions& options, BundleProblem* problem) {
   return NeedsGeneralPath(*problem) ? SolveBundle(options, problem)

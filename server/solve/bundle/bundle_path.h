@@ -7,7 +7,7 @@
 
 namespace rigcal::server {
 
-// The line kernel (line_bundle.h) is for a line or a point; the general path (bundle_adjuster.h)
+// The line kernel (line_bundle.h) is for one wand or a point; the general path (bundle_adjuster.h)
 // for everything else.
 bool NeedsGeneralPath(const BundleProblem& problem);
 

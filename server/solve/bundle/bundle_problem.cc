@@ -92,6 +92,17 @@ absl::Status ValidateInstant(const BundleProblem& problem, size_t index) {
 
 }  // namespace
 
+std::vector<BundleWand> BundleTarget::Wands() const {
+  return wands.empty() ? std::vector<BundleWand>{WandOf(0)} : wands;
+}
+
+BundleWand BundleTarget::WandOf(int marker) const {
+  for (const BundleWand& wand : wands) {
+    if (marker >= wand.first && marker < wand.end) return wand;
+  }
+  return {0, static_cast<int>(marker_positions_m.size()), span_sigma_m};
+}
+
 std::vector<std::pair<int, int>> BundleRigidTarget::Parts() const {
   std::vector<std::pair<int, int>> parts;
   for (const int first : first_points) {

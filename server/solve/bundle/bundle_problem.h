@@ -70,12 +70,30 @@ struct BundleClock {
   double rate_sigma = 0;
 };
 
+// One wand of a line target: its markers from the first to behind the last.
+struct BundleWand {
+  int first = 0, end = 0;
+  double span_sigma_m = 0.002;  // prior of each span between neighbours when estimated
+
+  int Mirrored(int marker) const { return first + end - 1 - marker; }
+};
+
+// Sigma of the first marker of a further wand where the information has a row for it: it is held,
+// because where a wand begins is a matter of its poses.
+inline constexpr double kHeldMarkerSigmaM = 1e-6;
+
+// It may be several wands that never show together: an instant shows one of them.
 struct BundleTarget {
-  std::vector<double> marker_positions_m;  // along the target; the first is 0 and never moves
+  // Along the target; the first of each wand is 0 and never moves.
+  std::vector<double> marker_positions_m;
   bool fixed = true;
   // Prior of each span between neighbours when estimated: normal around the given span.
   std::vector<double> given_positions_m;
   double span_sigma_m = 0.002;
+  std::vector<BundleWand> wands;  // one after the other; empty: it is one, with span_sigma_m
+
+  std::vector<BundleWand> Wands() const;
+  BundleWand WandOf(int marker) const;
 };
 
 // A rigid target: labelled points in a frame `target` of their own. Only bundle_adjuster.h solves
@@ -124,7 +142,7 @@ struct BundleDistance {
   double sigma_m = 1e-4;
 };
 
-// The target at one time: marker m is at origin_m + marker_positions_m[m] * direction; of a rigid
+// A target at one time: marker m is at origin_m + marker_positions_m[m] * direction; of a rigid
 // target at origin_m + rotation * points_m[m].
 struct BundleInstant {
   using Quaternion = Eigen::Quaternion<double, Eigen::DontAlign>;
@@ -192,6 +210,7 @@ struct BundleProblem {
   // One marker alone: it has no lengths.
   bool IsPoint() const { return MarkerCount() == 1; }
   bool HasRigidTarget() const { return !rigid_target.points_m.empty(); }
+  bool HasSeveralWands() const { return target.wands.size() > 1; }
   // Any instant shows a part of the rigid target whose pose one view gives.
   bool HasBody() const {
     return std::ranges::any_of(instants, [](const BundleInstant& instant) {

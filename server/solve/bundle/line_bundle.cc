@@ -49,6 +49,10 @@ absl::Status CheckInput(const BundleOptions& options, const BundleProblem& probl
     return absl::InvalidArgumentError(
         "bundle adjustment: the line kernel cannot solve a rigid target");
   }
+  if (problem.HasSeveralWands() && !target.fixed) {
+    return absl::InvalidArgumentError(
+        "bundle adjustment: the line kernel cannot estimate several wands");
+  }
   if (target.marker_positions_m.size() > kMaxLineMarkers) {
     return absl::InvalidArgumentError(
         absl::StrCat("bundle adjustment: the target has ", target.marker_positions_m.size(),

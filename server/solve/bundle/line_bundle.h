@@ -50,7 +50,7 @@ struct ReducedParameter {
 struct ReducedInformation {
   std::vector<ReducedParameter> parameters;  // free ones; those that no used marker touches are not
   Eigen::MatrixXd information;               // symmetric; its inverse is their covariance
-  Eigen::VectorXd gradient;                  // of the cost; empty on the general path
+  Eigen::VectorXd gradient;                  // of the cost; on the general path without the priors
 };
 
 // The information about everything but the instants at the problem's present estimates: the

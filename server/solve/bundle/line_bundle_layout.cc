@@ -79,10 +79,15 @@ void AppendTarget(const BundleTarget& target, LineBundleLayout* layout) {
   layout->spacing_column = layout->column_count();
   for (int m = 1; m < count; ++m) {
     const int column = Append({ReducedParameterKind::kMarkerPosition, m, 0}, layout);
+    const BundleWand wand = target.WandOf(m);
+    if (m == wand.first) {
+      layout->priors.push_back({column, -1, 0, 1 / kHeldMarkerSigmaM});
+      continue;
+    }
     const auto at = static_cast<size_t>(m);
     double mean = target.given_positions_m[at] - target.given_positions_m[at - 1];
     if (m == 1) mean += target.marker_positions_m[0];
-    layout->priors.push_back({column, m == 1 ? -1 : column - 1, mean, 1 / target.span_sigma_m});
+    layout->priors.push_back({column, m == 1 ? -1 : column - 1, mean, 1 / wand.span_sigma_m});
   }
 }
 

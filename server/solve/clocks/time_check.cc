@@ -83,7 +83,7 @@ std::vector<TimedPoint> PointsWithout(const RigObservations& rig, const RigSolut
     const auto time_ns = static_cast<double>(solution.built.instant_time_ns[i] - origin_ns);
     for (int m = 0; m < part.target.marker_count(); ++m) {
       const auto point =
-          PointWithout(problem, intrinsics, problem.instants[i], part.first_point + m, clock);
+          PointWithout(problem, intrinsics, problem.instants[i], part.first_marker + m, clock);
       if (point) points.push_back({m, 1e-9 * time_ns, *point});
     }
   }

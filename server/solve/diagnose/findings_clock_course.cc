@@ -57,7 +57,8 @@ void MoveMarkers(const CauseInput& input, const ClockCourse& course, TrialProble
         continue;
       }
       for (BundleMarker& marker : problem.MarkersOf(observation)) {
-        const RayPath& path = course.paths.markers[static_cast<size_t>(marker.marker)];
+        const int label = marker.marker - problem.target.WandOf(marker.marker).first;
+        const RayPath& path = course.paths.markers[static_cast<size_t>(label)];
         const auto pixel = [&](double at_s) -> std::optional<Eigen::Vector2d> {
           const auto ray = At(path, at_s, course.paths.gap_s);
           Eigen::Vector2d seen_px;

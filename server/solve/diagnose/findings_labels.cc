@@ -23,9 +23,8 @@ bool IsFit(const BundleProblem& problem, const BundleObservation& observation) {
 // The observation's markers fit with flipped labels, and do not as they are.
 bool FitsFlipped(const BundleProblem& problem, const BundleInstant& instant,
                  const BundleObservation& observation, double limit) {
-  const int last = static_cast<int>(problem.target.marker_positions_m.size()) - 1;
   const auto fits = [&](BundleMarker marker) {
-    marker.marker = last - marker.marker;
+    marker.marker = problem.target.WandOf(marker.marker).Mirrored(marker.marker);
     const auto residual = MarkerResidualPx(problem, instant, observation, marker);
     return residual && (marker.sqrt_information * *residual).norm() <= limit;
   };

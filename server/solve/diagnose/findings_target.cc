@@ -35,26 +35,49 @@ double LengthByTheOthers(const std::vector<double>& given_m, const std::vector<d
   return found_m[span] * product / square;
 }
 
-// Beside a rigid target, which has a scale of its own, every span is measured by itself; that the
-// two do not go together is all that the images say.
-std::vector<Cause> WandAgainstBody(const BundleTarget& target, const std::vector<double>& given_m,
-                                   const std::vector<double>& found_m) {
-  double chi2 = 0;
-  size_t worst = 0;
-  const auto error_m = [&](size_t s) { return found_m[s] - given_m[s]; };
-  for (size_t s = 0; s < given_m.size(); ++s) {
-    chi2 += std::pow(error_m(s) / target.span_sigma_m, 2);
-    if (std::abs(error_m(s)) > std::abs(error_m(worst))) worst = s;
+// A span of one of the wands.
+struct WandSpan {
+  size_t wand = 0, span = 0;
+  double given_m = 0, found_m = 0, sigma_m = 0;
+
+  double ErrorM() const { return found_m - given_m; }
+};
+
+std::vector<WandSpan> SpansOfWands(const BundleTarget& target) {
+  std::vector<WandSpan> spans;
+  const std::vector<BundleWand> wands = target.Wands();
+  for (size_t w = 0; w < wands.size(); ++w) {
+    for (auto m = static_cast<size_t>(wands[w].first) + 1; m < static_cast<size_t>(wands[w].end);
+         ++m) {
+      spans.push_back({w, m - static_cast<size_t>(wands[w].first),
+                       target.given_positions_m[m] - target.given_positions_m[m - 1],
+                       target.marker_positions_m[m] - target.marker_positions_m[m - 1],
+                       wands[w].span_sigma_m});
+    }
   }
-  if (!(std::sqrt(chi2) > kTargetSigmas)) return {};
-  return {{{FindingKind::kWrongWandLength, "", 1e3 * error_m(worst), "mm",
+  return spans;
+}
+
+// Beside another target with a scale of its own, every span is measured by itself; that they do not
+// go together is all that the images say.
+std::vector<Cause> WandAgainstOthers(const BundleProblem& problem) {
+  const std::vector<WandSpan> spans = SpansOfWands(problem.target);
+  double chi2 = 0;
+  for (const WandSpan& span : spans) chi2 += std::pow(span.ErrorM() / span.sigma_m, 2);
+  if (spans.empty() || !(std::sqrt(chi2) > kTargetSigmas)) return {};
+  const WandSpan& worst = *std::ranges::max_element(
+      spans, {}, [](const WandSpan& span) { return std::abs(span.ErrorM()); });
+  const std::string wand =
+      problem.HasSeveralWands() ? absl::StrCat("wand ", worst.wand + 1) : "the wand";
+  const std::string others = problem.HasBody() ? "the rigid target" : "the other wand";
+  return {{{FindingKind::kWrongWandLength, "", 1e3 * worst.ErrorM(), "mm",
             absl::StrFormat(
-                "the wand and the rigid target contradict each other: beside it span %d of the "
-                "wand is %.1f mm long, not %.1f mm (tolerance %.1f mm). The images do not say "
-                "which of them is wrong. Measure the wand's spans from centre to centre and the "
-                "rigid target's points again, give them again and calibrate again",
-                static_cast<int>(worst) + 1, 1e3 * found_m[worst], 1e3 * given_m[worst],
-                1e3 * target.span_sigma_m)},
+                "%s and %s contradict each other: beside it span %d of the wand is %.1f mm long, "
+                "not %.1f mm (tolerance %.1f mm). The images do not say which of them is wrong. "
+                "Measure the spans of every wand from centre to centre and the points of a rigid "
+                "target again, give them again and calibrate again",
+                wand, others, static_cast<int>(worst.span), 1e3 * worst.found_m,
+                1e3 * worst.given_m, 1e3 * worst.sigma_m)},
            0}};
 }
 
@@ -65,7 +88,8 @@ std::vector<Cause> FindWrongWandLength(const CauseInput& input) {
   BundleProblem problem = trial.problem;
   const std::vector<double> given_m = Spans(problem.target.given_positions_m);
   // One span is the scale itself: nothing else tells it from what it should be.
-  if (given_m.empty() || (given_m.size() < 2 && !problem.HasBody())) return {};
+  const bool has_others = problem.HasBody() || problem.HasSeveralWands();
+  if (given_m.empty() || (given_m.size() < 2 && !has_others)) return {};
   ErrorChange change;
   if (problem.target.fixed) {
     problem.target.fixed = false;
@@ -79,7 +103,7 @@ std::vector<Cause> FindWrongWandLength(const CauseInput& input) {
       change = Overall(CompareErrors(as_given, problem));
   }
   const std::vector<double> found_m = Spans(problem.target.marker_positions_m);
-  if (problem.HasBody()) return WandAgainstBody(problem.target, given_m, found_m);
+  if (has_others) return WandAgainstOthers(problem);
   const double tolerance_m = problem.target.span_sigma_m;
   double chi2 = 0;
   size_t worst = 0;

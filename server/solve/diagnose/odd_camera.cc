@@ -92,6 +92,8 @@ double BestResectionPx(const std::vector<TimedMarker>& points, const TrackPaths&
   for (int i = -steps; i <= steps; ++i) {
     std::vector<PointAndRay> sights;
     for (const TimedMarker& point : points) {
+      // Of another session's wand.
+      if (static_cast<size_t>(point.marker) >= paths.markers.size()) continue;
       const double time_s = 1e-9 * static_cast<double>(point.rig_time_ns - origin_ns);
       const auto ray =
           At(paths.markers[static_cast<size_t>(point.marker)], time_s - i * kOddStepS, paths.gap_s);
@@ -124,8 +126,11 @@ OddCamera Judge(const RigObservations& own, const std::vector<ClockCorrection>& 
   for (size_t t = 0; t < own.tracks.size(); ++t) {
     const CameraDescription& description =
         own.index.cameras[static_cast<size_t>(own.index.camera_of_track[t])];
-    // The points are of a line target alone.
-    if (description.camera != camera || parts.Of(own.tracks[t].track.session_id).is_rigid) continue;
+    // The points are of a line target alone, and followed through time.
+    if (description.camera != camera || own.tracks[t].is_static ||
+        parts.Of(own.tracks[t].track.session_id).is_rigid) {
+      continue;
+    }
     judged = true;
     const TrackPaths paths =
         PathsOf(own.tracks[t], times[t], origin_ns, own.TargetOf(t).marker_count());

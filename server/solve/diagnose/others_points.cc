@@ -53,7 +53,8 @@ std::vector<TimedMarker> MarkersSeenBy(
         agree = agree && RayError(views[v], *point) * focal_px[v] < kOthersAgreePx;
       }
       if (agree) {
-        points.push_back({static_cast<int>(m), instant_time_ns[i], *point});
+        const int label = static_cast<int>(m) - problem.target.WandOf(static_cast<int>(m)).first;
+        points.push_back({label, instant_time_ns[i], *point});
       }
     }
   }

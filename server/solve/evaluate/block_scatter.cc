@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "server/solve/bundle/bundle_path.h"
+
 namespace rigcal::server {
 namespace {
 
@@ -38,6 +40,11 @@ BundleProblem Slice(const BundleProblem& problem, size_t first, size_t last) {
   for (BundleClock& clock : slice.clocks) clock.offset_sigma_s = clock.rate_sigma = 0;
   slice.target = problem.target;
   slice.target.span_sigma_m = kNoPrior;
+  for (BundleWand& wand : slice.target.wands) wand.span_sigma_m = kNoPrior;
+  slice.rigid_target = problem.rigid_target;
+  for (double& sigma_m : slice.rigid_target.sigma_m) {
+    if (sigma_m > 0) sigma_m = kNoPrior;
+  }
   for (size_t i = first; i < last; ++i) {
     BundleInstant instant = problem.instants[i];
     if (!instant.used) continue;
@@ -57,7 +64,7 @@ BundleProblem Slice(const BundleProblem& problem, size_t first, size_t last) {
 std::optional<BlockInformation> Inform(const BundleOptions& options, const BundleProblem& slice,
                                        const std::vector<ReducedParameter>& parameters) {
   if (slice.instants.empty()) return std::nullopt;
-  const auto own = ComputeReducedInformation(options, slice);
+  const auto own = ComputeInformation(options, slice);
   if (!own.ok() || own->gradient.size() != own->information.rows()) return std::nullopt;
   std::vector<Eigen::Index> rows;
   for (const ReducedParameter& parameter : own->parameters) {
@@ -141,8 +148,8 @@ void BlockScatterSum::Add(const BlockInformation& block) {
   const auto lower = lower_.triangularView<Eigen::Lower>();
   const auto upper = lower_.transpose().triangularView<Eigen::Upper>();
   const Eigen::MatrixXd information = units_.asDiagonal() * block.information * units_.asDiagonal();
-  const Eigen::VectorXd score = upper * units_.cwiseProduct(block.score) /
-                                (loss_.slope * std::sqrt(loss_.variance));
+  const Eigen::VectorXd score =
+      upper * units_.cwiseProduct(block.score) / (loss_.slope * std::sqrt(loss_.variance));
   const auto product = [&](const Eigen::VectorXd& v) -> Eigen::VectorXd {
     return upper * (information * (lower * v).eval()).eval();
   };
@@ -169,8 +176,7 @@ BlockScatter MeasureBlockScatter(const BuiltProblem& built, const BundleOptions&
                                  const std::vector<ReducedParameter>& parameters,
                                  const Eigen::MatrixXd& covariance, const LossFactors& loss) {
   const std::vector<size_t> cuts = CutIntoBlocks(built);
-  // The line kernel's scores are of a line target alone.
-  if (cuts.size() <= kMinScatterBlocks || built.problem.HasRigidTarget()) return {};
+  if (cuts.size() <= kMinScatterBlocks) return {};
   BlockScatterSum sum(covariance, loss);
   for (size_t b = 0; b + 1 < cuts.size(); ++b) {
     const auto block = Inform(options, Slice(built.problem, cuts[b], cuts[b + 1]), parameters);

@@ -2,8 +2,10 @@
 #include "server/solve/evaluate/path_choice.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_path.h"
 
 namespace rigcal::server {
 namespace {
@@ -21,7 +23,8 @@ bool TriesPath(const RigObservations& rig, const RigSolveOptions& options,
                const RigSolution& solution, TrajectoryChoice choice) {
   if (choice != TrajectoryChoice::kAuto) return choice == TrajectoryChoice::kSpline;
   const BundleProblem& problem = solution.built.problem;
-  if (problem.HasRigidTarget() || problem.cameras.size() > kMaxPathCameras ||
+  if (std::ranges::any_of(rig.tracks, &AlignedTrack::is_static)) return false;
+  if (NeedsGeneralPath(problem) || problem.cameras.size() > kMaxPathCameras ||
       problem.markers.size() > (problem.IsPoint() ? kMaxPathPoints : kMaxPathMarkers)) {
     return false;
   }

@@ -27,6 +27,31 @@ constexpr int64_t kPathBlockNs = 2'000'000'000;
 
 double InverseSquare(double sigma) { return sigma > 0 ? 1 / (sigma * sigma) : 0; }
 
+// Of the spans between the markers of wands.
+void AddSpanPriors(const BundleTarget& target, const std::vector<ReducedParameter>& parameters,
+                   Eigen::MatrixXd* prior) {
+  const auto row_of = [&parameters](int marker) -> Eigen::Index {
+    const ReducedParameter wanted = {ReducedParameterKind::kMarkerPosition, marker, 0};
+    const auto found = std::find(parameters.begin(), parameters.end(), wanted);
+    return found == parameters.end() ? -1 : found - parameters.begin();
+  };
+  for (const BundleWand& wand : target.Wands()) {
+    Eigen::Index before = row_of(wand.first);
+    if (before >= 0) (*prior)(before, before) += InverseSquare(kHeldMarkerSigmaM);
+    for (int m = wand.first + 1; m < wand.end; ++m) {
+      const Eigen::Index own = row_of(m);
+      if (own < 0) return;
+      const double weight = InverseSquare(wand.span_sigma_m);
+      (*prior)(own, own) += weight;
+      if (before >= 0) {
+        (*prior)(before, before) += weight;
+        (*prior)(own, before) = (*prior)(before, own) = -weight;
+      }
+      before = own;
+    }
+  }
+}
+
 // The priors' part of the information.
 Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
                                  const std::vector<ReducedParameter>& parameters) {
@@ -48,18 +73,6 @@ Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
       case ReducedParameterKind::kTimeRate:
         prior(i, i) = InverseSquare(problem.clocks[index].rate_sigma);
         break;
-      case ReducedParameterKind::kMarkerPosition: {
-        const double weight = InverseSquare(problem.target.span_sigma_m);
-        const bool last = index + 1 == problem.target.marker_positions_m.size();
-        prior(i, i) = last ? weight : 2 * weight;
-        for (Eigen::Index j = 0; j < size; ++j) {
-          const ReducedParameter& other = parameters[static_cast<size_t>(j)];
-          if (other.kind == parameter.kind && std::abs(other.index - parameter.index) == 1) {
-            prior(i, j) = -weight;
-          }
-        }
-        break;
-      }
       case ReducedParameterKind::kTargetPoint:
         prior(i, i) = InverseSquare(problem.rigid_target.sigma_m[index]);
         break;
@@ -67,6 +80,7 @@ Eigen::MatrixXd PriorInformation(const BundleProblem& problem,
         break;
     }
   }
+  AddSpanPriors(problem.target, parameters, &prior);
   return prior;
 }
 
@@ -299,20 +313,29 @@ std::optional<TargetScale> RigidScale(const BundleProblem& problem, const RigUnc
   return scale;
 }
 
-// None: there is no wand.
-std::optional<TargetScale> LineScale(const BundleProblem& problem, const RigUncertainty& rig) {
-  const std::vector<double>& positions = problem.target.marker_positions_m;
-  if (positions.size() < 2) return std::nullopt;
-  const int last = static_cast<int>(positions.size()) - 1;
+// Of one wand.
+TargetScale WandScale(const BundleTarget& target, const BundleWand& wand,
+                      const RigUncertainty& rig) {
+  const double length_m = target.marker_positions_m[static_cast<size_t>(wand.end) - 1];
   TargetScale scale{Eigen::VectorXd::Zero(rig.covariance.rows())};
-  const Eigen::Index row = rig.Row({ReducedParameterKind::kMarkerPosition, last, 0});
+  const Eigen::Index row = rig.Row({ReducedParameterKind::kMarkerPosition, wand.end - 1, 0});
   if (row >= 0) {
-    scale.gradient[row] = 1 / positions.back();
+    scale.gradient[row] = 1 / length_m;
   } else {
     // Not estimated: the tolerance of the spans is all that is known.
-    scale.given_variance = last * std::pow(problem.target.span_sigma_m / positions.back(), 2);
+    scale.given_variance = (wand.end - wand.first - 1) * std::pow(wand.span_sigma_m / length_m, 2);
   }
   return scale;
+}
+
+// Of every target that has lengths.
+std::vector<TargetScale> ScalesOf(const BundleProblem& problem, const RigUncertainty& rig) {
+  std::vector<TargetScale> scales;
+  if (auto rigid = RigidScale(problem, rig)) scales.push_back(*std::move(rigid));
+  for (const BundleWand& wand : problem.target.Wands()) {
+    if (wand.end - wand.first > 1) scales.push_back(WandScale(problem.target, wand, rig));
+  }
+  return scales;
 }
 
 void DescribeMarkerPositions(const BundleProblem& problem, RigUncertainty* rig) {
@@ -326,11 +349,11 @@ void DescribeMarkerPositions(const BundleProblem& problem, RigUncertainty* rig) 
 void DescribeScale(const BundleProblem& problem, RigUncertainty* rig) {
   rig->shape_covariance = rig->covariance;
   DescribeMarkerPositions(problem, rig);
-  // Where both are estimated they agree; else the one that is known better.
-  std::optional<TargetScale> scale = RigidScale(problem, *rig);
-  const std::optional<TargetScale> line = LineScale(problem, *rig);
-  if (!scale || (line && line->Variance(*rig) < scale->Variance(*rig))) scale = line;
-  if (!scale) return;
+  // Those that are estimated agree; of others the one that is known best counts.
+  const std::vector<TargetScale> scales = ScalesOf(problem, *rig);
+  const auto scale = std::ranges::min_element(
+      scales, {}, [rig](const TargetScale& one) { return one.Variance(*rig); });
+  if (scale == scales.end()) return;
   rig->scale_sigma_rel = std::sqrt(scale->Variance(*rig));
   const Eigen::VectorXd column = rig->covariance * scale->gradient;
   const double variance = scale->gradient.dot(column);

@@ -27,17 +27,15 @@ class LabelContest {
   LabelContest(const BundleProblem& problem, const std::vector<int64_t>& instant_time_ns)
       : problem_(problem),
         instant_time_ns_(instant_time_ns),
-        last_label_(static_cast<int>(problem.target.marker_positions_m.size()) - 1),
         has_pose_(problem.cameras.size(), true),
         intrinsics_(CurrentIntrinsics(problem)),
         limits_(OutlierLimits(problem)) {}
 
   std::vector<int> Run() {
     std::vector<int> flipped;
-    if (last_label_ < 1) return flipped;  // one marker has one order
     for (size_t i = 0; i < problem_.instants.size(); ++i) {
       const BundleInstant& instant = problem_.instants[i];
-      if (instant.is_rigid) continue;  // it has no other end
+      if (instant.is_rigid || !HasTwoEnds(instant)) continue;
       std::vector<int> found;
       if (instant.used) found = AgainstTheOthers(instant);
       if (found.empty() && IsAgainstItsNeighbours(i)) found = AllIfMirrored(instant);
@@ -51,13 +49,28 @@ class LabelContest {
   }
 
  private:
+  // The wand that the instant shows.
+  BundleWand WandOf(const BundleInstant& instant) const {
+    for (const BundleObservation& observation : problem_.ObservationsOf(instant)) {
+      for (const BundleMarker& marker : problem_.MarkersOf(observation)) {
+        return problem_.target.WandOf(marker.marker);
+      }
+    }
+    return {};
+  }
+  // One marker has one order.
+  bool HasTwoEnds(const BundleInstant& instant) const {
+    const BundleWand wand = WandOf(instant);
+    return wand.end - wand.first > 1;
+  }
+
   // `pose` is the instant's, or one to be tried.
   double Score(const BundleInstant& pose, int index, bool flipped) const {
     const BundleObservation& observation = problem_.observations[static_cast<size_t>(index)];
     const double limit = limits_[static_cast<size_t>(observation.camera)];
     double score = 0;
     for (BundleMarker marker : problem_.MarkersOf(observation)) {
-      if (flipped) marker.marker = last_label_ - marker.marker;
+      if (flipped) marker.marker = problem_.target.WandOf(marker.marker).Mirrored(marker.marker);
       const auto residual = MarkerResidualPx(problem_, pose, observation, marker);
       const double share =
           residual ? (marker.sqrt_information * *residual).squaredNorm() / (limit * limit) : 1;
@@ -105,7 +118,8 @@ class LabelContest {
   // All observations of the instant, where they fit the target flipped about its middle as well.
   std::vector<int> AllIfMirrored(const BundleInstant& instant) const {
     BundleInstant mirrored = instant;
-    mirrored.origin_m += problem_.target.marker_positions_m.back() * instant.direction;
+    const auto last = static_cast<size_t>(WandOf(instant).end) - 1;
+    mirrored.origin_m += problem_.target.marker_positions_m[last] * instant.direction;
     mirrored.direction = -instant.direction;
     std::vector<int> all;
     for (int o = 0; o < instant.observation_count; ++o) {
@@ -176,7 +190,6 @@ class LabelContest {
 
   const BundleProblem& problem_;
   const std::vector<int64_t>& instant_time_ns_;
-  const int last_label_;
   const std::vector<bool> has_pose_;
   const std::vector<Intrinsics> intrinsics_;
   const std::vector<double> limits_;  // by camera
@@ -191,9 +204,8 @@ std::vector<int> FindFlippedLabels(const BundleProblem& problem,
 
 void FlipLabels(int observation, BundleProblem* problem) {
   const BundleObservation& entry = problem->observations[static_cast<size_t>(observation)];
-  const int last_label = static_cast<int>(problem->target.marker_positions_m.size()) - 1;
   for (BundleMarker& marker : problem->MarkersOf(entry)) {
-    marker.marker = last_label - marker.marker;
+    marker.marker = problem->target.WandOf(marker.marker).Mirrored(marker.marker);
     marker.used = true;
   }
 }

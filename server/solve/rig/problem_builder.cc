@@ -14,7 +14,7 @@ namespace {
 
 void AddMember(const AlignedTrack& track, const ImageMotion& motion,
                const ClockCorrection& correction, const Instant& instant,
-               const InstantMember& member, int first_point, double sigma_px,
+               const InstantMember& member, int first_marker, double sigma_px,
                MotionWeightsMemory* memory, BuiltProblem* built) {
   const ObservationTable& rows = track.track.observations;
   const auto row = static_cast<size_t>(member.observation);
@@ -29,7 +29,7 @@ void AddMember(const AlignedTrack& track, const ImageMotion& motion,
     MarkerMotion moved = motion.At(member.observation, static_cast<int>(label), shift_s, memory);
     if (sigma_px > 0) moved.covariance_px2 = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     BundleMarker marker;
-    marker.marker = first_point + static_cast<int>(label);
+    marker.marker = first_marker + static_cast<int>(label);
     marker.centre_px = moved.centre_px;
     marker.velocity_px_s = moved.velocity_px_s;
     marker.sqrt_information = SqrtInformation(moved.covariance_px2);
@@ -82,15 +82,16 @@ RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorr
   for (const AlignedTrack& track : tracks) {
     const CleanTrack& clean = track.track;
     const int camera = camera_index[clean.camera.camera];
-    index.cameras[static_cast<size_t>(camera)] = clean.camera;
+    // A session of static points says nothing of the camera's clock.
+    CameraDescription& description = index.cameras[static_cast<size_t>(camera)];
+    if (!track.is_static || description.camera.empty()) description = clean.camera;
     index.camera_of_track.push_back(camera);
-    const auto [entry, inserted] =
-        clock_index.try_emplace({clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch},
-                                static_cast<int>(clocks->size()));
+    const std::string clock_id = track.is_static ? "" : clean.camera.clock.clock_id;
+    const auto [entry, inserted] = clock_index.try_emplace(
+        {clean.session_id, clock_id, clean.clock_epoch}, static_cast<int>(clocks->size()));
     const int64_t first_ns = clean.observations.time_ns(0);
     if (inserted) {
-      clocks->push_back(
-          {clean.session_id, clean.camera.clock.clock_id, clean.clock_epoch, first_ns, 0, 0});
+      clocks->push_back({clean.session_id, clock_id, clean.clock_epoch, first_ns, 0, 0});
     }
     ClockCorrection& clock = (*clocks)[static_cast<size_t>(entry->second)];
     clock.time_epoch_ns = std::min(clock.time_epoch_ns, first_ns);
@@ -133,11 +134,17 @@ BuiltProblem BuildProblem(const TargetParts& targets, const std::vector<AlignedT
     clock.clock_id = correction.clock_id;
     problem.clocks.push_back(std::move(clock));
   }
-  if (const Target* const line = targets.line()) {
-    problem.target.marker_positions_m = line->marker_positions_m;
-    problem.target.given_positions_m = line->marker_positions_m;
-    problem.target.span_sigma_m = line->span_tolerance_m;
+  for (const Target& line : targets.lines()) {
+    std::vector<double>& positions_m = problem.target.marker_positions_m;
+    const auto first = static_cast<int>(positions_m.size());
+    positions_m.insert(positions_m.end(), line.marker_positions_m.begin(),
+                       line.marker_positions_m.end());
+    if (first == 0) problem.target.span_sigma_m = line.span_tolerance_m;
+    if (targets.lines().size() == 1) continue;
+    problem.target.wands.push_back(
+        {first, static_cast<int>(positions_m.size()), line.span_tolerance_m});
   }
+  problem.target.given_positions_m = problem.target.marker_positions_m;
   problem.rigid_target.first_points = targets.first_points();
   for (const TargetPoint& point : targets.points()) {
     problem.rigid_target.points_m.emplace_back(point.x_m, point.y_m, point.z_m);
@@ -165,7 +172,7 @@ BuiltProblem BuildProblem(const TargetParts& targets, const std::vector<AlignedT
       observation.clock = index.clock_of_track[t];
       observation.clock_time_s = 1e-9 * static_cast<double>(row_ns - clock.time_epoch_ns);
       observation.first_marker = static_cast<int>(problem.markers.size());
-      AddMember(tracks[t], motions[t], clock, instant, member, part.first_point, sigma_px,
+      AddMember(tracks[t], motions[t], clock, instant, member, part.first_marker, sigma_px,
                 &memories[t], &built);
       observation.marker_count =
           static_cast<int>(problem.markers.size()) - observation.first_marker;

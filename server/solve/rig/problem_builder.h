@@ -40,7 +40,8 @@ struct RigIndex {
   std::vector<int> clock_of_track;
 };
 
-// Cameras come ascending by name, clocks in the order of the tracks; corrections are zero.
+// Cameras come ascending by name, clocks in the order of the tracks; corrections are zero. Each
+// session of static points has one made-up clock for all its tracks.
 RigIndex IndexRig(const std::vector<AlignedTrack>& tracks, std::vector<ClockCorrection>* clocks);
 
 // Rig times of every row under the corrections; with `motions`, by track, those at which its

@@ -152,6 +152,7 @@ class RigSolver {
     for (size_t t = 0; t < rig_.tracks.size(); ++t) SetLineDelayOfTrack(t);
   }
   void SetLineDelayOfTrack(size_t track) {
+    if (rig_.tracks[track].is_static) return;
     const auto camera = static_cast<size_t>(rig_.index.camera_of_track[track]);
     solution_.motions[track].SetLineDelay(solution_.line_delay_s[camera]);
   }
@@ -287,7 +288,7 @@ class RigSolver {
           const MarkerSource& source = solution_.built.sources[problem().IndexOf(marker)];
           const auto t = static_cast<size_t>(source.track);
           const TargetParts::Part& part = parts.Of(rig_.tracks[t].track.session_id);
-          solution_.motions[t].Exclude(source.observation, marker.marker - part.first_point);
+          solution_.motions[t].Exclude(source.observation, marker.marker - part.first_marker);
         }
       }
     }

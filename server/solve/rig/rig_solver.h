@@ -31,10 +31,11 @@ struct RigObservations {
   std::vector<AlignedTrack> tracks;
   RigIndex index;
 
-  const Target& TargetOf(size_t track) const {
-    const auto found = other_targets.find(tracks[track].track.session_id);
+  const Target& TargetOf(const std::string& session_id) const {
+    const auto found = other_targets.find(session_id);
     return found == other_targets.end() ? target : found->second;
   }
+  const Target& TargetOf(size_t track) const { return TargetOf(tracks[track].track.session_id); }
   TargetParts Parts() const { return {target, other_targets}; }
 };
 

@@ -37,7 +37,7 @@ int CorrectSphereCentres(const TargetParts& targets, const std::vector<AlignedTr
         const MarkerSource& source = built->sources[problem.IndexOf(marker)];
         const auto t = static_cast<size_t>(source.track);
         if (!IsImageBlob(tracks[t], motions[t], source.observation,
-                         marker.marker - part.first_point)) {
+                         marker.marker - part.first_marker)) {
           continue;
         }
         const double distance_m =

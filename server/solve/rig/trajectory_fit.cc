@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/status/status_macros.h"
+#include "server/solve/bundle/bundle_path.h"
 #include "server/solve/rig/sphere_centres.h"
 
 namespace rigcal::server {
@@ -307,8 +308,8 @@ absl::StatusOr<RigSolution> SolveOnTrajectory(const RigObservations& rig,
                                               const RigSolveOptions& options,
                                               const RigSolution& solution,
                                               const TrajectoryFit* like) {
-  if (solution.built.problem.HasRigidTarget()) {
-    return absl::FailedPreconditionError("trajectory: rigid targets have none yet");
+  if (NeedsGeneralPath(solution.built.problem)) {
+    return absl::FailedPreconditionError("trajectory: rigid targets and several wands have none");
   }
   if (solution.built.problem.instants.empty()) {
     return absl::FailedPreconditionError("trajectory: nothing is placed");

@@ -134,7 +134,7 @@ RunningEstimate Report(const RunningSolution& solved, const RunningInput& input)
 
 absl::Status RunEstimate(RunningInput* input, RunningOutcome* outcome) {
   // Its grid and its advice are about a wand.
-  if (input->target.kind == TargetKind::kRigid) return absl::OkStatus();
+  if (!input->target.IsLine()) return absl::OkStatus();
   RefusalCounter refused;
   const int marker_count = input->target.marker_count();
   std::erase_if(input->tracks, [](const CameraTrack& track) { return !track.camera.intrinsics; });

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -13,6 +14,7 @@
 #include "common/camera/intrinsics_vector.h"
 #include "common/camera/projection.h"
 #include "common/status/status_macros.h"
+#include "server/associate/static_points.h"
 #include "server/solve/bundle/marker_residual_px.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
 
@@ -176,6 +178,13 @@ int RigBound::TimeOffsetIndex(int camera) const {
 }
 
 absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOptions& options) {
+  RIGCAL_ASSIGN_OR_RETURN(RigBound bound, ComputeRigInformation(rig, options));
+  RIGCAL_RETURN_IF_ERROR(FillCovariance(&bound));
+  return bound;
+}
+
+absl::StatusOr<RigBound> ComputeRigInformation(const TrueRig& rig,
+                                               const InformationOptions& options) {
   if (!rig.points_m.empty() &&
       (options.marker_positions || options.time_offsets || options.line_delays)) {
     return absl::InvalidArgumentError("no bound of marker positions or clocks of a rigid target");
@@ -197,20 +206,55 @@ absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOp
     RIGCAL_RETURN_IF_ERROR(information.Add(instant));
   }
   AddPriors(rig, options, bound, &information.sum());
+  bound.information = std::move(information.sum());
+  return bound;
+}
+
+absl::Status FillCovariance(RigBound* bound) {
+  const Eigen::MatrixXd& information = bound->information;
+  const Eigen::Index size = information.rows();
   // Parameters of very different units: a factor from a matrix of order one keeps their digits.
-  const Eigen::VectorXd scale = information.sum().diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   if (!scale.allFinite()) {
     return absl::FailedPreconditionError("a parameter is in no observation");
   }
-  const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information.sum() *
-                                            scale.asDiagonal());
+  const Eigen::LDLT<Eigen::MatrixXd> factor(scale.asDiagonal() * information * scale.asDiagonal());
   if (factor.info() != Eigen::Success || factor.vectorD().minCoeff() < 1e-12) {
     return absl::FailedPreconditionError("the observations do not determine the rig");
   }
-  bound.covariance = scale.asDiagonal() *
-                     factor.solve(Eigen::MatrixXd::Identity(size, size)).eval() *
-                     scale.asDiagonal();
-  return bound;
+  bound->covariance = scale.asDiagonal() *
+                      factor.solve(Eigen::MatrixXd::Identity(size, size)).eval() *
+                      scale.asDiagonal();
+  return absl::OkStatus();
+}
+
+TrueRig GatherStaticInstants(const TrueRig& rig, bool is_surveyed) {
+  struct Sum {
+    double rows = 0;
+    Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Zero();
+  };
+  std::map<std::pair<int, int>, Sum> sums;  // by marker, then camera
+  for (const TrueInstant& instant : rig.instants) {
+    for (const SeenMarker& seen : instant.markers) {
+      Sum& sum = sums[{seen.marker, seen.camera}];
+      ++sum.rows;
+      sum.covariance_px2 += seen.covariance_px2;
+    }
+  }
+  TrueRig gathered = rig;
+  gathered.instants.clear();
+  int last_marker = -1;
+  for (const auto& [key, sum] : sums) {
+    const auto [marker, camera] = key;
+    if (gathered.instants.empty() || (!is_surveyed && marker != last_marker)) {
+      gathered.instants.emplace_back().wand = rig.instants.front().wand;
+    }
+    last_marker = marker;
+    const double rows = std::min(sum.rows, server::kMaxRowsOfCentre);
+    gathered.instants.back().markers.push_back(
+        {camera, marker, sum.covariance_px2 / (sum.rows * rows)});
+  }
+  return gathered;
 }
 
 TrueRig MakeTrueRig(const SimulatedWorld& world, int reference) {

@@ -60,6 +60,7 @@ struct RigBound {
   // ...; per camera but the reference its time offset; per camera its line delay; per camera its
   // intrinsics.
   Eigen::MatrixXd covariance;
+  Eigen::MatrixXd information;  // its inverse
   int reference_camera = 0;
   int camera_count = 0;
   int first_marker_position = 0;  // index of the first of each group, valid if it is estimated
@@ -78,9 +79,18 @@ struct RigBound {
 // INVALID_ARGUMENT: something that there is no bound of with a rigid target. FAILED_PRECONDITION:
 // the observations do not determine the parameters, or a marker is behind its camera.
 absl::StatusOr<RigBound> ComputeRigBound(const TrueRig& rig, const InformationOptions& options);
+// The same without the covariance: of observations that alone need not determine the parameters.
+absl::StatusOr<RigBound> ComputeRigInformation(const TrueRig& rig,
+                                               const InformationOptions& options);
+// The covariance from the information.
+absl::Status FillCovariance(RigBound* bound);
 
 // The true rig behind the frames of cameras that run together (equal rates, no free running, no
 // flipped labels): what was visible and is no outlier. Poses in the rig frame of `reference`.
 TrueRig MakeTrueRig(const SimulatedWorld& world, int reference);
+
+// What is known of static points from these instants, which show them as a rigid target: of each
+// camera one centre for each point. Surveyed they are one instant, else each point is one.
+TrueRig GatherStaticInstants(const TrueRig& rig, bool is_surveyed);
 
 }  // namespace rigcal::accuracy

@@ -51,7 +51,8 @@ int RunCrb(const SeedOptions& seeds) {
       "% "
       "of "
       "efficient solvers\n");
-  for (const char* target : {"wand", "body", "plane", "wand+body", "wand+plane"}) {
+  for (const char* target : {"wand", "body", "plane", "wand+body", "wand+plane", "wand+long",
+                             "wand+room", "wand+survey"}) {
     for (const double outlier_share : {0.0, 0.02}) PrintCrbTable(seeds, target, outlier_share);
   }
   return 0;

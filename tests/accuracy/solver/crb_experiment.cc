@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/accuracy/solver/crb_experiment.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -10,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "common/status/status_macros.h"
+#include "server/associate/static_points.h"
 #include "server/solve/calibrate.h"
 #include "tests/accuracy/rig/rig_information.h"
 #include "tests/accuracy/rig/simulated_tracks.h"
@@ -20,27 +20,28 @@ namespace {
 
 // The bound of sessions whose noise is independent: their information adds up, as the cameras'
 // poses are all that they share. Of each world its share of the frames (MixedInputOf).
-absl::StatusOr<RigBound> ComputeMixedBound(const std::vector<const SimulatedWorld*>& worlds,
+absl::StatusOr<RigBound> ComputeMixedBound(const std::vector<SimulatedWorld>& worlds,
                                            int reference) {
   RigBound bound;
-  Eigen::MatrixXd information;
   for (size_t w = 0; w < worlds.size(); ++w) {
-    TrueRig rig = MakeTrueRig(*worlds[w], reference);
+    TrueRig rig = MakeTrueRig(worlds[w], reference);
     const auto count = rig.instants.size();
     const auto at = [&](size_t share) {
       return rig.instants.begin() + static_cast<std::ptrdiff_t>(share * count / worlds.size());
     };
     rig.instants = std::vector<TrueInstant>(at(w), at(w + 1));
-    RIGCAL_ASSIGN_OR_RETURN(bound, ComputeRigBound(rig, {}));
-    const Eigen::MatrixXd own = bound.covariance.inverse();
-    information = w == 0 ? own : Eigen::MatrixXd(information + own);
+    const Target& target = worlds[w].target();
+    if (target.IsStatic()) rig = GatherStaticInstants(rig, target.is_surveyed);
+    RIGCAL_ASSIGN_OR_RETURN(RigBound own, ComputeRigInformation(rig, {}));
+    if (w > 0) own.information += bound.information;
+    bound = std::move(own);
   }
-  if (worlds.size() > 1) bound.covariance = information.inverse();
+  RIGCAL_RETURN_IF_ERROR(FillCovariance(&bound));
   return bound;
 }
 
-absl::Status Measure(const std::vector<const SimulatedWorld*>& worlds, CrbTrial* trial) {
-  const SimulatedWorld& world = *worlds.front();
+absl::Status Measure(const std::vector<SimulatedWorld>& worlds, CrbTrial* trial) {
+  const SimulatedWorld& world = worlds.front();
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = options.marker_positions = Estimate::kFixed;
   const server::CalibrationOutcome outcome =
@@ -86,10 +87,24 @@ Target NamedTarget(const std::string& name) {
     target.marker_positions_m = {0, 0.13, 0.39};
     return target;
   }
+  if (name == "long") {
+    target.marker_positions_m = {0, 0.21, 0.33, 0.6};
+    return target;
+  }
   target.kind = TargetKind::kRigid;
   const auto add = [&target](double x_m, double y_m, double z_m) {
     target.points.push_back({absl::StrCat("p", target.points.size()), x_m, y_m, z_m, 0});
   };
+  if (name == "room" || name == "survey") {
+    target.kind = TargetKind::kStatic;
+    target.is_surveyed = name == "survey";
+    for (int i = 0; i < (target.is_surveyed ? 12 : 40); ++i) {
+      const double x_m = target.is_surveyed ? 0.8 * std::sin(2.1 * i) : 0;
+      const double y_m = target.is_surveyed ? 0.8 * std::cos(1.3 * i) : 0;
+      add(x_m, y_m, target.is_surveyed ? 0.1 * (i - 6) : 0);
+    }
+    return target;
+  }
   if (name == "body") {
     constexpr double kShort = 0.0657, kLong = 0.1063;  // half edges of three golden rectangles
     for (const double a : {-kShort, kShort}) {
@@ -131,15 +146,19 @@ CrbTrial RunCrbTrial(const CrbOptions& options, uint32_t seed) {
   std::vector<Target> targets = options.mixed_with;
   targets.insert(targets.begin(), options.target);
   std::vector<SimulatedWorld> worlds;
-  std::vector<const SimulatedWorld*> pointers;
   for (const Target& target : targets) {
-    absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(simulation, target);
+    SimulationOptions own = simulation;
+    // No more rows than a centre stands for, so that the bound is that of all rows.
+    if (target.IsStatic()) {
+      own.rate_hz =
+          server::kMaxRowsOfCentre * static_cast<double>(targets.size()) / options.duration_s;
+    }
+    absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(own, target);
     trial.status = world.status();
     if (!world.ok()) return trial;
     worlds.push_back(*std::move(world));
   }
-  for (const SimulatedWorld& world : worlds) pointers.push_back(&world);
-  trial.status = Measure(pointers, &trial);
+  trial.status = Measure(worlds, &trial);
   return trial;
 }
 

@@ -11,9 +11,11 @@
 
 namespace rigcal::accuracy {
 
-// A target of the experiments, its points exact: `wand` (0, 0.13, 0.39 m), `body` (the twelve
+// A target of the experiments, its points exact: `wand` (0, 0.13, 0.39 m), `long` (a wand of 0,
+// 0.21, 0.33, 0.6 m), `body` (the twelve
 // corners of an icosahedron of 0.25 m), `plane` (nine by six points, 40 mm apart), `square` (its
-// four corners).
+// four corners); `room` (40 static points of unknown position), `survey` (twelve static points of
+// known position).
 Target NamedTarget(const std::string& name);
 
 // Camera positions against their Cramer-Rao bound when only poses are estimated: spacing exactly

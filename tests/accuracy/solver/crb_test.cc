@@ -44,12 +44,16 @@ TEST(CrbTest, PositionsReachTheBoundWithoutOutliers) { ExpectNearTheBound(RunSee
 TEST(CrbTest, PositionsReachTheBoundWithOutliers) { ExpectNearTheBound(RunSeeds(0.02)); }
 
 // By the general path. Few seeds and no outliers, whose cost ExpectNearTheBound allows for.
-TEST(CrbTest, PositionsReachTheBoundWithRigidTargets) {
+TEST(CrbTest, PositionsReachTheBoundWithRigidTargetsAndStaticPoints) {
   const struct {
     const char* target;
     int seeds;
     double duration_s;
-  } kCases[] = {{"body", 6, 6}, {"plane", 2, 3}};
+  } kCases[] = {{"body", 6, 6},
+                {"plane", 2, 3},
+                {"wand+long", 4, 6},
+                {"wand+room", 4, 6},
+                {"wand+survey", 4, 6}};
   for (const auto& entry : kCases) {
     SCOPED_TRACE(entry.target);
     CrbOptions options;

@@ -58,7 +58,38 @@ TEST(FormatCalibration, ShowsEveryTargetWithItsSessions) {
   board->add_session_ids("board");
   const std::string text = FormatCalibration(calibration);
   EXPECT_THAT(text, ContainsRegex("target +wand, waved in wave\nwand length error +0.580 mm rms"));
-  EXPECT_THAT(text, ContainsRegex("target +rigid, waved in board\ntarget +rigid, 4 points"));
+  EXPECT_THAT(text,
+              ContainsRegex("target +rigid, 4 points, waved in board; one sigma of the scale"));
+  EXPECT_EQ(text.find("rigid"), text.rfind("rigid")) << "once";
+}
+
+TEST(FormatCalibration, ShowsWhereStaticPointsAreAndThatTheySayNothingOfClocks) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_target()->add_session_ids("wave");
+  v1::CalibratedTarget* room = calibration.add_other_targets();
+  room->mutable_given()->set_kind(v1::Target::KIND_STATIC);
+  for (int i = 0; i < 3; ++i) room->mutable_given()->add_points();
+  room->add_session_ids("room");
+  v1::CalibratedPoint* point = room->add_static_points();
+  point->set_label("corner");
+  point->mutable_position_m()->set_x(1.25);
+  point->mutable_position_m()->set_y(-0.5);
+  point->mutable_position_m()->set_z(3);
+  point->set_camera_count(2);
+  const std::string text = FormatCalibration(calibration);
+  EXPECT_THAT(text, ContainsRegex("target +static, 3 points, 1 placed, seen in room\n"));
+  EXPECT_THAT(text, HasSubstr("nothing of the cameras' clocks"));
+  EXPECT_THAT(text, ContainsRegex("corner +1.2500 +-0.5000 +3.0000 +2\n"));
+}
+
+TEST(FormatCalibration, SaysThatASplineThatWasAskedForWasNotUsed) {
+  v1::Calibration calibration = FullCalibration();
+  calibration.mutable_trajectory()->set_kind(v1::CalibratedTrajectory::KIND_INTERPOLATED);
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("NOT the spline")));
+  calibration.mutable_options()->set_trajectory(v1::CalibrationOptions::TRAJECTORY_SPLINE);
+  EXPECT_THAT(FormatCalibration(calibration), HasSubstr("NOT the spline that was asked for"));
+  calibration.mutable_trajectory()->set_kind(v1::CalibratedTrajectory::KIND_SPLINE);
+  EXPECT_THAT(FormatCalibration(calibration), Not(HasSubstr("NOT the spline")));
 }
 
 TEST(FormatCalibration, ShowsTheEvaluationWhereThereIsOne) {

@@ -55,6 +55,49 @@ TEST_F(TargetFile, TakesOptionsAndIsReadBackFromItsText) {
   EXPECT_EQ(again, target);
 }
 
+TEST_F(TargetFile, StaticPointsAreLabelsAlone) {
+  ASSERT_OK_AND_ASSIGN(const Target target,
+                       ParseTarget("static:" + Write("door # by the window\nshelf\n")));
+  EXPECT_TRUE(target.IsStatic());
+  EXPECT_FALSE(target.is_surveyed);
+  EXPECT_FALSE(target.HasLengths());
+  ASSERT_EQ(target.marker_count(), 2);
+  EXPECT_EQ(target.points[1], (TargetPoint{"shelf", 0, 0, 0, 0}));
+  EXPECT_EQ(FormatTarget(target), "static:{door|shelf}");
+  ASSERT_OK_AND_ASSIGN(const Target again, ParseTarget(FormatTarget(target)));
+  EXPECT_EQ(again, target);
+}
+
+TEST_F(TargetFile, OrTheyAreSurveyed) {
+  ASSERT_OK_AND_ASSIGN(const Target target, ParseTarget("static:" + Write(kGood)));
+  EXPECT_TRUE(target.is_surveyed);
+  EXPECT_TRUE(target.HasLengths());
+  EXPECT_EQ(target.points[1], (TargetPoint{"B", 0.3, 0, 0.01, 0}));
+  ASSERT_OK_AND_ASSIGN(const Target again, ParseTarget(FormatTarget(target)));
+  EXPECT_EQ(again, target);
+}
+
+TEST_F(TargetFile, RefusesHalfASurvey) {
+  const struct {
+    const char* text;
+    const char* why;
+  } cases[] = {
+      {"A 0 0 0\nB\n", "1 of 2 static points have a position"},
+      {"A\nA\n", "label A is in line 1 too"},
+      {"A 0 0\n", "or a label alone"},
+      {"A 0 0 0\nB 1 0 0\nC 0 1 0\n", "4 to 200 points, not 3"},
+      {"A 0 0 0\nB 1 0 0\nC 2 0 0\nD 3 0 0\n", "on one line"},
+      {"", "static points are 1 to 200 points, not 0"},
+  };
+  for (const auto& [text, why] : cases) {
+    EXPECT_THAT(ParseTarget("static:" + Write(text)),
+                StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr(why)))
+        << text;
+  }
+  EXPECT_THAT(ParseTarget("rigid:" + Write("A\nB\n")),
+              StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("4 or 5 are needed")));
+}
+
 TEST_F(TargetFile, NamesFileAndLineOfAFault) {
   const struct {
     const char* line;

@@ -152,20 +152,5 @@ TEST(Target, ListsEveryFault) {
   EXPECT_FALSE(Target{}.Validate().ok()) << "no markers";
 }
 
-TEST(CheckMixable, RefusesWandsOfOtherSpacingAlone) {
-  const Target wand = *ParseTarget("wand:0,0.13,0.39"), longer = *ParseTarget("wand:0,0.13,0.4"),
-               looser = *ParseTarget("wand:0,0.13,0.39;tolerance=0.01"),
-               blinking = *ParseTarget("wand:0,0.13,0.39;hz=500;diameter=0.04"),
-               point = *ParseTarget("point"),
-               rigid = *ParseTarget("rigid:{a 0 0 0|b 1 0 0|c 0 1 0|d 1 1 0}");
-  for (const Target* other : {&wand, &blinking, &point, &rigid}) {
-    EXPECT_TRUE(CheckMixable(wand, *other).ok()) << FormatTarget(*other);
-    EXPECT_TRUE(CheckMixable(*other, wand).ok()) << FormatTarget(*other);
-  }
-  for (const Target* other : {&longer, &looser}) {
-    EXPECT_EQ(CheckMixable(wand, *other).code(), absl::StatusCode::kFailedPrecondition);
-  }
-}
-
 }  // namespace
 }  // namespace rigcal::target_test

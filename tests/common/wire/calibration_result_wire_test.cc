@@ -42,6 +42,23 @@ TEST(CalibrationResultWire, ASolverPathOfANewerServerIsUnknown) {
   EXPECT_EQ(back.solver_path, SolverPath::kUnknown);
 }
 
+TEST(CalibrationResultWire, CarriesStaticPoints) {
+  CalibrationResult result;
+  result.quality.grade = QualityGrade::kGood;
+  result.target.given.kind = TargetKind::kStatic;
+  result.target.given.points = {{"door", 0, 0, 0, 0}, {"shelf", 0, 0, 0, 0}};
+  result.target.static_points = {{"shelf", "room", {1, 2, 3}, 4}};
+  v1::Calibration proto;
+  FillResult(result, &proto);
+  ASSERT_OK_AND_ASSIGN(const CalibrationResult back, ResultFromProto(proto));
+  EXPECT_EQ(back.target.given, result.target.given);
+  ASSERT_EQ(back.target.static_points.size(), 1u);
+  EXPECT_EQ(back.target.static_points[0].label, "shelf");
+  EXPECT_EQ(back.target.static_points[0].session_id, "room");
+  EXPECT_EQ(back.target.static_points[0].position_m, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(back.target.static_points[0].camera_count, 4u);
+}
+
 TEST(CalibrationResultWire, CarriesTheTrajectory) {
   CalibrationResult result;
   result.target.given.marker_positions_m = {0, 0.13, 0.39};

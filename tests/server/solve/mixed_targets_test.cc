@@ -4,22 +4,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "server/solve/calibrate.h"
 #include "tests/server/solve/simulated_input.h"
-#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::mixed_targets_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
-using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -27,37 +23,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Ne;
 using ::testing::SizeIs;
-
-// Nine by six points, 40 mm apart.
-Target Plane(double sigma_m) {
-  Target target;
-  target.kind = TargetKind::kRigid;
-  for (int row = 0; row < 6; ++row) {
-    for (int column = 0; column < 9; ++column) {
-      target.points.push_back(
-          {absl::StrCat("p", row, ".", column), 0.04 * column, 0.04 * row, 0, sigma_m});
-    }
-  }
-  return target;
-}
-
-// Twelve points in space within 0.3 m.
-Target Body(double sigma_m) {
-  Target target;
-  target.kind = TargetKind::kRigid;
-  for (int i = 0; i < 12; ++i) {
-    target.points.push_back({absl::StrCat("b", i), 0.15 * std::sin(2.1 * i),
-                             0.15 * std::cos(1.3 * i), 0.025 * (i - 6), sigma_m});
-  }
-  return target;
-}
-
-Target Point() {
-  Target target;
-  target.kind = TargetKind::kPoint;
-  target.marker_positions_m = {0};
-  return target;
-}
 
 struct Solved {
   CalibrationOutcome outcome;
@@ -67,13 +32,8 @@ struct Solved {
 // One session for each target, of the same rig.
 Solved Solve(std::string_view simulation, const std::vector<Target>& targets,
              const CalibrationOptions& options) {
-  std::vector<SimulatedWorld> worlds;
-  for (const Target& target : targets) {
-    worlds.push_back(*SimulatedWorld::Create(*ParseSimulationOptions(simulation), target));
-  }
-  std::vector<const SimulatedWorld*> pointers;
-  for (const SimulatedWorld& world : worlds) pointers.push_back(&world);
-  Solved solved{Calibrate(MixedInputOf(pointers), options), {}};
+  const std::vector<SimulatedWorld> worlds = WorldsOf(simulation, targets);
+  Solved solved{Calibrate(MixedInputOf(worlds), options), {}};
   EXPECT_THAT(solved.outcome.result, IsOk());
   if (solved.outcome.result.ok()) {
     solved.errors = ComparePoses(*solved.outcome.result, worlds.front());
@@ -99,8 +59,8 @@ void ExpectGoodFit(const CalibrationResult& result) {
 TEST(MixedTargets, WandAndBody) {
   CalibrationOptions options;
   options.intrinsics = Estimate::kFixed;
-  const auto [outcome, errors] =
-      Solve("cameras=4;duration=24;rate=10;offset.1=0.004", {WandTarget(), Body(0.0002)}, options);
+  const auto [outcome, errors] = Solve("cameras=4;duration=24;rate=10;offset.1=0.004",
+                                       {WandTarget(), BodyTarget(0.0002)}, options);
   ASSERT_THAT(outcome.result, IsOk());
   const CalibrationResult& result = *outcome.result;
   ExpectGoodFit(result);
@@ -113,7 +73,7 @@ TEST(MixedTargets, WandAndBody) {
   for (const SpanError& span : result.target.spans) EXPECT_GT(span.count, 20u);
   ASSERT_THAT(result.other_targets, SizeIs(1));
   const CalibratedTarget& body = result.other_targets.front();
-  EXPECT_EQ(body.given, Body(0.0002));
+  EXPECT_EQ(body.given, BodyTarget(0.0002));
   EXPECT_THAT(body.session_ids, ElementsAre("s1"));
   EXPECT_THAT(body.spans, IsEmpty());
   // The body's points are known better than the wand's spans.
@@ -126,7 +86,7 @@ TEST(MixedTargets, WandAndPlane) {
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = Estimate::kFixed;
   const auto [outcome, errors] =
-      Solve("cameras=3;duration=16;rate=6;seed=3", {Plane(0), WandTarget()}, options);
+      Solve("cameras=3;duration=16;rate=6;seed=3", {PlaneTarget(0), WandTarget()}, options);
   ASSERT_THAT(outcome.result, IsOk());
   ExpectGoodFit(*outcome.result);
   EXPECT_LT(errors.worst_position_m, 0.003);
@@ -134,7 +94,7 @@ TEST(MixedTargets, WandAndPlane) {
   EXPECT_EQ(outcome.result->target.given, WandTarget());
   EXPECT_TRUE(outcome.result->target.marker_positions_estimated);
   ASSERT_THAT(outcome.result->other_targets, SizeIs(1));
-  EXPECT_EQ(outcome.result->other_targets.front().given, Plane(0));
+  EXPECT_EQ(outcome.result->other_targets.front().given, PlaneTarget(0));
   EXPECT_EQ(outcome.result->target.scale_sigma_rel, 0);  // the plane is exact
 }
 
@@ -142,7 +102,7 @@ TEST(MixedTargets, PointWithoutLengthsTakesTheScaleOfTheWand) {
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = Estimate::kFixed;
   const auto [outcome, errors] =
-      Solve("cameras=4;duration=24;rate=10", {Point(), WandTarget()}, options);
+      Solve("cameras=4;duration=24;rate=10", {PointTarget(), WandTarget()}, options);
   ASSERT_THAT(outcome.result, IsOk());
   ExpectGoodFit(*outcome.result);
   EXPECT_LT(errors.worst_position_m, 0.02);  // the scale: 0.4 % of a few metres
@@ -152,8 +112,8 @@ TEST(MixedTargets, PointWithoutLengthsTakesTheScaleOfTheWand) {
 TEST(MixedTargets, TwoBodiesAndAPoint) {
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = Estimate::kFixed;
-  const auto [outcome, errors] =
-      Solve("cameras=3;duration=18;rate=8", {Body(0), Plane(0.0005), Point()}, options);
+  const auto [outcome, errors] = Solve(
+      "cameras=3;duration=18;rate=8", {BodyTarget(0), PlaneTarget(0.0005), PointTarget()}, options);
   ASSERT_THAT(outcome.result, IsOk());
   ExpectGoodFit(*outcome.result);
   EXPECT_LT(errors.worst_position_m, 0.003);
@@ -164,10 +124,9 @@ TEST(MixedTargets, TwoBodiesAndAPoint) {
 // from its other end are turned.
 TEST(MixedTargets, EachTargetJoinsCamerasAndLabelsOfTheWandAreTurned) {
   const std::string simulation = "cameras=4;duration=24;rate=10;swaps=0.05";
-  const SimulatedWorld wand =
-      *SimulatedWorld::Create(*ParseSimulationOptions(simulation), WandTarget());
-  const SimulatedWorld body = *SimulatedWorld::Create(*ParseSimulationOptions(simulation), Body(0));
-  CalibrationInput input = MixedInputOf({&wand, &body});
+  const SimulatedWorld wand = WorldOf(simulation, WandTarget());
+  const SimulatedWorld body = WorldOf(simulation, BodyTarget(0));
+  CalibrationInput input = MixedInputOf({wand, body});
   std::erase_if(input.tracks, [](const CameraTrack& track) {
     return (track.session_id == "s0" && track.camera.camera == "sim_3") ||
            (track.session_id == "s1" && track.camera.camera == "sim_1");
@@ -186,10 +145,9 @@ TEST(MixedTargets, EachTargetJoinsCamerasAndLabelsOfTheWandAreTurned) {
 // The body is exact, so the wand is what was measured wrongly; the rig keeps the body's scale.
 TEST(MixedTargets, AWandOfAnotherScaleIsNamed) {
   const std::string simulation = "cameras=3;duration=18;rate=8";
-  const SimulatedWorld wand =
-      *SimulatedWorld::Create(*ParseSimulationOptions(simulation), WandTarget());
-  const SimulatedWorld body = *SimulatedWorld::Create(*ParseSimulationOptions(simulation), Body(0));
-  CalibrationInput input = MixedInputOf({&body, &wand});
+  const SimulatedWorld wand = WorldOf(simulation, WandTarget());
+  const SimulatedWorld body = WorldOf(simulation, BodyTarget(0));
+  CalibrationInput input = MixedInputOf({body, wand});
   for (double& position_m : input.other_targets["s1"].marker_positions_m) position_m *= 1.04;
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = Estimate::kFixed;
@@ -204,20 +162,88 @@ TEST(MixedTargets, AWandOfAnotherScaleIsNamed) {
   EXPECT_LT(ComparePoses(*outcome.result, wand).worst_position_m, 0.003);
 }
 
-TEST(MixedTargets, RefusesWandsOfOtherSpacing) {
-  Target longer = WandTarget();
-  longer.marker_positions_m.back() = 0.5;
+Target LongWand() {
+  Target target;
+  target.marker_positions_m = {0, 0.21, 0.33, 0.6};
+  target.span_tolerance_m = 0.001;
+  return target;
+}
+
+TEST(MixedTargets, TwoWandsOfOtherSpacingAndNumberOfMarkers) {
+  CalibrationOptions options;
+  options.intrinsics = Estimate::kFixed;
+  const auto [outcome, errors] = Solve("cameras=4;duration=24;rate=10;offset.1=0.004;swaps=0.05",
+                                       {WandTarget(), LongWand()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  const CalibrationResult& result = *outcome.result;
+  ExpectGoodFit(result);
+  EXPECT_THAT(result.quality.grade, Ne(QualityGrade::kBad));
+  EXPECT_LT(errors.worst_position_m, 0.006);
+  EXPECT_EQ(result.target.given, WandTarget());
+  EXPECT_THAT(result.target.marker_positions_m, SizeIs(3));
+  EXPECT_THAT(result.target.marker_position_sigma_m, SizeIs(3));
+  EXPECT_THAT(result.target.spans, SizeIs(2));
+  ASSERT_THAT(result.other_targets, SizeIs(1));
+  const CalibratedTarget& other = result.other_targets.front();
+  EXPECT_EQ(other.given, LongWand());
+  EXPECT_THAT(other.session_ids, ElementsAre("s1"));
+  ASSERT_THAT(other.marker_positions_m, SizeIs(4));
+  EXPECT_EQ(other.marker_positions_m.front(), 0);
+  EXPECT_NEAR(other.marker_positions_m.back(), 0.6, 0.003);
+  ASSERT_THAT(other.spans, SizeIs(3));
+  for (const SpanError& span : other.spans) EXPECT_GT(span.count, 20u);
+  EXPECT_NEAR(other.spans[1].length_m, 0.12, 0.001);
+  EXPECT_LT(other.marker_position_sigma_m.front(), 1e-5);
+  EXPECT_GT(other.marker_position_sigma_m.back(), 1e-4);
+  // Of the longer one with the smaller tolerance, and a little better.
+  EXPECT_LT(result.target.scale_sigma_rel, 0.0029);
+  EXPECT_GT(result.target.scale_sigma_rel, 0.0015);
+  const auto flipped =
+      std::ranges::count(outcome.refused, RefusalReason::kLabelsFlipped, &Refusal::reason);
+  EXPECT_EQ(flipped, 4);  // in every camera
+}
+
+TEST(MixedTargets, TwoWandsAndAPoint) {
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const auto [outcome, errors] =
+      Solve("cameras=4;duration=24;rate=10", {PointTarget(), WandTarget(), LongWand()}, options);
+  ASSERT_THAT(outcome.result, IsOk());
+  ExpectGoodFit(*outcome.result);
+  EXPECT_LT(errors.worst_position_m, 0.01);
+  EXPECT_THAT(outcome.result->other_targets, SizeIs(2));
+}
+
+// Nobody knows which of two wands is wrong, only that they do not go together.
+TEST(MixedTargets, AWandOfAnotherScaleThanTheOtherIsNamed) {
+  const std::string simulation = "cameras=3;duration=18;rate=8";
+  CalibrationInput input = MixedInputOf(WorldsOf(simulation, {LongWand(), WandTarget()}));
+  for (double& position_m : input.other_targets["s1"].marker_positions_m) position_m *= 1.06;
+  CalibrationOptions options;
+  options.intrinsics = options.time_offsets = Estimate::kFixed;
+  const CalibrationOutcome outcome = Calibrate(std::move(input), options);
+  ASSERT_THAT(outcome.result, IsOk());
+  const auto found =
+      std::ranges::find(outcome.result->findings, FindingKind::kWrongWandLength, &Finding::kind);
+  ASSERT_NE(found, outcome.result->findings.end());
+  EXPECT_THAT(found->advice, AllOf(HasSubstr("wand 2 and the other wand contradict each other")));
+}
+
+TEST(MixedTargets, RefusesMoreWandsThanCanBeJoined) {
   CalibrationInput input;
-  input.target = WandTarget();
-  input.other_targets["s1"] = longer;
+  for (int w = 0; w < 3; ++w) {
+    Target wand;
+    for (int m = 0; m < 12; ++m) wand.marker_positions_m.push_back((0.1 + 0.01 * w) * m);
+    if (w == 0) input.target = wand;
+    if (w > 0) input.other_targets["s" + std::to_string(w)] = wand;
+  }
   EXPECT_THAT(Calibrate(std::move(input), {}).result,
-              StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("two wands"), HasSubstr("0,0.13,0.5"))));
+              StatusIs(absl::StatusCode::kFailedPrecondition, HasSubstr("36 markers together")));
 }
 
 TEST(MixedTargets, RefusesADistanceBesideLengths) {
   CalibrationInput input;
-  input.target = Point();
+  input.target = PointTarget();
   input.other_targets["s1"] = WandTarget();
   CalibrationOptions options;
   options.known_distance = KnownDistance{"sim_0", "sim_1", 3, 0};

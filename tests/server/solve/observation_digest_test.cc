@@ -188,7 +188,7 @@ TEST(ObservationDigest, DoesNotChangeWithTheOrderOfArrival) {
     made.tracks.clear();
     std::vector<CameraTrack> rows = arrived;
     for (CleanTrack& track : CleanTracks(&rows, 2, &refused)) {
-      made.tracks.push_back({std::move(track)});
+      made.tracks.emplace_back().track = std::move(track);
     }
     EXPECT_TRUE(refused.empty());
     digests.insert(made.Digest());

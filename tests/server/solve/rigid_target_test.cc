@@ -3,59 +3,24 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <string>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "server/solve/calibrate.h"
 #include "tests/server/solve/simulated_input.h"
-#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::rigid_target_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
-using ::rigcal::testing::ParseSimulationOptions;
 using ::rigcal::testing::StatusIs;
 using ::testing::HasSubstr;
 using ::testing::Ne;
 
-// Nine by six points, 40 mm apart.
-Target Board(double sigma_m) {
-  Target target;
-  target.kind = TargetKind::kRigid;
-  for (int row = 0; row < 6; ++row) {
-    for (int column = 0; column < 9; ++column) {
-      target.points.push_back(
-          {absl::StrCat("p", row, ".", column), 0.04 * column, 0.04 * row, 0, sigma_m});
-    }
-  }
-  return target;
-}
-
-// Twelve points in space within 0.3 m.
-Target Body(double sigma_m) {
-  Target target;
-  target.kind = TargetKind::kRigid;
-  for (int i = 0; i < 12; ++i) {
-    target.points.push_back({absl::StrCat("p", i), 0.15 * std::sin(2.1 * i),
-                             0.15 * std::cos(1.3 * i), 0.025 * (i - 6), sigma_m});
-  }
-  return target;
-}
-
-SimulatedWorld World(std::string_view text, const Target& target) {
-  absl::StatusOr<SimulationOptions> options = ParseSimulationOptions(text);
-  EXPECT_THAT(options, IsOk());
-  absl::StatusOr<SimulatedWorld> world = SimulatedWorld::Create(*options, target);
-  EXPECT_THAT(world, IsOk());
-  return *std::move(world);
-}
-
 TEST(RigidTarget, IsSolvedByTheGeneralPath) {
-  const SimulatedWorld world = World("cameras=3;duration=8;rate=10;offset.1=0.004", Body(0));
+  const SimulatedWorld world =
+      WorldOf("cameras=3;duration=8;rate=10;offset.1=0.004", BodyTarget(0));
   CalibrationOptions options;
   options.intrinsics = Estimate::kFixed;
   const CalibrationOutcome outcome = Calibrate(InputOf(world), options);
@@ -83,7 +48,8 @@ TEST(RigidTarget, IsSolvedByTheGeneralPath) {
 }
 
 TEST(RigidTarget, APlaneIsSolvedWithItsPointsAsGiven) {
-  const SimulatedWorld world = World("cameras=3;duration=6;rate=5;dropouts=0.1;seed=3", Board(0));
+  const SimulatedWorld world =
+      WorldOf("cameras=3;duration=6;rate=5;dropouts=0.1;seed=3", PlaneTarget(0));
   CalibrationOptions options;
   options.intrinsics = options.time_offsets = Estimate::kFixed;
   const CalibrationOutcome outcome = Calibrate(InputOf(world), options);
@@ -96,7 +62,8 @@ TEST(RigidTarget, APlaneIsSolvedWithItsPointsAsGiven) {
 // Points that were built 1 mm off: estimated they cost nothing, taken as exact they show.
 TEST(RigidTarget, PointsAreEstimatedUnderTheirSigma) {
   const std::string text = "cameras=3;duration=8;rate=8;length_sigma=0.001;outliers=0";
-  const SimulatedWorld rough = World(text, Body(0.001)), exact = World(text, Body(0));
+  const SimulatedWorld rough = WorldOf(text, BodyTarget(0.001)),
+                       exact = WorldOf(text, BodyTarget(0));
   CalibrationOptions options;
   options.time_offsets = options.intrinsics = Estimate::kFixed;
   const CalibrationOutcome estimated = Calibrate(InputOf(rough), options);
@@ -116,7 +83,7 @@ TEST(RigidTarget, PointsAreEstimatedUnderTheirSigma) {
 
 TEST(RigidTarget, AWandIsSolvedByTheKernel) {
   const CalibrationOutcome outcome =
-      Calibrate(InputOf(World("cameras=3;duration=10", WandTarget())), {});
+      Calibrate(InputOf(WorldOf("cameras=3;duration=10", WandTarget())), {});
   ASSERT_THAT(outcome.result, IsOk());
   EXPECT_EQ(outcome.result->solver_path, SolverPath::kLineKernel);
 }
@@ -125,7 +92,7 @@ TEST(RigidTarget, RefusesASecondScale) {
   CalibrationOptions options;
   options.known_distance = KnownDistance{"sim_0", "sim_1", 3, 0};
   const CalibrationOutcome outcome =
-      Calibrate(InputOf(World("cameras=3;duration=2", Body(0))), options);
+      Calibrate(InputOf(WorldOf("cameras=3;duration=2", BodyTarget(0))), options);
   EXPECT_THAT(outcome.result, StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("distance")));
 }
 

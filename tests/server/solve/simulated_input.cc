@@ -8,16 +8,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/associate/align_clocks.h"
-#include "server/associate/clean_track.h"
+#include "server/associate/static_points.h"
 
 namespace rigcal::server {
-
-Target WandTarget() {
-  Target target;
-  target.marker_positions_m = {0, 0.13, 0.39};
-  return target;
-}
 
 CalibrationInput InputOf(const SimulatedWorld& world,
                          std::vector<std::vector<std::vector<bool>>>* outliers) {
@@ -42,10 +35,10 @@ CalibrationInput InputOf(const SimulatedWorld& world,
   return input;
 }
 
-CalibrationInput MixedInputOf(const std::vector<const SimulatedWorld*>& worlds) {
+CalibrationInput MixedInputOf(const std::vector<SimulatedWorld>& worlds) {
   CalibrationInput mixed;
   for (size_t w = 0; w < worlds.size(); ++w) {
-    CalibrationInput input = InputOf(*worlds[w]);
+    CalibrationInput input = InputOf(worlds[w]);
     const std::string session = absl::StrCat("s", w);
     if (w == 0) mixed.target = input.target;
     if (w > 0) mixed.other_targets[session] = input.target;
@@ -69,11 +62,10 @@ RigObservations RigOf(const CalibrationInput& input, std::vector<ClockCorrection
   rig.target = input.target;
   rig.other_targets = input.other_targets;
   std::vector<CameraTrack> rows = input.tracks;
-  const auto marker_count = [&input](const std::string& session_id) {
-    const auto other = input.other_targets.find(session_id);
-    return (other == input.other_targets.end() ? input.target : other->second).marker_count();
+  const auto target_of = [&rig](const std::string& session_id) -> const Target& {
+    return rig.TargetOf(session_id);
   };
-  rig.tracks = AlignClocks(input.tracks, CleanTracks(&rows, marker_count, &refused), &refused);
+  rig.tracks = AlignTracks(&rows, target_of, &refused);
   rig.index = IndexRig(rig.tracks, clocks);
   return rig;
 }

@@ -6,11 +6,9 @@
 #include "common/simulation/world/simulated_world.h"
 #include "server/solve/calibrate.h"
 #include "server/solve/rig/rig_solver.h"
+#include "tests/server/solve/simulated_targets.h"
 
 namespace rigcal::server {
-
-// Markers at 0, 0.13 and 0.39 m.
-Target WandTarget();
 
 // The observations of a simulated world as agents deliver them; row i of a camera is its frame i.
 // `outliers[camera][frame][marker]`, if given, is the ground truth.
@@ -19,7 +17,7 @@ CalibrationInput InputOf(const SimulatedWorld& world,
 
 // Sessions `s0`, `s1`, ... of one rig that was simulated with several targets: of each world an
 // equal share of the frames, one after the other, so that no frame's noise is in two sessions.
-CalibrationInput MixedInputOf(const std::vector<const SimulatedWorld*>& worlds);
+CalibrationInput MixedInputOf(const std::vector<SimulatedWorld>& worlds);
 
 // The input as the solver sees it: cleaned, clocks aligned, indexed. `clocks`: without corrections.
 RigObservations RigOf(const CalibrationInput& input, std::vector<ClockCorrection>* clocks);

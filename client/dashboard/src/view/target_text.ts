@@ -65,10 +65,13 @@ export function targetText(target: Target | undefined): string {
   return `wand:${positions.map(shortNumber).join(',')}${options}`;
 }
 
-/** A further target of a calibration, and where it was waved. */
+/** A further target of a calibration, and where it was seen. */
 export function otherTargetText(other: CalibratedTarget): string {
   const kind = other.given?.kind;
-  const what = kind === 'KIND_RIGID' ? `a rigid target of ${other.given?.points?.length ?? 0} points`
+  const points = other.given?.points?.length ?? 0;
+  const sessions = (other.session_ids ?? []).join(', ');
+  if (kind === 'KIND_STATIC') return `Also ${points} static points, seen in ${sessions}`;
+  const what = kind === 'KIND_RIGID' ? `a rigid target of ${points} points`
     : kind === 'KIND_POINT' ? 'a single point' : 'a wand';
-  return `Also ${what}, waved in ${(other.session_ids ?? []).join(', ')}`;
+  return `Also ${what}, waved in ${sessions}`;
 }

@@ -81,6 +81,23 @@ TEST(LineBundleLineDelays, HaveTheInformationOfTheGeneralPath) {
             1e-9);
 }
 
+// Of the cost with its robust loss, the instants eliminated.
+TEST(LineBundle, HasTheGradientOfTheGeneralPath) {
+  BundleSceneOptions scene_options = SmallBundleScene();
+  scene_options.free_offsets = scene_options.free_rates = scene_options.free_intrinsics =
+      scene_options.free_spacing = false;
+  const BundleProblem problem = MakeBundleScene(scene_options).ground_truth;
+  ASSERT_OK_AND_ASSIGN(const ReducedInformation kernel,
+                       ComputeReducedInformation(BundleOptions(), problem));
+  ASSERT_OK_AND_ASSIGN(const ReducedInformation general,
+                       ComputeGeneralInformation(BundleOptions(), problem));
+  ASSERT_EQ(kernel.parameters, general.parameters);
+  const Eigen::VectorXd scale = general.information.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::VectorXd gradient = scale.cwiseProduct(general.gradient);
+  EXPECT_GT(gradient.norm(), 0.1);
+  EXPECT_LT((scale.cwiseProduct(kernel.gradient) - gradient).norm(), 1e-6 * gradient.norm());
+}
+
 // Solves with both; costs at the start and at the end must agree.
 void ExpectReferenceOptimum(const BundleOptions& options, const BundleProblem& start,
                             BundleProblem* solved, BundleProblem* reference) {

@@ -9,14 +9,12 @@
 
 #include "server/solve/evaluate/uncertainty.h"
 #include "tests/server/solve/simulated_input.h"
-#include "tests/testing/simulation_text.h"
 #include "tests/testing/status_matchers.h"
 
 namespace rigcal::server::block_scatter_test {
 namespace {
 
 using ::rigcal::testing::IsOk;
-using ::rigcal::testing::ParseSimulationOptions;
 using ::testing::ElementsAre;
 
 BuiltProblem Instants(const std::vector<double>& times_s) {
@@ -57,15 +55,17 @@ struct Solved {
   double mean_square = 0;  // of position errors over their sigmas
 };
 
-Solved Solve(uint32_t seed, double common_px) {
-  const SimulatedWorld world = *SimulatedWorld::Create(
-      *ParseSimulationOptions("cameras=4;duration=40;rate=20;outliers=0;seed=" +
-                              std::to_string(seed)),
-      WandTarget());
-  CalibrationInput input = InputOf(world);
+Solved Solve(uint32_t seed, double common_px, const std::vector<Target>& targets = {WandTarget()},
+             const std::string& length = "duration=40;rate=20") {
+  const auto worlds =
+      WorldsOf("cameras=4;outliers=0;" + length + ";seed=" + std::to_string(seed), targets);
+  const SimulatedWorld& world = worlds.front();
+  CalibrationInput input = worlds.size() == 1 ? InputOf(world) : MixedInputOf(worlds);
   ShiftTogether(common_px, seed, &input);
   CalibrationOptions options;
   options.intrinsics = options.marker_positions = Estimate::kFixed;
+  // Each pose of the body is a small solve by itself.
+  if (worlds.size() > 1 || !targets.front().IsLine()) options.time_offsets = Estimate::kFixed;
   Solved solved;
   CalibrationHooks hooks;
   hooks.solved = [&](const RigObservations&, const RigSolution& solution) {
@@ -109,6 +109,25 @@ TEST(BlockScatter, ErrorsInCommonAreStated) {
   // 36 values that share the reference camera's errors: wide limits.
   EXPECT_GT(mean_square, 0.4);
   EXPECT_LT(mean_square, 2.5);
+}
+
+// The general path has the same, of a rigid target and of two targets. Ten blocks of 18 parameters.
+TEST(BlockScatter, OfRigidAndMixedTargets) {
+  const std::string length = "duration=20;rate=10";
+  for (const std::vector<Target>& targets :
+       {std::vector<Target>{BodyTarget(0)}, std::vector<Target>{WandTarget(), BodyTarget(0)}}) {
+    const Solved independent = Solve(1, 0, targets, length);
+    EXPECT_GT(independent.design_effect, 0.6);
+    EXPECT_LT(independent.design_effect, 1.5);
+    double mean_square = 0;
+    for (const uint32_t seed : {1u, 2u}) {
+      const Solved solved = Solve(seed, 0.6, targets, length);
+      EXPECT_GT(solved.design_effect, 4) << seed;
+      mean_square += solved.mean_square / 2;
+    }
+    EXPECT_GT(mean_square, 0.3);
+    EXPECT_LT(mean_square, 3);
+  }
 }
 
 }  // namespace

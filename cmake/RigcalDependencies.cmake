@@ -9,6 +9,7 @@ find_package(Ceres CONFIG REQUIRED)
 find_package(OpenCV CONFIG REQUIRED COMPONENTS core calib3d imgproc imgcodecs videoio features2d)
 find_package(spdlog CONFIG REQUIRED)
 find_package(tomlplusplus CONFIG REQUIRED)
+find_package(yaml-cpp CONFIG REQUIRED)
 find_package(SQLiteCpp CONFIG REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
 find_package(Boost REQUIRED) # headers only: Asio and Beast

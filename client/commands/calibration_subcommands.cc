@@ -43,12 +43,34 @@ void AddExport(CommandParser& parser, CLI::App* group) {
   });
 }
 
+void AddImport(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(
+      group, "import", "Read another program's calibration and write it in a format of ours",
+      ConvertCalibration);
+  AddArgument(app, "FILE",
+              "OpenCV (a folder of .yaml files), kalibr, caliscope or anipose, QTM (.qca.txt) or "
+              "Vicon (.xcp)",
+              &options->path);
+  std::vector<std::string> names;
+  for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
+    names.emplace_back(format.name);
+  }
+  options->format = "opencv";
+  AddOption(app, "--format", absl::StrJoin(names, "|"), &options->format,
+            "Format to write (default opencv, which agents read as calibration=FILE)")
+      ->check(CLI::IsMember(names).description(""));
+  AddOption(app, "--output", "DIR", &options->output, "Folder to write into, made where missing")
+      ->required();
+}
+
 void AddCompare(CommandParser& parser, CLI::App* group) {
   auto [app, ids] = parser.AddCommand(
       group, "compare", "How far B's cameras are from A's after the best rigid alignment",
       CompareCalibrations);
-  AddArgument(app, "A", "Id of a calibration", &ids->a);
-  AddArgument(app, "B", "Id of another", &ids->b);
+  AddArgument(app, "A",
+              "Id of a calibration, or the path of another program's file (with a . or /)",
+              &ids->a);
+  AddArgument(app, "B", "Another", &ids->b);
 }
 
 void AddAccuracy(CommandParser& parser, CLI::App* group) {
@@ -101,6 +123,7 @@ void AddCalibrationCommands(CommandParser& parser) {
   add("cancel", "Stop one that is queued or running", CancelCalibration);
   add("delete", "Remove one that has ended", DeleteCalibration);
   AddExport(parser, group);
+  AddImport(parser, group);
   AddCompare(parser, group);
   AddAccuracy(parser, group);
   AddResiduals(parser, group);

@@ -18,6 +18,7 @@
 #include "client/results/calibration_import.h"
 #include "client/tables/calibration_table.h"
 #include "client/tables/residual_table.h"
+#include "common/export/undistorted.h"
 
 namespace rigcal::client {
 namespace {
@@ -130,8 +131,9 @@ ExitCode DeleteCalibration(const std::string& id, CommandContext& context) {
 
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
-  const absl::StatusOr<v1::Calibration> calibration = FetchCalibration(server, options.id);
+  absl::StatusOr<v1::Calibration> calibration = FetchCalibration(server, options.id);
   if (!calibration.ok()) return context.Fail(calibration.status());
+  if (options.undistorted) *calibration = Undistorted(*std::move(calibration));
   if (options.output == "-") {
     if (absl::Status status = CheckHasResult(*calibration); !status.ok()) {
       return context.Fail(status);
@@ -148,8 +150,9 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
 }
 
 ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandContext& context) {
-  const absl::StatusOr<v1::Calibration> calibration = Import(options.path, context);
+  absl::StatusOr<v1::Calibration> calibration = Import(options.path, context);
   if (!calibration.ok()) return context.Fail(calibration.status());
+  if (options.undistorted) *calibration = Undistorted(*std::move(calibration));
   const auto format = FindCalibrationExportFormat(options.format);
   if (!format.ok()) return context.Fail(format.status());
   const auto files = WriteExport(**format, *calibration, options.output);

@@ -13,14 +13,16 @@ namespace rigcal::client {
 
 struct CalibrationExportOptions {
   std::string id;
-  std::string format;  // a name of CalibrationExportFormats
-  std::string output;  // folder, made where missing; "-" (JSON only): standard output
+  std::string format;        // a name of CalibrationExportFormats
+  std::string output;        // folder, made where missing; "-" (JSON only): standard output
+  bool undistorted = false;  // for images without lens distortion
 };
 
 struct CalibrationImportOptions {
   std::string path;    // file or folder of another program
   std::string format;  // a name of CalibrationExportFormats
   std::string output;  // folder, made where missing
+  bool undistorted = false;
 };
 
 // Ids, or paths of other programs' files (client/results/calibration_import.h).

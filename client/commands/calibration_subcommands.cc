@@ -19,6 +19,10 @@ void AddCalibrate(CommandParser& parser) {
   AddCalibrationOptions(app, &options->calibration);
 }
 
+constexpr char kUndistortedHelp[] =
+    "For images whose lens distortion was taken out with the camera matrix kept: every camera is a "
+    "pinhole";
+
 void AddExport(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
       group, "export", "Write a calibration as files for other programs", ExportCalibration);
@@ -35,6 +39,7 @@ void AddExport(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--output", "DIR", &options->output,
             "Folder to write into, made where missing; - with json: stdout")
       ->required();
+  app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
   app->parse_complete_callback([options = options] {
     if (options->output == "-" && options->format != "json") {
       throw CLI::ValidationError("--output -", "goes with --format json only");
@@ -61,6 +66,7 @@ void AddImport(CommandParser& parser, CLI::App* group) {
       ->check(CLI::IsMember(names).description(""));
   AddOption(app, "--output", "DIR", &options->output, "Folder to write into, made where missing")
       ->required();
+  app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
 }
 
 void AddCompare(CommandParser& parser, CLI::App* group) {

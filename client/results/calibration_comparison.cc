@@ -32,8 +32,14 @@ double MeanResidualPx(const v1::CalibratedCamera& camera) {
   return camera.has_residuals() ? camera.residuals().all().mean_px() : std::nan("");
 }
 
-std::string ShowResidual(double mean_px) {
-  return std::isnan(mean_px) ? std::string("-") : FormatFixed(mean_px, 3);
+// Most other programs' files have none.
+double TimeOffsetS(const v1::CalibratedCamera& camera) {
+  const bool unknown = !camera.has_residuals() && camera.time_offset_s() == 0;
+  return unknown ? std::nan("") : camera.time_offset_s();
+}
+
+std::string FormatKnown(double value) {
+  return std::isnan(value) ? std::string("-") : FormatFixed(value, 3);
 }
 
 std::string NamesOf(const v1::Calibration& calibration) {
@@ -77,7 +83,7 @@ absl::StatusOr<CalibrationComparison> Compare(const v1::Calibration& a, const v1
     RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_b, wire::FromProto(camera_b->cam_from_rig()));
     comparison.cameras.push_back(
         {.camera = name,
-         .time_offset_difference_s = camera_b->time_offset_s() - camera_a->time_offset_s(),
+         .time_offset_difference_s = TimeOffsetS(*camera_b) - TimeOffsetS(*camera_a),
          .mean_px_a = MeanResidualPx(*camera_a),
          .mean_px_b = MeanResidualPx(*camera_b)});
   }
@@ -109,8 +115,8 @@ std::string FormatComparison(const CalibrationComparison& comparison) {
   for (const CalibrationComparison::Camera& camera : comparison.cameras) {
     table.AddRow({camera.camera, FormatFixed(camera.difference.position_m * 1000, 3),
                   FormatFixed(camera.difference.rotation_deg, 4),
-                  FormatFixed(camera.time_offset_difference_s * 1000, 3),
-                  ShowResidual(camera.mean_px_a), ShowResidual(camera.mean_px_b)});
+                  FormatKnown(camera.time_offset_difference_s * 1000),
+                  FormatKnown(camera.mean_px_a), FormatKnown(camera.mean_px_b)});
   }
   table.AddRow({"largest", FormatFixed(comparison.max_difference.position_m * 1000, 3),
                 FormatFixed(comparison.max_difference.rotation_deg, 4)});

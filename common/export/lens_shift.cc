@@ -30,15 +30,17 @@ double LensShiftPx(const ExportedCamera& camera) {
 }
 
 absl::Status CheckNoDistortion(const ExportedCamera& camera, const char* program) {
+  const std::string none = absl::StrCat(program, "'s cameras have no lens distortion, and ");
+  constexpr char kInstead[] = "; undistort the images, and export with --undistorted";
+  if (camera.intrinsics.model == DistortionModel::kFisheye) {
+    return CannotHold(camera, absl::StrCat(none, "this one is a fisheye", kInstead));
+  }
   const double shift_px = LensShiftPx(camera);
   if (shift_px <= kHeldWithinPx) return absl::OkStatus();
   const std::string how_far = std::isfinite(shift_px)
                                   ? absl::StrFormat("moves points by up to %.2f px", shift_px)
                                   : "is known in a part of the image only";
-  return CannotHold(camera, absl::StrCat(program,
-                                         "'s cameras have no lens distortion, and that of "
-                                         "this camera ",
-                                         how_far));
+  return CannotHold(camera, absl::StrCat(none, "that of this one ", how_far, kInstead));
 }
 
 }  // namespace rigcal

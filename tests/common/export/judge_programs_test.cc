@@ -173,5 +173,52 @@ TEST(JudgePrograms, ColmapReadsTextAndBinary) {
   }
 }
 
+// A COLMAP model of the exported cameras, with points that two images of each camera see where we
+// say: COLMAP's own reprojection error is the judgement.
+TEST(JudgePrograms, ColmapProjectsAsWeDo) {
+  const std::string colmap = PathOfProgram("colmap");
+  if (colmap.empty()) GTEST_SKIP() << "COLMAP is not installed (Debian: colmap)";
+  for (const TestLens lens : {TestLens::kPinhole, TestLens::kBrown4, TestLens::kBrown5,
+                              TestLens::kRational, TestLens::kFisheye}) {
+    SCOPED_TRACE(static_cast<int>(lens));
+    const TemporaryDirectory directory, out;
+    const auto pixels =
+        WriteForJudge(CalibrationOfLens(lens, {"left", "right", "top"}), "colmap", directory);
+    const std::vector<std::string> heads = ColmapLines(directory.path() / "images.txt");
+    std::ifstream points(directory.path() / "points.txt");
+    std::ostringstream images, tracks;
+    images << std::setprecision(17);
+    ASSERT_EQ(heads.size() * 1000, pixels.size());
+    for (size_t camera = 0; camera < heads.size(); ++camera) {
+      std::ostringstream seen;
+      seen << std::setprecision(17);
+      for (size_t i = 0; i < 1000; ++i) {
+        const size_t id = camera * 1000 + i + 1;
+        std::string name, x, y, z;
+        points >> name >> x >> y >> z;
+        // The centre of the first pixel is (0.5, 0.5) there.
+        seen << pixels[id - 1].x() + 0.5 << " " << pixels[id - 1].y() + 0.5 << " " << id << " ";
+        tracks << id << " " << x << " " << y << " " << z << " 0 0 0 0 " << camera + 1 << " " << i
+               << " " << camera + 11 << " " << i << "\n";
+      }
+      const std::vector<std::string> words = absl::StrSplit(heads[camera], absl::MaxSplits(' ', 1));
+      images << heads[camera] << "\n" << seen.str() << "\n";
+      images << camera + 11 << " " << words[1] << ".again\n" << seen.str() << "\n";
+    }
+    directory.WriteFile("images.txt", images.str());
+    directory.WriteFile("points3D.txt", tracks.str());
+    const CommandResult result = RunCommand(
+        {colmap, "bundle_adjuster", "--input_path", directory.path().string(), "--output_path",
+         out.path().string(), "--BundleAdjustment.max_num_iterations", "1",
+         "--BundleAdjustment.refine_focal_length", "0", "--BundleAdjustment.refine_extra_params",
+         "0", "--BundleAdjustment.refine_extrinsics", "0"},
+        {{"QT_QPA_PLATFORM", "offscreen"}});
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+    const std::string text = result.output + result.error, field = "Initial cost : ";
+    ASSERT_THAT(text, ::testing::HasSubstr(field));
+    EXPECT_LT(std::stod(text.substr(text.find(field) + field.size())), 0.01);  // px
+  }
+}
+
 }  // namespace
 }  // namespace rigcal::judge_programs_test

@@ -4,6 +4,7 @@
 #include "client/commands/calibrate_command.h"
 #include "client/commands/calibration_command.h"
 #include "client/commands/command_parser.h"
+#include "client/commands/evaluate_command.h"
 #include "client/results/calibration_export.h"
 
 namespace rigcal::client {
@@ -110,10 +111,31 @@ void AddResiduals(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--camera", "NAME", &options->camera, "This camera only");
 }
 
+void AddEvaluate(CommandParser& parser) {
+  auto [app, options] = parser.AddCommand(
+      nullptr, "evaluate", "Error of triangulated points against ground truth", Evaluate, false);
+  AddArgument(app, "FILE",
+              "Triangulated positions: CSV with the columns time_s, x_m, y_m, z_m and, of several "
+              "points, label",
+              &options->estimate);
+  AddOption(app, "--ground-truth", "FILE", &options->ground_truth,
+            "Measured positions, with the same columns, in a frame and time of their own")
+      ->required();
+  app->add_flag("--scale", options->evaluation.fit_scale,
+                "Fit the scale, too: a similarity instead of a rigid motion");
+  app->add_flag("--keep-time", options->keep_time, "Fit no time offset");
+  AddOption(app, "--longest-offset", "S", &options->evaluation.longest_offset_s,
+            "Time offsets up to this are searched, seconds (default 1)");
+  AddOption(app, "--longest-gap", "S", &options->evaluation.longest_gap_s,
+            "Gaps of the ground truth up to this are interpolated, seconds (default 0.1)");
+  AddOption(app, "--plot", "FILE", &options->plot, "Write the errors over time as SVG");
+}
+
 }  // namespace
 
 void AddCalibrationCommands(CommandParser& parser) {
   AddCalibrate(parser);
+  AddEvaluate(parser);
   CLI::App* group =
       parser.AddGroup("calibration", "Calibrations: the results (list, get, export, compare, ...)");
   auto [list, options] =

@@ -260,17 +260,18 @@ absl::StatusOr<CameraFile> ReadCameraFields(const FieldReader& reader) {
   CameraFile file;
   RIGCAL_ASSIGN_OR_RETURN(file.lens, ReadFields(reader));
   file.camera = std::filesystem::path(reader.path()).stem().string();
-  if (const absl::StatusOr<cv::FileNode> name = reader.Field("camera_name"); name.ok()) {
-    if (!name->isString()) return reader.Error("camera_name", "is not a text");
-    file.camera = name->string();
-  }
   if (reader.Field("extrinsics").ok()) {
     RIGCAL_ASSIGN_OR_RETURN(const cv::Mat1d pose, reader.ReadMatrix("extrinsics"));
-    if (pose.rows != 4 || pose.cols != 4) {
-      return reader.Error("extrinsics", "is ", pose.rows, " x ", pose.cols, ", not 4 x 4");
+    if ((pose.rows != 3 && pose.rows != 4) || pose.cols != 4) {
+      return reader.Error("extrinsics", "is ", pose.rows, " x ", pose.cols, ", not 3 x 4 or 4 x 4");
     }
-    file.extrinsics =
-        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(pose.ptr<double>());
+    file.extrinsics.emplace(Eigen::Matrix4d::Identity());
+    file.extrinsics->topRows(pose.rows) =
+        Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>>(
+            pose.ptr<double>(), pose.rows, 4);
+    if (file.extrinsics->row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
+      return reader.Error("extrinsics", "has a last row that is not 0 0 0 1; is it transposed?");
+    }
   }
   return file;
 }

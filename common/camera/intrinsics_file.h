@@ -24,13 +24,13 @@ struct IntrinsicsFile {
 // malformed field.
 absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path);
 
-// The same with what an exported file says of name and pose.
+// The same with the pose that an exported file has.
 struct CameraFile {
-  std::string camera;  // camera_name, or the file's name without its end
+  std::string camera;  // the file's name without its end; camera_name often is another
   IntrinsicsFile lens;
-  std::optional<Eigen::Matrix4d> extrinsics;  // as it stands; none: the file has no such field
+  std::optional<Eigen::Matrix4d> extrinsics;  // 4x4 or 3x4 in the file; none: no such field
 };
-// The errors of ReadIntrinsicsFile; a malformed name or matrix is one, too.
+// The errors of ReadIntrinsicsFile; a malformed matrix is one, too.
 absl::StatusOr<CameraFile> ReadCameraFile(const std::string& path);
 
 // The fields of an OpenCV YAML text as one document, on the same lines as in `text`. OpenCV's

@@ -70,6 +70,9 @@ class KalibrCamera {
       RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> row, Numbers(field[i], name, 4));
       pose.row(i) = Eigen::RowVector4d(row.data());
     }
+    if (pose.row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
+      return Error(field, absl::StrCat(name, " has a last row that is not 0 0 0 1"));
+    }
     const absl::StatusOr<Eigen::Quaterniond> rotation = RotationFrom(pose.topLeftCorner<3, 3>());
     if (!rotation.ok()) {
       return Error(field, absl::StrCat(name, ": ", std::string(rotation.status().message())));

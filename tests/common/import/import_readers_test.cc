@@ -230,6 +230,41 @@ TEST(ReadQtm, RefusesAMirroredRotation) {
               StatusIs(absl::StatusCode::kInvalidArgument, HasSubstr("mirrored")));
 }
 
+std::string OpenCvText(const std::string& extrinsics) {
+  return "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n"
+         "   rows: 3\n   cols: 3\n   dt: d\n   data: [500., 0., 320., 0., 500., 240., 0., 0., 1.]\n"
+         "distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n"
+         "   data: [0., 0., 0., 0., 0.]\nextrinsics: !!opencv-matrix\n" +
+         extrinsics;
+}
+
+TEST(ReadOpenCvCamera, ReadsPosesOfThreeAndOfFourRows) {
+  const TemporaryDirectory directory;
+  const auto path = directory.WriteFile(
+      "left.yaml", OpenCvText("   rows: 3\n   cols: 4\n   dt: d\n"
+                              "   data: [1., 0., 0., 1., 0., 1., 0., 2., 0., 0., 1., 3.]\n"));
+  ASSERT_OK_AND_ASSIGN(const ImportedCamera camera, ReadOpenCvCamera(path.string()));
+  EXPECT_EQ(camera.name, "left");
+  EXPECT_EQ(camera.cam_from_rig->translation_m, Eigen::Vector3d(1, 2, 3));
+}
+
+TEST(ReadOpenCvCamera, RefusesPosesThatAreNone) {
+  const TemporaryDirectory directory;
+  const std::string four = "   rows: 4\n   cols: 4\n   dt: d\n   data: ";
+  const std::pair<std::string, const char*> faults[] = {
+      {four + "[1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 1., 2., 3., 1.]\n",
+       "line 15: extrinsics has a last row"},
+      {four + "[1., 0., 0., 1., 0., 1., 0., 2., 0., 0., -1., 3., 0., 0., 0., 1.]\n", "mirrored"},
+      {four + "[2., 0., 0., 1., 0., 1., 0., 2., 0., 0., 1., 3., 0., 0., 0., 1.]\n", "no rotation"},
+      {"   rows: 1\n   cols: 2\n   dt: d\n   data: [1., 0.]\n", "1 x 2"}};
+  for (const auto& [extrinsics, says] : faults) {
+    const auto path = directory.WriteFile("left.yaml", OpenCvText(extrinsics));
+    EXPECT_THAT(ReadOpenCvCamera(path.string()),
+                StatusIs(absl::StatusCode::kInvalidArgument,
+                         AllOf(HasSubstr("left.yaml"), HasSubstr(says))));
+  }
+}
+
 TEST(ReadKalibr, NamesFileAndLineOfEveryFault) {
   const v1::Calibration calibration = CalibrationOfLens(TestLens::kBrown4, {"left", "right"});
   const std::string good =

@@ -4,6 +4,7 @@
 #include <toml++/toml.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
@@ -129,9 +130,15 @@ absl::StatusOr<ImportedCamera> CameraFromToml(const std::string& path, const std
 }  // namespace
 
 absl::StatusOr<ImportedRig> ReadCaliscope(const std::string& path, const std::string& text) {
+  RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
+  // toml++ 3.3 has undefined behaviour for some letters beyond ASCII where none may be; names of
+  // cameras have none anyhow.
+  std::string ascii = text;
+  std::replace_if(
+      ascii.begin(), ascii.end(), [](char c) { return static_cast<unsigned char>(c) > 0x7f; }, '_');
   toml::table root;
   try {
-    root = toml::parse(text, path);
+    root = toml::parse(ascii, path);
   } catch (const toml::parse_error& error) {
     return ImportError(path, static_cast<int>(error.source().begin.line),
                        std::string(error.description()));

@@ -24,6 +24,19 @@ absl::Status ImportError(const std::string& path, int line, const std::string& w
   return absl::InvalidArgumentError(absl::StrCat(path, ", line ", line, ": ", why));
 }
 
+absl::Status CheckText(const std::string& path, const std::string& text) {
+  int line = 1;
+  for (const char letter : text) {
+    const unsigned char byte = static_cast<unsigned char>(letter);
+    if ((byte < 0x20 && letter != '\n' && letter != '\r' && letter != '\t') || byte == 0x7f) {
+      return ImportError(path, line,
+                         absl::StrCat("byte 0x", absl::Hex(byte, absl::kZeroPad2), " is not text"));
+    }
+    if (letter == '\n') ++line;
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<Eigen::Quaterniond> RotationFrom(const Eigen::Matrix3d& matrix) {
   if (!matrix.allFinite()) return absl::InvalidArgumentError("the rotation is not finite");
   const double off =

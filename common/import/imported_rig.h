@@ -32,6 +32,9 @@ struct ImportedRig {
 // "PATH, line 12: WHY", or without a line where it is 0. INVALID_ARGUMENT.
 absl::Status ImportError(const std::string& path, int line, const std::string& why);
 
+// INVALID_ARGUMENT: control characters, with which parsers of texts cannot be trusted.
+absl::Status CheckText(const std::string& path, const std::string& text);
+
 // The rotation that a file's matrix says. INVALID_ARGUMENT: not finite, not a rotation, or
 // mirrored; the message has no place in it.
 absl::StatusOr<Eigen::Quaterniond> RotationFrom(const Eigen::Matrix3d& matrix);

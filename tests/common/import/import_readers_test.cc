@@ -298,6 +298,8 @@ TEST(ReadCaliscope, NamesFileAndLineOfEveryFault) {
       {"too many", "distortions = [", "distortions = [0.0, ", "6 distortions"},
       {"too few", "translation = [", "translation = [0.0, ", "4 numbers, not 3"},
       {"not TOML", "size = [", "size = [[", "rig.toml, line"},
+      {"control characters", "[cameras.0]", "[\x01]", "line 2: byte 0x01"},
+      {"letters beyond ASCII", "fisheye =", "\xd0\xb8 fisheye =", "rig.toml, line"},
       {"no cameras", "[cameras.", "[things.", "has no cameras"}};
   for (const BadText& fault : faults) {
     SCOPED_TRACE(fault.what);

@@ -9,6 +9,7 @@ find_package(Ceres CONFIG REQUIRED)
 find_package(OpenCV CONFIG REQUIRED COMPONENTS core calib3d imgproc imgcodecs videoio features2d)
 find_package(spdlog CONFIG REQUIRED)
 find_package(tomlplusplus CONFIG REQUIRED)
+find_package(yaml-cpp CONFIG REQUIRED)
 find_package(SQLiteCpp CONFIG REQUIRED)
 find_package(OpenSSL 3.0 REQUIRED)
 find_package(Boost REQUIRED) # headers only: Asio and Beast
@@ -17,6 +18,7 @@ find_package(LibArchive REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED COMPONENTS core) # text format only
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)
+pkg_check_modules(LIBXML2 REQUIRED IMPORTED_TARGET libxml-2.0)
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
 pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5)
 pkg_check_modules(AVAHI IMPORTED_TARGET avahi-client) # optional: common/discovery

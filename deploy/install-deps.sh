@@ -22,7 +22,8 @@ packages=(
   iproute2 iptables
   # store, configuration, command line, logging
   libsqlitecpp-dev libsqlite3-dev zlib1g-dev libarchive-dev libssl-dev libboost-dev prometheus-cpp-dev
-  libtomlplusplus-dev libcli11-dev nlohmann-json3-dev libspdlog-dev
+  libtomlplusplus-dev libyaml-cpp-dev libxml2-dev libcli11-dev nlohmann-json3-dev
+  libspdlog-dev
   # tests
   libgtest-dev libgmock-dev libbenchmark-dev librapidcheck-dev faketime
 )

@@ -15,8 +15,10 @@
 #include "client/output/text_table.h"
 #include "client/results/calibration_comparison.h"
 #include "client/results/calibration_export.h"
+#include "client/results/calibration_import.h"
 #include "client/tables/calibration_table.h"
 #include "client/tables/residual_table.h"
+#include "common/export/undistorted.h"
 
 namespace rigcal::client {
 namespace {
@@ -27,15 +29,30 @@ absl::StatusOr<v1::Calibration> FetchCalibration(ServerConnection& server, const
   return CalibrationOf(server.CallWithId(&CalibrationStub::GetCalibration, id));
 }
 
-void PrintFiles(const CalibrationExportOptions& options,
-                const std::vector<std::filesystem::path>& files, CommandContext& context) {
+absl::StatusOr<v1::Calibration> Import(const std::string& path, CommandContext& context) {
+  absl::StatusOr<CalibrationImport> imported = ImportCalibration(path);
+  if (!imported.ok()) return imported.status();
+  for (const std::string& note : imported->notes) {
+    context.console.Message(absl::StrCat(path, ": ", note));
+  }
+  return std::move(imported->calibration);
+}
+
+// Of the server, or from a file or folder of another program.
+absl::StatusOr<v1::Calibration> FetchOrImport(ServerConnection& server, const std::string& which,
+                                              CommandContext& context) {
+  return IsImportPath(which) ? Import(which, context) : FetchCalibration(server, which);
+}
+
+void PrintFiles(const std::string& id, const std::vector<std::filesystem::path>& files,
+                CommandContext& context) {
   if (context.console.format == OutputFormat::kTable) {
     for (const std::filesystem::path& file : files) context.console.out << file.string() << "\n";
     return;
   }
   auto names = nlohmann::ordered_json::array();
   for (const std::filesystem::path& file : files) names.push_back(file.string());
-  context.console.out << JsonText({{"calibration", options.id}, {"files", names}}) << "\n";
+  context.console.out << JsonText({{"calibration", id}, {"files", names}}) << "\n";
 }
 
 constexpr double kMmPerM = 1000;
@@ -114,8 +131,9 @@ ExitCode DeleteCalibration(const std::string& id, CommandContext& context) {
 
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context) {
   ServerConnection server(context.server);
-  const absl::StatusOr<v1::Calibration> calibration = FetchCalibration(server, options.id);
+  absl::StatusOr<v1::Calibration> calibration = FetchCalibration(server, options.id);
   if (!calibration.ok()) return context.Fail(calibration.status());
+  if (options.undistorted) *calibration = Undistorted(*std::move(calibration));
   if (options.output == "-") {
     if (absl::Status status = CheckHasResult(*calibration); !status.ok()) {
       return context.Fail(status);
@@ -127,15 +145,27 @@ ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandConte
   if (!format.ok()) return context.Fail(format.status());
   const auto files = WriteExport(**format, *calibration, options.output);
   if (!files.ok()) return context.Fail(files.status());
-  PrintFiles(options, *files, context);
+  PrintFiles(options.id, *files, context);
+  return ExitCode::kOk;
+}
+
+ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandContext& context) {
+  absl::StatusOr<v1::Calibration> calibration = Import(options.path, context);
+  if (!calibration.ok()) return context.Fail(calibration.status());
+  if (options.undistorted) *calibration = Undistorted(*std::move(calibration));
+  const auto format = FindCalibrationExportFormat(options.format);
+  if (!format.ok()) return context.Fail(format.status());
+  const auto files = WriteExport(**format, *calibration, options.output);
+  if (!files.ok()) return context.Fail(files.status());
+  PrintFiles(options.path, *files, context);
   return ExitCode::kOk;
 }
 
 ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context) {
   ServerConnection server(context.server);
-  const absl::StatusOr<v1::Calibration> a = FetchCalibration(server, ids.a);
+  const absl::StatusOr<v1::Calibration> a = FetchOrImport(server, ids.a, context);
   if (!a.ok()) return context.Fail(a.status());
-  const absl::StatusOr<v1::Calibration> b = FetchCalibration(server, ids.b);
+  const absl::StatusOr<v1::Calibration> b = FetchOrImport(server, ids.b, context);
   if (!b.ok()) return context.Fail(b.status());
   return context.Show(Compare(*a, *b), FormatComparison);
 }

@@ -13,10 +13,19 @@ namespace rigcal::client {
 
 struct CalibrationExportOptions {
   std::string id;
-  std::string format;  // a name of CalibrationExportFormats
-  std::string output;  // folder, made where missing; "-" (JSON only): standard output
+  std::string format;        // a name of CalibrationExportFormats
+  std::string output;        // folder, made where missing; "-" (JSON only): standard output
+  bool undistorted = false;  // for images without lens distortion
 };
 
+struct CalibrationImportOptions {
+  std::string path;    // file or folder of another program
+  std::string format;  // a name of CalibrationExportFormats
+  std::string output;  // folder, made where missing
+  bool undistorted = false;
+};
+
+// Ids, or paths of other programs' files (client/results/calibration_import.h).
 struct CalibrationPair {
   std::string a;
   std::string b;
@@ -30,6 +39,8 @@ ExitCode CancelCalibration(const std::string& id, CommandContext& context);
 ExitCode DeleteCalibration(const std::string& id, CommandContext& context);
 // Prints the files it wrote.
 ExitCode ExportCalibration(const CalibrationExportOptions& options, CommandContext& context);
+// Reads another program's file and writes it in a format of ours. Prints the files it wrote.
+ExitCode ConvertCalibration(const CalibrationImportOptions& options, CommandContext& context);
 // Prints how B differs from A.
 ExitCode CompareCalibrations(const CalibrationPair& ids, CommandContext& context);
 

@@ -4,6 +4,7 @@
 #include "client/commands/calibrate_command.h"
 #include "client/commands/calibration_command.h"
 #include "client/commands/command_parser.h"
+#include "client/commands/evaluate_command.h"
 #include "client/results/calibration_export.h"
 
 namespace rigcal::client {
@@ -18,6 +19,10 @@ void AddCalibrate(CommandParser& parser) {
   app->add_flag("--wait", options->wait, "Return with the result");
   AddCalibrationOptions(app, &options->calibration);
 }
+
+constexpr char kUndistortedHelp[] =
+    "For images whose lens distortion was taken out with the camera matrix kept: every camera is a "
+    "pinhole";
 
 void AddExport(CommandParser& parser, CLI::App* group) {
   auto [app, options] = parser.AddCommand(
@@ -35,6 +40,7 @@ void AddExport(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--output", "DIR", &options->output,
             "Folder to write into, made where missing; - with json: stdout")
       ->required();
+  app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
   app->parse_complete_callback([options = options] {
     if (options->output == "-" && options->format != "json") {
       throw CLI::ValidationError("--output -", "goes with --format json only");
@@ -43,12 +49,35 @@ void AddExport(CommandParser& parser, CLI::App* group) {
   });
 }
 
+void AddImport(CommandParser& parser, CLI::App* group) {
+  auto [app, options] = parser.AddCommand(
+      group, "import", "Read another program's calibration and write it in a format of ours",
+      ConvertCalibration);
+  AddArgument(app, "FILE",
+              "OpenCV (a folder of .yaml files), kalibr, caliscope or anipose, QTM (.qca.txt) or "
+              "Vicon (.xcp)",
+              &options->path);
+  std::vector<std::string> names;
+  for (const CalibrationExportFormat& format : CalibrationExportFormats()) {
+    names.emplace_back(format.name);
+  }
+  options->format = "opencv";
+  AddOption(app, "--format", absl::StrJoin(names, "|"), &options->format,
+            "Format to write (default opencv, which agents read as calibration=FILE)")
+      ->check(CLI::IsMember(names).description(""));
+  AddOption(app, "--output", "DIR", &options->output, "Folder to write into, made where missing")
+      ->required();
+  app->add_flag("--undistorted", options->undistorted, kUndistortedHelp);
+}
+
 void AddCompare(CommandParser& parser, CLI::App* group) {
   auto [app, ids] = parser.AddCommand(
       group, "compare", "How far B's cameras are from A's after the best rigid alignment",
       CompareCalibrations);
-  AddArgument(app, "A", "Id of a calibration", &ids->a);
-  AddArgument(app, "B", "Id of another", &ids->b);
+  AddArgument(app, "A",
+              "Id of a calibration, or the path of another program's file (with a . or /)",
+              &ids->a);
+  AddArgument(app, "B", "Another", &ids->b);
 }
 
 void AddAccuracy(CommandParser& parser, CLI::App* group) {
@@ -82,10 +111,31 @@ void AddResiduals(CommandParser& parser, CLI::App* group) {
   AddOption(app, "--camera", "NAME", &options->camera, "This camera only");
 }
 
+void AddEvaluate(CommandParser& parser) {
+  auto [app, options] = parser.AddCommand(
+      nullptr, "evaluate", "Error of triangulated points against ground truth", Evaluate, false);
+  AddArgument(app, "FILE",
+              "Triangulated positions: CSV with the columns time_s, x_m, y_m, z_m and, of several "
+              "points, label",
+              &options->estimate);
+  AddOption(app, "--ground-truth", "FILE", &options->ground_truth,
+            "Measured positions, with the same columns, in a frame and time of their own")
+      ->required();
+  app->add_flag("--scale", options->evaluation.fit_scale,
+                "Fit the scale, too: a similarity instead of a rigid motion");
+  app->add_flag("--keep-time", options->keep_time, "Fit no time offset");
+  AddOption(app, "--longest-offset", "S", &options->evaluation.longest_offset_s,
+            "Time offsets up to this are searched, seconds (default 1)");
+  AddOption(app, "--longest-gap", "S", &options->evaluation.longest_gap_s,
+            "Gaps of the ground truth up to this are interpolated, seconds (default 0.1)");
+  AddOption(app, "--plot", "FILE", &options->plot, "Write the errors over time as SVG");
+}
+
 }  // namespace
 
 void AddCalibrationCommands(CommandParser& parser) {
   AddCalibrate(parser);
+  AddEvaluate(parser);
   CLI::App* group =
       parser.AddGroup("calibration", "Calibrations: the results (list, get, export, compare, ...)");
   auto [list, options] =
@@ -101,6 +151,7 @@ void AddCalibrationCommands(CommandParser& parser) {
   add("cancel", "Stop one that is queued or running", CancelCalibration);
   add("delete", "Remove one that has ended", DeleteCalibration);
   AddExport(parser, group);
+  AddImport(parser, group);
   AddCompare(parser, group);
   AddAccuracy(parser, group);
   AddResiduals(parser, group);

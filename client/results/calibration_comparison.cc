@@ -2,6 +2,7 @@
 #include "client/results/calibration_comparison.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -24,6 +25,28 @@ absl::Status CheckComparable(const v1::Calibration& calibration) {
   return absl::FailedPreconditionError(
       absl::StrCat("calibration ", calibration.id(),
                    " has no metric scale, so its positions cannot be compared"));
+}
+
+// What was imported has none.
+double MeanResidualPx(const v1::CalibratedCamera& camera) {
+  return camera.has_residuals() ? camera.residuals().all().mean_px() : std::nan("");
+}
+
+// Most other programs' files have none.
+double TimeOffsetS(const v1::CalibratedCamera& camera) {
+  const bool unknown = !camera.has_residuals() && camera.time_offset_s() == 0;
+  return unknown ? std::nan("") : camera.time_offset_s();
+}
+
+std::string FormatKnown(double value) {
+  return std::isnan(value) ? std::string("-") : FormatFixed(value, 3);
+}
+
+std::string NamesOf(const v1::Calibration& calibration) {
+  return absl::StrJoin(calibration.cameras(), ", ",
+                       [](std::string* out, const v1::CalibratedCamera& camera) {
+                         absl::StrAppend(out, camera.camera());
+                       });
 }
 
 std::map<std::string, const v1::CalibratedCamera*> ByName(const v1::Calibration& calibration) {
@@ -60,16 +83,17 @@ absl::StatusOr<CalibrationComparison> Compare(const v1::Calibration& a, const v1
     RIGCAL_ASSIGN_OR_RETURN(pair.cam_from_b, wire::FromProto(camera_b->cam_from_rig()));
     comparison.cameras.push_back(
         {.camera = name,
-         .time_offset_difference_s = camera_b->time_offset_s() - camera_a->time_offset_s(),
-         .mean_px_a = camera_a->residuals().all().mean_px(),
-         .mean_px_b = camera_b->residuals().all().mean_px()});
+         .time_offset_difference_s = TimeOffsetS(*camera_b) - TimeOffsetS(*camera_a),
+         .mean_px_a = MeanResidualPx(*camera_a),
+         .mean_px_b = MeanResidualPx(*camera_b)});
   }
   for (const auto& [name, camera] : cameras_b) {
     if (!cameras_a.contains(name)) comparison.only_in_b.push_back(name);
   }
   if (poses.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("calibrations ", a.id(), " and ", b.id(), " have no camera in common"));
+    return absl::InvalidArgumentError(absl::StrCat("calibrations ", a.id(), " and ", b.id(),
+                                                   " have no camera in common: A has ", NamesOf(a),
+                                                   "; B has ", NamesOf(b)));
   }
 
   RIGCAL_ASSIGN_OR_RETURN(const RigidTransform b_from_a, AlignRigidly(poses));
@@ -91,8 +115,8 @@ std::string FormatComparison(const CalibrationComparison& comparison) {
   for (const CalibrationComparison::Camera& camera : comparison.cameras) {
     table.AddRow({camera.camera, FormatFixed(camera.difference.position_m * 1000, 3),
                   FormatFixed(camera.difference.rotation_deg, 4),
-                  FormatFixed(camera.time_offset_difference_s * 1000, 3),
-                  FormatFixed(camera.mean_px_a, 3), FormatFixed(camera.mean_px_b, 3)});
+                  FormatKnown(camera.time_offset_difference_s * 1000),
+                  FormatKnown(camera.mean_px_a), FormatKnown(camera.mean_px_b)});
   }
   table.AddRow({"largest", FormatFixed(comparison.max_difference.position_m * 1000, 3),
                 FormatFixed(comparison.max_difference.rotation_deg, 4)});

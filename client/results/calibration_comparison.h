@@ -15,8 +15,8 @@ struct CalibrationComparison {
   struct Camera {
     std::string camera;
     PoseDifference difference = {};
-    double time_offset_difference_s = 0;  // B minus A
-    double mean_px_a = 0;
+    double time_offset_difference_s = 0;  // B minus A; NaN: not known
+    double mean_px_a = 0;                 // NaN: not known
     double mean_px_b = 0;
   };
   std::string id_a;

@@ -93,6 +93,8 @@ class FieldReader {
   FieldReader(const std::string& path, const std::string& text, const cv::FileNode& root)
       : path_(path), text_(text), root_(root) {}
 
+  const std::string& path() const { return path_; }
+
   template <typename... Pieces>
   absl::Status Error(const std::string& field, const Pieces&... why) const {
     // The parser keeps no lines; fields of interest stand at the beginning of theirs.
@@ -254,6 +256,47 @@ absl::Status ParseError(const std::string& path, const cv::Exception& exception)
       absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.err));
 }
 
+absl::StatusOr<CameraFile> ReadCameraFields(const FieldReader& reader) {
+  CameraFile file;
+  RIGCAL_ASSIGN_OR_RETURN(file.lens, ReadFields(reader));
+  file.camera = std::filesystem::path(reader.path()).stem().string();
+  if (reader.Field("extrinsics").ok()) {
+    RIGCAL_ASSIGN_OR_RETURN(const cv::Mat1d pose, reader.ReadMatrix("extrinsics"));
+    if ((pose.rows != 3 && pose.rows != 4) || pose.cols != 4) {
+      return reader.Error("extrinsics", "is ", pose.rows, " x ", pose.cols, ", not 3 x 4 or 4 x 4");
+    }
+    file.extrinsics.emplace(Eigen::Matrix4d::Identity());
+    file.extrinsics->topRows(pose.rows) =
+        Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>>(
+            pose.ptr<double>(), pose.rows, 4);
+    if (file.extrinsics->row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
+      return reader.Error("extrinsics", "has a last row that is not 0 0 0 1; is it transposed?");
+    }
+  }
+  return file;
+}
+
+template <typename File>
+absl::StatusOr<File> ReadFile(const std::string& path,
+                              absl::StatusOr<File> (*read)(const FieldReader&)) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::string content, ReadText(path));
+  RIGCAL_ASSIGN_OR_RETURN(const std::string text, SingleDocument(path, content));
+  try {
+    const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
+    const cv::FileNode root = storage.isOpened() ? storage.root() : cv::FileNode();
+    if (!root.isMap()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": has no fields (image_width, camera_matrix, ...)"));
+    }
+    return read(FieldReader(path, text, root));
+  } catch (const cv::Exception& exception) {
+    return ParseError(path, exception);
+  } catch (const std::exception& exception) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.what()));
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> SingleDocument(const std::string& path, const std::string& text) {
@@ -291,22 +334,11 @@ absl::StatusOr<std::string> SingleDocument(const std::string& path, const std::s
 }
 
 absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path) {
-  RIGCAL_ASSIGN_OR_RETURN(const std::string content, ReadText(path));
-  RIGCAL_ASSIGN_OR_RETURN(const std::string text, SingleDocument(path, content));
-  try {
-    const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
-    const cv::FileNode root = storage.isOpened() ? storage.root() : cv::FileNode();
-    if (!root.isMap()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(path, ": has no fields (image_width, camera_matrix, ...)"));
-    }
-    return ReadFields(FieldReader(path, text, root));
-  } catch (const cv::Exception& exception) {
-    return ParseError(path, exception);
-  } catch (const std::exception& exception) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": OpenCV cannot read it as YAML: ", exception.what()));
-  }
+  return ReadFile<IntrinsicsFile>(path, &ReadFields);
+}
+
+absl::StatusOr<CameraFile> ReadCameraFile(const std::string& path) {
+  return ReadFile<CameraFile>(path, &ReadCameraFields);
 }
 
 }  // namespace rigcal

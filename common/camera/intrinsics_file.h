@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -21,6 +23,15 @@ struct IntrinsicsFile {
 // INVALID_ARGUMENT: names the file, the line where the parser knows it, and the missing or
 // malformed field.
 absl::StatusOr<IntrinsicsFile> ReadIntrinsicsFile(const std::string& path);
+
+// The same with the pose that an exported file has.
+struct CameraFile {
+  std::string camera;  // the file's name without its end; camera_name often is another
+  IntrinsicsFile lens;
+  std::optional<Eigen::Matrix4d> extrinsics;  // 4x4 or 3x4 in the file; none: no such field
+};
+// The errors of ReadIntrinsicsFile; a malformed matrix is one, too.
+absl::StatusOr<CameraFile> ReadCameraFile(const std::string& path);
 
 // The fields of an OpenCV YAML text as one document, on the same lines as in `text`. OpenCV's
 // parser overflows the stack on deep nesting, and turns for ever in some texts that hold several

@@ -6,51 +6,18 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
-#include "common/camera/camera_export.h"
+#include "common/export/format_writers.h"
+#include "common/export/rig_model.h"
 #include "common/status/status_macros.h"
-#include "common/status/validate_name.h"
-#include "common/wire/camera_wire.h"
 
 namespace rigcal {
 namespace {
 
-absl::StatusOr<CameraExport> ToExport(const v1::CalibratedCamera& camera) {
-  // The name becomes a file name.
-  RIGCAL_RETURN_IF_ERROR(ValidateName("camera name", camera.camera()));
-  CameraExport result;
-  result.camera = camera.camera();
-  result.image_size_px = wire::FromProto(camera.image_size_px());
-  RIGCAL_ASSIGN_OR_RETURN(result.intrinsics, wire::FromProto(camera.intrinsics()));
-  RIGCAL_ASSIGN_OR_RETURN(result.cam_from_rig, wire::FromProto(camera.cam_from_rig()));
-  result.reprojection_error_px = camera.residuals().all().mean_px();
-  if (camera.line_delay_sigma_s() > 0) result.line_delay_s = camera.line_delay_s();
-  return result;
-}
-
-absl::StatusOr<ExportFile> OpenCvFile(const v1::CalibratedCamera& camera) {
-  RIGCAL_ASSIGN_OR_RETURN(const CameraExport values, ToExport(camera));
-  RIGCAL_ASSIGN_OR_RETURN(std::string text, CameraExportText(values));
-  return ExportFile{camera.camera() + ".yaml", std::move(text)};
-}
-
-absl::StatusOr<std::vector<ExportFile>> MakeOpenCv(const v1::Calibration& calibration) {
-  RIGCAL_RETURN_IF_ERROR(CheckHasResult(calibration));
-  if (!calibration.scale_known()) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("calibration ", calibration.id(),
-                     " has no metric scale, which this format promises; use the format json"));
-  }
-  std::vector<ExportFile> files;
-  for (const v1::CalibratedCamera& camera : calibration.cameras()) {
-    absl::StatusOr<ExportFile> file = OpenCvFile(camera);
-    if (!file.ok()) {
-      return absl::DataLossError(
-          absl::StrCat("camera ", camera.camera(), " of calibration ", calibration.id(),
-                       " cannot be exported: ", std::string(file.status().message())));
-    }
-    files.push_back(*std::move(file));
-  }
-  return files;
+// Of a writer, from the calibration instead of the neutral model.
+template <ExportFiles (*kWrite)(const ExportedRig&)>
+ExportFiles Make(const v1::Calibration& calibration) {
+  RIGCAL_ASSIGN_OR_RETURN(const ExportedRig rig, RigOf(calibration));
+  return kWrite(rig);
 }
 
 absl::StatusOr<std::vector<ExportFile>> MakeJson(const v1::Calibration& calibration) {
@@ -69,12 +36,38 @@ absl::StatusOr<std::vector<ExportFile>> MakeJson(const v1::Calibration& calibrat
   return std::vector<ExportFile>{{"calibration.json", std::move(text)}};
 }
 
+constexpr char kYaml[] = "application/yaml";
+constexpr char kTomlType[] = "application/toml";
+constexpr char kJsonType[] = "application/json";
+constexpr char kText[] = "text/plain";
+constexpr char kBinary[] = "application/octet-stream";
+
 constexpr CalibrationExportFormat kFormats[] = {
     {"opencv",
      "one FileStorage YAML per camera (camera_matrix, distortion_coefficients, extrinsics: "
      "cam_from_rig 4x4 in metres, reprojection_error; line_delay of a rolling shutter)",
-     "application/yaml", &MakeOpenCv},
-    {"json", "the whole calibration", "application/json", &MakeJson},
+     kYaml, &Make<&WriteOpenCvYaml>},
+    {"json", "the whole calibration", kJsonType, &MakeJson},
+    {"kalibr", "camchain with clock offsets; no third radial coefficient, no rational lens", kYaml,
+     &Make<&WriteKalibr>},
+    {"ros", "camera_info per camera, static transforms as launch files of ROS 1 and 2", kText,
+     &Make<&WriteRos>},
+    {"colmap", "model as text, first pixel centre (0.5, 0.5)", kText, &Make<&WriteColmapText>},
+    {"colmap-binary", "the same as binary files", kBinary, &Make<&WriteColmapBinary>},
+    {"nerfstudio", "transforms.json with OpenGL's axes; no rational lens", kJsonType,
+     &Make<&WriteNerfstudio>},
+    {"anipose", "calibration.toml", kTomlType, &Make<&WriteAnipose>},
+    {"pose2sim", "calibration TOML; no fisheye lens", kTomlType, &Make<&WritePose2Sim>},
+    {"caliscope", "camera_array.toml; cameras are numbered there", kTomlType,
+     &Make<&WriteCaliscope>},
+    {"mcap", "Foxglove's CameraCalibration and FrameTransforms", kBinary, &Make<&WriteMcap>},
+    {"openmvg", "sfm_data.json; one focal length, no rational lens", kJsonType,
+     &Make<&WriteOpenMvg>},
+    {"matlab", "MAT-file of level 5 with a struct array, first pixel centre (1, 1)", kBinary,
+     &Make<&WriteMatlab>},
+    {"blender", "Python script that adds the cameras; no lens distortion", kText,
+     &Make<&WriteBlender>},
+    {"usd", "cameras as a text file of USD; no lens distortion", kText, &Make<&WriteUsd>},
 };
 
 // "calibration.json" -> ".json"

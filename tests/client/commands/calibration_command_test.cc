@@ -238,6 +238,47 @@ TEST_F(CalibrationCommand, CompareOfEqualOnesIsZero) {
   EXPECT_EQ(Rigcal({"calibration", "compare", "cal-1", "cal-9"}).exit_code, 1);
 }
 
+TEST_F(CalibrationCommand, ComparesWithAFileAndConvertsIt) {
+  const rigcal::testing::TemporaryDirectory directory;
+  const std::string folder = directory.path().string();
+  fake_.calibrations["cal-1"] = FullCalibration("cal-1");
+  for (const char* format : {"ros", "caliscope"}) {
+    EXPECT_EQ(Rigcal({"calibration", "export", "cal-1", "--format", format, "--output", folder})
+                  .exit_code,
+              0);
+  }
+  const std::string file = folder + "/camera_array.toml";
+  const CommandOutcome table = Rigcal({"calibration", "compare", "cal-1", file});
+  EXPECT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_THAT(table.out, ContainsRegex("left +0.000 +0.0000 +- +0.500 +-\n"));
+  const CommandOutcome imported =
+      Rigcal({"calibration", "import", file, "--output", folder + "/yaml"});
+  EXPECT_EQ(imported.exit_code, 0) << imported.err;
+  EXPECT_EQ(imported.out, folder + "/yaml/left.yaml\n" + folder + "/yaml/right.yaml\n");
+  EXPECT_EQ(Rigcal({"calibration", "compare", file, folder + "/yaml"}).exit_code, 0);
+  const CommandOutcome none = Rigcal({"calibration", "compare", "cal-1", folder + "/none.xcp"});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_THAT(none.err, HasSubstr("none.xcp: no such file"));
+}
+
+TEST_F(CalibrationCommand, ExportsForUndistortedImages) {
+  const rigcal::testing::TemporaryDirectory directory;
+  const std::string folder = directory.path().string();
+  v1::Calibration calibration = FullCalibration("cal-1");
+  v1::Intrinsics* const lens = calibration.mutable_cameras(0)->mutable_intrinsics();
+  ASSERT_GT(lens->distortion_size(), 0);
+  lens->set_distortion(0, -0.2);
+  fake_.calibrations["cal-1"] = calibration;
+  std::vector<std::string> arguments = {"calibration", "export",   "cal-1", "--format",
+                                        "usd",         "--output", folder};
+  const CommandOutcome refused = Rigcal(arguments);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, HasSubstr("--undistorted"));
+  arguments.push_back("--undistorted");
+  EXPECT_EQ(Rigcal(arguments).exit_code, 0);
+  EXPECT_TRUE(std::filesystem::exists(folder + "/rig.usda"));
+}
+
 TEST_F(CalibrationCommand, ResidualsAreATableOfCameras) {
   fake_.calibrations["c-1"] = FullCalibration("c-1");
   v1::CameraResiduals* const left = fake_.residuals.add_cameras();

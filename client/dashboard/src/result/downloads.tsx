@@ -5,7 +5,11 @@ import type { GetAccuracyResponse } from '../api/types';
 import { Problem, saveFile } from '../shell/parts';
 import { useLoaded } from '../shell/use_async';
 
-const names: Record<string, string> = { opencv: 'OpenCV YAML', json: 'JSON' };
+const names: Record<string, string> = {
+  opencv: 'OpenCV YAML', json: 'JSON', kalibr: 'kalibr', ros: 'ROS', colmap: 'COLMAP text', 'colmap-binary': 'COLMAP binary',
+  nerfstudio: 'nerfstudio', anipose: 'anipose', pose2sim: 'Pose2Sim', caliscope: 'caliscope', mcap: 'MCAP', openmvg: 'OpenMVG',
+  matlab: 'MATLAB', blender: 'Blender', usd: 'USD',
+};
 
 /** Every format in which the server exports a calibration, and what only this page has. */
 export function Downloads({ id, accuracy }: { id: string; accuracy: GetAccuracyResponse | undefined }): JSX.Element {

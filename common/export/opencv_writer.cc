@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// OpenCV FileStorage YAML, one file per camera. Units, axes and pixel origin are OpenCV's own.
+#include "common/camera/camera_export.h"
+#include "common/export/format_writers.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+
+ExportFiles WriteOpenCvYaml(const ExportedRig& rig) {
+  std::vector<ExportFile> files;
+  for (const ExportedCamera& camera : rig.cameras) {
+    CameraExport values;
+    values.camera = camera.name;
+    values.image_size_px = camera.image_size_px;
+    values.intrinsics = camera.intrinsics;
+    values.cam_from_rig = camera.cam_from_rig;
+    values.reprojection_error_px = camera.mean_error_px;
+    values.line_delay_s = camera.line_delay_s;
+    RIGCAL_ASSIGN_OR_RETURN(std::string text, CameraExportText(values));
+    files.push_back({camera.name + ".yaml", std::move(text)});
+  }
+  return files;
+}
+
+}  // namespace rigcal

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+// kalibr's camchain: cam0, cam1, ... with poses in the chain (T_cn_cnm1) and, after a calibration
+// with an IMU, in the IMU's frame (T_cam_imu), which is then the rig's.
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "common/import/convention.h"
+#include "common/import/import_readers.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal {
+namespace {
+
+int LineOf(const YAML::Node& node) { return node.Mark().line + 1; }
+
+// Reads one camera's fields, naming file and line in every error.
+class KalibrCamera {
+ public:
+  KalibrCamera(const std::string& path, std::string key, const YAML::Node& node)
+      : path_(path), key_(std::move(key)), node_(node) {}
+
+  absl::Status Error(const YAML::Node& where, const std::string& why) const {
+    return ImportError(path_, LineOf(where), absl::StrCat(key_, " ", why));
+  }
+
+  absl::StatusOr<YAML::Node> Field(const char* name) const {
+    const YAML::Node field = node_[name];
+    if (!field.IsDefined() || field.IsNull()) return Error(node_, absl::StrCat("has no ", name));
+    return field;
+  }
+
+  absl::StatusOr<std::string> Word(const char* name) const {
+    RIGCAL_ASSIGN_OR_RETURN(const YAML::Node field, Field(name));
+    if (!field.IsScalar()) return Error(field, absl::StrCat(name, " is not a word"));
+    return field.Scalar();
+  }
+
+  // `node` as numbers. `count` 0: any.
+  absl::StatusOr<std::vector<double>> Numbers(const YAML::Node& node, const char* name,
+                                              size_t count) const {
+    if (!node.IsSequence() || (count > 0 && node.size() != count)) {
+      return Error(node, absl::StrCat(name, " is not a list of ", count, " numbers"));
+    }
+    std::vector<double> values;
+    for (const YAML::Node& element : node) {
+      double value = NAN;
+      if (!element.IsScalar() || !YAML::convert<double>::decode(element, value) ||
+          !std::isfinite(value)) {
+        return Error(element, absl::StrCat(name, " has an element that is not a finite number"));
+      }
+      values.push_back(value);
+    }
+    return values;
+  }
+
+  absl::StatusOr<std::vector<double>> NumberList(const char* name, size_t count) const {
+    RIGCAL_ASSIGN_OR_RETURN(const YAML::Node field, Field(name));
+    return Numbers(field, name, count);
+  }
+
+  absl::StatusOr<RigidTransform> Pose(const char* name) const {
+    RIGCAL_ASSIGN_OR_RETURN(const YAML::Node field, Field(name));
+    if (!field.IsSequence() || field.size() != 4) {
+      return Error(field, absl::StrCat(name, " is not a matrix of 4 rows"));
+    }
+    Eigen::Matrix4d pose;
+    for (int i = 0; i < 4; ++i) {
+      RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> row, Numbers(field[i], name, 4));
+      pose.row(i) = Eigen::RowVector4d(row.data());
+    }
+    if (pose.row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
+      return Error(field, absl::StrCat(name, " has a last row that is not 0 0 0 1"));
+    }
+    const absl::StatusOr<Eigen::Quaterniond> rotation = RotationFrom(pose.topLeftCorner<3, 3>());
+    if (!rotation.ok()) {
+      return Error(field, absl::StrCat(name, ": ", std::string(rotation.status().message())));
+    }
+    return RigidTransform(*rotation, pose.topRightCorner<3, 1>());
+  }
+
+  bool Has(const char* name) const { return node_[name].IsDefined(); }
+  const YAML::Node& node() const { return node_; }
+
+ private:
+  const std::string& path_;
+  const std::string key_;
+  const YAML::Node node_;
+};
+
+absl::StatusOr<Intrinsics> KalibrIntrinsics(const KalibrCamera& reader) {
+  RIGCAL_ASSIGN_OR_RETURN(const std::string camera_model, reader.Word("camera_model"));
+  if (camera_model != "pinhole") {
+    return reader.Error(reader.node(), absl::StrCat("has the camera_model ", camera_model,
+                                                    "; only pinhole can be read"));
+  }
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> k, reader.NumberList("intrinsics", 4));
+  Intrinsics intrinsics;
+  intrinsics.fx_px = k[0], intrinsics.fy_px = k[1], intrinsics.cx_px = k[2],
+  intrinsics.cy_px = k[3];
+  RIGCAL_ASSIGN_OR_RETURN(const std::string model, reader.Word("distortion_model"));
+  if (model == "none") return intrinsics;
+  if (model != "radtan" && model != "equidistant") {
+    return reader.Error(reader.node(), absl::StrCat("has the distortion_model ", model,
+                                                    "; radtan, equidistant and none can be read"));
+  }
+  RIGCAL_ASSIGN_OR_RETURN(intrinsics.distortion, reader.NumberList("distortion_coeffs", 4));
+  if (model == "radtan") {
+    intrinsics.distortion.push_back(0);  // k3
+  } else {
+    intrinsics.model = DistortionModel::kFisheye;
+  }
+  return intrinsics;
+}
+
+// "/left/image_raw" -> "left"
+std::string NameFromTopic(const std::string& topic) {
+  const size_t begin = topic.find_first_not_of('/');
+  const size_t end = topic.rfind('/');
+  if (begin == std::string::npos || end == std::string::npos || end <= begin) return "";
+  return CameraNameFrom(topic.substr(begin, end - begin));
+}
+
+absl::StatusOr<ImportedCamera> CameraFrom(const std::string& path, const KalibrCamera& reader,
+                                          const RigidTransform* previous) {
+  ImportedCamera camera;
+  RIGCAL_ASSIGN_OR_RETURN(camera.intrinsics, KalibrIntrinsics(reader));
+  RIGCAL_ASSIGN_OR_RETURN(const std::vector<double> size, reader.NumberList("resolution", 2));
+  for (const double side : size) {
+    if (side >= 1 && side <= kMaxImageSidePx) continue;
+    return reader.Error(reader.node()["resolution"], "has a resolution out of range");
+  }
+  camera.image_size_px = {static_cast<uint32_t>(size[0]), static_cast<uint32_t>(size[1])};
+  if (reader.Has("T_cam_imu")) {
+    RIGCAL_ASSIGN_OR_RETURN(camera.cam_from_rig, reader.Pose("T_cam_imu"));
+  } else if (previous == nullptr) {
+    camera.cam_from_rig = RigidTransform();
+  } else {
+    RIGCAL_ASSIGN_OR_RETURN(const RigidTransform step, reader.Pose("T_cn_cnm1"));
+    camera.cam_from_rig = step * *previous;
+  }
+  if (reader.Has("timeshift_cam_imu")) {
+    const YAML::Node shift = reader.node()["timeshift_cam_imu"];
+    if (!YAML::convert<double>::decode(shift, camera.time_offset_s) ||
+        !std::isfinite(camera.time_offset_s)) {
+      return reader.Error(shift, "has a timeshift_cam_imu that is not a number");
+    }
+  }
+  camera.name = "camera";  // until it is known whether the topics are names
+  RIGCAL_RETURN_IF_ERROR(CheckImported(path, LineOf(reader.node()), camera));
+  return camera;
+}
+
+}  // namespace
+
+absl::StatusOr<ImportedRig> ReadKalibr(const std::string& path, const std::string& text) {
+  RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
+  YAML::Node root;
+  try {
+    root = YAML::Load(text);
+  } catch (const YAML::Exception& exception) {
+    return ImportError(path, exception.mark.line + 1, exception.msg);
+  }
+  if (!root.IsMap() || !root["cam0"].IsMap()) {
+    return ImportError(path, 0, "is not kalibr's camchain: it has no cam0");
+  }
+  ImportedRig rig{"kalibr", {}, {}};
+  std::vector<std::string> topics;
+  for (size_t i = 0;; ++i) {
+    const std::string key = absl::StrCat("cam", i);
+    const YAML::Node node = root[key];
+    if (!node.IsDefined()) break;
+    if (!node.IsMap()) return ImportError(path, LineOf(node), key + " has no fields");
+    const KalibrCamera reader(path, key, node);
+    const RigidTransform* const previous = i > 0 ? &*rig.cameras.back().cam_from_rig : nullptr;
+    RIGCAL_ASSIGN_OR_RETURN(ImportedCamera camera, CameraFrom(path, reader, previous));
+    rig.cameras.push_back(std::move(camera));
+    const YAML::Node topic = node["rostopic"];
+    topics.push_back(topic.IsDefined() && topic.IsScalar() ? NameFromTopic(topic.Scalar()) : "");
+  }
+  for (size_t i = 0; i < topics.size(); ++i) rig.cameras[i].name = topics[i];
+  const auto unnamed = [&] {
+    for (const std::string& topic : topics) {
+      if (topic.empty()) return true;
+    }
+    return !CheckNames(path, rig).ok();
+  };
+  if (unnamed()) {
+    for (size_t i = 0; i < topics.size(); ++i) rig.cameras[i].name = absl::StrCat("cam", i);
+  }
+  RecogniseConvention(&rig);
+  return rig;
+}
+
+}  // namespace rigcal

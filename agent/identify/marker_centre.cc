@@ -17,6 +17,7 @@ constexpr double kMinContrast = 20;  // grey levels
 // Pixels this bright (kForeign) and this far outside of the blob belong to something else.
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
+constexpr float kAlikeAbove = 0.6f, kAlikeBelow = 1.5f;  // coverage of what looks like the marker
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMaxIterations = 12;
 // Radii of the centroid per skewness, found on rendered images.
@@ -164,6 +165,21 @@ void MarkerMeter::Block(const MarkerAperture& aperture) {
   });
 }
 
+double MarkerMeter::AlikeAround(const MarkerAperture& aperture) const {
+  const Eigen::Matrix2d own = aperture.Grown(kOwnPx);
+  const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
+  int count = 0, alike = 0;
+  ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+    if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
+    ++count;
+    alike += share_[i] > kAlikeAbove && share_[i] < kAlikeBelow &&
+                     (foreign_[i] & kOtherColour) == 0
+                 ? 1
+                 : 0;
+  });
+  return count > 0 ? static_cast<double>(alike) / count : 0;
+}
+
 bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
   const Eigen::Vector2d origin = aperture->centre_px;
   const Eigen::Matrix2d grown = aperture->Grown(MarkerAperture::kMarginPx);
@@ -248,6 +264,7 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
       if (!Outline(aperture, &outlined)) return false;
       continue;
     }
+    centre->alike = AlikeAround(aperture);
     Block(aperture);
     centre->has_neighbour =
         std::ranges::any_of(background_.arcs(), [](const auto& arc) { return arc.blocked; });

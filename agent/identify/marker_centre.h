@@ -33,6 +33,7 @@ struct MarkerCentre {
   Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
   double contrast_grey = 0;    // of the plateau against the background, over all channels
   double noise_grey = 0;       // one sigma of one pixel and channel
+  double alike = 0;            // share of what is just outside of it that looks like it, 0 to 1
   bool cut = false;            // the image's border cuts the aperture
   bool has_neighbour = false;  // something else is near; its side and the opposite are left out
 };
@@ -76,6 +77,7 @@ class MarkerMeter {
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob) const;
   void Block(const MarkerAperture& aperture);
+  double AlikeAround(const MarkerAperture& aperture) const;
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 

@@ -16,14 +16,21 @@ constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
 constexpr double kHalfCost = 13;          // confidence 0.5
 constexpr double kCostScale = 2.5;
+// Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
+constexpr double kTriedCost = 1.3, kFewTried = 20;
+constexpr double kTiltCost = 4;  // of the logarithm of its cosine
 constexpr double kSkewness = 0.012;
 constexpr double kOccludedCost = 9;
+constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
 // Of outlines.
-constexpr double kWorthALook = 0.1;  // confidence
+constexpr double kWorthALook = 0.1;      // confidence
+constexpr double kWorthRestoring = 25;   // cost, without that of what is occluded
+constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
+constexpr double kMostOffOutline = 0.15;
 constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
@@ -36,11 +43,9 @@ constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit fro
 
 double Squared(double x) { return x * x; }
 
-double ConfidenceOf(double cost) { return 1 / (1 + std::exp((cost - kHalfCost) / kCostScale)); }
-
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
 bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
-  return !blob.touches_border && !centre.cut &&
+  return !blob.touches_border && !centre.cut && centre.alike < kMostAlike &&
          centre.skewness < 0.02 + 4 * centre.skewness_sigma &&
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
@@ -111,6 +116,10 @@ double MeanBrightness(const VerifiedWand& wand) {
 
 }  // namespace
 
+double WandVerifier::ConfidenceOf(double cost) const {
+  return 1 / (1 + std::exp((cost + chance_cost_ - kHalfCost) / kCostScale));
+}
+
 int VerifiedWand::OccludedCount() const {
   return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
@@ -138,54 +147,58 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
   return &measured;
 }
 
+// Something behind a marker moves and skews its centroid, but not its outline.
+void WandVerifier::Restore(absl::Span<const Blob> blobs, VerifiedWand* wand) {
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    MarkerCentre& centre = wand->centres[k];
+    if (wand->whole[k] || !(centre.contrast_grey > 0) || centre.cut || centre.alike >= kMostAlike ||
+        blobs[static_cast<size_t>(wand->blobs[k])].touches_border) {
+      continue;
+    }
+    const auto& outline = OutlineOf(wand->blobs[k]);
+    if (!outline || outline->on_outline < kLeastOnOutline ||
+        outline->off_outline > kMostOffOutline) {
+      continue;
+    }
+    wand->whole[k] = wand->outlined[k] = true;
+    centre.centre_px = outline->centre_px;
+    centre.radius_px = outline->radius_px;
+    centre.covariance_px2 = std::max(1.0, Squared(outline->residual)) * outline->covariance_px2;
+    centre.skewness = 0;
+  }
+}
+
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
                                                       absl::Span<const Blob> blobs,
                                                       const WandFinder& finder,
                                                       const WandCandidate& candidate) {
   VerifiedWand wand;
   wand.blobs = candidate.blobs;
-  absl::InlinedVector<MarkerSight, 4> sights;
   for (size_t k = 0; k < candidate.blobs.size(); ++k) {
     const int index = candidate.blobs[k];
+    wand.outlined.push_back(false);
     if (static_cast<int>(k) == candidate.partial) {
       wand.centres.emplace_back().centre_px = blobs[static_cast<size_t>(index)].centre_px;
       wand.whole.push_back(false);
-      sights.emplace_back();
       continue;
     }
     const Measured* const measured = Measure(image, blobs, index);
     if (measured == nullptr || !measured->good) return std::nullopt;
-    const MarkerCentre& centre = measured->centre;
-    wand.centres.push_back(centre);
-    wand.whole.push_back(IsWhole(blobs[static_cast<size_t>(index)], centre));
-    MarkerSight& sight = sights.emplace_back();
-    if (!finder.Sight(centre.centre_px, &sight)) return std::nullopt;
-    sight.radius_px = centre.radius_px;
-    sight.sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace() + Squared(kPlaceFloorPx));
-    sight.radius_sigma_px = kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px;
-    if (!wand.whole.back()) {
-      sight.sigma_px += 0.3 * centre.radius_px;
-      sight.radius_sigma_px += 0.3 * centre.radius_px;
-    }
-  }
-  if (candidate.partial >= 0) {
-    double radius = 0;
-    for (const MarkerCentre& centre : wand.centres) radius += 0.5 * centre.radius_px;
-    const auto part = static_cast<size_t>(candidate.partial);
-    if (wand.OccludedCount() > 1 || !finder.Sight(wand.centres[part].centre_px, &sights[part])) {
-      return std::nullopt;
-    }
-    wand.centres[part].radius_px = radius;
-    LoosenSight(radius, &sights[part]);
+    wand.centres.push_back(measured->centre);
+    wand.whole.push_back(IsWhole(blobs[static_cast<size_t>(index)], measured->centre));
   }
   const int count = static_cast<int>(wand.blobs.size());
+  if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
+  const bool partly = wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0);
+  if (partly && wand.fit.cost + Likeness(wand.centres) < kWorthRestoring) {
+    Restore(blobs, &wand);
+    if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
+  }
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
-  if (count > 1 &&
-      !FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand.fit)) {
-    return std::nullopt;
-  }
-  wand.cost = wand.fit.cost + Likeness(wand.centres);
+  // Of all directions few are nearly along the line of sight.
+  wand.cost = wand.fit.cost + Likeness(wand.centres) -
+              kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
       wand.cost += kPartialCost;
@@ -195,6 +208,33 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   wand.confidence = ConfidenceOf(wand.cost);
   return wand;
+}
+
+// False: no wand is seen like this.
+bool WandVerifier::FitPose(const WandFinder& finder, int partial, VerifiedWand* wand) {
+  absl::InlinedVector<MarkerSight, 4> sights;
+  double radius = 0;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    const MarkerCentre& centre = wand->centres[k];
+    MarkerSight& sight = sights.emplace_back();
+    if (!finder.Sight(centre.centre_px, &sight)) return false;
+    if (static_cast<int>(k) == partial) continue;
+    radius += 0.5 * centre.radius_px;
+    sight.radius_px = centre.radius_px;
+    sight.sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace() + Squared(kPlaceFloorPx));
+    sight.radius_sigma_px = kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px;
+    if (!wand->whole[k]) {
+      sight.sigma_px += 0.3 * centre.radius_px;
+      sight.radius_sigma_px += 0.3 * centre.radius_px;
+    }
+  }
+  if (partial >= 0) {
+    const auto part = static_cast<size_t>(partial);
+    wand->centres[part].radius_px = radius;
+    LoosenSight(radius, &sights[part]);
+  }
+  return sights.size() < 2 ||
+         FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand->fit);
 }
 
 Verdict WandVerifier::Choose() {
@@ -293,7 +333,7 @@ void WandVerifier::FitOutlines(VerifiedWand* wand) {
     if (!wand->whole[k] || !OutlineOf(wand->blobs[k])) continue;
     // Its light reaches the outline, but not the centroid, of which both sides are cut.
     if (IsCrowded(*wand, k, OutlineOf(wand->blobs[k])->edge_px) ||
-        (!shaded && wand->centres[k].has_neighbour))
+        (!shaded && !wand->outlined[k] && wand->centres[k].has_neighbour))
       continue;
     SphereOutline outline = *OutlineOf(wand->blobs[k]);
     const auto measured = std::find_if(measured_.begin(), measured_.end(),
@@ -323,7 +363,8 @@ void WandVerifier::FitOutlines(VerifiedWand* wand) {
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
                              const WandFinder& finder, absl::Span<const WandCandidate> candidates,
-                             double* work) {
+                             int tried, double* work) {
+  chance_cost_ = kTriedCost * std::log(1 + tried / kFewTried);
   work_ = *work;
   out_of_work_ = false;
   size_t count = 0;

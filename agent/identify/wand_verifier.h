@@ -14,7 +14,8 @@ namespace rigcal::agent {
 struct VerifiedWand {
   absl::InlinedVector<int, 3> blobs;             // by marker
   absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
-  absl::InlinedVector<bool, 3> whole;  // by marker: neither cut nor occluded nor disturbed
+  absl::InlinedVector<bool, 3> whole;     // by marker: neither cut nor occluded nor disturbed
+  absl::InlinedVector<bool, 3> outlined;  // by marker: its outline says so, not its centroid
   WandImageFit fit;
   double cost = 0;              // chi-squared of pose, shape and likeness
   double confidence = 0;        // 0 to 1, from the cost
@@ -37,10 +38,11 @@ class WandVerifier {
  public:
   explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
-  // Candidates first that are to be measured first. `work`: pixels that may be read
+  // Candidates first that are to be measured first. `tried`: sets of blobs of this image that were
+  // compared with the wand; the more, the better a wand must be. `work`: pixels that may be read
   // (MarkerMeter::WorkOf), less those that were; what would take more is left out.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
-                 absl::Span<const WandCandidate> candidates, double* work);
+                 absl::Span<const WandCandidate> candidates, int tried, double* work);
 
  private:
   struct Measured {
@@ -56,11 +58,17 @@ class WandVerifier {
                                           const WandFinder& finder, const WandCandidate& candidate);
   Verdict Choose();
   const std::optional<SphereOutline>& OutlineOf(int blob);
+  static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
+  // Takes markers for whole by their outlines.
+  void Restore(absl::Span<const Blob> blobs, VerifiedWand* wand);
   double ShapeCost(const VerifiedWand& wand);
   // Centres of the outlines where those can be fitted.
   void FitOutlines(VerifiedWand* wand);
 
+  double ConfidenceOf(double cost) const;
+
   double min_confidence_;
+  double chance_cost_ = 0;
   MarkerMeter meter_;
   SphereOutlineFitter fitter_;
   std::vector<Measured> measured_;  // the first measured_count_ are of this image

@@ -9,7 +9,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kDirections = 16;
-constexpr int kEnough = 9;           // of them; a neighbour or a lamp may hide some
+constexpr int kEnough = 11;          // of them; a neighbour or a lamp may hide some
 constexpr double kBeyondPx = 2.5;    // the blob's edge
 constexpr double kCoreShare = 0.45;  // of the way to the edge
 

@@ -24,14 +24,23 @@ namespace {
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
 constexpr int kNeverWashedOut = 256;              // ColourRange::washed_out_min
-constexpr double kLevels[] = {0, 0.2, 0.4, 0.6};  // from value_min to the brightest
+// Ranges of colour that are searched one after the other. `brighter`: from value_min to the
+// brightest; `paler`: of saturation_min. Light of a room or of a window whitens the spheres, and
+// what is white hides them.
+struct LevelRange {
+  double brighter, paler;
+  bool white;  // takes what the sensor has lost the colour of
+};
+constexpr LevelRange kLevels[] = {{0, 1, true},      {0.2, 1, true},      {0.4, 1, true},
+                                  {0.6, 1, true},    {0.35, 0.55, false}, {0, 0.55, false}};
+constexpr size_t kWideLevels[] = {0, 1, 2, 3}, kPaleLevels[] = {4, 5};
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 
 // Of wands of which a marker is hidden.
 constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
 constexpr double kPartialConfidence = 0.8;
-constexpr int kColouredOfNine = 3;
+constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
 constexpr int kClipped = 250;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
@@ -45,9 +54,11 @@ constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 40;  // of them
 constexpr double kMaxWork = 35000;   // of MarkerMeter::WorkOf, 50 ns each
 constexpr double kWorkOfLevel = 25000;
+constexpr double kMostlyWhite = 0.5;  // of what passes
 constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
 // Of a marker's middle against the others, before it is measured.
 constexpr double kClearlyWorse = 8;  // in chi-squared
+constexpr double kSureCost = 4;      // of a wand; what was left out is hardly as good
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
 // The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
@@ -78,11 +89,10 @@ absl::Status WandDetectorOptions::Validate() const {
 }
 
 WandDetector::WandDetector(const WandDetectorOptions& options, const Target& target,
-                           const CameraDescription& camera, const ColourMasker& masker)
+                           const CameraDescription& camera)
     : options_(options),
       target_(target),
       camera_(camera),
-      masker_(masker),
       main_channel_(MainChannel(options.colour)),
       wand_finder_({.limits = options, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(options.min_confidence),
@@ -108,15 +118,25 @@ double WandDetector::EstimatedMs() const {
 }
 
 Verdict WandDetector::SearchAll(const ImageView& image) {
+  level_ = 0;
+  passed_share_ = ShareOf(levels_[0].blobs.Find(image).passed_px);
+  if (passed_share_ > kCrowdedShare) white_share_ = WhiteShare(image, options_.colour.washed_out_min);
+  const bool is_white = white_share_ > kMostlyWhite * passed_share_;
   Verdict verdict;
-  for (size_t level = 0; level < levels_.size(); ++level) {
+  // False: there is time for more.
+  const auto search = [&](size_t level) {
+    cut_short_ |= EstimatedMs() > kNoFurtherMs;
+    if (EstimatedMs() > kNoFurtherMs) return true;
     verdict = Search(image, image.Bounds(), level);
-    if (level == 0) passed_share_ = ShareOf(result().passed_px);
-    if (verdict.wand || !IsCrowded()) break;
-    if (EstimatedMs() > kNoFurtherMs) {
-      cut_short_ = true;
-      break;
-    }
+    return verdict.wand.has_value();
+  };
+  for (const size_t level : kWideLevels) {
+    if (is_white) break;
+    if (search(level)) return verdict;
+    if (!IsCrowded()) break;
+  }
+  for (const size_t level : kPaleLevels) {
+    if (search(level)) return verdict;
   }
   return verdict;
 }
@@ -132,14 +152,14 @@ bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
       const auto y = static_cast<int>(std::lround(blob.centre_px.y() + reach * v));
       if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
       uint64_t word = 0;
-      masker_.MaskRow(image, y, x / kMaskWordBits, 1, &word);
+      levels_[level_].masker.MaskRow(image, y, x / kMaskWordBits, 1, &word);
       const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
       const bool clipped =
           pixel[image.format == PixelFormat::kBgr8 ? main_channel_ : 0] >= kClipped;
       passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
     }
   }
-  return passed >= kColouredOfNine;
+  return passed >= (kLevels[level_].white ? kColouredOfNine : kPaleOfNine);
 }
 
 void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
@@ -162,7 +182,10 @@ void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
 // Things that may be a marker.
 void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
   spots_.clear();
-  const BlobResult& found = levels_[level_].blobs.Find(image, part);
+  BlobFinder& finder = levels_[level_].blobs;
+  // The first one has been searched for how much passes.
+  const bool is_known = level_ == 0 && part == image.Bounds();
+  const BlobResult& found = is_known ? finder.result() : finder.Find(image, part);
   runs_ += found.run_count;
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
   // Those that a marker may be a part of, the smallest first.
@@ -183,9 +206,11 @@ void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
       continue;
     }
     masked_px_left_ -= box_px(*blob);
-    for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
-      if (coloured.area_px < blob->area_px && IsRound(coloured)) {
-        Keep(image, coloured, is_cut(*blob));
+    if (kLevels[level_].white) {
+      for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
+        if (coloured.area_px < blob->area_px && IsRound(coloured)) {
+          Keep(image, coloured, is_cut(*blob));
+        }
       }
     }
     if (split_px_left_ < box_px(*blob)) {
@@ -193,6 +218,9 @@ void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
       continue;
     }
     split_px_left_ -= box_px(*blob);
+    for (const Blob& disc : discs_.Find(image, finder, *blob, options_.min_area_px)) {
+      Keep(image, disc, is_cut(*blob));
+    }
     for (const Blob& piece : splitter_.Split(image, *blob, options_.min_area_px)) {
       Keep(image, piece, is_cut(*blob));
     }
@@ -233,9 +261,13 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   level_ = level;
   FindSpots(image, part);
   standing_out_.clear();
-  for (const Spot& spot : spots_) standing_out_.push_back(spot.blob);
+  cores_.clear();
+  for (const Spot& spot : spots_) {
+    standing_out_.push_back(spot.blob);
+    cores_.push_back(spot.core);
+  }
   wand_finder_.LimitFits(std::min(fits_left_, kFitsOfLevel));
-  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_);
+  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_);
   fits_left_ -= wand_finder_.fits();
   cut_short_ |= wand_finder_.cut_short() || result().cut_short;
   // The most likely are measured first.
@@ -250,12 +282,13 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   }
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, &work);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, kMaxFits - fits_left_, &work);
   work_left_ += work;
   const bool all = verdict.measured == order.size();
   cut_short_ |= !all;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) return SearchPartial(image);
   if (!verdict.wand || (all && !wand_finder_.cut_short())) return verdict;
+  if (verdict.wand->cost < kSureCost) return verdict;
   // What was left out may be as good.
   const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
     return one.blobs == verdict.wand->blobs;
@@ -286,7 +319,7 @@ Verdict WandDetector::SearchPartial(const ImageView& image) {
   candidates_ = FindPartialWands(wand_finder_, standing_out_, whole, kMaxPartial);
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, &work);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, kMaxFits - fits_left_, &work);
   work_left_ += work;
   if (verdict.measured < candidates_.size()) verdict.wand.reset();
   if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||
@@ -357,16 +390,18 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(options.colour));
-  WandDetector detector(options, target, camera, masker);
-  for (const double share : kLevels) {
+  WandDetector detector(options, target, camera);
+  for (const LevelRange& level : kLevels) {
     BlobFinderOptions its = options;
     its.max_runs = std::min(its.max_runs, kMaxRuns);
-    its.colour.value_min += static_cast<int>(share * (255 - its.colour.value_min));
+    its.colour.value_min += static_cast<int>(level.brighter * (255 - its.colour.value_min));
+    its.colour.saturation_min *= level.paler;
+    if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
     RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
+    RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(its.colour));
     its.colour.washed_out_min = kNeverWashedOut;
     RIGCAL_ASSIGN_OR_RETURN(BlobFinder coloured, BlobFinder::Create(its));
-    detector.levels_.push_back({std::move(blobs), std::move(coloured)});
+    detector.levels_.push_back({std::move(blobs), std::move(coloured), masker});
   }
   return detector;
 }
@@ -388,7 +423,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
 
   cut_short_ = false;
   dismissed_ = 0;
-  passed_share_ = 0;
+  passed_share_ = white_share_ = 0;
   masked_px_left_ = kMaxMaskedPx;
   split_px_left_ = kMaxSplitPx;
   runs_ = 0;
@@ -405,9 +440,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   }
   detection.cut_short = cut_short_;
   detection.passed_share = passed_share_;
-  if (passed_share_ > kCrowdedShare) {
-    detection.white_share = WhiteShare(image, options_.colour.washed_out_min);
-  }
+  detection.white_share = white_share_;
   detection.dismissed_patches = dismissed_;
   detection.blob_count = static_cast<int>(result().blobs.size());
   if (wand.has_value()) {

@@ -66,6 +66,11 @@ class MarkerMeter {
   // measured there, else all channels together.
   void CollectPixels(const ImageView& image, const MarkerCentre& centre, OutlinePixels* pixels);
 
+  // The same of a marker with something else near, whatever was measured last: up to close by the
+  // outline of `blob`, against what is right beside it there. False: nothing can be read.
+  bool CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
+                   OutlinePixels* pixels);
+
   // Pixels that a Measure of the blob reads, about.
   static double WorkOf(const Blob& blob);
 
@@ -81,8 +86,11 @@ class MarkerMeter {
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 
+  struct Collection;
+  void AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels);
+
   PixelGrid window_;
-  RingBackground background_;
+  RingBackground background_, beside_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
   std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it

@@ -27,6 +27,14 @@ constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many o
 
 }  // namespace
 
+Eigen::Matrix2d SphereOutline::SecondMoment() const {
+  Eigen::Matrix2d w;
+  w << 1 + parameters[kOutlineStretch], parameters[kOutlineShear], parameters[kOutlineShear],
+      1 - parameters[kOutlineStretch];
+  w /= parameters[kOutlineRadius];
+  return 0.25 * (w * w).inverse();
+}
+
 SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
                                                            const Vector& parameters) {
   const size_t count = pixels.size();

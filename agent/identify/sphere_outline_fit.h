@@ -30,6 +30,9 @@ struct SphereOutline {
   double slope_chi_squared = 0;
   Eigen::Matrix<double, kOutlineCount, 1> parameters =
       Eigen::Matrix<double, kOutlineCount, 1>::Zero();
+
+  // Of the ellipse, evenly filled.
+  Eigen::Matrix2d SecondMoment() const;
 };
 
 // Where the outline of a sphere is, whatever the light on it: an ellipse with a soft edge whose

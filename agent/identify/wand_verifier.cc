@@ -31,6 +31,7 @@ constexpr double kWorthALook = 0.1;      // confidence
 constexpr double kWorthRestoring = 25;   // cost, without that of what is occluded
 constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
 constexpr double kMostOffOutline = 0.15;
+constexpr int kNearRounds = 2;
 constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
@@ -148,14 +149,14 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
 }
 
 // Something behind a marker moves and skews its centroid, but not its outline.
-void WandVerifier::Restore(absl::Span<const Blob> blobs, VerifiedWand* wand) {
+void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand) {
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     MarkerCentre& centre = wand->centres[k];
-    if (wand->whole[k] || !(centre.contrast_grey > 0) || centre.cut || centre.alike >= kMostAlike ||
+    if ((wand->whole[k] && !centre.has_neighbour) || !(centre.contrast_grey > 0) || centre.cut || centre.alike >= kMostAlike ||
         blobs[static_cast<size_t>(wand->blobs[k])].touches_border) {
       continue;
     }
-    const auto& outline = OutlineOf(wand->blobs[k]);
+    const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline || outline->on_outline < kLeastOnOutline ||
         outline->off_outline > kMostOffOutline) {
       continue;
@@ -190,8 +191,10 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   const int count = static_cast<int>(wand.blobs.size());
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
   const bool partly = wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0);
-  if (partly && wand.fit.cost + Likeness(wand.centres) < kWorthRestoring) {
-    Restore(blobs, &wand);
+  const bool disturbed =
+      std::ranges::any_of(wand.centres, [](const auto& centre) { return centre.has_neighbour; });
+  if ((partly || disturbed) && wand.fit.cost + Likeness(wand.centres) < kWorthRestoring) {
+    Restore(image, blobs, &wand);
     if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
   }
   const int occluded = wand.OccludedCount();
@@ -270,31 +273,47 @@ Verdict WandVerifier::Choose() {
   return verdict;
 }
 
-const std::optional<SphereOutline>& WandVerifier::OutlineOf(int blob) {
+const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& image, int blob) {
   const auto end = measured_.begin() + static_cast<ptrdiff_t>(measured_count_);
   Measured& measured =
       *std::find_if(measured_.begin(), end, [&](const Measured& m) { return m.blob == blob; });
-  if (!measured.tried) {
-    measured.tried = true;
-    SphereOutline outline{.centre_px = measured.centre.centre_px,
-                          .radius_px = measured.centre.radius_px};
-    if (fitter_.Fit(measured.pixels, measured.centre.second_moment_px2, true, &outline)) {
+  if (measured.tried) return measured.outline;
+  measured.tried = true;
+  const MarkerCentre& centre = measured.centre;
+  SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
+  if (!centre.has_neighbour) {
+    if (fitter_.Fit(measured.pixels, centre.second_moment_px2, true, &outline)) {
       measured.outline = outline;
     }
+    return measured.outline;
   }
+  // What is beside it can be told once it is known where that is.
+  Blob around;
+  around.centre_px = centre.centre_px;
+  around.second_moment_px2 = centre.second_moment_px2;
+  for (int round = 0; round < kNearRounds; ++round) {
+    if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
+    outline.parameters.setZero();
+    if (!fitter_.Fit(measured.pixels, around.second_moment_px2, true, &outline)) {
+      return measured.outline;
+    }
+    around.centre_px = outline.centre_px;
+    around.second_moment_px2 = outline.SecondMoment();
+  }
+  measured.outline = outline;
   return measured.outline;
 }
 
 // The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
 // differ within the wand. Motion stretches all spheres alike.
-double WandVerifier::ShapeCost(const VerifiedWand& wand) {
+double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand) {
   double cost = 0, weights = 0;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   absl::InlinedVector<std::pair<Eigen::Vector2d, double>, 3> stretches;
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k]) continue;
     const MarkerCentre& centre = wand.centres[k];
-    const auto& outline = OutlineOf(wand.blobs[k]);
+    const auto& outline = OutlineOf(image, wand.blobs[k]);
     if (!outline) {
       cost += kNoOutlineCost;
       continue;
@@ -314,12 +333,12 @@ double WandVerifier::ShapeCost(const VerifiedWand& wand) {
   return cost;
 }
 
-void WandVerifier::FitOutlines(VerifiedWand* wand) {
+void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   double chi_squared = 0;
   int count = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k]) continue;
-    const auto& outline = OutlineOf(wand->blobs[k]);
+    const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline) continue;
     const double scatter = std::max(1.0, Squared(outline->residual));
     chi_squared += outline->slope_chi_squared / scatter;
@@ -330,12 +349,12 @@ void WandVerifier::FitOutlines(VerifiedWand* wand) {
   // All spheres of a wand have the same mosaic, compression and blur.
   double scatter = 0, freedom = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!wand->whole[k] || !OutlineOf(wand->blobs[k])) continue;
+    if (!wand->whole[k] || !OutlineOf(image, wand->blobs[k])) continue;
     // Its light reaches the outline, but not the centroid, of which both sides are cut.
-    if (IsCrowded(*wand, k, OutlineOf(wand->blobs[k])->edge_px) ||
+    if (IsCrowded(*wand, k, OutlineOf(image, wand->blobs[k])->edge_px) ||
         (!shaded && !wand->outlined[k] && wand->centres[k].has_neighbour))
       continue;
-    SphereOutline outline = *OutlineOf(wand->blobs[k]);
+    SphereOutline outline = *OutlineOf(image, wand->blobs[k]);
     const auto measured = std::find_if(measured_.begin(), measured_.end(),
                                        [&](const Measured& m) { return m.blob == wand->blobs[k]; });
     if (!shaded &&
@@ -383,13 +402,13 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   });
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
-    wand.cost += ShapeCost(wand);
+    wand.cost += ShapeCost(image, wand);
     wand.confidence = ConfidenceOf(wand.cost);
   }
   Verdict verdict = Choose();
   verdict.measured = count;
   *work = work_;
-  if (verdict.wand) FitOutlines(&*verdict.wand);
+  if (verdict.wand) FitOutlines(image, &*verdict.wand);
   return verdict;
 }
 

@@ -57,13 +57,13 @@ class WandVerifier {
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   Verdict Choose();
-  const std::optional<SphereOutline>& OutlineOf(int blob);
+  const std::optional<SphereOutline>& OutlineOf(const ImageView& image, int blob);
   static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
   // Takes markers for whole by their outlines.
-  void Restore(absl::Span<const Blob> blobs, VerifiedWand* wand);
-  double ShapeCost(const VerifiedWand& wand);
+  void Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
+  double ShapeCost(const ImageView& image, const VerifiedWand& wand);
   // Centres of the outlines where those can be fitted.
-  void FitOutlines(VerifiedWand* wand);
+  void FitOutlines(const ImageView& image, VerifiedWand* wand);
 
   double ConfidenceOf(double cost) const;
 

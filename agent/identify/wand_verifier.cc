@@ -14,7 +14,7 @@ constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
 constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 13;          // confidence 0.5
+constexpr double kHalfCost = 10.5;         // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.3, kFewTried = 20;
@@ -37,6 +37,8 @@ constexpr double kNoOutlineCost = 9;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
+constexpr double kOffOutlineSigma = 0.08;                       // of the sectors
+constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
 constexpr double kLeastScatter = 0.3;
 constexpr double kShadingError = 0.03;  // radii, per relative slope of the light
 constexpr double kLeastGapPx = 1;
@@ -159,6 +161,7 @@ void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
     const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline || outline->on_outline < kLeastOnOutline ||
         outline->off_outline > kMostOffOutline) {
+      wand->whole[k] = false;
       continue;
     }
     wand->whole[k] = wand->outlined[k] = true;
@@ -322,6 +325,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
     const double residual = outline->residual * std::hypot(noise, kMeterNoise);
     cost +=
         Squared(std::max(0.0, residual / std::hypot(noise, kOutlineNoise) - 1) / kResidualSigma);
+    cost += Squared(outline->off_outline / kOffOutlineSigma);
     const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
     const double weight = 1 / Squared(sigma);
     stretches.emplace_back(outline->stretch, weight);
@@ -329,6 +333,7 @@ double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand)
     weights += weight;
   }
   if (weights > 0) mean /= weights;
+  cost += Squared(std::max(0.0, mean.norm() - kUsualStretch) / kMeanStretchSigma);
   for (const auto& [stretch, weight] : stretches) cost += weight * (stretch - mean).squaredNorm();
   return cost;
 }

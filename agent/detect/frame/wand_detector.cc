@@ -154,8 +154,11 @@ bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
       uint64_t word = 0;
       levels_[level_].masker.MaskRow(image, y, x / kMaskWordBits, 1, &word);
       const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
-      const bool clipped =
-          pixel[image.format == PixelFormat::kBgr8 ? main_channel_ : 0] >= kClipped;
+      const bool colour = image.format == PixelFormat::kBgr8;
+      // A room's white is nothing that the light of a wand has whitened.
+      const bool white = colour && !kLevels[level_].white &&
+                         std::min({pixel[0], pixel[1], pixel[2]}) >= kClipped;
+      const bool clipped = !white && pixel[colour ? main_channel_ : 0] >= kClipped;
       passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
     }
   }

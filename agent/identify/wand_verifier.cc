@@ -20,7 +20,7 @@ constexpr double kCostScale = 2.5;
 constexpr double kTriedCost = 1.3, kFewTried = 20;
 constexpr double kTiltCost = 4;  // of the logarithm of its cosine
 constexpr double kSkewness = 0.012;
-constexpr double kOccludedCost = 9;
+constexpr double kOccludedCost = 6.5;
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
@@ -28,10 +28,12 @@ constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
 // Of outlines.
 constexpr double kWorthALook = 0.1;      // confidence
-constexpr double kWorthRestoring = 25;   // cost, without that of what is occluded
+constexpr double kWorthRestoring = 16;   // cost of pose and likeness
 constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
 constexpr double kMostOffOutline = 0.15;
+constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
+constexpr double kWorkOfFit = 1000;  // in the pixels that a measurement reads
 constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
@@ -59,10 +61,18 @@ double Lopsidedness(const MarkerCentre& centre) {
   return std::min(Squared(excess / kSkewness), kOccludedCost);
 }
 
+double Lopsidedness(const VerifiedWand& wand) {
+  double cost = 0;
+  for (const MarkerCentre& centre : wand.centres) {
+    if (centre.contrast_grey > 0) cost += Lopsidedness(centre);
+  }
+  return cost;
+}
+
 // Of the markers that were measured.
-double Likeness(const absl::InlinedVector<MarkerCentre, 3>& all) {
+double Likeness(const VerifiedWand& wand) {
   absl::InlinedVector<MarkerCentre, 3> centres;
-  for (const MarkerCentre& centre : all) {
+  for (const MarkerCentre& centre : wand.centres) {
     if (centre.contrast_grey > 0) centres.push_back(centre);
   }
   double mean = 0;
@@ -74,7 +84,6 @@ double Likeness(const absl::InlinedVector<MarkerCentre, 3>& all) {
   colour.normalize();
   double cost = 0;
   for (const MarkerCentre& centre : centres) {
-    cost += Lopsidedness(centre);
     cost += Squared((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma);
     cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / Squared(kColourSigma);
   }
@@ -152,18 +161,23 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
 
 // Something behind a marker moves and skews its centroid, but not its outline.
 void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand) {
+  int lost = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     MarkerCentre& centre = wand->centres[k];
-    if ((wand->whole[k] && !centre.has_neighbour) || !(centre.contrast_grey > 0) || centre.cut || centre.alike >= kMostAlike ||
+    if (wand->whole[k]) continue;
+    // With two that are not whole it is no wand.
+    if (lost > 1) return;
+    ++lost;
+    if (!(centre.contrast_grey > 0) || centre.cut || centre.alike >= kMostAlike ||
         blobs[static_cast<size_t>(wand->blobs[k])].touches_border) {
       continue;
     }
     const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline || outline->on_outline < kLeastOnOutline ||
         outline->off_outline > kMostOffOutline) {
-      wand->whole[k] = false;
       continue;
     }
+    --lost;
     wand->whole[k] = wand->outlined[k] = true;
     centre.centre_px = outline->centre_px;
     centre.radius_px = outline->radius_px;
@@ -187,23 +201,25 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
       continue;
     }
     const Measured* const measured = Measure(image, blobs, index);
-    if (measured == nullptr || !measured->good) return std::nullopt;
+    if (measured == nullptr || !measured->good || measured->centre.alike >= kMostAlike) {
+      return std::nullopt;
+    }
     wand.centres.push_back(measured->centre);
-    wand.whole.push_back(IsWhole(blobs[static_cast<size_t>(index)], measured->centre));
+    // With something else near its outline decides.
+    wand.whole.push_back(!measured->centre.has_neighbour &&
+                         IsWhole(blobs[static_cast<size_t>(index)], measured->centre));
   }
   const int count = static_cast<int>(wand.blobs.size());
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
-  const bool partly = wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0);
-  const bool disturbed =
-      std::ranges::any_of(wand.centres, [](const auto& centre) { return centre.has_neighbour; });
-  if ((partly || disturbed) && wand.fit.cost + Likeness(wand.centres) < kWorthRestoring) {
+  if (wand.fit.cost + Likeness(wand) > kWorthRestoring) return std::nullopt;
+  if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
     Restore(image, blobs, &wand);
     if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
   }
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
   // Of all directions few are nearly along the line of sight.
-  wand.cost = wand.fit.cost + Likeness(wand.centres) -
+  wand.cost = wand.fit.cost + Likeness(wand) + Lopsidedness(wand) -
               kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
@@ -281,6 +297,12 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
   Measured& measured =
       *std::find_if(measured_.begin(), end, [&](const Measured& m) { return m.blob == blob; });
   if (measured.tried) return measured.outline;
+  const double work = kWorkOfFit * (measured.centre.has_neighbour ? kNearRounds : 1);
+  if (work > work_) {
+    out_of_work_ = true;
+    return measured.outline;
+  }
+  work_ -= work;
   measured.tried = true;
   const MarkerCentre& centre = measured.centre;
   SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
@@ -300,6 +322,7 @@ const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& ima
     if (!fitter_.Fit(measured.pixels, around.second_moment_px2, true, &outline)) {
       return measured.outline;
     }
+    if (outline.on_outline < kHardlyOnOutline) return measured.outline;
     around.centre_px = outline.centre_px;
     around.second_moment_px2 = outline.SecondMoment();
   }
@@ -395,10 +418,14 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   measured_count_ = 0;
   meter_.StartImage();
   evaluated_.clear();
+  double best = kHalfCost;
   for (const WandCandidate& candidate : candidates) {
+    if (candidate.cost > best + kClearlyWorse) break;
     auto wand = EvaluateOne(image, blobs, finder, candidate);
     if (!out_of_work_) ++count;
-    if (wand.has_value()) evaluated_.push_back(*std::move(wand));
+    if (!wand.has_value()) continue;
+    if (wand->cost < best) best = std::min(best, wand->cost + ShapeCost(image, *wand));
+    evaluated_.push_back(*std::move(wand));
   }
   std::stable_sort(evaluated_.begin(), evaluated_.end(),
                    [](const VerifiedWand& a, const VerifiedWand& b) { return a.cost < b.cost; });

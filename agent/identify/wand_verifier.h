@@ -36,9 +36,12 @@ struct Verdict {
 // floor or a window); others are ambiguous. One thread at a time.
 class WandVerifier {
  public:
+  // In cost before it is measured, of what need not be.
+  static constexpr double kClearlyWorse = 8;
+
   explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
-  // Candidates first that are to be measured first. `tried`: sets of blobs of this image that were
+  // Candidates by their costs; what is clearly worse than a wand that was found is not measured. `tried`: sets of blobs of this image that were
   // compared with the wand; the more, the better a wand must be. `work`: pixels that may be read
   // (MarkerMeter::WorkOf), less those that were; what would take more is left out.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,

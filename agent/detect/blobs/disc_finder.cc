@@ -48,8 +48,8 @@ void DiscFinder::MeasureDistances() {
 // The first of several equal ones.
 bool DiscFinder::IsPeak(int x, int y) const {
   const uint16_t own = At(x, y);
-  return own >= kLeastPeak && own > At(x - 1, y - 1) && own > At(x, y - 1) &&
-         own > At(x + 1, y - 1) && own > At(x - 1, y) && own >= At(x + 1, y) &&
+  return own > At(x - 1, y - 1) && own > At(x, y - 1) && own > At(x + 1, y - 1) &&
+         own > At(x - 1, y) && own >= At(x + 1, y) &&
          own >= At(x - 1, y + 1) && own >= At(x, y + 1) && own >= At(x + 1, y + 1);
 }
 
@@ -112,8 +112,9 @@ const std::vector<Blob>& DiscFinder::Find(const ImageView& image, const BlobFind
   }
   MeasureDistances();
   for (int y = 1; y <= box_.height; ++y) {
+    const uint16_t* const row = &distance_[static_cast<size_t>(y * stride_)];
     for (int x = 1; x <= box_.width; ++x) {
-      if (!IsPeak(x, y)) continue;
+      if (row[x] < kLeastPeak || row[x] <= row[x - 1] || !IsPeak(x, y)) continue;
       const double radius_px = At(x, y) / 3.0 - 0.5;
       Blob disc;
       if (!IsFree(x, y, radius_px) || !Cut(image, x, y, radius_px, &disc)) continue;

@@ -46,18 +46,19 @@ constexpr int kClipped = 250;
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxRuns = 12000;            // of each level, some 30 ns each
 constexpr int64_t kMaxMaskedPx = 3000000;  // of boxes of patches, 0.3 ns each
-constexpr int64_t kMaxSplitPx = 250000;    // of the same, 4 ns each
+constexpr int64_t kMaxSplitPx = 120000;    // of the same, 9 ns each
 constexpr size_t kMaxSpots = 160;          // pairs of them, 5 ns each
 constexpr int kMaxFits = 500;              // of wands to spots, 4 us each
 constexpr int kFitsOfLevel = 300;
 constexpr int kMaxCandidates = 200;  // that are compared by their colour
-constexpr size_t kMaxMeasured = 40;  // of them
-constexpr double kMaxWork = 35000;   // of MarkerMeter::WorkOf, 50 ns each
-constexpr double kWorkOfLevel = 25000;
+constexpr size_t kMaxMeasured = 30;  // of them
+constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
+constexpr double kWorkOfLevel = 18000;
 constexpr double kMostlyWhite = 0.5;  // of what passes
 constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
 // Of a marker's middle against the others, before it is measured.
-constexpr double kClearlyWorse = 8;  // in chi-squared
+constexpr double kAlikeDoubt = 11;   // where all around looks like it
+constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
 constexpr double kSureCost = 4;      // of a wand; what was left out is hardly as good
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
@@ -66,6 +67,14 @@ int MainChannel(const ColourRange& colour) {
   const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
   const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
   return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
+}
+
+double ShapeDoubt(const Blob& blob) {
+  const Eigen::Matrix2d second = blob.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
+  const double half = 0.5 * second.trace();
+  const double root = std::sqrt(std::max(0.0, half * half - second.determinant()));
+  const double longer = std::sqrt((half + root) / std::max(1e-9, half - root)) - 1;
+  return std::min(kMostShapeDoubt, std::pow(longer / kLongerSigma, 2));
 }
 
 // A blob that a window inside the image may have cut.
@@ -114,7 +123,7 @@ double WandDetector::EstimatedMs() const {
   return 1e-6 * (30.0 * static_cast<double>(runs_) + 4000.0 * (kMaxFits - fits_left_) +
                  50.0 * (kMaxWork - work_left_) +
                  0.3 * static_cast<double>(kMaxMaskedPx - masked_px_left_) +
-                 4.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
+                 9.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
 }
 
 Verdict WandDetector::SearchAll(const ImageView& image) {
@@ -168,7 +177,9 @@ bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
 void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
   Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
   // A piece of a patch is held to the wand's colour too.
-  if (!StandsOut(image, blob, &spot.core) || !HasColour(image, blob)) return;
+  float alike = 0;
+  if (!StandsOut(image, blob, &spot.core, &alike) || !HasColour(image, blob)) return;
+  spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob);
   // The box of one blob may hold a part of another's pieces.
   for (Spot& known : spots_) {
     const int larger = std::max(known.blob.area_px, blob.area_px);
@@ -276,12 +287,15 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   // The most likely are measured first.
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < found.size(); ++i) {
-    order.emplace_back(found[i].fit.cost + Unlikeness(found[i]), i);
+    double cost = found[i].fit.cost + Unlikeness(found[i]);
+    for (const int blob : found[i].blobs) cost += spots_[static_cast<size_t>(blob)].doubt;
+    order.emplace_back(cost, i);
   }
   std::sort(order.begin(), order.end());
   candidates_.clear();
   for (size_t i = 0; i < std::min(order.size(), kMaxMeasured); ++i) {
     candidates_.push_back(found[order[i].second]);
+    candidates_.back().cost = order[i].first;
   }
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
@@ -298,7 +312,7 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   });
   const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
   verdict.ambiguous =
-      wand_finder_.cut_short() || order[verdict.measured].first < its_cost + kClearlyWorse;
+      wand_finder_.cut_short() || order[verdict.measured].first < its_cost + WandVerifier::kClearlyWorse;
   if (verdict.ambiguous) verdict.wand.reset();
   return verdict;
 }

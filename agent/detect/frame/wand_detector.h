@@ -100,6 +100,7 @@ class WandDetector {
     Blob blob;
     Eigen::Vector3f core;  // mean of its middle, by channel
     bool is_cut;           // the window may have cut it
+    double doubt = 0;      // that it is a sphere, as a chi-squared
   };
   std::vector<Spot> spots_;
   std::vector<Blob> standing_out_;      // the spots' blobs

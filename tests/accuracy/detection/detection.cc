@@ -120,6 +120,7 @@ std::vector<DetectionCase> RoomCases(const std::vector<std::string>& photographs
                                          MakeOffice(options);
                                          options->render.exposure_s = 0.001;
                                          options->render.led_grey *= 3;  // more gain
+                                         options->one_clock = true;
                                          options->pose.speed_m_s = 1;
                                        }},
                                       {"office, rolling, JPEG",

@@ -176,8 +176,7 @@ double MarkerMeter::AlikeAround(const MarkerAperture& aperture) const {
   ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
     if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
     ++count;
-    alike += share_[i] > kAlikeAbove && share_[i] < kAlikeBelow &&
-                     (foreign_[i] & kOtherColour) == 0
+    alike += share_[i] > kAlikeAbove && share_[i] < kAlikeBelow && (foreign_[i] & kOtherColour) == 0
                  ? 1
                  : 0;
   });
@@ -367,9 +366,8 @@ bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const Ma
   rect.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
   rect.width = std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - rect.x;
   rect.height = std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - rect.y;
-  if (rect.empty() ||
-      !beside_.Read(image, aperture, window, centre.plateau_grey.cast<float>(),
-                    {kBesidePx, kBesideWidthPx, kBesideArcPx}, nullptr)) {
+  if (rect.empty() || !beside_.Read(image, aperture, window, centre.plateau_grey.cast<float>(),
+                                    {kBesidePx, kBesideWidthPx, kBesideArcPx}, nullptr)) {
     return false;
   }
   AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true}, pixels);

@@ -54,10 +54,10 @@ bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture
                           const Ring& where, double* noise_grey) {
   const Eigen::Matrix2d ring = aperture.Grown(where.from_px);
   const Eigen::Matrix2d edge = aperture.Grown(where.from_px + where.width_px);
-  const int count = 2 * std::clamp(  // each has an opposite one
-                            static_cast<int>(std::numbers::pi * (aperture.b + where.from_px) /
-                                             where.arc_px),
-                            kMinArcs / 2, kMaxArcs / 2);
+  const int count =
+      2 * std::clamp(  // each has an opposite one
+              static_cast<int>(std::numbers::pi * (aperture.b + where.from_px) / where.arc_px),
+              kMinArcs / 2, kMaxArcs / 2);
   arcs_.assign(static_cast<size_t>(count), Arc());
   const auto turns = static_cast<float>(count);
   pixels_.clear();

@@ -94,8 +94,8 @@ void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline
   for (size_t k = 0; k < kSectors; ++k) {
     // A sector that is blocked tells nothing.
     if (informations[k] < 0.2 * all / kSectors) continue;
-    (std::abs(scores[k]) < off_px * informations[k] ? outline->on_outline
-                                                    : outline->off_outline) += 1.0 / kSectors;
+    (std::abs(scores[k]) < off_px * informations[k] ? outline->on_outline : outline->off_outline) +=
+        1.0 / kSectors;
     outline->edge_chi_squared += scores[k] * scores[k] / informations[k];
     outline->edge_freedom += 1;
   }

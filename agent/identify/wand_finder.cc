@@ -166,7 +166,8 @@ void WandFinder::FillCells() {
 
 float WandFinder::Unlikeness(const Entry& a, const Entry& b) {
   const float brighter = (a.brightness - b.brightness) / kPairBrightnessSigma;
-  return brighter * brighter + (a.colour - b.colour).squaredNorm() / (kPairColourSigma * kPairColourSigma);
+  return brighter * brighter +
+         (a.colour - b.colour).squaredNorm() / (kPairColourSigma * kPairColourSigma);
 }
 
 bool WandFinder::EndsPossible(const Entry& a, const Entry& b) const {

@@ -41,7 +41,7 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
-  double cost = 0;  // as is known before it is measured; the finder leaves it to its caller
+  double cost = 0;   // as is known before it is measured; the finder leaves it to its caller
   int partial = -1;  // the marker of which only a part is seen (FindPartialWands)
 };
 

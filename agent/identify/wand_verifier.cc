@@ -14,7 +14,7 @@ constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
 constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 10.5;         // confidence 0.5
+constexpr double kHalfCost = 10.5;        // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.3, kFewTried = 20;
@@ -39,7 +39,7 @@ constexpr double kNoOutlineCost = 9;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
-constexpr double kOffOutlineSigma = 0.08;                       // of the sectors
+constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
 constexpr double kLeastScatter = 0.3;
 constexpr double kShadingError = 0.03;  // radii, per relative slope of the light
@@ -160,7 +160,8 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
 }
 
 // Something behind a marker moves and skews its centroid, but not its outline.
-void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand) {
+void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
+                           VerifiedWand* wand) {
   int lost = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     MarkerCentre& centre = wand->centres[k];

@@ -41,9 +41,10 @@ class WandVerifier {
 
   explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
-  // Candidates by their costs; what is clearly worse than a wand that was found is not measured. `tried`: sets of blobs of this image that were
-  // compared with the wand; the more, the better a wand must be. `work`: pixels that may be read
-  // (MarkerMeter::WorkOf), less those that were; what would take more is left out.
+  // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
+  // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
+  // wand must be. `work`: pixels that may be read (MarkerMeter::WorkOf), less those that were; what
+  // would take more is left out.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
                  absl::Span<const WandCandidate> candidates, int tried, double* work);
 

@@ -49,8 +49,8 @@ void DiscFinder::MeasureDistances() {
 bool DiscFinder::IsPeak(int x, int y) const {
   const uint16_t own = At(x, y);
   return own > At(x - 1, y - 1) && own > At(x, y - 1) && own > At(x + 1, y - 1) &&
-         own > At(x - 1, y) && own >= At(x + 1, y) &&
-         own >= At(x - 1, y + 1) && own >= At(x, y + 1) && own >= At(x + 1, y + 1);
+         own > At(x - 1, y) && own >= At(x + 1, y) && own >= At(x - 1, y + 1) &&
+         own >= At(x, y + 1) && own >= At(x + 1, y + 1);
 }
 
 bool DiscFinder::IsFree(int x, int y, double radius_px) const {

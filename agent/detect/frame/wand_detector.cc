@@ -23,7 +23,7 @@ namespace {
 
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
-constexpr int kNeverWashedOut = 256;              // ColourRange::washed_out_min
+constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
 // Ranges of colour that are searched one after the other. `brighter`: from value_min to the
 // brightest; `paler`: of saturation_min. Light of a room or of a window whitens the spheres, and
 // what is white hides them.
@@ -31,8 +31,8 @@ struct LevelRange {
   double brighter, paler;
   bool white;  // takes what the sensor has lost the colour of
 };
-constexpr LevelRange kLevels[] = {{0, 1, true},      {0.2, 1, true},      {0.4, 1, true},
-                                  {0.6, 1, true},    {0.35, 0.55, false}, {0, 0.55, false}};
+constexpr LevelRange kLevels[] = {{0, 1, true},   {0.2, 1, true},      {0.4, 1, true},
+                                  {0.6, 1, true}, {0.35, 0.55, false}, {0, 0.55, false}};
 constexpr size_t kWideLevels[] = {0, 1, 2, 3}, kPaleLevels[] = {4, 5};
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
@@ -55,11 +55,11 @@ constexpr size_t kMaxMeasured = 30;  // of them
 constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
 constexpr double kWorkOfLevel = 18000;
 constexpr double kMostlyWhite = 0.5;  // of what passes
-constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
+constexpr double kNoFurtherMs = 3;    // by the times above: no other level is begun
 // Of a marker's middle against the others, before it is measured.
-constexpr double kAlikeDoubt = 11;   // where all around looks like it
+constexpr double kAlikeDoubt = 11;  // where all around looks like it
 constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
-constexpr double kSureCost = 4;      // of a wand; what was left out is hardly as good
+constexpr double kSureCost = 4;  // of a wand; what was left out is hardly as good
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
 // The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
@@ -129,7 +129,8 @@ double WandDetector::EstimatedMs() const {
 Verdict WandDetector::SearchAll(const ImageView& image) {
   level_ = 0;
   passed_share_ = ShareOf(levels_[0].blobs.Find(image).passed_px);
-  if (passed_share_ > kCrowdedShare) white_share_ = WhiteShare(image, options_.colour.washed_out_min);
+  if (passed_share_ > kCrowdedShare)
+    white_share_ = WhiteShare(image, options_.colour.washed_out_min);
   const bool is_white = white_share_ > kMostlyWhite * passed_share_;
   Verdict verdict;
   // False: there is time for more.
@@ -165,8 +166,8 @@ bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
       const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
       const bool colour = image.format == PixelFormat::kBgr8;
       // A room's white is nothing that the light of a wand has whitened.
-      const bool white = colour && !kLevels[level_].white &&
-                         std::min({pixel[0], pixel[1], pixel[2]}) >= kClipped;
+      const bool white =
+          colour && !kLevels[level_].white && std::min({pixel[0], pixel[1], pixel[2]}) >= kClipped;
       const bool clipped = !white && pixel[colour ? main_channel_ : 0] >= kClipped;
       passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
     }
@@ -299,7 +300,8 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   }
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, kMaxFits - fits_left_, &work);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
+                                     kMaxFits - fits_left_, &work);
   work_left_ += work;
   const bool all = verdict.measured == order.size();
   cut_short_ |= !all;
@@ -311,8 +313,8 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
     return one.blobs == verdict.wand->blobs;
   });
   const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
-  verdict.ambiguous =
-      wand_finder_.cut_short() || order[verdict.measured].first < its_cost + WandVerifier::kClearlyWorse;
+  verdict.ambiguous = wand_finder_.cut_short() ||
+                      order[verdict.measured].first < its_cost + WandVerifier::kClearlyWorse;
   if (verdict.ambiguous) verdict.wand.reset();
   return verdict;
 }
@@ -336,7 +338,8 @@ Verdict WandDetector::SearchPartial(const ImageView& image) {
   candidates_ = FindPartialWands(wand_finder_, standing_out_, whole, kMaxPartial);
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, kMaxFits - fits_left_, &work);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
+                                     kMaxFits - fits_left_, &work);
   work_left_ += work;
   if (verdict.measured < candidates_.size()) verdict.wand.reset();
   if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||

@@ -190,10 +190,10 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
     }
     result.has_wand = true;
     result.lit = !frame.led_time_s || IsLit(options, *frame.led_time_s);
-    result.shown = result.lit &&
-                   testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
-                                        options.target, *wand,
-                                        ground_truth->bar ? &*ground_truth->bar : nullptr);
+    result.shown =
+        result.lit && testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
+                                           options.target, *wand,
+                                           ground_truth->bar ? &*ground_truth->bar : nullptr);
     if (result.lit) CountMarkers(options, *wand, *ground_truth, detection->observation, &result);
     Compare(*ground_truth, *wand, options.target, options, detection->observation, &result);
   }

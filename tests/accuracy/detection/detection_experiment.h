@@ -27,7 +27,7 @@ struct DetectionOptions {
   // All LEDs blink by one clock, as those of one driver do; else each by its own. A frame whose
   // exposure falls mostly into the dark shows no wand that is lit (ImageResult::lit).
   bool one_clock = false;
-  bool cut_by_border = false;     // one sphere at least is, and its centre is in the image
+  bool cut_by_border = false;  // one sphere at least is, and its centre is in the image
   // Behind the wand instead of the wall, one for each room in turn; paths of image files.
   std::vector<std::string> photographs;
   int frames = 100;

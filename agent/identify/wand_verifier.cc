@@ -17,7 +17,7 @@ constexpr double kColourSigma = 0.12;     // rad
 constexpr double kHalfCost = 10.5;        // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
-constexpr double kTriedCost = 1.3, kFewTried = 20;
+constexpr double kTriedCost = 0.8, kFewTried = 20;
 constexpr double kTiltCost = 4;  // of the logarithm of its cosine
 constexpr double kSkewness = 0.012;
 constexpr double kOccludedCost = 6.5;
@@ -31,6 +31,7 @@ constexpr double kWorthALook = 0.1;      // confidence
 constexpr double kWorthRestoring = 16;   // cost of pose and likeness
 constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
 constexpr double kMostOffOutline = 0.15;
+constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
 constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
 constexpr int kNearRounds = 2;
 constexpr double kWorkOfFit = 1000;  // in the pixels that a measurement reads
@@ -175,7 +176,8 @@ void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
     }
     const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline || outline->on_outline < kLeastOnOutline ||
-        outline->off_outline > kMostOffOutline) {
+        outline->off_outline > kMostOffOutline ||
+        outline->stretch.norm() > kMostStretch + kMostStretchPx / outline->radius_px) {
       continue;
     }
     --lost;
@@ -214,8 +216,13 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
   if (wand.fit.cost + Likeness(wand) > kWorthRestoring) return std::nullopt;
   if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
+    const VerifiedWand before = wand;
     Restore(image, blobs, &wand);
-    if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
+    // The outline of a part is not where the others say.
+    const double gained = kOccludedCost * (before.OccludedCount() - wand.OccludedCount());
+    if (!FitPose(finder, candidate.partial, &wand) || wand.fit.cost > before.fit.cost + gained) {
+      wand = before;
+    }
   }
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;

@@ -39,7 +39,7 @@ constexpr int kPart = 4;  // a piece that much smaller is something in front of 
 
 // Of wands of which a marker is hidden.
 constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
-constexpr double kPartialConfidence = 0.8;
+constexpr double kPartialConfidence = 0.6;
 constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
 constexpr int kClipped = 250;
 

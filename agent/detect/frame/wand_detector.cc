@@ -55,6 +55,7 @@ constexpr size_t kMaxMeasured = 30;  // of them
 constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
 constexpr double kWorkOfLevel = 18000;
 constexpr double kMostlyWhite = 0.5;  // of what passes
+constexpr double kLeastLit = 0.02;    // of the pixels
 constexpr double kNoFurtherMs = 3;    // by the times above: no other level is begun
 // Of a marker's middle against the others, before it is measured.
 constexpr double kAlikeDoubt = 11;  // where all around looks like it
@@ -145,6 +146,8 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
     if (search(level)) return verdict;
     if (!IsCrowded()) break;
   }
+  // No light of a dark room whitens a sphere.
+  if (!is_white && LitShare(image) < kLeastLit) return verdict;
   for (const size_t level : kPaleLevels) {
     if (search(level)) return verdict;
   }

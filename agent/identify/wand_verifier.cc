@@ -43,9 +43,12 @@ constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
 constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
 constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
 constexpr double kLeastScatter = 0.3;
-constexpr double kShadingError = 0.03;  // radii, per relative slope of the light
+constexpr double kShadingError = 0.03;          // radii, per relative slope of the light
+constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
+constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
-constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
+constexpr double kOwnScatter = 2;  // of a sphere, against the wand's
+constexpr double kShaded = 8;      // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
 
@@ -403,16 +406,27 @@ void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   }
   const double factor = std::max(kLeastScatter, freedom > 0 ? scatter / freedom : 1);
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!outlines[k]) continue;
-    wand->centres[k].centre_px = outlines[k]->centre_px;
-    wand->centres[k].covariance_px2 = factor * outlines[k]->covariance_px2;
-    if (!shaded) continue;
-    // Light from one side is not quite a polynomial.
-    const auto& parameters = outlines[k]->parameters;
-    const double slope = std::hypot(parameters[kOutlineSlopeX], parameters[kOutlineSlopeY]) /
-                         std::max(0.1, parameters[kOutlineBrightness]);
-    const double wrong_px = kShadingError * slope * outlines[k]->radius_px;
-    wand->centres[k].covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
+    if (!wand->whole[k]) continue;
+    MarkerCentre& centre = wand->centres[k];
+    if (outlines[k]) {
+      centre.centre_px = outlines[k]->centre_px;
+      // One that is worse than the others by more than chance has something of its own.
+      const double own = outlines[k]->edge_chi_squared / std::max(1.0, outlines[k]->edge_freedom);
+      centre.covariance_px2 =
+          (own > kOwnScatter * factor ? own : factor) * outlines[k]->covariance_px2;
+    }
+    const auto& outline = OutlineOf(image, wand->blobs[k]);
+    if (!outline) continue;
+    double wrong_px = kHiddenError * outline->off_outline * outline->radius_px;
+    if (shaded) {
+      // Light from one side is not quite a polynomial, and moves a centroid.
+      const auto& parameters = outline->parameters;
+      const double slope = std::hypot(parameters[kOutlineSlopeX], parameters[kOutlineSlopeY]) /
+                           std::max(0.1, parameters[kOutlineBrightness]);
+      wrong_px = std::hypot(wrong_px, (outlines[k] ? kShadingError : kCentroidShadingError) *
+                                          slope * outline->radius_px);
+    }
+    centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
   }
 }
 

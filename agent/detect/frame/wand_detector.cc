@@ -60,6 +60,7 @@ constexpr double kNoFurtherMs = 3;    // by the times above: no other level is b
 // Of a marker's middle against the others, before it is measured.
 constexpr double kAlikeDoubt = 11;  // where all around looks like it
 constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
+constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand; what was left out is hardly as good
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
@@ -139,7 +140,7 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
     cut_short_ |= EstimatedMs() > kNoFurtherMs;
     if (EstimatedMs() > kNoFurtherMs) return true;
     verdict = Search(image, image.Bounds(), level);
-    return verdict.wand.has_value();
+    return verdict.wand.has_value() || has_rivals_;
   };
   for (const size_t level : kWideLevels) {
     if (is_white) break;
@@ -243,7 +244,8 @@ void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
       Keep(image, piece, is_cut(*blob));
     }
   }
-  if (spots_.size() <= kMaxSpots) return;
+  all_spots_ = spots_.size() <= kMaxSpots;
+  if (all_spots_) return;
   cut_short_ = true;
   std::stable_sort(spots_.begin(), spots_.end(), [](const Spot& a, const Spot& b) {
     const bool round_a = IsRound(a.blob), round_b = IsRound(b.blob);
@@ -306,18 +308,20 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
                                      kMaxFits - fits_left_, &work);
   work_left_ += work;
+  has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
   cut_short_ |= !all;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) return SearchPartial(image);
   if (!verdict.wand || (all && !wand_finder_.cut_short())) return verdict;
-  if (verdict.wand->cost < kSureCost) return verdict;
   // What was left out may be as good.
   const auto chosen = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& one) {
     return one.blobs == verdict.wand->blobs;
   });
   const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
-  verdict.ambiguous = wand_finder_.cut_short() ||
-                      order[verdict.measured].first < its_cost + WandVerifier::kClearlyWorse;
+  const bool sure = verdict.wand->cost < kSureCost && all_spots_;
+  const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
+  verdict.ambiguous = (wand_finder_.cut_short() && !sure) ||
+                      (!all && order[verdict.measured].first < its_cost + worse);
   if (verdict.ambiguous) verdict.wand.reset();
   return verdict;
 }

@@ -103,6 +103,7 @@ class WandDetector {
     double doubt = 0;      // that it is a sphere, as a chi-squared
   };
   std::vector<Spot> spots_;
+  bool all_spots_ = true;  // none was left out
   std::vector<Blob> standing_out_;      // the spots' blobs
   std::vector<Eigen::Vector3f> cores_;  // and middles
   std::vector<WandCandidate> candidates_;
@@ -112,6 +113,7 @@ class WandDetector {
   int fits_left_ = 0;
   double work_left_ = 0;
   bool cut_short_ = false;
+  bool has_rivals_ = false;  // the last Search measured two wands that are equally good
   int dismissed_ = 0;
   double passed_share_ = 0, white_share_ = 0;
 };

@@ -54,9 +54,9 @@ constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
 constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
 constexpr double kWorkOfLevel = 18000;
-constexpr double kMostlyWhite = 0.5;  // of what passes
-constexpr double kLeastLit = 0.02;    // of the pixels
-constexpr double kNoFurtherMs = 3;    // by the times above: no other level is begun
+constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
+constexpr double kLeastLit = 0.02;   // of the pixels
+constexpr double kNoFurtherMs = 3;   // by the times above: no other level is begun
 // Of a marker's middle against the others, before it is measured.
 constexpr double kAlikeDoubt = 11;  // where all around looks like it
 constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
@@ -131,9 +131,10 @@ double WandDetector::EstimatedMs() const {
 Verdict WandDetector::SearchAll(const ImageView& image) {
   level_ = 0;
   passed_share_ = ShareOf(levels_[0].blobs.Find(image).passed_px);
-  if (passed_share_ > kCrowdedShare)
+  if (passed_share_ > kWhiteRoom) {
     white_share_ = WhiteShare(image, options_.colour.washed_out_min);
-  const bool is_white = white_share_ > kMostlyWhite * passed_share_;
+  }
+  const bool is_white = white_share_ > kWhiteRoom;
   Verdict verdict;
   // False: there is time for more.
   const auto search = [&](size_t level) {
@@ -144,8 +145,9 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
   };
   for (const size_t level : kWideLevels) {
     if (is_white) break;
-    if (search(level)) return verdict;
-    if (!IsCrowded()) break;
+    if (search(level) && !has_rivals_) return verdict;
+    // A window's slats look alike, but have no colour.
+    if (has_rivals_ || !IsCrowded()) break;
   }
   // No light of a dark room whitens a sphere.
   if (!is_white && LitShare(image) < kLeastLit) return verdict;

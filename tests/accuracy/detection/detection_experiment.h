@@ -64,7 +64,7 @@ struct ImageResult {
   int found_markers = 0;
   int covered_markers = 0;
   double confidence = 0;
-  double milliseconds = 0;  // of Detect
+  double milliseconds = 0;  // CPU time of Detect
   uint64_t seed = 0;
   double tilt_deg = 0, distance_m = 0;
   std::vector<CentreError> centres;

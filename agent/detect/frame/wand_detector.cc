@@ -56,7 +56,8 @@ constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
 constexpr double kWorkOfLevel = 18000;
 constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
 constexpr double kLeastLit = 0.02;   // of the pixels
-constexpr double kNoFurtherMs = 3;   // by the times above: no other level is begun
+constexpr double kLittleMs = 1;
+constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
 // Of a marker's middle against the others, before it is measured.
 constexpr double kAlikeDoubt = 11;  // where all around looks like it
 constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
@@ -154,6 +155,8 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
   for (const size_t level : kPaleLevels) {
     if (search(level)) return verdict;
   }
+  // Where hardly anything has a colour the spheres may be white too.
+  if (is_white && EstimatedMs() < kLittleMs) search(kWideLevels[0]);
   return verdict;
 }
 

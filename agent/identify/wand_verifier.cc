@@ -14,13 +14,13 @@ constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
 constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 10.5;        // confidence 0.5
+constexpr double kHalfCost = 11.5;        // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
-constexpr double kTriedCost = 0.8, kFewTried = 20;
+constexpr double kTriedCost = 1.15, kFewTried = 20;
 constexpr double kTiltCost = 4;  // of the logarithm of its cosine
 constexpr double kSkewness = 0.012;
-constexpr double kOccludedCost = 6.5;
+constexpr double kOccludedCost = 7.5;
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best

@@ -17,6 +17,7 @@ constexpr double kMinContrast = 20;  // grey levels
 // Pixels this bright (kForeign) and this far outside of the blob belong to something else.
 constexpr double kOwnPx = 1.5;
 constexpr float kForeign = 0.4f;
+constexpr float kAlikeAbove = 0.6f, kAlikeBelow = 1.5f;  // coverage of what looks like the marker
 enum Foreign : uint8_t { kBright = 1, kOtherColour = 2 };
 constexpr int kMaxIterations = 12;
 // Radii of the centroid per skewness, found on rendered images.
@@ -30,6 +31,10 @@ constexpr double kLeastChannel = 0.2;  // contrast of a channel, of the whole
 constexpr double kRimPx = 5;           // further inside every fifth pixel is enough
 constexpr double kInsideStep = 5.3;    // not in step with a mosaic
 constexpr double kEnoughPixels = 700;
+constexpr double kArcPx = 3;  // of the background
+// The background right beside the outline, where something else is near.
+constexpr double kBesidePx = 1.6, kBesideWidthPx = 1.8, kBesideArcPx = 1.6;
+constexpr double kBesideNoise = 0.03;
 constexpr double kFullRadiusPx = 16;  // larger ones are read more coarsely
 
 int StepOf(const MarkerAperture& aperture) {
@@ -164,6 +169,20 @@ void MarkerMeter::Block(const MarkerAperture& aperture) {
   });
 }
 
+double MarkerMeter::AlikeAround(const MarkerAperture& aperture) const {
+  const Eigen::Matrix2d own = aperture.Grown(kOwnPx);
+  const Eigen::Matrix2d reach = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
+  int count = 0, alike = 0;
+  ForPixels(window_, aperture.centre_px, [&](size_t i, int, int, const Eigen::Vector2d& d) {
+    if (d.dot(own * d) <= 1 || d.dot(reach * d) >= 1) return;
+    ++count;
+    alike += share_[i] > kAlikeAbove && share_[i] < kAlikeBelow && (foreign_[i] & kOtherColour) == 0
+                 ? 1
+                 : 0;
+  });
+  return count > 0 ? static_cast<double>(alike) / count : 0;
+}
+
 bool MarkerMeter::FindCentroid(MarkerAperture* aperture, MarkerCentre* centre) {
   const Eigen::Vector2d origin = aperture->centre_px;
   const Eigen::Matrix2d grown = aperture->Grown(MarkerAperture::kMarginPx);
@@ -239,8 +258,10 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
   for (const bool last : {false, true}) {
     MarkerAperture aperture(outlined);
     if (!PlaceWindow(image, aperture, centre) || !ReadPlateau(image, aperture, centre) ||
-        !background_.Read(image, aperture, window_, centre->plateau_grey.cast<float>(),
-                          last ? &centre->noise_grey : nullptr) ||
+        !background_.Read(
+            image, aperture, window_, centre->plateau_grey.cast<float>(),
+            {MarkerAperture::kMarginPx + MarkerAperture::kGapPx, aperture.ring_px, kArcPx},
+            last ? &centre->noise_grey : nullptr) ||
         !Cover(image, aperture, centre)) {
       return false;
     }
@@ -248,6 +269,7 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
       if (!Outline(aperture, &outlined)) return false;
       continue;
     }
+    centre->alike = AlikeAround(aperture);
     Block(aperture);
     centre->has_neighbour =
         std::ranges::any_of(background_.arcs(), [](const auto& arc) { return arc.blocked; });
@@ -260,50 +282,96 @@ bool MarkerMeter::Measure(const ImageView& image, const Blob& blob, MarkerCentre
   return has_measured_;
 }
 
-void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& centre,
-                                OutlinePixels* pixels) {
-  pixels->Clear();
-  if (!has_measured_) return;
-  const MarkerAperture& aperture = *outlined_;
-  const std::vector<RingBackground::Arc>& arcs = background_.arcs();
+// Which pixels are taken, and against which background.
+struct MarkerMeter::Collection {
+  const MarkerAperture& aperture;
+  const MarkerCentre& centre;
+  const RingBackground& background;
+  const PixelGrid& window;
+  double reach_px;     // beyond the aperture's ellipse
+  double model_noise;  // in units of coverage
+  bool near;           // also beside something else, and where the background is brighter
+};
+
+void MarkerMeter::AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels) {
+  const MarkerAperture& aperture = how.aperture;
+  const MarkerCentre& centre = how.centre;
+  const std::vector<RingBackground::Arc>& arcs = how.background.arcs();
   const double noise = centre.noise_grey / std::max(1.0, centre.contrast_grey);
-  const auto precision = static_cast<float>(1 / std::hypot(noise, kModelNoise));
+  const auto precision = static_cast<float>(1 / std::hypot(noise, how.model_noise));
   const auto single_noise = static_cast<float>(kMosaicNoise * centre.noise_grey);
-  const auto model_noise = static_cast<float>(kModelNoise);
+  const auto model_noise = static_cast<float>(how.model_noise);
   const auto least = static_cast<float>(kLeastChannel * centre.contrast_grey);
   const Eigen::Vector3f plateau = centre.plateau_grey.cast<float>();
   if (!mosaic_ && mosaic_tries_ < kMosaicTries) {
-    mosaic_ = FindMosaic(image, window_.rect);
+    mosaic_ = FindMosaic(image, how.window.rect);
     ++mosaic_tries_;
   }
-  const Eigen::Matrix2d outside =
-      aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
+  const Eigen::Matrix2d outside = aperture.Grown(how.reach_px);
   const bool large = aperture.b > 2 * kRimPx;
   const Eigen::Matrix2d inside = aperture.Grown(large ? -kRimPx : 0);
   // Pixels are many where the sphere is near, and say the same.
-  const double rim = 2 * std::numbers::pi * aperture.a *
-                     (std::min(kRimPx, aperture.b) + MarkerAperture::kMarginPx + 1);
-  const double step = std::max(1.0, rim / kEnoughPixels / (window_.step * window_.step));
+  const double rim =
+      2 * std::numbers::pi * aperture.a * (std::min(kRimPx, aperture.b) + how.reach_px);
+  const double step = std::max(1.0, rim / kEnoughPixels / (how.window.step * how.window.step));
   double turn = 0;
-  ForPixels(window_, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
-    if (d.dot(outside * d) > 1 || arcs[arc_of_[i]].blocked) return;
+  ForPixels(how.window, aperture.centre_px, [&](size_t i, int x, int y, const Eigen::Vector2d& d) {
+    if (d.dot(outside * d) > 1 || (!how.near && arcs[arc_of_[i]].blocked)) return;
     turn += large && d.dot(inside * d) < 1 ? 1 / kInsideStep : 1;
     if (turn < step) return;
     turn -= step;
     const auto at_x = static_cast<float>(x), at_y = static_cast<float>(y);
-    if (!mosaic_) {
+    if (!mosaic_ && !how.near) {
       pixels->Add(at_x, at_y, share_[i], precision);
       return;
     }
-    const int channel = mosaic_->Channel(x, y);
     size_t arc = 0;
-    const float background = background_.At(d, &arc)[channel];
-    const float range = plateau[channel] - background;
-    if (range < least) return;
-    pixels->Add(at_x, at_y, (GreyAt(image, x, y)[channel] - background) / range,
-                1 / std::hypot(single_noise / range, model_noise));
+    const Eigen::Vector3f background = how.background.At(d, &arc);
+    const Eigen::Vector3f range = plateau - background, above = GreyAt(image, x, y) - background;
+    if (!mosaic_) {
+      const float squared = range.squaredNorm();
+      if (squared < least * least) return;
+      pixels->Add(at_x, at_y, above.dot(range) / squared,
+                  1 / std::hypot(single_noise / std::sqrt(squared), model_noise));
+      return;
+    }
+    const int channel = mosaic_->Channel(x, y);
+    if ((how.near ? std::abs(range[channel]) : range[channel]) < least) return;
+    pixels->Add(at_x, at_y, above[channel] / range[channel],
+                1 / std::hypot(single_noise / range[channel], model_noise));
   });
   pixels->FillUp();
+}
+
+void MarkerMeter::CollectPixels(const ImageView& image, const MarkerCentre& centre,
+                                OutlinePixels* pixels) {
+  pixels->Clear();
+  if (!has_measured_) return;
+  AddPixels(image,
+            {*outlined_, centre, background_, window_,
+             MarkerAperture::kMarginPx + MarkerAperture::kGapPx, kModelNoise, false},
+            pixels);
+}
+
+bool MarkerMeter::CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
+                              OutlinePixels* pixels) {
+  pixels->Clear();
+  const MarkerAperture aperture(blob);
+  PixelGrid window;
+  window.step = StepOf(aperture);
+  const double reach = aperture.a + kBesidePx + kBesideWidthPx + 1;
+  const Eigen::Vector2d& at = aperture.centre_px;
+  PixelRect& rect = window.rect;
+  rect.x = std::max(static_cast<int>(std::floor(at.x() - reach)), 0);
+  rect.y = std::max(static_cast<int>(std::floor(at.y() - reach)), 0);
+  rect.width = std::min(static_cast<int>(std::ceil(at.x() + reach)) + 1, image.width) - rect.x;
+  rect.height = std::min(static_cast<int>(std::ceil(at.y() + reach)) + 1, image.height) - rect.y;
+  if (rect.empty() || !beside_.Read(image, aperture, window, centre.plateau_grey.cast<float>(),
+                                    {kBesidePx, kBesideWidthPx, kBesideArcPx}, nullptr)) {
+    return false;
+  }
+  AddPixels(image, {aperture, centre, beside_, window, kBesidePx, kBesideNoise, true}, pixels);
+  return true;
 }
 
 }  // namespace rigcal::agent

@@ -33,6 +33,7 @@ struct MarkerCentre {
   Eigen::Vector3d plateau_grey = Eigen::Vector3d::Zero();  // in its middle, by channel
   double contrast_grey = 0;    // of the plateau against the background, over all channels
   double noise_grey = 0;       // one sigma of one pixel and channel
+  double alike = 0;            // share of what is just outside of it that looks like it, 0 to 1
   bool cut = false;            // the image's border cuts the aperture
   bool has_neighbour = false;  // something else is near; its side and the opposite are left out
 };
@@ -65,6 +66,11 @@ class MarkerMeter {
   // measured there, else all channels together.
   void CollectPixels(const ImageView& image, const MarkerCentre& centre, OutlinePixels* pixels);
 
+  // The same of a marker with something else near, whatever was measured last: up to close by the
+  // outline of `blob`, against what is right beside it there. False: nothing can be read.
+  bool CollectNear(const ImageView& image, const Blob& blob, const MarkerCentre& centre,
+                   OutlinePixels* pixels);
+
   // Pixels that a Measure of the blob reads, about.
   static double WorkOf(const Blob& blob);
 
@@ -76,11 +82,15 @@ class MarkerMeter {
   // The blob of the pixels that are more marker than background, without what its mask merged with.
   bool Outline(const MarkerAperture& aperture, Blob* blob) const;
   void Block(const MarkerAperture& aperture);
+  double AlikeAround(const MarkerAperture& aperture) const;
   bool FindCentroid(MarkerAperture* aperture, MarkerCentre* centre);
   void MeasureShape(const MarkerAperture& aperture, MarkerCentre* centre);
 
+  struct Collection;
+  void AddPixels(const ImageView& image, const Collection& how, OutlinePixels* pixels);
+
   PixelGrid window_;
-  RingBackground background_;
+  RingBackground background_, beside_;
   std::vector<float> coverage_;  // of the window, clipped
   std::vector<float> gain_;      // of the window: coverage per grey level of noise; 0 where clipped
   std::vector<uint8_t> foreign_;  // of the window: what cannot be the marker outside of it

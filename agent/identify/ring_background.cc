@@ -10,7 +10,6 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr double kArcPx = 3;  // length of an arc of the ring
 constexpr int kMinArcs = 16, kMaxArcs = 64;
 constexpr float kAlike = 0.4f;  // of the contrast: as near as this is the marker's colour
 constexpr int kMinRingPixels = 24;
@@ -52,15 +51,12 @@ double NoiseSigma(std::vector<float>* residuals) {
 
 bool RingBackground::Read(const ImageView& image, const MarkerAperture& aperture,
                           const PixelGrid& window, const Eigen::Vector3f& plateau_grey,
-                          double* noise_grey) {
-  const Eigen::Matrix2d ring = aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx);
-  const Eigen::Matrix2d edge =
-      aperture.Grown(MarkerAperture::kMarginPx + MarkerAperture::kGapPx + aperture.ring_px);
+                          const Ring& where, double* noise_grey) {
+  const Eigen::Matrix2d ring = aperture.Grown(where.from_px);
+  const Eigen::Matrix2d edge = aperture.Grown(where.from_px + where.width_px);
   const int count =
       2 * std::clamp(  // each has an opposite one
-              static_cast<int>(std::numbers::pi *
-                               (aperture.b + MarkerAperture::kMarginPx + MarkerAperture::kGapPx) /
-                               kArcPx),
+              static_cast<int>(std::numbers::pi * (aperture.b + where.from_px) / where.arc_px),
               kMinArcs / 2, kMaxArcs / 2);
   arcs_.assign(static_cast<size_t>(count), Arc());
   const auto turns = static_cast<float>(count);

@@ -53,10 +53,17 @@ class RingBackground {
     bool blocked = false;  // something else is near, here or on the opposite side
   };
 
+  // Where it is read, in pixels.
+  struct Ring {
+    double from_px;  // outside of the aperture's ellipse
+    double width_px;
+    double arc_px;  // length of an arc
+  };
+
   // Reads the part of the ring that lies in `window`, without what looks like the marker.
   // `noise_grey`: one sigma of one pixel and channel; may be null. False: too few pixels.
   bool Read(const ImageView& image, const MarkerAperture& aperture, const PixelGrid& window,
-            const Eigen::Vector3f& plateau_grey, double* noise_grey);
+            const Eigen::Vector3f& plateau_grey, const Ring& ring, double* noise_grey);
 
   // The background behind a pixel, between the two arcs next to its direction, and the nearer of
   // them. `offset`: of the pixel from the aperture's centre.

@@ -22,9 +22,18 @@ constexpr double kSettledPx = 0.004, kSettledCost = 0.5;
 constexpr double kNearlyPx = 0.03, kNearlyCost = 2;  // is enough in the end
 constexpr double kSameCost = 1e-3;                   // single precision
 constexpr int kSectors = 16;
+constexpr double kOffPx = 0.3, kOffShare = 0.03;  // of an edge that is not on the outline
 constexpr double kOutlineFreedom = 5;  // place, radius and shape take so many of the sectors'
 
 }  // namespace
+
+Eigen::Matrix2d SphereOutline::SecondMoment() const {
+  Eigen::Matrix2d w;
+  w << 1 + parameters[kOutlineStretch], parameters[kOutlineShear], parameters[kOutlineShear],
+      1 - parameters[kOutlineStretch];
+  w /= parameters[kOutlineRadius];
+  return 0.25 * (w * w).inverse();
+}
 
 SphereOutlineFitter::System SphereOutlineFitter::Linearise(const OutlinePixels& pixels,
                                                            const Vector& parameters) {
@@ -80,9 +89,13 @@ void SphereOutlineFitter::MeasureEdge(const OutlinePixels& pixels, SphereOutline
   }
   outline->edge_chi_squared = 0;
   outline->edge_freedom = -kOutlineFreedom;
+  outline->on_outline = outline->off_outline = 0;
+  const double off_px = kOffPx + kOffShare * outline->radius_px;
   for (size_t k = 0; k < kSectors; ++k) {
     // A sector that is blocked tells nothing.
     if (informations[k] < 0.2 * all / kSectors) continue;
+    (std::abs(scores[k]) < off_px * informations[k] ? outline->on_outline : outline->off_outline) +=
+        1.0 / kSectors;
     outline->edge_chi_squared += scores[k] * scores[k] / informations[k];
     outline->edge_freedom += 1;
   }

@@ -23,10 +23,16 @@ struct SphereOutline {
   // variance by the pixels' noise, and its degrees of freedom. Noise that neighbouring pixels share
   // and a model that does not fit make it larger.
   double edge_chi_squared = 0, edge_freedom = 0;
+  // Of the sectors around it, 0 to 1: those whose edge is on the outline, and those whose edge is
+  // seen elsewhere. The others have no edge: something else is there, or the same grey.
+  double on_outline = 0, off_outline = 0;
   // Of the slopes of brightness (two degrees of freedom): normal noise alone gives 2 in the mean.
   double slope_chi_squared = 0;
   Eigen::Matrix<double, kOutlineCount, 1> parameters =
       Eigen::Matrix<double, kOutlineCount, 1>::Zero();
+
+  // Of the ellipse, evenly filled.
+  Eigen::Matrix2d SecondMoment() const;
 };
 
 // Where the outline of a sphere is, whatever the light on it: an ellipse with a soft edge whose

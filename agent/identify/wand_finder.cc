@@ -24,6 +24,9 @@ constexpr double kGate = 4;                             // sigma
 // Of possible ends, most alike in size first: with hundreds of blobs the work is bounded.
 constexpr size_t kMaxPairs = 20000;
 constexpr size_t kFewPairs = 1000;  // in whatever order they are tried
+// Of two markers of a wand against each other.
+constexpr float kPairBrightnessSigma = 0.42f, kPairColourSigma = 0.21f, kMaxUnlikeness = 12;
+constexpr float kUnlikenessShare = 0.1f;  // of it, against the logarithm of the radii's ratio
 
 double PlaceSigma(double radius_px) { return kPlacePx + kPlaceShare * radius_px; }
 
@@ -161,6 +164,12 @@ void WandFinder::FillCells() {
   }
 }
 
+float WandFinder::Unlikeness(const Entry& a, const Entry& b) {
+  const float brighter = (a.brightness - b.brightness) / kPairBrightnessSigma;
+  return brighter * brighter +
+         (a.colour - b.colour).squaredNorm() / (kPairColourSigma * kPairColourSigma);
+}
+
 bool WandFinder::EndsPossible(const Entry& a, const Entry& b) const {
   const double ra = a.sight.radius_px, rb = b.sight.radius_px;
   if (ra > 2.5 * rb + 2 || rb > 2.5 * ra + 2) return false;
@@ -181,10 +190,11 @@ void WandFinder::ListPairs() {
   for (size_t i = 0; i < entries_.size(); ++i) {
     for (size_t j = i + 1; j < entries_.size(); ++j) {
       if (!CanBeEnds(entries_[i], entries_[j]) && !CanBeEnds(entries_[j], entries_[i])) continue;
-      if (!EndsPossible(entries_[i], entries_[j])) continue;
+      const float unlikeness = Unlikeness(entries_[i], entries_[j]);
+      if (unlikeness > kMaxUnlikeness || !EndsPossible(entries_[i], entries_[j])) continue;
       const double ratio = std::log(entries_[i].sight.radius_px / entries_[j].sight.radius_px);
-      pairs_.push_back(
-          {static_cast<float>(std::abs(ratio)), static_cast<int>(i), static_cast<int>(j)});
+      pairs_.push_back({static_cast<float>(std::abs(ratio)) + kUnlikenessShare * unlikeness,
+                        static_cast<int>(i), static_cast<int>(j)});
     }
   }
   if (pairs_.size() <= kFewPairs) return;
@@ -241,6 +251,7 @@ void WandFinder::SearchBetween(const Entry& first, const Entry& last) {
   for (const int second : found) {
     const Entry& entry = entries_[static_cast<size_t>(second)];
     if (&entry == &first || &entry == &last || !CanBe(entry, 1)) continue;
+    if (std::max(Unlikeness(entry, first), Unlikeness(entry, last)) > kMaxUnlikeness) continue;
     const double r = entry.sight.radius_px;
     if (r > 1.6 * std::max(r0, r1) + 1.2 || r < 0.55 * std::min(r0, r1) - 1) continue;
     if (shares_.size() == 3) {
@@ -305,12 +316,19 @@ void WandFinder::Offer(const absl::InlinedVector<int, 3>& entries) {
 }
 
 const std::vector<WandCandidate>& WandFinder::Find(absl::Span<const Blob> blobs,
-                                                   absl::Span<const int> kinds) {
+                                                   absl::Span<const int> kinds,
+                                                   absl::Span<const Eigen::Vector3f> colours) {
   candidates_.clear();
   entries_.clear();
   fits_ = 0;
   for (size_t i = 0; i < blobs.size(); ++i) {
     AddEntry(static_cast<int>(i), blobs[i], i < kinds.size() ? kinds[i] : 0);
+    if (i >= colours.size() || entries_.empty() || entries_.back().blob != static_cast<int>(i)) {
+      continue;
+    }
+    const float brightness = std::max(1.0f, colours[i].norm());
+    entries_.back().colour = colours[i] / brightness;
+    entries_.back().brightness = std::log(brightness);
   }
   if (shares_.size() == 1) {
     for (const Entry& entry : entries_) {

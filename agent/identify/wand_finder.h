@@ -41,6 +41,7 @@ struct WandFinderOptions {
 struct WandCandidate {
   absl::InlinedVector<int, 3> blobs;  // by marker: index into what was given to Find
   WandImageFit fit;
+  double cost = 0;   // as is known before it is measured; the finder leaves it to its caller
   int partial = -1;  // the marker of which only a part is seen (FindPartialWands)
 };
 
@@ -62,10 +63,12 @@ class WandFinder {
   WandFinder(const WandFinderOptions& options, const Target& target,
              const CameraDescription& camera);
 
-  // By cost, then by blob. `kinds`, of each blob, with WandFinderOptions::marker_kinds. Until the
-  // next call.
+  // By cost, then by blob. `kinds`, of each blob, with WandFinderOptions::marker_kinds. `colours`,
+  // of each blob: grey levels by channel; blobs that clearly differ in it are not one wand's, the
+  // most alike are tried first. Until the next call.
   const std::vector<WandCandidate>& Find(absl::Span<const Blob> blobs,
-                                         absl::Span<const int> kinds = {});
+                                         absl::Span<const int> kinds = {},
+                                         absl::Span<const Eigen::Vector3f> colours = {});
 
   // Sets ray and scale of a marker's image around `centre_px`; the rest stays.
   // False where the lens has no ray.
@@ -86,6 +89,8 @@ class WandFinder {
     int kind = 0;
     MarkerSight sight;
     Eigen::Vector2d flat_px;  // image without distortion: lines are straight
+    Eigen::Vector3f colour = Eigen::Vector3f::Zero();  // of length 1
+    float brightness = 0;                              // its logarithm
   };
   struct Pair {
     float unlikeness;
@@ -101,6 +106,8 @@ class WandFinder {
   }
   void FillCells();
   void ListPairs();
+  // As a chi-squared.
+  static float Unlikeness(const Entry& a, const Entry& b);
   bool EndsPossible(const Entry& a, const Entry& b) const;
   void SearchBetween(const Entry& first, const Entry& last);
   // Entries near a piece of the line between two points in flat_px.

@@ -14,33 +14,47 @@ constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
 constexpr double kBrightnessSigma = 0.2;  // of its logarithm
 constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 13;          // confidence 0.5
+constexpr double kHalfCost = 11.5;        // confidence 0.5
 constexpr double kCostScale = 2.5;
+// Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
+constexpr double kTriedCost = 1.15, kFewTried = 20;
+constexpr double kTiltCost = 4;  // of the logarithm of its cosine
 constexpr double kSkewness = 0.012;
-constexpr double kOccludedCost = 9;
+constexpr double kOccludedCost = 7.5;
+constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
 constexpr double kBrighter = 1.25;  // than its reflection
 constexpr double kCertain = 0.999;
 // Of outlines.
-constexpr double kWorthALook = 0.1;  // confidence
+constexpr double kWorthALook = 0.1;      // confidence
+constexpr double kWorthRestoring = 16;   // cost of pose and likeness
+constexpr double kLeastOnOutline = 0.6;  // of the sectors of a whole sphere
+constexpr double kMostOffOutline = 0.15;
+constexpr double kMostStretch = 0.12, kMostStretchPx = 0.5;
+constexpr double kHardlyOnOutline = 0.4;  // before it is known what is beside it
+constexpr int kNearRounds = 2;
+constexpr double kWorkOfFit = 1000;  // in the pixels that a measurement reads
 constexpr size_t kMaxOutlined = 6;
 constexpr double kNoOutlineCost = 9;
 constexpr double kMeterNoise = 0.015;  // see MarkerMeter::CollectPixels
 constexpr double kOutlineNoise = 0.03, kResidualSigma = 0.4;
 constexpr double kStretchSigma = 0.03, kStretchSigmaPx = 0.25;
+constexpr double kOffOutlineSigma = 0.08;                        // of the sectors
+constexpr double kUsualStretch = 0.15, kMeanStretchSigma = 0.1;  // of all spheres, by motion
 constexpr double kLeastScatter = 0.3;
-constexpr double kShadingError = 0.03;  // radii, per relative slope of the light
+constexpr double kShadingError = 0.03;          // radii, per relative slope of the light
+constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
+constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
-constexpr double kShaded = 12;  // slope_chi_squared of a sphere that is lit from one side
+constexpr double kOwnScatter = 2;  // of a sphere, against the wand's
+constexpr double kShaded = 8;      // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
 
-double ConfidenceOf(double cost) { return 1 / (1 + std::exp((cost - kHalfCost) / kCostScale)); }
-
 // Blur makes a small disc's spread larger: its variance adds to radius^2 / 4.
 bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
-  return !blob.touches_border && !centre.cut &&
+  return !blob.touches_border && !centre.cut && centre.alike < kMostAlike &&
          centre.skewness < 0.02 + 4 * centre.skewness_sigma &&
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
@@ -51,10 +65,18 @@ double Lopsidedness(const MarkerCentre& centre) {
   return std::min(Squared(excess / kSkewness), kOccludedCost);
 }
 
+double Lopsidedness(const VerifiedWand& wand) {
+  double cost = 0;
+  for (const MarkerCentre& centre : wand.centres) {
+    if (centre.contrast_grey > 0) cost += Lopsidedness(centre);
+  }
+  return cost;
+}
+
 // Of the markers that were measured.
-double Likeness(const absl::InlinedVector<MarkerCentre, 3>& all) {
+double Likeness(const VerifiedWand& wand) {
   absl::InlinedVector<MarkerCentre, 3> centres;
-  for (const MarkerCentre& centre : all) {
+  for (const MarkerCentre& centre : wand.centres) {
     if (centre.contrast_grey > 0) centres.push_back(centre);
   }
   double mean = 0;
@@ -66,7 +88,6 @@ double Likeness(const absl::InlinedVector<MarkerCentre, 3>& all) {
   colour.normalize();
   double cost = 0;
   for (const MarkerCentre& centre : centres) {
-    cost += Lopsidedness(centre);
     cost += Squared((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma);
     cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / Squared(kColourSigma);
   }
@@ -111,6 +132,10 @@ double MeanBrightness(const VerifiedWand& wand) {
 
 }  // namespace
 
+double WandVerifier::ConfidenceOf(double cost) const {
+  return 1 / (1 + std::exp((cost + chance_cost_ - kHalfCost) / kCostScale));
+}
+
 int VerifiedWand::OccludedCount() const {
   return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
@@ -138,54 +163,75 @@ const WandVerifier::Measured* WandVerifier::Measure(const ImageView& image,
   return &measured;
 }
 
+// Something behind a marker moves and skews its centroid, but not its outline.
+void WandVerifier::Restore(const ImageView& image, absl::Span<const Blob> blobs,
+                           VerifiedWand* wand) {
+  int lost = 0;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    MarkerCentre& centre = wand->centres[k];
+    if (wand->whole[k]) continue;
+    // With two that are not whole it is no wand.
+    if (lost > 1) return;
+    ++lost;
+    if (!(centre.contrast_grey > 0) || centre.cut || centre.alike >= kMostAlike ||
+        blobs[static_cast<size_t>(wand->blobs[k])].touches_border) {
+      continue;
+    }
+    const auto& outline = OutlineOf(image, wand->blobs[k]);
+    if (!outline || outline->on_outline < kLeastOnOutline ||
+        outline->off_outline > kMostOffOutline ||
+        outline->stretch.norm() > kMostStretch + kMostStretchPx / outline->radius_px) {
+      continue;
+    }
+    --lost;
+    wand->whole[k] = wand->outlined[k] = true;
+    centre.centre_px = outline->centre_px;
+    centre.radius_px = outline->radius_px;
+    centre.covariance_px2 = std::max(1.0, Squared(outline->residual)) * outline->covariance_px2;
+    centre.skewness = 0;
+  }
+}
+
 std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
                                                       absl::Span<const Blob> blobs,
                                                       const WandFinder& finder,
                                                       const WandCandidate& candidate) {
   VerifiedWand wand;
   wand.blobs = candidate.blobs;
-  absl::InlinedVector<MarkerSight, 4> sights;
   for (size_t k = 0; k < candidate.blobs.size(); ++k) {
     const int index = candidate.blobs[k];
+    wand.outlined.push_back(false);
     if (static_cast<int>(k) == candidate.partial) {
       wand.centres.emplace_back().centre_px = blobs[static_cast<size_t>(index)].centre_px;
       wand.whole.push_back(false);
-      sights.emplace_back();
       continue;
     }
     const Measured* const measured = Measure(image, blobs, index);
-    if (measured == nullptr || !measured->good) return std::nullopt;
-    const MarkerCentre& centre = measured->centre;
-    wand.centres.push_back(centre);
-    wand.whole.push_back(IsWhole(blobs[static_cast<size_t>(index)], centre));
-    MarkerSight& sight = sights.emplace_back();
-    if (!finder.Sight(centre.centre_px, &sight)) return std::nullopt;
-    sight.radius_px = centre.radius_px;
-    sight.sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace() + Squared(kPlaceFloorPx));
-    sight.radius_sigma_px = kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px;
-    if (!wand.whole.back()) {
-      sight.sigma_px += 0.3 * centre.radius_px;
-      sight.radius_sigma_px += 0.3 * centre.radius_px;
-    }
-  }
-  if (candidate.partial >= 0) {
-    double radius = 0;
-    for (const MarkerCentre& centre : wand.centres) radius += 0.5 * centre.radius_px;
-    const auto part = static_cast<size_t>(candidate.partial);
-    if (wand.OccludedCount() > 1 || !finder.Sight(wand.centres[part].centre_px, &sights[part])) {
+    if (measured == nullptr || !measured->good || measured->centre.alike >= kMostAlike) {
       return std::nullopt;
     }
-    wand.centres[part].radius_px = radius;
-    LoosenSight(radius, &sights[part]);
+    wand.centres.push_back(measured->centre);
+    // With something else near its outline decides.
+    wand.whole.push_back(!measured->centre.has_neighbour &&
+                         IsWhole(blobs[static_cast<size_t>(index)], measured->centre));
   }
   const int count = static_cast<int>(wand.blobs.size());
+  if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
+  if (wand.fit.cost + Likeness(wand) > kWorthRestoring) return std::nullopt;
+  if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
+    const VerifiedWand before = wand;
+    Restore(image, blobs, &wand);
+    // The outline of a part is not where the others say.
+    const double gained = kOccludedCost * (before.OccludedCount() - wand.OccludedCount());
+    if (!FitPose(finder, candidate.partial, &wand) || wand.fit.cost > before.fit.cost + gained) {
+      wand = before;
+    }
+  }
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
-  if (count > 1 &&
-      !FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand.fit)) {
-    return std::nullopt;
-  }
-  wand.cost = wand.fit.cost + Likeness(wand.centres);
+  // Of all directions few are nearly along the line of sight.
+  wand.cost = wand.fit.cost + Likeness(wand) + Lopsidedness(wand) -
+              kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
       wand.cost += kPartialCost;
@@ -195,6 +241,33 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   wand.confidence = ConfidenceOf(wand.cost);
   return wand;
+}
+
+// False: no wand is seen like this.
+bool WandVerifier::FitPose(const WandFinder& finder, int partial, VerifiedWand* wand) {
+  absl::InlinedVector<MarkerSight, 4> sights;
+  double radius = 0;
+  for (size_t k = 0; k < wand->blobs.size(); ++k) {
+    const MarkerCentre& centre = wand->centres[k];
+    MarkerSight& sight = sights.emplace_back();
+    if (!finder.Sight(centre.centre_px, &sight)) return false;
+    if (static_cast<int>(k) == partial) continue;
+    radius += 0.5 * centre.radius_px;
+    sight.radius_px = centre.radius_px;
+    sight.sigma_px = std::sqrt(0.5 * centre.covariance_px2.trace() + Squared(kPlaceFloorPx));
+    sight.radius_sigma_px = kVerifiedRadiusPx + kVerifiedRadiusShare * centre.radius_px;
+    if (!wand->whole[k]) {
+      sight.sigma_px += 0.3 * centre.radius_px;
+      sight.radius_sigma_px += 0.3 * centre.radius_px;
+    }
+  }
+  if (partial >= 0) {
+    const auto part = static_cast<size_t>(partial);
+    wand->centres[part].radius_px = radius;
+    LoosenSight(radius, &sights[part]);
+  }
+  return sights.size() < 2 ||
+         FitWand(sights, finder.shares(), finder.length_m(), finder.fit_options(), &wand->fit);
 }
 
 Verdict WandVerifier::Choose() {
@@ -230,31 +303,54 @@ Verdict WandVerifier::Choose() {
   return verdict;
 }
 
-const std::optional<SphereOutline>& WandVerifier::OutlineOf(int blob) {
+const std::optional<SphereOutline>& WandVerifier::OutlineOf(const ImageView& image, int blob) {
   const auto end = measured_.begin() + static_cast<ptrdiff_t>(measured_count_);
   Measured& measured =
       *std::find_if(measured_.begin(), end, [&](const Measured& m) { return m.blob == blob; });
-  if (!measured.tried) {
-    measured.tried = true;
-    SphereOutline outline{.centre_px = measured.centre.centre_px,
-                          .radius_px = measured.centre.radius_px};
-    if (fitter_.Fit(measured.pixels, measured.centre.second_moment_px2, true, &outline)) {
+  if (measured.tried) return measured.outline;
+  const double work = kWorkOfFit * (measured.centre.has_neighbour ? kNearRounds : 1);
+  if (work > work_) {
+    out_of_work_ = true;
+    return measured.outline;
+  }
+  work_ -= work;
+  measured.tried = true;
+  const MarkerCentre& centre = measured.centre;
+  SphereOutline outline{.centre_px = centre.centre_px, .radius_px = centre.radius_px};
+  if (!centre.has_neighbour) {
+    if (fitter_.Fit(measured.pixels, centre.second_moment_px2, true, &outline)) {
       measured.outline = outline;
     }
+    return measured.outline;
   }
+  // What is beside it can be told once it is known where that is.
+  Blob around;
+  around.centre_px = centre.centre_px;
+  around.second_moment_px2 = centre.second_moment_px2;
+  for (int round = 0; round < kNearRounds; ++round) {
+    if (!meter_.CollectNear(image, around, centre, &measured.pixels)) return measured.outline;
+    outline.parameters.setZero();
+    if (!fitter_.Fit(measured.pixels, around.second_moment_px2, true, &outline)) {
+      return measured.outline;
+    }
+    if (outline.on_outline < kHardlyOnOutline) return measured.outline;
+    around.centre_px = outline.centre_px;
+    around.second_moment_px2 = outline.SecondMoment();
+  }
+  measured.outline = outline;
   return measured.outline;
 }
 
 // The cost of shapes that are not those of spheres: of the outlines' fits, and of ellipses that
 // differ within the wand. Motion stretches all spheres alike.
-double WandVerifier::ShapeCost(const VerifiedWand& wand) {
+double WandVerifier::ShapeCost(const ImageView& image, const VerifiedWand& wand) {
   double cost = 0, weights = 0;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   absl::InlinedVector<std::pair<Eigen::Vector2d, double>, 3> stretches;
   for (size_t k = 0; k < wand.blobs.size(); ++k) {
     if (!wand.whole[k]) continue;
     const MarkerCentre& centre = wand.centres[k];
-    const auto& outline = OutlineOf(wand.blobs[k]);
+    const auto& outline = OutlineOf(image, wand.blobs[k]);
     if (!outline) {
       cost += kNoOutlineCost;
       continue;
@@ -263,6 +359,7 @@ double WandVerifier::ShapeCost(const VerifiedWand& wand) {
     const double residual = outline->residual * std::hypot(noise, kMeterNoise);
     cost +=
         Squared(std::max(0.0, residual / std::hypot(noise, kOutlineNoise) - 1) / kResidualSigma);
+    cost += Squared(outline->off_outline / kOffOutlineSigma);
     const double sigma = kStretchSigma + kStretchSigmaPx / outline->radius_px;
     const double weight = 1 / Squared(sigma);
     stretches.emplace_back(outline->stretch, weight);
@@ -270,16 +367,17 @@ double WandVerifier::ShapeCost(const VerifiedWand& wand) {
     weights += weight;
   }
   if (weights > 0) mean /= weights;
+  cost += Squared(std::max(0.0, mean.norm() - kUsualStretch) / kMeanStretchSigma);
   for (const auto& [stretch, weight] : stretches) cost += weight * (stretch - mean).squaredNorm();
   return cost;
 }
 
-void WandVerifier::FitOutlines(VerifiedWand* wand) {
+void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
   double chi_squared = 0;
   int count = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
     if (!wand->whole[k]) continue;
-    const auto& outline = OutlineOf(wand->blobs[k]);
+    const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline) continue;
     const double scatter = std::max(1.0, Squared(outline->residual));
     chi_squared += outline->slope_chi_squared / scatter;
@@ -290,12 +388,12 @@ void WandVerifier::FitOutlines(VerifiedWand* wand) {
   // All spheres of a wand have the same mosaic, compression and blur.
   double scatter = 0, freedom = 0;
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!wand->whole[k] || !OutlineOf(wand->blobs[k])) continue;
+    if (!wand->whole[k] || !OutlineOf(image, wand->blobs[k])) continue;
     // Its light reaches the outline, but not the centroid, of which both sides are cut.
-    if (IsCrowded(*wand, k, OutlineOf(wand->blobs[k])->edge_px) ||
-        (!shaded && wand->centres[k].has_neighbour))
+    if (IsCrowded(*wand, k, OutlineOf(image, wand->blobs[k])->edge_px) ||
+        (!shaded && !wand->outlined[k] && wand->centres[k].has_neighbour))
       continue;
-    SphereOutline outline = *OutlineOf(wand->blobs[k]);
+    SphereOutline outline = *OutlineOf(image, wand->blobs[k]);
     const auto measured = std::find_if(measured_.begin(), measured_.end(),
                                        [&](const Measured& m) { return m.blob == wand->blobs[k]; });
     if (!shaded &&
@@ -308,32 +406,48 @@ void WandVerifier::FitOutlines(VerifiedWand* wand) {
   }
   const double factor = std::max(kLeastScatter, freedom > 0 ? scatter / freedom : 1);
   for (size_t k = 0; k < wand->blobs.size(); ++k) {
-    if (!outlines[k]) continue;
-    wand->centres[k].centre_px = outlines[k]->centre_px;
-    wand->centres[k].covariance_px2 = factor * outlines[k]->covariance_px2;
-    if (!shaded) continue;
-    // Light from one side is not quite a polynomial.
-    const auto& parameters = outlines[k]->parameters;
-    const double slope = std::hypot(parameters[kOutlineSlopeX], parameters[kOutlineSlopeY]) /
-                         std::max(0.1, parameters[kOutlineBrightness]);
-    const double wrong_px = kShadingError * slope * outlines[k]->radius_px;
-    wand->centres[k].covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
+    if (!wand->whole[k]) continue;
+    MarkerCentre& centre = wand->centres[k];
+    if (outlines[k]) {
+      centre.centre_px = outlines[k]->centre_px;
+      // One that is worse than the others by more than chance has something of its own.
+      const double own = outlines[k]->edge_chi_squared / std::max(1.0, outlines[k]->edge_freedom);
+      centre.covariance_px2 =
+          (own > kOwnScatter * factor ? own : factor) * outlines[k]->covariance_px2;
+    }
+    const auto& outline = OutlineOf(image, wand->blobs[k]);
+    if (!outline) continue;
+    double wrong_px = kHiddenError * outline->off_outline * outline->radius_px;
+    if (shaded) {
+      // Light from one side is not quite a polynomial, and moves a centroid.
+      const auto& parameters = outline->parameters;
+      const double slope = std::hypot(parameters[kOutlineSlopeX], parameters[kOutlineSlopeY]) /
+                           std::max(0.1, parameters[kOutlineBrightness]);
+      wrong_px = std::hypot(wrong_px, (outlines[k] ? kShadingError : kCentroidShadingError) *
+                                          slope * outline->radius_px);
+    }
+    centre.covariance_px2 += wrong_px * wrong_px * Eigen::Matrix2d::Identity();
   }
 }
 
 Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blobs,
                              const WandFinder& finder, absl::Span<const WandCandidate> candidates,
-                             double* work) {
+                             int tried, double* work) {
+  chance_cost_ = kTriedCost * std::log(1 + tried / kFewTried);
   work_ = *work;
   out_of_work_ = false;
   size_t count = 0;
   measured_count_ = 0;
   meter_.StartImage();
   evaluated_.clear();
+  double best = kHalfCost;
   for (const WandCandidate& candidate : candidates) {
+    if (candidate.cost > best + kClearlyWorse) break;
     auto wand = EvaluateOne(image, blobs, finder, candidate);
     if (!out_of_work_) ++count;
-    if (wand.has_value()) evaluated_.push_back(*std::move(wand));
+    if (!wand.has_value()) continue;
+    if (wand->cost < best) best = std::min(best, wand->cost + ShapeCost(image, *wand));
+    evaluated_.push_back(*std::move(wand));
   }
   std::stable_sort(evaluated_.begin(), evaluated_.end(),
                    [](const VerifiedWand& a, const VerifiedWand& b) { return a.cost < b.cost; });
@@ -342,13 +456,13 @@ Verdict WandVerifier::Verify(const ImageView& image, absl::Span<const Blob> blob
   });
   if (evaluated_.size() > kMaxOutlined) evaluated_.resize(kMaxOutlined);
   for (VerifiedWand& wand : evaluated_) {
-    wand.cost += ShapeCost(wand);
+    wand.cost += ShapeCost(image, wand);
     wand.confidence = ConfidenceOf(wand.cost);
   }
   Verdict verdict = Choose();
   verdict.measured = count;
   *work = work_;
-  if (verdict.wand) FitOutlines(&*verdict.wand);
+  if (verdict.wand) FitOutlines(image, &*verdict.wand);
   return verdict;
 }
 

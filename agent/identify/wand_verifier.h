@@ -14,7 +14,8 @@ namespace rigcal::agent {
 struct VerifiedWand {
   absl::InlinedVector<int, 3> blobs;             // by marker
   absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
-  absl::InlinedVector<bool, 3> whole;  // by marker: neither cut nor occluded nor disturbed
+  absl::InlinedVector<bool, 3> whole;     // by marker: neither cut nor occluded nor disturbed
+  absl::InlinedVector<bool, 3> outlined;  // by marker: its outline says so, not its centroid
   WandImageFit fit;
   double cost = 0;              // chi-squared of pose, shape and likeness
   double confidence = 0;        // 0 to 1, from the cost
@@ -35,12 +36,17 @@ struct Verdict {
 // floor or a window); others are ambiguous. One thread at a time.
 class WandVerifier {
  public:
+  // In cost before it is measured, of what need not be.
+  static constexpr double kClearlyWorse = 8;
+
   explicit WandVerifier(double min_confidence) : min_confidence_(min_confidence) {}
 
-  // Candidates first that are to be measured first. `work`: pixels that may be read
-  // (MarkerMeter::WorkOf), less those that were; what would take more is left out.
+  // Candidates by their costs; what is clearly worse than a wand that was found is not measured.
+  // `tried`: sets of blobs of this image that were compared with the wand; the more, the better a
+  // wand must be. `work`: pixels that may be read (MarkerMeter::WorkOf), less those that were; what
+  // would take more is left out.
   Verdict Verify(const ImageView& image, absl::Span<const Blob> blobs, const WandFinder& finder,
-                 absl::Span<const WandCandidate> candidates, double* work);
+                 absl::Span<const WandCandidate> candidates, int tried, double* work);
 
  private:
   struct Measured {
@@ -55,12 +61,18 @@ class WandVerifier {
   std::optional<VerifiedWand> EvaluateOne(const ImageView& image, absl::Span<const Blob> blobs,
                                           const WandFinder& finder, const WandCandidate& candidate);
   Verdict Choose();
-  const std::optional<SphereOutline>& OutlineOf(int blob);
-  double ShapeCost(const VerifiedWand& wand);
+  const std::optional<SphereOutline>& OutlineOf(const ImageView& image, int blob);
+  static bool FitPose(const WandFinder& finder, int partial, VerifiedWand* wand);
+  // Takes markers for whole by their outlines.
+  void Restore(const ImageView& image, absl::Span<const Blob> blobs, VerifiedWand* wand);
+  double ShapeCost(const ImageView& image, const VerifiedWand& wand);
   // Centres of the outlines where those can be fitted.
-  void FitOutlines(VerifiedWand* wand);
+  void FitOutlines(const ImageView& image, VerifiedWand* wand);
+
+  double ConfidenceOf(double cost) const;
 
   double min_confidence_;
+  double chance_cost_ = 0;
   MarkerMeter meter_;
   SphereOutlineFitter fitter_;
   std::vector<Measured> measured_;  // the first measured_count_ are of this image

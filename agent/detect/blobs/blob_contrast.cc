@@ -9,7 +9,7 @@ namespace rigcal::agent {
 namespace {
 
 constexpr int kDirections = 16;
-constexpr int kEnough = 9;           // of them; a neighbour or a lamp may hide some
+constexpr int kEnough = 11;          // of them; a neighbour or a lamp may hide some
 constexpr double kBeyondPx = 2.5;    // the blob's edge
 constexpr double kCoreShare = 0.45;  // of the way to the edge
 
@@ -24,7 +24,7 @@ bool Read(const ImageView& image, const Eigen::Vector2d& at, Eigen::Vector3f* gr
 
 }  // namespace
 
-bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_core) {
+bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_core, float* alike) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
   eigen.computeDirect(blob.second_moment_px2);
   const Eigen::Vector2d semi = (4 * eigen.eigenvalues()).cwiseMax(0.25).cwiseSqrt();
@@ -52,6 +52,7 @@ bool StandsOut(const ImageView& image, const Blob& blob, Eigen::Vector3f* its_co
     different += (core - grey).norm() >= static_cast<float>(kMinContrastGrey) ? 1 : 0;
   }
   if (its_core != nullptr) *its_core = core;
+  if (alike != nullptr) *alike = 1 - static_cast<float>(different) / kDirections;
   return different >= kEnough;
 }
 

@@ -72,24 +72,30 @@ const BlobResult& BlobFinder::Find(const ImageView& image, PixelRect window) {
   return result_;
 }
 
+bool BlobFinder::MaskRow(const ImageView& image, int y, int first_word, int word_count,
+                         uint64_t* words) const {
+  if (masker_.MaskRow(image, y, first_word, word_count, words) == 0) return false;
+  if (y < ignored_.height()) {
+    const int ignored_words = std::min(word_count, ignored_.words_per_row() - first_word);
+    const uint64_t* ignored = ignored_.Row(y) + first_word;
+    for (int i = 0; i < ignored_words; ++i) words[i] &= ~ignored[i];
+  }
+  return true;
+}
+
 void BlobFinder::LabelRows(const ImageView& image, const PixelRect& window) {
   const int first_word = window.x / kMaskWordBits;
   const int last_column = window.x + window.width - 1;
   const int word_count = last_column / kMaskWordBits - first_word + 1;
   const uint64_t first_bits = ~uint64_t{0} << (window.x % kMaskWordBits);
   const uint64_t last_bits = ~uint64_t{0} >> (kMaskWordBits - 1 - last_column % kMaskWordBits);
-  const int ignored_words = std::min(word_count, ignored_.words_per_row() - first_word);
   words_.resize(static_cast<size_t>(word_count));
   labeller_.Start(word_count);
   for (int y = window.y; y < window.y + window.height; ++y) {
     uint64_t* words = words_.data();
-    if (masker_.MaskRow(image, y, first_word, word_count, words) == 0) continue;
+    if (!MaskRow(image, y, first_word, word_count, words)) continue;
     words[0] &= first_bits;
     words[word_count - 1] &= last_bits;
-    if (y < ignored_.height()) {
-      const uint64_t* ignored = ignored_.Row(y) + first_word;
-      for (int i = 0; i < ignored_words; ++i) words[i] &= ~ignored[i];
-    }
     labeller_.AddRow(y, first_word * kMaskWordBits, words, word_count);
     result_.run_count = labeller_.run_count();
     result_.cut_short = result_.run_count > options_.max_runs;

@@ -63,6 +63,11 @@ class BlobFinder {
   const BlobResult& Find(const ImageView& image) { return Find(image, image.Bounds()); }
   const BlobResult& result() const { return result_; }  // of the last Find
 
+  // The pixels of a row that may belong to a blob, as ColourMasker::MaskRow gives them; false:
+  // none.
+  bool MaskRow(const ImageView& image, int y, int first_word, int word_count,
+               uint64_t* words) const;
+
  private:
   BlobFinder(BlobFinderOptions options, ColourMasker masker) : options_(options), masker_(masker) {}
 

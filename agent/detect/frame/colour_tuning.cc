@@ -12,8 +12,11 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kSectors = 8;                // of hue, each as wide as two steps
-constexpr int kValues[] = {60, 110, 170};  // the least brightness that is tried
+constexpr int kSectors = 8;  // of hue, each as wide as two steps
+// The least brightness. What a room of the wand's colour needs the detector tries by itself.
+constexpr int kValue = 60;
+constexpr double kGoodEnough = 0.9;  // confidence, of the range that found the last wand
+constexpr double kMuchWhite = 0.02;  // of the picture
 constexpr double kLooseSaturation = 0.2;
 constexpr int kCoreRadiusPx = 2;  // pixels around a marker's centre that are surely its own
 constexpr int kLeastWands = 3;
@@ -70,17 +73,15 @@ absl::StatusOr<ColourTuner> ColourTuner::Create(const Target& target,
                      "; set the colour range by hand"));
   }
   std::vector<WandDetector> detectors;
-  for (const int value : kValues) {
-    for (int sector = 0; sector < kSectors; ++sector) {
-      WandDetectorOptions options;
-      options.tracking = false;
-      options.colour.value_min = value;
-      options.colour.saturation_min = kLooseSaturation;
-      options.colour.hue_min_deg = sector * 360.0 / kSectors;
-      options.colour.hue_max_deg = std::fmod((sector + 2) * 360.0 / kSectors, 360);
-      RIGCAL_ASSIGN_OR_RETURN(WandDetector detector, WandDetector::Create(options, target, camera));
-      detectors.push_back(std::move(detector));
-    }
+  for (int sector = 0; sector < kSectors; ++sector) {
+    WandDetectorOptions options;
+    options.tracking = false;
+    options.colour.value_min = kValue;
+    options.colour.saturation_min = kLooseSaturation;
+    options.colour.hue_min_deg = sector * 360.0 / kSectors;
+    options.colour.hue_max_deg = std::fmod((sector + 2) * 360.0 / kSectors, 360);
+    RIGCAL_ASSIGN_OR_RETURN(WandDetector detector, WandDetector::Create(options, target, camera));
+    detectors.push_back(std::move(detector));
   }
   return ColourTuner(std::move(detectors));
 }
@@ -88,15 +89,30 @@ absl::StatusOr<ColourTuner> ColourTuner::Create(const Target& target,
 absl::Status ColourTuner::Add(const ImageView& image) {
   std::optional<Detection> best;
   grey_ = image.format == PixelFormat::kMono8;
-  for (size_t i = 0; i < detectors_.size(); ++i) {
-    if (grey_ && i % kSectors != 0) continue;  // no hue to distinguish them
-    RIGCAL_ASSIGN_OR_RETURN(Detection detection, detectors_[i].Detect(image, frames_, 0));
+  bool saturated = false, black = true, ambiguous = false;
+  double white = 0;
+  const size_t count = grey_ ? 1 : detectors_.size();  // no hue to distinguish them
+  for (size_t i = 0, first = std::min(last_, count - 1); i < count; ++i) {
+    const size_t sector = (first + i) % count;
+    RIGCAL_ASSIGN_OR_RETURN(Detection detection, detectors_[sector].Detect(image, frames_, 0));
+    saturated |= detection.outcome == DetectionOutcome::kSaturated;
+    black &= detection.outcome == DetectionOutcome::kBlack;
+    ambiguous |= detection.outcome == DetectionOutcome::kAmbiguous;
+    white = std::max(white, detection.white_share);
     if (detection.outcome != DetectionOutcome::kWand || detection.occluded_markers > 0) continue;
     if (best.has_value() && best->confidence >= detection.confidence) continue;
     best = std::move(detection);
+    last_ = sector;
+    if (i == 0 && wands_ > 0 && best->confidence > kGoodEnough) break;
   }
   ++frames_;
-  if (!best.has_value()) return absl::OkStatus();
+  if (!best.has_value()) {
+    saturated_ += saturated ? 1 : 0;
+    black_ += black ? 1 : 0;
+    ambiguous_ += ambiguous ? 1 : 0;
+    white_ += white > kMuchWhite ? 1 : 0;
+    return absl::OkStatus();
+  }
   ++wands_;
   Count(image, best->observation);
   return absl::OkStatus();
@@ -122,14 +138,44 @@ void ColourTuner::Count(const ImageView& image, const Observation& observation) 
   }
 }
 
+// What most of the frames without a wand have in common, and what helps against it.
+std::string ColourTuner::WhyNone() const {
+  const int missed = frames_ - wands_;
+  const auto most = [missed](int some) { return 2 * some > missed; };
+  if (missed == 0) return "";
+  if (most(saturated_)) {
+    return absl::StrCat("; ", saturated_,
+                        " of them are white for the most part: shorten the exposure or turn the "
+                        "gain down");
+  }
+  if (most(black_)) {
+    return absl::StrCat("; ", black_,
+                        " of them are black: switch the wand on, lengthen the exposure or turn "
+                        "the gain up");
+  }
+  if (most(ambiguous_)) {
+    return absl::StrCat("; in ", ambiguous_,
+                        " of them several things look like it: learn a mask without the wand "
+                        "first (rigcal-agent mask), or cover them");
+  }
+  if (most(white_)) {
+    return absl::StrCat("; in ", white_,
+                        " of them windows or lamps are white: shorten the exposure, dim the room "
+                        "or learn a mask without the wand first (rigcal-agent mask)");
+  }
+  return "; nothing of its shape stands out: dim the room, come nearer, or take LEDs of a colour "
+         "that the room has not";
+}
+
 absl::StatusOr<TunedColour> ColourTuner::Result() const {
   constexpr char kAdvice[] =
       "; show all of it, 1.5 to 4 m away and moving slowly, without lamps of its colour beside it, "
       "shorten the exposure or lower the gain if it is white in the frame, and tune again";
   if (wands_ < kLeastWands || 3 * wands_ < frames_) {
-    return absl::FailedPreconditionError(absl::StrCat(
-        "nothing like the wand in ", frames_ - wands_, " of ", frames_,
-        " frames, it must be in at least ", std::max(kLeastWands, (frames_ + 2) / 3), kAdvice));
+    return absl::FailedPreconditionError(
+        absl::StrCat("nothing like the wand in ", frames_ - wands_, " of ", frames_,
+                     " frames, it must be in at least ", std::max(kLeastWands, (frames_ + 2) / 3),
+                     WhyNone(), kAdvice));
   }
   TunedColour tuned;
   tuned.frames = frames_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -20,7 +21,7 @@ struct TunedColour {
 };
 
 // Learns the colour of a wand from some frames that show it: looks for the wand with wide ranges
-// of every hue and of several brightnesses, takes the most wand-like find of each frame, and
+// of every hue, takes the most wand-like find of each frame, and
 // puts limits with margins around the colours in the middle of its markers. One thread at a time.
 class ColourTuner {
  public:
@@ -31,17 +32,21 @@ class ColourTuner {
   // INVALID_ARGUMENT: a frame of another size.
   absl::Status Add(const ImageView& image);
 
-  // FAILED_PRECONDITION, with what to do: the wand was in fewer than a third of the frames or in
-  // fewer than three, or its finds have no colour in common.
+  // FAILED_PRECONDITION, with the likely reason and what to do: the wand was in fewer than a third
+  // of the frames or in fewer than three, or its finds have no colour in common.
   absl::StatusOr<TunedColour> Result() const;
 
  private:
   explicit ColourTuner(std::vector<WandDetector> detectors) : detectors_(std::move(detectors)) {}
   void Count(const ImageView& image, const Observation& observation);
+  std::string WhyNone() const;
 
   std::vector<WandDetector> detectors_;  // one per range that is tried
+  size_t last_ = 0;                      // the one that found the last wand
   int frames_ = 0;
   int wands_ = 0;
+  // Of the frames without a wand.
+  int saturated_ = 0, black_ = 0, ambiguous_ = 0, white_ = 0;
   bool grey_ = false;
   std::array<int64_t, 360> hues_{};
   std::array<int64_t, 101> saturations_{};

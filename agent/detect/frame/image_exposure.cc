@@ -7,7 +7,7 @@
 namespace rigcal::agent {
 namespace {
 
-constexpr int kStep = 8;
+constexpr int kStep = 8, kCoarseStep = 16;
 constexpr int kBlackGrey = 24;
 constexpr int kSaturatedGrey = 250;
 
@@ -46,6 +46,20 @@ double WhiteShare(const ImageView& image, int least_grey) {
     }
   }
   return looked_at > 0 ? static_cast<double>(white) / static_cast<double>(looked_at) : 0;
+}
+
+double LitShare(const ImageView& image) {
+  const int bytes = BytesPerPixel(image.format);
+  int64_t looked_at = 0, lit = 0;
+  for (int y = 0; y < image.height; y += kCoarseStep) {
+    const uint8_t* const row = image.Row(y);
+    for (int x = 0; x < image.width; x += kCoarseStep) {
+      const uint8_t* const pixel = row + x * bytes;
+      ++looked_at;
+      lit += *std::max_element(pixel, pixel + bytes) >= kBlackGrey ? 1 : 0;
+    }
+  }
+  return looked_at > 0 ? static_cast<double>(lit) / static_cast<double>(looked_at) : 0;
 }
 
 double LightTimeSigma(double exposure_s, const Target& target) {

@@ -20,6 +20,9 @@ ImageExposure LookAtExposure(const ImageView& image);
 // Of the same pixels, 0 to 1: those of which every channel has at least `least_grey`.
 double WhiteShare(const ImageView& image, int least_grey);
 
+// Share of the pixels that are brighter than a dark room, 0 to 1.
+double LitShare(const ImageView& image);
+
 // One sigma, seconds, of the mean time of the light of a blinking marker (50 % duty) about the
 // middle of an exposure, over all phases of its blinking. 0 where the exposure or the frequency is
 // not known.

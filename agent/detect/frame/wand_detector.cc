@@ -23,31 +23,46 @@ namespace {
 
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
-constexpr int kNeverWashedOut = 256;              // ColourRange::washed_out_min
-constexpr double kLevels[] = {0, 0.2, 0.4, 0.6};  // from value_min to the brightest
+constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
+// Ranges of colour that are searched one after the other. `brighter`: from value_min to the
+// brightest; `paler`: of saturation_min. Light of a room or of a window whitens the spheres, and
+// what is white hides them.
+struct LevelRange {
+  double brighter, paler;
+  bool white;  // takes what the sensor has lost the colour of
+};
+constexpr LevelRange kLevels[] = {{0, 1, true},   {0.2, 1, true},      {0.4, 1, true},
+                                  {0.6, 1, true}, {0.35, 0.55, false}, {0, 0.55, false}};
+constexpr size_t kWideLevels[] = {0, 1, 2, 3}, kPaleLevels[] = {4, 5};
 constexpr int kLargeAreaPx = 800;
 constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 
 // Of wands of which a marker is hidden.
 constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
-constexpr double kPartialConfidence = 0.8;
-constexpr int kColouredOfNine = 3;
+constexpr double kPartialConfidence = 0.6;
+constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
 constexpr int kClipped = 250;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
 constexpr int kMaxRuns = 12000;            // of each level, some 30 ns each
 constexpr int64_t kMaxMaskedPx = 3000000;  // of boxes of patches, 0.3 ns each
-constexpr int64_t kMaxSplitPx = 250000;    // of the same, 4 ns each
+constexpr int64_t kMaxSplitPx = 120000;    // of the same, 9 ns each
 constexpr size_t kMaxSpots = 160;          // pairs of them, 5 ns each
 constexpr int kMaxFits = 500;              // of wands to spots, 4 us each
 constexpr int kFitsOfLevel = 300;
 constexpr int kMaxCandidates = 200;  // that are compared by their colour
-constexpr size_t kMaxMeasured = 40;  // of them
-constexpr double kMaxWork = 35000;   // of MarkerMeter::WorkOf, 50 ns each
-constexpr double kWorkOfLevel = 25000;
+constexpr size_t kMaxMeasured = 30;  // of them
+constexpr double kMaxWork = 36000;   // of MarkerMeter::WorkOf, 50 ns each
+constexpr double kWorkOfLevel = 18000;
+constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spheres
+constexpr double kLeastLit = 0.02;   // of the pixels
+constexpr double kLittleMs = 1;
 constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
 // Of a marker's middle against the others, before it is measured.
-constexpr double kClearlyWorse = 8;  // in chi-squared
+constexpr double kAlikeDoubt = 11;  // where all around looks like it
+constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
+constexpr double kALittleWorse = 2;
+constexpr double kSureCost = 4;  // of a wand; what was left out is hardly as good
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
 
 // The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
@@ -55,6 +70,14 @@ int MainChannel(const ColourRange& colour) {
   const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
   const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
   return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
+}
+
+double ShapeDoubt(const Blob& blob) {
+  const Eigen::Matrix2d second = blob.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
+  const double half = 0.5 * second.trace();
+  const double root = std::sqrt(std::max(0.0, half * half - second.determinant()));
+  const double longer = std::sqrt((half + root) / std::max(1e-9, half - root)) - 1;
+  return std::min(kMostShapeDoubt, std::pow(longer / kLongerSigma, 2));
 }
 
 // A blob that a window inside the image may have cut.
@@ -78,11 +101,10 @@ absl::Status WandDetectorOptions::Validate() const {
 }
 
 WandDetector::WandDetector(const WandDetectorOptions& options, const Target& target,
-                           const CameraDescription& camera, const ColourMasker& masker)
+                           const CameraDescription& camera)
     : options_(options),
       target_(target),
       camera_(camera),
-      masker_(masker),
       main_channel_(MainChannel(options.colour)),
       wand_finder_({.limits = options, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(options.min_confidence),
@@ -104,20 +126,37 @@ double WandDetector::EstimatedMs() const {
   return 1e-6 * (30.0 * static_cast<double>(runs_) + 4000.0 * (kMaxFits - fits_left_) +
                  50.0 * (kMaxWork - work_left_) +
                  0.3 * static_cast<double>(kMaxMaskedPx - masked_px_left_) +
-                 4.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
+                 9.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
 }
 
 Verdict WandDetector::SearchAll(const ImageView& image) {
-  Verdict verdict;
-  for (size_t level = 0; level < levels_.size(); ++level) {
-    verdict = Search(image, image.Bounds(), level);
-    if (level == 0) passed_share_ = ShareOf(result().passed_px);
-    if (verdict.wand || !IsCrowded()) break;
-    if (EstimatedMs() > kNoFurtherMs) {
-      cut_short_ = true;
-      break;
-    }
+  level_ = 0;
+  passed_share_ = ShareOf(levels_[0].blobs.Find(image).passed_px);
+  if (passed_share_ > kWhiteRoom) {
+    white_share_ = WhiteShare(image, options_.colour.washed_out_min);
   }
+  const bool is_white = white_share_ > kWhiteRoom;
+  Verdict verdict;
+  // False: there is time for more.
+  const auto search = [&](size_t level) {
+    cut_short_ |= EstimatedMs() > kNoFurtherMs;
+    if (EstimatedMs() > kNoFurtherMs) return true;
+    verdict = Search(image, image.Bounds(), level);
+    return verdict.wand.has_value() || has_rivals_;
+  };
+  for (const size_t level : kWideLevels) {
+    if (is_white) break;
+    if (search(level) && !has_rivals_) return verdict;
+    // A window's slats look alike, but have no colour.
+    if (has_rivals_ || !IsCrowded()) break;
+  }
+  // No light of a dark room whitens a sphere.
+  if (!is_white && LitShare(image) < kLeastLit) return verdict;
+  for (const size_t level : kPaleLevels) {
+    if (search(level)) return verdict;
+  }
+  // Where hardly anything has a colour the spheres may be white too.
+  if (is_white && EstimatedMs() < kLittleMs) search(kWideLevels[0]);
   return verdict;
 }
 
@@ -132,20 +171,25 @@ bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
       const auto y = static_cast<int>(std::lround(blob.centre_px.y() + reach * v));
       if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
       uint64_t word = 0;
-      masker_.MaskRow(image, y, x / kMaskWordBits, 1, &word);
+      levels_[level_].masker.MaskRow(image, y, x / kMaskWordBits, 1, &word);
       const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
-      const bool clipped =
-          pixel[image.format == PixelFormat::kBgr8 ? main_channel_ : 0] >= kClipped;
+      const bool colour = image.format == PixelFormat::kBgr8;
+      // A room's white is nothing that the light of a wand has whitened.
+      const bool white =
+          colour && !kLevels[level_].white && std::min({pixel[0], pixel[1], pixel[2]}) >= kClipped;
+      const bool clipped = !white && pixel[colour ? main_channel_ : 0] >= kClipped;
       passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
     }
   }
-  return passed >= kColouredOfNine;
+  return passed >= (kLevels[level_].white ? kColouredOfNine : kPaleOfNine);
 }
 
 void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
   Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
   // A piece of a patch is held to the wand's colour too.
-  if (!StandsOut(image, blob, &spot.core) || !HasColour(image, blob)) return;
+  float alike = 0;
+  if (!StandsOut(image, blob, &spot.core, &alike) || !HasColour(image, blob)) return;
+  spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob);
   // The box of one blob may hold a part of another's pieces.
   for (Spot& known : spots_) {
     const int larger = std::max(known.blob.area_px, blob.area_px);
@@ -162,7 +206,10 @@ void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
 // Things that may be a marker.
 void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
   spots_.clear();
-  const BlobResult& found = levels_[level_].blobs.Find(image, part);
+  BlobFinder& finder = levels_[level_].blobs;
+  // The first one has been searched for how much passes.
+  const bool is_known = level_ == 0 && part == image.Bounds();
+  const BlobResult& found = is_known ? finder.result() : finder.Find(image, part);
   runs_ += found.run_count;
   const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
   // Those that a marker may be a part of, the smallest first.
@@ -183,9 +230,11 @@ void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
       continue;
     }
     masked_px_left_ -= box_px(*blob);
-    for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
-      if (coloured.area_px < blob->area_px && IsRound(coloured)) {
-        Keep(image, coloured, is_cut(*blob));
+    if (kLevels[level_].white) {
+      for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
+        if (coloured.area_px < blob->area_px && IsRound(coloured)) {
+          Keep(image, coloured, is_cut(*blob));
+        }
       }
     }
     if (split_px_left_ < box_px(*blob)) {
@@ -193,11 +242,15 @@ void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
       continue;
     }
     split_px_left_ -= box_px(*blob);
+    for (const Blob& disc : discs_.Find(image, finder, *blob, options_.min_area_px)) {
+      Keep(image, disc, is_cut(*blob));
+    }
     for (const Blob& piece : splitter_.Split(image, *blob, options_.min_area_px)) {
       Keep(image, piece, is_cut(*blob));
     }
   }
-  if (spots_.size() <= kMaxSpots) return;
+  all_spots_ = spots_.size() <= kMaxSpots;
+  if (all_spots_) return;
   cut_short_ = true;
   std::stable_sort(spots_.begin(), spots_.end(), [](const Spot& a, const Spot& b) {
     const bool round_a = IsRound(a.blob), round_b = IsRound(b.blob);
@@ -233,25 +286,34 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   level_ = level;
   FindSpots(image, part);
   standing_out_.clear();
-  for (const Spot& spot : spots_) standing_out_.push_back(spot.blob);
+  cores_.clear();
+  for (const Spot& spot : spots_) {
+    standing_out_.push_back(spot.blob);
+    cores_.push_back(spot.core);
+  }
   wand_finder_.LimitFits(std::min(fits_left_, kFitsOfLevel));
-  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_);
+  const std::vector<WandCandidate>& found = wand_finder_.Find(standing_out_, {}, cores_);
   fits_left_ -= wand_finder_.fits();
   cut_short_ |= wand_finder_.cut_short() || result().cut_short;
   // The most likely are measured first.
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < found.size(); ++i) {
-    order.emplace_back(found[i].fit.cost + Unlikeness(found[i]), i);
+    double cost = found[i].fit.cost + Unlikeness(found[i]);
+    for (const int blob : found[i].blobs) cost += spots_[static_cast<size_t>(blob)].doubt;
+    order.emplace_back(cost, i);
   }
   std::sort(order.begin(), order.end());
   candidates_.clear();
   for (size_t i = 0; i < std::min(order.size(), kMaxMeasured); ++i) {
     candidates_.push_back(found[order[i].second]);
+    candidates_.back().cost = order[i].first;
   }
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, &work);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
+                                     kMaxFits - fits_left_, &work);
   work_left_ += work;
+  has_rivals_ = verdict.ambiguous;
   const bool all = verdict.measured == order.size();
   cut_short_ |= !all;
   if (!verdict.wand && !verdict.ambiguous && part == image.Bounds()) return SearchPartial(image);
@@ -261,8 +323,10 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
     return one.blobs == verdict.wand->blobs;
   });
   const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
-  verdict.ambiguous =
-      wand_finder_.cut_short() || order[verdict.measured].first < its_cost + kClearlyWorse;
+  const bool sure = verdict.wand->cost < kSureCost && all_spots_;
+  const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
+  verdict.ambiguous = (wand_finder_.cut_short() && !sure) ||
+                      (!all && order[verdict.measured].first < its_cost + worse);
   if (verdict.ambiguous) verdict.wand.reset();
   return verdict;
 }
@@ -286,7 +350,8 @@ Verdict WandDetector::SearchPartial(const ImageView& image) {
   candidates_ = FindPartialWands(wand_finder_, standing_out_, whole, kMaxPartial);
   double work = std::min(work_left_, kWorkOfLevel);
   work_left_ -= work;
-  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_, &work);
+  Verdict verdict = verifier_.Verify(image, standing_out_, wand_finder_, candidates_,
+                                     kMaxFits - fits_left_, &work);
   work_left_ += work;
   if (verdict.measured < candidates_.size()) verdict.wand.reset();
   if (verdict.wand && (verdict.wand->confidence < kPartialConfidence ||
@@ -357,16 +422,18 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(options.colour));
-  WandDetector detector(options, target, camera, masker);
-  for (const double share : kLevels) {
+  WandDetector detector(options, target, camera);
+  for (const LevelRange& level : kLevels) {
     BlobFinderOptions its = options;
     its.max_runs = std::min(its.max_runs, kMaxRuns);
-    its.colour.value_min += static_cast<int>(share * (255 - its.colour.value_min));
+    its.colour.value_min += static_cast<int>(level.brighter * (255 - its.colour.value_min));
+    its.colour.saturation_min *= level.paler;
+    if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
     RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
+    RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(its.colour));
     its.colour.washed_out_min = kNeverWashedOut;
     RIGCAL_ASSIGN_OR_RETURN(BlobFinder coloured, BlobFinder::Create(its));
-    detector.levels_.push_back({std::move(blobs), std::move(coloured)});
+    detector.levels_.push_back({std::move(blobs), std::move(coloured), masker});
   }
   return detector;
 }
@@ -388,7 +455,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
 
   cut_short_ = false;
   dismissed_ = 0;
-  passed_share_ = 0;
+  passed_share_ = white_share_ = 0;
   masked_px_left_ = kMaxMaskedPx;
   split_px_left_ = kMaxSplitPx;
   runs_ = 0;
@@ -405,9 +472,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   }
   detection.cut_short = cut_short_;
   detection.passed_share = passed_share_;
-  if (passed_share_ > kCrowdedShare) {
-    detection.white_share = WhiteShare(image, options_.colour.washed_out_min);
-  }
+  detection.white_share = white_share_;
   detection.dismissed_patches = dismissed_;
   detection.blob_count = static_cast<int>(result().blobs.size());
   if (wand.has_value()) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "agent/detect/blobs/blob_splitter.h"
+#include "agent/detect/blobs/disc_finder.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/detection.h"
 #include "agent/identify/wand_verifier.h"
@@ -56,7 +57,7 @@ class WandDetector {
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,
-               const CameraDescription& camera, const ColourMasker& masker);
+               const CameraDescription& camera);
   const BlobResult& result() const { return levels_[level_].blobs.result(); }
   double ShareOf(int64_t count_px) const;
   bool IsCrowded() const;
@@ -82,10 +83,10 @@ class WandDetector {
   struct Level {
     BlobFinder blobs;
     BlobFinder coloured;  // leaves out what the sensor has lost the colour of
+    ColourMasker masker;
   };
   std::vector<Level> levels_;
   size_t level_ = 0;  // of the last Search
-  ColourMasker masker_;
   int main_channel_;  // of the wand's colour, in an image's pixel
   WandFinder wand_finder_;
   WandVerifier verifier_;
@@ -93,14 +94,18 @@ class WandDetector {
   WandTrack track_;
   PixelRect window_;
   BlobSplitter splitter_;
+  DiscFinder discs_;
   // A blob or a piece of one that differs from what is around it.
   struct Spot {
     Blob blob;
     Eigen::Vector3f core;  // mean of its middle, by channel
     bool is_cut;           // the window may have cut it
+    double doubt = 0;      // that it is a sphere, as a chi-squared
   };
   std::vector<Spot> spots_;
-  std::vector<Blob> standing_out_;  // the spots' blobs
+  bool all_spots_ = true;  // none was left out
+  std::vector<Blob> standing_out_;      // the spots' blobs
+  std::vector<Eigen::Vector3f> cores_;  // and middles
   std::vector<WandCandidate> candidates_;
   // Of this image: what its search may still cost, and whether anything was left out for that.
   int64_t masked_px_left_ = 0, split_px_left_ = 0;
@@ -108,8 +113,9 @@ class WandDetector {
   int fits_left_ = 0;
   double work_left_ = 0;
   bool cut_short_ = false;
+  bool has_rivals_ = false;  // the last Search measured two wands that are equally good
   int dismissed_ = 0;
-  double passed_share_ = 0;
+  double passed_share_ = 0, white_share_ = 0;
 };
 
 }  // namespace rigcal::agent

@@ -4,13 +4,16 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <numbers>
 #include <optional>
 
 #include "common/camera/camera_model.h"
+#include "common/simulation/frames/exposure_plan.h"
+#include "common/simulation/frames/light_model.h"
 #include "common/simulation/frames/scene_renderer.h"
+#include "common/simulation/world/random_stream.h"
 #include "common/statistics/robust_statistics.h"
 #include "tests/accuracy/detection/paper_rig.h"
 #include "tests/accuracy/detection/photographs.h"
@@ -22,6 +25,8 @@ namespace {
 
 constexpr uint64_t kMostTries = 64;
 constexpr double kVisibleShare = 0.98;
+constexpr double kLitShare = 0.5;  // of the room's light on a sphere, by its LED
+constexpr uint64_t kLedTimePurpose = 0x6c656474;
 constexpr std::array<double, 5> kDistancesM = {2, 3, 4, 5, 6.5};
 constexpr std::array<double, 4> kRadiiPx = {200, 400, 600, 900};
 
@@ -58,6 +63,13 @@ void Compare(const FrameGroundTruth& truth, const WandMotion& motion, const Targ
   if (!result->found) result->centres.clear();
 }
 
+// CPU time of this thread.
+double ThreadMilliseconds() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
+}
+
 // A wand of which the border cuts a sphere, if `cut`; else one fully visible.
 std::optional<WandMotion> PoseOf(const DetectionOptions& options, uint64_t seed) {
   const Intrinsics& intrinsics = *options.camera.intrinsics;
@@ -77,6 +89,25 @@ std::optional<WandMotion> PoseOf(const DetectionOptions& options, uint64_t seed)
     }
   }
   return std::nullopt;
+}
+
+// When an LED's phase is drawn at all, for all of the wand's together.
+std::optional<double> LedTime(const DetectionOptions& options, uint64_t seed) {
+  if (!options.one_clock || options.target.blink_hz.empty()) return std::nullopt;
+  RandomStream random{kLedTimePurpose, seed};
+  return random.Uniform() / options.target.blink_hz.front();
+}
+
+bool IsLit(const DetectionOptions& options, double led_time_s) {
+  const FrameRenderOptions& render = options.render;
+  const BlinkTiming blink{options.target.blink_hz.front(), render.blink_duty, led_time_s};
+  double lit_share = 0;
+  for (const ExposurePart& part : PlanExposure(render.exposure_s, blink, render.exposure_s)) {
+    lit_share += part.lit_share;
+  }
+  const LightModel light(render);
+  const double led = lit_share * *std::max_element(light.led_grey.begin(), light.led_grey.end());
+  return led >= kLitShare * (light.shell_grey + light.spot_grey);
 }
 
 // Which of the spheres that are to be seen were found.
@@ -134,6 +165,7 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
       wand = PoseOf(options, frame.seed);
       if (wand.has_value()) {
         frame.spheres = wand->Spheres(options.target);
+        frame.led_time_s = LedTime(options, frame.seed);
         const Eigen::Vector3d at = wand->origin_m.normalized();
         result.distance_m = wand->origin_m.norm();
         result.tilt_deg = std::asin(std::abs(at.dot(wand->direction))) * 180 / std::numbers::pi;
@@ -148,10 +180,9 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
     const agent::ImageView view{pixels.data(), static_cast<int>(size.width),
                                 static_cast<int>(size.height),
                                 static_cast<ptrdiff_t>(size.width) * 3, agent::PixelFormat::kBgr8};
-    const auto begin = std::chrono::steady_clock::now();
+    const double begin_ms = ThreadMilliseconds();
     const auto detection = detector->Detect(view, static_cast<int64_t>(i + 1) * 1000000000, 0);
-    result.milliseconds =
-        1e3 * std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    result.milliseconds = ThreadMilliseconds() - begin_ms;
     if (!detection.ok()) {
       result.status = detection.status();
       continue;
@@ -164,10 +195,12 @@ std::vector<ImageResult> RunRoom(const DetectionOptions& options, int room) {
       continue;
     }
     result.has_wand = true;
-    result.shown = testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
-                                        options.target, *wand,
-                                        ground_truth->bar ? &*ground_truth->bar : nullptr);
-    CountMarkers(options, *wand, *ground_truth, detection->observation, &result);
+    result.lit = !frame.led_time_s || IsLit(options, *frame.led_time_s);
+    result.shown =
+        result.lit && testing::WandVisible(*options.camera.intrinsics, options.camera.image_size_px,
+                                           options.target, *wand,
+                                           ground_truth->bar ? &*ground_truth->bar : nullptr);
+    if (result.lit) CountMarkers(options, *wand, *ground_truth, detection->observation, &result);
     Compare(*ground_truth, *wand, options.target, options, detection->observation, &result);
   }
   return results;
@@ -205,6 +238,7 @@ DetectionSummary Summarise(const std::vector<ImageResult>& results) {
     summary.shown += result.shown ? 1 : 0;
     summary.found += result.shown && result.found ? 1 : 0;
     summary.false_wands += result.false_wand ? 1 : 0;
+    summary.unlit += result.lit ? 0 : 1;
     summary.empty_frames += result.has_wand ? 0 : 1;
     summary.false_in_empty += !result.has_wand && result.false_wand ? 1 : 0;
     summary.visible_markers += result.visible_markers;

@@ -24,7 +24,10 @@ struct DetectionOptions {
   agent::WandDetectorOptions detector;
   bool with_wand = true;
   double share_without_wand = 0;  // of the frames, even with with_wand
-  bool cut_by_border = false;     // one sphere at least is, and its centre is in the image
+  // All LEDs blink by one clock, as those of one driver do; else each by its own. A frame whose
+  // exposure falls mostly into the dark shows no wand that is lit (ImageResult::lit).
+  bool one_clock = false;
+  bool cut_by_border = false;  // one sphere at least is, and its centre is in the image
   // Behind the wand instead of the wall, one for each room in turn; paths of image files.
   std::vector<std::string> photographs;
   int frames = 100;
@@ -50,7 +53,8 @@ struct CentreError {
 struct ImageResult {
   absl::Status status;
   bool has_wand = false;    // the frame shows a wand, or parts of one
-  bool shown = false;       // the frame shows a fully visible wand
+  bool shown = false;       // the frame shows a fully visible wand that is lit
+  bool lit = true;          // by its LEDs, which add half the room's light on it or more
   bool found = false;       // and it was found, all markers within 1 px
   bool false_wand = false;  // a wand where there is none, off by more than 3 px, or flipped
   DetectionOutcome outcome = DetectionOutcome::kNoBlob;
@@ -60,7 +64,7 @@ struct ImageResult {
   int found_markers = 0;
   int covered_markers = 0;
   double confidence = 0;
-  double milliseconds = 0;  // of Detect
+  double milliseconds = 0;  // CPU time of Detect
   uint64_t seed = 0;
   double tilt_deg = 0, distance_m = 0;
   std::vector<CentreError> centres;
@@ -71,6 +75,7 @@ std::vector<ImageResult> RunDetection(const DetectionOptions& options);
 struct DetectionSummary {
   int failures = 0, shown = 0, found = 0, false_wands = 0, frames = 0;
   int empty_frames = 0, false_in_empty = 0;  // without a wand
+  int unlit = 0;                             // with a wand whose LEDs are dark
   int visible_markers = 0, found_markers = 0;
   double rms_px = 0;          // of each coordinate
   double bias_px = 0;         // length of the mean error

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <optional>
+#include <string>
 
 #include "tests/agent/detect/frame/rendered_wand.h"
 #include "tests/testing/status_matchers.h"
@@ -56,6 +57,22 @@ TEST(ColourTuner, RefusesPicturesWithoutAWandAndSaysWhatToDo) {
   }
   EXPECT_THAT(tuner.Result(), StatusIs(absl::StatusCode::kFailedPrecondition,
                                        AllOf(HasSubstr("4 of 4 frames"), HasSubstr("tune again"))));
+}
+
+TEST(ColourTuner, SaysWhatIsWrongWithTheFrames) {
+  RenderedWand scene;
+  const auto refusal = [&scene](int grey) {
+    auto tuner = ColourTuner::Create(scene.target, scene.camera);
+    EXPECT_THAT(tuner, IsOk());
+    scene.Render(std::nullopt);
+    scene.Fill(0, 0, 640, 480, static_cast<uint8_t>(grey), static_cast<uint8_t>(grey),
+               static_cast<uint8_t>(grey));
+    for (int i = 0; i < 3; ++i) EXPECT_THAT(tuner->Add(scene.View()), IsOk());
+    return std::string(tuner->Result().status().message());
+  };
+  EXPECT_THAT(refusal(255), HasSubstr("3 of them are white for the most part: shorten"));
+  EXPECT_THAT(refusal(2), HasSubstr("3 of them are black: switch the wand on"));
+  EXPECT_THAT(refusal(100), HasSubstr("nothing of its shape stands out"));
 }
 
 TEST(ColourTuner, RefusesTwoMarkersAndPicturesOfAnotherSize) {

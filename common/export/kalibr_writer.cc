@@ -57,7 +57,11 @@ absl::StatusOr<std::string> CameraLines(const ExportedRig& rig, size_t index) {
                   "\n  distortion_model: ", lens.model, "\n  intrinsics: ", DecimalList(intrinsics),
                   "\n  resolution: [", camera.image_size_px.width, ", ",
                   camera.image_size_px.height, "]\n  rostopic: \"/", camera.name, "/image_raw\"\n");
-  if (camera.time_rate_ppm == 0) {
+  if (!camera.clock_course.empty()) {
+    absl::StrAppend(&lines,
+                    "  # no timeshift_cam_imu, which is constant: this clock jumped or "
+                    "drifted while it was recorded\n");
+  } else if (camera.time_rate_ppm == 0) {
     absl::StrAppend(&lines, "  timeshift_cam_imu: ", DecimalText(camera.time_offset_s), "\n");
   } else {
     absl::StrAppend(&lines, "  # no timeshift_cam_imu, which is constant: this clock is off by ",

@@ -47,6 +47,17 @@ MatFields SigmaFields(const ExportedCamera& camera) {
           {"IntrinsicsSigma", MatRow("", camera.sigma->intrinsics)}};
 }
 
+// A corner in each row: camera time and what is to be added to rig time, seconds.
+Eigen::MatrixXd CourseMatrix(const ClockCourseLine& course) {
+  Eigen::MatrixXd matrix(static_cast<Eigen::Index>(course.size()), course.empty() ? 0 : 2);
+  for (size_t i = 0; i < course.size(); ++i) {
+    matrix.row(static_cast<Eigen::Index>(i))
+        << 1e-9 * static_cast<double>(course[i].camera_time_ns),
+        course[i].offset_s;
+  }
+  return matrix;
+}
+
 MatFields FieldsOf(const ExportedCamera& camera) {
   MatFields fields = {{"name", MatText("", camera.name)}};
   const MatFields lens = LensFields(camera);
@@ -56,6 +67,7 @@ MatFields FieldsOf(const ExportedCamera& camera) {
   fields.emplace_back("TimeOffset", MatNumber(camera.time_offset_s));
   fields.emplace_back("TimeRatePpm", MatNumber(camera.time_rate_ppm));
   fields.emplace_back("TimeEpoch", MatNumber(camera.time_epoch_s));
+  fields.emplace_back("ClockCourse", MatMatrix("", CourseMatrix(camera.clock_course)));
   fields.emplace_back("LineDelay", MatNumber(camera.line_delay_s));
   fields.emplace_back("MeanReprojectionError", MatNumber(camera.mean_error_px));
   const MatFields sigma = SigmaFields(camera);

@@ -19,6 +19,9 @@ absl::Status CheckValues(const ExportedCamera& camera) {
   faults.Add(camera.image_size_px.Validate());
   faults.Add(camera.intrinsics.Validate(camera.image_size_px));
   if (!camera.cam_from_rig.Matrix().allFinite()) faults.Add("its pose is not finite");
+  for (const ClockCoursePoint& point : camera.clock_course) {
+    if (!std::isfinite(point.offset_s)) faults.Add("its clock's course is not finite");
+  }
   const double sum = camera.time_offset_s + camera.time_rate_ppm + camera.time_epoch_s +
                      camera.line_delay_s + camera.mean_error_px;
   if (!std::isfinite(sum)) faults.Add("its clock, line delay or error is not finite");
@@ -36,6 +39,9 @@ absl::StatusOr<ExportedCamera> CameraOf(const v1::CalibratedCamera& proto) {
   camera.time_offset_s = proto.time_offset_s();
   camera.time_rate_ppm = proto.time_rate_ppm();
   camera.time_epoch_s = proto.time_epoch_s();
+  for (const v1::ClockCoursePoint& point : proto.clock_course()) {
+    camera.clock_course.push_back({point.camera_time_ns(), point.offset_s()});
+  }
   if (proto.line_delay_sigma_s() > 0) camera.line_delay_s = proto.line_delay_s();
   camera.mean_error_px = proto.residuals().all().mean_px();
   if (proto.has_uncertainty()) {

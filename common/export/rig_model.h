@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "common/camera/intrinsics.h"
 #include "common/geometry/rigid_transform.h"
+#include "common/time/clock_course.h"
 #include "rigcal/v1/calibration.pb.h"
 
 namespace rigcal {
@@ -30,8 +31,9 @@ struct ExportedCamera {
   double time_offset_s = 0;
   double time_rate_ppm = 0;
   double time_epoch_s = 0;
-  double line_delay_s = 0;   // rolling shutter, from one row to the next; 0: none is known
-  double mean_error_px = 0;  // reprojection error
+  ClockCourseLine clock_course;  // to be added; not empty where the clock jumped or drifted
+  double line_delay_s = 0;       // rolling shutter, from one row to the next; 0: none is known
+  double mean_error_px = 0;      // reprojection error
   std::optional<ExportedSigma> sigma;
 
   // The coefficients of the model, zeros where the intrinsics have none.

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/status/status_macros.h"
+#include "common/time/clock_course.h"
 #include "server/associate/stamp_units.h"
 #include "server/associate/static_points.h"
 #include "server/solve/calibration_report.h"

@@ -193,6 +193,13 @@ TEST(ExportFormats, KalibrHasClockOffsetsThatAreConstant) {
   ASSERT_OK_AND_ASSIGN(files, kalibr.make(calibration));
   EXPECT_EQ(testing::ReadKalibrCamchain(files)[1].time_offset_s, 0);
   EXPECT_THAT(files[0].content, HasSubstr("# no timeshift_cam_imu"));
+  calibration.mutable_cameras(1)->set_time_rate_ppm(0);
+  v1::ClockCoursePoint* const jump = calibration.mutable_cameras(1)->add_clock_course();
+  jump->set_camera_time_ns(5'000'000'000);
+  jump->set_offset_s(-0.03);
+  ASSERT_OK_AND_ASSIGN(files, kalibr.make(calibration));
+  EXPECT_EQ(testing::ReadKalibrCamchain(files)[1].time_offset_s, 0);
+  EXPECT_THAT(files[0].content, HasSubstr("this clock jumped or drifted"));
 }
 
 TEST(ExportFormats, NerfstudioRefusesARigOfTwoKindsOfLenses) {

@@ -148,7 +148,8 @@ std::string FormatTrajectory(const v1::Calibration& calibration) {
   } else if (calibration.options().trajectory() == v1::CalibrationOptions::TRAJECTORY_SPLINE &&
              trajectory.kind() == v1::CalibratedTrajectory::KIND_INTERPOLATED) {
     text =
-        "trajectory         interpolated, NOT the spline that was asked for: the target was placed\n"
+        "trajectory         interpolated, NOT the spline that was asked for: the target was "
+        "placed\n"
         "                   too rarely, the recording is too long, or it has several wands\n";
   }
   if (trajectory.held_out_spline_px() > 0) {
@@ -218,6 +219,8 @@ std::string FormatCameraPoses(const v1::Calibration& calibration) {
   if (any_rolls) table.Numbers({"delay (us)", "sigma"}, "image row");
   const bool all_estimated =
       std::ranges::all_of(cameras, &v1::CalibratedCamera::time_offset_estimated);
+  const bool any_courses =
+      std::ranges::any_of(cameras, [](const auto& c) { return c.clock_course_size() > 0; });
   for (const v1::CalibratedCamera& camera : cameras) {
     std::vector<TextTable::Cell> cells = {camera.camera()};
     const absl::StatusOr<RigidTransform> cam_from_rig = wire::FromProto(camera.cam_from_rig());
@@ -232,7 +235,9 @@ std::string FormatCameraPoses(const v1::Calibration& calibration) {
     } else {
       cells.insert(cells.end(), 6, "-");
     }
-    const char* mark = all_estimated ? "" : camera.time_offset_estimated() ? " " : "*";
+    const char* mark = "*";
+    if (camera.time_offset_estimated()) mark = all_estimated && !any_courses ? "" : " ";
+    if (camera.clock_course_size() > 0) mark = "~";
     cells.push_back(FormatFixed(camera.time_offset_s() * kMsPerS, 3) + mark);
     cells.push_back(FormatFixed(camera.time_rate_ppm(), 2));
     if (any_rolls) {
@@ -245,6 +250,9 @@ std::string FormatCameraPoses(const v1::Calibration& calibration) {
   std::string text = table.Format(2);
   if (!all_estimated) {
     text += "  * as aligned beforehand, not estimated from the images\n";
+  }
+  if (any_courses) {
+    text += "  ~ in the beginning: the clock jumped or drifted, and is followed (see findings)\n";
   }
   return text;
 }

@@ -7,8 +7,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/import/convention.h"
 #include "common/import/import_readers.h"
@@ -129,56 +127,10 @@ absl::StatusOr<ImportedCamera> CameraFromToml(const std::string& path, const std
   return camera;
 }
 
-bool BeginsTomlKey(char letter) {
-  return absl::ascii_isalnum(static_cast<unsigned char>(letter)) || letter == '_' ||
-         letter == '-' || letter == '"' || letter == '\'';
-}
-
-// toml++ 3.3 takes it for granted that a key follows the brackets of a header. Texts of several
-// lines, which no calibration has, are refused so that brackets within texts are known as such.
-absl::Status CheckTomlHeaders(const std::string& path, const std::string& text) {
-  int line = 1, depth = 0;
-  char quote = 0;  // of the text that we are in
-  bool line_begins = true, comment = false;
-  for (size_t i = 0; i < text.size(); ++i) {
-    const char letter = text[i];
-    if (letter == '\n') {
-      ++line;
-      line_begins = true, comment = false, quote = 0;
-      continue;
-    }
-    if (comment) continue;
-    if (quote != 0) {
-      if (quote == '"' && letter == '\\') ++i;
-      if (letter == quote) quote = 0;
-      continue;
-    }
-    if (absl::StartsWith(absl::string_view(text).substr(i), "\"\"\"") ||
-        absl::StartsWith(absl::string_view(text).substr(i), "'''")) {
-      return ImportError(path, line, "has a text of several lines, which no calibration needs");
-    }
-    if (letter == '[' && depth == 0 && line_begins) {
-      size_t key = i + 1;
-      if (key < text.size() && text[key] == '[') ++key;
-      while (key < text.size() && (text[key] == ' ' || text[key] == '\t')) ++key;
-      if (key >= text.size() || !BeginsTomlKey(text[key])) {
-        return ImportError(path, line, "has a [ without the name of a table");
-      }
-    }
-    if (letter == '"' || letter == '\'') quote = letter;
-    comment = letter == '#';
-    if (letter == '[' || letter == '{') ++depth;
-    if ((letter == ']' || letter == '}') && depth > 0) --depth;
-    if (letter != ' ' && letter != '\t') line_begins = false;
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 absl::StatusOr<ImportedRig> ReadCaliscope(const std::string& path, const std::string& text) {
   RIGCAL_RETURN_IF_ERROR(CheckText(path, text));
-  RIGCAL_RETURN_IF_ERROR(CheckTomlHeaders(path, text));
   // toml++ 3.3 has undefined behaviour for some letters beyond ASCII where none may be; names of
   // cameras have none anyhow.
   std::string ascii = text;

@@ -299,8 +299,8 @@ TEST(ReadCaliscope, NamesFileAndLineOfEveryFault) {
       {"too few", "translation = [", "translation = [0.0, ", "4 numbers, not 3"},
       {"not TOML", "size = [", "size = [[", "rig.toml, line"},
       {"control characters", "[cameras.0]", "[\x01]", "line 2: byte 0x01"},
-      {"no name of a table", "[cameras.1]", "[;cameras.1]", "line 14: has a [ without"},
-      {"several lines", "name = \"left\"", "name = \"\"\"left\"\"\"", "several lines"},
+      {"no name of a table", "[cameras.1]", "[;cameras.1]", "rig.toml, line 14"},
+      {"a bracket of another kind", "matrix = [", "matrix = [}", "rig.toml, line"},
       {"letters beyond ASCII", "fisheye =", "\xd0\xb8 fisheye =", "rig.toml, line"},
       {"no cameras", "[cameras.", "[things.", "has no cameras"}};
   for (const BadText& fault : faults) {

@@ -47,8 +47,11 @@ constexpr double kShadingError = 0.03;          // radii, per relative slope of 
 constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
-constexpr double kOwnScatter = 2;  // of a sphere, against the wand's
-constexpr double kShaded = 8;      // slope_chi_squared of a sphere that is lit from one side
+constexpr double kOwnScatter = 1.8, kFollowed = 9;  // of a sphere, against the wand's
+// Of a background, over all channels; of it against the sphere, where light from one side may be
+// as strong as the outlines' prior says.
+constexpr double kDarkGrey = 20, kUsualLit = 0.1, kMostDoubt = 2.5;
+constexpr double kShaded = 8;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
 
@@ -410,13 +413,28 @@ void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
     MarkerCentre& centre = wand->centres[k];
     if (outlines[k]) {
       centre.centre_px = outlines[k]->centre_px;
-      // One that is worse than the others by more than chance has something of its own.
-      const double own = outlines[k]->edge_chi_squared / std::max(1.0, outlines[k]->edge_freedom);
+      // One that is worse than the others by more than chance has something of its own, which the
+      // fit has half followed.
+      const SphereOutline& own = *outlines[k];
+      const double others = std::max(
+          kLeastScatter, freedom > own.edge_freedom + 1
+                             ? (scatter - own.edge_chi_squared) / (freedom - own.edge_freedom)
+                             : factor);
+      const double excess =
+          own.edge_chi_squared / std::max(1.0, own.edge_freedom) / others - kOwnScatter;
       centre.covariance_px2 =
-          (own > kOwnScatter * factor ? own : factor) * outlines[k]->covariance_px2;
+          (excess > 0 ? others * (kOwnScatter + kFollowed * excess) : factor) * own.covariance_px2;
     }
     const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline) continue;
+    if (outlines[k] && !shaded) {
+      // Light of a lit room from one side, which blur hides.
+      const double whole_grey = centre.plateau_grey.norm();
+      const double lit = (whole_grey - centre.contrast_grey - kDarkGrey) / whole_grey;
+      const double doubt = std::min(std::max(0.0, lit) / kUsualLit, kMostDoubt);
+      const double wider = 0.5 * (outline->covariance_px2 - outlines[k]->covariance_px2).trace();
+      centre.covariance_px2 += doubt * doubt * std::max(0.0, wider) * Eigen::Matrix2d::Identity();
+    }
     double wrong_px = kHiddenError * outline->off_outline * outline->radius_px;
     if (shaded) {
       // Light from one side is not quite a polynomial, and moves a centroid.

@@ -12,15 +12,11 @@ namespace {
 
 constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
-constexpr double kBrightnessSigma = 0.2;  // of its logarithm
-constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 11.5;        // confidence 0.5
+constexpr double kHalfCost = 11.5;  // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
-constexpr double kTiltCost = 4;  // of the logarithm of its cosine
-constexpr double kSkewness = 0.012;
-constexpr double kOccludedCost = 7.5;
+constexpr double kTiltCost = 4;      // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
@@ -62,55 +58,6 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
 }
 
-// The cost of a marker that is not quite symmetric, at most that of an occluded one.
-double Lopsidedness(const MarkerCentre& centre) {
-  const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
-  return std::min(Squared(excess / kSkewness), kOccludedCost);
-}
-
-double Lopsidedness(const VerifiedWand& wand) {
-  double cost = 0;
-  for (const MarkerCentre& centre : wand.centres) {
-    if (centre.contrast_grey > 0) cost += Lopsidedness(centre);
-  }
-  return cost;
-}
-
-// Of the markers that were measured.
-double Likeness(const VerifiedWand& wand) {
-  absl::InlinedVector<MarkerCentre, 3> centres;
-  for (const MarkerCentre& centre : wand.centres) {
-    if (centre.contrast_grey > 0) centres.push_back(centre);
-  }
-  double mean = 0;
-  Eigen::Vector3d colour = Eigen::Vector3d::Zero();
-  for (const MarkerCentre& centre : centres) {
-    mean += std::log(centre.plateau_grey.norm()) / static_cast<double>(centres.size());
-    colour += centre.plateau_grey.normalized();
-  }
-  colour.normalize();
-  double cost = 0;
-  for (const MarkerCentre& centre : centres) {
-    cost += Squared((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma);
-    cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / Squared(kColourSigma);
-  }
-  return cost;
-}
-
-bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
-  return std::none_of(a.blobs.begin(), a.blobs.end(), [&](int blob) {
-    return std::find(b.blobs.begin(), b.blobs.end(), blob) != b.blobs.end();
-  });
-}
-
-// The same markers are seen whole, of another part of the hidden one.
-bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {
-  for (size_t k = 0; k < a.blobs.size(); ++k) {
-    if (a.whole[k] != b.whole[k] || (a.whole[k] && a.blobs[k] != b.blobs[k])) return false;
-  }
-  return true;
-}
-
 // Another marker of the wand is so near that blur joins them.
 bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
   const MarkerCentre& own = wand.centres[marker];
@@ -123,24 +70,10 @@ bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
   return false;
 }
 
-double MeanBrightness(const VerifiedWand& wand) {
-  double sum = 0;
-  int count = 0;
-  for (const MarkerCentre& centre : wand.centres) {
-    sum += centre.plateau_grey.norm();
-    count += centre.contrast_grey > 0 ? 1 : 0;
-  }
-  return sum / std::max(1, count);
-}
-
 }  // namespace
 
 double WandVerifier::ConfidenceOf(double cost) const {
   return 1 / (1 + std::exp((cost + chance_cost_ - kHalfCost) / kCostScale));
-}
-
-int VerifiedWand::OccludedCount() const {
-  return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
 
 // None where the time for it is up.
@@ -220,7 +153,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   const int count = static_cast<int>(wand.blobs.size());
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
-  if (wand.fit.cost + Likeness(wand) > kWorthRestoring) return std::nullopt;
+  if (wand.fit.cost + Unlikeness(wand) > kWorthRestoring) return std::nullopt;
   if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
     const VerifiedWand before = wand;
     Restore(image, blobs, &wand);
@@ -233,7 +166,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
   // Of all directions few are nearly along the line of sight.
-  wand.cost = wand.fit.cost + Likeness(wand) + Lopsidedness(wand) -
+  wand.cost = wand.fit.cost + Unlikeness(wand) + Lopsidedness(wand) -
               kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {

@@ -12,15 +12,11 @@ namespace {
 
 constexpr double kPlaceFloorPx = 0.05;  // what is left in the lens' model
 constexpr double kVerifiedRadiusPx = 0.15, kVerifiedRadiusShare = 0.04;
-constexpr double kBrightnessSigma = 0.2;  // of its logarithm
-constexpr double kColourSigma = 0.12;     // rad
-constexpr double kHalfCost = 11.5;        // confidence 0.5
+constexpr double kHalfCost = 11.5;  // confidence 0.5
 constexpr double kCostScale = 2.5;
 // Of many sets of blobs some fit by chance: that much less cost is allowed for each e-fold.
 constexpr double kTriedCost = 1.15, kFewTried = 20;
-constexpr double kTiltCost = 4;  // of the logarithm of its cosine
-constexpr double kSkewness = 0.012;
-constexpr double kOccludedCost = 7.5;
+constexpr double kTiltCost = 4;      // of the logarithm of its cosine
 constexpr double kMostAlike = 0.28;  // of what is around; a stick takes a sixth
 constexpr double kPartialCost = 4;
 constexpr double kMargin = 8;       // in cost, of a wand against the next best
@@ -47,8 +43,11 @@ constexpr double kShadingError = 0.03;          // radii, per relative slope of 
 constexpr double kCentroidShadingError = 0.25;  // the same of a centroid
 constexpr double kHiddenError = 1;              // radii, per share of the edge that is elsewhere
 constexpr double kLeastGapPx = 1;
-constexpr double kOwnScatter = 2;  // of a sphere, against the wand's
-constexpr double kShaded = 8;      // slope_chi_squared of a sphere that is lit from one side
+constexpr double kOwnScatter = 1.8, kFollowed = 9;  // of a sphere, against the wand's
+// Of a background, over all channels; of it against the sphere, where light from one side may be
+// as strong as the outlines' prior says.
+constexpr double kDarkGrey = 20, kUsualLit = 0.1, kMostDoubt = 2.5;
+constexpr double kShaded = 8;  // slope_chi_squared of a sphere that is lit from one side
 
 double Squared(double x) { return x * x; }
 
@@ -57,55 +56,6 @@ bool IsWhole(const Blob& blob, const MarkerCentre& centre) {
   return !blob.touches_border && !centre.cut && centre.alike < kMostAlike &&
          centre.skewness < 0.02 + 4 * centre.skewness_sigma &&
          centre.spread < 1.15 + 4 / Squared(centre.radius_px) && centre.spread > 0.9;
-}
-
-// The cost of a marker that is not quite symmetric, at most that of an occluded one.
-double Lopsidedness(const MarkerCentre& centre) {
-  const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
-  return std::min(Squared(excess / kSkewness), kOccludedCost);
-}
-
-double Lopsidedness(const VerifiedWand& wand) {
-  double cost = 0;
-  for (const MarkerCentre& centre : wand.centres) {
-    if (centre.contrast_grey > 0) cost += Lopsidedness(centre);
-  }
-  return cost;
-}
-
-// Of the markers that were measured.
-double Likeness(const VerifiedWand& wand) {
-  absl::InlinedVector<MarkerCentre, 3> centres;
-  for (const MarkerCentre& centre : wand.centres) {
-    if (centre.contrast_grey > 0) centres.push_back(centre);
-  }
-  double mean = 0;
-  Eigen::Vector3d colour = Eigen::Vector3d::Zero();
-  for (const MarkerCentre& centre : centres) {
-    mean += std::log(centre.plateau_grey.norm()) / static_cast<double>(centres.size());
-    colour += centre.plateau_grey.normalized();
-  }
-  colour.normalize();
-  double cost = 0;
-  for (const MarkerCentre& centre : centres) {
-    cost += Squared((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma);
-    cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / Squared(kColourSigma);
-  }
-  return cost;
-}
-
-bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
-  return std::none_of(a.blobs.begin(), a.blobs.end(), [&](int blob) {
-    return std::find(b.blobs.begin(), b.blobs.end(), blob) != b.blobs.end();
-  });
-}
-
-// The same markers are seen whole, of another part of the hidden one.
-bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {
-  for (size_t k = 0; k < a.blobs.size(); ++k) {
-    if (a.whole[k] != b.whole[k] || (a.whole[k] && a.blobs[k] != b.blobs[k])) return false;
-  }
-  return true;
 }
 
 // Another marker of the wand is so near that blur joins them.
@@ -120,24 +70,10 @@ bool IsCrowded(const VerifiedWand& wand, size_t marker, double edge_px) {
   return false;
 }
 
-double MeanBrightness(const VerifiedWand& wand) {
-  double sum = 0;
-  int count = 0;
-  for (const MarkerCentre& centre : wand.centres) {
-    sum += centre.plateau_grey.norm();
-    count += centre.contrast_grey > 0 ? 1 : 0;
-  }
-  return sum / std::max(1, count);
-}
-
 }  // namespace
 
 double WandVerifier::ConfidenceOf(double cost) const {
   return 1 / (1 + std::exp((cost + chance_cost_ - kHalfCost) / kCostScale));
-}
-
-int VerifiedWand::OccludedCount() const {
-  return static_cast<int>(std::count(whole.begin(), whole.end(), false));
 }
 
 // None where the time for it is up.
@@ -217,7 +153,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   }
   const int count = static_cast<int>(wand.blobs.size());
   if (!FitPose(finder, candidate.partial, &wand)) return std::nullopt;
-  if (wand.fit.cost + Likeness(wand) > kWorthRestoring) return std::nullopt;
+  if (wand.fit.cost + Unlikeness(wand) > kWorthRestoring) return std::nullopt;
   if (wand.OccludedCount() > (candidate.partial >= 0 ? 1 : 0)) {
     const VerifiedWand before = wand;
     Restore(image, blobs, &wand);
@@ -230,7 +166,7 @@ std::optional<VerifiedWand> WandVerifier::EvaluateOne(const ImageView& image,
   const int occluded = wand.OccludedCount();
   if (occluded > std::max(count == 1 ? 0 : 1, count / 3)) return std::nullopt;
   // Of all directions few are nearly along the line of sight.
-  wand.cost = wand.fit.cost + Likeness(wand) + Lopsidedness(wand) -
+  wand.cost = wand.fit.cost + Unlikeness(wand) + Lopsidedness(wand) -
               kTiltCost * std::log(std::max(0.01, std::cos(wand.fit.tilt_rad)));
   for (size_t k = 0; k < wand.whole.size(); ++k) {
     if (static_cast<int>(k) == candidate.partial) {
@@ -410,13 +346,28 @@ void WandVerifier::FitOutlines(const ImageView& image, VerifiedWand* wand) {
     MarkerCentre& centre = wand->centres[k];
     if (outlines[k]) {
       centre.centre_px = outlines[k]->centre_px;
-      // One that is worse than the others by more than chance has something of its own.
-      const double own = outlines[k]->edge_chi_squared / std::max(1.0, outlines[k]->edge_freedom);
+      // One that is worse than the others by more than chance has something of its own, which the
+      // fit has half followed.
+      const SphereOutline& own = *outlines[k];
+      const double others = std::max(
+          kLeastScatter, freedom > own.edge_freedom + 1
+                             ? (scatter - own.edge_chi_squared) / (freedom - own.edge_freedom)
+                             : factor);
+      const double excess =
+          own.edge_chi_squared / std::max(1.0, own.edge_freedom) / others - kOwnScatter;
       centre.covariance_px2 =
-          (own > kOwnScatter * factor ? own : factor) * outlines[k]->covariance_px2;
+          (excess > 0 ? others * (kOwnScatter + kFollowed * excess) : factor) * own.covariance_px2;
     }
     const auto& outline = OutlineOf(image, wand->blobs[k]);
     if (!outline) continue;
+    if (outlines[k] && !shaded) {
+      // Light of a lit room from one side, which blur hides.
+      const double whole_grey = centre.plateau_grey.norm();
+      const double lit = (whole_grey - centre.contrast_grey - kDarkGrey) / whole_grey;
+      const double doubt = std::min(std::max(0.0, lit) / kUsualLit, kMostDoubt);
+      const double wider = 0.5 * (outline->covariance_px2 - outlines[k]->covariance_px2).trace();
+      centre.covariance_px2 += doubt * doubt * std::max(0.0, wider) * Eigen::Matrix2d::Identity();
+    }
     double wrong_px = kHiddenError * outline->off_outline * outline->radius_px;
     if (shaded) {
       // Light from one side is not quite a polynomial, and moves a centroid.

@@ -6,23 +6,10 @@
 
 #include "agent/identify/marker_centre.h"
 #include "agent/identify/sphere_outline_fit.h"
+#include "agent/identify/verified_wand.h"
 #include "agent/identify/wand_finder.h"
 
 namespace rigcal::agent {
-
-// A wand whose markers were measured.
-struct VerifiedWand {
-  absl::InlinedVector<int, 3> blobs;             // by marker
-  absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
-  absl::InlinedVector<bool, 3> whole;     // by marker: neither cut nor occluded nor disturbed
-  absl::InlinedVector<bool, 3> outlined;  // by marker: its outline says so, not its centroid
-  WandImageFit fit;
-  double cost = 0;              // chi-squared of pose, shape and likeness
-  double confidence = 0;        // 0 to 1, from the cost
-  double label_confidence = 1;  // 0.5 to 1: against the same blobs with flipped labels
-
-  int OccludedCount() const;
-};
 
 struct Verdict {
   std::optional<VerifiedWand> wand;

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/identify/verified_wand.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rigcal::agent {
+namespace {
+
+constexpr double kBrightnessSigma = 0.2;  // of its logarithm
+constexpr double kColourSigma = 0.12;     // rad
+constexpr double kSkewness = 0.012;
+
+}  // namespace
+
+int VerifiedWand::OccludedCount() const {
+  return static_cast<int>(std::count(whole.begin(), whole.end(), false));
+}
+
+double Lopsidedness(const MarkerCentre& centre) {
+  const double excess = std::max(0.0, centre.skewness - 2 * centre.skewness_sigma);
+  return std::min(std::pow(excess / kSkewness, 2), kOccludedCost);
+}
+
+double Lopsidedness(const VerifiedWand& wand) {
+  double cost = 0;
+  for (const MarkerCentre& centre : wand.centres) {
+    if (centre.contrast_grey > 0) cost += Lopsidedness(centre);
+  }
+  return cost;
+}
+
+double Unlikeness(const VerifiedWand& wand) {
+  absl::InlinedVector<MarkerCentre, 3> centres;
+  for (const MarkerCentre& centre : wand.centres) {
+    if (centre.contrast_grey > 0) centres.push_back(centre);
+  }
+  double mean = 0;
+  Eigen::Vector3d colour = Eigen::Vector3d::Zero();
+  for (const MarkerCentre& centre : centres) {
+    mean += std::log(centre.plateau_grey.norm()) / static_cast<double>(centres.size());
+    colour += centre.plateau_grey.normalized();
+  }
+  colour.normalize();
+  double cost = 0;
+  for (const MarkerCentre& centre : centres) {
+    cost += std::pow((std::log(centre.plateau_grey.norm()) - mean) / kBrightnessSigma, 2);
+    cost += (centre.plateau_grey.normalized() - colour).squaredNorm() / std::pow(kColourSigma, 2);
+  }
+  return cost;
+}
+
+bool Disjoint(const VerifiedWand& a, const VerifiedWand& b) {
+  return std::none_of(a.blobs.begin(), a.blobs.end(), [&](int blob) {
+    return std::find(b.blobs.begin(), b.blobs.end(), blob) != b.blobs.end();
+  });
+}
+
+bool SameWholes(const VerifiedWand& a, const VerifiedWand& b) {
+  for (size_t k = 0; k < a.blobs.size(); ++k) {
+    if (a.whole[k] != b.whole[k] || (a.whole[k] && a.blobs[k] != b.blobs[k])) return false;
+  }
+  return true;
+}
+
+double MeanBrightness(const VerifiedWand& wand) {
+  double sum = 0;
+  int count = 0;
+  for (const MarkerCentre& centre : wand.centres) {
+    sum += centre.plateau_grey.norm();
+    count += centre.contrast_grey > 0 ? 1 : 0;
+  }
+  return sum / std::max(1, count);
+}
+
+}  // namespace rigcal::agent

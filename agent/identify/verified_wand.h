@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "absl/container/inlined_vector.h"
+#include "agent/identify/marker_centre.h"
+#include "agent/identify/wand_image_fit.h"
+
+namespace rigcal::agent {
+
+// A wand whose markers were measured.
+struct VerifiedWand {
+  absl::InlinedVector<int, 3> blobs;             // by marker
+  absl::InlinedVector<MarkerCentre, 3> centres;  // by marker
+  absl::InlinedVector<bool, 3> whole;     // by marker: neither cut nor occluded nor disturbed
+  absl::InlinedVector<bool, 3> outlined;  // by marker: its outline says so, not its centroid
+  WandImageFit fit;
+  double cost = 0;              // chi-squared of pose, shape and likeness
+  double confidence = 0;        // 0 to 1, from the cost
+  double label_confidence = 1;  // 0.5 to 1: against the same blobs with flipped labels
+
+  int OccludedCount() const;
+};
+
+// Cost of an occluded marker, in chi-squared.
+inline constexpr double kOccludedCost = 7.5;
+
+// The cost of a marker that is not quite symmetric, at most that of an occluded one; and of all
+// that were measured.
+double Lopsidedness(const MarkerCentre& centre);
+double Lopsidedness(const VerifiedWand& wand);
+// How unlike the markers that were measured are in brightness and colour, as a chi-squared.
+double Unlikeness(const VerifiedWand& wand);
+double MeanBrightness(const VerifiedWand& wand);  // grey levels, over all channels
+
+// No blob in common.
+bool Disjoint(const VerifiedWand& a, const VerifiedWand& b);
+// The same markers are seen whole, of another part of the hidden one.
+bool SameWholes(const VerifiedWand& a, const VerifiedWand& b);
+
+}  // namespace rigcal::agent

@@ -129,21 +129,22 @@ TEST_F(CalibrationService, RefusesWhatCannotBeCalibrated) {
 }
 
 TEST_F(CalibrationService, SessionsThatDifferAreBothNamed) {
-  v1::CreateSessionRequest other = WaveRequest("longer");
-  other.mutable_target()->set_marker_positions_m(2, 0.5);
-  ASSERT_THAT(client().CreateSession(other), IsOk());
-  TestAgent agent(channel(), MakeHello("pc", {"left"}));
+  ASSERT_THAT(client().CreateSession(WaveRequest("smaller")), IsOk());
+  v1::AgentHello hello = MakeHello("pc", {"left"});
+  hello.mutable_cameras(0)->mutable_description()->mutable_image_size_px()->set_width(640);
+  TestAgent agent(channel(), hello);
   agent.ReadHello();
-  ASSERT_THAT(client().StartSession("longer"), IsOk());
+  ASSERT_THAT(client().StartSession("smaller"), IsOk());
   agent.ReadStart();
-  agent.Send(EndMessage({"longer", "left", 1}, 0));
-  AwaitState("longer", v1::Session::STATE_FINISHED);
+  agent.Send(EndMessage({"smaller", "left", 1}, 0));
+  AwaitState("smaller", v1::Session::STATE_FINISHED);
   v1::CreateCalibrationRequest request;
   request.add_session_ids("wave");
-  request.add_session_ids("longer");
+  request.add_session_ids("smaller");
   EXPECT_THAT(Create(request),
               StatusIs(absl::StatusCode::kFailedPrecondition,
-                       AllOf(HasSubstr("'wave'"), HasSubstr("'longer'"), HasSubstr("target"))));
+                       AllOf(HasSubstr("'wave'"), HasSubstr("'smaller'"), HasSubstr("'left'"),
+                             HasSubstr("image size"))));
 }
 
 TEST_F(CalibrationService, ListsPagesWithoutCamerasAndRefusals) {

@@ -28,8 +28,8 @@ void PrintShare(const server::CalibrationInput& input, const CalibrationResult& 
     return RunSparse(input, whole, share, static_cast<uint32_t>(seeds.first + i), options);
   });
   static const char* const kGrades[] = {"not evaluated", "good", "usable", "bad"};
-  std::vector<double> worst_mm, instants;
-  double worst_sigmas = 0;
+  std::vector<double> worst_mm, instants, noise_mm;
+  double worst_sigmas = 0, worst_shape_sigmas = 0;
   int grades[4] = {};
   for (size_t i = 0; i < runs.size(); ++i) {
     const SparseRun& run = runs[i];
@@ -41,20 +41,23 @@ void PrintShare(const server::CalibrationInput& input, const CalibrationResult& 
     }
     worst_mm.push_back(1e3 * run.worst_m);
     instants.push_back(run.instant_count);
+    noise_mm.push_back(1e3 * run.noise_sigma_m);
     worst_sigmas = std::max(worst_sigmas, run.worst_sigmas);
+    worst_shape_sigmas = std::max(worst_shape_sigmas, run.worst_shape_sigmas);
     ++grades[static_cast<size_t>(run.grade)];
     if (!seeds.verbose) continue;
     fmt::print("  {:2.0f} % seed {}: {} instants, worst distance {:.2f} mm, {:.2f} sigma, {}\n",
                100 * share, seed, run.instant_count, 1e3 * run.worst_m, run.worst_sigmas,
-               kGrades[static_cast<size_t>(run.grade)]);
+               worst_shape_sigmas, kGrades[static_cast<size_t>(run.grade)]);
     for (const std::string& reason : run.reasons) fmt::print("    {}\n", reason);
   }
-  fmt::print("{:5.0f} % {:5} {:8} {:9.0f} {:10.2f} {:9.2f} {:8.2f} {:6} {:6} {:5}\n", 100 * share,
-             runs.size(), runs.size() - worst_mm.size(),
-             worst_mm.empty() ? 0 : InterpolatedQuantile(instants, 0.5),
-             worst_mm.empty() ? 0 : InterpolatedQuantile(worst_mm, 0.5),
-             worst_mm.empty() ? 0 : InterpolatedQuantile(worst_mm, 1), worst_sigmas, grades[1],
-             grades[2], grades[3]);
+  fmt::print(
+      "{:5.0f} % {:5} {:8} {:9.0f} {:10.2f} {:9.2f} {:8.2f} {:8.2f} {:9.2f} {:6} {:6} {:5}\n",
+      100 * share, runs.size(), runs.size() - worst_mm.size(),
+      worst_mm.empty() ? 0 : InterpolatedQuantile(instants, 0.5),
+      worst_mm.empty() ? 0 : InterpolatedQuantile(worst_mm, 0.5),
+      worst_mm.empty() ? 0 : InterpolatedQuantile(worst_mm, 1), worst_sigmas, worst_shape_sigmas,
+      worst_mm.empty() ? 0 : InterpolatedQuantile(noise_mm, 0.5), grades[1], grades[2], grades[3]);
 }
 
 int RunSparses(const SeedOptions& seeds) {
@@ -70,7 +73,9 @@ int RunSparses(const SeedOptions& seeds) {
   }
   fmt::print("largest difference of a distance between two cameras from the run of all rows\n");
   fmt::print(
-      "dropped draws  refused  instants  median mm  worst mm    sigma   good usable   bad\n");
+      "dropped draws  refused  instants  median mm  worst mm    sigma    shape  noise mm   good "
+      "usable   "
+      "bad\n");
   for (const double share : kShares) PrintShare(*input, *whole.result, share, seeds);
   return 0;
 }

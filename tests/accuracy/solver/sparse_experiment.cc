@@ -9,6 +9,7 @@
 
 #include "common/camera/intrinsics_vector.h"
 #include "common/simulation/world/random_stream.h"
+#include "server/solve/evaluate/uncertainty.h"
 
 namespace rigcal::accuracy {
 namespace {
@@ -42,6 +43,14 @@ std::vector<int> PoseRows(const CalibrationResult& result, int* size) {
     if (camera.intrinsics_refined) *size += static_cast<int>(ToVector(camera.intrinsics).size());
   }
   return rows;
+}
+
+// In the form of CalibrationResult::camera_covariance; empty where something is not determined.
+std::vector<double> NoiseCovariance(const server::RigSolution& solution) {
+  absl::StatusOr<server::RigUncertainty> uncertainty = server::ComputeUncertainty(solution, {});
+  if (!uncertainty.ok()) return {};
+  uncertainty->covariance = uncertainty->noise_covariance;
+  return server::PackCameraCovariance(solution.built.problem, 0, *uncertainty);
 }
 
 }  // namespace
@@ -96,8 +105,13 @@ SparseRun RunSparse(const server::CalibrationInput& input, const CalibrationResu
                     double share, uint32_t seed, const CalibrationOptions& options) {
   server::CalibrationInput sparse = input;
   DropRowsOfAll(seed, share, &sparse);
-  const server::CalibrationOutcome outcome = server::Calibrate(std::move(sparse), options);
   SparseRun run;
+  std::vector<double> noise;
+  server::CalibrationHooks hooks;
+  hooks.solved = [&](const server::RigObservations&, const server::RigSolution& solution) {
+    noise = NoiseCovariance(solution);
+  };
+  const server::CalibrationOutcome outcome = server::Calibrate(std::move(sparse), options, hooks);
   run.status = outcome.result.status();
   if (!run.status.ok()) return run;
   run.grade = outcome.result->quality.grade;
@@ -113,6 +127,19 @@ SparseRun RunSparse(const server::CalibrationInput& input, const CalibrationResu
     run.worst_m = std::max(run.worst_m, error_m);
     run.worst_sigmas =
         std::max(run.worst_sigmas, found[i].sigma_m > 0 ? error_m / found[i].sigma_m : INFINITY);
+  }
+  // The wand, and with it what is not known about the scale, is the same in both.
+  CalibrationResult by_noise = *outcome.result;
+  by_noise.target.scale_sigma_rel = 0;
+  const auto shape = CameraDistances(by_noise);
+  for (size_t i = 0; i < found.size(); ++i) {
+    const double error_m = std::abs(found[i].distance_m - expected[i].distance_m);
+    run.worst_shape_sigmas = std::max(run.worst_shape_sigmas,
+                                      shape[i].sigma_m > 0 ? error_m / shape[i].sigma_m : INFINITY);
+  }
+  by_noise.camera_covariance = std::move(noise);
+  for (const CameraDistance& distance : CameraDistances(by_noise)) {
+    run.noise_sigma_m = std::max(run.noise_sigma_m, distance.sigma_m);
   }
   return run;
 }

@@ -27,8 +27,12 @@ struct SparseRun {
   absl::Status status;
   QualityGrade grade = QualityGrade::kNotEvaluated;
   uint32_t instant_count = 0;
-  double worst_m = 0;       // largest difference of a distance between two cameras
-  double worst_sigmas = 0;  // the same by the stated sigma of that distance
+  double worst_m = 0;             // largest difference of a distance between two cameras
+  double worst_sigmas = 0;        // the same by the stated sigma of that distance
+  double worst_shape_sigmas = 0;  // by its sigma without that of the scale, which both have
+  // One sigma of the least known distance by the noise of the centres alone, without the scale:
+  // what independent errors of the rows that are left allow. 0: not known.
+  double noise_sigma_m = 0;
   std::vector<std::string> reasons;
 };
 SparseRun RunSparse(const server::CalibrationInput& input, const CalibrationResult& whole,

@@ -5,7 +5,6 @@
 #include <array>
 #include <iterator>
 #include <map>
-#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +13,7 @@
 #include "common/camera/intrinsics_vector.h"
 #include "common/statistics/robust_statistics.h"
 #include "server/solve/bundle/bundle_path.h"
+#include "server/solve/clock_report.h"
 #include "server/solve/diagnose/findings.h"
 #include "server/solve/evaluate/error_figures.h"
 #include "server/solve/evaluate/quality_gate.h"
@@ -31,63 +31,6 @@ constexpr double kLowShare = 0.01, kHighShare = 0.99;  // of the coordinates of 
 size_t FirstTrack(const RigIndex& index, size_t camera) {
   const auto found = std::ranges::find(index.camera_of_track, static_cast<int>(camera));
   return static_cast<size_t>(found - index.camera_of_track.begin());
-}
-
-// Offsets and rates of the clocks against the median clock of their session.
-struct ClockReport {
-  std::vector<double> offset_s, rate;
-  std::vector<double> offset_sigma_s, rate_sigma;  // zeros without an uncertainty
-};
-
-// One sigma of clock `own` of a session against the mean of those that make the median. `values` by
-// clock of the session.
-double SigmaAgainstMedian(const RigUncertainty& uncertainty, ReducedParameterKind kind, size_t own,
-                          const std::vector<size_t>& clocks, const std::vector<double>& values) {
-  std::vector<size_t> order(values.size());
-  std::iota(order.begin(), order.end(), size_t{0});
-  std::ranges::stable_sort(order, {}, [&values](size_t i) { return values[i]; });
-  std::vector<double> weights(clocks.back() + 1, 0);
-  weights[clocks[own]] += 1;
-  for (const size_t middle : {order.size() / 2, (order.size() - 1) / 2}) {
-    weights[clocks[order[middle]]] -= 0.5;
-  }
-  return uncertainty.ClockSigma(kind, weights);
-}
-
-ClockReport ReportClocks(const ReportInput& input) {
-  const RigSolution& solution = input.evaluated.solution;
-  const size_t count = solution.clocks.size();
-  std::vector<int64_t> coarse_ns(count, 0);
-  for (size_t t = 0; t < input.rig.tracks.size(); ++t) {
-    coarse_ns[static_cast<size_t>(input.rig.index.clock_of_track[t])] =
-        input.rig.tracks[t].clock_offset_ns;
-  }
-  const std::vector<double> zeros(count, 0);
-  ClockReport report = {zeros, zeros, zeros, zeros};
-  for (const auto& [session, clocks] : ClocksBySession(solution.clocks)) {
-    std::vector<double> offsets, rates;
-    for (const size_t k : clocks) {
-      const BundleClock& rest = solution.built.problem.clocks[k];
-      // Coarse offsets are as large as UTC: whole nanoseconds are taken off before they become
-      // doubles.
-      offsets.push_back(1e-9 * static_cast<double>(coarse_ns[k] - coarse_ns[clocks.front()]) +
-                        solution.clocks[k].time_offset_s + rest.time_offset_s);
-      rates.push_back(solution.clocks[k].time_rate + rest.time_rate);
-    }
-    const double offset = Median(offsets), rate = Median(rates);
-    for (size_t i = 0; i < clocks.size(); ++i) {
-      const size_t k = clocks[i];
-      report.offset_s[k] = offsets[i] - offset;
-      report.rate[k] = rates[i] - rate;
-      if (!input.evaluated.uncertainty) continue;
-      const auto sigma = [&](ReducedParameterKind kind, const std::vector<double>& values) {
-        return SigmaAgainstMedian(*input.evaluated.uncertainty, kind, i, clocks, values);
-      };
-      report.offset_sigma_s[k] = sigma(ReducedParameterKind::kTimeOffset, offsets);
-      report.rate_sigma[k] = sigma(ReducedParameterKind::kTimeRate, rates);
-    }
-  }
-  return report;
 }
 
 // By track, the rows that a path has and no instant; those that it has are marked in `used`.
@@ -348,7 +291,7 @@ absl::StatusOr<CalibrationResult> ReportCalibration(const ReportInput& input,
   const BundleProblem& problem = input.evaluated.solution.built.problem;
   CountWhatWasLeftOut(input, refused);
   const std::vector<Residuals> residuals = ComputeResiduals(problem);
-  const ClockReport clocks = ReportClocks(input);
+  const ClockReport clocks = ReportClocks(input.rig, input.evaluated);
   CalibrationResult result;
   result.scale_known = !problem.distance || input.options.known_distance;
   if (!result.scale_known) {

@@ -9,8 +9,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "agent/detect/blobs/blob_contrast.h"
-#include "agent/detect/blobs/blob_splitter.h"
 #include "agent/detect/frame/colour_share.h"
 #include "agent/detect/frame/image_exposure.h"
 #include "agent/detect/frame/wand_track.h"
@@ -23,32 +21,13 @@ namespace {
 
 // Errors besides noise: sampling, the clipped coverage, the lens between calibration points.
 constexpr double kModelSigmaPx = 0.006;
-constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
-// Ranges of colour that are searched one after the other. `brighter`: from value_min to the
-// brightest; `paler`: of saturation_min. Light of a room or of a window whitens the spheres, and
-// what is white hides them.
-struct LevelRange {
-  double brighter, paler;
-  bool white;  // takes what the sensor has lost the colour of
-};
-constexpr LevelRange kLevels[] = {{0, 1, true},   {0.2, 1, true},      {0.4, 1, true},
-                                  {0.6, 1, true}, {0.35, 0.55, false}, {0, 0.55, false}};
-constexpr size_t kWideLevels[] = {0, 1, 2, 3}, kPaleLevels[] = {4, 5};
-constexpr int kLargeAreaPx = 800;
-constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
 
 // Of wands of which a marker is hidden.
 constexpr size_t kMaxWithHidden = 12, kMaxPartial = 12;
 constexpr double kPartialConfidence = 0.6;
-constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
-constexpr int kClipped = 250;
 
 // What a search may cost; a wand in a room takes a twentieth of it.
-constexpr int kMaxRuns = 12000;            // of each level, some 30 ns each
-constexpr int64_t kMaxMaskedPx = 3000000;  // of boxes of patches, 0.3 ns each
-constexpr int64_t kMaxSplitPx = 120000;    // of the same, 9 ns each
-constexpr size_t kMaxSpots = 160;          // pairs of them, 5 ns each
-constexpr int kMaxFits = 500;              // of wands to spots, 4 us each
+constexpr int kMaxFits = 500;  // of wands to spots, 4 us each
 constexpr int kFitsOfLevel = 300;
 constexpr int kMaxCandidates = 200;  // that are compared by their colour
 constexpr size_t kMaxMeasured = 30;  // of them
@@ -58,36 +37,9 @@ constexpr double kWhiteRoom = 0.01;  // of the pixels: more than saturated spher
 constexpr double kLeastLit = 0.02;   // of the pixels
 constexpr double kLittleMs = 1;
 constexpr double kNoFurtherMs = 3;  // by the times above: no other level is begun
-// Of a marker's middle against the others, before it is measured.
-constexpr double kAlikeDoubt = 11;  // where all around looks like it
-constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
 constexpr double kALittleWorse = 2;
 constexpr double kSureCost = 4;  // of a wand; what was left out is hardly as good
 constexpr float kBrightnessSigma = 0.3f, kColourSigma = 0.15f;
-
-// The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
-int MainChannel(const ColourRange& colour) {
-  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
-  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
-  return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
-}
-
-double ShapeDoubt(const Blob& blob) {
-  const Eigen::Matrix2d second = blob.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
-  const double half = 0.5 * second.trace();
-  const double root = std::sqrt(std::max(0.0, half * half - second.determinant()));
-  const double longer = std::sqrt((half + root) / std::max(1e-9, half - root)) - 1;
-  return std::min(kMostShapeDoubt, std::pow(longer / kLongerSigma, 2));
-}
-
-// A blob that a window inside the image may have cut.
-bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
-  return (box.x <= window.x && window.x > bounds.x) || (box.y <= window.y && window.y > bounds.y) ||
-         (box.x + box.width >= window.x + window.width &&
-          window.x + window.width < bounds.x + bounds.width) ||
-         (box.y + box.height >= window.y + window.height &&
-          window.y + window.height < bounds.y + bounds.height);
-}
 
 }  // namespace
 
@@ -101,14 +53,14 @@ absl::Status WandDetectorOptions::Validate() const {
 }
 
 WandDetector::WandDetector(const WandDetectorOptions& options, const Target& target,
-                           const CameraDescription& camera)
+                           const CameraDescription& camera, SpotFinder spot_finder)
     : options_(options),
       target_(target),
       camera_(camera),
-      main_channel_(MainChannel(options.colour)),
       wand_finder_({.limits = options, .max_candidates = kMaxCandidates}, target, camera),
       verifier_(options.min_confidence),
-      light_sigma_s_(LightTimeSigma(options.exposure_s, target)) {}
+      light_sigma_s_(LightTimeSigma(options.exposure_s, target)),
+      spot_finder_(std::move(spot_finder)) {}
 
 double WandDetector::ShareOf(int64_t count_px) const {
   return static_cast<double>(count_px) / (static_cast<double>(camera_.image_size_px.width) *
@@ -123,15 +75,12 @@ bool WandDetector::IsCrowded() const {
 
 // By what was done, so that it is the same on every computer.
 double WandDetector::EstimatedMs() const {
-  return 1e-6 * (30.0 * static_cast<double>(runs_) + 4000.0 * (kMaxFits - fits_left_) +
-                 50.0 * (kMaxWork - work_left_) +
-                 0.3 * static_cast<double>(kMaxMaskedPx - masked_px_left_) +
-                 9.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
+  return spot_finder_.EstimatedMs() +
+         1e-6 * (4000.0 * (kMaxFits - fits_left_) + 50.0 * (kMaxWork - work_left_));
 }
 
 Verdict WandDetector::SearchAll(const ImageView& image) {
-  level_ = 0;
-  passed_share_ = ShareOf(levels_[0].blobs.Find(image).passed_px);
+  passed_share_ = ShareOf(spot_finder_.Look(image).passed_px);
   if (passed_share_ > kWhiteRoom) {
     white_share_ = WhiteShare(image, options_.colour.washed_out_min);
   }
@@ -144,7 +93,7 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
     verdict = Search(image, image.Bounds(), level);
     return verdict.wand.has_value() || has_rivals_;
   };
-  for (const size_t level : kWideLevels) {
+  for (const size_t level : SpotFinder::kWideLevels) {
     if (is_white) break;
     if (search(level) && !has_rivals_) return verdict;
     // A window's slats look alike, but have no colour.
@@ -152,111 +101,12 @@ Verdict WandDetector::SearchAll(const ImageView& image) {
   }
   // No light of a dark room whitens a sphere.
   if (!is_white && LitShare(image) < kLeastLit) return verdict;
-  for (const size_t level : kPaleLevels) {
+  for (const size_t level : SpotFinder::kPaleLevels) {
     if (search(level)) return verdict;
   }
   // Where hardly anything has a colour the spheres may be white too.
-  if (is_white && EstimatedMs() < kLittleMs) search(kWideLevels[0]);
+  if (is_white && EstimatedMs() < kLittleMs) search(SpotFinder::kWideLevels[0]);
   return verdict;
-}
-
-// A part of its middle. Where the sensor is saturated in the wand's main channel its colour is
-// lost.
-bool WandDetector::HasColour(const ImageView& image, const Blob& blob) const {
-  const double reach = 0.5 * std::sqrt(blob.area_px / std::numbers::pi);
-  int passed = 0;
-  for (int v = -1; v <= 1; ++v) {
-    for (int u = -1; u <= 1; ++u) {
-      const auto x = static_cast<int>(std::lround(blob.centre_px.x() + reach * u));
-      const auto y = static_cast<int>(std::lround(blob.centre_px.y() + reach * v));
-      if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
-      uint64_t word = 0;
-      levels_[level_].masker.MaskRow(image, y, x / kMaskWordBits, 1, &word);
-      const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
-      const bool colour = image.format == PixelFormat::kBgr8;
-      // A room's white is nothing that the light of a wand has whitened.
-      const bool white =
-          colour && !kLevels[level_].white && std::min({pixel[0], pixel[1], pixel[2]}) >= kClipped;
-      const bool clipped = !white && pixel[colour ? main_channel_ : 0] >= kClipped;
-      passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
-    }
-  }
-  return passed >= (kLevels[level_].white ? kColouredOfNine : kPaleOfNine);
-}
-
-void WandDetector::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
-  Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
-  // A piece of a patch is held to the wand's colour too.
-  float alike = 0;
-  if (!StandsOut(image, blob, &spot.core, &alike) || !HasColour(image, blob)) return;
-  spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob);
-  // The box of one blob may hold a part of another's pieces.
-  for (Spot& known : spots_) {
-    const int larger = std::max(known.blob.area_px, blob.area_px);
-    const int smaller = std::min(known.blob.area_px, blob.area_px);
-    const double squared_px2 = (known.blob.centre_px - blob.centre_px).squaredNorm();
-    if (squared_px2 * std::numbers::pi >= larger) continue;
-    if (kPart * smaller < larger) continue;  // not the same thing
-    if (blob.area_px > known.blob.area_px) known = spot;
-    return;
-  }
-  spots_.push_back(spot);
-}
-
-// Things that may be a marker.
-void WandDetector::FindSpots(const ImageView& image, const PixelRect& part) {
-  spots_.clear();
-  BlobFinder& finder = levels_[level_].blobs;
-  // The first one has been searched for how much passes.
-  const bool is_known = level_ == 0 && part == image.Bounds();
-  const BlobResult& found = is_known ? finder.result() : finder.Find(image, part);
-  runs_ += found.run_count;
-  const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
-  // Those that a marker may be a part of, the smallest first.
-  std::vector<const Blob*> patches;
-  for (const Blob& blob : found.blobs) {
-    const bool round = IsRound(blob);
-    if (round) Keep(image, blob, is_cut(blob));
-    // Of a large round one too: a sphere in front of a warm lampshade.
-    if (!round || blob.area_px >= kLargeAreaPx) patches.push_back(&blob);
-  }
-  const auto box_px = [](const Blob& blob) { return int64_t{blob.box.width} * blob.box.height; };
-  std::stable_sort(patches.begin(), patches.end(),
-                   [&](const Blob* a, const Blob* b) { return box_px(*a) < box_px(*b); });
-  for (const Blob* const blob : patches) {
-    // A sphere in front of a window or a lamp has merged with its white.
-    if (masked_px_left_ < box_px(*blob)) {
-      ++dismissed_;
-      continue;
-    }
-    masked_px_left_ -= box_px(*blob);
-    if (kLevels[level_].white) {
-      for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
-        if (coloured.area_px < blob->area_px && IsRound(coloured)) {
-          Keep(image, coloured, is_cut(*blob));
-        }
-      }
-    }
-    if (split_px_left_ < box_px(*blob)) {
-      ++dismissed_;
-      continue;
-    }
-    split_px_left_ -= box_px(*blob);
-    for (const Blob& disc : discs_.Find(image, finder, *blob, options_.min_area_px)) {
-      Keep(image, disc, is_cut(*blob));
-    }
-    for (const Blob& piece : splitter_.Split(image, *blob, options_.min_area_px)) {
-      Keep(image, piece, is_cut(*blob));
-    }
-  }
-  all_spots_ = spots_.size() <= kMaxSpots;
-  if (all_spots_) return;
-  cut_short_ = true;
-  std::stable_sort(spots_.begin(), spots_.end(), [](const Spot& a, const Spot& b) {
-    const bool round_a = IsRound(a.blob), round_b = IsRound(b.blob);
-    return round_a != round_b ? round_a : a.core.squaredNorm() > b.core.squaredNorm();
-  });
-  spots_.resize(kMaxSpots);
 }
 
 // How unlike the middles of a candidate's markers are, as a chi-squared.
@@ -264,7 +114,9 @@ double WandDetector::Unlikeness(const WandCandidate& candidate) const {
   float mean = 0;
   Eigen::Vector3f colour = Eigen::Vector3f::Zero();
   const auto count = static_cast<float>(candidate.blobs.size());
-  const auto core_of = [this](int blob) { return spots_[static_cast<size_t>(blob)].core; };
+  const auto core_of = [this](int blob) {
+    return spot_finder_.spots()[static_cast<size_t>(blob)].core;
+  };
   for (const int blob : candidate.blobs) {
     const float brightness = core_of(blob).norm();
     mean += std::log(brightness) / count;
@@ -283,11 +135,11 @@ double WandDetector::Unlikeness(const WandCandidate& candidate) const {
 
 Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size_t level) {
   window_ = part;
-  level_ = level;
-  FindSpots(image, part);
+  spot_finder_.Find(image, part, level);
+  cut_short_ |= !spot_finder_.has_all();
   standing_out_.clear();
   cores_.clear();
-  for (const Spot& spot : spots_) {
+  for (const Spot& spot : spot_finder_.spots()) {
     standing_out_.push_back(spot.blob);
     cores_.push_back(spot.core);
   }
@@ -299,7 +151,8 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < found.size(); ++i) {
     double cost = found[i].fit.cost + Unlikeness(found[i]);
-    for (const int blob : found[i].blobs) cost += spots_[static_cast<size_t>(blob)].doubt;
+    for (const int blob : found[i].blobs)
+      cost += spot_finder_.spots()[static_cast<size_t>(blob)].doubt;
     order.emplace_back(cost, i);
   }
   std::sort(order.begin(), order.end());
@@ -323,7 +176,7 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
     return one.blobs == verdict.wand->blobs;
   });
   const double its_cost = order[static_cast<size_t>(chosen - candidates_.begin())].first;
-  const bool sure = verdict.wand->cost < kSureCost && all_spots_;
+  const bool sure = verdict.wand->cost < kSureCost && spot_finder_.has_all();
   const double worse = sure ? kALittleWorse : WandVerifier::kClearlyWorse;
   verdict.ambiguous = (wand_finder_.cut_short() && !sure) ||
                       (!all && order[verdict.measured].first < its_cost + worse);
@@ -335,11 +188,11 @@ Verdict WandDetector::Search(const ImageView& image, const PixelRect& part, size
 Verdict WandDetector::SearchPartial(const ImageView& image) {
   // The rounder things first: whole markers.
   standing_out_.clear();
-  for (const Spot& spot : spots_) {
+  for (const Spot& spot : spot_finder_.spots()) {
     if (IsRound(spot.blob) && !spot.blob.touches_border) standing_out_.push_back(spot.blob);
   }
   const size_t whole = standing_out_.size();
-  for (const Spot& spot : spots_) {
+  for (const Spot& spot : spot_finder_.spots()) {
     if (!IsRound(spot.blob) || spot.blob.touches_border) standing_out_.push_back(spot.blob);
   }
   for (const Blob& blob : result().blobs) {
@@ -365,10 +218,10 @@ std::optional<VerifiedWand> WandDetector::SearchTracked(const ImageView& image, 
                                                         uint32_t clock_epoch) {
   const auto part = track_.Window(time_ns, clock_epoch, image.Bounds());
   if (!part.has_value()) return std::nullopt;
-  const Verdict verdict = Search(image, *part, level_);
+  const Verdict verdict = Search(image, *part, spot_finder_.level());
   if (!verdict.wand.has_value() || verdict.wand->OccludedCount() > 0) return std::nullopt;
   for (const int blob : verdict.wand->blobs) {
-    if (spots_[static_cast<size_t>(blob)].is_cut) return std::nullopt;
+    if (spot_finder_.spots()[static_cast<size_t>(blob)].is_cut) return std::nullopt;
   }
   return verdict.wand;
 }
@@ -422,20 +275,8 @@ absl::StatusOr<WandDetector> WandDetector::Create(const WandDetectorOptions& opt
     return absl::InvalidArgumentError(
         absl::StrCat("camera ", camera.camera, ": ", std::string(status.message())));
   }
-  WandDetector detector(options, target, camera);
-  for (const LevelRange& level : kLevels) {
-    BlobFinderOptions its = options;
-    its.max_runs = std::min(its.max_runs, kMaxRuns);
-    its.colour.value_min += static_cast<int>(level.brighter * (255 - its.colour.value_min));
-    its.colour.saturation_min *= level.paler;
-    if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
-    RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
-    RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(its.colour));
-    its.colour.washed_out_min = kNeverWashedOut;
-    RIGCAL_ASSIGN_OR_RETURN(BlobFinder coloured, BlobFinder::Create(its));
-    detector.levels_.push_back({std::move(blobs), std::move(coloured), masker});
-  }
-  return detector;
+  RIGCAL_ASSIGN_OR_RETURN(SpotFinder spot_finder, SpotFinder::Create(options));
+  return WandDetector(options, target, camera, std::move(spot_finder));
 }
 
 absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t time_ns,
@@ -454,11 +295,8 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.observation.markers.resize(static_cast<size_t>(target_.marker_count()));
 
   cut_short_ = false;
-  dismissed_ = 0;
   passed_share_ = white_share_ = 0;
-  masked_px_left_ = kMaxMaskedPx;
-  split_px_left_ = kMaxSplitPx;
-  runs_ = 0;
+  spot_finder_.BeginImage();
   fits_left_ = kMaxFits;
   work_left_ = kMaxWork;
   std::optional<VerifiedWand> wand;
@@ -473,7 +311,7 @@ absl::StatusOr<Detection> WandDetector::Detect(const ImageView& image, int64_t t
   detection.cut_short = cut_short_;
   detection.passed_share = passed_share_;
   detection.white_share = white_share_;
-  detection.dismissed_patches = dismissed_;
+  detection.dismissed_patches = spot_finder_.dismissed();
   detection.blob_count = static_cast<int>(result().blobs.size());
   if (wand.has_value()) {
     Follow(*wand, &detection);

@@ -5,8 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "agent/detect/blobs/blob_splitter.h"
-#include "agent/detect/blobs/disc_finder.h"
+#include "agent/detect/frame/spot_finder.h"
 #include "agent/detect/frame/wand_track.h"
 #include "agent/identify/detection.h"
 #include "agent/identify/wand_verifier.h"
@@ -39,12 +38,7 @@ class WandDetector {
                                              const Target& target, const CameraDescription& camera);
 
   // Pixels that never belong to a marker from now on (StaticMask), of the images' size.
-  void SetIgnored(const PixelMask& ignored) {
-    for (Level& level : levels_) {
-      level.blobs.SetIgnored(ignored);
-      level.coloured.SetIgnored(ignored);
-    }
-  }
+  void SetIgnored(const PixelMask& ignored) { spot_finder_.SetIgnored(ignored); }
 
   // `time_ns`: the middle of the exposure on the camera's clock. A wand that is followed is looked
   // for around where it is expected; what is found there is what a search of the whole image
@@ -57,13 +51,10 @@ class WandDetector {
 
  private:
   WandDetector(const WandDetectorOptions& options, const Target& target,
-               const CameraDescription& camera);
-  const BlobResult& result() const { return levels_[level_].blobs.result(); }
+               const CameraDescription& camera, SpotFinder spot_finder);
+  const BlobResult& result() const { return spot_finder_.result(); }
   double ShareOf(int64_t count_px) const;
   bool IsCrowded() const;
-  bool HasColour(const ImageView& image, const Blob& blob) const;
-  void Keep(const ImageView& image, const Blob& blob, bool is_cut);
-  void FindSpots(const ImageView& image, const PixelRect& part);
   double EstimatedMs() const;
   double Unlikeness(const WandCandidate& candidate) const;
   Verdict Search(const ImageView& image, const PixelRect& part, size_t level);
@@ -78,43 +69,20 @@ class WandDetector {
   WandDetectorOptions options_;
   Target target_;
   CameraDescription camera_;
-  // The colour's range from some brightness on. In a room of the wand's own colour the spheres are
-  // among its brighter things.
-  struct Level {
-    BlobFinder blobs;
-    BlobFinder coloured;  // leaves out what the sensor has lost the colour of
-    ColourMasker masker;
-  };
-  std::vector<Level> levels_;
-  size_t level_ = 0;  // of the last Search
-  int main_channel_;  // of the wand's colour, in an image's pixel
   WandFinder wand_finder_;
   WandVerifier verifier_;
   double light_sigma_s_;
   WandTrack track_;
   PixelRect window_;
-  BlobSplitter splitter_;
-  DiscFinder discs_;
-  // A blob or a piece of one that differs from what is around it.
-  struct Spot {
-    Blob blob;
-    Eigen::Vector3f core;  // mean of its middle, by channel
-    bool is_cut;           // the window may have cut it
-    double doubt = 0;      // that it is a sphere, as a chi-squared
-  };
-  std::vector<Spot> spots_;
-  bool all_spots_ = true;  // none was left out
+  SpotFinder spot_finder_;
   std::vector<Blob> standing_out_;      // the spots' blobs
   std::vector<Eigen::Vector3f> cores_;  // and middles
   std::vector<WandCandidate> candidates_;
   // Of this image: what its search may still cost, and whether anything was left out for that.
-  int64_t masked_px_left_ = 0, split_px_left_ = 0;
-  int64_t runs_ = 0;  // of pixels, in all levels
   int fits_left_ = 0;
   double work_left_ = 0;
   bool cut_short_ = false;
   bool has_rivals_ = false;  // the last Search measured two wands that are equally good
-  int dismissed_ = 0;
   double passed_share_ = 0, white_share_ = 0;
 };
 

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "agent/detect/frame/spot_finder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "agent/detect/blobs/blob_contrast.h"
+#include "common/status/status_macros.h"
+
+namespace rigcal::agent {
+namespace {
+
+constexpr int kNeverWashedOut = 256;  // ColourRange::washed_out_min
+// Ranges of colour. `brighter`: from value_min to the brightest; `paler`: of saturation_min.
+struct LevelRange {
+  double brighter, paler;
+  bool white;  // takes what the sensor has lost the colour of
+};
+constexpr LevelRange kLevels[] = {{0, 1, true},   {0.2, 1, true},      {0.4, 1, true},
+                                  {0.6, 1, true}, {0.35, 0.55, false}, {0, 0.55, false}};
+constexpr int kLargeAreaPx = 800;
+constexpr int kPart = 4;  // a piece that much smaller is something in front of the other
+constexpr int kColouredOfNine = 3, kPaleOfNine = 6;
+constexpr int kClipped = 250;
+
+constexpr int kMaxRuns = 12000;            // of each level, some 30 ns each
+constexpr int64_t kMaxMaskedPx = 3000000;  // of boxes of patches, 0.3 ns each
+constexpr int64_t kMaxSplitPx = 120000;    // of the same, 9 ns each
+constexpr size_t kMaxSpots = 160;          // pairs of them, 5 ns each
+// Of a marker's middle against the others, before it is measured.
+constexpr double kAlikeDoubt = 11;  // where all around looks like it
+constexpr double kLongerSigma = 0.15, kMostShapeDoubt = 4;
+
+// The channel that is strongest in the middle of the range: 0 blue, 1 green, 2 red.
+int MainChannel(const ColourRange& colour) {
+  const double width = std::fmod(colour.hue_max_deg - colour.hue_min_deg + 360, 360);
+  const double middle = std::fmod(colour.hue_min_deg + 0.5 * width, 360);
+  return middle < 60 || middle >= 300 ? 2 : middle < 180 ? 1 : 0;
+}
+
+double ShapeDoubt(const Blob& blob) {
+  const Eigen::Matrix2d second = blob.second_moment_px2 + Eigen::Matrix2d::Identity() / 12;
+  const double half = 0.5 * second.trace();
+  const double root = std::sqrt(std::max(0.0, half * half - second.determinant()));
+  const double longer = std::sqrt((half + root) / std::max(1e-9, half - root)) - 1;
+  return std::min(kMostShapeDoubt, std::pow(longer / kLongerSigma, 2));
+}
+
+// A blob that a window inside the image may have cut.
+bool TouchesEdge(const PixelRect& box, const PixelRect& window, const PixelRect& bounds) {
+  return (box.x <= window.x && window.x > bounds.x) || (box.y <= window.y && window.y > bounds.y) ||
+         (box.x + box.width >= window.x + window.width &&
+          window.x + window.width < bounds.x + bounds.width) ||
+         (box.y + box.height >= window.y + window.height &&
+          window.y + window.height < bounds.y + bounds.height);
+}
+
+}  // namespace
+
+SpotFinder::SpotFinder(const BlobFinderOptions& options)
+    : min_area_px_(options.min_area_px), main_channel_(MainChannel(options.colour)) {}
+
+absl::StatusOr<SpotFinder> SpotFinder::Create(const BlobFinderOptions& options) {
+  SpotFinder finder(options);
+  for (const LevelRange& level : kLevels) {
+    BlobFinderOptions its = options;
+    its.max_runs = std::min(its.max_runs, kMaxRuns);
+    its.colour.value_min += static_cast<int>(level.brighter * (255 - its.colour.value_min));
+    its.colour.saturation_min *= level.paler;
+    if (!level.white) its.colour.washed_out_min = kNeverWashedOut;
+    RIGCAL_ASSIGN_OR_RETURN(BlobFinder blobs, BlobFinder::Create(its));
+    RIGCAL_ASSIGN_OR_RETURN(ColourMasker masker, ColourMasker::Create(its.colour));
+    its.colour.washed_out_min = kNeverWashedOut;
+    RIGCAL_ASSIGN_OR_RETURN(BlobFinder coloured, BlobFinder::Create(its));
+    finder.levels_.push_back({std::move(blobs), std::move(coloured), masker});
+  }
+  return finder;
+}
+
+void SpotFinder::SetIgnored(const PixelMask& ignored) {
+  for (Level& level : levels_) {
+    level.blobs.SetIgnored(ignored);
+    level.coloured.SetIgnored(ignored);
+  }
+}
+
+void SpotFinder::BeginImage() {
+  masked_px_left_ = kMaxMaskedPx;
+  split_px_left_ = kMaxSplitPx;
+  runs_ = 0;
+  dismissed_ = 0;
+  looked_ = false;
+}
+
+const BlobResult& SpotFinder::Look(const ImageView& image) {
+  level_ = 0;
+  looked_ = true;
+  return levels_[0].blobs.Find(image);
+}
+
+double SpotFinder::EstimatedMs() const {
+  return 1e-6 * (30.0 * static_cast<double>(runs_) +
+                 0.3 * static_cast<double>(kMaxMaskedPx - masked_px_left_) +
+                 9.0 * static_cast<double>(kMaxSplitPx - split_px_left_));
+}
+
+// A part of its middle. Where the sensor is saturated in the wand's main channel its colour is
+// lost.
+bool SpotFinder::HasColour(const ImageView& image, const Blob& blob) const {
+  const double reach = 0.5 * std::sqrt(blob.area_px / std::numbers::pi);
+  int passed = 0;
+  for (int v = -1; v <= 1; ++v) {
+    for (int u = -1; u <= 1; ++u) {
+      const auto x = static_cast<int>(std::lround(blob.centre_px.x() + reach * u));
+      const auto y = static_cast<int>(std::lround(blob.centre_px.y() + reach * v));
+      if (x < 0 || y < 0 || x >= image.width || y >= image.height) continue;
+      uint64_t word = 0;
+      levels_[level_].masker.MaskRow(image, y, x / kMaskWordBits, 1, &word);
+      const uint8_t* const pixel = image.Row(y) + x * BytesPerPixel(image.format);
+      const bool colour = image.format == PixelFormat::kBgr8;
+      // A room's white is nothing that the light of a wand has whitened.
+      const bool white =
+          colour && !kLevels[level_].white && std::min({pixel[0], pixel[1], pixel[2]}) >= kClipped;
+      const bool clipped = !white && pixel[colour ? main_channel_ : 0] >= kClipped;
+      passed += clipped || (word >> (x % kMaskWordBits) & 1) != 0 ? 1 : 0;
+    }
+  }
+  return passed >= (kLevels[level_].white ? kColouredOfNine : kPaleOfNine);
+}
+
+void SpotFinder::Keep(const ImageView& image, const Blob& blob, bool is_cut) {
+  Spot spot{blob, Eigen::Vector3f::Zero(), is_cut};
+  // A piece of a patch is held to the wand's colour too.
+  float alike = 0;
+  if (!StandsOut(image, blob, &spot.core, &alike) || !HasColour(image, blob)) return;
+  spot.doubt = kAlikeDoubt * static_cast<double>(alike) + ShapeDoubt(blob);
+  // The box of one blob may hold a part of another's pieces.
+  for (Spot& known : spots_) {
+    const int larger = std::max(known.blob.area_px, blob.area_px);
+    const int smaller = std::min(known.blob.area_px, blob.area_px);
+    const double squared_px2 = (known.blob.centre_px - blob.centre_px).squaredNorm();
+    if (squared_px2 * std::numbers::pi >= larger) continue;
+    if (kPart * smaller < larger) continue;  // not the same thing
+    if (blob.area_px > known.blob.area_px) known = spot;
+    return;
+  }
+  spots_.push_back(spot);
+}
+
+void SpotFinder::Find(const ImageView& image, const PixelRect& part, size_t level) {
+  level_ = level;
+  spots_.clear();
+  BlobFinder& finder = levels_[level_].blobs;
+  const bool is_known = looked_ && level_ == 0 && part == image.Bounds();
+  const BlobResult& found = is_known ? finder.result() : finder.Find(image, part);
+  runs_ += found.run_count;
+  const auto is_cut = [&](const Blob& blob) { return TouchesEdge(blob.box, part, image.Bounds()); };
+  // Those that a marker may be a part of, the smallest first.
+  std::vector<const Blob*> patches;
+  for (const Blob& blob : found.blobs) {
+    const bool round = IsRound(blob);
+    if (round) Keep(image, blob, is_cut(blob));
+    // Of a large round one too: a sphere in front of a warm lampshade.
+    if (!round || blob.area_px >= kLargeAreaPx) patches.push_back(&blob);
+  }
+  const auto box_px = [](const Blob& blob) { return int64_t{blob.box.width} * blob.box.height; };
+  std::stable_sort(patches.begin(), patches.end(),
+                   [&](const Blob* a, const Blob* b) { return box_px(*a) < box_px(*b); });
+  for (const Blob* const blob : patches) {
+    // A sphere in front of a window or a lamp has merged with its white.
+    if (masked_px_left_ < box_px(*blob)) {
+      ++dismissed_;
+      continue;
+    }
+    masked_px_left_ -= box_px(*blob);
+    if (kLevels[level_].white) {
+      for (const Blob& coloured : levels_[level_].coloured.Find(image, blob->box).blobs) {
+        if (coloured.area_px < blob->area_px && IsRound(coloured)) {
+          Keep(image, coloured, is_cut(*blob));
+        }
+      }
+    }
+    if (split_px_left_ < box_px(*blob)) {
+      ++dismissed_;
+      continue;
+    }
+    split_px_left_ -= box_px(*blob);
+    for (const Blob& disc : discs_.Find(image, finder, *blob, min_area_px_)) {
+      Keep(image, disc, is_cut(*blob));
+    }
+    for (const Blob& piece : splitter_.Split(image, *blob, min_area_px_)) {
+      Keep(image, piece, is_cut(*blob));
+    }
+  }
+  has_all_ = spots_.size() <= kMaxSpots;
+  if (has_all_) return;
+  std::stable_sort(spots_.begin(), spots_.end(), [](const Spot& a, const Spot& b) {
+    const bool round_a = IsRound(a.blob), round_b = IsRound(b.blob);
+    return round_a != round_b ? round_a : a.core.squaredNorm() > b.core.squaredNorm();
+  });
+  spots_.resize(kMaxSpots);
+}
+
+}  // namespace rigcal::agent

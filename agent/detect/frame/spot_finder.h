@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "agent/detect/blobs/blob_finder.h"
+#include "agent/detect/blobs/blob_splitter.h"
+#include "agent/detect/blobs/disc_finder.h"
+
+namespace rigcal::agent {
+
+// A blob of the wand's colour, or a piece of one, that differs from what is around it: it may be a
+// marker.
+struct Spot {
+  Blob blob;
+  Eigen::Vector3f core;  // mean of its middle, by channel
+  bool is_cut;           // the window may have cut it
+  double doubt = 0;      // that it is a sphere, as a chi-squared
+};
+
+// Finds the spots of an image: round blobs, discs within larger patches and their pieces. In
+// several levels, ranges of the colour from wide to narrow and pale, which the caller chooses from:
+// light of a room or of a window whitens the spheres, and what is white hides them. What an image
+// may cost is bounded; the largest patches are left out first. Movable; one thread at a time.
+class SpotFinder {
+ public:
+  // Levels from some brightness on, which take white; and paler ones, which do not.
+  static constexpr size_t kWideLevels[] = {0, 1, 2, 3}, kPaleLevels[] = {4, 5};
+
+  // INVALID_ARGUMENT: options not valid.
+  static absl::StatusOr<SpotFinder> Create(const BlobFinderOptions& options);
+
+  // Pixels that never belong to a marker from now on, of the images' size.
+  void SetIgnored(const PixelMask& ignored);
+
+  // Before the first search of an image: its whole budget is left.
+  void BeginImage();
+  // Blobs of the widest level in the whole image.
+  const BlobResult& Look(const ImageView& image);
+  // Spots of a level, in a part of the image.
+  void Find(const ImageView& image, const PixelRect& part, size_t level);
+
+  // Of the last Find. Of too many spots those that are round and bright: not `has_all`.
+  const std::vector<Spot>& spots() const { return spots_; }
+  bool has_all() const { return has_all_; }
+  size_t level() const { return level_; }
+  // Blobs of the last Find, or Look.
+  const BlobResult& result() const { return levels_[level_].blobs.result(); }
+
+  // Of the image: patches left out for their cost, and time by what was done, the same on every
+  // computer.
+  int dismissed() const { return dismissed_; }
+  double EstimatedMs() const;
+
+ private:
+  struct Level {
+    BlobFinder blobs;
+    BlobFinder coloured;  // leaves out what the sensor has lost the colour of
+    ColourMasker masker;
+  };
+
+  explicit SpotFinder(const BlobFinderOptions& options);
+  bool HasColour(const ImageView& image, const Blob& blob) const;
+  void Keep(const ImageView& image, const Blob& blob, bool is_cut);
+
+  std::vector<Level> levels_;
+  size_t level_ = 0;
+  int min_area_px_;
+  int main_channel_;  // of the wand's colour, in an image's pixel
+  BlobSplitter splitter_;
+  DiscFinder discs_;
+  std::vector<Spot> spots_;
+  bool has_all_ = true;
+  bool looked_ = false;  // at this image
+  int64_t masked_px_left_ = 0, split_px_left_ = 0;
+  int64_t runs_ = 0;  // of pixels, in all levels
+  int dismissed_ = 0;
+};
+
+}  // namespace rigcal::agent

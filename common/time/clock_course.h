@@ -33,6 +33,16 @@ inline double ClockCourseOffsetS(const ClockCourseLine& line, int64_t camera_tim
   return before->offset_s + share * (after->offset_s - before->offset_s);
 }
 
+// Times that ascend still do with it added: nowhere does it fall faster than time passes.
+inline bool KeepsOrder(const ClockCourseLine& line) {
+  for (size_t i = 1; i < line.size(); ++i) {
+    const double passed_s =
+        1e-9 * static_cast<double>(line[i].camera_time_ns - line[i - 1].camera_time_ns);
+    if (line[i].offset_s - line[i - 1].offset_s <= -passed_s) return false;
+  }
+  return true;
+}
+
 // Both, one on top of the other.
 inline ClockCourseLine Sum(const ClockCourseLine& a, const ClockCourseLine& b) {
   ClockCourseLine sum;

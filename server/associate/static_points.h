@@ -14,8 +14,8 @@ namespace rigcal::server {
 
 using TargetOfSession = std::function<const Target&(const std::string& session_id)>;
 
-// A centre stands for at most so many rows. What is wrong with a centre that does not move, by the
-// pixel grid, the lens or the light, is wrong in every row alike, and no mean takes it away.
+// The weight of a centre is at most that of this many rows. Errors from the pixel grid, the lens and
+// the light are the same in every row of a point that does not move: averaging does not reduce them.
 inline constexpr double kMaxRowsOfCentre = 25;
 
 // Cleans all tracks (CleanTracks) and aligns their clocks (AlignClocks), but for those of static

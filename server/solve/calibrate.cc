@@ -236,6 +236,7 @@ absl::Status FollowClocks(const std::vector<ClockCorrection>& clocks,
   if (options.time_offsets == Estimate::kFixed) return absl::OkStatus();
   for (int round = 0; round < kMaxCourseRounds && !solved->courses.empty(); ++round) {
     const FoundCourse course = solved->courses.front();
+    if (!KeepsOrder(course.line)) break;
     RigObservations changed = WithCourse(*rig, course);
     absl::StatusOr<Solved> again = SolveAndReport(
         changed, clocks, SolveOptionsOf(changed, options, hooks, counts), options, counts, refused);

@@ -17,7 +17,7 @@ auto Corner(int64_t camera_time_ns, double offset_s) {
                Field(&ClockCoursePoint::offset_s, DoubleNear(offset_s, 1e-12)));
 }
 
-// A jump of 30 ms between two rows, and nothing before and after.
+// A jump of 30 ms between two rows, which are 100 ns apart, and nothing before and after.
 const ClockCourseLine kJump = {{1000, 0}, {2000, 0}, {2100, -0.03}, {5000, -0.03}};
 
 TEST(ClockCourse, NothingIsAddedWithoutOne) { EXPECT_EQ(ClockCourseOffsetS({}, 1234), 0); }
@@ -38,6 +38,14 @@ TEST(ClockCourse, OfUtcKeepsTheNanosecond) {
   const int64_t now_ns = 1'800'000'000'000'000'001;
   const ClockCourseLine line = {{now_ns, 1}, {now_ns + 2, 2}};
   EXPECT_DOUBLE_EQ(ClockCourseOffsetS(line, now_ns + 1), 1.5);
+}
+
+TEST(ClockCourse, FallsNoFasterThanTimePasses) {
+  EXPECT_TRUE(KeepsOrder({}));
+  EXPECT_TRUE(KeepsOrder({{0, 0}, {40'000'000, -0.03}}));
+  EXPECT_TRUE(KeepsOrder({{0, 0}, {40'000'000, 0.5}}));
+  EXPECT_FALSE(KeepsOrder({{0, 0}, {40'000'000, -0.041}}));
+  EXPECT_FALSE(KeepsOrder(kJump));
 }
 
 TEST(ClockCourse, SumHasTheCornersOfBoth) {
